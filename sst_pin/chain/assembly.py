@@ -19,6 +19,7 @@ _STEPS = 100
 #: A loop that closes by less than a tenth in so many steps does not close.
 _PATIENCE = 10
 #: Longest stride, [rad] or of the robot's length: the closures are far from linear beyond it.
+#: Joints that linear couplings alone hold, such as motors behind gears, need none.
 _STRIDE = 0.5
 #: A joint this near to its limit, scaled, is at it: rounding of the step that led there.
 _AT_LIMIT = 1e-12
@@ -37,6 +38,10 @@ class Assembly:
         self.mechanism, self.loops = mechanism, loops
         self._rows = np.flatnonzero(loops.holonomic | (not slipping))
         self._scale = mechanism.row_scale[:, None] * mechanism.rate_scale
+        curved = loops.touched.copy()
+        for rows, coupled in loops.couplings:
+            curved[rows] = coupled.curved
+        self._curved = curved.any(axis=0)
         self._known_parts: dict[bytes, list[tuple[Indices, Indices]]] = {}
 
     def assemble(self, q: Array, free: Indices, *, limits: bool = False) -> Array:
@@ -128,7 +133,8 @@ class Assembly:
             step = np.zeros(Phi.shape[1])
             for rows, of_loop in busy:
                 columns, part = bounds.project(q, of_loop, Phi[rows], -f[rows])
-                step[columns] = part * (_STRIDE / max(_STRIDE, float(np.abs(part).max(initial=0))))
+                far = float(np.abs(part[self._curved[columns]]).max(initial=0))
+                step[columns] = part * (_STRIDE / max(_STRIDE, far))
                 step[columns] *= bounds.reach(q, columns, step[columns])
             q, f, moved = self._descend(q, f, step, busy)
             if not moved:

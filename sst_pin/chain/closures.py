@@ -215,7 +215,7 @@ class Rolling:
 
 def _are_coefficients(polynomial: object) -> bool:
     listed = polynomial.tolist() if isinstance(polynomial, np.ndarray) else polynomial
-    return isinstance(listed, Sequence) and all(map(_is_finite, listed))
+    return isinstance(listed, Sequence) and len(listed) > 0 and all(map(_is_finite, listed))
 
 
 def _is_finite(number: object) -> bool:

@@ -24,7 +24,7 @@ class Coupled:
     def __init__(self, model: pin.Model, coupling: Coupling) -> None:
         self._nv = model.nv
         terms = [(coupling.joint, Polynomial([0.0, 1.0]), 1.0)]
-        terms += [(name, Polynomial(p or (0.0,)), -1.0) for name, p in coupling.polynomials.items()]
+        terms += [(name, Polynomial(p), -1.0) for name, p in coupling.polynomials.items()]
         self._offset = coupling.offset
         self.terms: list[tuple[int, int, Polynomial, Polynomial, Polynomial]] = []
         for name, polynomial, sign in terms:
@@ -39,6 +39,11 @@ class Coupled:
     def touched(self) -> Flags:
         """Which rates it depends on, shape (nv,)."""
         return np.isin(np.arange(self._nv), [k for _, k, *_ in self.terms])
+
+    @property
+    def curved(self) -> Flags:
+        """Which rates it depends on otherwise than linearly, shape (nv,)."""
+        return np.isin(np.arange(self._nv), [k for _, k, *_, P_2 in self.terms if P_2.coef.any()])
 
     def residual(self, q: Array) -> float:
         """How far it is off, in the unit of its first joint."""

@@ -98,6 +98,8 @@ class Derivatives:
         self._mechanism = self._plain.mechanism
         self._memory = Memory(self._mechanism)
         self._branches = Branches(self._mechanism.model)
+        #: The tree with its last body at the world's origin.
+        self._near = pin.Model(self._mechanism.model)
 
     def torques(
         self, sign_width: float, q: Array, va: Array, aa: Array, wrenches: Array | None
@@ -204,7 +206,8 @@ class Derivatives:
         """Derivatives of RNEA less the forces of loads by q, v and v_dot.
 
         Pinocchio holds external wrenches in the bodies. What a wrench w does not turn with its body
-        is its own derivative w_q less that of a wrench that does.
+        is its own derivative w_q less that of a wrench that does. It reduces inertias at the
+        world's origin, which costs digits by the square of the distance: the tree is moved there.
         """
         memory, model = self._memory, self._memory.model
         total = np.zeros((model.njoints, 6))
@@ -213,7 +216,13 @@ class Derivatives:
         in_bodies = pin.StdVec_Force()
         for placement, of_body in zip(memory.data.oMi, total, strict=True):
             in_bodies.append(placement.actInv(pin.Force(of_body)))
-        arguments = (model, memory.data, tree.q, tree.v, tree.v_dot, in_bodies)
+        there = memory.data.oMi[model.njoints - 1].translation.copy()
+        for root in model.children[0]:
+            placement = model.jointPlacements[root]
+            self._near.jointPlacements[root] = pin.SE3(
+                placement.rotation, placement.translation - there
+            )
+        arguments = (self._near, memory.data, tree.q, tree.v, tree.v_dot, in_bodies)
         force_q, force_v, M = (np.array(x) for x in pin.computeRNEADerivatives(*arguments))
         for _, frames, w, w_q in loads:
             turning = w_q - _carried(frames.J, w)

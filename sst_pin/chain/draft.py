@@ -30,6 +30,9 @@ _MIMIC = re.compile(
     r"Mimicking joint type: JointModel([RP][XYZ]|(Revolute|Prismatic)Unaligned)$", re.M
 )
 
+#: A rotation is further off than rounding, as a quaternion whose length is not one.
+_NO_ROTATION = 1e-6
+
 #: A motor: the joint or line that it drives, or the factors of those that it drives (a tendon).
 Motor = str | Mapping[str, float]
 
@@ -181,12 +184,16 @@ def _motors(
 def _require_sound(model: pin.Model, closures: Sequence[Constraint]) -> None:
     names = list(model.names)[1:]
     problems = [f"joint {n}: the name appears twice" for n, k in Counter(names).items() if k > 1]
+    problems += [f"joint {i}: it has no name" for i, name in enumerate(names, 1) if not name]
+    if "universe" in names:
+        problems.append("joint universe: the world has this name; rename the joint")
     problems += [
         f"joint {name}: a closure has this name too; rename the joint"
         for name in sorted({*names} & {*map(str, closures)})
     ]
     if model.nv and not problems:
         problems = _names_with_two_meanings(model)
+    problems += _impossible_numbers(model)
     if model != pin.Model(model):
         problems.append("contains NaN")
     if model.gravity.angular.any():
@@ -215,6 +222,7 @@ def copied(model: pin.Model) -> pin.Model:
         ("numbers", RATE_ARRAYS, model.nv),
         ("numbers", POSITION_ARRAYS, model.nq),
         ("entries", JOINT_LISTS, model.njoints),
+        ("entries", ("frames",), model.nframes),
     )
     problems = [
         f"{name}: {len(getattr(model, name))} {what}, {size} are needed"
@@ -227,6 +235,11 @@ def copied(model: pin.Model) -> pin.Model:
         for i, parent in enumerate(list(model.parents)[1:], 1)
         if parent >= i
     ]
+    problems += [
+        f"frame {frame.name}: there is no joint {frame.parentJoint}, which bears it"
+        for frame in model.frames
+        if frame.parentJoint >= model.njoints
+    ]
     entries = zip(model.idx_qs, model.nqs, model.idx_vs, model.nvs, strict=False)
     problems += [
         f"joint {i}: its entries in q and v are others than those in the lists of the model"
@@ -236,6 +249,28 @@ def copied(model: pin.Model) -> pin.Model:
     if problems:
         raise DescriptionError(f"model {model.name}", problems)
     return pin.Model(model)
+
+
+def _impossible_numbers(model: pin.Model) -> list[str]:
+    """Numbers that are not finite, and placements that do not turn.
+
+    Estimated masses and rotors may be negative.
+    """
+    names = [f"joint {name}" for name in list(model.names)[1:]]
+    places = list(zip(names, list(model.jointPlacements)[1:], strict=True))
+    places += [(f"frame {frame.name}", frame.placement) for frame in model.frames]
+    bodies = zip(names, list(model.inertias)[1:], strict=True)
+    numbers = [("gravity", model.gravity.vector), ("armature", model.armature)]
+    numbers += [(f"body of {name}", body.toDynamicParameters()) for name, body in bodies]
+    numbers += [(f"placement of {name}", place.homogeneous) for name, place in places]
+    problems = [f"{name}: not finite" for name, array in numbers if not np.isfinite(array).all()]
+    with np.errstate(over="ignore", invalid="ignore"):
+        problems += [
+            f"placement of {name}: {R.tolist()} is no rotation"
+            for name, R in [(name, place.rotation) for name, place in places]
+            if np.abs(R.T @ R - np.eye(3)).max() > _NO_ROTATION or np.linalg.det(R) < 0
+        ]
+    return problems
 
 
 def _names_with_two_meanings(model: pin.Model) -> list[str]:

@@ -94,7 +94,7 @@ def c_files(
         Writers of robot.h, robot.c and main.c, an example.
 
     Raises:
-        DescriptionError: For a joint without compiled equations, or a number that is not finite.
+        DescriptionError: For a joint without compiled equations.
         ClosureError: When no configuration can be assembled, by which to choose pivots.
         InputError: For another precision.
 
@@ -114,8 +114,6 @@ def c_files(
     equations = Equations(mechanism, samples)
     checks = Checks(equations, style.closed, style.rounding)
     numbers = equations.parameters.pack(mechanism, mechanism.friction)
-    if not np.isfinite(numbers).all():
-        raise DescriptionError("parameters of the robot", ["gravity or inertia is not finite"])
     dynamics = "torques" if equations.driven else "forces"
     functions = []
     for name in (dynamics, "accelerations", "actuator_jacobian", "assembly_step"):

@@ -82,6 +82,23 @@ def test_an_open_loop_is_named_and_the_others_close():
     assert not any(f"A_{k} - B_{k}" in str(caught.value) for k in (0, 1, 2, 4))
 
 
+@pytest.mark.parametrize("polynomial", [(0, 1256.6), (0, 1e6), (1e3, 1), (-2e3, -30)])
+def test_joints_behind_linear_couplings_follow_however_far(polynomial):
+    """A motor behind gears at the crank of a four-bar, which closes as it does without them."""
+    bar, model = ladder(1), ladder(1).model
+    model.addJoint(0, RX(), pin.SE3.Identity(), "motor")
+    gears = sst_pin.Coupling("motor", {"crank_0": polynomial})
+    geared = ClosedChain(model, [*bar.closures, gears], ["motor"])
+    guess = [1.2, -0.7, 2.0]
+    q = geared.assemble([*guess, 0.0], ["crank_0"])
+    assert_allclose(q[:3], bar.assemble(guess, ["crank_0"]), atol=1e-12)
+    assert_allclose(q[3], np.polynomial.Polynomial(polynomial)(q[0]), rtol=1e-12)
+    assert_allclose(geared.assemble([1.0, *q[1:]], ["motor"])[:3], q[:3], atol=1e-9)
+    q = geared.assemble([2.4, 0.9, 0.1, polynomial[0]], [])
+    assert_allclose(q[3], np.polynomial.Polynomial(polynomial)(q[0]), rtol=1e-12)
+    assert np.abs(bar.residual(q[:3])).max() < 1e-11
+
+
 def test_several_starts_close_what_one_start_does_not():
     """One seed gives one configuration; another seed also gives a closed one."""
     chain = ClosedChain(

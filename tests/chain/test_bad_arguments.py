@@ -191,6 +191,49 @@ def test_rollouts_at_rates_too_large_to_square_end(name, power):
     assert np.isnan(motion.q[-1]).all()
 
 
+def _turned(R):
+    return pin.SE3(np.array(R, dtype=float), np.zeros(3))
+
+
+@pytest.mark.parametrize(
+    ("attribute", "value", "said"),
+    [
+        ("frames", pin.Frame("e", 99, pin.SE3.Identity(), pin.FrameType.OP_FRAME), "no joint 99"),
+        (
+            "frames",
+            pin.Frame("e", 1, _turned(np.eye(3) / 2), pin.FrameType.OP_FRAME),
+            "frame e: .* is no rotation",
+        ),
+        ("jointPlacements", _turned(2 * np.eye(3)), "joint a2: .* is no rotation"),
+        ("jointPlacements", _turned(np.diag((1, 1, -1))), "joint a2: .* is no rotation"),
+        ("jointPlacements", _turned(1e200 * np.eye(3)), "joint a2: .* is no rotation"),
+        ("jointPlacements", pin.SE3(np.eye(3), np.array([np.inf, 0, 0])), "joint a2: not finite"),
+        ("inertias", pin.Inertia(np.inf, np.zeros(3), np.eye(3)), "body of joint a2: not finite"),
+        ("inertias", pin.Inertia(1, np.array([0, np.inf, 0]), np.eye(3)), "body of joint a2"),
+        ("names", "", "joint 2: it has no name"),
+        ("names", "universe", "joint universe: the world has this name"),
+    ],
+)
+def test_what_no_robot_has_is_refused_by_name(attribute, value, said):
+    """When it is made, and by `refresh`."""
+    chain = five_bar(["a1", "b1"])
+    getattr(chain.model, attribute)[2] = value
+    for make in (chain.refresh, lambda: remade(chain)):
+        with pytest.raises(DescriptionError, match=said):
+            make()
+
+
+def test_an_infinite_rotor_and_a_frame_too_many_are_refused():
+    chain = five_bar(["a1", "b1"])
+    chain.model.armature[0] = np.inf
+    with pytest.raises(DescriptionError, match="armature: not finite"):
+        chain.refresh()
+    chain = five_bar(["a1", "b1"])
+    chain.model.frames.append(chain.model.frames[1])
+    with pytest.raises(DescriptionError, match=r"frames: . entries, . are needed"):
+        chain.refresh()
+
+
 @pytest.mark.parametrize("compiled", [False, True], ids=["reference", "compiled"])
 def test_a_negative_inertia_is_called_so(compiled):
     chain = five_bar(["a1", "b1"])

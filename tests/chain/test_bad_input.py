@@ -245,6 +245,7 @@ def test_motors_that_do_not_suffice_or_are_more_are_told(robot):
         (lambda: Coupling("a", {"b": 1.0}), r"polynomial of b is 1\.0"),
         (lambda: Coupling("a", {"b": (0, np.nan)}), "polynomial of b"),
         (lambda: Coupling("a", {"b": "12"}), "polynomial of b"),
+        (lambda: Coupling("a", {"b": ()}), r"polynomial of b is \(\)"),
         (lambda: Coupling("a", offset="x"), "offset 'x'"),
         (lambda: sst_pin.Distance("a", "b", "far"), "distance far"),
         (lambda: sst_pin.Rolling("a", "b", None), "radius None"),

@@ -110,7 +110,7 @@ def test_couplings_follow_their_polynomials():
     for name in ("RX", "PZ", "helical", "revolute", "ball"):
         add_joint(model, model.njoints - 1, name, JOINTS[name](), random)
     coupling = Coupling(
-        "PZ", {"RX": (0.1, -2, 0, 0.3), "helical": (0, 0, 0.5), "revolute": ()}, 0.7
+        "PZ", {"RX": (0.1, -2, 0, 0.3), "helical": (0, 0, 0.5), "revolute": (0,)}, 0.7
     )
     loops = Loops(model, [coupling, Coupling("RX", offset=-0.4)])
     q = random_q(model, random)

@@ -18,6 +18,7 @@ from derivative_cases import (
     assert_daa_is_the_inertia_and_dtau_its_inverse,
     assert_derivatives_are_those_of_differences,
     assert_frames_move_as_differences_say,
+    carried_four_bar,
     close,
     derivative,
     floating_four_bar,
@@ -78,6 +79,51 @@ def test_direct_and_inverse_dynamics_have_the_same_derivatives():
     close(df.daa @ da.dq, -df.dq, 1e-10)
     close(df.daa @ da.dva, -df.dva, 1e-10)
     close(df.daa @ da.dtau, np.eye(6), 1e-10)
+
+
+def on_the_ground(place):
+    """A four-bar with a closure at the ground, which stands at a place."""
+    robot = ROBOTS["four-bar, closed at the ground"]
+    model = robot.model()
+    for root in model.children[0]:
+        model.jointPlacements[root].translation += place
+    for frame in list(model.frames)[1:]:
+        if frame.parentJoint == 0:
+            frame.placement.translation += place
+    return sst_pin.ClosedChain(model, robot.closures, robot.actuated), robot.joints(robot.x).real
+
+
+def afloat(place):
+    """A four-bar on a base that floats, at a place."""
+    model, closures, motors, q = carried_four_bar(pin.JointModelFreeFlyer())
+    q[:3] = place
+    return sst_pin.ClosedChain(model, closures, motors), q
+
+
+def on_rails(place):
+    """A four-bar whose base turns and slides along two rails, at a place."""
+    carrier = pin.JointModelComposite()
+    for joint in (pin.JointModelPX(), pin.JointModelPY(), pin.JointModelRZ()):
+        carrier.addJoint(joint)
+    model, closures, motors, q = carried_four_bar(carrier)
+    q[:2] = place[:2]
+    return sst_pin.ClosedChain(model, closures, motors), q
+
+
+@pytest.mark.parametrize("stand", [on_the_ground, afloat, on_rails])
+def test_derivatives_are_the_same_a_thousand_kilometres_away(stand):
+    """To 1e-8: places there are rounded to 1e-10 m, a part of 1e-9 of a short link."""
+    found = []
+    for place in np.zeros(3), np.array([1e6, -7e5, 3e5]):
+        chain, q = stand(place)
+        random = np.random.default_rng(3)
+        va, aa = random.uniform(-1, 1, (2, chain.degrees_of_freedom))
+        tau = random.uniform(-1, 1, len(chain.motor_names))
+        wrenches = {"external_wrenches": random.uniform(-5, 5, (chain.model.njoints - 1, 6))}
+        df = chain.torque_derivatives(q, va, aa, **wrenches)
+        found.append([*df, *chain.acceleration_derivatives(q, va, tau, **wrenches)])
+    for near, far in zip(*found, strict=True):
+        close(far, near, 1e-8)
 
 
 def test_derivatives_leave_the_robot_as_it_is():

@@ -314,6 +314,24 @@ def test_numbers_of_lines_change_without_a_new_compilation_and_ends_with_one():
         same(robot.compute_torques(q, va, aa), twin.compute_torques(q, va, aa), 1e-12)
 
 
+@pytest.mark.parametrize("polynomial", [(0, 1256.6), (1e3, 1)])
+def test_screws_of_many_turns_are_assembled_on_both_paths(polynomial):
+    """The motor of the screw bears the weight of the slide by their ratio."""
+    model = pin.Model()
+    for name, joint in (("slide", pin.JointModelPZ()), ("screw", pin.JointModelRZ())):
+        body = model.addJoint(0, joint, pin.SE3.Identity(), name)
+        model.appendBodyToJoint(body, pin.Inertia(3.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    screw = sst_pin.Coupling("screw", {"slide": polynomial})
+    for compiled in (False, True):
+        robot = ClosedChain(model, [screw], ["screw"], coordinates=["slide"])
+        if compiled:
+            robot.compile()
+        q = robot.assemble([0.4, 0])
+        np.testing.assert_allclose(q, [0.4, polynomial[0] + 0.4 * polynomial[1]], rtol=1e-12)
+        tau = robot.compute_torques(q, [0], [0])
+        np.testing.assert_allclose(tau, [3 * 9.81 / polynomial[1]], rtol=1e-12)
+
+
 def test_samples_whose_line_has_no_direction_are_refused_by_kernels_too():
     home = robots.four_bar().home
     data = any_chain.lines().model.createData()
