@@ -498,7 +498,8 @@ class ClosedChain(Summary):
     def condition_number(self, q: ArrayLike) -> Array:
         """Condition number of the columns of Phi for the dependent joints, without units.
 
-        It is infinite if the coordinates do not determine the motion.
+        Where loops share no dependent joint, it is that of the worst one. It is infinite if the
+        coordinates do not determine the motion.
 
         Returns:
             Shape (...).
@@ -513,7 +514,7 @@ class ClosedChain(Summary):
 
         def one(q: Array) -> Array:
             Phi = scaled_Phi(mechanism, loops, current.single(q))
-            return np.asarray(condition_number(Phi, mechanism.coordinates))
+            return np.asarray(condition_number(Phi, loops.touched, mechanism.coordinates))
 
         return for_each_sample(one, [array], (1,), ())
 

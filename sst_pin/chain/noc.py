@@ -60,7 +60,8 @@ class JointComplement:
     def __init__(self, mechanism: Mechanism, touched: Flags) -> None:
         from scipy.linalg import blas, lapack  # an import takes a microsecond at each call
 
-        self._mechanism, self._lapack, self._dtrsm = mechanism, lapack, blas.dtrsm
+        self._mechanism, self._touched = mechanism, touched
+        self._lapack, self._dtrsm = lapack, blas.dtrsm
         self._row_scale = mechanism.row_scale[:, None]
         self._units = mechanism.rate_scale[:, None], mechanism.rate_scale[mechanism.coordinates]
         self.blocks = [
@@ -135,7 +136,7 @@ class JointComplement:
             cure = "nothing can move here"
         raise SingularConfigurationError(
             f"singular configuration: {why}; {cure}",
-            condition_number(scaled, mechanism.coordinates),
+            condition_number(scaled, self._touched, mechanism.coordinates),
         )
 
     def accelerations(self, aa: Array, drift: Array) -> Array:

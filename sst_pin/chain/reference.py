@@ -490,7 +490,9 @@ class ReferenceStates:
         motions = np.linalg.svd(Phi)[2][len(Phi.T) - n :]
         _, order = qr(motions, pivoting=True, mode="r")
         chosen = np.sort(order[:n]).astype(np.intp)
-        if not condition_number(Phi, chosen) * MARGIN < condition_number(Phi, self.coordinates):
+        touched, own = self._reference.memory.loops.touched, self.coordinates
+        best, now = (condition_number(Phi, touched, each) for each in (chosen, own))
+        if not best * MARGIN < now:
             return self, condition
         key = chosen.tobytes()
         if key not in self._others:

@@ -25,7 +25,7 @@ function engine(functions, d) {
     };
   }
   const all = (kernels) => Object.fromEntries(Object.entries(kernels).map(([name, kernel]) => [name, bind(kernel, name === "state_rate" && SMOOTH)]));
-  const F = all(functions.common), sets = functions.sets.map(({ coordinates, kernels }) => ({ coordinates, ...all(kernels), checked: kernels.closing.output }));
+  const F = all(functions.common), sets = functions.sets.map(({ coordinates, parts, kernels }) => ({ coordinates, parts, ...all(kernels), checked: kernels.closing.output }));
   const own = sets[0];
 
   // The state, and what acts: how the motors are driven, their efforts, a hand.
@@ -51,9 +51,15 @@ function engine(functions, d) {
     return null;
   }
 
-  // Of the columns of Phi for the dependent rates, by Jacobi's rotations of Phi^T Phi.
+  // Condition number of the columns of Phi for the dependent rates: that of the worst of the parts that share no rate.
   function condition(q = r.q, set = own) {
-    const Phi = F.loops(q), nv = d.nv, columns = [...Array(nv).keys()].filter((j) => !set.coordinates.includes(j)), m = columns.length;
+    const Phi = F.loops(q);
+    return Math.max(1, ...set.parts.map((columns) => conditionOf(Phi, columns)));
+  }
+
+  // Condition number of some columns of Phi, by Jacobi's rotations of Phi^T Phi.
+  function conditionOf(Phi, columns) {
+    const nv = d.nv, m = columns.length;
     const A = columns.map((i) => columns.map((j) => { let sum = 0; for (let k = 0; k < Phi.length; k += nv) sum += Phi[k + i] * Phi[k + j]; return sum; }));
     for (let sweep = 0, left = 1; sweep < 12 && left; sweep++) {
       left = 0;
@@ -66,7 +72,7 @@ function engine(functions, d) {
       }
     }
     const squares = A.map((row, i) => row[i]);
-    return m ? Math.sqrt(Math.max(...squares) / Math.max(Math.min(...squares), 0)) : 1;
+    return Math.sqrt(Math.max(...squares) / Math.max(Math.min(...squares), 0));
   }
   const near = (x) => `close to a singularity, condition number ${Number(x.toPrecision(3))}`;
 

@@ -16,6 +16,8 @@ import pinocchio as pin
 from casadi import SX
 
 from ..arrays import Array
+from ..chain.loops import Loops, connected
+from ..chain.mechanism import Mechanism
 from ..chain.mobility import free_motions
 from ..chain.reference import Reference, ReferenceStates
 from ..chain.thresholds import WELL_CONDITIONED
@@ -128,13 +130,20 @@ def page_code(found: Sequence[Equations]) -> str:
         texts += [text for text, _ in written]
         listed.append("{" + ", ".join(described for _, described in written) + "}")
     rows = [
-        f"{{coordinates: {e.mechanism.coordinates.tolist()}, kernels: {described}}}"
+        f"{{coordinates: {e.mechanism.coordinates.tolist()}, parts: {_parts(e.mechanism)}, "
+        f"kernels: {described}}}"
         for e, described in zip(found, listed[1:], strict=True)
     ]
     functions = f"{{common: {listed[0]}, sets: [{', '.join(rows)}]}}"
     return (
         f"const sst_functions = (() => {{\n{_HELPERS}{''.join(texts)}return {functions};\n}})();\n"
     )
+
+
+def _parts(mechanism: Mechanism) -> list[list[int]]:
+    """Dependent rates in parts that the loops connect."""
+    touched = Loops(mechanism.model, mechanism.closures).touched[:, mechanism.dependent]
+    return [mechanism.dependent[rates].tolist() for _, rates in connected(touched)]
 
 
 def _common(e: Equations) -> Iterator[SymbolicKernel]:
