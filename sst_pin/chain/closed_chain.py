@@ -511,10 +511,11 @@ class ClosedChain(Summary):
         current = self._current
         array = current.configurations(q)
         mechanism, loops = current.mechanism, current.reference.memory.loops
+        parts = loops.parts(mechanism.coordinates)
 
         def one(q: Array) -> Array:
             Phi = scaled_Phi(mechanism, loops, current.single(q))
-            return np.asarray(condition_number(Phi, loops.touched, mechanism.coordinates))
+            return np.asarray(condition_number(Phi, parts))
 
         return for_each_sample(one, [array], (1,), ())
 

@@ -32,8 +32,8 @@ _AROUND_HOME, _AROUND_NEUTRAL = (0.1, 0.03, 0.01), np.linspace(0.1, 2.0, 20)
 _VANISHES, _BESIDE = 1e-2, 1e-3
 #: What helps where no guess can be assembled.
 _GIVE_ONE = 'give q, a closed configuration, or make it model.referenceConfigurations["home"]'
-#: An inertia that is smaller than this part of what its bodies have is rounding.
-_ROUNDING = 1e-13
+#: A smaller part of the inertia that its bodies have is none: accelerations would be noise.
+_NO_MASS = 1e-8
 
 
 def examples(assembly: Assembly) -> Iterator[Array]:
@@ -170,5 +170,5 @@ def without_mass(mechanism: Mechanism) -> tuple[str, ...]:
     scale = 1 / np.sqrt(np.maximum(np.abs(most), 1e-300))
     inertia = scale[:, None] * memory.reduced_inertia(q, L) * scale
     values, vectors = np.linalg.eigh(inertia)
-    idle = np.abs(vectors[:, np.abs(values) < _ROUNDING]).max(axis=1, initial=0.0) > INDEPENDENT
+    idle = np.abs(vectors[:, np.abs(values) < _NO_MASS]).max(axis=1, initial=0.0) > INDEPENDENT
     return tuple(np.array(mechanism.space.rate_names)[chosen[idle]].tolist())

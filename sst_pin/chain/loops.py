@@ -80,6 +80,7 @@ class Loops:
         for rows, coupled in self.couplings:
             self.touched[rows] = coupled.touched
         self._jacobian_rates = JacobianRates(model)
+        self._parts: dict[bytes, list[tuple[Indices, Indices]]] = {}
         self._J, self._J_dot = of_rates(self.data.J), of_rates(self.data.dJ)
         self._placements = [self.data.oMf[frame] for frame in self.frames[1:]]
         #: Frames as `PairRows` has them: origin, axes x, y, z.
@@ -88,6 +89,15 @@ class Loops:
         for placement in self._placements:
             self._numbers.append(memory_of(placement, "translation")[None])
             self._numbers.append(memory_of(placement, "rotation").T)
+
+    def parts(self, coordinates: Indices) -> list[tuple[Indices, Indices]]:
+        """Rows and dependent rates that they connect, for a choice of coordinates."""
+        key = coordinates.tobytes()
+        if key not in self._parts:
+            dependent = np.delete(np.arange(self.model.nv), coordinates)
+            found = connected(self.touched[:, dependent])
+            self._parts[key] = [(rows, dependent[rates]) for rows, rates in found]
+        return self._parts[key]
 
     def evaluate(self, q: Array) -> None:
         """Compute what depends on q."""

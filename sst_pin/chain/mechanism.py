@@ -226,8 +226,9 @@ class Mechanism:
         if self.without_mass:
             raise SingularConfigurationError(
                 "the mass matrix is not positive definite: the rates "
-                f"{listed(self.without_mass)} move no mass; give their bodies inertia about these "
-                "axes, or fix the joints by locked= (a universal joint in the place of a ball)",
+                f"{listed(self.without_mass)} move no mass to speak of; give their bodies inertia "
+                "about these axes, or fix the joints by locked= (a universal joint in the place of a "
+                "ball)",
                 float("inf"),
             )
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Array, Flags, Indices
+from ..arrays import Array, Indices
 from ..summaries import as_html, listed
 from .lines import LineKinematics
-from .loops import Loops, connected
+from .loops import Loops
 from .mechanism import Mechanism
 from .thresholds import INDEPENDENT, RANK_TOLERANCE, RESTS
 
@@ -211,7 +211,7 @@ def judge(
             and not np.isin(rates, mechanism.driven).any()
             and _spins(Phi[:, list(rates)])
         ),
-        condition_number=condition_number(Phi, loops.touched, coordinates),
+        condition_number=condition_number(Phi, loops.parts(coordinates)),
         where=where,
         q=q.copy(),
     )
@@ -238,18 +238,18 @@ def _spins(columns: Array) -> bool:
     return len(values) < columns.shape[1] or bool(values[-1] < RANK_TOLERANCE)
 
 
-def condition_number(Phi: Array, touched: Flags, coordinates: Indices) -> float:
+def condition_number(Phi: Array, parts: Iterable[tuple[Indices, Indices]]) -> float:
     """Condition number of the columns of Phi for the dependent rates; infinite if singular.
 
-    It is the largest one of parts that share no rate: loops of other sizes do not count. `touched`
-    says which rates the rows depend on.
+    It is the largest one of `parts`, rows and rates that share none with others: loops of other
+    sizes do not count.
     """
-    dependent = np.delete(Phi, coordinates, axis=1)
-    if not np.isfinite(dependent).all():
-        return float("inf")
     worst = 1.0
-    for rows, rates in connected(np.delete(touched, coordinates, axis=1)):
-        values = np.linalg.svd(dependent[np.ix_(rows, rates)], compute_uv=False)
+    for rows, rates in parts:
+        block = Phi[np.ix_(rows, rates)]
+        if not np.isfinite(block).all():
+            return float("inf")
+        values = np.linalg.svd(block, compute_uv=False)
         if len(values) < len(rates) or values[-1] == 0:
             return float("inf")
         worst = max(worst, float(values[0] / values[-1]))

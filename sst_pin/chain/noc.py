@@ -28,7 +28,7 @@ class _Block:
     """Part of Phi^u: rows, and dependent rates that are in these rows only.
 
     Attributes:
-        rates: Indices in v of the dependent rates.
+        rows, rates: Indices of the rows, and of the dependent rates in v.
         scale: What makes Phi^u free of units, shape (rows, rates).
         of_u, of_a: Where the block's Phi^u and Phi^a stand in Phi.
         of_inverse: Where its inverse stands in that of all.
@@ -37,7 +37,7 @@ class _Block:
     def __init__(
         self, mechanism: Mechanism, touched: Flags, rows: Indices, dependent: Indices
     ) -> None:
-        self.rates = mechanism.dependent[dependent]
+        self.rows, self.rates = rows, mechanism.dependent[dependent]
         column, nv = rows[:, None], mechanism.model.nv
         self.scale = mechanism.row_scale[column] * mechanism.rate_scale[self.rates]
         self.of_u, self.of_a = column * nv + self.rates, column * nv + mechanism.coordinates
@@ -60,8 +60,7 @@ class JointComplement:
     def __init__(self, mechanism: Mechanism, touched: Flags) -> None:
         from scipy.linalg import blas, lapack  # an import takes a microsecond at each call
 
-        self._mechanism, self._touched = mechanism, touched
-        self._lapack, self._dtrsm = lapack, blas.dtrsm
+        self._mechanism, self._lapack, self._dtrsm = mechanism, lapack, blas.dtrsm
         self._row_scale = mechanism.row_scale[:, None]
         self._units = mechanism.rate_scale[:, None], mechanism.rate_scale[mechanism.coordinates]
         self.blocks = [
@@ -136,7 +135,7 @@ class JointComplement:
             cure = "nothing can move here"
         raise SingularConfigurationError(
             f"singular configuration: {why}; {cure}",
-            condition_number(scaled, self._touched, mechanism.coordinates),
+            condition_number(scaled, [(block.rows, block.rates) for block in self.blocks]),
         )
 
     def accelerations(self, aa: Array, drift: Array) -> Array:

@@ -490,8 +490,8 @@ class ReferenceStates:
         motions = np.linalg.svd(Phi)[2][len(Phi.T) - n :]
         _, order = qr(motions, pivoting=True, mode="r")
         chosen = np.sort(order[:n]).astype(np.intp)
-        touched, own = self._reference.memory.loops.touched, self.coordinates
-        best, now = (condition_number(Phi, touched, each) for each in (chosen, own))
+        parts = self._reference.memory.loops.parts
+        best, now = (condition_number(Phi, parts(each)) for each in (chosen, self.coordinates))
         if not best * MARGIN < now:
             return self, condition
         key = chosen.tobytes()

@@ -16,7 +16,7 @@ import pinocchio as pin
 from casadi import SX
 
 from ..arrays import Array
-from ..chain.loops import Loops, connected
+from ..chain.loops import Loops
 from ..chain.mechanism import Mechanism
 from ..chain.mobility import free_motions
 from ..chain.reference import Reference, ReferenceStates
@@ -142,8 +142,8 @@ def page_code(found: Sequence[Equations]) -> str:
 
 def _parts(mechanism: Mechanism) -> list[list[int]]:
     """Dependent rates in parts that the loops connect."""
-    touched = Loops(mechanism.model, mechanism.closures).touched[:, mechanism.dependent]
-    return [mechanism.dependent[rates].tolist() for _, rates in connected(touched)]
+    parts = Loops(mechanism.model, mechanism.closures).parts(mechanism.coordinates)
+    return [rates.tolist() for _, rates in parts]
 
 
 def _common(e: Equations) -> Iterator[SymbolicKernel]:

@@ -164,13 +164,12 @@ class CompiledStates(ReferenceStates):
         q, va, load = motions.q[i, s], motions.va[i, s], motions.load
         wrenches = None if load is None else load[i].reshape(-1, 6)
         try:
-            way = motions.dt * self.joint_rates(q, va)
-            _, short = self._step(
-                np.concatenate([q, va]), motions.torques(i, s), wrenches, motions.dt
-            )
+            if self._suited_ahead(q, motions.dt * self.joint_rates(q, va)) is not self:
+                return True
+            state, tau = np.concatenate([q, va]), motions.torques(i, s)
+            return not self._step(state, tau, wrenches, motions.dt)[1]
         except SSTError:
             return True
-        return not short or self._suited_ahead(q, way) is not self
 
     def _falls(self, ends: Array) -> Flags:
         """Where |det Phi_u| first falls by one more `_CHANGE` below half its size elsewhere."""

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import warnings
 from copy import copy
 
 import numpy as np
@@ -12,7 +13,8 @@ from ..arrays import Array, finite_array
 from ..chain.closed_chain import ClosedChain
 from ..chain.named_positions import taken
 from ..chain.starts import placed
-from ..errors import ClosureError, InputError
+from ..errors import ClosureError, DescriptionWarning, InputError
+from ..summaries import listed
 from .samples import sample_times, spline
 from .trajectories import Trajectory
 
@@ -35,7 +37,8 @@ def coordinate_motion(
             all joints at t[0]. By default `home`, else the robot as it is drawn.
 
     Warns:
-        DescriptionWarning: If the assembly at t[0] was chosen here.
+        DescriptionWarning: If the assembly at t[0] was chosen here, or an angle jumps by about a
+            full turn.
 
     Raises:
         InputError: For a wrong shape, or a coordinate that is neither an angle nor a length.
@@ -54,9 +57,25 @@ def coordinate_motion(
         raise InputError(
             "x", f"shape {values.shape}, expected {(len(times), len(chain.coordinates))}"
         )
+    values = without_full_turns(chain, values)
+    _warn_of_full_turns(chain, values)
     q = configurations_of(chain, values, start)
     curve = spline(times, values)
     return chain.trajectory(times, q, curve.derivative(1)(times), curve.derivative(2)(times))
+
+
+def _warn_of_full_turns(chain: ClosedChain, x: Array) -> None:
+    """Say which angles, shape (N, n), that change little else jump by about a full turn."""
+    steps = np.abs(np.diff(x, axis=0))
+    jumps = (steps > 1.5 * np.pi).any(axis=0) & (np.median(steps, axis=0) < np.pi / 2)
+    names = zip(chain.coordinates, chain.mechanism.coordinate_rate_units, jumps, strict=True)
+    if found := [name for name, unit, jump in names if unit == "rad" and jump]:
+        warnings.warn(
+            f"x: {listed(found)} jump by a full turn or more between samples, which takes large "
+            "rates and torques; if they were measured modulo one turn, use numpy.unwrap",
+            DescriptionWarning,
+            stacklevel=3,
+        )
 
 
 def coordinate_positions(chain: ClosedChain, q: Array) -> Array:

@@ -466,9 +466,10 @@ def rod_between_two_balls(spin):
     return ClosedChain(model, [Closure("rod_end", "rocker_end", "3d")], ["crank"])
 
 
-def test_a_rod_without_spin_inertia_between_two_balls_is_named():
-    """Its accelerations would be rounding; torques and a thick rod's accelerations are numbers."""
-    thin, thick = rod_between_two_balls(0.0), rod_between_two_balls(1e-9)
+@pytest.mark.parametrize("spin", [0.0, 1e-14, 1e-10])
+def test_a_rod_without_spin_inertia_between_two_balls_is_named(spin):
+    """Its accelerations would be noise; torques and a thick rod's accelerations are numbers."""
+    thin, thick = rod_between_two_balls(spin), rod_between_two_balls(1e-9)
     q, n = thin.generic_configuration(), thin.degrees_of_freedom
     state = q, np.zeros(n), [0.0]
     for ask in (

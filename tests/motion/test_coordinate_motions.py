@@ -5,6 +5,7 @@ import io
 import warnings
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import sst_pin
@@ -229,3 +230,22 @@ def test_who_chooses_the_assembly_itself_says_so():
         coordinate_motion(chain, t, x)
         coordinate_motion(bare, t, x, home)
         placed(bare, dict(zip(bare.position_names, home, strict=True)))
+
+
+def test_angles_modulo_one_turn_are_told_and_those_of_endless_joints_go_on():
+    """Two turns of a crank, logged from -180 to 180 deg."""
+    t = np.linspace(0, 4, 161)
+    x = np.pi * t[:, None]
+    wrapped = np.angle(np.exp(1j * x))
+    four_bar = sst_pin.robots.four_bar()
+    with pytest.warns(sst_pin.DescriptionWarning, match="crank jump by a full turn"):
+        coordinate_motion(four_bar, t, wrapped)
+    model = pin.Model()
+    body = model.addJoint(0, pin.JointModelRUBZ(), pin.SE3.Identity(), "wheel")
+    model.appendBodyToJoint(body, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3(np.eye(3), np.ones(3)))
+    wheel = sst_pin.ClosedChain(model, [], ["wheel"])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        coordinate_motion(four_bar, t, x)
+        turning = coordinate_motion(wheel, t, wrapped)
+    assert np.abs(turning.va - np.pi).max() < 1e-9
