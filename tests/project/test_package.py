@@ -143,9 +143,9 @@ def test_commands_of_the_readme_run(tmp_path):
     setup = [line for line in lines if line.startswith("python3 -m venv")]
     assert len(setup) == 2
     for line in [*lines, setup[0].split("&&")[-1]]:
-        if line in setup:
+        program, *arguments = shlex.split(line, comments=True)
+        if line in setup or program == ".venv/bin/pip":  # of an extra that CI has installed
             continue
-        program, *arguments = shlex.split(line)
         assert program == ".venv/bin/sst-pin"
         command = [sys.executable, "-m", "sst_pin", *arguments]
         subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
