@@ -30,6 +30,7 @@ from .mobility import condition_number, scaled_Phi
 from .noc import mass_centers
 from .runge_kutta import runge_kutta_step
 from .thresholds import (
+    BEND,
     CLOSURE_TOLERANCE,
     FIXED_STEP,
     MARGIN,
@@ -40,8 +41,6 @@ from .thresholds import (
 )
 from .tree import of_rates, summed, support
 
-#: Part of the way of a step by which it may leave the loops open: a longer one misses a bend.
-_OPEN = 0.003
 #: Way of a joint on which coordinates are judged once, [rad] or of the robot's length.
 _LOOK = 0.05
 _Method = TypeVar("_Method", bound=Callable[..., Array])
@@ -574,7 +573,7 @@ class ReferenceStates:
         return self
 
     def _step(
-        self, state: Array, tau: Array, wrenches: Array | None, h: float
+        self, state: Array, tau: list[Array], wrenches: Array | None, h: float
     ) -> tuple[Array, bool]:
         """One step, and whether it is short enough for the bends of its way.
 
@@ -590,5 +589,5 @@ class ReferenceStates:
         q = self.closed(end)
         ways = [pin.difference(model, space.normalised(x[:nq]), q) for x in (end, state)]
         opened, moved = np.abs(ways / self._mechanism.rate_scale).max(axis=1, initial=0)
-        short = bool(opened <= _OPEN * moved + CLOSURE_TOLERANCE)
+        short = bool(opened <= BEND * moved + CLOSURE_TOLERANCE)
         return np.concatenate([q, end[nq:]]), short

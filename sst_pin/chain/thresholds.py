@@ -45,3 +45,6 @@ WELL_CONDITIONED, POOR, MARGIN = 20.0, 50.0, 4.0
 #: get shorter near a dead point: at 20, errors of a five-bar that often runs through dead points
 #: are almost three times as large; at 1 they are hardly smaller.
 FIXED_STEP = 10.0
+#: Part of the way of a rollout's step by which it may leave the loops open: a longer one misses a
+#: bend.
+BEND = 0.003

@@ -20,6 +20,8 @@ from ..chain.derivatives import AccelerationDerivatives
 from ..chain.dynamics import solved
 from ..chain.mechanism import Friction, Mechanism
 from ..chain.reference import Reference, ReferenceStates
+from ..chain.runge_kutta import runge_kutta_step
+from ..chain.thresholds import BEND, CLOSURE_TOLERANCE
 from ..errors import SSTError
 
 if TYPE_CHECKING:
@@ -149,27 +151,43 @@ class CompiledStates(ReferenceStates):
         if far.any():  # asked of all first, which is fast
             sound &= ~far.any(axis=2)
         sound |= np.arange(motions.steps) + 1 >= reached[:, None]
-        for i, s in np.argwhere(self._falls(ends)[:, :-1]):
-            if s < until[i] and self._leaves(motions, i, s):
-                until[i] = s + 1
-        for i, s in np.argwhere(~sound):
-            if s + 1 < until[i] and (
-                self._leaves(motions, i, s) or not self._continues(q[i, s], q[i, s + 1])
+        falls = self._falls(ends)[:, :-1]
+        asked = (falls | ~sound) & (np.arange(motions.steps) < reached[:, None])
+        short = np.ones_like(asked)
+        short[asked] = self._short(motions, *np.nonzero(asked))
+        for i, s in np.argwhere(asked):
+            if s < until[i] and not (
+                short[i, s]
+                and self._suits(q[i, s], motions.va[i, s], motions.dt)
+                and (sound[i, s] or self._continues(q[i, s], q[i, s + 1]))
             ):
                 until[i] = s + 1
         return until
 
-    def _leaves(self, motions: Motions, i: int, s: int) -> bool:
-        """Whether the step from a state needs other coordinates, or is too long."""
-        q, va, load = motions.q[i, s], motions.va[i, s], motions.load
-        wrenches = None if load is None else load[i].reshape(-1, 6)
+    def _short(self, motions: Motions, i: Indices, s: Indices) -> Flags:
+        """Whether steps from states s of motions i are short enough for the bends of their way."""
+        load = () if motions.load is None else (motions.load[i],)
+        kernel, torques = self._rate_of(bool(load)), motions.torques(i, s)
+
+        def rate(when: int, states: Array) -> Array:
+            result = np.empty_like(states)
+            kernel.many((states, torques[when], *load), result)
+            return result
+
+        states = np.concatenate([motions.q[i, s], motions.va[i, s]], axis=1)
+        end = np.ascontiguousarray(runge_kutta_step(rate, states, motions.dt)[:, : self._nq])
+        closed = np.empty((len(end), self._nq + 2))
+        self._closing.many((end,), closed)
+        ways = np.stack([end, states[:, : self._nq]]) - closed[:, : self._nq]
+        opened, moved = np.abs(ways / self._travel).max(axis=2, initial=0)
+        return np.asarray(opened <= BEND * moved + CLOSURE_TOLERANCE)
+
+    def _suits(self, q: Array, va: Array, h: float) -> bool:
+        """Whether the coordinates describe the motion well for a step from a state."""
         try:
-            if self._suited_ahead(q, motions.dt * self.joint_rates(q, va)) is not self:
-                return True
-            state, tau = np.concatenate([q, va]), motions.torques(i, s)
-            return not self._step(state, tau, wrenches, motions.dt)[1]
+            return self._suited_ahead(q, h * self.joint_rates(q, va)) is self
         except SSTError:
-            return True
+            return False
 
     def _falls(self, ends: Array) -> Flags:
         """Where |det Phi_u| first falls by one more `_CHANGE` below half its size elsewhere."""

@@ -54,7 +54,7 @@ def test_the_middles_of_steps_may_be_open_without_the_reference_path(robot, circ
     def asked(*_):
         raise AssertionError("a step was left to the reference path")
 
-    monkeypatch.setattr(CompiledStates, "_leaves", asked)
+    monkeypatch.setattr(CompiledStates, "_suits", asked)
     motion = ends(robot, circle, 500)
     assert motion.q.shape[0] == 501
     assert np.abs(robot.residual((motion.q[1:] + motion.q[:-1]) / 2)).max() > 2e-6
