@@ -219,7 +219,7 @@ class JointSpace:
             )
 
     def _off_length_one(self, q: Array) -> Array:
-        """By how much each quaternion and each pair is, shape (..., parts)."""
+        """How far the length of each quaternion and pair is from 1, shape (..., parts)."""
         with np.errstate(over="ignore", invalid="ignore"):
             return np.abs(np.sqrt((q * q).dot(self.unit_parts)) - 1)
 

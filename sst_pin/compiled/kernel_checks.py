@@ -61,7 +61,7 @@ class Checks:
 
     @cached_property
     def of_state(self) -> list[Any]:
-        """That loops are closed, no pivot is small, redundant rows hold, no line is short."""
+        """Checks that loops are closed, pivots large, lines long, and that redundant rows hold."""
         e = self._equations
         gaps = [s**2 * x.gap for s, x in zip(self._row_scale, e.rows, strict=True)]
         gaps += [gap**2 for gap in e.kinematics.unit_gaps]
@@ -89,29 +89,29 @@ class Checks:
 
     @property
     def of_rates(self) -> list[Any]:
-        """That v is a solution."""
+        """Checks that v is a solution."""
         return self.unsolved(self._equations.v, {})
 
     @property
     def of_forces(self) -> list[Any]:
-        """That all solutions in inverse dynamics are solutions."""
+        """Checks that all solutions in inverse dynamics are solutions."""
         e = self._equations
         return self.of_rates + self.unsolved(e.dv, e.drift) + self.unbalanced(e.tree_forces)
 
     @property
     def of_complement(self) -> list[Any]:
-        """That the columns of L are solutions."""
+        """Checks that the columns of L are solutions."""
         return [check for x in self._equations.L for check in self.unsolved(x, {})]
 
     @property
     def of_accelerations(self) -> list[Any]:
-        """That all solutions in direct dynamics are solutions."""
+        """Checks that all solutions in direct dynamics are solutions."""
         e = self._equations
         return self.of_rates + self.unsolved(e.at_rest, e.drift) + self.of_complement
 
     @property
     def of_motors(self) -> list[Any]:
-        """That the motors hold all coordinates; none where each holds its own."""
+        """A check that the motors hold all coordinates; none where each holds its own."""
         e = self._equations
         if e.mechanism.driven_one_to_one:
             return []
