@@ -21,7 +21,7 @@ from ..chain.backend import Backend
 from ..chain.closed_chain import ClosedChain
 from ..chain.closures import Closure
 from ..chain.current import Current
-from ..chain.mechanism import Friction
+from ..chain.mechanism import Friction, Mechanism
 from ..chain.reference import Reference
 from ..chain.tree import frame_named
 from ..description import MOTOR_NAMES
@@ -199,7 +199,10 @@ class SST(ClosedChain):
         self._current = Current(self._current.mechanism, partial(_kernels, off=off))
         self._shapes = found.shapes
 
-    _examine = staticmethod(_geometry)
+    def _fill(self, model: pin.Model, recipe: partial[Mechanism]) -> None:
+        _geometry(model)  # refuses what is no SST
+        super()._fill(model, recipe)
+
     _platform = "beta_1"  # the star
 
     @property
