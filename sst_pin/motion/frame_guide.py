@@ -18,6 +18,7 @@ import pinocchio as pin
 
 from ..arrays import Array
 from ..chain.closed_chain import ClosedChain
+from ..chain.continuity import CHANGE
 from ..chain.loops import Loops
 from ..chain.mobility import scaled_Phi
 from ..chain.thresholds import CLOSURE_TOLERANCE, RANK_TOLERANCE
@@ -25,8 +26,6 @@ from ..chain.tree import frame_id, of_rates
 
 #: Newton's method: steps; the longest one, [rad] or of the robot's length, and the last one.
 _STEPS, _LONGEST, _LAST = 12, 0.5, 1e-9
-#: Largest |M_a^+ (M_b - M_a)| of neighbours.
-_CHANGE = 0.5
 
 
 class Way(NamedTuple):
@@ -54,13 +53,9 @@ class _Place(NamedTuple):
 class FrameGuide:
     """Leads a frame of a robot from pose to pose, in its working and assembly modes.
 
-    Args:
-        chain: Any closed chain.
-        frame: Name of a frame of the tree.
-        position: Whether the position of its origin counts.
-        orientation: Whether its orientation counts.
-        drives: From a configuration to the rates that determine the motion, of coordinates or
-            motors, by those of all joints, free of units, shape (k, nv).
+    `position` and `orientation` say which of the two counts. `drives` gives, at a configuration,
+    the rates that determine the motion, of coordinates or motors, by those of all joints, free of
+    units, shape (k, nv).
     """
 
     def __init__(
@@ -95,14 +90,14 @@ class FrameGuide:
             part = min(1.0, done + step)
             p = start.translation + part * (target.translation - start.translation)
             found = self._solved(here.q, pin.SE3(start.rotation @ pin.exp3(part * turn), p))
-            task, drives = 2 * _CHANGE, 0.0
+            task, drives = 2 * CHANGE, 0.0
             if found is not None:
                 pairs = zip(inverses, here.M, found.M, strict=True)
                 task, drives = (_change(inverse, b - a) for inverse, a, b in pairs)
-            singular = task <= _CHANGE < drives
-            if found is not None and max(task, drives) <= _CHANGE:
+            singular = task <= CHANGE < drives
+            if found is not None and max(task, drives) <= CHANGE:
                 here, inverses, done = found, self._inverses(found), part
-            step *= min(2.0, 0.8 * _CHANGE / max(task, drives, 0.1))
+            step *= min(2.0, 0.8 * CHANGE / max(task, drives, 0.1))
         if done == 1:
             return Way(here.q, 0.0, False)
         return Way(here.q, float(np.abs(self._error(here.pose, target)).max()), singular)

@@ -366,7 +366,9 @@ class Run:
                 if isinstance(found, str) or abs(found.time - middle) < _CENTRED * self._left:
                     break
                 middle, far = found.time, 2 * found.time - start
-                times, stages = gauss_step(motion, start, self._state, far, course)
+                times, stages = gauss_step(
+                    motion.states, motion.rate, start, self._state, far, course
+                )
                 nodes = [(t, motion.states, y) for t, y in zip(times, stages, strict=True)]
                 whole = motion.whole(far, stages[-1])
                 course = self._course(nodes[:-1])

@@ -63,11 +63,7 @@ Verdict = tuple[str, tuple[str, ...], Array, Flags, tuple[float, float], str, bo
 
 
 def samples_of(chain: ClosedChain, motion: Any) -> tuple[Array, Array]:
-    """Times and configurations of a motion, shapes (N,) and (N, nq); NaN for the time of one q.
-
-    Raises:
-        InputError: For the motion of another robot, or a configuration of another shape.
-    """
+    """Times and configurations of a motion, shapes (N,) and (N, nq); NaN for the time of one q."""
     if isinstance(motion, Trajectory):
         require_motion(motion, chain)
         return motion.t, motion.q
@@ -91,12 +87,7 @@ def over_limits(chain: ClosedChain) -> Array:
 
 
 def verdicts(chain: ClosedChain, q: Array) -> Iterable[Verdict]:
-    """Joint limits and singularities of any closed chain.
-
-    Args:
-        chain: Any closed chain.
-        q: Configurations, shape (N, nq).
-    """
+    """Joint limits and singularities of any closed chain at configurations, shape (N, nq)."""
     low, high = chain.mechanism.model.lowerPositionLimit, chain.mechanism.model.upperPositionLimit
     out = np.maximum(low - q, q - high) > over_limits(chain)
     for i, (name, unit) in enumerate(zip(chain.position_names, chain.joint_units, strict=True)):
