@@ -40,9 +40,6 @@ _UNBOUNDED = _Kind(("cos", "sin"), ("",), ("rad",))
 class JointSpace:
     """What q (nq,) and v (nv,) of a tree mean.
 
-    Args:
-        model: The tree.
-
     Attributes:
         joint_names: Names of the joints.
         position_names: Names of the entries of q: that of the joint, with a suffix where it has
@@ -95,6 +92,16 @@ class JointSpace:
             (f"{name}_{suffix}" if suffix else name, unit)
             for suffix, unit in zip(kind.v, kind.units, strict=True)
         )
+
+    @cached_property
+    def places(self) -> dict[str, list[int]]:
+        """Entries of q of joints that turn or slide, by name; cosine and sine of endless turns."""
+        units = zip(self.position_names, self.position_units, strict=True)
+        single = {name: [k] for k, (name, unit) in enumerate(units) if unit}
+        endless = {
+            self.position_names[i].removesuffix("_cos"): [i, i + 1] for i, _ in self._circles
+        }
+        return single | endless
 
     def rates_of(self, names: Sequence[str]) -> Indices:
         """Indices in v of joints, or of single rates, by name."""

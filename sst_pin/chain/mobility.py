@@ -77,11 +77,13 @@ class Mobility:
     def __repr__(self) -> str:
         return str(self)
 
-    def _repr_html_(self) -> str:
-        rows = [(line[:20].strip(), line[20:]) for line in str(self).splitlines()]
-        return as_html("Mobility", [(word, text) for word, text in rows if word])
-
     def __str__(self) -> str:
+        return "\n".join(f"{word:18}  {text}" for word, text in self._rows())
+
+    def _repr_html_(self) -> str:
+        return as_html("Mobility", self._rows())
+
+    def _rows(self) -> list[tuple[str, str]]:
         n, dof = len(self.actuated), self.degrees_of_freedom
         if not self.sufficient:
             verdict = (
@@ -94,23 +96,19 @@ class Mobility:
             verdict = "sufficient, one motor for each degree of freedom"
         if self.inner_stresses:
             verdict += f"; torques of the motors that make no motion: {self.inner_stresses}"
-        lines = [
-            f"joints              {len(self.joints)}",
-            f"closure equations   {len(self.rows)}, rank {self.rank}, "
-            f"{self.redundant_rows} redundant",
-            f"degrees of freedom  {dof}",
-            f"actuated joints     {n} ({listed(self.actuated, 12)})",
-            f"actuation           {verdict}",
-            f"coordinates         {listed(self.coordinates, 12)}",
-            f"condition number    {self.condition_number:.4g} (dependent joints)",
-            f"judged at           {self.where}",
+        ranks = f"{len(self.rows)}, rank {self.rank}, {self.redundant_rows} redundant"
+        idle = f"{listed(self.idle_joints, 12)} (they can spin alone; locked= fixes them)"
+        return [
+            ("joints", f"{len(self.joints)}"),
+            ("closure equations", ranks),
+            ("degrees of freedom", f"{dof}"),
+            ("actuated joints", f"{n} ({listed(self.actuated, 12)})"),
+            ("actuation", verdict),
+            ("coordinates", listed(self.coordinates, 12)),
+            ("condition number", f"{self.condition_number:.4g} (dependent joints)"),
+            ("judged at", self.where),
+            *([("idle joints", idle)] if self.idle_joints else []),
         ]
-        if self.idle_joints:
-            lines.append(
-                f"idle joints         {listed(self.idle_joints, 12)} (they can spin alone; locked= "
-                "fixes them)"
-            )
-        return "\n".join(lines)
 
 
 def independent_rows(Phi: Array, tolerance: float = RANK_TOLERANCE) -> Indices:
@@ -244,13 +242,17 @@ def condition_number(Phi: Array, parts: Iterable[tuple[Indices, Indices]]) -> fl
     It is the largest one of `parts`, rows and rates that share none with others: loops of other
     sizes do not count.
     """
+    return largest_condition(Phi[np.ix_(*part)][None] for part in parts)
+
+
+def largest_condition(blocks: Iterable[Array]) -> float:
+    """The largest condition number of matrices, in arrays of shape (count, rows, rates)."""
     worst = 1.0
-    for rows, rates in parts:
-        block = Phi[np.ix_(rows, rates)]
+    for block in blocks:
         if not np.isfinite(block).all():
-            return float("inf")
-        values = np.linalg.svd(block, compute_uv=False)
-        if len(values) < len(rates) or values[-1] == 0:
-            return float("inf")
-        worst = max(worst, float(values[0] / values[-1]))
+            return np.inf
+        s = np.linalg.svd(block, compute_uv=False)
+        if s.shape[1] < block.shape[2] or not s[:, -1].all():
+            return np.inf
+        worst = max(worst, float((s[:, 0] / s[:, -1]).max()))
     return worst

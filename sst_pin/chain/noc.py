@@ -118,11 +118,8 @@ class JointComplement:
             names = listed([mechanism.space.rate_names[k] for k in loose])
             why = f"the coordinates do not determine the rates of the dependent joints {names}"
         others = choose_coordinates(mechanism, np.nan_to_num(scaled))
-        names, k, n = (
-            listed(mechanism.space.names_of(others.tolist())),
-            len(others),
-            self.L.shape[1],
-        )
+        names, k = listed(mechanism.space.names_of(others.tolist())), len(others)
+        n = len(mechanism.coordinates)
         cure = (
             f"move away, or choose other coordinates=, for example {names} describe the motion here"
         )
