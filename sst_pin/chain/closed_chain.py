@@ -1685,21 +1685,9 @@ class ClosedChain(Summary):
         from ..motion.simulation import simulate
 
         now = copy(self)
-        return simulate(
-            now,
-            torque,
-            q0,
-            va0,
-            t,
-            external_wrenches=now._moving_load(platform_moment, external_wrenches),
-            method=method,
-            rtol=rtol,
-            atol=atol,
-            max_condition_number=max_condition_number,
-            through_singularities=through_singularities,
-            sign_width=sign_width,
-            progress=progress,
-        )
+        load = now._moving_load(platform_moment, external_wrenches)
+        how = max_condition_number, through_singularities, sign_width, progress
+        return simulate(now, torque, q0, va0, t, load, method, rtol, atol, *how)
 
     def rollout(
         self,
@@ -1753,18 +1741,8 @@ class ClosedChain(Summary):
         from ..motion.rollouts import rollout
 
         now = copy(self)
-        return rollout(
-            now,
-            tau,
-            q0,
-            va0,
-            dt,
-            external_wrenches=now._wrenches(now._current, platform_moment, external_wrenches),
-            steps=steps,
-            sign_width=sign_width,
-            threads=threads,
-            on_error=on_error,
-        )
+        load = now._wrenches(now._current, platform_moment, external_wrenches)
+        return rollout(now, tau, q0, va0, dt, load, steps, sign_width, threads, on_error)
 
     # --- pictures ---------------------------------------------------------------------------
 

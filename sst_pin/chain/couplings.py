@@ -62,7 +62,3 @@ class Coupled:
         for i, k, _, _, P_2 in self.terms:
             row[k] = P_2(q[i]) * v[k]
         return row
-
-    def drift(self, q: Array, v: Array) -> float:
-        """`row_rate` times v."""
-        return sum(float(P_2(q[i])) * v[k] ** 2 for i, k, _, _, P_2 in self.terms)

@@ -158,13 +158,7 @@ class Derivatives:
         return np.concatenate((by_q.dot(L) + J.dot(v_q), J.dot(L)), axis=1)
 
     def _forces(
-        self,
-        friction: Friction,
-        q: Array,
-        va: Array,
-        aa: Array,
-        tau: Array,
-        wrenches: Array | None,
+        self, friction: Friction, q: Array, va: Array, aa: Array, tau: Array, wrenches: Array | None
     ) -> tuple[Array, Array, Array, Array]:
         """Derivatives of f - L^T B tau by q, va and aa, and L, on the plain tree."""
         memory, mechanism = self._memory, self._mechanism

@@ -121,11 +121,6 @@ class JointSpace:
             raise InputError("names", f"a joint appears twice in {list(names)}")
         return np.array(found, dtype=np.intp)
 
-    def force_units(self, B: Array) -> tuple[str, ...]:
-        """Units of motors, "Nm" or "N", by the rate that a column of B, (nv, motors), acts on."""
-        acts_on = np.abs(B).argmax(axis=0)
-        return tuple("N" if self.rate_units[k] == "m" else "Nm" for k in acts_on)
-
     def names_of(self, rates: Sequence[int]) -> tuple[str, ...]:
         """Names that `rates_of` leads back: of whole joints where all their rates are there."""
         names: list[str] = []

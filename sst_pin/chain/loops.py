@@ -154,7 +154,7 @@ class Loops:
         at_b_too, at_a_too = np.vecdot(self._W, accelerations.take(both, axis=0))
         drift: Array = at_b + at_a + at_b_too + at_a_too
         for rows, coupled in self.couplings:
-            drift[rows] = coupled.drift(self._q, v)
+            drift[rows] = coupled.row_rate(self._q, v).dot(v)
         return drift
 
     def forces_on_bodies(self, Lambda: Array) -> Array:

@@ -210,8 +210,9 @@ class Mechanism:
     @cached_property
     def motor_units(self) -> tuple[str, ...]:
         """For each motor "Nm" or "N", by the rate that it acts on most; on a line alone "N"."""
-        units = zip(self.motors.T, self.space.force_units(self.motors), strict=True)
-        return tuple(unit if on_joints.any() else "N" for on_joints, unit in units)
+        acts = zip(self.motors.T, np.abs(self.motors).argmax(axis=0), strict=True)
+        units = self.space.rate_units
+        return tuple("Nm" if by[k] and units[k] == "rad" else "N" for by, k in acts)
 
     def require_freedom(self) -> None:
         """Refuse dynamics where nothing moves."""

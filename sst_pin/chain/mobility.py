@@ -207,7 +207,7 @@ def judge(
             for name, rates in space.rates.items()
             if loops.touched[:, list(rates)].any()
             and not np.isin(rates, mechanism.driven).any()
-            and _spins(Phi[:, list(rates)])
+            and np.linalg.matrix_rank(Phi[:, list(rates)], RANK_TOLERANCE) < len(rates)
         ),
         condition_number=condition_number(Phi, loops.parts(coordinates)),
         where=where,
@@ -228,12 +228,6 @@ def motor_rates(mechanism: Mechanism, q: Array, motions: Array) -> Array:
     rows = B.T * mechanism.rate_scale
     lengths = np.linalg.norm(rows, axis=1, keepdims=True)
     return np.divide(rows, lengths, out=np.zeros_like(rows), where=lengths > 0) @ motions
-
-
-def _spins(columns: Array) -> bool:
-    """Whether the closures leave a motion to the rates of one joint alone."""
-    values = np.linalg.svd(columns, compute_uv=False)
-    return len(values) < columns.shape[1] or bool(values[-1] < RANK_TOLERANCE)
 
 
 def condition_number(Phi: Array, parts: Iterable[tuple[Indices, Indices]]) -> float:

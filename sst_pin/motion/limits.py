@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -90,14 +90,28 @@ def verdicts(chain: ClosedChain, q: Array) -> Iterable[Verdict]:
     """Joint limits and singularities of any closed chain at configurations, shape (N, nq)."""
     low, high = chain.mechanism.model.lowerPositionLimit, chain.mechanism.model.upperPositionLimit
     out = np.maximum(low - q, q - high) > over_limits(chain)
-    for i, (name, unit) in enumerate(zip(chain.position_names, chain.joint_units, strict=True)):
-        if unit:
-            limits = (float(low[i]), float(high[i]))
-            problem = f"{name} leaves its limits of {low[i]:.4g} to {high[i]:.4g} {unit}"
-            yield problem, (name,), q[:, i], out[:, i], limits, unit, False
+    yield from outside("limits", chain.position_names, chain.joint_units, q, out, low, high)
     closed = is_closed(chain, q)
     condition = np.ones(len(q))
     condition[closed] = chain.condition_number(q[closed])
     problem = f"close to a singularity, condition number > {LARGEST_CONDITION:g}"
     far, limits = condition > LARGEST_CONDITION, (-np.inf, LARGEST_CONDITION)
     yield problem, chain.coordinates, condition, far, limits, "", True
+
+
+def outside(
+    ends: str,
+    names: Sequence[str],
+    units: Sequence[str],
+    q: Array,
+    out: Flags,
+    low: Array,
+    high: Array,
+) -> Iterable[Verdict]:
+    """A verdict for each joint that has a unit, which leaves its ends where it is out."""
+    for i, (name, unit) in enumerate(zip(names, units, strict=True)):
+        if unit:
+            limits = (float(low[i]), float(high[i]))
+            first, last = np.degrees(limits) if unit == "deg" else limits
+            problem = f"{name} leaves its {ends} of {first:.4g} to {last:.4g} {unit}"
+            yield problem, (name,), q[:, i], out[:, i], limits, unit, False

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from copy import copy
 from pathlib import Path
-from typing import BinaryIO, TypeGuard
+from typing import BinaryIO
 
 import numpy as np
 
@@ -17,14 +17,7 @@ from ..chain.starts import placed
 from ..errors import ClosureError, FileFormatError, InputError
 from ..files import Table, read_table
 from .coordinate_motions import coordinate_motion
-from .motion_columns import (
-    RATE,
-    TORQUE,
-    is_number,
-    position_columns,
-    rate_columns,
-    rotations_in,
-)
+from .motion_columns import RATE, TORQUE, is_number, position_columns, rate_columns, rotations_in
 from .moving_robot import require_motion
 from .trajectories import Trajectory
 
@@ -54,7 +47,7 @@ def load_motion(chain: ClosedChain, source: str | Path | BinaryIO) -> Trajectory
     The file is what `Trajectory.save` has written, or a CSV for `read_motion`; a stream is a CSV.
     """
     chain = copy(chain)
-    if is_npz(source):
+    if isinstance(source, str | Path) and Path(source).suffix.lower() == ".npz":
         motion = Trajectory.load(source)
         try:
             require_motion(motion, chain)
@@ -102,11 +95,6 @@ def read_poses(
         return x, poses[:, :3, 3], start
     poses[:, :3, :3] = rotations_in(table, turns)
     return x, poses, start
-
-
-def is_npz(source: str | Path | BinaryIO) -> TypeGuard[str | Path]:
-    """Whether the path of a file says that it is one of NumPy's."""
-    return isinstance(source, str | Path) and Path(source).suffix.lower() == ".npz"
 
 
 def read_torques(chain: ClosedChain, table: Table) -> Array:

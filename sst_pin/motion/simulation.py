@@ -46,15 +46,14 @@ def simulate(
     q0: ArrayLike,
     va0: ArrayLike,
     t: ArrayLike,
-    *,
-    external_wrenches: Load = None,
-    method: str = "DOP853",
-    rtol: float = 1e-12,
-    atol: float = 1e-12,
-    max_condition_number: float = 1e4,
-    through_singularities: bool = False,
-    sign_width: float = 1e-3,
-    progress: Callable[[float], None] | None = None,
+    external_wrenches: Load,
+    method: str,
+    rtol: float,
+    atol: float,
+    max_condition_number: float,
+    through_singularities: bool,
+    sign_width: float,
+    progress: Callable[[float], None] | None,
 ) -> Trajectory:
     """The motion that `ClosedChain.simulate` gives, for the same arguments."""
     if method not in _METHODS:

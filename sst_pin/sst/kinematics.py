@@ -124,9 +124,7 @@ def joints_of_actuated(geometry: Geometry, gamma: Array, R: Array) -> Array:
 def orientation_of_joints(geometry: Geometry, q: Array) -> Array:
     """{E} in the base by leg 1, shape (..., 3, 3), Eqs. (26), (30)."""
     legs = legs_of_joints(geometry, q)
-    n, s = legs.n[..., 0, :], legs.s[..., 0, :]
-    R_31 = np.stack([s, np.cross(n, s), n], axis=-1)
-    return R_31 @ geometry.R_E[0]
+    return _orientation(geometry, legs.s[..., 0, :], legs.n[..., 0, :])
 
 
 def home_orientation(geometry: Geometry) -> Array:
@@ -139,8 +137,12 @@ def home_orientation(geometry: Geometry) -> Array:
     n /= np.linalg.norm(n)
     if n @ np.cross(e_1, middle) > 0:  # sin(mu_1) = -n . y_1 must be positive
         n = -n
-    R_31 = np.stack([s, np.cross(n, s), n], axis=-1)
-    return R_31 @ geometry.R_E[0]
+    return _orientation(geometry, s, n)
+
+
+def _orientation(geometry: Geometry, s: Array, n: Array) -> Array:
+    """{E} in the base by the x and z axes of {3, 1}."""
+    return np.stack([s, np.cross(n, s), n], axis=-1) @ geometry.R_E[0]
 
 
 def joint_rates(legs: Legs, omega: Array) -> Array:
