@@ -83,15 +83,12 @@ class LineForce:
 
 @dataclass(frozen=True)
 class Lines:
-    """The forces along lines of one robot.
+    """The forces along lines of one robot."""
 
-    Attributes:
-        forces: One for each line.
-        motors: Forces that push the ends of the lines apart are this times the motors' torques,
-            shape (lines, motors).
-    """
-
+    #: One for each line.
     forces: tuple[LineForce, ...]
+    #: Forces that push the ends of the lines apart are this times the motors' torques, shape
+    #: (lines, motors).
     motors: Array
 
     @cached_property

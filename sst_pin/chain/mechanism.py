@@ -71,14 +71,11 @@ class Friction:
 
 @dataclass(frozen=True)
 class Springs:
-    """Linear springs of joints.
+    """Linear springs of joints."""
 
-    Attributes:
-        stiffness: Stiffness of each rate, shape (nv,), [N m/rad] or [N/m]; read-only.
-        reference: Configuration without force, shape (nq,); read-only.
-    """
-
+    #: Stiffness of each rate, shape (nv,), [N m/rad] or [N/m]; read-only.
     stiffness: Array
+    #: Configuration without force, shape (nq,); read-only.
     reference: Array
 
     def __post_init__(self) -> None:
@@ -119,31 +116,24 @@ class Springs:
 
 @dataclass(frozen=True)
 class Mechanism:
-    """A tree, what closes it, what drives it. Everything computed comes from here.
+    """A tree, what closes it, what drives it. Everything computed comes from here."""
 
-    Attributes:
-        model: A copy of its own, which nobody changes.
-        closures: What closes the tree.
-        coordinates: Indices in v of the independent rates, shape (n,).
-        motors: B: the forces on the tree are B tau, shape (nv, motors).
-        motor_names: Names of the motors.
-        friction: Friction of all joints.
-        springs: Springs of all joints.
-        lines: Forces along lines, those of motors on lines among them.
-        example: A configuration with closed loops, shape (nq,), where the coordinates were judged;
-            None if none was found.
-        without_mass: Names of rates that move no mass, coordinates if these describe the motion.
-    """
-
+    #: A copy of its own, which nobody changes.
     model: pin.Model
     closures: tuple[Constraint, ...]
+    #: Indices in v of the independent rates, shape (n,).
     coordinates: Indices
+    #: B: the forces on the tree are B tau, shape (nv, motors).
     motors: Array
     motor_names: tuple[str, ...]
     friction: Friction
     springs: Springs
+    #: Forces along lines, those of motors on lines among them.
     lines: Lines = Lines((), np.zeros((0, 0)))  # noqa: RUF009
+    #: A configuration with closed loops, shape (nq,), where the coordinates were judged; None if
+    #: none was found.
     example: Array | None = None
+    #: Names of rates that move no mass, coordinates if these describe the motion.
     without_mass: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

@@ -145,20 +145,17 @@ class JointComplement:
 
 
 class Bodies(NamedTuple):
-    """Jacobians and inertias of all r bodies.
+    """Jacobians and inertias of all r bodies."""
 
-    Attributes:
-        K: t = K q_dot, shape (6 r, m), Eqs. (11), (12).
-        K_dot: Its rate, shape (6 r, m), Eq. (15).
-        M: Stacked mass matrix, shape (6 r, 6 r), Eqs. (67), (69).
-        Omega: Stacked angular velocities as cross-product matrices, shape (6 r, 6 r), Eq. (70).
-        gravity: w^g, wrenches of the weights, shape (6 r,), Eq. (77).
-    """
-
+    #: t = K q_dot, shape (6 r, m), Eqs. (11), (12).
     K: Array
+    #: Its rate, shape (6 r, m), Eq. (15).
     K_dot: Array
+    #: Stacked mass matrix, shape (6 r, 6 r), Eqs. (67), (69).
     M: Array
+    #: Stacked angular velocities as cross-product matrices, shape (6 r, 6 r), Eq. (70).
     Omega: Array
+    #: w^g, wrenches of the weights, shape (6 r,), Eq. (77).
     gravity: Array
 
 

@@ -37,14 +37,11 @@ BITS = 2.0 ** np.arange(6)
 
 
 class Verdict(NamedTuple):
-    """One answer for each component of the wrenches.
+    """One answer for each component of the wrenches."""
 
-    Attributes:
-        joints: Shape (..., r, 6).
-        closures: Shape (..., closures, 6).
-    """
-
+    #: Shape (..., r, 6).
     joints: Flags
+    #: Shape (..., closures, 6).
     closures: Flags
 
 

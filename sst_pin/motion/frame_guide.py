@@ -29,16 +29,13 @@ _STEPS, _LONGEST, _LAST = 12, 0.5, 1e-9
 
 
 class Way(NamedTuple):
-    """How far a frame came on its way to a pose.
+    """How far a frame came on its way to a pose."""
 
-    Attributes:
-        q: The last configuration, shape (nq,).
-        missed: What is left of the way, [rad] or parts of the robot's length; 0 if it is there.
-        singular: Whether it ends where the drives do not determine the motion.
-    """
-
+    #: The last configuration, shape (nq,).
     q: Array
+    #: What is left of the way, [rad] or parts of the robot's length; 0 if it is there.
     missed: float
+    #: Whether it ends where the drives do not determine the motion.
     singular: bool
 
 

@@ -53,16 +53,13 @@ _EXACT, _TOLERANCES = 1e-7, 100.0
 
 
 class Input(NamedTuple):
-    """What acts on a robot in motion.
+    """What acts on a robot in motion."""
 
-    Attributes:
-        at: Its value at a time, where the last argument gives q and va.
-        along: Its values at times (N,), for q (N, nq) and va (N, n).
-        sampling: What it holds constant from one time to the next, if it does.
-    """
-
+    #: Its value at a time, where the last argument gives q and va.
     at: Callable[[float, Callable[[], tuple[Array, Array]]], Array]
+    #: Its values at times (N,), for q (N, nq) and va (N, n).
     along: Callable[[Array, Array, Array], Array]
+    #: What it holds constant from one time to the next, if it does.
     sampling: Sampling | None = None
 
 
