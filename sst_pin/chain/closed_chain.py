@@ -158,8 +158,7 @@ class ClosedChain(Summary):
             name: None if value is None else read_only(finite_array(name, value, ()))
             for name, value in given.items()
         }
-        self._model = without_locked(model, locked) if locked else model
-        self._recipe: partial[Mechanism] = partial(
+        recipe: partial[Mechanism] = partial(
             mechanism_of,
             closures=closures_of(closures),
             motors=motors_of(actuated),
@@ -167,7 +166,7 @@ class ClosedChain(Summary):
             numbers=numbers,
             forces=forces_of(forces),
         )
-        self._fill(self._model, self._recipe)
+        self._fill(without_locked(model, locked) if locked else model, recipe)
 
     def __copy__(self: _Chain) -> _Chain:
         """A copy of the robot that later changes by itself; it keeps the model of the caller."""

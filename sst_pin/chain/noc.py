@@ -2,9 +2,9 @@
 """The natural orthogonal complement: L, K, T and their rates, Eqs. (3)-(25), one configuration.
 
 Sect. 3 of the paper with its letters. Joints keep the order of the tree instead of being sorted
-into actuated and unactuated.
-Twists are [omega; v] at the mass centres in base axes, as in the paper; Pinocchio's run [v; omega]
-at the frame's origin, and `body_jacobians` is the one place that crosses from one to the other.
+into actuated and unactuated. Twists are [omega; v] at the mass centres in base axes, as in the
+paper; Pinocchio's run [v; omega] at the frame's origin, and `body_jacobians` is the one place that
+crosses from one to the other.
 """
 
 from __future__ import annotations

@@ -69,7 +69,7 @@ class FrameGuide:
         self._frame = frame_id(mechanism.model, frame)
         self._kept = np.repeat([position, orientation], 3)
         self._unit = np.repeat([mechanism.length, 1.0], 3)[self._kept]
-        self._rank = _svd(self._place(chain.generic_configuration()).M[1])[1].size
+        self._rank = _rank(self._place(chain.generic_configuration()).M[1])
 
     def pose(self, q: Array) -> pin.SE3:
         """Where the frame is."""
@@ -134,9 +134,8 @@ class FrameGuide:
 
     def _inverses(self, place: _Place) -> list[Array | None]:
         """Pseudoinverses of M, none where the drives have lost rank."""
-        parts = [_svd(M) for M in place.M]
-        task, drives = ((Vt.T / s) @ U.T for U, s, Vt in parts)
-        return [task, drives if parts[1][1].size >= self._rank else None]
+        task, drives = (np.asarray(np.linalg.pinv(M, RANK_TOLERANCE), float) for M in place.M)
+        return [task, drives if _rank(place.M[1]) >= self._rank else None]
 
 
 def _change(inverse: Array | None, by: Array) -> float:
@@ -144,11 +143,8 @@ def _change(inverse: Array | None, by: Array) -> float:
     return np.inf if inverse is None else float(np.linalg.norm(inverse @ by))
 
 
-def _svd(M: Array) -> tuple[Array, Array, Array]:
-    """Singular vectors and values of a matrix, as many as its rank."""
-    U, s, Vt = np.linalg.svd(M, full_matrices=False)
-    rank = np.count_nonzero(s > RANK_TOLERANCE * s.max(initial=0.0))
-    return U[:, :rank], s[:rank], Vt[:rank]
+def _rank(M: Array) -> int:
+    return int(np.linalg.matrix_rank(M, rtol=RANK_TOLERANCE))
 
 
 def pose_error(at: pin.SE3, position: Array | None, R: Array | None) -> Array:
