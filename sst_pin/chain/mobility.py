@@ -111,7 +111,7 @@ class Mobility:
         ]
 
 
-def independent_rows(Phi: Array, tolerance: float = RANK_TOLERANCE) -> Indices:
+def independent_rows(Phi: Array) -> Indices:
     """Indices of rows that carry the rank of Phi, by a column-pivoted QR of its transpose."""
     if not Phi.size:
         return np.empty(0, dtype=np.intp)
@@ -119,7 +119,7 @@ def independent_rows(Phi: Array, tolerance: float = RANK_TOLERANCE) -> Indices:
 
     R, order = qr(Phi.T, pivoting=True, mode="r")
     pivots = np.abs(np.diag(R))
-    return np.sort(order[: np.count_nonzero(pivots > tolerance * pivots[0])])
+    return np.sort(order[: np.count_nonzero(pivots > RANK_TOLERANCE * pivots[0])])
 
 
 def free_motions(Phi: Array) -> Array:
@@ -180,15 +180,13 @@ def choose_coordinates(mechanism: Mechanism, Phi: Array, wanted: Sequence[Indice
     return np.array(chosen, dtype=np.intp)
 
 
-def judge(
-    mechanism: Mechanism, loops: Loops, q: Array, where: str, wanted: Sequence[Indices] = ()
-) -> Mobility:
-    """Count the motions at a closed configuration q and choose coordinates, those wanted first."""
+def judge(mechanism: Mechanism, loops: Loops, q: Array, where: str) -> Mobility:
+    """Count the motions at a closed configuration q; its own coordinates come first, if they do."""
     Phi = scaled_Phi(mechanism, loops, q)
     loops.require_closed(mechanism.row_scale)
     space = mechanism.space
-    coordinates = choose_coordinates(mechanism, Phi, wanted)
-    n = len(coordinates)
+    own = [space.rates_of([name]) for name in space.names_of(mechanism.coordinates.tolist())]
+    coordinates = choose_coordinates(mechanism, Phi, own)
     motions = free_motions(Phi)
     _, sizes, ways = np.linalg.svd(motor_rates(mechanism, q, motions))
     held = int(np.count_nonzero(sizes > RESTS))
@@ -199,7 +197,7 @@ def judge(
         coordinates=space.names_of(coordinates.tolist()),
         rows=tuple(f"{c}: {row}" for c in mechanism.closures for row in c.rows),
         independent_rows=tuple(map(int, independent_rows(Phi))),
-        degrees_of_freedom=n,
+        degrees_of_freedom=len(coordinates),
         held=held,
         loose_joints=tuple(np.array(space.rate_names)[moving].tolist()),
         idle_joints=tuple(

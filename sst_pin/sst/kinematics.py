@@ -110,10 +110,15 @@ def joints_of_legs(geometry: Geometry, legs: Legs) -> Array:
     return np.stack([gamma, mu, beta], axis=-1).reshape(*gamma.shape[:-1], 9)
 
 
+def passive_axes(geometry: Geometry, gamma: Array) -> Array:
+    """e_{k+3} in the base, rows, for motor angles, shape (..., 3)."""
+    x_0, y_0 = geometry.R_0[:, :, 0], geometry.R_0[:, :, 1]
+    return np.cos(gamma)[..., None] * x_0 + np.sin(gamma)[..., None] * y_0
+
+
 def joints_of_actuated(geometry: Geometry, gamma: Array, R: Array) -> Array:
     """q at orientations that assemble with given gamma_k, the branches being what they are."""
-    x_0, y_0 = geometry.R_0[:, :, 0], geometry.R_0[:, :, 1]
-    u = np.cos(gamma)[..., None] * x_0 + np.sin(gamma)[..., None] * y_0
+    u = passive_axes(geometry, gamma)
     R_3 = R[..., None, :, :] @ np.swapaxes(geometry.R_E, -1, -2)
     u, n = np.broadcast_arrays(u, R_3[..., 2])
     q = joints_of_legs(geometry, _legs(geometry, u, n, R_3[..., 0]))

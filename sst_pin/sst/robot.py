@@ -336,8 +336,7 @@ class SST(ClosedChain):
             array([0.8  , 1.591, 0.616, 0.8  , 1.591, 0.616, 0.8  , 1.591, 0.616])
         """
         gamma, geometry = single_array("gamma", gamma, (3,)), self.geometry
-        x_0, y_0 = geometry.R_0[:, :, 0], geometry.R_0[:, :, 1]
-        u = np.cos(gamma)[:, None] * x_0 + np.sin(gamma)[:, None] * y_0
+        u = kinematics.passive_axes(geometry, gamma)
         R = direct_kinematics.orientations(u, geometry.arc_normals)
         solutions = kinematics.joints_of_actuated(geometry, gamma, R)
         if near is None:
