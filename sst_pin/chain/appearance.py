@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """What pictures of a robot show beside its bodies."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -4,8 +4,6 @@
 Each class describes its closure constraints; `loops` computes f(q) and the rows of Phi.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite

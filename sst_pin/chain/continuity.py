@@ -9,8 +9,6 @@ is divided. Units of rows do not matter for this measure. One determinant of all
 do: it keeps its sign where two blocks become singular at once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from typing import NamedTuple

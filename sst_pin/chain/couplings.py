@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Couplings as rows on the rates of one-coordinate joints."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 from numpy.polynomial import Polynomial

@@ -8,8 +8,6 @@ rates of the tree follow the coordinates. docs/derivatives.md derives the equati
 Derivatives by q are taken along each rate of the tree, as Pinocchio's are.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import NamedTuple
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The configuration space of a tree: names and units of its coordinates, q_dot from v."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cached_property
 from typing import Any, NamedTuple

@@ -4,8 +4,6 @@
 A line is a `Distance` that nothing holds: its row of Phi gives the rate of its length.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, fields
 from functools import cached_property

@@ -11,8 +11,6 @@ functions are not used, they are wrong or NaN in silence on redundant loops.
 Rows run [linear; angular], as Pinocchio's do; the paper's order comes in with the bodies' twists.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 

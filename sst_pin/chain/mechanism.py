@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """`Mechanism`: all that the dynamics of a closed chain is computed from, fixed once and for all."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeVar

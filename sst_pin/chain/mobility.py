@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Mobility of a closed chain: degrees of freedom, coordinates, and whether the motors suffice."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Positions of joints by their names."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -7,8 +7,6 @@ paper; Pinocchio's run [v; omega] at the frame's origin, and `body_jacobians` is
 crosses from one to the other.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

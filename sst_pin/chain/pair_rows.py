@@ -19,8 +19,6 @@ The kinds of closures differ in their directions and points only:
 - a rolling wheel: u are the axes of the plane A, the points both the point of contact.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -9,8 +9,6 @@ unique exactly where its row of X N is zero (Wojtyra 2005; Fraczek and Wojtyra 2
 free of units, so that the verdict does not depend on them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -6,8 +6,6 @@ close the loops on one branch only. From there an implicit step over the configu
 which the equations of motion hold on both sides, but nowhere next to it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 

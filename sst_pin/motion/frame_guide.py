@@ -8,8 +8,6 @@ With the rates of coordinates or motors in the place of the frame's, the loops s
 assembly mode; see `chain/continuity.py`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Columns of a motion in a CSV: their names, with units, and what they say."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Motions and torques of any closed chain that people write down as CSV."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from copy import copy
 from pathlib import Path
