@@ -663,11 +663,9 @@ class ClosedChain(Summary):
             >>> chain.check(chain.home)
             ()
         """
-        from ..motion.limits import findings, samples_of
+        from ..motion.limits import findings
 
-        now = copy(self)
-        t, q = samples_of(now, motion)
-        return findings(t, now._verdicts(q))
+        return findings(copy(self), motion)
 
     def loads(
         self, motion: Trajectory, *, stiffness: Mapping[str, ArrayLike] | None = None

@@ -12,18 +12,15 @@ from .tree import joint_id
 
 
 class Coupled:
-    """The row of a coupling of joints that have one coordinate each.
-
-    Attributes:
-        terms: For each joint its index in q and in v, the polynomial P of its coordinate with
-            sum P = offset, and the first and second derivative of P.
-    """
+    """The row of a coupling of joints that have one coordinate each."""
 
     def __init__(self, model: pin.Model, coupling: Coupling) -> None:
         self._nv = model.nv
         terms = [(coupling.joint, Polynomial([0.0, 1.0]), 1.0)]
         terms += [(name, Polynomial(p), -1.0) for name, p in coupling.polynomials.items()]
         self._offset = coupling.offset
+        #: For each joint its index in q and in v, the polynomial P of its coordinate with
+        #: sum P = offset, and the first and second derivative of P.
         self.terms: list[tuple[int, int, Polynomial, Polynomial, Polynomial]] = []
         for name, polynomial, sign in terms:
             joint = model.joints[joint_id(model, name)]

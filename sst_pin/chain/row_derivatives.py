@@ -54,18 +54,15 @@ class FrameMotions:
 
 
 class Branches:
-    """Which rates of a tree move what.
-
-    Attributes:
-        supports: For each joint 1 for the rates that move its body, shape (joints, nv).
-        before: Column k: those that move what bears the joint of rate k, shape (nv, nv).
-    """
+    """Which rates of a tree move what."""
 
     def __init__(self, model: pin.Model) -> None:
         self.model = model
+        #: For each joint 1 for the rates that move its body, shape (joints, nv).
         self.supports = np.array([support(model, j) for j in range(model.njoints)])
         joints = list(zip(model.parents, model.joints, strict=True))[1:]
         bearers = [parent for parent, joint in joints for _ in range(joint.nv)]
+        #: Column k: those that move what bears the joint of rate k, shape (nv, nv).
         self.before = self.supports[bearers].T
 
 

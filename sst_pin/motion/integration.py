@@ -155,9 +155,7 @@ Node = tuple[float, States, Array]
 class Run:
     """One integration, step by step; it ends before a singularity, or goes through it.
 
-    Attributes:
-        stopped: Why it ended before the last time.
-        crossings: The singular configurations that it went through.
+    `stopped` says why it ended before the last time, `crossings` what it went through.
     """
 
     def __init__(

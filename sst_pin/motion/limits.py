@@ -69,11 +69,12 @@ def samples_of(chain: ClosedChain, motion: Any) -> tuple[Array, Array]:
     return np.array([np.nan]), q[None]
 
 
-def findings(t: Array, verdicts: Iterable[Verdict]) -> tuple[Finding, ...]:
-    """A finding for each verdict with samples at fault."""
+def findings(chain: ClosedChain, motion: Any) -> tuple[Finding, ...]:
+    """What `ClosedChain.check` finds, one for each verdict with samples at fault."""
+    t, q = samples_of(chain, motion)
     return tuple(
         Finding(problem, joints, t[out], values[out], limits, unit, singular)
-        for problem, joints, values, out, limits, unit, singular in verdicts
+        for problem, joints, values, out, limits, unit, singular in chain._verdicts(q)
         if out.any()
     )
 

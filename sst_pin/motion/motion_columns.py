@@ -94,16 +94,6 @@ def parts_of(table: Table) -> dict[str, Any]:
     if coordinates != accelerations:
         raise FileFormatError(table.path, "not a motion: accelerations of joints without rates", 1)
     t, q, va, aa, tau = np.split(values, np.cumsum([1, m, n, n]), axis=1)
-    return {
-        "t": t[:, 0],
-        "q": q,
-        "va": va,
-        "aa": aa,
-        "tau": tau,
-        "joint_names": names,
-        "actuated": actuated,
-        "units": units,
-        "coordinates": rate_names,
-        "rate_units": rate_units,
-        "torque_units": forces,
-    }
+    numbers = {"t": t[:, 0], "q": q, "va": va, "aa": aa, "tau": tau}
+    joints = {"joint_names": names, "units": units, "actuated": actuated, "torque_units": forces}
+    return numbers | joints | {"coordinates": rate_names, "rate_units": rate_units}

@@ -282,12 +282,8 @@ class Trajectory(Summary):
             (2, 3)
         """
         path = as_path(path)
-        if path.suffix.lower() == ".npz":
-            return cls._load_npz(path)
-        return cls(**parts_of(read_table(path)))
-
-    @classmethod
-    def _load_npz(cls, path: Path) -> Trajectory:
+        if path.suffix.lower() != ".npz":
+            return cls(**parts_of(read_table(path)))
         try:
             with np.load(path, allow_pickle=False) as file:
                 older = {"torque_units"} - set(file.files)
