@@ -100,8 +100,8 @@ class ClosedChain(Summary):
     - `threads`: number of threads for batches in compiled kernels; the reference path uses one.
     - `on_error`: "raise", or "nan" to set the results of bad samples to NaN.
 
-    They raise the errors that `compute_torques` lists: for arguments, open loops, and singular
-    configurations.
+    These methods raise the errors that `compute_torques` lists: for arguments, open loops, and
+    singular configurations.
 
     Args:
         model: The tree. The chain computes with a copy.

@@ -151,8 +151,14 @@ class JointSpace:
         q_dot = np.empty(self._model.nq)
         q_dot[self._simple[0]] = v[self._simple[1]]
         for i, k in self._quaternions:
-            turn = pin.Quaternion(np.append(v[k : k + 3] / 2, 0.0))
-            q_dot[i : i + 4] = (pin.Quaternion(q[i : i + 4]) * turn).coeffs()
+            x, y, z, w = q[i : i + 4]
+            a, b, c = v[k : k + 3] / 2
+            q_dot[i : i + 4] = (
+                w * a + y * c - z * b,
+                w * b + z * a - x * c,
+                w * c + x * b - y * a,
+                -x * a - y * b - z * c,
+            )
         for i, k in self._circles:
             q_dot[i : i + 2] = -q[i + 1] * v[k], q[i] * v[k]
         for i, k, size in self._frames:

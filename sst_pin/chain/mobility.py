@@ -179,7 +179,7 @@ def choose_coordinates(mechanism: Mechanism, Phi: Array, wanted: Sequence[Indice
 
 
 def judge(mechanism: Mechanism, loops: Loops, q: Array, where: str) -> Mobility:
-    """Count the motions at a closed configuration q; its own coordinates come first, if they do."""
+    """Count motions at a closed q, in the mechanism's own coordinates if these describe them."""
     Phi = scaled_Phi(mechanism, loops, q)
     loops.require_closed(mechanism.row_scale)
     space = mechanism.space

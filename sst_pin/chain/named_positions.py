@@ -26,17 +26,18 @@ def put(space: JointSpace, q: Array, positions: Mapping[str, ArrayLike]) -> Arra
         place = _place(space, name)
         value = single_array(name, position, q.shape[:-1])
         entries = [value] if len(place) == 1 else [np.cos(value), np.sin(value)]
-        q[..., place] = np.stack(entries, axis=-1)
+        for k, entry in zip(place, entries, strict=True):
+            q[..., k] = entry
     return q
 
 
 def taken(space: JointSpace, q: Array, names: Sequence[str]) -> Array:
     """Positions of named joints, which turn or slide, shape (..., names), [rad] or [m]."""
-    x = np.empty((*q.shape[:-1], len(names)))
-    for k, name in enumerate(names):
-        entry, *sine = np.moveaxis(q[..., _place(space, name)], -1, 0)
-        x[..., k] = np.arctan2(sine[0], entry) if sine else entry
-    return x
+    columns = []
+    for name in names:
+        entry, *sine = [q[..., k] for k in _place(space, name)]
+        columns.append(np.arctan2(sine[0], entry) if sine else entry)
+    return np.stack(columns, axis=-1) if columns else np.zeros((*q.shape[:-1], 0))
 
 
 def _place(space: JointSpace, name: str) -> list[int]:

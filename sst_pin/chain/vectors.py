@@ -27,11 +27,30 @@ def cross_products(a: Array, b: Array) -> Array:
     return np.asarray(products.reshape(*products.shape[:-2], 9).dot(_OF_PRODUCTS))
 
 
+def _of_twists() -> Array:
+    of_twists, of_vectors = np.zeros((6, 6, 6)), _OF_PRODUCTS.T.reshape(3, 3, 3)
+    of_twists[:3, 3:, :3] = of_twists[:3, :3, 3:] = of_twists[3:, 3:, 3:] = of_vectors
+    return of_twists.reshape(6, 36)
+
+
+_OF_TWISTS = _of_twists()
+
+
 def brackets(a: Array, b: Array) -> Array:
     """Lie brackets of twists [linear; angular] with columns, shape (6, k); a may be one twist."""
-    (v_a, omega_a), (v_b, omega_b) = (np.split(x.reshape(6, -1).T, 2, axis=1) for x in (a, b))
-    linear = cross_products(omega_a, v_b) + cross_products(v_a, omega_b)
-    return np.concatenate([linear, cross_products(omega_a, omega_b)], axis=1).T
+    products = a.reshape(6, 1, -1) * b
+    return np.asarray(_OF_TWISTS.dot(products.reshape(36, -1)))
+
+
+def _to_rates() -> Array:
+    """Twist times this: the matrix that takes homogeneous coordinates in a row to their rates."""
+    matrices = np.zeros((6, 4, 4))
+    matrices[:3, 3, :3] = np.eye(3)
+    matrices[3:, :3, :3] = -_TO_MATRIX.reshape(3, 3, 3)
+    return matrices.reshape(6, 16)
+
+
+_TO_RATES = _to_rates()
 
 
 def carrying(twists: Array) -> Array:
@@ -39,7 +58,4 @@ def carrying(twists: Array) -> Array:
 
     Twists are [linear; angular] at the world's origin, shape (k, 6).
     """
-    matrices = np.zeros((len(twists), 4, 4))
-    matrices[:, 3, :3] = twists[:, :3]
-    matrices[:, :3, :3] = -skew(twists[:, 3:])
-    return matrices
+    return twists.dot(_TO_RATES).reshape(-1, 4, 4)
