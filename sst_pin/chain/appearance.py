@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """What pictures of a robot show beside its bodies."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -18,40 +16,34 @@ _INK = "#6B747D"
 
 
 class DrawnFrame(NamedTuple):
-    """A frame in a picture.
+    """A frame in a picture."""
 
-    Attributes:
-        name: Its label.
-        joint: Number of the joint whose body it is fixed to.
-        placement: On this body.
-        colour: Colour of the label, as "#rrggbb".
-    """
-
+    #: Its label.
     name: str
+    #: Number of the joint whose body it is fixed to.
     joint: int
+    #: On this body.
     placement: pin.SE3
+    #: Colour of the label, as "#rrggbb".
     colour: str = _INK
 
 
 class Appearance(NamedTuple):
-    """What a robot's pictures show.
+    """What a robot's pictures show."""
 
-    Attributes:
-        axes: Label and colour of the axis of each rate, in the order of v.
-        frames: Frames with axes and a label.
-        point: The frame whose path is drawn, by its origin; None for none.
-        size: A length of the robot, [m]; None to measure its shapes.
-        axis_length: Length of the drawn axes, as a share of `size`.
-        arcs: Ends of the arcs that joints run on, shape (2, nq), [rad]; None for none.
-        spherical: Whether the path is drawn on the sphere of an SST.
-    """
-
+    #: Label and colour of the axis of each rate, in the order of v.
     axes: tuple[tuple[str, str], ...]
+    #: Frames with axes and a label.
     frames: tuple[DrawnFrame, ...]
+    #: The frame whose path is drawn, by its origin; None for none.
     point: DrawnFrame | None
+    #: A length of the robot, [m]; None to measure its shapes.
     size: float | None = None
+    #: Length of the drawn axes, as a share of `size`.
     axis_length: float = 0.5
+    #: Ends of the arcs that joints run on, shape (2, nq), [rad]; None for none.
     arcs: Array | None = None
+    #: Whether the path is drawn on the sphere of an SST.
     spherical: bool = False
 
 

@@ -11,6 +11,7 @@ import pinocchio as pin
 
 from ..arrays import Array, Flags, Indices
 from ..errors import ClosureError, DescriptionError, InputError
+from ..summaries import listed
 from .loops import Loops, connected
 from .mechanism import Mechanism
 from .thresholds import ASSEMBLED
@@ -63,12 +64,11 @@ class Assembly:
                 for closure, rows in zip(mechanism.closures, loops.slices, strict=True)
                 if np.isin(open_rows, np.arange(rows.start, rows.stop)).any()
             ]
-            shown = ", ".join(names[:4]) + (f" and {len(names) - 4} more" * (len(names) > 4))
             raise ClosureError(
                 f"the loops cannot be closed from this guess{bounds.reached(q)}: {largest:.3g} "
-                f"(m or rad) stays open at {shown}; start closer to a closed configuration, hold "
-                "fewer joints (fixed=), try several starts "
-                "(tries=), or check the geometry",
+                f"(m or rad) stays open at {listed(names, 4)}; start closer to a closed "
+                "configuration, hold fewer joints (fixed=), try several starts (tries=), or check "
+                "the geometry",
                 largest,
             )
         return q

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Assignments to a robot that would have no effect are refused, with what to do instead."""
 
-from __future__ import annotations
-
 from difflib import get_close_matches
 
 from ..errors import AssignmentError

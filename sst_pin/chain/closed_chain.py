@@ -73,13 +73,8 @@ if TYPE_CHECKING:
 _FORCES = Key("generalized_forces")
 _Chain = TypeVar("_Chain", bound="ClosedChain")
 
-
 #: A robot changes in one thread at a time.
 _CHANGES = threading.RLock()
-
-
-def _anything_goes(model: pin.Model) -> None:
-    pass
 
 
 class ClosedChain(Summary):
@@ -104,6 +99,9 @@ class ClosedChain(Summary):
     - `out`: array for the result, of its shape.
     - `threads`: number of threads for batches in compiled kernels; the reference path uses one.
     - `on_error`: "raise", or "nan" to set the results of bad samples to NaN.
+
+    These methods raise the errors that `compute_torques` lists: for arguments, open loops, and
+    singular configurations.
 
     Args:
         model: The tree. The chain computes with a copy.
@@ -160,8 +158,7 @@ class ClosedChain(Summary):
             name: None if value is None else read_only(finite_array(name, value, ()))
             for name, value in given.items()
         }
-        self._model = without_locked(model, locked) if locked else model
-        self._recipe: partial[Mechanism] = partial(
+        recipe: partial[Mechanism] = partial(
             mechanism_of,
             closures=closures_of(closures),
             motors=motors_of(actuated),
@@ -169,7 +166,7 @@ class ClosedChain(Summary):
             numbers=numbers,
             forces=forces_of(forces),
         )
-        self._filled(self._model, self._recipe)
+        self._fill(without_locked(model, locked) if locked else model, recipe)
 
     def __copy__(self: _Chain) -> _Chain:
         """A copy of the robot that later changes by itself; it keeps the model of the caller."""
@@ -180,11 +177,6 @@ class ClosedChain(Summary):
     def __setstate__(self, state: dict[str, Any]) -> None:
         # Mimic joints of an unpickled model end the process.
         self.__dict__.update(state, _model=pin.Model(state["_model"]))
-
-    def _mechanism_of_model(self) -> Mechanism:
-        """The mechanism of `model` as it stands."""
-        self._examine(self._model)
-        return self._recipe(copied(self._model))
 
     # --- what it is -------------------------------------------------------------------------
 
@@ -413,7 +405,7 @@ class ClosedChain(Summary):
             True
         """
         with _CHANGES:
-            self._filled(self._model, self._recipe)
+            self._fill(self._model, self._recipe)
 
     def with_coordinates(self, coordinates: Sequence[str]) -> ClosedChain:
         """This robot with its dynamics in other coordinates.
@@ -440,14 +432,14 @@ class ClosedChain(Summary):
         chain = ClosedChain.__new__(ClosedChain)
         chain._shapes, chain._platform = self._shapes, self._platform
         model = pin.Model(self.mechanism.model) if model is None else model
-        return chain._filled(model, partial(self._recipe, **changes))
+        chain._fill(model, partial(self._recipe, **changes))
+        return chain
 
-    def _filled(self: _Chain, model: pin.Model, recipe: partial[Mechanism]) -> _Chain:
-        """This chain made of a model and the other arguments of the constructor, on its path."""
+    def _fill(self, model: pin.Model, recipe: partial[Mechanism]) -> None:
+        """Make this chain of a model and the other arguments of the constructor, on its path."""
         self._model, self._recipe = model, recipe
         kernels = self._current.kernels if hasattr(self, "_current") else None
-        self._current = Current(self._mechanism_of_model(), kernels)
-        return self
+        self._current = Current(recipe(copied(model)), kernels)
 
     # --- closures ---------------------------------------------------------------------------
 
@@ -671,11 +663,9 @@ class ClosedChain(Summary):
             >>> chain.check(chain.home)
             ()
         """
-        from ..motion.limits import findings, samples_of
+        from ..motion.limits import findings
 
-        now = copy(self)
-        t, q = samples_of(now, motion)
-        return findings(t, now._verdicts(q))
+        return findings(copy(self), motion)
 
     def loads(
         self, motion: Trajectory, *, stiffness: Mapping[str, ArrayLike] | None = None
@@ -745,7 +735,6 @@ class ClosedChain(Summary):
 
         Raises:
             UnknownNameError: For an unknown frame.
-            InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
 
         Example:
             >>> delta = sst_pin.robots.delta()
@@ -774,7 +763,6 @@ class ClosedChain(Summary):
 
         Raises:
             UnknownNameError: For an unknown frame.
-            InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
 
         Example:
             >>> delta = sst_pin.robots.delta()
@@ -801,7 +789,6 @@ class ClosedChain(Summary):
 
         Raises:
             UnknownNameError: For an unknown frame.
-            InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
 
         Example:
             >>> delta = sst_pin.robots.delta()
@@ -831,7 +818,6 @@ class ClosedChain(Summary):
 
         Raises:
             UnknownNameError: For an unknown frame.
-            InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
 
         Example:
             >>> delta = sst_pin.robots.delta()
@@ -925,9 +911,6 @@ class ClosedChain(Summary):
         Returns:
             f, shape (..., n), [N m] or [N].
 
-        Raises:
-            InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
-
         Example:
             >>> arm = sst_pin.robots.planar_4rrr()
             >>> arm.generalized_forces(arm.home, np.zeros(3), [1, 0, 0]).shape
@@ -958,9 +941,6 @@ class ClosedChain(Summary):
 
         Returns:
             aa, shape (..., n).
-
-        Raises:
-            InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
 
         Example:
             >>> chain.compute_accelerations(chain.home, [0], [0]).round(3)
@@ -1008,7 +988,7 @@ class ClosedChain(Summary):
         Raises:
             InputError: If neither aa nor tau is given, or both.
             UnknownNameError: For a stiffness of an unknown joint.
-            ClosureError, SingularConfigurationError, ActuationError: As `compute_torques`.
+            ActuationError: If the motors cannot produce the motion.
 
         Example:
             >>> w = chain.reactions(chain.home, [0], [0])
@@ -1035,9 +1015,6 @@ class ClosedChain(Summary):
     def noc(self, q: ArrayLike, va: ArrayLike) -> dynamics.Terms:
         """All matrices of the paper at one state, with f = I aa + C va - tau^g - tau^f.
 
-        Raises:
-            InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
-
         Example:
             >>> terms = robot.noc(robot.home, [1, 0, 0])
             >>> terms.L.shape, terms.K.shape, terms.T.shape
@@ -1051,9 +1028,6 @@ class ClosedChain(Summary):
         self, q: ArrayLike, va: ArrayLike, *, threads: int = 1, on_error: str = "raise"
     ) -> dynamics.ReducedTerms:
         """Mass matrix, Coriolis matrix, gravity and friction in the coordinates, Eqs. (93)-(96).
-
-        Raises:
-            InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
 
         Example:
             >>> terms = chain.reduced_terms(chain.home, [1])
@@ -1098,9 +1072,6 @@ class ClosedChain(Summary):
         Returns:
             Y, shape (..., n, p).
 
-        Raises:
-            InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
-
         Example:
             >>> Y = chain.torque_regressor(chain.home, [1], [2])
             >>> f = chain.generalized_forces(chain.home, [1], [2])
@@ -1135,7 +1106,8 @@ class ClosedChain(Summary):
         """
         chain = copy(self)
         model, numbers, forces = regressor.changed(chain.mechanism, theta)
-        return chain._filled(model, partial(chain._recipe, numbers=numbers, forces=forces))
+        chain._fill(model, partial(chain._recipe, numbers=numbers, forces=forces))
+        return chain
 
     # --- derivatives ------------------------------------------------------------------------
 
@@ -1160,9 +1132,6 @@ class ClosedChain(Summary):
 
         Returns:
             `.dq`, `.dva`, `.daa`, shapes (..., n, n). Column k of dq: q moves by L e_k.
-
-        Raises:
-            InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
 
         Example:
             >>> d = chain.torque_derivatives(chain.home, [1], [0])
@@ -1192,9 +1161,6 @@ class ClosedChain(Summary):
 
         Returns:
             `.dq`, `.dva`, shapes (..., n, n), and `.dtau`, shape (..., n, motors).
-
-        Raises:
-            InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
 
         Example:
             >>> tau = chain.compute_torques(chain.home, [0], [0])
@@ -1227,9 +1193,6 @@ class ClosedChain(Summary):
 
         Returns:
             A, shape (..., 2 n, 2 n), and B, shape (..., 2 n, motors).
-
-        Raises:
-            InputError, ClosureError, SingularConfigurationError: As `compute_torques`.
 
         Example:
             >>> tau = chain.compute_torques(chain.home, [0], [0])
@@ -1719,21 +1682,9 @@ class ClosedChain(Summary):
         from ..motion.simulation import simulate
 
         now = copy(self)
-        return simulate(
-            now,
-            torque,
-            q0,
-            va0,
-            t,
-            external_wrenches=now._moving_load(platform_moment, external_wrenches),
-            method=method,
-            rtol=rtol,
-            atol=atol,
-            max_condition_number=max_condition_number,
-            through_singularities=through_singularities,
-            sign_width=sign_width,
-            progress=progress,
-        )
+        load = now._moving_load(platform_moment, external_wrenches)
+        how = max_condition_number, through_singularities, sign_width, progress
+        return simulate(now, torque, q0, va0, t, load, method, rtol, atol, *how)
 
     def rollout(
         self,
@@ -1787,18 +1738,8 @@ class ClosedChain(Summary):
         from ..motion.rollouts import rollout
 
         now = copy(self)
-        return rollout(
-            now,
-            tau,
-            q0,
-            va0,
-            dt,
-            external_wrenches=now._wrenches(now._current, platform_moment, external_wrenches),
-            steps=steps,
-            sign_width=sign_width,
-            threads=threads,
-            on_error=on_error,
-        )
+        load = now._wrenches(now._current, platform_moment, external_wrenches)
+        return rollout(now, tau, q0, va0, dt, load, steps, sign_width, threads, on_error)
 
     # --- pictures ---------------------------------------------------------------------------
 
@@ -1882,8 +1823,6 @@ class ClosedChain(Summary):
             raise MissingExtraError("casadi", "compile") from None
         return functions_of(self._current.reference, q)
 
-    #: Refuses a model that is none of this class.
-    _examine: Callable[[pin.Model], Any] = staticmethod(_anything_goes)
     #: Name of the frame whose body is the platform.
     _platform = "platform"
 

@@ -4,8 +4,6 @@
 Each class describes its closure constraints; `loops` computes f(q) and the rows of Phi.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
@@ -60,21 +58,15 @@ class Closure:
     )
 
     def __post_init__(self) -> None:
-        kind = self.kind
-        _require_words(self.frame_a, self.frame_b)
+        kind, problem = self.kind, ""
         _require_two(self.frame_a, self.frame_b)
         if isinstance(kind, str):
             if kind not in self.KINDS:
-                known = ", ".join(self.KINDS)
-                raise DescriptionError(
-                    f"closure of {self.frame_a} and {self.frame_b}",
-                    [f"kind {kind!r} unknown; known: {known}"],
-                )
+                problem = f"kind {kind!r} unknown; known: {', '.join(self.KINDS)}"
         elif not isinstance(kind, tuple) or len(kind) != 6 or not any(kind):
-            raise DescriptionError(
-                f"closure of {self.frame_a} and {self.frame_b}",
-                [f"kind {kind!r}: six booleans are needed, at least one of them true"],
-            )
+            problem = f"kind {kind!r}: six booleans are needed, at least one of them true"
+        if problem:
+            raise DescriptionError(f"closure of {self.frame_a} and {self.frame_b}", [problem])
 
     @property
     def held(self) -> tuple[bool, ...]:
@@ -109,12 +101,10 @@ class Distance:
     distance: float
 
     def __post_init__(self) -> None:
-        _require_words(self.frame_a, self.frame_b)
         _require_two(self.frame_a, self.frame_b)
         if not (_is_finite(self.distance) and self.distance > 0):
-            raise DescriptionError(
-                str(self), [f"distance {self.distance}: a positive number is needed"]
-            )
+            problem = f"distance {self.distance}: a positive number is needed"
+            raise DescriptionError(str(self), [problem])
 
     @property
     def rows(self) -> list[str]:
@@ -223,6 +213,7 @@ def _is_finite(number: object) -> bool:
 
 
 def _require_two(frame_a: str, frame_b: str) -> None:
+    _require_words(frame_a, frame_b)
     if frame_a == frame_b:
         raise DescriptionError(
             f"closure of {frame_a} and {frame_b}", ["a frame cannot close a loop with itself"]

@@ -9,8 +9,6 @@ is divided. Units of rows do not matter for this measure. One determinant of all
 do: it keeps its sign where two blocks become singular at once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from typing import NamedTuple
@@ -22,6 +20,7 @@ from ..arrays import Array, Indices
 from ..errors import SSTError
 from .loops import Loops, connected
 from .mechanism import Mechanism
+from .mobility import largest_condition, scaled_Phi
 
 #: From a configuration at one fraction of a step to that at a later fraction; an SSTError where
 #: there is none.
@@ -49,7 +48,6 @@ class Continuity:
 
     def __init__(self, mechanism: Mechanism, loops: Loops) -> None:
         self._mechanism, self._loops = mechanism, loops
-        self._scale = mechanism.row_scale[:, None] * mechanism.rate_scale
         self._moving = np.flatnonzero(loops.touched.any(axis=0))
         shapes = dict[tuple[int, int], list[tuple[Indices, Indices]]]()
         for rows, rates in self._blocks():
@@ -73,8 +71,7 @@ class Continuity:
         mechanism, loops = self._mechanism, self._loops
         Phi, all_rows = np.zeros(loops.touched.shape), np.arange(loops.rows)
         if mechanism.example is not None:
-            loops.evaluate(mechanism.example)
-            Phi = loops.Phi() * self._scale
+            Phi = scaled_Phi(mechanism, loops, mechanism.example)
         for part_rows, part in connected(loops.touched[:, mechanism.dependent]):
             rows, rates, ranks = part_rows, mechanism.dependent[part], dict[int, int]()
             for k, loop in enumerate(loops.slices):
@@ -97,7 +94,7 @@ class Continuity:
 
         It is the largest one of its blocks.
         """
-        return _condition_number(self._place(q).blocks)
+        return largest_condition(self._place(q).blocks)
 
     def follow(
         self, start: Array, way: Way, limit: float, first: float = 1.0
@@ -160,22 +157,8 @@ class Continuity:
             for b, s in zip(place.blocks, self._smallest, strict=True)
         ):
             return True
-        return _condition_number(place.blocks) < limit
+        return largest_condition(place.blocks) < limit
 
     def _place(self, q: Array) -> _Place:
-        self._loops.evaluate(q)
-        Phi = self._loops.Phi() * self._scale
+        Phi = scaled_Phi(self._mechanism, self._loops, q)
         return _Place(q.copy(), [Phi[entries] for entries in self._entries])
-
-
-def _condition_number(blocks: list[Array]) -> float:
-    """The largest condition number of some blocks."""
-    worst = 1.0
-    for block in blocks:
-        if not np.isfinite(block).all():
-            return np.inf
-        s = np.linalg.svd(block, compute_uv=False)
-        if s.shape[1] < block.shape[2] or not s[:, -1].all():
-            return np.inf
-        worst = max(worst, float((s[:, 0] / s[:, -1]).max()))
-    return worst

@@ -5,8 +5,6 @@ It depends on the robot alone: random displacements are drawn for each joint by 
 are decided by names, so that neither the order of the joints nor the units count.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Couplings as rows on the rates of one-coordinate joints."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 from numpy.polynomial import Polynomial
@@ -14,18 +12,15 @@ from .tree import joint_id
 
 
 class Coupled:
-    """The row of a coupling of joints that have one coordinate each.
-
-    Attributes:
-        terms: For each joint its index in q and in v, the polynomial P of its coordinate with
-            sum P = offset, and the first and second derivative of P.
-    """
+    """The row of a coupling of joints that have one coordinate each."""
 
     def __init__(self, model: pin.Model, coupling: Coupling) -> None:
         self._nv = model.nv
         terms = [(coupling.joint, Polynomial([0.0, 1.0]), 1.0)]
         terms += [(name, Polynomial(p), -1.0) for name, p in coupling.polynomials.items()]
         self._offset = coupling.offset
+        #: For each joint its index in q and in v, the polynomial P of its coordinate with
+        #: sum P = offset, and the first and second derivative of P.
         self.terms: list[tuple[int, int, Polynomial, Polynomial, Polynomial]] = []
         for name, polynomial, sign in terms:
             joint = model.joints[joint_id(model, name)]
@@ -62,7 +57,3 @@ class Coupled:
         for i, k, _, _, P_2 in self.terms:
             row[k] = P_2(q[i]) * v[k]
         return row
-
-    def drift(self, q: Array, v: Array) -> float:
-        """`row_rate` times v."""
-        return sum(float(P_2(q[i])) * v[k] ** 2 for i, k, _, _, P_2 in self.terms)

@@ -127,12 +127,9 @@ class Current:
 
     def mobility(self, q: ArrayLike | None = None) -> Mobility:
         """Degrees of freedom and motors; see `ClosedChain.mobility`."""
-        mechanism, loops = self.mechanism, self.reference.memory.loops
         given = "a random assembled configuration" if q is None else "the configuration given"
-        names = mechanism.space.names_of(mechanism.coordinates.tolist())
-        groups = [mechanism.space.rates_of([name]) for name in names]
         at = self.example() if q is None else self.single(q)
-        return judge(mechanism, loops, at, given, groups)
+        return judge(self.mechanism, self.reference.memory.loops, at, given)
 
 
 def _unpickled(mechanism: Mechanism, kernels: Kernels | None) -> Current:

@@ -8,8 +8,6 @@ rates of the tree follow the coordinates. docs/derivatives.md derives the equati
 Derivatives by q are taken along each rate of the tree, as Pinocchio's are.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -158,13 +156,7 @@ class Derivatives:
         return np.concatenate((by_q.dot(L) + J.dot(v_q), J.dot(L)), axis=1)
 
     def _forces(
-        self,
-        friction: Friction,
-        q: Array,
-        va: Array,
-        aa: Array,
-        tau: Array,
-        wrenches: Array | None,
+        self, friction: Friction, q: Array, va: Array, aa: Array, tau: Array, wrenches: Array | None
     ) -> tuple[Array, Array, Array, Array]:
         """Derivatives of f - L^T B tau by q, va and aa, and L, on the plain tree."""
         memory, mechanism = self._memory, self._mechanism

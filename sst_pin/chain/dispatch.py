@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """One sample or many: by kernels, and by the reference path if they fail a kernel's checks."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Mapping
 from functools import partial

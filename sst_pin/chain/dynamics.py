@@ -4,8 +4,8 @@
 The long form assembles every term of Eq. (92) from K, T, M and Omega, to be seen and tested. The
 short form is the same equation with v = L va and v_dot = L aa + L_dot va put into the tree's
 inverse dynamics: f = L^T (RNEA(q, v, v_dot) - tau^f - tau^s - K^T w), tau^f and tau^s with the
-forces along lines. `pin.rnea` is the decoupled
-form K = N_l N_d of [5, 6] as recursions: N_d and N_l forward, N_l^T and N_d^T backward.
+forces along lines. `pin.rnea` is the decoupled form K = N_l N_d of [5, 6] as recursions: N_d and
+N_l forward, N_l^T and N_d^T backward.
 
 Inertia matrices come from `pin.crba`. It is wrong for trees whose joints were not added
 depth-first; for these, and for mimic joints, they come from RNEA without gravity and velocity.

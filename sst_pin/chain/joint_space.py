@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The configuration space of a tree: names and units of its coordinates, q_dot from v."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -39,9 +37,6 @@ _UNBOUNDED = _Kind(("cos", "sin"), ("",), ("rad",))
 
 class JointSpace:
     """What q (nq,) and v (nv,) of a tree mean.
-
-    Args:
-        model: The tree.
 
     Attributes:
         joint_names: Names of the joints.
@@ -96,6 +91,16 @@ class JointSpace:
             for suffix, unit in zip(kind.v, kind.units, strict=True)
         )
 
+    @cached_property
+    def places(self) -> dict[str, list[int]]:
+        """Entries of q of joints that turn or slide, by name; cosine and sine of endless turns."""
+        units = zip(self.position_names, self.position_units, strict=True)
+        single = {name: [k] for k, (name, unit) in enumerate(units) if unit}
+        endless = {
+            self.position_names[i].removesuffix("_cos"): [i, i + 1] for i, _ in self._circles
+        }
+        return single | endless
+
     def rates_of(self, names: Sequence[str]) -> Indices:
         """Indices in v of joints, or of single rates, by name."""
         found: list[int] = []
@@ -113,11 +118,6 @@ class JointSpace:
         if len(set(found)) != len(found):
             raise InputError("names", f"a joint appears twice in {list(names)}")
         return np.array(found, dtype=np.intp)
-
-    def force_units(self, B: Array) -> tuple[str, ...]:
-        """Units of motors, "Nm" or "N", by the rate that a column of B, (nv, motors), acts on."""
-        acts_on = np.abs(B).argmax(axis=0)
-        return tuple("N" if self.rate_units[k] == "m" else "Nm" for k in acts_on)
 
     def names_of(self, rates: Sequence[int]) -> tuple[str, ...]:
         """Names that `rates_of` leads back: of whole joints where all their rates are there."""

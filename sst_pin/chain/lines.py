@@ -4,8 +4,6 @@
 A line is a `Distance` that nothing holds: its row of Phi gives the rate of its length.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, fields
 from functools import cached_property
@@ -83,15 +81,12 @@ class LineForce:
 
 @dataclass(frozen=True)
 class Lines:
-    """The forces along lines of one robot.
+    """The forces along lines of one robot."""
 
-    Attributes:
-        forces: One for each line.
-        motors: Forces that push the ends of the lines apart are this times the motors' torques,
-            shape (lines, motors).
-    """
-
+    #: One for each line.
     forces: tuple[LineForce, ...]
+    #: Forces that push the ends of the lines apart are this times the motors' torques, shape
+    #: (lines, motors).
     motors: Array
 
     @cached_property

@@ -11,8 +11,6 @@ functions are not used, they are wrong or NaN in silence on redundant loops.
 Rows run [linear; angular], as Pinocchio's do; the paper's order comes in with the bodies' twists.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
@@ -154,7 +152,7 @@ class Loops:
         at_b_too, at_a_too = np.vecdot(self._W, accelerations.take(both, axis=0))
         drift: Array = at_b + at_a + at_b_too + at_a_too
         for rows, coupled in self.couplings:
-            drift[rows] = coupled.drift(self._q, v)
+            drift[rows] = coupled.row_rate(self._q, v).dot(v)
         return drift
 
     def forces_on_bodies(self, Lambda: Array) -> Array:

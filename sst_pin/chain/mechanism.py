@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """`Mechanism`: all that the dynamics of a closed chain is computed from, fixed once and for all."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeVar
@@ -71,14 +69,11 @@ class Friction:
 
 @dataclass(frozen=True)
 class Springs:
-    """Linear springs of joints.
+    """Linear springs of joints."""
 
-    Attributes:
-        stiffness: Stiffness of each rate, shape (nv,), [N m/rad] or [N/m]; read-only.
-        reference: Configuration without force, shape (nq,); read-only.
-    """
-
+    #: Stiffness of each rate, shape (nv,), [N m/rad] or [N/m]; read-only.
     stiffness: Array
+    #: Configuration without force, shape (nq,); read-only.
     reference: Array
 
     def __post_init__(self) -> None:
@@ -119,31 +114,24 @@ class Springs:
 
 @dataclass(frozen=True)
 class Mechanism:
-    """A tree, what closes it, what drives it. Everything computed comes from here.
+    """A tree, what closes it, what drives it. Everything computed comes from here."""
 
-    Attributes:
-        model: A copy of its own, which nobody changes.
-        closures: What closes the tree.
-        coordinates: Indices in v of the independent rates, shape (n,).
-        motors: B: the forces on the tree are B tau, shape (nv, motors).
-        motor_names: Names of the motors.
-        friction: Friction of all joints.
-        springs: Springs of all joints.
-        lines: Forces along lines, those of motors on lines among them.
-        example: A configuration with closed loops, shape (nq,), where the coordinates were judged;
-            None if none was found.
-        without_mass: Names of rates that move no mass, coordinates if these describe the motion.
-    """
-
+    #: A copy of its own, which nobody changes.
     model: pin.Model
     closures: tuple[Constraint, ...]
+    #: Indices in v of the independent rates, shape (n,).
     coordinates: Indices
+    #: B: the forces on the tree are B tau, shape (nv, motors).
     motors: Array
     motor_names: tuple[str, ...]
     friction: Friction
     springs: Springs
+    #: Forces along lines, those of motors on lines among them.
     lines: Lines = Lines((), np.zeros((0, 0)))  # noqa: RUF009
+    #: A configuration with closed loops, shape (nq,), where the coordinates were judged; None if
+    #: none was found.
     example: Array | None = None
+    #: Names of rates that move no mass, coordinates if these describe the motion.
     without_mass: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -210,8 +198,9 @@ class Mechanism:
     @cached_property
     def motor_units(self) -> tuple[str, ...]:
         """For each motor "Nm" or "N", by the rate that it acts on most; on a line alone "N"."""
-        units = zip(self.motors.T, self.space.force_units(self.motors), strict=True)
-        return tuple(unit if on_joints.any() else "N" for on_joints, unit in units)
+        acts = zip(self.motors.T, np.abs(self.motors).argmax(axis=0), strict=True)
+        units = self.space.rate_units
+        return tuple("Nm" if by[k] and units[k] == "rad" else "N" for by, k in acts)
 
     def require_freedom(self) -> None:
         """Refuse dynamics where nothing moves."""

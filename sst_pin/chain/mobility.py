@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Mobility of a closed chain: degrees of freedom, coordinates, and whether the motors suffice."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -77,11 +75,13 @@ class Mobility:
     def __repr__(self) -> str:
         return str(self)
 
-    def _repr_html_(self) -> str:
-        rows = [(line[:20].strip(), line[20:]) for line in str(self).splitlines()]
-        return as_html("Mobility", [(word, text) for word, text in rows if word])
-
     def __str__(self) -> str:
+        return "\n".join(f"{word:18}  {text}" for word, text in self._rows())
+
+    def _repr_html_(self) -> str:
+        return as_html("Mobility", self._rows())
+
+    def _rows(self) -> list[tuple[str, str]]:
         n, dof = len(self.actuated), self.degrees_of_freedom
         if not self.sufficient:
             verdict = (
@@ -94,26 +94,22 @@ class Mobility:
             verdict = "sufficient, one motor for each degree of freedom"
         if self.inner_stresses:
             verdict += f"; torques of the motors that make no motion: {self.inner_stresses}"
-        lines = [
-            f"joints              {len(self.joints)}",
-            f"closure equations   {len(self.rows)}, rank {self.rank}, "
-            f"{self.redundant_rows} redundant",
-            f"degrees of freedom  {dof}",
-            f"actuated joints     {n} ({listed(self.actuated, 12)})",
-            f"actuation           {verdict}",
-            f"coordinates         {listed(self.coordinates, 12)}",
-            f"condition number    {self.condition_number:.4g} (dependent joints)",
-            f"judged at           {self.where}",
+        ranks = f"{len(self.rows)}, rank {self.rank}, {self.redundant_rows} redundant"
+        idle = f"{listed(self.idle_joints, 12)} (they can spin alone; locked= fixes them)"
+        return [
+            ("joints", f"{len(self.joints)}"),
+            ("closure equations", ranks),
+            ("degrees of freedom", f"{dof}"),
+            ("actuated joints", f"{n} ({listed(self.actuated, 12)})"),
+            ("actuation", verdict),
+            ("coordinates", listed(self.coordinates, 12)),
+            ("condition number", f"{self.condition_number:.4g} (dependent joints)"),
+            ("judged at", self.where),
+            *([("idle joints", idle)] if self.idle_joints else []),
         ]
-        if self.idle_joints:
-            lines.append(
-                f"idle joints         {listed(self.idle_joints, 12)} (they can spin alone; locked= "
-                "fixes them)"
-            )
-        return "\n".join(lines)
 
 
-def independent_rows(Phi: Array, tolerance: float = RANK_TOLERANCE) -> Indices:
+def independent_rows(Phi: Array) -> Indices:
     """Indices of rows that carry the rank of Phi, by a column-pivoted QR of its transpose."""
     if not Phi.size:
         return np.empty(0, dtype=np.intp)
@@ -121,7 +117,7 @@ def independent_rows(Phi: Array, tolerance: float = RANK_TOLERANCE) -> Indices:
 
     R, order = qr(Phi.T, pivoting=True, mode="r")
     pivots = np.abs(np.diag(R))
-    return np.sort(order[: np.count_nonzero(pivots > tolerance * pivots[0])])
+    return np.sort(order[: np.count_nonzero(pivots > RANK_TOLERANCE * pivots[0])])
 
 
 def free_motions(Phi: Array) -> Array:
@@ -182,15 +178,13 @@ def choose_coordinates(mechanism: Mechanism, Phi: Array, wanted: Sequence[Indice
     return np.array(chosen, dtype=np.intp)
 
 
-def judge(
-    mechanism: Mechanism, loops: Loops, q: Array, where: str, wanted: Sequence[Indices] = ()
-) -> Mobility:
-    """Count the motions at a closed configuration q and choose coordinates, those wanted first."""
+def judge(mechanism: Mechanism, loops: Loops, q: Array, where: str) -> Mobility:
+    """Count motions at a closed q, in the mechanism's own coordinates if these describe them."""
     Phi = scaled_Phi(mechanism, loops, q)
     loops.require_closed(mechanism.row_scale)
     space = mechanism.space
-    coordinates = choose_coordinates(mechanism, Phi, wanted)
-    n = len(coordinates)
+    own = [space.rates_of([name]) for name in space.names_of(mechanism.coordinates.tolist())]
+    coordinates = choose_coordinates(mechanism, Phi, own)
     motions = free_motions(Phi)
     _, sizes, ways = np.linalg.svd(motor_rates(mechanism, q, motions))
     held = int(np.count_nonzero(sizes > RESTS))
@@ -201,7 +195,7 @@ def judge(
         coordinates=space.names_of(coordinates.tolist()),
         rows=tuple(f"{c}: {row}" for c in mechanism.closures for row in c.rows),
         independent_rows=tuple(map(int, independent_rows(Phi))),
-        degrees_of_freedom=n,
+        degrees_of_freedom=len(coordinates),
         held=held,
         loose_joints=tuple(np.array(space.rate_names)[moving].tolist()),
         idle_joints=tuple(
@@ -209,7 +203,7 @@ def judge(
             for name, rates in space.rates.items()
             if loops.touched[:, list(rates)].any()
             and not np.isin(rates, mechanism.driven).any()
-            and _spins(Phi[:, list(rates)])
+            and np.linalg.matrix_rank(Phi[:, list(rates)], RANK_TOLERANCE) < len(rates)
         ),
         condition_number=condition_number(Phi, loops.parts(coordinates)),
         where=where,
@@ -232,25 +226,23 @@ def motor_rates(mechanism: Mechanism, q: Array, motions: Array) -> Array:
     return np.divide(rows, lengths, out=np.zeros_like(rows), where=lengths > 0) @ motions
 
 
-def _spins(columns: Array) -> bool:
-    """Whether the closures leave a motion to the rates of one joint alone."""
-    values = np.linalg.svd(columns, compute_uv=False)
-    return len(values) < columns.shape[1] or bool(values[-1] < RANK_TOLERANCE)
-
-
 def condition_number(Phi: Array, parts: Iterable[tuple[Indices, Indices]]) -> float:
     """Condition number of the columns of Phi for the dependent rates; infinite if singular.
 
     It is the largest one of `parts`, rows and rates that share none with others: loops of other
     sizes do not count.
     """
+    return largest_condition(Phi[np.ix_(*part)][None] for part in parts)
+
+
+def largest_condition(blocks: Iterable[Array]) -> float:
+    """The largest condition number of matrices, in arrays of shape (count, rows, rates)."""
     worst = 1.0
-    for rows, rates in parts:
-        block = Phi[np.ix_(rows, rates)]
+    for block in blocks:
         if not np.isfinite(block).all():
-            return float("inf")
-        values = np.linalg.svd(block, compute_uv=False)
-        if len(values) < len(rates) or values[-1] == 0:
-            return float("inf")
-        worst = max(worst, float(values[0] / values[-1]))
+            return np.inf
+        s = np.linalg.svd(block, compute_uv=False)
+        if s.shape[1] < block.shape[2] or not s[:, -1].all():
+            return np.inf
+        worst = max(worst, float((s[:, 0] / s[:, -1]).max()))
     return worst

@@ -2,12 +2,10 @@
 """The natural orthogonal complement: L, K, T and their rates, Eqs. (3)-(25), one configuration.
 
 Sect. 3 of the paper with its letters. Joints keep the order of the tree instead of being sorted
-into actuated and unactuated.
-Twists are [omega; v] at the mass centres in base axes, as in the paper; Pinocchio's run [v; omega]
-at the frame's origin, and `body_jacobians` is the one place that crosses from one to the other.
+into actuated and unactuated. Twists are [omega; v] at the mass centres in base axes, as in the
+paper; Pinocchio's run [v; omega] at the frame's origin, and `body_jacobians` is the one place that
+crosses from one to the other.
 """
-
-from __future__ import annotations
 
 from typing import NamedTuple
 
@@ -118,11 +116,8 @@ class JointComplement:
             names = listed([mechanism.space.rate_names[k] for k in loose])
             why = f"the coordinates do not determine the rates of the dependent joints {names}"
         others = choose_coordinates(mechanism, np.nan_to_num(scaled))
-        names, k, n = (
-            listed(mechanism.space.names_of(others.tolist())),
-            len(others),
-            self.L.shape[1],
-        )
+        names, k = listed(mechanism.space.names_of(others.tolist())), len(others)
+        n = len(mechanism.coordinates)
         cure = (
             f"move away, or choose other coordinates=, for example {names} describe the motion here"
         )
@@ -148,20 +143,17 @@ class JointComplement:
 
 
 class Bodies(NamedTuple):
-    """Jacobians and inertias of all r bodies.
+    """Jacobians and inertias of all r bodies."""
 
-    Attributes:
-        K: t = K q_dot, shape (6 r, m), Eqs. (11), (12).
-        K_dot: Its rate, shape (6 r, m), Eq. (15).
-        M: Stacked mass matrix, shape (6 r, 6 r), Eqs. (67), (69).
-        Omega: Stacked angular velocities as cross-product matrices, shape (6 r, 6 r), Eq. (70).
-        gravity: w^g, wrenches of the weights, shape (6 r,), Eq. (77).
-    """
-
+    #: t = K q_dot, shape (6 r, m), Eqs. (11), (12).
     K: Array
+    #: Its rate, shape (6 r, m), Eq. (15).
     K_dot: Array
+    #: Stacked mass matrix, shape (6 r, 6 r), Eqs. (67), (69).
     M: Array
+    #: Stacked angular velocities as cross-product matrices, shape (6 r, 6 r), Eq. (70).
     Omega: Array
+    #: w^g, wrenches of the weights, shape (6 r,), Eq. (77).
     gravity: Array
 
 

@@ -19,8 +19,6 @@ The kinds of closures differ in their directions and points only:
 - a rolling wheel: u are the axes of the plane A, the points both the point of contact.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -57,9 +55,6 @@ class PairRows:
 
     `closures` come with their first row and the numbers of their frames A and B. Rows of couplings
     are counted in `rows`, and have wrenches of zero.
-
-    Attributes:
-        frames: Numbers of the frames B and A of each row, shape (2, rows).
     """
 
     def __init__(
@@ -68,6 +63,7 @@ class PairRows:
         frames: int,
         rows: int,
     ) -> None:
+        #: Numbers of the frames B and A of each row.
         self.frames = np.zeros((2, rows), dtype=np.intp)
         #: For each row its direction, its points on B and on A, the ends of its gap.
         self._table = np.zeros((5, rows), dtype=np.intp)

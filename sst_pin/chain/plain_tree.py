@@ -8,8 +8,6 @@ joints with bodies of no mass between them; a mimic joint is an ordinary one wit
 has entries of its own in q and v. Otherwise these are the same numbers in another order.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -9,8 +9,6 @@ unique exactly where its row of X N is zero (Wojtyra 2005; Fraczek and Wojtyra 2
 free of units, so that the verdict does not depend on them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -37,14 +35,11 @@ BITS = 2.0 ** np.arange(6)
 
 
 class Verdict(NamedTuple):
-    """One answer for each component of the wrenches.
+    """One answer for each component of the wrenches."""
 
-    Attributes:
-        joints: Shape (..., r, 6).
-        closures: Shape (..., closures, 6).
-    """
-
+    #: Shape (..., r, 6).
     joints: Flags
+    #: Shape (..., closures, 6).
     closures: Flags
 
 

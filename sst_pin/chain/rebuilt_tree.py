@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """A tree built again joint by joint, with some joints fixed or replaced by several in series."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

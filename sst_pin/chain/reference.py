@@ -69,37 +69,24 @@ def _require_finite(result: Array, names: Iterable[str], arguments: Iterable[Any
     raise InputError("result", "not finite: arguments or numbers of the model are too large")
 
 
-class Reference:
-    """All dynamics of one mechanism, sample by sample."""
+class Reference(threading.local):
+    """All dynamics of one mechanism, sample by sample; each thread has memory of its own."""
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
-        self._per_thread = threading.local()
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {"mechanism": self.mechanism}
+    def __reduce__(self) -> tuple[type[Reference], tuple[Mechanism]]:
+        return Reference, (self.mechanism,)
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.mechanism = state["mechanism"]
-        self._per_thread = threading.local()
-
-    @property
+    @cached_property
     def memory(self) -> Memory:
         """This thread's memory."""
-        try:
-            return self._per_thread.memory
-        except AttributeError:
-            self._per_thread.memory = Memory(self.mechanism)
-            return self._per_thread.memory
+        return Memory(self.mechanism)
 
-    @property
+    @cached_property
     def derivatives(self) -> Derivatives:
         """This thread's memory for derivatives."""
-        try:
-            return self._per_thread.derivatives
-        except AttributeError:
-            self._per_thread.derivatives = Derivatives(self.mechanism)
-            return self._per_thread.derivatives
+        return Derivatives(self.mechanism)
 
     @_finite
     def generalized_forces(

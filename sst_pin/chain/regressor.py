@@ -5,8 +5,6 @@ Y = L^T Y_tree, where the columns of Y_tree are what one unit of each parameter 
 rates of the tree. References of springs and rest lengths of lines are held, so f is linear.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 

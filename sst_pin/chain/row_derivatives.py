@@ -54,18 +54,15 @@ class FrameMotions:
 
 
 class Branches:
-    """Which rates of a tree move what.
-
-    Attributes:
-        supports: For each joint 1 for the rates that move its body, shape (joints, nv).
-        before: Column k: those that move what bears the joint of rate k, shape (nv, nv).
-    """
+    """Which rates of a tree move what."""
 
     def __init__(self, model: pin.Model) -> None:
         self.model = model
+        #: For each joint 1 for the rates that move its body, shape (joints, nv).
         self.supports = np.array([support(model, j) for j in range(model.njoints)])
         joints = list(zip(model.parents, model.joints, strict=True))[1:]
         bearers = [parent for parent, joint in joints for _ in range(joint.nv)]
+        #: Column k: those that move what bears the joint of rate k, shape (nv, nv).
         self.before = self.supports[bearers].T
 
 
@@ -109,24 +106,21 @@ def _bracket_matrix(twist: Array) -> Array:
 
 
 class Partials(NamedTuple):
-    """Derivatives of the velocity Phi v and the acceleration Phi v_dot + Phi_dot v of the rows.
+    """Derivatives of the velocity Phi v and the acceleration Phi v_dot + Phi_dot v of the rows."""
 
-    Attributes:
-        velocity_q: Derivative of the velocity by q, v held, shape (rows, nv).
-        acceleration_q: Derivative of the acceleration by q, v and v_dot held, shape (rows, nv).
-        acceleration_v: Derivative of the acceleration by v, shape (rows, nv).
-        frames: The frames that the closures connect.
-        W: Wrenches of the rows on them, shape (2, rows, 6).
-        W_q: Their derivatives, shape (2, rows, 6, nv).
-        coupled: Row, index of a rate, and the second derivative of the coupling's polynomial.
-    """
-
+    #: Derivative of the velocity by q, v held, shape (rows, nv).
     velocity_q: Array
+    #: Derivative of the acceleration by q, v and v_dot held, shape (rows, nv).
     acceleration_q: Array
+    #: Derivative of the acceleration by v, shape (rows, nv).
     acceleration_v: Array
+    #: The frames that the closures connect.
     frames: FrameMotions
+    #: Wrenches of the rows on them, shape (2, rows, 6).
     W: Array
+    #: Their derivatives, shape (2, rows, 6, nv).
     W_q: Array
+    #: Row, index of a rate, and the second derivative of the coupling's polynomial.
     coupled: list[tuple[int, int, float]]
 
 

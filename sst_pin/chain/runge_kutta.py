@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """A step of the classical Runge-Kutta method, for NumPy, CasADi and JAX."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, TypeVar
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Where a robot stands first, and where it stands when some joints are put elsewhere."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -20,43 +18,31 @@ from .named_positions import angles_and_lengths, put, taken
 from .thresholds import CLOSURE_TOLERANCE
 
 
-class Chain(Protocol):
+class _Chain(Protocol):
     """What is asked of a `ClosedChain` here."""
 
     @property
-    def mechanism(self) -> Mechanism:
-        """What is computed."""
-        ...
+    def mechanism(self) -> Mechanism: ...
 
     @property
-    def home(self) -> Array:
-        """The configuration named home, its loops closed."""
-        ...
+    def home(self) -> Array: ...
 
-    def residual(self, q: ArrayLike) -> Array:
-        """Gaps of the loops."""
-        ...
+    def residual(self, q: ArrayLike) -> Array: ...
 
-    def assemble(
-        self, q: ArrayLike | Mapping[str, float], fixed: Sequence[str] | None = None
-    ) -> Array:
-        """Configurations near q with closed loops."""
-        ...
+    def assemble(self, q: ArrayLike, fixed: Sequence[str] | None = None) -> Array: ...
 
-    def generic_configuration(self) -> Array:
-        """A closed configuration without symmetry."""
-        ...
+    def generic_configuration(self) -> Array: ...
 
     def _moved(self, q: Array, step: Array) -> Array: ...
 
 
-def is_closed(chain: Chain, q: Array) -> Flags:
+def is_closed(chain: _Chain, q: Array) -> Flags:
     """Whether the loops of configurations are closed as far as the dynamics asks, shape (...)."""
     open_by = np.abs(chain.residual(q) * chain.mechanism.row_scale)
     return np.asarray(open_by.max(axis=-1, initial=0.0) <= CLOSURE_TOLERANCE)
 
 
-def pose_of(chain: Chain) -> Array:
+def pose_of(chain: _Chain) -> Array:
     """Home, open if its loops cannot be closed; `pin.neutral` without one, shape (nq,)."""
     try:
         return chain.home
@@ -65,7 +51,7 @@ def pose_of(chain: Chain) -> Array:
         return pin.neutral(chain.mechanism.model) if home is None else home
 
 
-def start_of(chain: Chain, *, chosen: bool = False) -> Array:
+def start_of(chain: _Chain, *, chosen: bool = False) -> Array:
     """The configuration where a chain stands first, shape (nq,): home, else as it is drawn.
 
     Otherwise its loops are closed near zero, or else it is a generic configuration. A home that
@@ -95,27 +81,16 @@ def start_of(chain: Chain, *, chosen: bool = False) -> Array:
     return q
 
 
-def placed(chain: Chain, positions: Mapping[str, float], guess: ArrayLike | None = None) -> Array:
+def placed(chain: _Chain, positions: Mapping[str, float], guess: ArrayLike | None = None) -> Array:
     """A configuration with closed loops where some joints stand as given.
 
-    Coordinates are moved there in the assembly mode of the start, if they alone are given.
-
-    Args:
-        chain: Any closed chain.
-        positions: By the names of joints that turn or slide, [rad] or [m]; the coordinates among
-            them are held, the others choose the assembly.
-        guess: The other joints, shape (nq,); by default those of `start_of`.
-
-    Returns:
-        Shape (nq,).
+    `positions`, [rad] or [m], are by the names of joints that turn or slide; `guess` has the other
+    joints, by default those of `start_of`. If coordinates alone are given, they are moved there in
+    the assembly mode of the start; otherwise they are held, and the others choose the assembly.
 
     Warns:
         DescriptionWarning: If neither the description nor the caller chooses the assembly mode, or
             if the coordinates cannot be moved there without leaving it.
-
-    Raises:
-        UnknownNameError: For a name that is no such joint's.
-        ClosureError: When the loops cannot be closed there.
     """
     mechanism, space = chain.mechanism, chain.mechanism.space
     if guess is None:
@@ -143,7 +118,7 @@ def placed(chain: Chain, positions: Mapping[str, float], guess: ArrayLike | None
     return q
 
 
-def _moved(chain: Chain, start: Array, positions: Mapping[str, float]) -> Array:
+def _moved(chain: _Chain, start: Array, positions: Mapping[str, float]) -> Array:
     """The configuration, in the assembly mode of the start, where coordinates are at positions."""
     mechanism, names = chain.mechanism, list(positions)
     step = np.zeros(len(mechanism.coordinates))
@@ -155,7 +130,7 @@ def _moved(chain: Chain, start: Array, positions: Mapping[str, float]) -> Array:
     return chain._moved(start, step)
 
 
-def _warn(chain: Chain, why: str, cure: str) -> None:
+def _warn(chain: _Chain, why: str, cure: str) -> None:
     warnings.warn(
         f"model {chain.mechanism.model.name}: {why}, so the loops were closed in an assembly mode "
         f"chosen here; other modes need other torques. Check the start; to choose it, {cure}",

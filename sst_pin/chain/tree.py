@@ -6,8 +6,6 @@ frame is J with the columns left out that do not move it. A mimic joint has a co
 J, scaled already; it is added to that of the joint that it follows at the end.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any

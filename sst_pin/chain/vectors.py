@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Products of vectors in space, many at once: `np.cross` takes ten times as long."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..arrays import Array

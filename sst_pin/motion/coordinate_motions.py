@@ -79,21 +79,13 @@ def _warn_of_full_turns(chain: ClosedChain, x: Array) -> None:
 
 
 def coordinate_positions(chain: ClosedChain, q: Array) -> Array:
-    """Positions of the coordinates along a motion q, shape (N, nq), without jumps, shape (N, n).
-
-    Raises:
-        UnknownNameError: For a coordinate that neither turns about an axis nor slides.
-    """
+    """Positions of the coordinates along a motion q, shape (N, nq), without jumps, shape (N, n)."""
     space = chain.mechanism.space
     return without_full_turns(chain, taken(space, space.without_jumps(q), chain.coordinates))
 
 
 def positions_along(chain: ClosedChain, motion: Trajectory) -> Array:
-    """Positions of the coordinates along a motion, full turns as its rates tell, shape (N, n).
-
-    Raises:
-        UnknownNameError: For a coordinate that neither turns about an axis nor slides.
-    """
+    """Positions of the coordinates along a motion, full turns as its rates tell, shape (N, n)."""
     x = taken(chain.mechanism.space, motion.q, chain.coordinates)
     turning = np.array([unit == "rad" for unit in chain.mechanism.coordinate_rate_units])
     moved = np.diff(motion.t)[:, None] * (motion.va[1:] + motion.va[:-1]) / 2

@@ -6,10 +6,8 @@ close the loops on one branch only. From there an implicit step over the configu
 which the equations of motion hold on both sides, but nowhere next to it.
 """
 
-from __future__ import annotations
-
-from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -26,15 +24,6 @@ _VANISHED = 0.03
 _HALFWAY = (0.3, 0.7)
 #: Stages of a step over it, an even number, so that none is in the middle; its iterations at most.
 _STAGES, _ITERATIONS = 8, 20
-
-
-class Moving(Protocol):
-    """Equations of motion in the coordinates of `states`."""
-
-    states: States
-
-    def rate(self, time: float, state: Array) -> Array:
-        """The rates of a state."""
 
 
 class Crossing(NamedTuple):
@@ -62,13 +51,8 @@ class Crossing(NamedTuple):
 class Course:
     """A motion continued smoothly from its last states, by polynomials of degree eleven or less.
 
-    Args:
-        mechanism: What moves.
-        times: Those of the states, the last one first, shape (N,).
-        q: Configurations, shape (N, nq).
-        v: Rates of all joints, shape (N, nv).
-        v_dot: Accelerations of all joints, shape (N, nv).
-        unit: A time of the size of what is continued, [s].
+    The last of the states, at `times` (N,), comes first; v and v_dot are those of all joints,
+    (N, nv). `unit` is a time as long as what is continued, [s].
     """
 
     def __init__(
@@ -128,33 +112,34 @@ def crossing_of(states: States, course: Course, start: float, left: float) -> Cr
 
 
 def gauss_step(
-    motion: Moving, start: float, state: Array, end: float, guess: Course
+    space: States,
+    rate: Callable[[float, Array], Array],
+    start: float,
+    state: Array,
+    end: float,
+    guess: Course,
 ) -> tuple[Array, Array]:
     """One step of Gauss' implicit method, order 16; times and states of start, stages and end."""
     x, powers = (1 + np.polynomial.legendre.leggauss(_STAGES)[0]) / 2, np.arange(_STAGES)
     weights = np.append(x, 1)[:, None] ** (powers + 1) / (powers + 1)
     weights = weights.dot(np.linalg.inv(x[:, None] ** powers))  # integrals to the stages and to 1
     times = start + (end - start) * np.append(x, 1)
-    coordinates, change = motion.states.coordinates, np.inf
+    coordinates, change = space.coordinates, np.inf
     states = np.array([[*guess.q(t), *guess.v(t)[coordinates]] for t in times])
     nq = states.shape[1] - len(coordinates)
     for _ in range(_ITERATIONS):
-        states[:, :nq] = motion.states.closed(states)
-        rates = np.array([motion.rate(t, y) for t, y in zip(times[:-1], states, strict=False)])
+        states[:, :nq] = space.closed(states)
+        rates = np.array([rate(t, y) for t, y in zip(times[:-1], states, strict=False)])
         before, states = states, state + (end - start) * weights.dot(rates)
         last, change = change, float(np.abs(states - before).max())
         if not change < last / 2:  # what is left is rounding
             break
-    states[:, :nq] = motion.states.closed(states)
+    states[:, :nq] = space.closed(states)
     return np.append(start, times), np.vstack([state, states])
 
 
 def mismatch(
-    mechanism: Mechanism,
-    course: Course,
-    t: float,
-    found: Sequence[Array],
-    left: float,
+    mechanism: Mechanism, course: Course, t: float, found: Sequence[Array], left: float
 ) -> float:
     """How far q and v at a time are from a course, relative to the motion in `left`."""
     q, v, _ = found

@@ -45,17 +45,9 @@ def motor_powers(chain: ClosedChain, motion: Trajectory) -> Array:
 
 
 def energy_balance(chain: ClosedChain, motion: Trajectory) -> EnergyBalance:
-    """Energies of a motion and the work of motors and friction.
+    """Energies of a motion and the work of motors and friction, without external loads.
 
-    Powers are integrated with splines through the samples. External loads are not included.
-
-    Args:
-        chain: The robot.
-        motion: A motion of this robot, with at least two samples.
-
-    Raises:
-        InputError: For another motion.
-        ClosureError: When its loops are open.
+    Powers are integrated with splines through the samples.
     """
     chain = copy(chain)
     require_motion(motion, chain)
@@ -80,7 +72,11 @@ def energy_error(chain: ClosedChain, motion: Trajectory) -> Array:
 
     Args:
         chain: The robot.
-        motion: As for `energy_balance`.
+        motion: A motion of this robot, with at least two samples.
+
+    Raises:
+        InputError: For another motion.
+        ClosureError: When its loops are open.
 
     Example:
         >>> motion = chain.simulate([0], chain.home, [0], np.linspace(0, 0.2, 101))

@@ -8,8 +8,6 @@ With the rates of coordinates or motors in the place of the frame's, the loops s
 assembly mode; see `chain/continuity.py`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -18,6 +16,7 @@ import pinocchio as pin
 
 from ..arrays import Array
 from ..chain.closed_chain import ClosedChain
+from ..chain.continuity import CHANGE
 from ..chain.loops import Loops
 from ..chain.mobility import scaled_Phi
 from ..chain.thresholds import CLOSURE_TOLERANCE, RANK_TOLERANCE
@@ -25,21 +24,16 @@ from ..chain.tree import frame_id, of_rates
 
 #: Newton's method: steps; the longest one, [rad] or of the robot's length, and the last one.
 _STEPS, _LONGEST, _LAST = 12, 0.5, 1e-9
-#: Largest |M_a^+ (M_b - M_a)| of neighbours.
-_CHANGE = 0.5
 
 
 class Way(NamedTuple):
-    """How far a frame came on its way to a pose.
+    """How far a frame came on its way to a pose."""
 
-    Attributes:
-        q: The last configuration, shape (nq,).
-        missed: What is left of the way, [rad] or parts of the robot's length; 0 if it is there.
-        singular: Whether it ends where the drives do not determine the motion.
-    """
-
+    #: The last configuration, shape (nq,).
     q: Array
+    #: What is left of the way, [rad] or parts of the robot's length; 0 if it is there.
     missed: float
+    #: Whether it ends where the drives do not determine the motion.
     singular: bool
 
 
@@ -54,13 +48,9 @@ class _Place(NamedTuple):
 class FrameGuide:
     """Leads a frame of a robot from pose to pose, in its working and assembly modes.
 
-    Args:
-        chain: Any closed chain.
-        frame: Name of a frame of the tree.
-        position: Whether the position of its origin counts.
-        orientation: Whether its orientation counts.
-        drives: From a configuration to the rates that determine the motion, of coordinates or
-            motors, by those of all joints, free of units, shape (k, nv).
+    `position` and `orientation` say which of the two counts. `drives` gives, at a configuration,
+    the rates that determine the motion, of coordinates or motors, by those of all joints, free of
+    units, shape (k, nv).
     """
 
     def __init__(
@@ -77,7 +67,7 @@ class FrameGuide:
         self._frame = frame_id(mechanism.model, frame)
         self._kept = np.repeat([position, orientation], 3)
         self._unit = np.repeat([mechanism.length, 1.0], 3)[self._kept]
-        self._rank = _svd(self._place(chain.generic_configuration()).M[1])[1].size
+        self._rank = _rank(self._place(chain.generic_configuration()).M[1])
 
     def pose(self, q: Array) -> pin.SE3:
         """Where the frame is."""
@@ -95,14 +85,14 @@ class FrameGuide:
             part = min(1.0, done + step)
             p = start.translation + part * (target.translation - start.translation)
             found = self._solved(here.q, pin.SE3(start.rotation @ pin.exp3(part * turn), p))
-            task, drives = 2 * _CHANGE, 0.0
+            task, drives = 2 * CHANGE, 0.0
             if found is not None:
                 pairs = zip(inverses, here.M, found.M, strict=True)
                 task, drives = (_change(inverse, b - a) for inverse, a, b in pairs)
-            singular = task <= _CHANGE < drives
-            if found is not None and max(task, drives) <= _CHANGE:
+            singular = task <= CHANGE < drives
+            if found is not None and max(task, drives) <= CHANGE:
                 here, inverses, done = found, self._inverses(found), part
-            step *= min(2.0, 0.8 * _CHANGE / max(task, drives, 0.1))
+            step *= min(2.0, 0.8 * CHANGE / max(task, drives, 0.1))
         if done == 1:
             return Way(here.q, 0.0, False)
         return Way(here.q, float(np.abs(self._error(here.pose, target)).max()), singular)
@@ -142,9 +132,8 @@ class FrameGuide:
 
     def _inverses(self, place: _Place) -> list[Array | None]:
         """Pseudoinverses of M, none where the drives have lost rank."""
-        parts = [_svd(M) for M in place.M]
-        task, drives = ((Vt.T / s) @ U.T for U, s, Vt in parts)
-        return [task, drives if parts[1][1].size >= self._rank else None]
+        task, drives = (np.asarray(np.linalg.pinv(M, RANK_TOLERANCE), float) for M in place.M)
+        return [task, drives if _rank(place.M[1]) >= self._rank else None]
 
 
 def _change(inverse: Array | None, by: Array) -> float:
@@ -152,11 +141,8 @@ def _change(inverse: Array | None, by: Array) -> float:
     return np.inf if inverse is None else float(np.linalg.norm(inverse @ by))
 
 
-def _svd(M: Array) -> tuple[Array, Array, Array]:
-    """Singular vectors and values of a matrix, as many as its rank."""
-    U, s, Vt = np.linalg.svd(M, full_matrices=False)
-    rank = np.count_nonzero(s > RANK_TOLERANCE * s.max(initial=0.0))
-    return U[:, :rank], s[:rank], Vt[:rank]
+def _rank(M: Array) -> int:
+    return int(np.linalg.matrix_rank(M, rtol=RANK_TOLERANCE))
 
 
 def pose_error(at: pin.SE3, position: Array | None, R: Array | None) -> Array:

@@ -53,16 +53,13 @@ _EXACT, _TOLERANCES = 1e-7, 100.0
 
 
 class Input(NamedTuple):
-    """What acts on a robot in motion.
+    """What acts on a robot in motion."""
 
-    Attributes:
-        at: Its value at a time, where the last argument gives q and va.
-        along: Its values at times (N,), for q (N, nq) and va (N, n).
-        sampling: What it holds constant from one time to the next, if it does.
-    """
-
+    #: Its value at a time, where the last argument gives q and va.
     at: Callable[[float, Callable[[], tuple[Array, Array]]], Array]
+    #: Its values at times (N,), for q (N, nq) and va (N, n).
     along: Callable[[Array, Array, Array], Array]
+    #: What it holds constant from one time to the next, if it does.
     sampling: Sampling | None = None
 
 
@@ -158,9 +155,7 @@ Node = tuple[float, States, Array]
 class Run:
     """One integration, step by step; it ends before a singularity, or goes through it.
 
-    Attributes:
-        stopped: Why it ended before the last time.
-        crossings: The singular configurations that it went through.
+    `stopped` says why it ended before the last time, `crossings` what it went through.
     """
 
     def __init__(
@@ -366,7 +361,9 @@ class Run:
                 if isinstance(found, str) or abs(found.time - middle) < _CENTRED * self._left:
                     break
                 middle, far = found.time, 2 * found.time - start
-                times, stages = gauss_step(motion, start, self._state, far, course)
+                times, stages = gauss_step(
+                    motion.states, motion.rate, start, self._state, far, course
+                )
                 nodes = [(t, motion.states, y) for t, y in zip(times, stages, strict=True)]
                 whole = motion.whole(far, stages[-1])
                 course = self._course(nodes[:-1])

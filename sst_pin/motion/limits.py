@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Where a motion leaves the joint limits of its robot or comes close to a singularity."""
 
-from __future__ import annotations
-
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -63,11 +61,7 @@ Verdict = tuple[str, tuple[str, ...], Array, Flags, tuple[float, float], str, bo
 
 
 def samples_of(chain: ClosedChain, motion: Any) -> tuple[Array, Array]:
-    """Times and configurations of a motion, shapes (N,) and (N, nq); NaN for the time of one q.
-
-    Raises:
-        InputError: For the motion of another robot, or a configuration of another shape.
-    """
+    """Times and configurations of a motion, shapes (N,) and (N, nq); NaN for the time of one q."""
     if isinstance(motion, Trajectory):
         require_motion(motion, chain)
         return motion.t, motion.q
@@ -75,11 +69,12 @@ def samples_of(chain: ClosedChain, motion: Any) -> tuple[Array, Array]:
     return np.array([np.nan]), q[None]
 
 
-def findings(t: Array, verdicts: Iterable[Verdict]) -> tuple[Finding, ...]:
-    """A finding for each verdict with samples at fault."""
+def findings(chain: ClosedChain, motion: Any) -> tuple[Finding, ...]:
+    """What `ClosedChain.check` finds, one for each verdict with samples at fault."""
+    t, q = samples_of(chain, motion)
     return tuple(
         Finding(problem, joints, t[out], values[out], limits, unit, singular)
-        for problem, joints, values, out, limits, unit, singular in verdicts
+        for problem, joints, values, out, limits, unit, singular in chain._verdicts(q)
         if out.any()
     )
 
@@ -91,22 +86,31 @@ def over_limits(chain: ClosedChain) -> Array:
 
 
 def verdicts(chain: ClosedChain, q: Array) -> Iterable[Verdict]:
-    """Joint limits and singularities of any closed chain.
-
-    Args:
-        chain: Any closed chain.
-        q: Configurations, shape (N, nq).
-    """
+    """Joint limits and singularities of any closed chain at configurations, shape (N, nq)."""
     low, high = chain.mechanism.model.lowerPositionLimit, chain.mechanism.model.upperPositionLimit
     out = np.maximum(low - q, q - high) > over_limits(chain)
-    for i, (name, unit) in enumerate(zip(chain.position_names, chain.joint_units, strict=True)):
-        if unit:
-            limits = (float(low[i]), float(high[i]))
-            problem = f"{name} leaves its limits of {low[i]:.4g} to {high[i]:.4g} {unit}"
-            yield problem, (name,), q[:, i], out[:, i], limits, unit, False
+    yield from outside("limits", chain.position_names, chain.joint_units, q, out, low, high)
     closed = is_closed(chain, q)
     condition = np.ones(len(q))
     condition[closed] = chain.condition_number(q[closed])
     problem = f"close to a singularity, condition number > {LARGEST_CONDITION:g}"
     far, limits = condition > LARGEST_CONDITION, (-np.inf, LARGEST_CONDITION)
     yield problem, chain.coordinates, condition, far, limits, "", True
+
+
+def outside(
+    ends: str,
+    names: Sequence[str],
+    units: Sequence[str],
+    q: Array,
+    out: Flags,
+    low: Array,
+    high: Array,
+) -> Iterable[Verdict]:
+    """A verdict for each joint that has a unit, which leaves its ends where it is out."""
+    for i, (name, unit) in enumerate(zip(names, units, strict=True)):
+        if unit:
+            limits = (float(low[i]), float(high[i]))
+            first, last = np.degrees(limits) if unit == "deg" else limits
+            problem = f"{name} leaves its {ends} of {first:.4g} to {last:.4g} {unit}"
+            yield problem, (name,), q[:, i], out[:, i], limits, unit, False

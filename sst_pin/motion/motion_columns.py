@@ -1,21 +1,23 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Columns of a motion in a CSV: their names, with units, and what they say."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from ..arrays import Array
 from ..errors import FileFormatError
 from ..files import Table
+from ..summaries import listed
 
 #: The name or number, and the unit, of a torque's column.
 TORQUE = re.compile(r"tau_(.+)_(Nm|N)")
 #: Units of a rate; those of an acceleration have a 2 behind.
 RATE = re.compile(r"(.+)_(rad|m)_s(2?)")
+#: A quaternion whose length is farther from 1 is no rounded one.
+_NOT_UNIT = 1e-3
 _POSITION = re.compile(r"(.+)_(?:(rad|m)|1)")
 
 
@@ -54,12 +56,21 @@ def is_number(name: str) -> bool:
     return name.isascii() and name.isdigit()
 
 
-def parts_of(table: Table) -> dict[str, Any]:
-    """What a CSV that `Trajectory.save` has written says, by the arguments of `Trajectory`.
+def rotations_in(table: Table, columns: Sequence[str]) -> Array:
+    """Orientations by unit quaternions x, y, z, w in four columns, shape (N, 3, 3)."""
+    from scipy.spatial.transform import Rotation
 
-    Raises:
-        FileFormatError: When it is none, with what is missing.
-    """
+    quaternions = table.select(columns)
+    lengths = np.linalg.norm(quaternions, axis=1)
+    if (wrong := np.abs(lengths - 1) > _NOT_UNIT).any():
+        i = int(np.argmax(wrong))
+        problem = f"quaternion of length {lengths[i]:.6g}, expected 1, in {listed(columns)}"
+        raise FileFormatError(table.path, problem, table.lines[i])
+    return Rotation.from_quat(quaternions).as_matrix()
+
+
+def parts_of(table: Table) -> dict[str, Any]:
+    """What a CSV that `Trajectory.save` has written says, by the arguments of `Trajectory`."""
     rates = [RATE.fullmatch(name) for name in table.columns]
     coordinates, accelerations = (
         [(p[1], p[2]) for p in rates if p and p[3] == power] for power in ("", "2")
@@ -83,16 +94,6 @@ def parts_of(table: Table) -> dict[str, Any]:
     if coordinates != accelerations:
         raise FileFormatError(table.path, "not a motion: accelerations of joints without rates", 1)
     t, q, va, aa, tau = np.split(values, np.cumsum([1, m, n, n]), axis=1)
-    return {
-        "t": t[:, 0],
-        "q": q,
-        "va": va,
-        "aa": aa,
-        "tau": tau,
-        "joint_names": names,
-        "actuated": actuated,
-        "units": units,
-        "coordinates": rate_names,
-        "rate_units": rate_units,
-        "torque_units": forces,
-    }
+    numbers = {"t": t[:, 0], "q": q, "va": va, "aa": aa, "tau": tau}
+    joints = {"joint_names": names, "units": units, "actuated": actuated, "torque_units": forces}
+    return numbers | joints | {"coordinates": rate_names, "rate_units": rate_units}

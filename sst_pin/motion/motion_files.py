@@ -1,15 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Motions and torques of any closed chain that people write down as CSV."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from copy import copy
 from pathlib import Path
-from typing import BinaryIO, TypeGuard
+from typing import BinaryIO
 
 import numpy as np
-import pinocchio as pin
 
 from ..arrays import Array
 from ..chain.closed_chain import ClosedChain
@@ -18,12 +15,10 @@ from ..chain.starts import placed
 from ..errors import ClosureError, FileFormatError, InputError
 from ..files import Table, read_table
 from .coordinate_motions import coordinate_motion
-from .motion_columns import RATE, TORQUE, is_number, position_columns, rate_columns
+from .motion_columns import RATE, TORQUE, is_number, position_columns, rate_columns, rotations_in
 from .moving_robot import require_motion
 from .trajectories import Trajectory
 
-#: A quaternion whose length is farther from 1 is no rounded one.
-_NOT_UNIT = 1e-3
 #: Endings of a joint's column, and what a number there is in SI.
 _ENDINGS = {
     "rad": {"_rad": 1.0, "_deg": np.pi / 180, "": 1.0},
@@ -39,14 +34,7 @@ def read_motion(chain: ClosedChain, source: str | Path | BinaryIO) -> Trajectory
     The other joints follow from the closures, rates come from splines of degree five. Where other
     joints have columns too, their numbers in the first row choose the assembly. A file with the
     positions of all joints and the rates and accelerations of the coordinates, as
-    `Trajectory.save` writes it, is taken as it stands.
-
-    Args:
-        chain: Whose motion it is.
-        source: The file, or a stream.
-
-    Raises:
-        FileFormatError: When the file is not such a motion, with the line at fault.
+    `Trajectory.save` writes it, is taken as it stands. The error names the line at fault.
     """
     return _motion_of(copy(chain), read_table(source), keep_torques=False)
 
@@ -54,16 +42,16 @@ def read_motion(chain: ClosedChain, source: str | Path | BinaryIO) -> Trajectory
 def load_motion(chain: ClosedChain, source: str | Path | BinaryIO) -> Trajectory:
     """A motion with the torques of its file; without these, with computed torques.
 
-    Args:
-        chain: Whose motion it is.
-        source: What `Trajectory.save` has written, or a CSV for `read_motion`; a stream is a CSV.
-
-    Raises:
-        FileFormatError: As `read_motion`.
+    The file is what `Trajectory.save` has written, or a CSV for `read_motion`; a stream is a CSV.
     """
     chain = copy(chain)
-    if is_npz(source):
-        return of_robot(chain, Trajectory.load(source), source)
+    if isinstance(source, str | Path) and Path(source).suffix.lower() == ".npz":
+        motion = Trajectory.load(source)
+        try:
+            require_motion(motion, chain)
+        except InputError as error:
+            raise FileFormatError(source, str(error)) from None
+        return motion
     return _motion_of(chain, read_table(source), keep_torques=True)
 
 
@@ -72,16 +60,8 @@ def read_log(
 ) -> tuple[Array, Array, Array, Array]:
     """Measured positions and torques in a CSV, as `read_motion` and `read_torques` name columns.
 
-    Args:
-        chain: The robot.
-        source: The file, or a stream.
-
-    Returns:
-        Times, shape (N,); positions of the coordinates, shape (N, n); torques of the motors, shape
-        (N, motors); the configuration at the start, shape (nq,).
-
-    Raises:
-        FileFormatError: When the file is no such log.
+    They are times, (N,), positions of the coordinates, (N, n), torques of the motors, (N, motors),
+    and the configuration at the start, (nq,).
     """
     table = read_table(source)
     x, start = _coordinates(chain, table)
@@ -94,19 +74,9 @@ def read_poses(
     """Measured poses of a frame, and positions of the coordinates, in a CSV without times.
 
     The columns of coordinates are those of `read_motion`; the frame's are `FRAME_x_m`, `FRAME_y_m`
-    and `FRAME_z_m`, or `_mm`, and for its orientation `FRAME_qw`, `_qx`, `_qy`, `_qz`.
-
-    Args:
-        chain: The robot.
-        source: The file, or a stream.
-        frame: Name of the frame.
-
-    Returns:
-        Positions of the coordinates, shape (N, n); poses, shape (N, 4, 4), or positions of the
-        frame's origin, shape (N, 3); the configuration in the first row, shape (nq,).
-
-    Raises:
-        FileFormatError: When the file has no such poses, with the line at fault.
+    and `FRAME_z_m`, or `_mm`, and for its orientation `FRAME_qw`, `_qx`, `_qy`, `_qz`. Gives
+    positions of the coordinates, (N, n), poses, (N, 4, 4), or positions of the frame's origin,
+    (N, 3), and the configuration in the first row, (nq,).
     """
     table = read_table(source, timed=False)
     x, start = _coordinates(chain, table)
@@ -121,30 +91,8 @@ def read_poses(
     turns = [f"{frame}_q{axis}" for axis in "xyzw"]
     if not set(turns) & set(table.columns):
         return x, poses[:, :3, 3], start
-    for pose, turn, line in zip(poses, table.select(turns), table.lines, strict=True):
-        if abs(np.linalg.norm(turn) - 1) > _NOT_UNIT:
-            problem = f"the quaternion of {frame} has length {np.linalg.norm(turn):g}, not 1"
-            raise FileFormatError(table.path, problem, line)
-        pose[:3, :3] = pin.Quaternion(turn / np.linalg.norm(turn)).matrix()
+    poses[:, :3, :3] = rotations_in(table, turns)
     return x, poses, start
-
-
-def is_npz(source: str | Path | BinaryIO) -> TypeGuard[str | Path]:
-    """Whether the path of a file says that it is one of NumPy's."""
-    return isinstance(source, str | Path) and Path(source).suffix.lower() == ".npz"
-
-
-def of_robot(chain: ClosedChain, motion: Trajectory, path: str | Path) -> Trajectory:
-    """The motion, when its joints, coordinates and motors are those of the robot.
-
-    Raises:
-        FileFormatError: When they are not.
-    """
-    try:
-        require_motion(motion, chain)
-    except InputError as error:
-        raise FileFormatError(path, str(error)) from None
-    return motion
 
 
 def read_torques(chain: ClosedChain, table: Table) -> Array:
@@ -153,9 +101,6 @@ def read_torques(chain: ClosedChain, table: Table) -> Array:
     The columns are `tau_NAME_Nm`, or `tau_NAME_N` of a motor that pushes, or have the motor's
     number, counted from 1, for its name. In a file with rates, numbers count the coordinates in the
     order of their rates, as `Trajectory.save` writes them.
-
-    Raises:
-        FileFormatError: When one is missing, or numbers count other motors than the robot's.
     """
     columns = []
     by_rates = [p[1] for p in map(RATE.fullmatch, table.columns) if p and not p[3]]
@@ -199,20 +144,9 @@ def read_start(
 ) -> tuple[Array, Array]:
     """Where a simulation begins: as given by name, else as in the first row of a table.
 
-    Args:
-        chain: The robot.
-        table: With positions as `read_motion` takes them, and `NAME_rad_s`, `NAME_m_s` for rates.
-        q0: Positions of joints, [rad] or [m]; the first row's where None.
-        va0: Rates of coordinates, zero for those left out; the first row's where None, or zero
-            where q0 is given and the row has none.
-
-    Returns:
-        A configuration on the closures, shape (nq,), and rates, shape (n,).
-
-    Raises:
-        FileFormatError: When neither says where.
-        UnknownNameError: For a name that is no joint's.
-        ClosureError: When the loops cannot be closed there.
+    The table has positions as `read_motion` takes them, and `NAME_rad_s`, `NAME_m_s` for rates.
+    Without `va0` rates are those of the row, or zero where q0 is given and the row has none; rates
+    left out of `va0` are zero. Gives a closed configuration, shape (nq,), and rates, shape (n,).
     """
     rate_names, rate_columns = _rates(chain)
     if va0 is not None:

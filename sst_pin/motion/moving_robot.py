@@ -13,16 +13,7 @@ if TYPE_CHECKING:
 
 
 def require_motion(motion: Trajectory, robot: ClosedChain, name: str = "motion") -> None:
-    """Check that something is a motion of a robot: its joints, coordinates, motors, units.
-
-    Args:
-        motion: What should be one.
-        robot: Whose motion it should be.
-        name: The argument.
-
-    Raises:
-        InputError: When it is none, or another robot's.
-    """
+    """Check that an argument is a motion of a robot: its joints, coordinates, motors, units."""
     if not isinstance(motion, Trajectory):
         raise InputError(name, f"a Trajectory is needed, not {type(motion).__name__}")
     for what, found, needed in (

@@ -51,12 +51,11 @@ def rollout(
     q0: ArrayLike,
     va0: ArrayLike,
     dt: float,
-    *,
-    external_wrenches: ArrayLike | None = None,
-    steps: int | None = None,
-    sign_width: float = 1e-3,
-    threads: int = 1,
-    on_error: str = "raise",
+    external_wrenches: ArrayLike | None,
+    steps: int | None,
+    sign_width: float,
+    threads: int,
+    on_error: str,
 ) -> Rollout:
     """The states that `ClosedChain.rollout` gives, for the same arguments."""
     require_policy(on_error)

@@ -89,15 +89,12 @@ def require_distinct(period: float, times: Array) -> None:
 
 
 class Sampling:
-    """A sampled torque from a start on.
-
-    Attributes:
-        now: The torques that act, shape (motors,).
-    """
+    """A sampled torque from a start on."""
 
     def __init__(self, torque: SampledTorque, start: float, motors: int | None = None) -> None:
         self._torque, self._start, self._calls = torque, start, 0
         self._waiting = deque[tuple[float, Array]]()
+        #: The torques that act, shape (motors,).
         self.now = np.zeros(motors or 0)
         self._motors = motors
 

@@ -16,11 +16,7 @@ if TYPE_CHECKING:
 
 
 def sample_times(t: ArrayLike, least: int = 1) -> Array:
-    """Times as a read-only array.
-
-    Raises:
-        InputError: When they are not increasing, or fewer than `least`.
-    """
+    """Times as a read-only array; refuses fewer than `least`, or any that do not increase."""
     times = finite_array("t", t, ()).copy()
     if times.ndim != 1 or len(times) < least:
         raise InputError("t", f"shape {times.shape}, expected (N,) with N >= {least}")
@@ -33,17 +29,7 @@ def sample_times(t: ArrayLike, least: int = 1) -> Array:
 
 
 def times_within(name: str, value: ArrayLike, times: Array, beyond: float = 0.0) -> Array:
-    """Times at which samples can be interpolated, shape (...).
-
-    Args:
-        name: The argument.
-        value: The times.
-        times: Those of the samples, increasing.
-        beyond: How far they may lie outside, [s].
-
-    Raises:
-        InputError: When one lies further before the first sample or after the last.
-    """
+    """Times `value`, shape (...), at most `beyond` [s] outside those of samples, `times`."""
     array = finite_array(name, value, ())
     slack = beyond + 1e-9 * (times[-1] - times[0])  # an integrator may end a rounding beyond
     outside = (array < times[0] - slack) | (array > times[-1] + slack)
@@ -54,18 +40,10 @@ def times_within(name: str, value: ArrayLike, times: Array, beyond: float = 0.0)
 
 
 def spline(t: Array, values: Array) -> BSpline:
-    """A smooth curve through samples: of degree five, lower for fewer than six of them.
-
-    Args:
-        t: Increasing times, shape (N,).
-        values: Shape (N, ...).
-
-    Raises:
-        InputError: When the times are too near to one another for a curve in double precision.
-    """
+    """A smooth curve through samples, shape (N, ...): of degree five, lower for fewer than six."""
     from scipy.interpolate import make_interp_spline
 
     try:
         return make_interp_spline(t, values, k=min(5, len(t) - 1))
-    except ValueError as error:
+    except ValueError as error:  # times too near to one another for double precision
         raise InputError("t", f"no smooth curve through the samples: {error}") from None

@@ -46,18 +46,22 @@ def simulate(
     q0: ArrayLike,
     va0: ArrayLike,
     t: ArrayLike,
-    *,
-    external_wrenches: Load = None,
-    method: str = "DOP853",
-    rtol: float = 1e-12,
-    atol: float = 1e-12,
-    max_condition_number: float = 1e4,
-    through_singularities: bool = False,
-    sign_width: float = 1e-3,
-    progress: Callable[[float], None] | None = None,
+    external_wrenches: Load,
+    method: str,
+    rtol: float,
+    atol: float,
+    max_condition_number: float,
+    through_singularities: bool,
+    sign_width: float,
+    progress: Callable[[float], None] | None,
 ) -> Trajectory:
     """The motion that `ClosedChain.simulate` gives, for the same arguments."""
-    _require_options(method, rtol, atol, max_condition_number, sign_width)
+    if method not in _METHODS:
+        raise InputError("method", f"{method!r} unknown; known: {', '.join(_METHODS)}")
+    positive_number("rtol", rtol)
+    positive_number("atol", atol)
+    positive_number("max_condition_number", max_condition_number)
+    positive_number("sign_width", sign_width, or_zero=True)  # 0 is the sign itself
     if progress is not None and not callable(progress):
         raise InputError("progress", f"{progress!r} cannot be called")
     times = sample_times(t, 2)
@@ -72,11 +76,11 @@ def simulate(
     va0 = single_array("va0", va0, (chain.degrees_of_freedom,))
     if not states.condition_number(q0) < max_condition_number:
         raise InputError("q0", f"closer to a singularity than {max_condition_number=:g}")
-    motion = Motion(
-        states,
-        _torque_of(torque, times, len(chain.motor_names)),
-        _load_of(external_wrenches, len(chain.joint_names)),
-    )
+    load = None
+    if external_wrenches is not None:
+        shape = len(chain.joint_names), 6
+        load = _called_or_constant("external_wrenches", external_wrenches, shape)
+    motion = Motion(states, _torque_of(torque, times, len(chain.motor_names)), load)
     # A load that is a function, and wheels that roll, have more derivatives than the robot's.
     exact = (
         sign_width > 0
@@ -86,32 +90,14 @@ def simulate(
     options: dict[str, Any] = {"rtol": rtol, "atol": atol}
     if exact and method in _IMPLICIT:
         options["jac"] = motion.jacobian
-    run = Run(
-        motion,
-        chain.mechanism,
-        method,
-        options,
-        max_condition_number,
-        progress,
-        through_singularities,
-    )
+    how = method, options, max_condition_number, progress, through_singularities
+    run = Run(motion, chain.mechanism, *how)
     q, va, aa, tau = run.integrate(times, np.concatenate([q0, va0]))
     if run.stopped:
         warnings.warn(run.stopped, SingularityWarning, stacklevel=3)
     return chain.trajectory(
         times[: len(q)], q, va, aa, tau, stopped=run.stopped, crossings=run.crossings
     )
-
-
-def _require_options(
-    method: str, rtol: float, atol: float, max_condition_number: float, sign_width: float
-) -> None:
-    if method not in _METHODS:
-        raise InputError("method", f"{method!r} unknown; known: {', '.join(_METHODS)}")
-    positive_number("rtol", rtol)
-    positive_number("atol", atol)
-    positive_number("max_condition_number", max_condition_number)
-    positive_number("sign_width", sign_width, or_zero=True)  # 0 is the sign itself
 
 
 def _torque_of(torque: Torque, times: Array, motors: int) -> Input:
@@ -134,12 +120,6 @@ def _torque_of(torque: Torque, times: Array, motors: int) -> Input:
     if not callable(torque) and as_array("torque", torque, ()).ndim == 2:
         return _sampled(spline(times, single_array("torque", torque, (len(times), motors))))
     return _called_or_constant("torque", torque, (motors,))
-
-
-def _load_of(load: Load, bodies: int) -> Input | None:
-    if load is None:
-        return None
-    return _called_or_constant("external_wrenches", load, (bodies, 6))
 
 
 def _called_or_constant(

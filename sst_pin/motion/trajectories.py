@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -111,27 +111,17 @@ class Trajectory(Summary):
         known = isinstance(crossings, (list, tuple))
         if not known or not all(isinstance(crossing, Crossing) for crossing in crossings):
             raise InputError("crossings", f"{crossings!r} are no crossings of a simulation")
-        arrays = {
-            "q": (q, len(joint_names)),
-            "va": (va, len(coordinates)),
-            "aa": (aa, len(coordinates)),
-            "tau": (tau, len(actuated)),
-        }
-        for name, (value, columns) in arrays.items():
-            array = finite_array(name, value, (columns,)).copy()
-            if array.shape != (len(times), columns):
-                raise InputError(name, f"shape {array.shape}, expected {(len(times), columns)}")
+        own = vars(self)  # the class is frozen
+        own |= {"t": times, "stopped": stopped, "crossings": tuple(crossings)}
+        own |= {"joint_names": joint_names, "actuated": actuated, "coordinates": coordinates}
+        own |= {"units": units, "rate_units": rate_units, "torque_units": torque_units}
+        arrays = ("q", q, joint_names), ("va", va, coordinates), ("aa", aa, coordinates)
+        for name, value, columns in (*arrays, ("tau", tau, actuated)):
+            shape = len(times), len(columns)
+            array = own[name] = finite_array(name, value, shape[1:]).copy()
+            if array.shape != shape:
+                raise InputError(name, f"shape {array.shape}, expected {shape}")
             array.setflags(write=False)
-            object.__setattr__(self, name, array)
-        object.__setattr__(self, "t", times)
-        object.__setattr__(self, "joint_names", joint_names)
-        object.__setattr__(self, "actuated", actuated)
-        object.__setattr__(self, "units", units)
-        object.__setattr__(self, "coordinates", coordinates)
-        object.__setattr__(self, "rate_units", rate_units)
-        object.__setattr__(self, "torque_units", torque_units)
-        object.__setattr__(self, "stopped", stopped)
-        object.__setattr__(self, "crossings", tuple(crossings))
 
     def __len__(self) -> int:
         return len(self.t)
@@ -163,23 +153,10 @@ class Trajectory(Summary):
             raise InputError("samples", f"{samples!r} selects none of {len(self)} samples")
         if (np.diff(chosen) <= 0).any():
             raise InputError("samples", f"{samples!r} is not in the order of time")
-        return Trajectory(
-            self.t[chosen],
-            self.q[chosen],
-            self.va[chosen],
-            self.aa[chosen],
-            self.tau[chosen],
-            self.joint_names,
-            self.actuated,
-            self.units,
-            self.stopped if chosen[-1] == len(self) - 1 else "",
-            crossings=[
-                c for c in self.crossings if self.t[chosen[0]] <= c.time <= self.t[chosen[-1]]
-            ],
-            coordinates=self.coordinates,
-            rate_units=self.rate_units,
-            torque_units=self.torque_units,
-        )
+        first, last = self.t[chosen[[0, -1]]]
+        kept: dict[str, Any] = {name: getattr(self, name)[chosen] for name in _COMPARED[:5]}
+        kept["crossings"] = tuple(c for c in self.crossings if first <= c.time <= last)
+        return replace(self, **kept, stopped=self.stopped if chosen[-1] == len(self) - 1 else "")
 
     def between(self, start: float, end: float) -> Trajectory:
         """The samples from one time to another, both included.
@@ -305,12 +282,8 @@ class Trajectory(Summary):
             (2, 3)
         """
         path = as_path(path)
-        if path.suffix.lower() == ".npz":
-            return cls._load_npz(path)
-        return cls(**parts_of(read_table(path)))
-
-    @classmethod
-    def _load_npz(cls, path: Path) -> Trajectory:
+        if path.suffix.lower() != ".npz":
+            return cls(**parts_of(read_table(path)))
         try:
             with np.load(path, allow_pickle=False) as file:
                 older = {"torque_units"} - set(file.files)

@@ -12,8 +12,8 @@ from collections.abc import Iterator
 import numpy as np
 import pinocchio as pin
 
-from ..arrays import Array, Flags, in_one_turn
-from ..motion.limits import Verdict
+from ..arrays import Array, in_one_turn
+from ..motion.limits import Verdict, outside
 from . import kinematics
 
 #: Where a pose counts as close to a singularity: |sin(mu_k)|, and the condition number of A.
@@ -41,11 +41,12 @@ def arc_margins(geometry: kinematics.Geometry, q: Array) -> Array:
 def verdicts(model: pin.Model, geometry: kinematics.Geometry, q: Array) -> Iterator[Verdict]:
     """Verdicts about arcs, joint limits and singularities at closed q of shape (n, 9)."""
     names, (low, high) = tuple(model.names)[1:], arc_ends(geometry)
+    units = ["deg"] * len(names)
     middle = np.where(np.isfinite(low), high / 2, 0)
     turned = middle + in_one_turn(q - middle)  # a whole turn leads to the same place
-    yield from _outside("arc", names, turned, arc_margins(geometry, turned) < 0, low, high)
+    yield from outside("arc", names, units, turned, arc_margins(geometry, turned) < 0, low, high)
     low, high = model.lowerPositionLimit, model.upperPositionLimit
-    yield from _outside("limits", names, q, (q < low) | (q > high), low, high)
+    yield from outside("limits", names, units, q, (q < low) | (q > high), low, high)
     legs = kinematics.legs_of_joints(geometry, q)
     for k, sine in enumerate(np.abs(legs.sin_mu).T, 1):
         problem = f"leg {k} is close to the plane of its arc, |sin mu_{k}| < {SMALLEST_SINE}"
@@ -55,13 +56,3 @@ def verdicts(model: pin.Model, geometry: kinematics.Geometry, q: Array) -> Itera
     problem = f"close to a singularity (second kind), condition number > {LARGEST_CONDITION:g}"
     out, limits = condition > LARGEST_CONDITION, (-np.inf, LARGEST_CONDITION)
     yield problem, names[::3], condition, out, limits, "", True
-
-
-def _outside(
-    ends: str, names: tuple[str, ...], q: Array, out: Flags, low: Array, high: Array
-) -> Iterator[Verdict]:
-    for i, name in enumerate(names):
-        limits = (float(low[i]), float(high[i]))
-        within = f"{np.degrees(low[i]):.4g} to {np.degrees(high[i]):.4g} deg"
-        problem = f"{name} leaves its {ends} of {within}"
-        yield problem, (name,), q[:, i], out[:, i], limits, "deg", False

@@ -110,10 +110,15 @@ def joints_of_legs(geometry: Geometry, legs: Legs) -> Array:
     return np.stack([gamma, mu, beta], axis=-1).reshape(*gamma.shape[:-1], 9)
 
 
+def passive_axes(geometry: Geometry, gamma: Array) -> Array:
+    """e_{k+3} in the base, rows, for motor angles, shape (..., 3)."""
+    x_0, y_0 = geometry.R_0[:, :, 0], geometry.R_0[:, :, 1]
+    return np.cos(gamma)[..., None] * x_0 + np.sin(gamma)[..., None] * y_0
+
+
 def joints_of_actuated(geometry: Geometry, gamma: Array, R: Array) -> Array:
     """q at orientations that assemble with given gamma_k, the branches being what they are."""
-    x_0, y_0 = geometry.R_0[:, :, 0], geometry.R_0[:, :, 1]
-    u = np.cos(gamma)[..., None] * x_0 + np.sin(gamma)[..., None] * y_0
+    u = passive_axes(geometry, gamma)
     R_3 = R[..., None, :, :] @ np.swapaxes(geometry.R_E, -1, -2)
     u, n = np.broadcast_arrays(u, R_3[..., 2])
     q = joints_of_legs(geometry, _legs(geometry, u, n, R_3[..., 0]))
@@ -124,9 +129,7 @@ def joints_of_actuated(geometry: Geometry, gamma: Array, R: Array) -> Array:
 def orientation_of_joints(geometry: Geometry, q: Array) -> Array:
     """{E} in the base by leg 1, shape (..., 3, 3), Eqs. (26), (30)."""
     legs = legs_of_joints(geometry, q)
-    n, s = legs.n[..., 0, :], legs.s[..., 0, :]
-    R_31 = np.stack([s, np.cross(n, s), n], axis=-1)
-    return R_31 @ geometry.R_E[0]
+    return _orientation(geometry, legs.s[..., 0, :], legs.n[..., 0, :])
 
 
 def home_orientation(geometry: Geometry) -> Array:
@@ -139,8 +142,12 @@ def home_orientation(geometry: Geometry) -> Array:
     n /= np.linalg.norm(n)
     if n @ np.cross(e_1, middle) > 0:  # sin(mu_1) = -n . y_1 must be positive
         n = -n
-    R_31 = np.stack([s, np.cross(n, s), n], axis=-1)
-    return R_31 @ geometry.R_E[0]
+    return _orientation(geometry, s, n)
+
+
+def _orientation(geometry: Geometry, s: Array, n: Array) -> Array:
+    """{E} in the base by the x and z axes of {3, 1}."""
+    return np.stack([s, np.cross(n, s), n], axis=-1) @ geometry.R_E[0]
 
 
 def joint_rates(legs: Legs, omega: Array) -> Array:

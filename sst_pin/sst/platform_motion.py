@@ -14,6 +14,7 @@ from ..chain.joint_space import without_sign_changes
 from ..description import MOTOR_NAMES
 from ..errors import FileFormatError, InputError
 from ..files import Table
+from ..motion.motion_columns import rotations_in
 from ..motion.samples import sample_times, spline, times_within
 from .kinematics import require_rotation
 
@@ -260,7 +261,7 @@ def motion_in(table: Table) -> PlatformMotion | Array:
     if given == ["motors"]:
         return np.column_stack([_angle(table, name) for name in MOTOR_NAMES])
     if given == ["quaternion"]:
-        R = _rotations(table)
+        R = rotations_in(table, _QUATERNION)
     else:
         psi = _angle(table, "psi") if _unit(table, "psi") else 0.0
         R = orientation(_angle(table, "theta"), _angle(table, "phi"), psi)
@@ -279,16 +280,3 @@ def _angle(table: Table, name: str) -> Array:
     column = _unit(table, name)
     values = table.column(column or f"{name}_rad")  # a missing one is missed in radians
     return np.radians(values) if column == f"{name}_deg" else values
-
-
-def _rotations(table: Table) -> Array:
-    from scipy.spatial.transform import Rotation
-
-    quaternions = table.select(_QUATERNION)
-    lengths = np.linalg.norm(quaternions, axis=1)
-    wrong = np.abs(lengths - 1) > 1e-3
-    if wrong.any():
-        i = int(np.argmax(wrong))
-        problem = f"quaternion of length {lengths[i]:.6g}, expected 1"
-        raise FileFormatError(table.path, problem, table.lines[i])
-    return Rotation.from_quat(quaternions).as_matrix()

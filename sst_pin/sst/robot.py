@@ -21,7 +21,7 @@ from ..chain.backend import Backend
 from ..chain.closed_chain import ClosedChain
 from ..chain.closures import Closure
 from ..chain.current import Current
-from ..chain.mechanism import Friction
+from ..chain.mechanism import Friction, Mechanism
 from ..chain.reference import Reference
 from ..chain.tree import frame_named
 from ..description import MOTOR_NAMES
@@ -199,7 +199,10 @@ class SST(ClosedChain):
         self._current = Current(self._current.mechanism, partial(_kernels, off=off))
         self._shapes = found.shapes
 
-    _examine = staticmethod(_geometry)
+    def _fill(self, model: pin.Model, recipe: partial[Mechanism]) -> None:
+        _geometry(model)  # refuses what is no SST
+        super()._fill(model, recipe)
+
     _platform = "beta_1"  # the star
 
     @property
@@ -333,8 +336,7 @@ class SST(ClosedChain):
             array([0.8  , 1.591, 0.616, 0.8  , 1.591, 0.616, 0.8  , 1.591, 0.616])
         """
         gamma, geometry = single_array("gamma", gamma, (3,)), self.geometry
-        x_0, y_0 = geometry.R_0[:, :, 0], geometry.R_0[:, :, 1]
-        u = np.cos(gamma)[:, None] * x_0 + np.sin(gamma)[:, None] * y_0
+        u = kinematics.passive_axes(geometry, gamma)
         R = direct_kinematics.orientations(u, geometry.arc_normals)
         solutions = kinematics.joints_of_actuated(geometry, gamma, R)
         if near is None:

@@ -73,7 +73,11 @@ def test_offsets_of_motors_go_into_a_urdf_that_is_a_robot(poses, capsys, columns
         (f"{FRAME}_y_mm", "y", f"one column {FRAME}_y_m or {FRAME}_y_mm"),
         (f"{FRAME}_qx", "qx", f"{FRAME}_qx"),
         ("motor_2_deg", "elbow", "motor_2"),
-        ("\n", "\n12,12,12,0,0,-300,2,0,0,0\n", "line 2: the quaternion of platform"),
+        (
+            "\n",
+            "\n12,12,12,0,0,-300,2,0,0,0\n",
+            "line 2: quaternion of length 2, expected 1, in platform_3b_qx",
+        ),
     ],
 )
 @pytest.mark.filterwarnings("ignore::sst_pin.DescriptionWarning")
