@@ -155,9 +155,11 @@ def planar_3rrr(
         array([0., 0., 0.])
     """
     angles = np.pi / 2 + 2 * np.pi / 3 * np.arange(3)
-    points = circle(base_radius, angles), circle(platform_radius, angles)
-    masses = platform_mass, linear_density
-    return _planar_platform("planar_3rrr", *points, (proximal, distal), masses, radius)
+    base, vertices = circle(base_radius, angles), circle(platform_radius, angles)
+    plate = star(platform_mass, vertices - vertices[0], radius)
+    lengths = proximal, distal
+    links = [bar(linear_density * length, length, radius) for length in lengths]
+    return _planar_platform("planar_3rrr", base, vertices, plate, lengths, links)
 
 
 @of_dimensions
@@ -183,23 +185,18 @@ def planar_4rrr(
         array([0., 0., 0., 0.])
     """
     angles = np.pi / 4 + np.pi / 2 * np.arange(4)
-    points = circle(base_radius, angles), circle(platform_radius, angles)
-    masses = platform_mass, linear_density
-    return _planar_platform("planar_4rrr", *points, (proximal, distal), masses, radius)
+    base, vertices = circle(base_radius, angles), circle(platform_radius, angles)
+    plate = star(platform_mass, vertices - vertices[0], radius)
+    lengths = proximal, distal
+    links = [bar(linear_density * length, length, radius) for length in lengths]
+    return _planar_platform("planar_4rrr", base, vertices, plate, lengths, links)
 
 
 def _planar_platform(
-    name: str,
-    base: Array,
-    vertices: Array,
-    lengths: _Lengths,
-    masses: tuple[float, float],
-    radius: float,
+    name: str, base: Array, vertices: Array, plate: Solids, lengths: _Lengths, links: list[Solids]
 ) -> GalleryRobot:
     """A platform in the horizontal plane that leg 1 bears and the other legs are pinned to."""
     tree, legs = Tree(name), range(1, len(base) + 1)
-    plate = star(masses[0], vertices - vertices[0], radius)
-    links = [bar(masses[1] * length, length, radius) for length in lengths]
     for k in legs:
         _add_arm(tree, k, base[k - 1], lengths, links)
         if k == 1:
