@@ -83,20 +83,6 @@ def test_torques_and_accelerations_of_any_robot_agree(seed: int, friction: bool)
     assert relative_error(aa, wanted) < ROUNDING
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_terms_of_the_long_form_add_up_to_the_torques(seed: int) -> None:
-    """Eq. (92) by K, T, M and Omega, which the short form does not use."""
-    rng = np.random.default_rng(600 + seed)
-    parameters = random_parameters(rng)
-    robot, referee = sst_pin.SST(parameters), VirtualWork(parameters)
-    motion = random_states(robot, rng, 5)
-    wanted = referee.torques(*motion)
-    for q, va, aa, tau in zip(*robot.joint_motion(*motion), wanted, strict=True):
-        terms = robot.noc(q, va)
-        long = terms.inertia @ aa + terms.coriolis @ va - terms.gravity - terms.friction
-        assert relative_error(long, tau) < ROUNDING
-
-
 def test_batches_of_any_shape_equal_their_samples() -> None:
     rng = np.random.default_rng(1)
     parameters = random_parameters(rng)
