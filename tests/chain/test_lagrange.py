@@ -11,9 +11,10 @@ import qpsolvers
 from numpy.testing import assert_allclose
 from scipy.linalg import qr
 
+from any_chain import states
 from robots import ROBOTS
 from sst_pin import ClosedChain, Closure, Coupling
-from sst_pin.errors import ActuationError, ClosureError
+from sst_pin.errors import ActuationError
 from sst_pin.verification.referees import lagrange
 from sst_pin.verification.verify import verify_chain
 from trees import CONSTRAINTS, JOINTS, add_frame, add_joint, derivative, random_q, tree
@@ -64,26 +65,6 @@ CASES = {
     ),
     "composite": Case(("", ["composite"], ["translation", "universal"]), "3d", ["b0_translation"]),
 }
-STATES = 20
-
-
-def states(chain, count=STATES, seed=0):
-    """Configurations away from singularities, with rates of the coordinates."""
-    random, model = np.random.default_rng(seed), chain.model
-    near = model.referenceConfigurations["closed"]
-    found = 0
-    for _ in range(10 * count):
-        guess = pin.integrate(model, near, 0.3 * random.normal(size=model.nv))
-        try:
-            q = chain.assemble(guess, fixed=())
-        except ClosureError:
-            continue
-        if chain.condition_number(q) < 100:
-            yield q, random.normal(size=chain.degrees_of_freedom), random
-            found += 1
-            if found == count:
-                return
-    raise AssertionError("too few states")
 
 
 def close(actual, expected, tolerance=1e-9):
@@ -111,6 +92,14 @@ def hinged_by(joint):
     return Case(("", [joint, "RX"], ["RZ", "ball", "translation"]), "6d", ["a1_RX"]).build(4)
 
 
+MORE_MOTORS = {
+    "four-bar": "rocker",
+    "planar 3-RRR": "elbow_2",
+    "planar 3-RRR, platform welded": "wrist_3",
+    "6-UPS": "yaw_3",
+    "6-UPS, floating platform": "slide_z",
+    "spherical 3-RRR, aligned": "first_1",
+}
 #: How to make them, and the tolerance of forces: rounding, times condition numbers up to 1e3 of the
 #: loop; those of the table are regular.
 VERIFIED = {
@@ -118,6 +107,11 @@ VERIFIED = {
     **{f"closure {name}": (partial(closed_by, c), 1e-9) for name, c in CONSTRAINTS.items()},
     **{f"joint {name}": (partial(hinged_by, name), 1e-9) for name in JOINTS},
     **{name: (robot.chain, 1e-10) for name, robot in ROBOTS.items()},
+    **{
+        f"{name}, {extra} driven too": (partial(robot.chain, [*robot.actuated, extra]), 1e-10)
+        for name, extra in MORE_MOTORS.items()
+        for robot in [ROBOTS[name]]
+    },
 }
 
 
@@ -139,7 +133,8 @@ def test_energy_changes_by_the_power_of_the_motors_and_friction(name):
     """
     chain = CASES[name].build()
     model = chain.model
-    for q, va, random in states(chain, 5):
+    random = np.random.default_rng(0)
+    for q, va, _ in zip(*states(chain, 5, 0), strict=True):
         tau = 10 * random.normal(size=len(chain.motor_units))
         aa = chain.compute_accelerations(q, va, tau)
         v, a = chain.joint_rates(q, va), chain.joint_accelerations(q, va, aa)
@@ -167,9 +162,9 @@ def test_with_more_motors_the_torques_are_the_least(name, weighted):
     """Those of a quadratic programme: least weighted squares with L^T B tau = f."""
     chain = CASES[name].build()
     motors, n = len(chain.motor_units), chain.degrees_of_freedom
-    for q, va, random in states(chain):
+    random = np.random.default_rng(0)
+    for q, va, aa in zip(*states(chain, 20, 0), strict=True):
         weights = random.uniform(0.1, 10, motors) if weighted else None
-        aa = random.normal(size=n)
         tau = chain.compute_torques(q, va, aa, weights=weights)
         A = chain.joint_rates(q, np.eye(n)) @ chain.mechanism.motors
         b = lagrange.generalized_forces(chain, q, va, aa)
@@ -181,8 +176,7 @@ def test_with_more_motors_the_torques_are_the_least(name, weighted):
 def test_forces_that_nobody_supplies_are_named():
     """A floating robot: the missing forces are those of the base's coordinates, no others."""
     chain = Case(FLOATING, "6d", ["a0_RX", "b0_RZ"]).build()
-    q, va, random = next(states(chain, 1))
-    aa = random.normal(size=len(va))
+    q, va, aa = (x[0] for x in states(chain, 1, 0))
     f = chain.generalized_forces(q, va, aa)
     with pytest.raises(ActuationError, match="no motor supplies") as caught:
         chain.compute_torques(q, va, aa)
@@ -198,7 +192,7 @@ def test_a_free_fall_needs_no_torques():
     chain = Case(FLOATING, "6d", ["a0_RX", "b0_RZ"]).build()
     model = chain.model
     model.armature = np.zeros(model.nv)
-    for q, va, _ in states(chain, 5):
+    for q, va, _ in zip(*states(chain, 5, 0), strict=True):
         for rates in (0 * va, va):
             aa = chain.compute_accelerations(q, rates, np.zeros(2))
             assert_allclose(chain.compute_torques(q, rates, aa), 0, atol=1e-10)
@@ -240,9 +234,9 @@ def test_the_order_in_which_joints_were_added_does_not_matter():
     assert rows_v != sorted(rows_v)
     order = [other.coordinates.index(name) for name in one.coordinates]
     assert order == sorted(order)  # the motors, and the balls that spin
-    for q, va, random in states(one, 10):
+    random = np.random.default_rng(0)
+    for q, va, aa in zip(*states(one, 10, 0), strict=True):
         there = q[rows_q]
-        aa = random.normal(size=len(va))
         close(one.generalized_forces(q, va, aa), other.generalized_forces(there, va, aa))
         tau = random.normal(size=6)
         close(one.compute_accelerations(q, va, tau), other.compute_accelerations(there, va, tau))
@@ -256,8 +250,7 @@ def test_coordinates_are_what_the_caller_names():
     case = Case(ARM, "6d", ["a0_RZ", "a1_revolute", "a2_RX", "a3_PZ"])
     chain = case.build()
     n = chain.degrees_of_freedom
-    for q, va, random in states(chain, 10):
-        aa = random.normal(size=n)
+    for q, va, aa in zip(*states(chain, 10, 0), strict=True):
         v, v_dot = chain.joint_rates(q, va), chain.joint_accelerations(q, va, aa)
         L = chain.noc(q, va).L
         # Other independent joints, by a pivoted QR.

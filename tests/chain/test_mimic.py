@@ -9,6 +9,7 @@ import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 
+from any_chain import states
 from sst_pin import ClosedChain, Closure, Coupling
 from sst_pin.errors import DescriptionError, InputError
 
@@ -89,21 +90,11 @@ def pair(request, loop):
     return a, b, to_b, k
 
 
-def states(a, number=5):
-    random = np.random.default_rng(2)
-    found = []
-    while len(found) < number:
-        q = pin.integrate(a.model, a.generic_configuration(), 0.3 * random.normal(size=a.model.nv))
-        q = a.assemble(q, (), tries=10)
-        found.append((q, *random.normal(size=(2, a.degrees_of_freedom))))
-    return found
-
-
 def test_dynamics_are_those_of_the_coupled_robot(pair):
     """Forces, accelerations, terms, energies, frames; 1e-10 of the largest is rounding."""
     a, b, to_b, k = pair
     random = np.random.default_rng(3)
-    for q, va, aa in states(a):
+    for q, va, aa in zip(*states(a, 5, 2), strict=True):
         Q = to_b(q)
         assert np.abs(b.residual(Q)).max() < 1e-10
         wrenches = random.normal(size=(a.model.njoints - 1, 6))
@@ -132,7 +123,7 @@ def test_dynamics_are_those_of_the_coupled_robot(pair):
 def test_derivatives_are_those_of_the_coupled_robot(pair):
     """Derivatives of forces and accelerations; 1e-9 of the largest is rounding."""
     a, b, to_b, _ = pair
-    for q, va, aa in states(a, 2):
+    for q, va, aa in zip(*states(a, 2, 2), strict=True):
         for method, third in (("torque_derivatives", aa), ("acceleration_derivatives", aa[:2])):
             for x, y in zip(
                 getattr(a, method)(q, va, third, sign_width=0.1),
@@ -200,7 +191,7 @@ def test_two_mimic_joints_follow_each_its_own():
     gears = [Coupling("e", {"b": (0, FACTOR)}, OFFSET), Coupling("f", {"a": (0, 1.4)}, -0.2)]
     a = ClosedChain(mimicking, [loop], ["a", "b"])
     b = ClosedChain(model, [loop, *gears], ["a", "b"], coordinates=a.coordinates)
-    for q, va, aa in states(a, 2):
+    for q, va, aa in zip(*states(a, 2, 2), strict=True):
         Q = np.array([*q[:5], FACTOR * q[1] + OFFSET, 1.4 * q[0] - 0.2, *q[5:]])
         assert_allclose(a.generalized_forces(q, va, aa), b.generalized_forces(Q, va, aa), atol=1e-9)
         pairs = zip(a.torque_derivatives(q, va, aa), b.torque_derivatives(Q, va, aa), strict=True)

@@ -4,7 +4,6 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from scipy.linalg import null_space
 
 from derivative_cases import close
 from pinocchio_peers import Constrained
@@ -191,22 +190,6 @@ def test_without_torque_and_friction_energy_is_conserved(robot):
     assert np.ptp(total) < 1e-11 * robot.masses.sum() * np.linalg.norm(GRAVITY)
 
 
-def test_a_spherical_robot_needs_its_orientation_closures_only():
-    """Welding the platform in six directions adds redundant rows and changes nothing else."""
-    aligned, welded = (
-        ROBOTS[name] for name in ("spherical 3-RRR, aligned", "spherical 3-RRR, welded")
-    )
-    for motion, wrenches in states(aligned):
-        one, other = (
-            robot.chain().compute_torques(
-                motion.q, motion.va, motion.aa, external_wrenches=wrenches
-            )
-            for robot in (aligned, welded)
-        )
-        # Two least-squares systems with one solution: rounding times a condition below 100.
-        close(one, other, 1e-12)
-
-
 @pytest.mark.parametrize(
     ("name", "motors"),
     [
@@ -231,34 +214,6 @@ def test_too_few_motors_leave_loose_joints(name, motors):
     # What cannot be brought about from rest is what happens without torques: that can.
     aa = chain.compute_accelerations(q, np.ones(n), np.zeros(len(motors)))
     assert np.abs(chain.compute_torques(q, np.ones(n), aa)).max(initial=0.0) < 1e-9
-
-
-@pytest.mark.parametrize(
-    ("name", "extra"),
-    [
-        ("four-bar", "rocker"),
-        ("planar 3-RRR", "elbow_2"),
-        ("planar 3-RRR, platform welded", "wrist_3"),
-        ("6-UPS", "yaw_3"),
-        ("6-UPS, floating platform", "slide_z"),
-        ("spherical 3-RRR, aligned", "first_1"),
-    ],
-)
-def test_of_more_motors_than_freedoms_the_smallest_torques_are_taken(name, extra):
-    """They bring about the motion, and nothing of them lies where no force along it comes from."""
-    robot = ROBOTS[name]
-    chain, q = robot.chain([*robot.actuated, extra]), robot.joints(robot.x).real
-    n = len(robot.actuated)
-    assert chain.mobility(q).redundantly_actuated
-    assert chain.coordinates == tuple(robot.actuated)
-    va, aa = np.random.default_rng(0).normal(size=(2, n))
-    tau = chain.compute_torques(q, va, aa)
-    A = chain.noc(q, va).L.T[:, list(chain.actuated)]
-    f = chain.generalized_forces(q, va, aa)
-    scale = np.abs(f).max()
-    assert np.abs(A @ tau - f).max() < 1e-11 * scale
-    assert np.abs(null_space(A).T @ tau).max() < 1e-11 * scale
-    assert np.abs(chain.compute_accelerations(q, va, tau) - aa).max() < 1e-9 * np.abs(aa).max()
 
 
 def test_an_open_loop_is_refused(robot, chain):
