@@ -41,10 +41,15 @@ def four_bar(model: pin.Model, base: int, mass: float) -> Closure:
     return Closure("a", "b", "hinge")
 
 
-def lift(mass: float, of_bars: float, motors: Sequence | None = None) -> ClosedChain:
-    """A four-bar linkage on a lift; by default five motors, one of which pulls at both."""
+def lift(
+    mass: float,
+    of_bars: float,
+    motors: Sequence | None = None,
+    joint: pin.JointModel | None = None,
+) -> ClosedChain:
+    """A four-bar linkage on a lift or a cart; by default five motors, one pulls at both."""
     model = pin.Model()
-    base = add(model, 0, pin.JointModelPZ(), "lift", pin.SE3.Identity(), mass)
+    base = add(model, 0, joint or pin.JointModelPZ(), "lift", pin.SE3.Identity(), mass)
     closure = four_bar(model, base, of_bars)
     both = {"lift": 1.7, "crank": 0.3}
     chosen = ["lift", both, "crank", "coupler", "rocker"] if motors is None else list(motors)

@@ -1,9 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Forces along lines between two frames, and motors on lines."""
 
-import copy
-import pickle
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -268,17 +265,6 @@ def test_lines_that_do_not_fit_the_robot_are_refused():
         chain([line], [line.name, line.name])
     with pytest.raises(sst_pin.UnknownNameError):
         chain([line], ["gas"])
-
-
-def test_copies_and_pickles_keep_lines():
-    chain, _ = with_lines(with_joint("revolute"), [STRUTS[0].name])
-    q, va, aa = next(random_states(chain))
-    for twin in (copy.copy(chain), copy.deepcopy(chain), pickle.loads(pickle.dumps(chain))):
-        assert twin.forces == chain.forces
-        assert_allclose(twin.compute_torques(q, va, aa), chain.compute_torques(q, va, aa))
-    chain.model.gravity.linear = np.zeros(3)
-    chain.refresh()
-    assert chain.forces == tuple(STRUTS)
 
 
 def test_a_line_stays_where_its_joint_is_locked():

@@ -14,6 +14,7 @@ import pinocchio as pin
 import pytest
 from test_coordinates import rhombus
 
+import any_chain
 import sst_pin
 from sst_pin import ClosedChain, Closure
 from sst_pin.compiled.compiled_backend import CompiledBackend
@@ -77,18 +78,17 @@ def build(model):
     return ClosedChain(model, [Closure("A", "B", "6d")], MOTORS)
 
 
-@pytest.fixture
-def chain():
-    """Three and three joints on a base that floats, whose model a test may change."""
+def floating():
+    """Three and three joints on a base that floats."""
     model = tree("free", ["RX", "revolute", "RZ"], ["RZ", "revolute", "ball"], seed=3)
     model.referenceConfigurations["home"] = model.referenceConfigurations["closed"]
-    return build(model)
+    return model
 
 
 @pytest.fixture
-def state(chain):
-    q = chain.model.referenceConfigurations["closed"]
-    return q, *np.random.default_rng(0).normal(size=(2, chain.mobility(q).degrees_of_freedom))
+def chain():
+    """A robot whose model a test may change."""
+    return build(floating())
 
 
 def numbers(chain, q, random):
@@ -98,7 +98,7 @@ def numbers(chain, q, random):
         [
             chain.generalized_forces(q, va, aa),
             chain.generalized_forces(np.stack([q, q]), va, aa).ravel(),
-            chain.compute_accelerations(q, va, np.ones(2)),
+            chain.compute_accelerations(q, va, np.ones(len(chain.motor_names))),
             chain.noc(q, va).inertia.ravel(),
             np.atleast_1d(chain.potential_energy(q)),
         ]
@@ -412,8 +412,8 @@ def test_kernels_compiled_near_a_configuration_serve_a_robot_with_one_joint_more
     )
 
 
-def test_a_frame_added_to_the_model_can_be_asked_for(chain, state):
-    q, va, _ = state
+def test_a_frame_added_to_the_model_can_be_asked_for(chain):
+    q, va = chain.home, np.ones(chain.degrees_of_freedom)
     chain.joint_rates(q, va)
     chain.model.addFrame(pin.Frame("tool", 2, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
     chain.refresh()
@@ -455,34 +455,30 @@ def test_a_model_with_a_nan_is_refused():
         build(model)
 
 
-@pytest.mark.parametrize(
-    "copied", [copy.copy, copy.deepcopy, lambda c: pickle.loads(pickle.dumps(c))]
-)
-def test_copies_compute_the_same(chain, copied):
-    """Also in the coordinates that the original has settled on."""
-    q = chain.model.referenceConfigurations["closed"]
-    wanted = numbers(chain, q, np.random.default_rng(0))
-    other = copied(chain)
-    assert np.array_equal(numbers(other, q, np.random.default_rng(0)), wanted)
-    assert other.coordinates == chain.coordinates
+def compiled():
+    chain = sst_pin.robots.four_bar()
+    chain.compile()
+    return chain
 
 
-def test_threads_compute_the_same_from_the_first_call_on(chain, state):
-    """Many threads ask a chain that nobody has asked before."""
-    wanted = chain.generalized_forces(*state)
+@pytest.mark.parametrize("make", [lambda: build(floating()), any_chain.lines, compiled])
+def test_copies_threads_and_other_processes_compute_the_same(make):
+    """In the coordinates and with the lines of the original, whoever asks a new robot first."""
+    chain = make()
+    states = any_chain.states(chain, 32, 0)
+    q, random = states[0][0], np.random.default_rng
+    wanted = numbers(chain, q, random(0))
+    for copied in (copy.copy, copy.deepcopy, lambda c: pickle.loads(pickle.dumps(c))):
+        other = copied(chain)
+        assert np.array_equal(numbers(other, q, random(0)), wanted)
+        for name in ("coordinates", "forces", "path"):
+            assert getattr(other, name) == getattr(chain, name)
+    forces, wanted = chain.forces, [chain.generalized_forces(*x) for x in zip(*states, strict=True)]
     with ThreadPoolExecutor(8) as pool:
         for _ in range(5):
-            new = build(chain.model)
-            calls = [pool.submit(new.generalized_forces, *state) for _ in range(32)]
-            assert all(np.array_equal(call.result(), wanted) for call in calls)
-
-
-def test_a_forked_process_computes_the_same(chain, state):
-    wanted = chain.generalized_forces(*state)
-    context = multiprocessing.get_context("fork")
-    here, there = context.Pipe()
-    process = context.Process(target=lambda: there.send(chain.generalized_forces(*state)))
-    process.start()
-    assert here.poll(60)
-    assert np.array_equal(here.recv(), wanted)
-    process.join(60)
+            assert np.array_equal(list(pool.map(make().generalized_forces, *states)), wanted)
+    with multiprocessing.get_context("fork").Pool(2) as pool:
+        calls = zip(*states, strict=True)
+        assert np.array_equal(pool.starmap(chain.generalized_forces, calls), wanted)
+    chain.refresh()
+    assert chain.forces == forces

@@ -10,6 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import sst_pin
+import trees
 from command_line import run
 from derivative_cases import assert_derivatives_are_those_of_differences, case
 from doors import Arrays
@@ -115,11 +116,9 @@ def test_casadi_and_jax_give_the_same(chain, states):
     """Torques and accelerations of one state."""
     q, va, aa = (x[0] for x in states)
     tau = chain.compute_torques(q, va, aa)
-    functions = [chain.casadi()]
-    if "jax" in (jax := pytest.importorskip("jax")).__name__:
-        jax.config.update("jax_enable_x64", True)
-        functions.append(chain.jax())
-    for f in functions:
+    jax = pytest.importorskip("jax")
+    jax.config.update("jax_enable_x64", True)
+    for f in (chain.casadi(), chain.jax()):
         found = f.torques(q, va, aa), f.accelerations(q, va, tau)
         found = [x.full().ravel() if isinstance(x, casadi.DM) else np.asarray(x) for x in found]
         assert_allclose(found[0], tau, rtol=0, atol=1e-11)
@@ -159,17 +158,10 @@ def test_mobility_assembly_and_reactions_need_no_closures(chain, states):
     assert chain.reactions(q, zero, zero).determined.joints.all()
 
 
-@pytest.mark.parametrize(
-    ("root", "first", "second"),
-    [
-        ("free", ["ball", "RX", "PZ"], ["revolute", "ZYX", "translation"]),
-        ("plane", ["universal", "prismatic", "RUBY", "PX"], ["ball", "helical", "free"]),
-        ("composite", ["unbounded", "HY", "ball"], ["RZ", "composite", "plane"]),
-    ],
-)
-def test_every_kind_of_joint_with_friction_and_springs(root, first, second):
+@pytest.mark.parametrize("name", trees.TREES)
+def test_every_kind_of_joint_with_friction_and_springs(name):
     """Joints added breadth-first; derivatives against differences."""
-    model = tree(root, first, second)
+    model = tree(*trees.TREES[name])
     some = case(model, [], [model.names[k] for k in range(1, model.njoints)])
     random, door = np.random.default_rng(1), Arrays(some)
     for state in some.states(2):

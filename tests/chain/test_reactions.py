@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Reactions in joints and closures, and which of them are unique."""
 
+from functools import partial
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -91,52 +93,45 @@ def solved(chain, seed, **options):
     return (q, va, aa, wrenches), chain.reactions(q, va, tau=tau, **loads, **options)
 
 
-def balances(chain):
-    """Whether all bodies do, when soft joints make all reactions unique."""
+def without_rotors(joint):
+    """Rotors turn the joints only; without them what is transmitted balances."""
+    chain = any_chain.with_joint(joint)
+    chain.model.armature[:] = 0
+    chain.refresh()
+    return chain
+
+
+CHAINS = {
+    **{name: getattr(robots, name) for name in GALLERY},
+    **{joint: partial(without_rotors, joint) for joint in [*any_chain.JOINTS, *any_chain.IN_A_ROW]},
+    **{str(kind): partial(any_chain.chain, kind=kind) for kind in any_chain.CLOSURES},
+    "SST": partial(sst_pin.SST, kernels=False),
+    "rods": any_chain.rods,
+    "coupled": any_chain.coupled,
+    "rolling": partial(any_chain.rolling, False),
+    "cart": any_chain.cart,
+}
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_newton_and_euler_close_for_every_body(name):
+    """When soft joints make all reactions unique; the ground bears what is left."""
+    chain = CHAINS[name]()
     state, w = solved(chain, 3, stiffness=soft(chain))
     scale = 1 + np.abs(w.joints).max()
     assert np.abs(unbalanced(chain, *state, w)).max() < 1e-10 * scale
-    ground = state[0]
     model, data = chain.mechanism.model, chain.mechanism.model.createData()
     pin.computeCentroidalMomentumTimeVariation(
-        model, data, ground, chain.joint_rates(*state[:2]), chain.joint_accelerations(*state[:3])
+        model,
+        data,
+        state[0],
+        chain.joint_rates(*state[:2]),
+        chain.joint_accelerations(*state[:3]),
     )
     weight = -pin.computeTotalMass(model) * model.gravity.linear
     assert w.ground[3:] == pytest.approx(
         data.dhg.linear + weight - state[3][:, 3:].sum(axis=0), abs=1e-10 * scale
     )
-
-
-@pytest.mark.parametrize("name", GALLERY)
-def test_newton_and_euler_close_for_every_body_of_the_gallery(name):
-    balances(getattr(robots, name)())
-
-
-def test_newton_and_euler_close_for_every_body_of_the_sst():
-    balances(sst_pin.SST(kernels=False))
-
-
-@pytest.mark.parametrize("joint", [*any_chain.JOINTS, *any_chain.IN_A_ROW])
-def test_newton_and_euler_close_with_every_joint(joint):
-    """Rotors turn the joints only; without them what is transmitted balances."""
-    chain = any_chain.with_joint(joint)
-    chain.model.armature[:] = 0
-    chain.refresh()
-    balances(chain)
-
-
-@pytest.mark.parametrize("kind", any_chain.CLOSURES, ids=str)
-def test_newton_and_euler_close_with_every_closure(kind):
-    balances(any_chain.chain(kind=kind))
-
-
-@pytest.mark.parametrize(
-    "make",
-    [any_chain.rods, any_chain.coupled, lambda: any_chain.rolling(False), any_chain.cart],
-    ids=["rods", "coupled", "rolling", "cart"],
-)
-def test_newton_and_euler_close_with_rods_couplings_and_wheels(make):
-    balances(make())
 
 
 def unique_by_equilibrium(chain, q):
