@@ -6,13 +6,11 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
+import by_hand
+from by_hand import at, mark
 from sst_pin import ClosedChain, Closure, ClosureError
 
 UP = pin.SE3(pin.rpy.rpyToMatrix(np.pi / 2, 0, 0), np.zeros(3))
-
-
-def at(*p: float) -> pin.SE3:
-    return pin.SE3(np.eye(3), np.array(p))
 
 
 def body(mass: float) -> pin.Inertia:
@@ -20,15 +18,10 @@ def body(mass: float) -> pin.Inertia:
 
 
 def add(model: pin.Model, parent: int, joint, name: str, place: pin.SE3, mass: float) -> int:
-    """The number of a new joint with its body."""
-    index = model.addJoint(parent, joint, place, name)
+    """The number of a new joint with its frame and its body."""
+    index = by_hand.add(model, parent, joint, name, place, body(mass))
     model.addJointFrame(index)
-    model.appendBodyToJoint(index, body(mass), pin.SE3.Identity())
     return index
-
-
-def mark(model: pin.Model, joint: int, name: str, place: pin.SE3) -> None:
-    model.addFrame(pin.Frame(name, joint, place, pin.FrameType.OP_FRAME))
 
 
 def four_bar(model: pin.Model, base: int, mass: float) -> Closure:
@@ -153,7 +146,7 @@ def slider_crank() -> ClosedChain:
     """Crank and rod without mass: at its dead points the crank moves no mass."""
     model = pin.Model()
     crank = model.addJoint(0, pin.JointModelRZ(), UP, "crank")
-    rod = model.addJoint(crank, pin.JointModelRZ(), at(0.2, 0, 0), "rod")
+    rod = model.addJoint(crank, pin.JointModelRZ(), at(0.2), "rod")
     slide = add(model, 0, pin.JointModelPX(), "slide", UP, 1.0)
     mark(model, rod, "fa", at(0.5, 0, 0))
     mark(model, slide, "fb", pin.SE3.Identity())

@@ -4,6 +4,7 @@
 import numpy as np
 import pinocchio as pin
 
+from by_hand import mark
 from sst_pin import Closure
 from sst_pin.chain.closures import Distance, Rolling
 
@@ -67,7 +68,7 @@ def add_joint(model, parent, name, joint, random, mass=True):
 def add_frame(model, name, joint, random):
     """A frame at a random place of a joint's body."""
     pose = pin.SE3(pin.exp3(random.normal(size=3)), 0.3 * random.normal(size=3))
-    model.addFrame(pin.Frame(name, joint, pose, pin.FrameType.OP_FRAME))
+    mark(model, joint, name, pose)
 
 
 def tree(root, first, second, seed=0):
@@ -92,7 +93,7 @@ def tree(root, first, second, seed=0):
     data = model.createData()
     pin.framesForwardKinematics(model, data, q)
     pose = data.oMi[ends[1]].actInv(data.oMf[model.getFrameId("A")])
-    model.addFrame(pin.Frame("B", ends[1], pose, pin.FrameType.OP_FRAME))
+    mark(model, ends[1], "B", pose)
     model.referenceConfigurations["closed"] = q
     model.armature = random.uniform(0, 0.1, model.nv)
     return model

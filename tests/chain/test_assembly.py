@@ -9,6 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import sst_pin
+from by_hand import add, at, mark
 from robots import ROBOTS
 from sst_pin import ClosedChain, Closure
 from sst_pin.errors import ClosureError, InputError, UnknownNameError
@@ -25,18 +26,14 @@ def ladder(rungs, *, broken=None):
     body = pin.Inertia(1.0, np.array([0, 0.1, 0]), 0.01 * np.eye(3))
 
     def joint(parent, name, y):
-        place = pin.SE3(np.eye(3), np.array([0, y, 0.0]))
-        index = model.addJoint(parent, RX(), place, name)
-        model.appendBodyToJoint(index, body, pin.SE3.Identity())
-        return index
+        return add(model, parent, RX(), name, at(0, y), body)
 
     for k in range(rungs):
         crank = joint(0, f"crank_{k}", float(k))
         coupler = joint(crank, f"coupler_{k}", 0.3)
         rocker = joint(0, f"rocker_{k}", k + (5.0 if k == broken else 0.8))
         for name, index, y in (("A", coupler, 0.7), ("B", rocker, 0.6)):
-            place = pin.SE3(np.eye(3), np.array([0, y, 0.0]))
-            model.addFrame(pin.Frame(f"{name}_{k}", index, place, pin.FrameType.OP_FRAME))
+            mark(model, index, f"{name}_{k}", at(0, y))
     closures = [Closure(f"A_{k}", f"B_{k}", "3d") for k in range(rungs)]
     return ClosedChain(model, closures, [f"crank_{k}" for k in range(rungs)])
 
@@ -178,28 +175,18 @@ def scissor(cells):
     model = pin.Model()
     model.gravity.linear = np.array([0, 0, -9.8])
     body = pin.Inertia(1.0, np.array([0, 0, 0.5]), 0.1 * np.eye(3))
-
-    def add(parent, joint, name, place):
-        index = model.addJoint(parent, joint, pin.SE3(np.eye(3), np.array(place)), name)
-        model.appendBodyToJoint(index, body, pin.SE3.Identity())
-        return index
-
-    def frame(name, joint, place):
-        place = pin.SE3(np.eye(3), np.array(place, dtype=float))
-        model.addFrame(pin.Frame(name, joint, place, pin.FrameType.OP_FRAME))
-
     # Bars of length 1 along their z; "up" leans right, "down" leans left, both from the lower ends.
-    left, right = 0, add(0, pin.JointModelPY(), "slide", [0.0, 0, 0])
-    place, q, closures, angle = [0.0, 0, 0], [0.5], [], np.pi / 6
+    left, right = 0, add(model, 0, pin.JointModelPY(), "slide", at(), body)
+    place, q, closures, angle = at(), [0.5], [], np.pi / 6
     for k in range(cells):
-        up = add(left, RX(), f"up_{k}", place)
-        down = add(right, RX(), f"down_{k}", [0.0, 0, 0] if k == 0 else place)
-        frame(f"U_{k}", up, (0, 0, 0.5))
-        frame(f"D_{k}", down, (0, 0, 0.5))
+        up = add(model, left, RX(), f"up_{k}", place, body)
+        down = add(model, right, RX(), f"down_{k}", place, body)
+        mark(model, up, f"U_{k}", at(0, 0, 0.5))
+        mark(model, down, f"D_{k}", at(0, 0, 0.5))
         closures.append(Closure(f"U_{k}", f"D_{k}", "3d"))
         q += [-angle, angle] if k == 0 else [-2 * angle, 2 * angle]
         # The next cell: its left lower end is down's upper end, its right one is up's.
-        left, right, place = down, up, [0.0, 0, 1]
+        left, right, place = down, up, at(0, 0, 1)
     model.referenceConfigurations["home"] = np.array(q)
     return ClosedChain(model, closures, ["slide"]), np.array(q)
 

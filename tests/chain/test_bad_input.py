@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import sst_pin
+from by_hand import add, at, mark
 from sst_pin import errors
 from sst_pin.chain.closures import Coupling
 from sst_pin.chain.dynamics import Memory
@@ -62,15 +63,12 @@ def test_a_star_turned_by_half_a_turn_is_open(robot):
 def four_bar(crank, coupler, rocker, base):
     """Model with the end of the rocker and the pivot that it belongs on; axes along y."""
     model = pin.Model()
-    parent, where = 0, pin.SE3.Identity()
+    parent, where = 0, at()
     for name, length in (("crank", crank), ("coupler", coupler), ("rocker", rocker)):
-        parent = model.addJoint(parent, pin.JointModelRY(), where, name)
         body = pin.Inertia.FromCylinder(1.0, 0.01, length)
-        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
-        where = pin.SE3(np.eye(3), np.array((length, 0, 0)))
-    pivot = pin.SE3(np.eye(3), np.array((base, 0, 0)))
-    model.addFrame(pin.Frame("end", parent, where, pin.FrameType.OP_FRAME))
-    model.addFrame(pin.Frame("pivot", 0, pivot, pin.FrameType.OP_FRAME))
+        parent, where = add(model, parent, pin.JointModelRY(), name, where, body), at(length)
+    mark(model, parent, "end", where)
+    mark(model, 0, "pivot", at(base))
     return model, [sst_pin.Closure("end", "pivot", "3d")]
 
 

@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.sparse.csgraph import connected_components
 
 import sst_pin
+from by_hand import add, at, mark
 from sst_pin import ClosedChain, Closure, Coupling
 from sst_pin.chain.dynamics import Memory
 from sst_pin.chain.loops import connected
@@ -32,14 +33,11 @@ def four_bars():
     random = np.random.default_rng(0)
     model, cranks, closures = pin.Model(), {}, []
 
-    def bar(parent, at, name, length):
-        placement = pin.SE3(np.eye(3), np.array(at))
-        joint = model.addJoint(parent, pin.JointModelRZ(), placement, name)
+    def bar(parent, place, name, length):
         mass, lever = random.uniform(1, 2), np.array([length / 2, 0.1, 0])
         body = pin.Inertia(mass, lever, mass * np.diag(random.uniform(0.1, 0.2, 3)))
-        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
-        tip = pin.SE3(np.eye(3), np.array([length, 0, 0]))
-        model.addFrame(pin.Frame(f"{name}_tip", joint, 0, tip, pin.FrameType.OP_FRAME))
+        joint = add(model, parent, pin.JointModelRZ(), name, at(*place), body)
+        mark(model, joint, f"{name}_tip", at(length))
         return joint
 
     for k, (base, kind, ground) in enumerate(LOOPS):

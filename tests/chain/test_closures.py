@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 
+import by_hand
 import trees
 from sst_pin import ClosedChain, Closure
 from sst_pin.chain.closures import Coupling, Rolling
@@ -178,12 +179,10 @@ def test_names_of_coordinates_and_rates_fit_every_joint():
 def test_one_hinge_held_twice_moves_as_its_tree_does():
     """Every quantity has one column; the closure adds nothing. Bound: rounding."""
     model = pin.Model()
-    hinge = model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "hinge")
     body = pin.Inertia(2.0, np.array([0.3, 0.1, -0.2]), np.diag([0.1, 0.2, 0.15]))
-    model.appendBodyToJoint(hinge, body, pin.SE3.Identity())
-    on_axis = pin.SE3(np.eye(3), np.array([0, 0.5, 0]))
+    hinge = by_hand.add(model, 0, pin.JointModelRY(), "hinge", by_hand.at(), body)
     for name, joint in (("A", 0), ("B", hinge)):
-        model.addFrame(pin.Frame(name, joint, on_axis, pin.FrameType.OP_FRAME))
+        by_hand.mark(model, joint, name, by_hand.at(0, 0.5))
     chain = ClosedChain(model, [Closure("A", "B", "3d")], ["hinge"])
 
     q, va, aa = chain.assemble([0.4]), np.array([1.5]), np.array([-2.0])

@@ -9,6 +9,7 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
+from by_hand import add, at, mark
 from sst_pin import ClosedChain, Closure
 from sst_pin.chain.draft import without_locked
 
@@ -17,13 +18,12 @@ BARS = {"crank": 0.2, "coupler": 0.3, "rocker": 0.25}
 
 def body(model, parent, kind, x, name, mass=1.0):
     """A joint at (x, 0, 0) of its parent with a slender body along x; returns its index."""
-    joint = model.addJoint(parent, kind, pin.SE3(np.eye(3), np.array([x, 0.0, 0.0])), name)
-    model.inertias[joint] = pin.Inertia(mass, np.array([0.1, 0, 0]), np.eye(3) * 0.01)
-    return joint
+    inertia = pin.Inertia(mass, np.array([0.1, 0, 0]), np.eye(3) * 0.01)
+    return add(model, parent, kind, name, at(x), inertia)
 
 
 def tip(model, joint, x, name):
-    model.addFrame(pin.Frame(name, joint, pin.SE3(np.eye(3), np.array([x, 0, 0.0])), pin.OP_FRAME))
+    mark(model, joint, name, at(x))
 
 
 def slide_with_two_bars(unit=1.0):
@@ -243,15 +243,14 @@ def seven_hinges(seed):
     random, model, joint = np.random.default_rng(seed), pin.Model(), 0
     q = random.uniform(-1, 1, 7)
     for k in range(7):
-        axis, place = random.normal(size=(2, 3))
+        axis, place, lever = random.normal(size=(3, 3))
         kind = pin.JointModelRevoluteUnaligned(axis / np.linalg.norm(axis))
-        joint = model.addJoint(joint, kind, pin.SE3(np.eye(3), 0.2 * place), f"joint_{k}")
-        model.inertias[joint] = pin.Inertia(1.0, 0.1 * random.normal(size=3), 0.01 * np.eye(3))
+        inertia = pin.Inertia(1.0, 0.1 * lever, 0.01 * np.eye(3))
+        joint = add(model, joint, kind, f"joint_{k}", at(*0.2 * place), inertia)
     tip(model, joint, 0.2, "end")
     data = model.createData()
     pin.framesForwardKinematics(model, data, q)
-    end = data.oMf[model.getFrameId("end")].copy()
-    model.addFrame(pin.Frame("ground", 0, end, pin.FrameType.OP_FRAME))
+    mark(model, 0, "ground", data.oMf[model.getFrameId("end")].copy())
     return model, [Closure("end", "ground", "6d")], q
 
 
@@ -420,12 +419,10 @@ def test_where_the_robot_stands_does_not_count(distance):
 def wheel_on_the_ground(distance):
     """A cart far along the ground; its wheel rolls on the world's x-y plane."""
     model = pin.Model()
-    place = pin.SE3(np.eye(3), np.array([distance, 0.0, 0.1]))
-    cart = model.addJoint(0, pin.JointModelTranslation(), place, "cart")
+    cart = model.addJoint(0, pin.JointModelTranslation(), at(distance, 0, 0.1), "cart")
     wheel = body(model, cart, pin.JointModelRY(), 0.0, "wheel")
     model.inertias[cart] = model.inertias[wheel]
-    axle = pin.SE3(pin.exp3(np.array([np.pi / 2, 0, 0])), np.zeros(3))
-    model.addFrame(pin.Frame("axle", wheel, axle, pin.FrameType.OP_FRAME))
+    mark(model, wheel, "axle", at(turned=pin.exp3(np.array([np.pi / 2, 0, 0]))))
     chain = ClosedChain(model, [sst_pin.Rolling("universe", "axle", 0.1)], ["wheel"])
     return chain, np.array([0, 0, 1e-6, 0])
 
@@ -457,10 +454,8 @@ def rod_between_two_balls(spin):
     model = pin.Model()
     crank = body(model, 0, pin.JointModelRZ(), 0.0, "crank")
     rocker = body(model, 0, pin.JointModelRY(), 0.4, "rocker")
-    rod = model.addJoint(
-        crank, pin.JointModelSpherical(), pin.SE3(np.eye(3), np.array([0.2, 0, 0])), "rod"
-    )
-    model.inertias[rod] = pin.Inertia(1.0, np.array([0.15, 0, 0]), np.diag([spin, 0.01, 0.01]))
+    inertia = pin.Inertia(1.0, np.array([0.15, 0, 0]), np.diag([spin, 0.01, 0.01]))
+    rod = add(model, crank, pin.JointModelSpherical(), "rod", at(0.2), inertia)
     tip(model, rod, 0.3, "rod_end")
     tip(model, rocker, 0.2, "rocker_end")
     return ClosedChain(model, [Closure("rod_end", "rocker_end", "3d")], ["crank"])

@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 import sst_pin
 from any_chain import chain as arm
 from any_chain import mimicking, states, with_joint
+from by_hand import add, at, mark
 from derivative_cases import (
     assert_derivatives_are_those_of_differences,
     case,
@@ -109,15 +110,13 @@ def test_a_motor_on_a_line_is_a_cylinder_without_mass():
     bar = sst_pin.robots.four_bar()
     line = LineForce("foot", "platform", stiffness=40, rest_length=0.3, damping=9, preload=-5)
     model = pin.Model(bar.model)
-    foot = pin.SE3(np.eye(3), np.array([-0.2, 0, -0.1]))
-    model.addFrame(pin.Frame("foot", 0, foot, pin.FrameType.OP_FRAME))
+    foot = at(-0.2, 0, -0.1)
+    mark(model, 0, "foot", foot)
     chain = ClosedChain(model, bar.closures, [line.name], forces=[line], coordinates=["crank"])
 
     upright = bar.model.jointPlacements[1].rotation
-    turn = pin.SE3(upright, foot.translation)
-    turn = model.addJoint(0, pin.JointModelRZ(), turn, "turn")
-    slide = model.addJoint(turn, pin.JointModelPX(), pin.SE3.Identity(), "slide")
-    model.addFrame(pin.Frame("rod", slide, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    turn = model.addJoint(0, pin.JointModelRZ(), pin.SE3(upright, foot.translation), "turn")
+    mark(model, model.addJoint(turn, pin.JointModelPX(), at(), "slide"), "rod", at())
     model.referenceConfigurations["home"] = np.array([*bar.home, 1.2, 0.6])
     closures = [*bar.closures, Closure("rod", "platform", (True, True, True, False, False, False))]
     D, k, rest = np.zeros(5), np.zeros(5), np.zeros(5)
@@ -176,11 +175,11 @@ def test_reactions_are_those_under_wrenches_that_pull_as_the_lines_do():
             ends = [model.frames[model.getFrameId(name)] for name in (line.frame_a, line.frame_b)]
             p = [(data.oMi[end.parentJoint] * end.placement).translation for end in ends]
             pull = tension * (p[1] - p[0]) / np.linalg.norm(p[1] - p[0])
-            for end, at, force in zip(ends, p, (pull, -pull), strict=True):
+            for end, place, force in zip(ends, p, (pull, -pull), strict=True):
                 centre = data.oMi[end.parentJoint].act(model.inertias[end.parentJoint].lever)
-                wrenches[end.parentJoint] += [*np.cross(at - centre, force), *force]
+                wrenches[end.parentJoint] += [*np.cross(place - centre, force), *force]
                 if not end.parentJoint:
-                    by_ground -= [*np.cross(at, force), *force]
+                    by_ground -= [*np.cross(place, force), *force]
         pulled = chain.reactions(q, va, aa)
         same = bare.reactions(q, va, aa, external_wrenches=wrenches[1:])
         for name in ("joints", "closures", "motors"):
@@ -213,9 +212,8 @@ def test_both_ends_in_one_place_have_no_direction():
 def test_a_batch_names_the_samples_whose_line_has_no_direction():
     model = pin.Model()
     for name, joint in (("slide", pin.JointModelPX()), ("turn", pin.JointModelRZ())):
-        index = model.addJoint(0, joint, pin.SE3.Identity(), name)
-        model.appendBodyToJoint(index, pin.Inertia.Random(), pin.SE3.Identity())
-        model.addFrame(pin.Frame(f"end_{name}", index, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+        index = add(model, 0, joint, name, at(), pin.Inertia.Random())
+        mark(model, index, f"end_{name}", at())
     follow = sst_pin.Coupling("turn", {"slide": (0, 2)})
     chain = ClosedChain(model, [follow], ["slide"], forces=[LineForce("universe", "end_slide")])
     q = [chain.assemble({"slide": x}) for x in (0.1, 0.0, -0.1, 0.0)]

@@ -16,6 +16,7 @@ from test_coordinates import rhombus
 
 import any_chain
 import sst_pin
+from by_hand import add, at, mark
 from sst_pin import ClosedChain, Closure
 from sst_pin.compiled.compiled_backend import CompiledBackend
 from sst_pin.compiled.export import c_files
@@ -110,11 +111,11 @@ def everything(chain, q, random):
     n, m = chain.degrees_of_freedom, len(chain.motor_names)
     va, aa = random.normal(size=(2, n))
     found = [numbers(chain, q, random), chain.friction.viscous, chain.friction.coulomb]
-    for at in (q, np.stack([q, q])):
-        found += chain.torque_derivatives(at, va, aa)
-        found += chain.acceleration_derivatives(at, va, np.ones(m))
-        found += [chain.compute_accelerations(at, va, np.ones(m)), chain.joint_rates(at, va)]
-        found += [chain.kinetic_energy(at, va), chain.frame_jacobian(at, "A")]
+    for x in (q, np.stack([q, q])):
+        found += chain.torque_derivatives(x, va, aa)
+        found += chain.acceleration_derivatives(x, va, np.ones(m))
+        found += [chain.compute_accelerations(x, va, np.ones(m)), chain.joint_rates(x, va)]
+        found += [chain.kinetic_energy(x, va), chain.frame_jacobian(x, "A")]
     return np.concatenate([np.ravel(x) for x in found])
 
 
@@ -326,16 +327,14 @@ ANSWERS = {
 def four_bar_with_angles(coupler, mass, q=(0.7, -0.4, 1.9)):
     """A four-bar that is closed at these angles, for any length of its coupler."""
     model = pin.Model()
-    at = np.array([q[0], q[0] + q[1], q[2]])
-    rocker = (0.2 * np.sin(at[0]) + coupler * np.sin(at[1])) / np.sin(at[2])
-    base = 0.2 * np.cos(at[0]) + coupler * np.cos(at[1]) - rocker * np.cos(at[2])
+    x = np.array([q[0], q[0] + q[1], q[2]])
+    rocker = (0.2 * np.sin(x[0]) + coupler * np.sin(x[1])) / np.sin(x[2])
+    base = 0.2 * np.cos(x[0]) + coupler * np.cos(x[1]) - rocker * np.cos(x[2])
     for name, parent, length in ("crank", 0, 0.0), ("coupler", 1, 0.2), ("rocker", 0, base):
-        place = pin.SE3(np.eye(3), np.array([length, 0, 0]))
-        joint = model.addJoint(parent, pin.JointModelRZ(), place, name)
-        model.inertias[joint] = pin.Inertia(mass, np.array([0.1, 0, 0]), 0.01 * np.eye(3))
-    for name, joint, length in ("A", 2, coupler), ("B", 3, rocker):
-        end = pin.SE3(np.eye(3), np.array([length, 0, 0]))
-        model.addFrame(pin.Frame(name, joint, end, pin.FrameType.OP_FRAME))
+        body = pin.Inertia(mass, np.array([0.1, 0, 0]), 0.01 * np.eye(3))
+        add(model, parent, pin.JointModelRZ(), name, at(length), body)
+    mark(model, 2, "A", at(coupler))
+    mark(model, 3, "B", at(rocker))
     model.damping, model.gravity.linear = np.full(3, mass), np.array([0, -9.81, 0])
     model.referenceConfigurations["home"] = np.array(q)
     return model

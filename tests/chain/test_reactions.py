@@ -10,6 +10,7 @@ from scipy.linalg import null_space
 
 import any_chain
 import sst_pin
+from by_hand import add, at, mark
 from sst_pin import robots
 from sst_pin.chain import dynamics, reactions
 
@@ -193,16 +194,12 @@ def parallelogram():
     model = pin.Model()
     bar = pin.Inertia(1.0, np.array([0.2, 0, 0]), 0.01 * np.eye(3))
     for k in range(3):
-        place = pin.SE3(np.eye(3), np.array([0.5 * k, 0, 0]))
-        crank = model.addJoint(0, pin.JointModelRZ(), place, f"crank_{k}")
-        model.appendBodyToJoint(crank, bar, pin.SE3.Identity())
+        crank = add(model, 0, pin.JointModelRZ(), f"crank_{k}", at(0.5 * k), bar)
         if k == 0:
-            tip = pin.SE3(np.eye(3), np.array([0.4, 0, 0]))
-            coupler = model.addJoint(crank, pin.JointModelRZ(), tip, "coupler")
-            model.appendBodyToJoint(coupler, bar, pin.SE3.Identity())
+            coupler = add(model, crank, pin.JointModelRZ(), "coupler", at(0.4), bar)
         else:
-            model.addFrame(pin.Frame(f"tip_{k}", crank, tip, pin.FrameType.OP_FRAME))
-            model.addFrame(pin.Frame(f"pin_{k}", coupler, place, pin.FrameType.OP_FRAME))
+            mark(model, crank, f"tip_{k}", at(0.4))
+            mark(model, coupler, f"pin_{k}", at(0.5 * k))
     planar = (True, True, False, False, False, False)
     closures = [sst_pin.Closure(f"pin_{k}", f"tip_{k}", planar) for k in (1, 2)]
     return sst_pin.ClosedChain(model, closures, ["crank_0"])
@@ -243,9 +240,8 @@ def cube(cut, unit=1.0):
         joint = model.addJoint(
             ends[side], pin.JointModelRZ(), places[side].actInv(hinges[k - 1]), f"hinge_{k}"
         )
-        middle = (points[link - 1] + points[link]) / 2
-        world = pin.SE3(np.eye(3), middle)
-        model.appendBodyToJoint(joint, body, hinges[k - 1].actInv(world))
+        middle = at(*(points[link - 1] + points[link]) / 2)
+        model.appendBodyToJoint(joint, body, hinges[k - 1].actInv(middle))
         ends[side], places[side] = joint, hinges[k - 1]
 
     for k in range(1, cut):
@@ -253,8 +249,7 @@ def cube(cut, unit=1.0):
     for k in range(6, cut, -1):
         bear(1, k, k - 1)
     for name, side in (("a", 0), ("b", 1)):
-        at = places[side].actInv(hinges[cut - 1])
-        model.addFrame(pin.Frame(name, ends[side], at, pin.FrameType.OP_FRAME))
+        mark(model, ends[side], name, places[side].actInv(hinges[cut - 1]))
     motor = "hinge_1" if cut > 1 else "hinge_6"
     return sst_pin.ClosedChain(model, [sst_pin.Closure("a", "b", "hinge")], [motor])
 
@@ -365,13 +360,10 @@ def test_a_number_that_is_none_is_named_and_not_taken_for_what_is_not_unique(nam
 
 def door():
     """A door on two hinges one above the other, its weight along their common axis."""
-    model = pin.Model()
-    hinge = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "lower")
-    body = pin.Inertia(10.0, np.array([0.5, 0, 0.5]), np.eye(3))
-    model.appendBodyToJoint(hinge, body, pin.SE3.Identity())
-    above = pin.SE3(np.eye(3), np.array([0.0, 0, 1]))
+    model, body = pin.Model(), pin.Inertia(10.0, np.array([0.5, 0, 0.5]), np.eye(3))
+    hinge = add(model, 0, pin.JointModelRZ(), "lower", at(), body)
     for name, joint in (("frame", 0), ("leaf", hinge)):
-        model.addFrame(pin.Frame(name, joint, above, pin.FrameType.OP_FRAME))
+        mark(model, joint, name, at(0, 0, 1))
     return sst_pin.ClosedChain(model, [sst_pin.Closure("frame", "leaf", "hinge")], ["lower"])
 
 
@@ -408,10 +400,8 @@ def published_andrews():
     """Andrews' mechanism at 0.03 s with its spring, and the published multipliers, (x, y) each."""
     plain = robots.andrews()
     model = plain.model.copy()
-    for name, joint, place in (("C", 0, (0.014, 0.072, 0)), ("D", "gamma", (0.02, -0.018, 0))):
-        at = pin.SE3(np.eye(3), np.array(place, dtype=float))
-        index = model.getJointId(joint) if joint else 0
-        model.addFrame(pin.Frame(name, index, at, pin.FrameType.OP_FRAME))
+    mark(model, 0, "C", at(0.014, 0.072))
+    mark(model, model.getJointId("gamma"), "D", at(0.02, -0.018))
     spring = sst_pin.LineForce("C", "D", stiffness=4530, rest_length=0.07785)
     chain = sst_pin.ClosedChain(model, plain.closures, ["beta"], forces=[spring])
     order = [
@@ -465,22 +455,19 @@ def in_other_units(plain, unit):
     model = pin.Model()
     model.gravity.linear = unit * plain.model.gravity.linear
 
-    def scaled(at):
-        return pin.SE3(at.rotation, unit * at.translation)
+    def scaled(place):
+        return at(*unit * place.translation, turned=place.rotation)
 
     for j in range(1, plain.model.njoints):
         place, body = plain.model.jointPlacements[j], plain.model.inertias[j]
         kind, name = plain.model.joints[j], plain.model.names[j]
-        joint = model.addJoint(plain.model.parents[j], kind, scaled(place), name)
         body = pin.Inertia(body.mass, unit * body.lever, unit**2 * body.inertia)
-        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+        add(model, plain.model.parents[j], kind, name, scaled(place), body)
     for frame in plain.model.frames:
         if frame.type == pin.FrameType.OP_FRAME:
-            place = scaled(frame.placement)
-            model.addFrame(pin.Frame(frame.name, frame.parentJoint, place, frame.type))
+            mark(model, frame.parentJoint, frame.name, scaled(frame.placement))
     for name, joint in (("one end", 1), ("other end", model.njoints - 1)):
-        place = pin.SE3(np.eye(3), unit * np.array([0.03, 0.11, -0.07 * joint]))
-        model.addFrame(pin.Frame(name, joint, place, pin.FrameType.OP_FRAME))
+        mark(model, joint, name, scaled(at(0.03, 0.11, -0.07 * joint)))
     line = sst_pin.LineForce(
         "one end", "other end", stiffness=30, rest_length=0.1 * unit, damping=2, preload=3 * unit
     )

@@ -11,6 +11,7 @@ import pytest
 
 import any_chain
 import sst_pin
+from by_hand import add, at, mark
 from motor_cases import lift
 from sst_pin.errors import (
     ActuationError,
@@ -28,10 +29,9 @@ def scissors() -> Robot:
     model, length = pin.Model(), 0.3
 
     def bar(parent: int, kind: pin.JointModel, name: str, x: float) -> int:
-        joint = model.addJoint(parent, kind, pin.SE3(np.eye(3), np.array([x, 0, 0])), name)
-        model.inertias[joint] = pin.Inertia(1.0, np.array([0.1, 0, 0]), 0.01 * np.eye(3))
-        middle = pin.SE3(np.eye(3), np.array([length / 2, 0, 0]))
-        model.addFrame(pin.Frame(f"middle {name}", joint, middle, pin.FrameType.OP_FRAME))
+        body = pin.Inertia(1.0, np.array([0.1, 0, 0]), 0.01 * np.eye(3))
+        joint = add(model, parent, kind, name, at(x), body)
+        mark(model, joint, f"middle {name}", at(length / 2))
         return joint
 
     slide = bar(0, pin.JointModelPX(), "slide", 0)

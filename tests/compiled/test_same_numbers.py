@@ -17,6 +17,7 @@ import any_chain
 import cassie
 import robots as tables
 import sst_pin
+from by_hand import add, at
 from derivative_cases import WIDTH, floating_four_bar, of_gallery
 from sst_pin import ClosedChain, ClosureError, LineForce, robots
 from sst_pin.chain.quantities import QUANTITIES
@@ -319,8 +320,7 @@ def test_screws_of_many_turns_are_assembled_on_both_paths(polynomial):
     """The motor of the screw bears the weight of the slide by their ratio."""
     model = pin.Model()
     for name, joint in (("slide", pin.JointModelPZ()), ("screw", pin.JointModelRZ())):
-        body = model.addJoint(0, joint, pin.SE3.Identity(), name)
-        model.appendBodyToJoint(body, pin.Inertia(3.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+        add(model, 0, joint, name, at(), pin.Inertia(3.0, np.zeros(3), np.eye(3)))
     screw = sst_pin.Coupling("screw", {"slide": polynomial})
     for compiled in (False, True):
         robot = ClosedChain(model, [screw], ["screw"], coordinates=["slide"])

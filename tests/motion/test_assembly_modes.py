@@ -9,28 +9,23 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
+from by_hand import add, at, mark
 
 CRANK, START = 0.3, 0.7
 PARALLELOGRAMS = {"one": (1, False), "two on one crank": (2, False), "three in a chain": (3, True)}
-
-
-def along_x(x):
-    return pin.SE3(np.eye(3), np.array([x, 0.0, 0.0]))
 
 
 def linkage(base, bars, closed, motor, coordinates=None, joint=pin.JointModelRZ):
     """Bars in a plane without gravity."""
     model = pin.Model()
     if base is not None:
-        model.addJoint(0, base, pin.SE3.Identity(), "base")
         body = pin.Inertia(2.0, np.array([0.1, 0.0, 0.05]), np.diag([0.05, 0.08, 0.1]))
-        model.appendBodyToJoint(1, body, pin.SE3.Identity())
+        add(model, 0, base, "base", at(), body)
     for name, (parent, place, length, _) in bars.items():
         on = model.getJointId(parent) if parent else int(base is not None)
-        k = model.addJoint(on, joint(), along_x(place), name)
         inertia = pin.Inertia(1.0, np.array([length / 2, 0, 0]), np.diag([0.01, 0.02, 0.02]))
-        model.appendBodyToJoint(k, inertia, pin.SE3.Identity())
-        model.addFrame(pin.Frame(f"{name}_end", k, 0, along_x(length), pin.FrameType.OP_FRAME))
+        k = add(model, on, joint(), name, at(place), inertia)
+        mark(model, k, f"{name}_end", at(length))
     model.gravity.linear = np.zeros(3)
     if base is None:
         home = [bars[name][-1] for name in list(model.names)[1:]]
@@ -174,12 +169,9 @@ def plate(cranks, coupled, turned=0.0):
     model.gravity.linear = np.zeros(3)
 
     def body(name, on, x, y, angle):
-        place = pin.SE3(np.eye(3), np.array([x, y, 0.0]))
-        k = model.addJoint(on, pin.JointModelRZ(), place, name)
         inertia = pin.Inertia(1.0, np.array([0.1, 0.02, 0]), np.diag([0.01, 0.02, 0.02]))
-        model.appendBodyToJoint(k, inertia, pin.SE3.Identity())
         home.append(angle)
-        return k
+        return add(model, on, pin.JointModelRZ(), name, at(x, y), inertia)
 
     wheels = [body(f"crank{k}", 0, x, y, START) for k, (x, y) in enumerate(cranks)]
     for i, (x, y) in enumerate(coupled):
@@ -187,8 +179,7 @@ def plate(cranks, coupled, turned=0.0):
         for k, (wheel, (there, up)) in enumerate(zip(wheels[1:], cranks[1:], strict=True)):
             ends = f"rod{i}_{k}", f"wheel{i}_{k}"
             for name, on, where in zip(ends, (rod, wheel), ((there, up), (x, y)), strict=True):
-                at = pin.SE3(np.eye(3), np.array([*where, 0.0]))
-                model.addFrame(pin.Frame(name, on, at, pin.FrameType.OP_FRAME))
+                mark(model, on, name, at(*where))
             closures.append(sst_pin.Closure(*ends, "hinge"))
     model.referenceConfigurations["home"] = np.array(home)
     return sst_pin.ClosedChain(model, closures, ["crank0"])

@@ -6,6 +6,7 @@ import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 
+from by_hand import add, at, mark
 from sst_pin import ClosedChain, Closure
 from sst_pin.chain.closures import Rolling
 from sst_pin.motion.energy import energy_error
@@ -13,26 +14,18 @@ from sst_pin.motion.energy import energy_error
 SHAPE = np.diag([0.02, 0.03, 0.035])
 
 
-def body(model, parent, joint, name, place=(0, 0, 0), mass=1.0, lever=(0.2, 0.02, 0.01)):
+def body(model, parent, joint, name, place=(), mass=1.0, lever=(0.2, 0.02, 0.01)):
     """A joint with a body."""
-    index = model.addJoint(parent, joint, pin.SE3(np.eye(3), np.array(place, dtype=float)), name)
-    inertia = pin.Inertia(mass, np.array(lever), SHAPE)
-    model.appendBodyToJoint(index, inertia, pin.SE3.Identity())
-    return index
+    return add(model, parent, joint, name, at(*place), pin.Inertia(mass, np.array(lever), SHAPE))
 
 
-def frame(model, name, joint, place, turned=None):
-    pose = pin.SE3(np.eye(3) if turned is None else turned, np.array(place, dtype=float))
-    model.addFrame(pin.Frame(name, joint, pose, pin.FrameType.OP_FRAME))
-
-
-def four_bar_on(model, base, turned=None):
+def four_bar_on(model, base):
     """A four-bar linkage, its ground link on a body; the angles near its closure."""
     crank = body(model, base, pin.JointModelRZ(), "crank", mass=0.5)
     coupler = body(model, crank, pin.JointModelRZ(), "coupler", (0.3, 0, 0), mass=0.6)
     rocker = body(model, base, pin.JointModelRZ(), "rocker", (0.8, 0, 0), mass=0.7)
-    frame(model, "A", coupler, (0.7, 0, 0))
-    frame(model, "B", rocker, (0.6, 0, 0))
+    mark(model, coupler, "A", at(0.7))
+    mark(model, rocker, "B", at(0.6))
     return np.array([1.2, -0.7, 2.0])
 
 
@@ -89,10 +82,10 @@ def vehicle(kind):
     """What rolls, its configuration and rates of the coordinates."""
     model = pin.Model()
     model.gravity.linear = np.array([0, 0, -9.8])
-    axle = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # z of the frame along y
+    axle = at(turned=np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]))  # z of the frame along y
     if kind == "disc":
         body(model, 0, pin.JointModelFreeFlyer(), "disc", lever=(0, 0, 0))
-        frame(model, "wheel", 1, (0, 0, 0), axle)
+        mark(model, 1, "wheel", axle)
         q = pin.neutral(model)
         q[2], q[3:] = 0.25, pin.Quaternion(pin.exp3(np.array([0.3, 0, 0]))).coeffs()
         return model, [Rolling("universe", "wheel", 0.25)], [], q
@@ -100,7 +93,7 @@ def vehicle(kind):
     wheels = []
     for side, y in (("left", 0.3), ("right", -0.3)):
         joint = body(model, base, pin.JointModelRY(), side, (0, y, 0.25), lever=(0, 0, 0))
-        frame(model, side, joint, (0, 0, 0), axle)
+        mark(model, joint, side, axle)
         wheels.append(Rolling("universe", side, 0.25))
     q = np.concatenate([pin.neutral(model), four_bar_on(model, base)])
     return model, [*wheels, Closure("A", "B", "3d")], ["left", "right", "crank"], q

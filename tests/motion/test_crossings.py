@@ -9,6 +9,7 @@ import pytest
 
 import sst_pin
 import standard_referees as referees
+from by_hand import add, at, mark
 from sst_pin import robots
 
 
@@ -51,11 +52,9 @@ def test_the_row_of_four_bars_turns_as_one_pendulum(loops, seconds):
 
 def bar(model, name, on, x, length):
     """Add a bar that turns about z at x on another one."""
-    k = model.addJoint(on, pin.JointModelRZ(), pin.SE3(np.eye(3), np.array([x, 0, 0])), name)
-    lever = np.array([length / 2, 0, 0])
-    model.appendBodyToJoint(k, pin.Inertia(1.0, lever, np.diag([0.01] * 3)), pin.SE3.Identity())
-    end = pin.SE3(np.eye(3), np.array([length, 0, 0]))
-    model.addFrame(pin.Frame(f"{name}_end", k, 0, end, pin.FrameType.OP_FRAME))
+    inertia = pin.Inertia(1.0, np.array([length / 2, 0, 0]), 0.01 * np.eye(3))
+    k = add(model, on, pin.JointModelRZ(), name, at(x), inertia)
+    mark(model, k, f"{name}_end", at(length))
     return k
 
 

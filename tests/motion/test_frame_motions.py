@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import sst_pin
+from by_hand import add, at, mark
 
 T = np.linspace(0, 1, 41)
 CIRCLE = np.column_stack([np.cos(2 * np.pi * T), np.sin(2 * np.pi * T)])
@@ -55,12 +56,10 @@ def test_the_star_follows_orientations(robot):
 
 def two_links():
     model = pin.Model()
-    at = pin.SE3.Identity()
     for k in range(3):
-        joint = model.addJoint(model.njoints - 1, pin.JointModelRZ(), at, f"hinge_{k}")
-        model.appendBodyToJoint(joint, pin.Inertia(1, np.zeros(3), np.eye(3)), pin.SE3.Identity())
-        at = pin.SE3(np.eye(3), np.array([1.0, 0, 0]))
-    model.addFrame(pin.Frame("tip", joint, 0, at, pin.FrameType.OP_FRAME))
+        place = at(1.0) if k else at()
+        add(model, k, pin.JointModelRZ(), f"hinge_{k}", place, pin.Inertia.Identity())
+    mark(model, 3, "tip", at(1.0))
     return sst_pin.ClosedChain(model, [], [f"hinge_{k}" for k in range(3)])
 
 
@@ -79,10 +78,9 @@ def test_the_elbow_stays_on_its_side(elbow):
 def test_a_motor_may_turn_by_more_than_half_a_turn_between_samples():
     """A gear of ratio ten; the rates of splines through 41 samples are exact to a part of 1e-4."""
     model = pin.Model()
-    for k, name in enumerate(("fast", "slow")):
-        model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), name)
-        model.appendBodyToJoint(k + 1, pin.Inertia.Identity(), pin.SE3.Identity())
-    model.addFrame(pin.Frame("hand", 2, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    for name in ("fast", "slow"):
+        add(model, 0, pin.JointModelRZ(), name, at(), pin.Inertia.Identity())
+    mark(model, 2, "hand", at())
     gear = sst_pin.ClosedChain(model, [sst_pin.Coupling("fast", {"slow": (0, 10.0)})], ["fast"])
     turns = Rotation.from_rotvec(np.outer(4 * np.sin(5 * T), [0, 0, 1])).as_matrix()
     motion = sst_pin.frame_motion(gear, T, "hand", turns)

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import robots
 import sst_pin
+from by_hand import add, at
 from sst_pin.chain.reference import ReferenceStates
 from sst_pin.motion.energy import energy_balance
 from sst_pin.sst import paper
@@ -266,10 +267,8 @@ def test_derivatives_of_states_are_those_of_their_rates(name, kernels):
 def test_derivatives_of_states_on_quaternions_and_circles(first):
     model = pin.Model()
     inertia = pin.Inertia(2.0, np.array([0.1, 0.2, 0.3]), np.diag([0.4, 0.5, 0.6]))
-    joint = model.addJoint(0, first, pin.SE3.Identity(), "first")
-    model.appendBodyToJoint(joint, inertia, pin.SE3.Identity())
-    arm = model.addJoint(joint, pin.JointModelRX(), pin.SE3(np.eye(3), np.ones(3)), "arm")
-    model.appendBodyToJoint(arm, inertia, pin.SE3.Identity())
+    joint = add(model, 0, first, "first", at(), inertia)
+    add(model, joint, pin.JointModelRX(), "arm", at(1, 1, 1), inertia)
     chain = sst_pin.ClosedChain(model, [], ["first", "arm"])
     states, random = chain._states(0.1), np.random.default_rng(2)
     q = pin.integrate(model, pin.neutral(model), random.normal(size=model.nv) / 2)

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import sst_pin
+from by_hand import add, at
 from sst_pin.files import read_table, write_files
 from sst_pin.motion.motion_files import load_motion
 from sst_pin.sst import paper
@@ -306,8 +307,7 @@ def test_a_tendon_over_sliding_joints_gives_newtons(tmp_path):
     """By what it acts on, not by its name; in files and what is read of them, too."""
     model = pin.Model()
     for name in ("left", "right"):
-        model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), name)
-        model.appendBodyToJoint(model.njoints - 1, pin.Inertia.Random(), pin.SE3.Identity())
+        add(model, 0, pin.JointModelPX(), name, at(), pin.Inertia.Random())
     together = sst_pin.Coupling("right", {"left": (0, 1)})
     chain = sst_pin.ClosedChain(model, [together], [{"left": 0.5, "right": 0.5}])
     assert chain.motor_units == ("N",)
@@ -366,8 +366,7 @@ def test_a_motion_belongs_to_robots_whose_joints_move_alike(tmp_path):
     arms = []
     for joint in (pin.JointModelRY(), pin.JointModelPX()):
         model = pin.Model()
-        body = model.addJoint(0, joint, pin.SE3.Identity(), "a")
-        model.inertias[body] = pin.Inertia(1.0, np.zeros(3), np.eye(3))
+        add(model, 0, joint, "a", at(), pin.Inertia.Identity())
         arms.append(sst_pin.ClosedChain(model, [], ["a"]))
     t = np.linspace(0, 1, 7)
     motion = sst_pin.coordinate_motion(arms[0], t, t[:, None])
@@ -387,11 +386,8 @@ def arm(names, motors=None, joint=pin.JointModelRY):
     """Joints in series that turn or slide, with these names."""
     model, last = pin.Model(), 0
     for k, name in enumerate(names):
-        at = pin.SE3(np.eye(3), np.array([0.4 * (k > 0), 0, 0]))
-        last = model.addJoint(last, joint(), at, name)
-        model.appendBodyToJoint(
-            last, pin.Inertia(3.0 - k, np.full(3, 0.1), np.eye(3)), pin.SE3.Identity()
-        )
+        body = pin.Inertia(3.0 - k, np.full(3, 0.1), np.eye(3))
+        last = add(model, last, joint(), name, at(0.4 * (k > 0)), body)
     return sst_pin.ClosedChain(model, [], list(motors or names))
 
 
