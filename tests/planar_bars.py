@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Trees of bars in a plane, drawn along x."""
 
+import numpy as np
 import pinocchio as pin
 
-from by_hand import at, mark
+from by_hand import add, at, mark
 
 #: Crank, coupler, and a rocker whose end the coupler's meets: all turn round and round.
 DRAG_LINK = [
@@ -13,11 +14,11 @@ DRAG_LINK = [
 ]
 
 
-def planar(bars, joint=pin.JointModelRZ):
+def planar(bars, joint=pin.JointModelRZ, model=None, moment=0.004):
     """Bars as (name, the bar that bears it, where on it, x of its end); frames `name_end`."""
-    model = pin.Model()
+    model = model or pin.Model()
     for name, bearer, x, length in bars:
-        k = model.addJoint(model.getJointId(bearer), joint(), at(x), name)
-        model.appendBodyToJoint(k, pin.Inertia.FromSphere(1.0, 0.1), at(length / 2))
+        body = pin.Inertia(1.0, np.array([length / 2, 0, 0]), moment * np.eye(3))
+        k = add(model, model.getJointId(bearer), joint(), name, at(x), body)
         mark(model, k, f"{name}_end", at(length))
     return model

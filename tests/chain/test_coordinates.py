@@ -10,6 +10,7 @@ import pytest
 
 import sst_pin
 from by_hand import add, at, mark
+from planar_bars import planar
 from sst_pin import ClosedChain, Closure
 from sst_pin.chain.draft import without_locked
 
@@ -43,14 +44,10 @@ def slide_with_two_bars(unit=1.0):
 
 def rhombus():
     """Four equal bars; folded, crank and coupler turn together and the rocker rests."""
-    model = pin.Model()
+    bars = [("crank", "universe", 0.0, 0.3), ("coupler", "crank", 0.3, 0.3)]
+    model = planar([*bars, ("rocker", "universe", 0.3, 0.3)], pin.JointModelRY)
     model.name = "rhombus"
-    crank = body(model, 0, pin.JointModelRY(), 0.0, "crank")
-    coupler = body(model, crank, pin.JointModelRY(), 0.3, "coupler")
-    rocker = body(model, 0, pin.JointModelRY(), 0.3, "rocker")
-    tip(model, coupler, 0.3, "coupler_tip")
-    tip(model, rocker, 0.3, "rocker_tip")
-    return model, [Closure("coupler_tip", "rocker_tip", "3d")], np.array([0.7, np.pi, np.pi])
+    return model, [Closure("coupler_end", "rocker_end", "3d")], np.array([0.7, np.pi, np.pi])
 
 
 def test_the_motor_on_the_slide_is_the_coordinate():
@@ -482,16 +479,14 @@ def test_a_rod_without_spin_inertia_between_two_balls_is_named(spin):
 def test_a_thin_rod_is_named_whatever_the_coordinates():
     """Also those of another assembly mode than home's, here of a rhombus beside the rod."""
     model = pin.Model(rod_between_two_balls(0.0).model)
-    crank = body(model, 0, pin.JointModelRY(), 1.0, "crank_2")
-    coupler = body(model, crank, pin.JointModelRY(), 0.3, "coupler_2")
-    rocker = body(model, 0, pin.JointModelRY(), 1.3, "rocker_2")
-    tip(model, coupler, 0.3, "a")
-    tip(model, rocker, 0.3, "b")
-    closures = [Closure("rod_end", "rocker_end", "3d"), Closure("a", "b", "3d")]
+    bars = [("crank_2", "universe", 1.0, 0.3), ("coupler_2", "crank_2", 0.3, 0.3)]
+    planar([*bars, ("rocker_2", "universe", 1.3, 0.3)], pin.JointModelRY, model)
+    ends = ("rod_end", "rocker_end"), ("coupler_2_end", "rocker_2_end")
+    closures = [Closure(*pair, "3d") for pair in ends]
     q = ClosedChain(model, closures, ["crank"]).generic_configuration()
     folded, opened = np.tile(q, (2, 1))
     for pose, angles in (folded, [0.7, np.pi, np.pi]), (opened, [0.7, -0.7, 0.7]):
-        pose[[model.joints[k].idx_q for k in (crank, coupler, rocker)]] = angles
+        pose[-3:] = angles
     model.referenceConfigurations["home"] = folded
     chain = ClosedChain(model, closures, ["crank"], coordinates=["crank", "rod_wx", "rocker_2"])
     assert np.isfinite(chain.generalized_forces(opened, np.zeros(3), np.ones(3))).all()

@@ -10,6 +10,7 @@ import pytest
 
 import sst_pin
 from by_hand import add, at, mark
+from planar_bars import planar
 
 CRANK, START = 0.3, 0.7
 PARALLELOGRAMS = {"one": (1, False), "two on one crank": (2, False), "three in a chain": (3, True)}
@@ -17,15 +18,11 @@ PARALLELOGRAMS = {"one": (1, False), "two on one crank": (2, False), "three in a
 
 def linkage(base, bars, closed, motor, coordinates=None, joint=pin.JointModelRZ):
     """Bars in a plane without gravity."""
-    model = pin.Model()
+    model, ground = pin.Model(), "universe"
     if base is not None:
         body = pin.Inertia(2.0, np.array([0.1, 0.0, 0.05]), np.diag([0.05, 0.08, 0.1]))
-        add(model, 0, base, "base", at(), body)
-    for name, (parent, place, length, _) in bars.items():
-        on = model.getJointId(parent) if parent else int(base is not None)
-        inertia = pin.Inertia(1.0, np.array([length / 2, 0, 0]), np.diag([0.01, 0.02, 0.02]))
-        k = add(model, on, joint(), name, at(place), inertia)
-        mark(model, k, f"{name}_end", at(length))
+        ground = model.names[add(model, 0, base, "base", at(), body)]
+    planar([(k, on or ground, x, end) for k, (on, x, end, _) in bars.items()], joint, model, 0.02)
     model.gravity.linear = np.zeros(3)
     if base is None:
         home = [bars[name][-1] for name in list(model.names)[1:]]

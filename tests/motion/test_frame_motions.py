@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import sst_pin
 from by_hand import add, at, mark
+from planar_bars import planar
 
 T = np.linspace(0, 1, 41)
 CIRCLE = np.column_stack([np.cos(2 * np.pi * T), np.sin(2 * np.pi * T)])
@@ -54,21 +55,13 @@ def test_the_star_follows_orientations(robot):
     assert np.abs(motion.aa - aa)[5:-5].max() < 1e-2 * np.abs(aa).max()
 
 
-def two_links():
-    model = pin.Model()
-    for k in range(3):
-        place = at(1.0) if k else at()
-        add(model, k, pin.JointModelRZ(), f"hinge_{k}", place, pin.Inertia.Identity())
-    mark(model, 3, "tip", at(1.0))
-    return sst_pin.ClosedChain(model, [], [f"hinge_{k}" for k in range(3)])
-
-
 @pytest.mark.parametrize("elbow", [0.8, -0.8])
 def test_the_elbow_stays_on_its_side(elbow):
     """Three links in a plane, one more freedom than the task; far targets at the first sample."""
-    arm = two_links()
+    links = [("a", "universe", 0.0, 1.0), ("b", "a", 1.0, 1.0), ("c", "b", 1.0, 1.0)]
+    arm = sst_pin.ClosedChain(planar(links), [], ["a", "b", "c"])
     points = np.column_stack([1.5 + 0.5 * CIRCLE, np.zeros(41)])
-    motion = sst_pin.frame_motion(arm, T, "tip", points, [0.1, elbow, elbow])
+    motion = sst_pin.frame_motion(arm, T, "c_end", points, [0.1, elbow, elbow])
     assert (np.sign(motion.q[:, 1:]) == np.sign(elbow)).all()
     x = np.cumsum(motion.q, axis=1)
     assert np.abs(np.cos(x).sum(axis=1) - points[:, 0]).max() < 1e-9
