@@ -6,6 +6,7 @@ import pickle
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 import sst_pin
@@ -115,24 +116,22 @@ def test_assemble_holds_the_joints_it_was_told_to_hold(robot):
 
 
 def singular_configuration(robot):
-    """Where the star can move while the motors are fixed, by bisection on the sign of det A."""
+    """Where the star can move while the motors are fixed, a root of det A."""
     from sst_pin.sst import kinematics
 
     def det(R):
         q = robot.inverse_kinematics(R)
         return np.linalg.det(kinematics.legs_of_joints(robot.geometry, q).y_2)
 
-    rng = np.random.default_rng(0)
-    rotations = Rotation.random(50, rng=rng)
+    rotations = Rotation.random(50, rng=np.random.default_rng(0))
     values = [det(R.as_matrix()) for R in rotations]
     start = rotations[int(np.argmax(values))]
     turn = (rotations[int(np.argmin(values))] * start.inv()).as_rotvec()
-    low, high = 0.0, 1.0
-    for _ in range(60):
-        middle = (low + high) / 2
-        R = (Rotation.from_rotvec(middle * turn) * start).as_matrix()
-        low, high = (middle, high) if det(R) > 0 else (low, middle)
-    return robot.inverse_kinematics(R)
+
+    def turned(share):
+        return (Rotation.from_rotvec(share * turn) * start).as_matrix()
+
+    return robot.inverse_kinematics(turned(brentq(lambda x: det(turned(x)), 0, 1, xtol=1e-15)))
 
 
 def test_a_singular_configuration_is_told_with_its_condition_number(robot):

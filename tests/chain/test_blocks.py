@@ -9,6 +9,7 @@ from scipy.sparse.csgraph import connected_components
 
 import sst_pin
 from by_hand import add, at, mark
+from robots import two_link_angles
 from sst_pin import ClosedChain, Closure, Coupling
 from sst_pin.chain.dynamics import Memory
 from sst_pin.chain.loops import connected
@@ -55,16 +56,11 @@ def closed(chain, *angles):
     of_crank = dict(zip((0, 2), angles, strict=True))
     for k, (base, _, ground) in enumerate(LOOPS):
         angle = of_crank[base]
-        tip = CRANK * np.array([np.cos(angle), np.sin(angle)])
-        to_base = np.array([ground, 0]) - tip
-        diagonal, heading = np.hypot(*to_base), np.arctan2(to_base[1], to_base[0])
-        cosine = (diagonal**2 + COUPLER**2 - ROCKER**2) / (2 * diagonal * COUPLER)
-        coupler = heading + np.arccos(min(cosine, 1.0))
-        end = tip + COUPLER * np.array([np.cos(coupler), np.sin(coupler)])
-        rocker = np.arctan2(end[1], end[0] - ground)
-        joints = {f"crank_{base}": angle, f"coupler_{k}": coupler - angle, f"rocker_{k}": rocker}
-        for name, x in joints.items():
-            q[chain.model.joints[chain.model.getJointId(name)].idx_q] = x
+        rest = ground - CRANK * np.cos(angle), -CRANK * np.sin(angle)
+        coupler, knee = two_link_angles(rest, (COUPLER, ROCKER), -1)
+        joints = {f"crank_{base}": angle, f"coupler_{k}": coupler - angle}
+        for name, x in (joints | {f"rocker_{k}": coupler + knee + np.pi}).items():
+            q[chain.model.joints[chain.model.getJointId(name)].idx_q] = x.real
     return q
 
 
