@@ -9,33 +9,23 @@ import pytest
 from numpy.testing import assert_allclose
 
 import sst_pin
-from by_hand import add, at, mark
+from planar_bars import planar
 from robots import ROBOTS
 from sst_pin import ClosedChain, Closure
 from sst_pin.errors import ClosureError, InputError, UnknownNameError
 from sst_pin.robots import delta, four_bar, scissor_lift
 from trees import tree
 
-RX = pin.JointModelRX
-
 
 def ladder(rungs, *, broken=None):
     """Four-bars side by side on the ground; the broken one's rocker is too far away."""
-    model = pin.Model()
-    model.gravity.linear = np.array([0, 0, -9.8])
-    body = pin.Inertia(1.0, np.array([0, 0.1, 0]), 0.01 * np.eye(3))
-
-    def joint(parent, name, y):
-        return add(model, parent, RX(), name, at(0, y), body)
-
+    bars = []
     for k in range(rungs):
-        crank = joint(0, f"crank_{k}", float(k))
-        coupler = joint(crank, f"coupler_{k}", 0.3)
-        rocker = joint(0, f"rocker_{k}", k + (5.0 if k == broken else 0.8))
-        for name, index, y in (("A", coupler, 0.7), ("B", rocker, 0.6)):
-            mark(model, index, f"{name}_{k}", at(0, y))
-    closures = [Closure(f"A_{k}", f"B_{k}", "3d") for k in range(rungs)]
-    return ClosedChain(model, closures, [f"crank_{k}" for k in range(rungs)])
+        bars.append((f"crank_{k}", "universe", float(k), 0.3))
+        bars.append((f"coupler_{k}", f"crank_{k}", 0.3, 0.7))
+        bars.append((f"rocker_{k}", "universe", k + (5.0 if k == broken else 0.8), 0.6))
+    closures = [Closure(f"coupler_{k}_end", f"rocker_{k}_end", "3d") for k in range(rungs)]
+    return ClosedChain(planar(bars), closures, [f"crank_{k}" for k in range(rungs)])
 
 
 def test_a_ladder_closes_when_each_of_its_loops_closes_alone(monkeypatch):
@@ -75,15 +65,15 @@ def test_an_open_loop_is_named_and_the_others_close():
     guess = np.tile([1.2, -0.7, 2.0], 5)
     with pytest.raises(ClosureError) as caught:
         chain.assemble(guess, ())
-    assert "A_3 - B_3" in str(caught.value)
-    assert not any(f"A_{k} - B_{k}" in str(caught.value) for k in (0, 1, 2, 4))
+    assert "coupler_3_end - rocker_3_end" in str(caught.value)
+    assert not any(f"coupler_{k}_end" in str(caught.value) for k in (0, 1, 2, 4))
 
 
 @pytest.mark.parametrize("polynomial", [(0, 1256.6), (0, 1e6), (1e3, 1), (-2e3, -30)])
 def test_joints_behind_linear_couplings_follow_however_far(polynomial):
     """A motor behind gears at the crank of a four-bar, which closes as it does without them."""
     bar, model = ladder(1), ladder(1).model
-    model.addJoint(0, RX(), pin.SE3.Identity(), "motor")
+    model.addJoint(0, pin.JointModelRX(), pin.SE3.Identity(), "motor")
     gears = sst_pin.Coupling("motor", {"crank_0": polynomial})
     geared = ClosedChain(model, [*bar.closures, gears], ["motor"])
     guess = [1.2, -0.7, 2.0]

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.sparse.csgraph import connected_components
 
 import sst_pin
-from by_hand import add, at, mark
+from planar_bars import planar
 from robots import two_link_angles
 from sst_pin import ClosedChain, Closure, Coupling
 from sst_pin.chain.dynamics import Memory
@@ -30,24 +30,15 @@ def dead_point(ground):
 
 
 def four_bars():
-    """Three four-bars with two cranks, beside each other."""
-    random = np.random.default_rng(0)
-    model, cranks, closures = pin.Model(), {}, []
-
-    def bar(parent, place, name, length):
-        mass, lever = random.uniform(1, 2), np.array([length / 2, 0.1, 0])
-        body = pin.Inertia(mass, lever, mass * np.diag(random.uniform(0.1, 0.2, 3)))
-        joint = add(model, parent, pin.JointModelRZ(), name, at(*place), body)
-        mark(model, joint, f"{name}_tip", at(length))
-        return joint
-
+    """Three four-bars with two cranks."""
+    bars, closures = [], []
     for k, (base, kind, ground) in enumerate(LOOPS):
-        if base not in cranks:
-            cranks[base] = bar(0, (0, 3.0 * base, 0), f"crank_{base}", CRANK)
-        bar(cranks[base], (CRANK, 0, 0), f"coupler_{k}", COUPLER)
-        bar(0, (ground, 3.0 * base, 0), f"rocker_{k}", ROCKER)
-        closures.append(Closure(f"coupler_{k}_tip", f"rocker_{k}_tip", kind))
-    return ClosedChain(model, closures, [f"crank_{base}" for base in cranks])
+        crank = f"crank_{base}"
+        bars += [(crank, "universe", 0.0, CRANK)] * (k == base)
+        bars.append((f"coupler_{k}", crank, CRANK, COUPLER))
+        bars.append((f"rocker_{k}", "universe", ground, ROCKER))
+        closures.append(Closure(f"coupler_{k}_end", f"rocker_{k}_end", kind))
+    return ClosedChain(planar(bars), closures, ["crank_0", "crank_2"])
 
 
 def closed(chain, *angles):

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 import sst_pin
 from any_chain import chain as arm
 from any_chain import mimicking, states, with_joint
-from by_hand import add, at, mark
+from by_hand import at, mark
 from derivative_cases import (
     assert_derivatives_are_those_of_differences,
     case,
@@ -207,20 +207,6 @@ def test_both_ends_in_one_place_have_no_direction():
         with pytest.raises(sst_pin.SingularConfigurationError, match="line gas is not determined"):
             quantity(bar.home, [0], [0])
     assert chain.line_lengths(bar.home) < 1e-12
-
-
-def test_a_batch_names_the_samples_whose_line_has_no_direction():
-    model = pin.Model()
-    for name, joint in (("slide", pin.JointModelPX()), ("turn", pin.JointModelRZ())):
-        index = add(model, 0, joint, name, at(), pin.Inertia.Random())
-        mark(model, index, f"end_{name}", at())
-    follow = sst_pin.Coupling("turn", {"slide": (0, 2)})
-    chain = ClosedChain(model, [follow], ["slide"], forces=[LineForce("universe", "end_slide")])
-    q = [chain.assemble({"slide": x}) for x in (0.1, 0.0, -0.1, 0.0)]
-    with pytest.raises(sst_pin.SingularConfigurationError, match=r"samples \[1, 3\]|\(1,\)|1, 3"):
-        chain.compute_torques(q, [0], [0])
-    tau = chain.compute_torques(q, [0], [0], on_error="nan")
-    assert np.isnan(tau[:, 0]).tolist() == [False, True, False, True]
 
 
 @pytest.mark.parametrize(

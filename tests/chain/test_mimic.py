@@ -10,6 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from any_chain import states
+from by_hand import add, mark
 from sst_pin import ClosedChain, Closure, Coupling
 from sst_pin.errors import DescriptionError, InputError
 
@@ -39,10 +40,8 @@ def ordinary(kind, seed=0):
     model, joints = pin.Model(), {n: j for n, _, j in JOINTS}
     joints["e"] = kind
     for name, parent, _ in JOINTS:
-        index = model.addJoint(parent, joints[name], pin.SE3.Random(), name)
-        model.appendBodyToJoint(index, pin.Inertia.Random(), pin.SE3.Identity())
-        frame = pin.Frame(f"{name}_end", index, pin.SE3.Random(), pin.FrameType.OP_FRAME)
-        model.addFrame(frame)
+        index = add(model, parent, joints[name], name, pin.SE3.Random(), pin.Inertia.Random())
+        mark(model, index, f"{name}_end", pin.SE3.Random())
     model.armature = np.abs(np.random.default_rng(seed).normal(size=model.nv))
     model.armature[model.joints[5].idx_v] = 0
     return model

@@ -16,7 +16,7 @@ from test_coordinates import rhombus
 
 import any_chain
 import sst_pin
-from by_hand import add, at, mark
+from planar_bars import planar
 from sst_pin import ClosedChain, Closure
 from sst_pin.compiled.compiled_backend import CompiledBackend
 from sst_pin.compiled.export import c_files
@@ -326,15 +326,13 @@ ANSWERS = {
 
 def four_bar_with_angles(coupler, mass, q=(0.7, -0.4, 1.9)):
     """A four-bar that is closed at these angles, for any length of its coupler."""
-    model = pin.Model()
     x = np.array([q[0], q[0] + q[1], q[2]])
     rocker = (0.2 * np.sin(x[0]) + coupler * np.sin(x[1])) / np.sin(x[2])
     base = 0.2 * np.cos(x[0]) + coupler * np.cos(x[1]) - rocker * np.cos(x[2])
-    for name, parent, length in ("crank", 0, 0.0), ("coupler", 1, 0.2), ("rocker", 0, base):
-        body = pin.Inertia(mass, np.array([0.1, 0, 0]), 0.01 * np.eye(3))
-        add(model, parent, pin.JointModelRZ(), name, at(length), body)
-    mark(model, 2, "A", at(coupler))
-    mark(model, 3, "B", at(rocker))
+    crank, coupler = ("crank", "universe", 0.0, 0.2), ("coupler", "crank", 0.2, coupler)
+    model = planar([crank, coupler, ("rocker", "universe", base, rocker)])
+    for k in range(1, 4):
+        model.inertias[k].mass = mass
     model.damping, model.gravity.linear = np.full(3, mass), np.array([0, -9.81, 0])
     model.referenceConfigurations["home"] = np.array(q)
     return model
@@ -346,7 +344,9 @@ def test_a_call_computes_from_one_robot_whenever_another_thread_refreshes(name):
     states = (0.5, 1.0), (0.45, 3.0)
 
     def made(state):
-        return ClosedChain(four_bar_with_angles(*state), [Closure("A", "B", "3d")], MOTORS_2)
+        return ClosedChain(
+            four_bar_with_angles(*state), [Closure("coupler_end", "rocker_end", "3d")], MOTORS_2
+        )
 
     q = made(states[0]).home
     q = q[None] if name == "trajectory" else q

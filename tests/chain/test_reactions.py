@@ -11,6 +11,7 @@ from scipy.linalg import null_space
 import any_chain
 import sst_pin
 from by_hand import add, at, mark
+from planar_bars import planar
 from sst_pin import robots
 from sst_pin.chain import dynamics, reactions
 
@@ -191,17 +192,12 @@ def test_verdicts_are_those_of_the_equilibrium_of_all_bodies(name):
 
 def parallelogram():
     """A coupler along x on three equal, parallel cranks: one more than its motion needs."""
-    model = pin.Model()
-    bar = pin.Inertia(1.0, np.array([0.2, 0, 0]), 0.01 * np.eye(3))
-    for k in range(3):
-        crank = add(model, 0, pin.JointModelRZ(), f"crank_{k}", at(0.5 * k), bar)
-        if k == 0:
-            coupler = add(model, crank, pin.JointModelRZ(), "coupler", at(0.4), bar)
-        else:
-            mark(model, crank, f"tip_{k}", at(0.4))
-            mark(model, coupler, f"pin_{k}", at(0.5 * k))
-    planar = (True, True, False, False, False, False)
-    closures = [sst_pin.Closure(f"pin_{k}", f"tip_{k}", planar) for k in (1, 2)]
+    bars = [(f"crank_{k}", "universe", 0.5 * k, 0.4) for k in range(3)]
+    model = planar([bars[0], ("coupler", "crank_0", 0.4, 1.0), *bars[1:]])
+    mark(model, model.getJointId("coupler"), "coupler_middle", at(0.5))
+    planar_pin = (True, True, False, False, False, False)
+    pins = ("coupler_middle", "crank_1_end"), ("coupler_end", "crank_2_end")
+    closures = [sst_pin.Closure(*pair, planar_pin) for pair in pins]
     return sst_pin.ClosedChain(model, closures, ["crank_0"])
 
 

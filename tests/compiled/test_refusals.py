@@ -113,6 +113,7 @@ TAKES = {
     "compute_torques": "q va x",
     "generalized_forces": "q va x",
     "torque_derivatives": "q va x",
+    "torque_regressor": "q va x",
     "compute_accelerations": "q va tau",
     "acceleration_derivatives": "q va tau",
 }

@@ -19,7 +19,7 @@ import robots as tables
 import sst_pin
 from by_hand import add, at
 from derivative_cases import WIDTH, floating_four_bar, of_gallery
-from sst_pin import ClosedChain, ClosureError, LineForce, robots
+from sst_pin import ClosedChain, ClosureError, LineForce, SingularConfigurationError, robots
 from sst_pin.chain.quantities import QUANTITIES
 from sst_pin.compiled import build, compiled_backend
 
@@ -332,16 +332,18 @@ def test_screws_of_many_turns_are_assembled_on_both_paths(polynomial):
         np.testing.assert_allclose(tau, [3 * 9.81 / polynomial[1]], rtol=1e-12)
 
 
-def test_samples_whose_line_has_no_direction_are_refused_by_kernels_too():
-    home = robots.four_bar().home
-    data = any_chain.lines().model.createData()
-    pin.framesForwardKinematics(any_chain.lines().model, data, home)
-    at = data.oMf[any_chain.lines().model.getFrameId("platform")].translation
-    robot = any_chain.lines(at)
-    robot.compile()
-    q = np.array([any_chain.lines().assemble([*home[:2], home[2] + 0.2]), home])
-    with pytest.raises(sst_pin.SingularConfigurationError, match="gas is not determined"):
+@pytest.mark.parametrize("compiled", [False, True])
+def test_samples_whose_line_has_no_direction_are_refused_on_both_paths(compiled):
+    plain, home = any_chain.lines(), robots.four_bar().home
+    data = plain.model.createData()
+    pin.framesForwardKinematics(plain.model, data, home)
+    robot = any_chain.lines(data.oMf[plain.model.getFrameId("platform")].translation)
+    if compiled:
+        robot.compile()
+    q = np.array([plain.assemble([*home[:2], home[2] + 0.2]), home])
+    with pytest.raises(SingularConfigurationError, match="gas is not determined") as caught:
         robot.compute_torques(q, [0], [0])
+    assert caught.value.samples == ((1,),)
     tau = robot.compute_torques(q, [0], [0], on_error="nan")
     assert np.isnan(tau).any(axis=1).tolist() == [False, True]
 

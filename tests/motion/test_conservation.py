@@ -7,10 +7,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 from by_hand import add, at, mark
+from planar_bars import planar
 from sst_pin import ClosedChain, Closure
 from sst_pin.chain.closures import Rolling
 
 SHAPE = np.diag([0.02, 0.03, 0.035])
+LOOP = Closure("coupler_end", "rocker_end", "3d")
 
 
 def body(model, parent, joint, name, place=(), mass=1.0, lever=(0.2, 0.02, 0.01)):
@@ -20,11 +22,8 @@ def body(model, parent, joint, name, place=(), mass=1.0, lever=(0.2, 0.02, 0.01)
 
 def four_bar_on(model, base):
     """A four-bar linkage, its ground link on a body; the angles near its closure."""
-    crank = body(model, base, pin.JointModelRZ(), "crank", mass=0.5)
-    coupler = body(model, crank, pin.JointModelRZ(), "coupler", (0.3, 0, 0), mass=0.6)
-    rocker = body(model, base, pin.JointModelRZ(), "rocker", (0.8, 0, 0), mass=0.7)
-    mark(model, coupler, "A", at(0.7))
-    mark(model, rocker, "B", at(0.6))
+    bars = [("crank", base, 0.0, 0.3), ("coupler", "crank", 0.3, 0.7), ("rocker", base, 0.8, 0.6)]
+    planar(bars, model=model)
     return np.array([1.2, -0.7, 2.0])
 
 
@@ -41,9 +40,9 @@ def test_a_free_closed_robot_keeps_energy_and_momentum(seconds):
     """A tumbling four-bar in space: to 1e-9 of their size, whatever the time."""
     model = pin.Model()
     model.gravity.linear = np.zeros(3)
-    base = body(model, 0, pin.JointModelFreeFlyer(), "base", mass=2.0)
-    guess = np.concatenate([pin.neutral(model), four_bar_on(model, base)])
-    chain = ClosedChain(model, [Closure("A", "B", "3d")], [])
+    body(model, 0, pin.JointModelFreeFlyer(), "base", mass=2.0)
+    guess = np.concatenate([pin.neutral(model), four_bar_on(model, "base")])
+    chain = ClosedChain(model, [LOOP], [])
     q = chain.assemble(guess)
     va = np.array([0.1, 0.2, -0.1, 0.3, 0.5, 0.4, 1.0])
     times = np.linspace(0, seconds, 11)
@@ -75,8 +74,8 @@ def vehicle(kind):
         joint = body(model, base, pin.JointModelRY(), side, (0, y, 0.25), lever=(0, 0, 0))
         mark(model, joint, side, axle)
         wheels.append(Rolling("universe", side, 0.25))
-    q = np.concatenate([pin.neutral(model), four_bar_on(model, base)])
-    return model, [*wheels, Closure("A", "B", "3d")], ["left", "right", "crank"], q
+    q = np.concatenate([pin.neutral(model), four_bar_on(model, "base")])
+    return model, [*wheels, LOOP], ["left", "right", "crank"], q
 
 
 def rolling_rows(model, rollings):
@@ -93,10 +92,10 @@ def rolling_rows(model, rollings):
             lever = -rolling.radius * (up - up @ z * z) / np.linalg.norm(up - up @ z * z)
             J = pin.getFrameJacobian(model, data, wheel, pin.LOCAL_WORLD_ALIGNED)
             found.append(J[:3] + np.cross(J[3:], lever, axisa=0, axisb=0, axisc=0))
-        if model.existFrame("A"):
+        if model.existFrame(LOOP.frame_a):
             J = [
                 pin.getFrameJacobian(model, data, model.getFrameId(n), pin.LOCAL_WORLD_ALIGNED)[:3]
-                for n in "AB"
+                for n in (LOOP.frame_a, LOOP.frame_b)
             ]
             found.append(J[1] - J[0])
         return np.concatenate(found)

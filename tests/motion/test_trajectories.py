@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
+from itertools import pairwise
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -8,6 +10,7 @@ from hypothesis.extra.numpy import arrays
 
 import sst_pin
 from by_hand import add, at
+from planar_bars import planar
 from sst_pin.files import read_table, write_files
 from sst_pin.motion.motion_files import load_motion
 from sst_pin.sst import paper
@@ -384,11 +387,8 @@ def test_a_robot_without_motors_reads_its_motion_again(tmp_path):
 
 def arm(names, motors=None, joint=pin.JointModelRY):
     """Joints in series that turn or slide, with these names."""
-    model, last = pin.Model(), 0
-    for k, name in enumerate(names):
-        body = pin.Inertia(3.0 - k, np.full(3, 0.1), np.eye(3))
-        last = add(model, last, joint(), name, at(0.4 * (k > 0)), body)
-    return sst_pin.ClosedChain(model, [], list(motors or names))
+    bars = [(n, on, 0.4 * (on != "universe"), 0.4) for on, n in pairwise(["universe", *names])]
+    return sst_pin.ClosedChain(planar(bars, joint), [], list(motors or names))
 
 
 def swung(robot):
