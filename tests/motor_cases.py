@@ -2,9 +2,11 @@
 """Robots whose motors are many, too few, or hold them nearly not."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 import pinocchio as pin
+from scipy.optimize import brentq
 
 import by_hand
 from by_hand import at, mark
@@ -91,20 +93,14 @@ def held_not(chain: ClosedChain) -> tuple[np.ndarray, np.ndarray]:
 
     random, generic = np.random.default_rng(0), chain.generic_configuration()
     while True:
-        try:
+        with suppress(ClosureError):
             first = q = chain.assemble(generic + 0.8 * random.normal(size=4))
             for turn in np.linspace(0, 2, 60):
                 before, q = q, pose(turn, q)
                 regular = chain.condition_number(q) < 10 and np.abs(q - before).max() < 0.3
                 if regular and held(before) * held(q) < 0:
-                    low, high = turn - 2 / 59, turn
-                    for _ in range(60):
-                        middle = (low + high) / 2
-                        same = held(pose(middle, q)) * held(q) > 0
-                        low, high = (low, middle) if same else (middle, high)
-                    return pose(low, q), pose(low + 0.1, q)
-        except ClosureError:
-            continue
+                    root = brentq(lambda x, q=q: held(pose(x, q)), turn - 2 / 59, turn, xtol=1e-15)
+                    return pose(root, q), pose(root + 0.1, q)
 
 
 def two_modes() -> ClosedChain:

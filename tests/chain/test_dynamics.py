@@ -2,7 +2,6 @@
 """Dynamics of the SST, and the factors of K of any robot."""
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 import sst_pin
@@ -86,13 +85,6 @@ def test_smoothed_coulomb_friction_tends_to_the_sign():
     smooth = Friction(np.zeros(3), np.ones(3), sign_width=1e-3)
     assert smooth.forces(np.array((0, 1e-3, -1.0))) == pytest.approx([0, -np.tanh(1), 1])
     assert Friction(np.zeros(2), np.ones(2)).forces(np.array((0, -2.0))).tolist() == [0, 1]
-
-
-def test_the_motors_need_more_than_the_tree(robot):
-    """Tree RNEA is not motor torque: a guard against comparing the wrong numbers."""
-    q, va, aa = robot.joint_motion(*sst_pin.paper_circle(0.1))
-    tree = pin.rnea(robot.model, robot.model.createData(), q, robot.joint_rates(q, va), np.zeros(9))
-    assert np.abs(tree[::3] - robot.compute_torques(q, va, aa)).max() > 1
 
 
 @pytest.mark.parametrize("kernels", [True, False])

@@ -102,18 +102,6 @@ def test_the_platform_of_a_delta_does_not_turn_and_obeys_three_spheres(delta):
         assert np.abs(np.linalg.norm(elbows - centre, axis=1) - 0.32).max() < 1e-10
 
 
-def test_a_delta_holds_its_weight(delta):
-    """At rest the torques are the derivatives of the potential energy, by central differences."""
-    motors, h = np.array([0.1, -0.2, 0.3]), 1e-5
-
-    def energy(motors):
-        return delta.potential_energy(_delta_at(delta, motors))
-
-    expected = [(energy(motors + h * e) - energy(motors - h * e)) / (2 * h) for e in np.eye(3)]
-    tau = delta.compute_torques(_delta_at(delta, motors), np.zeros(3), np.zeros(3))
-    assert np.abs(tau - expected).max() < 1e-8  # h^2 and 1e-16 / h
-
-
 @pytest.fixture(scope="module")
 def standing():
     """Robot, configuration and stance."""

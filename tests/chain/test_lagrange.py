@@ -17,7 +17,7 @@ from sst_pin import ClosedChain, Closure, Coupling
 from sst_pin.errors import ActuationError
 from sst_pin.verification.referees import lagrange
 from sst_pin.verification.verify import verify_chain
-from trees import CONSTRAINTS, JOINTS, add_frame, add_joint, derivative, random_q, tree
+from trees import CONSTRAINTS, JOINTS, derivative, random_q, tree
 
 
 @dataclass
@@ -196,53 +196,6 @@ def test_a_free_fall_needs_no_torques():
         for rates in (0 * va, va):
             aa = chain.compute_accelerations(q, rates, np.zeros(2))
             assert_allclose(chain.compute_torques(q, rates, aa), 0, atol=1e-10)
-
-
-def _platform(depth_first):
-    """Three legs and a platform, legs first and platform last, or each branch in one piece."""
-    model, legs = pin.Model(), range(3)
-    model.gravity.linear = np.array([0.3, 0.2, -9.8])
-    plan = [("platform", "base", "free")]
-    of_leg = [[(f"hip_{k}", "base", "RZ"), (f"knee_{k}", f"hip_{k}", "RX")] for k in legs]
-    of_leg = [[*leg, (f"foot_{k}", f"knee_{k}", "ball")] for k, leg in enumerate(of_leg)]
-    if depth_first:
-        plan += [joint for leg in of_leg for joint in leg]
-    else:
-        plan = [joint for level in zip(*of_leg, strict=True) for joint in level] + plan
-    index = {"base": 0}
-    for name, parent, kind in plan:
-        random = np.random.default_rng(list(name.encode()))
-        index[name] = add_joint(model, index[parent], name, JOINTS[kind](), random)
-    for k in legs:
-        add_frame(model, f"end_{k}", index[f"foot_{k}"], np.random.default_rng(k))
-        add_frame(model, f"seat_{k}", index["platform"], np.random.default_rng(10 + k))
-    model.referenceConfigurations["closed"] = pin.neutral(model)
-    return model
-
-
-def test_the_order_in_which_joints_were_added_does_not_matter():
-    """Legs first and platform last, or each branch in one piece: the same numbers."""
-    models = [_platform(depth_first) for depth_first in (True, False)]
-    closures = [Closure(f"end_{k}", f"seat_{k}", "3d") for k in range(3)]
-    motors = ["hip_0", "hip_1", "hip_2", "knee_0", "knee_1", "knee_2"]
-    one, other = (ClosedChain(model, closures, motors) for model in models)
-    rows_q, rows_v = [], []
-    for name in list(models[1].names)[1:]:
-        joint = models[0].joints[models[0].getJointId(name)]
-        rows_q.extend(range(joint.idx_q, joint.idx_q + joint.nq))
-        rows_v.extend(range(joint.idx_v, joint.idx_v + joint.nv))
-    assert rows_v != sorted(rows_v)
-    order = [other.coordinates.index(name) for name in one.coordinates]
-    assert order == sorted(order)  # the motors, and the balls that spin
-    random = np.random.default_rng(0)
-    for q, va, aa in zip(*states(one, 10, 0), strict=True):
-        there = q[rows_q]
-        close(one.generalized_forces(q, va, aa), other.generalized_forces(there, va, aa))
-        tau = random.normal(size=6)
-        close(one.compute_accelerations(q, va, tau), other.compute_accelerations(there, va, tau))
-        close(one.kinetic_energy(q, va), other.kinetic_energy(there, va))
-        close(one.joint_rates(q, va)[rows_v], other.joint_rates(there, va))
-        close(one.noc(q, va).inertia, other.noc(there, va).inertia)
 
 
 def test_coordinates_are_what_the_caller_names():

@@ -6,7 +6,6 @@ import pytest
 from numpy.testing import assert_allclose
 
 from derivative_cases import close
-from pinocchio_peers import Constrained
 from robots import GRAVITY, ROBOTS, Robot, derivatives
 from sst_pin import ClosedChain
 from sst_pin.errors import (
@@ -123,25 +122,6 @@ def test_accelerations_invert_the_torques(robot, chain):
         )
         # As for the torques, times the condition number of the inertia matrix, below 10.
         close(aa, motion.aa, 1e-11)
-
-
-@pytest.mark.parametrize(
-    "name",
-    [name for name, r in ROBOTS.items() if all(c.kind != "orientation" for c in r.closures)],
-)
-def test_accelerations_agree_with_the_proximal_solver_of_Pinocchio(name):
-    """A second opinion on 3D and 6D closures, which Pinocchio treats by Lagrange multipliers."""
-    robot = ROBOTS[name]
-    chain = robot.frictionless()
-    theirs = Constrained(chain, mu=1e-8, iterations=20)
-    for motion, _ in states(robot):
-        tau = np.zeros(chain.model.nv)
-        tau[robot.motors] = motion.tau
-        v_dot = theirs.accelerations(motion.q, motion.q_dot, tau)
-        aa = chain.compute_accelerations(motion.q, motion.va, motion.tau)
-        # The iteration ends at 1e-14 in the constraints, times a condition number below 100, times
-        # that of the inertia matrix, below 10.
-        close(aa, v_dot[robot.motors], 1e-11)
 
 
 def test_a_batch_equals_a_loop(robot, chain):

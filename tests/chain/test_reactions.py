@@ -392,44 +392,15 @@ def test_stiffnesses_leave_unique_components_as_they_are():
         chain.reactions(chain.home, [0], [0], stiffness={"wheel": np.ones(6)})
 
 
-def published_andrews():
-    """Andrews' mechanism at 0.03 s with its spring, and the published multipliers, (x, y) each."""
-    plain = robots.andrews()
-    model = plain.model.copy()
-    mark(model, 0, "C", at(0.014, 0.072))
-    mark(model, model.getJointId("gamma"), "D", at(0.02, -0.018))
-    spring = sst_pin.LineForce("C", "D", stiffness=4530, rest_length=0.07785)
-    chain = sst_pin.ClosedChain(model, plain.closures, ["beta"], forces=[spring])
-    order = [
-        ("beta", "theta", "gamma", "phi", "delta", "omega", "epsilon").index(name)
-        for name in chain.joint_names
-    ]
-    state = np.array(
-        [
-            (15.81077119629904, 1139.920302151208, -24631.76316945196),
-            (-15.75637105984298, -1424.379294994111, 51850.37701610329),
-            (0.04082224013073101, 11.03291221937134, 324102.5686413781),
-            (-0.5347301163226948, 19.29337464421385, 566749.3645176213),
-            (0.5244099658805304, 0.5735699284790808, 16743.62929479361),
-            (0.5347301163226948, -19.29337464421385, -566749.3645176222),
-            (1.048080741042263, 0.3231791658026955, 9826.520791458422),
-        ]
-    )[order].T
-    multipliers = [
-        (199.1753333731910, -29.75531228015052),
-        (23.06654119098399, 31.45271365475927),
-        (22.64249232082739, 11.61740700019673),
-    ]
-    return chain, state, np.array(multipliers)
-
-
 def test_andrews_multipliers_are_the_published_ones():
     """M q_ddot + G^T lambda = f: the forces on the common tip are -lambda.
 
     The published rates break the closures by 3e-8, so that a motion that obeys these differs by
     1e-7 of the forces. With the published rates and accelerations as they stand it is 1e-10.
     """
-    chain, (q, v, v_dot), published = published_andrews()
+    chain, given = robots.andrews(), robots.PUBLISHED["andrews"]
+    q, v, v_dot = np.array([[given[x][k] for k in chain.joint_names] for x in ("q", "v", "dv")])
+    published = np.array(list(given["forces"].values()))  # on the common tip
     beta = chain.joint_names.index("beta")
     w = chain.reactions(q, [v[beta]], [v_dot[beta]])
     assert w.determined.closures[:, 3:5].all()

@@ -138,23 +138,17 @@ def test_a_load_on_the_star_drives_it(robot):
     w[2, :3] = (0.5, -0.2, 0.1)
     t = np.linspace(0, 0.1, 3)
     hold = robot.compute_torques(robot.home, np.zeros(3), np.zeros(3), external_wrenches=w)
-    still = robot.simulate(hold, robot.home, np.zeros(3), t, external_wrenches=w)
-    assert np.abs(still.q - robot.home).max() < 1e-12
-    moved = robot.simulate(hold, robot.home, np.zeros(3), t, platform_moment=w[2, :3])
-    assert np.abs(moved.q - robot.home).max() < 1e-12  # the same load by its other name
-    both = robot.simulate(
-        hold,
-        robot.home,
-        np.zeros(3),
-        t,
-        platform_moment=lambda t, q, va: 3 * w[2, :3],
-        external_wrenches=-2 * w,
-    )
-    assert np.abs(both.q - robot.home).max() < 1e-12
-    called = robot.simulate(
-        lambda t, q, va: hold, robot.home, np.zeros(3), t, external_wrenches=lambda t, q, va: 2 * w
-    )
-    assert np.abs(called.q[-1] - robot.home).max() > 1e-3
+    moment = w[2, :3]
+    for loads in (
+        {"external_wrenches": w},
+        {"platform_moment": moment},  # the same load by its other name
+        {"platform_moment": lambda t, q, va: 3 * moment, "external_wrenches": -2 * w},
+    ):
+        still = robot.simulate(hold, robot.home, np.zeros(3), t, **loads)
+        assert np.abs(still.q - robot.home).max() < 1e-12
+    loads = {"external_wrenches": lambda t, q, va: 2 * w}
+    moved = robot.simulate(lambda t, q, va: hold, robot.home, np.zeros(3), t, **loads)
+    assert np.abs(moved.q[-1] - robot.home).max() > 1e-3
 
 
 def mechanical_energy(chain, motion):

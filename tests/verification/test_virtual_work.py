@@ -149,19 +149,6 @@ def test_torques_of_example_1_bring_the_star_round_the_circle() -> None:
     assert np.abs(omega - path.omega).max() < 1e-8
 
 
-def test_motion_with_friction_is_that_of_the_complement() -> None:
-    """A robot let go with friction and a constant torque, by both methods."""
-    rng = np.random.default_rng(4)
-    parameters = random_parameters(rng)
-    robot, referee = sst_pin.SST(parameters), VirtualWork(parameters)
-    (R0,), (omega0,), _ = random_states(robot, rng, 1)
-    t, tau = np.linspace(0, 0.05, 6), np.array((1.0, -2, 3))
-    R, _ = referee.simulate(lambda *_: tau, R0, omega0, t)
-    q0, va0, _ = robot.joint_motion(R0, omega0, np.zeros(3))
-    motion = robot.simulate(tau, q0, va0, t)
-    assert np.abs(R - robot.platform_orientation(motion.q)).max() < 1e-9  # integrators' 1e-11
-
-
 def test_flat_leg_is_a_singular_configuration_and_names_its_samples() -> None:
     """At R = 1 arc 1 lies in the plane that leg 1 moves in."""
     good, _, _ = sst_pin.paper_circle(0.0)
