@@ -28,7 +28,6 @@ from derivative_cases import (
     without_coulomb,
 )
 from doors import Arrays
-from pinocchio_derivatives import RIGHT, assert_Pinocchio_agrees, assert_Pinocchio_is_wrong
 from robots import ROBOTS
 from sst_pin import robots
 from sst_pin.errors import InputError
@@ -143,19 +142,6 @@ def test_friction_slopes_are_those_of_the_width():
     assert_allclose(narrow - wide, [[(1e3 - 10) * robot.coulomb @ L**2]], rtol=1e-12)
     with pytest.raises(InputError, match="sign_width: 0 is not above 0"):
         chain.torque_derivatives(q, [0.0], [0.3], sign_width=0)
-
-
-def ours(chain, q, va, tau):
-    return chain.acceleration_derivatives(q, va, tau)[:2]
-
-
-@pytest.mark.parametrize("name", RIGHT)
-def test_derivatives_agree_with_those_of_Pinocchio_where_these_are_right(name):
-    assert_Pinocchio_agrees(name, ours)
-
-
-def test_Pinocchio_is_wrong_for_points_on_a_moving_joint():
-    assert_Pinocchio_is_wrong(ours)
 
 
 def test_linearize_is_the_motion_next_to_a_state():
