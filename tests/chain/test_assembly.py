@@ -60,7 +60,6 @@ def test_a_ladder_closes_when_each_of_its_loops_closes_alone(monkeypatch):
 
 
 def test_an_open_loop_is_named_and_the_others_close():
-    """One of five four-bars cannot close: it alone is in the message."""
     chain = ladder(5, broken=3)
     guess = np.tile([1.2, -0.7, 2.0], 5)
     with pytest.raises(ClosureError) as caught:
@@ -215,7 +214,6 @@ def test_assembly_within_limits_holds_them_and_finds_the_other_branch():
 
 
 def test_a_solution_at_a_limit_is_reached():
-    """The limit lies on the solution itself: the joint ends there, with closed loops."""
     q = ladder(1).assemble([1.2, -0.7, 2.0], ["crank_0"])
     chain = limited([-4, -4, -4], [4, q[1], 4])
     found = chain.assemble([1.2, q[1] + 1.0, 2.0], (), limits=True)

@@ -215,7 +215,6 @@ def _turned(R):
     ],
 )
 def test_what_no_robot_has_is_refused_by_name(attribute, value, said):
-    """When it is made, and by `refresh`."""
     chain = five_bar(["a1", "b1"])
     getattr(chain.model, attribute)[2] = value
     for make in (chain.refresh, lambda: remade(chain)):

@@ -42,7 +42,6 @@ def test_wrong_arrays_are_named(robot, method, q, va, third, word):
 
 
 def test_an_open_closure_is_told_with_its_size_and_its_remedy(robot):
-    """ClosureError carries the residual; assemble closes it."""
     q = HOME.copy()
     q[1] += 1e-3
     with pytest.raises(sst_pin.ClosureError, match=r"assemble\(q\) closes them") as caught:
@@ -96,7 +95,6 @@ def test_motors_are_judged_where_nothing_special_happens():
 
 
 def test_assemble_holds_the_joints_it_was_told_to_hold(robot):
-    """By default the motors; any others by name; none with ()."""
     q = HOME + 0.01 * np.arange(9)
     for fixed, held in (
         (None, [0, 3, 6]),
@@ -132,7 +130,6 @@ def singular_configuration(robot):
 
 
 def test_a_singular_configuration_is_told_with_its_condition_number(robot):
-    """All entrances to the dynamics refuse it; a batch names the samples."""
     q = singular_configuration(robot)
     assert robot.singularities(q).second_kind < 1e-12
     for call in (
@@ -208,7 +205,6 @@ def test_a_quaternion_off_length_one_is_that_samples_fault(afloat):
 
 
 def test_motors_that_do_not_suffice_or_are_more_are_told(robot):
-    """Two motors leave a freedom, four are one more than needed; mobility says how."""
     pairs = [("closedloop1_A", "closedloop1_B"), ("closedloop2_A", "closedloop2_B")]
 
     few = sst_pin.ClosedChain(robot.model, pairs, ["gamma_1", "gamma_2"])
@@ -267,7 +263,6 @@ def test_names_that_are_not_there_are_told_with_those_that_are(robot):
 
 
 def test_a_massless_robot_has_no_accelerations():
-    """A motor that moves no mass: a singular inertia matrix, not NaN."""
     robot = sst_pin.SST()
     for j in range(1, 10):
         robot.model.inertias[j] = pin.Inertia.Zero()
@@ -300,7 +295,6 @@ def test_only_one_sample_where_one_is_meant(robot):
     ],
 )
 def test_errors_come_back_whole_from_worker_processes(error):
-    """Message and data survive a pickle; all derive from SSTError."""
     copy = pickle.loads(pickle.dumps(error))
     assert isinstance(copy, sst_pin.SSTError)
     assert str(copy) == str(error)

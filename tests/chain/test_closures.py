@@ -104,7 +104,6 @@ def test_the_axes_of_a_closed_hinge_point_the_same_way(kind):
 
 
 def test_couplings_follow_their_polynomials():
-    """The residual is q_joint - offset - sum of polynomials; Phi and its rate are derivatives."""
     pin.seed(0)
     random = np.random.default_rng(0)
     model = pin.Model()
@@ -144,7 +143,6 @@ def test_what_rolls_stands_still_at_the_contact(ball):
 
 
 def test_every_joint_of_pinocchio_is_in_a_tree():
-    """No type that Pinocchio offers is forgotten; two are refused by name."""
     used = {name for root, a, b in TREES.values() for name in (root, *a, *b) if name}
     types = {JOINTS[name]().shortname() for name in used}
     kinds = {"RX": "R", "RZ": "R", "PX": "P", "PZ": "P", "HY": "H", "RUBY": "RUB"}
@@ -163,7 +161,6 @@ def test_every_joint_of_pinocchio_is_in_a_tree():
 
 
 def test_names_of_coordinates_and_rates_fit_every_joint():
-    """q has nq names, v has nv, all different; q_dot is the derivative of pin.integrate."""
     for name, parts in TREES.items():
         chain = ClosedChain(tree(*parts, seed=13), [Closure("A", "B", "3d")], [])
         model = chain.model

@@ -92,7 +92,6 @@ def test_a_motor_that_moves_with_another_but_for_digits_is_no_coordinate():
 
 
 def test_a_cylinder_decides_the_mode_as_the_motor_that_it_is():
-    """A cylinder along the slide is a motor on the slide."""
     model, closures = slide_with_two_bars()
     tip(model, 0, -0.5, "ground")
     tip(model, model.getJointId("slide"), 0.0, "cart")
@@ -123,7 +122,6 @@ def test_a_tendon_holds_the_sum_of_its_joints_and_not_each():
 
 @pytest.mark.parametrize("seed", range(6))
 def test_what_motors_hold_is_the_rank_of_the_actuator_jacobian(seed):
-    """Motors on joints, tendons and lines, more and fewer than freedoms."""
     random, plain = np.random.default_rng(seed), sst_pin.robots.planar_3rrr()
     joints = list(random.permutation(plain.joint_names))
     tendons = [{joints.pop(): 1.0, joints.pop(): random.normal()} for _ in range(seed % 3)]
@@ -142,7 +140,6 @@ def test_what_motors_hold_is_the_rank_of_the_actuator_jacobian(seed):
 
 @pytest.mark.parametrize("folded_first", [False, True])
 def test_coordinates_do_not_depend_on_what_was_called_before(folded_first):
-    """A call in the other mode is refused by name and changes nothing."""
     model, closures, folded = rhombus()
     chain = ClosedChain(model, closures, ["rocker", "crank"])
     if folded_first:
@@ -331,7 +328,6 @@ def cam():
 
 
 def test_a_robot_that_no_guess_assembles_computes_where_it_is_closed():
-    """What needs a configuration of its own asks for one."""
     model, closures, q = cam()
     chain = ClosedChain(model, closures, ["z", "x"], coordinates=["z"])
     assert chain.preload_directions(q).shape == (2, 1)
@@ -526,7 +522,6 @@ def _tree_added_breadth_first(frames):
 @pytest.mark.parametrize("frames", [False, True])
 @pytest.mark.parametrize("locked", [[1], [2], [4], [2, 4], [1, 3]])
 def test_locked_joints_stay_where_they_are_in_a_tree_of_any_order(locked, frames):
-    """Forces and places are those of the whole tree with these joints at rest."""
     tree = _tree_added_breadth_first(frames)
     names, free = list(tree.names), [k for k in range(4) if k + 1 not in locked]
     q, v = np.random.default_rng(1).normal(size=(2, 4))

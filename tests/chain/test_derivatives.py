@@ -122,7 +122,6 @@ def test_derivatives_are_the_same_a_thousand_kilometres_away(stand):
 
 
 def test_derivatives_leave_the_robot_as_it_is():
-    """Forces before and after, of a tree that was not added depth-first."""
     case = of_tree("floating", "hinge")
     q, va, aa, _ = next(case.states(1))
     before = case.chain.generalized_forces(q, va, aa)
@@ -174,7 +173,6 @@ def test_linearize_is_the_motion_next_to_a_state():
 
 
 def test_the_discrete_system_is_the_motion_next_to_an_equilibrium():
-    """A delta at rest: A and B of one step agree with differences of the integrator."""
     robot = robots.delta()
     q, dt, rest = robot.home, 0.02, np.zeros(3)
     hold = robot.compute_torques(q, rest, rest)

@@ -26,7 +26,6 @@ def test_torques_of_example_1_are_the_reference(robot, t):
 
 
 def test_the_three_arcs_turn_as_one_body(case):
-    """The rows of T for star_1, star_2 and star_3 have one angular velocity."""
     robot, q, va, _ = case
     omega = robot.noc(q, va).T.reshape(9, 6, 3)[2::3, :3]
     assert np.abs(omega - omega[0]).max() < 1e-12 * np.abs(omega).max()

@@ -67,7 +67,6 @@ def test_a_line_does_the_work_of_two_opposed_forces(name):
 
 
 def test_terms_hold_springs_and_dampers_of_lines():
-    """Eq. (92) with its terms, long form and reduced."""
     chain, bare = with_lines(with_joint("universal"))
     for q, va, aa in random_states(chain):
         f = chain.generalized_forces(q, va, aa)

@@ -125,7 +125,6 @@ def test_dynamics_are_those_of_the_coupled_robot(pair):
 
 
 def test_what_a_mimic_joint_cannot_be_is_refused():
-    """A motor, a coordinate, a held joint, a joint of a coupling; locking."""
     model = pin.transformJointIntoMimic(ordinary(pin.JointModelRZ()), 2, 5, FACTOR, OFFSET)
     loop = Closure("f_end", "g_end", "3d")
     with pytest.raises(InputError, match="mimic joint"):
@@ -173,7 +172,6 @@ def test_a_urdf_read_with_its_mimic_joints_is_computed():
 
 
 def test_two_mimic_joints_follow_each_its_own():
-    """e follows b and f follows a: forces and their derivatives, as above."""
     model = ordinary(pin.JointModelRZ())
     model.armature = np.zeros(model.nv)
     mimicking = pin.transformJointIntoMimic(model, 2, 5, FACTOR, OFFSET)

@@ -138,7 +138,6 @@ def test_a_changed_model_counts_after_refresh_and_not_before(chain, name):
     "name", [n for n in CHANGES if n not in ("joint", "placement")]
 )  # no star, open loops
 def test_a_changed_sst_equals_a_new_one_on_kernels_and_the_reference_path(name):
-    """A single call and a batch, before and after refresh()."""
     robot = sst_pin.SST()
     # No passive joint stands still: Coulomb friction would have any sign.
     q = robot.assemble(robot.home + 0.1 * np.random.default_rng(0).normal(size=9))
@@ -280,7 +279,6 @@ def test_an_sst_in_other_coordinates_has_its_platform():
 
 
 def test_exported_code_is_of_one_robot():
-    """A joint added to the model counts after refresh, in all functions or in none."""
     robot = sst_pin.robots.four_bar()
     before = {path.name: written(write) for path, write in c_files(robot, "out").items()}
     _joint(robot.model)
@@ -365,7 +363,6 @@ def test_a_call_computes_from_one_robot_whenever_another_thread_refreshes(name):
 
 
 def test_a_motion_belongs_to_the_robot_that_was_simulated():
-    """Though it is refreshed while it moves."""
     model, closures, folded = rhombus()
     model.referenceConfigurations["home"] = np.array([0.7, -0.7, 0.7])
     chain = ClosedChain(model, closures, ["rocker", "crank"])
@@ -378,7 +375,6 @@ def test_a_motion_belongs_to_the_robot_that_was_simulated():
 
 
 def test_kernels_compiled_while_a_robot_is_refreshed_are_those_of_the_new_one(monkeypatch):
-    """The refresh comes while the kernels of the old one are made."""
     chain = sst_pin.robots.four_bar()
     make, left = CompiledBackend.make, [1]
 
@@ -425,7 +421,6 @@ def test_a_frame_added_to_the_model_can_be_asked_for(chain):
 )
 @pytest.mark.parametrize("kernels", [True, False])
 def test_a_model_that_is_refused_leaves_the_robot_as_it_was(kernels, change):
-    """refresh() raises at every call; the torques stay those of the model before."""
     robot = sst_pin.SST(kernels=kernels)
     motion = robot.home, np.ones(3), np.ones(3)
     before = robot.compute_torques(*motion)

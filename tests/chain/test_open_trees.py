@@ -78,7 +78,6 @@ def aba(model, q, v, tau):
     ],
 )
 def test_dynamics_and_derivatives_are_pinocchios(name, compiled):
-    """On both paths: torques, accelerations, their derivatives, the Jacobian of a frame."""
     chain = chain_of(name)
     model, (q, va, aa) = chain.model, states_of(chain)
     if compiled:
@@ -113,7 +112,6 @@ def test_dynamics_and_derivatives_are_pinocchios(name, compiled):
 
 
 def test_casadi_and_jax_give_the_same(chain, states):
-    """Torques and accelerations of one state."""
     q, va, aa = (x[0] for x in states)
     tau = chain.compute_torques(q, va, aa)
     jax = pytest.importorskip("jax")
@@ -175,7 +173,6 @@ def test_every_kind_of_joint_with_friction_and_springs(name):
 
 
 def test_pictures_of_a_tree(chain, states, tmp_path):
-    """The page of a motion, and the viewer's page, with its arrows."""
     q0, va0, _ = (x[0] for x in states)
     motion = chain.simulate(np.zeros(chain.model.nv), q0, va0, np.linspace(0, 0.1, 6))
     assert plots.motion_page(chain, motion).axes
@@ -185,7 +182,6 @@ def test_pictures_of_a_tree(chain, states, tmp_path):
 
 
 def test_too_few_motors_and_coordinates_are_refused_as_in_any_robot():
-    """By the names of what nothing drives."""
     model = model_of("arm")
     few = ClosedChain(model, [], ["joint_1", "joint_2"])
     q, rates = pin.neutral(model), np.ones(7)
@@ -253,7 +249,6 @@ def test_an_mjcf_without_equalities_is_an_open_tree(tmp_path):
 
 
 def test_the_command_takes_a_tree(here, capsys):
-    """A motion, its torques, and back."""
     (here / "arm.urdf").write_text(ARM)
     (here / "arm.yaml").write_text("name_mot: [shoulder, elbow]")
     arm = sst_pin.ClosedChain.from_urdf("arm.urdf")

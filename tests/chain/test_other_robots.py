@@ -82,7 +82,6 @@ def test_L_is_an_orthogonal_complement_of_Phi(robot, chain):
 
 @pytest.mark.parametrize("name", ["L", "K", "T"])
 def test_the_rates_of_the_complement_are_its_derivatives(robot, chain, name):
-    """L_dot, K_dot and T_dot along a motion that keeps the loops closed."""
     x, x_dot, *_ = random_state(robot, 0)
     q, q_dot, _ = derivatives(robot.joints, x, x_dot)
 
@@ -115,7 +114,6 @@ def test_the_long_form_adds_up_to_the_torques(robot, chain):
 
 
 def test_accelerations_invert_the_torques(robot, chain):
-    """Direct dynamics of the torques by virtual work gives back the motion."""
     for motion, wrenches in states(robot):
         aa = chain.compute_accelerations(
             motion.q, motion.va, motion.tau, external_wrenches=wrenches
@@ -125,7 +123,6 @@ def test_accelerations_invert_the_torques(robot, chain):
 
 
 def test_a_batch_equals_a_loop(robot, chain):
-    """Leading axes broadcast, in torques and in accelerations."""
     motions, wrenches = zip(*states(robot), strict=True)
     q, va, aa = (
         np.stack([getattr(motion, name) for motion in motions]).reshape(2, 2, -1)
@@ -144,7 +141,6 @@ def test_a_batch_equals_a_loop(robot, chain):
 
 
 def test_energies_are_the_sums_over_the_bodies(robot, chain):
-    """Kinetic energy with the rotors', potential energy, and the power of friction."""
     for seed in STATES:
         x, x_dot, *_ = random_state(robot, seed)
         q, q_dot, _ = derivatives(robot.joints, x, x_dot)

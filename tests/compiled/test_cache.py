@@ -199,7 +199,6 @@ NAMED = {
 
 @pytest.mark.parametrize("case", NAMED)
 def test_robots_that_differ_in_what_a_name_means_have_their_own_kernels(folder, case):
-    """Kernels that the other robot left in the cache are not taken for theirs."""
     *orders, closures, forces, motors = NAMED[case]
     for names in orders:
         model = pin.Model()
@@ -280,7 +279,6 @@ def test_a_robot_searches_the_cache_for_each_kernel_once(monkeypatch):
 
 @pytest.mark.slow
 def test_nothing_is_left_to_compile(tmp_path, monkeypatch, caplog):
-    """Every method with a kernel, also with wrenches, leaves the cache as it is."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     chain = sst_pin.robots.four_bar()
     chain.compile(all=True)

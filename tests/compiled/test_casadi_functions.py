@@ -80,7 +80,6 @@ def test_a_step_is_that_of_a_rollout(chain, functions):
 
 
 def test_derivatives_along_tangents_are_those_of_the_closed_robot(chain, functions):
-    """CasADi's own, times the tangent, against the reference path."""
     f = functions.generalized_forces
     for q, va, aa in states(chain, 2):
         d = chain.torque_derivatives(q, va, aa)

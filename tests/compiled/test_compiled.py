@@ -184,7 +184,6 @@ def test_whole_numbers_and_lists_are_answered_by_the_kernel_at_once(four_bar, nu
 
 
 def test_ctrl_c_ends_all_compilation(tmp_path, monkeypatch):
-    """Kernels that have not begun are not made, and the chain computes as before."""
     begun = []
 
     def interrupted(*_):

@@ -349,7 +349,6 @@ def test_samples_whose_line_has_no_direction_are_refused_on_both_paths(compiled)
 
 
 def test_a_motor_between_frames_of_one_body_moves_nothing():
-    """On both paths it is refused, alone; beside another motor its force is zero."""
     line, bar = LineForce("coupler_pin", "platform", name="idle"), robots.four_bar()
     for motors in (["idle"], ["idle", "crank"]):
         fast, plain = (ClosedChain(bar.model, bar.closures, motors, forces=[line]) for _ in "ab")

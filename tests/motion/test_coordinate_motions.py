@@ -113,7 +113,6 @@ def columns(motion, names, endings):
 
 @pytest.mark.parametrize("endings", [("_rad",) * 3, ("_deg", "", "_rad")])
 def test_a_file_of_coordinates_is_the_motion(delta, stroke, endings):
-    """Radians, degrees, bare names; the first row's other joints choose the assembly."""
     motion, _ = stroke
     passive = [name for name in motion.joint_names if name not in delta.coordinates]
     revolute = [n for n in passive if motion.units[motion.joint_names.index(n)] == "rad"]

@@ -111,7 +111,6 @@ def test_a_kite_passes_where_two_joints_meet(kind):
 
 
 def test_singular_configurations_shortly_after_each_other_are_gone_through_one_by_one():
-    """Two parallelograms side by side are flat at nearly the same times."""
     bars = []
     for k in "ab":
         bars.append((f"crank_{k}", "universe", 0.0, 0.5))

@@ -26,7 +26,6 @@ def test_the_delta_follows_a_circle_as_its_closed_form_says():
 
 
 def test_a_stewart_platform_follows_poses():
-    """Six freedoms, positions and orientations at once; against its closed form."""
     platform = sst_pin.robots.stewart()
     home = platform.platform_pose(platform.home)
     poses = np.tile(home, (41, 1, 1))
@@ -148,7 +147,6 @@ def test_orientations_without_one_path_between_are_refused(R, word):
 
 
 def test_the_star_goes_through_samples_as_fast_as_its_motors_allow(robot):
-    """From a few orientations to a motion, in three calls."""
     pytest.importorskip("toppra")
     R = sst_pin.orientation([0.6, 0.9, 0.8], [0.9, 0.8, 1.0])
     path = robot.inverse_kinematics(sst_pin.orientation_path(R))

@@ -276,7 +276,6 @@ def test_derivatives_of_states_are_those_of_their_rates(name, kernels):
 
 
 def test_implicit_methods_take_exact_derivatives_of_stiff_motions(monkeypatch):
-    """The governor's springs and dampers, and a torque that is a function of the state."""
     chain, exact, calls = sst_pin.robots.governor(), ReferenceStates.derivatives, []
 
     def counted(self, *arguments):

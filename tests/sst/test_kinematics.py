@@ -60,7 +60,6 @@ def test_inverse_kinematics_closes_the_loops_on_all_branches(seed):
 
 
 def test_rates_and_accelerations_are_derivatives_of_the_angles(odd):
-    """While the star turns about one axis by sin(t)."""
     start, _, _ = random_state(odd, np.random.default_rng(1))
     t, axis = 0.2 + AROUND, 0.7 * np.array((0.6, 0, 0.8))
     turn, omega = np.multiply.outer(np.sin(t), axis), np.multiply.outer(np.cos(t), axis)
@@ -72,7 +71,6 @@ def test_rates_and_accelerations_are_derivatives_of_the_angles(odd):
 
 
 def test_platform_velocity_inverts_joint_motion(odd):
-    """omega -> va -> omega, Eq. (62) with plus signs."""
     rng = np.random.default_rng(2)
     R, omega, alpha = random_states(odd, rng, 10)
     q, va, _ = odd.joint_motion(R, omega, alpha)
@@ -182,7 +180,6 @@ def test_batches_equal_single_samples(odd):
 
 
 def test_a_matrix_that_is_no_rotation_is_refused(robot):
-    """Scaled, mirrored, of the wrong shape, not finite; a batch names its samples."""
     R = np.stack([robot.platform_orientation(robot.home)] * 4)
     scaled, broken = R.copy(), R.copy()
     scaled[2] *= 2

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Direct kinematics of the SST by two conics, a referee for the package's by quaternions."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

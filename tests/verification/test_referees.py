@@ -174,7 +174,6 @@ def test_a_referee_sees_an_error_in_the_noc(referee, mutation, monkeypatch):
 
 
 def test_a_referee_uses_nothing_of_what_it_judges(referee, monkeypatch):
-    """It gives the same torques when the complement, the closures and the dynamics are gone."""
     rng = np.random.default_rng(7)
     parameters = random_parameters(rng)
     state = random_state(sst_pin.SST(parameters), rng)
@@ -214,7 +213,6 @@ def test_referees_say_what_they_are():
 
 @pytest.mark.parametrize("package", ["casadi", "mujoco", "exudyn"])
 def test_a_missing_engine_is_named(package, monkeypatch):
-    """By an error that is an `ImportError` too."""
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(MissingExtraError, match=package) as caught:
         referees.engine(package)

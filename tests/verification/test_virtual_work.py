@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The natural orthogonal complement against virtual work, which shares no formula with it."""
 
-from __future__ import annotations
-
 import ast
 from pathlib import Path
 
@@ -186,7 +184,6 @@ def test_a_torque_that_is_no_number_is_told() -> None:
     ],
 )
 def test_impossible_input_is_told(R: Array, omega: Array) -> None:
-    """Neither a scaled or mirrored R nor a wrong shape nor NaN is computed with."""
     referee = VirtualWork(sst_pin.Parameters())
     with pytest.raises(InputError):
         referee.torques(R, omega, np.zeros(3))
