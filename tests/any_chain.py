@@ -9,6 +9,7 @@ import pinocchio as pin
 from by_hand import add, at, mark
 from sst_pin import ClosedChain, ClosureError, LineForce, robots
 from sst_pin.chain.closures import Closure, Constraint, Coupling, Distance, Rolling
+from trees import unbounded
 
 AXIS = np.array([2.0, -1.0, 2.0]) / 3
 OTHER = np.array([1.0, 0.0, -1.0]) / np.sqrt(2)
@@ -36,14 +37,6 @@ def _composite() -> pin.JointModelComposite:
     return joint
 
 
-def _continuous() -> pin.JointModel:
-    axis = " ".join(map(str, AXIS))
-    return pin.buildModelFromXML(
-        '<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="continuous">'
-        f'<parent link="a"/><child link="b"/><axis xyz="{axis}"/></joint></robot>'
-    ).joints[1]
-
-
 JOINTS: dict[str, Callable[[], pin.JointModel]] = {
     "RY": pin.JointModelRY,
     "revolute": lambda: pin.JointModelRevoluteUnaligned(AXIS),
@@ -52,7 +45,7 @@ JOINTS: dict[str, Callable[[], pin.JointModel]] = {
     "HZ": lambda: pin.JointModelHZ(0.3),
     "helical": lambda: pin.JointModelHelicalUnaligned(AXIS, 0.2),
     "RUBX": pin.JointModelRUBX,
-    "continuous": _continuous,
+    "continuous": lambda: unbounded(AXIS),
     "spherical": pin.JointModelSpherical,
     "translation": pin.JointModelTranslation,
     "planar": pin.JointModelPlanar,

@@ -27,3 +27,16 @@ def add(
 def mark(model: pin.Model, joint: int, name: str, place: pin.SE3) -> None:
     """A new frame on a joint."""
     model.addFrame(pin.Frame(name, joint, place, pin.FrameType.OP_FRAME))
+
+
+def in_units(model: pin.Model, unit: float) -> pin.Model:
+    """The model with lengths in metres over a unit, the mass in kilograms."""
+    model = pin.Model(model)
+    for k in range(1, model.njoints):
+        place, body = model.jointPlacements[k], model.inertias[k]
+        model.jointPlacements[k] = pin.SE3(place.rotation, unit * place.translation)
+        model.inertias[k] = pin.Inertia(body.mass, unit * body.lever, unit**2 * body.inertia)
+    for frame in model.frames:
+        frame.placement = pin.SE3(frame.placement.rotation, unit * frame.placement.translation)
+    model.gravity.linear = unit * model.gravity.linear
+    return model

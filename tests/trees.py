@@ -18,7 +18,8 @@ def _composite(*parts):
     return joint
 
 
-def _unbounded(axis):
+def unbounded(axis):
+    """A joint that turns about an axis without end."""
     joint = pin.JointModelRevoluteUnboundedUnaligned()
     joint.axis = axis
     return joint
@@ -37,7 +38,7 @@ JOINTS = {
     "revolute": lambda: pin.JointModelRevoluteUnaligned(_unit(0.3, -1, 0.5)),
     "prismatic": lambda: pin.JointModelPrismaticUnaligned(_unit(-0.4, 0.2, 1)),
     "RUBY": pin.JointModelRUBY,
-    "unbounded": lambda: _unbounded(_unit(1, 2, -1)),
+    "unbounded": lambda: unbounded(_unit(1, 2, -1)),
     "HY": lambda: pin.JointModelHY(0.2),
     "helical": lambda: pin.JointModelHelicalUnaligned(_unit(0.5, 0.5, 1), -0.3),
     "universal": lambda: pin.JointModelUniversal(np.array([1.0, 0, 0]), np.array([0, 0.6, 0.8])),

@@ -9,6 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import sst_pin
+from by_hand import in_units
 from planar_bars import planar
 from robots import ROBOTS
 from sst_pin import ClosedChain, Closure
@@ -113,20 +114,9 @@ def test_several_starts_close_what_one_start_does_not():
 
 
 def scaled(robot, factor):
-    """The robot in another unit of length."""
-    model = robot.model()
-    for k in range(1, model.njoints):
-        model.jointPlacements[k] = pin.SE3(
-            model.jointPlacements[k].rotation, factor * model.jointPlacements[k].translation
-        )
-        body = model.inertias[k]
-        model.inertias[k] = pin.Inertia(body.mass, factor * body.lever, factor**2 * body.inertia)
-    for frame in model.frames:
-        place = frame.placement
-        frame.placement = pin.SE3(place.rotation, factor * place.translation)
-    model.gravity.linear = factor * model.gravity.linear
+    """The robot in another unit of length, and what this makes of its positions."""
     units = np.array([factor if link.prismatic else 1.0 for link in robot.links])
-    return ClosedChain(model, robot.closures, robot.actuated), units
+    return ClosedChain(in_units(robot.model(), factor), robot.closures, robot.actuated), units
 
 
 @pytest.mark.parametrize("factor", [1e-6, 1e-3, 1e3])

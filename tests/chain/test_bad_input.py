@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import sst_pin
 from by_hand import at, mark
+from derivative_cases import carried_four_bar
 from planar_bars import planar
 from sst_pin import errors
 from sst_pin.chain.closures import Coupling
@@ -164,12 +165,7 @@ def test_a_batch_names_the_samples_whose_numbers_are_not_finite(robot):
 @pytest.fixture(scope="module")
 def afloat():
     """A four-bar on a base that floats, whose quaternion no loop depends on."""
-    single, closures = four_bar(0.2, 0.3, 0.25, 0.3)
-    model = pin.Model()
-    root = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root")
-    model.appendBodyToJoint(root, pin.Inertia.Random(), pin.SE3.Identity())
-    model.addFrame(pin.Frame("base", root, pin.SE3.Identity(), pin.FrameType.BODY))
-    model = pin.appendModel(model, single, model.getFrameId("base"), pin.SE3.Identity())
+    model, closures, _, _ = carried_four_bar(pin.JointModelFreeFlyer())
     return sst_pin.ClosedChain(model, closures, ["crank"])
 
 
@@ -188,7 +184,7 @@ def test_a_quaternion_off_length_one_is_that_samples_fault(afloat):
             afloat.potential_energy,
             lambda q: afloat.noc(q, one),
             lambda q: afloat.joint_rates(q, one),
-            lambda q: afloat.frame_jacobian(q, "base"),
+            lambda q: afloat.frame_jacobian(q, "A"),
             lambda q: afloat.rollout(np.zeros((3, 1)), q, one, 1e-3),
         ):
             with pytest.raises(sst_pin.InputError, match=word):

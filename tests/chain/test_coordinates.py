@@ -80,14 +80,12 @@ def test_the_motor_of_a_fine_lead_screw_is_the_coordinate(pitch):
 def test_a_motor_that_moves_with_another_but_for_digits_is_no_coordinate():
     """A parallelogram whose lengths are written with six digits, on a cart."""
     model = pin.Model()
-    cart = body(model, 0, pin.JointModelPX(), 0.0, "cart")
-    crank = body(model, cart, pin.JointModelRY(), 0.0, "crank")
-    coupler = body(model, crank, pin.JointModelRY(), 0.2, "coupler")
-    rocker = body(model, cart, pin.JointModelRY(), 0.300001, "rocker")
-    tip(model, coupler, 0.3, "a")
-    tip(model, rocker, 0.2, "b")
+    body(model, 0, pin.JointModelPX(), 0.0, "cart")
+    bars = [("crank", "cart", 0.0, 0.2), ("coupler", "crank", 0.2, 0.3)]
+    planar([*bars, ("rocker", "cart", 0.300001, 0.2)], pin.JointModelRY, model)
     model.referenceConfigurations["home"] = np.array([0.0, 0.7, -0.7, 0.7])
-    chain = ClosedChain(model, [Closure("a", "b", "3d")], ["crank", "rocker"])
+    closure = Closure("coupler_end", "rocker_end", "3d")
+    chain = ClosedChain(model, [closure], ["crank", "rocker"])
     assert chain.coordinates == ("crank", "cart")
 
 
@@ -355,14 +353,10 @@ def test_no_coordinates_are_refused():
 
 def _four_bar(order, unit=1.0):
     """A four-bar whose joints are added in an order that keeps parents first."""
-    model, of = pin.Model(), {}
-    parents = {"crank": (None, 0.0), "coupler": ("crank", 0.2), "rocker": (None, 0.3)}
-    for name in order:
-        parent, x = parents[name]
-        of[name] = body(model, of[parent] if parent else 0, pin.JointModelRY(), x * unit, name)
-    tip(model, of["coupler"], 0.3 * unit, "a")
-    tip(model, of["rocker"], 0.25 * unit, "b")
-    return ClosedChain(model, [Closure("a", "b", "3d")], [])
+    parts = {"crank": ("universe", 0.0), "coupler": ("crank", 0.2), "rocker": ("universe", 0.3)}
+    bars = [(k, parts[k][0], unit * parts[k][1], unit * BARS[k]) for k in order]
+    closure = Closure("coupler_end", "rocker_end", "3d")
+    return ClosedChain(planar(bars, pin.JointModelRY), [closure], [])
 
 
 def test_coordinates_do_not_depend_on_order_or_units():

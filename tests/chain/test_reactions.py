@@ -10,7 +10,7 @@ from scipy.linalg import null_space
 
 import any_chain
 import sst_pin
-from by_hand import add, at, mark
+from by_hand import add, at, in_units, mark
 from planar_bars import planar
 from sst_pin import robots
 from sst_pin.chain import dynamics, reactions
@@ -217,9 +217,9 @@ def test_of_three_parallel_cranks_only_forces_along_them_are_not_unique():
     assert w.determined.closures[:, 4].all()
 
 
-def cube(cut, unit=1.0):
+def cube(cut):
     """Bricard's six hinges along edges of a cube, the loop cut at one of them."""
-    points = unit * np.array(
+    points = np.array(
         [(0, 0, 0), (1, 0, 0), (1, -1, 0), (1, -1, 1), (0, -1, 1), (0, 0, 1)], dtype=float
     )
     axes = np.eye(3)[[1, 2, 0, 1, 2, 0]]
@@ -228,9 +228,9 @@ def cube(cut, unit=1.0):
         for axis, point in zip(axes, points, strict=True)
     ]
     model = pin.Model()
-    model.gravity.linear = unit * np.array([0.3, -9.81, 0.7])
+    model.gravity.linear = np.array([0.3, -9.81, 0.7])
     ends, places = [0, 0], [pin.SE3.Identity()] * 2
-    body = pin.Inertia.FromBox(1.0, *(unit * np.array([0.4, 0.3, 0.1])))
+    body = pin.Inertia.FromBox(1.0, 0.4, 0.3, 0.1)
 
     def bear(side, k, link):
         joint = model.addJoint(
@@ -250,9 +250,9 @@ def cube(cut, unit=1.0):
     return sst_pin.ClosedChain(model, [sst_pin.Closure("a", "b", "hinge")], [motor])
 
 
-def through_hinges(cut, unit=1.0):
+def through_hinges(cut):
     """What the link before gives to the link behind each hinge, and the verdicts, all at once."""
-    chain = cube(cut, unit)
+    chain = cube(cut)
     q = pin.neutral(chain.model)
     rates = chain.joint_rates(q, [1.0])
     w = chain.reactions(q, [0.7 / rates[0]], tau=[0.0])
@@ -276,15 +276,6 @@ def test_another_cut_gives_the_same_verdicts_and_the_same_unique_wrenches():
         others, verdicts = through_hinges(cut)
         assert np.array_equal(verdicts, unique)
         assert others == pytest.approx(wrenches, abs=1e-10, nan_ok=True)
-
-
-def test_millimetres_give_the_verdicts_of_metres():
-    """kg, mm, s: forces are 1e3 times, moments 1e6 times those in metres."""
-    wrenches, unique = through_hinges(4)
-    scaled, verdicts = through_hinges(4, 1e3)
-    assert np.array_equal(verdicts, unique)
-    size = np.repeat([1e6, 1e3], 3)
-    assert scaled / size == pytest.approx(wrenches, abs=1e-10, nan_ok=True)
 
 
 def test_a_wrench_that_is_not_unique_is_named_where_asked_for_singly():
@@ -419,22 +410,10 @@ def test_andrews_multipliers_are_the_published_ones():
 
 def in_other_units(plain, unit):
     """A robot with springs, friction and a line, its lengths in metres over `unit`."""
-    model = pin.Model()
-    model.gravity.linear = unit * plain.model.gravity.linear
-
-    def scaled(place):
-        return at(*unit * place.translation, turned=place.rotation)
-
-    for j in range(1, plain.model.njoints):
-        place, body = plain.model.jointPlacements[j], plain.model.inertias[j]
-        kind, name = plain.model.joints[j], plain.model.names[j]
-        body = pin.Inertia(body.mass, unit * body.lever, unit**2 * body.inertia)
-        add(model, plain.model.parents[j], kind, name, scaled(place), body)
-    for frame in plain.model.frames:
-        if frame.type == pin.FrameType.OP_FRAME:
-            mark(model, frame.parentJoint, frame.name, scaled(frame.placement))
+    model = pin.Model(plain.model)
     for name, joint in (("one end", 1), ("other end", model.njoints - 1)):
-        mark(model, joint, name, scaled(at(0.03, 0.11, -0.07 * joint)))
+        mark(model, joint, name, at(0.03, 0.11, -0.07 * joint))
+    model = in_units(model, unit)
     line = sst_pin.LineForce(
         "one end", "other end", stiffness=30, rest_length=0.1 * unit, damping=2, preload=3 * unit
     )
