@@ -3,6 +3,7 @@
 
 import copy
 import pickle
+from itertools import product
 
 import numpy as np
 import pinocchio as pin
@@ -30,6 +31,8 @@ JOINTS = (
     ("f", 5, pin.JointModelRY()),
     ("g", 4, pin.JointModelSpherical()),
 )
+#: Mimic joints, their leaders, factors and offsets.
+FOLLOWERS = [("e", "b", FACTOR, OFFSET), ("f", "a", 1.4, -0.2)]
 #: The mimic joint carries the loop, or hangs behind a branch that is in no loop.
 LOOPS = {"inside": ("f", "g"), "outside": ("c", "d")}
 
@@ -43,50 +46,41 @@ def ordinary(kind, seed=0):
         index = add(model, parent, joints[name], name, pin.SE3.Random(), pin.Inertia.Random())
         mark(model, index, f"{name}_end", pin.SE3.Random())
     model.armature = np.abs(np.random.default_rng(seed).normal(size=model.nv))
-    model.armature[model.joints[5].idx_v] = 0
     return model
 
 
-@pytest.fixture(params=LOOPS)
-def loop(request):
-    return request.param
-
-
-@pytest.fixture(params=["RZ", "PY", "unaligned"])
-def pair(request, loop):
-    """The chain with a mimic joint, with a coupling, and q and v of the second from the first."""
-    model = ordinary(KINDS[request.param])
-    mimicking = pin.transformJointIntoMimic(model, 2, 5, FACTOR, OFFSET)
+@pytest.fixture(params=[*product(KINDS, LOOPS), ("two", "inside")], ids="-".join)
+def pair(request):
+    """The chain with mimic joints, with couplings, and q and the rates of these joints there."""
+    kind, loop = request.param
+    model = mimicking = ordinary(KINDS.get(kind, pin.JointModelRZ()))
+    followers = FOLLOWERS if kind == "two" else FOLLOWERS[:1]
+    joints = [model.joints[model.getJointId(name)] for name, *_ in followers]
+    rows = [joint.idx_v for joint in joints]
+    model.armature[rows] = 0
+    for name, leader, *numbers in followers:
+        ids = (mimicking.getJointId(x) for x in (leader, name))
+        mimicking = pin.transformJointIntoMimic(mimicking, *ids, *numbers)
     closures = [Closure(*(f"{name}_end" for name in LOOPS[loop]), "3d")]
-    coupling = Coupling("e", {"b": (0.0, FACTOR)}, OFFSET)
-    random = np.random.default_rng(1)
-    viscous, coulomb, stiffness = np.abs(random.normal(size=(3, mimicking.nv)))
-    stiffness[-3:] = 1.0  # a ball has one
-    k = model.joints[5].idx_v
-    D, F, S = (np.insert(x, k, 0.0) for x in (viscous, coulomb, stiffness))
-    a = ClosedChain(
-        mimicking,
-        closures,
-        ["a", "b"],
-        viscous_friction=viscous,
-        coulomb_friction=coulomb,
-        stiffness=stiffness,
-    )
-    names = a.coordinates
-    b = ClosedChain(
-        model,
-        [*closures, coupling],
-        ["a", "b"],
-        coordinates=names,
-        viscous_friction=D,
-        coulomb_friction=F,
-        stiffness=S,
-    )
+    gears = [Coupling(name, {leader: (0.0, x)}, offset) for name, leader, x, offset in followers]
+    terms = np.abs(np.random.default_rng(1).normal(size=(3, mimicking.nv)))
+    terms[2, -3:] = 1.0  # a ball has one stiffness
+    names = "viscous_friction", "coulomb_friction", "stiffness"
+
+    def among(numbers, at, followed):
+        return np.insert(numbers, np.array(at) - np.arange(len(at)), followed)
+
+    own = dict(zip(names, terms, strict=True))
+    a = ClosedChain(mimicking, closures, ["a", "b"], **own)
+    own = {name: among(x, rows, 0.0) for name, x in own.items()}
+    b = ClosedChain(model, closures + gears, ["a", "b"], coordinates=a.coordinates, **own)
 
     def to_b(q):
-        return np.insert(q, model.joints[5].idx_q, FACTOR * q[model.joints[2].idx_q] + OFFSET)
+        leaders = (model.joints[model.getJointId(leader)].idx_q for _, leader, *_ in followers)
+        values = [x * q[k] + y for k, (*_, x, y) in zip(leaders, followers, strict=True)]
+        return among(q, [joint.idx_q for joint in joints], values)
 
-    return a, b, to_b, k
+    return a, b, to_b, rows
 
 
 def test_dynamics_are_those_of_the_coupled_robot(pair):
@@ -169,23 +163,6 @@ def test_a_urdf_read_with_its_mimic_joints_is_computed():
     q = chain.assemble([0.4], ())
     assert_allclose(q, [0.1], atol=1e-12)
     assert_allclose(chain.Phi(q), [[0.0], [0.0], [-2.0]], atol=1e-12)
-
-
-def test_two_mimic_joints_follow_each_its_own():
-    model = ordinary(pin.JointModelRZ())
-    model.armature = np.zeros(model.nv)
-    mimicking = pin.transformJointIntoMimic(model, 2, 5, FACTOR, OFFSET)
-    mimicking = pin.transformJointIntoMimic(mimicking, 1, 6, 1.4, -0.2)
-    loop = Closure("f_end", "g_end", "3d")
-    gears = [Coupling("e", {"b": (0, FACTOR)}, OFFSET), Coupling("f", {"a": (0, 1.4)}, -0.2)]
-    a = ClosedChain(mimicking, [loop], ["a", "b"])
-    b = ClosedChain(model, [loop, *gears], ["a", "b"], coordinates=a.coordinates)
-    for q, va, aa in zip(*states(a, 2, 2), strict=True):
-        Q = np.array([*q[:5], FACTOR * q[1] + OFFSET, 1.4 * q[0] - 0.2, *q[5:]])
-        assert_allclose(a.generalized_forces(q, va, aa), b.generalized_forces(Q, va, aa), atol=1e-9)
-        pairs = zip(a.torque_derivatives(q, va, aa), b.torque_derivatives(Q, va, aa), strict=True)
-        for x, y in pairs:
-            assert_allclose(x, y, atol=1e-9 * max(1.0, np.abs(y).max()))
 
 
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda c: pickle.loads(pickle.dumps(c))])
