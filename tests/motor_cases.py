@@ -37,10 +37,7 @@ def four_bar(model: pin.Model, base: int, mass: float) -> Closure:
 
 
 def lift(
-    mass: float,
-    of_bars: float,
-    motors: Sequence | None = None,
-    joint: pin.JointModel | None = None,
+    mass: float, of_bars: float, motors: Sequence | None = None, joint: pin.JointModel | None = None
 ) -> ClosedChain:
     """A four-bar linkage on a lift or a cart; by default five motors, one pulls at both."""
     model = pin.Model()

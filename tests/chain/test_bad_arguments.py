@@ -10,12 +10,7 @@ import sst_pin
 from motor_cases import five_bar
 from sst_pin import ClosedChain, Closure, Coupling, LineForce
 from sst_pin.compiled.export import c_files
-from sst_pin.errors import (
-    DescriptionError,
-    InputError,
-    SingularConfigurationError,
-    SSTError,
-)
+from sst_pin.errors import DescriptionError, InputError, SingularConfigurationError, SSTError
 
 
 def remade(chain: ClosedChain, **options) -> ClosedChain:

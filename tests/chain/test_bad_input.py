@@ -16,6 +16,7 @@ from planar_bars import planar
 from sst_pin import errors
 from sst_pin.chain.closures import Coupling
 from sst_pin.chain.dynamics import Memory
+from sst_pin.errors import InputError, SingularConfigurationError, UnknownNameError
 from sst_pin.verification.sampling import random_states
 
 HOME = sst_pin.SST().home
@@ -38,7 +39,7 @@ RATES = np.array((1.0, 2, 3))
     ],
 )
 def test_wrong_arrays_are_named(robot, method, q, va, third, word):
-    with pytest.raises(sst_pin.InputError, match=word):
+    with pytest.raises(InputError, match=word):
         getattr(robot, method)(q, va, third)
 
 
@@ -88,7 +89,7 @@ def test_motors_are_judged_where_nothing_special_happens():
     chain = sst_pin.ClosedChain(*four_bar(1.0, 2.0, 1.0, 2.0), ["crank", "coupler"])
     stretched = chain.assemble([0.0, 0.0, np.pi])
     assert chain.mobility(stretched).degrees_of_freedom == 2
-    with pytest.raises(sst_pin.SingularConfigurationError):  # first: it must not be kept
+    with pytest.raises(SingularConfigurationError):  # first: it must not be kept
         chain.compute_torques(stretched, [1], [0])
     assert chain.coordinates == ("crank",)
     q = chain.assemble([0.7, -0.7, 0.7 + np.pi])
@@ -97,17 +98,11 @@ def test_motors_are_judged_where_nothing_special_happens():
 
 def test_assemble_holds_the_joints_it_was_told_to_hold(robot):
     q = HOME + 0.01 * np.arange(9)
-    for fixed, held in (
-        (None, [0, 3, 6]),
-        (["mu_1", "mu_2", "mu_3"], [1, 4, 7]),
-        ((), []),
-    ):
+    for fixed, held in ((None, [0, 3, 6]), (["mu_1", "mu_2", "mu_3"], [1, 4, 7]), ((), [])):
         closed = robot.assemble(q, fixed=fixed)
         assert np.abs(robot.residual(closed)).max() < 1e-12
         assert np.array_equal(closed[held], q[held])
-    with pytest.raises(
-        sst_pin.UnknownNameError, match="joint 'gama_1' not in the model; known: gamma_1"
-    ):
+    with pytest.raises(UnknownNameError, match="joint 'gama_1' not in the model; known: gamma_1"):
         robot.assemble(q, fixed=["gama_1"])
 
 
@@ -138,12 +133,12 @@ def test_a_singular_configuration_is_told_with_its_condition_number(robot):
         lambda: robot.compute_accelerations(q, RATES, RATES),
         lambda: robot.noc(q, RATES),
     ):
-        with pytest.raises(sst_pin.SingularConfigurationError, match="condition number") as caught:
+        with pytest.raises(SingularConfigurationError, match="condition number") as caught:
             call()
         assert caught.value.condition_number > 1e8
     batch = np.stack([HOME, q, HOME, q])
     with pytest.raises(
-        sst_pin.SingularConfigurationError, match=r"2 of 4 samples \(index 1, 3\)"
+        SingularConfigurationError, match=r"2 of 4 samples \(index 1, 3\)"
     ) as caught:
         robot.compute_torques(batch, RATES, RATES)
     assert caught.value.samples == ((1,), (3,))
@@ -155,9 +150,7 @@ def test_a_batch_names_the_samples_whose_numbers_are_not_finite(robot):
     q, va, aa = robot.joint_motion(*random_states(robot, np.random.default_rng(0), 6))
     va = va.reshape(2, 3, 3).copy()
     va[1, 2, 0] = np.nan
-    with pytest.raises(
-        sst_pin.InputError, match=r"1 of 6 samples \(index \(1, 2\)\).*va"
-    ) as caught:
+    with pytest.raises(InputError, match=r"1 of 6 samples \(index \(1, 2\)\).*va") as caught:
         robot.compute_torques(q.reshape(2, 3, 9), va, aa.reshape(2, 3, 3))
     assert caught.value.samples == ((1, 2),)
 
@@ -187,10 +180,10 @@ def test_a_quaternion_off_length_one_is_that_samples_fault(afloat):
             lambda q: afloat.frame_jacobian(q, "A"),
             lambda q: afloat.rollout(np.zeros((3, 1)), q, one, 1e-3),
         ):
-            with pytest.raises(sst_pin.InputError, match=word):
+            with pytest.raises(InputError, match=word):
                 call(wrong)
         batch = np.array([q, wrong, q])
-        with pytest.raises(sst_pin.InputError, match=word) as caught:
+        with pytest.raises(InputError, match=word) as caught:
             afloat.generalized_forces(batch, one, one)
         assert caught.value.samples == ((1,),)
         f = afloat.generalized_forces(batch, one, one, on_error="nan")
@@ -244,17 +237,15 @@ def test_closures_are_made_of_numbers(make, said):
 
 def test_names_that_are_not_there_are_told_with_those_that_are(robot):
     model = robot.model
-    with pytest.raises(
-        sst_pin.UnknownNameError, match=r"frame 'F' not in the model; known: .*star_1"
-    ):
+    with pytest.raises(UnknownNameError, match=r"frame 'F' not in the model; known: .*star_1"):
         sst_pin.ClosedChain(model, [("F", "closedloop1_B")], ["gamma_1"])
-    with pytest.raises(sst_pin.UnknownNameError) as caught:
+    with pytest.raises(UnknownNameError) as caught:
         sst_pin.ClosedChain(model, [("closedloop1_A", "closedloop1_B")], ["gamma_4"])
     assert caught.value.name == "gamma_4"
     assert "gamma_3" in caught.value.known
     with pytest.raises(sst_pin.DescriptionError, match="known: 6d, 3d, orientation"):
         sst_pin.Closure("a", "b", "5d")
-    with pytest.raises(sst_pin.InputError, match="twice"):
+    with pytest.raises(InputError, match="twice"):
         sst_pin.ClosedChain(model, robot.closures, ["gamma_1", "gamma_1"])
 
 
@@ -263,15 +254,15 @@ def test_a_massless_robot_has_no_accelerations():
     for j in range(1, 10):
         robot.model.inertias[j] = pin.Inertia.Zero()
     robot.refresh()
-    with pytest.raises(sst_pin.SingularConfigurationError, match="not positive definite"):
+    with pytest.raises(SingularConfigurationError, match="not positive definite"):
         robot.compute_accelerations(HOME, RATES, RATES)
 
 
 def test_only_one_sample_where_one_is_meant(robot):
     for call in (robot.Phi, robot.mobility):
-        with pytest.raises(sst_pin.InputError, match="one sample"):
+        with pytest.raises(InputError, match="one sample"):
             call(np.tile(HOME, (2, 1)))
-    with pytest.raises(sst_pin.InputError, match="one sample"):
+    with pytest.raises(InputError, match="one sample"):
         robot.forward_kinematics(np.zeros((2, 3)))
 
 
@@ -311,7 +302,7 @@ def test_motors_that_do_not_move_the_robot_are_told():
 @pytest.mark.parametrize("motor", [{}, {"crank": 0.0}])
 def test_a_motor_that_acts_on_no_joint_is_refused(motor):
     model, closures = four_bar(0.2, 0.3, 0.25, 0.3)
-    with pytest.raises(sst_pin.InputError, match="acts on no joint"):
+    with pytest.raises(InputError, match="acts on no joint"):
         sst_pin.ClosedChain(model, closures, [motor])
 
 
@@ -325,12 +316,12 @@ def test_wrenches_that_are_not_finite_and_what_overflows_are_told(afloat):
     q, one = afloat.generic_configuration(), np.ones(7)
     wrenches = np.zeros((3, afloat.model.njoints - 1, 6))
     wrenches[1, 0, 3] = np.inf
-    with pytest.raises(sst_pin.InputError, match="external_wrenches") as caught:
+    with pytest.raises(InputError, match="external_wrenches") as caught:
         afloat.generalized_forces(q, one, one, external_wrenches=wrenches)
     assert caught.value.samples == ((1,),)
     f = afloat.generalized_forces(q, one, one, external_wrenches=wrenches, on_error="nan")
     assert np.isnan(f).all(axis=1).tolist() == [False, True, False]
-    with pytest.raises(sst_pin.InputError, match=r"result: not finite: .* too large"):
+    with pytest.raises(InputError, match=r"result: not finite: .* too large"):
         afloat.generalized_forces(q, 1e200 * one, one)
 
 

@@ -234,12 +234,7 @@ def test_linearize_goes_along_a_trajectory():
 
 @pytest.mark.parametrize(
     "make",
-    [
-        floating_four_bar,
-        geared,
-        lambda: of_gallery("delta"),
-        lambda: of_tree("composite", "hinge"),
-    ],
+    [floating_four_bar, geared, lambda: of_gallery("delta"), lambda: of_tree("composite", "hinge")],
 )
 def test_frames_move_as_differences_say(make):
     case, random = make(), np.random.default_rng(2)

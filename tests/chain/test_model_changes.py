@@ -416,8 +416,7 @@ def test_a_frame_added_to_the_model_can_be_asked_for(chain):
 
 
 @pytest.mark.parametrize(
-    "change",
-    [_set("inertias.2.mass", np.nan), _set("gravity.angular", np.array([0.0, 0.0, 1.0]))],
+    "change", [_set("inertias.2.mass", np.nan), _set("gravity.angular", np.array([0.0, 0.0, 1.0]))]
 )
 @pytest.mark.parametrize("kernels", [True, False])
 def test_a_model_that_is_refused_leaves_the_robot_as_it_was(kernels, change):

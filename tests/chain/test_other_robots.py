@@ -8,11 +8,7 @@ from numpy.testing import assert_allclose
 from derivative_cases import close
 from robots import GRAVITY, ROBOTS, Robot, derivatives
 from sst_pin import ClosedChain
-from sst_pin.errors import (
-    ActuationError,
-    ClosureError,
-    SingularConfigurationError,
-)
+from sst_pin.errors import ActuationError, ClosureError, SingularConfigurationError
 from trees import derivative
 
 STATES = range(4)

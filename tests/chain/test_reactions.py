@@ -124,11 +124,7 @@ def test_newton_and_euler_close_for_every_body(name):
     assert np.abs(unbalanced(chain, *state, w)).max() < 1e-10 * scale
     model, data = chain.mechanism.model, chain.mechanism.model.createData()
     pin.computeCentroidalMomentumTimeVariation(
-        model,
-        data,
-        state[0],
-        chain.joint_rates(*state[:2]),
-        chain.joint_accelerations(*state[:3]),
+        model, data, state[0], chain.joint_rates(*state[:2]), chain.joint_accelerations(*state[:3])
     )
     weight = -pin.computeTotalMass(model) * model.gravity.linear
     assert w.ground[3:] == pytest.approx(

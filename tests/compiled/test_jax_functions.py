@@ -14,12 +14,7 @@ import any_chain
 from command_line import said_without
 from derivative_cases import close, derivative
 from sst_pin import ClosedChain, UnknownNameError
-from sst_pin.errors import (
-    ActuationError,
-    DescriptionError,
-    InputError,
-    SingularConfigurationError,
-)
+from sst_pin.errors import ActuationError, DescriptionError, InputError, SingularConfigurationError
 from sst_pin.robots import five_bar, four_bar
 
 jax = pytest.importorskip("jax", reason="JAX is not installed (extra `jax`)")

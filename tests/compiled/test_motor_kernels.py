@@ -6,16 +6,7 @@ import pytest
 
 import any_chain
 from exported_c import Exported
-from motor_cases import (
-    at_angle,
-    elbows,
-    five_bar,
-    held_not,
-    in_mode,
-    lift,
-    slider_crank,
-    two_modes,
-)
+from motor_cases import at_angle, elbows, five_bar, held_not, in_mode, lift, slider_crank, two_modes
 from sst_pin import InputError, robots
 from sst_pin.errors import ActuationError, SingularConfigurationError
 

@@ -109,10 +109,7 @@ TURNING_BACK = {
     "trihedral Bricard": lambda: trihedral_bricard(55, [0.45, 0.2, 0.35, 0.3, 0.4]),
 }
 #: Singular as mechanisms where they are flat.
-STOPPING = {
-    "Sarrus": lambda: sarrus(18, 1.2),
-    "right-angled Sarrus": lambda: sarrus(19, np.pi / 2),
-}
+STOPPING = {"Sarrus": lambda: sarrus(18, 1.2), "right-angled Sarrus": lambda: sarrus(19, np.pi / 2)}
 
 
 @cache

@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 import sst_pin
 from sst_pin.arrays import in_one_turn
+from sst_pin.errors import SingularConfigurationError
 from sst_pin.sst.direct_kinematics import orientations
 from sst_pin.verification.sampling import random_parameters, random_state, random_states
 
@@ -131,9 +132,7 @@ def test_motor_angles_without_assembly_are_told():
 
 def test_a_star_that_moves_while_the_motors_stand_is_singular():
     x, y, z = np.eye(3)
-    with pytest.raises(
-        sst_pin.SingularConfigurationError, match="can move while the motors are fixed"
-    ):
+    with pytest.raises(SingularConfigurationError, match="can move while the motors are fixed"):
         orientations(np.array((x, x, y)), np.array((z, z, y)))
 
 
@@ -154,7 +153,7 @@ def test_measures_vanish_at_the_singularities_of_their_kind(robot):
     e_1, n_1 = robot.geometry.e[0], robot.geometry.arc_normals[0]
     flat = Rotation.align_vectors([e_1], [n_1])[0]
     with pytest.raises(
-        sst_pin.SingularConfigurationError, match="leg 1 is in the plane of its arc"
+        SingularConfigurationError, match="leg 1 is in the plane of its arc"
     ) as caught:
         robot.inverse_kinematics(flat.as_matrix())
     assert caught.value.condition_number > 1e8
