@@ -9,6 +9,7 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
+import trees
 from by_hand import add, at, mark
 from planar_bars import planar
 from sst_pin import ClosedChain, Closure
@@ -497,26 +498,13 @@ def test_a_rod_without_spin_inertia_needs_no_motor_to_spin():
         thick.compute_torques(q, va, aa)
 
 
-def _tree_added_breadth_first(frames):
-    """Joints 1 to 4 whose parents are 0, 1, 1, 2, in this order, with or without joint frames."""
-    model, random = pin.Model(), np.random.default_rng(0)
-    for parent, kind in zip((0, 1, 1, 2), ("RX", "RY", "RZ", "PX"), strict=True):
-        place = pin.SE3(pin.exp3(random.normal(size=3)), random.normal(size=3))
-        joint = model.addJoint(parent, getattr(pin, f"JointModel{kind}")(), place, kind)
-        if frames:
-            model.addJointFrame(joint)
-        body_of = pin.Inertia(1.0, random.normal(size=3), 0.1 * np.eye(3))
-        model.appendBodyToJoint(joint, body_of, pin.SE3.Identity())
-    tip(model, 4, 0.2, "tip")
-    model.armature = np.array([0.1, 0.2, 0.3, 0.4])
-    model.referenceConfigurations["home"] = np.arange(4.0)
-    return model
-
-
 @pytest.mark.parametrize("frames", [False, True])
 @pytest.mark.parametrize("locked", [[1], [2], [4], [2, 4], [1, 3]])
 def test_locked_joints_stay_where_they_are_in_a_tree_of_any_order(locked, frames):
-    tree = _tree_added_breadth_first(frames)
+    tree = trees.tree("RX", ["revolute", "PX"], ["RZ"])
+    tree.referenceConfigurations["home"] = np.arange(4.0)
+    for joint in range(1, 5 * frames):
+        tree.addJointFrame(joint)
     names, free = list(tree.names), [k for k in range(4) if k + 1 not in locked]
     q, v = np.random.default_rng(1).normal(size=(2, 4))
     v[[k - 1 for k in locked]] = 0.0
@@ -528,6 +516,6 @@ def test_locked_joints_stay_where_they_are_in_a_tree_of_any_order(locked, frames
     np.testing.assert_allclose(pin.rnea(fixed, data, q[free], v[free], v[free]), forces, atol=1e-12)
     pin.framesForwardKinematics(fixed, data, q[free])
     pin.framesForwardKinematics(tree, whole, q)
-    found, wanted = (d.oMf[m.getFrameId("tip")] for m, d in ((fixed, data), (tree, whole)))
+    found, wanted = (d.oMf[m.getFrameId("A")] for m, d in ((fixed, data), (tree, whole)))
     np.testing.assert_allclose(found.homogeneous, wanted.homogeneous, atol=1e-12)
     assert fixed.referenceConfigurations["home"].tolist() == free

@@ -75,24 +75,16 @@ def test_cassie_floats_on_its_springs(floating_cassie):
     assert (chain.model.nq, chain.model.nv) == (35, 32)
 
 
-def _platform(chain, q):
-    data = chain.model.createData()
-    pin.framesForwardKinematics(chain.model, data, q)
-    return data.oMf[chain.model.getFrameId("platform")]
-
-
-def _delta_at(delta, motors):
-    guess = dict.fromkeys(delta.position_names, 0.0)
-    guess |= {"platform_1a_qy": -np.sin(0.4), "platform_1a_qw": np.cos(0.4)}
-    guess |= {name: 0.7 for name in guess if name.startswith("elbow") and name.endswith("Y")}
-    guess |= dict(zip(("motor_1", "motor_2", "motor_3"), motors, strict=True))
-    return delta.assemble(list(guess.values()))
-
-
 def test_the_platform_of_a_delta_does_not_turn_and_obeys_three_spheres(delta):
     """Each arm's end is a rod's length from the platform: the direct kinematics of Clavel."""
+    data, names = delta.model.createData(), delta.position_names
+    guess = {"platform_1a_qy": -np.sin(0.4), "platform_1a_qw": np.cos(0.4)}
+    guess |= {name: 0.7 for name in names if name.startswith("elbow") and name.endswith("Y")}
     for motors in np.random.default_rng(0).uniform(-0.4, 0.4, (5, 3)):
-        pose = _platform(delta, _delta_at(delta, motors))
+        guess |= {f"motor_{k + 1}": angle for k, angle in enumerate(motors)}
+        q = delta.assemble([guess.get(name, 0.0) for name in names])
+        pin.framesForwardKinematics(delta.model, data, q)
+        pose = data.oMf[delta.model.getFrameId("platform")]
         assert np.abs(pose.rotation - np.eye(3)).max() < 1e-10
         centre = pose.translation - [0.05, 0.04, 0]  # its frame is at a rod's end
         turns = 2 * np.pi / 3 * np.arange(3)

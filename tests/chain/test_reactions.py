@@ -154,8 +154,9 @@ def unique_by_equilibrium(chain, q):
         owners.append((basis, slice(start, len(columns))))
 
     for j in range(1, model.njoints):
-        S = np.linalg.svd(_S(model, data, j))[0]
-        unknown(data.oMi[j], S[:, model.joints[j].nv :], model.parents[j], j)
+        J, own = pin.getJointJacobian(model, data, j, pin.LOCAL), model.joints[j]
+        S = np.linalg.svd(J[:, own.idx_v : own.idx_v + own.nv])[0]  # the first: twists of its rates
+        unknown(data.oMi[j], S[:, own.nv :], model.parents[j], j)
     for closure in chain.closures:
         a, b = (model.frames[model.getFrameId(name)] for name in frames_of(closure))
         at = data.oMf[model.getFrameId(closure.frame_b)]
@@ -171,12 +172,6 @@ def unique_by_equilibrium(chain, q):
     free = null_space(matrix, rcond=1e-9)
     moves = np.array([np.linalg.norm(basis @ free[own], axis=1) for basis, own in owners])
     return moves[:, [3, 4, 5, 0, 1, 2]] < 1e-6
-
-
-def _S(model, data, j):
-    """Twists of a joint's rates in its own axes."""
-    J = pin.getJointJacobian(model, data, j, pin.LOCAL)
-    return J[:, model.joints[j].idx_v : model.joints[j].idx_v + model.joints[j].nv]
 
 
 @pytest.mark.parametrize("name", GALLERY)

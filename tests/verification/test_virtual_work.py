@@ -41,10 +41,6 @@ def distance_of_sets(a: Array, b: Array) -> float:
     return float(max(apart.min(axis=0).max(), apart.min(axis=1).max()))
 
 
-def assemblies(robot: sst_pin.SST, gamma: Array) -> Array:
-    return robot.platform_orientation(robot.forward_kinematics(gamma))
-
-
 def test_referee_imports_nothing_of_what_it_judges() -> None:
     """Only the robot's data, errors and the checks of arrays come from the package."""
     own, foreign = set(), set()
@@ -102,8 +98,8 @@ def test_assemblies_of_any_robot_are_those_of_forward_kinematics(seed: int) -> N
     robot = sst_pin.SST(parameters)
     for gamma in rng.uniform(-np.pi, np.pi, (15, 3)):
         # Polished to rounding, but a pair about to merge magnifies it.
-        apart = distance_of_sets(orientations(parameters, gamma), assemblies(robot, gamma))
-        assert apart < 1e-9
+        found = robot.platform_orientation(robot.forward_kinematics(gamma))
+        assert distance_of_sets(orientations(parameters, gamma), found) < 1e-9
 
 
 @pytest.mark.parametrize(
