@@ -40,15 +40,12 @@ SOME = [
 ]
 
 
-@pytest.fixture(scope="module", params=SOME)
-def some(request):
-    make, *arguments = CASES[request.param]
-    return make(*arguments)
-
-
-def test_derivatives_of_robots_are_those_of_differences(some):
+@pytest.mark.parametrize("name", SOME)
+def test_derivatives_of_robots_are_those_of_differences(name):
     """8 states; friction, springs and wrenches everywhere; also daa is the inertia."""
-    random, door = np.random.default_rng(1), Arrays(some)
+    make, *arguments = CASES[name]
+    some, random = make(*arguments), np.random.default_rng(1)
+    door = Arrays(some)
     for state in some.states(8):
         assert_derivatives_are_those_of_differences(some, door, *state, random)
         assert_daa_is_the_inertia_and_dtau_its_inverse(some, door, *state)
