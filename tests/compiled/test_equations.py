@@ -11,7 +11,6 @@ import pytest
 import any_chain
 import robots
 import sst_pin
-from sst_pin.chain.mechanism import Friction
 from sst_pin.compiled import c_code, kernels
 from sst_pin.compiled.elimination import Factors, pivot_order
 from sst_pin.compiled.equations import Equations
@@ -163,24 +162,6 @@ def test_a_step_of_closing_squares_the_gap(name):
     assert gaps[0] > 1e-5
     assert gaps[1] < 1e3 * gaps[0] ** 2
     assert gaps[-1] < 1e-13
-
-
-def test_numbers_of_friction_and_gravity_stay_open():
-    """One graph serves other masses, gravity and friction in the same joints."""
-    chain = any_chain.chain()
-    numbers, mechanism = Numbers(chain), chain._current.mechanism
-    (q,), (va,), (aa,) = any_chain.states(chain, 1, 0)
-    numbers("generalized_forces", q, va, aa)
-    model = pin.Model(chain.model)
-    model.gravity.linear = np.array([1.0, 2.0, 3.0])
-    model.inertias[3] = model.inertias[3] + pin.Inertia.Random()
-    other = type(chain)(model, chain.closures, ["body"], viscous_friction=3 * model.damping)
-    numbers.mechanism = other._current.mechanism
-    got = numbers("generalized_forces", q, va, aa)
-    assert relative(got, other.generalized_forces(q, va, aa)) < 1e-11
-    assert mechanism.model != numbers.mechanism.model
-    smooth = Friction(model.damping, model.friction, 0.1)
-    assert np.isfinite(numbers("generalized_forces", q, va, aa, friction=smooth)).all()
 
 
 def test_pivots_avoid_elements_that_vanish_in_a_sample():

@@ -258,13 +258,14 @@ def test_reactions_fill_any_array_with_any_number_of_threads():
     assert chain.reactions(*(x[:0] for x in plain)).determined.joints.shape == (0, 3, 6)
 
 
-def test_gravity_and_inertias_count_without_compiling_again(monkeypatch):
+def test_gravity_inertias_and_friction_count_without_compiling_again(monkeypatch):
     given, kernels = samples("cart")[0], pickle.loads(pickle.dumps(pair("cart")[0]))
     motions = [given[name] for name in ("q", "va", "aa")]
     monkeypatch.setattr(build, "_compile", None)  # whoever compiles fails
     before = kernels.compute_torques(*motions)
     model = kernels.model
     model.gravity.linear = np.array([0.0, 3.0, -20.0])
+    model.damping = 3 * model.damping
     for joint in ("follower", "ball", "base"):
         model.inertias[model.getJointId(joint)] += pin.Inertia.FromSphere(0.7, 0.2)
     kernels.refresh()
@@ -272,6 +273,7 @@ def test_gravity_and_inertias_count_without_compiling_again(monkeypatch):
     assert np.abs(after - before).max() > 1
     reference = any_chain.cart()
     reference.model.gravity, reference.model.inertias[:] = model.gravity, model.inertias
+    reference.model.damping = model.damping
     reference.refresh()
     same(after, reference.compute_torques(*motions))
     assert kernels.path.startswith("compiled")
