@@ -51,11 +51,11 @@ QUICK = (
 class Numbers:
     """Kernels of a chain as functions of numbers."""
 
-    def __init__(self, chain, loaded=False):
+    def __init__(self, chain):
         chain.generic_configuration()
         self.mechanism = chain._current.mechanism
         samples = sample_configurations(chain._current.reference)
-        self.equations = Equations(self.mechanism, samples, loaded)
+        self.equations = Equations(self.mechanism, samples)
         self.made = {}
 
     def __call__(self, name, *inputs, friction=None):
@@ -119,20 +119,6 @@ def test_a_joint_of_several_turns_is_these_turns_in_a_row(name):
     for q, va, aa in zip(*any_chain.states(row, 3, 0), strict=True):
         expected = row.generalized_forces(q, va, aa)
         assert relative(numbers("generalized_forces", q, va, aa), expected) < 1e-11
-
-
-def test_external_wrenches_act_at_mass_centres_in_base_axes():
-    chain = any_chain.with_joint("free-flyer")
-    numbers, random = Numbers(chain, loaded=True), np.random.default_rng(0)
-    for q, va, aa in zip(*any_chain.states(chain, 3, 0), strict=True):
-        wrenches = random.normal(size=(len(chain.joint_names), 6))
-        expected = chain.generalized_forces(q, va, aa, external_wrenches=wrenches)
-        found = numbers("generalized_forces", q, va, aa, wrenches.ravel())
-        assert relative(found, expected) < 1e-11
-        tau = random.normal(size=6)
-        expected = chain.compute_accelerations(q, va, tau, external_wrenches=wrenches)
-        got = numbers("accelerations", q, va, tau, wrenches.ravel())
-        assert relative(got, expected) < 1e-9
 
 
 @pytest.mark.parametrize("motors", [["arm_1"], ["body", "arm_1", "arm_2"]])
