@@ -6,8 +6,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pinocchio as pin
 
+from by_hand import add, at, mark
 from sst_pin import ClosedChain, ClosureError, LineForce, robots
 from sst_pin.chain.closures import Closure, Constraint, Coupling, Distance, Rolling
+from trees import unbounded
 
 AXIS = np.array([2.0, -1.0, 2.0]) / 3
 OTHER = np.array([1.0, 0.0, -1.0]) / np.sqrt(2)
@@ -35,14 +37,6 @@ def _composite() -> pin.JointModelComposite:
     return joint
 
 
-def _continuous() -> pin.JointModel:
-    axis = " ".join(map(str, AXIS))
-    return pin.buildModelFromXML(
-        '<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="continuous">'
-        f'<parent link="a"/><child link="b"/><axis xyz="{axis}"/></joint></robot>'
-    ).joints[1]
-
-
 JOINTS: dict[str, Callable[[], pin.JointModel]] = {
     "RY": pin.JointModelRY,
     "revolute": lambda: pin.JointModelRevoluteUnaligned(AXIS),
@@ -51,7 +45,7 @@ JOINTS: dict[str, Callable[[], pin.JointModel]] = {
     "HZ": lambda: pin.JointModelHZ(0.3),
     "helical": lambda: pin.JointModelHelicalUnaligned(AXIS, 0.2),
     "RUBX": pin.JointModelRUBX,
-    "continuous": _continuous,
+    "continuous": lambda: unbounded(AXIS),
     "spherical": pin.JointModelSpherical,
     "translation": pin.JointModelTranslation,
     "planar": pin.JointModelPlanar,
@@ -92,8 +86,7 @@ def chain(
         inertia = moments.trace() * np.eye(3) - moments
         body = pin.Inertia(random.uniform(0.5, 2), 0.2 * random.normal(size=3), inertia)
         model.appendBodyToJoint(index, body, pin.SE3.Identity())
-        point = pin.Frame(f"point_{name}", index, _placement(random, 0.3), pin.FrameType.OP_FRAME)
-        model.addFrame(point)
+        mark(model, index, f"point_{name}", _placement(random, 0.3))
         return index
 
     joints = list(joints) or [(pin.JointModelRY(), pin.SE3.Identity())]
@@ -111,8 +104,8 @@ def chain(
     pin.framesForwardKinematics(model, data, q)
     end = _placement(random, 0.2)
     reached = data.oMi[body].actInv(data.oMi[hand] * end)
-    model.addFrame(pin.Frame("A", body, reached, pin.FrameType.OP_FRAME))
-    model.addFrame(pin.Frame("B", hand, end, pin.FrameType.OP_FRAME))
+    mark(model, body, "A", reached)
+    mark(model, hand, "B", end)
     model.armature = random.uniform(0, 0.1, model.nv)
     model.damping, model.friction = random.uniform(0, 2, (2, model.nv))
     closures = [Closure("A", "B", kind)] if kind else []
@@ -178,21 +171,16 @@ def cart() -> ClosedChain:
     moments = points @ points.T
     body = pin.Inertia(1.5, points[0], moments.trace() * np.eye(3) - moments)
 
-    def add(parent: int, joint: pin.JointModel, name: str, *p: float) -> int:
-        index = model.addJoint(parent, joint, pin.SE3(np.eye(3), np.array(p)), name)
-        model.appendBodyToJoint(index, body, pin.SE3.Identity())
-        return index
-
-    axle = pin.exp3(np.array([np.pi / 2, 0, 0]))
-    base = add(0, pin.JointModelPlanar(), "base", 0, 0, 0)
+    axle = at(turned=pin.exp3(np.array([np.pi / 2, 0, 0])))
+    base = add(model, 0, pin.JointModelPlanar(), "base", at(), body)
     for side, y in (("left", 0.3), ("right", -0.3)):
-        wheel = add(base, pin.JointModelRUBY(), side, 0, y, 0.25)
-        hub = pin.Frame(f"{side}_hub", wheel, pin.SE3(axle, np.zeros(3)), pin.FrameType.OP_FRAME)
-        model.addFrame(hub)
-    add(base, pin.JointModelSpherical(), "ball", 0.1, 0, 0.4)
-    finger = add(base, pin.JointModelRevoluteUnaligned(AXIS), "finger", 0.2, 0.1, 0.3)
-    follower = add(finger, pin.JointModelPX(), "follower", 0, 0.2, 0.1)
-    add(follower, pin.JointModelRZ(), "tip", 0.1, 0, 0)
+        wheel = add(model, base, pin.JointModelRUBY(), side, at(0, y, 0.25), body)
+        mark(model, wheel, f"{side}_hub", axle)
+    add(model, base, pin.JointModelSpherical(), "ball", at(0.1, 0, 0.4), body)
+    joint = pin.JointModelRevoluteUnaligned(AXIS)
+    finger = add(model, base, joint, "finger", at(0.2, 0.1, 0.3), body)
+    follower = add(model, finger, pin.JointModelPX(), "follower", at(0, 0.2, 0.1), body)
+    add(model, follower, pin.JointModelRZ(), "tip", at(0.1), body)
     model.damping, model.friction = np.linspace(0.1, 1, (2 * model.nv)).reshape(2, -1)
     model = pin.transformJointIntoMimic(model, finger, follower, -0.7, 0.3)
     ball, left = (model.joints[model.getJointId(name)].idx_v for name in ("ball", "left"))
@@ -215,9 +203,9 @@ def lines(
     where: Sequence[float] = (-0.3, 0.1, 0.3), forces: Sequence[LineForce] = (GAS, SPRING)
 ) -> ClosedChain:
     """A four-bar with lines from a point on the wall, one of them a motor."""
-    bars, place = robots.four_bar(), pin.SE3(np.eye(3), np.array(where))
+    bars = robots.four_bar()
     model = pin.Model(bars.model)
-    model.addFrame(pin.Frame("wall", 0, place, pin.FrameType.OP_FRAME))
+    mark(model, 0, "wall", at(*where))
     return ClosedChain(model, bars.closures, ON_LINES, forces=forces)
 
 

@@ -8,6 +8,7 @@ import pinocchio as pin
 from numpy.testing import assert_allclose
 
 import any_chain
+from by_hand import add, at
 from robots import ROBOTS, Z, four_bar
 from sst_pin import ClosedChain, robots
 from sst_pin.chain.closures import Coupling, Distance
@@ -148,15 +149,11 @@ def carried_four_bar(carrier):
     robot, model = four_bar(), pin.Model()
     model.gravity.linear = -9.81 * Z
     given = robot.model()
-    base = model.addJoint(0, carrier, pin.SE3.Identity(), "base")
-    model.appendBodyToJoint(base, given.inertias[1], pin.SE3.Identity())
-    ids = [base]
+    ids = [add(model, 0, carrier, "base", at(), given.inertias[1])]
     for j in range(1, given.njoints):
+        place, body = given.jointPlacements[j], given.inertias[j]
         parent = ids[given.parents[j]]
-        ids.append(
-            model.addJoint(parent, given.joints[j], given.jointPlacements[j], given.names[j])
-        )
-        model.appendBodyToJoint(ids[j], given.inertias[j], pin.SE3.Identity())
+        ids.append(add(model, parent, given.joints[j], given.names[j], place, body))
     for frame in list(given.frames)[1:]:
         frame.parentJoint = ids[frame.parentJoint]
         model.addFrame(frame, False)

@@ -2,17 +2,17 @@
 """Robots whose motors are many, too few, or hold them nearly not."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 import pinocchio as pin
+from scipy.optimize import brentq
 
+import by_hand
+from by_hand import at, mark
 from sst_pin import ClosedChain, Closure, ClosureError
 
 UP = pin.SE3(pin.rpy.rpyToMatrix(np.pi / 2, 0, 0), np.zeros(3))
-
-
-def at(*p: float) -> pin.SE3:
-    return pin.SE3(np.eye(3), np.array(p))
 
 
 def body(mass: float) -> pin.Inertia:
@@ -20,15 +20,10 @@ def body(mass: float) -> pin.Inertia:
 
 
 def add(model: pin.Model, parent: int, joint, name: str, place: pin.SE3, mass: float) -> int:
-    """The number of a new joint with its body."""
-    index = model.addJoint(parent, joint, place, name)
+    """The number of a new joint with its frame and its body."""
+    index = by_hand.add(model, parent, joint, name, place, body(mass))
     model.addJointFrame(index)
-    model.appendBodyToJoint(index, body(mass), pin.SE3.Identity())
     return index
-
-
-def mark(model: pin.Model, joint: int, name: str, place: pin.SE3) -> None:
-    model.addFrame(pin.Frame(name, joint, place, pin.FrameType.OP_FRAME))
 
 
 def four_bar(model: pin.Model, base: int, mass: float) -> Closure:
@@ -41,10 +36,12 @@ def four_bar(model: pin.Model, base: int, mass: float) -> Closure:
     return Closure("a", "b", "hinge")
 
 
-def lift(mass: float, of_bars: float, motors: Sequence | None = None) -> ClosedChain:
-    """A four-bar linkage on a lift; by default five motors, one of which pulls at both."""
+def lift(
+    mass: float, of_bars: float, motors: Sequence | None = None, joint: pin.JointModel | None = None
+) -> ClosedChain:
+    """A four-bar linkage on a lift or a cart; by default five motors, one pulls at both."""
     model = pin.Model()
-    base = add(model, 0, pin.JointModelPZ(), "lift", pin.SE3.Identity(), mass)
+    base = add(model, 0, joint or pin.JointModelPZ(), "lift", pin.SE3.Identity(), mass)
     closure = four_bar(model, base, of_bars)
     both = {"lift": 1.7, "crank": 0.3}
     chosen = ["lift", both, "crank", "coupler", "rocker"] if motors is None else list(motors)
@@ -93,20 +90,14 @@ def held_not(chain: ClosedChain) -> tuple[np.ndarray, np.ndarray]:
 
     random, generic = np.random.default_rng(0), chain.generic_configuration()
     while True:
-        try:
+        with suppress(ClosureError):
             first = q = chain.assemble(generic + 0.8 * random.normal(size=4))
             for turn in np.linspace(0, 2, 60):
                 before, q = q, pose(turn, q)
                 regular = chain.condition_number(q) < 10 and np.abs(q - before).max() < 0.3
                 if regular and held(before) * held(q) < 0:
-                    low, high = turn - 2 / 59, turn
-                    for _ in range(60):
-                        middle = (low + high) / 2
-                        same = held(pose(middle, q)) * held(q) > 0
-                        low, high = (low, middle) if same else (middle, high)
-                    return pose(low, q), pose(low + 0.1, q)
-        except ClosureError:
-            continue
+                    root = brentq(lambda x, q=q: held(pose(x, q)), turn - 2 / 59, turn, xtol=1e-15)
+                    return pose(root, q), pose(root + 0.1, q)
 
 
 def two_modes() -> ClosedChain:
@@ -148,7 +139,7 @@ def slider_crank() -> ClosedChain:
     """Crank and rod without mass: at its dead points the crank moves no mass."""
     model = pin.Model()
     crank = model.addJoint(0, pin.JointModelRZ(), UP, "crank")
-    rod = model.addJoint(crank, pin.JointModelRZ(), at(0.2, 0, 0), "rod")
+    rod = model.addJoint(crank, pin.JointModelRZ(), at(0.2), "rod")
     slide = add(model, 0, pin.JointModelPX(), "slide", UP, 1.0)
     mark(model, rod, "fa", at(0.5, 0, 0))
     mark(model, slide, "fb", pin.SE3.Identity())

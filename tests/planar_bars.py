@@ -4,6 +4,8 @@
 import numpy as np
 import pinocchio as pin
 
+from by_hand import add, at, mark
+
 #: Crank, coupler, and a rocker whose end the coupler's meets: all turn round and round.
 DRAG_LINK = [
     ("crank", "universe", 0.0, 0.5),
@@ -12,14 +14,11 @@ DRAG_LINK = [
 ]
 
 
-def planar(bars, joint=pin.JointModelRZ):
+def planar(bars, joint=pin.JointModelRZ, model=None, moment=0.004):
     """Bars as (name, the bar that bears it, where on it, x of its end); frames `name_end`."""
-    model = pin.Model()
+    model = model or pin.Model()
     for name, bearer, x, length in bars:
-        at, middle, end = (
-            pin.SE3(np.eye(3), np.array([size, 0.0, 0.0])) for size in (x, length / 2, length)
-        )
-        k = model.addJoint(model.getJointId(bearer), joint(), at, name)
-        model.appendBodyToJoint(k, pin.Inertia.FromSphere(1.0, 0.1), middle)
-        model.addFrame(pin.Frame(f"{name}_end", k, end, pin.FrameType.OP_FRAME))
+        body = pin.Inertia(1.0, np.array([length / 2, 0, 0]), moment * np.eye(3))
+        k = add(model, model.getJointId(bearer), joint(), name, at(x), body)
+        mark(model, k, f"{name}_end", at(length))
     return model

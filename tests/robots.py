@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from by_hand import add, mark
 from sst_pin import ClosedChain, Closure
 
 X, Y, Z = np.eye(3)
@@ -85,18 +86,13 @@ class Robot:
         model.gravity.linear = GRAVITY
         for i in order:
             link = self.links[i]
-            joint = model.addJoint(
-                model.getJointId(link.parent) if link.parent else 0,
-                _joint_model(link),
-                pin.SE3(link.turned, link.origin),
-                link.name,
-            )
+            parent = model.getJointId(link.parent) if link.parent else 0
             body = pin.Inertia(self.masses[i], self.levers[i], self.inertias[i])
-            model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+            place = pin.SE3(link.turned, link.origin)
+            add(model, parent, _joint_model(link), link.name, place, body)
         for frame in self.frames:
             joint = model.getJointId(frame.link)
-            placement = pin.SE3(frame.turned, frame.origin)
-            model.addFrame(pin.Frame(frame.name, joint, placement, pin.FrameType.OP_FRAME))
+            mark(model, joint, frame.name, pin.SE3(frame.turned, frame.origin))
         numbers = (x[order] for x in (self.armature, self.viscous, self.coulomb))
         model.armature, model.damping, model.friction = numbers
         return model

@@ -4,6 +4,7 @@
 import numpy as np
 import pinocchio as pin
 
+from by_hand import mark
 from sst_pin import Closure
 from sst_pin.chain.closures import Distance, Rolling
 
@@ -17,7 +18,8 @@ def _composite(*parts):
     return joint
 
 
-def _unbounded(axis):
+def unbounded(axis):
+    """A joint that turns about an axis without end."""
     joint = pin.JointModelRevoluteUnboundedUnaligned()
     joint.axis = axis
     return joint
@@ -36,7 +38,7 @@ JOINTS = {
     "revolute": lambda: pin.JointModelRevoluteUnaligned(_unit(0.3, -1, 0.5)),
     "prismatic": lambda: pin.JointModelPrismaticUnaligned(_unit(-0.4, 0.2, 1)),
     "RUBY": pin.JointModelRUBY,
-    "unbounded": lambda: _unbounded(_unit(1, 2, -1)),
+    "unbounded": lambda: unbounded(_unit(1, 2, -1)),
     "HY": lambda: pin.JointModelHY(0.2),
     "helical": lambda: pin.JointModelHelicalUnaligned(_unit(0.5, 0.5, 1), -0.3),
     "universal": lambda: pin.JointModelUniversal(np.array([1.0, 0, 0]), np.array([0, 0.6, 0.8])),
@@ -67,7 +69,7 @@ def add_joint(model, parent, name, joint, random, mass=True):
 def add_frame(model, name, joint, random):
     """A frame at a random place of a joint's body."""
     pose = pin.SE3(pin.exp3(random.normal(size=3)), 0.3 * random.normal(size=3))
-    model.addFrame(pin.Frame(name, joint, pose, pin.FrameType.OP_FRAME))
+    mark(model, joint, name, pose)
 
 
 def tree(root, first, second, seed=0):
@@ -92,7 +94,7 @@ def tree(root, first, second, seed=0):
     data = model.createData()
     pin.framesForwardKinematics(model, data, q)
     pose = data.oMi[ends[1]].actInv(data.oMf[model.getFrameId("A")])
-    model.addFrame(pin.Frame("B", ends[1], pose, pin.FrameType.OP_FRAME))
+    mark(model, ends[1], "B", pose)
     model.referenceConfigurations["closed"] = q
     model.armature = random.uniform(0, 0.1, model.nv)
     return model

@@ -9,36 +9,24 @@ import pytest
 from numpy.testing import assert_allclose
 
 import sst_pin
+from by_hand import in_units
+from planar_bars import planar
 from robots import ROBOTS
 from sst_pin import ClosedChain, Closure
 from sst_pin.errors import ClosureError, InputError, UnknownNameError
-from sst_pin.robots import delta, four_bar
+from sst_pin.robots import delta, four_bar, scissor_lift
 from trees import tree
-
-RX = pin.JointModelRX
 
 
 def ladder(rungs, *, broken=None):
     """Four-bars side by side on the ground; the broken one's rocker is too far away."""
-    model = pin.Model()
-    model.gravity.linear = np.array([0, 0, -9.8])
-    body = pin.Inertia(1.0, np.array([0, 0.1, 0]), 0.01 * np.eye(3))
-
-    def joint(parent, name, y):
-        place = pin.SE3(np.eye(3), np.array([0, y, 0.0]))
-        index = model.addJoint(parent, RX(), place, name)
-        model.appendBodyToJoint(index, body, pin.SE3.Identity())
-        return index
-
+    bars = []
     for k in range(rungs):
-        crank = joint(0, f"crank_{k}", float(k))
-        coupler = joint(crank, f"coupler_{k}", 0.3)
-        rocker = joint(0, f"rocker_{k}", k + (5.0 if k == broken else 0.8))
-        for name, index, y in (("A", coupler, 0.7), ("B", rocker, 0.6)):
-            place = pin.SE3(np.eye(3), np.array([0, y, 0.0]))
-            model.addFrame(pin.Frame(f"{name}_{k}", index, place, pin.FrameType.OP_FRAME))
-    closures = [Closure(f"A_{k}", f"B_{k}", "3d") for k in range(rungs)]
-    return ClosedChain(model, closures, [f"crank_{k}" for k in range(rungs)])
+        bars.append((f"crank_{k}", "universe", float(k), 0.3))
+        bars.append((f"coupler_{k}", f"crank_{k}", 0.3, 0.7))
+        bars.append((f"rocker_{k}", "universe", k + (5.0 if k == broken else 0.8), 0.6))
+    closures = [Closure(f"coupler_{k}_end", f"rocker_{k}_end", "3d") for k in range(rungs)]
+    return ClosedChain(planar(bars), closures, [f"crank_{k}" for k in range(rungs)])
 
 
 def test_a_ladder_closes_when_each_of_its_loops_closes_alone(monkeypatch):
@@ -73,20 +61,19 @@ def test_a_ladder_closes_when_each_of_its_loops_closes_alone(monkeypatch):
 
 
 def test_an_open_loop_is_named_and_the_others_close():
-    """One of five four-bars cannot close: it alone is in the message."""
     chain = ladder(5, broken=3)
     guess = np.tile([1.2, -0.7, 2.0], 5)
     with pytest.raises(ClosureError) as caught:
         chain.assemble(guess, ())
-    assert "A_3 - B_3" in str(caught.value)
-    assert not any(f"A_{k} - B_{k}" in str(caught.value) for k in (0, 1, 2, 4))
+    assert "coupler_3_end - rocker_3_end" in str(caught.value)
+    assert not any(f"coupler_{k}_end" in str(caught.value) for k in (0, 1, 2, 4))
 
 
 @pytest.mark.parametrize("polynomial", [(0, 1256.6), (0, 1e6), (1e3, 1), (-2e3, -30)])
 def test_joints_behind_linear_couplings_follow_however_far(polynomial):
     """A motor behind gears at the crank of a four-bar, which closes as it does without them."""
     bar, model = ladder(1), ladder(1).model
-    model.addJoint(0, RX(), pin.SE3.Identity(), "motor")
+    model.addJoint(0, pin.JointModelRX(), pin.SE3.Identity(), "motor")
     gears = sst_pin.Coupling("motor", {"crank_0": polynomial})
     geared = ClosedChain(model, [*bar.closures, gears], ["motor"])
     guess = [1.2, -0.7, 2.0]
@@ -127,20 +114,9 @@ def test_several_starts_close_what_one_start_does_not():
 
 
 def scaled(robot, factor):
-    """The robot in another unit of length."""
-    model = robot.model()
-    for k in range(1, model.njoints):
-        model.jointPlacements[k] = pin.SE3(
-            model.jointPlacements[k].rotation, factor * model.jointPlacements[k].translation
-        )
-        body = model.inertias[k]
-        model.inertias[k] = pin.Inertia(body.mass, factor * body.lever, factor**2 * body.inertia)
-    for frame in model.frames:
-        place = frame.placement
-        frame.placement = pin.SE3(place.rotation, factor * place.translation)
-    model.gravity.linear = factor * model.gravity.linear
+    """The robot in another unit of length, and what this makes of its positions."""
     units = np.array([factor if link.prismatic else 1.0 for link in robot.links])
-    return ClosedChain(model, robot.closures, robot.actuated), units
+    return ClosedChain(in_units(robot.model(), factor), robot.closures, robot.actuated), units
 
 
 @pytest.mark.parametrize("factor", [1e-6, 1e-3, 1e3])
@@ -173,41 +149,10 @@ def test_verdicts_do_not_depend_on_the_unit_of_length(name, factor):
     assert_allclose(other.generic_configuration() / units, one.generic_configuration(), atol=1e-7)
 
 
-def scissor(cells):
-    """A scissor lift: two crossed bars in each cell; its base slides in a guide."""
-    model = pin.Model()
-    model.gravity.linear = np.array([0, 0, -9.8])
-    body = pin.Inertia(1.0, np.array([0, 0, 0.5]), 0.1 * np.eye(3))
-
-    def add(parent, joint, name, place):
-        index = model.addJoint(parent, joint, pin.SE3(np.eye(3), np.array(place)), name)
-        model.appendBodyToJoint(index, body, pin.SE3.Identity())
-        return index
-
-    def frame(name, joint, place):
-        place = pin.SE3(np.eye(3), np.array(place, dtype=float))
-        model.addFrame(pin.Frame(name, joint, place, pin.FrameType.OP_FRAME))
-
-    # Bars of length 1 along their z; "up" leans right, "down" leans left, both from the lower ends.
-    left, right = 0, add(0, pin.JointModelPY(), "slide", [0.0, 0, 0])
-    place, q, closures, angle = [0.0, 0, 0], [0.5], [], np.pi / 6
-    for k in range(cells):
-        up = add(left, RX(), f"up_{k}", place)
-        down = add(right, RX(), f"down_{k}", [0.0, 0, 0] if k == 0 else place)
-        frame(f"U_{k}", up, (0, 0, 0.5))
-        frame(f"D_{k}", down, (0, 0, 0.5))
-        closures.append(Closure(f"U_{k}", f"D_{k}", "3d"))
-        q += [-angle, angle] if k == 0 else [-2 * angle, 2 * angle]
-        # The next cell: its left lower end is down's upper end, its right one is up's.
-        left, right, place = down, up, [0.0, 0, 1]
-    model.referenceConfigurations["home"] = np.array(q)
-    return ClosedChain(model, closures, ["slide"]), np.array(q)
-
-
 def test_a_scissor_lift_of_twenty_cells_is_judged_at_the_callers_configuration():
     """One freedom where it stands; its torque is the derivative of the weights' energy."""
-    chain, q = scissor(20)
-    assert np.abs(chain.residual(q)).max() < 1e-12
+    chain = scissor_lift(20)
+    q, slider = chain.home, list(chain.actuated)
     report = chain.mobility(q)
     assert (report.degrees_of_freedom, report.held) == (1, 1)
     assert report.where == "the configuration given"
@@ -216,7 +161,7 @@ def test_a_scissor_lift_of_twenty_cells_is_judged_at_the_callers_configuration()
     energies = []
     for step in (1e-4, -1e-4):
         moved = q.copy()
-        moved[0] += step
+        moved[slider] += step
         energies.append(chain.potential_energy(chain.assemble(moved)))
     assert_allclose(tau, (energies[0] - energies[1]) / 2e-4, rtol=1e-6)
     assert chain.compute_accelerations(q, [0.0], tau) == pytest.approx(0, abs=1e-8)
@@ -259,7 +204,6 @@ def test_assembly_within_limits_holds_them_and_finds_the_other_branch():
 
 
 def test_a_solution_at_a_limit_is_reached():
-    """The limit lies on the solution itself: the joint ends there, with closed loops."""
     q = ladder(1).assemble([1.2, -0.7, 2.0], ["crank_0"])
     chain = limited([-4, -4, -4], [4, q[1], 4])
     found = chain.assemble([1.2, q[1] + 1.0, 2.0], (), limits=True)

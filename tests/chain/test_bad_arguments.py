@@ -10,12 +10,7 @@ import sst_pin
 from motor_cases import five_bar
 from sst_pin import ClosedChain, Closure, Coupling, LineForce
 from sst_pin.compiled.export import c_files
-from sst_pin.errors import (
-    DescriptionError,
-    InputError,
-    SingularConfigurationError,
-    SSTError,
-)
+from sst_pin.errors import DescriptionError, InputError, SingularConfigurationError, SSTError
 
 
 def remade(chain: ClosedChain, **options) -> ClosedChain:
@@ -215,7 +210,6 @@ def _turned(R):
     ],
 )
 def test_what_no_robot_has_is_refused_by_name(attribute, value, said):
-    """When it is made, and by `refresh`."""
     chain = five_bar(["a1", "b1"])
     getattr(chain.model, attribute)[2] = value
     for make in (chain.refresh, lambda: remade(chain)):

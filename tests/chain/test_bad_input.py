@@ -6,12 +6,17 @@ import pickle
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 import sst_pin
+from by_hand import at, mark
+from derivative_cases import carried_four_bar
+from planar_bars import planar
 from sst_pin import errors
 from sst_pin.chain.closures import Coupling
 from sst_pin.chain.dynamics import Memory
+from sst_pin.errors import InputError, SingularConfigurationError, UnknownNameError
 from sst_pin.verification.sampling import random_states
 
 HOME = sst_pin.SST().home
@@ -34,12 +39,11 @@ RATES = np.array((1.0, 2, 3))
     ],
 )
 def test_wrong_arrays_are_named(robot, method, q, va, third, word):
-    with pytest.raises(sst_pin.InputError, match=word):
+    with pytest.raises(InputError, match=word):
         getattr(robot, method)(q, va, third)
 
 
 def test_an_open_closure_is_told_with_its_size_and_its_remedy(robot):
-    """ClosureError carries the residual; assemble closes it."""
     q = HOME.copy()
     q[1] += 1e-3
     with pytest.raises(sst_pin.ClosureError, match=r"assemble\(q\) closes them") as caught:
@@ -61,17 +65,10 @@ def test_a_star_turned_by_half_a_turn_is_open(robot):
 
 def four_bar(crank, coupler, rocker, base):
     """Model with the end of the rocker and the pivot that it belongs on; axes along y."""
-    model = pin.Model()
-    parent, where = 0, pin.SE3.Identity()
-    for name, length in (("crank", crank), ("coupler", coupler), ("rocker", rocker)):
-        parent = model.addJoint(parent, pin.JointModelRY(), where, name)
-        body = pin.Inertia.FromCylinder(1.0, 0.01, length)
-        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
-        where = pin.SE3(np.eye(3), np.array((length, 0, 0)))
-    pivot = pin.SE3(np.eye(3), np.array((base, 0, 0)))
-    model.addFrame(pin.Frame("end", parent, where, pin.FrameType.OP_FRAME))
-    model.addFrame(pin.Frame("pivot", 0, pivot, pin.FrameType.OP_FRAME))
-    return model, [sst_pin.Closure("end", "pivot", "3d")]
+    bars = [("crank", "universe", 0.0, crank), ("coupler", "crank", crank, coupler)]
+    model = planar([*bars, ("rocker", "coupler", coupler, rocker)], pin.JointModelRY)
+    mark(model, 0, "pivot", at(base))
+    return model, [sst_pin.Closure("rocker_end", "pivot", "3d")]
 
 
 def test_assembly_that_is_impossible_says_soon_how_far_it_came(monkeypatch):
@@ -92,7 +89,7 @@ def test_motors_are_judged_where_nothing_special_happens():
     chain = sst_pin.ClosedChain(*four_bar(1.0, 2.0, 1.0, 2.0), ["crank", "coupler"])
     stretched = chain.assemble([0.0, 0.0, np.pi])
     assert chain.mobility(stretched).degrees_of_freedom == 2
-    with pytest.raises(sst_pin.SingularConfigurationError):  # first: it must not be kept
+    with pytest.raises(SingularConfigurationError):  # first: it must not be kept
         chain.compute_torques(stretched, [1], [0])
     assert chain.coordinates == ("crank",)
     q = chain.assemble([0.7, -0.7, 0.7 + np.pi])
@@ -100,45 +97,35 @@ def test_motors_are_judged_where_nothing_special_happens():
 
 
 def test_assemble_holds_the_joints_it_was_told_to_hold(robot):
-    """By default the motors; any others by name; none with ()."""
     q = HOME + 0.01 * np.arange(9)
-    for fixed, held in (
-        (None, [0, 3, 6]),
-        (["mu_1", "mu_2", "mu_3"], [1, 4, 7]),
-        ((), []),
-    ):
+    for fixed, held in ((None, [0, 3, 6]), (["mu_1", "mu_2", "mu_3"], [1, 4, 7]), ((), [])):
         closed = robot.assemble(q, fixed=fixed)
         assert np.abs(robot.residual(closed)).max() < 1e-12
         assert np.array_equal(closed[held], q[held])
-    with pytest.raises(
-        sst_pin.UnknownNameError, match="joint 'gama_1' not in the model; known: gamma_1"
-    ):
+    with pytest.raises(UnknownNameError, match="joint 'gama_1' not in the model; known: gamma_1"):
         robot.assemble(q, fixed=["gama_1"])
 
 
 def singular_configuration(robot):
-    """Where the star can move while the motors are fixed, by bisection on the sign of det A."""
+    """Where the star can move while the motors are fixed, a root of det A."""
     from sst_pin.sst import kinematics
 
     def det(R):
         q = robot.inverse_kinematics(R)
         return np.linalg.det(kinematics.legs_of_joints(robot.geometry, q).y_2)
 
-    rng = np.random.default_rng(0)
-    rotations = Rotation.random(50, rng=rng)
+    rotations = Rotation.random(50, rng=np.random.default_rng(0))
     values = [det(R.as_matrix()) for R in rotations]
     start = rotations[int(np.argmax(values))]
     turn = (rotations[int(np.argmin(values))] * start.inv()).as_rotvec()
-    low, high = 0.0, 1.0
-    for _ in range(60):
-        middle = (low + high) / 2
-        R = (Rotation.from_rotvec(middle * turn) * start).as_matrix()
-        low, high = (middle, high) if det(R) > 0 else (low, middle)
-    return robot.inverse_kinematics(R)
+
+    def turned(share):
+        return (Rotation.from_rotvec(share * turn) * start).as_matrix()
+
+    return robot.inverse_kinematics(turned(brentq(lambda x: det(turned(x)), 0, 1, xtol=1e-15)))
 
 
 def test_a_singular_configuration_is_told_with_its_condition_number(robot):
-    """All entrances to the dynamics refuse it; a batch names the samples."""
     q = singular_configuration(robot)
     assert robot.singularities(q).second_kind < 1e-12
     for call in (
@@ -146,12 +133,12 @@ def test_a_singular_configuration_is_told_with_its_condition_number(robot):
         lambda: robot.compute_accelerations(q, RATES, RATES),
         lambda: robot.noc(q, RATES),
     ):
-        with pytest.raises(sst_pin.SingularConfigurationError, match="condition number") as caught:
+        with pytest.raises(SingularConfigurationError, match="condition number") as caught:
             call()
         assert caught.value.condition_number > 1e8
     batch = np.stack([HOME, q, HOME, q])
     with pytest.raises(
-        sst_pin.SingularConfigurationError, match=r"2 of 4 samples \(index 1, 3\)"
+        SingularConfigurationError, match=r"2 of 4 samples \(index 1, 3\)"
     ) as caught:
         robot.compute_torques(batch, RATES, RATES)
     assert caught.value.samples == ((1,), (3,))
@@ -163,9 +150,7 @@ def test_a_batch_names_the_samples_whose_numbers_are_not_finite(robot):
     q, va, aa = robot.joint_motion(*random_states(robot, np.random.default_rng(0), 6))
     va = va.reshape(2, 3, 3).copy()
     va[1, 2, 0] = np.nan
-    with pytest.raises(
-        sst_pin.InputError, match=r"1 of 6 samples \(index \(1, 2\)\).*va"
-    ) as caught:
+    with pytest.raises(InputError, match=r"1 of 6 samples \(index \(1, 2\)\).*va") as caught:
         robot.compute_torques(q.reshape(2, 3, 9), va, aa.reshape(2, 3, 3))
     assert caught.value.samples == ((1, 2),)
 
@@ -173,12 +158,7 @@ def test_a_batch_names_the_samples_whose_numbers_are_not_finite(robot):
 @pytest.fixture(scope="module")
 def afloat():
     """A four-bar on a base that floats, whose quaternion no loop depends on."""
-    single, closures = four_bar(0.2, 0.3, 0.25, 0.3)
-    model = pin.Model()
-    root = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root")
-    model.appendBodyToJoint(root, pin.Inertia.Random(), pin.SE3.Identity())
-    model.addFrame(pin.Frame("base", root, pin.SE3.Identity(), pin.FrameType.BODY))
-    model = pin.appendModel(model, single, model.getFrameId("base"), pin.SE3.Identity())
+    model, closures, _, _ = carried_four_bar(pin.JointModelFreeFlyer())
     return sst_pin.ClosedChain(model, closures, ["crank"])
 
 
@@ -197,13 +177,13 @@ def test_a_quaternion_off_length_one_is_that_samples_fault(afloat):
             afloat.potential_energy,
             lambda q: afloat.noc(q, one),
             lambda q: afloat.joint_rates(q, one),
-            lambda q: afloat.frame_jacobian(q, "base"),
+            lambda q: afloat.frame_jacobian(q, "A"),
             lambda q: afloat.rollout(np.zeros((3, 1)), q, one, 1e-3),
         ):
-            with pytest.raises(sst_pin.InputError, match=word):
+            with pytest.raises(InputError, match=word):
                 call(wrong)
         batch = np.array([q, wrong, q])
-        with pytest.raises(sst_pin.InputError, match=word) as caught:
+        with pytest.raises(InputError, match=word) as caught:
             afloat.generalized_forces(batch, one, one)
         assert caught.value.samples == ((1,),)
         f = afloat.generalized_forces(batch, one, one, on_error="nan")
@@ -214,7 +194,6 @@ def test_a_quaternion_off_length_one_is_that_samples_fault(afloat):
 
 
 def test_motors_that_do_not_suffice_or_are_more_are_told(robot):
-    """Two motors leave a freedom, four are one more than needed; mobility says how."""
     pairs = [("closedloop1_A", "closedloop1_B"), ("closedloop2_A", "closedloop2_B")]
 
     few = sst_pin.ClosedChain(robot.model, pairs, ["gamma_1", "gamma_2"])
@@ -258,35 +237,32 @@ def test_closures_are_made_of_numbers(make, said):
 
 def test_names_that_are_not_there_are_told_with_those_that_are(robot):
     model = robot.model
-    with pytest.raises(
-        sst_pin.UnknownNameError, match=r"frame 'F' not in the model; known: .*star_1"
-    ):
+    with pytest.raises(UnknownNameError, match=r"frame 'F' not in the model; known: .*star_1"):
         sst_pin.ClosedChain(model, [("F", "closedloop1_B")], ["gamma_1"])
-    with pytest.raises(sst_pin.UnknownNameError) as caught:
+    with pytest.raises(UnknownNameError) as caught:
         sst_pin.ClosedChain(model, [("closedloop1_A", "closedloop1_B")], ["gamma_4"])
     assert caught.value.name == "gamma_4"
     assert "gamma_3" in caught.value.known
     with pytest.raises(sst_pin.DescriptionError, match="known: 6d, 3d, orientation"):
         sst_pin.Closure("a", "b", "5d")
-    with pytest.raises(sst_pin.InputError, match="twice"):
+    with pytest.raises(InputError, match="twice"):
         sst_pin.ClosedChain(model, robot.closures, ["gamma_1", "gamma_1"])
 
 
 def test_a_massless_robot_has_no_accelerations():
-    """A motor that moves no mass: a singular inertia matrix, not NaN."""
     robot = sst_pin.SST()
     for j in range(1, 10):
         robot.model.inertias[j] = pin.Inertia.Zero()
     robot.refresh()
-    with pytest.raises(sst_pin.SingularConfigurationError, match="not positive definite"):
+    with pytest.raises(SingularConfigurationError, match="not positive definite"):
         robot.compute_accelerations(HOME, RATES, RATES)
 
 
 def test_only_one_sample_where_one_is_meant(robot):
     for call in (robot.Phi, robot.mobility):
-        with pytest.raises(sst_pin.InputError, match="one sample"):
+        with pytest.raises(InputError, match="one sample"):
             call(np.tile(HOME, (2, 1)))
-    with pytest.raises(sst_pin.InputError, match="one sample"):
+    with pytest.raises(InputError, match="one sample"):
         robot.forward_kinematics(np.zeros((2, 3)))
 
 
@@ -306,7 +282,6 @@ def test_only_one_sample_where_one_is_meant(robot):
     ],
 )
 def test_errors_come_back_whole_from_worker_processes(error):
-    """Message and data survive a pickle; all derive from SSTError."""
     copy = pickle.loads(pickle.dumps(error))
     assert isinstance(copy, sst_pin.SSTError)
     assert str(copy) == str(error)
@@ -327,7 +302,7 @@ def test_motors_that_do_not_move_the_robot_are_told():
 @pytest.mark.parametrize("motor", [{}, {"crank": 0.0}])
 def test_a_motor_that_acts_on_no_joint_is_refused(motor):
     model, closures = four_bar(0.2, 0.3, 0.25, 0.3)
-    with pytest.raises(sst_pin.InputError, match="acts on no joint"):
+    with pytest.raises(InputError, match="acts on no joint"):
         sst_pin.ClosedChain(model, closures, [motor])
 
 
@@ -337,21 +312,16 @@ def test_a_tendon_is_called_by_its_shares():
     assert chain.motor_names == ("-1.5 crank - 0.5 coupler + 2 rocker",)
 
 
-def test_numbers_that_are_not_finite_are_told_by_every_function(afloat):
-    """Rates for frames, wrenches of one sample, and what overflows on the way."""
+def test_wrenches_that_are_not_finite_and_what_overflows_are_told(afloat):
     q, one = afloat.generic_configuration(), np.ones(7)
-    rates = np.where(np.arange(7) == 2, np.nan, one)
-    for name in ("frame_jacobian_rate", "frame_drift", "frame_velocity_derivatives"):
-        with pytest.raises(sst_pin.InputError, match=r"va: entry \[2\] is nan"):
-            getattr(afloat, name)(q, rates, "base")
     wrenches = np.zeros((3, afloat.model.njoints - 1, 6))
     wrenches[1, 0, 3] = np.inf
-    with pytest.raises(sst_pin.InputError, match="external_wrenches") as caught:
+    with pytest.raises(InputError, match="external_wrenches") as caught:
         afloat.generalized_forces(q, one, one, external_wrenches=wrenches)
     assert caught.value.samples == ((1,),)
     f = afloat.generalized_forces(q, one, one, external_wrenches=wrenches, on_error="nan")
     assert np.isnan(f).all(axis=1).tolist() == [False, True, False]
-    with pytest.raises(sst_pin.InputError, match=r"result: not finite: .* too large"):
+    with pytest.raises(InputError, match=r"result: not finite: .* too large"):
         afloat.generalized_forces(q, 1e200 * one, one)
 
 

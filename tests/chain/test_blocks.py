@@ -8,6 +8,8 @@ from numpy.testing import assert_allclose
 from scipy.sparse.csgraph import connected_components
 
 import sst_pin
+from planar_bars import planar
+from robots import two_link_angles
 from sst_pin import ClosedChain, Closure, Coupling
 from sst_pin.chain.dynamics import Memory
 from sst_pin.chain.loops import connected
@@ -28,27 +30,15 @@ def dead_point(ground):
 
 
 def four_bars():
-    """Three four-bars with two cranks, beside each other."""
-    random = np.random.default_rng(0)
-    model, cranks, closures = pin.Model(), {}, []
-
-    def bar(parent, at, name, length):
-        placement = pin.SE3(np.eye(3), np.array(at))
-        joint = model.addJoint(parent, pin.JointModelRZ(), placement, name)
-        mass, lever = random.uniform(1, 2), np.array([length / 2, 0.1, 0])
-        body = pin.Inertia(mass, lever, mass * np.diag(random.uniform(0.1, 0.2, 3)))
-        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
-        tip = pin.SE3(np.eye(3), np.array([length, 0, 0]))
-        model.addFrame(pin.Frame(f"{name}_tip", joint, 0, tip, pin.FrameType.OP_FRAME))
-        return joint
-
+    """Three four-bars with two cranks."""
+    bars, closures = [], []
     for k, (base, kind, ground) in enumerate(LOOPS):
-        if base not in cranks:
-            cranks[base] = bar(0, (0, 3.0 * base, 0), f"crank_{base}", CRANK)
-        bar(cranks[base], (CRANK, 0, 0), f"coupler_{k}", COUPLER)
-        bar(0, (ground, 3.0 * base, 0), f"rocker_{k}", ROCKER)
-        closures.append(Closure(f"coupler_{k}_tip", f"rocker_{k}_tip", kind))
-    return ClosedChain(model, closures, [f"crank_{base}" for base in cranks])
+        crank = f"crank_{base}"
+        bars += [(crank, "universe", 0.0, CRANK)] * (k == base)
+        bars.append((f"coupler_{k}", crank, CRANK, COUPLER))
+        bars.append((f"rocker_{k}", "universe", ground, ROCKER))
+        closures.append(Closure(f"coupler_{k}_end", f"rocker_{k}_end", kind))
+    return ClosedChain(planar(bars), closures, ["crank_0", "crank_2"])
 
 
 def closed(chain, *angles):
@@ -57,16 +47,11 @@ def closed(chain, *angles):
     of_crank = dict(zip((0, 2), angles, strict=True))
     for k, (base, _, ground) in enumerate(LOOPS):
         angle = of_crank[base]
-        tip = CRANK * np.array([np.cos(angle), np.sin(angle)])
-        to_base = np.array([ground, 0]) - tip
-        diagonal, heading = np.hypot(*to_base), np.arctan2(to_base[1], to_base[0])
-        cosine = (diagonal**2 + COUPLER**2 - ROCKER**2) / (2 * diagonal * COUPLER)
-        coupler = heading + np.arccos(min(cosine, 1.0))
-        end = tip + COUPLER * np.array([np.cos(coupler), np.sin(coupler)])
-        rocker = np.arctan2(end[1], end[0] - ground)
-        joints = {f"crank_{base}": angle, f"coupler_{k}": coupler - angle, f"rocker_{k}": rocker}
-        for name, x in joints.items():
-            q[chain.model.joints[chain.model.getJointId(name)].idx_q] = x
+        rest = ground - CRANK * np.cos(angle), -CRANK * np.sin(angle)
+        coupler, knee = two_link_angles(rest, (COUPLER, ROCKER), -1)
+        joints = {f"crank_{base}": angle, f"coupler_{k}": coupler - angle}
+        for name, x in (joints | {f"rocker_{k}": coupler + knee + np.pi}).items():
+            q[chain.model.joints[chain.model.getJointId(name)].idx_q] = x.real
     return q
 
 

@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 
+import by_hand
 import trees
 from sst_pin import ClosedChain, Closure
 from sst_pin.chain.closures import Coupling, Rolling
@@ -103,7 +104,6 @@ def test_the_axes_of_a_closed_hinge_point_the_same_way(kind):
 
 
 def test_couplings_follow_their_polynomials():
-    """The residual is q_joint - offset - sum of polynomials; Phi and its rate are derivatives."""
     pin.seed(0)
     random = np.random.default_rng(0)
     model = pin.Model()
@@ -143,7 +143,6 @@ def test_what_rolls_stands_still_at_the_contact(ball):
 
 
 def test_every_joint_of_pinocchio_is_in_a_tree():
-    """No type that Pinocchio offers is forgotten; two are refused by name."""
     used = {name for root, a, b in TREES.values() for name in (root, *a, *b) if name}
     types = {JOINTS[name]().shortname() for name in used}
     kinds = {"RX": "R", "RZ": "R", "PX": "P", "PZ": "P", "HY": "H", "RUBY": "RUB"}
@@ -162,7 +161,6 @@ def test_every_joint_of_pinocchio_is_in_a_tree():
 
 
 def test_names_of_coordinates_and_rates_fit_every_joint():
-    """q has nq names, v has nv, all different; q_dot is the derivative of pin.integrate."""
     for name, parts in TREES.items():
         chain = ClosedChain(tree(*parts, seed=13), [Closure("A", "B", "3d")], [])
         model = chain.model
@@ -178,12 +176,10 @@ def test_names_of_coordinates_and_rates_fit_every_joint():
 def test_one_hinge_held_twice_moves_as_its_tree_does():
     """Every quantity has one column; the closure adds nothing. Bound: rounding."""
     model = pin.Model()
-    hinge = model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "hinge")
     body = pin.Inertia(2.0, np.array([0.3, 0.1, -0.2]), np.diag([0.1, 0.2, 0.15]))
-    model.appendBodyToJoint(hinge, body, pin.SE3.Identity())
-    on_axis = pin.SE3(np.eye(3), np.array([0, 0.5, 0]))
+    hinge = by_hand.add(model, 0, pin.JointModelRY(), "hinge", by_hand.at(), body)
     for name, joint in (("A", 0), ("B", hinge)):
-        model.addFrame(pin.Frame(name, joint, on_axis, pin.FrameType.OP_FRAME))
+        by_hand.mark(model, joint, name, by_hand.at(0, 0.5))
     chain = ClosedChain(model, [Closure("A", "B", "3d")], ["hinge"])
 
     q, va, aa = chain.assemble([0.4]), np.array([1.5]), np.array([-2.0])

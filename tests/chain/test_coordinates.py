@@ -9,6 +9,9 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
+import trees
+from by_hand import add, at, mark
+from planar_bars import planar
 from sst_pin import ClosedChain, Closure
 from sst_pin.chain.draft import without_locked
 
@@ -17,13 +20,12 @@ BARS = {"crank": 0.2, "coupler": 0.3, "rocker": 0.25}
 
 def body(model, parent, kind, x, name, mass=1.0):
     """A joint at (x, 0, 0) of its parent with a slender body along x; returns its index."""
-    joint = model.addJoint(parent, kind, pin.SE3(np.eye(3), np.array([x, 0.0, 0.0])), name)
-    model.inertias[joint] = pin.Inertia(mass, np.array([0.1, 0, 0]), np.eye(3) * 0.01)
-    return joint
+    inertia = pin.Inertia(mass, np.array([0.1, 0, 0]), np.eye(3) * 0.01)
+    return add(model, parent, kind, name, at(x), inertia)
 
 
 def tip(model, joint, x, name):
-    model.addFrame(pin.Frame(name, joint, pin.SE3(np.eye(3), np.array([x, 0, 0.0])), pin.OP_FRAME))
+    mark(model, joint, name, at(x))
 
 
 def slide_with_two_bars(unit=1.0):
@@ -43,14 +45,10 @@ def slide_with_two_bars(unit=1.0):
 
 def rhombus():
     """Four equal bars; folded, crank and coupler turn together and the rocker rests."""
-    model = pin.Model()
+    bars = [("crank", "universe", 0.0, 0.3), ("coupler", "crank", 0.3, 0.3)]
+    model = planar([*bars, ("rocker", "universe", 0.3, 0.3)], pin.JointModelRY)
     model.name = "rhombus"
-    crank = body(model, 0, pin.JointModelRY(), 0.0, "crank")
-    coupler = body(model, crank, pin.JointModelRY(), 0.3, "coupler")
-    rocker = body(model, 0, pin.JointModelRY(), 0.3, "rocker")
-    tip(model, coupler, 0.3, "coupler_tip")
-    tip(model, rocker, 0.3, "rocker_tip")
-    return model, [Closure("coupler_tip", "rocker_tip", "3d")], np.array([0.7, np.pi, np.pi])
+    return model, [Closure("coupler_end", "rocker_end", "3d")], np.array([0.7, np.pi, np.pi])
 
 
 def test_the_motor_on_the_slide_is_the_coordinate():
@@ -83,19 +81,16 @@ def test_the_motor_of_a_fine_lead_screw_is_the_coordinate(pitch):
 def test_a_motor_that_moves_with_another_but_for_digits_is_no_coordinate():
     """A parallelogram whose lengths are written with six digits, on a cart."""
     model = pin.Model()
-    cart = body(model, 0, pin.JointModelPX(), 0.0, "cart")
-    crank = body(model, cart, pin.JointModelRY(), 0.0, "crank")
-    coupler = body(model, crank, pin.JointModelRY(), 0.2, "coupler")
-    rocker = body(model, cart, pin.JointModelRY(), 0.300001, "rocker")
-    tip(model, coupler, 0.3, "a")
-    tip(model, rocker, 0.2, "b")
+    body(model, 0, pin.JointModelPX(), 0.0, "cart")
+    bars = [("crank", "cart", 0.0, 0.2), ("coupler", "crank", 0.2, 0.3)]
+    planar([*bars, ("rocker", "cart", 0.300001, 0.2)], pin.JointModelRY, model)
     model.referenceConfigurations["home"] = np.array([0.0, 0.7, -0.7, 0.7])
-    chain = ClosedChain(model, [Closure("a", "b", "3d")], ["crank", "rocker"])
+    closure = Closure("coupler_end", "rocker_end", "3d")
+    chain = ClosedChain(model, [closure], ["crank", "rocker"])
     assert chain.coordinates == ("crank", "cart")
 
 
 def test_a_cylinder_decides_the_mode_as_the_motor_that_it_is():
-    """A cylinder along the slide is a motor on the slide."""
     model, closures = slide_with_two_bars()
     tip(model, 0, -0.5, "ground")
     tip(model, model.getJointId("slide"), 0.0, "cart")
@@ -126,7 +121,6 @@ def test_a_tendon_holds_the_sum_of_its_joints_and_not_each():
 
 @pytest.mark.parametrize("seed", range(6))
 def test_what_motors_hold_is_the_rank_of_the_actuator_jacobian(seed):
-    """Motors on joints, tendons and lines, more and fewer than freedoms."""
     random, plain = np.random.default_rng(seed), sst_pin.robots.planar_3rrr()
     joints = list(random.permutation(plain.joint_names))
     tendons = [{joints.pop(): 1.0, joints.pop(): random.normal()} for _ in range(seed % 3)]
@@ -145,7 +139,6 @@ def test_what_motors_hold_is_the_rank_of_the_actuator_jacobian(seed):
 
 @pytest.mark.parametrize("folded_first", [False, True])
 def test_coordinates_do_not_depend_on_what_was_called_before(folded_first):
-    """A call in the other mode is refused by name and changes nothing."""
     model, closures, folded = rhombus()
     chain = ClosedChain(model, closures, ["rocker", "crank"])
     if folded_first:
@@ -243,15 +236,14 @@ def seven_hinges(seed):
     random, model, joint = np.random.default_rng(seed), pin.Model(), 0
     q = random.uniform(-1, 1, 7)
     for k in range(7):
-        axis, place = random.normal(size=(2, 3))
+        axis, place, lever = random.normal(size=(3, 3))
         kind = pin.JointModelRevoluteUnaligned(axis / np.linalg.norm(axis))
-        joint = model.addJoint(joint, kind, pin.SE3(np.eye(3), 0.2 * place), f"joint_{k}")
-        model.inertias[joint] = pin.Inertia(1.0, 0.1 * random.normal(size=3), 0.01 * np.eye(3))
+        inertia = pin.Inertia(1.0, 0.1 * lever, 0.01 * np.eye(3))
+        joint = add(model, joint, kind, f"joint_{k}", at(*0.2 * place), inertia)
     tip(model, joint, 0.2, "end")
     data = model.createData()
     pin.framesForwardKinematics(model, data, q)
-    end = data.oMf[model.getFrameId("end")].copy()
-    model.addFrame(pin.Frame("ground", 0, end, pin.FrameType.OP_FRAME))
+    mark(model, 0, "ground", data.oMf[model.getFrameId("end")].copy())
     return model, [Closure("end", "ground", "6d")], q
 
 
@@ -335,7 +327,6 @@ def cam():
 
 
 def test_a_robot_that_no_guess_assembles_computes_where_it_is_closed():
-    """What needs a configuration of its own asks for one."""
     model, closures, q = cam()
     chain = ClosedChain(model, closures, ["z", "x"], coordinates=["z"])
     assert chain.preload_directions(q).shape == (2, 1)
@@ -363,14 +354,10 @@ def test_no_coordinates_are_refused():
 
 def _four_bar(order, unit=1.0):
     """A four-bar whose joints are added in an order that keeps parents first."""
-    model, of = pin.Model(), {}
-    parents = {"crank": (None, 0.0), "coupler": ("crank", 0.2), "rocker": (None, 0.3)}
-    for name in order:
-        parent, x = parents[name]
-        of[name] = body(model, of[parent] if parent else 0, pin.JointModelRY(), x * unit, name)
-    tip(model, of["coupler"], 0.3 * unit, "a")
-    tip(model, of["rocker"], 0.25 * unit, "b")
-    return ClosedChain(model, [Closure("a", "b", "3d")], [])
+    parts = {"crank": ("universe", 0.0), "coupler": ("crank", 0.2), "rocker": ("universe", 0.3)}
+    bars = [(k, parts[k][0], unit * parts[k][1], unit * BARS[k]) for k in order]
+    closure = Closure("coupler_end", "rocker_end", "3d")
+    return ClosedChain(planar(bars, pin.JointModelRY), [closure], [])
 
 
 def test_coordinates_do_not_depend_on_order_or_units():
@@ -420,12 +407,10 @@ def test_where_the_robot_stands_does_not_count(distance):
 def wheel_on_the_ground(distance):
     """A cart far along the ground; its wheel rolls on the world's x-y plane."""
     model = pin.Model()
-    place = pin.SE3(np.eye(3), np.array([distance, 0.0, 0.1]))
-    cart = model.addJoint(0, pin.JointModelTranslation(), place, "cart")
+    cart = model.addJoint(0, pin.JointModelTranslation(), at(distance, 0, 0.1), "cart")
     wheel = body(model, cart, pin.JointModelRY(), 0.0, "wheel")
     model.inertias[cart] = model.inertias[wheel]
-    axle = pin.SE3(pin.exp3(np.array([np.pi / 2, 0, 0])), np.zeros(3))
-    model.addFrame(pin.Frame("axle", wheel, axle, pin.FrameType.OP_FRAME))
+    mark(model, wheel, "axle", at(turned=pin.exp3(np.array([np.pi / 2, 0, 0]))))
     chain = ClosedChain(model, [sst_pin.Rolling("universe", "axle", 0.1)], ["wheel"])
     return chain, np.array([0, 0, 1e-6, 0])
 
@@ -457,10 +442,8 @@ def rod_between_two_balls(spin):
     model = pin.Model()
     crank = body(model, 0, pin.JointModelRZ(), 0.0, "crank")
     rocker = body(model, 0, pin.JointModelRY(), 0.4, "rocker")
-    rod = model.addJoint(
-        crank, pin.JointModelSpherical(), pin.SE3(np.eye(3), np.array([0.2, 0, 0])), "rod"
-    )
-    model.inertias[rod] = pin.Inertia(1.0, np.array([0.15, 0, 0]), np.diag([spin, 0.01, 0.01]))
+    inertia = pin.Inertia(1.0, np.array([0.15, 0, 0]), np.diag([spin, 0.01, 0.01]))
+    rod = add(model, crank, pin.JointModelSpherical(), "rod", at(0.2), inertia)
     tip(model, rod, 0.3, "rod_end")
     tip(model, rocker, 0.2, "rocker_end")
     return ClosedChain(model, [Closure("rod_end", "rocker_end", "3d")], ["crank"])
@@ -487,16 +470,14 @@ def test_a_rod_without_spin_inertia_between_two_balls_is_named(spin):
 def test_a_thin_rod_is_named_whatever_the_coordinates():
     """Also those of another assembly mode than home's, here of a rhombus beside the rod."""
     model = pin.Model(rod_between_two_balls(0.0).model)
-    crank = body(model, 0, pin.JointModelRY(), 1.0, "crank_2")
-    coupler = body(model, crank, pin.JointModelRY(), 0.3, "coupler_2")
-    rocker = body(model, 0, pin.JointModelRY(), 1.3, "rocker_2")
-    tip(model, coupler, 0.3, "a")
-    tip(model, rocker, 0.3, "b")
-    closures = [Closure("rod_end", "rocker_end", "3d"), Closure("a", "b", "3d")]
+    bars = [("crank_2", "universe", 1.0, 0.3), ("coupler_2", "crank_2", 0.3, 0.3)]
+    planar([*bars, ("rocker_2", "universe", 1.3, 0.3)], pin.JointModelRY, model)
+    ends = ("rod_end", "rocker_end"), ("coupler_2_end", "rocker_2_end")
+    closures = [Closure(*pair, "3d") for pair in ends]
     q = ClosedChain(model, closures, ["crank"]).generic_configuration()
     folded, opened = np.tile(q, (2, 1))
     for pose, angles in (folded, [0.7, np.pi, np.pi]), (opened, [0.7, -0.7, 0.7]):
-        pose[[model.joints[k].idx_q for k in (crank, coupler, rocker)]] = angles
+        pose[-3:] = angles
     model.referenceConfigurations["home"] = folded
     chain = ClosedChain(model, closures, ["crank"], coordinates=["crank", "rod_wx", "rocker_2"])
     assert np.isfinite(chain.generalized_forces(opened, np.zeros(3), np.ones(3))).all()
@@ -517,27 +498,13 @@ def test_a_rod_without_spin_inertia_needs_no_motor_to_spin():
         thick.compute_torques(q, va, aa)
 
 
-def _tree_added_breadth_first(frames):
-    """Joints 1 to 4 whose parents are 0, 1, 1, 2, in this order, with or without joint frames."""
-    model, random = pin.Model(), np.random.default_rng(0)
-    for parent, kind in zip((0, 1, 1, 2), ("RX", "RY", "RZ", "PX"), strict=True):
-        place = pin.SE3(pin.exp3(random.normal(size=3)), random.normal(size=3))
-        joint = model.addJoint(parent, getattr(pin, f"JointModel{kind}")(), place, kind)
-        if frames:
-            model.addJointFrame(joint)
-        body_of = pin.Inertia(1.0, random.normal(size=3), 0.1 * np.eye(3))
-        model.appendBodyToJoint(joint, body_of, pin.SE3.Identity())
-    tip(model, 4, 0.2, "tip")
-    model.armature = np.array([0.1, 0.2, 0.3, 0.4])
-    model.referenceConfigurations["home"] = np.arange(4.0)
-    return model
-
-
 @pytest.mark.parametrize("frames", [False, True])
 @pytest.mark.parametrize("locked", [[1], [2], [4], [2, 4], [1, 3]])
 def test_locked_joints_stay_where_they_are_in_a_tree_of_any_order(locked, frames):
-    """Forces and places are those of the whole tree with these joints at rest."""
-    tree = _tree_added_breadth_first(frames)
+    tree = trees.tree("RX", ["revolute", "PX"], ["RZ"])
+    tree.referenceConfigurations["home"] = np.arange(4.0)
+    for joint in range(1, 5 * frames):
+        tree.addJointFrame(joint)
     names, free = list(tree.names), [k for k in range(4) if k + 1 not in locked]
     q, v = np.random.default_rng(1).normal(size=(2, 4))
     v[[k - 1 for k in locked]] = 0.0
@@ -549,6 +516,6 @@ def test_locked_joints_stay_where_they_are_in_a_tree_of_any_order(locked, frames
     np.testing.assert_allclose(pin.rnea(fixed, data, q[free], v[free], v[free]), forces, atol=1e-12)
     pin.framesForwardKinematics(fixed, data, q[free])
     pin.framesForwardKinematics(tree, whole, q)
-    found, wanted = (d.oMf[m.getFrameId("tip")] for m, d in ((fixed, data), (tree, whole)))
+    found, wanted = (d.oMf[m.getFrameId("A")] for m, d in ((fixed, data), (tree, whole)))
     np.testing.assert_allclose(found.homogeneous, wanted.homogeneous, atol=1e-12)
     assert fixed.referenceConfigurations["home"].tolist() == free

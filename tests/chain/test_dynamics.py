@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
+"""Dynamics of the SST, and the factors of K of any robot."""
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 import sst_pin
@@ -25,13 +25,18 @@ def test_torques_of_example_1_are_the_reference(robot, t):
     assert np.abs(robot.compute_torques(q, va, aa) - EXAMPLE_1[t]).max() < 1e-10
 
 
-def test_long_form_equals_short_form(case):
-    """I aa + C va - tau^g - tau^f = L^T (RNEA - tau^f), Eqs. (91), (92)."""
-    robot, q, va, aa = case
-    t = robot.noc(q, va)
-    long = t.inertia @ aa + t.coriolis @ va - t.gravity - t.friction
-    short = robot.compute_torques(q, va, aa)
-    assert np.abs(long - short).max() < 1e-11 * max(1, np.abs(short).max())
+def test_the_three_arcs_turn_as_one_body(case):
+    robot, q, va, _ = case
+    omega = robot.noc(q, va).T.reshape(9, 6, 3)[2::3, :3]
+    assert np.abs(omega - omega[0]).max() < 1e-12 * np.abs(omega).max()
+
+
+def test_inertia_is_symmetric_and_positive_definite(case):
+    """Eq. (93)."""
+    robot, q, va, _ = case
+    inertia = robot.noc(q, va).inertia
+    assert np.abs(inertia - inertia.T).max() < 1e-14 * np.abs(inertia).max()
+    assert np.linalg.eigvalsh(inertia).min() > 0
 
 
 def test_power_of_the_motors_is_the_rate_of_the_energy_and_the_losses(case):
@@ -81,13 +86,6 @@ def test_smoothed_coulomb_friction_tends_to_the_sign():
     assert Friction(np.zeros(2), np.ones(2)).forces(np.array((0, -2.0))).tolist() == [0, 1]
 
 
-def test_the_motors_need_more_than_the_tree(robot):
-    """Tree RNEA is not motor torque: a guard against comparing the wrong numbers."""
-    q, va, aa = robot.joint_motion(*sst_pin.paper_circle(0.1))
-    tree = pin.rnea(robot.model, robot.model.createData(), q, robot.joint_rates(q, va), np.zeros(9))
-    assert np.abs(tree[::3] - robot.compute_torques(q, va, aa)).max() > 1
-
-
 @pytest.mark.parametrize("kernels", [True, False])
 def test_joints_at_rest_have_no_coulomb_friction(kernels):
     """All motors alike at home: by symmetry beta_k rest, and mu_k turn by sqrt(2) each.
@@ -103,3 +101,45 @@ def test_joints_at_rest_have_no_coulomb_friction(kernels):
     assert np.abs(v[2::3]).max() < 1e-14
     found = rough.compute_torques(*motion) - bare.compute_torques(*motion)
     assert np.allclose(found, 0.3 * (1 + np.sqrt(2)), rtol=0, atol=1e-12)
+
+
+ROBOTS = {
+    "SST": sst_pin.SST,
+    "hexaglide": sst_pin.robots.hexaglide,
+    "planar 3-RRR": sst_pin.robots.planar_3rrr,
+    "Stewart": sst_pin.robots.stewart,
+}
+
+
+@pytest.fixture(params=ROBOTS)
+def chain(request):
+    return ROBOTS[request.param]()
+
+
+def test_the_product_of_the_decoupled_factors_is_K(chain):
+    """Two ways to the twists: all joints at once, and from body to body."""
+    terms = chain.noc(chain.home, np.ones(chain.degrees_of_freedom))
+    assert np.abs(terms.N_l @ terms.N_d - terms.K).max() < 1e-13
+
+
+def test_the_factors_are_lower_triangular_and_diagonal(chain):
+    """In blocks of six: a body is moved by its own joint, and by the bodies that bear it."""
+    terms = chain.noc(chain.home, np.zeros(chain.degrees_of_freedom))
+    r = len(terms.N_l) // 6
+    N_l = terms.N_l.reshape(r, 6, r, 6).swapaxes(1, 2)
+    for i in range(r):
+        assert np.array_equal(N_l[i, i], np.eye(6))
+        assert not N_l[i, i + 1 :].any()
+        joint = chain.model.joints[i + 1]
+        own = np.arange(joint.idx_v, joint.idx_v + joint.nv)
+        assert not np.delete(terms.N_d[6 * i : 6 * i + 6], own, axis=1).any()
+
+
+def test_momenta_carried_backward_by_N_l_are_the_generalised_ones(chain):
+    """The backward recursion: N_d^T N_l^T M t = K^T M t, here held against the inertia matrix."""
+    va = np.linspace(-1, 1, chain.degrees_of_freedom)
+    terms = chain.noc(chain.home, va)
+    momenta = terms.N_d.T @ (terms.N_l.T @ (terms.M @ (terms.T @ va)))
+    rotors = chain.model.armature * (terms.L @ va)
+    carried = terms.L.T @ (momenta + rotors)
+    assert np.abs(carried - terms.inertia @ va).max() < 1e-12 * np.abs(carried).max()

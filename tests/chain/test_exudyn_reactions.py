@@ -11,6 +11,7 @@ import pytest
 from scipy.linalg import null_space
 
 import sst_pin
+from by_hand import add, mark
 from sst_pin import robots
 from sst_pin.verification.referees.exudyn_robot import ExudynRobot
 
@@ -141,8 +142,7 @@ def whole_star():
         if j == star or not plain.names[j].startswith("beta"):
             parent = model.getJointId(plain.names[plain.parents[j]])
             place = plain.jointPlacements[j]
-            joint = model.addJoint(parent, plain.joints[j], place, plain.names[j])
-            model.appendBodyToJoint(joint, plain.inertias[j], pin.SE3.Identity())
+            add(model, parent, plain.joints[j], plain.names[j], place, plain.inertias[j])
     closures = []
     for k, weld in enumerate(robot.closures, 2):
         a, b = (plain.frames[plain.getFrameId(name)] for name in (weld.frame_a, weld.frame_b))
@@ -150,8 +150,8 @@ def whole_star():
         own = model.getJointId("beta_1")
         model.appendBodyToJoint(own, plain.inertias[third], at)
         arc, parent = plain.jointPlacements[third], model.getJointId(f"mu_{k}")
-        model.addFrame(pin.Frame(f"arc_{k}", parent, arc, pin.FrameType.OP_FRAME))
-        model.addFrame(pin.Frame(f"end_{k}", own, at, pin.FrameType.OP_FRAME))
+        mark(model, parent, f"arc_{k}", arc)
+        mark(model, own, f"end_{k}", at)
         closures.append(sst_pin.Closure(f"arc_{k}", f"end_{k}", "hinge"))
     return sst_pin.ClosedChain(model, closures, robot.motor_names)
 

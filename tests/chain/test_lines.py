@@ -1,9 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Forces along lines between two frames, and motors on lines."""
 
-import copy
-import pickle
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -12,6 +9,7 @@ from numpy.testing import assert_allclose
 import sst_pin
 from any_chain import chain as arm
 from any_chain import mimicking, states, with_joint
+from by_hand import at, mark
 from derivative_cases import (
     assert_derivatives_are_those_of_differences,
     case,
@@ -22,7 +20,7 @@ from derivative_cases import (
 from doors import Arrays
 from sst_pin import ClosedChain, Closure, LineForce
 from sst_pin.motion.energy import energy_balance
-from sst_pin.verification.referees import lagrange
+from sst_pin.verification.verify import verify_chain
 
 #: Ends of lines: from the world, between two links of one branch, over two branches.
 ENDS = [("universe", "point_arm_5"), ("point_arm_1", "point_arm_4"), ("point_body", "point_arm_3")]
@@ -69,7 +67,6 @@ def test_a_line_does_the_work_of_two_opposed_forces(name):
 
 
 def test_terms_hold_springs_and_dampers_of_lines():
-    """Eq. (92) with its terms, long form and reduced."""
     chain, bare = with_lines(with_joint("universal"))
     for q, va, aa in random_states(chain):
         f = chain.generalized_forces(q, va, aa)
@@ -86,12 +83,13 @@ def test_terms_hold_springs_and_dampers_of_lines():
 
 
 def test_direct_dynamics_is_the_inverse_with_motors_on_lines():
-    """Torques of a motion bring it about again: a line drives what the motor of the joint did."""
+    """And both are those of Lagrange multipliers, which take rows from the frames' Jacobians."""
     motors = ["body", STRUTS[0].name, {STRUTS[1].name: 2.0, "arm_3": -0.5}]
     robot = with_joint("universal")
     chain = ClosedChain(robot.model, robot.closures, motors, forces=STRUTS)
     assert chain.motor_names[2:] == (STRUTS[0].name, f"2 {STRUTS[1].name} - 0.5 arm_3")
     assert chain.motor_units == ("Nm", "Nm", "N", "Nm")
+    assert max(line.relative for line in verify_chain(chain, 5)) < 1e-9
     for q, va, aa in random_states(chain):
         tau = chain.compute_torques(q, va, aa)
         f, J = chain.generalized_forces(q, va, aa), chain.actuator_jacobian(q)
@@ -111,15 +109,13 @@ def test_a_motor_on_a_line_is_a_cylinder_without_mass():
     bar = sst_pin.robots.four_bar()
     line = LineForce("foot", "platform", stiffness=40, rest_length=0.3, damping=9, preload=-5)
     model = pin.Model(bar.model)
-    foot = pin.SE3(np.eye(3), np.array([-0.2, 0, -0.1]))
-    model.addFrame(pin.Frame("foot", 0, foot, pin.FrameType.OP_FRAME))
+    foot = at(-0.2, 0, -0.1)
+    mark(model, 0, "foot", foot)
     chain = ClosedChain(model, bar.closures, [line.name], forces=[line], coordinates=["crank"])
 
     upright = bar.model.jointPlacements[1].rotation
-    turn = pin.SE3(upright, foot.translation)
-    turn = model.addJoint(0, pin.JointModelRZ(), turn, "turn")
-    slide = model.addJoint(turn, pin.JointModelPX(), pin.SE3.Identity(), "slide")
-    model.addFrame(pin.Frame("rod", slide, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    turn = model.addJoint(0, pin.JointModelRZ(), pin.SE3(upright, foot.translation), "turn")
+    mark(model, model.addJoint(turn, pin.JointModelPX(), at(), "slide"), "rod", at())
     model.referenceConfigurations["home"] = np.array([*bar.home, 1.2, 0.6])
     closures = [*bar.closures, Closure("rod", "platform", (True, True, True, False, False, False))]
     D, k, rest = np.zeros(5), np.zeros(5), np.zeros(5)
@@ -166,19 +162,6 @@ def test_forces_at_rest_are_slopes_of_the_potential_energy():
     close(f @ way, slope, 1e-9)
 
 
-def test_lagrange_multipliers_give_the_same():
-    """Another formulation, which takes lengths and rows from the frames' Jacobians."""
-    robot = with_joint("universal")
-    motors = ["body", STRUTS[0].name, {STRUTS[1].name: 2.0, "arm_3": -0.5}]
-    chain = ClosedChain(robot.model, robot.closures, motors, forces=STRUTS)
-    for q, va, aa in random_states(chain):
-        tau = chain.compute_torques(q, va, aa)
-        close(tau, lagrange.torques(chain, q, va, aa), 1e-9)
-        close(
-            chain.compute_accelerations(q, va, tau), lagrange.accelerations(chain, q, va, tau), 1e-8
-        )
-
-
 def test_reactions_are_those_under_wrenches_that_pull_as_the_lines_do():
     """In joints and closures; the ground gives what it gives by the line from it as well."""
     chain, bare = with_lines(with_joint("revolute"))
@@ -191,11 +174,11 @@ def test_reactions_are_those_under_wrenches_that_pull_as_the_lines_do():
             ends = [model.frames[model.getFrameId(name)] for name in (line.frame_a, line.frame_b)]
             p = [(data.oMi[end.parentJoint] * end.placement).translation for end in ends]
             pull = tension * (p[1] - p[0]) / np.linalg.norm(p[1] - p[0])
-            for end, at, force in zip(ends, p, (pull, -pull), strict=True):
+            for end, place, force in zip(ends, p, (pull, -pull), strict=True):
                 centre = data.oMi[end.parentJoint].act(model.inertias[end.parentJoint].lever)
-                wrenches[end.parentJoint] += [*np.cross(at - centre, force), *force]
+                wrenches[end.parentJoint] += [*np.cross(place - centre, force), *force]
                 if not end.parentJoint:
-                    by_ground -= [*np.cross(at, force), *force]
+                    by_ground -= [*np.cross(place, force), *force]
         pulled = chain.reactions(q, va, aa)
         same = bare.reactions(q, va, aa, external_wrenches=wrenches[1:])
         for name in ("joints", "closures", "motors"):
@@ -223,21 +206,6 @@ def test_both_ends_in_one_place_have_no_direction():
         with pytest.raises(sst_pin.SingularConfigurationError, match="line gas is not determined"):
             quantity(bar.home, [0], [0])
     assert chain.line_lengths(bar.home) < 1e-12
-
-
-def test_a_batch_names_the_samples_whose_line_has_no_direction():
-    model = pin.Model()
-    for name, joint in (("slide", pin.JointModelPX()), ("turn", pin.JointModelRZ())):
-        index = model.addJoint(0, joint, pin.SE3.Identity(), name)
-        model.appendBodyToJoint(index, pin.Inertia.Random(), pin.SE3.Identity())
-        model.addFrame(pin.Frame(f"end_{name}", index, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
-    follow = sst_pin.Coupling("turn", {"slide": (0, 2)})
-    chain = ClosedChain(model, [follow], ["slide"], forces=[LineForce("universe", "end_slide")])
-    q = [chain.assemble({"slide": x}) for x in (0.1, 0.0, -0.1, 0.0)]
-    with pytest.raises(sst_pin.SingularConfigurationError, match=r"samples \[1, 3\]|\(1,\)|1, 3"):
-        chain.compute_torques(q, [0], [0])
-    tau = chain.compute_torques(q, [0], [0], on_error="nan")
-    assert np.isnan(tau[:, 0]).tolist() == [False, True, False, True]
 
 
 @pytest.mark.parametrize(
@@ -280,17 +248,6 @@ def test_lines_that_do_not_fit_the_robot_are_refused():
         chain([line], [line.name, line.name])
     with pytest.raises(sst_pin.UnknownNameError):
         chain([line], ["gas"])
-
-
-def test_copies_and_pickles_keep_lines():
-    chain, _ = with_lines(with_joint("revolute"), [STRUTS[0].name])
-    q, va, aa = next(random_states(chain))
-    for twin in (copy.copy(chain), copy.deepcopy(chain), pickle.loads(pickle.dumps(chain))):
-        assert twin.forces == chain.forces
-        assert_allclose(twin.compute_torques(q, va, aa), chain.compute_torques(q, va, aa))
-    chain.model.gravity.linear = np.zeros(3)
-    chain.refresh()
-    assert chain.forces == tuple(STRUTS)
 
 
 def test_a_line_stays_where_its_joint_is_locked():

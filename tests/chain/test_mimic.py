@@ -3,12 +3,15 @@
 
 import copy
 import pickle
+from itertools import product
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 
+from any_chain import states
+from by_hand import add, mark
 from sst_pin import ClosedChain, Closure, Coupling
 from sst_pin.errors import DescriptionError, InputError
 
@@ -28,6 +31,8 @@ JOINTS = (
     ("f", 5, pin.JointModelRY()),
     ("g", 4, pin.JointModelSpherical()),
 )
+#: Mimic joints, their leaders, factors and offsets.
+FOLLOWERS = [("e", "b", FACTOR, OFFSET), ("f", "a", 1.4, -0.2)]
 #: The mimic joint carries the loop, or hangs behind a branch that is in no loop.
 LOOPS = {"inside": ("f", "g"), "outside": ("c", "d")}
 
@@ -38,72 +43,51 @@ def ordinary(kind, seed=0):
     model, joints = pin.Model(), {n: j for n, _, j in JOINTS}
     joints["e"] = kind
     for name, parent, _ in JOINTS:
-        index = model.addJoint(parent, joints[name], pin.SE3.Random(), name)
-        model.appendBodyToJoint(index, pin.Inertia.Random(), pin.SE3.Identity())
-        frame = pin.Frame(f"{name}_end", index, pin.SE3.Random(), pin.FrameType.OP_FRAME)
-        model.addFrame(frame)
+        index = add(model, parent, joints[name], name, pin.SE3.Random(), pin.Inertia.Random())
+        mark(model, index, f"{name}_end", pin.SE3.Random())
     model.armature = np.abs(np.random.default_rng(seed).normal(size=model.nv))
-    model.armature[model.joints[5].idx_v] = 0
     return model
 
 
-@pytest.fixture(params=LOOPS)
-def loop(request):
-    return request.param
-
-
-@pytest.fixture(params=["RZ", "PY", "unaligned"])
-def pair(request, loop):
-    """The chain with a mimic joint, with a coupling, and q and v of the second from the first."""
-    model = ordinary(KINDS[request.param])
-    mimicking = pin.transformJointIntoMimic(model, 2, 5, FACTOR, OFFSET)
+@pytest.fixture(params=[*product(KINDS, LOOPS), ("two", "inside")], ids="-".join)
+def pair(request):
+    """The chain with mimic joints, with couplings, and q and the rates of these joints there."""
+    kind, loop = request.param
+    model = mimicking = ordinary(KINDS.get(kind, pin.JointModelRZ()))
+    followers = FOLLOWERS if kind == "two" else FOLLOWERS[:1]
+    joints = [model.joints[model.getJointId(name)] for name, *_ in followers]
+    rows = [joint.idx_v for joint in joints]
+    model.armature[rows] = 0
+    for name, leader, *numbers in followers:
+        ids = (mimicking.getJointId(x) for x in (leader, name))
+        mimicking = pin.transformJointIntoMimic(mimicking, *ids, *numbers)
     closures = [Closure(*(f"{name}_end" for name in LOOPS[loop]), "3d")]
-    coupling = Coupling("e", {"b": (0.0, FACTOR)}, OFFSET)
-    random = np.random.default_rng(1)
-    viscous, coulomb, stiffness = np.abs(random.normal(size=(3, mimicking.nv)))
-    stiffness[-3:] = 1.0  # a ball has one
-    k = model.joints[5].idx_v
-    D, F, S = (np.insert(x, k, 0.0) for x in (viscous, coulomb, stiffness))
-    a = ClosedChain(
-        mimicking,
-        closures,
-        ["a", "b"],
-        viscous_friction=viscous,
-        coulomb_friction=coulomb,
-        stiffness=stiffness,
-    )
-    names = a.coordinates
-    b = ClosedChain(
-        model,
-        [*closures, coupling],
-        ["a", "b"],
-        coordinates=names,
-        viscous_friction=D,
-        coulomb_friction=F,
-        stiffness=S,
-    )
+    gears = [Coupling(name, {leader: (0.0, x)}, offset) for name, leader, x, offset in followers]
+    terms = np.abs(np.random.default_rng(1).normal(size=(3, mimicking.nv)))
+    terms[2, -3:] = 1.0  # a ball has one stiffness
+    names = "viscous_friction", "coulomb_friction", "stiffness"
+
+    def among(numbers, at, followed):
+        return np.insert(numbers, np.array(at) - np.arange(len(at)), followed)
+
+    own = dict(zip(names, terms, strict=True))
+    a = ClosedChain(mimicking, closures, ["a", "b"], **own)
+    own = {name: among(x, rows, 0.0) for name, x in own.items()}
+    b = ClosedChain(model, closures + gears, ["a", "b"], coordinates=a.coordinates, **own)
 
     def to_b(q):
-        return np.insert(q, model.joints[5].idx_q, FACTOR * q[model.joints[2].idx_q] + OFFSET)
+        leaders = (model.joints[model.getJointId(leader)].idx_q for _, leader, *_ in followers)
+        values = [x * q[k] + y for k, (*_, x, y) in zip(leaders, followers, strict=True)]
+        return among(q, [joint.idx_q for joint in joints], values)
 
-    return a, b, to_b, k
-
-
-def states(a, number=5):
-    random = np.random.default_rng(2)
-    found = []
-    while len(found) < number:
-        q = pin.integrate(a.model, a.generic_configuration(), 0.3 * random.normal(size=a.model.nv))
-        q = a.assemble(q, (), tries=10)
-        found.append((q, *random.normal(size=(2, a.degrees_of_freedom))))
-    return found
+    return a, b, to_b, rows
 
 
 def test_dynamics_are_those_of_the_coupled_robot(pair):
-    """Forces, accelerations, terms, energies, frames; 1e-10 of the largest is rounding."""
+    """To 1e-10 of the largest, derivatives to 1e-9: that is rounding."""
     a, b, to_b, k = pair
     random = np.random.default_rng(3)
-    for q, va, aa in states(a):
+    for q, va, aa in zip(*states(a, 5, 2), strict=True):
         Q = to_b(q)
         assert np.abs(b.residual(Q)).max() < 1e-10
         wrenches = random.normal(size=(a.model.njoints - 1, 6))
@@ -127,23 +111,14 @@ def test_dynamics_are_those_of_the_coupled_robot(pair):
         same(x.N_l @ x.N_d, x.K)
         same(a.kinetic_energy(q, va), b.kinetic_energy(Q, va))
         same(a.potential_energy(q), b.potential_energy(Q))
-
-
-def test_derivatives_are_those_of_the_coupled_robot(pair):
-    """Derivatives of forces and accelerations; 1e-9 of the largest is rounding."""
-    a, b, to_b, _ = pair
-    for q, va, aa in states(a, 2):
-        for method, third in (("torque_derivatives", aa), ("acceleration_derivatives", aa[:2])):
-            for x, y in zip(
-                getattr(a, method)(q, va, third, sign_width=0.1),
-                getattr(b, method)(to_b(q), va, third, sign_width=0.1),
-                strict=True,
-            ):
+        for method, third in (("torque_derivatives", aa), ("acceleration_derivatives", tau)):
+            parts = (getattr(x, method) for x in (a, b))
+            parts = (f(at, va, third, sign_width=0.1) for f, at in zip(parts, (q, Q), strict=True))
+            for x, y in zip(*parts, strict=True):
                 assert_allclose(x, y, atol=1e-9 * max(1.0, np.abs(y).max()))
 
 
 def test_what_a_mimic_joint_cannot_be_is_refused():
-    """A motor, a coordinate, a held joint, a joint of a coupling; locking."""
     model = pin.transformJointIntoMimic(ordinary(pin.JointModelRZ()), 2, 5, FACTOR, OFFSET)
     loop = Closure("f_end", "g_end", "3d")
     with pytest.raises(InputError, match="mimic joint"):
@@ -188,24 +163,6 @@ def test_a_urdf_read_with_its_mimic_joints_is_computed():
     q = chain.assemble([0.4], ())
     assert_allclose(q, [0.1], atol=1e-12)
     assert_allclose(chain.Phi(q), [[0.0], [0.0], [-2.0]], atol=1e-12)
-
-
-def test_two_mimic_joints_follow_each_its_own():
-    """e follows b and f follows a: forces and their derivatives, as above."""
-    model = ordinary(pin.JointModelRZ())
-    model.armature = np.zeros(model.nv)
-    mimicking = pin.transformJointIntoMimic(model, 2, 5, FACTOR, OFFSET)
-    mimicking = pin.transformJointIntoMimic(mimicking, 1, 6, 1.4, -0.2)
-    loop = Closure("f_end", "g_end", "3d")
-    gears = [Coupling("e", {"b": (0, FACTOR)}, OFFSET), Coupling("f", {"a": (0, 1.4)}, -0.2)]
-    a = ClosedChain(mimicking, [loop], ["a", "b"])
-    b = ClosedChain(model, [loop, *gears], ["a", "b"], coordinates=a.coordinates)
-    for q, va, aa in states(a, 2):
-        Q = np.array([*q[:5], FACTOR * q[1] + OFFSET, 1.4 * q[0] - 0.2, *q[5:]])
-        assert_allclose(a.generalized_forces(q, va, aa), b.generalized_forces(Q, va, aa), atol=1e-9)
-        pairs = zip(a.torque_derivatives(q, va, aa), b.torque_derivatives(Q, va, aa), strict=True)
-        for x, y in pairs:
-            assert_allclose(x, y, atol=1e-9 * max(1.0, np.abs(y).max()))
 
 
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda c: pickle.loads(pickle.dumps(c))])

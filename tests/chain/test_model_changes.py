@@ -14,7 +14,9 @@ import pinocchio as pin
 import pytest
 from test_coordinates import rhombus
 
+import any_chain
 import sst_pin
+from planar_bars import planar
 from sst_pin import ClosedChain, Closure
 from sst_pin.compiled.compiled_backend import CompiledBackend
 from sst_pin.compiled.export import c_files
@@ -77,18 +79,17 @@ def build(model):
     return ClosedChain(model, [Closure("A", "B", "6d")], MOTORS)
 
 
-@pytest.fixture
-def chain():
-    """Three and three joints on a base that floats, whose model a test may change."""
+def floating():
+    """Three and three joints on a base that floats."""
     model = tree("free", ["RX", "revolute", "RZ"], ["RZ", "revolute", "ball"], seed=3)
     model.referenceConfigurations["home"] = model.referenceConfigurations["closed"]
-    return build(model)
+    return model
 
 
 @pytest.fixture
-def state(chain):
-    q = chain.model.referenceConfigurations["closed"]
-    return q, *np.random.default_rng(0).normal(size=(2, chain.mobility(q).degrees_of_freedom))
+def chain():
+    """A robot whose model a test may change."""
+    return build(floating())
 
 
 def numbers(chain, q, random):
@@ -98,7 +99,7 @@ def numbers(chain, q, random):
         [
             chain.generalized_forces(q, va, aa),
             chain.generalized_forces(np.stack([q, q]), va, aa).ravel(),
-            chain.compute_accelerations(q, va, np.ones(2)),
+            chain.compute_accelerations(q, va, np.ones(len(chain.motor_names))),
             chain.noc(q, va).inertia.ravel(),
             np.atleast_1d(chain.potential_energy(q)),
         ]
@@ -110,11 +111,11 @@ def everything(chain, q, random):
     n, m = chain.degrees_of_freedom, len(chain.motor_names)
     va, aa = random.normal(size=(2, n))
     found = [numbers(chain, q, random), chain.friction.viscous, chain.friction.coulomb]
-    for at in (q, np.stack([q, q])):
-        found += chain.torque_derivatives(at, va, aa)
-        found += chain.acceleration_derivatives(at, va, np.ones(m))
-        found += [chain.compute_accelerations(at, va, np.ones(m)), chain.joint_rates(at, va)]
-        found += [chain.kinetic_energy(at, va), chain.frame_jacobian(at, "A")]
+    for x in (q, np.stack([q, q])):
+        found += chain.torque_derivatives(x, va, aa)
+        found += chain.acceleration_derivatives(x, va, np.ones(m))
+        found += [chain.compute_accelerations(x, va, np.ones(m)), chain.joint_rates(x, va)]
+        found += [chain.kinetic_energy(x, va), chain.frame_jacobian(x, "A")]
     return np.concatenate([np.ravel(x) for x in found])
 
 
@@ -137,7 +138,6 @@ def test_a_changed_model_counts_after_refresh_and_not_before(chain, name):
     "name", [n for n in CHANGES if n not in ("joint", "placement")]
 )  # no star, open loops
 def test_a_changed_sst_equals_a_new_one_on_kernels_and_the_reference_path(name):
-    """A single call and a batch, before and after refresh()."""
     robot = sst_pin.SST()
     # No passive joint stands still: Coulomb friction would have any sign.
     q = robot.assemble(robot.home + 0.1 * np.random.default_rng(0).normal(size=9))
@@ -279,7 +279,6 @@ def test_an_sst_in_other_coordinates_has_its_platform():
 
 
 def test_exported_code_is_of_one_robot():
-    """A joint added to the model counts after refresh, in all functions or in none."""
     robot = sst_pin.robots.four_bar()
     before = {path.name: written(write) for path, write in c_files(robot, "out").items()}
     _joint(robot.model)
@@ -325,17 +324,13 @@ ANSWERS = {
 
 def four_bar_with_angles(coupler, mass, q=(0.7, -0.4, 1.9)):
     """A four-bar that is closed at these angles, for any length of its coupler."""
-    model = pin.Model()
-    at = np.array([q[0], q[0] + q[1], q[2]])
-    rocker = (0.2 * np.sin(at[0]) + coupler * np.sin(at[1])) / np.sin(at[2])
-    base = 0.2 * np.cos(at[0]) + coupler * np.cos(at[1]) - rocker * np.cos(at[2])
-    for name, parent, length in ("crank", 0, 0.0), ("coupler", 1, 0.2), ("rocker", 0, base):
-        place = pin.SE3(np.eye(3), np.array([length, 0, 0]))
-        joint = model.addJoint(parent, pin.JointModelRZ(), place, name)
-        model.inertias[joint] = pin.Inertia(mass, np.array([0.1, 0, 0]), 0.01 * np.eye(3))
-    for name, joint, length in ("A", 2, coupler), ("B", 3, rocker):
-        end = pin.SE3(np.eye(3), np.array([length, 0, 0]))
-        model.addFrame(pin.Frame(name, joint, end, pin.FrameType.OP_FRAME))
+    x = np.array([q[0], q[0] + q[1], q[2]])
+    rocker = (0.2 * np.sin(x[0]) + coupler * np.sin(x[1])) / np.sin(x[2])
+    base = 0.2 * np.cos(x[0]) + coupler * np.cos(x[1]) - rocker * np.cos(x[2])
+    crank, coupler = ("crank", "universe", 0.0, 0.2), ("coupler", "crank", 0.2, coupler)
+    model = planar([crank, coupler, ("rocker", "universe", base, rocker)])
+    for k in range(1, 4):
+        model.inertias[k].mass = mass
     model.damping, model.gravity.linear = np.full(3, mass), np.array([0, -9.81, 0])
     model.referenceConfigurations["home"] = np.array(q)
     return model
@@ -347,7 +342,9 @@ def test_a_call_computes_from_one_robot_whenever_another_thread_refreshes(name):
     states = (0.5, 1.0), (0.45, 3.0)
 
     def made(state):
-        return ClosedChain(four_bar_with_angles(*state), [Closure("A", "B", "3d")], MOTORS_2)
+        return ClosedChain(
+            four_bar_with_angles(*state), [Closure("coupler_end", "rocker_end", "3d")], MOTORS_2
+        )
 
     q = made(states[0]).home
     q = q[None] if name == "trajectory" else q
@@ -366,7 +363,6 @@ def test_a_call_computes_from_one_robot_whenever_another_thread_refreshes(name):
 
 
 def test_a_motion_belongs_to_the_robot_that_was_simulated():
-    """Though it is refreshed while it moves."""
     model, closures, folded = rhombus()
     model.referenceConfigurations["home"] = np.array([0.7, -0.7, 0.7])
     chain = ClosedChain(model, closures, ["rocker", "crank"])
@@ -379,7 +375,6 @@ def test_a_motion_belongs_to_the_robot_that_was_simulated():
 
 
 def test_kernels_compiled_while_a_robot_is_refreshed_are_those_of_the_new_one(monkeypatch):
-    """The refresh comes while the kernels of the old one are made."""
     chain = sst_pin.robots.four_bar()
     make, left = CompiledBackend.make, [1]
 
@@ -412,8 +407,8 @@ def test_kernels_compiled_near_a_configuration_serve_a_robot_with_one_joint_more
     )
 
 
-def test_a_frame_added_to_the_model_can_be_asked_for(chain, state):
-    q, va, _ = state
+def test_a_frame_added_to_the_model_can_be_asked_for(chain):
+    q, va = chain.home, np.ones(chain.degrees_of_freedom)
     chain.joint_rates(q, va)
     chain.model.addFrame(pin.Frame("tool", 2, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
     chain.refresh()
@@ -421,12 +416,10 @@ def test_a_frame_added_to_the_model_can_be_asked_for(chain, state):
 
 
 @pytest.mark.parametrize(
-    "change",
-    [_set("inertias.2.mass", np.nan), _set("gravity.angular", np.array([0.0, 0.0, 1.0]))],
+    "change", [_set("inertias.2.mass", np.nan), _set("gravity.angular", np.array([0.0, 0.0, 1.0]))]
 )
 @pytest.mark.parametrize("kernels", [True, False])
 def test_a_model_that_is_refused_leaves_the_robot_as_it_was(kernels, change):
-    """refresh() raises at every call; the torques stay those of the model before."""
     robot = sst_pin.SST(kernels=kernels)
     motion = robot.home, np.ones(3), np.ones(3)
     before = robot.compute_torques(*motion)
@@ -455,34 +448,30 @@ def test_a_model_with_a_nan_is_refused():
         build(model)
 
 
-@pytest.mark.parametrize(
-    "copied", [copy.copy, copy.deepcopy, lambda c: pickle.loads(pickle.dumps(c))]
-)
-def test_copies_compute_the_same(chain, copied):
-    """Also in the coordinates that the original has settled on."""
-    q = chain.model.referenceConfigurations["closed"]
-    wanted = numbers(chain, q, np.random.default_rng(0))
-    other = copied(chain)
-    assert np.array_equal(numbers(other, q, np.random.default_rng(0)), wanted)
-    assert other.coordinates == chain.coordinates
+def compiled():
+    chain = sst_pin.robots.four_bar()
+    chain.compile()
+    return chain
 
 
-def test_threads_compute_the_same_from_the_first_call_on(chain, state):
-    """Many threads ask a chain that nobody has asked before."""
-    wanted = chain.generalized_forces(*state)
+@pytest.mark.parametrize("make", [lambda: build(floating()), any_chain.lines, compiled])
+def test_copies_threads_and_other_processes_compute_the_same(make):
+    """In the coordinates and with the lines of the original, whoever asks a new robot first."""
+    chain = make()
+    states = any_chain.states(chain, 32, 0)
+    q, random = states[0][0], np.random.default_rng
+    wanted = numbers(chain, q, random(0))
+    for copied in (copy.copy, copy.deepcopy, lambda c: pickle.loads(pickle.dumps(c))):
+        other = copied(chain)
+        assert np.array_equal(numbers(other, q, random(0)), wanted)
+        for name in ("coordinates", "forces", "path"):
+            assert getattr(other, name) == getattr(chain, name)
+    forces, wanted = chain.forces, [chain.generalized_forces(*x) for x in zip(*states, strict=True)]
     with ThreadPoolExecutor(8) as pool:
         for _ in range(5):
-            new = build(chain.model)
-            calls = [pool.submit(new.generalized_forces, *state) for _ in range(32)]
-            assert all(np.array_equal(call.result(), wanted) for call in calls)
-
-
-def test_a_forked_process_computes_the_same(chain, state):
-    wanted = chain.generalized_forces(*state)
-    context = multiprocessing.get_context("fork")
-    here, there = context.Pipe()
-    process = context.Process(target=lambda: there.send(chain.generalized_forces(*state)))
-    process.start()
-    assert here.poll(60)
-    assert np.array_equal(here.recv(), wanted)
-    process.join(60)
+            assert np.array_equal(list(pool.map(make().generalized_forces, *states)), wanted)
+    with multiprocessing.get_context("fork").Pool(2) as pool:
+        calls = zip(*states, strict=True)
+        assert np.array_equal(pool.starmap(chain.generalized_forces, calls), wanted)
+    chain.refresh()
+    assert chain.forces == forces

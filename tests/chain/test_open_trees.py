@@ -10,6 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import sst_pin
+import trees
 from command_line import run
 from derivative_cases import assert_derivatives_are_those_of_differences, case
 from doors import Arrays
@@ -77,7 +78,6 @@ def aba(model, q, v, tau):
     ],
 )
 def test_dynamics_and_derivatives_are_pinocchios(name, compiled):
-    """On both paths: torques, accelerations, their derivatives, the Jacobian of a frame."""
     chain = chain_of(name)
     model, (q, va, aa) = chain.model, states_of(chain)
     if compiled:
@@ -112,14 +112,11 @@ def test_dynamics_and_derivatives_are_pinocchios(name, compiled):
 
 
 def test_casadi_and_jax_give_the_same(chain, states):
-    """Torques and accelerations of one state."""
     q, va, aa = (x[0] for x in states)
     tau = chain.compute_torques(q, va, aa)
-    functions = [chain.casadi()]
-    if "jax" in (jax := pytest.importorskip("jax")).__name__:
-        jax.config.update("jax_enable_x64", True)
-        functions.append(chain.jax())
-    for f in functions:
+    jax = pytest.importorskip("jax")
+    jax.config.update("jax_enable_x64", True)
+    for f in (chain.casadi(), chain.jax()):
         found = f.torques(q, va, aa), f.accelerations(q, va, tau)
         found = [x.full().ravel() if isinstance(x, casadi.DM) else np.asarray(x) for x in found]
         assert_allclose(found[0], tau, rtol=0, atol=1e-11)
@@ -159,17 +156,10 @@ def test_mobility_assembly_and_reactions_need_no_closures(chain, states):
     assert chain.reactions(q, zero, zero).determined.joints.all()
 
 
-@pytest.mark.parametrize(
-    ("root", "first", "second"),
-    [
-        ("free", ["ball", "RX", "PZ"], ["revolute", "ZYX", "translation"]),
-        ("plane", ["universal", "prismatic", "RUBY", "PX"], ["ball", "helical", "free"]),
-        ("composite", ["unbounded", "HY", "ball"], ["RZ", "composite", "plane"]),
-    ],
-)
-def test_every_kind_of_joint_with_friction_and_springs(root, first, second):
+@pytest.mark.parametrize("name", trees.TREES)
+def test_every_kind_of_joint_with_friction_and_springs(name):
     """Joints added breadth-first; derivatives against differences."""
-    model = tree(root, first, second)
+    model = tree(*trees.TREES[name])
     some = case(model, [], [model.names[k] for k in range(1, model.njoints)])
     random, door = np.random.default_rng(1), Arrays(some)
     for state in some.states(2):
@@ -183,7 +173,6 @@ def test_every_kind_of_joint_with_friction_and_springs(root, first, second):
 
 
 def test_pictures_of_a_tree(chain, states, tmp_path):
-    """The page of a motion, and the viewer's page, with its arrows."""
     q0, va0, _ = (x[0] for x in states)
     motion = chain.simulate(np.zeros(chain.model.nv), q0, va0, np.linspace(0, 0.1, 6))
     assert plots.motion_page(chain, motion).axes
@@ -193,7 +182,6 @@ def test_pictures_of_a_tree(chain, states, tmp_path):
 
 
 def test_too_few_motors_and_coordinates_are_refused_as_in_any_robot():
-    """By the names of what nothing drives."""
     model = model_of("arm")
     few = ClosedChain(model, [], ["joint_1", "joint_2"])
     q, rates = pin.neutral(model), np.ones(7)
@@ -261,7 +249,6 @@ def test_an_mjcf_without_equalities_is_an_open_tree(tmp_path):
 
 
 def test_the_command_takes_a_tree(here, capsys):
-    """A motion, its torques, and back."""
     (here / "arm.urdf").write_text(ARM)
     (here / "arm.yaml").write_text("name_mot: [shoulder, elbow]")
     arm = sst_pin.ClosedChain.from_urdf("arm.urdf")

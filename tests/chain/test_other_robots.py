@@ -4,17 +4,11 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from scipy.linalg import null_space
 
 from derivative_cases import close
-from pinocchio_peers import Constrained
 from robots import GRAVITY, ROBOTS, Robot, derivatives
 from sst_pin import ClosedChain
-from sst_pin.errors import (
-    ActuationError,
-    ClosureError,
-    SingularConfigurationError,
-)
+from sst_pin.errors import ActuationError, ClosureError, SingularConfigurationError
 from trees import derivative
 
 STATES = range(4)
@@ -84,7 +78,6 @@ def test_L_is_an_orthogonal_complement_of_Phi(robot, chain):
 
 @pytest.mark.parametrize("name", ["L", "K", "T"])
 def test_the_rates_of_the_complement_are_its_derivatives(robot, chain, name):
-    """L_dot, K_dot and T_dot along a motion that keeps the loops closed."""
     x, x_dot, *_ = random_state(robot, 0)
     q, q_dot, _ = derivatives(robot.joints, x, x_dot)
 
@@ -117,7 +110,6 @@ def test_the_long_form_adds_up_to_the_torques(robot, chain):
 
 
 def test_accelerations_invert_the_torques(robot, chain):
-    """Direct dynamics of the torques by virtual work gives back the motion."""
     for motion, wrenches in states(robot):
         aa = chain.compute_accelerations(
             motion.q, motion.va, motion.tau, external_wrenches=wrenches
@@ -126,27 +118,7 @@ def test_accelerations_invert_the_torques(robot, chain):
         close(aa, motion.aa, 1e-11)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [name for name, r in ROBOTS.items() if all(c.kind != "orientation" for c in r.closures)],
-)
-def test_accelerations_agree_with_the_proximal_solver_of_Pinocchio(name):
-    """A second opinion on 3D and 6D closures, which Pinocchio treats by Lagrange multipliers."""
-    robot = ROBOTS[name]
-    chain = robot.frictionless()
-    theirs = Constrained(chain, mu=1e-8, iterations=20)
-    for motion, _ in states(robot):
-        tau = np.zeros(chain.model.nv)
-        tau[robot.motors] = motion.tau
-        v_dot = theirs.accelerations(motion.q, motion.q_dot, tau)
-        aa = chain.compute_accelerations(motion.q, motion.va, motion.tau)
-        # The iteration ends at 1e-14 in the constraints, times a condition number below 100, times
-        # that of the inertia matrix, below 10.
-        close(aa, v_dot[robot.motors], 1e-11)
-
-
 def test_a_batch_equals_a_loop(robot, chain):
-    """Leading axes broadcast, in torques and in accelerations."""
     motions, wrenches = zip(*states(robot), strict=True)
     q, va, aa = (
         np.stack([getattr(motion, name) for motion in motions]).reshape(2, 2, -1)
@@ -165,7 +137,6 @@ def test_a_batch_equals_a_loop(robot, chain):
 
 
 def test_energies_are_the_sums_over_the_bodies(robot, chain):
-    """Kinetic energy with the rotors', potential energy, and the power of friction."""
     for seed in STATES:
         x, x_dot, *_ = random_state(robot, seed)
         q, q_dot, _ = derivatives(robot.joints, x, x_dot)
@@ -189,22 +160,6 @@ def test_without_torque_and_friction_energy_is_conserved(robot):
     assert np.ptp(kinetic) > 1e-2  # [J], so that the theorem says something
     # The integrator keeps coordinates to 1e-12 a step; in ten steps the weights rise by 1e-11 m.
     assert np.ptp(total) < 1e-11 * robot.masses.sum() * np.linalg.norm(GRAVITY)
-
-
-def test_a_spherical_robot_needs_its_orientation_closures_only():
-    """Welding the platform in six directions adds redundant rows and changes nothing else."""
-    aligned, welded = (
-        ROBOTS[name] for name in ("spherical 3-RRR, aligned", "spherical 3-RRR, welded")
-    )
-    for motion, wrenches in states(aligned):
-        one, other = (
-            robot.chain().compute_torques(
-                motion.q, motion.va, motion.aa, external_wrenches=wrenches
-            )
-            for robot in (aligned, welded)
-        )
-        # Two least-squares systems with one solution: rounding times a condition below 100.
-        close(one, other, 1e-12)
 
 
 @pytest.mark.parametrize(
@@ -231,34 +186,6 @@ def test_too_few_motors_leave_loose_joints(name, motors):
     # What cannot be brought about from rest is what happens without torques: that can.
     aa = chain.compute_accelerations(q, np.ones(n), np.zeros(len(motors)))
     assert np.abs(chain.compute_torques(q, np.ones(n), aa)).max(initial=0.0) < 1e-9
-
-
-@pytest.mark.parametrize(
-    ("name", "extra"),
-    [
-        ("four-bar", "rocker"),
-        ("planar 3-RRR", "elbow_2"),
-        ("planar 3-RRR, platform welded", "wrist_3"),
-        ("6-UPS", "yaw_3"),
-        ("6-UPS, floating platform", "slide_z"),
-        ("spherical 3-RRR, aligned", "first_1"),
-    ],
-)
-def test_of_more_motors_than_freedoms_the_smallest_torques_are_taken(name, extra):
-    """They bring about the motion, and nothing of them lies where no force along it comes from."""
-    robot = ROBOTS[name]
-    chain, q = robot.chain([*robot.actuated, extra]), robot.joints(robot.x).real
-    n = len(robot.actuated)
-    assert chain.mobility(q).redundantly_actuated
-    assert chain.coordinates == tuple(robot.actuated)
-    va, aa = np.random.default_rng(0).normal(size=(2, n))
-    tau = chain.compute_torques(q, va, aa)
-    A = chain.noc(q, va).L.T[:, list(chain.actuated)]
-    f = chain.generalized_forces(q, va, aa)
-    scale = np.abs(f).max()
-    assert np.abs(A @ tau - f).max() < 1e-11 * scale
-    assert np.abs(null_space(A).T @ tau).max() < 1e-11 * scale
-    assert np.abs(chain.compute_accelerations(q, va, tau) - aa).max() < 1e-9 * np.abs(aa).max()
 
 
 def test_an_open_loop_is_refused(robot, chain):

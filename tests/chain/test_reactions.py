@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Reactions in joints and closures, and which of them are unique."""
 
+from functools import partial
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -8,6 +10,8 @@ from scipy.linalg import null_space
 
 import any_chain
 import sst_pin
+from by_hand import add, at, in_units, mark
+from planar_bars import planar
 from sst_pin import robots
 from sst_pin.chain import dynamics, reactions
 
@@ -91,52 +95,41 @@ def solved(chain, seed, **options):
     return (q, va, aa, wrenches), chain.reactions(q, va, tau=tau, **loads, **options)
 
 
-def balances(chain):
-    """Whether all bodies do, when soft joints make all reactions unique."""
+def without_rotors(joint):
+    """Rotors turn the joints only; without them what is transmitted balances."""
+    chain = any_chain.with_joint(joint)
+    chain.model.armature[:] = 0
+    chain.refresh()
+    return chain
+
+
+CHAINS = {
+    **{name: getattr(robots, name) for name in GALLERY},
+    **{joint: partial(without_rotors, joint) for joint in [*any_chain.JOINTS, *any_chain.IN_A_ROW]},
+    **{str(kind): partial(any_chain.chain, kind=kind) for kind in any_chain.CLOSURES},
+    "SST": partial(sst_pin.SST, kernels=False),
+    "rods": any_chain.rods,
+    "coupled": any_chain.coupled,
+    "rolling": partial(any_chain.rolling, False),
+    "cart": any_chain.cart,
+}
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_newton_and_euler_close_for_every_body(name):
+    """When soft joints make all reactions unique; the ground bears what is left."""
+    chain = CHAINS[name]()
     state, w = solved(chain, 3, stiffness=soft(chain))
     scale = 1 + np.abs(w.joints).max()
     assert np.abs(unbalanced(chain, *state, w)).max() < 1e-10 * scale
-    ground = state[0]
     model, data = chain.mechanism.model, chain.mechanism.model.createData()
     pin.computeCentroidalMomentumTimeVariation(
-        model, data, ground, chain.joint_rates(*state[:2]), chain.joint_accelerations(*state[:3])
+        model, data, state[0], chain.joint_rates(*state[:2]), chain.joint_accelerations(*state[:3])
     )
     weight = -pin.computeTotalMass(model) * model.gravity.linear
     assert w.ground[3:] == pytest.approx(
         data.dhg.linear + weight - state[3][:, 3:].sum(axis=0), abs=1e-10 * scale
     )
-
-
-@pytest.mark.parametrize("name", GALLERY)
-def test_newton_and_euler_close_for_every_body_of_the_gallery(name):
-    balances(getattr(robots, name)())
-
-
-def test_newton_and_euler_close_for_every_body_of_the_sst():
-    balances(sst_pin.SST(kernels=False))
-
-
-@pytest.mark.parametrize("joint", [*any_chain.JOINTS, *any_chain.IN_A_ROW])
-def test_newton_and_euler_close_with_every_joint(joint):
-    """Rotors turn the joints only; without them what is transmitted balances."""
-    chain = any_chain.with_joint(joint)
-    chain.model.armature[:] = 0
-    chain.refresh()
-    balances(chain)
-
-
-@pytest.mark.parametrize("kind", any_chain.CLOSURES, ids=str)
-def test_newton_and_euler_close_with_every_closure(kind):
-    balances(any_chain.chain(kind=kind))
-
-
-@pytest.mark.parametrize(
-    "make",
-    [any_chain.rods, any_chain.coupled, lambda: any_chain.rolling(False), any_chain.cart],
-    ids=["rods", "coupled", "rolling", "cart"],
-)
-def test_newton_and_euler_close_with_rods_couplings_and_wheels(make):
-    balances(make())
 
 
 def unique_by_equilibrium(chain, q):
@@ -161,8 +154,9 @@ def unique_by_equilibrium(chain, q):
         owners.append((basis, slice(start, len(columns))))
 
     for j in range(1, model.njoints):
-        S = np.linalg.svd(_S(model, data, j))[0]
-        unknown(data.oMi[j], S[:, model.joints[j].nv :], model.parents[j], j)
+        J, own = pin.getJointJacobian(model, data, j, pin.LOCAL), model.joints[j]
+        S = np.linalg.svd(J[:, own.idx_v : own.idx_v + own.nv])[0]  # the first: twists of its rates
+        unknown(data.oMi[j], S[:, own.nv :], model.parents[j], j)
     for closure in chain.closures:
         a, b = (model.frames[model.getFrameId(name)] for name in frames_of(closure))
         at = data.oMf[model.getFrameId(closure.frame_b)]
@@ -180,12 +174,6 @@ def unique_by_equilibrium(chain, q):
     return moves[:, [3, 4, 5, 0, 1, 2]] < 1e-6
 
 
-def _S(model, data, j):
-    """Twists of a joint's rates in its own axes."""
-    J = pin.getJointJacobian(model, data, j, pin.LOCAL)
-    return J[:, model.joints[j].idx_v : model.joints[j].idx_v + model.joints[j].nv]
-
-
 @pytest.mark.parametrize("name", GALLERY)
 def test_verdicts_are_those_of_the_equilibrium_of_all_bodies(name):
     chain = getattr(robots, name)()
@@ -195,21 +183,12 @@ def test_verdicts_are_those_of_the_equilibrium_of_all_bodies(name):
 
 def parallelogram():
     """A coupler along x on three equal, parallel cranks: one more than its motion needs."""
-    model = pin.Model()
-    bar = pin.Inertia(1.0, np.array([0.2, 0, 0]), 0.01 * np.eye(3))
-    for k in range(3):
-        place = pin.SE3(np.eye(3), np.array([0.5 * k, 0, 0]))
-        crank = model.addJoint(0, pin.JointModelRZ(), place, f"crank_{k}")
-        model.appendBodyToJoint(crank, bar, pin.SE3.Identity())
-        if k == 0:
-            tip = pin.SE3(np.eye(3), np.array([0.4, 0, 0]))
-            coupler = model.addJoint(crank, pin.JointModelRZ(), tip, "coupler")
-            model.appendBodyToJoint(coupler, bar, pin.SE3.Identity())
-        else:
-            model.addFrame(pin.Frame(f"tip_{k}", crank, tip, pin.FrameType.OP_FRAME))
-            model.addFrame(pin.Frame(f"pin_{k}", coupler, place, pin.FrameType.OP_FRAME))
-    planar = (True, True, False, False, False, False)
-    closures = [sst_pin.Closure(f"pin_{k}", f"tip_{k}", planar) for k in (1, 2)]
+    bars = [(f"crank_{k}", "universe", 0.5 * k, 0.4) for k in range(3)]
+    model = planar([bars[0], ("coupler", "crank_0", 0.4, 1.0), *bars[1:]])
+    mark(model, model.getJointId("coupler"), "coupler_middle", at(0.5))
+    planar_pin = (True, True, False, False, False, False)
+    pins = ("coupler_middle", "crank_1_end"), ("coupler_end", "crank_2_end")
+    closures = [sst_pin.Closure(*pair, planar_pin) for pair in pins]
     return sst_pin.ClosedChain(model, closures, ["crank_0"])
 
 
@@ -229,9 +208,9 @@ def test_of_three_parallel_cranks_only_forces_along_them_are_not_unique():
     assert w.determined.closures[:, 4].all()
 
 
-def cube(cut, unit=1.0):
+def cube(cut):
     """Bricard's six hinges along edges of a cube, the loop cut at one of them."""
-    points = unit * np.array(
+    points = np.array(
         [(0, 0, 0), (1, 0, 0), (1, -1, 0), (1, -1, 1), (0, -1, 1), (0, 0, 1)], dtype=float
     )
     axes = np.eye(3)[[1, 2, 0, 1, 2, 0]]
@@ -240,17 +219,16 @@ def cube(cut, unit=1.0):
         for axis, point in zip(axes, points, strict=True)
     ]
     model = pin.Model()
-    model.gravity.linear = unit * np.array([0.3, -9.81, 0.7])
+    model.gravity.linear = np.array([0.3, -9.81, 0.7])
     ends, places = [0, 0], [pin.SE3.Identity()] * 2
-    body = pin.Inertia.FromBox(1.0, *(unit * np.array([0.4, 0.3, 0.1])))
+    body = pin.Inertia.FromBox(1.0, 0.4, 0.3, 0.1)
 
     def bear(side, k, link):
         joint = model.addJoint(
             ends[side], pin.JointModelRZ(), places[side].actInv(hinges[k - 1]), f"hinge_{k}"
         )
-        middle = (points[link - 1] + points[link]) / 2
-        world = pin.SE3(np.eye(3), middle)
-        model.appendBodyToJoint(joint, body, hinges[k - 1].actInv(world))
+        middle = at(*(points[link - 1] + points[link]) / 2)
+        model.appendBodyToJoint(joint, body, hinges[k - 1].actInv(middle))
         ends[side], places[side] = joint, hinges[k - 1]
 
     for k in range(1, cut):
@@ -258,15 +236,14 @@ def cube(cut, unit=1.0):
     for k in range(6, cut, -1):
         bear(1, k, k - 1)
     for name, side in (("a", 0), ("b", 1)):
-        at = places[side].actInv(hinges[cut - 1])
-        model.addFrame(pin.Frame(name, ends[side], at, pin.FrameType.OP_FRAME))
+        mark(model, ends[side], name, places[side].actInv(hinges[cut - 1]))
     motor = "hinge_1" if cut > 1 else "hinge_6"
     return sst_pin.ClosedChain(model, [sst_pin.Closure("a", "b", "hinge")], [motor])
 
 
-def through_hinges(cut, unit=1.0):
+def through_hinges(cut):
     """What the link before gives to the link behind each hinge, and the verdicts, all at once."""
-    chain = cube(cut, unit)
+    chain = cube(cut)
     q = pin.neutral(chain.model)
     rates = chain.joint_rates(q, [1.0])
     w = chain.reactions(q, [0.7 / rates[0]], tau=[0.0])
@@ -290,15 +267,6 @@ def test_another_cut_gives_the_same_verdicts_and_the_same_unique_wrenches():
         others, verdicts = through_hinges(cut)
         assert np.array_equal(verdicts, unique)
         assert others == pytest.approx(wrenches, abs=1e-10, nan_ok=True)
-
-
-def test_millimetres_give_the_verdicts_of_metres():
-    """kg, mm, s: forces are 1e3 times, moments 1e6 times those in metres."""
-    wrenches, unique = through_hinges(4)
-    scaled, verdicts = through_hinges(4, 1e3)
-    assert np.array_equal(verdicts, unique)
-    size = np.repeat([1e6, 1e3], 3)
-    assert scaled / size == pytest.approx(wrenches, abs=1e-10, nan_ok=True)
 
 
 def test_a_wrench_that_is_not_unique_is_named_where_asked_for_singly():
@@ -370,13 +338,10 @@ def test_a_number_that_is_none_is_named_and_not_taken_for_what_is_not_unique(nam
 
 def door():
     """A door on two hinges one above the other, its weight along their common axis."""
-    model = pin.Model()
-    hinge = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "lower")
-    body = pin.Inertia(10.0, np.array([0.5, 0, 0.5]), np.eye(3))
-    model.appendBodyToJoint(hinge, body, pin.SE3.Identity())
-    above = pin.SE3(np.eye(3), np.array([0.0, 0, 1]))
+    model, body = pin.Model(), pin.Inertia(10.0, np.array([0.5, 0, 0.5]), np.eye(3))
+    hinge = add(model, 0, pin.JointModelRZ(), "lower", at(), body)
     for name, joint in (("frame", 0), ("leaf", hinge)):
-        model.addFrame(pin.Frame(name, joint, above, pin.FrameType.OP_FRAME))
+        mark(model, joint, name, at(0, 0, 1))
     return sst_pin.ClosedChain(model, [sst_pin.Closure("frame", "leaf", "hinge")], ["lower"])
 
 
@@ -409,46 +374,15 @@ def test_stiffnesses_leave_unique_components_as_they_are():
         chain.reactions(chain.home, [0], [0], stiffness={"wheel": np.ones(6)})
 
 
-def published_andrews():
-    """Andrews' mechanism at 0.03 s with its spring, and the published multipliers, (x, y) each."""
-    plain = robots.andrews()
-    model = plain.model.copy()
-    for name, joint, place in (("C", 0, (0.014, 0.072, 0)), ("D", "gamma", (0.02, -0.018, 0))):
-        at = pin.SE3(np.eye(3), np.array(place, dtype=float))
-        index = model.getJointId(joint) if joint else 0
-        model.addFrame(pin.Frame(name, index, at, pin.FrameType.OP_FRAME))
-    spring = sst_pin.LineForce("C", "D", stiffness=4530, rest_length=0.07785)
-    chain = sst_pin.ClosedChain(model, plain.closures, ["beta"], forces=[spring])
-    order = [
-        ("beta", "theta", "gamma", "phi", "delta", "omega", "epsilon").index(name)
-        for name in chain.joint_names
-    ]
-    state = np.array(
-        [
-            (15.81077119629904, 1139.920302151208, -24631.76316945196),
-            (-15.75637105984298, -1424.379294994111, 51850.37701610329),
-            (0.04082224013073101, 11.03291221937134, 324102.5686413781),
-            (-0.5347301163226948, 19.29337464421385, 566749.3645176213),
-            (0.5244099658805304, 0.5735699284790808, 16743.62929479361),
-            (0.5347301163226948, -19.29337464421385, -566749.3645176222),
-            (1.048080741042263, 0.3231791658026955, 9826.520791458422),
-        ]
-    )[order].T
-    multipliers = [
-        (199.1753333731910, -29.75531228015052),
-        (23.06654119098399, 31.45271365475927),
-        (22.64249232082739, 11.61740700019673),
-    ]
-    return chain, state, np.array(multipliers)
-
-
 def test_andrews_multipliers_are_the_published_ones():
     """M q_ddot + G^T lambda = f: the forces on the common tip are -lambda.
 
     The published rates break the closures by 3e-8, so that a motion that obeys these differs by
     1e-7 of the forces. With the published rates and accelerations as they stand it is 1e-10.
     """
-    chain, (q, v, v_dot), published = published_andrews()
+    chain, given = robots.andrews(), robots.PUBLISHED["andrews"]
+    q, v, v_dot = np.array([[given[x][k] for k in chain.joint_names] for x in ("q", "v", "dv")])
+    published = np.array(list(given["forces"].values()))  # on the common tip
     beta = chain.joint_names.index("beta")
     w = chain.reactions(q, [v[beta]], [v_dot[beta]])
     assert w.determined.closures[:, 3:5].all()
@@ -467,25 +401,10 @@ def test_andrews_multipliers_are_the_published_ones():
 
 def in_other_units(plain, unit):
     """A robot with springs, friction and a line, its lengths in metres over `unit`."""
-    model = pin.Model()
-    model.gravity.linear = unit * plain.model.gravity.linear
-
-    def scaled(at):
-        return pin.SE3(at.rotation, unit * at.translation)
-
-    for j in range(1, plain.model.njoints):
-        place, body = plain.model.jointPlacements[j], plain.model.inertias[j]
-        kind, name = plain.model.joints[j], plain.model.names[j]
-        joint = model.addJoint(plain.model.parents[j], kind, scaled(place), name)
-        body = pin.Inertia(body.mass, unit * body.lever, unit**2 * body.inertia)
-        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
-    for frame in plain.model.frames:
-        if frame.type == pin.FrameType.OP_FRAME:
-            place = scaled(frame.placement)
-            model.addFrame(pin.Frame(frame.name, frame.parentJoint, place, frame.type))
+    model = pin.Model(plain.model)
     for name, joint in (("one end", 1), ("other end", model.njoints - 1)):
-        place = pin.SE3(np.eye(3), unit * np.array([0.03, 0.11, -0.07 * joint]))
-        model.addFrame(pin.Frame(name, joint, place, pin.FrameType.OP_FRAME))
+        mark(model, joint, name, at(0.03, 0.11, -0.07 * joint))
+    model = in_units(model, unit)
     line = sst_pin.LineForce(
         "one end", "other end", stiffness=30, rest_length=0.1 * unit, damping=2, preload=3 * unit
     )

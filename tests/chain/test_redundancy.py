@@ -143,14 +143,6 @@ def test_a_robot_without_surplus_motors_is_only_checked():
     assert chain.preload_directions(q).shape == (3, 2, 0)
 
 
-def test_a_robot_without_motors_has_no_preload():
-    plain = robots.four_bar()
-    passive = sst_pin.ClosedChain(plain.model, plain.closures, [])
-    q = passive.home
-    assert passive.preload_directions(q).shape == (0, 0)
-    assert passive.preload_directions([[q, q]]).shape == (1, 2, 0, 0)
-
-
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [

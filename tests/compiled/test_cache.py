@@ -19,6 +19,7 @@ import pytest
 
 import robots
 import sst_pin
+from by_hand import add, at, mark
 from command_line import BARS
 from sst_pin.cli import main
 from sst_pin.compiled import build
@@ -198,17 +199,13 @@ NAMED = {
 
 @pytest.mark.parametrize("case", NAMED)
 def test_robots_that_differ_in_what_a_name_means_have_their_own_kernels(folder, case):
-    """Kernels that the other robot left in the cache are not taken for theirs."""
     *orders, closures, forces, motors = NAMED[case]
     for names in orders:
         model = pin.Model()
         for i, name in enumerate(names):
-            place = pin.SE3(np.eye(3), np.array([0.3 * i, 0, 0]))
-            joint = model.addJoint(0, pin.JointModelRY(), place, name)
             body = pin.Inertia(1.0 + i, np.array([0.1 * (i + 1), 0, 0.05]), np.eye(3))
-            model.appendBodyToJoint(joint, body, pin.SE3.Identity())
-            end = pin.SE3(np.eye(3), np.array([0, 0, 0.2]))
-            model.addFrame(pin.Frame(f"{name} end", joint, 0, end, pin.OP_FRAME))
+            joint = add(model, 0, pin.JointModelRY(), name, at(0.3 * i), body)
+            mark(model, joint, f"{name} end", at(0, 0, 0.2))
         driven = [name for name in names if name in motors]
         chain = sst_pin.ClosedChain(model, closures, driven, forces=forces)
         q, (va, aa) = np.zeros(3), np.random.default_rng(0).standard_normal((2, len(motors)))
@@ -282,7 +279,6 @@ def test_a_robot_searches_the_cache_for_each_kernel_once(monkeypatch):
 
 @pytest.mark.slow
 def test_nothing_is_left_to_compile(tmp_path, monkeypatch, caplog):
-    """Every method with a kernel, also with wrenches, leaves the cache as it is."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     chain = sst_pin.robots.four_bar()
     chain.compile(all=True)

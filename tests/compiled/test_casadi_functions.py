@@ -80,7 +80,6 @@ def test_a_step_is_that_of_a_rollout(chain, functions):
 
 
 def test_derivatives_along_tangents_are_those_of_the_closed_robot(chain, functions):
-    """CasADi's own, times the tangent, against the reference path."""
     f = functions.generalized_forces
     for q, va, aa in states(chain, 2):
         d = chain.torque_derivatives(q, va, aa)
@@ -163,17 +162,20 @@ def test_a_nonlinear_program_with_closed_loops_is_solved_by_ipopt():
 
 
 def test_compiled_functions_are_the_plain_ones_with_their_first_derivatives():
-    """Values and Jacobians to rounding; IPOPT finds the same pose with them."""
-    chain = robots.planar_3rrr().chain()
-    plain, ours = chain.casadi(), chain.casadi(compiled=True)
-    assert ours.torques.class_name() == "External"
-    for q, va, aa in states(chain, 2):
-        for name, arguments in {"torques": (q, va, aa), "residual": (q,)}.items():
-            f, g = getattr(plain, name), getattr(ours, name)
-            close(g(*arguments), f(*arguments), 1e-13)
-            jacobians = [h.jacobian().call([*arguments, 0]) for h in (g, f)]
-            for block, expected in zip(*jacobians, strict=True):
-                close(block, expected, 1e-12)
+    """Values and Jacobians to rounding; IPOPT finds the same pose with them.
+
+    Rows of one number, those of a four-bar, a matrix library may take for columns.
+    """
+    for chain in (four_bar(), robots.planar_3rrr().chain()):
+        plain, ours = chain.casadi(), chain.casadi(compiled=True)
+        assert ours.torques.class_name() == "External"
+        for q, va, aa in states(chain, 2):
+            for name, arguments in {"torques": (q, va, aa), "residual": (q,)}.items():
+                f, g = getattr(plain, name), getattr(ours, name)
+                close(g(*arguments), f(*arguments), 1e-13)
+                jacobians = [h.jacobian().call([*arguments, 0]) for h in (g, f)]
+                for block, expected in zip(*jacobians, strict=True):
+                    close(block, expected, 1e-12)
     start = chain.generic_configuration()
     best = least_torques(plain, start, {"tol": 1e-10})
     by_gradients = {"hessian_approximation": "limited-memory", "tol": 1e-9}
@@ -186,16 +188,6 @@ def test_compiled_functions_are_the_plain_ones_with_their_first_derivatives():
         least_torques(ours, start, {})
     with pytest.raises(RuntimeError, match="Derivatives cannot be calculated for jac_torques"):
         ours.torques.jacobian().jacobian()
-
-
-def test_compiled_functions_of_one_coordinate_have_their_jacobians():
-    """Rows of one number, which a matrix library may take for columns."""
-    chain = four_bar()
-    plain, ours = chain.casadi().torques, chain.casadi(compiled=True).torques
-    (state,) = zip(*any_chain.states(chain, 1, 0), strict=True)
-    jacobians = [f.jacobian().call([*state, 0]) for f in (ours, plain)]
-    for block, expected in zip(*jacobians, strict=True):
-        close(block, expected, 1e-12)
 
 
 def test_functions_pickle_map_and_know_names():

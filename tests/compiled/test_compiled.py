@@ -1,13 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Chains computed by kernels of their own."""
 
-import copy
-import multiprocessing
 import os
 import pickle
 import subprocess
 import sys
-import threading
 from pathlib import Path
 
 import numpy as np
@@ -186,34 +183,7 @@ def test_whole_numbers_and_lists_are_answered_by_the_kernel_at_once(four_bar, nu
         assert kernel.answer(q, no_number, aa * 1.0, None, None, 1) is None
 
 
-def test_copies_threads_forks_and_other_processes_compute_the_same(four_bar):
-    q, va, aa = moving(four_bar, 64)
-    expected = four_bar.compute_torques(q, va, aa)
-    for other in (
-        copy.copy(four_bar),
-        copy.deepcopy(four_bar),
-        pickle.loads(pickle.dumps(four_bar)),
-    ):
-        assert np.array_equal(other.compute_torques(q, va, aa), expected)
-        assert "compiled" in other.path
-    results = [None] * 4
-
-    def compute(k):
-        results[k] = [four_bar.compute_torques(q[i], va[i], aa[i]) for i in range(64)]
-
-    threads = [threading.Thread(target=compute, args=(k,)) for k in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert all(np.array_equal(result, expected) for result in results)
-    with multiprocessing.get_context("fork").Pool(2) as pool:
-        for result in pool.starmap(four_bar.compute_torques, [(q, va, aa)] * 2):
-            assert np.array_equal(result, expected)
-
-
 def test_ctrl_c_ends_all_compilation(tmp_path, monkeypatch):
-    """Kernels that have not begun are not made, and the chain computes as before."""
     begun = []
 
     def interrupted(*_):

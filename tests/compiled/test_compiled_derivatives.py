@@ -34,10 +34,7 @@ ALL = (*DERIVATIVES, *(key._replace(along=True) for key in DERIVATIVES))
 #: The others take a second or more.
 QUICK = ("floating four-bar", "geared", "four_bar", "five_bar")
 SOME = [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in CASES]
-COMPILED = {
-    "five-bar": lambda: of_gallery("five_bar"),
-    "floating four-bar": floating_four_bar,
-}
+COMPILED = {"five-bar": lambda: of_gallery("five_bar"), "floating four-bar": floating_four_bar}
 
 
 def numbers(case, keys):

@@ -145,11 +145,6 @@ def test_derivatives_are_those_of_differences(behind):
     random = np.random.default_rng(1)
     for state in states(case, door, 3):
         assert_derivatives_are_those_of_differences(case, door, *state, random)
-
-
-def test_daa_is_the_inertia_and_dtau_its_inverse(behind):
-    case, door = behind
-    for state in states(case, door, 3):
         assert_daa_is_the_inertia_and_dtau_its_inverse(case, door, *state)
 
 

@@ -11,7 +11,6 @@ import pytest
 import any_chain
 import robots
 import sst_pin
-from sst_pin.chain.mechanism import Friction
 from sst_pin.compiled import c_code, kernels
 from sst_pin.compiled.elimination import Factors, pivot_order
 from sst_pin.compiled.equations import Equations
@@ -52,11 +51,11 @@ QUICK = (
 class Numbers:
     """Kernels of a chain as functions of numbers."""
 
-    def __init__(self, chain, loaded=False):
+    def __init__(self, chain):
         chain.generic_configuration()
         self.mechanism = chain._current.mechanism
         samples = sample_configurations(chain._current.reference)
-        self.equations = Equations(self.mechanism, samples, loaded)
+        self.equations = Equations(self.mechanism, samples)
         self.made = {}
 
     def __call__(self, name, *inputs, friction=None):
@@ -122,20 +121,6 @@ def test_a_joint_of_several_turns_is_these_turns_in_a_row(name):
         assert relative(numbers("generalized_forces", q, va, aa), expected) < 1e-11
 
 
-def test_external_wrenches_act_at_mass_centres_in_base_axes():
-    chain = any_chain.with_joint("free-flyer")
-    numbers, random = Numbers(chain, loaded=True), np.random.default_rng(0)
-    for q, va, aa in zip(*any_chain.states(chain, 3, 0), strict=True):
-        wrenches = random.normal(size=(len(chain.joint_names), 6))
-        expected = chain.generalized_forces(q, va, aa, external_wrenches=wrenches)
-        found = numbers("generalized_forces", q, va, aa, wrenches.ravel())
-        assert relative(found, expected) < 1e-11
-        tau = random.normal(size=6)
-        expected = chain.compute_accelerations(q, va, tau, external_wrenches=wrenches)
-        got = numbers("accelerations", q, va, tau, wrenches.ravel())
-        assert relative(got, expected) < 1e-9
-
-
 @pytest.mark.parametrize("motors", [["arm_1"], ["body", "arm_1", "arm_2"]])
 def test_motors_other_than_the_coordinates_give_the_smallest_torques(motors):
     chain = any_chain.chain(coordinates=["body"], actuated=motors)
@@ -163,24 +148,6 @@ def test_a_step_of_closing_squares_the_gap(name):
     assert gaps[0] > 1e-5
     assert gaps[1] < 1e3 * gaps[0] ** 2
     assert gaps[-1] < 1e-13
-
-
-def test_numbers_of_friction_and_gravity_stay_open():
-    """One graph serves other masses, gravity and friction in the same joints."""
-    chain = any_chain.chain()
-    numbers, mechanism = Numbers(chain), chain._current.mechanism
-    (q,), (va,), (aa,) = any_chain.states(chain, 1, 0)
-    numbers("generalized_forces", q, va, aa)
-    model = pin.Model(chain.model)
-    model.gravity.linear = np.array([1.0, 2.0, 3.0])
-    model.inertias[3] = model.inertias[3] + pin.Inertia.Random()
-    other = type(chain)(model, chain.closures, ["body"], viscous_friction=3 * model.damping)
-    numbers.mechanism = other._current.mechanism
-    got = numbers("generalized_forces", q, va, aa)
-    assert relative(got, other.generalized_forces(q, va, aa)) < 1e-11
-    assert mechanism.model != numbers.mechanism.model
-    smooth = Friction(model.damping, model.friction, 0.1)
-    assert np.isfinite(numbers("generalized_forces", q, va, aa, friction=smooth)).all()
 
 
 def test_pivots_avoid_elements_that_vanish_in_a_sample():

@@ -121,7 +121,6 @@ def test_coordinates_that_are_no_single_number_have_no_computed_torque_in_c(tmp_
 
 @pytest.mark.parametrize("precision", TYPES)
 def test_the_exported_functions_say_why_they_have_no_result(precision, tmp_path):
-    """Loops open, at a dead centre, not finite: each its own code."""
     chain = robots.four_bar()
     exported = Exported(chain, tmp_path, precision)
     one = np.ones(1)

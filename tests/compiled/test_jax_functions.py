@@ -14,12 +14,7 @@ import any_chain
 from command_line import said_without
 from derivative_cases import close, derivative
 from sst_pin import ClosedChain, UnknownNameError
-from sst_pin.errors import (
-    ActuationError,
-    DescriptionError,
-    InputError,
-    SingularConfigurationError,
-)
+from sst_pin.errors import ActuationError, DescriptionError, InputError, SingularConfigurationError
 from sst_pin.robots import five_bar, four_bar
 
 jax = pytest.importorskip("jax", reason="JAX is not installed (extra `jax`)")
@@ -191,7 +186,6 @@ def test_smallest_torques_of_redundant_motors_have_derivatives():
 
 
 def test_a_change_of_the_model_counts_after_refresh():
-    """In values and in derivatives, also where these are compiled by JAX."""
     chain = four_bar()
     torques = chain.jax().torques
     second = jax.jit(jax.hessian(torques, argnums=1))
@@ -248,7 +242,6 @@ def test_bad_arguments_are_told_by_name(wrapped):
 
 
 def test_single_precision_is_refused_whenever_it_is_on():
-    """When the functions are made, and when they are called or traced."""
     chain = four_bar()
     torques = chain.jax().torques
     jax.config.update("jax_enable_x64", False)

@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
+from by_hand import add, at, mark
 from sst_pin.chain.backend import Key
 from sst_pin.motion.energy import energy_balance
 
@@ -25,18 +26,17 @@ def loop(seed, lengths, twists, kind="6d", offsets=None):
     ]
     joint, ground = 0, where.copy()
     for k, bar in enumerate(bars if kind == "6d" else bars[:-1]):
-        joint = model.addJoint(joint, pin.JointModelRZ(), where, f"joint_{k + 1}")
-        up = pin.SE3(np.eye(3), np.array([0, 0, 0.0 if offsets is None else offsets[k]]))
+        up = at(0, 0, 0.0 if offsets is None else offsets[k])
         points = 0.1 * random.normal(size=(3, 3)) @ random.normal(size=(3, 3))
         inertia = points @ points.T + 0.01 * np.eye(3)
         inertia = inertia.trace() * np.eye(3) - inertia
         body = pin.Inertia(random.uniform(0.5, 2), 0.2 * random.normal(size=3), inertia)
-        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+        joint = add(model, joint, pin.JointModelRZ(), f"joint_{k + 1}", where, body)
         where = up * bar
     if kind != "6d":
         ground = ground * bars[-1].inverse()
-    model.addFrame(pin.Frame("end", joint, where, pin.FrameType.OP_FRAME))
-    model.addFrame(pin.Frame("ground", 0, ground, pin.FrameType.OP_FRAME))
+    mark(model, joint, "end", where)
+    mark(model, 0, "ground", ground)
     return sst_pin.ClosedChain(model, [sst_pin.Closure("ground", "end", kind)], ["joint_1"])
 
 
@@ -109,10 +109,7 @@ TURNING_BACK = {
     "trihedral Bricard": lambda: trihedral_bricard(55, [0.45, 0.2, 0.35, 0.3, 0.4]),
 }
 #: Singular as mechanisms where they are flat.
-STOPPING = {
-    "Sarrus": lambda: sarrus(18, 1.2),
-    "right-angled Sarrus": lambda: sarrus(19, np.pi / 2),
-}
+STOPPING = {"Sarrus": lambda: sarrus(18, 1.2), "right-angled Sarrus": lambda: sarrus(19, np.pi / 2)}
 
 
 @cache

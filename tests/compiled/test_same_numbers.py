@@ -17,8 +17,9 @@ import any_chain
 import cassie
 import robots as tables
 import sst_pin
+from by_hand import add, at
 from derivative_cases import WIDTH, floating_four_bar, of_gallery
-from sst_pin import ClosedChain, ClosureError, LineForce, robots
+from sst_pin import ClosedChain, ClosureError, LineForce, SingularConfigurationError, robots
 from sst_pin.chain.quantities import QUANTITIES
 from sst_pin.compiled import build, compiled_backend
 
@@ -257,13 +258,14 @@ def test_reactions_fill_any_array_with_any_number_of_threads():
     assert chain.reactions(*(x[:0] for x in plain)).determined.joints.shape == (0, 3, 6)
 
 
-def test_gravity_and_inertias_count_without_compiling_again(monkeypatch):
+def test_gravity_inertias_and_friction_count_without_compiling_again(monkeypatch):
     given, kernels = samples("cart")[0], pickle.loads(pickle.dumps(pair("cart")[0]))
     motions = [given[name] for name in ("q", "va", "aa")]
     monkeypatch.setattr(build, "_compile", None)  # whoever compiles fails
     before = kernels.compute_torques(*motions)
     model = kernels.model
     model.gravity.linear = np.array([0.0, 3.0, -20.0])
+    model.damping = 3 * model.damping
     for joint in ("follower", "ball", "base"):
         model.inertias[model.getJointId(joint)] += pin.Inertia.FromSphere(0.7, 0.2)
     kernels.refresh()
@@ -271,6 +273,7 @@ def test_gravity_and_inertias_count_without_compiling_again(monkeypatch):
     assert np.abs(after - before).max() > 1
     reference = any_chain.cart()
     reference.model.gravity, reference.model.inertias[:] = model.gravity, model.inertias
+    reference.model.damping = model.damping
     reference.refresh()
     same(after, reference.compute_torques(*motions))
     assert kernels.path.startswith("compiled")
@@ -319,8 +322,7 @@ def test_screws_of_many_turns_are_assembled_on_both_paths(polynomial):
     """The motor of the screw bears the weight of the slide by their ratio."""
     model = pin.Model()
     for name, joint in (("slide", pin.JointModelPZ()), ("screw", pin.JointModelRZ())):
-        body = model.addJoint(0, joint, pin.SE3.Identity(), name)
-        model.appendBodyToJoint(body, pin.Inertia(3.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+        add(model, 0, joint, name, at(), pin.Inertia(3.0, np.zeros(3), np.eye(3)))
     screw = sst_pin.Coupling("screw", {"slide": polynomial})
     for compiled in (False, True):
         robot = ClosedChain(model, [screw], ["screw"], coordinates=["slide"])
@@ -332,22 +334,23 @@ def test_screws_of_many_turns_are_assembled_on_both_paths(polynomial):
         np.testing.assert_allclose(tau, [3 * 9.81 / polynomial[1]], rtol=1e-12)
 
 
-def test_samples_whose_line_has_no_direction_are_refused_by_kernels_too():
-    home = robots.four_bar().home
-    data = any_chain.lines().model.createData()
-    pin.framesForwardKinematics(any_chain.lines().model, data, home)
-    at = data.oMf[any_chain.lines().model.getFrameId("platform")].translation
-    robot = any_chain.lines(at)
-    robot.compile()
-    q = np.array([any_chain.lines().assemble([*home[:2], home[2] + 0.2]), home])
-    with pytest.raises(sst_pin.SingularConfigurationError, match="gas is not determined"):
+@pytest.mark.parametrize("compiled", [False, True])
+def test_samples_whose_line_has_no_direction_are_refused_on_both_paths(compiled):
+    plain, home = any_chain.lines(), robots.four_bar().home
+    data = plain.model.createData()
+    pin.framesForwardKinematics(plain.model, data, home)
+    robot = any_chain.lines(data.oMf[plain.model.getFrameId("platform")].translation)
+    if compiled:
+        robot.compile()
+    q = np.array([plain.assemble([*home[:2], home[2] + 0.2]), home])
+    with pytest.raises(SingularConfigurationError, match="gas is not determined") as caught:
         robot.compute_torques(q, [0], [0])
+    assert caught.value.samples == ((1,),)
     tau = robot.compute_torques(q, [0], [0], on_error="nan")
     assert np.isnan(tau).any(axis=1).tolist() == [False, True]
 
 
 def test_a_motor_between_frames_of_one_body_moves_nothing():
-    """On both paths it is refused, alone; beside another motor its force is zero."""
     line, bar = LineForce("coupler_pin", "platform", name="idle"), robots.four_bar()
     for motors in (["idle"], ["idle", "crank"]):
         fast, plain = (ClosedChain(bar.model, bar.closures, motors, forces=[line]) for _ in "ab")

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Statements of generated C, computed here by Python."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

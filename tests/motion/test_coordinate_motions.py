@@ -9,6 +9,8 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
+from by_hand import add, at
+from derivative_cases import carried_four_bar
 from sst_pin.chain.starts import placed
 from sst_pin.files import read_table
 from sst_pin.motion.coordinate_motions import coordinate_motion
@@ -111,7 +113,6 @@ def columns(motion, names, endings):
 
 @pytest.mark.parametrize("endings", [("_rad",) * 3, ("_deg", "", "_rad")])
 def test_a_file_of_coordinates_is_the_motion(delta, stroke, endings):
-    """Radians, degrees, bare names; the first row's other joints choose the assembly."""
     motion, _ = stroke
     passive = [name for name in motion.joint_names if name not in delta.coordinates]
     revolute = [n for n in passive if motion.units[motion.joint_names.index(n)] == "rad"]
@@ -150,23 +151,10 @@ def test_a_file_that_is_no_motion_says_where(delta, text, words):
 
 def test_a_floating_robot_says_which_columns_it_needs():
     """Its first coordinates are no angles: positions, rates and accelerations of all."""
-    import pinocchio as pin
-
-    model = pin.Model()
-    base = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
-    model.appendBodyToJoint(base, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
-    parent = base
-    for name in ("a", "b", "c"):
-        where = pin.SE3(np.eye(3), np.array([0.2, 0, 0]))
-        parent = model.addJoint(parent, pin.JointModelRZ(), where, name)
-        model.appendBodyToJoint(parent, pin.Inertia.FromSphere(0.1, 0.1), pin.SE3.Identity())
-    end = pin.SE3(np.eye(3), np.array([0.2, 0, 0]))
-    model.addFrame(pin.Frame("end", parent, end, pin.FrameType.OP_FRAME))
-    pivot = pin.SE3(np.eye(3), np.array([0.2, 0.2, 0]))
-    model.addFrame(pin.Frame("pivot", base, pivot, pin.FrameType.OP_FRAME))
-    chain = sst_pin.ClosedChain(model, [sst_pin.Closure("end", "pivot", "3d")], ["a"])
+    model, closures, _, _ = carried_four_bar(pin.JointModelFreeFlyer())
+    chain = sst_pin.ClosedChain(model, closures, ["crank"])
     with pytest.raises(sst_pin.FileFormatError, match=r"base_qw_1, .* and accelerations"):
-        read_motion(chain, stream("t_s,a\n0,0\n1,0\n2,0\n"))
+        read_motion(chain, stream("t_s,crank\n0,0\n1,0\n2,0\n"))
 
 
 def test_a_simulation_starts_where_names_or_the_first_row_say(delta, stroke):
@@ -241,8 +229,7 @@ def test_angles_modulo_one_turn_are_told_and_those_of_endless_joints_go_on():
     with pytest.warns(sst_pin.DescriptionWarning, match="crank jump by a full turn"):
         coordinate_motion(four_bar, t, wrapped)
     model = pin.Model()
-    body = model.addJoint(0, pin.JointModelRUBZ(), pin.SE3.Identity(), "wheel")
-    model.appendBodyToJoint(body, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3(np.eye(3), np.ones(3)))
+    add(model, 0, pin.JointModelRUBZ(), "wheel", at(), pin.Inertia(1.0, np.ones(3), np.eye(3)))
     wheel = sst_pin.ClosedChain(model, [], ["wheel"])
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -4,11 +4,11 @@
 import warnings
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 import sst_pin
 import standard_referees as referees
+from planar_bars import planar
 from sst_pin import robots
 
 
@@ -49,25 +49,15 @@ def test_the_row_of_four_bars_turns_as_one_pendulum(loops, seconds):
         assert abs(place[1]) < 1e-7
 
 
-def bar(model, name, on, x, length):
-    """Add a bar that turns about z at x on another one."""
-    k = model.addJoint(on, pin.JointModelRZ(), pin.SE3(np.eye(3), np.array([x, 0, 0])), name)
-    lever = np.array([length / 2, 0, 0])
-    model.appendBodyToJoint(k, pin.Inertia(1.0, lever, np.diag([0.01] * 3)), pin.SE3.Identity())
-    end = pin.SE3(np.eye(3), np.array([length, 0, 0]))
-    model.addFrame(pin.Frame(f"{name}_end", k, 0, end, pin.FrameType.OP_FRAME))
-    return k
-
-
 def parallelogram(crank, *grounds):
     """A row of parallelograms that share their vertical bars, without weight."""
-    model, starts, closures = pin.Model(), [0.7], []
-    upright = bar(model, "crank", 0, 0.0, crank)
+    bars, starts, closures = [("crank", "universe", 0.0, crank)], [0.7], []
     for i, ground in enumerate(grounds):
-        bar(model, f"coupler_{i}", upright, crank, ground)
-        upright = bar(model, f"rocker_{i}", 0, sum(grounds[: i + 1]), crank)
+        bars.append((f"coupler_{i}", bars[-1][0], crank, ground))
+        bars.append((f"rocker_{i}", "universe", sum(grounds[: i + 1]), crank))
         closures.append(sst_pin.Closure(f"coupler_{i}_end", f"rocker_{i}_end", "3d"))
         starts += [-0.7, 0.7]
+    model = planar(bars)
     model.gravity.linear = np.zeros(3)
     model.referenceConfigurations["home"] = np.array(starts)
     return sst_pin.ClosedChain(model, closures, ["crank"])
@@ -100,11 +90,10 @@ def test_parallelograms_stay_what_they_are_from_any_start_with_any_tolerance(cou
 def test_a_kite_passes_where_two_joints_meet(kind):
     """Ground and crank, coupler and rocker are equal: at crank angle zero the crank's end meets
     the rocker's pivot, and coupler and rocker could turn together about it, but do not."""
-    model, a, b = pin.Model(), 0.5, 0.8
-    bar(model, "coupler", bar(model, "crank", 0, 0.0, a), a, b)
-    bar(model, "rocker", 0, a, b)
+    a, b = 0.5, 0.8
+    bars = ("crank", "universe", 0.0, a), ("coupler", "crank", a, b), ("rocker", "universe", a, b)
     closure = sst_pin.Closure("coupler_end", "rocker_end", kind)
-    chain = sst_pin.ClosedChain(model, [closure], ["crank"])
+    chain = sst_pin.ClosedChain(planar(bars), [closure], ["crank"])
 
     def kite(crank):
         top = a * np.cos(crank / 2) + np.sqrt(b**2 - (a * np.sin(crank / 2)) ** 2)
@@ -122,13 +111,13 @@ def test_a_kite_passes_where_two_joints_meet(kind):
 
 
 def test_singular_configurations_shortly_after_each_other_are_gone_through_one_by_one():
-    """Two parallelograms side by side are flat at nearly the same times."""
-    model = pin.Model()
+    bars = []
     for k in "ab":
-        bar(model, f"coupler_{k}", bar(model, f"crank_{k}", 0, 0.0, 0.5), 0.5, 0.6)
-        bar(model, f"rocker_{k}", 0, 0.6, 0.5)
+        bars.append((f"crank_{k}", "universe", 0.0, 0.5))
+        bars.append((f"coupler_{k}", f"crank_{k}", 0.5, 0.6))
+        bars.append((f"rocker_{k}", "universe", 0.6, 0.5))
     closures = [sst_pin.Closure(f"coupler_{k}_end", f"rocker_{k}_end", "3d") for k in "ab"]
-    chain = sst_pin.ClosedChain(model, closures, ["crank_a", "crank_b"])
+    chain = sst_pin.ClosedChain(planar(bars), closures, ["crank_a", "crank_b"])
     t, signs = np.linspace(0, 1, 11), np.array([1.0, -1.0, 1.0])
     start = np.concatenate([1.0 * signs, 1.03 * signs])
     motion = chain.simulate(

@@ -7,6 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import sst_pin
+from by_hand import add, at, mark
+from planar_bars import planar
 
 T = np.linspace(0, 1, 41)
 CIRCLE = np.column_stack([np.cos(2 * np.pi * T), np.sin(2 * np.pi * T)])
@@ -24,7 +26,6 @@ def test_the_delta_follows_a_circle_as_its_closed_form_says():
 
 
 def test_a_stewart_platform_follows_poses():
-    """Six freedoms, positions and orientations at once; against its closed form."""
     platform = sst_pin.robots.stewart()
     home = platform.platform_pose(platform.home)
     poses = np.tile(home, (41, 1, 1))
@@ -53,23 +54,13 @@ def test_the_star_follows_orientations(robot):
     assert np.abs(motion.aa - aa)[5:-5].max() < 1e-2 * np.abs(aa).max()
 
 
-def two_links():
-    model = pin.Model()
-    at = pin.SE3.Identity()
-    for k in range(3):
-        joint = model.addJoint(model.njoints - 1, pin.JointModelRZ(), at, f"hinge_{k}")
-        model.appendBodyToJoint(joint, pin.Inertia(1, np.zeros(3), np.eye(3)), pin.SE3.Identity())
-        at = pin.SE3(np.eye(3), np.array([1.0, 0, 0]))
-    model.addFrame(pin.Frame("tip", joint, 0, at, pin.FrameType.OP_FRAME))
-    return sst_pin.ClosedChain(model, [], [f"hinge_{k}" for k in range(3)])
-
-
 @pytest.mark.parametrize("elbow", [0.8, -0.8])
 def test_the_elbow_stays_on_its_side(elbow):
     """Three links in a plane, one more freedom than the task; far targets at the first sample."""
-    arm = two_links()
+    links = [("a", "universe", 0.0, 1.0), ("b", "a", 1.0, 1.0), ("c", "b", 1.0, 1.0)]
+    arm = sst_pin.ClosedChain(planar(links), [], ["a", "b", "c"])
     points = np.column_stack([1.5 + 0.5 * CIRCLE, np.zeros(41)])
-    motion = sst_pin.frame_motion(arm, T, "tip", points, [0.1, elbow, elbow])
+    motion = sst_pin.frame_motion(arm, T, "c_end", points, [0.1, elbow, elbow])
     assert (np.sign(motion.q[:, 1:]) == np.sign(elbow)).all()
     x = np.cumsum(motion.q, axis=1)
     assert np.abs(np.cos(x).sum(axis=1) - points[:, 0]).max() < 1e-9
@@ -79,10 +70,9 @@ def test_the_elbow_stays_on_its_side(elbow):
 def test_a_motor_may_turn_by_more_than_half_a_turn_between_samples():
     """A gear of ratio ten; the rates of splines through 41 samples are exact to a part of 1e-4."""
     model = pin.Model()
-    for k, name in enumerate(("fast", "slow")):
-        model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), name)
-        model.appendBodyToJoint(k + 1, pin.Inertia.Identity(), pin.SE3.Identity())
-    model.addFrame(pin.Frame("hand", 2, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    for name in ("fast", "slow"):
+        add(model, 0, pin.JointModelRZ(), name, at(), pin.Inertia.Identity())
+    mark(model, 2, "hand", at())
     gear = sst_pin.ClosedChain(model, [sst_pin.Coupling("fast", {"slow": (0, 10.0)})], ["fast"])
     turns = Rotation.from_rotvec(np.outer(4 * np.sin(5 * T), [0, 0, 1])).as_matrix()
     motion = sst_pin.frame_motion(gear, T, "hand", turns)
@@ -157,7 +147,6 @@ def test_orientations_without_one_path_between_are_refused(R, word):
 
 
 def test_the_star_goes_through_samples_as_fast_as_its_motors_allow(robot):
-    """From a few orientations to a motion, in three calls."""
     pytest.importorskip("toppra")
     R = sst_pin.orientation([0.6, 0.9, 0.8], [0.9, 0.8, 1.0])
     path = robot.inverse_kinematics(sst_pin.orientation_path(R))

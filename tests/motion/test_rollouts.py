@@ -152,37 +152,6 @@ def test_a_rollout_goes_through_dead_points_as_simulate_does(fast):
     assert errors[0] / errors[1] > 10  # 16, apart from where the coordinates change
 
 
-@pytest.mark.parametrize(
-    ("loops", "fast", "count"),
-    [
-        (1, False, 10),
-        (3, True, 25),
-        pytest.param(1, True, 100, marks=pytest.mark.slow),
-        pytest.param(3, True, 100, marks=pytest.mark.slow),
-        pytest.param(3, False, 100, marks=pytest.mark.slow),
-    ],
-)
-def test_no_rollout_changes_its_assembly_mode_or_passes_a_singularity(loops, fast, count):
-    """Parallelograms from any start with any step end before all bars lie on one line."""
-    row, random = robots.n_four_bar(loops), np.random.default_rng(5)
-    if fast:
-        row.compile()
-    turning = np.round(row.noc(row.home, [0.0]).L[:, 0])  # bars turn, others keep their direction
-    for _ in range(count):
-        angle, rate = random.uniform(0.3, 2.8), random.uniform(0.5, 4) * random.choice([-1, 1])
-        step = 10 ** random.uniform(-2, -0.7)
-        q0 = row.home + (angle - row.home[0]) * turning
-        tau = np.zeros((int(12 / abs(rate) / step), 1))
-        q = row.rollout(tau, q0, [rate], step, on_error="nan").q
-        held = np.isfinite(q).all(axis=1)
-        assert not held.all()
-        assert not np.isfinite(q[~held]).any()
-        q = q[held]
-        assert np.abs(q - row.home - (q[:, :1] - row.home[0]) * turning).max() < 1e-9
-        assert (q[:, 0] > 0).all()
-        assert (q[:, 0] < np.pi).all()
-
-
 def test_arguments_of_a_rollout_are_checked(robot):
     tau, q, va = np.zeros((4, 3)), robot.home, np.zeros(3)
     for arguments, options, word in (

@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
+from by_hand import add, at
 from sst_pin.errors import InputError
 
 KP, KD = 30.0, 4.0
@@ -17,8 +18,8 @@ def cart(mass):
     """One body that slides without weight."""
     model = pin.Model()
     model.gravity.linear = np.zeros(3)
-    joint = model.addJoint(0, pin.JointModelPZ(), pin.SE3.Identity(), "slide")
-    model.appendBodyToJoint(joint, pin.Inertia(mass, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    body = pin.Inertia(mass, np.zeros(3), np.eye(3))
+    add(model, 0, pin.JointModelPZ(), "slide", at(), body)
     return sst_pin.ClosedChain(model, [], ["slide"])
 
 

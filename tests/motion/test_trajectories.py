@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
+from itertools import pairwise
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -7,6 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import sst_pin
+from by_hand import add, at
+from planar_bars import planar
 from sst_pin.files import read_table, write_files
 from sst_pin.motion.motion_files import load_motion
 from sst_pin.sst import paper
@@ -46,7 +50,6 @@ def test_any_finite_numbers_survive_the_files(tmp_path_factory, q, v, start):
 
 
 def test_headers_carry_names_and_units(motion, tmp_path):
-    """`t_s`, angles, rates, accelerations, torques."""
     motion.save(tmp_path / "m.csv")
     header = (tmp_path / "m.csv").read_text().splitlines()[0].split(",")
     assert header[:4] == ["t_s", "gamma_1_rad", "mu_1_rad", "beta_1_rad"]
@@ -55,7 +58,6 @@ def test_headers_carry_names_and_units(motion, tmp_path):
 
 
 def test_forces_of_prismatic_motors_are_in_newtons(tmp_path):
-    """tau_1_N beside tau_2_Nm."""
     q, two, units = np.zeros((2, 3)), np.zeros((2, 2)), ("rad", "rad", "m")
     motion = sst_pin.Trajectory([0, 1], q, two, two, two, NAMES, ("slide", "mu_1"), units)
     motion.save(tmp_path / "m.csv")
@@ -133,7 +135,6 @@ def test_nothing_is_overwritten_without_force(motion, tmp_path):
 
 
 def test_nothing_is_left_half_written(tmp_path):
-    """A writer that fails leaves the old file and no trace."""
     path = tmp_path / "out.bin"
     path.write_bytes(b"old")
 
@@ -148,7 +149,6 @@ def test_nothing_is_left_half_written(tmp_path):
 
 
 def test_all_targets_are_looked_at_before_the_first_is_written(tmp_path):
-    """One file in the way keeps the others from being written."""
     (tmp_path / "b").write_text("in the way")
     files = {tmp_path / name: lambda file: file.write(b"x") for name in "abc"}
     with pytest.raises(sst_pin.OutputError):
@@ -157,7 +157,6 @@ def test_all_targets_are_looked_at_before_the_first_is_written(tmp_path):
 
 
 def test_places_that_cannot_be_written_are_told(motion, tmp_path):
-    """A folder in place of a file, a file in place of a folder, an ending nobody knows."""
     (tmp_path / "d.csv").mkdir()
     with pytest.raises(sst_pin.OutputError, match="is a folder"):
         motion.save(tmp_path / "d.csv")
@@ -194,7 +193,6 @@ def test_a_table_says_where_it_is_wrong(tmp_path, text, line, word):
 
 
 def test_tables_of_spreadsheets_are_read(tmp_path):
-    """Byte order mark, Windows line ends, blanks after commas, empty lines at the end."""
     path = tmp_path / "table.csv"
     path.write_bytes("\ufefft_s, a\r\n0, 1\r\n1, 2.5e-3\r\n\r\n".encode())
     table = read_table(path)
@@ -205,7 +203,6 @@ def test_tables_of_spreadsheets_are_read(tmp_path):
 
 
 def test_files_that_are_no_motions_are_told(tmp_path):
-    """Missing, of another format, without the columns of a motion."""
     (tmp_path / "x.npz").write_bytes(b"PK nothing")
     np.savez(tmp_path / "y.npz", t=np.zeros(1))
     (tmp_path / "x.csv").write_text("t_s,x\n0,1\n")
@@ -238,7 +235,6 @@ def test_motors_that_are_no_coordinates_come_back_by_their_names(tmp_path):
     "samples", [slice(2, 5), slice(None, None, 3), [0, 4, 6], np.arange(7) > 3]
 )
 def test_a_part_of_a_motion_is_a_motion(motion, samples):
-    """Slices, indices, masks: each array is cut alike, the names remain."""
     part = motion[samples]
     for name in ("t", "q", "va", "aa", "tau"):
         assert np.array_equal(getattr(part, name), getattr(motion, name)[samples])
@@ -266,7 +262,6 @@ def test_samples_that_are_no_motion_are_refused(motion, samples, words):
 
 
 def test_a_motion_between_two_times_holds_the_samples_at_both(motion):
-    """Seven samples from 0 to 0.1 s."""
     assert motion.between(motion.t[1], motion.t[4]) == motion[1:5]
     assert motion.between(-1, 1) == motion
     with pytest.raises(sst_pin.InputError, match="no sample from 2 to 3 s"):
@@ -284,7 +279,6 @@ def test_a_table_of_pandas_is_the_csv(motion, tmp_path):
 
 
 def test_a_motion_prints_as_a_few_lines(motion):
-    """Samples, times, names and largest torques; of many joints the first."""
     lines = repr(motion).splitlines()
     assert lines[0] == "Trajectory of 7 samples"
     assert "0 to 0.1 s" in lines[1]
@@ -306,8 +300,7 @@ def test_a_tendon_over_sliding_joints_gives_newtons(tmp_path):
     """By what it acts on, not by its name; in files and what is read of them, too."""
     model = pin.Model()
     for name in ("left", "right"):
-        model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), name)
-        model.appendBodyToJoint(model.njoints - 1, pin.Inertia.Random(), pin.SE3.Identity())
+        add(model, 0, pin.JointModelPX(), name, at(), pin.Inertia.Random())
     together = sst_pin.Coupling("right", {"left": (0, 1)})
     chain = sst_pin.ClosedChain(model, [together], [{"left": 0.5, "right": 0.5}])
     assert chain.motor_units == ("N",)
@@ -362,12 +355,10 @@ def test_a_motion_with_other_motors_or_coordinates_is_refused_everywhere(what, t
 
 
 def test_a_motion_belongs_to_robots_whose_joints_move_alike(tmp_path):
-    """Joints of equal names that turn here and slide there are other joints."""
     arms = []
     for joint in (pin.JointModelRY(), pin.JointModelPX()):
         model = pin.Model()
-        body = model.addJoint(0, joint, pin.SE3.Identity(), "a")
-        model.inertias[body] = pin.Inertia(1.0, np.zeros(3), np.eye(3))
+        add(model, 0, joint, "a", at(), pin.Inertia.Identity())
         arms.append(sst_pin.ClosedChain(model, [], ["a"]))
     t = np.linspace(0, 1, 7)
     motion = sst_pin.coordinate_motion(arms[0], t, t[:, None])
@@ -385,14 +376,8 @@ def test_a_robot_without_motors_reads_its_motion_again(tmp_path):
 
 def arm(names, motors=None, joint=pin.JointModelRY):
     """Joints in series that turn or slide, with these names."""
-    model, last = pin.Model(), 0
-    for k, name in enumerate(names):
-        at = pin.SE3(np.eye(3), np.array([0.4 * (k > 0), 0, 0]))
-        last = model.addJoint(last, joint(), at, name)
-        model.appendBodyToJoint(
-            last, pin.Inertia(3.0 - k, np.full(3, 0.1), np.eye(3)), pin.SE3.Identity()
-        )
-    return sst_pin.ClosedChain(model, [], list(motors or names))
+    bars = [(n, on, 0.4 * (on != "universe"), 0.4) for on, n in pairwise(["universe", *names])]
+    return sst_pin.ClosedChain(planar(bars, joint), [], list(motors or names))
 
 
 def swung(robot):

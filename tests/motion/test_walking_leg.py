@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.interpolate import make_interp_spline
 
 import sst_pin
+from by_hand import add, at, mark
 
 #: Lengths of Jansen's bars by his letters, [m].
 A, B, C, D, E, F, G, H, IN, J, K, LIFT, M = (
@@ -32,15 +33,12 @@ def leg(compiled):
     model = pin.Model()
     model.name, model.gravity.linear = "leg", np.array([0, -9.81, 0])
 
-    def bar(name, on, at, **ends):
-        start = pin.SE3(np.eye(3), np.array([*at, 0.0]))
-        k = model.addJoint(on, pin.JointModelRZ(), start, name)
+    def bar(name, on, start, **ends):
         middle = np.array([*np.mean([(0, 0), *ends.values()], axis=0), 0])
         body = pin.Inertia(1.0, middle, np.diag([0.01, 0.02, 0.03]))
-        model.appendBodyToJoint(k, body, pin.SE3.Identity())
+        k = add(model, on, pin.JointModelRZ(), name, at(*start), body)
         for end, place in ends.items():
-            frame = pin.SE3(np.eye(3), np.array([*place, 0.0]))
-            model.addFrame(pin.Frame(f"{name}_{end}", k, 0, frame, pin.FrameType.OP_FRAME))
+            mark(model, k, f"{name}_{end}", at(*place))
         return k
 
     crank = bar("crank", 0, (A, LIFT), end=(M, 0))

@@ -48,7 +48,6 @@ def test_the_compiled_path_is_the_one_in_use(robot):
 
 @compiled
 def test_derivatives_equal_the_reference(case):
-    """One sample and many, friction smooth; compiled at their first use."""
     robot, q, va, aa = case
     both = robot, on_reference_path(robot)
     for name in ("torque_derivatives", "acceleration_derivatives"):
@@ -261,7 +260,6 @@ def test_every_instruction_set_of_the_machine_computes_the_same(robot):
 @pytest.mark.slow
 @compiled
 def test_all_of_the_dynamics_holds_without_the_kernels():
-    """The tests of the dynamics and of bad input, once more on the reference path."""
     tests = [ROOT / "tests" / "chain" / name for name in ("test_dynamics.py", "test_bad_input.py")]
     command = [sys.executable, "-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider", *tests]
     environment = os.environ | {"SST_PIN_KERNELS": "off"}

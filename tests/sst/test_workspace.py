@@ -204,7 +204,6 @@ def test_npz_holds_every_attribute(at_zero, tmp_path):
 
 
 def test_csv_has_one_row_for_each_direction(robot, tmp_path):
-    """The middle once, the first spoke once; units in the header."""
     workspace = workspace_at(robot, rings=5, spokes=6)
     workspace.save(tmp_path / "map.csv")
     header = (tmp_path / "map.csv").read_text().partition("\n")[0]

@@ -1,13 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Direct kinematics of the SST by two conics, a referee for the package's by quaternions."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
 from sst_pin import Parameters
-from sst_pin.errors import SingularConfigurationError
 
 Array = NDArray[np.float64]
 
@@ -29,7 +26,7 @@ def orientations(parameters: Parameters, gamma: Array) -> Array:
     turn = np.cumsum([0.0, *parameters.arc_angles[1:]])  # from arc 1 to arc k about s
     legs = np.hstack([-np.sin(turn)[:, None] * u, np.cos(turn)[:, None] * u])
     _, size, axes = np.linalg.svd(legs)
-    _require(size[-1])
+    assert size[-1] > _ZERO  # otherwise the motor angles do not fix the star
     W_2, W_3 = np.sqrt(2) * axes[3:, :3].T, np.sqrt(2) * axes[3:, 3:].T
     conics = np.array([W_2.T @ W_2 - W_3.T @ W_3, W_2.T @ W_3 + W_3.T @ W_2])
     x = np.array(common_points(conics)).reshape(-1, 3)
@@ -41,26 +38,18 @@ def common_points(conics: Array) -> list[Array]:
     """Real unit vectors x with x^T conics_i x = 0, one of x and -x.
 
     A member of the pencil that is a pair of lines meets another member in what solves a quadratic
-    equation; Newton's method polishes.
-
-    Args:
-        conics: Two symmetric matrices of the size of one, shape (2, 3, 3).
-
-    Returns:
-        At most four, each of shape (3,).
-
-    Raises:
-        SingularConfigurationError: When the conics share a continuum.
+    equation; Newton's method polishes. The conics, shape (2, 3, 3), are of the size of one and
+    share at most four points.
     """
     angles = np.arange(4) * np.pi / 4
     pencil = np.tensordot(np.stack([np.cos(angles), np.sin(angles)], axis=-1), conics, axes=1)
     size = np.abs(np.linalg.det(pencil))  # a cubic in the pencil: zero at four, zero everywhere
     best = int(size.argmax())
-    _require(size[best])
+    assert size[best] > _ZERO
     regular, other = pencil[best], pencil[(best + 2) % 4]
     roots = np.linalg.eigvals(np.linalg.solve(regular, other))
     singular = [other - t.real * regular for t in roots if abs(t.imag) < 1e-6]
-    _require(min(np.abs(member).max() for member in singular))
+    assert min(np.abs(member).max() for member in singular) > _ZERO
     # All conics of the pencil share the points. A member a v_0 v_0^T + c v_2 v_2^T with a < 0 < c
     # is a pair of lines; where they meet a regular member, a quadratic equation tells.
     (a, _, c), v = max(map(np.linalg.eigh, singular), key=lambda pair: min(-pair[0][0], pair[0][2]))
@@ -88,10 +77,3 @@ def _polished(conics: Array, x: Array) -> Array | None:
         if np.abs(step).max() < 1e-15:
             break
     return x if np.abs(x @ conics @ x).max() < _ZERO else None
-
-
-def _require(size: float) -> None:
-    if size < _ZERO:
-        raise SingularConfigurationError(
-            "the motor angles do not fix the star", 1 / max(size, 1e-300)
-        )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What is wrong in Pinocchio without an error, and why it is then no referee."""
+"""Where Pinocchio is a referee of closed loops, and where it is wrong without an error."""
 
 import numpy as np
 import pinocchio as pin
@@ -7,6 +7,7 @@ import pytest
 
 import robots
 import sst_pin
+from derivative_cases import carried_four_bar, close, derivative
 from pinocchio_peers import Constrained
 from sst_pin.verification.referees import lagrange
 
@@ -43,3 +44,48 @@ def test_crba_is_right_for_depth_first_trees_only():
         errors.append(np.abs(M - np.triu(np.column_stack(columns))).max())
     assert errors[0] < 1e-12
     assert errors[1] > 1e-2
+
+
+def derivatives(model, closures, motors, q):
+    """d aa / dq and d aa / d va at a random state, along motions that keep the loops closed.
+
+    Pinocchio's, and ours.
+    """
+    chain, random = sst_pin.ClosedChain(model, closures, motors), np.random.default_rng(0)
+    q = chain.assemble(q)
+    n = chain.degrees_of_freedom
+    va, tau = random.uniform(-1, 1, (2, n))
+    model = pin.Model(model)
+    model.damping = model.friction = np.zeros(model.nv)
+    bare, columns = sst_pin.ClosedChain(model, closures, motors), list(chain.actuated)
+    full = np.zeros(model.nv)
+    full[columns] = tau
+    L, theirs = chain.joint_rates(q, np.eye(n)).T, Constrained(bare, iterations=100)
+    v_dot = theirs.accelerations(q, L @ va, full)
+    np.testing.assert_allclose(v_dot[columns], bare.compute_accelerations(q, va, tau), rtol=1e-7)
+    by_q, by_v = theirs.derivatives()
+
+    def rates(k, s):
+        return chain.joint_rates(chain.assemble(pin.integrate(model, q, s * L[:, k])), va)
+
+    v_q = np.array([derivative(lambda s, k=k: rates(k, s)) for k in range(n)]).T
+    found = (by_q @ L + by_v @ v_q)[columns], (by_v @ L)[columns]
+    return found, bare.acceleration_derivatives(q, va, tau)[:2]
+
+
+@pytest.mark.parametrize("name", ["four-bar, closed at the ground", "four-bar, coupler welded"])
+def test_derivatives_are_right_for_points_on_the_ground_and_for_welds(name):
+    robot = robots.ROBOTS[name]
+    q = robot.joints(robot.x).real
+    for found, ours in zip(
+        *derivatives(robot.model(), robot.closures, robot.actuated, q), strict=True
+    ):
+        close(found, ours, 1e-6)
+
+
+def test_derivatives_are_wrong_for_points_on_a_moving_joint():
+    """The yaw column of a four-bar on a yaw joint, zero by symmetry, is not."""
+    (by_q, by_va), ours = derivatives(*carried_four_bar(pin.JointModelRZ()))
+    assert np.abs(ours[0][:, 0]).max() < 1e-12 * np.abs(ours[0]).max()
+    assert np.abs(by_q[:, 0]).max() > 1e-3 * np.abs(by_q).max()
+    close(by_va, ours[1], 1e-6)
