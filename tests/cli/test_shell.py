@@ -89,6 +89,14 @@ def test_an_output_that_is_full_is_told_in_one_line():
     assert process.returncode == 2
 
 
+def test_a_name_that_is_no_text_is_told_in_one_line():
+    """Python has such bytes of a file's name as surrogates."""
+    process = start("torques", "\udcff.csv", "-o", "x.csv")
+    _, err = process.communicate(timeout=60)
+    assert err == "sst-pin: error: \\udcff.csv: cannot be read: No such file or directory\n"
+    assert process.returncode == 2
+
+
 def test_ctrl_c_while_the_packages_load_is_answered_in_one_line():
     code = (
         "import sys; from sst_pin.cli import main\n"

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Bad and odd calls that no signature gives: odd models, odd names, files that are no motions."""
+"""Bad and odd calls that no signature gives: odd models, odd names, files that are no motions.
+
+Figures, maps and pages are asked for what they cannot give.
+"""
 
 import io
 from collections.abc import Callable, Iterator
@@ -14,6 +17,9 @@ from signature_calls import each, same
 
 import sst_pin
 from sst_pin.motion.motion_files import read_motion
+
+#: Subjects of a page that are drawn from the motion alone, or from the motion and the foot.
+FROM_MOTION = ("path", "torques", "joints")
 
 
 def chains(w: World) -> Iterator[Call]:
@@ -308,3 +314,31 @@ def _of_the_star(w: World) -> Iterator[Call]:
     yield Call("orientation of none", lambda: sst_pin.orientation([], []), none)
     yield Call("pairs", lambda: sst_pin.orientation_motion((0, 0), (1, 0), (0, 0)))
     yield Call("paper_circle of none", lambda: sst_pin.paper_circle([]).R, none)
+
+
+def pictures(w: World) -> Iterator[Call]:
+    """Figures, maps and the viewer."""
+    from sst_pin import plots
+    from sst_pin.sst.workspace import workspace_at, workspace_over_rolls
+    from sst_pin.viewer import Viewer
+
+    m, other = w.motion, w.motion_of_another
+    for name, motion in (("one sample", m[:1]), ("another robot's motion", other)):
+        subjects = [s for s in plots.SUBJECTS if motion is not other or s not in FROM_MOTION]
+        yield from each(
+            f"motion_page of {name}",
+            lambda s, motion=motion: plots.motion_page(w.robot, motion, [s]),
+            subjects,
+        )
+    odd = ([], (), "torques", ["torque"], [None], 5, "unknown", [["torques"]])
+    yield from each("motion_page, subjects", lambda s: plots.motion_page(w.robot, m, s), odd)
+    yield from each("require_ending", plots.require_ending, ("a.jpg", "a.csv", b"a.png"))
+    sizes = ((2, 3), (3, 2), (10**12, 3), (3, 10**12))
+    yield from each("workspace_at", lambda size: workspace_at(w.robot, 0.0, *size), sizes)
+    yield Call("workspace_over_rolls(10**12)", lambda: workspace_over_rolls(w.robot, 10**12, 3, 3))
+    Path("there.npz").write_text("x")
+    map_ = workspace_at(w.robot, rings=5, spokes=6)
+    yield Call("workspace.save onto what is there", lambda: map_.save("there.npz"))
+    yield from each("viewer.show", Viewer(w.robot).show, (m.q[0, :8], m.q, "home"))
+    yield Call("viewer.play(of an SST on a chain)", lambda: Viewer(w.chain).play(m))
+    yield from each("Viewer", Viewer, (None, "robot", 5))
