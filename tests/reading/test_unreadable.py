@@ -112,10 +112,7 @@ def test_friction_that_cannot_be_is_refused(files, text):
 @pytest.mark.parametrize(
     ("change", "word"),
     [
-        (
-            lambda joint, link: link.find("inertial/mass").set("value", "-1"),
-            "its mass is negative, -1 kg",
-        ),
+        (lambda joint, link: link.find("inertial/mass").set("value", "-1"), "is negative, -1 kg"),
         (lambda joint, link: joint.find("axis").set("xyz", "0 0 0"), "its axis is zero"),
         (lambda joint, link: joint.find("axis").set("xyz", "0 1e-200 0"), "its axis is zero"),
         (lambda joint, link: joint.find("limit").set("lower", "9"), "lower limit 9 above"),
@@ -125,14 +122,8 @@ def test_friction_that_cannot_be_is_refused(files, text):
             lambda joint, link: setattr(link.find("inertial"), "tag", "inertail"),
             "<inertail> is unknown; did you mean inertial?",
         ),
-        (
-            lambda joint, link: ET.SubElement(joint, "dynamics", dampnig="1"),
-            "dampnig=...> is unknown; did you mean damping?",
-        ),
-        (
-            lambda joint, link: ET.SubElement(link.find("inertial"), "mass", value="2"),
-            "2 <mass>; only one is allowed",
-        ),
+        (lambda joint, link: ET.SubElement(joint, "dynamics", dampnig="1"), "did you mean damping"),
+        (lambda joint, link: ET.SubElement(link.find("inertial"), "mass"), "2 <mass>; only one is"),
         (
             lambda joint, link: setattr(link.find("inertial"), "tag", "{http://x/xacro}inertial"),
             "this is a xacro file",
@@ -289,10 +280,10 @@ CUTS = "closed_loop: [[a, b]]\ntype: [6d]\nname_mot: [c]\n"
         (CUTS.replace("[c]", "['']"), "name_mot: '' is not a name"),
         (CUTS.replace("[a, b]", "[a, [b]]"), "closed_loop: ['a', ['b']] is not a pair"),
         (CUTS.replace("[a, b]", "[a, {b: c}]"), "is not a pair of frame names"),
-        (
-            CUTS + "joint_name: [a, a]\njoint_type: [FIXED, SPHERICAL]",
-            "joint_name: a appears twice",
-        ),
+        (CUTS + "joint_name: [a, a]\njoint_type: [FIXED, FIXED]", "joint_name: a appears twice"),
+        (CUTS + "joint_name: [a]", "joint_name has 1 entries, joint_type has 0"),
+        (CUTS + "joint_name: [a]\njoint_type: [BALL]", "'BALL' unknown; known: FIXED"),
+        (CUTS + "joint_name: a\njoint_type: [FIXED]", "joint_name: a list is needed"),
         ("[a, b]", "no keys"),
         ("", "no keys"),
         (CUTS + "---\n" + CUTS, "not YAML"),
@@ -321,9 +312,8 @@ def test_cuts_that_say_something_else_are_refused_at_once(text, word):
 
 def test_names_and_numbers_of_cuts_are_those_that_stand_there():
     """YAML would make 8 of 010, True of on, a text of 1e1; a mark of order stands before none."""
-    cuts = parse_cuts(
-        "closed_loop: [[010, on]]\ntype: [6D]\nname_mot: [1.50]\ngravity: [0, +.5, -1e1]", "cuts"
-    )
+    text = "closed_loop: [[010, on]]\ntype: [6D]\nname_mot: [1.50]\ngravity: [0, +.5, -1e1]"
+    cuts = parse_cuts(text, "cuts")
     (closure,) = cuts.closures
     assert (closure.frame_a, closure.frame_b, closure.kind) == ("010", "on", "6d")
     assert cuts.actuated == ("1.50",)
