@@ -15,9 +15,10 @@ from sst_pin.description import JOINT_NAMES, base_orientations
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def test_shipped_description_is_current():
-    script = ROOT / "scripts" / "description" / "make_description.py"
-    subprocess.run([sys.executable, script, "--check"], check=True)
+@pytest.mark.parametrize("script", ["make_description", "make_sample_motion"])
+def test_what_is_shipped_is_current(script):
+    path = ROOT / "scripts" / "description" / f"{script}.py"
+    subprocess.run([sys.executable, path, "--check"], check=True)
 
 
 def test_shipped_robot_is_the_one_of_the_default_parameters(robot):
