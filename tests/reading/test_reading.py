@@ -514,7 +514,7 @@ MANY = 2000 * '<body><joint axis="1 0 0"/><geom size=".1"/></body>'
     [
         ("<mujoco", "<nonsense", "not an MJCF"),
         ('"d"/>', '"d"><joint name="b_1"/><geom size="1"/></body>', "several joints b_1"),
-        ('<joint axis', '<joint name="jä" axis', "names that are not UTF-8"),
+        ("<joint axis", '<joint name="jä" axis', "names that are not UTF-8"),
         ('<body name="d"/>', MANY, "2004 moving joints; at most"),  # data of 400 GB
         (
             '<body name="d"/>',
