@@ -20,9 +20,8 @@ def measured():
     """Times, positions and noisy torques of a robot with friction in its left motor."""
     true = CHAIN.with_parameters({"shoulder_1.viscous": 0.2})
     t = np.linspace(0, 12, 601)
-    x = np.array(CHAIN.home)[[0, 2]] + np.array([0.3, 0.2]) * np.sin(
-        np.outer(t, [3, 4]) + np.sin(np.outer(t, [1, 2]))
-    )
+    phase = np.outer(t, [3, 4]) + np.sin(np.outer(t, [1, 2]))
+    x = np.array(CHAIN.home)[[0, 2]] + np.array([0.3, 0.2]) * np.sin(phase)
     tau = np.array(sst_pin.coordinate_motion(true, t, x).tau)
     tau += 0.002 * np.random.default_rng(0).normal(size=tau.shape)
     return np.column_stack([t, x, tau])

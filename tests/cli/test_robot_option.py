@@ -226,11 +226,7 @@ def test_no_command_ends_in_a_traceback_when_output_breaks(here, capsys, command
 
 @pytest.mark.parametrize(
     "command",
-    [
-        f"torques {SAMPLE} -o /proc/a.csv",
-        f"plot {SAMPLE} -o /proc/a.svg --what torques",
-        "export-c /proc/controller",
-    ],
+    [f"torques {SAMPLE} -o /proc/a.csv", f"plot {SAMPLE} -o /proc/a.svg", "export-c /proc/c"],
 )
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="no /proc")
 def test_an_unwritable_place_is_told_in_one_line(capsys, command):

@@ -133,13 +133,13 @@ def test_sigterm_leaves_no_temporary_file(here):
 
 def test_numbers_of_an_option_may_begin_with_a_minus(here, capsys):
     (here / "tau.csv").write_text("t_s,tau_1_Nm,tau_2_Nm,tau_3_Nm\n0,0,0,0\n0.001,0,0,0\n")
-    options = (
+    start = (
         "--q0",
         "gamma_1=-0.1,gamma_2=0.2,gamma_3=0.3",
         "--va0",
         "gamma_1=-.5,gamma_2=0,gamma_3=0",
     )
-    code, _, _ = run(capsys, "simulate", "tau.csv", "-o", "out.csv", *options)
+    code, _, _ = run(capsys, "simulate", "tau.csv", "-o", "out.csv", *start)
     assert code == 0
     motion = sst_pin.Trajectory.load("out.csv")
     assert motion.q[0, ::3] == pytest.approx([-0.1, 0.2, 0.3], abs=1e-12)

@@ -40,13 +40,12 @@ def circle(robot):
     return robot.inverse_kinematics(sst_pin.paper_circle(np.linspace(0, np.pi / 6, 201)).R)
 
 
+LOADS = [(0, 0), (9.81, 3.0)]
+MORE = ((9.81, 0), (0, 3.0), (-9.81, 1.0))
+
+
 @pytest.mark.parametrize(
-    ("gravity", "coulomb"),
-    [
-        (0, 0),
-        (9.81, 3.0),
-        *(pytest.param(*x, marks=pytest.mark.slow) for x in ((9.81, 0), (0, 3.0), (-9.81, 1.0))),
-    ],
+    ("gravity", "coulomb"), [*LOADS, *(pytest.param(*x, marks=pytest.mark.slow) for x in MORE)]
 )
 def test_a_cart_speeds_up_and_brakes_at_its_limit(gravity, coulomb):
     """m a = F - m g - F_c, then m b = F + m g + F_c: T^2 = 2 L (1 / a + 1 / b)."""

@@ -40,13 +40,8 @@ def test_intervals_of_ratios_hold_the_true_one():
     for _ in range(2000):
         session = runs / np.sqrt(2) * random.normal(size=(3, 2))
         moments = true + session[1:] - session[0]
-        held.append(
-            [
-                low < 2 < high
-                for k in (0, 1)
-                for low, high in [dvrk.Weights(moments, np.tile(runs, (2, 1)), runs).ratio(k)]
-            ]
-        )
+        weights = dvrk.Weights(moments, np.tile(runs, (2, 1)), runs)
+        held.append([low < 2 < high for low, high in (weights.ratio(k) for k in (0, 1))])
     assert_allclose(np.mean(held), 0.95, atol=0.01)
     nothing = dvrk.Weights(0 * true + 0.001, np.tile(runs, (2, 1)), runs)
     assert nothing.ratio(1) is None

@@ -33,9 +33,7 @@ def fallen(name, at_home=True):
     return robot, falling(robot, robot.home if at_home else robot.generic_configuration())
 
 
-@pytest.mark.parametrize(
-    "name", ["five_bar", "stewart", pytest.param("delta", marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("name", ["five_bar", "stewart", "delta"])
 def test_a_page_of_any_robot_is_legible(name, monkeypatch):
     robot, motion = fallen(name)
     require_legible(plots.motion_page(robot, motion, tuple(CURVES)), monkeypatch)

@@ -2,6 +2,7 @@
 """`sst-pin plot` and `sst-pin workspace`, as one types them."""
 
 import re
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -74,11 +75,8 @@ def test_workspace_as_picture_and_numbers(here, capsys):
 
 
 def test_a_robot_that_reaches_nothing_on_its_arcs_is_told(here, capsys, monkeypatch):
-    monkeypatch.setattr(
-        sst_commands,
-        "workspace_over_rolls",
-        lambda robot: workspace_over_rolls(robot, 24, 21, 60),
-    )
+    coarse = partial(workspace_over_rolls, rolls=24, rings=21, spokes=60)
+    monkeypatch.setattr(sst_commands, "workspace_over_rolls", coarse)
     odd = random_parameters(np.random.default_rng(3))
     (here / "odd.urdf").write_text(urdf_of(odd))
     code, out, _ = run(capsys, "workspace", "-o", "map.svg", "--robot", "odd.urdf")

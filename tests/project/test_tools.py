@@ -29,14 +29,9 @@ LIGHT = {"pin", "mujoco", "yourdfpy"}
 
 
 def marked(kinds):
-    return [
-        pytest.param(
-            kind,
-            id=kind.__name__,
-            marks=[] if kind.distribution in LIGHT else [pytest.mark.tools],
-        )
-        for kind in kinds
-    ]
+    marks = {True: [], False: [pytest.mark.tools]}
+    light = [(kind, kind.distribution in LIGHT) for kind in kinds]
+    return [pytest.param(kind, id=kind.__name__, marks=marks[quick]) for kind, quick in light]
 
 
 def installed(kind):

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import sst_pin
+from sst_pin import ClosedChain
 from sst_pin.cli import main
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -92,10 +93,7 @@ def test_a_frame_of_two_places_is_told_with_the_file(delta):
 
 @pytest.mark.parametrize(
     ("read", "path"),
-    [
-        (sst_pin.ClosedChain.from_urdf, EXAMPLES / "delta.urdf"),
-        (sst_pin.ClosedChain.from_mjcf, sst_pin.MJCF_PATH),
-    ],
+    [(ClosedChain.from_urdf, EXAMPLES / "delta.urdf"), (ClosedChain.from_mjcf, sst_pin.MJCF_PATH)],
 )
 def test_an_unknown_joint_to_lock_is_told_with_the_file(read, path):
     with pytest.raises(sst_pin.UnknownNameError, match="'knee'") as caught:
@@ -105,10 +103,7 @@ def test_an_unknown_joint_to_lock_is_told_with_the_file(read, path):
 
 @pytest.mark.parametrize(
     ("package", "read", "extra"),
-    [
-        ("mujoco", sst_pin.ClosedChain.from_mjcf, "mjcf"),
-        ("pxr", sst_pin.ClosedChain.from_urdf, "usd"),
-    ],
+    [("mujoco", ClosedChain.from_mjcf, "mjcf"), ("pxr", ClosedChain.from_urdf, "usd")],
 )
 def test_a_reader_without_its_package_names_the_extra(monkeypatch, tmp_path, package, read, extra):
     path = tmp_path / "robot.usda"
@@ -124,10 +119,8 @@ def test_an_sst_brings_the_poses_of_its_files(shipped):
     path.write_text(path.read_text().replace('<key name="home"', '<key name="shown"'))
     for reader, file in (("from_urdf", sst_pin.URDF_PATH), ("from_mjcf", path)):
         read = [getattr(kind, reader)(file) for kind in (sst_pin.SST, sst_pin.ClosedChain)]
-        ours, theirs = (
-            {p.key(): p.data().tolist() for p in chain.model.referenceConfigurations}
-            for chain in read
-        )
+        poses = (chain.model.referenceConfigurations for chain in read)
+        ours, theirs = ({pair.key(): pair.data().tolist() for pair in each} for each in poses)
         assert ours == theirs != {}
     assert "shown" in ours
 
@@ -144,11 +137,7 @@ def test_an_mjcf_that_holds_only_points_is_no_sst(shipped, new):
 @pytest.mark.parametrize("read", [sst_pin.SST.from_urdf, sst_pin.load])
 @pytest.mark.parametrize(
     ("old", "new"),
-    [
-        ("[6d, 6d]", "[3d, 6d]"),
-        ("closedloop2_A, closedloop2_B", "closedloop1_A, closedloop1_B"),
-        ("gamma_3]", "mu_3]"),
-    ],
+    [("[6d, 6d]", "[3d, 6d]"), ("2_A, closedloop2", "1_A, closedloop1"), ("gamma_3]", "mu_3]")],
 )
 def test_a_yaml_of_other_cuts_is_no_sst(shipped, read, old, new):
     path = shipped / "sst.yaml"
@@ -158,9 +147,8 @@ def test_a_yaml_of_other_cuts_is_no_sst(shipped, read, old, new):
     assert str(path) in str(caught.value)
 
 
-TENDON = (
-    '<tendon><spatial stiffness="1"><site site="P_1"/><site site="E"/></spatial></tendon></mujoco>'
-)
+SITES = '<site site="P_1"/><site site="E"/>'
+TENDON = f'<tendon><spatial stiffness="1">{SITES}</spatial></tendon></mujoco>'
 
 
 @pytest.mark.parametrize(

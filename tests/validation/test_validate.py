@@ -235,9 +235,8 @@ def test_the_command_prints_a_problem_a_line_and_fails(tmp_path, capsys):
     path = tmp_path / "bad.urdf"
     path.write_text(edited("link", "arm_2", 'value="0.08"', 'value="-1"'))
     assert main(["validate", str(path)]) == 1
-    assert capsys.readouterr().out == (
-        "error: link arm_2: its mass is negative, -1 kg\n1 error(s), 0 warning(s)\n"
-    )
+    told = "error: link arm_2: its mass is negative, -1 kg\n1 error(s), 0 warning(s)\n"
+    assert capsys.readouterr().out == told
     delta = str(EXAMPLES / "delta.urdf")
     assert main(["validate", delta]) == main(["validate", "--robot", delta]) == 0
     out = capsys.readouterr().out

@@ -128,12 +128,9 @@ def robot_of(name):
 
 
 #: Every kind of joint and closure; a few of them in the quick run.
-ALL = [
-    name
-    if name in ("four_bar", "delta.urdf", "rods")
-    else pytest.param(name, marks=pytest.mark.slow)
-    for name in [*(name for name in sst_pin.robots.__all__ if name.islower()), "delta.urdf", "rods"]
-]
+QUICK = ("four_bar", "delta.urdf", "rods")
+ALL = {*QUICK, *(name for name in sst_pin.robots.__all__ if name.islower())}
+ALL = [pytest.param(x, marks=[pytest.mark.slow] * (x not in QUICK)) for x in sorted(ALL)]
 
 
 def placed(scene, q, shape):
@@ -418,9 +415,8 @@ def test_powers_add_up_to_what_the_motion_takes(name):
     energy = [robot.kinetic_energy(x, va) + robot.potential_energy(x) for x in near]
     powers = np.array(curves_of(robot, motion)[3]["values"][0])
     lost = np.sum(robot.friction_power(q, va))
-    assert powers.sum() + lost == pytest.approx(
-        (energy[1] - energy[0]) / (2 * h), rel=1e-4, abs=1e-5
-    )
+    gained = (energy[1] - energy[0]) / (2 * h)
+    assert powers.sum() + lost == pytest.approx(gained, rel=1e-4, abs=1e-5)
 
 
 def two_pieces(folder):

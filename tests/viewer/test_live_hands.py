@@ -83,9 +83,8 @@ def test_the_robot_is_dragged_let_go_pushed_held_and_reset(chromium, tmp_path, n
         assert np.abs(state("q") - start).max() < 1e-12
         slider = page.locator("#sliders input").first
         before = float(slider.input_value())
-        slider.evaluate(
-            "(e, v) => { e.value = v; e.dispatchEvent(new Event('input')) }", before + 0.02
-        )
+        move = "(e, v) => { e.value = v; e.dispatchEvent(new Event('input')) }"
+        slider.evaluate(move, before + 0.02)
         assert np.abs(state("q") - start).max() > 1e-4
         page.locator("#again").click()
         page.locator("#go").click()

@@ -18,12 +18,8 @@ UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
 
 #: Nodes of the SST's extras: e_k of the joints in their order, {0k}..{3k} leg after leg, arrows.
 AXES = [f"robot/{j if j % 3 else 0}/axes/e_{j // 3 + 3 * (j % 3) + 1}_{j}" for j in range(9)]
-FRAMES = [
-    f"robot/{3 * k + i if i else 0}/frames/{{{i}{k + 1}}}_{a}"
-    for k in range(3)
-    for i in range(4)
-    for a in "xyz"
-]
+PLACES = [(3 * k + i if i else 0, f"{{{i}{k + 1}}}") for k in range(3) for i in range(4)]
+FRAMES = [f"robot/{joint}/frames/{frame}_{a}" for joint, frame in PLACES for a in "xyz"]
 TORQUES = [f"robot/0/torques/{k}_gamma_{k}" for k in (1, 2, 3)]
 
 POSES = """() => {
@@ -166,9 +162,8 @@ def test_extras_show_axes_frames_and_torques(page, robot, motion, sample):
     page.evaluate("t => panel.seek(t)", motion.t[sample])
     drawn, found = poses(page)
     q, tau = motion.q[sample], motion.tau[sample]
-    assert (
-        np.abs(drawn["robot/3/frames/{E}_x"][:3, :3] - robot.platform_orientation(q)).max() < 1e-6
-    )
+    E = drawn["robot/3/frames/{E}_x"][:3, :3]
+    assert np.abs(E - robot.platform_orientation(q)).max() < 1e-6
     data = robot.model.createData()
     pin.computeJointJacobians(robot.model, data, q)
     for joint, node in enumerate(AXES):
@@ -185,9 +180,8 @@ def test_extras_show_axes_frames_and_torques(page, robot, motion, sample):
     assert np.abs(np.array(sizes) - ratio * np.abs(tau)).max() < 2e-3
     assert ratio == pytest.approx(0.45 * 0.4 / largest, rel=1e-5)
     ends = 2 * 8 * 3  # of the trail, an eight-sided tube
-    assert found["robot/0/trail/passed"]["drawn"] == sample / 60 * (
-        found["robot/0/trail/passed"]["indices"] - ends
-    )
+    passed = found["robot/0/trail/passed"]
+    assert passed["drawn"] == sample / 60 * (passed["indices"] - ends)
 
 
 def test_the_canvas_shows_the_robot_and_it_moves(page):
