@@ -48,7 +48,6 @@ def write_delta(path):
 
 def test_torques_of_a_delta_lead_back_to_its_motion(here, capsys):
     """URDF and YAML: coordinates to torques, torques to the motion, both to a figure."""
-    pytest.importorskip("matplotlib", reason="extra `plot` is not installed")
     write_delta(here / "m.csv")
     robot = ("--robot", DELTA)
     code, out, err = run(capsys, "torques", "m.csv", "-o", "tau.csv", *robot)
@@ -66,7 +65,6 @@ def test_torques_of_a_delta_lead_back_to_its_motion(here, capsys):
 
 
 def test_an_mjcf_with_a_motor_that_pushes(here, capsys):
-    pytest.importorskip("mujoco", reason="extra `mjcf` is not installed")
     (here / "slider.xml").write_text(SLIDER)
     stroke = [f"{t!r},{10 * math.sin(6 * t)!r}" for t in np.linspace(0, 1, 41).tolist()]
     (here / "m.csv").write_text("\n".join(["t_s,piston_mm", *stroke]) + "\n")
@@ -105,7 +103,6 @@ def through(capsysbinary, monkeypatch, data, *arguments):
 
 def test_a_pipe_of_commands(here, capsysbinary, monkeypatch):
     """`torques - -o -` into `simulate - -o -` into `plot - -o -`."""
-    pytest.importorskip("matplotlib", reason="extra `plot` is not installed")
     pipe = (capsysbinary, monkeypatch)
     code, torques, err = through(*pipe, SAMPLE.read_bytes(), "torques", "-", "-o", "-")
     assert code == 0

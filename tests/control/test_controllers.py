@@ -3,6 +3,7 @@
 
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -207,7 +208,6 @@ def test_motions_that_cannot_be_followed_are_refused(robot, five_bar, sway):
 @pytest.mark.tools
 def test_the_delta_of_the_bench_moves_as_its_model():
     """Without friction, to a thousandth: MuJoCo's closures are softer than ours."""
-    mujoco = pytest.importorskip("mujoco")
     chain, random = sst_pin.robots.delta(), np.random.default_rng(0)
     machine = control_bench.Machine(control_bench.xml_of(chain), "ball", friction=0.0)
     motors = [machine.model.joint(name).dofadr[0] for name in chain.motor_names]

@@ -4,6 +4,7 @@ import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -124,7 +125,6 @@ def test_cuts_of_other_motors_are_refused(tmp_path):
 
 
 def test_mujoco_loads_the_urdf_with_the_same_mass_matrix(robot):
-    mujoco = pytest.importorskip("mujoco", reason="extra `verify` is not installed")
     model = mujoco.MjModel.from_xml_path(sst_pin.URDF_PATH)
     data = mujoco.MjData(model)
     names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, i) for i in range(model.njnt)]

@@ -8,9 +8,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import coal
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+import trimesh
+import yourdfpy
 
 import make_description
 import sst_pin
@@ -20,8 +23,6 @@ from sst_pin.files import write_files
 from sst_pin.sst.paper import PERIOD, example_1
 from sst_pin.sst.robot_wrapper import configurations_of
 from sst_pin.verification.sampling import random_parameters
-
-trimesh = pytest.importorskip("trimesh", reason="extra `mesh` is not installed")
 
 MOVING = [f"{body}_{k}" for body in ("link", "passive", "star") for k in (1, 2, 3)]
 
@@ -158,8 +159,6 @@ def test_legs_have_their_colours():
 
 
 def test_mujoco_and_yourdfpy_find_the_meshes_beside_the_urdf():
-    mujoco = pytest.importorskip("mujoco", reason="extra `verify` is not installed")
-    yourdfpy = pytest.importorskip("yourdfpy", reason="extra `verify` is not installed")
     stems = set(meshes_of(Parameters()))
     model = mujoco.MjModel.from_xml_path(sst_pin.URDF_PATH)
     assert {model.mesh(i).name for i in range(model.nmesh)} == stems

@@ -8,6 +8,7 @@ reaction f at the price of a gap r: r = -R f / (K d), K = 1 / (c d)^2, R proport
 
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -18,8 +19,6 @@ from sst_pin.description import JOINT_NAMES, mjcf_of
 from sst_pin.sst.paper import PERIOD, example_1
 from sst_pin.sst.robot_wrapper import configurations_of
 from sst_pin.verification.sampling import random_parameters, random_state
-
-mujoco = pytest.importorskip("mujoco", reason="extra `verify` is not installed")
 
 #: The shipped meshes serve any robot here: they are for the eye.
 SHIPPED = Path(sst_pin.PACKAGE_PATH)

@@ -6,6 +6,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import dvrk_identification as dvrk
+import sst_identification
 from sst_pin import coordinate_motion
 from sst_pin.identification import base_parameters, random_states
 
@@ -72,9 +73,6 @@ def test_a_log_of_an_mtm_that_is_known_is_predicted_by_physical_parameters(capsy
 @pytest.mark.slow
 def test_the_parameters_of_the_machine_are_within_their_intervals_and_predict_another_motion():
     """The drawn robot is 20 % too light and has no friction; by itself it misses by far more."""
-    pytest.importorskip("mujoco")
-    import sst_identification
-
     result = sst_identification.identified(2, duration=3.0, tries=1)
     assert (np.abs(result.missed) < 3).mean() > 0.93
     assert (result.unseen < 1.5 * result.least).all()

@@ -7,15 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib import image
 
 from command_line import run
+from sst_pin import plots
 from sst_pin.cli import motion_commands, sst_commands
 from sst_pin.description import urdf_of
 from sst_pin.sst.workspace import workspace_over_rolls
 from sst_pin.verification.sampling import random_parameters
-
-plots = pytest.importorskip("sst_pin.plots", reason="extra `plot` is not installed")
-image = pytest.importorskip("matplotlib.image", reason="extra `plot` is not installed")
 
 SAMPLE = Path(__file__).resolve().parents[2] / "examples" / "figure_eight.csv"
 

@@ -8,18 +8,17 @@ import sys
 
 import numpy as np
 import pytest
+from matplotlib import figure as figures
 
 import sst_pin
 from legible import require_legible
+from sst_pin import plots
 from sst_pin.motion.energy import energy_balance
+from sst_pin.plots import motions
+from sst_pin.plots.workspace_maps import second_kind
 from sst_pin.sst import paper
 from sst_pin.sst.workspace import workspace_at, workspace_over_rolls
 from sst_pin.verification.sampling import random_state
-
-plots = pytest.importorskip("sst_pin.plots", reason="extra `plot` is not installed")
-motions = pytest.importorskip("sst_pin.plots.motions", reason="extra `plot` is not installed")
-figures = pytest.importorskip("matplotlib.figure", reason="extra `plot` is not installed")
-from sst_pin.plots.workspace_maps import second_kind  # noqa: E402
 
 
 @pytest.fixture(scope="module")

@@ -1,17 +1,15 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The counts of operations are current, and count what computes the right numbers."""
 
-import importlib
 from functools import partial
 
+import casadi as ca
 import numpy as np
 import pytest
 
+import count_operations as cost
 import sst_pin
 from sst_pin.verification.sampling import random_parameters
-
-ca = pytest.importorskip("casadi", reason="operations are counted in CasADi's expressions")
-cost = importlib.import_module("count_operations")
 
 METHODS = [("inverse", name) for name in cost.INVERSE] + [("direct", name) for name in cost.DIRECT]
 ODD = random_parameters(np.random.default_rng(5), friction=False)

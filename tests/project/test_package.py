@@ -4,7 +4,6 @@
 import json
 import os
 import re
-import shlex
 import shutil
 import subprocess
 import sys
@@ -133,23 +132,6 @@ def test_python_of_the_readme_runs_and_prints(number, tmp_path):
     if number == 0:  # the first row is example 1 at t = 0
         first = [float(x) for x in re.findall(r"-?\d+\.\d*", printed.splitlines()[0])]
         assert first == pytest.approx([0, 17.0141, -17.0141], abs=1e-4)
-
-
-@pytest.mark.slow
-def test_commands_of_the_readme_run(tmp_path):
-    """Every line of every shell block; those that build an environment are .ci/run's."""
-    (tmp_path / "examples").symlink_to(ROOT / "examples")
-    lines = [line for block in blocks("bash") for line in block.strip().splitlines()]
-    setup = [line for line in lines if line.startswith("python3 -m venv")]
-    assert len(setup) == 2
-    for line in [*lines, setup[0].split("&&")[-1]]:
-        program, *arguments = shlex.split(line, comments=True)
-        if line in setup or program == ".venv/bin/pip":  # of an extra that CI has installed
-            continue
-        assert program == ".venv/bin/sst-pin"
-        command = [sys.executable, "-m", "sst_pin", *arguments]
-        subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
-    assert (tmp_path / "paper" / "figure_10_torques.png").is_file()
 
 
 def test_ci_runs_the_two_commands_of_the_readme_and_the_slow_tests():

@@ -51,23 +51,17 @@ SPHERE = '<visual><origin xyz="{}"/><geometry><sphere radius="{}"/></geometry></
 MESH = '<visual><geometry><mesh filename="{}"/></geometry></visual>'
 
 
-#: What is changed in the joint motor_2, and what is said of it.
+#: What is changed in the joint motor_2, and what is said of it; see test_unreadable.py as well.
 OF_THE_JOINT = [
-    ("motor_2", "motor_1", "error: joint motor_1: 2 have this name"),
-    (' name="motor_2"', "", "error: joint: 1 without a name"),
     ('"base"', '"bass"', "error: joint motor_2: parent bass is no"),
     ('<parent link="base"/>', "", "error: joint motor_2: no <parent"),
     ('"arm_2"', '"arm_1"', "link arm_1 is already the child of joint motor_1"),
     ('"arm_2"', '"arm_1"', "error: tree: 2 links without a parent"),
     ('"base"', '"rod_2a"', "error: tree: links that are not connected to the base"),
-    ('"revolute"', '"hinge"', "joint motor_2: type 'hinge' unknown"),
     ('"revolute"', '"floating"', "motor_2: floating: q has one more"),
     ('"revolute"', '"continuous"', "warning: joint motor_2: continuous: two coordinates"),
-    ("0 1 0", "0 0 0", "joint motor_2: its axis is zero"),
     ("0 1 0", "0 1", "joint motor_2: axis xyz='0 1' is not three"),
     ("0 1 0", "0 2 0", "warning: joint motor_2: its axis has length"),
-    ('rpy="0 0', 'rpy="nan 0', "motor_2: origin rpy='nan 0 2.09"),
-    ('lower="-3.2"', 'lower="4"', "lower limit 4 above the upper"),
     ('lower="-3.2" upper="3.2" ', "", "warning: joint motor_2: limits"),
     (' effort="10"', "", "error: joint motor_2: limit without effort"),
     ("<limit", "<!--  --><a", "revolute without <limit>"),
@@ -77,10 +71,7 @@ OF_THE_JOINT = [
 ]
 #: What is changed in the link arm_2.
 OF_THE_LINK = [
-    ('name="arm_2"', 'name="arm_1"', "error: link arm_1: 2 have this"),
     ('value="0.08"', 'value="0"', "error: link arm_2: moves without"),
-    ('value="0.08"', 'value="-1"', "error: link arm_2: its mass is negative, -1 kg"),
-    ('value="0.08"', 'value="inf"', "link arm_2: its mass is not a num"),
     ('value="0.08"', 'value="1e9"', "very different masses, 1e+09 kg and 0.02 kg"),
     (' ixy="0"', "", "link arm_2: its inertia has no number ixy"),
     ("2e-05", "-2e-05", "link arm_2: inertia not positive definite"),
