@@ -135,11 +135,8 @@ def poses(here):
 
 
 def calibrated(capsys, *options, robot=DELTA, output="made.urdf"):
-    return run(
-        capsys,
-        *("calibrate", "poses.csv", "-o", output, "--robot", robot),
-        *("--frame", FRAME, "--which", "motor_*.ry", *options),
-    )
+    options = ("--frame", FRAME, "--which", "motor_*.ry", *options)
+    return run(capsys, "calibrate", "poses.csv", "-o", output, "--robot", robot, *options)
 
 
 @pytest.mark.parametrize("columns", [6, 10])

@@ -178,24 +178,14 @@ class Broken(io.StringIO):
 
 START = "--q0 gamma_1=1,gamma_2=1,gamma_3=1 --va0 gamma_1=0,gamma_2=0,gamma_3=0"
 COMMANDS = (
-    "",
-    "info",
-    "info --json",
-    f"torques motors.csv -o a.csv --robot {DELTA}",
-    f"simulate tau.csv -o b.csv {START}",
-    f"plot {SAMPLE} -o c.svg --what torques",
+    "", "info", "info --json", f"torques motors.csv -o a.csv --robot {DELTA}", "export-c d",
+    f"simulate tau.csv -o b.csv {START}", f"plot {SAMPLE} -o c.svg --what torques", "cache",
     f"validate {DELTA}",
-    "export-c d",
-    "cache",
-)
+)  # fmt: skip
 LONG_COMMANDS = (
-    f"compile --robot {sst_pin.URDF_PATH}",
-    "describe -o e",
-    "paper --samples 11 -o f",
-    "show --html g.html",
-    f"verify --quick --robot {sst_pin.URDF_PATH}",
-    "workspace -o h.svg",
-)
+    f"compile --robot {sst_pin.URDF_PATH}", "describe -o e", "paper --samples 11 -o f",
+    "show --html g.html", f"verify --quick --robot {sst_pin.URDF_PATH}", "workspace -o h.svg",
+)  # fmt: skip
 FAULTS = {
     "a closed pipe": (BrokenPipeError(32, "Broken pipe"), 141, ""),
     "a full disk": (OSError(28, "No space left on device"), 2, "No space left on device"),

@@ -23,11 +23,9 @@ OFF_ARC = "t_s,theta_deg,phi_deg\n" + "".join(f"{i / 10},20,{60 + 11 * i}\n" for
 def start(*arguments, code="from sst_pin.cli import main; raise SystemExit(main())", **options):
     """The command as a process of its own."""
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONUNBUFFERED"}
-    return subprocess.Popen(
-        [sys.executable, "-c", code, *map(str, arguments)],
-        env=environment,
-        **({"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True} | options),
-    )
+    command = [sys.executable, "-c", code, *map(str, arguments)]
+    piped = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    return subprocess.Popen(command, env=environment, **(piped | options))
 
 
 @pytest.mark.parametrize(
@@ -133,12 +131,8 @@ def test_sigterm_leaves_no_temporary_file(here):
 
 def test_numbers_of_an_option_may_begin_with_a_minus(here, capsys):
     (here / "tau.csv").write_text("t_s,tau_1_Nm,tau_2_Nm,tau_3_Nm\n0,0,0,0\n0.001,0,0,0\n")
-    start = (
-        "--q0",
-        "gamma_1=-0.1,gamma_2=0.2,gamma_3=0.3",
-        "--va0",
-        "gamma_1=-.5,gamma_2=0,gamma_3=0",
-    )
+    q0, va0 = "gamma_1=-0.1,gamma_2=0.2,gamma_3=0.3", "gamma_1=-.5,gamma_2=0,gamma_3=0"
+    start = "--q0", q0, "--va0", va0
     code, _, _ = run(capsys, "simulate", "tau.csv", "-o", "out.csv", *start)
     assert code == 0
     motion = sst_pin.Trajectory.load("out.csv")

@@ -19,8 +19,9 @@ JOINT = """<joint name="{}" type="{}" {}><origin xyz="{}" rpy="{}"/><parent link
 PLACES = {"a": ("0.1 0.2 -0.1", "0.3 -0.2 0.5"), "b": ("-0.2 0.1 0.05", "-0.4 0.1 0.2")}
 AXES = {"a": "0.2 0.9 -0.4", "b": "0.5 -0.1 0.8"}
 FORMS = {
-    "loop": """<loop name="cut" type="{kind}"><predecessor link="a">{a}</predecessor>
-        <successor link="b">{b}</successor><axis xyz="{axis_a}"/></loop>""",
+    "loop": """<loop name="cut" type="{kind}">
+        <predecessor link="a"><origin {place_a}/></predecessor>
+        <successor link="b"><origin {place_b}/></successor><axis xyz="{axis_a}"/></loop>""",
     "loop_joint": """<loop_joint name="cut" type="{kind}"><link1 link="a" {place_a}/>
         <link2 link="b" {place_b}/><axis xyz="{axis_a}"/></loop_joint>""",
     "constraint": """<constraint name="cut" type="{kind}"><parent link="a"/><child link="b"/>
@@ -45,16 +46,9 @@ def two_arms(extra: str) -> str:
 
 
 def form(name: str, kind: str, same_axis: bool) -> str:
-    xyz_rpy = {end: f'xyz="{xyz}" rpy="{rpy}"' for end, (xyz, rpy) in PLACES.items()}
-    return FORMS[name].format(
-        kind=kind,
-        a=f"<origin {xyz_rpy['a']}/>",
-        b=f"<origin {xyz_rpy['b']}/>",
-        place_a=xyz_rpy["a"],
-        place_b=xyz_rpy["b"],
-        axis_a=AXES["a"],
-        axis_b=AXES["a" if same_axis else "b"],
-    )
+    places = {f"place_{end}": f'xyz="{xyz}" rpy="{rpy}"' for end, (xyz, rpy) in PLACES.items()}
+    axes = {"axis_a": AXES["a"], "axis_b": AXES["a" if same_axis else "b"]}
+    return FORMS[name].format(kind=kind, **places, **axes)
 
 
 def numbers(text: str) -> np.ndarray:

@@ -35,13 +35,7 @@ def {kind} "{name}" ({apis}) {{
 {more}
 }}
 """
-HEAD = """#usda 1.0
-(
-    metersPerUnit = 0.01
-    kilogramsPerUnit = 0.001
-    upAxis = "Y"
-)
-"""
+HEAD = '#usda 1.0\n(\nmetersPerUnit = 0.01\nkilogramsPerUnit = 0.001\nupAxis = "Y"\n)\n'
 
 
 def bar(name, at, middle, more=""):
