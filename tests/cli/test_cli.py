@@ -99,16 +99,6 @@ def test_info_tells_versions_model_and_mobility(capsys):
     assert [word for word in (*words, "6 redundant") if word not in out] == []
 
 
-def test_every_command_takes_another_robot(here, capsys):
-    text = Path(sst_pin.URDF_PATH).read_text()
-    (here / "mine.urdf").write_text(text.replace('<mass value="0.3" />', '<mass value="0.6" />'))
-    assert "4.58 kg" in run(capsys, "info", "--robot", "mine.urdf")[1]
-    run(capsys, "torques", SAMPLE, "-o", "a.csv")
-    run(capsys, "torques", SAMPLE, "-o", "b.csv", "--robot", "mine.urdf")
-    a, b = (sst_pin.Trajectory.load(name).tau for name in ("a.csv", "b.csv"))
-    assert np.abs(a - b).max() > 0.1
-
-
 def test_motor_angles_without_assembly_are_told_by_line(here, capsys):
     """The paper's robot has one everywhere; this one has not."""
     parameters = random_parameters(np.random.default_rng(0))

@@ -86,14 +86,11 @@ def test_a_motion_that_shows_parameters_is_a_motion_file(here, capsys):
 
 @pytest.mark.parametrize(
     ("change", "told"),
-    [
-        (["--cutoff", 30], "cutoff"),
-        (["--cutoff", 0], "a positive number"),
-        (["--cutoff", 10, "--which", "nothing"], "nothing"),
-    ],
+    [("--cutoff 30", "cutoff"), ("--cutoff 0", "a positive"), ("--cutoff 10 --which none", "none")],
 )
 def test_what_cannot_be_identified_is_told_in_one_line(log, capsys, change, told):
-    code, _, error = run(capsys, "identify", log, "-o", "r.md", "--robot", "five_bar", *change)
+    options = "-o", "r.md", "--robot", "five_bar", *change.split()
+    code, _, error = run(capsys, "identify", log, *options)
     assert code == 2
     assert told in error
     assert error.count("\n") == 1

@@ -8,12 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import coal
-import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
-import yourdfpy
 
 import make_description
 import sst_pin
@@ -156,15 +154,6 @@ def test_legs_have_their_colours():
         for body, expected in (("link", colour), ("star", colour), ("passive", (1 + colour) / 2)):
             shape = found.geometryObjects[found.getGeometryId(f"{body}_{k}_0")]
             assert shape.meshColor[:3] == pytest.approx(expected, abs=1e-3)
-
-
-def test_mujoco_and_yourdfpy_find_the_meshes_beside_the_urdf():
-    stems = set(meshes_of(Parameters()))
-    model = mujoco.MjModel.from_xml_path(sst_pin.URDF_PATH)
-    assert {model.mesh(i).name for i in range(model.nmesh)} == stems
-    scene = yourdfpy.URDF.load(sst_pin.URDF_PATH).scene
-    assert len(scene.geometry) == 12
-    assert np.abs(scene.bounds).max() < 0.55
 
 
 def outside(shape, points):

@@ -63,8 +63,8 @@ def test_each_file_of_a_robot_is_opened_once(read, monkeypatch, shipped, capsys)
 @pytest.mark.parametrize(
     ("old", "new", "fault"),
     [
-        ("[rod_1b_end,", "[toe,", "frame 'toe' not in the model"),
-        ("motor_1", "moter_1", "joint 'moter_1' not in the model"),
+        ("[rod_1b_end", "[toe", "frame 'toe' not in"),
+        ("motor_1", "moter_1", "joint 'moter_1' not in"),
     ],
 )
 def test_an_unknown_name_is_told_with_the_file(delta, old, new, fault):
