@@ -10,15 +10,8 @@ from numpy.testing import assert_allclose
 
 import any_chain
 import sst_pin
-from sst_pin import ClosedChain, InputError, UnknownNameError, robots
-from sst_pin.identification import (
-    base_parameters,
-    condition_number,
-    estimate,
-    predicted_torques,
-    random_states,
-    report,
-)
+from sst_pin import ClosedChain, InputError, UnknownNameError, identification, robots
+from sst_pin.identification import base_parameters, estimate, random_states
 
 BODIES = [f"*.{word}" for word in ("mass", "m[xyz]", "i[xyz][xyz]")]
 
@@ -218,12 +211,13 @@ def test_the_motion_of_another_robot_is_refused(name):
     chain, base, states, tau = case("five_bar")
     found, theta = estimate(chain, base, *states, tau), chain.dynamic_parameters
     motion = chain.trajectory(np.arange(len(tau)), *states)
-    uses = {
-        "predicted_torques": lambda robot: predicted_torques(robot, theta, motion),
-        "report": lambda robot: report(robot, found, theta, motion),
-        "condition_number": lambda robot: condition_number(robot, base, motion),
-    }
-    uses[name](chain)
+    arguments = {
+        "predicted_torques": (theta, motion),
+        "report": (found, theta, motion),
+        "condition_number": (base, motion),
+    }[name]
+    use = getattr(identification, name)
+    use(chain, *arguments)
     other = ClosedChain(chain.model, chain.closures, chain.motor_names[::-1])
     with pytest.raises(InputError, match="belongs to another robot"):
-        uses[name](other)
+        use(other, *arguments)

@@ -9,12 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from sst_pin import ClosedChain, DescriptionWarning, InputError, coordinate_motion, robots
-from sst_pin.identification import (
-    base_parameters,
-    condition_number,
-    excitation,
-    measured_motion,
-)
+from sst_pin.identification import base_parameters, condition_number, excitation, measured_motion
 
 T = np.linspace(0, 6, 3001)
 CHAIN = robots.five_bar()

@@ -31,13 +31,6 @@ def run_python(code, *options, python=sys.executable, **how):
     return subprocess.run(command, capture_output=True, text=True, check=True, **how).stdout
 
 
-def tracked_files():
-    """All that git keeps; nothing outside of a clone."""
-    git = ["git", "-C", ROOT, "ls-files"]
-    listed = subprocess.run(git, capture_output=True, text=True, check=False)
-    return set(listed.stdout.splitlines()) - {".gitignore"}
-
-
 @pytest.mark.slow
 def test_wheel_of_the_source_archive_brings_the_robot_into_an_empty_environment(tmp_path):
     """Built, installed elsewhere, loaded from there: URDF, cuts, meshes and kernels are inside."""
@@ -46,7 +39,9 @@ def test_wheel_of_the_source_archive_brings_the_robot_into_an_empty_environment(
     (archive,) = tmp_path.glob("*.tar.gz")
     with tarfile.open(archive) as sources:
         packed = {name.partition("/")[2] for name in sources.getnames()}
-    assert tracked_files() <= packed
+    git = ["git", "-C", ROOT, "ls-files"]
+    tracked = subprocess.run(git, capture_output=True, text=True, check=False).stdout.splitlines()
+    assert set(tracked) - {".gitignore"} <= packed  # nothing is tracked outside of a clone
     assert not [name for name in packed if name.endswith((".so", ".pyc"))]
     (wheel,) = tmp_path.glob("*.whl")
     with ZipFile(wheel) as archive:

@@ -42,7 +42,7 @@ FORWARDING = {
             *("_verdicts", "loads", "_moving_load", "show", "_page_functions"),
             *("compile", "casadi", "jax"),
         )
-    },
+    }
 }
 
 MODULES = {
@@ -65,10 +65,6 @@ class Import(NamedTuple):
 def room(module: str) -> str:
     """The first name below the package's; the package itself is a room too."""
     return module.split(".")[1] if "." in module else module
-
-
-def goes_up(module: str, target: str) -> bool:
-    return room(module) != room(target) and ROW[room(target)] >= ROW[room(module)]
 
 
 def scoped(
@@ -122,7 +118,9 @@ def judged(source: str, module: str, is_package: bool = False) -> tuple[set[str]
     tree = ast.parse(source)
     found = list(imports(tree, module, is_package))
     kept = [each for each in found if not forwarded(tree, module, each)]
-    up = [f"{module} imports {x.target}" for x in kept if goes_up(module, x.target)]
+    own = room(module)
+    above = [x.target for x in kept if room(x.target) != own and ROW[room(x.target)] >= ROW[own]]
+    up = [f"{module} imports {target}" for target in above]
     return {each.target for each in kept}, up
 
 

@@ -73,24 +73,15 @@ def written(path, parts=PARTS, head=HEAD):
     return path
 
 
-def four_bar_by_hand():
+def test_a_four_bar_in_centimetres_is_that_by_hand(tmp_path):
     """Its foot is turned by the rocker's angle, in the file by the negative."""
-    model = planar(
-        [
-            ("turn", "universe", 0, 0.25),
-            ("elbow", "turn", 0.25, 0.5),
-            ("foot", "universe", 0.5, 0.25),
-        ]
-    )
+    usd = ClosedChain.from_urdf(written(tmp_path / "bar.usda"))
+    cranks = ("turn", "universe", 0, 0.25), ("foot", "universe", 0.5, 0.25)
+    model = planar([*cranks, ("elbow", "turn", 0.25, 0.5)])
     model.gravity.linear = np.array([0, -9.81, 0])
     for k in (1, 2, 3):
         model.inertias[k] = pin.Inertia(0.5, model.inertias[k].lever, np.diag([1e-3, 2e-3, 3e-3]))
-    return ClosedChain(model, [Closure("elbow_end", "foot_end", "hinge")], ["turn"])
-
-
-def test_a_four_bar_in_centimetres_is_that_by_hand(tmp_path):
-    usd = ClosedChain.from_urdf(written(tmp_path / "bar.usda"))
-    hand = four_bar_by_hand()
+    hand = ClosedChain(model, [Closure("elbow_end", "foot_end", "hinge")], ["turn"])
     order = [hand.position_names.index(x) for x in usd.position_names]
     assert usd.motor_names == ("turn",)
     assert [c.kind for c in usd.closures] == ["hinge"]

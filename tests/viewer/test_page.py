@@ -88,12 +88,6 @@ def require_poses(page, robot, q):
         assert np.abs(drawn[node] - wanted).max() < 1e-6, node
 
 
-def canvas(page):
-    """The 3D view as an array of colours."""
-    page.evaluate("viewer.renderer.setPixelRatio(1); viewer.render()")
-    return pixels(page.locator("#pane").screenshot())
-
-
 def test_the_page_asks_for_nothing_and_nothing_fails(shown, page):
     page.evaluate("panel.play(true)")
     page.wait_for_timeout(300)
@@ -150,18 +144,15 @@ def test_a_ghost_plays_a_second_motion_at_the_same_times(chromium, tmp_path):
 
 
 @pytest.mark.parametrize("sample", [0, 13, 37, 60])
-def test_bodies_are_where_pinocchio_has_them(page, robot, motion, sample):
-    """World poses of the three.js scene, positions and rotations, to 1e-6 (single precision)."""
-    page.evaluate("t => panel.seek(t)", motion.t[sample])
-    require_poses(page, robot, motion.q[sample])
+def test_bodies_are_where_pinocchio_has_them_and_so_are_extras(page, robot, motion, sample):
+    """To 1e-6 (single precision): world poses, positions and rotations.
 
-
-@pytest.mark.parametrize("sample", [0, 13, 37, 60])
-def test_extras_show_axes_frames_and_torques(page, robot, motion, sample):
-    """e_k along the noc's joint axes, {E} turned as the star, arrows as large as the torques."""
+    e_k lie along the noc's joint axes, {E} is turned as the star, arrows are as large as torques.
+    """
     page.evaluate("t => panel.seek(t)", motion.t[sample])
     drawn, found = poses(page)
     q, tau = motion.q[sample], motion.tau[sample]
+    require_poses(page, robot, q)
     E = drawn["robot/3/frames/{E}_x"][:3, :3]
     assert np.abs(E - robot.platform_orientation(q)).max() < 1e-6
     data = robot.model.createData()
@@ -188,7 +179,8 @@ def test_the_canvas_shows_the_robot_and_it_moves(page):
     pictures = []
     for share in (0.1, 0.6):
         page.evaluate("share => panel.still(share)", share)
-        pictures.append(canvas(page))
+        page.evaluate("viewer.renderer.setPixelRatio(1); viewer.render()")
+        pictures.append(pixels(page.locator("#pane").screenshot()))
     first, second = pictures
     ink = (first < 235).any(axis=-1)
     assert 0.03 < ink.mean() < 0.6
