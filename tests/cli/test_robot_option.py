@@ -41,8 +41,8 @@ def write_delta(path):
     """Three motors up and down."""
     rows = ["t_s,motor_1_deg,motor_2_deg,motor_3_rad"]
     for t in np.linspace(0, 1, 41).tolist():
-        angles = [20 + 10 * math.sin(6 * t + k) for k in range(3)]
-        rows.append(f"{t!r},{angles[0]!r},{angles[1]!r},{math.radians(angles[2])!r}")
+        a, b, c = (20 + 10 * math.sin(6 * t + k) for k in range(3))
+        rows.append(f"{t!r},{a!r},{b!r},{math.radians(c)!r}")
     path.write_text("\n".join(rows) + "\n")
 
 

@@ -501,6 +501,11 @@ def test_locked_joints_stay_at_their_reference(mjcf):
         read_mjcf(mjcf, ["knee"])
 
 
+FREE = '<joint type="free" armature="1"/><geom size="1"/>'
+SPATIAL = '<tendon><spatial name="s"><site site="s1"/><site site="s2"/></spatial></tendon>'
+FIXED = '<tendon><fixed {}="{}"><joint joint="ja" coef="{}"/></fixed></tendon><actuator>'
+ZERO = FIXED.format("name", "t", 0)
+DC = '<dcmotor joint="jb" motorconst=".5" resistance="1" input="none"/>'
 MANY = 2000 * '<body><joint axis="1 0 0"/><geom size=".1"/></body>'
 
 
@@ -511,32 +516,14 @@ MANY = 2000 * '<body><joint axis="1 0 0"/><geom size=".1"/></body>'
         ('"d"/>', '"d"><joint name="b_1"/><geom size="1"/></body>', "several joints b_1"),
         ("<joint axis", '<joint name="jä" axis', "names that are not UTF-8"),
         ('<body name="d"/>', MANY, "2004 moving joints; at most"),  # data of 400 GB
-        (
-            '<body name="d"/>',
-            '<body name="d"><joint type="free" armature="1"/><geom size="1"/></body>',
-            "joint d: a free joint with armature; use <freejoint>",
-        ),
-        (
-            "</worldbody>",
-            '</worldbody><tendon><spatial name="s"><site site="s1"/><site site="s2"/></spatial>'
-            '</tendon><equality><tendon tendon1="s"/></equality>',
-            "s: a spatial tendon",
-        ),
+        ('"d"/>', f'"d">{FREE}</body>', "joint d: a free joint with armature; use <freejoint>"),
+        ("<equality>", f'{SPATIAL}<equality><tendon tendon1="s"/>', "s: a spatial tendon"),
         ('<motor joint="jb"/>', '<motor site="s1" refsite="s2"/>', "an actuator on a site"),
         ('<motor joint="jb"/>', '<motor joint="ball" gear="1 0 0"/>', "an actuator on a ball"),
         ('name="a" pos', 'name="a" gravcomp="1" pos', "compensation of gravity is not"),
         ("<option ", '<option viscosity="1" ', "a medium"),
-        (
-            '<motor joint="jb"/>',
-            '<dcmotor joint="jb" motorconst=".5" resistance="1" input="none"/>',
-            "actuator_2: it acts without a control",
-        ),
-        (
-            "<actuator>",
-            '<tendon><fixed name="t"><joint joint="ja" coef="0"/></fixed></tendon><actuator>'
-            '<motor name="m" tendon="t"/>',
-            "m: the coefficients of its tendon are 0",
-        ),
+        ('<motor joint="jb"/>', DC, "actuator_2: it acts without a control"),
+        ("<actuator>", f'{ZERO}<motor name="m" tendon="t"/>', "m: the coefficients of its tendon"),
         ('"ball" type', '"universe" type', "joint universe: Pinocchio's base has this name"),
         ('damping="0.3"', 'damping="nan"', "joint ja: damping is not finite"),
         ('damping="0.3"', 'damping="-1"', "joint ja: damping -1 is negative"),
@@ -549,11 +536,7 @@ MANY = 2000 * '<body><joint axis="1 0 0"/><geom size=".1"/></body>'
         ("<equality>", '<option><flag equality="disable"/></option><equality>', "no closure"),
         ("<equality>", '<option><flag constraint="disable"/></option><equality>', "no closure"),
         ("<equality>", '<option><flag actuation="disable"/></option><equality>', "no motor"),
-        (
-            "<actuator>",
-            '<tendon><fixed damping="1"><joint joint="ja" coef="1"/></fixed></tendon><actuator>',
-            "the damping of a fixed tendon",
-        ),
+        ("<actuator>", FIXED.format("damping", 1, 1), "the damping of a fixed tendon"),
     ],
 )
 def test_what_the_dynamics_would_overlook_is_refused(mjcf, old, new, word):
@@ -622,6 +605,7 @@ def test_what_a_flag_disables_is_not_read(mjcf):
     assert read_mjcf(mjcf).actuated == ("jb",)
 
 
+SLIDES = "".join(f'<joint type="slide" axis="{x}"/>' for x in ("1 0 0", "0 1 0", "0 0 1"))
 #: A platform on three legs in a plane, its joint in the place of {}.
 PLATFORM = """
 <mujoco><worldbody>
@@ -640,12 +624,7 @@ PLATFORM = """
 
 
 @pytest.mark.parametrize(
-    "joints",
-    [
-        '<freejoint name="float"/>',
-        "".join(f'<joint type="slide" axis="{x}"/>' for x in ("1 0 0", "0 1 0", "0 0 1"))
-        + '<joint name="ball" type="ball"/>',
-    ],
+    "joints", ['<freejoint name="float"/>', f'{SLIDES}<joint name="ball" type="ball"/>']
 )
 def test_a_platform_may_be_free_or_on_three_slides_and_a_ball(tmp_path, joints):
     path = tmp_path / "platform.xml"

@@ -98,20 +98,16 @@ def test_tendons_that_are_no_lines_are_refused_by_name(mjcf, old, new, word):
     assert str(mjcf) in str(caught.value)
 
 
+FIXED = '<fixed name="f" range="0 1"><joint joint="left" coef="1"/></fixed>'
+BALL = '<body><joint name="b" type="ball" range="0 9"/><geom size="1"/></body>'
+
+
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
         ('name="idle"', 'name="idle" range="0 1"', "tendon idle: its limits are ignored"),
-        (
-            "<tendon>",
-            '<tendon><fixed name="f" range="0 1"><joint joint="left" coef="1"/></fixed>',
-            "tendon f: its limits are ignored",
-        ),
-        (
-            "</worldbody>",
-            '<body><joint name="b" type="ball" range="0 9"/><geom size="1"/></body></worldbody>',
-            "joint b: the limit of a ball is ignored",
-        ),
+        ("<tendon>", f"<tendon>{FIXED}", "tendon f: its limits are ignored"),
+        ("</worldbody>", f"{BALL}</worldbody>", "joint b: the limit of a ball is ignored"),
     ],
 )
 def test_limits_of_tendons_and_balls_are_ignored_with_a_warning(mjcf, old, new, told):

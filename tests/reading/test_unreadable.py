@@ -210,6 +210,11 @@ def large_urdf(links, kind):
     return f'<robot name="large">{"".join(parts)}</robot>'
 
 
+#: Each ten of the one before.
+ENTITIES = "".join(f"<!ENTITY a{i + 1} '{f'&a{i};' * 10}'>" for i in range(12))
+ANCHORS = "".join(f"a{i + 1}: &a{i + 1} [{', '.join([f'*a{i}'] * 10)}]\n" for i in range(8))
+
+
 @pytest.mark.parametrize(
     ("urdf", "word"),
     [
@@ -217,12 +222,7 @@ def large_urdf(links, kind):
         (large_urdf(2_000, "revolute"), "1999 moving joints; at most"),
         ("<robot name='r'>" + "<a>" * 100_000, "not XML"),
         (" " * 20_000_000, "more than"),
-        (
-            "<!DOCTYPE r [<!ENTITY a0 'mass'>"
-            + "".join(f"<!ENTITY a{i + 1} '{f'&a{i};' * 10}'>" for i in range(12))
-            + "]><robot name='&a12;'/>",
-            "not XML",
-        ),
+        (f"<!DOCTYPE r [<!ENTITY a0 'mass'>{ENTITIES}]><robot name='&a12;'/>", "not XML"),
         ("<robot xmlns:xacro='http://x/xacro' name='r'><xacro:property/></robot>", "xacro file"),
         ("<robot name='r'><link name='l'/></robot>", None),  # the least that is read
     ],
@@ -284,12 +284,7 @@ CUTS = "closed_loop: [[a, b]]\ntype: [6d]\nname_mot: [c]\n"
         ("[" * 20_000, "too deep"),
         ("a: " + "[" * 20_000 + "]" * 20_000, "too deep"),
         ("- " * 20_000, "too deep"),
-        (
-            "a0: &a0 [x]\n"
-            + "".join(f"a{i + 1}: &a{i + 1} [{', '.join([f'*a{i}'] * 10)}]\n" for i in range(8))
-            + "closed_loop: [*a8]\ntype: [*a8]\nname_mot: *a8\ngravity: *a8\n",
-            "name_mot: ",
-        ),
+        (f"a0: &a0 [x]\n{ANCHORS}type: [*a8]\nname_mot: *a8\ngravity: *a8\n", "name_mot: "),
         ("a: " + "x" * 1_000_000, "more than"),
         ("\0", "not YAML"),
     ],
