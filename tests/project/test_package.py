@@ -131,6 +131,7 @@ def test_python_of_the_readme_runs_and_prints(number, tmp_path):
 
 def test_ci_runs_the_two_commands_of_the_readme_and_the_slow_tests():
     script = (ROOT / ".ci" / "run").read_text()
+    assert len(re.findall("^python3 -m venv", README, re.MULTILINE)) == 2
     assert "grep '^python3 -m venv' README.md" in script
     assert '"${commands[0]}"' in script
     assert '"${commands[1]}"' in script
