@@ -92,6 +92,10 @@ class Assembly:
                 failures.append(error)
         raise min(failures, key=lambda error: error.residual)
 
+    def closer(self, q: Array, free: Indices) -> Array:
+        """The configuration next to q whose loops are open least; only the rates `free` move."""
+        return self._newton(q, free, _Limits(self.mechanism, free, wanted=False))[0]
+
     def near(self, q: Array, held: Indices) -> Array:
         """The configuration next to q with closed loops, with these rates held if it exists."""
         rates = np.arange(self.mechanism.model.nv)

@@ -584,6 +584,12 @@ class ClosedChain(Summary):
                 return found
         return assembly.try_starts(start, free, tries, seed, limits=limits)
 
+    def _closer(self, q: Array, held: Iterable[str]) -> Array:
+        """The configuration next to q whose loops are open least while these joints are held."""
+        space = self.mechanism.space
+        free = np.setdiff1d(np.arange(len(space.rate_names)), space.rates_of(list(held)))
+        return self._current.reference.memory.assembly.closer(q, free)
+
     def _moved(self, q: Array, step: Array) -> Array:
         """Where the coordinates are a step further, shape (n,), in the same assembly mode."""
         return self._current.reference.moved(q, step)

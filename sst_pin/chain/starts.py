@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Where a robot stands first, and where it stands when some joints are put elsewhere."""
 
+import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from typing import Protocol
 
@@ -12,10 +13,14 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array, Flags, finite_array
 from ..errors import ClosureError, DescriptionError, DescriptionWarning
+from ..summaries import listed
 from .assembly import home_of
 from .mechanism import Mechanism
 from .named_positions import angles_and_lengths, put, taken
 from .thresholds import CLOSURE_TOLERANCE
+
+#: A joint this far from where it was given stands elsewhere, [rad] or of the robot's length.
+_FAR = 0.05
 
 
 class _Chain(Protocol):
@@ -32,6 +37,8 @@ class _Chain(Protocol):
     def assemble(self, q: ArrayLike, fixed: Sequence[str] | None = None) -> Array: ...
 
     def generic_configuration(self) -> Array: ...
+
+    def _closer(self, q: Array, held: Iterable[str]) -> Array: ...
 
     def _moved(self, q: Array, step: Array) -> Array: ...
 
@@ -86,28 +93,36 @@ def placed(chain: _Chain, positions: Mapping[str, float], guess: ArrayLike | Non
 
     `positions`, [rad] or [m], are by the names of joints that turn or slide; `guess` has the other
     joints, by default those of `start_of`. If coordinates alone are given, they are moved there in
-    the assembly mode of the start; otherwise they are held, and the others choose the assembly.
+    the assembly mode of the start. Otherwise they are held, and the dependent joints that are
+    given, perhaps rounded or measured, choose the assembly.
 
     Warns:
-        DescriptionWarning: If neither the description nor the caller chooses the assembly mode, or
-            if the coordinates cannot be moved there without leaving it.
+        DescriptionWarning: If neither the description nor the caller chooses the assembly mode, if
+            the coordinates cannot be moved there without leaving it, or if a dependent joint stands
+            elsewhere than given.
     """
     mechanism, space = chain.mechanism, chain.mechanism.space
     if guess is None:
         start = start_of(chain, chosen=angles_and_lengths(space).keys() <= positions.keys())
     else:
         start = finite_array("start", guess, (mechanism.model.nq,))
-    goal = put(space, start, positions)
     follows = set(positions) <= set(mechanism.coordinate_rate_names) and is_closed(chain, start)
     if follows:
         with suppress(ClosureError):
             return chain.assemble(put(space, _moved(chain, start, positions), positions))
     try:
-        q = chain.assemble(goal)
+        q = _assembled(chain, start, positions)
+        far = _far(chain, q, positions)
     except ClosureError:
         if guess is not None:
             raise
-        q = chain.assemble(put(space, chain.generic_configuration(), positions))
+        q = _assembled(chain, chain.generic_configuration(), positions)
+        far = _far(chain, q, positions)
+    if far and guess is None:
+        with suppress(ClosureError):
+            other = _assembled(chain, chain.generic_configuration(), positions)
+            if not _far(chain, other, positions):
+                return other
     if follows:
         _warn(
             chain,
@@ -115,7 +130,31 @@ def placed(chain: _Chain, positions: Mapping[str, float], guess: ArrayLike | Non
             "passing a singular configuration or the end of the reach",
             "give a configuration near them as start, or positions of dependent joints too",
         )
+    elif far:
+        _warn(
+            chain,
+            f"no assembly with the coordinates as given has {listed(far)}",
+            "correct these positions, or give those of other dependent joints",
+        )
     return q
+
+
+def _assembled(chain: _Chain, start: Array, positions: Mapping[str, float]) -> Array:
+    """The assembly nearest to the start in which joints stand at positions, or near these."""
+    return chain.assemble(chain._closer(put(chain.mechanism.space, start, positions), positions))
+
+
+def _far(chain: _Chain, q: Array, positions: Mapping[str, float]) -> list[str]:
+    """Which joints stand far from their positions, and where, in words."""
+    space, found = chain.mechanism.space, list[str]()
+    units = angles_and_lengths(space)
+    stands = taken(space, q, list(positions))
+    for (name, given), x in zip(positions.items(), stands, strict=True):
+        turns = units[name] == "rad"
+        off = math.remainder(x - given, 2 * math.pi) if turns else x - given
+        if not abs(off) <= _FAR * (1.0 if turns else chain.mechanism.length):
+            found.append(f"{name} at {given:.4g} (it stands at {x:.4g})")
+    return found
 
 
 def _moved(chain: _Chain, start: Array, positions: Mapping[str, float]) -> Array:

@@ -6,8 +6,8 @@ import argparse
 import numpy as np
 
 from ..errors import FileFormatError
-from ..files import read_table, text_writer
-from ..motion.motion_files import load_motion, read_motion, read_start, read_torques
+from ..files import text_writer
+from ..motion.motion_files import load_motion, motion_table, read_motion, read_start, read_torques
 from ..summaries import listed
 from . import common
 
@@ -115,7 +115,7 @@ def add_simulate(commands: common.Commands) -> None:
 
 def _simulate(arguments: argparse.Namespace) -> int:
     robot = common.robot_of(arguments)
-    table = read_table(common.source_of(arguments.torques))
+    table = motion_table(robot, common.source_of(arguments.torques))
     tau, t = read_torques(robot, table), table.column("t_s")
     q0, va0 = read_start(robot, table, arguments.q0, arguments.va0)
     with common.progress_bar("simulating", t[0], t[-1]) as progress:

@@ -95,6 +95,7 @@ def base_parameters(
         >>> bool(np.allclose(base.matrix[:, base.columns], np.eye(7)))
         True
     """
+    chain.mechanism.require_freedom()
     theta = chain.dynamic_parameters
     considered = _considered(theta.names, np.asarray(theta), which)
     if motion is None:

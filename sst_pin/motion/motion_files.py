@@ -4,7 +4,7 @@
 from collections.abc import Mapping, Sequence
 from copy import copy
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, TypeGuard
 
 import numpy as np
 
@@ -36,7 +36,7 @@ def read_motion(chain: ClosedChain, source: str | Path | BinaryIO) -> Trajectory
     positions of all joints and the rates and accelerations of the coordinates, as
     `Trajectory.save` writes it, is taken as it stands. The error names the line at fault.
     """
-    return _motion_of(copy(chain), read_table(source), keep_torques=False)
+    return _motion_of(copy(chain), motion_table(chain, source), keep_torques=False)
 
 
 def load_motion(chain: ClosedChain, source: str | Path | BinaryIO) -> Trajectory:
@@ -45,14 +45,30 @@ def load_motion(chain: ClosedChain, source: str | Path | BinaryIO) -> Trajectory
     The file is what `Trajectory.save` has written, or a CSV for `read_motion`; a stream is a CSV.
     """
     chain = copy(chain)
-    if isinstance(source, str | Path) and Path(source).suffix.lower() == ".npz":
-        motion = Trajectory.load(source)
-        try:
-            require_motion(motion, chain)
-        except InputError as error:
-            raise FileFormatError(source, str(error)) from None
-        return motion
+    if _is_npz(source):
+        return _saved(chain, source)
     return _motion_of(chain, read_table(source), keep_torques=True)
+
+
+def motion_table(chain: ClosedChain, source: str | Path | BinaryIO) -> Table:
+    """The columns of a motion in a CSV, or in an NPZ that `Trajectory.save` has written."""
+    if _is_npz(source):
+        return _saved(chain, source).table(Path(source))
+    return read_table(source)
+
+
+def _is_npz(source: str | Path | BinaryIO) -> TypeGuard[str | Path]:
+    return isinstance(source, str | Path) and Path(source).suffix.lower() == ".npz"
+
+
+def _saved(chain: ClosedChain, source: str | Path) -> Trajectory:
+    """A motion of this robot in an NPZ."""
+    motion = Trajectory.load(source)
+    try:
+        require_motion(motion, chain)
+    except InputError as error:
+        raise FileFormatError(source, str(error)) from None
+    return motion
 
 
 def read_log(
@@ -63,7 +79,7 @@ def read_log(
     They are times, (N,), positions of the coordinates, (N, n), torques of the motors, (N, motors),
     and the configuration at the start, (nq,).
     """
-    table = read_table(source)
+    table = motion_table(chain, source)
     x, start = _coordinates(chain, table)
     return table.column("t_s"), x, read_torques(chain, table), start
 
@@ -79,7 +95,7 @@ def read_poses(
     (N, 3), and the configuration in the first row, (nq,).
     """
     table = read_table(source, timed=False)
-    x, start = _coordinates(chain, table)
+    x, start = _coordinates(chain, table, timed=False)
     poses = np.tile(np.eye(4), (len(x), 1, 1))
     for k, axis in enumerate("xyz"):
         columns = _known_columns(table, f"{frame}_{axis}", {"_m": 1.0, "_mm": 1e-3})
@@ -202,15 +218,16 @@ def _motion_of(chain: ClosedChain, table: Table, *, keep_torques: bool) -> Traje
     return chain.trajectory(motion.t, motion.q, motion.va, motion.aa, tau)
 
 
-def _coordinates(chain: ClosedChain, table: Table) -> tuple[Array, Array]:
+def _coordinates(chain: ClosedChain, table: Table, *, timed: bool = True) -> tuple[Array, Array]:
     """Positions of the coordinates, shape (N, n), and the configuration at the start."""
+    chain.mechanism.require_freedom()
     found = _joints(chain, table)
     missing = [name for name in chain.coordinates if name not in found]
     if missing:
         raise FileFormatError(
             table.path, f"no column of {', '.join(missing)}; {_wanted(chain, table)}", 1
         )
-    if len(table.lines) < 3:
+    if timed and len(table.lines) < 3:
         raise FileFormatError(table.path, f"{len(table.lines)} rows; rates need at least three")
     x = np.column_stack([found[name] for name in chain.coordinates])
     return x, placed(chain, {name: float(c[0]) for name, c in found.items()})
@@ -239,18 +256,23 @@ def _rates(chain: ClosedChain) -> tuple[list[str], list[str]]:
 
 def _joints(chain: ClosedChain, table: Table) -> dict[str, Array]:
     """Positions of the joints that have a column, in SI."""
-    found, taken, joints = {}, set[str](), angles_and_lengths(chain.mechanism.space)
+    found, taken, joints = {}, dict[str, str](), angles_and_lengths(chain.mechanism.space)
     for name, unit in joints.items():
         columns = _known_columns(table, name, _ENDINGS[unit])
+        columns.pop("t_s", None)  # the times, whatever a joint is called
         if len(columns) > 1:
             listed = ", ".join(columns)
             raise FileFormatError(table.path, f"one joint has several columns: {listed}", 1)
         for column, factor in columns.items():
+            if column in taken:
+                problem = f"{column} can be of the joint {taken[column]} or of the joint {name}"
+                cure = f"rename it {min(name, taken[column], key=len)}_{unit} or {column}_{unit}"
+                raise FileFormatError(table.path, f"{problem}; {cure}", 1)
             found[name] = factor * table.column(column)
-            taken.add(column)
+            taken[column] = name
     for name, unit in joints.items():
         other = {e: 1.0 for e in _ENDINGS["m" if unit == "rad" else "rad"] if e}
-        wrong = _known_columns(table, name, other).keys() - taken
+        wrong = _known_columns(table, name, other).keys() - taken.keys()
         if wrong:
             moves = "turns" if unit == "rad" else "slides"
             raise FileFormatError(

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """A command that cannot do what it is asked says why in one line, and writes nothing."""
 
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -8,10 +9,11 @@ import pytest
 
 import sst_pin
 from command_line import run
+from sst_pin.sst.paper import example_1
 
 ROOT = Path(__file__).resolve().parents[2]
 SAMPLE, DELTA = ROOT / "examples" / "figure_eight.csv", ROOT / "examples" / "delta.urdf"
-LONG = 300 * "x"
+LONG, NUL = 300 * "x", "a\0b"
 
 #: By what the error says. Words of a command that hold blanks stand behind a bar.
 COMMANDS = [
@@ -87,6 +89,53 @@ COMMANDS = [
     (f"paper --samples 10 --out {LONG}", "File name too long"),
     (f"torques {SAMPLE} -o device.csv --force", "is a device, not a file"),
 ]
+#: More of them, which say anything.
+ODD = [
+    "--unknown", "paper --samples 1e3", "paper --samples 99999999999999999999", "paper --samples",
+    "paper extra", "paper --out /dev/null/x --samples 10", "info --json --robot bad.urdf",
+    "torques motion.csv -o no/such/x.csv", "torques motion.csv -o x.csv --robot bad.urdf",
+    "simulate tau.csv -o x.csv --q0 a=1", "simulate tau.csv -o x.csv --va0 a",
+    "simulate tau.csv -o x.csv --q0 =1", "simulate tau.csv -o x.csv --q0 a=nan",
+    "export-c a b c", "export-c no/such/folder", "workspace -o - --data -",
+    "torques empty.csv -o x.csv", "torques motion.csv -o", "torques half.csv -o x.csv",
+    "torques far.csv -o x.csv", "torques motion.npz -o x.csv", "torques /dev/zero -o x.csv",
+    "torques . -o x.csv", f"torques {NUL} -o x.csv", f"torques motion.csv -o {NUL}.csv",
+    "torques motion.csv -o .", "torques motion.csv -o /dev/full",
+    "torques motion.csv -o x.csv --robot .", "simulate", "simulate half.csv -o x.csv",
+    "simulate tau.csv -o x.csv --q0 gamma_1=nan",
+    "simulate tau.csv -o x.csv --q0 gamma_1=1e308 --va0 gamma_1=1e308",
+    "simulate tau.csv -o x.csv --q0 gamma_1=1,gamma_2=1,gamma_3=1 --va0 gamma_1=1e200",
+    "simulate tau.csv -o x.txt --q0 gamma_1=1,gamma_2=1,gamma_3=1",
+    "simulate empty.csv -o x.csv --q0 gamma_1=0,gamma_2=0,gamma_3=0",
+    "simulate motion.csv -o x.csv --q0", "show missing.csv --html x.html",
+    "show motion.csv --html x.txt", "show motion.csv --html file/x.html",
+    "show motion.csv --speed 0 --html x.html", "show motion.csv --speed -1 --html x.html",
+    "show motion.csv --speed nan --html x.html", "show motion.csv --speed inf --html x.html",
+    "show motion.csv --speed fast", "show motion.csv --port x --no-open",
+    "show motion.csv --host nowhere.invalid --no-open",
+    "show motion.csv --host 192.0.2.1 --no-open", f"show motion.csv --host {LONG} --no-open",
+    "show --live --host nowhere.invalid --no-open", "show --robot missing.urdf --html x.html",
+    "show --robot bad.urdf --html x.html", "show --robot missing.xml --html x.html",
+    "show motion.csv --html motion.csv", "show motion.csv --png x.html",
+    "show empty.csv --html x.html", "plot motion.csv -o file/x.png", "plot file -o x.png",
+    "plot . -o x.png", "plot motion.csv -o /dev/null/x.png", f"plot motion.csv -o {LONG}.png",
+    "workspace -o x.png --psi 1,2", "describe", "describe -o taken", "describe -o file",
+    "describe -o x --alpha -120,240,240", "describe -o x --alpha nan,1,2",
+    "describe -o x --link-mass -1", "describe -o x --link-mass nan", "describe -o x --link-mass x",
+    "describe -o x --star-mass inf", "describe -o x --viscous-friction -1",
+    "describe -o x --coulomb-friction nan", "describe -o x --base-radius nan",
+    "describe -o x --star-radius 1e-320", "describe -o x --gravity 1,2",
+    "describe -o x --gravity inf,0,0", "describe -o x --robot bad.urdf", f"describe -o {NUL}",
+    "verify --robot missing.urdf", "verify extra", "verify --quick --robot bad.urdf", "validate",
+    "validate missing.urdf", "validate bad.urdf", "validate .", "validate /dev/zero",
+    f"validate {LONG}", f"validate {NUL}", "validate bad.urdf --cuts missing.yaml",
+    "validate bad.urdf --cuts .", "validate bad.urdf --cuts bad.urdf", "export-c file",
+    "export-c x --robot missing.urdf", "export-c x --robot bad.urdf", f"export-c {NUL}",
+    "export-c /dev/null/x", "info --robot bad.urdf", "info extra", "info --urdf",
+    f"info --robot {NUL}", f"info --robot {LONG}",
+    "describe -o x --base-directions|1,0,0 0,1,0 0,0,nan", "torques  -o x.csv",
+    "torques motion.csv -o|",
+]  # fmt: skip
 FLAT = "{},0,1.5707963267948966,1.5707963267948966"
 #: Motion files, line by line, and what the error says.
 MOTIONS = [
@@ -96,10 +145,7 @@ MOTIONS = [
     (["t_s,x", "0,1"], "line 1: columns of no motion"),
     (["t_s,theta_rad,phi_rad,qw", "0,1,1,1"], "columns of several motions"),
     (["t_s,theta_rad,phi_rad", "0,1,1", "1,1,1"], "2 rows; rates need at least three"),
-    (
-        ["t_s,gamma_1_rad,gamma_2_rad", *(f"{t},1,1" for t in range(3))],
-        "missing column gamma_3_rad",
-    ),
+    (["t_s,gamma_1_rad,gamma_2_rad", "0,1,1", "1,1,1", "2,1,1"], "missing column gamma_3_rad"),
     (
         ["t_s,qw,qx,qy,qz", "0,1,0,0,0", "1,1,1,0,0", "2,1,0,0,0"],
         "line 3: quaternion of length 1.41421",
@@ -111,36 +157,63 @@ MOTIONS = [
 @pytest.fixture
 def folder(here):
     """Files in the way, and files that are not what they should be."""
-    for name in ("there.csv", "there.png"):
+    for name in ("there.csv", "there.png", "file", "taken/sst.urdf"):
+        (here / name).parent.mkdir(exist_ok=True)
         (here / name).write_text("in the way")
-    (here / "text.csv").write_text("t_s,x\n0,1\n")
-    (here / "tau.csv").write_text("t_s,tau_1_Nm,tau_2_Nm,tau_3_Nm\n0,0,0,0\n1,0,0,0\n")
+    head = "t_s,tau_1_Nm,tau_2_Nm,tau_3_Nm\n0,0,0,0\n"
+    far = "".join(f"{i},{170 * i},{170 * i}\n" for i in range(6))
+    for name, text in {
+        "empty": "",
+        "text": "t_s,x\n0,1\n",
+        "tau": f"{head}0.001,0,0,0\n",
+        "half": f"{head}1,x,0,0\n",
+        "far": f"t_s,theta_deg,phi_deg\n{far}",
+    }.items():
+        (here / f"{name}.csv").write_text(text)
+    urdf = Path(sst_pin.URDF_PATH).read_text()
+    (here / "bad.urdf").write_text(urdf.replace('value="0.3"', 'value="0,3"'))
     (here / "device.csv").symlink_to("/dev/null")
     sst_pin.Trajectory([0, 1], *[np.zeros((2, 1))] * 4, ["crank"], ["crank"]).save("other.npz")
     robot, zero = sst_pin.SST(), np.zeros((1, 3))
     robot.trajectory([0], [robot.home], zero, zero, zero).save("one.csv")
+    for name in ("motion.csv", "motion.npz"):
+        example_1(robot, np.linspace(0, 0.05, 10)).save(name)
     return here
 
 
-def require_told(folder, capsys, arguments, word):
-    """Exit code 2, one line, and every file as it was."""
-    before = {path.name: path.read_bytes() for path in folder.iterdir()}
-    code, out, err = run(capsys, *arguments)
-    assert (code, out) == (2, "")
-    assert err.count("\n") == 1
-    assert "error: " in err
-    assert word in err
-    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+def files(folder):
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def require_told(folder, capsys, command, word):
+    """One line, and every file as it was; exit code 2, or 1 where `validate` lists errors."""
+    before, (words, bar, last) = files(folder), command.partition("|")
+    code, out, err = run(capsys, *words.split(" "), *[last] * bool(bar))
+    said = err.rpartition("\r")[2]  # after a bar of progress
+    if code == 1 and command.startswith("validate"):
+        assert (said, "error(s)" in out) == ("", True)
+    else:
+        assert (code, out) == (2, "")
+        assert said.count("\n") == 1
+        assert said.startswith("sst-pin")
+        assert "error: " in said
+        assert word in said
+    assert files(folder) == before
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of packages of others
-@pytest.mark.parametrize(("command", "word"), COMMANDS)
+@pytest.mark.filterwarnings("ignore:overflow:RuntimeWarning")
+@pytest.mark.parametrize(
+    ("command", "word"),
+    [*COMMANDS, *(pytest.param(command, "", marks=pytest.mark.slow) for command in ODD)],
+)
 def test_a_command_says_in_one_line_why_it_does_nothing(folder, capsys, command, word):
-    words, bar, last = command.partition("|")
-    require_told(folder, capsys, [*words.split(" "), *[last] * bool(bar)], word)
+    signal.alarm(60)  # one that does not end would end the process
+    require_told(folder, capsys, command, word)
+    signal.alarm(0)
 
 
 @pytest.mark.parametrize(("lines", "word"), MOTIONS)
 def test_a_bad_motion_gives_one_clear_line(here, capsys, lines, word):
     (here / "bad.csv").write_text("\n".join([*lines, ""]))
-    require_told(here, capsys, ["torques", "bad.csv", "-o", "out.csv"], word)
+    require_told(here, capsys, "torques bad.csv -o out.csv", word)

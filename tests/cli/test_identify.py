@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""From a robot to a motion, from its log to the parameters."""
+"""From a robot to a motion, from its log to the parameters; from poses to the geometry."""
 
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
+from numpy.testing import assert_allclose
 
 import sst_pin
 from command_line import run
@@ -18,9 +20,8 @@ def measured():
     """Times, positions and noisy torques of a robot with friction in its left motor."""
     true = CHAIN.with_parameters({"shoulder_1.viscous": 0.2})
     t = np.linspace(0, 12, 601)
-    x = np.array(CHAIN.home)[[0, 2]] + np.array([0.3, 0.2]) * np.sin(
-        np.outer(t, [3, 4]) + np.sin(np.outer(t, [1, 2]))
-    )
+    phase = np.outer(t, [3, 4]) + np.sin(np.outer(t, [1, 2]))
+    x = np.array(CHAIN.home)[[0, 2]] + np.array([0.3, 0.2]) * np.sin(phase)
     tau = np.array(sst_pin.coordinate_motion(true, t, x).tau)
     tau += 0.002 * np.random.default_rng(0).normal(size=tau.shape)
     return np.column_stack([t, x, tau])
@@ -63,15 +64,14 @@ def test_the_urdf_gets_the_parameters_found(here, capsys):
     table = np.column_stack([t, x, tau])
     np.savetxt(here / "log.csv", table, "%.9g", ",", header=",".join(["t_s", *head]), comments="")
     options = "--cutoff", 20, "--which", "motor_*.viscous", "--urdf", "found.urdf"
-    code, _, error = run(
-        capsys, "identify", "log.csv", "-o", "report.md", "--robot", DELTA, *options
-    )
+    options += ("--robot",)
+    code, _, error = run(capsys, "identify", "log.csv", "-o", "report.md", *options, DELTA)
     assert code == 0, error
     found = sst_pin.ClosedChain.from_urdf(here / "found.urdf").dynamic_parameters
     assert found["motor_1.viscous"] == pytest.approx(0.2, abs=0.01)
     assert found["motor_3.viscous"] == pytest.approx(0.1, abs=0.01)
     assert found["motor_2.mx"] == pytest.approx(delta.dynamic_parameters["motor_2.mx"], rel=1e-12)
-    code, _, error = run(capsys, "identify", "log.csv", "-o", "r.md", "--robot", "delta", *options)
+    code, _, error = run(capsys, "identify", "log.csv", "-o", "r.md", *options, "delta")
     assert code == 2
     assert "needed: a URDF" in error
 
@@ -86,14 +86,11 @@ def test_a_motion_that_shows_parameters_is_a_motion_file(here, capsys):
 
 @pytest.mark.parametrize(
     ("change", "told"),
-    [
-        (["--cutoff", 30], "cutoff"),
-        (["--cutoff", 0], "a positive number"),
-        (["--cutoff", 10, "--which", "nothing"], "nothing"),
-    ],
+    [("--cutoff 30", "cutoff"), ("--cutoff 0", "a positive"), ("--cutoff 10 --which none", "none")],
 )
 def test_what_cannot_be_identified_is_told_in_one_line(log, capsys, change, told):
-    code, _, error = run(capsys, "identify", log, "-o", "r.md", "--robot", "five_bar", *change)
+    options = "-o", "r.md", "--robot", "five_bar", *change.split()
+    code, _, error = run(capsys, "identify", log, *options)
     assert code == 2
     assert told in error
     assert error.count("\n") == 1
@@ -102,8 +99,83 @@ def test_what_cannot_be_identified_is_told_in_one_line(log, capsys, change, told
 def test_a_motion_without_torques_is_no_log(log, capsys):
     bare = "\n".join(",".join(line.split(",")[:3]) for line in log.read_text().splitlines())
     log.write_text(bare)
-    code, _, error = run(
-        capsys, "identify", log, "-o", "r.md", "--robot", "five_bar", "--cutoff", 10
-    )
+    options = "-o", "r.md", "--robot", "five_bar", "--cutoff", 10
+    code, _, error = run(capsys, "identify", log, *options)
     assert code == 2
     assert "tau" in error
+
+
+MOTORS = ["motor_1", "motor_2", "motor_3"]
+FRAME = "platform_3b"
+OFFSETS = np.array([2e-3, -1e-3, 1e-3])
+HEAD = ",".join([*(f"{name}_deg" for name in MOTORS), *(f"{FRAME}_{c}_mm" for c in "xyz")])
+TURN = "".join(f",{FRAME}_q{c}" for c in "wxyz")
+
+
+@pytest.fixture
+def poses(here):
+    """Poses where the motors stand a little off from what they tell."""
+    chain, rows = sst_pin.ClosedChain.from_urdf(DELTA), []
+    data, random = chain.model.createData(), np.random.default_rng(0)
+    q = chain.assemble(dict.fromkeys(MOTORS, 0.2))
+    for _ in range(8):
+        x = 0.2 + random.uniform(-0.1, 0.1, 3)
+        q = q.copy()
+        q[[chain.position_names.index(name) for name in MOTORS]] = x + OFFSETS
+        q = chain.assemble(q)
+        pin.framesForwardKinematics(chain.model, data, q)
+        at = data.oMf[chain.model.getFrameId(FRAME)]
+        turn = pin.Quaternion(at.rotation).coeffs()[[3, 0, 1, 2]]
+        rows.append([*np.degrees(x), *(1e3 * at.translation), *turn])
+    np.savetxt(here / "poses.csv", rows, "%.12g", ",", header=HEAD + TURN, comments="")
+    return here / "poses.csv"
+
+
+def calibrated(capsys, *options, robot=DELTA, output="made.urdf"):
+    options = ("--frame", FRAME, "--which", "motor_*.ry", *options)
+    return run(capsys, "calibrate", "poses.csv", "-o", output, "--robot", robot, *options)
+
+
+@pytest.mark.parametrize("columns", [6, 10])
+@pytest.mark.filterwarnings("ignore::sst_pin.DescriptionWarning")
+def test_offsets_of_motors_go_into_a_urdf_that_is_a_robot(poses, capsys, columns):
+    """With the orientation and without."""
+    lines = poses.read_text().splitlines()
+    poses.write_text("\n".join(",".join(line.split(",")[:columns]) for line in lines))
+    code, out, error = calibrated(capsys)
+    assert code == 0, error
+    assert "motor_2.ry" in out
+    assert "8 poses -> made.urdf" in out
+    made = sst_pin.ClosedChain.from_urdf(poses.parent / "made.urdf")
+    drawn = sst_pin.ClosedChain.from_urdf(DELTA)
+    for name, offset in zip(MOTORS, OFFSETS, strict=True):
+        k = drawn.model.getJointId(name)
+        moved = drawn.model.jointPlacements[k].actInv(made.model.jointPlacements[k])
+        assert_allclose(pin.log3(moved.rotation), [0, offset, 0], atol=1e-8)
+    assert calibrated(capsys)[0] == 2  # the files are there
+    code, out, _ = calibrated(capsys, output="-")
+    assert out.startswith("<?xml")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        (f"{FRAME}_y_mm", "y", f"one column {FRAME}_y_m or {FRAME}_y_mm"),
+        (f"{FRAME}_qx", "qx", f"{FRAME}_qx"),
+        ("motor_2_deg", "elbow", "motor_2"),
+        ("\n", "\n12,12,12,0,0,-300,2,0,0,0\n", "line 2: quaternion of length 2, expected 1"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore::sst_pin.DescriptionWarning")
+def test_a_table_without_poses_is_refused_in_one_line(poses, capsys, old, new, told):
+    poses.write_text(poses.read_text().replace(old, new, 1))
+    code, _, error = calibrated(capsys)
+    assert code == 2
+    assert told in error.splitlines()[-1]  # below the warning about the assembly mode
+
+
+@pytest.mark.parametrize("robot", ["delta", "nowhere.urdf"])
+def test_the_robot_is_a_urdf(poses, capsys, robot):
+    code, _, error = calibrated(capsys, robot=robot)
+    assert code == 2
+    assert "--robot" in error

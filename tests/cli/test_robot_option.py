@@ -41,14 +41,13 @@ def write_delta(path):
     """Three motors up and down."""
     rows = ["t_s,motor_1_deg,motor_2_deg,motor_3_rad"]
     for t in np.linspace(0, 1, 41).tolist():
-        angles = [20 + 10 * math.sin(6 * t + k) for k in range(3)]
-        rows.append(f"{t!r},{angles[0]!r},{angles[1]!r},{math.radians(angles[2])!r}")
+        a, b, c = (20 + 10 * math.sin(6 * t + k) for k in range(3))
+        rows.append(f"{t!r},{a!r},{b!r},{math.radians(c)!r}")
     path.write_text("\n".join(rows) + "\n")
 
 
 def test_torques_of_a_delta_lead_back_to_its_motion(here, capsys):
     """URDF and YAML: coordinates to torques, torques to the motion, both to a figure."""
-    pytest.importorskip("matplotlib", reason="extra `plot` is not installed")
     write_delta(here / "m.csv")
     robot = ("--robot", DELTA)
     code, out, err = run(capsys, "torques", "m.csv", "-o", "tau.csv", *robot)
@@ -66,7 +65,6 @@ def test_torques_of_a_delta_lead_back_to_its_motion(here, capsys):
 
 
 def test_an_mjcf_with_a_motor_that_pushes(here, capsys):
-    pytest.importorskip("mujoco", reason="extra `mjcf` is not installed")
     (here / "slider.xml").write_text(SLIDER)
     stroke = [f"{t!r},{10 * math.sin(6 * t)!r}" for t in np.linspace(0, 1, 41).tolist()]
     (here / "m.csv").write_text("\n".join(["t_s,piston_mm", *stroke]) + "\n")
@@ -105,7 +103,6 @@ def through(capsysbinary, monkeypatch, data, *arguments):
 
 def test_a_pipe_of_commands(here, capsysbinary, monkeypatch):
     """`torques - -o -` into `simulate - -o -` into `plot - -o -`."""
-    pytest.importorskip("matplotlib", reason="extra `plot` is not installed")
     pipe = (capsysbinary, monkeypatch)
     code, torques, err = through(*pipe, SAMPLE.read_bytes(), "torques", "-", "-o", "-")
     assert code == 0
@@ -136,20 +133,11 @@ def test_the_bare_command_shows_its_help(capsys):
 
 
 def test_info_as_json_says_the_same(capsys):
-    code, out, _ = run(capsys, "info", "--json", "--robot", DELTA)
-    assert code == 0
-    content = json.loads(out)
+    content = json.loads(run(capsys, "info", "--json", "--robot", DELTA)[1])
     assert content["motors"] == ["motor_1", "motor_2", "motor_3"]
     assert content["degrees_of_freedom"] == 3
     assert content["versions"]["sst-pin"] == sst_pin.__version__
     assert json.loads(run(capsys, "info", "--json")[1])["moving_mass_kg"] == pytest.approx(3.68)
-
-
-def test_validate_says_when_it_finds_nothing(capsys):
-    code, out, _ = run(capsys, "validate", DELTA)
-    assert run(capsys, "validate", "--robot", DELTA) == (code, out, "")
-    assert code == 0
-    assert out.startswith("no problems found\n")
 
 
 def test_missing_folders_are_not_made_in_silence(here, capsys):
@@ -190,24 +178,14 @@ class Broken(io.StringIO):
 
 START = "--q0 gamma_1=1,gamma_2=1,gamma_3=1 --va0 gamma_1=0,gamma_2=0,gamma_3=0"
 COMMANDS = (
-    "",
-    "info",
-    "info --json",
-    f"torques motors.csv -o a.csv --robot {DELTA}",
-    f"simulate tau.csv -o b.csv {START}",
-    f"plot {SAMPLE} -o c.svg --what torques",
+    "", "info", "info --json", f"torques motors.csv -o a.csv --robot {DELTA}", "export-c d",
+    f"simulate tau.csv -o b.csv {START}", f"plot {SAMPLE} -o c.svg --what torques", "cache",
     f"validate {DELTA}",
-    "export-c d",
-    "cache",
-)
+)  # fmt: skip
 LONG_COMMANDS = (
-    f"compile --robot {sst_pin.URDF_PATH}",
-    "describe -o e",
-    "paper --samples 11 -o f",
-    "show --html g.html",
-    f"verify --quick --robot {sst_pin.URDF_PATH}",
-    "workspace -o h.svg",
-)
+    f"compile --robot {sst_pin.URDF_PATH}", "describe -o e", "paper --samples 11 -o f",
+    "show --html g.html", f"verify --quick --robot {sst_pin.URDF_PATH}", "workspace -o h.svg",
+)  # fmt: skip
 FAULTS = {
     "a closed pipe": (BrokenPipeError(32, "Broken pipe"), 141, ""),
     "a full disk": (OSError(28, "No space left on device"), 2, "No space left on device"),
@@ -220,13 +198,11 @@ CASES = [
 
 
 @pytest.mark.parametrize(("command", "fault"), CASES)
-def test_no_command_ends_in_a_traceback_when_its_output_breaks(
-    here, capsys, monkeypatch, command, fault
-):
+def test_no_command_ends_in_a_traceback_when_output_breaks(here, capsys, command, fault):
     write_delta(here / "motors.csv")
     (here / "tau.csv").write_text(TAU)
     error, expected, words = FAULTS[fault]
-    with monkeypatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "stdout", Broken(error))
         code = main(command.split())
     assert code == expected
@@ -237,11 +213,7 @@ def test_no_command_ends_in_a_traceback_when_its_output_breaks(
 
 @pytest.mark.parametrize(
     "command",
-    [
-        f"torques {SAMPLE} -o /proc/a.csv",
-        f"plot {SAMPLE} -o /proc/a.svg --what torques",
-        "export-c /proc/controller",
-    ],
+    [f"torques {SAMPLE} -o /proc/a.csv", f"plot {SAMPLE} -o /proc/a.svg", "export-c /proc/c"],
 )
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="no /proc")
 def test_an_unwritable_place_is_told_in_one_line(capsys, command):

@@ -23,11 +23,9 @@ OFF_ARC = "t_s,theta_deg,phi_deg\n" + "".join(f"{i / 10},20,{60 + 11 * i}\n" for
 def start(*arguments, code="from sst_pin.cli import main; raise SystemExit(main())", **options):
     """The command as a process of its own."""
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONUNBUFFERED"}
-    return subprocess.Popen(
-        [sys.executable, "-c", code, *map(str, arguments)],
-        env=environment,
-        **({"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True} | options),
-    )
+    command = [sys.executable, "-c", code, *map(str, arguments)]
+    piped = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    return subprocess.Popen(command, env=environment, **(piped | options))
 
 
 @pytest.mark.parametrize(
@@ -89,6 +87,14 @@ def test_an_output_that_is_full_is_told_in_one_line():
     assert process.returncode == 2
 
 
+def test_a_name_that_is_no_text_is_told_in_one_line():
+    """Python has such bytes of a file's name as surrogates."""
+    process = start("torques", "\udcff.csv", "-o", "x.csv")
+    _, err = process.communicate(timeout=60)
+    assert err == "sst-pin: error: \\udcff.csv: cannot be read: No such file or directory\n"
+    assert process.returncode == 2
+
+
 def test_ctrl_c_while_the_packages_load_is_answered_in_one_line():
     code = (
         "import sys; from sst_pin.cli import main\n"
@@ -125,13 +131,9 @@ def test_sigterm_leaves_no_temporary_file(here):
 
 def test_numbers_of_an_option_may_begin_with_a_minus(here, capsys):
     (here / "tau.csv").write_text("t_s,tau_1_Nm,tau_2_Nm,tau_3_Nm\n0,0,0,0\n0.001,0,0,0\n")
-    options = (
-        "--q0",
-        "gamma_1=-0.1,gamma_2=0.2,gamma_3=0.3",
-        "--va0",
-        "gamma_1=-.5,gamma_2=0,gamma_3=0",
-    )
-    code, _, _ = run(capsys, "simulate", "tau.csv", "-o", "out.csv", *options)
+    q0, va0 = "gamma_1=-0.1,gamma_2=0.2,gamma_3=0.3", "gamma_1=-.5,gamma_2=0,gamma_3=0"
+    start = "--q0", q0, "--va0", va0
+    code, _, _ = run(capsys, "simulate", "tau.csv", "-o", "out.csv", *start)
     assert code == 0
     motion = sst_pin.Trajectory.load("out.csv")
     assert motion.q[0, ::3] == pytest.approx([-0.1, 0.2, 0.3], abs=1e-12)

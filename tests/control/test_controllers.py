@@ -3,6 +3,7 @@
 
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -92,9 +93,8 @@ def test_the_regulator_of_a_held_pose_is_the_stationary_one(robot):
 def test_the_regulator_brings_the_robot_back_to_the_circle(robot, circle):
     control = sst_pin.TrackingLQR(robot, circle, Q=[1000] * 3 + [1] * 3, R=[0.01] * 3)
     gamma = dict(zip(robot.motor_names, circle.q[0, robot.actuated] + 0.03, strict=True))
-    found = robot.simulate(
-        control.torque, robot.assemble(gamma), circle.va[0], circle.t, rtol=1e-7, atol=1e-9
-    )
+    start = robot.assemble(gamma), circle.va[0]
+    found = robot.simulate(control.torque, *start, circle.t, rtol=1e-7, atol=1e-9)
     error = np.abs(found.q - circle.q)[:, robot.actuated].max(axis=1)
     assert error[0] == pytest.approx(0.03)
     assert error[-1] < 1e-5
@@ -196,9 +196,8 @@ def test_motions_that_cannot_be_followed_are_refused(robot, five_bar, sway):
         follow(robot, sway)
     with pytest.raises(InputError, match="equal steps"):
         sst_pin.TrackingLQR(five_bar, sway[[0, 1, 2, 3, 4, 6, 9]], Q=[1] * 4, R=[1] * 2)
-    idle = sst_pin.ClosedChain(
-        five_bar.model, five_bar.closures, ["shoulder_1"], coordinates=five_bar.coordinates
-    )
+    parts, x = (five_bar.model, five_bar.closures), five_bar.coordinates
+    idle = sst_pin.ClosedChain(*parts, ["shoulder_1"], coordinates=x)
     with pytest.raises(ActuationError, match="hold"):
         follow(idle, held(idle, idle.home))
     free = sst_pin.robots.stewart().with_coordinates(["platform"])
@@ -209,7 +208,6 @@ def test_motions_that_cannot_be_followed_are_refused(robot, five_bar, sway):
 @pytest.mark.tools
 def test_the_delta_of_the_bench_moves_as_its_model():
     """Without friction, to a thousandth: MuJoCo's closures are softer than ours."""
-    mujoco = pytest.importorskip("mujoco")
     chain, random = sst_pin.robots.delta(), np.random.default_rng(0)
     machine = control_bench.Machine(control_bench.xml_of(chain), "ball", friction=0.0)
     motors = [machine.model.joint(name).dofadr[0] for name in chain.motor_names]

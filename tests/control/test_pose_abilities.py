@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """What a pose can do, against the dynamics with forces and torques applied."""
 
+from functools import partial
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -50,8 +52,7 @@ def test_forces_at_the_corners_take_a_motor_to_its_limit(name):
     chain, q, limit = made(name)
     rest = np.zeros(chain.degrees_of_freedom)
     for force in sst_pin.force_polytope(chain, q, FRAME, limit):
-        load = wrenches_of(chain, q, -force)
-        tau = chain.compute_torques(q, rest, rest, external_wrenches=load)
+        tau = chain.compute_torques(q, rest, rest, external_wrenches=wrenches_of(chain, q, -force))
         assert np.abs(tau).max() == pytest.approx(limit, rel=1e-9)
         assert (np.abs(tau) > limit * (1 - 1e-9)).sum() >= 2
 
@@ -83,9 +84,8 @@ def test_accelerations_of_all_torques_lie_in_the_polytope(name):
     for aa in chain.compute_accelerations(q, va, tau):
         v, dv = chain.joint_rates(q, va), chain.joint_accelerations(q, va, aa)
         pin.forwardKinematics(model, data, q, v, dv)
-        kind = pin.LOCAL_WORLD_ALIGNED
-        number = model.getFrameId(FRAME)
-        found.append(pin.getFrameClassicalAcceleration(model, data, number, kind).linear.copy())
+        frame = model.getFrameId(FRAME), pin.LOCAL_WORLD_ALIGNED
+        found.append(pin.getFrameClassicalAcceleration(model, data, *frame).linear.copy())
     assert inside(np.array(found), corners, 1e-7)
     gaps = np.linalg.norm(np.array(found)[:, None] - corners, axis=2).min(axis=0)
     assert gaps.min() < 1e-7 * np.abs(corners).max()
@@ -134,10 +134,8 @@ def test_one_motor_pushes_between_two_ends():
     ends = sst_pin.force_polytope(bar, bar.home, FRAME, [[-1.0, 3.0]])
     assert ends.shape == (2, 3)
     rest = np.zeros(1)
-    torques = [
-        bar.compute_torques(bar.home, rest, rest, external_wrenches=wrenches_of(bar, bar.home, -f))
-        for f in ends
-    ]
+    loads = np.array([wrenches_of(bar, bar.home, -f) for f in ends])
+    torques = bar.compute_torques([bar.home] * 2, rest, rest, external_wrenches=loads)
     assert np.sort(np.ravel(torques)) == pytest.approx([-1, 3])
     assert sst_pin.acceleration_polytope(bar, bar.home, FRAME, 1.0).shape == (2, 3)
 
@@ -145,12 +143,9 @@ def test_one_motor_pushes_between_two_ends():
 def test_a_batch_is_its_samples():
     chain = sst_pin.robots.delta()
     q = np.array([chain.assemble(chain.home + 0.05 * k) for k in range(4)]).reshape(2, 2, -1)
-    va = np.ones(3)
-    for ellipsoid, options in (
-        (sst_pin.force_ellipsoid, {}),
-        (sst_pin.acceleration_ellipsoid, {"va": va}),
-    ):
-        found, one = (ellipsoid(chain, x, FRAME, LIMIT, **options) for x in (q, q[1, 0]))
+    accelerations = partial(sst_pin.acceleration_ellipsoid, va=np.ones(3))
+    for ellipsoid in (sst_pin.force_ellipsoid, accelerations):
+        found, one = (ellipsoid(chain, x, FRAME, LIMIT) for x in (q, q[1, 0]))
         assert found.axes.shape == (2, 2, 3, 3)
         assert np.abs(found.sizes[1, 0] - one.sizes).max() < 1e-9 * one.sizes.max()
         assert np.abs(found.center[1, 0] - one.center).max() < 1e-9

@@ -5,6 +5,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.ndimage import label
+from test_pose_abilities import wrenches_of
 
 import sst_pin
 from planar_bars import planar
@@ -132,22 +133,16 @@ def test_torques_hold_the_pose_against_its_wrench(name):
     """By inverse dynamics with the wrench on the body's mass centre; also as parts of limits."""
     chain = getattr(sst_pin.robots, name)()
     side, push = np.array([-0.04, 0.03]), np.array([3.0, -4.0, -20.0, 0.4, 0.2, -0.3])
-    limits = np.column_stack(
-        [-np.arange(1, 1 + len(chain.motor_names)), 9.0 * np.ones_like(chain.actuated)]
-    )
+    limits = np.array([(-1.0 - k, 9.0) for k in range(len(chain.motor_names))])
     held = {"yaw": 0.0} if name == "stewart" else {}
     found = sst_pin.reach_map(chain, "platform", limits, x=side, y=side, wrench=push, **held)
     model, data, rest = chain.model, chain.model.createData(), np.zeros(chain.degrees_of_freedom)
-    body = model.frames[model.getFrameId("platform")].parentJoint
     for place in np.ndindex(2, 2):
         q = found.q[place]
         pin.framesForwardKinematics(model, data, q)
         tip = data.oMf[model.getFrameId("platform")]
         assert np.abs(tip.translation[:2] - side[list(place)]).max() < 1e-9
-        center = data.oMi[body].act(model.inertias[body].lever)
-        load = np.zeros((model.njoints - 1, 6))
-        moment = push[3:] + np.cross(tip.translation - center, push[:3])
-        load[body - 1] = np.concatenate([moment, push[:3]])
+        load = wrenches_of(chain, q, push[:3], push[3:])
         tau = chain.compute_torques(q, rest, rest, external_wrenches=load)
         assert np.abs(found.torque[place] - tau).max() < 1e-8 * np.abs(tau).max()
         part = np.abs(tau - limits.mean(axis=1)) / (limits[:, 1] - limits[:, 0]) * 2
@@ -189,14 +184,8 @@ def test_a_file_has_a_row_for_each_pose(robot, tmp_path):
     found = sst_pin.reach_map(robot, "star_1", roll=angles[:2], yaw=angles)
     found.save(tmp_path / "map.csv")
     table = read_table(tmp_path / "map.csv", timed=False)
-    assert table.columns[:6] == (
-        "roll_rad",
-        "yaw_rad",
-        "why",
-        "condition",
-        "used",
-        "tau_gamma_1_Nm",
-    )
+    names = ("roll_rad", "yaw_rad", "why", "condition", "used", "tau_gamma_1_Nm")
+    assert table.columns[:6] == names
     assert (table.column("yaw_rad").reshape(2, 3) == angles).all()
     assert (table.column("beta_3_rad").reshape(2, 3) == found.q[..., 8]).all()
     assert (table.column("used").reshape(2, 3) == np.abs(found.torque).max(axis=-1)).all()

@@ -14,14 +14,7 @@ import sst_pin
 from markdown_tables import read_table
 from planar_bars import DRAG_LINK, planar
 from sst_pin import robots
-from sst_pin.errors import (
-    ActuationError,
-    ClosureError,
-    InputError,
-    SingularConfigurationError,
-    UnknownNameError,
-    WorkspaceError,
-)
+from sst_pin.errors import ActuationError, ClosureError, InputError, UnknownNameError
 
 LEG = ("hip", "knee", "ankle_pitch", "ankle_roll")
 
@@ -49,9 +42,8 @@ def four_bar_on_a_cylinder():
     place = pin.SE3(np.eye(3), np.array([0.45, 0.0, 0.0]))
     model.addFrame(pin.Frame("foot", 0, place, pin.FrameType.OP_FRAME))
     cylinder = sst_pin.LineForce("foot", "rocker_pin", name="cylinder")
-    return sst_pin.ClosedChain(
-        model, bar.closures, ["cylinder"], coordinates=["crank"], forces=[cylinder]
-    )
+    how = {"coordinates": ["crank"], "forces": [cylinder]}
+    return sst_pin.ClosedChain(model, bar.closures, ["cylinder"], **how)
 
 
 #: Views, and the range of their joints.
@@ -98,10 +90,8 @@ def test_the_actuator_jacobian_is_the_slope_of_the_motors_positions(view, positi
     """Central differences of 1e-5: their error is its square."""
     q, J = view.from_joints(positions[:2]), view.actuator_jacobian(view.from_joints(positions[:2]))
     for k, step in enumerate(1e-5 * np.eye(len(view.joints))):
-        ahead, behind = (
-            view.motor_positions(view.from_joints(x))
-            for x in (positions[:2] + step, positions[:2] - step)
-        )
+        ends = (view.from_joints(positions[:2] + h) for h in (step, -step))
+        ahead, behind = map(view.motor_positions, ends)
         assert_allclose(J[..., k], (ahead - behind) / 2e-5, rtol=0, atol=1e-7)
     assert J.shape == (2, len(view.motors), len(view.joints))
     assert q.shape == (2, view.chain.model.nq)
@@ -127,17 +117,11 @@ def test_a_parallelogram_arm_maps_efforts_as_the_corrected_four_bar_transmission
     was a2 tau_a2 - a1 tau_a1, which does not keep the power.
     """
     ratios = 50.0, -30.0
-    model = planar(
-        [
-            ("shoulder", "universe", 0.0, 0.4),
-            ("elbow", "shoulder", 0.4, -0.1),
-            ("crank", "universe", 0.0, -0.1),
-            ("coupler", "crank", -0.1, 0.4),
-        ]
-    )
+    arms = [("shoulder", "universe", 0.0, 0.4), ("elbow", "shoulder", 0.4, -0.1)]
+    cranks = [("crank", "universe", 0.0, -0.1), ("coupler", "crank", -0.1, 0.4)]
+    model = planar([*arms, *cranks])
     at = {"shoulder": 0.7, "elbow": 0.9, "crank": 1.6, "coupler": -0.9}
-    home = np.array([at[name] for name in list(model.names)[1:]])
-    model.referenceConfigurations["home"] = home
+    model.referenceConfigurations["home"] = np.array([at[name] for name in list(model.names)[1:]])
     motors = [{"shoulder": ratios[0]}, {"crank": ratios[1]}]
     arm = sst_pin.ClosedChain(model, [sst_pin.Closure("elbow_end", "coupler_end", "3d")], motors)
     view = sst_pin.SerialView(arm, ["shoulder", "elbow"])
@@ -218,9 +202,8 @@ def test_a_leg_moves_as_its_serial_view():
         aa = np.linalg.solve(terms.inertia, drive - terms.coriolis @ state[4:])
         return np.concatenate([state[4:], aa])
 
-    serial = solve_ivp(
-        rate, (0, 0.2), [*start, *np.zeros(4)], "DOP853", times, rtol=1e-11, atol=1e-11
-    )
+    begin, close = [*start, *np.zeros(4)], {"rtol": 1e-11, "atol": 1e-11}
+    serial = solve_ivp(rate, (0, 0.2), begin, "DOP853", times, **close)
     assert_allclose(serial.y[:4].T, view.joint_positions(closed.q), rtol=0, atol=1e-9)
     assert np.abs(serial.y[:4, -1] - start).max() > 0.1  # it has moved
 
@@ -297,7 +280,7 @@ def test_more_motors_than_joints_share_the_torque():
     assert_allclose(view.joint_torques(q, tau), f, atol=1e-12)
     B = chain.preload_directions(q)
     assert np.abs(B.T @ tau).max() < 1e-12
-    with pytest.raises(WorkspaceError, match="no positions of the joints"):
+    with pytest.raises(sst_pin.errors.WorkspaceError, match="no positions of the joints"):
         view.from_motors(view.motor_positions(q) + 0.1 * B[:, 0])
 
 
@@ -307,7 +290,7 @@ def test_more_motors_than_joints_share_the_torque():
         ("leg", ["kne"], UnknownNameError, "knee"),
         ("leg", ["knee", "knee"], InputError, "joint appears twice"),
         ("leg", ["ankle_pitch"], InputError, "name all joints of its linkage"),
-        ("leg", ["knee", "motor_knee"], SingularConfigurationError, None),
+        ("leg", ["knee", "motor_knee"], sst_pin.SingularConfigurationError, None),
         ("delta", ["ball"], UnknownNameError, "ball"),
     ],
 )

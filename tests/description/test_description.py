@@ -4,6 +4,7 @@ import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -15,9 +16,10 @@ from sst_pin.description import JOINT_NAMES, base_orientations
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def test_shipped_description_is_current():
-    script = ROOT / "scripts" / "description" / "make_description.py"
-    subprocess.run([sys.executable, script, "--check"], check=True)
+@pytest.mark.parametrize("script", ["make_description", "make_sample_motion"])
+def test_what_is_shipped_is_current(script):
+    path = ROOT / "scripts" / "description" / f"{script}.py"
+    subprocess.run([sys.executable, path, "--check"], check=True)
 
 
 def test_shipped_robot_is_the_one_of_the_default_parameters(robot):
@@ -123,7 +125,6 @@ def test_cuts_of_other_motors_are_refused(tmp_path):
 
 
 def test_mujoco_loads_the_urdf_with_the_same_mass_matrix(robot):
-    mujoco = pytest.importorskip("mujoco", reason="extra `verify` is not installed")
     model = mujoco.MjModel.from_xml_path(sst_pin.URDF_PATH)
     data = mujoco.MjData(model)
     names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, i) for i in range(model.njnt)]

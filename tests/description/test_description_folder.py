@@ -145,10 +145,8 @@ def test_urdf_and_mjcf_wear_the_same_parts(folder):
     seen = 0
     for body in mjcf.iterfind(".//body"):
         link = urdf.find(f"link[@name='{body.get('name')}']")
-        worn = [
-            (v.find("geometry/mesh").get("filename"), v.find("material").get("name"))
-            for v in link.iterfind("visual")
-        ]
+        files, skins = (link.iterfind(f"visual/{x}") for x in ("geometry/mesh", "material"))
+        worn = [(f.get("filename"), s.get("name")) for f, s in zip(files, skins, strict=True)]
         geoms = body.findall("geom[@class='visual']")
         assert [(f"meshes/{g.get('mesh')}.obj", g.get("material")) for g in geoms] == worn
         solids = [c.find("geometry")[0].tag for c in link.iterfind("collision")]

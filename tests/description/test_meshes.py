@@ -11,6 +11,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 import pytest
+import trimesh
 
 import make_description
 import sst_pin
@@ -20,8 +21,6 @@ from sst_pin.files import write_files
 from sst_pin.sst.paper import PERIOD, example_1
 from sst_pin.sst.robot_wrapper import configurations_of
 from sst_pin.verification.sampling import random_parameters
-
-trimesh = pytest.importorskip("trimesh", reason="extra `mesh` is not installed")
 
 MOVING = [f"{body}_{k}" for body in ("link", "passive", "star") for k in (1, 2, 3)]
 
@@ -155,17 +154,6 @@ def test_legs_have_their_colours():
         for body, expected in (("link", colour), ("star", colour), ("passive", (1 + colour) / 2)):
             shape = found.geometryObjects[found.getGeometryId(f"{body}_{k}_0")]
             assert shape.meshColor[:3] == pytest.approx(expected, abs=1e-3)
-
-
-def test_mujoco_and_yourdfpy_find_the_meshes_beside_the_urdf():
-    mujoco = pytest.importorskip("mujoco", reason="extra `verify` is not installed")
-    yourdfpy = pytest.importorskip("yourdfpy", reason="extra `verify` is not installed")
-    stems = set(meshes_of(Parameters()))
-    model = mujoco.MjModel.from_xml_path(sst_pin.URDF_PATH)
-    assert {model.mesh(i).name for i in range(model.nmesh)} == stems
-    scene = yourdfpy.URDF.load(sst_pin.URDF_PATH).scene
-    assert len(scene.geometry) == 12
-    assert np.abs(scene.bounds).max() < 0.55
 
 
 def outside(shape, points):

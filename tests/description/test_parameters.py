@@ -79,21 +79,25 @@ def test_all_problems_are_reported_at_once():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "word"),
+    ("call", "word"),
     [
-        ({"base_directions": np.zeros((3, 3))}, "v_1 is zero"),
-        ({"arc_angles": (120, 120, 120)}, "are these degrees"),
-        ({"arc_angles": (-1, 2, 2 * np.pi - 1)}, "each must lie in"),
-        ({"star": RigidBody(1, (0, 0, 0), np.diag((1, 1, -1)))}, "not all positive"),
-        ({"star": None}, "a RigidBody is needed"),
-        ({"link": ["bar"] * 3}, "link[0]: a RigidBody is needed"),
-        ({"gravity": "down"}, "not an array of numbers"),
-        ({"star_radius": np.inf}, "star_radius"),
+        (lambda: Parameters(base_directions=np.zeros((3, 3))), "v_1 is zero"),
+        (lambda: Parameters(arc_angles=(120, 120, 120)), "are these degrees"),
+        (lambda: Parameters(arc_angles=(-1, 2, 2 * np.pi - 1)), "each must lie in"),
+        (lambda: Parameters(star=RigidBody(1, (0, 0, 0), -np.eye(3))), "not all positive"),
+        (lambda: Parameters(star=None), "a RigidBody is needed"),
+        (lambda: Parameters(link=["bar"] * 3), "link[0]: a RigidBody is needed"),
+        (lambda: Parameters(gravity="down"), "not an array of numbers"),
+        (lambda: Parameters(star_radius=np.inf), "star_radius"),
+        (lambda: RigidBody("heavy", (0, 0, 0), np.eye(3)), "mass: not an array of numbers"),
+        (lambda: Parameters().with_payload(-1), "-1 kg"),
+        (lambda: Parameters().with_payload(np.nan), "nan kg"),
+        (lambda: Parameters().with_payload(1, (0, 0)), "at: shape"),
     ],
 )
-def test_each_impossibility_has_its_sentence(arguments, word):
+def test_each_impossibility_has_its_sentence(call, word):
     with pytest.raises(ParametersError, match=re.escape(word)):
-        Parameters(**arguments)
+        call()
 
 
 def test_a_thin_rod_is_possible():
@@ -125,20 +129,6 @@ def test_no_payload_changes_nothing():
     p = Parameters()
     assert p.with_payload(0.0, (1, 2, 3)) == p
     assert p.with_payload(1.0).link == p.link
-
-
-@pytest.mark.parametrize(
-    ("call", "word"),
-    [
-        (lambda: RigidBody("heavy", (0, 0, 0), np.eye(3)), "mass: not an array of numbers"),
-        (lambda: Parameters().with_payload(-1), "-1 kg"),
-        (lambda: Parameters().with_payload(np.nan), "nan kg"),
-        (lambda: Parameters().with_payload(1, (0, 0)), "at: shape"),
-    ],
-)
-def test_a_body_or_a_payload_that_cannot_be_is_refused(call, word):
-    with pytest.raises(ParametersError, match=word):
-        call()
 
 
 def test_parameters_print_as_a_few_lines():

@@ -5,6 +5,7 @@ What may stand in a description is changed at random by `test_fuzz_files.py`.
 """
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -143,18 +144,15 @@ def _mjcfs(w: World) -> Iterator[Call]:
     odd = [FOUR_BAR_MJCF.replace("<worldbody>", new) for new in (mesh, include)]
     for text in ("", "<robot/>", "<mujoco/>", *odd):
 
-        def read(text: str = text) -> ClosedChain:
+        def tried(text: str = text) -> ClosedChain:
             Path("odd.xml").write_text(text, encoding="utf-8")
             return ClosedChain.from_mjcf("odd.xml")
 
-        yield Call(f"from_mjcf of {text[-200:]}", read)
+        yield Call(f"from_mjcf of {text[-200:]}", tried)
     Path("four_bar.xml").write_text(FOUR_BAR_MJCF, encoding="utf-8")
-    held = (
-        "crank", 5, None, [None], ["krank"], [0], [["crank"]], ["crank", "coupler", "rocker"],
-    )  # fmt: skip
-    yield from each(
-        "from_mjcf, locked", lambda x: ClosedChain.from_mjcf("four_bar.xml", locked=x), held
-    )
+    held = "crank", 5, None, [None], ["krank"], [0], [["crank"]], ["crank", "coupler", "rocker"]
+    read = partial(ClosedChain.from_mjcf, "four_bar.xml")
+    yield from each("from_mjcf, locked", lambda x: read(locked=x), held)
 
 
 def _loads(w: World) -> Iterator[Call]:
@@ -163,10 +161,7 @@ def _loads(w: World) -> Iterator[Call]:
     yield Call("load of no SST", lambda: sst_pin.load("plain.urdf"))
     yield Call("SST.from_urdf of no SST", lambda: sst_pin.SST.from_urdf("plain.urdf"))
     order = w.cuts.replace("[gamma_1, gamma_2,", "[gamma_2, gamma_1,")
-    yield Call(
-        "SST.from_urdf, motors in another order",
-        lambda: sst_pin.SST.from_urdf(w.described(cuts=order)),
-    )
+    yield Call("motors in another order", lambda: sst_pin.SST.from_urdf(w.described(cuts=order)))
 
 
 def _exports(w: World) -> Iterator[Call]:

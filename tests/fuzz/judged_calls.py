@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Calls that are judged in a process of their own: what they raise, return, or never end with."""
 
+import faulthandler
 import json
 import os
 import resource
-import select
 import signal
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -100,66 +99,45 @@ def report(verdicts: Iterable[Verdict]) -> str:
 
 def _child(table: str, group: str, every: int, verdicts: list[Verdict]) -> bool:
     """Whether a child came to the end of the group; what it found is added to the verdicts."""
-    read, write = os.pipe()
     here = Path(__file__).parent
-    call = f"serve({table!r}, {group!r}, {every}, {len(verdicts)}, {write})"
-    code = f"import judged_calls; judged_calls.{call}"
     path = os.pathsep.join([str(here), str(here.parent), *filter(None, sys.path)])
-    with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as noise:
-        child = subprocess.Popen(
-            [sys.executable, "-W", "ignore", "-c", code],
+    with tempfile.TemporaryDirectory() as folder, tempfile.NamedTemporaryFile() as told:
+        call = f"serve({table!r}, {group!r}, {every}, {len(verdicts)}, {told.name!r})"
+        child = subprocess.run(
+            [sys.executable, "-W", "ignore", "-c", f"import judged_calls; judged_calls.{call}"],
             cwd=folder,
             env=os.environ | {"PYTHONPATH": path, "MPLBACKEND": "agg", "OMP_NUM_THREADS": "1"},
-            pass_fds=[write],
             stdin=subprocess.DEVNULL,
-            stdout=noise,
-            stderr=noise,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            check=False,
         )
-        os.close(write)
-        running, ended = "the start of the group", False
-        patience = 60.0  # until the package is imported
-        for line in _lines(read, lambda: patience):
-            name, kind, detail = json.loads(line)
-            running, patience = name, 2 * LIMIT
-            ended = kind == "end"
-            if kind not in ("begin", "end"):
-                verdicts.append(Verdict(name, kind, detail))
-        os.close(read)
-        if ended:
-            child.wait()
-            return True
-        alive = child.poll() is None
-        child.kill()
-        code_left = child.wait()
-        noise.seek(0)
-        said = noise.read().decode(errors="replace").strip()[-300:]
-    if running == "the start of the group" or (verdicts[-1:] and verdicts[-1].name == running):
-        raise RuntimeError(f"{group} cannot go on after {running}: {said}")
-    kind, how = ("endless", "not to be interrupted") if alive else ("raw", f"aborts: {code_left}")
-    verdicts.append(Verdict(running, kind, f"{how}: {said}"))
+        lines = [Verdict(*json.loads(line)) for line in told.read().splitlines()]
+    verdicts += [verdict for verdict in lines if verdict.kind not in ("begin", "end")]
+    if lines and lines[-1].kind == "end":
+        return True
+    said = child.stdout.decode(errors="replace").strip()
+    if not lines or lines[-1].kind != "begin":
+        where = lines[-1].name if lines else "the start of the group"
+        raise RuntimeError(f"{group} cannot go on after {where}: {said[-300:]}")
+    over = "Timeout (" in said  # in the words of faulthandler
+    kind, how = ("endless", "not to be interrupted") if over else ("raw", "aborts")
+    verdicts.append(Verdict(lines[-1].name, kind, f"{how}: {child.returncode}: {said[-300:]}"))
     return False
 
 
-def _lines(descriptor: int, patience: Callable[[], float]) -> Iterator[bytes]:
-    """Lines of a pipe until it is closed, or until nothing comes for too long."""
-    rest = b""
-    while select.select([descriptor], [], [], patience())[0]:
-        chunk = os.read(descriptor, 65536)
-        if not chunk:
-            time.sleep(0.05)  # the child is about to end
-            return
-        *whole, rest = (rest + chunk).split(b"\n")
-        yield from whole
-
-
-def serve(table: str, group: str, every: int, first: int, descriptor: int) -> None:
+def serve(table: str, group: str, every: int, first: int, told: str) -> None:
     """In the child: judge each n-th call from a first on, and write what becomes of them."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    faulthandler.dump_traceback_later(60, exit=True)  # until the calls are made
+    calls = list(__import__(table).calls(group))[::every][first:]
+    with Path(told).open("a", encoding="utf-8", buffering=1) as file:
 
-    def tell(*words: str) -> None:
-        os.write(descriptor, (json.dumps(words) + "\n").encode())
+        def tell(*words: str) -> None:
+            file.write(json.dumps(words) + "\n")
 
-    for call in list(__import__(table).calls(group))[::every][first:]:
-        tell(call.name, "begin", "")
-        tell(*call.judged())
-    tell("", "end", "")
+        for call in calls:
+            faulthandler.dump_traceback_later(2 * LIMIT, exit=True)
+            tell(call.name, "begin", "")
+            tell(*call.judged())
+        tell("", "end", "")

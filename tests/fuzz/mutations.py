@@ -17,6 +17,7 @@ NUMBERS = (
     "true", "None", "9" * 400, "0." + "0" * 400 + "1", "pi", "1/2", "1e308", "4.9e-324", "\u22121",
 )  # fmt: skip
 _CHARACTERS = "<>\"'=/&;[]{}:,.-#!*|\n\t 09aeEnN\0\u00e9\ufeff"
+_COLUMNS = ("t", "time", "qw", "x", "theta", "t_s")
 _WORDS = ("", "x", "crank", "rocker", "end", "pivot", "revolute", "prismatic", "fixed", "0")
 
 
@@ -82,9 +83,8 @@ def _change(draw: st.DrawFn, root: ET.Element, extra: tuple[tuple[str, str, str]
         else:
             parent.remove(element)
             if way == "move":
-                draw(
-                    st.sampled_from([e for e in elements if e not in list(element.iter())])
-                ).append(element)
+                others = [e for e in elements if e not in list(element.iter())]
+                draw(st.sampled_from(others)).append(element)
     elif way == "rename":
         element.tag = draw(st.sampled_from(sorted({e.tag for e in elements} | {"x"})))
 
@@ -106,9 +106,8 @@ def changed_yaml(draw: st.DrawFn, text: str) -> str:
         if not content:
             break
         key = draw(st.sampled_from(sorted(content)))
-        way = draw(
-            st.sampled_from(("value", "entry", "entry", "remove", "rename", "add", "double"))
-        )
+        ways = ("value", "entry", "entry", "remove", "rename", "add", "double")
+        way = draw(st.sampled_from(ways))
         if way == "value":
             content[key] = draw(st.sampled_from(_VALUES) | st.floats(-9, 9))
         elif way == "remove":
@@ -116,9 +115,8 @@ def changed_yaml(draw: st.DrawFn, text: str) -> str:
         elif way == "rename":
             content[draw(st.sampled_from((key.upper(), key + "s", " " + key)))] = content.pop(key)
         elif way == "add":
-            content[draw(st.sampled_from(("gravitiy", "x", "joint_name")))] = draw(
-                st.sampled_from(_VALUES)
-            )
+            key = draw(st.sampled_from(("gravitiy", "x", "joint_name")))
+            content[key] = draw(st.sampled_from(_VALUES))
         elif isinstance(content[key], list) and content[key]:
             i = draw(st.integers(0, len(content[key]) - 1))
             if way == "double":
@@ -137,9 +135,8 @@ def changed_csv(draw: st.DrawFn, text: str) -> str:
     for _ in range(draw(st.integers(1, 3))):
         i = draw(st.integers(0, len(rows) - 1))
         j = draw(st.integers(0, max(len(rows[i]) - 1, 0)))
-        way = draw(
-            st.sampled_from(("cell", "cell", "cell", "row", "no row", "swap", "short", "name"))
-        )
+        ways = ("cell", "cell", "cell", "row", "no row", "swap", "short", "name")
+        way = draw(st.sampled_from(ways))
         if not rows[i]:
             continue
         if way == "cell":
@@ -154,7 +151,5 @@ def changed_csv(draw: st.DrawFn, text: str) -> str:
         elif way == "short":
             del rows[i][j]
         elif way == "name":
-            rows[0][j % len(rows[0])] = draw(
-                st.sampled_from(("t", "time", "qw", "x", "theta", "t_s"))
-            )
+            rows[0][j % len(rows[0])] = draw(st.sampled_from(_COLUMNS))
     return "\n".join(map(",".join, rows)) + "\n"

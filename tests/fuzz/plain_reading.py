@@ -170,10 +170,8 @@ def torques_by_mujoco(
 
     q_dot = solved(np.concatenate([np.zeros(len(Phi)), va]))
     h = 1e-5
-    rate = (_equality_jacobian(model, q + h * q_dot) - _equality_jacobian(model, q - h * q_dot)) / (
-        2 * h
-    )
-    q_ddot = solved(np.concatenate([-rate @ q_dot, aa]))
+    ahead, behind = (_equality_jacobian(model, q + s * q_dot) for s in (h, -h))
+    q_ddot = solved(np.concatenate([(behind - ahead) / (2 * h) @ q_dot, aa]))
     friction = model.dof_frictionloss * np.sign(q_dot)
     if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS:
         friction = 0 * friction

@@ -12,7 +12,7 @@ import datetime
 import inspect
 from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass
-from functools import cache
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -212,9 +212,8 @@ def bad_functions(good: Any) -> Iterator[tuple[str, Any]]:
 def bad_motions(w: World) -> dict[str, Any]:
     """What stands in the place of a motion of the SST."""
     m = w.motion
-    renamed = sst_pin.Trajectory(
-        m.t, m.q, m.va, m.aa, m.tau, [f"x{i}" for i in range(9)], ["x0", "x3", "x6"]
-    )
+    names = [f"x{i}" for i in range(9)]
+    renamed = sst_pin.Trajectory(m.t, m.q, m.va, m.aa, m.tau, names, names[::3])
     of = {"of one sample": m[:1], "of another robot": w.motion_of_another, "renamed": renamed}
     return {"None": None, "text": "m", "array": m.q, "open loops": w.open_motion} | of
 
@@ -374,8 +373,7 @@ def _of_robots(w: World) -> Iterator[Subject]:
         "q": q, "va": va, "aa": aa, "tau": tau, "q_dot": 0 * q, "torque": tau, "q0": q, "va0": va,
         "t": one["t"], "dt": 1e-3, "frame": "B", "external_wrenches": np.ones((3, 6)),
         "motion": w.motion_of_another, "coordinates": w.chain.coordinates,
-        "theta": w.chain.dynamic_parameters,
-        "weights": np.ones(1),
+        "theta": w.chain.dynamic_parameters, "weights": np.ones(1),
     }  # fmt: skip
     for name, robot, examples in (
         ("robot", w.robot, one),
@@ -507,12 +505,8 @@ def _of_pictures(w: World) -> Iterator[Subject]:
     for name in ("motion_page", "robot_pose", "figure_writer", "require_ending"):
         yield Subject(f"plots.{name}", getattr(plots, name), good)
 
-    def at(psi: float = 0.0, rings: int = 3, spokes: int = 3) -> Any:
-        return workspace_at(w.robot, psi, rings, spokes)
-
-    def over_rolls(rolls: int = 3, rings: int = 3, spokes: int = 3) -> Any:
-        return workspace_over_rolls(w.robot, rolls, rings, spokes)
-
+    at = partial(workspace_at, w.robot, rings=3, spokes=3)
+    over_rolls = partial(workspace_over_rolls, w.robot, rolls=3, rings=3, spokes=3)
     yield Subject("workspace_at", at, {})
     yield Subject("workspace_over_rolls", over_rolls, {})
     workspace, viewer = at(rings=5, spokes=6), Viewer(w.robot)

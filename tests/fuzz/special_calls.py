@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Bad and odd calls that no signature gives: odd models, odd names, files that are no motions."""
+"""Bad and odd calls that no signature gives: odd models, odd names, files that are no motions.
+
+Figures, maps and pages are asked for what they cannot give.
+"""
 
 import io
 from collections.abc import Callable, Iterator
@@ -14,6 +17,9 @@ from signature_calls import each, same
 
 import sst_pin
 from sst_pin.motion.motion_files import read_motion
+
+#: Subjects of a page that are drawn from the motion alone, or from the motion and the foot.
+FROM_MOTION = ("path", "torques", "joints")
 
 
 def chains(w: World) -> Iterator[Call]:
@@ -111,22 +117,10 @@ def _hand_built(w: World) -> Iterator[Call]:
 
         return add
 
-    def renamed(model: pin.Model) -> None:
-        model.names[2] = "crank"
+    def entry(field: str, value: Any) -> Callable[[pin.Model], None]:
+        return lambda m: getattr(m, field).__setitem__(2, value)
 
-    def inertia(mass: float = 1.0, lever: float = 0.0) -> Callable[[pin.Model], None]:
-        def change(model: pin.Model) -> None:
-            model.inertias[2] = pin.Inertia(mass, np.full(3, lever), model.inertias[2].inertia)
-
-        return change
-
-    def placement(x: float) -> Callable[[pin.Model], None]:
-        def change(model: pin.Model) -> None:
-            model.jointPlacements[2] = pin.SE3(np.eye(3), np.array((x, 0, 0)))
-
-        return change
-
-    def gravity(x: float) -> Callable[[pin.Model], None]:
+    def weight(x: float) -> Callable[[pin.Model], None]:
         return lambda m: setattr(m.gravity, "linear", np.array((x, 0, -9.81)))
 
     body = pin.FrameType.BODY
@@ -135,16 +129,16 @@ def _hand_built(w: World) -> Iterator[Call]:
         ("a second frame A of a body", frame("A", body), None),
         ("a second frame A of a sensor", frame("A", pin.FrameType.SENSOR), None),
         ("a body and a joint of one name", frame("crank", body), same(tau)),
-        ("two names alike", renamed, None),
+        ("two names alike", entry("names", "crank"), None),
         ("two joints of one name",
          lambda m: m.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "crank"), None),
-        ("a NaN in gravity", gravity(np.nan), None),
-        ("infinite gravity", gravity(np.inf), None),
-        ("a mass of NaN", inertia(mass=np.nan), None),
-        ("an infinite mass", inertia(mass=np.inf), None),
-        ("a mass centre at NaN", inertia(lever=np.nan), None),
-        ("a NaN in a placement", placement(np.nan), None),
-        ("a joint at infinity", placement(np.inf), None),
+        ("a NaN in gravity", weight(np.nan), None),
+        ("infinite gravity", weight(np.inf), None),
+        ("a mass of NaN", entry("inertias", pin.Inertia(np.nan, np.zeros(3), np.eye(3))), None),
+        ("a mass centre at NaN",
+         entry("inertias", pin.Inertia(1, np.full(3, np.nan), np.eye(3))), None),
+        ("a NaN in a placement",
+         entry("jointPlacements", pin.SE3(np.eye(3), np.full(3, np.nan))), None),
         ("NaN armature", lambda m: setattr(m, "armature", np.full(3, np.nan)), None),
         ("NaN damping", lambda m: setattr(m, "damping", np.full(3, np.nan)), None),
         ("infinite friction", lambda m: setattr(m, "friction", np.full(3, np.inf)), None),
@@ -308,3 +302,31 @@ def _of_the_star(w: World) -> Iterator[Call]:
     yield Call("orientation of none", lambda: sst_pin.orientation([], []), none)
     yield Call("pairs", lambda: sst_pin.orientation_motion((0, 0), (1, 0), (0, 0)))
     yield Call("paper_circle of none", lambda: sst_pin.paper_circle([]).R, none)
+
+
+def pictures(w: World) -> Iterator[Call]:
+    """Figures, maps and the viewer."""
+    from sst_pin import plots
+    from sst_pin.sst.workspace import workspace_at, workspace_over_rolls
+    from sst_pin.viewer import Viewer
+
+    m, other = w.motion, w.motion_of_another
+    for name, motion in (("one sample", m[:1]), ("another robot's motion", other)):
+        subjects = [s for s in plots.SUBJECTS if motion is not other or s not in FROM_MOTION]
+        yield from each(
+            f"motion_page of {name}",
+            lambda s, motion=motion: plots.motion_page(w.robot, motion, [s]),
+            subjects,
+        )
+    odd = ([], (), "torques", ["torque"], [None], 5, "unknown", [["torques"]])
+    yield from each("motion_page, subjects", lambda s: plots.motion_page(w.robot, m, s), odd)
+    yield from each("require_ending", plots.require_ending, ("a.jpg", "a.csv", b"a.png"))
+    sizes = ((2, 3), (3, 2), (10**12, 3), (3, 10**12))
+    yield from each("workspace_at", lambda size: workspace_at(w.robot, 0.0, *size), sizes)
+    yield Call("workspace_over_rolls(10**12)", lambda: workspace_over_rolls(w.robot, 10**12, 3, 3))
+    Path("there.npz").write_text("x")
+    map_ = workspace_at(w.robot, rings=5, spokes=6)
+    yield Call("workspace.save onto what is there", lambda: map_.save("there.npz"))
+    yield from each("viewer.show", Viewer(w.robot).show, (m.q[0, :8], m.q, "home"))
+    yield Call("viewer.play(of an SST on a chain)", lambda: Viewer(w.chain).play(m))
+    yield from each("Viewer", Viewer, (None, "robot", 5))

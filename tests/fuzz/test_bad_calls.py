@@ -10,7 +10,6 @@ most groups, `-m slow` takes all calls and prints their counts with `-s`.
 import file_calls
 import judged_calls
 import pytest
-import shown_calls
 import signature_calls
 import special_calls
 from call_world import World
@@ -20,8 +19,7 @@ GROUPS = {
     "chains": special_calls.chains,
     "motions": special_calls.motions,
     "files": file_calls.calls,
-    "pictures": shown_calls.pictures,
-    "commands": shown_calls.commands,
+    "pictures": special_calls.pictures,
 }
 
 
@@ -33,7 +31,7 @@ def calls(group):
 @pytest.mark.parametrize(
     ("group", "every"),
     [
-        *((group, 59) for group in GROUPS if group not in ("pictures", "commands")),
+        *((group, 59) for group in GROUPS if group != "pictures"),
         *(pytest.param(group, 1, marks=pytest.mark.slow) for group in GROUPS),
     ],
 )

@@ -35,9 +35,7 @@ def poses_of(chain: sst_pin.ClosedChain, x: np.ndarray, frame: str) -> np.ndarra
 def deltas() -> tuple[sst_pin.ClosedChain, sst_pin.ClosedChain, dict[str, float], np.ndarray]:
     """The delta as drawn, as made with errors of tenths of a millimetre, these, and poses."""
     drawn, rng = sst_pin.robots.delta(), np.random.default_rng(4)
-    names = [f"motor_{k}.ry" for k in (1, 2, 3)] + [
-        f"rod_{k}{s}.x" for k in (1, 2, 3) for s in "ab"
-    ]
+    names = [f"motor_{k}.ry" for k in "123"] + [f"rod_{k}{s}.x" for k in "123" for s in "ab"]
     errors = dict(zip(names, rng.normal(size=9) * ([5e-3] * 3 + [3e-4] * 6), strict=True))
     made = moved(drawn, placements(list(errors), np.array(list(errors.values()))))
     at_home = [drawn.home[drawn.position_names.index(name)] for name in drawn.coordinates]
@@ -73,10 +71,8 @@ def test_what_is_hidden_moves_the_frame_as_errors_that_were_found_do():
     assert found.hidden
     size, columns = 1e-6, []
     for name in (*found.names, *found.hidden):
-        ends = [
-            poses_of(moved(drawn, placements([name], np.array([s]))), x, "platform")
-            for s in (-size, size)
-        ]
+        made = (moved(drawn, placements([name], np.array([s]))) for s in (-size, size))
+        ends = [poses_of(chain, x, "platform") for chain in made]
         columns.append(((ends[1] - ends[0]) / (2 * size))[:, :3].ravel())
     A = np.array(columns).T
     A /= np.maximum(np.linalg.norm(A, axis=0), 1e-6)
@@ -203,9 +199,8 @@ def test_errors_that_open_the_loops_of_an_overconstrained_robot_are_left_out():
     assert not [name for name in found.names + found.hidden if name.endswith((".z", ".rx", ".ry"))
                 and not name.startswith(("tip", "vertex"))]  # fmt: skip
     other = at_home + rng.uniform(-0.1, 0.1, (4, 3))
-    assert_allclose(
-        poses_of(found.chain, other, "platform"), poses_of(made, other, "platform"), atol=1e-10
-    )
+    at_others = poses_of(made, other, "platform")
+    assert_allclose(poses_of(found.chain, other, "platform"), at_others, atol=1e-10)
     with pytest.raises(sst_pin.InputError, match=r"elbow_1.z.* each alone opens loops"):
         calibrate(drawn, "platform", x, exact, which=["*.x", "*.z"])
 

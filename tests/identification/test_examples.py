@@ -6,6 +6,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import dvrk_identification as dvrk
+import sst_identification
 from sst_pin import coordinate_motion
 from sst_pin.identification import base_parameters, random_states
 
@@ -40,13 +41,8 @@ def test_intervals_of_ratios_hold_the_true_one():
     for _ in range(2000):
         session = runs / np.sqrt(2) * random.normal(size=(3, 2))
         moments = true + session[1:] - session[0]
-        held.append(
-            [
-                low < 2 < high
-                for k in (0, 1)
-                for low, high in [dvrk.Weights(moments, np.tile(runs, (2, 1)), runs).ratio(k)]
-            ]
-        )
+        weights = dvrk.Weights(moments, np.tile(runs, (2, 1)), runs)
+        held.append([low < 2 < high for low, high in (weights.ratio(k) for k in (0, 1))])
     assert_allclose(np.mean(held), 0.95, atol=0.01)
     nothing = dvrk.Weights(0 * true + 0.001, np.tile(runs, (2, 1)), runs)
     assert nothing.ratio(1) is None
@@ -77,9 +73,6 @@ def test_a_log_of_an_mtm_that_is_known_is_predicted_by_physical_parameters(capsy
 @pytest.mark.slow
 def test_the_parameters_of_the_machine_are_within_their_intervals_and_predict_another_motion():
     """The drawn robot is 20 % too light and has no friction; by itself it misses by far more."""
-    pytest.importorskip("mujoco")
-    import sst_identification
-
     result = sst_identification.identified(2, duration=3.0, tries=1)
     assert (np.abs(result.missed) < 3).mean() > 0.93
     assert (result.unseen < 1.5 * result.least).all()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Logs as motions: rates of the true motion, no phase, outliers without effect."""
+"""Motions that show parameters, within their limits, and logs as motions, as they were."""
 
 from contextlib import nullcontext, suppress
 
@@ -8,8 +8,8 @@ import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 
-from sst_pin import ClosedChain, InputError, robots
-from sst_pin.identification import measured_motion
+from sst_pin import ClosedChain, DescriptionWarning, InputError, coordinate_motion, robots
+from sst_pin.identification import base_parameters, condition_number, excitation, measured_motion
 
 T = np.linspace(0, 6, 3001)
 CHAIN = robots.five_bar()
@@ -53,9 +53,8 @@ def test_an_encoder_that_begins_anew_at_each_turn_gives_the_same_motion():
     jumping = np.column_stack([x[:, 0] % (2 * np.pi), x[:, 1]])
     jumping[700, 0] += 4.0
     start = pin.neutral(model)
-    one, other = (
-        measured_motion(wheel, T, log, TAU, cutoff=15, start=start) for log in (x, jumping)
-    )
+    given = {"tau": TAU, "cutoff": 15, "start": start}
+    one, other = (measured_motion(wheel, T, log, **given) for log in (x, jumping))
     assert_allclose(one.va[:, 0], 2 + 4 * np.cos(one.t), atol=2e-3)
     assert_allclose(other.va, one.va, atol=0.02)
     assert_allclose(other.q, one.q, atol=1e-3)
@@ -71,14 +70,7 @@ def test_a_frequency_above_the_cutoff_is_gone_and_one_below_is_not_late():
 
 @pytest.mark.parametrize(
     "change",
-    [
-        {"cutoff": 300.0},
-        {"cutoff": 1.0},
-        {"cutoff": -1.0},
-        {"x": X[:-1]},
-        {"tau": TAU[:, :1]},
-        {"t": T[::-1]},
-    ],
+    [*({"cutoff": c} for c in (300, 1, -1)), {"x": X[:-1]}, {"tau": TAU[:, :1]}, {"t": T[::-1]}],
 )
 def test_what_cannot_be_filtered_is_refused(change):
     with pytest.raises(InputError):
@@ -114,3 +106,57 @@ def test_a_log_with_so_many_outliers_that_they_bend_the_curve_is_refused():
     noisy[at] += 0.1 * rng.choice([-1, 1], (300, 1))
     with pytest.raises(InputError, match=r"samples of \w+ are outliers"):
         measured_motion(CHAIN, T, noisy, TAU, cutoff=10)
+
+
+BASE = base_parameters(CHAIN)
+LIMITS = {"rates": 2.0, "torques": 0.01, "harmonics": 3}
+
+
+@pytest.fixture(scope="module")
+def motion():
+    return excitation(CHAIN, BASE, 3.0, tries=3, **LIMITS)
+
+
+def test_limits_are_kept_between_the_samples_too(motion):
+    between = coordinate_motion(CHAIN, motion.t[:-1] + 0.004, np.array(motion.q)[:-1, [0, 2]])
+    for each in (motion, between):
+        assert np.abs(each.va).max() <= 2.0 * 1.001
+        assert np.abs(each.tau).max() <= 0.01 * 1.01
+    assert np.abs(CHAIN.residual(motion.q)).max() < 1e-9
+
+
+def test_it_begins_and_ends_at_rest_in_the_same_place(motion):
+    assert_allclose(motion.q[0], motion.q[-1], atol=1e-9)
+    assert np.abs(motion.va[[0, -1]]).max() < 1e-4 * np.abs(motion.va).max()
+    assert np.abs(motion.aa[[0, -1]]).max() < 1e-3 * np.abs(motion.aa).max()
+
+
+def test_it_shows_parameters_better_than_sines_of_the_same_rates(motion):
+    t = np.linspace(0, 3, 301)
+    x = np.array(CHAIN.home)[[0, 2]] + 0.12 * np.sin(2 * np.pi / 3 * np.outer(t, [1, 2]))
+    sines = coordinate_motion(CHAIN, t, x)
+    assert condition_number(CHAIN, BASE, motion) < condition_number(CHAIN, BASE, sines)
+
+
+def test_limits_that_nothing_keeps_are_refused():
+    with pytest.raises(InputError, match="no motion about it stays within the limits"):
+        excitation(CHAIN, BASE, 3.0, tries=1, torques=1e-6, harmonics=2)
+    for wrong in ({"rates": 0.0}, {"rates": [1, 2, 3]}, {"harmonics": 1}, {"tries": 0}):
+        with pytest.raises(InputError):
+            excitation(CHAIN, BASE, 3.0, **wrong)
+
+
+def test_a_start_that_nobody_chose_is_told():
+    chain = ClosedChain(CHAIN.model, CHAIN.closures, CHAIN.motor_names)
+    del chain.model.referenceConfigurations["home"]
+    chain.refresh()
+    with pytest.warns(DescriptionWarning, match="no configuration is named home"):
+        excitation(chain, BASE, 3.0, tries=1, harmonics=2)
+
+
+@pytest.mark.slow
+def test_motions_that_meet_a_singular_configuration_between_the_samples_judged_are_left_out():
+    """With these numbers the best of those judged cannot be followed in short steps."""
+    motion = excitation(CHAIN, BASE, 5.0)
+    assert len(motion) == 501
+    assert np.abs(CHAIN.residual(motion.q)).max() < 1e-9

@@ -6,18 +6,17 @@ import itertools
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
 
 import sst_pin
 from legible import require_legible
+from sst_pin import plots
 from sst_pin.cli import main
-
-plots = pytest.importorskip("sst_pin.plots", reason="extra `plot` is not installed")
-from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: E402
-from matplotlib.figure import Figure  # noqa: E402
-
-from sst_pin.plots import curves  # noqa: E402
-from sst_pin.plots.motions import CURVES  # noqa: E402
-from sst_pin.plots.style import StyledFigure  # noqa: E402
+from sst_pin.plots import curves
+from sst_pin.plots.motions import CURVES
+from sst_pin.plots.style import StyledFigure
 
 
 def falling(chain, q):
@@ -33,9 +32,7 @@ def fallen(name, at_home=True):
     return robot, falling(robot, robot.home if at_home else robot.generic_configuration())
 
 
-@pytest.mark.parametrize(
-    "name", ["five_bar", "stewart", pytest.param("delta", marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("name", ["five_bar", "stewart", "delta"])
 def test_a_page_of_any_robot_is_legible(name, monkeypatch):
     robot, motion = fallen(name)
     require_legible(plots.motion_page(robot, motion, tuple(CURVES)), monkeypatch)
@@ -136,7 +133,6 @@ def test_the_condition_number_of_a_chain_is_drawn():
 
 def test_every_two_hues_differ():
     """Colours differ for the eye: by more than 20 in CIELAB."""
-    from matplotlib.colors import to_rgb
 
     def lab(colour):
         rgb = np.array(to_rgb(colour))

@@ -2,19 +2,19 @@
 """`sst-pin plot` and `sst-pin workspace`, as one types them."""
 
 import re
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib import image
 
 from command_line import run
+from sst_pin import plots
 from sst_pin.cli import motion_commands, sst_commands
 from sst_pin.description import urdf_of
 from sst_pin.sst.workspace import workspace_over_rolls
 from sst_pin.verification.sampling import random_parameters
-
-plots = pytest.importorskip("sst_pin.plots", reason="extra `plot` is not installed")
-image = pytest.importorskip("matplotlib.image", reason="extra `plot` is not installed")
 
 SAMPLE = Path(__file__).resolve().parents[2] / "examples" / "figure_eight.csv"
 
@@ -74,11 +74,8 @@ def test_workspace_as_picture_and_numbers(here, capsys):
 
 
 def test_a_robot_that_reaches_nothing_on_its_arcs_is_told(here, capsys, monkeypatch):
-    monkeypatch.setattr(
-        sst_commands,
-        "workspace_over_rolls",
-        lambda robot: workspace_over_rolls(robot, 24, 21, 60),
-    )
+    coarse = partial(workspace_over_rolls, rolls=24, rings=21, spokes=60)
+    monkeypatch.setattr(sst_commands, "workspace_over_rolls", coarse)
     odd = random_parameters(np.random.default_rng(3))
     (here / "odd.urdf").write_text(urdf_of(odd))
     code, out, _ = run(capsys, "workspace", "-o", "map.svg", "--robot", "odd.urdf")

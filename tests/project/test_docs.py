@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import make_paper_docs as script
 import sst_pin
 from markdown_tables import read_table, stale
 
@@ -17,14 +18,7 @@ WORDS = "equations", "misprints"
 
 
 @pytest.fixture(scope="module")
-def script():
-    """scripts/pages/make_paper_docs.py as a module."""
-    pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra 'plot')")
-    return import_module("make_paper_docs")
-
-
-@pytest.fixture(scope="module")
-def page(script):
+def page():
     return script.PAGE.read_text(encoding="utf-8")
 
 
@@ -53,12 +47,12 @@ def test_functions_and_tests_that_the_page_names_exist(page):
 
 
 @pytest.mark.slow
-def test_page_about_the_paper_is_current(script, page):
+def test_page_about_the_paper_is_current(page):
     """Tables are what would be written now, residuals to two orders of magnitude."""
     assert list(stale(page, script.TABLES, script.SLOW)) == []
 
 
-def test_page_covers_every_equation(script, page):
+def test_page_covers_every_equation(page):
     """(1) to (96), none left out; what is measured is on the page."""
     equations, misprints = ([row[0] for row in read_table(page, name)[1:]] for name in WORDS)
     assert equations == list(script.equations.EQUATIONS)
@@ -83,7 +77,7 @@ def test_page_covers_every_equation(script, page):
         ("5e+01 | 7e-14 |", "5e+01 | 3e-17 |", "is now"),
     ],
 )
-def test_check_sees_what_is_not_current(script, page, old, new, word):
+def test_check_sees_what_is_not_current(page, old, new, word):
     # What would be written now is what stands: only the change can be seen.
     tables = {n: lambda _, n=n: read_table(page, n) for n in (*script.TABLES, *script.SLOW)}
     assert list(stale(page, tables, {})) == []
@@ -92,7 +86,7 @@ def test_check_sees_what_is_not_current(script, page, old, new, word):
     assert word in found[0] if word else not found
 
 
-def test_comparison_figures_name_every_method_and_unit(script, robot):
+def test_comparison_figures_name_every_method_and_unit(robot):
     """Lines and marks of two methods; the exact zeros of one leave the logarithmic axis empty."""
     from matplotlib.figure import Figure
 
@@ -115,7 +109,7 @@ def test_comparison_figures_name_every_method_and_unit(script, robot):
     assert "peaks 26." in last.texts[0].get_text()
 
 
-def test_reading_about_the_centre_is_the_printed_inertia(script):
+def test_reading_about_the_centre_is_the_printed_inertia():
     """Same inertia about O, same mass times distance; as printed it would be no body."""
     star = script.readings()["star: inertia about O"].star
     x = star.center_of_mass
@@ -124,9 +118,8 @@ def test_reading_about_the_centre_is_the_printed_inertia(script):
     assert np.abs(about_O - np.diag((0.224, 0.224, 0.150))).max() < 1e-15
     assert star.mass * x[0] == pytest.approx(2.6 * 0.8 / np.pi, rel=1e-15)
     shift = 2.6 * (0.8 / np.pi) ** 2
-    impossible = sst_pin.RigidBody(
-        2.6, (0.8 / np.pi, 0, 0), np.diag((0.224, 0.224 - shift, 0.150 - shift))
-    )
+    about_centre = np.diag((0.224, 0.224 - shift, 0.150 - shift))
+    impossible = sst_pin.RigidBody(2.6, (0.8 / np.pi, 0, 0), about_centre)
     with pytest.raises(sst_pin.errors.ParametersError, match="not all positive"):
         sst_pin.Parameters(star=impossible)
 

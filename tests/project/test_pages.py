@@ -30,6 +30,7 @@ SLOW = {"README.md"} | {f"docs/{name}.md" for name in LONG.split()}
 PAGES = {path.relative_to(ROOT).as_posix(): path for path in sorted(DOCS.rglob("*.md"))}
 PAGES |= {name: ROOT / name for name in ("README.md", "CONTRIBUTING.md", "urdf/README.md")}
 WITH_CODE = [name for name, path in PAGES.items() if blocks(path.read_text(encoding="utf-8"))]
+RUN_HERE = [name for name in WITH_CODE if name not in RUN_ELSEWHERE]
 
 
 def pages_of(nav):
@@ -65,11 +66,7 @@ def test_links_between_files_lead_somewhere(name):
 @pytest.mark.filterwarnings("default::sst_pin.errors.SingularityWarning")
 @pytest.mark.parametrize(
     "name",
-    [
-        pytest.param(name, marks=[pytest.mark.slow] if name in SLOW else [])
-        for name in WITH_CODE
-        if name not in RUN_ELSEWHERE
-    ],
+    [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in RUN_HERE],
 )
 def test_code_of_the_page_runs_and_prints_what_it_shows(name, tmp_path, monkeypatch):
     """A page runs as one session in an empty folder; the last digit shown may differ."""

@@ -42,7 +42,7 @@ FORWARDING = {
             *("_verdicts", "loads", "_moving_load", "show", "_page_functions"),
             *("compile", "casadi", "jax"),
         )
-    },
+    }
 }
 
 MODULES = {
@@ -67,50 +67,41 @@ def room(module: str) -> str:
     return module.split(".")[1] if "." in module else module
 
 
-def goes_up(module: str, target: str) -> bool:
-    return room(module) != room(target) and ROW[room(target)] >= ROW[room(module)]
+def scoped(
+    node: ast.AST, scope: tuple[str, ...] = (), typing_only: bool = False
+) -> Iterator[tuple[ast.AST, str, bool]]:
+    """All nodes below one, what they stand in, and whether they are under TYPE_CHECKING."""
+    for child in ast.iter_child_nodes(node):
+        yield child, ".".join(scope), typing_only
+        named = isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
+        guard = isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test)
+        inside = (*scope, child.name) if named else scope
+        yield from scoped(child, inside, typing_only or guard)
 
 
 def imports(tree: ast.AST, module: str, is_package: bool) -> Iterator[Import]:
     """All of them, in functions and under TYPE_CHECKING too."""
     package = module.split(".") if is_package else module.split(".")[:-1]
-
-    def walk(node: ast.AST, scope: tuple[str, ...], typing_only: bool) -> Iterator[Import]:
-        for child in ast.iter_child_nodes(node):
-            if isinstance(child, ast.Import):
-                for alias in child.names:
-                    bound = frozenset({alias.asname or alias.name.split(".")[0]})
-                    yield Import(alias.name, ".".join(scope), typing_only, bound)
-            elif isinstance(child, ast.ImportFrom):
-                base = package[: len(package) + 1 - child.level] if child.level else []
-                source = ".".join([*base, *filter(None, [child.module])])
-                for alias in child.names:
-                    inner = f"{source}.{alias.name}"
-                    bound = frozenset({alias.asname or alias.name})
-                    target = inner if inner in MODULES else source
-                    yield Import(target, ".".join(scope), typing_only, bound)
-            else:
-                named = isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
-                inside = (*scope, child.name) if named else scope
-                guard = isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test)
-                yield from walk(child, inside, typing_only or guard)
-
-    for found in walk(tree, (), False):
-        if found.target.split(".")[0] == "sst_pin":
-            yield found
+    for node, method, typing_only in scoped(tree):
+        if not isinstance(node, ast.Import | ast.ImportFrom):
+            continue
+        source = ""
+        if isinstance(node, ast.ImportFrom):
+            base = package[: len(package) + 1 - node.level] if node.level else []
+            source = ".".join([*base, *filter(None, [node.module])])
+        for alias in node.names:
+            target = f"{source}.{alias.name}" if source else alias.name
+            bound = alias.asname or (alias.name if source else alias.name.split(".")[0])
+            if source and target not in MODULES:
+                target = source
+            if target.split(".")[0] == "sst_pin":
+                yield Import(target, method, typing_only, frozenset({bound}))
 
 
 def used_in(tree: ast.AST, name: str) -> set[str]:
     """The methods and functions that use a name, annotations included."""
-
-    def walk(node: ast.AST, scope: tuple[str, ...]) -> Iterator[str]:
-        for child in ast.iter_child_nodes(node):
-            if isinstance(child, ast.Name) and child.id == name:
-                yield ".".join(scope)
-            named = isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
-            yield from walk(child, (*scope, child.name) if named else scope)
-
-    return set(walk(tree, ()))
+    nodes = scoped(tree)
+    return {method for x, method, _ in nodes if isinstance(x, ast.Name) and x.id == name}
 
 
 def forwarded(tree: ast.AST, module: str, found: Import) -> bool:
@@ -127,7 +118,9 @@ def judged(source: str, module: str, is_package: bool = False) -> tuple[set[str]
     tree = ast.parse(source)
     found = list(imports(tree, module, is_package))
     kept = [each for each in found if not forwarded(tree, module, each)]
-    up = [f"{module} imports {x.target}" for x in kept if goes_up(module, x.target)]
+    own = room(module)
+    above = [x.target for x in kept if room(x.target) != own and ROW[room(x.target)] >= ROW[own]]
+    up = [f"{module} imports {target}" for target in above]
     return {each.target for each in kept}, up
 
 

@@ -39,14 +39,9 @@ def project(tmp_path_factory):
 def built(project, *command):
     """The folder `site/`, built without a warning."""
     environment = os.environ | {"http_proxy": NOBODY, "https_proxy": NOBODY, "no_proxy": ""}
-    result = subprocess.run(
-        [sys.executable, "-m", *command, "build", "--strict"],
-        cwd=project,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command = [sys.executable, "-m", *command, "build", "--strict"]
+    how = {"cwd": project, "env": environment, "capture_output": True, "text": True}
+    result = subprocess.run(command, check=False, **how)
     assert result.returncode == 0, result.stdout + result.stderr
     return project / "site"
 

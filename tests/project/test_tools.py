@@ -29,14 +29,9 @@ LIGHT = {"pin", "mujoco", "yourdfpy"}
 
 
 def marked(kinds):
-    return [
-        pytest.param(
-            kind,
-            id=kind.__name__,
-            marks=[] if kind.distribution in LIGHT else [pytest.mark.tools],
-        )
-        for kind in kinds
-    ]
+    marks = {True: [], False: [pytest.mark.tools]}
+    light = [(kind, kind.distribution in LIGHT) for kind in kinds]
+    return [pytest.param(kind, id=kind.__name__, marks=marks[quick]) for kind, quick in light]
 
 
 def installed(kind):
@@ -77,7 +72,7 @@ def test_closed_robot_falls_in_the_tool_as_it_does_here(closed, robot):
     """To the error of its steps; the arcs of the star hold together."""
     facts = measured(closed)
     if closed.step is None:
-        # Runge-Kutta: 200 steps of rounding, or the give of the welds (test_mjcf_closed.py).
+        # Runge-Kutta: 200 steps of rounding, or the give of the welds (test_mjcf.py).
         allowed = 1e-11 if closed.name == "Pinocchio" else 1e-8
         assert max(facts.gap, facts.fall_error) < allowed
         return

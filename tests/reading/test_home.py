@@ -7,6 +7,7 @@ import re
 import shutil
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -49,11 +50,8 @@ def named(q, digits):
 @pytest.mark.parametrize("reader", ["urdf", "mjcf"])
 def test_the_shipped_descriptions_bring_the_home_of_the_closed_form(reader):
     """An SRDF and a keyframe, printed with 15 digits, give the same numbers."""
-    if reader == "mjcf":
-        pytest.importorskip("mujoco")
-        chain = sst_pin.ClosedChain.from_mjcf(sst_pin.MJCF_PATH)
-    else:
-        chain = sst_pin.ClosedChain.from_urdf(sst_pin.URDF_PATH)
+    file = {"urdf": sst_pin.URDF_PATH, "mjcf": sst_pin.MJCF_PATH}[reader]
+    chain = getattr(sst_pin.ClosedChain, f"from_{reader}")(file)
     np.testing.assert_allclose(chain.home, sst_pin.SST().home, rtol=0, atol=1e-14)
     np.testing.assert_array_equal(start_of(chain), chain.home)
 
@@ -167,45 +165,39 @@ def test_home_leaves_out_locked_joints(folder):
     put_home(folder, **named(sst_pin.SST().home, 9))
     with pytest.warns(sst_pin.DescriptionWarning, match="mu_1 is fixed at zero, not at 1.57"):
         chain = read(folder, locked=["mu_1"])
-    np.testing.assert_allclose(
-        chain.model.referenceConfigurations["home"],
-        np.delete(sst_pin.SST().home, 1),
-        rtol=0,
-        atol=1e-8,
-    )
+    q = chain.model.referenceConfigurations["home"]
+    np.testing.assert_allclose(q, np.delete(sst_pin.SST().home, 1), rtol=0, atol=1e-8)
 
 
-def mujocos_home(path):
-    """MuJoCo's own state at the first keyframe of a file; the test is skipped without it."""
-    mujoco = pytest.importorskip("mujoco")
-    model = mujoco.MjModel.from_xml_path(str(path))
-    state = mujoco.MjData(model)
-    mujoco.mj_resetDataKeyframe(model, state, 0)
-    mujoco.mj_kinematics(model, state)
-    return state
-
-
-def test_a_keyframe_puts_quaternions_into_pinocchios_order(tmp_path):
-    """A free body with a ball and a hinge: poses of the bodies are MuJoCo's own."""
-    pytest.importorskip("mujoco")
-    path = Path(tmp_path, "chain.xml")
-    path.write_text("""<mujoco><worldbody>
+@pytest.mark.parametrize("held", ["", "X", "Y", "Z", "YZ"])
+def test_bodies_are_at_a_keyframe_where_mujoco_has_them(tmp_path, held):
+    """A free body with a ball and a hinge; the ball is not turned about axes where it is held."""
+    turn, pose = {"X": 0.4, "Y": -0.3, "Z": 1.1}, np.eye(3)
+    for axis, e in zip("XYZ", np.eye(3), strict=True):
+        pose = pose @ pin.exp3((axis not in held) * turn[axis] * e)
+    x, y, z, w = pin.Quaternion(pose).coeffs()
+    path = tmp_path / "chain.xml"
+    path.write_text(f"""<mujoco><worldbody>
 <body name="a" pos="1 2 3"><freejoint name="free"/><geom size=".1"/>
-<body name="b" pos="0 0 .5"><joint name="ball" type="ball"/><geom size=".1" pos="0 0 .1"/>
+<body name="b" pos="0 0 .5" euler="10 20 30"><joint name="ball" type="ball" pos=".1 .2 .3"/>
+<geom size=".1" pos="0 0 .1"/>
 <body name="c" pos="0 .3 0"><joint name="hinge" axis="0 1 0" ref="20"/><geom size=".1"/>
 </body></body></body></worldbody>
 <equality><connect body1="c" body2="world" anchor="0 0 0"/></equality>
-<keyframe><key name="home" qpos="1 2 3 .5 .5 -.5 .5 .8 0 .6 0 .4"/></keyframe></mujoco>""")
-    model = sst_pin.ClosedChain.from_mjcf(path).model
+<keyframe><key name="home" qpos="1 2 3 .5 .5 -.5 .5 {w} {x} {y} {z} .4"/></keyframe></mujoco>""")
+    locked = [f"ball_{axis}" for axis in held]
+    model = sst_pin.ClosedChain.from_mjcf(path, locked=locked, actuated=["hinge"]).model
     data = model.createData()
     pin.framesForwardKinematics(model, data, model.referenceConfigurations["home"])
-    state = mujocos_home(path)
-    for joint, body in (("free", "a"), ("ball", "b"), ("hinge", "c")):
-        placed = data.oMi[model.getJointId(joint)]
+    theirs = mujoco.MjModel.from_xml_path(str(path))
+    state = mujoco.MjData(theirs)
+    mujoco.mj_resetDataKeyframe(theirs, state, 0)
+    mujoco.mj_kinematics(theirs, state)
+    for body in "abc":
+        placed = data.oMf[model.getFrameId(body, pin.FrameType.BODY)]
         np.testing.assert_allclose(placed.translation, state.body(body).xpos, atol=1e-12)
-        if joint != "hinge":  # whose axes `ref` turns
-            matrix = state.body(body).xmat.reshape(3, 3)
-            np.testing.assert_allclose(placed.rotation, matrix, atol=1e-12)
+        R = state.body(body).xmat.reshape(3, 3)
+        np.testing.assert_allclose(placed.rotation, R, atol=1e-12)
 
 
 @pytest.mark.parametrize("shift", ["1 0 0", "0 0 0"])
@@ -233,10 +225,8 @@ def test_a_generic_configuration_lies_near_home():
         model = pin.Model(robot.model)
         model.referenceConfigurations["home"] = home
         chain = sst_pin.ClosedChain(model, robot.closures, robot.motor_names)
-        for q in (
-            chain.generic_configuration(),
-            sample_configurations(chain._current.reference)[0],
-        ):
+        kernels = sample_configurations(chain._current.reference)
+        for q in (chain.generic_configuration(), kernels[0]):
             assert 0 < np.abs(q - home).max() < 0.3 < np.abs(q - rest).max()
     assert np.abs(home - robot.home).max() > 1
 
@@ -247,30 +237,3 @@ def test_a_home_that_is_no_configuration_is_named(home):
     robot.model.referenceConfigurations["home"] = home
     with pytest.raises(sst_pin.DescriptionError, match=r"home: \d numbers; 3 finite ones"):
         robot.refresh()
-
-
-@pytest.mark.parametrize("held", ["X", "Y", "Z", "YZ"])
-def test_a_ball_that_is_held_about_single_axes_keeps_the_pose_of_its_keyframe(tmp_path, held):
-    """The turns that are left lead to MuJoCo's own pose, the ball not turned about those held."""
-    pytest.importorskip("mujoco")
-    turn, pose = {"X": 0.4, "Y": -0.3, "Z": 1.1}, np.eye(3)
-    for axis, e in zip("XYZ", np.eye(3), strict=True):
-        pose = pose @ pin.exp3((axis not in held) * turn[axis] * e)
-    x, y, z, w = pin.Quaternion(pose).coeffs()
-    path = tmp_path / "chain.xml"
-    path.write_text(f"""<mujoco><worldbody>
-<body name="a" pos="1 2 3"><joint name="slide" type="slide"/><geom size=".1"/>
-<body name="b" pos="0 0 .5" euler="10 20 30"><joint name="ball" type="ball" pos=".1 .2 .3"/>
-<geom size=".1" pos="0 0 .1"/>
-<body name="c" pos="0 .3 0"><joint name="hinge" axis="0 1 0"/><geom size=".1"/>
-</body></body></body></worldbody>
-<equality><connect body1="c" body2="world" anchor="0 0 0"/></equality>
-<keyframe><key name="home" qpos=".5 {w} {x} {y} {z} .4"/></keyframe></mujoco>""")
-    locked = [f"ball_{axis}" for axis in held]
-    model = sst_pin.ClosedChain.from_mjcf(path, locked=locked, actuated=["slide"]).model
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, model.referenceConfigurations["home"])
-    state = mujocos_home(path)
-    placed = data.oMi[model.getJointId("hinge")]
-    np.testing.assert_allclose(placed.translation, state.body("c").xpos, atol=1e-9)
-    np.testing.assert_allclose(placed.rotation, state.body("c").xmat.reshape(3, 3), atol=1e-9)

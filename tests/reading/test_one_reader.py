@@ -6,11 +6,13 @@ import io
 import os
 import pickle
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
 
 import sst_pin
+from sst_pin import ClosedChain
 from sst_pin.cli import main
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -59,23 +61,21 @@ def test_each_file_of_a_robot_is_opened_once(read, monkeypatch, shipped, capsys)
 
 
 @pytest.mark.parametrize(
-    ("ending", "old", "new", "fault"),
+    ("old", "new", "fault"),
     [
-        (".yaml", "[rod_1b_end,", "[toe,", "frame 'toe' not in the model"),
-        (".yaml", "motor_1", "moter_1", "joint 'moter_1' not in the model"),
+        ("[rod_1b_end", "[toe", "frame 'toe' not in"),
+        ("motor_1", "moter_1", "joint 'moter_1' not in"),
     ],
 )
-def test_an_unknown_name_is_told_with_the_file(delta, ending, old, new, fault):
+def test_an_unknown_name_is_told_with_the_file(delta, old, new, fault):
     """Both files: the one that has the name and the one that lacks it."""
-    file = delta.with_suffix(ending)
+    file = delta.with_suffix(".yaml")
     text = file.read_text()
     assert old in text
     file.write_text(text.replace(old, new, 1))
     with pytest.raises(sst_pin.UnknownNameError) as caught:
         sst_pin.ClosedChain.from_urdf(delta)
-    assert str(delta) in str(caught.value)
-    assert str(delta.with_suffix(".yaml")) in str(caught.value)
-    assert fault in str(caught.value)
+    assert all(text in str(caught.value) for text in (str(delta), str(file), fault))
 
 
 def test_a_frame_of_two_places_is_told_with_the_file(delta):
@@ -91,22 +91,38 @@ def test_a_frame_of_two_places_is_told_with_the_file(delta):
     assert str(delta) in str(caught.value)
 
 
-def test_an_unknown_joint_to_lock_is_told_with_the_file(delta):
-    """In both formats."""
+@pytest.mark.parametrize(
+    ("read", "path"),
+    [(ClosedChain.from_urdf, EXAMPLES / "delta.urdf"), (ClosedChain.from_mjcf, sst_pin.MJCF_PATH)],
+)
+def test_an_unknown_joint_to_lock_is_told_with_the_file(read, path):
     with pytest.raises(sst_pin.UnknownNameError, match="'knee'") as caught:
-        sst_pin.ClosedChain.from_urdf(delta, locked=["knee"])
-    assert str(delta) in str(caught.value)
-    with pytest.raises(sst_pin.UnknownNameError, match="'knee'") as caught:
-        sst_pin.ClosedChain.from_mjcf(sst_pin.MJCF_PATH, locked=["knee"])
-    assert str(sst_pin.MJCF_PATH) in str(caught.value)
+        read(path, locked=["knee"])
+    assert str(path) in str(caught.value)
 
 
-def test_an_sst_brings_the_poses_of_its_files():
-    """Like any robot that is read."""
-    kinds = (sst_pin.SST, sst_pin.ClosedChain)
-    poses = [kind.from_urdf(sst_pin.URDF_PATH).model.referenceConfigurations for kind in kinds]
-    ours, theirs = ([pair.key() for pair in each] for each in poses)
-    assert ours == theirs != []
+@pytest.mark.parametrize(
+    ("package", "read", "extra"),
+    [("mujoco", ClosedChain.from_mjcf, "mjcf"), ("pxr", ClosedChain.from_urdf, "usd")],
+)
+def test_a_reader_without_its_package_names_the_extra(monkeypatch, tmp_path, package, read, extra):
+    path = tmp_path / "robot.usda"
+    path.write_text("#usda 1.0\n")
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(sst_pin.MissingExtraError, match=rf"sst-pin\[{extra}\]"):
+        read(path)
+
+
+def test_an_sst_brings_the_poses_of_its_files(shipped):
+    """Those of an SRDF and of keyframes, like any robot that is read."""
+    path = shipped / Path(sst_pin.MJCF_PATH).name
+    path.write_text(path.read_text().replace('<key name="home"', '<key name="shown"'))
+    for reader, file in (("from_urdf", sst_pin.URDF_PATH), ("from_mjcf", path)):
+        read = [getattr(kind, reader)(file) for kind in (sst_pin.SST, sst_pin.ClosedChain)]
+        poses = (chain.model.referenceConfigurations for chain in read)
+        ours, theirs = ({pair.key(): pair.data().tolist() for pair in each} for each in poses)
+        assert ours == theirs != {}
+    assert "shown" in ours
 
 
 @pytest.mark.parametrize("new", ["<connect ", '<weld torquescale="0" '])
@@ -121,11 +137,7 @@ def test_an_mjcf_that_holds_only_points_is_no_sst(shipped, new):
 @pytest.mark.parametrize("read", [sst_pin.SST.from_urdf, sst_pin.load])
 @pytest.mark.parametrize(
     ("old", "new"),
-    [
-        ("[6d, 6d]", "[3d, 6d]"),
-        ("closedloop2_A, closedloop2_B", "closedloop1_A, closedloop1_B"),
-        ("gamma_3]", "mu_3]"),
-    ],
+    [("[6d, 6d]", "[3d, 6d]"), ("2_A, closedloop2", "1_A, closedloop1"), ("gamma_3]", "mu_3]")],
 )
 def test_a_yaml_of_other_cuts_is_no_sst(shipped, read, old, new):
     path = shipped / "sst.yaml"
@@ -135,21 +147,8 @@ def test_a_yaml_of_other_cuts_is_no_sst(shipped, read, old, new):
     assert str(path) in str(caught.value)
 
 
-def test_an_sst_brings_the_poses_of_its_keyframes(shipped):
-    path = shipped / Path(sst_pin.MJCF_PATH).name
-    path.write_text(path.read_text().replace('<key name="home"', '<key name="shown"'))
-    kinds = (sst_pin.SST, sst_pin.ClosedChain)
-    ours, theirs = (
-        {p.key(): p.data().tolist() for p in kind.from_mjcf(path).model.referenceConfigurations}
-        for kind in kinds
-    )
-    assert ours == theirs
-    assert "shown" in ours
-
-
-TENDON = (
-    '<tendon><spatial stiffness="1"><site site="P_1"/><site site="E"/></spatial></tendon></mujoco>'
-)
+SITES = '<site site="P_1"/><site site="E"/>'
+TENDON = f'<tendon><spatial stiffness="1">{SITES}</spatial></tendon></mujoco>'
 
 
 @pytest.mark.parametrize(
@@ -168,7 +167,6 @@ def test_the_shapes_of_an_mjcf_stay_with_its_robot(shipped):
     """The file is compiled once; a copy in another process needs it no more."""
     chain = sst_pin.ClosedChain.from_mjcf(shipped / Path(sst_pin.MJCF_PATH).name)
     shutil.rmtree(shipped)
-    bodies = [
-        len(c.visual_model.geometryObjects) for c in (chain, pickle.loads(pickle.dumps(chain)))
-    ]
+    copy = pickle.loads(pickle.dumps(chain))
+    bodies = [len(c.visual_model.geometryObjects) for c in (chain, copy)]
     assert bodies[0] == bodies[1] > 0

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Loops as other tools write them: URDF+, Isaac Sim, Gazebo, urdfdom's proposal, sw2robot."""
 
+import re
 import warnings
 
 import numpy as np
@@ -18,8 +19,9 @@ JOINT = """<joint name="{}" type="{}" {}><origin xyz="{}" rpy="{}"/><parent link
 PLACES = {"a": ("0.1 0.2 -0.1", "0.3 -0.2 0.5"), "b": ("-0.2 0.1 0.05", "-0.4 0.1 0.2")}
 AXES = {"a": "0.2 0.9 -0.4", "b": "0.5 -0.1 0.8"}
 FORMS = {
-    "loop": """<loop name="cut" type="{kind}"><predecessor link="a">{a}</predecessor>
-        <successor link="b">{b}</successor><axis xyz="{axis_a}"/></loop>""",
+    "loop": """<loop name="cut" type="{kind}">
+        <predecessor link="a"><origin {place_a}/></predecessor>
+        <successor link="b"><origin {place_b}/></successor><axis xyz="{axis_a}"/></loop>""",
     "loop_joint": """<loop_joint name="cut" type="{kind}"><link1 link="a" {place_a}/>
         <link2 link="b" {place_b}/><axis xyz="{axis_a}"/></loop_joint>""",
     "constraint": """<constraint name="cut" type="{kind}"><parent link="a"/><child link="b"/>
@@ -44,16 +46,9 @@ def two_arms(extra: str) -> str:
 
 
 def form(name: str, kind: str, same_axis: bool) -> str:
-    xyz_rpy = {end: f'xyz="{xyz}" rpy="{rpy}"' for end, (xyz, rpy) in PLACES.items()}
-    return FORMS[name].format(
-        kind=kind,
-        a=f"<origin {xyz_rpy['a']}/>",
-        b=f"<origin {xyz_rpy['b']}/>",
-        place_a=xyz_rpy["a"],
-        place_b=xyz_rpy["b"],
-        axis_a=AXES["a"],
-        axis_b=AXES["a" if same_axis else "b"],
-    )
+    places = {f"place_{end}": f'xyz="{xyz}" rpy="{rpy}"' for end, (xyz, rpy) in PLACES.items()}
+    axes = {"axis_a": AXES["a"], "axis_b": AXES["a" if same_axis else "b"]}
+    return FORMS[name].format(kind=kind, **places, **axes)
 
 
 def numbers(text: str) -> np.ndarray:
@@ -149,13 +144,10 @@ def torques(chain: sst_pin.ClosedChain) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def expected() -> np.ndarray:
-    """The parallelogram as a pendulum of three bodies by hand: the coupler does not turn."""
-    q, v, a, r, g = 0.3, 0.7, 1.1, 0.4, np.array([0, 0, -9.81])
-    masses, com = {"1": 0.5, "2": 0.7, "3": 0.6}, np.array([0.1, 0.02, 0.0])
-    assert not g[:2].any()  # gravity is along the axes: no torque of it
-    turning = [0.013 + masses[n] * com @ com for n in "13"]
-    assert v  # the path of the coupler is a circle: no torque of centrifugal forces
-    return np.array([(sum(turning) + masses["2"] * r**2) * a]) + 0 * q
+    """Three bodies by hand: the coupler goes in a circle and does not turn, weights act along z."""
+    r2 = 0.1**2 + 0.02**2
+    turning = sum(0.013 + mass * r2 for mass in (0.5, 0.6))
+    return np.array([(turning + 0.7 * 0.4**2) * 1.1])
 
 
 @pytest.mark.parametrize("extra", [CUT, GAZEBO], ids=["URDF+", "Gazebo"])
@@ -209,9 +201,8 @@ def test_a_coupling_counts_all_turns_along_its_two_paths(tmp_path):
     extra = '<coupling name="belt"><predecessor link="2"/><successor link="3"/>'
     extra += '<ratio value="-1.5"/></coupling>'
     path = tmp_path / "robot.urdf"
-    path.write_text(
-        parallelogram(extra).replace('name="rocker" ', 'name="rocker" independent="0" ')
-    )
+    text = parallelogram(extra)
+    path.write_text(text.replace('name="rocker" ', 'name="rocker" independent="0" '))
     chain = sst_pin.ClosedChain.from_urdf(path)
     assert chain.motor_names == chain.coordinates == ("crank", "coupler")
     q = chain.assemble({"crank": 0.3, "coupler": 0.4})
@@ -240,10 +231,7 @@ def test_joints_that_are_not_dependent_have_the_motors_of_a_urdf_plus(tmp_path):
         (form("constraint", "prismatic", same_axis=False), "prismatic along two axes"),
         (GAZEBO.replace("0 0.4 0 0 0 0", "0 0.4 0"), "joint cut: its pose is not six numbers"),
         (GAZEBO.replace("<xyz>", '<xyz expressed_in="m">'), "joint cut: <xyz> has no expressed_in"),
-        (
-            GAZEBO.replace("<pose>", '<pose relative_to="2">'),
-            "joint cut: <pose> has no relative_to",
-        ),
+        (GAZEBO.replace("<pose>", '<pose relative_to="2">'), "cut: <pose> has no relative_to"),
         (GAZEBO.replace("<pose>", '<pose degrees="true">'), "<pose> with degrees 'true' is not"),
         (
             GAZEBO.replace("</xyz>", "</xyz><use_parent_model_frame>1</use_parent_model_frame>"),
@@ -283,6 +271,7 @@ def test_faults_are_told_with_the_element(extra, told, tmp_path):
         ({"dependent": ["joint_1", "joint_1"]}, "joint_1: named twice"),
         ({"speed": 3}, "speed: unknown; known: closures, dependent, independent"),
         ({"dependent": ["coupler", "rocker", "rod"]}, "dependent: no moving joint rod"),
+        ({"closures": [{**CLOSURES["closures"][0], "link_b": "nine"}]}, "nine"),
     ],
 )
 def test_faults_of_loop_closures_are_told(change, told, tmp_path):
@@ -291,17 +280,7 @@ def test_faults_of_loop_closures_are_told(change, told, tmp_path):
     (tmp_path / "loop_closures.yaml").write_text(yaml.safe_dump({**CLOSURES, **change}))
     with pytest.raises(sst_pin.DescriptionError, match=told):
         sst_pin.ClosedChain.from_urdf(path)
-
-
-def test_unknown_names_of_loop_closures_are_told(tmp_path):
-    path = tmp_path / "robot.urdf"
-    path.write_text(parallelogram())
-    hinge = {**CLOSURES["closures"][0], "link_b": "nine"}
-    target = tmp_path / "loop_closures.yaml"
-    target.write_text(yaml.safe_dump({**CLOSURES, "closures": [hinge]}))
-    with pytest.raises(sst_pin.DescriptionError, match="nine"):
-        sst_pin.ClosedChain.from_urdf(path)
-    assert any("nine" in str(problem) for problem in sst_pin.validate(path))
+    assert any(re.search(told, str(problem)) for problem in sst_pin.validate(path))
 
 
 def test_a_gazebo_element_about_a_joint_closes_nothing(tmp_path):

@@ -71,13 +71,8 @@ def test_spatial_tendons_are_lines_as_in_mujoco(mjcf):
         J = np.array(chain.actuator_jacobian(q))
         J[1] *= 3  # tau is the force in the tendon: gear times control
         moments = np.zeros((mj.nu, mj.nv))
-        mujoco.mju_sparse2dense(
-            moments,
-            data.actuator_moment,
-            data.moment_rownnz,
-            data.moment_rowadr,
-            data.moment_colind,
-        )
+        places = data.moment_rownnz, data.moment_rowadr, data.moment_colind
+        mujoco.mju_sparse2dense(moments, data.actuator_moment, *places)
         np.testing.assert_allclose(J, moments @ L, atol=1e-12)
         tau = chain.compute_torques(q, va, aa)
         np.testing.assert_allclose(chain.compute_accelerations(q, va, tau), aa, atol=1e-9)
@@ -91,11 +86,7 @@ def test_spatial_tendons_are_lines_as_in_mujoco(mjcf):
         (LEFT, f'{LEFT}{TIP}<pulley divisor="2"/>{TIP}', "tendon damper: a tendon with pulleys"),
         ('name="damper"', 'name="elbow"', "tendon elbow: a joint has this name too"),
         ('damping="7"', 'damping="7" frictionloss="1"', "friction of a tendon"),
-        (
-            "<joint joint1",
-            '<tendon tendon1="idle"/><joint joint1',
-            "a spatial tendon in an equality",
-        ),
+        ("<equality>", '<equality><tendon tendon1="idle"/>', "a spatial tendon in an equality"),
         ('stiffness="40"', 'stiffness="-40"', "stiffness of line spring: -40 is negative"),
     ],
 )
@@ -107,20 +98,16 @@ def test_tendons_that_are_no_lines_are_refused_by_name(mjcf, old, new, word):
     assert str(mjcf) in str(caught.value)
 
 
+FIXED = '<fixed name="f" range="0 1"><joint joint="left" coef="1"/></fixed>'
+BALL = '<body><joint name="b" type="ball" range="0 9"/><geom size="1"/></body>'
+
+
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
         ('name="idle"', 'name="idle" range="0 1"', "tendon idle: its limits are ignored"),
-        (
-            "<tendon>",
-            '<tendon><fixed name="f" range="0 1"><joint joint="left" coef="1"/></fixed>',
-            "tendon f: its limits are ignored",
-        ),
-        (
-            "</worldbody>",
-            '<body><joint name="b" type="ball" range="0 9"/><geom size="1"/></body></worldbody>',
-            "joint b: the limit of a ball is ignored",
-        ),
+        ("<tendon>", f"<tendon>{FIXED}", "tendon f: its limits are ignored"),
+        ("</worldbody>", f"{BALL}</worldbody>", "joint b: the limit of a ball is ignored"),
     ],
 )
 def test_limits_of_tendons_and_balls_are_ignored_with_a_warning(mjcf, old, new, told):
@@ -179,13 +166,11 @@ def delta(tmp_path):
 def test_a_yaml_lists_forces_along_lines(delta):
     path = delta(LINES, "universe-rod_2a_end, motor_1")
     chain = sst_pin.ClosedChain.from_urdf(path)
-    gas = LineForce(
-        "universe", "platform", name="gas", stiffness=60, rest_length=0.4, damping=2, preload=-8
-    )
-    assert chain.forces == (gas, LineForce("universe", "rod_2a_end"))
+    gas = {"name": "gas", "stiffness": 60, "rest_length": 0.4, "damping": 2, "preload": -8}
+    plain = LineForce("universe", "rod_2a_end")
+    assert chain.forces == (LineForce("universe", "platform", **gas), plain)
     assert chain.motor_names[0] == "universe-rod_2a_end"
-    problems = [problem for problem in sst_pin.validate(path) if problem.severity == "error"]
-    assert problems == []
+    assert "error" not in {problem.severity for problem in sst_pin.validate(path)}
 
 
 @pytest.mark.parametrize(

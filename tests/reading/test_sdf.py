@@ -27,8 +27,8 @@ def axis(xyz: str, more: str = "", tag: str = "axis", frame: str = "") -> str:
     return f"<{tag}><xyz{given}>{xyz}</xyz>{more}</{tag}>"
 
 
-def sdf(inside: str, pose: str = "0.1 0.2 0.3 0.3 -0.2 0.5", world: str = "") -> str:
-    model = f'<model name="r"><pose>{pose}</pose>{inside}</model>'
+def sdf(*parts: str, pose: str = "0.1 0.2 0.3 0.3 -0.2 0.5", world: str = "") -> str:
+    model = f'<model name="r"><pose>{pose}</pose>{"".join(parts)}</model>'
     return f'<sdf version="1.9"><world name="w">{world}{model}</world></sdf>'
 
 
@@ -45,17 +45,24 @@ TREE = [
 ]
 
 
+A, B = link("a", "0 0 0 0 0 0"), link("b", "0 0 0.3 0 0 0")
+
+
 def write(text: str, tmp_path):
     path = tmp_path / "robot.sdf"
     path.write_text(text)
     return path
 
 
+def chain_of(text: str, tmp_path, *motors: str) -> sst_pin.ClosedChain:
+    return sst_pin.ClosedChain.from_urdf(write(text, tmp_path), actuated=motors)
+
+
 @pytest.mark.tools
 def test_a_tree_is_drakes(tmp_path):
     parsing = pytest.importorskip("pydrake.multibody.parsing", reason="Drake is the referee")
     plants = pytest.importorskip("pydrake.multibody.plant", reason="Drake is the referee")
-    text = sdf("".join(TREE))
+    text = sdf(*TREE)
     plant = plants.MultibodyPlant(0.0)
     parsing.Parser(plant).AddModelsFromString(text, "sdf")
     plant.Finalize()
@@ -108,8 +115,8 @@ TIP = joint("tip", "{}", "left_rod", "right_rod", f"<pose>0 0 {0.1 / np.sin(0.5)
     ("kind", "inside"), [("revolute", axis("0 1 0")), ("ball", ""), ("continuous", axis("0 2 0"))]
 )
 def test_a_link_with_two_parents_closes_a_loop(kind, inside, tmp_path):
-    path = write(sdf("".join(FIVE_BAR) + TIP.format(kind, inside), "0 0 0 0 0 0"), tmp_path)
-    chain = sst_pin.ClosedChain.from_urdf(path, actuated=["m1", "m2"])
+    text = sdf(*FIVE_BAR, TIP.format(kind, inside), pose="0 0 0 0 0 0")
+    chain = chain_of(text, tmp_path, "m1", "m2")
     assert chain.mobility().degrees_of_freedom == 2
     assert abs(chain.residual(np.zeros(4))).max() < 1e-15
     q = chain.assemble({"m1": 0.1, "m2": -0.2})
@@ -125,15 +132,11 @@ def test_a_link_with_two_parents_closes_a_loop(kind, inside, tmp_path):
 
 def test_the_order_of_joints_and_their_direction_do_not_count(tmp_path):
     parts = [*FIVE_BAR, TIP.format("revolute", axis("0 1 0"))]
-    chain = sst_pin.ClosedChain.from_urdf(
-        write(sdf("".join(parts), "0 0 0 0 0 0"), tmp_path), actuated=["m1", "m2"]
-    )
+    chain = chain_of(sdf(*parts, pose="0 0 0 0 0 0"), tmp_path, "m1", "m2")
     turned = [part for part in parts if 'name="e1"' not in part]
     place = '<pose relative_to="left_rod">0 0 0 0 0 0</pose>'
     turned.insert(0, joint("e1", "revolute", "left_rod", "left", place + axis("0 -1 0")))
-    again = sst_pin.ClosedChain.from_urdf(
-        write(sdf("".join(turned), "0 0 0 0 0 0"), tmp_path), actuated=["m1", "m2"]
-    )
+    again = chain_of(sdf(*turned, pose="0 0 0 0 0 0"), tmp_path, "m1", "m2")
     q, p = (each.assemble({"m1": 0.1, "m2": -0.2}) for each in (chain, again))
     for name in chain.joint_names:  # turned about the opposite axis, seen from the other link
         k, m = chain.joint_names.index(name), again.joint_names.index(name)
@@ -143,29 +146,22 @@ def test_the_order_of_joints_and_their_direction_do_not_count(tmp_path):
 
 
 def test_two_axes_are_two_joints_and_a_ball_has_a_quaternion(tmp_path):
-    parts = [
-        link("a", "0 0 0 0 0 0"),
-        link("b", "0 0 0.3 0 0 0"),
-        joint("u", "universal", "world", "a", axis("1 0 0") + axis("0 1 0", tag="axis2")),
-        joint("s", "ball", "a", "b"),
-    ]
-    chain = sst_pin.ClosedChain.from_urdf(write(sdf("".join(parts)), tmp_path), actuated=[])
+    u = joint("u", "universal", "world", "a", axis("1 0 0") + axis("0 1 0", tag="axis2"))
+    chain = chain_of(sdf(A, B, u, joint("s", "ball", "a", "b")), tmp_path)
     assert chain.joint_names == ("u_1", "u_2", "s")
     assert (chain.model.nq, chain.model.nv) == (6, 5)
 
 
 def test_a_model_that_nothing_holds_floats_and_gravity_is_the_worlds(tmp_path):
-    text = sdf(link("a", "0 0 0 0 0 0"), world="<gravity>0 1.62 0</gravity>")
-    chain = sst_pin.ClosedChain.from_urdf(write(text, tmp_path), actuated=[])
+    text = sdf(A, world="<gravity>0 1.62 0</gravity>")
+    chain = chain_of(text, tmp_path)
     assert chain.joint_names == ("floating_base",)
     R = pin.rpy.rpyToMatrix(0.3, -0.2, 0.5)  # of the model
     falls = chain.compute_accelerations(pin.neutral(chain.model), np.zeros(6), [])
     np.testing.assert_allclose(R @ falls[:3], [0, 1.62, 0], atol=1e-12)
     np.testing.assert_allclose(falls[3:], np.zeros(3), atol=1e-12)
-    old = text.replace("<gravity>", "<physics><gravity>").replace(
-        "</gravity>", "</gravity></physics>"
-    )
-    chain = sst_pin.ClosedChain.from_urdf(write(old.replace("1.9", "1.4"), tmp_path), actuated=[])
+    old = sdf(A, world="<physics><gravity>0 1.62 0</gravity></physics>").replace("1.9", "1.4")
+    chain = chain_of(old, tmp_path)
     np.testing.assert_array_equal(chain.model.gravity.linear, [0, 1.62, 0])
 
 
@@ -174,13 +170,9 @@ def test_limits_friction_and_mimicry_are_those_of_the_axis(tmp_path):
     rubs = "<dynamics><damping>0.3</damping><friction>0.2</friction></dynamics>"
     follows = '<mimic joint="j_a"><multiplier>2</multiplier><offset>0.1</offset>'
     follows += "<reference>0.3</reference></mimic>"
-    parts = [
-        link("a", "0 0 0 0 0 0"),
-        link("b", "0 0 0.3 0 0 0"),
-        joint("j_a", "revolute", "world", "a", axis("1 0 0", limits + rubs)),
-        joint("j_b", "revolute", "a", "b", axis("1 0 0", follows)),
-    ]
-    chain = sst_pin.ClosedChain.from_urdf(write(sdf("".join(parts)), tmp_path), actuated=["j_a"])
+    j_a = joint("j_a", "revolute", "world", "a", axis("1 0 0", limits + rubs))
+    j_b = joint("j_b", "revolute", "a", "b", axis("1 0 0", follows))
+    chain = chain_of(sdf(A, B, j_a, j_b), tmp_path, "j_a")
     model = chain.model
     assert (model.lowerPositionLimit[0], model.upperPositionLimit[0]) == (-0.5, 0.7)
     assert (model.damping[0], model.friction[0], model.effortLimit[0]) == (0.3, 0.2, 9)
@@ -188,11 +180,17 @@ def test_limits_friction_and_mimicry_are_those_of_the_axis(tmp_path):
     assert q[1] == pytest.approx(2 * (0.4 - 0.3) + 0.1, abs=1e-12)
 
 
-A = link("a", "0 0 0 0 0 0")
 DECAY = "<velocity_decay><linear>.5</linear></velocity_decay>"
+SPRING = "<dynamics><spring_stiffness>3</spring_stiffness></dynamics>"
+LIMITS = "<limit><lower>2</lower><upper>1</upper></limit>"
 RUBS = "<dynamics><damping>3</damping></dynamics>"
 FOLLOWS = '<mimic joint="m1"/>'
 WATER = "gz::sim::systems::Hydrodynamics"
+
+
+def turning(inside: str) -> list[str]:
+    """A link on a hinge with some contents of its axis."""
+    return [A, joint("j", "revolute", "world", "a", axis("0 0 1", inside))]
 
 
 @pytest.mark.parametrize(
@@ -202,16 +200,10 @@ WATER = "gz::sim::systems::Hydrodynamics"
         ([link("a", "0 0 0 0 0")], "link a: its pose '0 0 0 0 0' is not six or seven numbers"),
         ([link("a", "0 0 0 0 0 0", of="b")], "frame b is not in this model"),
         ([link("a", "0 0 0 0 0 0", of="a")], "frame a: its pose is relative to itself"),
+        ([A, joint("j", "screw", "world", "a")], "joint j: type 'screw' is not supported; suppor"),
+        ([A, joint("j", "revolute", "world", "nine")], "joint j: its child 'nine' is not a link"),
         (
-            [link("a", "0 0 0 0 0 0"), joint("j", "screw", "world", "a")],
-            "joint j: type 'screw' is not supported; supported: revolute",
-        ),
-        (
-            [link("a", "0 0 0 0 0 0"), joint("j", "revolute", "world", "nine")],
-            "joint j: its child 'nine' is not a link of this model",
-        ),
-        (
-            [link("a", "0 0 0 0 0 0"), joint("j", "revolute", "world", "a", axis("0 0 0"))],
+            [A, joint("j", "revolute", "world", "a", axis("0 0 0"))],
             "joint j: its <axis> is not a direction",
         ),
         (["<include/>"], "<include> in <model> is not supported"),
@@ -230,54 +222,30 @@ WATER = "gz::sim::systems::Hydrodynamics"
             [*FIVE_BAR, joint("tip", "revolute", "left_rod", "right_rod", axis("0 1 0", FOLLOWS))],
             "joint tip: closes a loop and has mimic",
         ),
-        (
-            [
-                link("a", "0 0 0 0 0 0"),
-                joint("j", "revolute", "world", "a", axis("0 0 1", "<dynamics><spring_stiffness>3"
-                      "</spring_stiffness></dynamics>")),
-            ],
-            "joint j: springs are not read",
-        ),
-        (
-            [
-                link("a", "0 0 0 0 0 0"),
-                joint("j", "revolute", "world", "a", axis("0 0 1", "<limit><lower>2</lower>"
-                      "<upper>1</upper></limit>")),
-            ],
-            "joint j: its lower limit is above the upper one",
-        ),
+        (turning(SPRING), "joint j: springs are not read"),
+        (turning(LIMITS), "joint j: its lower limit is above the upper one"),
     ],
-)  # fmt: skip
+)
 def test_faults_are_told_with_the_element(parts, told, tmp_path):
-    path = write(sdf("".join(parts)), tmp_path)
+    path = write(sdf(*parts), tmp_path)
     with pytest.raises(sst_pin.DescriptionError, match=told.replace("(", r"\(")):
         Urdf.read(path)
     assert any(told in str(problem) for problem in sst_pin.validate(path))
 
 
-def test_one_model_that_moves_is_needed_in_one_world(tmp_path):
-    for text in ('<sdf version="1.7"/>', '<sdf version="1.7"><model/><model/></sdf>'):
-        with pytest.raises(sst_pin.DescriptionError, match="models that move; one is needed"):
-            Urdf.read(write(text, tmp_path))
-    ground = '<model name="g"><static>{}</static><plugin name="water" filename="w"/></model>'
-    for word in ("true", "True", "1"):
-        text = sdf(link("a", "0 0 0 0 0 0"), world=ground.format(word))
-        assert Urdf.read(write(text, tmp_path)).joint_names == ["floating_base"]
-    with pytest.raises(sst_pin.DescriptionError, match="2 worlds; one is needed"):
-        Urdf.read(write(text.replace("</sdf>", '<world name="v"/></sdf>'), tmp_path))
+@pytest.mark.parametrize("word", ["true", "True", "1"])
+def test_models_that_do_not_move_are_no_robots(tmp_path, word):
+    ground = f'<static>{word}</static><plugin name="water" filename="w"/>'
+    text = sdf(A, world=f'<model name="g">{ground}</model>')
+    assert Urdf.read(write(text, tmp_path)).joint_names == ["floating_base"]
 
 
 def test_axes_are_in_the_joints_frame_since_version_1_5(tmp_path):
-    parts = [
-        link("a", "0 0 0 0 0 0"),
-        link("b", "0 0 0.3 0.4 0 0"),
-        joint("j_a", "revolute", "world", "a", axis("1 0 0")),
-        joint("j_b", "revolute", "a", "b", axis("0 0 1")),
-    ]
-    tilted = []
+    j_a = joint("j_a", "revolute", "world", "a", axis("1 0 0"))
+    j_b = joint("j_b", "revolute", "a", "b", axis("0 0 1"))
+    text, tilted = sdf(A, link("b", "0 0 0.3 0.4 0 0"), j_a, j_b), []
     for version in ("1.4", "1.5", "1.9", "1.10", "1.12"):
-        path = write(sdf("".join(parts)).replace("1.9", version), tmp_path)
-        chain = sst_pin.ClosedChain.from_urdf(path, actuated=["j_a", "j_b"])
+        chain = chain_of(text.replace("1.9", version), tmp_path, "j_a", "j_b")
         turns = chain.frame_jacobian(np.zeros(2), "b")[3:]
         tilted.append(turns[:, 0] @ np.cross(turns[:, 1], [0.3, -0.2, 0.5]))
     assert tilted[0] != pytest.approx(tilted[1])
@@ -292,9 +260,9 @@ def test_the_placement_frame_of_a_model_stands_where_its_pose_says(tmp_path):
         joint("j_a", "revolute", "world", "a", axis("0 1 0")),
         joint("j_b", "revolute", "a", "b", axis("1 0 0")),
     ]
-    text = sdf("".join(parts), "1 2 3 0 90 30").replace('name="r"', 'name="r" placement_frame="b"')
+    text = sdf(*parts, pose="1 2 3 0 90 30").replace('name="r"', 'name="r" placement_frame="b"')
     text = text.replace("<pose>1 2", '<pose degrees="True">1 2')
-    chain = sst_pin.ClosedChain.from_urdf(write(text, tmp_path), actuated=[])
+    chain = chain_of(text, tmp_path)
     data = chain.model.createData()
     pin.framesForwardKinematics(chain.model, data, np.zeros(2))
     found = data.oMf[chain.model.getFrameId("b")]
@@ -307,13 +275,8 @@ def test_a_joint_written_from_far_to_near_keeps_its_limits(tmp_path):
     """Its position is the turn of its child in its parent, whichever of them comes first."""
     limits = "<limit><lower>-0.2</lower><upper>0.7</upper></limit>"
     turn = joint("j", "revolute", "b", "a", axis("1 0 0", limits))
-    parts = [
-        link("a", "0 0 0 0 0 0"),
-        link("b", "0 0 0 0 0 0"),
-        joint("weld", "fixed", "world", "a"),
-        turn,
-    ]
-    model = sst_pin.ClosedChain.from_urdf(write(sdf("".join(parts)), tmp_path), actuated=[]).model
+    parts = A, link("b", "0 0 0 0 0 0"), joint("weld", "fixed", "world", "a"), turn
+    model = chain_of(sdf(*parts), tmp_path).model
     assert (model.lowerPositionLimit[0], model.upperPositionLimit[0]) == (-0.2, 0.7)
     data = model.createData()
     pin.framesForwardKinematics(model, data, np.array([0.7]))
@@ -321,13 +284,19 @@ def test_a_joint_written_from_far_to_near_keeps_its_limits(tmp_path):
     np.testing.assert_allclose(pin.log3(b.T @ a), [0.7, 0, 0], atol=1e-12)
 
 
-@pytest.mark.parametrize("version", ["", "latest", "1.x", "nan"])
-def test_a_version_that_is_none_is_named(version, tmp_path):
-    with pytest.raises(sst_pin.DescriptionError, match=f"version '{version}' is none of SDF"):
-        Urdf.read(write(sdf("").replace("1.9", version), tmp_path))
-
-
-def test_gravity_that_is_none_is_named(tmp_path):
-    text = sdf(link("a", "0 0 0 0 0 0"), world="<gravity>0 down 0</gravity>")
-    with pytest.raises(sst_pin.DescriptionError, match="gravity '0 down 0' is not three numbers"):
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        *(
+            (sdf("").replace("1.9", version), f"version '{version}' is none of SDF")
+            for version in ("", "latest", "1.x", "nan")
+        ),
+        (sdf(A, world="<gravity>0 down 0</gravity>"), "gravity '0 down 0' is not three numbers"),
+        ('<sdf version="1.7"/>', "models that move; one is needed"),
+        ('<sdf version="1.7"><model/><model/></sdf>', "models that move; one is needed"),
+        (sdf(A).replace("</sdf>", '<world name="v"/></sdf>'), "2 worlds; one is needed"),
+    ],
+)
+def test_a_world_that_cannot_be_meant_is_refused(text, told, tmp_path):
+    with pytest.raises(sst_pin.DescriptionError, match=told):
         Urdf.read(write(text, tmp_path))

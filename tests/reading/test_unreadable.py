@@ -71,7 +71,7 @@ def refused(kind, path):
     told = [f"{p.where}: {p.text}" for p in sst_pin.validate(path) if p.severity == "error"]
     said = [problem.replace("not a URDF: ", "file: ") for problem in caught.value.problems]
     assert said
-    assert set(said) <= set(told)
+    assert all(told.count(problem) == 1 for problem in said)
     return caught.value.problems
 
 
@@ -112,31 +112,16 @@ def test_friction_that_cannot_be_is_refused(files, text):
 @pytest.mark.parametrize(
     ("change", "word"),
     [
-        (
-            lambda joint, link: link.find("inertial/mass").set("value", "-1"),
-            "its mass is negative, -1 kg",
-        ),
+        (lambda joint, link: link.find("inertial/mass").set("value", "-1"), "is negative, -1 kg"),
         (lambda joint, link: joint.find("axis").set("xyz", "0 0 0"), "its axis is zero"),
         (lambda joint, link: joint.find("axis").set("xyz", "0 1e-200 0"), "its axis is zero"),
         (lambda joint, link: joint.find("limit").set("lower", "9"), "lower limit 9 above"),
         (lambda joint, link: joint.find("limit").set("effort", "-1"), "effort='-1' is negative"),
         (lambda joint, link: joint.find("origin").set("ypr", "1 0 0"), "<origin> has no ypr"),
-        (
-            lambda joint, link: setattr(link.find("inertial"), "tag", "inertail"),
-            "<inertail> is unknown; did you mean inertial?",
-        ),
-        (
-            lambda joint, link: ET.SubElement(joint, "dynamics", dampnig="1"),
-            "dampnig=...> is unknown; did you mean damping?",
-        ),
-        (
-            lambda joint, link: ET.SubElement(link.find("inertial"), "mass", value="2"),
-            "2 <mass>; only one is allowed",
-        ),
-        (
-            lambda joint, link: setattr(link.find("inertial"), "tag", "{http://x/xacro}inertial"),
-            "this is a xacro file",
-        ),
+        (lambda joint, link: setattr(joint.find("axis"), "tag", "axs"), "did you mean axis?"),
+        (lambda joint, link: ET.SubElement(joint, "dynamics", dampnig="1"), "did you mean damping"),
+        (lambda joint, link: ET.SubElement(link.find("inertial"), "mass"), "2 <mass>; only one is"),
+        (lambda joint, link: setattr(joint, "tag", "{http://x/xacro}joint"), "is a xacro file"),
         (lambda joint, link: joint.set("name", "universe"), "Pinocchio's base has this name"),
         (lambda joint, link: link.set("name", "base"), "link base: 2 have this name"),
         (lambda joint, link: joint.attrib.pop("name"), "joint: 1 without a name"),
@@ -214,10 +199,8 @@ def test_a_joint_of_the_laas_schema_takes_no_name_that_is_another_s(tmp_path):
 
 def large_urdf(links, kind):
     """Links one after the other."""
-    body = (
-        '<inertial><mass value="1"/>'
-        '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
-    )
+    unit = '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+    body = f'<inertial><mass value="1"/>{unit}</inertial>'
     parts = [f'<link name="l{i}">{body}</link>' for i in range(links)]
     parts += [
         f'<joint name="j{i}" type="{kind}"><parent link="l{i - 1}"/><child link="l{i}"/>'
@@ -227,6 +210,11 @@ def large_urdf(links, kind):
     return f'<robot name="large">{"".join(parts)}</robot>'
 
 
+#: Each ten of the one before.
+ENTITIES = "".join(f"<!ENTITY a{i + 1} '{f'&a{i};' * 10}'>" for i in range(12))
+ANCHORS = "".join(f"a{i + 1}: &a{i + 1} [{', '.join([f'*a{i}'] * 10)}]\n" for i in range(8))
+
+
 @pytest.mark.parametrize(
     ("urdf", "word"),
     [
@@ -234,12 +222,7 @@ def large_urdf(links, kind):
         (large_urdf(2_000, "revolute"), "1999 moving joints; at most"),
         ("<robot name='r'>" + "<a>" * 100_000, "not XML"),
         (" " * 20_000_000, "more than"),
-        (
-            "<!DOCTYPE r [<!ENTITY a0 'mass'>"
-            + "".join(f"<!ENTITY a{i + 1} '{f'&a{i};' * 10}'>" for i in range(12))
-            + "]><robot name='&a12;'/>",
-            "not XML",
-        ),
+        (f"<!DOCTYPE r [<!ENTITY a0 'mass'>{ENTITIES}]><robot name='&a12;'/>", "not XML"),
         ("<robot xmlns:xacro='http://x/xacro' name='r'><xacro:property/></robot>", "xacro file"),
         ("<robot name='r'><link name='l'/></robot>", None),  # the least that is read
     ],
@@ -289,10 +272,10 @@ CUTS = "closed_loop: [[a, b]]\ntype: [6d]\nname_mot: [c]\n"
         (CUTS.replace("[c]", "['']"), "name_mot: '' is not a name"),
         (CUTS.replace("[a, b]", "[a, [b]]"), "closed_loop: ['a', ['b']] is not a pair"),
         (CUTS.replace("[a, b]", "[a, {b: c}]"), "is not a pair of frame names"),
-        (
-            CUTS + "joint_name: [a, a]\njoint_type: [FIXED, SPHERICAL]",
-            "joint_name: a appears twice",
-        ),
+        (CUTS + "joint_name: [a, a]\njoint_type: [FIXED, FIXED]", "joint_name: a appears twice"),
+        (CUTS + "joint_name: [a]", "joint_name has 1 entries, joint_type has 0"),
+        (CUTS + "joint_name: [a]\njoint_type: [BALL]", "'BALL' unknown; known: FIXED"),
+        (CUTS + "joint_name: a\njoint_type: [FIXED]", "joint_name: a list is needed"),
         ("[a, b]", "no keys"),
         ("", "no keys"),
         (CUTS + "---\n" + CUTS, "not YAML"),
@@ -301,12 +284,7 @@ CUTS = "closed_loop: [[a, b]]\ntype: [6d]\nname_mot: [c]\n"
         ("[" * 20_000, "too deep"),
         ("a: " + "[" * 20_000 + "]" * 20_000, "too deep"),
         ("- " * 20_000, "too deep"),
-        (
-            "a0: &a0 [x]\n"
-            + "".join(f"a{i + 1}: &a{i + 1} [{', '.join([f'*a{i}'] * 10)}]\n" for i in range(8))
-            + "closed_loop: [*a8]\ntype: [*a8]\nname_mot: *a8\ngravity: *a8\n",
-            "name_mot: ",
-        ),
+        (f"a0: &a0 [x]\n{ANCHORS}type: [*a8]\nname_mot: *a8\ngravity: *a8\n", "name_mot: "),
         ("a: " + "x" * 1_000_000, "more than"),
         ("\0", "not YAML"),
     ],
@@ -321,9 +299,8 @@ def test_cuts_that_say_something_else_are_refused_at_once(text, word):
 
 def test_names_and_numbers_of_cuts_are_those_that_stand_there():
     """YAML would make 8 of 010, True of on, a text of 1e1; a mark of order stands before none."""
-    cuts = parse_cuts(
-        "closed_loop: [[010, on]]\ntype: [6D]\nname_mot: [1.50]\ngravity: [0, +.5, -1e1]", "cuts"
-    )
+    text = "closed_loop: [[010, on]]\ntype: [6D]\nname_mot: [1.50]\ngravity: [0, +.5, -1e1]"
+    cuts = parse_cuts(text, "cuts")
     (closure,) = cuts.closures
     assert (closure.frame_a, closure.frame_b, closure.kind) == ("010", "on", "6d")
     assert cuts.actuated == ("1.50",)

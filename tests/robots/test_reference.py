@@ -2,7 +2,6 @@
 """The engine against the reference data, and the data against what they claim to be."""
 
 import json
-from importlib import import_module
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,6 +9,7 @@ import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 
+import make_reference as make
 import sst_pin
 from plain_numbers import describe
 from sst_pin import robots
@@ -158,8 +158,6 @@ def test_the_description_alone_gives_the_torques(name, states, rates):
 
 @pytest.mark.parametrize("robot", ["bennett", "planar_4rrr", "ups_pu"])
 def test_the_states_are_those_that_the_script_makes(robot):
-    pytest.importorskip("mpmath", reason="mpmath is not installed (extra 'dev')")
-    make = import_module("make_reference")
     record = {key: value for key, value in REFERENCE[robot].items() if key != "states"}
     made = make.states_of(robot, record, getattr(robots, robot)().home, count=1)
     assert made == REFERENCE[robot]["states"][:1]

@@ -51,23 +51,17 @@ SPHERE = '<visual><origin xyz="{}"/><geometry><sphere radius="{}"/></geometry></
 MESH = '<visual><geometry><mesh filename="{}"/></geometry></visual>'
 
 
-#: What is changed in the joint motor_2, and what is said of it.
+#: What is changed in the joint motor_2, and what is said of it; see test_unreadable.py as well.
 OF_THE_JOINT = [
-    ("motor_2", "motor_1", "error: joint motor_1: 2 have this name"),
-    (' name="motor_2"', "", "error: joint: 1 without a name"),
     ('"base"', '"bass"', "error: joint motor_2: parent bass is no"),
     ('<parent link="base"/>', "", "error: joint motor_2: no <parent"),
     ('"arm_2"', '"arm_1"', "link arm_1 is already the child of joint motor_1"),
     ('"arm_2"', '"arm_1"', "error: tree: 2 links without a parent"),
     ('"base"', '"rod_2a"', "error: tree: links that are not connected to the base"),
-    ('"revolute"', '"hinge"', "joint motor_2: type 'hinge' unknown"),
     ('"revolute"', '"floating"', "motor_2: floating: q has one more"),
     ('"revolute"', '"continuous"', "warning: joint motor_2: continuous: two coordinates"),
-    ("0 1 0", "0 0 0", "joint motor_2: its axis is zero"),
     ("0 1 0", "0 1", "joint motor_2: axis xyz='0 1' is not three"),
     ("0 1 0", "0 2 0", "warning: joint motor_2: its axis has length"),
-    ('rpy="0 0', 'rpy="nan 0', "motor_2: origin rpy='nan 0 2.09"),
-    ('lower="-3.2"', 'lower="4"', "lower limit 4 above the upper"),
     ('lower="-3.2" upper="3.2" ', "", "warning: joint motor_2: limits"),
     (' effort="10"', "", "error: joint motor_2: limit without effort"),
     ("<limit", "<!--  --><a", "revolute without <limit>"),
@@ -77,10 +71,7 @@ OF_THE_JOINT = [
 ]
 #: What is changed in the link arm_2.
 OF_THE_LINK = [
-    ('name="arm_2"', 'name="arm_1"', "error: link arm_1: 2 have this"),
     ('value="0.08"', 'value="0"', "error: link arm_2: moves without"),
-    ('value="0.08"', 'value="-1"', "error: link arm_2: its mass is negative, -1 kg"),
-    ('value="0.08"', 'value="inf"', "link arm_2: its mass is not a num"),
     ('value="0.08"', 'value="1e9"', "very different masses, 1e+09 kg and 0.02 kg"),
     (' ixy="0"', "", "link arm_2: its inertia has no number ixy"),
     ("2e-05", "-2e-05", "link arm_2: inertia not positive definite"),
@@ -134,16 +125,8 @@ def test_a_fault_of_the_urdf_is_told_with_its_place(found, urdf, problem):
         ("closed_loop", "closed_lop", "error: cuts: closed_lop: unknown; known: closed_loop"),
         ("rod_2a_end", "rod_2", "error: closure rod_2 - platform_2a: no frame rod_2 in the URDF"),
         ("motor_2", "motr_2", "error: motor motr_2: no moving joint of this name"),
-        (
-            "[rod_2a_end, platform_2a]",
-            "[arm_2, base]",
-            "error: closure arm_2 - base: cannot be closed",
-        ),
-        (
-            "[rod_2a_end",
-            "[rod_3a_end",
-            "error: closures: each can be closed alone, but not all together",
-        ),
+        ("[rod_2a_end, platform_2a]", "[arm_2, base]", "closure arm_2 - base: cannot be closed"),
+        ("[rod_2a_end", "[rod_3a_end", "error: closures: each can be closed alone, but not all"),
         (", motor_3]", "]", "insufficient: 3 degrees of freedom, 2 motors; 1 move with the motors"),
         ("motor_3]", "motor_3, elbow_1a_X]", "warning: actuation: redundant: 4 motors for 3"),
         ("elbow_1a,", "knee,", "error: file: joint knee is missing"),
@@ -179,12 +162,8 @@ def test_all_faults_are_told_at_once(found):
     urdf = urdf.replace("<inertial>", MESH.format("none.stl") + "<inertial>", 1)
     problems = found(urdf, CUTS.replace("motor_1", "m").replace("rod_2a_end", "r"))
     assert [p.severity for p in problems] == ["error"] * 4 + ["warning"]
-    assert {p.where for p in problems} == {
-        "motor m",
-        "closure r - platform_2a",
-        "link arm_2",
-        "link arm_1",
-    }
+    places = {"motor m", "closure r - platform_2a", "link arm_2", "link arm_1"}
+    assert {p.where for p in problems} == places
 
 
 def test_inertias_are_judged_as_mujoco_judges_them(tmp_path):
@@ -198,10 +177,10 @@ def test_inertias_are_judged_as_mujoco_judges_them(tmp_path):
         moments[0] *= random.choice([1, 1, 1, -1])
         I = axes @ np.diag(moments) @ axes.T  # noqa: E741
         entries = zip(("xx", "xy", "xz", "yy", "yz", "zz"), I[np.triu_indices(3)], strict=True)
-        text = " ".join(f'i{name}="{value!r}"' for name, value in entries).replace("np.float64", "")
+        text = " ".join(f'i{name}="{float(value)!r}"' for name, value in entries)
         path.write_text(
             '<robot name="one"><link name="base"/><link name="body"><inertial><mass value="1"/>'
-            f"<inertia {text.replace('(', '').replace(')', '')}/></inertial></link>"
+            f"<inertia {text}/></inertial></link>"
             '<joint name="hinge" type="revolute"><parent link="base"/><child link="body"/>'
             '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>'
         )
@@ -247,11 +226,14 @@ def test_the_command_prints_a_problem_a_line_and_fails(tmp_path, capsys):
     path = tmp_path / "bad.urdf"
     path.write_text(edited("link", "arm_2", 'value="0.08"', 'value="-1"'))
     assert main(["validate", str(path)]) == 1
-    assert capsys.readouterr().out == (
-        "error: link arm_2: its mass is negative, -1 kg\n1 error(s), 0 warning(s)\n"
-    )
-    assert main(["validate", str(EXAMPLES / "delta.urdf")]) == 0
+    told = "error: link arm_2: its mass is negative, -1 kg\n1 error(s), 0 warning(s)\n"
+    assert capsys.readouterr().out == told
+    delta = str(EXAMPLES / "delta.urdf")
+    assert main(["validate", delta]) == main(["validate", "--robot", delta]) == 0
     out = capsys.readouterr().out
+    half = len(out) // 2
+    assert out[:half] == out[half:]  # the same command twice
+    assert out.startswith("no problems found\n")
     assert "degrees of freedom  3" in out
     assert "moving mass         0.51 kg" in out
     cuts = str(EXAMPLES / "delta.yaml")
@@ -270,6 +252,9 @@ def test_a_closure_frame_of_an_ambiguous_name_is_told(found):
     assert any("several frames have this name" in problem.text for problem in problems)
 
 
+OFF = '<flag actuation="disable"/>'
+
+
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
@@ -278,11 +263,7 @@ def test_a_closure_frame_of_an_ambiguous_name_is_told(found):
         (BARS, '<robot name="a"><link name="a"/></robot>', ["from_urdf reads a URDF"]),
         ("<connect ", '<connect active="false" ', ["insufficient: 3 degrees of freedom, 1 motors"]),
         ("<connect ", "<weld ", ["warning: home: cannot be closed"]),
-        (
-            "<worldbody>",
-            '<option><flag actuation="disable"/></option><worldbody>',
-            ["error: file: <flag actuation"],
-        ),
+        ("<worldbody>", f"<option>{OFF}</option><worldbody>", ["error: file: <flag actuation"]),
         ("<actuator>", '<actuator><motor joint="rocker"/>', ["warning: actuation: redundant: 2"]),
         ("-0.9443 -0.9443", "2 9", ["warning: home"]),
     ],

@@ -6,12 +6,14 @@ import warnings
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
 
 import any_chain
+import run_pages
 import sst_pin
 from sst_pin import errors
 from sst_pin.cli import main
@@ -22,65 +24,28 @@ from sst_pin.viewer.panel import curves_of
 from sst_pin.viewer.robot_scene import LAYERS, Scene
 from sst_pin.viewer.triangles import body_shapes
 
-DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
+ROOT = Path(__file__).parents[2]
+DELTA = ROOT / "examples" / "delta.urdf"
 BARE = pin.GeometryModel()
 
-FIVE_BAR = """
-<robot name="five_bar">
-  <material name="steel"><color rgba="0.2 0.4 0.6 1"/></material>
-  <link name="base">{base}</link>
-  {links}
-</robot>
-"""
-LINK = """
-  <joint name="{name}" type="revolute">
-    <origin xyz="{origin}"/><parent link="{parent}"/><child link="{name}_link"/><axis xyz="0 1 0"/>
-    <limit lower="-3" upper="3" effort="9" velocity="9"/>
-  </joint>
-  <link name="{name}_link">
-    <inertial><origin xyz="0 0 0.1"/><mass value="0.3"/>
-      <inertia ixx="1e-3" iyy="1e-3" izz="1e-5" ixy="0" ixz="0" iyz="0"/></inertial>
-    {visual}
-  </link>
-  <joint name="{name}_end_fixed" type="fixed">
-    <origin xyz="0 0 0.2"/><parent link="{name}_link"/><child link="{name}_end"/>
-  </joint>
-  <link name="{name}_end"/>
-"""
-CUTS = """
-closed_loop: [[left_2_end, right_2_end]]
-type: [3d]
-name_mot: [left_1, right_1]
-"""
+#: What links of the five-bar are drawn with.
+STEEL = '<material name="steel"><color rgba="0.2 0.4 0.6 1"/></material>'
+VISUAL = """<visual><origin xyz="0 0\t0.1" rpy="0.1 0 0"/><geometry>{}</geometry>
+  <material name="steel"/></visual>"""
 
 
 def five_bar(folder, **shapes):
-    """A five-bar as a person writes it; `shapes` are XML of <geometry> by the link's joint."""
-
-    def visual(name):
-        if name not in shapes:
-            return ""
-        return (
-            f'<visual><origin xyz="0 0\t0.1" rpy="0.1 0 0"/><geometry>{shapes[name]}</geometry>'
-            '<material name="steel"/></visual>'
-        )
-
-    places = {
-        "left_1": ("base", "-0.1 0 0"),
-        "left_2": ("left_1_link", "0 0 0.2"),
-        "right_1": ("base", "0.1 0 0"),
-        "right_2": ("right_1_link", "0 0 0.2"),
-    }
-    links = "".join(
-        LINK.format(name=name, parent=parent, origin=origin, visual=visual(name))
-        for name, (parent, origin) in places.items()
-    )
+    """The five-bar of docs/own_robot.md without a home; shapes are XML of <geometry> by link."""
+    run_pages.paste((ROOT / "docs" / "own_robot.md").read_text(encoding="utf-8"), folder)
+    (folder / "five_bar.srdf").unlink()
     path = folder / "five_bar.urdf"
-    path.write_text(FIVE_BAR.format(links=links, base=visual("base")))
-    path.with_suffix(".yaml").write_text(CUTS)
+    text = path.read_text().replace('name="five_bar">', f'name="five_bar">{STEEL}')
+    text = text.replace('<link name="base"/>', '<link name="base"></link>')
+    for link, shape in shapes.items():
+        text = text.replace(f'<link name="{link}">', f'<link name="{link}">{VISUAL.format(shape)}')
+    path.write_text(text)
     chain = sst_pin.ClosedChain.from_urdf(path)
-    q = chain.assemble([-0.5, 1.2, 0.5, -1.2], fixed=["left_1", "right_1"])
-    return chain, q, path
+    return chain, chain.assemble([-0.5, 1.2, 0.5, -1.2], fixed=["left", "right"]), path
 
 
 MJCF = """
@@ -128,12 +93,9 @@ def robot_of(name):
 
 
 #: Every kind of joint and closure; a few of them in the quick run.
-ALL = [
-    name
-    if name in ("four_bar", "delta.urdf", "rods")
-    else pytest.param(name, marks=pytest.mark.slow)
-    for name in [*(name for name in sst_pin.robots.__all__ if name.islower()), "delta.urdf", "rods"]
-]
+QUICK = ("four_bar", "delta.urdf", "rods")
+ALL = {*QUICK, *(name for name in sst_pin.robots.__all__ if name.islower())}
+ALL = [pytest.param(x, marks=[pytest.mark.slow] * (x not in QUICK)) for x in sorted(ALL)]
 
 
 def placed(scene, q, shape):
@@ -274,19 +236,19 @@ def test_a_urdf_by_hand_brings_its_visuals(tmp_path):
     chain, q, _ = five_bar(
         tmp_path,
         base='<box size="0.3 0.1  0.02"/>',
-        left_1='<cylinder radius="0.01" length="0.2"/>',
-        right_1='<sphere radius="0.05"/>',
-        right_2='<mesh filename="meshes/block.stl" scale="1 1 0.5"/>',
-        left_2=f'<mesh filename="package://{tmp_path.name}/meshes/block.stl"/>',
+        left_arm='<cylinder radius="0.01" length="0.2"/>',
+        right_arm='<sphere radius="0.05"/>',
+        right_rod='<mesh filename="meshes/block.stl" scale="1 1 0.5"/>',
+        left_rod=f'<mesh filename="package://{tmp_path.name}/meshes/block.stl"/>',
     )
     scene = Scene(chain, None)
     sizes = {s.name: np.ptp(s.mesh.vertices, axis=0) for s in scene.shapes if s.layer == "bodies"}
     wanted = {
         "base_0": (0.3, 0.1, 0.02),
-        "left_1_link_0": (0.02, 0.02, 0.2),
-        "right_1_link_0": (0.1, 0.1, 0.1),
-        "right_2_link_0": (0.1, 0.2, 0.15),
-        "left_2_link_0": (0.1, 0.2, 0.3),
+        "left_arm_0": (0.02, 0.02, 0.2),
+        "right_arm_0": (0.1, 0.1, 0.1),
+        "right_rod_0": (0.1, 0.2, 0.15),
+        "left_rod_0": (0.1, 0.2, 0.3),
     }
     assert set(sizes) == set(wanted)
     for name, size in wanted.items():
@@ -319,7 +281,6 @@ def test_a_mesh_that_cannot_be_read_is_told(tmp_path, capsys):
 
 def test_an_mjcf_is_drawn_as_mujoco_has_it(tmp_path):
     """Centres of its geoms by mj_forward, its colours; collision shapes and floors stay away."""
-    mujoco = pytest.importorskip("mujoco")
     path = tmp_path / "linkage.xml"
     path.write_text(MJCF)
     chain = sst_pin.ClosedChain.from_mjcf(path)
@@ -381,7 +342,7 @@ def test_a_page_warns_of_open_loops_and_limits(tmp_path):
     chain.refresh()
     zero = np.zeros((2, 2))
     viewer.play(chain.trajectory([0, 1], [q, q], zero, zero))
-    assert viewer.warnings[0].startswith("left_1 leaves its limits of -3 to ")
+    assert viewer.warnings[0].startswith("left leaves its limits of -3.2 to ")
     assert " rad at t = 0 s" in viewer.warnings[0]
 
 
@@ -418,9 +379,8 @@ def test_powers_add_up_to_what_the_motion_takes(name):
     energy = [robot.kinetic_energy(x, va) + robot.potential_energy(x) for x in near]
     powers = np.array(curves_of(robot, motion)[3]["values"][0])
     lost = np.sum(robot.friction_power(q, va))
-    assert powers.sum() + lost == pytest.approx(
-        (energy[1] - energy[0]) / (2 * h), rel=1e-4, abs=1e-5
-    )
+    gained = (energy[1] - energy[0]) / (2 * h)
+    assert powers.sum() + lost == pytest.approx(gained, rel=1e-4, abs=1e-5)
 
 
 def two_pieces(folder):

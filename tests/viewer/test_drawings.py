@@ -32,9 +32,8 @@ def test_arrows_are_the_forces_of_the_reactions(name):
     q, tau = robot.home, np.linspace(1, 2, len(robot.motor_names))
     viewer = Viewer(robot, reactions=True)
     placed = {}
-    viewer._drawing.place = lambda q, effort: placed.update(
-        type(viewer._drawing)._placements(viewer._drawing, q, effort)
-    )
+    placements = viewer._drawing._placements
+    viewer._drawing.place = lambda q, effort: placed.update(placements(q, effort))
     viewer.show(q, tau)
     w = robot.reactions(q, np.zeros(robot.degrees_of_freedom), tau=tau)
     data = robot.model.createData()

@@ -42,9 +42,8 @@ MOTION = """([q, va, seconds, way, efforts]) => {
 }"""
 
 
-LINE = sst_pin.LineForce(
-    "point_arm_2", "point_arm_5", stiffness=30, rest_length=0.1, damping=0.3, preload=2
-)
+PULL = {"stiffness": 30, "rest_length": 0.1, "damping": 0.3, "preload": 2}
+LINE = sst_pin.LineForce("point_arm_2", "point_arm_5", **PULL)
 OTHERS = {
     "coupled": any_chain.coupled,
     "rods": any_chain.rods,
@@ -89,9 +88,8 @@ def on_springs(name):
     stiffness[mechanism.coordinates] = 400.0 * np.diag(inertia)
     model = chain.model.copy()
     model.damping[:] = model.friction[:] = 0
-    return sst_pin.ClosedChain(
-        model, chain.closures, chain.motor_names, stiffness=stiffness, spring_reference=home
-    )
+    springs = {"stiffness": stiffness, "spring_reference": home}
+    return sst_pin.ClosedChain(model, chain.closures, chain.motor_names, **springs)
 
 
 class Engine:

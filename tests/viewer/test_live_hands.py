@@ -54,16 +54,11 @@ def mouse(page, x, y, way, steps=5):
     page.mouse.up()
 
 
+MORE = {"delta": [PHONE], "stewart": [TABLET], "five_bar": [DESK], "cassie": [PHONE]}
+
+
 @pytest.mark.parametrize(
-    ("name", "size"),
-    with_slow(
-        ("four_bar", PHONE),
-        sst=(PHONE, TABLET, DESK),
-        delta=[PHONE],
-        stewart=[TABLET],
-        five_bar=[DESK],
-        cassie=[PHONE],
-    ),
+    ("name", "size"), with_slow(("four_bar", PHONE), sst=(PHONE, TABLET, DESK), **MORE)
 )
 def test_the_robot_is_dragged_let_go_pushed_held_and_reset(chromium, tmp_path, name, size):
     chain = robot_named(name)
@@ -83,9 +78,8 @@ def test_the_robot_is_dragged_let_go_pushed_held_and_reset(chromium, tmp_path, n
         assert np.abs(state("q") - start).max() < 1e-12
         slider = page.locator("#sliders input").first
         before = float(slider.input_value())
-        slider.evaluate(
-            "(e, v) => { e.value = v; e.dispatchEvent(new Event('input')) }", before + 0.02
-        )
+        move = "(e, v) => { e.value = v; e.dispatchEvent(new Event('input')) }"
+        slider.evaluate(move, before + 0.02)
         assert np.abs(state("q") - start).max() > 1e-4
         page.locator("#again").click()
         page.locator("#go").click()

@@ -18,12 +18,8 @@ UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
 
 #: Nodes of the SST's extras: e_k of the joints in their order, {0k}..{3k} leg after leg, arrows.
 AXES = [f"robot/{j if j % 3 else 0}/axes/e_{j // 3 + 3 * (j % 3) + 1}_{j}" for j in range(9)]
-FRAMES = [
-    f"robot/{3 * k + i if i else 0}/frames/{{{i}{k + 1}}}_{a}"
-    for k in range(3)
-    for i in range(4)
-    for a in "xyz"
-]
+PLACES = [(3 * k + i if i else 0, f"{{{i}{k + 1}}}") for k in range(3) for i in range(4)]
+FRAMES = [f"robot/{joint}/frames/{frame}_{a}" for joint, frame in PLACES for a in "xyz"]
 TORQUES = [f"robot/0/torques/{k}_gamma_{k}" for k in (1, 2, 3)]
 
 POSES = """() => {
@@ -92,12 +88,6 @@ def require_poses(page, robot, q):
         assert np.abs(drawn[node] - wanted).max() < 1e-6, node
 
 
-def canvas(page):
-    """The 3D view as an array of colours."""
-    page.evaluate("viewer.renderer.setPixelRatio(1); viewer.render()")
-    return pixels(page.locator("#pane").screenshot())
-
-
 def test_the_page_asks_for_nothing_and_nothing_fails(shown, page):
     page.evaluate("panel.play(true)")
     page.wait_for_timeout(300)
@@ -154,21 +144,17 @@ def test_a_ghost_plays_a_second_motion_at_the_same_times(chromium, tmp_path):
 
 
 @pytest.mark.parametrize("sample", [0, 13, 37, 60])
-def test_bodies_are_where_pinocchio_has_them(page, robot, motion, sample):
-    """World poses of the three.js scene, positions and rotations, to 1e-6 (single precision)."""
-    page.evaluate("t => panel.seek(t)", motion.t[sample])
-    require_poses(page, robot, motion.q[sample])
+def test_bodies_are_where_pinocchio_has_them_and_so_are_extras(page, robot, motion, sample):
+    """To 1e-6 (single precision): world poses, positions and rotations.
 
-
-@pytest.mark.parametrize("sample", [0, 13, 37, 60])
-def test_extras_show_axes_frames_and_torques(page, robot, motion, sample):
-    """e_k along the noc's joint axes, {E} turned as the star, arrows as large as the torques."""
+    e_k lie along the noc's joint axes, {E} is turned as the star, arrows are as large as torques.
+    """
     page.evaluate("t => panel.seek(t)", motion.t[sample])
     drawn, found = poses(page)
     q, tau = motion.q[sample], motion.tau[sample]
-    assert (
-        np.abs(drawn["robot/3/frames/{E}_x"][:3, :3] - robot.platform_orientation(q)).max() < 1e-6
-    )
+    require_poses(page, robot, q)
+    E = drawn["robot/3/frames/{E}_x"][:3, :3]
+    assert np.abs(E - robot.platform_orientation(q)).max() < 1e-6
     data = robot.model.createData()
     pin.computeJointJacobians(robot.model, data, q)
     for joint, node in enumerate(AXES):
@@ -185,16 +171,16 @@ def test_extras_show_axes_frames_and_torques(page, robot, motion, sample):
     assert np.abs(np.array(sizes) - ratio * np.abs(tau)).max() < 2e-3
     assert ratio == pytest.approx(0.45 * 0.4 / largest, rel=1e-5)
     ends = 2 * 8 * 3  # of the trail, an eight-sided tube
-    assert found["robot/0/trail/passed"]["drawn"] == sample / 60 * (
-        found["robot/0/trail/passed"]["indices"] - ends
-    )
+    passed = found["robot/0/trail/passed"]
+    assert passed["drawn"] == sample / 60 * (passed["indices"] - ends)
 
 
 def test_the_canvas_shows_the_robot_and_it_moves(page):
     pictures = []
     for share in (0.1, 0.6):
         page.evaluate("share => panel.still(share)", share)
-        pictures.append(canvas(page))
+        page.evaluate("viewer.renderer.setPixelRatio(1); viewer.render()")
+        pictures.append(pixels(page.locator("#pane").screenshot()))
     first, second = pictures
     ink = (first < 235).any(axis=-1)
     assert 0.03 < ink.mean() < 0.6

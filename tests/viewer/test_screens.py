@@ -27,15 +27,11 @@ def example(name):
     return viewer
 
 
+MORE = {"scissor_lift": [PHONE], "planar_3rrr": [TABLET], "stewart": [PHONE]}
+
+
 @pytest.mark.parametrize(
-    ("name", "size"),
-    with_slow(
-        ("four_bar", PHONE),
-        sst=(PHONE, TABLET, DESK, LYING),
-        scissor_lift=[PHONE],
-        planar_3rrr=[TABLET],
-        stewart=[PHONE],
-    ),
+    ("name", "size"), with_slow(("four_bar", PHONE), sst=(PHONE, TABLET, DESK, LYING), **MORE)
 )
 def test_all_of_the_robot_is_in_the_picture(chromium, tmp_path, name, size):
     """At each instant, from each preset view; and it fills the picture one way at least.

@@ -146,12 +146,11 @@ def test_a_ghost_moves_at_the_times_of_the_motion():
     motion, planned = swing(np.linspace(2, 3, 6), 0.1), swing(np.linspace(0.1, 4.1, 21), 0.3)
     viewer = lift.show(motion, ghost=planned, open_browser=False)
     assert viewer._panel["layers"]["ghost"]
-    nodes = [path for kind, path, _ in viewer._drawing.buffer.commands if kind == "set_object"]
+    commands = viewer._drawing.buffer.commands
+    nodes = [path for kind, path, _ in commands if kind == "set_object"]
     moved = [n for n in nodes if "robot/ghost/ghost/" in n]
     assert len(moved) == sum(b.parentJoint > 0 for b in lift.visual_model.geometryObjects)
-    (packed,) = (
-        c for (k, _, _), c in viewer._drawing.buffer.commands.items() if k == "set_animation"
-    )
+    (packed,) = (c for (kind, _, _), c in commands.items() if kind == "set_animation")
     tracks = {a["path"]: a["clip"]["tracks"] for a in umsgpack.unpackb(packed)["animations"]}
     (turn,) = (t for t in tracks["/meshcat/robot/ghost/ghost/1"] if "quaternion" in t["name"])
     assert [key["time"] for key in turn["keys"]] == pytest.approx(planned.t[9:16] - 2)
