@@ -48,6 +48,14 @@ def beside(path: Path, ending: str) -> Path:
     return path.parent / f"{path.stem}{ending}"
 
 
+def require_ending(path: str | Path, *known: str) -> str:
+    """The ending of a file's name, which tells the format."""
+    kind = as_path(path).suffix.lower()
+    if kind not in known:
+        raise OutputError(path, f"ending {kind!r} unknown; known: {', '.join(known)}")
+    return kind
+
+
 class Table(NamedTuple):
     """A CSV of numbers.
 

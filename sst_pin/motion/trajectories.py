@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Array, finite_array, names, single_array
 from ..errors import FileFormatError, InputError, MissingExtraError, OutputError
-from ..files import Table, Writer, as_path, read_table, table_writer, write_files
+from ..files import Table, Writer, as_path, read_table, require_ending, table_writer, write_files
 from ..summaries import Summary, listed
 from .crossings import Crossing
 from .motion_columns import is_number, motion_columns, parts_of
@@ -250,20 +250,17 @@ class Trajectory(Summary):
             >>> with open("motion.csv", "wb") as file:
             ...     motion.writer("motion.csv")(file)
         """
-        kind = as_path(path).suffix.lower()
-        if kind == ".csv":
+        if require_ending(path, ".csv", ".npz") == ".csv":
             columns = self._columns()
             if any(re.search(r"^\s|[,\"\r\n]", name) for name in columns):
                 raise OutputError(path, "a name contains a comma, quote or space; save it as .npz")
             if self.actuated != self.coordinates and any(map(is_number, self.actuated)):
                 raise OutputError(path, "a motor has a number for its name; save it as .npz")
             return table_writer(columns, self.table(as_path(path)).values)
-        if kind == ".npz":
-            arrays: dict[str, Any] = {
-                name: np.asarray(getattr(self, name)) for name in (*_COMPARED, "stopped")
-            }
-            return lambda file: np.savez(file, **arrays)
-        raise OutputError(path, f"ending {kind!r} unknown; known: .csv, .npz")
+        arrays: dict[str, Any] = {
+            name: np.asarray(getattr(self, name)) for name in (*_COMPARED, "stopped")
+        }
+        return lambda file: np.savez(file, **arrays)
 
     def table(self, path: Path) -> Table:
         """The columns of the motion's CSV; messages call them those of `path`."""

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Array, Flags, single_array, whole_number
-from ..errors import InputError, OutputError
-from ..files import Writer, as_path, table_writer, write_files
+from ..errors import InputError
+from ..files import Writer, as_path, require_ending, table_writer, write_files
 from . import kinematics
 from .check import arc_margins
 from .platform_motion import orientation
@@ -138,17 +138,14 @@ class WorkspaceMap:
 
     def writer(self, path: str | Path) -> Writer:
         """A writer of the map in the format of the path's ending, .csv or .npz."""
-        kind = as_path(path).suffix.lower()
         arrays: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(self)}
-        if kind == ".npz":
+        if require_ending(path, ".csv", ".npz") == ".npz":
             return lambda file: np.savez_compressed(file, **arrays)
-        if kind == ".csv":
-            names = [f"{name}_rad" if name in _ANGLES else name for name in arrays]
-            # The middle and the first spoke once, not once more for each spoke and at the end.
-            rows = np.column_stack([array[1:, :-1].ravel() for array in arrays.values()])
-            middle = [array[0, 0] for array in arrays.values()]
-            return table_writer(names, np.vstack([middle, rows]))
-        raise OutputError(path, f"ending {kind!r} unknown; known: .csv, .npz")
+        names = [f"{name}_rad" if name in _ANGLES else name for name in arrays]
+        # The middle and the first spoke once, not once more for each spoke and at the end.
+        rows = np.column_stack([array[1:, :-1].ravel() for array in arrays.values()])
+        middle = [array[0, 0] for array in arrays.values()]
+        return table_writer(names, np.vstack([middle, rows]))
 
 
 _ANGLES = ("theta", "phi", "psi", "margin", "roll")
