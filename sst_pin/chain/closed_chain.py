@@ -507,7 +507,7 @@ class ClosedChain(Summary):
 
         def one(q: Array) -> Array:
             Phi = scaled_Phi(mechanism, loops, current.single(q))
-            return np.asarray(condition_number(Phi, parts))
+            return np.asarray(condition_number(mechanism, Phi, parts))
 
         return for_each_sample(one, [array], (1,), ())
 

@@ -56,6 +56,8 @@ class Continuity:
             (np.array([r for r, _ in alike])[:, :, None], np.array([k for _, k in alike])[:, None])
             for alike in shapes.values()
         ]
+        #: Usual sizes of the blocks, shapes (count,).
+        self._sizes = [np.array([mechanism.size_of(*b) for b in x]) for x in shapes.values()]
         self._last: _Place | None = None
         self._anchor: _Place
         self._inverses: list[Array]
@@ -94,7 +96,7 @@ class Continuity:
 
         It is the largest one of its blocks.
         """
-        return largest_condition(self._place(q).blocks)
+        return self._condition(self._place(q))
 
     def follow(
         self, start: Array, way: Way, limit: float, first: float = 1.0
@@ -153,11 +155,14 @@ class Continuity:
                 return False
         # The smallest singular value has not fallen below half of that at the anchor.
         if all(
-            (np.linalg.norm(b, axis=(1, 2)) < limit * (1 - CHANGE) * s).all()
-            for b, s in zip(place.blocks, self._smallest, strict=True)
+            (np.maximum(np.linalg.norm(b, axis=(1, 2)), size) < limit * (1 - CHANGE) * s).all()
+            for b, size, s in zip(place.blocks, self._sizes, self._smallest, strict=True)
         ):
             return True
-        return largest_condition(place.blocks) < limit
+        return self._condition(place) < limit
+
+    def _condition(self, place: _Place) -> float:
+        return largest_condition(zip(place.blocks, self._sizes, strict=True))
 
     def _place(self, q: Array) -> _Place:
         Phi = scaled_Phi(self._mechanism, self._loops, q)

@@ -20,6 +20,7 @@ from .joint_space import JointSpace
 from .lines import LineForce, Lines
 from .loops import Loops
 from .mechanism import Friction, Mechanism, Springs, read_only
+from .mobility import scaled_Phi
 from .rebuilt_tree import JOINT_LISTS, POSITION_ARRAYS, RATE_ARRAYS, rebuilt
 from .tree import frame_id, joint_id
 
@@ -91,8 +92,17 @@ def mechanism_of(
     unsettled = Mechanism(model, closures, none, on_joints, names, friction, springs, lines)
     assembly = Assembly(unsettled, Loops(model, closures))
     chosen, example = settle(assembly, wanted)
-    settled = replace(unsettled, coordinates=chosen, example=example)
+    sizes = None if example is None else _row_sizes(unsettled, assembly.loops, example)
+    settled = replace(unsettled, coordinates=chosen, example=example, row_sizes=sizes)
     return replace(settled, without_mass=without_mass(settled))
+
+
+def _row_sizes(mechanism: Mechanism, loops: Loops, q: Array) -> Array:
+    """Lengths of the rows of Phi at q, free of units; 0 for rows that are constant."""
+    sizes = np.linalg.norm(scaled_Phi(mechanism, loops, q), axis=1)
+    for row, coupled in loops.couplings:
+        sizes[row] *= coupled.curved.any()
+    return sizes
 
 
 def without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]) -> pin.Model:

@@ -131,11 +131,13 @@ class Mechanism:
     #: A configuration with closed loops, shape (nq,), where the coordinates were judged; None if
     #: none was found.
     example: Array | None = None
+    #: Length of each row of Phi at the example, free of units, shape (rows,); 0 for constant rows.
+    row_sizes: Array | None = None
     #: Names of rates that move no mass, coordinates if these describe the motion.
     without_mass: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("coordinates", "motors", "example"):
+        for name in ("coordinates", "motors", "example", "row_sizes"):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, read_only(getattr(self, name)))
 
@@ -148,6 +150,16 @@ class Mechanism:
     def dependent(self) -> Indices:
         """Indices in v of the rates that the closures determine."""
         return read_only(np.setdiff1d(np.arange(self.model.nv), self.coordinates))
+
+    def size_of(self, rows: Indices, rates: Indices) -> float:
+        """The usual size of a block of Phi with one dependent rate, free of units.
+
+        Such a block has one singular value, so only its size tells how near it is to a singularity.
+        For the others it is 0.
+        """
+        if len(rates) > 1 or self.row_sizes is None:
+            return 0.0
+        return float(np.linalg.norm(self.row_sizes[rows]))
 
     @cached_property
     def selection(self) -> Array:

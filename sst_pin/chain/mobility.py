@@ -205,7 +205,7 @@ def judge(mechanism: Mechanism, loops: Loops, q: Array, where: str) -> Mobility:
             and not np.isin(rates, mechanism.driven).any()
             and np.linalg.matrix_rank(Phi[:, list(rates)], RANK_TOLERANCE) < len(rates)
         ),
-        condition_number=condition_number(Phi, loops.parts(coordinates)),
+        condition_number=condition_number(mechanism, Phi, loops.parts(coordinates)),
         where=where,
         q=q.copy(),
     )
@@ -226,23 +226,30 @@ def motor_rates(mechanism: Mechanism, q: Array, motions: Array) -> Array:
     return np.divide(rows, lengths, out=np.zeros_like(rows), where=lengths > 0) @ motions
 
 
-def condition_number(Phi: Array, parts: Iterable[tuple[Indices, Indices]]) -> float:
+def condition_number(
+    mechanism: Mechanism, Phi: Array, parts: Iterable[tuple[Indices, Indices]]
+) -> float:
     """Condition number of the columns of Phi for the dependent rates; infinite if singular.
 
     It is the largest one of `parts`, rows and rates that share none with others: loops of other
     sizes do not count.
     """
-    return largest_condition(Phi[np.ix_(*part)][None] for part in parts)
+    return largest_condition(
+        (Phi[np.ix_(*part)][None], np.array([mechanism.size_of(*part)])) for part in parts
+    )
 
 
-def largest_condition(blocks: Iterable[Array]) -> float:
-    """The largest condition number of matrices, in arrays of shape (count, rows, rates)."""
+def largest_condition(blocks: Iterable[tuple[Array, Array]]) -> float:
+    """The largest condition number of matrices, in arrays of shape (count, rows, rates).
+
+    Beside them stand their usual sizes, shape (count,): the least that their norms count as.
+    """
     worst = 1.0
-    for block in blocks:
+    for block, sizes in blocks:
         if not np.isfinite(block).all():
             return np.inf
         s = np.linalg.svd(block, compute_uv=False)
         if s.shape[1] < block.shape[2] or not s[:, -1].all():
             return np.inf
-        worst = max(worst, float((s[:, 0] / s[:, -1]).max()))
+        worst = max(worst, float((np.maximum(s[:, 0], sizes) / s[:, -1]).max()))
     return worst

@@ -130,7 +130,9 @@ class JointComplement:
             cure = "nothing can move here"
         raise SingularConfigurationError(
             f"singular configuration: {why}; {cure}",
-            condition_number(scaled, [(block.rows, block.rates) for block in self.blocks]),
+            condition_number(
+                mechanism, scaled, [(block.rows, block.rates) for block in self.blocks]
+            ),
         )
 
     def accelerations(self, aa: Array, drift: Array) -> Array:

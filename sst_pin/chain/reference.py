@@ -477,7 +477,10 @@ class ReferenceStates:
         _, order = qr(motions, pivoting=True, mode="r")
         chosen = np.sort(order[:n]).astype(np.intp)
         parts = self._reference.memory.loops.parts
-        best, now = (condition_number(Phi, parts(each)) for each in (chosen, self.coordinates))
+        best, now = (
+            condition_number(self._mechanism, Phi, parts(each))
+            for each in (chosen, self.coordinates)
+        )
         if not best * MARGIN < now:
             return self, condition
         key = chosen.tobytes()

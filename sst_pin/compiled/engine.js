@@ -54,11 +54,11 @@ function engine(functions, d) {
   // Condition number of the columns of Phi for the dependent rates: that of the worst of the parts that share no rate.
   function condition(q = r.q, set = own) {
     const Phi = F.loops(q);
-    return Math.max(1, ...set.parts.map((columns) => conditionOf(Phi, columns)));
+    return Math.max(1, ...set.parts.map((part) => conditionOf(Phi, part.rates, part.size)));
   }
 
-  // Condition number of some columns of Phi, by Jacobi's rotations of Phi^T Phi.
-  function conditionOf(Phi, columns) {
+  // Condition number of some columns of Phi, by Jacobi's rotations of Phi^T Phi; their norm counts as at least a size.
+  function conditionOf(Phi, columns, size = 0) {
     const nv = d.nv, m = columns.length;
     const A = columns.map((i) => columns.map((j) => { let sum = 0; for (let k = 0; k < Phi.length; k += nv) sum += Phi[k + i] * Phi[k + j]; return sum; }));
     for (let sweep = 0, left = 1; sweep < 12 && left; sweep++) {
@@ -72,7 +72,7 @@ function engine(functions, d) {
       }
     }
     const squares = A.map((row, i) => row[i]);
-    return Math.sqrt(Math.max(...squares) / Math.max(Math.min(...squares), 0));
+    return Math.sqrt(Math.max(...squares, size * size) / Math.max(Math.min(...squares), 0));
   }
   const near = (x) => `close to a singularity, condition number ${Number(x.toPrecision(3))}`;
 

@@ -140,10 +140,11 @@ def page_code(found: Sequence[Equations]) -> str:
     )
 
 
-def _parts(mechanism: Mechanism) -> list[list[int]]:
-    """Dependent rates in parts that the loops connect."""
+def _parts(mechanism: Mechanism) -> str:
+    """Dependent rates in parts that the loops connect, and the usual size of each part of Phi."""
     parts = Loops(mechanism.model, mechanism.closures).parts(mechanism.coordinates)
-    return [rates.tolist() for _, rates in parts]
+    each = (f"{{rates: {part[1].tolist()}, size: {mechanism.size_of(*part)!r}}}" for part in parts)
+    return f"[{', '.join(each)}]"
 
 
 def _common(e: Equations) -> Iterator[SymbolicKernel]:

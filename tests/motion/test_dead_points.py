@@ -4,6 +4,7 @@
 import warnings
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from scipy.interpolate import make_interp_spline
 
@@ -106,3 +107,79 @@ def test_torques_at_a_dead_point_are_refused_by_name():
     flat = chain.assemble({"coupler": 0.0})  # in line with the crank
     with pytest.raises(sst_pin.SingularConfigurationError, match="crank, coupler"):
         chain.compute_torques(flat, [1.0], [0.0])
+
+
+def rod(kind, motor):
+    """A crank and a slider or a second crank without weight, with a rod without mass between."""
+    model = pin.Model()
+    model.gravity.linear = np.zeros(3)
+    ends = {"slider": (pin.JointModelPX(), 0.0), "rocker": (pin.JointModelRZ(), 0.5)}
+    joint, apart = ends[kind]
+    places = {"crank": (pin.JointModelRZ(), 0.0), kind: (joint, apart)}
+    for name, (moves, x) in places.items():
+        at = pin.SE3(np.eye(3), np.array([x, 0, 0]))
+        k = model.addJoint(0, moves, at, name)
+        inertia = pin.Inertia(1.0, np.array([0.1, 0.02, 0]), np.diag([0.01, 0.02, 0.02]))
+        model.appendBodyToJoint(k, inertia, pin.SE3.Identity())
+        pin_at = pin.SE3(np.eye(3), np.array([0.0 if name == "slider" else 0.2, 0, 0]))
+        model.addFrame(pin.Frame(f"{name}_pin", k, pin_at, pin.FrameType.OP_FRAME))
+    reach = 0.2 * np.cos(1.0) + np.sqrt(0.25 - (0.2 * np.sin(1.0)) ** 2)
+    model.referenceConfigurations["home"] = np.array([1.0, reach if kind == "slider" else 1.0])
+    return sst_pin.ClosedChain(model, [sst_pin.Distance("crank_pin", f"{kind}_pin", 0.5)], [motor])
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize("rtol", [1e-3, 1e-9])
+def test_a_loop_of_one_row_runs_through_dead_points_of_its_coordinate(rtol, compiled):
+    """With one dependent rate there is one singular value, whose size tells how near they are."""
+    chain, by_crank = rod("slider", "slider"), rod("slider", "crank")
+    if compiled:
+        chain.compile()
+    t = np.linspace(0, 1, 51)
+    speed = -8.0
+    slope = by_crank.joint_rates(chain.home, [1.0])[1]
+    expected = by_crank.simulate([0.0], chain.home, [speed], t)
+    assert np.ptp(expected.q[:, 0]) > 2 * np.pi
+    motion = chain.simulate([0.0], chain.home, [speed * slope], t, rtol=rtol, atol=rtol)
+    assert not motion.stopped
+    assert np.abs(motion.q - expected.q).max() < 100 * rtol
+
+
+def test_the_condition_of_a_loop_of_one_row_is_that_of_its_slope():
+    """At the dead point the crank turns and the slider rests; a gear is well everywhere."""
+    chain, by_crank = rod("slider", "slider"), rod("slider", "crank")
+    for angle in (0.1, 1e-3, 1e-6):
+        q = by_crank.assemble({"crank": angle})
+        slope = by_crank.joint_rates(q, [1.0])[1]
+        assert 1 < chain.condition_number(q) * abs(slope) / 0.2 < 10
+    with pytest.raises(sst_pin.SingularConfigurationError):
+        chain.compute_torques(by_crank.assemble({"crank": 0.0}), [0.1], [0.0])
+    model = pin.Model()
+    for name in ("motor", "wheel"):
+        k = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), name)
+        model.appendBodyToJoint(k, pin.Inertia.Random(), pin.SE3.Identity())
+    for ratio in (1e-3, 1.0, 1e3):
+        gear = sst_pin.ClosedChain(
+            model, [sst_pin.Coupling("wheel", {"motor": (0.0, ratio)})], ["motor"]
+        )
+        assert gear.condition_number([0.0, 0.0]) == 1
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize("through", [False, True])
+def test_a_loop_of_one_row_keeps_its_mode_where_its_row_vanishes(through, compiled):
+    """A parallelogram with a rod is singular at 0: both cranks turn evenly, or the motion stops."""
+    chain = rod("rocker", "crank")
+    if compiled:
+        chain.compile()
+    t = np.linspace(0, 1.2, 13)
+    for speed in np.linspace(-5, -3, 9):
+        for tolerance in (1e-3, 1e-6, 1e-12):
+            options = {"rtol": tolerance, "atol": tolerance, "through_singularities": through}
+            with warnings.catch_warnings(record=True) as told:
+                warnings.simplefilter("always")
+                motion = chain.simulate([0.0], chain.home, [speed], t, **options)
+            ahead = 1 + speed * motion.t[:, None]
+            assert np.abs(motion.q - ahead).max() < 20 * tolerance + 1e-9
+            assert bool(motion.stopped) is bool(told) is not through
+            assert bool(motion.crossings) is through
