@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Arrays at the border: checked on the way in, leading batch axes looped over; angles."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from typing import TypeVar

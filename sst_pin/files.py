@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Tables in and files out: CSV that says where it is wrong, outputs whole or not at all."""
 
-from __future__ import annotations
-
 import csv
 import io
 import math

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """A few lines about an object, for `repr` and for notebooks."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from html import escape
 

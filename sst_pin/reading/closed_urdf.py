@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """A URDF with the files beside it, YAML and SRDF, as one value from which robots are made."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 

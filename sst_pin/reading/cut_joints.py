@@ -5,8 +5,6 @@ GRBDA's URDF+ has `<loop>` and `<coupling>`, Isaac Sim `<loop_joint>`, Gazebo a 
 `<gazebo>`; `<constraint>` is proposed for urdfdom (ros/urdfdom pull request 264).
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple

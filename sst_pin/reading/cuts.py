@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """What a URDF cannot say: closures, motors, gravity, joints of several axes, from a YAML file."""
 
-from __future__ import annotations
-
 import reprlib
 from collections import Counter
 from collections.abc import Iterator

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Inertias that no body has."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 

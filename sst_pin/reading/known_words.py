@@ -7,8 +7,6 @@ with this value, and `...` any other word that is no misspelling. Elements witho
 looked into.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Iterator, Mapping

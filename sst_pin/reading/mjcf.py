@@ -5,8 +5,6 @@ MuJoCo resolves defaults, angles, meshes and inertias; what it has compiled is c
 by number.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path

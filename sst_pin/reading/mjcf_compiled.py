@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """An MJCF as MuJoCo compiles it: names of its elements, and what is switched off or held."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Collection
 from contextlib import suppress

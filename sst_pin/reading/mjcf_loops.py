@@ -5,8 +5,6 @@ Equalities are points, welds, and couplings of joints and fixed tendons; actuato
 spatial tendons are forces along lines.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """What an MJCF holds that the dynamics would overlook."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from copy import copy
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """An SDF to the elements of a URDF."""
 
-from __future__ import annotations
-
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The shapes of a robot's bodies, as Pinocchio's geometry models; files are read when asked for."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import dataclass

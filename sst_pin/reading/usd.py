@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """A USD with rigid bodies and joints to the elements of a URDF."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Iterable
