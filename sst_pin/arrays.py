@@ -93,7 +93,9 @@ def for_each_sample(
     _require_fitting(out, batch + result)
     n = math.prod(batch)
     plain = None if out is None else np.asarray(out)  # no matrix, no memory map
-    if plain is not None and (not plain.flags.carray or _overlapping(plain, flat)):
+    if plain is not None and (
+        not plain.flags.carray or any(a is not None and np.may_share_memory(a, plain) for a in flat)
+    ):
         plain = None
     results = empty((n, *result)) if plain is None else plain.reshape(n, *result)
     left: Iterable[int] = range(n)
@@ -116,10 +118,6 @@ def for_each_sample(
     if plain is None:
         out[...] = shaped
     return out
-
-
-def _overlapping(out: Array, arrays: Sequence[Array | None]) -> bool:
-    return any(a is not None and np.may_share_memory(a, out) for a in arrays)
 
 
 def require_policy(on_error: str) -> None:

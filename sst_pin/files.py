@@ -18,15 +18,10 @@ from numpy.typing import NDArray
 from .errors import FileFormatError, InputError, OutputError
 
 Array = NDArray[np.float64]
-
 #: Writes the content of one file.
 Writer = Callable[[BinaryIO], None]
-
-
 #: What people call the column of times.
 _TIME = dict.fromkeys(("time_s", "t", "time"), "t_s")
-
-
 #: [byte] of a table that is read.
 _LARGEST = 2**30
 
@@ -47,19 +42,12 @@ def beside(path: Path, ending: str) -> Path:
 
 
 class Table(NamedTuple):
-    """A CSV of numbers.
+    """A CSV of numbers."""
 
-    Attributes:
-        path: Where it came from, for messages.
-        columns: Name of each column.
-        values: Shape (rows, columns).
-        lines: Line number of each row in the file, counted from 1.
-    """
-
-    path: Path
-    columns: tuple[str, ...]
-    values: Array
-    lines: tuple[int, ...]
+    path: Path  #: Where it came from, for messages.
+    columns: tuple[str, ...]  #: Names.
+    values: Array  #: Shape (rows, columns).
+    lines: tuple[int, ...]  #: Line number of each row in the file, counted from 1.
 
     def column(self, name: str) -> Array:
         """One column by its name."""
@@ -69,11 +57,8 @@ class Table(NamedTuple):
         """Columns side by side, shape (rows, len(names)); the error names missing ones."""
         missing = [name for name in names if name not in self.columns]
         if missing:
-            raise FileFormatError(
-                self.path,
-                f"missing column{'s' * (len(missing) > 1)} {', '.join(missing)}; "
-                f"found: {', '.join(self.columns)}",
-            )
+            text = f"missing column{'s' * (len(missing) > 1)} {', '.join(missing)}"
+            raise FileFormatError(self.path, f"{text}; found: {', '.join(self.columns)}")
         return self.values[:, [self.columns.index(name) for name in names]]
 
 
@@ -112,11 +97,8 @@ def read_table(source: str | Path | BinaryIO, *, timed: bool = True) -> Table:
     backwards = np.flatnonzero(np.diff(times) <= 0)
     if backwards.size:
         i = int(backwards[0])
-        raise FileFormatError(
-            path,
-            f"times must increase: t_s = {times[i + 1]:g} after {times[i]:g}",
-            lines[i + 1],
-        )
+        text = f"times must increase: t_s = {times[i + 1]:g} after {times[i]:g}"
+        raise FileFormatError(path, text, lines[i + 1])
     return Table(path, header, values, lines)
 
 

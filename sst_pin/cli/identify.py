@@ -131,11 +131,8 @@ def add_calibrate(commands: common.Commands) -> None:
 
 def _calibrate(arguments: argparse.Namespace) -> int:
     urdf = _urdf_of(arguments)
-    robot, source, frame = (
-        common.robot_of(arguments),
-        common.source_of(arguments.poses),
-        arguments.frame,
-    )
+    robot, frame = common.robot_of(arguments), arguments.frame
+    source = common.source_of(arguments.poses)
     x, poses, start = read_poses(robot, source, frame)
     which = arguments.which and arguments.which.split(",")
     found = identification.calibrate(robot, frame, x, poses, which=which, start=start)

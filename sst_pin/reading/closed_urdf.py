@@ -9,13 +9,12 @@ from ..chain.closures import Constraint, Coupling
 from ..chain.draft import Motor, without_locked
 from ..errors import DescriptionError
 from ..files import beside
-from . import inertias
 from .cuts import Cuts, parse_cuts
 from .described import Described, naming, warned
 from .srdf import Srdf, configuration
 from .text import read_text
 from .urdf import Urdf, closing_frames
-from .urdf_checks import left_out
+from .urdf_checks import inertia_notes, left_out
 
 
 def read_urdf(
@@ -46,7 +45,7 @@ def read_urdf(
     robot = robot._replace(model=model, closures=closures, actuated=motors)
     robot = with_poses(robot, urdf, locked)
     notes += (f"{problem.where}: {problem.text}" for problem in left_out(urdf.root))
-    return warned(robot, [*notes, *robot.notes, *inertias.notes(urdf.root)], urdf.source)
+    return warned(robot, [*notes, *robot.notes, *inertia_notes(urdf.root)], urdf.source)
 
 
 def read_cuts(urdf: Urdf, path: str | Path | None, default: str | Path | None = None) -> Cuts:

@@ -31,27 +31,16 @@ _BRACKETS = {"[": 1, "{": 1, "]": -1, "}": -1}
 
 
 class Cuts(NamedTuple):
-    """What a URDF cannot say: content of the YAML file.
+    """What a URDF cannot say: content of the YAML file."""
 
-    Attributes:
-        closures: What closes the loops; by default frames `closing_NAME_1`, `closing_NAME_2`.
-        actuated: Names of the motors: joints and lines.
-        gravity: Acceleration of gravity in base axes, shape (3,), [m/s^2].
-        joints: What joints are in truth, by name; see `Urdf.tree`.
-        source: The YAML, for messages; empty without one.
-        forces: Forces along lines.
-        hinges: Hinges that close loops, of a `loop_closures.yaml`.
-        dependent: Joints whose positions follow from the closures; they mimic none.
-    """
-
-    closures: tuple[Constraint, ...]
-    actuated: tuple[str, ...]
-    gravity: Array
-    joints: dict[str, str]
-    source: str = ""
+    closures: tuple[Constraint, ...]  #: By default frames `closing_NAME_1`, `closing_NAME_2`.
+    actuated: tuple[str, ...]  #: Names of the motors: joints and lines.
+    gravity: Array  #: In base axes, shape (3,), [m/s^2].
+    joints: dict[str, str]  #: What joints are in truth, by name; see `Urdf.tree`.
+    source: str = ""  #: The YAML, for messages; empty without one.
     forces: tuple[LineForce, ...] = ()
-    hinges: tuple[CutJoint, ...] = ()
-    dependent: tuple[str, ...] = ()
+    hinges: tuple[CutJoint, ...] = ()  #: Those of a `loop_closures.yaml`.
+    dependent: tuple[str, ...] = ()  #: Joints that follow from the closures; they mimic none.
 
 
 def parse_cuts(text: str, source: str) -> Cuts:

@@ -17,30 +17,18 @@ from .srdf import Srdf
 
 
 class Described(NamedTuple):
-    """A robot as its files describe it; what a robot is made of.
+    """A robot as its files describe it; what a robot is made of."""
 
-    Attributes:
-        source: The files, for messages.
-        model: The tree, with gravity and the named configurations as `referenceConfigurations`.
-        closures: What closes the loops.
-        actuated: The motors: joints, lines, and fixed tendons as the share of each joint.
-        shapes: Function from a tree to the shapes of its bodies.
-        stiffness, spring_reference: Springs of the joints, shapes (nv,) and (nq,); None without.
-        srdf: What stands beside a URDF.
-        forces: Forces along lines.
-        notes: What of the files is left out.
-    """
-
-    source: str
-    model: pin.Model
+    source: str  #: The files, for messages.
+    model: pin.Model  #: The tree, with gravity; `referenceConfigurations` are named in the files.
     closures: tuple[Constraint, ...]
-    actuated: Sequence[Motor]
-    shapes: Callable[..., pin.GeometryModel]
-    stiffness: Array | None = None
-    spring_reference: Array | None = None
-    srdf: Srdf | None = None
+    actuated: Sequence[Motor]  #: Joints, lines, and fixed tendons as the share of each joint.
+    shapes: Callable[..., pin.GeometryModel]  #: From a tree to the shapes of its bodies.
+    stiffness: Array | None = None  #: Of the joints' springs, shape (nv,).
+    spring_reference: Array | None = None  #: Where these are at rest, shape (nq,).
+    srdf: Srdf | None = None  #: What stands beside a URDF.
     forces: tuple[LineForce, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  #: What of the files is left out.
 
     @property
     def arguments(self) -> dict[str, Any]:

@@ -7,6 +7,7 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
+from itertools import permutations
 from pathlib import Path
 from typing import Any
 
@@ -28,12 +29,7 @@ _TURNS = {"X": pin.JointModelRX(), "Y": pin.JointModelRY(), "Z": pin.JointModelR
 KINDS: dict[str, dict[str, Any]] = {
     "FIXED": {},
     "SPHERICAL": {"": pin.JointModelSpherical()},
-    **{
-        f"UJOINT_{a}{b}": {f"_{a}": _TURNS[a], f"_{b}": _TURNS[b]}
-        for a in _TURNS
-        for b in _TURNS
-        if a != b
-    },
+    **{f"UJOINT_{a}{b}": {f"_{x}": _TURNS[x] for x in (a, b)} for a, b in permutations(_TURNS, 2)},
 }
 #: What the dynamics are made of; fixed joints only have the first three.
 _OF_JOINTS = ("origin", "parent", "child", "axis", "limit", "dynamics")
@@ -124,12 +120,10 @@ class Urdf:
         numbers = {model.getJointId(name): own for name, own in parts.items()}
         found = rebuilt(model, numbers, pin.neutral(model))
         for name, suffix in ((name, suffix) for name, own in parts.items() for suffix in own):
-            old, part = (
-                m.joints[m.getJointId(n)] for m, n in ((model, name), (found, name + suffix))
-            )
-            for field in ("damping", "friction"):
-                rates = slice(part.idx_v, part.idx_v + part.nv)
-                getattr(found, field)[rates] = getattr(model, field)[old.idx_v]
+            old = model.joints[model.getJointId(name)].idx_v
+            part = found.joints[found.getJointId(name + suffix)]
+            rates = slice(part.idx_v, part.idx_v + part.nv)
+            found.damping[rates], found.friction[rates] = model.damping[old], model.friction[old]
         return found
 
     @property

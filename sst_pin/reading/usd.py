@@ -64,11 +64,8 @@ class _Reader:
         self._world, self._physics = UsdGeom.XformCache(), UsdPhysics
         self._down = -np.eye(3)["XYZ".index(UsdGeom.GetStageUpAxis(self._stage))]
         self._prims = [prim for prim in self._stage.Traverse() if prim.IsActive()]
-        moving = [
-            p
-            for p in self._prims
-            if _get(p, "rigidBodyEnabled") and not _get(p, "kinematicEnabled")
-        ]
+        moving = [p for p in self._prims if _get(p, "rigidBodyEnabled")]
+        moving = [p for p in moving if not _get(p, "kinematicEnabled")]
         self._bodies = {p.GetPath(): p for p in moving if p.HasAPI(UsdPhysics.RigidBodyAPI)}
         self._names = _names(self._bodies.values())
         self._at = {name: self._place(self._bodies[path]) for path, name in self._names.items()}

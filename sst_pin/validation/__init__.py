@@ -16,15 +16,10 @@ __all__ = ["Problem", "examine", "validate"]
 
 
 class Examined(NamedTuple):
-    """What was found in a description.
+    """What was found in a description."""
 
-    Attributes:
-        problems: Errors first, then warnings.
-        summary: Joints, mass and mobility of a robot without errors.
-    """
-
-    problems: list[Problem]
-    summary: str = ""
+    problems: list[Problem]  #: Errors first, then warnings.
+    summary: str = ""  #: Joints, mass and mobility of a robot without errors.
 
 
 def validate(path: str | Path, cuts: str | Path | None = None) -> list[Problem]:

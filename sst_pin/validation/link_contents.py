@@ -7,9 +7,8 @@ from os.path import isfile
 from pathlib import Path
 
 from ..arrays import Array
-from ..reading.inertias import impossible, mass_of, principal_moments
 from ..reading.problems import Problem, error, warning
-from ..reading.urdf_checks import no_numbers
+from ..reading.urdf_checks import impossible, mass_of, no_numbers, principal_moments
 
 #: Heaviest over lightest moving link, beyond which half the digits are gone.
 _SPREAD = 1e8

@@ -47,16 +47,11 @@ class Comparison:
 
     referee: str
     compared: str
-    #: Number of instants, or of steps.
-    cases: int
-    #: Worst difference, [N m], [rad/s^2], [rad] or [J].
-    absolute: float
-    #: Worst difference relative to the largest value of its case.
-    relative: float
-    #: What `relative` had to stay below; None where `note` tells how it was judged.
-    limit: float | None
-    #: Time of the referee.
-    seconds: float
+    cases: int  #: Number of instants, or of steps.
+    absolute: float  #: Worst difference, [N m], [rad/s^2], [rad] or [J].
+    relative: float  #: Worst difference relative to the largest value of its case.
+    limit: float | None  #: Of `relative`; None where `note` tells how it was judged.
+    seconds: float  #: Time of the referee.
     passed: bool
     note: str = ""
 

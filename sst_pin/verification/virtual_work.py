@@ -154,10 +154,8 @@ class VirtualWork:
         R = np.broadcast_to(R, (*np.broadcast_shapes(R.shape[:-2], omega.shape[:-1]), 3, 3))
         e, n, w = np.broadcast_to(self._e, R.shape), self._n_E @ R.mT, omega[..., None, :]
         p = np.cross(e, n)
-        c, s2 = (
-            np.vecdot(e, n)[..., None],
-            np.vecdot(p, p)[..., None],
-        )  # cosine and sine^2 of their angle
+        # Cosine and sine^2 of their angle.
+        c, s2 = np.vecdot(e, n)[..., None], np.vecdot(p, p)[..., None]
         _require(s2.min(axis=(-2, -1)), "a leg is in the plane of its arc")
         u = self._branch[:, None] * p / np.sqrt(s2)
         g, b = (e - c * n) / s2, (n - c * e) / s2

@@ -28,8 +28,7 @@ class CommandBuffer:
     def __init__(self) -> None:
         #: Packed for the page, by type, node and property.
         self.commands: dict[tuple[str, str, str], bytes] = {}
-        #: Receives each command.
-        self.listener: Callable[[bytes], None] | None = None
+        self.listener: Callable[[bytes], None] | None = None  #: Receives each command.
 
     def send(self, command: Any) -> None:
         """Receive a command of Meshcat."""
@@ -97,8 +96,6 @@ class MeshcatScene:
             self._add(self._scene.reference(wanted))
             self._add(self._scene.trail(motion.q))
         self._root.set_animation(animation)
-
-    # --- inside -----------------------------------------------------------------------------
 
     def _move(self, animation: Animation, times: Array, placed: list[dict[str, Array]]) -> None:
         """Keys of an animation for homogeneous matrices of nodes over time."""

@@ -16,8 +16,7 @@ from scipy.spatial.transform import Rotation
 from ...arrays import Array
 from ...description import star_orientations, urdf_of
 from ...description.parameters import Parameters
-from . import Moment, engine
-from .geometry import legs, require_same
+from . import Moment, engine, legs, require_same
 
 _STARS = ("star_1", "star_2", "star_3")
 
