@@ -18,7 +18,8 @@ from tqdm import tqdm
 from .. import robots
 from ..arrays import Array
 from ..chain.closed_chain import ClosedChain
-from ..description import JOINT_NAMES, YAML_PATH
+from ..description.folder import YAML_PATH
+from ..description.frames import JOINT_NAMES
 from ..errors import InputError, MissingExtraError
 from ..files import Writer, write_files
 from ..motion.trajectories import Trajectory

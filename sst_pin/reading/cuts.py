@@ -48,10 +48,7 @@ def parse_cuts(text: str, source: str) -> Cuts:
 
     It has the key `name_mot`; others may be missing. A type is a kind of `Closure`, or "distance"
     or "rolling" with a length, as "distance 0.3". `line_force` lists mappings of two `frames` and
-    what else a `LineForce` has.
-
-    Raises:
-        DescriptionError: With every problem found.
+    what else a `LineForce` has. The error names every problem found.
     """
     content = _content(text, source)
     if "closures" in content:

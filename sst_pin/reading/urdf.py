@@ -42,13 +42,9 @@ MOST_JOINTS = 400
 class Urdf:
     """A URDF, or an SDF or a USD in the form of a URDF, read and parsed once.
 
-    Attributes:
-        source: Its path, or what else error messages call it.
-        root: Its elements; not to be changed.
-        gravity: Acceleration of gravity, shape (3,), [m/s^2].
-        marks: What it says of loops beyond the tree.
-        poses: Named configurations that the file itself has, by joint.
-        problems: What is wrong in names, tree and numbers.
+    `source` is its path, or what else messages call it; `root` its elements, not to be changed;
+    `marks` what it says of loops beyond the tree; `poses` the named configurations that the file
+    itself has, by joint; `problems` what is wrong in names, tree and numbers.
     """
 
     def __init__(self, content: str | Path, source: str) -> None:

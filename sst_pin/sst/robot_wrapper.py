@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pinocchio as pin
 
-from .. import description
 from ..arrays import Array
-from ..description import base_orientations, star_orientations
+from ..description.folder import URDF_PATH, YAML_PATH
+from ..description.frames import base_orientations, star_orientations
 from ..description.parameters import Parameters
 from ..errors import DescriptionError, SingularConfigurationError
 from ..files import as_path, beside
@@ -17,7 +17,7 @@ from .platform_motion import paper_circle
 from .robot import SST
 
 
-def load(urdf: str | Path = description.URDF_PATH) -> pin.RobotWrapper:
+def load(urdf: str | Path = URDF_PATH) -> pin.RobotWrapper:
     """The tree with its geometry and its named configurations.
 
     Args:
@@ -36,7 +36,7 @@ def load(urdf: str | Path = description.URDF_PATH) -> pin.RobotWrapper:
         9
     """
     path = as_path(urdf)
-    found = read_urdf(path, default=description.YAML_PATH)
+    found = read_urdf(path, default=YAML_PATH)
     sst = SST._of_file(found, kernels=False)
     model, srdf = sst.model, found.srdf
     if srdf is None:

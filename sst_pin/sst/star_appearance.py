@@ -10,9 +10,9 @@ import numpy as np
 import pinocchio as pin
 
 from ..chain.appearance import Appearance, DrawnFrame
-from ..description import mesh_writers
 from ..description.colours import LEG_COLOURS
 from ..description.parameters import Parameters
+from ..description.parts import mesh_writers
 from ..files import write_files
 from ..reading.shapes import UrdfShapes
 from .check import arc_ends
