@@ -26,9 +26,6 @@ SEED = 2012
 STATES, ROBOTS, FIVE_BARS = 20, 20, range(SEED, SEED + 20)
 
 
-# --- measures -----------------------------------------------------------------------------------
-
-
 def _worst(measure: Callable[[Case], float], cases: Sequence[Case]) -> float:
     return max(map(measure, cases))
 
