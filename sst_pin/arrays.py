@@ -40,7 +40,7 @@ def as_array(name: str, value: ArrayLike | None, core: tuple[int, ...]) -> Array
 
 
 def _masked(value: object) -> bool:
-    """Whether a masked array is in it, whose mask NumPy would drop in silence."""
+    """Whether a value is or has a masked array, whose mask NumPy would drop in silence."""
     if isinstance(value, (list, tuple)):
         return any(map(_masked, value))
     return isinstance(value, np.ma.MaskedArray)

@@ -103,7 +103,7 @@ def read_table(source: str | Path | BinaryIO, *, timed: bool = True) -> Table:
 
 
 def _stream_name(source: object) -> Path:
-    """What messages call a stream of bytes."""
+    """The name of a stream of bytes in messages."""
     if not hasattr(source, "read"):
         raise InputError("path", f"{source!r} is not the path of a file")
     name = getattr(source, "name", None)
@@ -129,12 +129,8 @@ def _numbers(path: Path, line: int, header: Sequence[str], row: Sequence[str]) -
 
 def table_writer(columns: Sequence[str], values: Array) -> Writer:
     """A writer of a CSV, one row for each of `values`, from which every bit can be read back."""
-
-    def write(file: BinaryIO) -> None:
-        lines = [",".join(columns), *(",".join(map(repr, row)) for row in values.tolist())]
-        file.write(("\n".join(lines) + "\n").encode())
-
-    return write
+    lines = [",".join(columns), *(",".join(map(repr, row)) for row in values.tolist())]
+    return text_writer("\n".join(lines) + "\n")
 
 
 def text_writer(text: str) -> Writer:

@@ -50,7 +50,7 @@ def welded(step: float, state: tuple[Array, Array], stiffness: float = 1e6) -> C
 
 
 def torques_of(chain: ClosedChain) -> Callable[..., Array]:
-    """Its torques, or with fewer motors than freedoms its generalized forces."""
+    """The function of its torques, or of its generalized forces with too few motors."""
     enough = len(chain.motor_names) >= chain.degrees_of_freedom
     return chain.compute_torques if enough else chain.generalized_forces
 

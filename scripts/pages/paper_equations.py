@@ -307,7 +307,7 @@ EQUATIONS: dict[str, Callable[[Sequence[Case]], float]] = {
 
 
 def _rubs(case: Case) -> bool:
-    """Whether its joints have friction: those of the random robots, not of the paper's."""
+    """Whether the joints have friction: the random robots' have, the paper's have none."""
     return bool(case.parameters.coulomb_friction.any())
 
 

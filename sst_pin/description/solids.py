@@ -102,7 +102,7 @@ class Arc:
     round: bool = False
 
     def loops(self) -> Array:
-        """Its sections."""
+        """Its sections, from one end to the other."""
         depth, width = self.section
         bevel = _BEVEL * min(self.section)
         section = _circle(depth / 2) if self.round else _rectangle(depth, width, bevel)

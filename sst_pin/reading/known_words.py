@@ -24,7 +24,7 @@ def is_true(text: str | None) -> bool:
 
 
 def unknown(element: ET.Element, table: Mapping[str, str], row: str = "") -> Iterator[str]:
-    """What stands in an element, or in one below it, and not in the table."""
+    """Words of an element, and of those below it, that the table does not have."""
     tag = element.tag
     words = {w.partition("=")[0].rstrip("+"): w for w in table[row or tag].split()}
     held = [(f"@{key}", text) for key, text in element.attrib.items()]

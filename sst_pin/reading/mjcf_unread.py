@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What an MJCF holds that the dynamics would overlook."""
+"""Content of an MJCF that the dynamics would overlook."""
 
 from collections.abc import Iterator
 from copy import copy

@@ -75,7 +75,7 @@ def check(root: ET.Element) -> Iterator[Problem]:
 
 
 def left_out(root: ET.Element) -> Iterator[Problem]:
-    """What makers' own attributes say of the dynamics of joints, which other tools may read."""
+    """Warnings of attributes of dynamics that are not read here; other tools may read them."""
     found: dict[str, list[str]] = {}
     for joint in root.findall("joint"):
         for key, text in (
@@ -88,7 +88,7 @@ def left_out(root: ET.Element) -> Iterator[Problem]:
 
 
 def _connections(links: Sequence[str], joints: Sequence[ET.Element]) -> Iterator[Problem]:
-    """What keeps links and joints from being a tree."""
+    """Errors by which links and joints are no tree."""
     known, bearers, children = set(links), dict[str, str](), dict[str, list[str]]()
     for joint in joints:
         name = joint.get("name", "")
@@ -239,7 +239,7 @@ def principal_moments(inertia: Array) -> Array:
 
 
 def impossible(mass: float, inertia: Array) -> str:
-    """Why no body has this mass and these moments; empty for those that one has.
+    """The reason why no body has this mass and these moments; empty if one can have them.
 
     A point or a rod without thickness counts as a body.
     """

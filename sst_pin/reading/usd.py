@@ -91,7 +91,7 @@ class _Reader:
         return graph
 
     def _matrix(self, prim: Any) -> Array:
-        """From coordinates of a prim to those of the world, [m]; they are columns."""
+        """The matrix from coordinates of a prim, as columns, to those of the world, [m]."""
         matrix = np.array(self._world.GetLocalToWorldTransform(prim)).T
         matrix[:3] *= self._unit
         return matrix
