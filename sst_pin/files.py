@@ -36,11 +36,6 @@ def as_path(path: str | os.PathLike[str]) -> Path:
     raise InputError("path", f"{path!r} is not the path of a file")
 
 
-def beside(path: Path, ending: str) -> Path:
-    """A path with another ending."""
-    return path.parent / f"{path.stem}{ending}"
-
-
 class Table(NamedTuple):
     """A CSV of numbers."""
 

@@ -8,7 +8,6 @@ from ..arrays import names
 from ..chain.closures import Constraint, Coupling
 from ..chain.draft import Motor, without_locked
 from ..errors import DescriptionError
-from ..files import beside
 from .cuts import Cuts, parse_cuts
 from .described import Described, naming, warned
 from .srdf import Srdf, configuration
@@ -33,7 +32,7 @@ def read_urdf(
     if actuated is None and not found.source and not is_marked(robot):  # an open tree
         followers = {closure.joint for closure in closures if isinstance(closure, Coupling)}
         motors = tuple(name for name in list(model.names)[1:] if name not in followers)
-        own = beside(Path(urdf.source), ".yaml").name
+        own = Path(urdf.source).with_suffix(".yaml").name
         text = f"no {own} with closures and motors is beside it; it is read as an open tree with a "
         notes.append(text + "motor at each joint; actuated= names the motors")
     if locked:
@@ -56,7 +55,7 @@ def read_cuts(urdf: Urdf, path: str | Path | None, default: str | Path | None = 
     own = Path(urdf.source)
     package = own.parent.parent if own.parent.name == "urdf" else own.parent
     folders = (own.parent, package, package / "config")
-    paths = [beside(own, ".yaml"), *(folder / "loop_closures.yaml" for folder in folders)]
+    paths = [own.with_suffix(".yaml"), *(folder / "loop_closures.yaml" for folder in folders)]
     if path is None:
         path = next((path for path in paths if path.is_file()), default)
     if path is None:
@@ -66,7 +65,7 @@ def read_cuts(urdf: Urdf, path: str | Path | None, default: str | Path | None = 
 
 def with_poses(robot: Described, urdf: Urdf, locked: Collection[str] = ()) -> Described:
     """The robot with the named configurations of its file and of the SRDF beside it."""
-    model, path = robot.model, beside(Path(urdf.source), ".srdf")
+    model, path = robot.model, Path(urdf.source).with_suffix(".srdf")
     for name, values in urdf.poses.items():
         model.referenceConfigurations[name] = configuration(model, values)
     if not path.is_file():

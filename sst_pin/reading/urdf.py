@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """A URDF to a Pinocchio model, couplings of its mimic joints and shapes."""
 
-from __future__ import annotations
-
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
@@ -60,7 +58,7 @@ class Urdf:
         self.problems = (*check(self.root), *self.marks.problems)
 
     @classmethod
-    def read(cls, path: str | Path) -> Urdf:
+    def read(cls, path: str | Path) -> "Urdf":
         """The URDF in a file."""
         usd = isinstance(path, (str, Path)) and is_usd(Path(path))
         return cls(Path(path) if usd else read_text(path, "URDF"), str(path))

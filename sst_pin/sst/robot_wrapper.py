@@ -10,7 +10,7 @@ from ..description.folder import URDF_PATH, YAML_PATH
 from ..description.frames import base_orientations, star_orientations
 from ..description.parameters import Parameters
 from ..errors import DescriptionError, SingularConfigurationError
-from ..files import as_path, beside
+from ..files import as_path
 from ..reading import read_urdf
 from . import kinematics
 from .platform_motion import paper_circle
@@ -40,7 +40,9 @@ def load(urdf: str | Path = URDF_PATH) -> pin.RobotWrapper:
     sst = SST._of_file(found, kernels=False)
     model, srdf = sst.model, found.srdf
     if srdf is None:
-        raise DescriptionError(str(beside(path, ".srdf")), ["the SRDF beside the URDF is missing"])
+        raise DescriptionError(
+            str(path.with_suffix(".srdf")), ["the SRDF beside the URDF is missing"]
+        )
     visual, collision = (
         found.shapes(model, kind) for kind in (pin.GeometryType.VISUAL, pin.GeometryType.COLLISION)
     )

@@ -93,13 +93,12 @@ class VirtualWork:
         t: ArrayLike,
         *,
         tolerance: float = 1e-11,
-        sign_width: float = 1e-3,
     ) -> tuple[Array, Array]:
         """R, (N, 3, 3), and omega, (N, 3), of the star at times t by direct dynamics.
 
         `torque(t, R, omega)` gives motor torques, [N m]; R0 and omega0 are the state at t[0], and
         `tolerance` is that of the integrator, relative and absolute. In Coulomb friction sign(x) is
-        taken as tanh(x / sign_width), [rad/s].
+        taken as tanh(x / 0.001 rad/s).
         """
         times = finite_array("t", t, ())
         if times.ndim != 1 or not len(times) or (np.diff(times) <= 0).any():
@@ -114,7 +113,7 @@ class VirtualWork:
                 return state
             R, omega = _pose(state)
             try:
-                star = self._star(R, omega, sign_width=sign_width)
+                star = self._star(R, omega, sign_width=1e-3)
             except SSTError as error:  # a trial step went too far: NaN asks for a shorter one
                 failure = f" ({error})"
                 return np.full(12, np.nan)
