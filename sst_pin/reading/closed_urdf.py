@@ -2,6 +2,7 @@
 """A URDF with the files beside it, YAML and SRDF, as one value from which robots are made."""
 
 from collections.abc import Collection, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 from ..arrays import names
@@ -10,6 +11,7 @@ from ..chain.draft import Motor, without_locked
 from ..errors import DescriptionError
 from .cuts import Cuts, parse_cuts
 from .described import Described, naming, warned
+from .shapes import urdf_shapes
 from .srdf import Srdf, configuration
 from .text import read_text
 from .urdf import Urdf, closing_frames
@@ -91,7 +93,8 @@ def closed(urdf: Urdf, cuts: Cuts) -> Described:
     followers = [mimic for mimic in urdf.mimics if mimic.joint not in cuts.dependent]
     fixed = [name for name, kind in cuts.joints.items() if kind == "FIXED"]
     closures = (*closures, *marks.gears, *_held(followers, fixed, source))
-    return Described(source, model, closures, cuts.actuated, urdf.shapes, forces=cuts.forces)
+    shapes = partial(urdf_shapes, urdf.root, Path(urdf.source).parent)
+    return Described(source, model, closures, cuts.actuated, shapes, forces=cuts.forces)
 
 
 def is_marked(robot: Described) -> bool:

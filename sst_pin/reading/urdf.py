@@ -17,7 +17,6 @@ from ..chain.rebuilt_tree import rebuilt
 from ..errors import DescriptionError
 from .cut_joints import Marks
 from .sdf import sdf_graph
-from .shapes import UrdfShapes
 from .text import bare, parse_xml, read_text
 from .urdf_checks import check
 from .usd import is_usd, usd_graph
@@ -67,11 +66,6 @@ class Urdf:
     def joint_names(self) -> list[str]:
         """Names of all joints, in the order of the file."""
         return [joint.get("name", "") for joint in self.root.findall("joint")]
-
-    @property
-    def shapes(self) -> UrdfShapes:
-        """The shapes of its bodies."""
-        return UrdfShapes(self.root, Path(self.source).parent)
 
     def tree(self, joints: Mapping[str, str] | None = None) -> pin.Model:
         """The Pinocchio model; an error names every error of `problems`.
