@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a file says of a closed chain."""
+"""A closed chain as its files describe it."""
 
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -48,7 +48,7 @@ def naming(source: str) -> Iterator[None]:
 
 
 def warned(robot: Described, notes: Iterable[str], source: str) -> Described:
-    """A robot, after a warning for each note to the caller of its reader's caller."""
+    """Warn of each note, at the caller of the reader's caller; returns the robot."""
     for note in dict.fromkeys(notes):
         warnings.warn(f"{source}: {note}", DescriptionWarning, stacklevel=4)
     return robot

@@ -68,7 +68,7 @@ def _switched_off(compiled: Compiled, actuated: Sequence[Motor] | None) -> Itera
 
 
 def _names(compiled: Compiled) -> Iterator[str]:
-    """Names of joints that mean several, or none."""
+    """Problems of names that mean several joints, or none."""
     joints = range(compiled.mj.njnt)
     own = Counter(map(compiled.joint, joints))
     known = own + Counter(name for joint in joints for name in compiled.axes(joint))

@@ -19,7 +19,7 @@ _WHOLE = dict.fromkeys(("equality", "frictionloss", "limit"), "constraint")
 
 
 class Compiled:
-    """A compiled model, `mj`, and what its readers find of problems, and of notes for a warning."""
+    """A compiled model, `mj`, with the problems and the notes that its readers find."""
 
     def __init__(self, path: Path, locked: Collection[str]) -> None:
         try:

@@ -100,7 +100,7 @@ def _coupling(
 
 
 class Actuator(NamedTuple):
-    """What an actuator acts on: its kind, such as "joint" or "tendon", and its index."""
+    """An actuator, and the kind and index of its target, such as a joint or a tendon."""
 
     name: str
     kind: str

@@ -47,7 +47,7 @@ _NUMBERS = {
 
 
 def impossible(compiled: Compiled) -> Iterator[str]:
-    """Numbers that MuJoCo lets pass."""
+    """Impossible numbers that MuJoCo accepts."""
     mj = compiled.mj
     for kind, field in ((kind, field) for kind, fields in _NUMBERS.items() for field in fields):
         array = getattr(mj, f"{kind}_{field}")

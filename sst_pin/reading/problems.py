@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a check finds, and the numbers it reads."""
+"""Problems that checks find, and numbers that they read."""
 
 import re
 import xml.etree.ElementTree as ET

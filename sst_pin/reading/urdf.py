@@ -28,7 +28,7 @@ KINDS: dict[str, dict[str, Any]] = {
     "SPHERICAL": {"": pin.JointModelSpherical()},
     **{f"UJOINT_{a}{b}": {f"_{x}": _TURNS[x] for x in (a, b)} for a, b in permutations(_TURNS, 2)},
 }
-#: What the dynamics are made of; fixed joints only have the first three.
+#: Elements that the dynamics are made of; fixed joints only have the first three.
 _OF_JOINTS = ("origin", "parent", "child", "axis", "limit", "dynamics")
 #: Limit of a joint that has none, [rad] or [m].
 _WIDE = "1e9"
@@ -143,7 +143,7 @@ def closing_frames(model: pin.Model) -> Iterator[Closure]:
 
 
 def _dynamics(root: ET.Element, kinds: Mapping[str, str]) -> ET.Element:
-    """What the dynamics are made of, as urdfdom takes it, and no continuous joints."""
+    """Elements that the dynamics are made of, as urdfdom takes them; no joint is continuous."""
     found = bare(root, {"link": ("inertial",), "joint": _OF_JOINTS})
     for joint in found.findall("joint"):
         for dynamics in joint.findall("dynamics"):  # urdfdom wants one of them

@@ -23,7 +23,7 @@ _KINDS = {
 }
 #: What PhysX, MuJoCo and Newton add to UsdPhysics: types, schemas and properties of prims.
 _ADDED = re.compile("physx|mjc|newton", re.I)
-#: What of it moves nothing: contacts, solvers, limits, pictures, schemas that only have properties.
+#: Those that move nothing: contacts, solvers, limits, pictures, schemas that only have properties.
 _HARMLESS = re.compile(
     r"collision|contact|material|site|imageable|keyframe|scene|articulation|report|trigger|solver|"
     r"solref|solimp|iteration|threshold|sleep|ccd|cfm|slop|projection|max|limit|frcrange|margin|"
