@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Arrays at the border: checked on the way in, leading batch axes looped over; angles."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from typing import TypeVar
@@ -42,7 +40,7 @@ def as_array(name: str, value: ArrayLike | None, core: tuple[int, ...]) -> Array
 
 
 def _masked(value: object) -> bool:
-    """Whether a masked array is in it, whose mask NumPy would drop in silence."""
+    """Whether a value is or has a masked array, whose mask NumPy would drop in silence."""
     if isinstance(value, (list, tuple)):
         return any(map(_masked, value))
     return isinstance(value, np.ma.MaskedArray)
@@ -95,7 +93,9 @@ def for_each_sample(
     _require_fitting(out, batch + result)
     n = math.prod(batch)
     plain = None if out is None else np.asarray(out)  # no matrix, no memory map
-    if plain is not None and (not plain.flags.carray or _overlapping(plain, flat)):
+    if plain is not None and (
+        not plain.flags.carray or any(a is not None and np.may_share_memory(a, plain) for a in flat)
+    ):
         plain = None
     results = empty((n, *result)) if plain is None else plain.reshape(n, *result)
     left: Iterable[int] = range(n)
@@ -118,10 +118,6 @@ def for_each_sample(
     if plain is None:
         out[...] = shaped
     return out
-
-
-def _overlapping(out: Array, arrays: Sequence[Array | None]) -> bool:
-    return any(a is not None and np.may_share_memory(a, out) for a in arrays)
 
 
 def require_policy(on_error: str) -> None:

@@ -1,19 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Errors and warnings of the package. All errors derive from `SSTError` and contain their data."""
 
-from __future__ import annotations
-
+import copyreg
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
-
-
-def _restore(kind: type[SSTError], args: tuple[Any, ...], data: dict[str, Any]) -> SSTError:
-    error = kind.__new__(kind, *args)
-    error.args = args
-    error.__dict__.update(data)
-    return error
 
 
 class SSTError(Exception):
@@ -33,7 +25,7 @@ class SSTError(Exception):
     samples: tuple[tuple[int, ...], ...] = ()
 
     def __reduce__(self) -> tuple[Any, ...]:  # survives the way back from a worker process
-        return _restore, (type(self), self.args, self.__dict__)
+        return copyreg.__newobj__, (type(self), *self.args), self.__dict__  # type: ignore[attr-defined]
 
     def name_samples(self, samples: Sequence[tuple[int, ...]], total: int) -> None:
         """Tell which samples of a batch failed; the message and data are those of the first."""
@@ -96,6 +88,8 @@ class AssignmentError(SSTError, AttributeError):
             ...
         sst_pin.errors.AssignmentError: actuated cannot be assigned; build another robot ...
     """
+
+    name = ""  # else it would be that of AttributeError, which is not pickled
 
     def __init__(self, name: str, problem: str) -> None:
         super().__init__(f"{name} {problem}")
@@ -178,10 +172,8 @@ class IndeterminateError(SSTError):
     """
 
     def __init__(self, name: str, components: Sequence[str]) -> None:
-        super().__init__(
-            f"{name}: {', '.join(components)} are not unique: the robot is overconstrained; "
-            "stiffness= of joints and closures makes them so"
-        )
+        cure = "the robot is overconstrained; stiffness= of joints and closures makes them so"
+        super().__init__(f"{name}: {', '.join(components)} are not unique: {cure}")
         self.name, self.components = name, tuple(components)
 
 

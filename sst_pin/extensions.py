@@ -20,12 +20,8 @@ def require_current(extension: str | Path, *sources: Path) -> ctypes.CDLL:
     if all(source.is_file() for source in sources):
         content = b"".join(source.read_bytes() for source in sources)
         if hashlib.sha256(content).hexdigest() != _made_of(library):
-            raise CompilationError(
-                _warned(
-                    f"the extension was compiled from another {sources[0].name}; install sst-pin "
-                    "again (in a clone: pip install -e .)"
-                )
-            )
+            text = f"the extension was compiled from another {sources[0].name}; install sst-pin "
+            raise CompilationError(_warned(f"{text}again (in a clone: pip install -e .)"))
     return library
 
 
@@ -43,9 +39,8 @@ def missing() -> str:
     for distribution in distributions(name="sst-pin") if in_clone else ():
         installed = Path(str(distribution.locate_file(here.name)))
         if (installed / "__init__.py").is_file() and installed.resolve() != here.resolve():
-            hidden = (
-                f"Python imports sst_pin from {here}, where it is not compiled, and not the one"
-            )
+            text = "where it is not compiled, and not the one"
+            hidden = f"Python imports sst_pin from {here}, {text}"
             if any(installed.glob("compiled/_binding*.so")):
                 cure = "start Python in another folder, or pip install -e ."
                 return _warned(f"{hidden} installed in {installed}; {cure}")

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Tables in and files out: CSV that says where it is wrong, outputs whole or not at all."""
 
-from __future__ import annotations
-
 import csv
 import io
 import math
@@ -20,15 +18,10 @@ from numpy.typing import NDArray
 from .errors import FileFormatError, InputError, OutputError
 
 Array = NDArray[np.float64]
-
 #: Writes the content of one file.
 Writer = Callable[[BinaryIO], None]
-
-
 #: What people call the column of times.
 _TIME = dict.fromkeys(("time_s", "t", "time"), "t_s")
-
-
 #: [byte] of a table that is read.
 _LARGEST = 2**30
 
@@ -43,11 +36,6 @@ def as_path(path: str | os.PathLike[str]) -> Path:
     raise InputError("path", f"{path!r} is not the path of a file")
 
 
-def beside(path: Path, ending: str) -> Path:
-    """A path with another ending."""
-    return path.parent / f"{path.stem}{ending}"
-
-
 def require_ending(path: str | Path, *known: str) -> str:
     """The ending of a file's name, which tells the format."""
     kind = as_path(path).suffix.lower()
@@ -57,19 +45,12 @@ def require_ending(path: str | Path, *known: str) -> str:
 
 
 class Table(NamedTuple):
-    """A CSV of numbers.
+    """A CSV of numbers."""
 
-    Attributes:
-        path: Where it came from, for messages.
-        columns: Name of each column.
-        values: Shape (rows, columns).
-        lines: Line number of each row in the file, counted from 1.
-    """
-
-    path: Path
-    columns: tuple[str, ...]
-    values: Array
-    lines: tuple[int, ...]
+    path: Path  #: Where it came from, for messages.
+    columns: tuple[str, ...]  #: Names.
+    values: Array  #: Shape (rows, columns).
+    lines: tuple[int, ...]  #: Line number of each row in the file, counted from 1.
 
     def column(self, name: str) -> Array:
         """One column by its name."""
@@ -79,11 +60,8 @@ class Table(NamedTuple):
         """Columns side by side, shape (rows, len(names)); the error names missing ones."""
         missing = [name for name in names if name not in self.columns]
         if missing:
-            raise FileFormatError(
-                self.path,
-                f"missing column{'s' * (len(missing) > 1)} {', '.join(missing)}; "
-                f"found: {', '.join(self.columns)}",
-            )
+            text = f"missing column{'s' * (len(missing) > 1)} {', '.join(missing)}"
+            raise FileFormatError(self.path, f"{text}; found: {', '.join(self.columns)}")
         return self.values[:, [self.columns.index(name) for name in names]]
 
 
@@ -122,16 +100,13 @@ def read_table(source: str | Path | BinaryIO, *, timed: bool = True) -> Table:
     backwards = np.flatnonzero(np.diff(times) <= 0)
     if backwards.size:
         i = int(backwards[0])
-        raise FileFormatError(
-            path,
-            f"times must increase: t_s = {times[i + 1]:g} after {times[i]:g}",
-            lines[i + 1],
-        )
+        text = f"times must increase: t_s = {times[i + 1]:g} after {times[i]:g}"
+        raise FileFormatError(path, text, lines[i + 1])
     return Table(path, header, values, lines)
 
 
 def _stream_name(source: object) -> Path:
-    """What messages call a stream of bytes."""
+    """The name of a stream of bytes in messages."""
     if not hasattr(source, "read"):
         raise InputError("path", f"{source!r} is not the path of a file")
     name = getattr(source, "name", None)
@@ -157,12 +132,8 @@ def _numbers(path: Path, line: int, header: Sequence[str], row: Sequence[str]) -
 
 def table_writer(columns: Sequence[str], values: Array) -> Writer:
     """A writer of a CSV, one row for each of `values`, from which every bit can be read back."""
-
-    def write(file: BinaryIO) -> None:
-        lines = [",".join(columns), *(",".join(map(repr, row)) for row in values.tolist())]
-        file.write(("\n".join(lines) + "\n").encode())
-
-    return write
+    lines = [",".join(columns), *(",".join(map(repr, row)) for row in values.tolist())]
+    return text_writer("\n".join(lines) + "\n")
 
 
 def text_writer(text: str) -> Writer:

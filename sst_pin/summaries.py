@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """A few lines about an object, for `repr` and for notebooks."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from html import escape
 
@@ -11,13 +9,7 @@ Rows = Sequence[tuple[str, str]]
 
 
 def as_text(title: str, rows: Rows) -> str:
-    """A title and a line for each row, the words in a column.
-
-    Example:
-        >>> print(as_text("RigidBody", [("mass", "0.3 kg")]))
-        RigidBody
-          mass  0.3 kg
-    """
+    """A title and a line for each row, the words in a column."""
     width = max((len(word) for word, _ in rows), default=0)
     return "\n".join([title, *(f"  {word:{width}}  {value}" for word, value in rows)])
 
@@ -42,16 +34,11 @@ class Summary:
         return as_html(*self._summary())
 
     def _summary(self) -> tuple[str, Rows]:
-        """What it is, and a row for each of its parts."""
+        """A title, and a row for each part."""
         raise NotImplementedError
 
 
 def listed(words: Sequence[str], most: int = 9) -> str:
-    """Words with commas; of more than `most` the first and how many follow.
-
-    Example:
-        >>> listed(["a", "b", "c"], most=2)
-        'a, b and 1 more'
-    """
+    """Words with commas; if they are more than `most`, the first and how many follow."""
     shown = ", ".join(words[:most])
     return f"{shown} and {len(words) - most} more" if len(words) > most else shown or "none"

@@ -4,6 +4,7 @@
 import multiprocessing
 import time
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from multiprocessing.connection import Connection
 
 import mujoco
@@ -14,6 +15,7 @@ import pinocchio as pin
 from pinocchio_peers import Constrained, Kkt
 from sst_pin import SST, ClosedChain, Parameters, paper_circle
 from sst_pin.arrays import Array
+from sst_pin.chain.runge_kutta import runge_kutta_step
 from sst_pin.sst import paper
 from sst_pin.verification.referees import mujoco_engine
 
@@ -48,7 +50,7 @@ def welded(step: float, state: tuple[Array, Array], stiffness: float = 1e6) -> C
 
 
 def torques_of(chain: ClosedChain) -> Callable[..., Array]:
-    """Its torques, or with fewer motors than freedoms its generalized forces."""
+    """The function of its torques, or of its generalized forces with too few motors."""
     enough = len(chain.motor_names) >= chain.degrees_of_freedom
     return chain.compute_torques if enough else chain.generalized_forces
 
@@ -216,14 +218,11 @@ def work_and_precision(
         force[:, ::3] = smooth(dt / 2 * np.arange(2 * steps + 1))
         x = np.stack([example.q[0], robot.joint_rates(example.q[0], example.va[0])])
 
-        def slope(x: Array, force: Array) -> Array:
-            return np.stack([x[1], pinocchio.accelerations(*x, force)])
+        def slope(forces: Array, when: int, x: Array) -> Array:
+            return np.stack([x[1], pinocchio.accelerations(*x, forces[when])])
 
-        for first, middle, last in zip(force[:-1:2], force[1::2], force[2::2], strict=True):
-            a = slope(x, first)
-            b = slope(x + dt / 2 * a, middle)
-            c = slope(x + dt / 2 * b, middle)
-            x = x + dt / 6 * (a + 2 * b + 2 * c + slope(x + dt * c, last))
+        for start in range(0, 2 * steps, 2):
+            x = runge_kutta_step(partial(slope, force[start : start + 3]), x, dt)
         return x[0]
 
     def in_mujoco(stiffness: float) -> Array:

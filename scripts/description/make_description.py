@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from sst_pin import Parameters
-from sst_pin.description import description_writers
+from sst_pin.description.folder import description_writers
 from sst_pin.files import write_files
 from sst_pin.sst.robot_wrapper import configurations_of
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import cache, partial
 from pathlib import Path
 from timeit import timeit
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -169,23 +169,15 @@ ROBOTS: dict[str, Callable[[], sst_pin.ClosedChain]] = {
 }
 
 
-class Count(NamedTuple):
-    """The operations of an expression and its function (q, va, aa or tau, open numbers)."""
-
-    tally: Counter[str]
-    function: ca.Function
-
-
-def count(e: Equations, problem: str, name: str) -> Count:
-    """Count one method for one robot."""
+def expression(e: Equations, problem: str, name: str) -> ca.Function:
+    """One method for one robot: a function of q, va, aa or tau, and the open numbers."""
     inverse = problem == "inverse"
     last, output = e.aa if inverse else e.tau, (INVERSE if inverse else DIRECT)[name](e)
-    function = ca.Function("count", [e.q, e.va, last, e.p], [ca.densify(output)], {"cse": True})
-    return Count(operations(function), function)
+    return ca.Function("count", [e.q, e.va, last, e.p], [ca.densify(output)], {"cse": True})
 
 
 def require_right(
-    robot: sst_pin.ClosedChain, e: Equations, problem: str, name: str, counted: Count
+    robot: sst_pin.ClosedChain, e: Equations, problem: str, name: str, counted: ca.Function
 ) -> None:
     """Refuse an expression whose values are not the reference path's at sample configurations."""
     numbers = e.parameters.pack(e.mechanism, e.mechanism.friction)
@@ -193,7 +185,7 @@ def require_right(
     for q, va, last in zip(e._samples, *rates, strict=True):
         compute = robot.compute_torques if problem == "inverse" else robot.compute_accelerations
         wanted = compute(q, va, last)
-        found = counted.function(q, va, last, numbers).full().ravel()[: len(wanted)]
+        found = counted(q, va, last, numbers).full().ravel()[: len(wanted)]
         error = np.abs(found - wanted).max() / np.abs(wanted).max()
         if not error <= TOLERANCE:
             raise ArithmeticError(f"{problem} dynamics, {name}: off by {error:.2g}, relative")
@@ -211,9 +203,9 @@ def count_all() -> dict[tuple[str, str, str], Counter[str]]:
                 cases.append((WORK, SHORT, by_virtual_work(robot)))
             for label, name, case in cases:
                 e = equations_of(case)
-                counted = count(e, problem, name)
+                counted = expression(e, problem, name)
                 require_right(case, e, problem, name, counted)
-                tallies[problem, title, label] = counted.tally
+                tallies[problem, title, label] = operations(counted)
     return tallies
 
 
@@ -223,8 +215,8 @@ def count_ladders() -> dict[int, tuple[int, int]]:
     counts = {}
     for cells in CELLS:
         e = equations_of(sst_pin.robots.ladder(cells))
-        inverse, direct = (count(e, problem, SHORT) for problem in ("inverse", "direct"))
-        counts[cells] = inverse.tally.total(), direct.tally.total()
+        methods = (expression(e, problem, SHORT) for problem in ("inverse", "direct"))
+        counts[cells] = tuple(operations(method).total() for method in methods)
     return counts
 
 

@@ -26,9 +26,6 @@ SEED = 2012
 STATES, ROBOTS, FIVE_BARS = 20, 20, range(SEED, SEED + 20)
 
 
-# --- measures -----------------------------------------------------------------------------------
-
-
 def _worst(measure: Callable[[Case], float], cases: Sequence[Case]) -> float:
     return max(map(measure, cases))
 
@@ -310,7 +307,7 @@ EQUATIONS: dict[str, Callable[[Sequence[Case]], float]] = {
 
 
 def _rubs(case: Case) -> bool:
-    """Whether its joints have friction: those of the random robots, not of the paper's."""
+    """Whether the joints have friction: the random robots' have, the paper's have none."""
     return bool(case.parameters.coulomb_friction.any())
 
 

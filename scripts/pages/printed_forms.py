@@ -127,18 +127,12 @@ def circle(count: int) -> list[Case]:
     return [Case(sst_pin.Parameters(), *state) for state in zip(*motion, strict=True)]
 
 
-# --- Eq. (1) ----------------------------------------------------------------------------------
-
-
 def arc_normal(case: Case) -> Forms:
     """(1): e_{k+6} along s x e_{k+3}; z of {2k}, Eq. (44), where beta_k lies in (0, pi)."""
     frames = case.frames()
     cross = np.cross(case.R[:, 0], frames[:, 1, :, 0])
     cross /= np.linalg.norm(cross, axis=1)[:, None]
     return Forms(error(cross, frames[:, 2, :, 2]), error(-cross, frames[:, 2, :, 2]))
-
-
-# --- Eqs. (7c), (20) --------------------------------------------------------------------------
 
 
 def five_bar() -> sst_pin.ClosedChain:
@@ -187,9 +181,6 @@ def rate_of_joint_rates(case: Case) -> Forms:
     return Forms(error(value, case.rates), error(value, case.accelerations))
 
 
-# --- Eq. (54) ---------------------------------------------------------------------------------
-
-
 def center_of_star(case: Case) -> Forms:
     """(54): the first two factors both lead from the base; the mass centre of the three arcs."""
     arm = np.linalg.norm(case.parameters.star.center_of_mass)  # 2 R / pi for the paper's robot
@@ -201,9 +192,6 @@ def center_of_star(case: Case) -> Forms:
     printed = R_02 @ R_32 @ to_E @ x
     ours = R_02 @ (R_02.T @ R_32) @ to_E @ x  # as in Eq. (33)
     return Forms(error(printed, wanted), error(ours, wanted))
-
-
-# --- Eqs. (59)-(62) ---------------------------------------------------------------------------
 
 
 def spins_of_passive_links(case: Case) -> Forms:
@@ -234,9 +222,6 @@ def velocity_of_star(case: Case) -> Forms:
     return Forms(error(printed, wanted), error(ours, wanted))
 
 
-# --- Eqs. (67), (68) --------------------------------------------------------------------------
-
-
 def gyroscopic_moments(case: Case) -> Forms:
     """(67): omega_i 1 as diag(omega_i) or |omega_i| times 1; d/dt (M t) less M t_dot."""
     _, va, aa = case.motion
@@ -254,9 +239,6 @@ def gyroscopic_moments(case: Case) -> Forms:
     return Forms(min(error(reading, wanted) for reading in readings), error(ours, wanted))
 
 
-# --- Eqs. (74)-(76) ---------------------------------------------------------------------------
-
-
 def power_of_inertia(case: Case) -> Forms:
     """(74): with w* = [force; torque], as the words after (63) have it; -d/dt kinetic energy."""
     _, va, aa = case.motion
@@ -266,9 +248,6 @@ def power_of_inertia(case: Case) -> Forms:
     wrench = -t.M @ (t.T @ aa + t.T_dot @ va) - t.Omega @ t.M @ twist
     exchanged = wrench.reshape(-1, 2, 3)[:, ::-1].ravel()
     return Forms(error(twist @ exchanged, wanted), error(twist @ wrench, wanted))
-
-
-# --- Eqs. (87)-(96) ---------------------------------------------------------------------------
 
 
 def balance_of_powers(case: Case) -> Forms:

@@ -18,7 +18,8 @@ from tqdm import tqdm
 from .. import robots
 from ..arrays import Array
 from ..chain.closed_chain import ClosedChain
-from ..description import JOINT_NAMES, YAML_PATH
+from ..description.folder import YAML_PATH
+from ..description.frames import JOINT_NAMES
 from ..errors import InputError, MissingExtraError
 from ..files import Writer, write_files
 from ..motion.trajectories import Trajectory
@@ -152,7 +153,7 @@ def misplaced(words: Sequence[str]) -> str:
 
 
 def names_robot(word: str) -> bool:
-    """Whether a word is a robot's file or a name of the gallery, and no file of the user's."""
+    """Whether a word is a file of a robot, or a name of the gallery and no file."""
     return Path(word).suffix.lower() in _ROBOT_FILES or (
         word in _gallery() and not Path(word).exists()
     )

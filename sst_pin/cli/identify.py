@@ -27,29 +27,15 @@ def add_identify(commands: common.Commands) -> None:
     parser.add_input("log", "log")
     text = "report, Markdown, a picture beside it; - writes the text"
     parser.add_output("REPORT.md", text)
-    parser.option(
-        "--cutoff HZ",
-        "frequency up to which positions and torques are kept",
-        common.POSITIVE,
-        required=True,
-    )
-    parser.option(
-        "--which NAMES",
-        "parameters considered, patterns with commas between (default: %(default)s)",
-        default="*.m*,*.i*,*.viscous,*.coulomb",
-    )
-    parser.option(
-        "--decimate N",
-        "use one of N samples, after a filter on both sides of the equations (default: 1)",
-        _COUNT,
-        default=1,
-    )
+    text = "frequency up to which positions and torques are kept"
+    parser.option("--cutoff HZ", text, common.POSITIVE, required=True)
+    text = "parameters considered, patterns with commas between (default: %(default)s)"
+    parser.option("--which NAMES", text, default="*.m*,*.i*,*.viscous,*.coulomb")
+    text = "use one of N samples, after a filter on both sides of the equations (default: 1)"
+    parser.option("--decimate N", text, _COUNT, default=1)
     parser.option("--robust", "let outliers count less")
-    parser.option(
-        "--urdf FOUND.urdf",
-        "write the URDF of --robot with the parameters found, its .yaml beside it",
-        Path,
-    )
+    text = "write the URDF of --robot with the parameters found, its .yaml beside it"
+    parser.option("--urdf FOUND.urdf", text, Path)
 
 
 def _identify(arguments: argparse.Namespace) -> int:
@@ -131,11 +117,8 @@ def add_calibrate(commands: common.Commands) -> None:
 
 def _calibrate(arguments: argparse.Namespace) -> int:
     urdf = _urdf_of(arguments)
-    robot, source, frame = (
-        common.robot_of(arguments),
-        common.source_of(arguments.poses),
-        arguments.frame,
-    )
+    robot, frame = common.robot_of(arguments), arguments.frame
+    source = common.source_of(arguments.poses)
     x, poses, start = read_poses(robot, source, frame)
     which = arguments.which and arguments.which.split(",")
     found = identification.calibrate(robot, frame, x, poses, which=which, start=start)

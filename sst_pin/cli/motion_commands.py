@@ -101,16 +101,10 @@ def add_simulate(commands: common.Commands) -> None:
     parser.add_input("torques", "torques")
     parser.add_output("MOTION.csv")
     parser.add_strict()
-    parser.option(
-        "--q0 JOINT=X,..",
-        "initial positions of joints, at least of the coordinates, rad or m",
-        common.named_numbers,
-    )
-    parser.option(
-        "--va0 JOINT=V,..",
-        "initial rates of the coordinates, rad/s or m/s (default with --q0: 0)",
-        common.named_numbers,
-    )
+    text = "initial positions of joints, at least of the coordinates, rad or m"
+    parser.option("--q0 JOINT=X,..", text, common.named_numbers)
+    text = "initial rates of the coordinates, rad/s or m/s (default with --q0: 0)"
+    parser.option("--va0 JOINT=V,..", text, common.named_numbers)
 
 
 def _simulate(arguments: argparse.Namespace) -> int:

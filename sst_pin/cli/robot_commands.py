@@ -78,11 +78,8 @@ def add_validate(commands: common.Commands) -> None:
         "file FILE", "a URDF, SDF, USD or MJCF; --robot FILE names it too", Path, nargs="?"
     )
     parser.option("--robot FILE", argparse.SUPPRESS, Path)
-    parser.option(
-        "--cuts YAML",
-        "of a URDF: closures and motors (default: the YAML with the name of FILE)",
-        Path,
-    )
+    text = "of a URDF: closures and motors (default: the YAML with the name of FILE)"
+    parser.option("--cuts YAML", text, Path)
 
 
 def _validate(arguments: argparse.Namespace) -> int:

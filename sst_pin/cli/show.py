@@ -21,6 +21,8 @@ from ..sst.paper import PERIOD, example_1
 from ..sst.robot import SST
 from . import common
 
+_PORT = common.number("a port, a whole number up to 65535", lambda n: n <= 65535, int)
+
 
 def add_show(commands: common.Commands) -> None:
     """Animations of a robot."""
@@ -31,22 +33,12 @@ def add_show(commands: common.Commands) -> None:
         "of the paper, or with --robot one configuration of the robot. With --html, --png or "
         "--gif, write files instead.",
     )
-    parser.option(
-        "motion MOTION",
-        "input or output of `torques`, or output of `simulate`; - means standard input",
-        Path,
-        nargs="?",
-    )
-    parser.option(
-        "--ghost FILE",
-        "a second motion, such as the planned one, which a translucent robot plays beside it",
-        Path,
-    )
-    parser.option(
-        "--speed S",
-        "speed of the animation; 1 is real time (default: 1 for a file, 0.1 for the example)",
-        common.POSITIVE,
-    )
+    text = "input or output of `torques`, or output of `simulate`; - means standard input"
+    parser.option("motion MOTION", text, Path, nargs="?")
+    text = "a second motion, such as the planned one, which a translucent robot plays beside it"
+    parser.option("--ghost FILE", text, Path)
+    text = "speed of the animation; 1 is real time (default: 1 for a file, 0.1 for the example)"
+    parser.option("--speed S", text, common.POSITIVE)
     for kind, text in (
         ("html", "one page that needs no network"),
         ("png", "a picture; needs Chromium"),
@@ -67,12 +59,7 @@ def add_show(commands: common.Commands) -> None:
     parser.option(
         "--host HOST", "address of the server (default: this machine only)", default="127.0.0.1"
     )
-    parser.option(
-        "--port PORT",
-        "port of the server (default: any free port)",
-        common.number("a port, a whole number up to 65535", lambda n: n <= 65535, int),
-        default=0,
-    )
+    parser.option("--port PORT", "port of the server (default: any free port)", _PORT, default=0)
     parser.add_force()
     parser.add_strict()
 
@@ -105,7 +92,11 @@ def _run(arguments: argparse.Namespace) -> int:
             print(f"{title}{length} -> {', '.join(map(str, files))}")
         else:
             url = viewer.serve(arguments.host, arguments.port)
-            _wait(url, arguments.no_open)
+            print(f"{url}  (Ctrl-C ends)", flush=True)
+            if not arguments.no_open:
+                webbrowser.open(url)
+            with suppress(KeyboardInterrupt):
+                threading.Event().wait()
     return 0
 
 
@@ -118,12 +109,3 @@ def _asked_for(arguments: argparse.Namespace) -> tuple[ClosedChain, Trajectory |
         example = example_1(SST(), np.linspace(0, PERIOD, 201))
         return robot, example, 0.1, "Example 1: the circle"
     return robot, None, 1.0, robot.mechanism.model.name
-
-
-def _wait(url: str, no_open: bool) -> None:
-    """Show the URL, open the browser, and wait for Ctrl-C."""
-    print(f"{url}  (Ctrl-C ends)", flush=True)
-    if not no_open:
-        webbrowser.open(url)
-    with suppress(KeyboardInterrupt):
-        threading.Event().wait()

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..arrays import Array
-from ..description import description_writers
+from ..description.folder import description_writers
 from ..description.parameters import Parameters, RigidBody
 from ..errors import InputError
 from ..files import Writer, write_files
@@ -20,18 +20,16 @@ from ..sst.robot_wrapper import configurations_of
 from ..sst.workspace import WorkspaceMap, workspace_at, workspace_over_rolls
 from . import common
 
+_SAMPLES = common.number("a whole number from 10 to 10 million", lambda n: 10 <= n <= 10**7, int)
+_ANGLE = common.number("an angle in degrees", math.isfinite)
+
 
 def add_paper(commands: common.Commands) -> None:
     """Both examples of the paper and their figures."""
     text = "Compute both examples of the paper and draw their figures."
     parser = commands.add("paper", _paper, text)
     parser.add_folder("--out", default=Path("paper"))
-    parser.option(
-        "--samples N",
-        "samples per period (default: 1001)",
-        common.number("a whole number from 10 to 10 million", lambda n: 10 <= n <= 10**7, int),
-        default=1001,
-    )
+    parser.option("--samples N", "samples per period (default: 1001)", _SAMPLES, default=1001)
     parser.add_force()
     parser.add_strict()
 
@@ -91,12 +89,7 @@ def add_workspace(commands: common.Commands) -> None:
         "curves; for one roll angle psi of the star, and for the best psi of each direction.",
     )
     parser.add_figure()
-    parser.option(
-        "--psi DEG",
-        "roll angle of the star (default: 0)",
-        common.number("an angle in degrees", math.isfinite),
-        default=0.0,
-    )
+    parser.option("--psi DEG", "roll angle of the star (default: 0)", _ANGLE, default=0.0)
     parser.option("--data FILE", "also write the map at psi as .npz or .csv", Path)
 
 
@@ -149,11 +142,8 @@ def add_describe(commands: common.Commands) -> None:
     parser.add_folder(required=True)
     parser.add_force()
     parser.option("--alpha A1,A2,A3", "angles between the arcs, degrees", common.triple)
-    parser.option(
-        "--base-directions 'X,Y,Z X,Y,Z X,Y,Z'",
-        "directions from O to P_1, P_2, P_3; vectors of any length",
-        _directions,
-    )
+    text = "directions from O to P_1, P_2, P_3; vectors of any length"
+    parser.option("--base-directions 'X,Y,Z X,Y,Z X,Y,Z'", text, _directions)
     for name, unit, text in (
         ("base-radius", "M", "radius of the base, m"),
         ("star-radius", "M", "radius of the star, m"),

@@ -5,19 +5,21 @@ Beside URDF and MJCF these are the cuts as YAML, and poses and pairs of links as
 """
 
 import itertools
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 from xml.etree.ElementTree import SubElement
 
+import numpy as np
+
 from ..arrays import Array
 from ..files import Writer, text_writer
 from .frames import JOINT_NAMES, MOTOR_NAMES
 from .mjcf_writer import mjcf_of, scene_of
-from .parameters import Parameters
+from .parameters import ENTRIES, Parameters
 from .parts import mesh_writers
-from .readme import readme_of
 from .urdf_writer import urdf_of
 
 _INSTALLED = Path(str(files("sst_pin"))) / "urdf"
@@ -39,6 +41,9 @@ MJCF_PATH = str(_SHIPPED / "sst.xml")
 
 #: Files that no parameter changes.
 _CONSTANT = ("LICENSE", "package.xml", "CMakeLists.txt")
+#: The README with a row for each parameter: $name is its value; grade and source are the paper's.
+_README = Path(__file__).with_name("readme.md")
+_ONLY_PAPER = "<!-- only the paper's robot -->\n"
 #: Links that touch as long as the robot is whole, and why.
 _TOUCHING = {
     **{
@@ -97,3 +102,36 @@ type: [6d, 6d]
 name_mot: [gamma_1, gamma_2, gamma_3]
 gravity: [{gravity}]  # in base axes, m/s^2
 """
+
+
+def readme_of(p: Parameters) -> str:
+    """Markdown of a description's README."""
+    values, papers = _values(p), _values(Parameters())
+
+    def row(match: re.Match[str]) -> str:
+        name, rest = match.groups()
+        value = _text(values[name])
+        if np.allclose(values[name], papers[name], rtol=1e-12, atol=1e-15):
+            return f"{value} | {rest}"
+        return f"{value} | U | the paper's robot has {_text(papers[name])} |"
+
+    text, _, more = _README.read_text(encoding="utf-8").partition(_ONLY_PAPER)
+    text = re.sub(r"\$(\w+) \| (.*)", row, text)
+    return text + more if p == Parameters() else text
+
+
+def _values(p: Parameters) -> dict[str, Array]:
+    names = "base_directions base_radius star_radius viscous_friction coulomb_friction gravity"
+    values = {name: np.atleast_1d(getattr(p, name)) for name in names.split()}
+    values["arc_angles"] = np.degrees(p.arc_angles)
+    for name, bodies in (("link", p.links), ("passive_link", p.passive_links), ("star", [p.star])):
+        values[f"{name}_mass"] = np.array([body.mass for body in bodies])
+        values[f"{name}_center_of_mass"] = np.array([body.center_of_mass for body in bodies])
+        values[f"{name}_inertia"] = np.array([body.inertia[ENTRIES] for body in bodies])
+    return values
+
+
+def _text(value: Array) -> str:
+    """Numbers with six digits; one row where all rows are the same."""
+    rows = np.atleast_2d(value[0] if (value == value[0]).all() else value)
+    return "; ".join(", ".join(f"{x:.6g}" for x in row) for row in rows)

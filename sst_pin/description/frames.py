@@ -47,8 +47,7 @@ class LegBody(NamedTuple):
     parent: str
     joint: str
     axis: str
-    #: Viscous [N m s/rad] and Coulomb friction [N m] of the joint.
-    friction: tuple[float, float]
+    friction: tuple[float, float]  #: Viscous, [N m s/rad], and Coulomb, [N m].
     body: RigidBody
 
 

@@ -143,10 +143,8 @@ def _inertia_problems(name: str, inertia: Array) -> Iterator[str]:
     if a <= 0:
         yield f"{name}: principal moments {moments} are not all positive"
     elif a + b < c * (1 - _SLACK):
-        yield (
-            f"{name}: principal moments {moments} violate the triangle inequality "
-            "(the sum of the two smaller ones must be at least the largest)"
-        )
+        cure = "the sum of the two smaller ones must be at least the largest"
+        yield f"{name}: principal moments {moments} violate the triangle inequality ({cure})"
 
 
 #: Sect. 7.1 (d), mass centre by Eqs. (45)-(47).
@@ -348,10 +346,8 @@ def _angle_problems(alpha: Array) -> Iterator[str]:
         yield f"arc_angles: {alpha} rad, each must lie in (0, 2 pi)"
     total = float(alpha.sum())
     if abs(total - 2 * np.pi) > _SLACK:
-        yield (
-            f"arc_angles: they add up to {total:.12g} rad, not to 2 pi: "
-            "the star does not close (are these degrees?)"
-        )
+        text = "the star does not close (are these degrees?)"
+        yield f"arc_angles: they add up to {total:.12g} rad, not to 2 pi: {text}"
 
 
 def _body_problems(name: str, body: object) -> list[str]:

@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import MissingExtraError
 from ..files import Writer
 from .parameters import Parameters
-from .solids import Arc, Ball, Box, Cylinder, Solid, bar, rod, surface
+from .solids import Arc, Ball, Box, Cylinder, Solid, bar, lofted, rod
 
 # Sizes in metres for the paper's radii, 0.35 and 0.40 m; `parts_of` scales them.
 _TUBE = 0.006  # radius of the base frame
@@ -51,7 +51,7 @@ def meshes_of(p: Parameters) -> dict[str, Any]:
 
     meshes = {}
     for name, solids in parts_of(p).items():
-        parts = [trimesh.Trimesh(*surface(solid), process=False) for solid in solids]
+        parts = [trimesh.Trimesh(*lofted(solid.loops()), process=False) for solid in solids]
         meshes[name] = trimesh.util.concatenate(parts)
     return meshes
 

@@ -96,16 +96,13 @@ class Arc:
     """A bar bent about O, from the first column of its axes towards the second."""
 
     axes: Array
-    #: Radius of its middle line, [m].
-    radius: float
-    #: From one end to the other, [rad].
-    angle: float
-    #: Radial and axial size of its section, [m]; a circle's are equal.
-    section: tuple[float, float]
+    radius: float  #: Of its middle line, [m].
+    angle: float  #: From one end to the other, [rad].
+    section: tuple[float, float]  #: Its radial and axial size, [m]; a circle's are equal.
     round: bool = False
 
     def loops(self) -> Array:
-        """Its sections."""
+        """Its sections, from one end to the other."""
         depth, width = self.section
         bevel = _BEVEL * min(self.section)
         section = _circle(depth / 2) if self.round else _rectangle(depth, width, bevel)
@@ -151,9 +148,8 @@ def bar(start: Array, end: Array, across: Array, width: float, thick: float) -> 
     return Box((start + end) / 2, axes, np.array((np.linalg.norm(end - start), width, thick)))
 
 
-def surface(solid: Solid) -> tuple[Array, Indices]:
-    """Vertices and faces of a closed surface of triangles."""
-    loops = solid.loops()
+def lofted(loops: Array) -> tuple[Array, Indices]:
+    """Vertices and faces of a closed surface of triangles through loops; the ends' faces last."""
     count, points, _ = loops.shape
     ends = loops[[0, -1]].mean(axis=1)
     here = np.arange(count * points).reshape(count, points)

@@ -21,10 +21,7 @@ from .workspace_maps import CONDITION, LEVELS
 
 #: Colours of the reasons that end a workspace from inside.
 _ENDS = {"joint limits": "0.55", "singular": "#CC79A7"}
-_LABELS = {
-    "condition": "condition number (1)",
-    "used": "largest part of a motor's limit (1)",
-}
+_LABELS = {"condition": "condition number (1)", "used": "largest part of a motor's limit (1)"}
 
 
 def convex_set(

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Curves over time: their labels, axes and legends; their colours, dashes and marks."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -36,7 +34,7 @@ class Curves(NamedTuple):
     units: tuple[str, ...]
     values: Array
 
-    def pick(self, names: Sequence[str] | None) -> Curves:
+    def pick(self, names: Sequence[str] | None) -> "Curves":
         """The curves of some names; all of them by default."""
         if names is None:
             return self

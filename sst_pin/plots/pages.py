@@ -256,7 +256,6 @@ def workspace_page(
         condition_colourbar(axes[1, 1].inset_axes((0.0, 0.82, 1.0, 0.06)))
         handles = [*workspace_legend(at_psi, name), *workspace_legend(over_rolls, name)]
         once = {handle.get_label(): handle for handle in handles}
-        axes[1, 1].legend(
-            handles=list(once.values()), loc="upper center", bbox_to_anchor=(0.5, 0.6)
-        )
+        where = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.6)}
+        axes[1, 1].legend(handles=list(once.values()), **where)
     return figure

@@ -9,6 +9,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 import pinocchio as pin
+from scipy.spatial import geometric_slerp
 
 from ..arrays import Array, single_array
 from ..chain.appearance import PLATFORM
@@ -178,9 +179,7 @@ def robot_pose(ax: Axes, robot: SST, q: Array, radii: tuple[float, float] | None
 
 def great_arc(start: Array, end: Array) -> Array:
     """Unit vectors along the shorter great circle between two, shape (60, 3)."""
-    side = np.arccos(np.clip(start @ end, -1, 1))
-    share = np.linspace(0, side, 60)[:, None]
-    return np.asarray((np.sin(side - share) * start + np.sin(share) * end) / np.sin(side))
+    return np.asarray(geometric_slerp(start, end, np.linspace(0, 1, 60)))
 
 
 def _patch(ax: Axes, robot: SST, radius: float, letter: str) -> None:

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The look of the figures, and their files."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from io import BytesIO

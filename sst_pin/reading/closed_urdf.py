@@ -1,23 +1,21 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """A URDF with the files beside it, YAML and SRDF, as one value from which robots are made."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 from ..arrays import names
 from ..chain.closures import Constraint, Coupling
 from ..chain.draft import Motor, without_locked
 from ..errors import DescriptionError
-from ..files import beside
-from . import inertias
 from .cuts import Cuts, parse_cuts
 from .described import Described, naming, warned
+from .shapes import urdf_shapes
 from .srdf import Srdf, configuration
 from .text import read_text
 from .urdf import Urdf, closing_frames
-from .urdf_checks import left_out
+from .urdf_checks import inertia_notes, left_out
 
 
 def read_urdf(
@@ -36,7 +34,7 @@ def read_urdf(
     if actuated is None and not found.source and not is_marked(robot):  # an open tree
         followers = {closure.joint for closure in closures if isinstance(closure, Coupling)}
         motors = tuple(name for name in list(model.names)[1:] if name not in followers)
-        own = beside(Path(urdf.source), ".yaml").name
+        own = Path(urdf.source).with_suffix(".yaml").name
         text = f"no {own} with closures and motors is beside it; it is read as an open tree with a "
         notes.append(text + "motor at each joint; actuated= names the motors")
     if locked:
@@ -48,7 +46,7 @@ def read_urdf(
     robot = robot._replace(model=model, closures=closures, actuated=motors)
     robot = with_poses(robot, urdf, locked)
     notes += (f"{problem.where}: {problem.text}" for problem in left_out(urdf.root))
-    return warned(robot, [*notes, *robot.notes, *inertias.notes(urdf.root)], urdf.source)
+    return warned(robot, [*notes, *robot.notes, *inertia_notes(urdf.root)], urdf.source)
 
 
 def read_cuts(urdf: Urdf, path: str | Path | None, default: str | Path | None = None) -> Cuts:
@@ -59,7 +57,7 @@ def read_cuts(urdf: Urdf, path: str | Path | None, default: str | Path | None = 
     own = Path(urdf.source)
     package = own.parent.parent if own.parent.name == "urdf" else own.parent
     folders = (own.parent, package, package / "config")
-    paths = [beside(own, ".yaml"), *(folder / "loop_closures.yaml" for folder in folders)]
+    paths = [own.with_suffix(".yaml"), *(folder / "loop_closures.yaml" for folder in folders)]
     if path is None:
         path = next((path for path in paths if path.is_file()), default)
     if path is None:
@@ -69,7 +67,7 @@ def read_cuts(urdf: Urdf, path: str | Path | None, default: str | Path | None = 
 
 def with_poses(robot: Described, urdf: Urdf, locked: Collection[str] = ()) -> Described:
     """The robot with the named configurations of its file and of the SRDF beside it."""
-    model, path = robot.model, beside(Path(urdf.source), ".srdf")
+    model, path = robot.model, Path(urdf.source).with_suffix(".srdf")
     for name, values in urdf.poses.items():
         model.referenceConfigurations[name] = configuration(model, values)
     if not path.is_file():
@@ -95,7 +93,8 @@ def closed(urdf: Urdf, cuts: Cuts) -> Described:
     followers = [mimic for mimic in urdf.mimics if mimic.joint not in cuts.dependent]
     fixed = [name for name, kind in cuts.joints.items() if kind == "FIXED"]
     closures = (*closures, *marks.gears, *_held(followers, fixed, source))
-    return Described(source, model, closures, cuts.actuated, urdf.shapes, forces=cuts.forces)
+    shapes = partial(urdf_shapes, urdf.root, Path(urdf.source).parent)
+    return Described(source, model, closures, cuts.actuated, shapes, forces=cuts.forces)
 
 
 def is_marked(robot: Described) -> bool:

@@ -5,8 +5,6 @@ GRBDA's URDF+ has `<loop>` and `<coupling>`, Isaac Sim `<loop_joint>`, Gazebo a 
 `<gazebo>`; `<constraint>` is proposed for urdfdom (ros/urdfdom pull request 264).
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
@@ -203,11 +201,8 @@ def _side(element: ET.Element, side: str) -> _Side:
             raise ValueError(f"{key}={text!r} is not three numbers")
     place = pin.SE3(pin.rpy.rpyToMatrix(vectors[1]), vectors[0])
     axis = "axis" if element.find(f"{side}_axis") is None else f"{side}_axis"
-    return (
-        _name(element, f"{side}/link"),
-        place,
-        _direction(_name(element, f"{axis}/xyz") or "1 0 0"),
-    )
+    direction = _direction(_name(element, f"{axis}/xyz") or "1 0 0")
+    return _name(element, f"{side}/link"), place, direction
 
 
 def _side_of_gazebo(element: ET.Element, side: str) -> _Side:

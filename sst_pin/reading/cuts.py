@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """What a URDF cannot say: closures, motors, gravity, joints of several axes, from a YAML file."""
 
-from __future__ import annotations
-
 import reprlib
 from collections import Counter
 from collections.abc import Iterator
@@ -33,27 +31,16 @@ _BRACKETS = {"[": 1, "{": 1, "]": -1, "}": -1}
 
 
 class Cuts(NamedTuple):
-    """What a URDF cannot say: content of the YAML file.
+    """What a URDF cannot say: content of the YAML file."""
 
-    Attributes:
-        closures: What closes the loops; by default frames `closing_NAME_1`, `closing_NAME_2`.
-        actuated: Names of the motors: joints and lines.
-        gravity: Acceleration of gravity in base axes, shape (3,), [m/s^2].
-        joints: What joints are in truth, by name; see `Urdf.tree`.
-        source: The YAML, for messages; empty without one.
-        forces: Forces along lines.
-        hinges: Hinges that close loops, of a `loop_closures.yaml`.
-        dependent: Joints whose positions follow from the closures; they mimic none.
-    """
-
-    closures: tuple[Constraint, ...]
-    actuated: tuple[str, ...]
-    gravity: Array
-    joints: dict[str, str]
-    source: str = ""
+    closures: tuple[Constraint, ...]  #: By default frames `closing_NAME_1`, `closing_NAME_2`.
+    actuated: tuple[str, ...]  #: Names of the motors: joints and lines.
+    gravity: Array  #: In base axes, shape (3,), [m/s^2].
+    joints: dict[str, str]  #: What joints are in truth, by name; see `Urdf.tree`.
+    source: str = ""  #: The YAML, for messages; empty without one.
     forces: tuple[LineForce, ...] = ()
-    hinges: tuple[CutJoint, ...] = ()
-    dependent: tuple[str, ...] = ()
+    hinges: tuple[CutJoint, ...] = ()  #: Those of a `loop_closures.yaml`.
+    dependent: tuple[str, ...] = ()  #: Joints that follow from the closures; they mimic none.
 
 
 def parse_cuts(text: str, source: str) -> Cuts:
@@ -61,10 +48,7 @@ def parse_cuts(text: str, source: str) -> Cuts:
 
     It has the key `name_mot`; others may be missing. A type is a kind of `Closure`, or "distance"
     or "rolling" with a length, as "distance 0.3". `line_force` lists mappings of two `frames` and
-    what else a `LineForce` has.
-
-    Raises:
-        DescriptionError: With every problem found.
+    what else a `LineForce` has. The error names every problem found.
     """
     content = _content(text, source)
     if "closures" in content:

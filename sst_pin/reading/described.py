@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a file says of a closed chain."""
-
-from __future__ import annotations
+"""A closed chain as its files describe it."""
 
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -19,30 +17,18 @@ from .srdf import Srdf
 
 
 class Described(NamedTuple):
-    """A robot as its files describe it; what a robot is made of.
+    """A robot as its files describe it; what a robot is made of."""
 
-    Attributes:
-        source: The files, for messages.
-        model: The tree, with gravity and the named configurations as `referenceConfigurations`.
-        closures: What closes the loops.
-        actuated: The motors: joints, lines, and fixed tendons as the share of each joint.
-        shapes: Function from a tree to the shapes of its bodies.
-        stiffness, spring_reference: Springs of the joints, shapes (nv,) and (nq,); None without.
-        srdf: What stands beside a URDF.
-        forces: Forces along lines.
-        notes: What of the files is left out.
-    """
-
-    source: str
-    model: pin.Model
+    source: str  #: The files, for messages.
+    model: pin.Model  #: The tree, with gravity; `referenceConfigurations` are named in the files.
     closures: tuple[Constraint, ...]
-    actuated: Sequence[Motor]
-    shapes: Callable[..., pin.GeometryModel]
-    stiffness: Array | None = None
-    spring_reference: Array | None = None
-    srdf: Srdf | None = None
+    actuated: Sequence[Motor]  #: Joints, lines, and fixed tendons as the share of each joint.
+    shapes: Callable[..., pin.GeometryModel]  #: From a tree to the shapes of its bodies.
+    stiffness: Array | None = None  #: Of the joints' springs, shape (nv,).
+    spring_reference: Array | None = None  #: Where these are at rest, shape (nq,).
+    srdf: Srdf | None = None  #: What stands beside a URDF.
     forces: tuple[LineForce, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  #: What of the files is left out.
 
     @property
     def arguments(self) -> dict[str, Any]:
@@ -62,7 +48,7 @@ def naming(source: str) -> Iterator[None]:
 
 
 def warned(robot: Described, notes: Iterable[str], source: str) -> Described:
-    """A robot, after a warning for each note to the caller of its reader's caller."""
+    """Warn of each note, at the caller of the reader's caller; returns the robot."""
     for note in dict.fromkeys(notes):
         warnings.warn(f"{source}: {note}", DescriptionWarning, stacklevel=4)
     return robot

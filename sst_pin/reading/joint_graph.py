@@ -5,8 +5,6 @@ SDF and USD know no tree. Joints are reversed where their child comes first, and
 of them holds float.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple

@@ -7,8 +7,6 @@ with this value, and `...` any other word that is no misspelling. Elements witho
 looked into.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -26,7 +24,7 @@ def is_true(text: str | None) -> bool:
 
 
 def unknown(element: ET.Element, table: Mapping[str, str], row: str = "") -> Iterator[str]:
-    """What stands in an element, or in one below it, and not in the table."""
+    """Words of an element, and of those below it, that the table does not have."""
     tag = element.tag
     words = {w.partition("=")[0].rstrip("+"): w for w in table[row or tag].split()}
     held = [(f"@{key}", text) for key, text in element.attrib.items()]

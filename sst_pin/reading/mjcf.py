@@ -5,10 +5,9 @@ MuJoCo resolves defaults, angles, meshes and inertias; what it has compiled is c
 by number.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 from ..arrays import names
@@ -20,7 +19,7 @@ from .mjcf_compiled import Compiled
 from .mjcf_loops import closures_of, lines_of, motors_of
 from .mjcf_tree import MjcfTree
 from .mjcf_unread import impossible, unread
-from .shapes import MjcfShapes
+from .shapes import mjcf_shapes
 from .urdf import MOST_JOINTS
 
 
@@ -52,7 +51,7 @@ def described(
         problems.append(f"{moving} moving joints; at most {MOST_JOINTS} are supported")
     if problems:
         raise DescriptionError(source, problems)
-    shapes = MjcfShapes(compiled.mj, tree.bodies)
+    shapes = partial(mjcf_shapes, compiled.mj, tree.bodies)
     found = source, tree.model, closures, motors, shapes, stiffness, tree.rest
     return Described(*found, forces=lines, notes=tuple(compiled.notes))
 
@@ -69,7 +68,7 @@ def _switched_off(compiled: Compiled, actuated: Sequence[Motor] | None) -> Itera
 
 
 def _names(compiled: Compiled) -> Iterator[str]:
-    """Names of joints that mean several, or none."""
+    """Problems of names that mean several joints, or none."""
     joints = range(compiled.mj.njnt)
     own = Counter(map(compiled.joint, joints))
     known = own + Counter(name for joint in joints for name in compiled.axes(joint))

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """An MJCF as MuJoCo compiles it: names of its elements, and what is switched off or held."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Collection
 from contextlib import suppress
@@ -21,7 +19,7 @@ _WHOLE = dict.fromkeys(("equality", "frictionloss", "limit"), "constraint")
 
 
 class Compiled:
-    """A compiled model, `mj`, and what its readers find of problems, and of notes for a warning."""
+    """A compiled model, `mj`, with the problems and the notes that its readers find."""
 
     def __init__(self, path: Path, locked: Collection[str]) -> None:
         try:

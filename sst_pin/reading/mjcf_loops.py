@@ -5,8 +5,6 @@ Equalities are points, welds, and couplings of joints and fixed tendons; actuato
 spatial tendons are forces along lines.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -102,7 +100,7 @@ def _coupling(
 
 
 class Actuator(NamedTuple):
-    """What an actuator acts on: its kind, such as "joint" or "tendon", and its index."""
+    """An actuator, and the kind and index of its target, such as a joint or a tendon."""
 
     name: str
     kind: str

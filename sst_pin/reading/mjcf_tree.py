@@ -7,8 +7,6 @@ along the body's axes, MuJoCo's `qvel` has them along the world's. Angular rates
 both.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What an MJCF holds that the dynamics would overlook."""
-
-from __future__ import annotations
+"""Content of an MJCF that the dynamics would overlook."""
 
 from collections.abc import Iterator
 from copy import copy
@@ -49,7 +47,7 @@ _NUMBERS = {
 
 
 def impossible(compiled: Compiled) -> Iterator[str]:
-    """Numbers that MuJoCo lets pass."""
+    """Impossible numbers that MuJoCo accepts."""
     mj = compiled.mj
     for kind, field in ((kind, field) for kind, fields in _NUMBERS.items() for field in fields):
         array = getattr(mj, f"{kind}_{field}")

@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a check finds, and the numbers it reads."""
-
-from __future__ import annotations
+"""Problems that checks find, and numbers that they read."""
 
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -43,14 +42,8 @@ class Problem:
         return f"{self.severity}: {self.where}: {self.text}"
 
 
-def error(where: str, text: str) -> Problem:
-    """A problem that must be solved."""
-    return Problem("error", where, text)
-
-
-def warning(where: str, text: str) -> Problem:
-    """A problem that some tools have."""
-    return Problem("warning", where, text)
+#: A problem that must be solved, and one that some tools have.
+error, warning = partial(Problem, "error"), partial(Problem, "warning")
 
 
 @contextmanager

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """An SDF to the elements of a URDF."""
 
-from __future__ import annotations
-
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
@@ -18,7 +16,7 @@ from .problems import numbers
 #: Types of joints, by the number of their axes.
 _AXES = {"revolute": 1, "continuous": 1, "prismatic": 1, "universal": 2, "revolute2": 2}
 _KINDS = (*_AXES, "ball", "fixed")
-#: What is read, and what acts on no motion.
+#: Words that are read, or that act on no motion.
 _WORDS = {
     "world": "@name gravity physics+ magnetic_field atmosphere wind scene light+ gui audio state+ "
     "include+ model+ frame+ road+ actor+ population+ spherical_coordinates plugin+",
@@ -110,7 +108,7 @@ class _Reader:
                 self._problems.append(text)
 
     def _pose(self, element: ET.Element) -> pin.SE3:
-        """The pose that an element has, relative to whatever it is given."""
+        """The pose of an element, relative to the frame that it names."""
         pose = element.find("pose")
         text = "" if pose is None else pose.text or ""
         values = numbers(text or "0 0 0 0 0 0", 7 if len(text.split()) == 7 else 6)

@@ -1,11 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The shapes of a robot's bodies, as Pinocchio's geometry models; files are read when asked for."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -31,54 +28,46 @@ _MESH = 7
 _CURE = "an empty pinocchio.GeometryModel() as visual_model (show --skeleton) does without"
 
 
-@dataclass(frozen=True)
-class UrdfShapes:
-    """Shapes of a URDF; mesh files are relative to its folder, `package://` to those above too."""
+def urdf_shapes(
+    root: ET.Element,
+    folder: Path,
+    model: pin.Model,
+    kind: pin.GeometryType = pin.GeometryType.VISUAL,
+) -> pin.GeometryModel:
+    """Shapes of a URDF for the eye, or for collisions; the tree's joints may have been replaced.
 
-    root: ET.Element
-    folder: Path
-
-    def __call__(
-        self, model: pin.Model, kind: pin.GeometryType = pin.GeometryType.VISUAL
-    ) -> pin.GeometryModel:
-        """Shapes for the eye, or for collisions, of a tree whose joints may have been replaced."""
-        folders = [str(folder) for folder in (self.folder, *self.folder.resolve().parents)]
-        kept = {"link": ("visual", "collision"), "joint": ("parent", "child")}
-        root = bare(self.root, {"material": ("color", "texture"), **kept})
-        for joint in root.findall("joint"):  # joints and masses are those of the model
-            joint.set("type", "fixed")
-        text = ET.tostring(root, encoding="unicode")
-        try:
-            return pin.buildGeomFromUrdfString(model, text, kind, package_dirs=folders)
-        except (ValueError, RuntimeError) as error:
-            problem = f"its shapes cannot be loaded: {error}; {_CURE}"
-            raise DescriptionError(str(self.folder), [problem]) from None
+    Mesh files are relative to the folder of the URDF, `package://` to those above too.
+    """
+    folders = [str(each) for each in (folder, *folder.resolve().parents)]
+    kept = {"link": ("visual", "collision"), "joint": ("parent", "child")}
+    root = bare(root, {"material": ("color", "texture"), **kept})
+    for joint in root.findall("joint"):  # joints and masses are those of the model
+        joint.set("type", "fixed")
+    text = ET.tostring(root, encoding="unicode")
+    try:
+        return pin.buildGeomFromUrdfString(model, text, kind, package_dirs=folders)
+    except (ValueError, RuntimeError) as error:
+        problem = f"its shapes cannot be loaded: {error}; {_CURE}"
+        raise DescriptionError(str(folder), [problem]) from None
 
 
-@dataclass(frozen=True)
-class MjcfShapes:
-    """Shapes of an MJCF: geoms of the groups that MuJoCo's viewer shows.
+def mjcf_shapes(mj: Any, bodies: Sequence[tuple[int, pin.SE3]], _: pin.Model) -> pin.GeometryModel:
+    """Geoms of an MJCF in the groups that MuJoCo's viewer shows, for the tree as it was read.
 
     `bodies` has for each body the joint that bears it and its placement there.
     """
-
-    compiled: Any
-    bodies: Sequence[tuple[int, pin.SE3]]
-
-    def __call__(self, model: pin.Model) -> pin.GeometryModel:
-        """Shapes for the eye, of the tree as it was read."""
-        mj, shapes = self.compiled, pin.GeometryModel()
-        for i in range(mj.ngeom):
-            colour = mj.mat_rgba[mj.geom_matid[i]] if mj.geom_matid[i] >= 0 else mj.geom_rgba[i]
-            geometry = _geometry(mj, i)
-            if geometry is None or not colour[3] or mj.geom_group[i] >= _SHOWN_GROUPS:
-                continue
-            joint, at = self.bodies[mj.geom_bodyid[i]]
-            at = at * pose_of(mj.geom_pos[i], mj.geom_quat[i])
-            shape = pin.GeometryObject(f"{i}_{mj.geom(i).name}", joint, at, geometry)
-            shape.meshColor = colour.astype(float)
-            shapes.addGeometryObject(shape)
-        return shapes
+    shapes = pin.GeometryModel()
+    for i in range(mj.ngeom):
+        colour = mj.mat_rgba[mj.geom_matid[i]] if mj.geom_matid[i] >= 0 else mj.geom_rgba[i]
+        geometry = _geometry(mj, i)
+        if geometry is None or not colour[3] or mj.geom_group[i] >= _SHOWN_GROUPS:
+            continue
+        joint, at = bodies[mj.geom_bodyid[i]]
+        at = at * pose_of(mj.geom_pos[i], mj.geom_quat[i])
+        shape = pin.GeometryObject(f"{i}_{mj.geom(i).name}", joint, at, geometry)
+        shape.meshColor = colour.astype(float)
+        shapes.addGeometryObject(shape)
+    return shapes
 
 
 def _geometry(mj: Any, i: int) -> coal.CollisionGeometry | None:

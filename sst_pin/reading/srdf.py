@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """An SRDF: named configurations, and pairs of links that need no collision check."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Collection, Mapping
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The content of files that describe a robot."""
 
-from __future__ import annotations
-
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Collection, Mapping

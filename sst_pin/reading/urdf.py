@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """A URDF to a Pinocchio model, couplings of its mimic joints and shapes."""
 
-from __future__ import annotations
-
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
+from itertools import permutations
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,6 @@ from ..chain.rebuilt_tree import rebuilt
 from ..errors import DescriptionError
 from .cut_joints import Marks
 from .sdf import sdf_graph
-from .shapes import UrdfShapes
 from .text import bare, parse_xml, read_text
 from .urdf_checks import check
 from .usd import is_usd, usd_graph
@@ -28,14 +26,9 @@ _TURNS = {"X": pin.JointModelRX(), "Y": pin.JointModelRY(), "Z": pin.JointModelR
 KINDS: dict[str, dict[str, Any]] = {
     "FIXED": {},
     "SPHERICAL": {"": pin.JointModelSpherical()},
-    **{
-        f"UJOINT_{a}{b}": {f"_{a}": _TURNS[a], f"_{b}": _TURNS[b]}
-        for a in _TURNS
-        for b in _TURNS
-        if a != b
-    },
+    **{f"UJOINT_{a}{b}": {f"_{x}": _TURNS[x] for x in (a, b)} for a, b in permutations(_TURNS, 2)},
 }
-#: What the dynamics are made of; fixed joints only have the first three.
+#: Elements that the dynamics are made of; fixed joints only have the first three.
 _OF_JOINTS = ("origin", "parent", "child", "axis", "limit", "dynamics")
 #: Limit of a joint that has none, [rad] or [m].
 _WIDE = "1e9"
@@ -46,13 +39,9 @@ MOST_JOINTS = 400
 class Urdf:
     """A URDF, or an SDF or a USD in the form of a URDF, read and parsed once.
 
-    Attributes:
-        source: Its path, or what else error messages call it.
-        root: Its elements; not to be changed.
-        gravity: Acceleration of gravity, shape (3,), [m/s^2].
-        marks: What it says of loops beyond the tree.
-        poses: Named configurations that the file itself has, by joint.
-        problems: What is wrong in names, tree and numbers.
+    `source` is its path, or what else messages call it; `root` its elements, not to be changed;
+    `marks` what it says of loops beyond the tree; `poses` the named configurations that the file
+    itself has, by joint; `problems` what is wrong in names, tree and numbers.
     """
 
     def __init__(self, content: str | Path, source: str) -> None:
@@ -68,7 +57,7 @@ class Urdf:
         self.problems = (*check(self.root), *self.marks.problems)
 
     @classmethod
-    def read(cls, path: str | Path) -> Urdf:
+    def read(cls, path: str | Path) -> "Urdf":
         """The URDF in a file."""
         usd = isinstance(path, (str, Path)) and is_usd(Path(path))
         return cls(Path(path) if usd else read_text(path, "URDF"), str(path))
@@ -77,11 +66,6 @@ class Urdf:
     def joint_names(self) -> list[str]:
         """Names of all joints, in the order of the file."""
         return [joint.get("name", "") for joint in self.root.findall("joint")]
-
-    @property
-    def shapes(self) -> UrdfShapes:
-        """The shapes of its bodies."""
-        return UrdfShapes(self.root, Path(self.source).parent)
 
     def tree(self, joints: Mapping[str, str] | None = None) -> pin.Model:
         """The Pinocchio model; an error names every error of `problems`.
@@ -124,12 +108,10 @@ class Urdf:
         numbers = {model.getJointId(name): own for name, own in parts.items()}
         found = rebuilt(model, numbers, pin.neutral(model))
         for name, suffix in ((name, suffix) for name, own in parts.items() for suffix in own):
-            old, part = (
-                m.joints[m.getJointId(n)] for m, n in ((model, name), (found, name + suffix))
-            )
-            for field in ("damping", "friction"):
-                rates = slice(part.idx_v, part.idx_v + part.nv)
-                getattr(found, field)[rates] = getattr(model, field)[old.idx_v]
+            old = model.joints[model.getJointId(name)].idx_v
+            part = found.joints[found.getJointId(name + suffix)]
+            rates = slice(part.idx_v, part.idx_v + part.nv)
+            found.damping[rates], found.friction[rates] = model.damping[old], model.friction[old]
         return found
 
     @property
@@ -161,7 +143,7 @@ def closing_frames(model: pin.Model) -> Iterator[Closure]:
 
 
 def _dynamics(root: ET.Element, kinds: Mapping[str, str]) -> ET.Element:
-    """What the dynamics are made of, as urdfdom takes it, and no continuous joints."""
+    """Elements that the dynamics are made of, as urdfdom takes them; no joint is continuous."""
     found = bare(root, {"link": ("inertial",), "joint": _OF_JOINTS})
     for joint in found.findall("joint"):
         for dynamics in joint.findall("dynamics"):  # urdfdom wants one of them

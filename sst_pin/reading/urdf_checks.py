@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Checks of a URDF: names, tree, and numbers that would be lost."""
-
-from __future__ import annotations
+"""Checks of a URDF: names, tree, numbers that would be lost, inertias that no body has."""
 
 import xml.etree.ElementTree as ET
 from collections import Counter
@@ -9,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from ..arrays import Array
 from .known_words import means, unknown
 from .problems import Problem, error, number, numbers, warning
 
@@ -41,6 +40,10 @@ _COUNTS = {
     "cylinder": {"radius": 1, "length": 1},
     "mesh": {"scale": 3},
 }
+#: What rounding of an exact rod or disc leaves, as a share of the largest moment.
+_ROUNDING = 1e-9
+#: Links that a warning names.
+_NAMED = 5
 
 
 def check(root: ET.Element) -> Iterator[Problem]:
@@ -72,7 +75,7 @@ def check(root: ET.Element) -> Iterator[Problem]:
 
 
 def left_out(root: ET.Element) -> Iterator[Problem]:
-    """What makers' own attributes say of the dynamics of joints, which other tools may read."""
+    """Warnings of attributes of dynamics that are not read here; other tools may read them."""
     found: dict[str, list[str]] = {}
     for joint in root.findall("joint"):
         for key, text in (
@@ -85,7 +88,7 @@ def left_out(root: ET.Element) -> Iterator[Problem]:
 
 
 def _connections(links: Sequence[str], joints: Sequence[ET.Element]) -> Iterator[Problem]:
-    """What keeps links and joints from being a tree."""
+    """Errors by which links and joints are no tree."""
     known, bearers, children = set(links), dict[str, str](), dict[str, list[str]]()
     for joint in joints:
         name = joint.get("name", "")
@@ -217,3 +220,50 @@ def _limits(joint: ET.Element, where: str, kind: str) -> Iterator[Problem]:
 
 def _attribute(element: ET.Element | None, key: str) -> str | None:
     return None if element is None else element.get(key)
+
+
+def mass_of(inertial: ET.Element) -> tuple[float, Array] | None:
+    """Mass, and moments of inertia of shape (3, 3), [kg m^2]; None if a number is missing."""
+    mass = number(inertial.find("mass"), "value")
+    entries = [number(inertial.find("inertia"), key) for key in ENTRIES]
+    if mass is None or None in entries:
+        return None
+    xx, xy, xz, yy, yz, zz = entries
+    return mass, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=float)
+
+
+def principal_moments(inertia: Array) -> Array:
+    """Principal moments of inertia, ascending, shape (3,), [kg m^2]."""
+    size = np.abs(inertia).max() or 1.0  # of 1e300 the eigenvalues overflow
+    return np.linalg.eigvalsh(inertia / size) * size
+
+
+def impossible(mass: float, inertia: Array) -> str:
+    """The reason why no body has this mass and these moments; empty if one can have them.
+
+    A point or a rod without thickness counts as a body.
+    """
+    A, B, C = principal_moments(inertia)
+    if not inertia.any():
+        return ""
+    if mass == 0:
+        return "inertia without mass"
+    shown = f"principal moments {A:.4g}, {B:.4g}, {C:.4g} kg m^2"
+    if A < -_ROUNDING * C:
+        return f"inertia not positive definite: {shown}"
+    if A + B < C * (1 - _ROUNDING):
+        return f"impossible inertia, the two smaller moments must reach the third: {shown}"
+    return ""
+
+
+def inertia_notes(root: ET.Element) -> Iterator[str]:
+    """The links of a URDF with impossible inertias, which are computed as they stand."""
+    found = []
+    for link in root.findall("link[inertial]"):
+        for body in filter(None, map(mass_of, link.findall("inertial"))):
+            if text := impossible(*body):
+                found.append(f"link {link.get('name')}: {text}")
+    if found:
+        more = f" and {len(found) - _NAMED} more" * (len(found) > _NAMED)
+        listed = "; ".join(found[:_NAMED])
+        yield f"{listed}{more}. The dynamics are computed with these numbers"

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """A USD with rigid bodies and joints to the elements of a URDF."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Iterable
@@ -25,7 +23,7 @@ _KINDS = {
 }
 #: What PhysX, MuJoCo and Newton add to UsdPhysics: types, schemas and properties of prims.
 _ADDED = re.compile("physx|mjc|newton", re.I)
-#: What of it moves nothing: contacts, solvers, limits, pictures, schemas that only have properties.
+#: Those that move nothing: contacts, solvers, limits, pictures, schemas that only have properties.
 _HARMLESS = re.compile(
     r"collision|contact|material|site|imageable|keyframe|scene|articulation|report|trigger|solver|"
     r"solref|solimp|iteration|threshold|sleep|ccd|cfm|slop|projection|max|limit|frcrange|margin|"
@@ -66,11 +64,8 @@ class _Reader:
         self._world, self._physics = UsdGeom.XformCache(), UsdPhysics
         self._down = -np.eye(3)["XYZ".index(UsdGeom.GetStageUpAxis(self._stage))]
         self._prims = [prim for prim in self._stage.Traverse() if prim.IsActive()]
-        moving = [
-            p
-            for p in self._prims
-            if _get(p, "rigidBodyEnabled") and not _get(p, "kinematicEnabled")
-        ]
+        moving = [p for p in self._prims if _get(p, "rigidBodyEnabled")]
+        moving = [p for p in moving if not _get(p, "kinematicEnabled")]
         self._bodies = {p.GetPath(): p for p in moving if p.HasAPI(UsdPhysics.RigidBodyAPI)}
         self._names = _names(self._bodies.values())
         self._at = {name: self._place(self._bodies[path]) for path, name in self._names.items()}
@@ -96,7 +91,7 @@ class _Reader:
         return graph
 
     def _matrix(self, prim: Any) -> Array:
-        """From coordinates of a prim to those of the world, [m]; they are columns."""
+        """The matrix from coordinates of a prim, as columns, to those of the world, [m]."""
         matrix = np.array(self._world.GetLocalToWorldTransform(prim)).T
         matrix[:3] *= self._unit
         return matrix

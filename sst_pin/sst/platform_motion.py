@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array, empty, finite_array, whole_number
 from ..chain.joint_space import without_sign_changes
-from ..description import MOTOR_NAMES
+from ..description.frames import MOTOR_NAMES
 from ..errors import FileFormatError, InputError
 from ..files import Table
 from ..motion.motion_columns import rotations_in

@@ -14,7 +14,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from .. import description
 from ..arrays import Array, finite_array, in_one_turn, of_samples, single_array
 from ..chain.appearance import Appearance
 from ..chain.backend import Backend
@@ -24,8 +23,10 @@ from ..chain.current import Current
 from ..chain.mechanism import Friction, Mechanism
 from ..chain.reference import Reference
 from ..chain.tree import frame_named
-from ..description import MOTOR_NAMES
+from ..description.folder import URDF_PATH, YAML_PATH, yaml_of
+from ..description.frames import MOTOR_NAMES
 from ..description.parameters import Parameters
+from ..description.urdf_writer import urdf_of
 from ..errors import DescriptionError, FileFormatError, InputError, SSTError, WorkspaceError
 from ..files import Table
 from ..motion.limits import Verdict
@@ -68,8 +69,8 @@ def _geometry(model: pin.Model) -> Geometry:
 
 def _described(parameters: Parameters) -> Described:
     """What the files of parameters say."""
-    urdf = Urdf(description.urdf_of(parameters), "URDF of the parameters")
-    cuts = parse_cuts(description.yaml_of(parameters), "cuts of the parameters")
+    urdf = Urdf(urdf_of(parameters), "URDF of the parameters")
+    cuts = parse_cuts(yaml_of(parameters), "cuts of the parameters")
     shapes = partial(star_appearance.shapes_of, urdf.root, parameters)
     return closed(urdf, cuts)._replace(shapes=shapes)
 
@@ -116,7 +117,7 @@ class SST(ClosedChain):
 
     def __init__(self, parameters: Parameters | None = None, *, kernels: bool = True) -> None:
         if parameters is None:
-            self._load(read_urdf(description.URDF_PATH, description.YAML_PATH), kernels)
+            self._load(read_urdf(URDF_PATH, YAML_PATH), kernels)
         elif not isinstance(parameters, Parameters):
             raise InputError(
                 "parameters", f"{parameters!r} is not Parameters; to read a file use SST.from_urdf"
@@ -147,7 +148,7 @@ class SST(ClosedChain):
             >>> robot.motor_names
             ('gamma_1', 'gamma_2', 'gamma_3')
         """
-        found = read_urdf(path, cuts, default=description.YAML_PATH)
+        found = read_urdf(path, cuts, default=YAML_PATH)
         return cls._of_file(found, kernels)
 
     @classmethod

@@ -5,19 +5,19 @@ from pathlib import Path
 
 import pinocchio as pin
 
-from .. import description
 from ..arrays import Array
-from ..description import base_orientations, star_orientations
+from ..description.folder import URDF_PATH, YAML_PATH
+from ..description.frames import base_orientations, star_orientations
 from ..description.parameters import Parameters
 from ..errors import DescriptionError, SingularConfigurationError
-from ..files import as_path, beside
+from ..files import as_path
 from ..reading import read_urdf
 from . import kinematics
 from .platform_motion import paper_circle
 from .robot import SST
 
 
-def load(urdf: str | Path = description.URDF_PATH) -> pin.RobotWrapper:
+def load(urdf: str | Path = URDF_PATH) -> pin.RobotWrapper:
     """The tree with its geometry and its named configurations.
 
     Args:
@@ -36,11 +36,13 @@ def load(urdf: str | Path = description.URDF_PATH) -> pin.RobotWrapper:
         9
     """
     path = as_path(urdf)
-    found = read_urdf(path, default=description.YAML_PATH)
+    found = read_urdf(path, default=YAML_PATH)
     sst = SST._of_file(found, kernels=False)
     model, srdf = sst.model, found.srdf
     if srdf is None:
-        raise DescriptionError(str(beside(path, ".srdf")), ["the SRDF beside the URDF is missing"])
+        raise DescriptionError(
+            str(path.with_suffix(".srdf")), ["the SRDF beside the URDF is missing"]
+        )
     visual, collision = (
         found.shapes(model, kind) for kind in (pin.GeometryType.VISUAL, pin.GeometryType.COLLISION)
     )

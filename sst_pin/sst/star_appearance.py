@@ -10,11 +10,11 @@ import numpy as np
 import pinocchio as pin
 
 from ..chain.appearance import Appearance, DrawnFrame
-from ..description import mesh_writers
 from ..description.colours import LEG_COLOURS
 from ..description.parameters import Parameters
+from ..description.parts import mesh_writers
 from ..files import write_files
-from ..reading.shapes import UrdfShapes
+from ..reading.shapes import urdf_shapes
 from .check import arc_ends
 from .kinematics import Geometry
 
@@ -25,7 +25,7 @@ def shapes_of(root: ET.Element, parameters: Parameters, model: pin.Model) -> pin
         folder = Path(name)
         files = mesh_writers(parameters)
         write_files({folder / n: write for n, write in files.items()}, folder=folder)
-        return UrdfShapes(root, folder)(model)
+        return urdf_shapes(root, folder, model)
 
 
 def appearance_of(geometry: Geometry, radius: float) -> Appearance:

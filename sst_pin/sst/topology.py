@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Array
 from ..chain.mechanism import Friction, read_only
 from ..chain.tree import frame_named
-from ..description import JOINT_NAMES, base_orientations
+from ..description.frames import JOINT_NAMES, base_orientations
 from ..description.parameters import Parameters, RigidBody
 from ..errors import DescriptionError
 from .kinematics import Geometry

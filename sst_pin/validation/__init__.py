@@ -1,10 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Report of all problems of a robot description, for any robot."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import NamedTuple
 
 from ..chain.closed_chain import ClosedChain
 from ..errors import ClosureError, DescriptionError, InputError
@@ -15,18 +12,6 @@ from . import whole_robot
 from .link_contents import check_inertias, check_shapes
 
 __all__ = ["Problem", "examine", "validate"]
-
-
-class Examined(NamedTuple):
-    """What was found in a description.
-
-    Attributes:
-        problems: Errors first, then warnings.
-        summary: Joints, mass and mobility of a robot without errors.
-    """
-
-    problems: list[Problem]
-    summary: str = ""
 
 
 def validate(path: str | Path, cuts: str | Path | None = None) -> list[Problem]:
@@ -55,11 +40,11 @@ def validate(path: str | Path, cuts: str | Path | None = None) -> list[Problem]:
         >>> sst_pin.validate(sst_pin.URDF_PATH)
         []
     """
-    return examine(path, cuts).problems
+    return examine(path, cuts)[0]
 
 
-def examine(path: str | Path, cuts: str | Path | None = None) -> Examined:
-    """Problems and summary of a robot; arguments as in `validate`."""
+def examine(path: str | Path, cuts: str | Path | None = None) -> tuple[list[Problem], str]:
+    """What `validate` gives, and joints, mass and mobility of a robot without errors."""
     if isinstance(path, (str, Path)) and is_mjcf(Path(path)):
         if cuts is not None:
             raise InputError("cuts", "an MJCF contains its closures and motors")
@@ -67,7 +52,7 @@ def examine(path: str | Path, cuts: str | Path | None = None) -> Examined:
     try:
         urdf = Urdf.read(path)
     except DescriptionError as caught:
-        return Examined(whole_robot.errors_of(caught, "file"))
+        return whole_robot.errors_of(caught, "file"), ""
     path, problems = Path(path), list(urdf.problems)
     robot: whole_robot.Robot = None
     if not any(problem.severity == "error" for problem in problems):  # Pinocchio needs a tree
@@ -77,10 +62,12 @@ def examine(path: str | Path, cuts: str | Path | None = None) -> Examined:
     return _examined(problems, robot, path)
 
 
-def _examined(problems: list[Problem], robot: whole_robot.Robot, path: Path) -> Examined:
+def _examined(
+    problems: list[Problem], robot: whole_robot.Robot, path: Path
+) -> tuple[list[Problem], str]:
     problems = sorted(problems, key=lambda problem: problem.severity)
     if robot is None or any(problem.severity == "error" for problem in problems):
-        return Examined(problems)
+        return problems, ""
     model = robot.model if isinstance(robot, ClosedChain) else robot
     try:
         mobility = f"joints              {model.njoints - 1}, an open tree: no {path.stem}.yaml"
@@ -89,4 +76,4 @@ def _examined(problems: list[Problem], robot: whole_robot.Robot, path: Path) -> 
     except ClosureError as caught:
         mobility = str(caught)
     mass = sum(inertia.mass for inertia in list(model.inertias)[1:])
-    return Examined(problems, f"{mobility}\nmoving mass         {mass:.6g} kg")
+    return problems, f"{mobility}\nmoving mass         {mass:.6g} kg"

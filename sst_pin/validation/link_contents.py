@@ -1,17 +1,14 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Checks of what links hold: inertias that a body can have, meshes that exist, for every tool."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from os.path import isfile
 from pathlib import Path
 
 from ..arrays import Array
-from ..reading.inertias import impossible, mass_of, principal_moments
 from ..reading.problems import Problem, error, warning
-from ..reading.urdf_checks import no_numbers
+from ..reading.urdf_checks import impossible, mass_of, no_numbers, principal_moments
 
 #: Heaviest over lightest moving link, beyond which half the digits are gone.
 _SPREAD = 1e8

@@ -93,13 +93,12 @@ class VirtualWork:
         t: ArrayLike,
         *,
         tolerance: float = 1e-11,
-        sign_width: float = 1e-3,
     ) -> tuple[Array, Array]:
         """R, (N, 3, 3), and omega, (N, 3), of the star at times t by direct dynamics.
 
         `torque(t, R, omega)` gives motor torques, [N m]; R0 and omega0 are the state at t[0], and
         `tolerance` is that of the integrator, relative and absolute. In Coulomb friction sign(x) is
-        taken as tanh(x / sign_width), [rad/s].
+        taken as tanh(x / 0.001 rad/s).
         """
         times = finite_array("t", t, ())
         if times.ndim != 1 or not len(times) or (np.diff(times) <= 0).any():
@@ -114,7 +113,7 @@ class VirtualWork:
                 return state
             R, omega = _pose(state)
             try:
-                star = self._star(R, omega, sign_width=sign_width)
+                star = self._star(R, omega, sign_width=1e-3)
             except SSTError as error:  # a trial step went too far: NaN asks for a shorter one
                 failure = f" ({error})"
                 return np.full(12, np.nan)
@@ -154,10 +153,8 @@ class VirtualWork:
         R = np.broadcast_to(R, (*np.broadcast_shapes(R.shape[:-2], omega.shape[:-1]), 3, 3))
         e, n, w = np.broadcast_to(self._e, R.shape), self._n_E @ R.mT, omega[..., None, :]
         p = np.cross(e, n)
-        c, s2 = (
-            np.vecdot(e, n)[..., None],
-            np.vecdot(p, p)[..., None],
-        )  # cosine and sine^2 of their angle
+        # Cosine and sine^2 of their angle.
+        c, s2 = np.vecdot(e, n)[..., None], np.vecdot(p, p)[..., None]
         _require(s2.min(axis=(-2, -1)), "a leg is in the plane of its arc")
         u = self._branch[:, None] * p / np.sqrt(s2)
         g, b = (e - c * n) / s2, (n - c * e) / s2

@@ -28,8 +28,7 @@ class CommandBuffer:
     def __init__(self) -> None:
         #: Packed for the page, by type, node and property.
         self.commands: dict[tuple[str, str, str], bytes] = {}
-        #: Receives each command.
-        self.listener: Callable[[bytes], None] | None = None
+        self.listener: Callable[[bytes], None] | None = None  #: Receives each command.
 
     def send(self, command: Any) -> None:
         """Receive a command of Meshcat."""
@@ -89,7 +88,10 @@ class MeshcatScene:
             for shape in self._scene.moving:
                 mover = f"{_GHOST}/{_GHOST}/{shape.mover}"
                 self._add(shape._replace(mover=mover, opacity=_FAINT * shape.opacity))
-            placed = [self._ghost(q) for q in ghost.q]
+            movers = dict.fromkeys(shape.mover for shape in self._scene.moving)
+            nodes = {f"{_ROOT}/{_GHOST}/{_GHOST}/{mover}": mover for mover in movers}
+            poses = map(self._scene.poses, ghost.q)
+            placed = [{node: at[mover] for node, mover in nodes.items()} for at in poses]
             for node, matrix in placed[0].items():
                 self._root[node].set_transform(matrix)
             self._move(animation, ghost.t - motion.t[0], placed)
@@ -98,8 +100,6 @@ class MeshcatScene:
             self._add(self._scene.trail(motion.q))
         self._root.set_animation(animation)
 
-    # --- inside -----------------------------------------------------------------------------
-
     def _move(self, animation: Animation, times: Array, placed: list[dict[str, Array]]) -> None:
         """Keys of an animation for homogeneous matrices of nodes over time."""
         for node in placed[0]:
@@ -107,12 +107,6 @@ class MeshcatScene:
             for name, kind, values in _tracks([matrices[node] for matrices in placed]):
                 for key.current_frame, value in zip(times.tolist(), values, strict=True):
                     key.set_property(name, kind, value)
-
-    def _ghost(self, q: Array) -> dict[str, Array]:
-        """Homogeneous matrices of the nodes of the ghost that move."""
-        poses = self._scene.poses(q)
-        movers = dict.fromkeys(shape.mover for shape in self._scene.moving)
-        return {f"{_ROOT}/{_GHOST}/{_GHOST}/{mover}": poses[mover] for mover in movers}
 
     def _add(self, shape: Shape) -> None:
         vertices, faces = shape.mesh

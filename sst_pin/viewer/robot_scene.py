@@ -121,8 +121,6 @@ class Scene:
         """The path of the point as a thin line."""
         return Shape("0", "trail", "path", tube(self._path(q), 0.004 * self.size), _PATH)
 
-    # --- inside -----------------------------------------------------------------------------
-
     def _joints(self, q: Array) -> Array:
         pin.forwardKinematics(self._model, self._data, q)
         return np.array([at.homogeneous for at in self._data.oMi])

@@ -12,6 +12,7 @@ import trimesh
 from numpy.typing import ArrayLike
 
 from ..arrays import Array
+from ..description.solids import lofted
 from ..errors import InputError
 from .scene_parts import Mesh, Shape
 
@@ -39,17 +40,9 @@ def tube(points: ArrayLike, radii: ArrayLike, sides: int = 14) -> Mesh:
     angles = np.linspace(0, 2 * np.pi, sides, endpoint=False)[:, None, None]
     ring = np.cos(angles) * normals + np.sin(angles) * np.cross(tangents, normals)
     rings = points[:, None] + radii[:, None, None] * ring.swapaxes(0, 1)
-    here = np.arange(len(points) * sides).reshape(len(points), sides)
-    beside = np.roll(here, -1, axis=1)
-    ahead, across = here[1:], beside[1:]
-    here, beside = here[:-1], beside[:-1]
-    wall = np.stack([here, beside, across, here, across, ahead], axis=-1).reshape(-1, 3)
-    first, last = np.full(sides, rings.size // 3), np.full(sides, rings.size // 3 + 1)
-    ends = np.stack([(first, beside[0], here[0]), (last, ahead[-1], across[-1])])
-    return Mesh(
-        np.concatenate([rings.reshape(-1, 3), points[[0, -1]]]),
-        np.concatenate([wall, ends.swapaxes(1, 2).reshape(-1, 3)]),
-    )
+    vertices, faces = lofted(rings)
+    wall = faces[: -2 * sides].reshape(2, -1, sides, 3).swapaxes(0, 1)  # now along the line
+    return Mesh(vertices, np.concatenate([wall.reshape(-1, 3), faces[-2 * sides :]]))
 
 
 def _tangents(points: Array) -> Array:

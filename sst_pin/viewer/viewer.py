@@ -101,8 +101,6 @@ class Viewer:
         self._note = ""
         self.show(self._scene.start)
 
-    # --- what is shown ----------------------------------------------------------------------
-
     def show(self, q: ArrayLike, tau: ArrayLike | None = None) -> None:
         """Show a configuration.
 
@@ -192,8 +190,6 @@ class Viewer:
             ('the loops are open by ... (m or rad)',)
         """
         return tuple(self._panel["warnings"])
-
-    # --- where it is shown ------------------------------------------------------------------
 
     @property
     def html(self) -> str:
@@ -306,8 +302,6 @@ class Viewer:
         """The page in a notebook; a copy, which needs no port."""
         style = "width: 100%; height: 540px; border: 0"
         return f'<iframe srcdoc="{html.escape(self.html)}" style="{style}"></iframe>'
-
-    # --- inside -----------------------------------------------------------------------------
 
     @cached_property
     def _functions(self) -> str:

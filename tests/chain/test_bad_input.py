@@ -270,6 +270,7 @@ def test_only_one_sample_where_one_is_meant(robot):
     "error",
     [
         errors.InputError("q", "bad"),
+        errors.AssignmentError("actuated", "cannot be assigned"),
         errors.ParametersError(["a", "b"]),
         errors.DescriptionError("file", ["a"]),
         errors.UnknownNameError("joint", "x", ["y"]),
@@ -286,6 +287,7 @@ def test_errors_come_back_whole_from_worker_processes(error):
     assert isinstance(copy, sst_pin.SSTError)
     assert str(copy) == str(error)
     assert copy.__dict__ == error.__dict__
+    assert getattr(copy, "name", "") == getattr(error, "name", "")
 
 
 def test_motors_that_do_not_move_the_robot_are_told():

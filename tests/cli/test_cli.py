@@ -9,7 +9,7 @@ import pytest
 
 import sst_pin
 from command_line import run
-from sst_pin.description import urdf_of
+from sst_pin.description.urdf_writer import urdf_of
 from sst_pin.sst import paper
 from sst_pin.verification.sampling import random_parameters
 

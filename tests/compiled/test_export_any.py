@@ -17,7 +17,8 @@ from sst_pin import ClosedChain, robots
 from sst_pin.cli import main
 from sst_pin.compiled import build
 from sst_pin.compiled.export import c_files
-from sst_pin.description import urdf_of, yaml_of
+from sst_pin.description.folder import yaml_of
+from sst_pin.description.urdf_writer import urdf_of
 from sst_pin.errors import DescriptionError, InputError
 from sst_pin.files import write_files
 from sst_pin.verification.sampling import random_parameters

@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 import sst_pin
-from sst_pin.description import JOINT_NAMES, base_orientations
+from sst_pin.description.frames import JOINT_NAMES, base_orientations
 
 ROOT = Path(__file__).resolve().parents[2]
 

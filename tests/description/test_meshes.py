@@ -16,7 +16,8 @@ import trimesh
 import make_description
 import sst_pin
 from sst_pin import Parameters
-from sst_pin.description import description_writers, meshes_of
+from sst_pin.description.folder import description_writers
+from sst_pin.description.parts import meshes_of
 from sst_pin.files import write_files
 from sst_pin.sst.paper import PERIOD, example_1
 from sst_pin.sst.robot_wrapper import configurations_of

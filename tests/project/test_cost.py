@@ -50,21 +50,21 @@ def test_counted_expressions_compute_the_right_numbers(robot, problem, method):
     """Robots that the page does not have, all samples, 1e-9 of the largest torque."""
     robot = ODD_ROBOTS[robot]()
     e = cost.equations_of(robot)
-    cost.require_right(robot, e, problem, method, cost.count(e, problem, method))
+    cost.require_right(robot, e, problem, method, cost.expression(e, problem, method))
 
 
 @pytest.mark.parametrize("problem", ["inverse", "direct"])
 def test_virtual_work_computes_the_right_numbers(problem):
     robot = cost.by_virtual_work(ODD_ROBOTS["odd SST"]())
     e = cost.equations_of(robot)
-    cost.require_right(robot, e, problem, cost.SHORT, cost.count(e, problem, cost.SHORT))
+    cost.require_right(robot, e, problem, cost.SHORT, cost.expression(e, problem, cost.SHORT))
 
 
 def test_an_expression_with_a_wrong_term_is_not_counted(monkeypatch):
     monkeypatch.setitem(cost.INVERSE, cost.LONG, lambda e: e.inertia @ e.aa)
     robot = sst_pin.robots.planar_3rrr()
     e = cost.equations_of(robot)
-    counted = cost.count(e, "inverse", cost.LONG)
+    counted = cost.expression(e, "inverse", cost.LONG)
     with pytest.raises(ArithmeticError, match="every term"):
         cost.require_right(robot, e, "inverse", cost.LONG, counted)
 
@@ -83,7 +83,8 @@ def test_the_form_matters_more_than_the_method():
     robot = sst_pin.SST(kernels=False)
     for found, case in ((all_, robot), (work, cost.by_virtual_work(robot))):
         e = cost.equations_of(case)
-        found |= {m: cost.count(e, "inverse", m).tally.total() for m in (cost.LONG, cost.SHORT)}
+        for method in (cost.LONG, cost.SHORT):
+            found[method] = cost.operations(cost.expression(e, "inverse", method)).total()
     assert all_[cost.LONG] > 2 * all_[cost.SHORT]
     assert work[cost.SHORT] == pytest.approx(all_[cost.SHORT], rel=0.2)
 

@@ -588,7 +588,7 @@ def test_motors_that_are_named_count_in_the_place_of_the_files(mjcf):
         read_mjcf(mjcf)
     read = read_mjcf(mjcf, actuated=["ja"])
     assert read.actuated == ["ja"]
-    assert len(read.shapes.bodies) == 5  # for pictures
+    assert len(read.shapes.args[1]) == 5  # for pictures
 
 
 def test_what_a_flag_disables_is_not_read(mjcf):

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import sst_pin
-from sst_pin.description import urdf_of
+from sst_pin.description.urdf_writer import urdf_of
 from sst_pin.sst import workspace as workspace_module
 from sst_pin.sst.workspace import Chart, WorkspaceMap, workspace_at, workspace_over_rolls
 from sst_pin.verification.sampling import random_parameters

@@ -42,7 +42,7 @@ class Tool:
 
     @classmethod
     def missing(cls) -> str:
-        """Why the program cannot be used here; empty when it can."""
+        """The reason why the program cannot be used here; empty when it can."""
         return "" if util.find_spec(cls.module) else f"{cls.distribution} is not installed"
 
     @classmethod

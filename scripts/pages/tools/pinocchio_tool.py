@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
+from sst_pin.chain.runge_kutta import runge_kutta_step
+
 from . import CLOSURES, Array, Tool
 
 #: Step of the Runge-Kutta method, [s].
@@ -51,16 +53,13 @@ class Pinocchio(Tool):
         settings = pin.ProximalSettings(1e-14, 1e-6, 10)
         pin.initConstraintDynamics(model, data, closures, state)
 
-        def rate(x: Array) -> Array:
+        def rate(_: int, x: Array) -> Array:
             q, v = np.split(x, 2)
             free = np.zeros(model.nv)
             a = pin.constraintDynamics(model, data, q, v, free, closures, state, settings)
             return np.concatenate([v, a])
 
-        x, h = np.concatenate([q0, np.zeros(model.nv)]), _STEP
-        for _ in range(round(duration / h)):
-            k1 = rate(x)
-            k2 = rate(x + h / 2 * k1)
-            k3 = rate(x + h / 2 * k2)
-            x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + rate(x + h * k3))
+        x = np.concatenate([q0, np.zeros(model.nv)])
+        for _ in range(round(duration / _STEP)):
+            x = runge_kutta_step(rate, x, _STEP)
         return x[: model.nq]

@@ -22,7 +22,7 @@ from ...compiled import build
 from ...compiled.build import Code
 from ...compiled.compiled_backend import DERIVATIVES, CompiledBackend
 from ...compiled.open_numbers import OpenNumbers
-from ...description import JOINT_NAMES, MOTOR_NAMES
+from ...description.frames import JOINT_NAMES, MOTOR_NAMES
 from ...errors import CompilationError
 from ..topology import CUTS
 

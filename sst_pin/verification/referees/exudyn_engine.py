@@ -17,9 +17,8 @@ from scipy.spatial.transform import Rotation
 from ...arrays import Array, in_one_turn
 from ...description.parameters import Parameters
 from ...errors import InputError
-from . import Moment
+from . import LegAxes, Moment, legs, require_same
 from .exudyn_robot import ExudynRobot, frames, of_all_bodies, turning
-from .geometry import LegAxes, legs, require_same
 
 #: Orientation, angular velocity and acceleration of the star as functions of time, base axes.
 StarMotion = Callable[[float], tuple[ArrayLike, ArrayLike, ArrayLike]]

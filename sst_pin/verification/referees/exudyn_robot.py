@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike
 
 from ...arrays import Array
 from ...description.parameters import Parameters
-from . import engine
-from .geometry import LegAxes, legs
+from . import LegAxes, engine, legs
 
 #: Turns of the three motors as a function of time, shape (3,), [rad].
 Turns = Callable[[float], Array]
@@ -157,11 +156,8 @@ def turning(pose: LegAxes, omega: Array, alpha: Array) -> tuple[Array, Array, Ar
     second = _solve(axes, alpha - u_turns - n_turns)
     link_rate = second[:, :1] * e
     passive_rate = link_rate + second[:, 1:2] * u + u_turns
-    return (
-        rates,
-        of_all_bodies(link, passive, omega),
-        of_all_bodies(link_rate, passive_rate, alpha),
-    )
+    spins = of_all_bodies(link, passive, omega)
+    return rates, spins, of_all_bodies(link_rate, passive_rate, alpha)
 
 
 def _solve(matrices: Array, rows: Array) -> Array:

@@ -19,8 +19,7 @@ from ...chain.closures import Closure, Coupling, Distance, Rolling, frames_of
 from ...chain.mechanism import Mechanism
 from ...description.parameters import Parameters
 from ...sst.robot import SST
-from . import Moment
-from .geometry import legs, require_same
+from . import Moment, legs, require_same
 
 #: Singular values below this count as redundant closures, relative to the largest.
 _REDUNDANT = 1e-10

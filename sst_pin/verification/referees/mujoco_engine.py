@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from ...arrays import Array
-from ...description import star_orientations, urdf_of
+from ...description.frames import star_orientations
 from ...description.parameters import Parameters
-from . import Moment, engine
-from .geometry import legs, require_same
+from ...description.urdf_writer import urdf_of
+from . import Moment, engine, legs, require_same
 
 _STARS = ("star_1", "star_2", "star_3")
 
