@@ -6,10 +6,10 @@ from pathlib import Path
 
 from .. import identification
 from ..errors import InputError
-from ..files import Writer, text_writer
+from ..files import Writer, require_ending, text_writer
 from ..identification.urdf_numbers import with_dynamics
 from ..motion.motion_files import read_log, read_poses
-from ..reading import is_mjcf
+from ..reading import cuts_beside, is_mjcf
 from . import common
 
 _COUNT = common.number("a count", lambda n: n >= 1, int)
@@ -34,15 +34,18 @@ def add_identify(commands: common.Commands) -> None:
     text = "use one of N samples, after a filter on both sides of the equations (default: 1)"
     parser.option("--decimate N", text, _COUNT, default=1)
     parser.option("--robust", "let outliers count less")
-    text = "write the URDF of --robot with the parameters found, its .yaml beside it"
+    text = "write the URDF of --robot with the parameters found, its .yaml and .srdf beside it"
     parser.option("--urdf FOUND.urdf", text, Path)
 
 
 def _identify(arguments: argparse.Namespace) -> int:
     output = arguments.output
+    require_ending(common.output_name(output, ".md"), ".md")
     pictures = {} if str(output) == "-" else {"plot": "matplotlib"}
     common.require_extras(identification="clarabel", **pictures)
     urdf = _urdf_of(arguments) if arguments.urdf else None
+    if urdf:
+        require_ending(arguments.urdf, ".urdf")
     robot, source = common.robot_of(arguments), common.source_of(arguments.log)
     t, x, tau, start = read_log(robot, source)
     motion = identification.measured_motion(robot, t, x, tau, cutoff=arguments.cutoff, start=start)
@@ -52,7 +55,7 @@ def _identify(arguments: argparse.Namespace) -> int:
     options = {"robust": arguments.robust, "decimate": arguments.decimate}
     found = identification.estimate(robot, base, seen.q, seen.va, seen.aa, seen.tau, **options)
     theta = identification.consistent_parameters(robot, found)
-    text, files = identification.report(robot, found, theta, unseen), {}
+    text, files = identification.report(robot, found, theta, unseen), dict[Path, Writer]()
     if pictures:
         from .. import plots
 
@@ -105,7 +108,7 @@ def add_calibrate(commands: common.Commands) -> None:
         "and FRAME_x_m, FRAME_y_m, FRAME_z_m (or _mm), perhaps FRAME_qw, _qx, _qy, _qz.",
     )
     parser.add_input("poses", "measured poses")
-    text = "calibrated URDF, its .yaml beside it; - writes the URDF"
+    text = "calibrated URDF, its .yaml and .srdf beside it; - writes the URDF"
     parser.add_output("CALIBRATED.urdf", text)
     parser.option("--frame FRAME", "the frame that was measured", required=True)
     parser.option(
@@ -117,6 +120,7 @@ def add_calibrate(commands: common.Commands) -> None:
 
 def _calibrate(arguments: argparse.Namespace) -> int:
     urdf = _urdf_of(arguments)
+    require_ending(common.output_name(arguments.output, ".urdf"), ".urdf")
     robot, frame = common.robot_of(arguments), arguments.frame
     source = common.source_of(arguments.poses)
     x, poses, start = read_poses(robot, source, frame)
@@ -136,8 +140,11 @@ def _urdf_of(arguments: argparse.Namespace) -> Path:
 
 
 def _with_closures(text: str, urdf: Path, output: Path) -> dict[Path, Writer]:
-    """Writers of a URDF and of the YAML beside the first one."""
+    """Writers of a URDF, and of the YAML and the SRDF with which the first one is read."""
     files = {output: text_writer(text)}
-    if str(output) != "-" and (cuts := urdf.with_suffix(".yaml")).is_file():
-        files[output.with_suffix(".yaml")] = text_writer(cuts.read_text(encoding="utf-8"))
+    if str(output) != "-":
+        for ending, path in ((".yaml", cuts_beside(urdf)), (".srdf", urdf.with_suffix(".srdf"))):
+            if path is not None and path.is_file():
+                copy = output.with_suffix(ending)
+                files[copy] = text_writer(path.read_text(encoding="utf-8"))
     return files

@@ -6,13 +6,15 @@ import argparse
 import numpy as np
 
 from ..errors import FileFormatError
-from ..files import text_writer
+from ..files import require_ending, text_writer
 from ..motion.motion_files import load_motion, motion_table, read_motion, read_start, read_torques
 from ..summaries import listed
 from . import common
 
 #: Exit code of a motion that stops before the last time; the motion until then is written.
 CUT_SHORT = 3
+#: Endings of figures.
+PICTURES = (".png", ".svg", ".pdf")
 #: `plots.SUBJECTS`, without importing matplotlib.
 SUBJECTS = ("path", "torques", "joints", "rates", "power", "energy", "condition")
 
@@ -72,7 +74,7 @@ def _loads(arguments: argparse.Namespace) -> int:
         return 1
     loads, output = robot.loads(motion), arguments.output
     writer = text_writer(loads.csv)
-    if output.suffix.lower() in (".png", ".svg", ".pdf"):
+    if require_ending(common.output_name(output, ".csv"), ".csv", *PICTURES) != ".csv":
         from .. import plots  # needs the extra `plot`
 
         writer = plots.figure_writer(plots.loads_page(loads), output)
@@ -160,7 +162,7 @@ def _plot(arguments: argparse.Namespace) -> int:
     from .. import plots  # needs the extra `plot`
 
     name = common.output_name(arguments.output, ".png")
-    plots.require_ending(name)
+    plots.picture_kind(name)
     robot = common.robot_of(arguments)
     motion = load_motion(robot, common.source_of(arguments.motion))
     if len(motion) < 2:

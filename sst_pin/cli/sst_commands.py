@@ -97,7 +97,7 @@ def _workspace(arguments: argparse.Namespace) -> None:
     from .. import plots  # needs the extra `plot`
 
     name = common.output_name(arguments.output, ".png")
-    plots.require_ending(name)
+    plots.picture_kind(name)
     robot = common.sst_of(arguments)
     at_psi = workspace_at(robot, np.radians(arguments.psi))
     if str(arguments.data) == str(arguments.output) == "-":

@@ -155,6 +155,9 @@ def calibrate(
         try:
             found, values, root, noise = _found(large, errors, drawn, measured, tolerance)
             break
+        except SingularConfigurationError:
+            problem = "the errors open loops together, as the robot is overconstrained; name fewer"
+            raise InputError("which", f'{problem}, such as those of motors, "motor.r*"') from None
         except _UnsettledError as error:
             if tolerance == _TOLERANCES[-1]:
                 raise InputError("poses", str(error)) from None

@@ -111,13 +111,14 @@ def consistent_parameters(
     wall = np.vstack(walls)
     y, status = _nearest(np.linalg.solve(R.T, wall.T).T, wall @ best - np.concatenate(floor), cones)
     best += solve_triangular(R, y)
-    bodies = best[: 10 * free.size].reshape(-1, 10)
-    reached = status in ("Solved", "AlmostSolved")
-    if not (reached and np.linalg.eigvalsh(pseudo_inertias(bodies)).min(initial=1.0) > 0):
-        problem = f"no parameters of bodies were found near it: {status}; a larger prior helps"
-        raise InputError("found", problem)
+    bodies = pseudo_inertias(best[: 10 * free.size].reshape(-1, 10))
+    least = np.linalg.eigvalsh(bodies).min(initial=1.0)
+    if status not in ("Solved", "AlmostSolved") or not least > 0:
+        raise InputError("found", f"no bodies were found near it: {status}; a larger prior helps")
     theta = cad.copy()
     theta[columns] = best * units
+    # The solver passes walls by its tolerance.
+    theta[others[positive]] = np.maximum(theta[others[positive]], 0)
     return DynamicParameters(chain.dynamic_parameters.names, theta)
 
 

@@ -21,6 +21,8 @@ from .base_parameters import BaseParameters, random_states
 
 #: Samples of a motion that is judged, for each harmonic.
 _SAMPLES = 12
+#: Most samples of a period.
+_MOST = 100_000
 #: Parts of an amplitude that are tried before another motion.
 _PARTS = 0.7 ** np.arange(9)
 
@@ -110,6 +112,9 @@ def excitation(
 
     period, n = positive_number("duration", duration), len(chain.coordinates)
     fine = positive_number("dt", dt)
+    if period > _MOST * fine:
+        problem = f"{period:g} s have more than {_MOST:g} samples of {fine:g} s"
+        raise InputError("duration", problem)
     count, tries = whole_number("harmonics", harmonics, 2), whole_number("tries", tries, 1)
     mechanism, random = chain.mechanism, np.random.default_rng(whole_number("seed", seed, 0))
     model, space = mechanism.model, mechanism.space

@@ -77,7 +77,9 @@ def measured_motion(
     even = np.linspace(times[0], times[-1], len(times))
     rate = 1 / (even[1] - even[0])
     if not (cutoff < rate / 2 and even[-1] - even[0] > 8 * period):
-        raise InputError("cutoff", f"{cutoff:g} Hz, of {even[-1] - even[0]:g} s at {rate:g} Hz")
+        told = f"{cutoff:g} Hz, of {even[-1] - even[0]:g} s at {rate:g} Hz"
+        low, high = 8 / (even[-1] - even[0]), rate / 2
+        raise InputError("cutoff", f"{told}; needed: more than {low:.3g} and less than {high:.3g}")
     gap = int(np.diff(times).argmax())
     if (missing := times[gap + 1] - times[gap]) > period / 2:
         problem = f"no samples for {missing:.3g} s from {times[gap]:.6g} s on"

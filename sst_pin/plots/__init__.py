@@ -22,7 +22,7 @@ from .pages import summary_of as summary_of  # with an alias: for the commands a
 from .paper_figures import paper_figures as paper_figures
 from .space import frame_path, paths_on_sphere, robot_pose
 from .style import figure_writer as figure_writer
-from .style import require_ending as require_ending
+from .style import picture_kind as picture_kind
 from .style import style
 from .workspace_maps import workspace_legend, workspace_map, workspace_on_sphere
 

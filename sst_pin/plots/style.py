@@ -12,8 +12,7 @@ from cycler import cycler
 from matplotlib.figure import Figure
 
 from ..description.colours import HUES
-from ..errors import OutputError
-from ..files import Writer, as_path
+from ..files import Writer, require_ending
 
 Axes = Any
 
@@ -63,17 +62,14 @@ class StyledFigure(Figure):
         return file.getvalue()
 
 
-def require_ending(path: str | Path) -> str:
+def picture_kind(path: str | Path) -> str:
     """Kind of picture by the ending of a path; OutputError unless it is .png, .svg or .pdf."""
-    ending = as_path(path).suffix.lower()
-    if ending[1:] not in _METADATA:
-        raise OutputError(path, f"ending {ending!r} unknown; known: .png, .svg, .pdf")
-    return ending[1:]
+    return require_ending(path, *(f".{kind}" for kind in _METADATA))[1:]
 
 
 def figure_writer(figure: Figure, path: str | Path) -> Writer:
     """A function that writes a figure in the format of the path's ending."""
-    kind = require_ending(path)
+    kind = picture_kind(path)
 
     def write(file: Any) -> None:
         with style():

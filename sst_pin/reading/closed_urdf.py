@@ -54,15 +54,19 @@ def read_cuts(urdf: Urdf, path: str | Path | None, default: str | Path | None = 
 
     The YAML beside it has its name, or is a `loop_closures.yaml` of its package.
     """
-    own = Path(urdf.source)
-    package = own.parent.parent if own.parent.name == "urdf" else own.parent
-    folders = (own.parent, package, package / "config")
-    paths = [own.with_suffix(".yaml"), *(folder / "loop_closures.yaml" for folder in folders)]
     if path is None:
-        path = next((path for path in paths if path.is_file()), default)
+        path = cuts_beside(Path(urdf.source)) or default
     if path is None:
         return Cuts((), urdf.marks.independent, urdf.gravity, {})
     return parse_cuts(read_text(path, "YAML of the cuts"), str(path))
+
+
+def cuts_beside(urdf: Path) -> Path | None:
+    """The YAML with the cuts of a URDF, if there is one."""
+    package = urdf.parent.parent if urdf.parent.name == "urdf" else urdf.parent
+    folders = (urdf.parent, package, package / "config")
+    paths = [urdf.with_suffix(".yaml"), *(folder / "loop_closures.yaml" for folder in folders)]
+    return next((path for path in paths if path.is_file()), None)
 
 
 def with_poses(robot: Described, urdf: Urdf, locked: Collection[str] = ()) -> Described:

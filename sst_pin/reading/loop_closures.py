@@ -19,8 +19,8 @@ from ..chain.closures import Closure, Coupling
 from ..chain.starts import is_closed
 from ..chain.thresholds import RANK_TOLERANCE
 from ..chain.tree import frame_id
-from ..errors import DescriptionError, OutputError
-from ..files import as_path, text_writer, write_files
+from ..errors import DescriptionError
+from ..files import as_path, require_ending, text_writer, write_files
 from .cut_joints import CutJoint, turned
 from .problems import telling, vector
 
@@ -90,8 +90,7 @@ def write_loop_closures(chain: ClosedChain, path: str | Path, force: bool = Fals
         >>> print(open("loop_closures.yaml").readlines()[-1].strip())
         independent: [bar_0]
     """
-    if as_path(path).suffix.lower() not in (".yaml", ".yml"):
-        raise OutputError(path, f"ending {as_path(path).suffix!r} unknown; known: .yaml, .yml")
+    require_ending(path, ".yaml", ".yml")
     mechanism, model = chain.mechanism, chain.mechanism.model
     problems = [f"{line}: a force along a line" for line in mechanism.lines.forces]
     if not is_closed(chain, pin.neutral(model)):

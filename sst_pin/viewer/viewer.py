@@ -26,10 +26,9 @@ from ..errors import (
     ClosureError,
     DescriptionError,
     InputError,
-    OutputError,
     SingularConfigurationError,
 )
-from ..files import Writer, as_path, write_files
+from ..files import Writer, as_path, require_ending, write_files
 from ..motion.bearing_loads import reactions_along
 from ..motion.moving_robot import require_motion
 from ..motion.trajectories import Trajectory
@@ -229,9 +228,7 @@ class Viewer:
             ...     viewer.writer("four_bar.html")(file)
         """
         kinds: dict[str, Callable[[str], bytes]] = {".html": str.encode, ".png": png, ".gif": gif}
-        kind = as_path(path).suffix.lower()
-        if kind not in kinds:
-            raise OutputError(path, f"ending {kind!r} unknown; known: {', '.join(kinds)}")
+        kind = require_ending(path, *kinds)
         text = self.html
 
         def write(file: BinaryIO) -> None:

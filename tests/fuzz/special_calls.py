@@ -320,7 +320,7 @@ def pictures(w: World) -> Iterator[Call]:
         )
     odd = ([], (), "torques", ["torque"], [None], 5, "unknown", [["torques"]])
     yield from each("motion_page, subjects", lambda s: plots.motion_page(w.robot, m, s), odd)
-    yield from each("require_ending", plots.require_ending, ("a.jpg", "a.csv", b"a.png"))
+    yield from each("picture_kind", plots.picture_kind, ("a.jpg", "a.csv", b"a.png"))
     sizes = ((2, 3), (3, 2), (10**12, 3), (3, 10**12))
     yield from each("workspace_at", lambda size: workspace_at(w.robot, 0.0, *size), sizes)
     yield Call("workspace_over_rolls(10**12)", lambda: workspace_over_rolls(w.robot, 10**12, 3, 3))
