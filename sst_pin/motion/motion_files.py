@@ -53,7 +53,7 @@ def load_motion(chain: ClosedChain, source: str | Path | BinaryIO) -> Trajectory
 def motion_table(chain: ClosedChain, source: str | Path | BinaryIO) -> Table:
     """The columns of a motion in a CSV, or in an NPZ that `Trajectory.save` has written."""
     if _is_npz(source):
-        return _saved(chain, source).table(Path(source))
+        return _saved(chain, source)._table(Path(source))
     return read_table(source)
 
 
