@@ -74,6 +74,68 @@ def test_the_urdf_gets_the_parameters_found(here, capsys):
     code, _, error = run(capsys, "identify", "log.csv", "-o", "r.md", *options, "delta")
     assert code == 2
     assert "needed: a URDF" in error
+    # Closures and named configurations go with the URDF from wherever they are read.
+    folder = here / "package" / "urdf"
+    folder.mkdir(parents=True)
+    (folder / "delta.urdf").write_text(DELTA.read_text())
+    text = DELTA.with_suffix(".yaml").read_text()
+    (folder.parent / "loop_closures.yaml").write_text(text)
+    group = '<group_state name="home" group="all"><joint name="motor_1" value="0.3"/></group_state>'
+    (folder / "delta.srdf").write_text(f'<robot name="delta">{group}</robot>')
+    robot = folder / "delta.urdf"
+    code, _, error = run(
+        capsys, "identify", "log.csv", "-o", "report.md", "--force", *options, robot
+    )
+    assert code == 0, error
+    again = sst_pin.ClosedChain.from_urdf(here / "found.urdf")
+    assert again.closures == delta.closures
+    assert 0.3 in again.model.referenceConfigurations["home"]
+
+
+@pytest.mark.parametrize(
+    ("command", "told"),
+    [
+        ("identify log.csv -o log.csv --force", "log.csv: ending '.csv' unknown; known: .md"),
+        ("identify log.csv -o r.md --urdf r.md", "r.md: ending '.md' unknown; known: .urdf"),
+        ("calibrate poses.csv -o cal.txt --frame x", "cal.txt: ending '.txt' unknown"),
+        ("loads log.csv -o loads.md", "loads.md: ending '.md' unknown; known: .csv, .png"),
+    ],
+)
+def test_no_output_takes_the_name_of_another_kind_of_file(log, capsys, command, told):
+    before = {path: path.read_bytes() for path in log.parent.iterdir()}
+    more = ["--robot", DELTA if "loads" not in command else "five_bar"]
+    more += ["--cutoff", 10] if "identify" in command else []
+    code, _, error = run(capsys, *command.split(), *more)
+    assert code == 2
+    assert told in error
+    assert {path: path.read_bytes() for path in log.parent.iterdir()} == before
+
+
+def test_a_log_is_read_from_the_npz_of_a_simulation(log, here, capsys):
+    """And so are torques, loads and the torques of a simulation."""
+    arguments = "--robot", "five_bar"
+    assert run(capsys, "torques", log, "-o", "tau.npz", *arguments)[0] == 0
+    assert run(capsys, "torques", log, "-o", "tau.csv", *arguments)[0] == 0
+    for command, ending in (("torques", "csv"), ("loads", "csv"), ("simulate", "csv")):
+        for kind in ("npz", "csv"):
+            output = f"{command}_{kind}.{ending}"
+            code, _, error = run(capsys, command, f"tau.{kind}", "-o", output, *arguments)
+            assert code == 0, error
+        assert Path(f"{command}_npz.csv").read_bytes() == Path(f"{command}_csv.csv").read_bytes()
+    code, out, error = run(capsys, "identify", "tau.npz", "-o", "-", "--cutoff", 10, *arguments)
+    assert (code, out[:20]) == (0, "# Dynamic parameters"), error
+
+
+def test_a_robot_that_cannot_move_is_told_by_every_command(here, capsys):
+    hinge = '<body name="a"><joint name="hinge"/><geom size="0.1"/></body>'
+    weld = '<equality><weld body1="a"/></equality>'
+    text = f'<mujoco model="rigid"><worldbody>{hinge}</worldbody>{weld}</mujoco>'
+    (here / "rigid.xml").write_text(text)
+    (here / "m.csv").write_text("t_s\n0\n1\n2\n3\n")
+    for command in ("torques m.csv -o x.csv", "loads m.csv -o x.csv", "excite -o x.csv"):
+        code, _, error = run(capsys, *command.split(), "--robot", "rigid.xml")
+        assert code == 2
+        assert error.splitlines()[-1].startswith("sst-pin: error: model rigid: no coordinates")
 
 
 def test_a_motion_that_shows_parameters_is_a_motion_file(here, capsys):

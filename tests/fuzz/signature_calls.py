@@ -502,7 +502,7 @@ def _of_pictures(w: World) -> Iterator[Subject]:
     m, ax = w.motion, Figure().add_subplot(projection="3d")
     good = {"robot": w.robot, "motion": m, "q": m.q[0], "tau": m.tau[0]}
     good |= {"ax": ax, "figure": ax.figure, "path": "a.png"}
-    for name in ("motion_page", "robot_pose", "figure_writer", "require_ending"):
+    for name in ("motion_page", "robot_pose", "figure_writer", "picture_kind"):
         yield Subject(f"plots.{name}", getattr(plots, name), good)
 
     at = partial(workspace_at, w.robot, rings=3, spokes=3)

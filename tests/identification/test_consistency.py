@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import any_chain
-from sst_pin import ClosedChain, InputError, robots
+from sst_pin import ClosedChain, InputError, coordinate_motion, robots
 from sst_pin.identification import base_parameters, consistent_parameters, estimate, random_states
 from sst_pin.identification.consistency import pseudo_inertias
 
@@ -162,3 +162,18 @@ def test_parameters_that_are_seen_in_a_sum_alone_share_it():
     theta = consistent_parameters(chain, estimate(chain, base, *motion, tau))
     assert_allclose(sum(abs(theta[name]) for name in names), 0.3, atol=2e-3)
     assert min(abs(theta[name]) for name in names) > 0.1
+
+
+def test_no_friction_is_found_below_zero():
+    """A solver ends beside the wall by its tolerance; a negative damping would accelerate."""
+    chain = robots.four_bar()
+    t = np.linspace(0, 6, 601)
+    x = chain.home[0] + np.sin(np.outer(t, [2.0])) + 0.3 * np.sin(np.outer(t, [5.0]))
+    motion = coordinate_motion(chain, t, x)
+    base = base_parameters(chain, ["*.m*", "*.i*", "*.viscous", "*.coulomb"])
+    for seed in range(5):
+        noise = 1e-3 * np.random.default_rng(seed).normal(size=motion.tau.shape)
+        arrays = motion.q, motion.va, motion.aa, motion.tau + noise
+        found = estimate(chain, base, *arrays)
+        theta = consistent_parameters(chain, found)
+        assert min(theta[name] for name in theta.names if name.endswith(("ous", "omb"))) >= 0

@@ -149,6 +149,46 @@ def test_a_file_that_is_no_motion_says_where(delta, text, words):
         read_motion(delta, file)
 
 
+@pytest.mark.parametrize("digits", [3, 16])
+def test_dependent_joints_that_are_given_choose_the_assembly(digits):
+    """The slider left of the crank, the rod left out; also rounded, and where it cannot be."""
+    chain = sst_pin.robots.slider_crank()
+    names, home = chain.position_names, chain.home
+    assert chain.coordinates == ("crank",)
+    (slider,) = [k for k, unit in enumerate(chain.joint_units) if unit == "m"]
+    guess = home.copy()
+    guess[slider] *= -1
+    assert chain.home[slider] > 0.01
+    other = chain.assemble(np.where(np.arange(len(home)) == slider, guess, home + np.pi), [])
+    q = dict(zip(names, other, strict=True))
+    given = {name: round(float(q[name]), digits) for name in ("crank", names[slider])}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = placed(chain, given)
+    assert abs(found[slider] - other[slider]) < 2 * 10.0**-digits + 1e-9
+    for far in (5.0, -5.0):
+        with pytest.warns(sst_pin.DescriptionWarning, match=f"{names[slider]} at {far:g} "):
+            placed(chain, given | {names[slider]: far})
+
+
+def test_a_column_is_of_one_joint_and_times_are_of_none():
+    """A joint may be called as another one with its unit, or as the times."""
+
+    def pair(first, second):
+        model = pin.Model()
+        for name in (first, second):
+            add(model, 0, pin.JointModelRZ(), name, at(), pin.Inertia.Random())
+        return sst_pin.ClosedChain(model, [], [first, second])
+
+    twice = "t_s,crank_deg,wheel\n0,20,0\n1,20,0\n2,20,0\n"
+    with pytest.raises(sst_pin.FileFormatError, match="of the joint crank or of the joint crank_d"):
+        read_motion(pair("crank", "crank_deg"), stream(twice))
+    plain = "t_s,crank_deg_rad,crank_rad\n0,2,0\n1,2,0\n2,2,0\n"
+    assert np.array_equal(read_motion(pair("crank_deg", "crank"), stream(plain)).q[0], [2, 0])
+    with pytest.raises(sst_pin.FileFormatError, match="no column of t_s"):
+        read_motion(pair("t_s", "wheel"), stream("t_s,wheel\n0,0\n1,0\n2,0\n"))
+
+
 def test_a_floating_robot_says_which_columns_it_needs():
     """Its first coordinates are no angles: positions, rates and accelerations of all."""
     model, closures, _, _ = carried_four_bar(pin.JointModelFreeFlyer())
