@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Curves of a motion against time, for any closed chain."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from typing import Any
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The look of the figures, and their files."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from io import BytesIO

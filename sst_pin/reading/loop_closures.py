@@ -4,6 +4,8 @@
 Points and axes of the hinges are in base axes at q = 0, where all loops are closed.
 """
 
+from __future__ import annotations
+
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Report of all problems of a robot description, for any robot."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 from ..chain.closed_chain import ClosedChain
