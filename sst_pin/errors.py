@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Errors and warnings of the package. All errors derive from `SSTError` and contain their data."""
 
+from __future__ import annotations
+
 import copyreg
 import math
 from collections.abc import Iterable, Mapping, Sequence

@@ -6,9 +6,9 @@ import json
 import platform
 import time
 from contextlib import suppress
-from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 from tqdm import tqdm
 
@@ -126,7 +126,7 @@ def _verify(arguments: argparse.Namespace) -> int:
     if arguments.json:
         content = {
             "passed": not disagree,
-            "comparisons": [asdict(row) for row in rows],
+            "comparisons": [row._asdict() for row in rows],
             "skipped": [{"package": e.package, "problem": str(e)} for e in missing],
         }
         print(json.dumps(content, indent=1))
@@ -180,12 +180,8 @@ def add_export(commands: common.Commands) -> None:
     )
     parser.option("folder FOLDER", "the folder, or -o", Path, nargs="?")
     parser.add_folder()
-    parser.add_argument(
-        "--precision",
-        choices=["double", "single"],
-        default="double",
-        help="double or float (default: double)",
-    )
+    kinds: dict[str, Any] = {"choices": ["double", "single"], "default": "double"}
+    parser.add_argument("--precision", help="double or float (default: double)", **kinds)
     parser.add_force()
 
 

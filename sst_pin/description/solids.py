@@ -9,7 +9,7 @@ counterclockwise when seen from the last one.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,8 +25,7 @@ _BEVEL = 0.12
 _PIECE = np.radians(9)
 
 
-@dataclass(frozen=True)
-class Box:
+class Box(NamedTuple):
     """A box by its centre, the directions of its edges as columns, and their lengths [m]."""
 
     center: Array
@@ -46,8 +45,7 @@ class Box:
         return (self,)
 
 
-@dataclass(frozen=True)
-class Cylinder:
+class Cylinder(NamedTuple):
     """A round solid between two points; a cone when its radii at the ends differ, [m]."""
 
     start: Array
@@ -72,8 +70,7 @@ class Cylinder:
         return (rod(self.start, self.end, max(self.radius, self.end_radius)),)
 
 
-@dataclass(frozen=True)
-class Ball:
+class Ball(NamedTuple):
     """A sphere, by its centre of shape (3,) and its radius [m]."""
 
     center: Array
@@ -91,8 +88,7 @@ class Ball:
         return (self,)
 
 
-@dataclass(frozen=True)
-class Arc:
+class Arc(NamedTuple):
     """A bar bent about O, from the first column of its axes towards the second."""
 
     axes: Array

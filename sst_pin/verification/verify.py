@@ -4,8 +4,8 @@
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -41,8 +41,7 @@ ORDER = 0.2
 State = tuple[Array, Array, Array, Array | None]
 
 
-@dataclass(frozen=True)
-class Comparison:
+class Comparison(NamedTuple):
     """One line of the table: a referee's answers beside ours."""
 
     referee: str

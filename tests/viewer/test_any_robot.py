@@ -18,7 +18,7 @@ import sst_pin
 from sst_pin import errors
 from sst_pin.cli import main
 from sst_pin.description.colours import HUES
-from sst_pin.reading.shapes import UrdfShapes
+from sst_pin.reading.shapes import urdf_shapes
 from sst_pin.viewer import Viewer
 from sst_pin.viewer.panel import curves_of
 from sst_pin.viewer.robot_scene import LAYERS, Scene
@@ -412,7 +412,7 @@ def test_colours_in_mesh_files_are_shown_where_the_description_has_none(tmp_path
         f'<robot name="r"><link name="base"><visual><origin xyz="1 0 0"/>'
         f"<geometry>{mesh}</geometry>{material}</visual></link></robot>"
     )
-    shapes = UrdfShapes(ET.fromstring(urdf), tmp_path)(pin.buildModelFromXML(urdf))
+    shapes = urdf_shapes(ET.fromstring(urdf), tmp_path, pin.buildModelFromXML(urdf))
     (body,) = shapes.geometryObjects
     found = {shape.colour: shape for shape in body_shapes(body)}
     if not own:

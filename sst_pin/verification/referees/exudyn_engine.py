@@ -22,8 +22,6 @@ from .exudyn_robot import ExudynRobot, frames, of_all_bodies, turning
 
 #: Orientation, angular velocity and acceleration of the star as functions of time, base axes.
 StarMotion = Callable[[float], tuple[ArrayLike, ArrayLike, ArrayLike]]
-#: Motor torques as a function of time, shape (3,), [N m].
-Drive = Callable[[float], ArrayLike]
 
 
 class ExudynInstant:
@@ -99,13 +97,13 @@ def stepped_motion(
     parameters: Parameters,
     R: ArrayLike,
     omega: ArrayLike,
-    torque: Drive,
+    torque: Callable[[float], ArrayLike],
     duration: float,
     steps: int,
 ) -> tuple[Array, Array]:
     """Times, (steps + 1,), and {E} in the base at them, (steps + 1, 3, 3), by direct dynamics.
 
-    The motion starts at R and omega of the star; `torque` is a function of time.
+    The motion starts at R and omega of the star; `torque` is a function of time, shape (3,).
     """
     _require_frictionless(parameters)
     robot = ExudynRobot(parameters, R, omega, None)
