@@ -81,9 +81,9 @@ class Motions(NamedTuple):
         """Whether torques are constant in each step."""
         return self.tau.shape[1] == self.steps
 
-    def torques(self, i: int | Indices, s: int | Indices) -> list[Array]:
+    def torques(self, i: int, s: int) -> Array:
         """Torques at the start, in the middle and at the end of step s of motion i."""
-        return [self.tau[i, s if self.held else 2 * s + half] for half in range(3)]
+        return self.tau[i, [s] * 3 if self.held else slice(2 * s, 2 * s + 3)]
 
     def rest(self, i: int, done: int) -> Motions:
         """Motion i alone, from its state `done` on."""

@@ -563,7 +563,7 @@ class ReferenceStates:
         return self
 
     def _step(
-        self, state: Array, tau: list[Array], wrenches: Array | None, h: float
+        self, state: Array, tau: Array, wrenches: Array | None, h: float
     ) -> tuple[Array, bool]:
         """One step, and whether it is short enough for the bends of its way.
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from ..chain.thresholds import AT_REST
+from ..chain.thresholds import AT_REST, BEND, CLOSURE_TOLERANCE
 from . import statements
 from .kernels import SymbolicKernel
 from .open_numbers import SIGN_WIDTH
@@ -247,6 +247,8 @@ def source(entries: Mapping[str, Sequence[SymbolicKernel]], *, one: bool = False
             q, va, tau, *load = inputs
             word, close, arrays = "rate", kernels[0].name, [q + va, tau, *load]
             more = {"va": va, "tau": tau, "load": sum(load), "states": q + va, "close": close}
+            more |= {"units": ", ".join(map(repr, kernels[0].units)), "bend": BEND}
+            more["tolerance"] = CLOSURE_TOLERANCE
             parts.append(filled("entries/roll.c", numbers | more))
             runs = {"word": "run", "sizes": ", ".join(map(str, inputs))}
             parts.append(filled("entries/sizes.c", numbers | runs))

@@ -50,6 +50,8 @@ class SymbolicKernel:
     #: Where the last input is a direction and the output is along it, how many there are: a
     #: sample's results are those of all, side by side in rows. Else 0.
     directions: int = 0
+    #: Factors that make the numbers of q free of units.
+    units: tuple[float, ...] = ()
 
 
 def make(
@@ -75,6 +77,8 @@ def make(
     else:
         inputs, output, own = KERNELS[quantity](equations, checks)
     loaded = WRENCHES in inputs and inputs[WRENCHES].numel() > 0
+    mechanism = equations.mechanism
+    of_length = {"m": 1 / mechanism.length}
     return SymbolicKernel(
         f"{quantity}{'_along' * along}{'_loaded' * loaded}",
         {name: x for name, x in inputs.items() if loaded or name != WRENCHES},
@@ -82,6 +86,7 @@ def make(
         ca.densify(output),
         ca.vertcat(*(SX(check) for check in [*checks.of_state, *own])),
         directions,
+        tuple(of_length.get(unit, 1.0) for unit in mechanism.space.position_units),
     )
 
 

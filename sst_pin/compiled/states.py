@@ -20,8 +20,6 @@ from ..chain.derivatives import AccelerationDerivatives
 from ..chain.dynamics import solved
 from ..chain.mechanism import Friction, Mechanism
 from ..chain.reference import Reference, ReferenceStates
-from ..chain.runge_kutta import runge_kutta_step
-from ..chain.thresholds import BEND, CLOSURE_TOLERANCE
 from ..errors import SSTError
 
 if TYPE_CHECKING:
@@ -153,34 +151,13 @@ class CompiledStates(ReferenceStates):
         sound |= np.arange(motions.steps) + 1 >= reached[:, None]
         falls = self._falls(ends)[:, :-1]
         asked = (falls | ~sound) & (np.arange(motions.steps) < reached[:, None])
-        short = np.ones_like(asked)
-        short[asked] = self._short(motions, *np.nonzero(asked))
         for i, s in np.argwhere(asked):
             if s < until[i] and not (
-                short[i, s]
-                and self._suits(q[i, s], motions.va[i, s], motions.dt)
+                self._suits(q[i, s], motions.va[i, s], motions.dt)
                 and (sound[i, s] or self._continues(q[i, s], q[i, s + 1]))
             ):
                 until[i] = s + 1
         return until
-
-    def _short(self, motions: Motions, i: Indices, s: Indices) -> Flags:
-        """Whether steps from states s of motions i are short enough for the bends of their way."""
-        load = () if motions.load is None else (motions.load[i],)
-        kernel, torques = self._rate_of(bool(load)), motions.torques(i, s)
-
-        def rate(when: int, states: Array) -> Array:
-            result = np.empty_like(states)
-            kernel.many((states, torques[when], *load), result)
-            return result
-
-        states = np.concatenate([motions.q[i, s], motions.va[i, s]], axis=1)
-        end = np.ascontiguousarray(runge_kutta_step(rate, states, motions.dt)[:, : self._nq])
-        closed = np.empty((len(end), self._nq + 2))
-        self._closing.many((end,), closed)
-        ways = np.stack([end, states[:, : self._nq]]) - closed[:, : self._nq]
-        opened, moved = np.abs(ways / self._travel).max(axis=2, initial=0)
-        return np.asarray(opened <= BEND * moved + CLOSURE_TOLERANCE)
 
     def _suits(self, q: Array, va: Array, h: float) -> bool:
         """Whether the coordinates describe the motion well for a step from a state."""

@@ -17,13 +17,13 @@ CRANK, START = 0.3, 0.7
 PARALLELOGRAMS = {"one": (1, False), "two on one crank": (2, False), "three in a chain": (3, True)}
 
 
-def linkage(base, bars, closed, motor, coordinates=None, joint=pin.JointModelRZ):
+def linkage(base, bars, closed, motor, coordinates=None, joint=pin.JointModelRZ, moment=0.02):
     """Bars in a plane without gravity."""
     model, ground = pin.Model(), "universe"
     if base is not None:
         body = pin.Inertia(2.0, np.array([0.1, 0.0, 0.05]), np.diag([0.05, 0.08, 0.1]))
         ground = model.names[add(model, 0, base, "base", at(), body)]
-    planar([(k, on or ground, x, end) for k, (on, x, end, _) in bars.items()], joint, model, 0.02)
+    planar([(k, on or ground, x, end) for k, (on, x, end, _) in bars.items()], joint, model, moment)
     model.gravity.linear = np.zeros(3)
     if base is None:
         home = [bars[name][-1] for name in list(model.names)[1:]]
@@ -228,13 +228,13 @@ def test_loops_of_other_sizes_do_not_count(size):
 NEARLY_FLAT = (0.13, 0.52, 0.131, 0.53), (0.2, 0.5, 0.4, 0.301), (0.2, 0.5, 0.4, 0.30001)
 
 
-def nearly_flat(crank, coupler, rocker, ground):
+def nearly_flat(crank, coupler, rocker, ground, moment=0.02):
     bars = {
         "crank": ("", 0.0, crank, 1.5),
         "coupler": ("crank", crank, coupler, -1.0),
         "rocker": ("", ground, rocker, 1.5),
     }
-    return linkage(None, bars, [("coupler", "rocker")], "crank")
+    return linkage(None, bars, [("coupler", "rocker")], "crank", moment=moment)
 
 
 @pytest.mark.parametrize("bars", NEARLY_FLAT)
@@ -251,14 +251,15 @@ def test_energy_is_kept_at_any_tolerance_next_to_flat_positions(bars):
             assert np.ptp(energy) < 100 * tolerance * energy[0]
 
 
+@pytest.mark.parametrize("moment", [0.001, 0.004, 0.02])
 @pytest.mark.parametrize("bars", NEARLY_FLAT[1:])
-def test_a_rollout_ends_before_a_bend_for_which_its_step_is_too_long(bars):
+def test_a_rollout_ends_before_a_bend_for_which_its_step_is_too_long(bars, moment):
     """Energy is kept in its own coordinates too; kernels end where the reference path does."""
-    chain, kernels = nearly_flat(*bars), nearly_flat(*bars)
+    chain, kernels = nearly_flat(*bars, moment), nearly_flat(*bars, moment)
     start = chain.assemble(chain.home)
     kernels.compile(start)
-    for rate in (-1.0, -3.0):
-        for dt in (0.003, 0.005, 0.02):
+    for rate in (-1.0, -3.0, 2.0, 4.0):
+        for dt in (0.005, 0.02):
             tau, found = np.zeros((int(3 / dt), 1)), []
             for robot in (chain, kernels):
                 q, va = robot.rollout(tau, start, [rate], dt, on_error="nan")

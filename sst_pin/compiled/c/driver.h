@@ -137,11 +137,27 @@ typedef struct {
  * step. `rate` takes (q, va, tau, load) and gives the rates of q and va; `close` takes q
  * and gives it nearer to the closures, then a determinant that is zero at singularities. Torques are
  * those at the beginning of each step, in its middle (`half` bytes later) and at its end; where
- * `half` is 0, that of the beginning. `reached` gets the number of states that hold. */
+ * `half` is 0, that of the beginning. A step that misses a bend of its way ends the motion.
+ * `reached` gets the number of states that hold. */
 typedef struct {
     int q, va, tau, load, checks;
     body *rate, *close;
+    const double *units; /* numbers of q times these are free of units */
+    double bend, tolerance;
 } stepper;
+
+/* Where Newton's method moved the end of a step by no more than a part of its way. */
+INLINE mask is_short(const stepper *f, const real *start, const real *end, const real *closed)
+{
+    real opened = {0}, moved = {0};
+    for (int j = 0; j < f->q; j++) {
+        const real gap = ABSOLUTE(closed[j] - end[j]) * f->units[j];
+        const real way = ABSOLUTE(closed[j] - start[j]) * f->units[j];
+        opened = choose(gap <= opened, opened, gap); /* NaN stays */
+        moved = choose(way > moved, way, moved);
+    }
+    return opened <= f->bend * moved + f->tolerance;
+}
 
 INLINE int roll(const stepper *f, real *x, real *y, real *start, real *sum, const rows *in,
     const courses *tau, ptrdiff_t half, const courses *out, const double *p, double h,
@@ -204,6 +220,7 @@ INLINE int roll(const stepper *f, real *x, real *y, real *start, real *sum, cons
                 }
                 open &= squares > LARGEST_LAST_STEP * LARGEST_LAST_STEP;
             }
+            holds &= is_short(f, start, sum, x);
         }
         for (int l = 0; l < lanes; l++) {
             if (reached[first + l] > steps)

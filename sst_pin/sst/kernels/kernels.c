@@ -3894,7 +3894,9 @@ void NAME(prepare_rollout)(double *p)
 int NAME(run_rollout)(const rows *in, const courses *tau, ptrdiff_t half, const courses *out,
     const double *p, double h, ptrdiff_t steps, ptrdiff_t count, ptrdiff_t *reached)
 {
-    static const stepper f = {9, 3, 3, 0, 4, state_rate, closing};
+    static const double units[] = {1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0};
+    static const stepper f = {9, 3, 3, 0, 4, state_rate, closing, units,
+        0.003, 1e-06};
     real x[15], y[16], start[12], sum[12];
     return roll(&f, x, y, start, sum, in, tau, half, out, p, h, steps, count, reached);
 }
@@ -7268,7 +7270,9 @@ void NAME(prepare_rollout_loaded)(double *p)
 int NAME(run_rollout_loaded)(const rows *in, const courses *tau, ptrdiff_t half, const courses *out,
     const double *p, double h, ptrdiff_t steps, ptrdiff_t count, ptrdiff_t *reached)
 {
-    static const stepper f = {9, 3, 3, 54, 4, state_rate_loaded, closing};
+    static const double units[] = {1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0};
+    static const stepper f = {9, 3, 3, 54, 4, state_rate_loaded, closing, units,
+        0.003, 1e-06};
     real x[69], y[16], start[12], sum[12];
     return roll(&f, x, y, start, sum, in, tau, half, out, p, h, steps, count, reached);
 }

@@ -1,7 +1,9 @@
 int NAME(run_${entry})(const rows *in, const courses *tau, ptrdiff_t half, const courses *out,
     const double *p, double h, ptrdiff_t steps, ptrdiff_t count, ptrdiff_t *reached)
 {
-    static const stepper f = {${q}, ${va}, ${tau}, ${load}, ${checks}, ${name}, ${close}};
+    static const double units[] = {${units}};
+    static const stepper f = {${q}, ${va}, ${tau}, ${load}, ${checks}, ${name}, ${close}, units,
+        ${bend}, ${tolerance}};
     real x[${inputs}], y[${room}], start[${states}], sum[${states}];
     return roll(&f, x, y, start, sum, in, tau, half, out, p, h, steps, count, reached);
 }
