@@ -113,6 +113,8 @@ def _simulate(arguments: argparse.Namespace) -> int:
     robot = common.robot_of(arguments)
     table = motion_table(robot, common.source_of(arguments.torques))
     tau, t = read_torques(robot, table), table.column("t_s")
+    if len(t) < 2:
+        raise FileFormatError(table.path, "one row; a simulation needs at least two times")
     q0, va0 = read_start(robot, table, arguments.q0, arguments.va0)
     with common.progress_bar("simulating", t[0], t[-1]) as progress:
         motion = robot.simulate(tau, q0, va0, t, progress=progress)

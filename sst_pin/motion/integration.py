@@ -177,6 +177,7 @@ class Run:
         self._nodes = deque[Node](maxlen=3 * _NODES)
         self.stopped, self._why, self.crossings = "", "", list[Crossing]()
 
+    @np.errstate(over="ignore", invalid="ignore")  # a motion that diverges ends
     def integrate(self, times: Array, start: Array) -> list[Array]:
         """q, va, aa of the robot's coordinates and torques, at the times reached."""
         motion, self._times, self._t = self._motion, times, float(times[0])

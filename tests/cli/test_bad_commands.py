@@ -32,6 +32,7 @@ COMMANDS = [
     # starts of simulations
     (f"simulate {SAMPLE} -o x.csv", "missing columns tau_1_Nm"),
     ("simulate tau.csv -o x.csv", "give --va0 gamma_1=.."),
+    ("simulate row.csv -o x.csv --q0 gamma_1=0,gamma_2=0,gamma_3=0", "one row; a simulation"),
     ("simulate tau.csv -o x.csv --q0 1,2", "the form crank=0.1"),
     (f"simulate tau.csv -o x.csv --robot {DELTA} --q0 motor_1", "the form crank=0.1"),
     (f"simulate tau.csv -o x.csv --robot {DELTA} --q0 wheel=1 --va0 motor_1=0", "motor_1"),
@@ -98,7 +99,7 @@ ODD = [
     "simulate tau.csv -o x.csv --q0 =1", "simulate tau.csv -o x.csv --q0 a=nan",
     "export-c a b c", "export-c no/such/folder", "workspace -o - --data -",
     "torques empty.csv -o x.csv", "torques motion.csv -o", "torques half.csv -o x.csv",
-    "torques far.csv -o x.csv", "torques motion.npz -o x.csv", "torques /dev/zero -o x.csv",
+    "torques far.csv -o x.csv", "torques /dev/zero -o x.csv",
     "torques . -o x.csv", f"torques {NUL} -o x.csv", f"torques motion.csv -o {NUL}.csv",
     "torques motion.csv -o .", "torques motion.csv -o /dev/full",
     "torques motion.csv -o x.csv --robot .", "simulate", "simulate half.csv -o x.csv",
@@ -166,6 +167,7 @@ def folder(here):
         "empty": "",
         "text": "t_s,x\n0,1\n",
         "tau": f"{head}0.001,0,0,0\n",
+        "row": head,
         "half": f"{head}1,x,0,0\n",
         "far": f"t_s,theta_deg,phi_deg\n{far}",
     }.items():
@@ -202,7 +204,6 @@ def require_told(folder, capsys, command, word):
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of packages of others
-@pytest.mark.filterwarnings("ignore:overflow:RuntimeWarning")
 @pytest.mark.parametrize(
     ("command", "word"),
     [*COMMANDS, *(pytest.param(command, "", marks=pytest.mark.slow) for command in ODD)],
