@@ -27,7 +27,7 @@ print(sst_pin.SST().path)
 
 @pytest.mark.parametrize("installed", ["compiled", "not compiled", ""])
 def test_a_clone_without_extensions_tells_of_the_installation_that_it_hides(tmp_path, installed):
-    """By a warning, once, and by the path, with what helps; else it asks for a compiler."""
+    """It warns once and in the path, with what helps; else it asks for a compiler."""
     clone, site = tmp_path / "clone", tmp_path / "site"
     shutil.copytree(
         PACKAGE, clone / "sst_pin", ignore=shutil.ignore_patterns("*.so", "__pycache__")

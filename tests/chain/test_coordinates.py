@@ -428,7 +428,7 @@ def bar_on_the_ground(distance):
 @pytest.mark.parametrize("distance", [0.0, 1e3, 1e5])
 @pytest.mark.parametrize("robot", [wheel_on_the_ground, bar_on_the_ground])
 def test_a_plane_of_the_world_is_where_the_robot_is(robot, distance):
-    """Its origin, which may be far off, is no part of the robot."""
+    """The origin of the plane, which may be far off, is no part of the robot."""
     (chain, aside), (near, _) = robot(distance), robot(0.0)
     assert chain.mechanism.length == near.mechanism.length <= 0.3
     n = chain.degrees_of_freedom
@@ -468,7 +468,7 @@ def test_a_rod_without_spin_inertia_between_two_balls_is_named(spin):
 
 
 def test_a_thin_rod_is_named_whatever_the_coordinates():
-    """Also those of another assembly mode than home's, here of a rhombus beside the rod."""
+    """Coordinates may be those of another mode than home's, here of a rhombus beside the rod."""
     model = pin.Model(rod_between_two_balls(0.0).model)
     bars = [("crank_2", "universe", 1.0, 0.3), ("coupler_2", "crank_2", 0.3, 0.3)]
     planar([*bars, ("rocker_2", "universe", 1.3, 0.3)], pin.JointModelRY, model)

@@ -83,7 +83,7 @@ def test_terms_hold_springs_and_dampers_of_lines():
 
 
 def test_direct_dynamics_is_the_inverse_with_motors_on_lines():
-    """And both are those of Lagrange multipliers, which take rows from the frames' Jacobians."""
+    """Both are those of Lagrange multipliers, which take rows from the frames' Jacobians."""
     motors = ["body", STRUTS[0].name, {STRUTS[1].name: 2.0, "arm_3": -0.5}]
     robot = with_joint("universal")
     chain = ClosedChain(robot.model, robot.closures, motors, forces=STRUTS)

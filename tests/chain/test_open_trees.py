@@ -208,7 +208,7 @@ ARM = """<robot name="arm">
 
 
 def test_a_urdf_without_yaml_is_an_open_tree_and_says_so(tmp_path):
-    """With a motor at each joint, and a warning unless the caller names the motors."""
+    """It has a motor at each joint, and warns unless the caller names the motors."""
     path = tmp_path / "arm.urdf"
     path.write_text(ARM)
     with pytest.warns(sst_pin.DescriptionWarning, match=r"no arm\.yaml .* open tree"):
@@ -228,7 +228,7 @@ def test_a_urdf_without_yaml_is_an_open_tree_and_says_so(tmp_path):
 
 
 def test_an_mjcf_without_equalities_is_an_open_tree(tmp_path):
-    """With the actuators of the file; MuJoCo gives the same torques."""
+    """It has the actuators of the file; MuJoCo gives the same torques."""
     mujoco = pytest.importorskip("mujoco")
     path = tmp_path / "arm.xml"
     path.write_text(

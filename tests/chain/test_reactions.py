@@ -346,7 +346,7 @@ def door():
 
 
 def test_hinges_of_a_door_share_its_weight_as_their_stiffnesses():
-    """And the moment of the weight is a couple of horizontal forces, whatever the stiffnesses."""
+    """The moment of the weight is a couple of horizontal forces, whatever the stiffnesses."""
     chain, weight = door(), 98.1
     w = chain.reactions([0], [0], [0])
     assert not w.determined.joints[0, 5]

@@ -112,7 +112,7 @@ def test_no_output_takes_the_name_of_another_kind_of_file(log, capsys, command, 
 
 
 def test_a_log_is_read_from_the_npz_of_a_simulation(log, here, capsys):
-    """And so are torques, loads and the torques of a simulation."""
+    """Torques, loads and simulations read it too, as they read a CSV."""
     arguments = "--robot", "five_bar"
     assert run(capsys, "torques", log, "-o", "tau.npz", *arguments)[0] == 0
     assert run(capsys, "torques", log, "-o", "tau.csv", *arguments)[0] == 0
@@ -201,7 +201,7 @@ def calibrated(capsys, *options, robot=DELTA, output="made.urdf"):
 @pytest.mark.parametrize("columns", [6, 10])
 @pytest.mark.filterwarnings("ignore::sst_pin.DescriptionWarning")
 def test_offsets_of_motors_go_into_a_urdf_that_is_a_robot(poses, capsys, columns):
-    """With the orientation and without."""
+    """The poses are measured with the orientation and without."""
     lines = poses.read_text().splitlines()
     poses.write_text("\n".join(",".join(line.split(",")[:columns]) for line in lines))
     code, out, error = calibrated(capsys)

@@ -48,7 +48,7 @@ def inside(points, corners, slack=1e-9):
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_forces_at_the_corners_take_a_motor_to_its_limit(name):
-    """By inverse dynamics with the reaction applied: none beyond, two or more at their limits."""
+    """Inverse dynamics with the reaction applied: none beyond, two or more at their limits."""
     chain, q, limit = made(name)
     rest = np.zeros(chain.degrees_of_freedom)
     for force in sst_pin.force_polytope(chain, q, FRAME, limit):
@@ -72,7 +72,7 @@ def test_squares_of_torques_sum_up_to_one_on_the_ellipsoid_of_forces(name):
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_accelerations_of_all_torques_lie_in_the_polytope(name):
-    """By direct dynamics and Pinocchio's frame accelerations; its corners are reached."""
+    """Direct dynamics and Pinocchio's frame accelerations are the referee; corners are reached."""
     chain, q, limit = made(name)
     rng = np.random.default_rng(5)
     va = rng.uniform(-1, 1, chain.degrees_of_freedom) * 0.3

@@ -130,7 +130,7 @@ def test_an_arm_reaches_a_ring_and_with_a_stop_a_narrower_one(low, outer, points
 
 @pytest.mark.parametrize("name", ["delta", "stewart"])
 def test_torques_hold_the_pose_against_its_wrench(name):
-    """By inverse dynamics with the wrench on the body's mass centre; also as parts of limits."""
+    """Inverse dynamics with the wrench on the body's mass centre; also as parts of limits."""
     chain = getattr(sst_pin.robots, name)()
     side, push = np.array([-0.04, 0.03]), np.array([3.0, -4.0, -20.0, 0.4, 0.2, -0.3])
     limits = np.array([(-1.0 - k, 9.0) for k in range(len(chain.motor_names))])

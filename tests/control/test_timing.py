@@ -115,7 +115,7 @@ def test_limits_hold_between_the_samples(robot, circle):
 
 
 def test_friction_of_all_kinds_counts(circle):
-    """Also of mu_1, which this circle leaves at rest: it may act either way."""
+    """That of mu_1 counts too, which this circle leaves at rest: it may act either way."""
     slow = sst_pin.SST(sst_pin.Parameters(viscous_friction=0.3, coulomb_friction=0.4))
     motion = sst_pin.time_optimal(slow, circle, torques=30.0)
     assert np.abs(motion.tau).max() <= 30.0

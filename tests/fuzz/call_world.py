@@ -35,7 +35,7 @@ class World:
 
     @cached_property
     def robot(self):
-        """By its compiled kernels, where they are."""
+        """A robot with compiled kernels, where they are."""
         return sst_pin.SST()
 
     @cached_property

@@ -40,7 +40,7 @@ NOT_LISTS_OF_NAMES = (
 
 
 class Unwilling:
-    """Its conversion to an array fails by an error of its own."""
+    """An object whose conversion to an array fails by an error of its own."""
 
     def __array__(self, *_: Any, **__: Any) -> Any:
         raise RuntimeError("no array today")

@@ -63,7 +63,7 @@ def test_positions_alone_tell_the_offsets_of_the_motors():
 
 
 def test_what_is_hidden_moves_the_frame_as_errors_that_were_found_do():
-    """By differences of the robot with each error, without the enlarged robot."""
+    """The referee is the difference of robots with each error, not the enlarged robot."""
     drawn, _, _, x = deltas()
     x = x[:8]
     which = ["motor_1.*", "rod_1*.x", "rod_1*.y"]

@@ -50,7 +50,7 @@ def test_every_body_is_one_and_friction_is_not_negative(name, noise):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_torques_of_other_motions_are_predicted(name):
-    """By the noise of the estimate, not by that of single samples."""
+    """Predictions differ by the noise of the estimate, not by that of single samples."""
     chain, true, _, found, _ = case(name, 1e-4)
     motion = random_states(chain, 50, 77)
     tau = true.compute_torques(*motion)

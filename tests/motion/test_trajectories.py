@@ -297,7 +297,7 @@ def test_a_motion_prints_as_a_few_lines(motion):
 
 
 def test_a_tendon_over_sliding_joints_gives_newtons(tmp_path):
-    """By what it acts on, not by its name; in files and what is read of them, too."""
+    """What it acts on tells the unit, not its name; in files and what is read of them, too."""
     model = pin.Model()
     for name in ("left", "right"):
         add(model, 0, pin.JointModelPX(), name, at(), pin.Inertia.Random())

@@ -55,7 +55,7 @@ THINGS = dict(public()) | PICTURES
 
 
 def words(thing):
-    """Its docstring; None for a plain attribute."""
+    """The docstring of a thing; None for a plain attribute."""
     if not (callable(thing) or isinstance(thing, property | classmethod | staticmethod)):
         return None
     return inspect.getdoc(thing) or ""

@@ -208,7 +208,7 @@ def test_the_core_imports_without_its_extras():
 
 
 def test_the_command_line_starts_without_scipy():
-    """Its import takes as long as that of all else."""
+    """The import of SciPy takes as long as that of all else."""
     code = "import sys, sst_pin.cli.commands; print('scipy' in sys.modules)"
     assert run_python(code) == "False\n"
 

@@ -39,7 +39,7 @@ def read(folder, **options):
 
 
 def told(folder):
-    """By `validate`, which misses the meshes too."""
+    """The problems that `validate` finds, missing meshes among them."""
     return [str(p) for p in sst_pin.validate(folder / "sst.urdf") if p.where in ("srdf", "home")]
 
 
@@ -85,7 +85,7 @@ def test_a_home_that_cannot_be_closed_is_told_by_its_reader_and_by_validate(fold
 
 
 def test_a_robot_without_a_home_says_how_to_give_it_one(folder):
-    """By Pinocchio's own place for configurations; kept by copies and pickles."""
+    """Pinocchio's own place for configurations takes it; copies and pickles keep it."""
     chain = read(folder)
     with pytest.raises(sst_pin.DescriptionError, match="no configuration is named home"):
         chain.home  # noqa: B018

@@ -151,7 +151,7 @@ name_mot: [left, right]
 
 
 def test_a_five_bar_with_endless_joints_is_read_from_two_files(tmp_path):
-    """By default the YAML lies beside the URDF; gravity is its, or points down."""
+    """The YAML lies beside the URDF by default; gravity is that of the YAML, or points down."""
     (tmp_path / "robot.urdf").write_text(FIVE_BAR)
     (tmp_path / "robot.yaml").write_text(FIVE_BAR_CUTS)
     (tmp_path / "moon.yaml").write_text(FIVE_BAR_CUTS + "gravity: [0, 0, -1.62]\n")
@@ -235,7 +235,7 @@ def test_a_yaml_may_close_a_loop_in_any_way(tmp_path):
 
 
 def test_a_missing_yaml_is_named(tmp_path):
-    """By a warning where it may be missing: the robot is read as an open tree; else by an error."""
+    """A warning tells where it may be missing: the robot is an open tree; else an error tells."""
     (tmp_path / "robot.urdf").write_text(FIVE_BAR)
     with pytest.warns(sst_pin.DescriptionWarning, match=r"no robot\.yaml with closures"):
         sst_pin.ClosedChain.from_urdf(tmp_path / "robot.urdf")
@@ -306,7 +306,7 @@ def states(count=5):
 
 
 def inertia(model, q):
-    """By the columns of RNEA."""
+    """The mass matrix, from the columns of RNEA."""
     data, zero = model.createData(), np.zeros(model.nv)
     rest = pin.rnea(model, data, q, zero, zero)
     return np.stack([pin.rnea(model, data, q, zero, e) - rest for e in np.eye(model.nv)], axis=1)
@@ -581,7 +581,7 @@ def test_what_does_not_act_is_no_fault(mjcf, text, locked, actuated):
 
 
 def test_motors_that_are_named_count_in_the_place_of_the_files(mjcf):
-    """Also where those of the file are none that is computed, as the error says."""
+    """They count where no motor of the file can be computed, too, as the error says."""
     text = MJCF.replace('<motor joint="jb"/>', '<motor joint="ball" gear="0 1 0"/>')
     mjcf.write_text(text)
     with pytest.raises(sst_pin.DescriptionError, match=r"an actuator on a ball.*by actuated="):

@@ -290,7 +290,7 @@ CUTS = "closed_loop: [[a, b]]\ntype: [6d]\nname_mot: [c]\n"
     ],
 )
 def test_cuts_that_say_something_else_are_refused_at_once(text, word):
-    """With every problem, in a message that a person can read."""
+    """The message lists every problem in words that a person can read."""
     with at_once(text), pytest.raises(sst_pin.DescriptionError) as caught:
         parse_cuts(text, "cuts")
     assert word in str(caught.value)

@@ -117,7 +117,7 @@ def test_the_rigid_governor_is_the_limit_of_stiffer_springs():
 
 
 def test_the_slider_crank_is_the_first_submission():
-    """By its energy; at 5 s the slider is at 0.24072 m, which only one submission has."""
+    """Its energy tells; at 5 s the slider is at 0.24072 m, which only one submission has."""
     t = np.linspace(0, 0.5, 6)
     motion = motion_of("slider_crank", t)
     x, slider = referees.slider_crank(t)
@@ -139,7 +139,7 @@ def test_modelicas_four_bar_is_that_of_its_energy():
 
 
 def test_the_page_shows_every_problem_with_picture_and_motion():
-    """And each motion of the page is near its published end and its independent solution."""
+    """Each motion of the page is near its published end and its independent solution."""
     page = problems.PAGE.read_text(encoding="utf-8")
     every = problems.problems()
     assert table_names(page) == set(every)

@@ -227,7 +227,7 @@ def test_what_a_page_cannot_compute_is_named(monkeypatch):
 
 
 def test_the_page_says_where_the_motors_do_not_hold_the_robot(chromium):
-    """And gives no torques there."""
+    """The page gives no torques there."""
     chain = elbows()
     bad, good = held_not(chain)
     engine, rest = Engine(chromium, chain, good), np.zeros(2)
