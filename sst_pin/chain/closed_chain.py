@@ -490,8 +490,9 @@ class ClosedChain(Summary):
     def condition_number(self, q: ArrayLike) -> Array:
         """Condition number of the columns of Phi for the dependent joints, without units.
 
-        Where loops share no dependent joint, it is that of the worst one. It is infinite if the
-        coordinates do not determine the motion.
+        Where loops share no dependent joint, it is that of the worst one. That of loops with one
+        dependent rate is their usual size, at an assembled configuration, over that at q. It is
+        infinite if the coordinates do not determine the motion.
 
         Returns:
             Shape (...).
