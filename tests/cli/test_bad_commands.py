@@ -32,6 +32,7 @@ COMMANDS = [
     # starts of simulations
     (f"simulate {SAMPLE} -o x.csv", "missing columns tau_1_Nm"),
     ("simulate tau.csv -o x.csv", "give --va0 gamma_1=.."),
+    ("excite -o x.csv --duration 1e6 --robot five_bar", "more than 100000 samples"),
     ("simulate row.csv -o x.csv --q0 gamma_1=0,gamma_2=0,gamma_3=0", "one row; a simulation"),
     ("simulate tau.csv -o x.csv --q0 1,2", "the form crank=0.1"),
     (f"simulate tau.csv -o x.csv --robot {DELTA} --q0 motor_1", "the form crank=0.1"),
