@@ -24,6 +24,8 @@ _PATIENCE = 10
 _STRIDE = 0.5
 #: A joint this near to its limit, scaled, is at it: rounding of the step that led there.
 _AT_LIMIT = 1e-12
+#: What rounding leaves of a position, relative to it.
+_ROUNDINGS = 4 * float(np.finfo(float).eps)
 #: How far a configuration next to another one lies, [rad] or robot lengths.
 _ASIDE = 0.2
 
@@ -143,7 +145,12 @@ class Assembly:
             q, f, moved = self._descend(q, f, step, busy)
             if not moved:
                 break
-        return q, self._rows[~(np.abs(f[self._rows]) < ASSEMBLED)]
+        return q, self._rows[~(np.abs(f[self._rows]) < self._tolerance)]
+
+    @property
+    def _tolerance(self) -> float:
+        """Below this residuals are rounding, which grows with the distance from the origin."""
+        return max(ASSEMBLED, _ROUNDINGS * self.loops.distance / self.mechanism.length)
 
     def _descend(
         self, q: Array, f: Array, step: Array, parts: list[tuple[Indices, Indices]]
@@ -165,7 +172,7 @@ class Assembly:
                 return (trial, f_trial, True) if moved else (q, f, False)
             for rows, columns in worse:
                 step[columns] /= 2
-                rounding = np.abs(f[rows]).max() < ASSEMBLED
+                rounding = np.abs(f[rows]).max() < self._tolerance
                 if rounding or np.abs(step[columns]).max(initial=0.0) < 1e-16:
                     step[columns] = 0.0  # rounding, or a dead end
 

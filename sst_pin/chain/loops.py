@@ -109,6 +109,11 @@ class Loops:
         for rows, coupled in self.couplings:
             self._f[rows] = coupled.residual(q)
 
+    @property
+    def distance(self) -> float:
+        """Largest coordinate of the closures' frames in the world, [m]."""
+        return float(np.abs(self._x[:, 0, :3]).max())
+
     def residual(self) -> Array:
         """f(q) of Eq. (2), shape (rows,), [m] and [rad], zero when the loops are closed."""
         return self._f.copy()

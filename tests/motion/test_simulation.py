@@ -308,3 +308,30 @@ def test_an_implicit_method_may_go_too_far_before_it_has_derivatives():
         motion = chain.simulate([0], *start, [0, 1, 2], method="LSODA", rtol=1e-2, atol=1e-2)
         assert not motion.stopped
         assert worst_residual(chain, motion) < 1e-11
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize("distance", [1e3, 1e5])
+def test_a_robot_far_from_the_origin_moves_as_it_does_there(distance, compiled):
+    """Rounding of its places, 1e-11 m at 100 km, does not keep the loops from closing."""
+    chain = sst_pin.robots.four_bar()
+    model = chain.model.copy()
+    model.gravity.linear = np.zeros(3)  # its potential energy alone needs the digits
+    for joint in range(1, model.njoints):
+        if model.parents[joint] == 0:
+            model.jointPlacements[joint].translation += [distance, 0, 0]
+    for frame in model.frames:
+        if frame.parentJoint == 0:
+            frame.placement.translation += np.array([distance, 0, 0])
+    near = chain.model.copy()
+    near.gravity.linear = np.zeros(3)
+    motions = []
+    for each in (near, model):
+        robot = sst_pin.ClosedChain(each, chain.closures, ["crank"])
+        if compiled:
+            robot.compile()
+        t = np.linspace(0, 1, 11)
+        motions.append(robot.simulate([0.0], robot.home, [3.0], t, rtol=1e-8, atol=1e-8))
+    assert not motions[1].stopped
+    # Places are known to 1e-16 of the distance, lengths of the bars are tenths of a metre.
+    assert np.abs(motions[0].q - motions[1].q).max() < 1e-7 + 1e-13 * distance
