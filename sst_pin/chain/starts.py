@@ -133,7 +133,7 @@ def placed(chain: _Chain, positions: Mapping[str, float], guess: ArrayLike | Non
     elif far:
         _warn(
             chain,
-            f"no assembly with the coordinates as given has {listed(far)}",
+            f"no assembly was found with {listed(far)} and the coordinates as given",
             "correct these positions, or give those of other dependent joints",
         )
     return q
