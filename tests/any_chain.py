@@ -8,7 +8,7 @@ import pinocchio as pin
 
 from by_hand import add, at, mark
 from sst_pin import ClosedChain, ClosureError, LineForce, robots
-from sst_pin.chain.closures import Closure, Constraint, Coupling, Distance, Rolling
+from sst_pin.model.closures import Closure, Constraint, Coupling, Distance, Rolling
 from trees import unbounded
 
 AXIS = np.array([2.0, -1.0, 2.0]) / 3

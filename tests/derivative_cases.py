@@ -11,7 +11,7 @@ import any_chain
 from by_hand import add, at
 from robots import ROBOTS, Z, four_bar
 from sst_pin import ClosedChain, robots
-from sst_pin.chain.closures import Coupling, Distance
+from sst_pin.model.closures import Coupling, Distance
 from trees import CONSTRAINTS, TREES, random_q, tree
 
 #: Sixth-order central differences: the steps of the values, and their weights.

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from derivative_cases import WIDTH
-from sst_pin.chain.derivatives import AccelerationDerivatives, TorqueDerivatives
+from sst_pin.dynamics.derivatives import AccelerationDerivatives, TorqueDerivatives
 
 
 class Arrays:

@@ -6,7 +6,7 @@ import pinocchio as pin
 
 from by_hand import mark
 from sst_pin import Closure
-from sst_pin.chain.closures import Distance, Rolling
+from sst_pin.model.closures import Distance, Rolling
 
 GRAVITY = np.array([0.6, -1.3, -9.4])
 

@@ -4,7 +4,7 @@
 import copy
 from functools import partial
 
-from sst_pin.chain.current import Current
+from sst_pin.engine.current import Current
 from sst_pin.sst import kernels
 
 

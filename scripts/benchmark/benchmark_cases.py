@@ -15,7 +15,7 @@ import pinocchio as pin
 from pinocchio_peers import Constrained, Kkt
 from sst_pin import SST, ClosedChain, Parameters, paper_circle
 from sst_pin.arrays import Array
-from sst_pin.chain.runge_kutta import runge_kutta_step
+from sst_pin.dynamics.runge_kutta import runge_kutta_step
 from sst_pin.sst import paper
 from sst_pin.verification.referees import mujoco_engine
 

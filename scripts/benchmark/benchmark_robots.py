@@ -19,8 +19,8 @@ import benchmark_cases as cases
 import cassie
 from sst_pin import ClosedChain, robots
 from sst_pin.arrays import Array
-from sst_pin.chain.tree import series_of
 from sst_pin.compiled import build
+from sst_pin.model.tree import series_of
 
 
 def cassie_of_mujoco(locked: Sequence[str] = ()) -> ClosedChain:

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 import sst_pin
 from sst_pin.arrays import Array
-from sst_pin.chain import dynamics
+from sst_pin.dynamics import dynamics
 from sst_pin.sst import kinematics, paper
 from sst_pin.verification.sampling import random_parameters, random_state
 from sst_pin.verification.virtual_work import VirtualWork

@@ -10,7 +10,7 @@ import numpy as np
 
 from make_robots_table import reference_torques
 from sst_pin import robots
-from sst_pin.chain.closures import Closure, Coupling, Distance
+from sst_pin.model.closures import Closure, Coupling, Distance
 from sst_pin.robots.gallery_robot import GalleryRobot
 from sst_pin.viewer import Viewer
 

@@ -17,13 +17,13 @@ from tqdm import tqdm
 
 from .. import robots
 from ..arrays import Array
-from ..chain.closed_chain import ClosedChain
+from ..closed_chain import ClosedChain
 from ..description.folder import YAML_PATH
 from ..description.frames import JOINT_NAMES
 from ..errors import InputError, MissingExtraError
 from ..files import Writer, write_files
-from ..motion.trajectories import Trajectory
 from ..reading import Urdf, is_mjcf, read_urdf
+from ..simulation.trajectories import Trajectory
 from ..sst.robot import SST
 
 #: Endings of files that describe a robot.

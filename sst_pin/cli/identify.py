@@ -8,8 +8,8 @@ from .. import identification
 from ..errors import InputError
 from ..files import Writer, require_ending, text_writer
 from ..identification.urdf_numbers import with_dynamics
-from ..motion.motion_files import read_log, read_poses
 from ..reading import cuts_beside, is_mjcf
+from ..simulation.motion_files import read_log, read_poses
 from . import common
 
 _COUNT = common.number("a count", lambda n: n >= 1, int)

@@ -7,7 +7,13 @@ import numpy as np
 
 from ..errors import FileFormatError
 from ..files import require_ending, text_writer
-from ..motion.motion_files import load_motion, motion_table, read_motion, read_start, read_torques
+from ..simulation.motion_files import (
+    load_motion,
+    motion_table,
+    read_motion,
+    read_start,
+    read_torques,
+)
 from ..summaries import listed
 from . import common
 

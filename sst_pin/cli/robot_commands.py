@@ -83,7 +83,7 @@ def add_validate(commands: common.Commands) -> None:
 
 
 def _validate(arguments: argparse.Namespace) -> int:
-    from ..validation import examine
+    from ..reading.validate import examine
 
     given = [path for path in (arguments.file, arguments.robot) if path is not None]
     if len(given) != 1:

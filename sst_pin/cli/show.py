@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from ..chain.closed_chain import ClosedChain
-from ..chain.starts import start_of
+from ..closed_chain import ClosedChain
 from ..errors import InputError, OutputError
 from ..files import write_files
-from ..motion.motion_files import load_motion
-from ..motion.trajectories import Trajectory
+from ..loops.starts import start_of
+from ..simulation.motion_files import load_motion
+from ..simulation.trajectories import Trajectory
 from ..sst.paper import PERIOD, example_1
 from ..sst.robot import SST
 from . import common

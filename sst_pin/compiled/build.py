@@ -49,7 +49,10 @@ _SUFFIX = ".so"
 #: Bytes that all libraries in the cache have together, at most.
 LARGEST = 2**30
 #: All files of the package that decide what is in a kernel.
-_CODE = ("chain/*.py", "compiled/*.py", "compiled/c/**/*.[ch]", "version.py")
+_CODE = (
+    *("model/*.py", "loops/*.py", "dynamics/*.py"),
+    *("compiled/*.py", "compiled/c/**/*.[ch]", "version.py"),
+)
 #: Seconds after which a person is told that a call compiles.
 _PATIENCE = 1.0
 #: The list of sizes in a library ends with -1; there are no more than this.

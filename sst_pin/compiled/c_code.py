@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from ..chain.thresholds import AT_REST, BEND, CLOSURE_TOLERANCE
+from ..model.thresholds import AT_REST, BEND, CLOSURE_TOLERANCE
 from . import statements
 from .kernels import SymbolicKernel
 from .open_numbers import SIGN_WIDTH

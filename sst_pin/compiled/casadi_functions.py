@@ -10,10 +10,10 @@ import numpy as np
 from casadi import MX, SX, Function
 
 from ..arrays import Array
-from ..chain.mechanism import Mechanism
-from ..chain.reference import Reference
-from ..chain.runge_kutta import runge_kutta_step
-from ..chain.tree import frame_named
+from ..dynamics.reference import Reference
+from ..dynamics.runge_kutta import runge_kutta_step
+from ..model.mechanism import Mechanism
+from ..model.tree import frame_named
 from . import build, kernels
 from .elimination import Orthogonal
 from .equations import Equations

@@ -10,8 +10,8 @@ import pinocchio as pin
 from casadi import SX
 from numpy.polynomial.polynomial import polyder
 
-from ..chain.closures import Constraint, Coupling, Distance, Rolling
-from ..chain.tree import frame_named, joint_id
+from ..model.closures import Constraint, Coupling, Distance, Rolling
+from ..model.tree import frame_named, joint_id
 from .link_kinematics import Kinematics, LinkMotion
 from .symbols import Sparse, add, is_zero, sx
 

@@ -15,15 +15,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..arrays import Array
-from ..chain import backend as chain
-from ..chain.backend import Key, NoKernel
-from ..chain.mechanism import Friction, Mechanism
-from ..chain.quantities import QUANTITIES, Name
-from ..chain.reference import Reference
-from ..chain.regressor import with_springs
-from ..chain.tree import body_of, frame_named
+from ..dynamics.quantities import QUANTITIES, Name
+from ..dynamics.reference import Reference
+from ..dynamics.regressor import with_springs
+from ..engine import backend as chain
+from ..engine.backend import Key, NoKernel
 from ..errors import ActuationError, CompilationError, MissingExtraError, SSTError
 from ..extensions import missing, require_current
+from ..model.mechanism import Friction, Mechanism
+from ..model.tree import body_of, frame_named
 from . import build
 from .build import Clock, Code
 from .generator_inputs import fingerprint, sample_configurations

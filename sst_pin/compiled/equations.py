@@ -17,12 +17,12 @@ import pinocchio as pin
 from casadi import SX
 
 from ..arrays import Array, Indices
-from ..chain.least_torques import without_rounding
-from ..chain.loops import connected
-from ..chain.mechanism import Mechanism
-from ..chain.mobility import independent_rows
-from ..chain.thresholds import MAX_CONDITION_NUMBER
+from ..dynamics.least_torques import without_rounding
 from ..errors import ActuationError
+from ..loops.loops import connected
+from ..loops.mobility import independent_rows
+from ..model.mechanism import Mechanism
+from ..model.thresholds import MAX_CONDITION_NUMBER
 from .closure_rows import Row, closure_rows
 from .elimination import Blocks, Factors, Orthogonal, Rows, pivot_order, total
 from .link_kinematics import Kinematics

@@ -9,12 +9,12 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from ..arrays import Array
-from ..chain.closed_chain import ClosedChain
-from ..chain.mechanism import Mechanism
-from ..chain.quantities import Name
-from ..chain.tree import joint_id
+from ..closed_chain import ClosedChain
+from ..dynamics.quantities import Name
 from ..errors import DescriptionError, InputError
 from ..files import Writer, as_path, text_writer
+from ..model.mechanism import Mechanism
+from ..model.tree import joint_id
 from . import c_code, kernels
 from .compiled_backend import impossible
 from .equations import Equations

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array
-from ..chain.closures import frames_of
-from ..chain.coordinates import examples
-from ..chain.mechanism import Mechanism
-from ..chain.reference import Reference
-from ..chain.tree import frame_named
+from ..dynamics.reference import Reference
 from ..errors import ClosureError, SingularConfigurationError
+from ..loops.coordinates import examples
+from ..model.closures import frames_of
+from ..model.mechanism import Mechanism
+from ..model.tree import frame_named
 from .links import LinkTree
 from .open_numbers import OpenNumbers
 

@@ -15,19 +15,19 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..arrays import Array, Indices, for_each_sample
-from ..chain.backend import Key
-from ..chain.closures import Rolling
-from ..chain.dispatch import computed
-from ..chain.least_torques import smallest_torques
-from ..chain.mechanism import Mechanism
-from ..chain.quantities import QUANTITIES, Name
-from ..chain.runge_kutta import runge_kutta_step
-from ..chain.tree import frame_id
+from ..dynamics.least_torques import smallest_torques
+from ..dynamics.quantities import QUANTITIES, Name
+from ..dynamics.runge_kutta import runge_kutta_step
+from ..engine.backend import Key
+from ..engine.dispatch import computed
 from ..errors import ActuationError, DescriptionError, InputError, SSTError
+from ..model.closures import Rolling
+from ..model.mechanism import Mechanism
+from ..model.tree import frame_id
 from .casadi_functions import AlongMotions, CasadiFunctions, Functions
 
 if TYPE_CHECKING:
-    from ..chain.closed_chain import ClosedChain
+    from ..closed_chain import ClosedChain
 
 #: Derivatives of an order of arrays in rows.
 Values = Callable[..., Array]

@@ -12,10 +12,10 @@ import casadi as ca
 import numpy as np
 from casadi import SX
 
-from ..chain.closures import Coupling, Distance, frames_of
-from ..chain.reactions import BITS
-from ..chain.thresholds import UNIQUE
-from ..chain.tree import frame_named, joint_id
+from ..dynamics.reactions import BITS
+from ..model.closures import Coupling, Distance, frames_of
+from ..model.thresholds import UNIQUE
+from ..model.tree import frame_named, joint_id
 from .closure_rows import Row, by_twists, closure_rows
 from .elimination import Factors, total
 from .equations import Equations

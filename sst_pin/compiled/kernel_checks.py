@@ -15,8 +15,8 @@ import numpy as np
 from casadi import SX
 
 from ..arrays import Array
-from ..chain.lines import LEAST_LENGTH
-from ..chain.thresholds import (
+from ..model.lines import LEAST_LENGTH
+from ..model.thresholds import (
     BALANCED,
     CLOSURE_TOLERANCE,
     EARTH,

@@ -16,8 +16,8 @@ from typing import Any
 import casadi as ca
 from casadi import SX
 
-from ..chain.backend import Key
-from ..chain.tree import frame_named
+from ..engine.backend import Key
+from ..model.tree import frame_named
 from . import symbolic_derivatives
 from .elimination import total
 from .equations import Equations

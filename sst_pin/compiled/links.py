@@ -7,8 +7,8 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array
-from ..chain.tree import series_of
 from ..errors import DescriptionError
+from ..model.tree import series_of
 
 #: Kinds by how the joint's placement follows from its coordinates.
 _KINDS = {

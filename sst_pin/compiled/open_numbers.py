@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..arrays import Array
-from ..chain.mechanism import Friction, Mechanism
-from ..chain.tree import frame_named
+from ..model.mechanism import Friction, Mechanism
+from ..model.tree import frame_named
 
 if TYPE_CHECKING:
     from casadi import SX

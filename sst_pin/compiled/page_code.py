@@ -16,12 +16,12 @@ import pinocchio as pin
 from casadi import SX
 
 from ..arrays import Array
-from ..chain.loops import Loops
-from ..chain.mechanism import Mechanism
-from ..chain.mobility import free_motions
-from ..chain.reference import Reference, ReferenceStates
-from ..chain.thresholds import WELL_CONDITIONED
+from ..dynamics.reference import Reference, ReferenceStates
 from ..errors import ClosureError, DescriptionError
+from ..loops.loops import Loops
+from ..loops.mobility import free_motions
+from ..model.mechanism import Mechanism
+from ..model.thresholds import WELL_CONDITIONED
 from . import c_code, kernels, statements
 from .compiled_backend import impossible
 from .equations import Equations

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..arrays import Array, Flags, Indices
-from ..chain.backend import Kernel, Motions, NoKernel
-from ..chain.continuity import TRAVEL
-from ..chain.derivatives import AccelerationDerivatives
-from ..chain.dynamics import solved
-from ..chain.mechanism import Friction, Mechanism
-from ..chain.reference import Reference, ReferenceStates
+from ..dynamics.derivatives import AccelerationDerivatives
+from ..dynamics.dynamics import solved
+from ..dynamics.reference import Reference, ReferenceStates
+from ..engine.backend import Kernel, Motions, NoKernel
 from ..errors import SSTError
+from ..loops.continuity import TRAVEL
+from ..model.mechanism import Friction, Mechanism
 
 if TYPE_CHECKING:
     from ._binding import Course

@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 import casadi as ca
 from casadi import SX
 
-from ..chain.closures import Closure
-from ..chain.mechanism import Mechanism
-from ..chain.tree import frame_named
+from ..model.closures import Closure
+from ..model.mechanism import Mechanism
+from ..model.tree import frame_named
 from .closure_rows import line
 from .elimination import total
 from .link_kinematics import Kinematics, LinkMotion

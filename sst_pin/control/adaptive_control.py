@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, positive_number
-from ..chain.closed_chain import ClosedChain
-from ..chain.regressor import OF_BODY
-from ..motion.trajectories import Trajectory
+from ..closed_chain import ClosedChain
+from ..dynamics.regressor import OF_BODY
+from ..simulation.trajectories import Trajectory
 from .controllers import Controller
 
 

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, finite_array, in_one_turn, one_or_each
-from ..chain.closed_chain import ClosedChain
-from ..chain.named_positions import taken
+from ..closed_chain import ClosedChain
 from ..errors import ActuationError, InputError
-from ..motion.coordinate_motions import positions_along
-from ..motion.moving_robot import require_motion
-from ..motion.samples import spline
-from ..motion.trajectories import Trajectory
+from ..model.named_positions import taken
+from ..simulation.coordinate_motions import positions_along
+from ..simulation.moving_robot import require_motion
+from ..simulation.samples import spline
+from ..simulation.trajectories import Trajectory
 
 
 class Controller(ABC):

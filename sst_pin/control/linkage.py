@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, Indices, finite_array, for_each_sample, names, single_array
-from ..chain.closed_chain import ClosedChain
-from ..chain.named_positions import taken
-from ..chain.starts import start_of
-from ..chain.thresholds import RANK_TOLERANCE
+from ..closed_chain import ClosedChain
 from ..errors import ActuationError, InputError, WorkspaceError
+from ..loops.starts import start_of
+from ..model.named_positions import taken
+from ..model.thresholds import RANK_TOLERANCE
 
 #: The joints go to given motor positions in pieces of this size, [rad], or of the robot's length.
 _PIECE = 0.2

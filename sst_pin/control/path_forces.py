@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, finite_array
-from ..chain.closed_chain import ClosedChain
-from ..chain.named_positions import put, taken
-from ..chain.redundancy import limits_of_each
+from ..closed_chain import ClosedChain
+from ..dynamics.redundancy import limits_of_each
 from ..errors import ActuationError, InputError
-from ..motion.coordinate_motions import coordinate_positions
-from ..motion.samples import spline
+from ..model.named_positions import put, taken
+from ..simulation.coordinate_motions import coordinate_positions
+from ..simulation.samples import spline
 
 #: The part of a limit that stays free at the grid's points, for what happens between them.
 MARGIN = 1e-4

@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, finite_array, name_samples, single_array
-from ..chain.closed_chain import ClosedChain
-from ..chain.redundancy import limits_of_each
-from ..chain.thresholds import RANK_TOLERANCE, UNSUPPLIED
+from ..closed_chain import ClosedChain
+from ..dynamics.redundancy import limits_of_each
 from ..errors import ActuationError, InputError, SingularConfigurationError
+from ..model.thresholds import RANK_TOLERANCE, UNSUPPLIED
 from ..summaries import listed
 
 

@@ -13,15 +13,15 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Array, Flags, finite_array, single_array
-from ..chain.closed_chain import ClosedChain
-from ..chain.redundancy import limits_of_each
-from ..chain.starts import start_of
-from ..chain.thresholds import RANK_TOLERANCE
+from ..closed_chain import ClosedChain
+from ..dynamics.redundancy import limits_of_each
 from ..errors import InputError
 from ..files import as_path, table_writer, write_files
-from ..motion.frame_guide import FrameGuide
-from ..motion.limits import over_limits
-from ..motion.motion_columns import position_columns
+from ..loops.starts import start_of
+from ..model.thresholds import RANK_TOLERANCE
+from ..simulation.frame_guide import FrameGuide
+from ..simulation.limits import over_limits
+from ..simulation.motion_columns import position_columns
 from ..summaries import listed
 from .linkage import motor_units
 from .path_forces import part_of

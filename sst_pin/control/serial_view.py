@@ -12,8 +12,8 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Array, finite_array
-from ..chain.closed_chain import ClosedChain
-from ..chain.redundancy import limits_of
+from ..closed_chain import ClosedChain
+from ..dynamics.redundancy import limits_of
 from ..errors import InputError, SingularConfigurationError
 from .linkage import Linkage
 from .pose_abilities import hull

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, positive_number
-from ..chain.closed_chain import ClosedChain
+from ..closed_chain import ClosedChain
 from ..errors import ActuationError, MissingExtraError
-from ..motion.trajectories import Trajectory
+from ..simulation.trajectories import Trajectory
 from .path_forces import MARGIN, MotorLimits, Parts, PathForces, SmoothPath
 
 #: Intervals at whose ends the dynamics is computed, and how often they are halved where the forces

@@ -17,8 +17,8 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, Indices, whole_number
-from ..chain.closed_chain import ClosedChain
-from ..chain.regressor import OF_BODY
+from ..closed_chain import ClosedChain
+from ..dynamics.regressor import OF_BODY
 from ..errors import ClosureError, InputError, SingularConfigurationError, UnknownNameError
 from ..summaries import Summary, listed
 

@@ -12,14 +12,14 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, Indices, finite_array, for_each_sample
-from ..chain.closed_chain import ClosedChain
-from ..chain.named_positions import put
-from ..chain.starts import placed
+from ..closed_chain import ClosedChain
 from ..errors import ClosureError, InputError, SingularConfigurationError
 from ..files import as_path, text_writer, write_files
-from ..motion.coordinate_motions import configurations_of
-from ..motion.frame_guide import pose_error
-from ..motion.frame_motions import targets_of
+from ..loops.starts import placed
+from ..model.named_positions import put
+from ..simulation.coordinate_motions import configurations_of
+from ..simulation.frame_guide import pose_error
+from ..simulation.frame_motions import targets_of
 from ..summaries import Summary, listed
 from .base_parameters import independent
 from .estimation import solved

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array, positive_number
-from ..chain.closed_chain import ClosedChain
-from ..chain.regressor import DynamicParameters
+from ..closed_chain import ClosedChain
+from ..dynamics.regressor import DynamicParameters
 from ..errors import InputError, MissingExtraError
 from .estimation import Estimate
 

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, Flags, finite_array, whole_number
-from ..chain.closed_chain import ClosedChain
+from ..closed_chain import ClosedChain
 from ..errors import InputError
-from ..motion.moving_robot import require_motion
-from ..motion.trajectories import Trajectory
+from ..simulation.moving_robot import require_motion
+from ..simulation.trajectories import Trajectory
 from ..summaries import Summary
 from .base_parameters import BaseParameters
 from .measurements import decimated

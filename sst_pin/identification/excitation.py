@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, one_or_each, positive_number, whole_number
-from ..chain.closed_chain import ClosedChain
-from ..chain.named_positions import taken
-from ..chain.starts import placed
+from ..closed_chain import ClosedChain
 from ..errors import InputError, SSTError
-from ..motion.coordinate_motions import coordinate_motion
-from ..motion.moving_robot import require_motion
-from ..motion.trajectories import Trajectory
+from ..loops.starts import placed
+from ..model.named_positions import taken
+from ..simulation.coordinate_motions import coordinate_motion
+from ..simulation.moving_robot import require_motion
+from ..simulation.trajectories import Trajectory
 from .base_parameters import BaseParameters, random_states
 
 #: Samples of a motion that is judged, for each harmonic.

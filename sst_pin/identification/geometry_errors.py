@@ -13,12 +13,12 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array
-from ..chain.closed_chain import ClosedChain
-from ..chain.closures import Coupling, frames_of
-from ..chain.rebuilt_tree import rebuilt
-from ..chain.thresholds import RANK_TOLERANCE
-from ..chain.tree import frame_id
+from ..closed_chain import ClosedChain
 from ..errors import InputError, UnknownNameError
+from ..model.closures import Coupling, frames_of
+from ..model.rebuilt_tree import rebuilt
+from ..model.thresholds import RANK_TOLERANCE
+from ..model.tree import frame_id
 from ..summaries import listed
 
 _JOINTS = {

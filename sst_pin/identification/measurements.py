@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, Flags, finite_array, positive_number
-from ..chain.closed_chain import ClosedChain
+from ..closed_chain import ClosedChain
 from ..errors import InputError
-from ..motion.coordinate_motions import configurations_of, without_full_turns
-from ..motion.samples import sample_times, spline
-from ..motion.trajectories import Trajectory
+from ..simulation.coordinate_motions import configurations_of, without_full_turns
+from ..simulation.samples import sample_times, spline
+from ..simulation.trajectories import Trajectory
 
 _ORDER = 4
 #: How far an outlier is from the smooth curve, over the median of so many periods and samples:

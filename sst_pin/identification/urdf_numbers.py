@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from ..chain.closed_chain import ClosedChain
+from ..closed_chain import ClosedChain
 from ..errors import DescriptionError, DescriptionWarning
 from ..files import as_path, text_writer, write_files
 from ..reading import Urdf

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from ..chain.closed_chain import ClosedChain
-from ..motion.energy import energy_balance as balance_of
-from ..motion.energy import motor_powers
-from ..motion.moving_robot import require_motion
-from ..motion.trajectories import Trajectory
+from ..closed_chain import ClosedChain
+from ..simulation.energy import energy_balance as balance_of
+from ..simulation.energy import motor_powers
+from ..simulation.moving_robot import require_motion
+from ..simulation.trajectories import Trajectory
 from . import curves
 from .curves import Curves
 from .style import Axes

@@ -12,13 +12,13 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, finite_array
-from ..chain.appearance import PLATFORM
-from ..chain.closed_chain import ClosedChain
+from ..closed_chain import ClosedChain
 from ..description.colours import HUES
 from ..errors import InputError
-from ..motion.bearing_loads import Load, Loads
-from ..motion.moving_robot import require_motion
-from ..motion.trajectories import Trajectory
+from ..model.appearance import PLATFORM
+from ..simulation.bearing_loads import Load, Loads
+from ..simulation.moving_robot import require_motion
+from ..simulation.trajectories import Trajectory
 from ..sst.robot import SST
 from ..sst.workspace import WorkspaceMap
 from .curves import label, legend_above, zero_line

@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 
 from ..description.parameters import Parameters
 from ..files import Writer
-from ..motion.trajectories import Trajectory
+from ..simulation.trajectories import Trajectory
 from ..sst.paper import angles_off_path
 from ..sst.robot import SST
 from .motions import motor_torques

@@ -12,13 +12,13 @@ import pinocchio as pin
 from scipy.spatial import geometric_slerp
 
 from ..arrays import Array, single_array
-from ..chain.appearance import PLATFORM
-from ..chain.closed_chain import ClosedChain
-from ..chain.tree import frame_id
+from ..closed_chain import ClosedChain
 from ..description.colours import LEG_COLOURS
 from ..errors import InputError
-from ..motion.moving_robot import require_motion
-from ..motion.trajectories import Trajectory
+from ..model.appearance import PLATFORM
+from ..model.tree import frame_id
+from ..simulation.moving_robot import require_motion
+from ..simulation.trajectories import Trajectory
 from ..sst.kinematics import legs_of_joints
 from ..sst.robot import SST
 from .curves import legend_above

@@ -6,9 +6,9 @@ from functools import partial
 from pathlib import Path
 
 from ..arrays import names
-from ..chain.closures import Constraint, Coupling
-from ..chain.draft import Motor, without_locked
 from ..errors import DescriptionError
+from ..loops.draft import Motor, without_locked
+from ..model.closures import Constraint, Coupling
 from .cuts import Cuts, parse_cuts
 from .described import Described, naming, warned
 from .shapes import urdf_shapes

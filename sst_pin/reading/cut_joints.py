@@ -13,8 +13,8 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array
-from ..chain.closures import Closure, Coupling
 from ..errors import DescriptionError
+from ..model.closures import Closure, Coupling
 from .known_words import unknown
 from .problems import Problem, error, number, numbers, telling
 

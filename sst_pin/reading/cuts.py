@@ -11,9 +11,9 @@ import numpy as np
 import yaml
 
 from ..arrays import Array
-from ..chain.closures import Closure, Constraint, Distance, Rolling
-from ..chain.lines import LineForce
 from ..errors import DescriptionError
+from ..model.closures import Closure, Constraint, Distance, Rolling
+from ..model.lines import LineForce
 from . import loop_closures
 from .cut_joints import CutJoint
 from .problems import numbers, telling, vector

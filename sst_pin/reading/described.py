@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import pinocchio as pin
 
 from ..arrays import Array
-from ..chain.closures import Constraint
-from ..chain.draft import Motor
-from ..chain.lines import LineForce
 from ..errors import DescriptionWarning, SSTError
+from ..loops.draft import Motor
+from ..model.closures import Constraint
+from ..model.lines import LineForce
 from .srdf import Srdf
 
 

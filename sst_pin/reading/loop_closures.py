@@ -16,13 +16,13 @@ import pinocchio as pin
 import yaml
 
 from ..arrays import Array
-from ..chain.closed_chain import ClosedChain
-from ..chain.closures import Closure, Coupling
-from ..chain.starts import is_closed
-from ..chain.thresholds import RANK_TOLERANCE
-from ..chain.tree import frame_id
+from ..closed_chain import ClosedChain
 from ..errors import DescriptionError
 from ..files import as_path, require_ending, text_writer, write_files
+from ..loops.starts import is_closed
+from ..model.closures import Closure, Coupling
+from ..model.thresholds import RANK_TOLERANCE
+from ..model.tree import frame_id
 from .cut_joints import CutJoint, turned
 from .problems import telling, vector
 

@@ -11,9 +11,9 @@ from functools import partial
 from pathlib import Path
 
 from ..arrays import names
-from ..chain.draft import Motor
 from ..errors import DescriptionError, UnknownNameError
 from ..files import as_path
+from ..loops.draft import Motor
 from .described import Described, naming, warned
 from .mjcf_compiled import Compiled
 from .mjcf_loops import closures_of, lines_of, motors_of

@@ -12,9 +12,9 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array
-from ..chain.closures import Closure, Constraint, Coupling
-from ..chain.draft import Motor
-from ..chain.lines import LineForce
+from ..loops.draft import Motor
+from ..model.closures import Closure, Constraint, Coupling
+from ..model.lines import LineForce
 from .described import naming
 from .mjcf_compiled import HINGE, SLIDE, Compiled, pose_of
 from .mjcf_tree import MjcfTree

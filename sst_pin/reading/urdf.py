@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from ..chain.closures import Closure, Coupling
-from ..chain.rebuilt_tree import rebuilt
 from ..errors import DescriptionError
+from ..model.closures import Closure, Coupling
+from ..model.rebuilt_tree import rebuilt
 from .cut_joints import Marks
 from .sdf import sdf_graph
 from .text import bare, parse_xml, read_text

@@ -10,8 +10,8 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from ..arrays import Array
-from ..chain.closures import Closure, Constraint
-from ..chain.tree import frame_named
+from ..model.closures import Closure, Constraint
+from ..model.tree import frame_named
 from .placements import HERE, shift
 
 _GREY, _ORANGE = np.array([0.55, 0.6, 0.65, 1.0]), np.array([0.95, 0.55, 0.15, 1.0])

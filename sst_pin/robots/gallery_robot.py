@@ -13,13 +13,13 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, finite_array, for_each_sample, positive_number
-from ..chain.closed_chain import ClosedChain
-from ..chain.closures import Closure, Distance
-from ..chain.lines import LineForce
-from ..chain.starts import is_closed
-from ..chain.thresholds import CLOSURE_TOLERANCE
-from ..chain.tree import frame_named, joint_id
+from ..closed_chain import ClosedChain
 from ..errors import InputError, WorkspaceError
+from ..loops.starts import is_closed
+from ..model.closures import Closure, Distance
+from ..model.lines import LineForce
+from ..model.thresholds import CLOSURE_TOLERANCE
+from ..model.tree import frame_named, joint_id
 from .building_blocks import Tree, joint_shapes
 
 #: Coordinates of joints by name.

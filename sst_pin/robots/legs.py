@@ -9,7 +9,7 @@ import pinocchio as pin
 from pinocchio.rpy import rpyToMatrix
 
 from ..arrays import Array
-from ..chain.closures import Closure
+from ..model.closures import Closure
 from .building_blocks import Tree, box, disc, rod
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
 from .placements import HERE, shift, two_link, universal

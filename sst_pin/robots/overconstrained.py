@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 from pinocchio.rpy import rpyToMatrix
 
-from ..chain.closures import Closure
+from ..model.closures import Closure
 from .building_blocks import Solids, Tree, arc, bar, box, rod
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
 from .placements import HERE, angle_about_z, direction, planar, shift, turned_x

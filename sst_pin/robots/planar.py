@@ -8,7 +8,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, in_one_turn
-from ..chain.closures import Closure
+from ..model.closures import Closure
 from .building_blocks import Solids, Tree, bar, star
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
 from .placements import UPRIGHT, angle_about_z, circle, direction, planar, shift, two_link

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from pinocchio.rpy import rpyToMatrix
 
 from ..arrays import Array, single_array
-from ..chain.closures import Closure
+from ..model.closures import Closure
 from .building_blocks import Tree, bar, box, disc, rod, rods
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
 from .placements import circle, of_two_turns, planar, shift, two_link, universal

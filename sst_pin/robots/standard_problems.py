@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from pinocchio.rpy import rpyToMatrix
 
 from ..arrays import Array, in_one_turn, whole_number
-from ..chain.closures import Closure, Distance
-from ..chain.lines import LineForce
+from ..model.closures import Closure, Distance
+from ..model.lines import LineForce
 from .building_blocks import Solid, Solids, Tree, box, rods
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
 from .placements import HERE, angle_about_z, direction, of_two_turns, planar, shift, two_link

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import in_one_turn, whole_number
-from ..chain.closures import Closure
+from ..model.closures import Closure
 from .building_blocks import Tree, bar, box, rods
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
 from .placements import HERE, UPRIGHT, angle_about_z, direction, planar, shift, two_link

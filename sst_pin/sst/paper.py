@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array
-from ..motion.energy import energy_error
-from ..motion.trajectories import Trajectory
+from ..simulation.energy import energy_error
+from ..simulation.trajectories import Trajectory
 from .platform_motion import paper_circle
 from .robot import SST
 

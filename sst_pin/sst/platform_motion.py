@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, empty, finite_array, whole_number
-from ..chain.joint_space import without_sign_changes
 from ..description.frames import MOTOR_NAMES
 from ..errors import FileFormatError, InputError
 from ..files import Table
-from ..motion.motion_columns import rotations_in
-from ..motion.samples import sample_times, spline, times_within
+from ..model.joint_space import without_sign_changes
+from ..simulation.motion_columns import rotations_in
+from ..simulation.samples import sample_times, spline, times_within
 from .kinematics import require_rotation
 
 _QUATERNION = ("qx", "qy", "qz", "qw")

@@ -15,23 +15,23 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Array, finite_array, in_one_turn, of_samples, single_array
-from ..chain.appearance import Appearance
-from ..chain.backend import Backend
-from ..chain.closed_chain import ClosedChain
-from ..chain.closures import Closure
-from ..chain.current import Current
-from ..chain.mechanism import Friction, Mechanism
-from ..chain.reference import Reference
-from ..chain.tree import frame_named
+from ..closed_chain import ClosedChain
 from ..description.folder import URDF_PATH, YAML_PATH, yaml_of
 from ..description.frames import MOTOR_NAMES
 from ..description.parameters import Parameters
 from ..description.urdf_writer import urdf_of
+from ..dynamics.reference import Reference
+from ..engine.backend import Backend
+from ..engine.current import Current
 from ..errors import DescriptionError, FileFormatError, InputError, SSTError, WorkspaceError
 from ..files import Table
-from ..motion.limits import Verdict
-from ..motion.samples import spline
+from ..model.appearance import Appearance
+from ..model.closures import Closure
+from ..model.mechanism import Friction, Mechanism
+from ..model.tree import frame_named
 from ..reading import Described, Urdf, closed, parse_cuts, read_urdf
+from ..simulation.limits import Verdict
+from ..simulation.samples import spline
 from . import check, direct_kinematics, kinematics, star_appearance
 from .kinematics import Geometry
 from .platform_motion import PlatformMotion, motion_in

@@ -9,11 +9,11 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pinocchio as pin
 
-from ..chain.appearance import Appearance, DrawnFrame
 from ..description.colours import LEG_COLOURS
 from ..description.parameters import Parameters
 from ..description.parts import mesh_writers
 from ..files import write_files
+from ..model.appearance import Appearance, DrawnFrame
 from ..reading.shapes import urdf_shapes
 from .check import arc_ends
 from .kinematics import Geometry

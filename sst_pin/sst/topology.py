@@ -8,11 +8,11 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from ..arrays import Array
-from ..chain.mechanism import Friction, read_only
-from ..chain.tree import frame_named
 from ..description.frames import JOINT_NAMES, base_orientations
 from ..description.parameters import Parameters, RigidBody
 from ..errors import DescriptionError
+from ..model.mechanism import Friction, read_only
+from ..model.tree import frame_named
 from .kinematics import Geometry
 
 #: Pairs of frames that the shipped cuts close.

@@ -11,10 +11,10 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array
-from ..chain.closed_chain import ClosedChain
+from ..closed_chain import ClosedChain
 from ..description.parameters import Parameters
 from ..errors import ClosureError, MissingExtraError
-from ..motion.energy import energy_error
+from ..simulation.energy import energy_error
 from ..sst import paper
 from ..sst.platform_motion import paper_circle
 from ..sst.robot import SST

@@ -7,10 +7,10 @@ from importlib.util import find_spec
 
 from numpy.typing import ArrayLike
 
-from ..chain.closed_chain import ClosedChain
-from ..chain.starts import start_of
+from ..closed_chain import ClosedChain
 from ..errors import InputError, MissingExtraError
-from ..motion.trajectories import Trajectory
+from ..loops.starts import start_of
+from ..simulation.trajectories import Trajectory
 
 #: Packages of the extra `viz` that pages need, and their modules.
 _NEEDED = {

@@ -12,7 +12,7 @@ from meshcat.geometry import MeshPhongMaterial, TriangularMeshGeometry
 from scipy.spatial.transform import Rotation
 
 from ..arrays import Array
-from ..motion.trajectories import Trajectory
+from ..simulation.trajectories import Trajectory
 from .robot_scene import Scene
 from .scene_parts import Shape
 

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array
-from ..chain.closed_chain import ClosedChain
-from ..chain.starts import is_closed
-from ..motion.energy import motor_powers
-from ..motion.limits import LARGEST_CONDITION, over_limits, samples_of
-from ..motion.trajectories import Trajectory
+from ..closed_chain import ClosedChain
+from ..loops.starts import is_closed
+from ..simulation.energy import motor_powers
+from ..simulation.limits import LARGEST_CONDITION, over_limits, samples_of
+from ..simulation.trajectories import Trajectory
 from .robot_scene import Scene
 from .scene_parts import Arrow
 

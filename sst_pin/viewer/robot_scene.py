@@ -5,11 +5,11 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array
-from ..chain.appearance import drawn_frame
-from ..chain.closed_chain import ClosedChain
-from ..chain.starts import start_of
+from ..closed_chain import ClosedChain
 from ..description.colours import HUES
 from ..errors import InputError
+from ..loops.starts import start_of
+from ..model.appearance import drawn_frame
 from . import sketch
 from .scene_parts import Arrow, Pull, Shape, moved
 from .triangles import body_shapes, tube

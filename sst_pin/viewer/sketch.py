@@ -9,12 +9,12 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array
-from ..chain.appearance import PLATFORM, DrawnFrame
-from ..chain.closed_chain import ClosedChain
-from ..chain.closures import Closure, Coupling, Distance, Rolling, frames_of
-from ..chain.lines import LineForce
-from ..chain.tree import frame_named
+from ..closed_chain import ClosedChain
 from ..description.colours import HUES
+from ..model.appearance import PLATFORM, DrawnFrame
+from ..model.closures import Closure, Coupling, Distance, Rolling, frames_of
+from ..model.lines import LineForce
+from ..model.tree import frame_named
 from .scene_parts import Arrow, Label, Mesh, Pull, Shape, Strut, along, homogeneous
 from .triangles import arrow, circle, ellipsoid, solid, tube
 

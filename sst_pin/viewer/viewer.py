@@ -18,9 +18,9 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, positive_number, single_array
-from ..chain.closed_chain import ClosedChain
-from ..chain.reactions import Reactions
+from ..closed_chain import ClosedChain
 from ..description.colours import HUES
+from ..dynamics.reactions import Reactions
 from ..errors import (
     ActuationError,
     ClosureError,
@@ -29,9 +29,9 @@ from ..errors import (
     SingularConfigurationError,
 )
 from ..files import Writer, as_path, require_ending, write_files
-from ..motion.bearing_loads import reactions_along
-from ..motion.moving_robot import require_motion
-from ..motion.trajectories import Trajectory
+from ..simulation.bearing_loads import reactions_along
+from ..simulation.moving_robot import require_motion
+from ..simulation.trajectories import Trajectory
 from ..summaries import listed
 from ..version import __version__
 from .meshcat_scene import MeshcatScene

@@ -176,7 +176,7 @@ def test_machines_that_share_a_home_do_not_share_libraries(folder, monkeypatch, 
 
 
 @pytest.mark.parametrize(
-    "changed", ["chain/thresholds.py", "chain/reactions.py", "compiled/c/driver.h", "version.py"]
+    "changed", ["model/thresholds.py", "dynamics/reactions.py", "compiled/c/driver.h", "version.py"]
 )
 def test_libraries_of_other_code_are_not_used(monkeypatch, version, changed):
     """All that ends in the C counts: a tolerance of the chain is a constant there."""

@@ -15,9 +15,9 @@ import any_chain
 import robots
 import sst_pin
 import sst_pin.robots as robots_of_the_gallery
-from sst_pin.chain.backend import Key
-from sst_pin.chain.derivatives import TorqueDerivatives
 from sst_pin.compiled import build, compiled_backend
+from sst_pin.dynamics.derivatives import TorqueDerivatives
+from sst_pin.engine.backend import Key
 from sst_pin.errors import CompilationError
 
 

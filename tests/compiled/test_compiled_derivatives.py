@@ -21,13 +21,13 @@ from derivative_cases import (
     of_tree,
 )
 from sst_pin import ClosedChain
-from sst_pin.chain.backend import Key
-from sst_pin.chain.mechanism import Friction
 from sst_pin.compiled import c_code, kernels, statements
 from sst_pin.compiled.compiled_backend import DERIVATIVES, CompiledBackend
 from sst_pin.compiled.equations import Equations
 from sst_pin.compiled.generator_inputs import sample_configurations
+from sst_pin.engine.backend import Key
 from sst_pin.errors import InputError, UnknownNameError
+from sst_pin.model.mechanism import Friction
 
 #: Kernels for many samples, and for one.
 ALL = (*DERIVATIVES, *(key._replace(along=True) for key in DERIVATIVES))

@@ -7,8 +7,8 @@ import pytest
 
 from any_chain import with_joint
 from sst_pin import SST, ClosureError, SingularConfigurationError, robots
-from sst_pin.chain.backend import Key
-from sst_pin.chain.dispatch import assembled
+from sst_pin.engine.backend import Key
+from sst_pin.engine.dispatch import assembled
 
 #: Condition numbers up to which states are taken.
 WORST = 1e4

@@ -9,8 +9,8 @@ import pytest
 
 import sst_pin
 from by_hand import add, at, mark
-from sst_pin.chain.backend import Key
-from sst_pin.motion.energy import energy_balance
+from sst_pin.engine.backend import Key
+from sst_pin.simulation.energy import energy_balance
 
 
 def loop(seed, lengths, twists, kind="6d", offsets=None):

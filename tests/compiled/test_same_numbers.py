@@ -20,8 +20,8 @@ import sst_pin
 from by_hand import add, at
 from derivative_cases import WIDTH, floating_four_bar, of_gallery
 from sst_pin import ClosedChain, ClosureError, LineForce, SingularConfigurationError, robots
-from sst_pin.chain.quantities import QUANTITIES
 from sst_pin.compiled import build, compiled_backend
+from sst_pin.dynamics.quantities import QUANTITIES
 
 
 def cassie_on_a_stand():

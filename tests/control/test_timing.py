@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
-from sst_pin.motion.coordinate_motions import coordinate_positions
+from sst_pin.simulation.coordinate_motions import coordinate_positions
 
 pytest.importorskip("toppra", reason="toppra is not installed (extra 'timing')")
 

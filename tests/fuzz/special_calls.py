@@ -16,7 +16,7 @@ from judged_calls import Call
 from signature_calls import each, same
 
 import sst_pin
-from sst_pin.motion.motion_files import read_motion
+from sst_pin.simulation.motion_files import read_motion
 
 #: Subjects of a page that are drawn from the motion alone, or from the motion and the foot.
 FROM_MOTION = ("path", "torques", "joints")

@@ -22,7 +22,7 @@ from judged_calls import limited
 from mutations import changed_csv, changed_xml, changed_yaml
 
 import sst_pin
-from sst_pin.motion.motion_files import read_motion
+from sst_pin.simulation.motion_files import read_motion
 from sst_pin.sst.paper import example_1
 
 #: Both sides are solved by least squares with rounding of 1e-13 times a condition below 1e4.

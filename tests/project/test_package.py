@@ -141,7 +141,7 @@ def test_ci_runs_the_two_commands_of_the_readme_and_the_slow_tests():
 def test_functions_named_with_the_equations_exist():
     page = (ROOT / "docs" / "theory.md").read_text(encoding="utf-8")
     table = page.split("## Equations and functions")[1]
-    assert "`chain/noc.py`: `JointComplement`" in table
+    assert "`dynamics/noc.py`: `JointComplement`" in table
     for line in table.splitlines():
         for module, names in re.findall(r"`([\w/]+\.py)`: ((?:`\.?[\w.]+`(?:, )?)+)", line):
             source = (ROOT / "sst_pin" / module).read_text()
@@ -185,7 +185,7 @@ def test_a_user_who_imports_the_robots_loads_what_they_need_and_no_more():
         "print(*sorted(set(sys.modules) - before))\n"
     )
     loaded = run_python(code).split()
-    assert "sst_pin.chain.closed_chain" in loaded
+    assert "sst_pin.closed_chain" in loaded
     assert {name.split(".")[0] for name in loaded}.isdisjoint({"scipy", "tqdm", "matplotlib"})
     assert len(loaded) < 200  # 180 measured
 

@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
-from sst_pin.chain.mechanism import Springs
+from sst_pin.model.mechanism import Springs
 from sst_pin.reading.mjcf import read_mjcf
 
 #: A tree of hinges and slides with an instance of every element that can act on its joints.

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 import sst_pin
-from sst_pin.chain.closures import Coupling
+from sst_pin.model.closures import Coupling
 
 LINK = """<link name="{}"><inertial><origin xyz="0.1 0.02 0"/><mass value="{}"/>
 <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.012" iyz="0" izz="0.013"/></inertial></link>"""

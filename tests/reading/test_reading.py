@@ -10,8 +10,8 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
-from sst_pin.chain.closures import Coupling, Distance, Rolling
-from sst_pin.chain.mechanism import Springs
+from sst_pin.model.closures import Coupling, Distance, Rolling
+from sst_pin.model.mechanism import Springs
 from sst_pin.reading import Urdf
 from sst_pin.reading.mjcf import read_mjcf
 from sst_pin.reading.urdf import closing_frames

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import sst_pin
-from sst_pin.chain.backend import Key
 from sst_pin.compiled import _binding
+from sst_pin.engine.backend import Key
 from sst_pin.sst import kernels
 from sst_pin.verification.sampling import random_parameters, random_state, random_states
 from without_kernels import on_reference_path

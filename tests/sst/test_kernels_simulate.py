@@ -6,7 +6,7 @@ import pytest
 from scipy.interpolate import make_interp_spline
 
 import sst_pin
-from sst_pin.chain import dynamics
+from sst_pin.dynamics import dynamics
 from sst_pin.sst import kernels
 from sst_pin.sst.kernels import STAR
 from sst_pin.sst.kinematics import legs_of_joints

@@ -12,10 +12,10 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
-from sst_pin.chain.dynamics import Friction
 from sst_pin.description.folder import yaml_of
 from sst_pin.description.mjcf_writer import mjcf_of
 from sst_pin.description.urdf_writer import urdf_of
+from sst_pin.dynamics.dynamics import Friction
 from sst_pin.sst.robot_wrapper import configurations_of
 from sst_pin.sst.topology import geometry_of, parameters_of
 from sst_pin.verification.sampling import random_parameters

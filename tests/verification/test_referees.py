@@ -11,10 +11,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import sst_pin
 from example_1 import EXAMPLE_1
-from sst_pin.chain import dynamics, loops, noc
-from sst_pin.chain.loops import Loops
-from sst_pin.chain.mechanism import Friction
+from sst_pin.dynamics import dynamics, noc
 from sst_pin.errors import ClosureError, InputError, MissingExtraError
+from sst_pin.loops import loops
+from sst_pin.loops.loops import Loops
+from sst_pin.model.mechanism import Friction
 from sst_pin.verification import referees, verify
 from sst_pin.verification.referees import exudyn_engine, lagrange, mujoco_engine
 from sst_pin.verification.sampling import random_parameters, random_state

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from sst_pin.chain.runge_kutta import runge_kutta_step
+from sst_pin.dynamics.runge_kutta import runge_kutta_step
 
 from . import CLOSURES, Array, Tool
 

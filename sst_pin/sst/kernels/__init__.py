@@ -14,16 +14,16 @@ from pathlib import Path
 
 from ... import extensions
 from ...arrays import Array
-from ...chain.backend import Key
-from ...chain.closures import Closure
-from ...chain.mechanism import Mechanism
-from ...chain.reference import Reference
 from ...compiled import build
 from ...compiled.build import Code
 from ...compiled.compiled_backend import DERIVATIVES, CompiledBackend
 from ...compiled.open_numbers import OpenNumbers
 from ...description.frames import JOINT_NAMES, MOTOR_NAMES
+from ...dynamics.reference import Reference
+from ...engine.backend import Key
 from ...errors import CompilationError
+from ...model.closures import Closure
+from ...model.mechanism import Mechanism
 from ..topology import CUTS
 
 FOLDER = Path(__file__).parent

@@ -14,10 +14,10 @@ from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike
 
 from ...arrays import Array
-from ...chain.closed_chain import ClosedChain
-from ...chain.closures import Closure, Coupling, Distance, Rolling, frames_of
-from ...chain.mechanism import Mechanism
+from ...closed_chain import ClosedChain
 from ...description.parameters import Parameters
+from ...model.closures import Closure, Coupling, Distance, Rolling, frames_of
+from ...model.mechanism import Mechanism
 from ...sst.robot import SST
 from . import Moment, legs, require_same
 

@@ -1,0 +1,254 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Derivatives of inverse and direct dynamics along the motions that keep the loops closed.
+
+The tree's partial derivatives come first: of its inverse dynamics, with all wrenches of the loops
+on it, and of the velocities and accelerations of the closures' rows. The loops then say how the
+rates of the tree follow the coordinates. docs/derivatives.md derives the equations.
+
+Derivatives by q are taken along each rate of the tree, as Pinocchio's are.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from ..arrays import Array
+from ..errors import InputError
+from ..loops.loops import Loops
+from ..model.mechanism import Friction, Mechanism
+from ..model.vectors import brackets, cross_products, skew
+from .dynamics import Memory, applied_forces, direct_dynamics, motion_of_tree
+from .plain_tree import PlainTree
+from .row_derivatives import Branches, FrameMotions, Partials, TreeMotion, partials
+
+#: Wrenches on bodies: these, frames on them, the wrenches at the world's origin, their w_q.
+_Load = tuple[list[int], FrameMotions, Array, Array]
+
+
+class TorqueDerivatives(NamedTuple):
+    """Derivatives of the generalised forces f, those of the torques where motor k is coordinate k.
+
+    Attributes:
+        dq: Along the motions L e_k of q, va and aa held, shape (..., n, n).
+        dva: By va, shape (..., n, n).
+        daa: By aa: the generalised inertia matrix, shape (..., n, n).
+    """
+
+    dq: Array
+    dva: Array
+    daa: Array
+
+
+class AccelerationDerivatives(NamedTuple):
+    """Derivatives of the accelerations aa of the coordinates.
+
+    Attributes:
+        dq: Along the motions L e_k of q, va and tau held, shape (..., n, n).
+        dva: By va, shape (..., n, n).
+        dtau: By the motor torques, shape (..., n, motors).
+    """
+
+    dq: Array
+    dva: Array
+    dtau: Array
+
+
+class FrameVelocityDerivatives(NamedTuple):
+    """Derivatives of a frame's [linear; angular] velocity, base axes, at its origin.
+
+    Attributes:
+        dq: Along the motions L e_k of q, va held, shape (..., 6, n).
+        dva: By va: the Jacobian, shape (..., 6, n).
+    """
+
+    dq: Array
+    dva: Array
+
+
+def discrete(A: Array, B: Array, dt: float) -> tuple[Array, Array]:
+    """The exact step of x' = A x + B u over dt with u held: the exponential of [A B; 0 0] dt."""
+    from scipy.linalg import expm
+
+    states, inputs = B.shape[-2:]
+    both = np.zeros((*A.shape[:-2], states + inputs, states + inputs))
+    both[..., :states, :states], both[..., :states, states:] = A, B
+    with np.errstate(over="ignore", invalid="ignore"):
+        step = expm(both * dt)
+    if (~np.isfinite(step).all(axis=(-2, -1)) & np.isfinite(both).all(axis=(-2, -1))).any():
+        fastest = float(np.abs(np.linalg.eigvals(np.nan_to_num(A)).real).max())
+        raise InputError(
+            "dt",
+            f"{dt:g} s is too long: the exponential overflows, A has poles of {fastest:.3g} /s",
+        )
+    return step[..., :states, :states], step[..., :states, states:]
+
+
+class Derivatives:
+    """Derivatives of the dynamics of one mechanism; one object per thread.
+
+    Arguments are those of `dynamics.inverse_dynamics` and `dynamics.direct_dynamics`.
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self._plain = PlainTree(mechanism)
+        self._mechanism = self._plain.mechanism
+        self._memory = Memory(self._mechanism)
+        self._branches = Branches(self._mechanism.model)
+        #: The tree with its last body at the world's origin.
+        self._near = pin.Model(self._mechanism.model)
+
+    def torques(
+        self, sign_width: float, q: Array, va: Array, aa: Array, wrenches: Array | None
+    ) -> Array:
+        """Derivatives of f by q, va and aa side by side, shape (n, 3 n)."""
+        q, wrenches = self._plain.configuration(q), self._plain.wrenches(wrenches)
+        tau = np.zeros(self._mechanism.motors.shape[1])
+        by_q, by_va, inertia, _ = self._forces(self._friction(sign_width), q, va, aa, tau, wrenches)
+        return np.concatenate((by_q, by_va, inertia), axis=1)
+
+    def accelerations(
+        self, sign_width: float, q: Array, va: Array, tau: Array, wrenches: Array | None
+    ) -> Array:
+        """Derivatives of aa by q, va and tau side by side, shape (n, 2 n + motors)."""
+        q, wrenches = self._plain.configuration(q), self._plain.wrenches(wrenches)
+        friction = self._friction(sign_width)
+        aa, _ = direct_dynamics(self._memory, friction, q, va, tau, wrenches)
+        by_q, by_va, inertia, L = self._forces(friction, q, va, aa, tau, wrenches)
+        motors = L.T.dot(self._memory.actuation(q))
+        return np.linalg.solve(inertia, np.concatenate((-by_q, -by_va, motors), axis=1))
+
+    @property
+    def axes_move(self) -> bool:
+        """Whether a coordinate belongs to a joint whose rates have axes that it moves."""
+        several = np.zeros(self._mechanism.model.nv, dtype=bool)
+        for joint in list(self._mechanism.model.joints)[1:]:
+            several[joint.idx_v : joint.idx_v + joint.nv] = joint.nv > 1
+        return bool(several[self._mechanism.coordinates].any())
+
+    def displacement_rates(self, q: Array, va: Array) -> Array:
+        """-S [v, L e_k]: rates of a displacement due to joints' axes that move, shape (n, n)."""
+        memory = self._memory
+        memory.evaluate(self._plain.configuration(q))
+        v, _ = motion_of_tree(memory, va, memory.steady)
+        L = memory.complement.L
+        rates = np.zeros_like(L)
+        for joint, data in zip(memory.model.joints, memory.data.joints, strict=True):
+            if joint.nv > 1:
+                k, S = slice(joint.idx_v, joint.idx_v + joint.nv), np.array(data.S)
+                rates[k] = S.T.dot(brackets(S.dot(v[k]), S.dot(L[k])))
+        return -rates[self._mechanism.coordinates]
+
+    def frame_velocity(self, q: Array, va: Array, frame: int) -> Array:
+        """Derivatives of a frame's velocity by q and va side by side, shape (6, 2 n)."""
+        q = self._plain.configuration(q)
+        self._memory.evaluate(q)
+        v, v_dot = motion_of_tree(self._memory, va, self._memory.steady)
+        L = self._memory.complement.L
+        tree = TreeMotion(self._branches, self._memory.data, q, v, v_dot)
+        v_q = -self._memory.complement.inverse.dot(
+            partials(self._memory.loops, tree).velocity_q.dot(L)
+        )
+        moved = tree.frames_of([frame])
+        J = np.concatenate((moved.vectors_q[0, :, 0, :3].T, moved.J[0, 3:]))
+        by_q = np.concatenate((moved.vectors_tq[0, :, 0, :3].T, moved.twist_q[0, 3:]))
+        return np.concatenate((by_q.dot(L) + J.dot(v_q), J.dot(L)), axis=1)
+
+    def _forces(
+        self, friction: Friction, q: Array, va: Array, aa: Array, tau: Array, wrenches: Array | None
+    ) -> tuple[Array, Array, Array, Array]:
+        """Derivatives of f - L^T B tau by q, va and aa, and L, on the plain tree."""
+        memory, mechanism = self._memory, self._mechanism
+        memory.evaluate(q)
+        v, v_dot = motion_of_tree(memory, va, aa)
+        L = memory.complement.L
+        tree = TreeMotion(self._branches, memory.data, q, v, v_dot)
+        rows, G = partials(memory.loops, tree), memory.complement.inverse
+        force = pin.rnea(memory.model, memory.data, q, v, v_dot)
+        force -= applied_forces(memory, friction, q, v, wrenches, tau)
+        reactions, lines = G.T.dot(force), mechanism.lines
+        loads = [_on_frames(memory.loops, rows, reactions)]
+        if not lines.none:
+            lengths, J = memory.lines.evaluate(q)
+            along = partials(memory.lines.loops, tree)
+            pulls = lines.tensions(lengths, J.dot(v), tau)
+            loads.append(_on_frames(memory.lines.loops, along, -pulls))
+        if wrenches is not None and wrenches.any():
+            loads.append(_on_mass_centres(tree, memory.data, wrenches.reshape(-1, 6)))
+        force_q, force_v, M = self._tree_forces(tree, loads)
+        for row, k, second in rows.coupled:
+            force_q[k, k] -= reactions[row] * second
+        if not lines.none:
+            stiffness, _, damping, _ = lines.numbers
+            force_q += (J.T * stiffness).dot(J) + (J.T * damping).dot(along.velocity_q)
+            force_v += (J.T * damping).dot(J)
+        force_v += np.diag(-friction.slopes(v))
+        if not mechanism.springs.none:
+            force_q -= mechanism.springs.slopes(memory.model, q)
+        v_q = -G.dot(rows.velocity_q.dot(L))
+        v_dot_q = -G.dot(rows.acceleration_q.dot(L) + rows.acceleration_v.dot(v_q))
+        v_dot_va = -G.dot(rows.acceleration_v.dot(L))
+        by_q = L.T.dot(force_q.dot(L) + force_v.dot(v_q) + M.dot(v_dot_q))
+        by_va = L.T.dot(force_v.dot(L) + M.dot(v_dot_va))
+        inertia = L.T.dot(M).dot(L)
+        return by_q, by_va, (inertia + inertia.T) / 2, L
+
+    def _tree_forces(self, tree: TreeMotion, loads: list[_Load]) -> tuple[Array, Array, Array]:
+        """Derivatives of RNEA less the forces of loads by q, v and v_dot.
+
+        Pinocchio holds external wrenches in the bodies. What a wrench w does not turn with its body
+        is its own derivative w_q less that of a wrench that does. It reduces inertias at the
+        world's origin, which costs digits by the square of the distance: the tree is moved there.
+        """
+        memory, model = self._memory, self._memory.model
+        total = np.zeros((model.njoints, 6))
+        for joints, _, w, _ in loads:
+            np.add.at(total, joints, w)
+        in_bodies = pin.StdVec_Force()
+        for placement, of_body in zip(memory.data.oMi, total, strict=True):
+            in_bodies.append(placement.actInv(pin.Force(of_body)))
+        there = memory.data.oMi[model.njoints - 1].translation.copy()
+        for root in model.children[0]:
+            placement = model.jointPlacements[root]
+            self._near.jointPlacements[root] = pin.SE3(
+                placement.rotation, placement.translation - there
+            )
+        arguments = (self._near, memory.data, tree.q, tree.v, tree.v_dot, in_bodies)
+        force_q, force_v, M = (np.array(x) for x in pin.computeRNEADerivatives(*arguments))
+        for _, frames, w, w_q in loads:
+            turning = w_q - _carried(frames.J, w)
+            force_q -= np.tensordot(frames.J, turning, axes=((0, 1), (0, 1)))
+        return force_q, force_v, M
+
+    def _friction(self, sign_width: float) -> Friction:
+        return replace(self._mechanism.friction, sign_width=sign_width)
+
+
+def _on_frames(loops: Loops, rows: Partials, reactions: Array) -> _Load:
+    """Forces along the rows of closures or lines, as wrenches on the frames that they connect."""
+    w, w_q = np.zeros((len(rows.frames.J), 6)), np.zeros_like(rows.frames.J)
+    np.add.at(w, loops.pairs.frames, reactions[:, None] * rows.W)
+    np.add.at(w_q, loops.pairs.frames, reactions[:, None, None] * rows.W_q)
+    joints = [loops.model.frames[frame].parentJoint for frame in loops.frames]
+    return joints, rows.frames, w, w_q
+
+
+def _on_mass_centres(tree: TreeMotion, data: pin.Data, wrenches: Array) -> _Load:
+    """Constant wrenches at the mass centres: the bodies, the wrenches at the origin, their w_q."""
+    joints = [int(k) for k in np.flatnonzero(wrenches.any(axis=1)) + 1]
+    levers = [pin.SE3(np.eye(3), tree.model.inertias[joint].lever) for joint in joints]
+    placements = [data.oMi[j] * lever for j, lever in zip(joints, levers, strict=True)]
+    frames = tree.frames(joints, placements)
+    moments, forces = wrenches[wrenches.any(axis=1)].reshape(-1, 2, 3).swapaxes(0, 1)
+    w = np.hstack((forces, moments + cross_products(frames.vectors[:, 0, :3], forces)))
+    w_q = np.zeros_like(frames.J)
+    w_q[:, 3:] = -skew(forces) @ frames.vectors_q[:, :, 0, :3].swapaxes(1, 2)
+    return joints, frames, w, w_q
+
+
+def _carried(twists: Array, w: Array) -> Array:
+    """Derivatives of wrenches, shape (k, 6), that twists, shape (k, 6, nv), carry along."""
+    force, moment = -skew(w[:, :3]), -skew(w[:, 3:])
+    linear, omega = twists[:, :3], twists[:, 3:]
+    return np.concatenate((force @ omega, moment @ omega + force @ linear), axis=1)

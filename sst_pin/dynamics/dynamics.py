@@ -1,0 +1,358 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Equations of motion in the coordinates, Eqs. (63)-(96), one configuration: the reference path.
+
+The long form assembles every term of Eq. (92) from K, T, M and Omega, to be seen and tested. The
+short form is the same equation with v = L va and v_dot = L aa + L_dot va put into the tree's
+inverse dynamics: f = L^T (RNEA(q, v, v_dot) - tau^f - tau^s - K^T w), tau^f and tau^s with the
+forces along lines. `pin.rnea` is the decoupled form K = N_l N_d of [5, 6] as recursions: N_d and
+N_l forward, N_l^T and N_d^T backward.
+
+Inertia matrices come from `pin.crba`. It is wrong for trees whose joints were not added
+depth-first; for these, and for mimic joints, they come from RNEA without gravity and velocity.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from ..arrays import Array
+from ..errors import SingularConfigurationError
+from ..loops.assembly import Assembly
+from ..loops.continuity import Continuity
+from ..loops.loops import Loops
+from ..loops.mobility import independent_rows
+from ..model.lines import LineKinematics
+from ..model.mechanism import Friction, Mechanism
+from ..model.thresholds import CLOSURE_TOLERANCE, EARTH, ROUNDING, WITHOUT_MASS
+from ..model.tree import depth_first
+from ..summaries import Summary, as_html, as_text
+from .noc import JointComplement, bodies, body_jacobians, decoupled, natural_complement
+
+
+@dataclass(frozen=True, repr=False)
+class Terms(Summary):
+    """Every matrix of Eq. (92): f = inertia aa + coriolis va - gravity - friction - springs.
+
+    There are nv rates, n of them of coordinates, and r bodies. Units are SI, axes are base axes,
+    twists are [omega; v] at mass centres.
+
+    Attributes:
+        Phi: Independent rows of the constraint Jacobian, shape (nv - n, nv), Eqs. (3), (5).
+        L: Joint orthogonal complement, shape (nv, n), Eq. (17).
+        L_dot: Its rate, shape (nv, n), Eq. (20).
+        K: Body Jacobians, shape (6 r, nv), Eq. (12).
+        K_dot: Their rate, shape (6 r, nv), Eq. (15).
+        N_l: Transfer of twists from body to body, K = N_l N_d, shape (6 r, 6 r), [5, 6].
+        N_d: Twist of each body relative to its parent, shape (6 r, nv), [5, 6].
+        T: Natural orthogonal complement, shape (6 r, n), Eqs. (22), (23).
+        T_dot: Its rate, shape (6 r, n), Eq. (25).
+        M: Stacked mass matrix, shape (6 r, 6 r), Eq. (69).
+        Omega: Stacked angular velocities, shape (6 r, 6 r), Eq. (70).
+        inertia: Mass matrix in the coordinates, shape (n, n), Eq. (93).
+        coriolis: Coriolis matrix (with centrifugal terms), shape (n, n), Eq. (94).
+        gravity: Generalized forces of the weights, tau^g, shape (n,), Eq. (95).
+        friction: Generalized forces of friction, L^T tau^f, shape (n,), Eq. (96); they oppose the
+            rates. Dampers along lines are among them.
+        springs: Generalized forces of the springs, those along lines among them, shape (n,).
+    """
+
+    Phi: Array
+    L: Array
+    L_dot: Array
+    K: Array
+    K_dot: Array
+    N_l: Array
+    N_d: Array
+    T: Array
+    T_dot: Array
+    M: Array
+    Omega: Array
+    inertia: Array
+    coriolis: Array
+    gravity: Array
+    friction: Array
+    springs: Array
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        """Shapes of the matrices, in a row for each step of the paper."""
+        rows = {
+            "closures": "Phi L L_dot",
+            "bodies": "K K_dot M Omega",
+            "recursion": "N_l N_d",
+            "complement": "T T_dot",
+            "matrices": "inertia coriolis",
+            "forces": "gravity friction springs",
+        }
+        return "Terms of Eq. (92)", [(word, _shapes(self, names)) for word, names in rows.items()]
+
+
+class ReducedTerms(NamedTuple):
+    """f = inertia aa + coriolis va - gravity - friction, Eq. (92), for a batch.
+
+    Attributes:
+        inertia: Mass matrix, shape (..., n, n), Eq. (93).
+        coriolis: Coriolis matrix, shape (..., n, n), Eq. (94).
+        gravity: Forces of weights and springs, shape (..., n), Eq. (95).
+        friction: Forces of friction, shape (..., n), Eq. (96).
+
+    Example:
+        >>> va, aa = [1, 0, 0], [0, 1, 0]
+        >>> terms = robot.reduced_terms(robot.home, va)
+        >>> tau = terms.inertia @ aa + terms.coriolis @ va - terms.gravity - terms.friction
+        >>> bool(np.allclose(tau, robot.compute_torques(robot.home, va, aa)))
+        True
+    """
+
+    inertia: Array
+    coriolis: Array
+    gravity: Array
+    friction: Array
+
+    def __repr__(self) -> str:
+        return as_text(*self._summary())
+
+    def _repr_html_(self) -> str:
+        return as_html(*self._summary())
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        """Shapes of the terms."""
+        rows = {"matrices": "inertia coriolis", "forces": "gravity friction"}
+        return "ReducedTerms of Eq. (92)", [(word, _shapes(self, x)) for word, x in rows.items()]
+
+    @classmethod
+    def of_rows(cls, rows: Array, n: int) -> ReducedTerms:
+        """From all numbers of a sample in a row, shape (..., 2 n (n + 1))."""
+        inertia, coriolis, gravity, friction = np.split(
+            rows, [n * n, 2 * n * n, 2 * n * n + n], axis=-1
+        )
+        square = (*rows.shape[:-1], n, n)
+        return cls(inertia.reshape(square), coriolis.reshape(square), gravity, friction)
+
+
+def _shapes(terms: Terms | ReducedTerms, names: str) -> str:
+    """Names with shapes, as L (9, 3)."""
+    return ", ".join(f"{name} {getattr(terms, name).shape}" for name in names.split())
+
+
+class Memory:
+    """Memory for the computations of one mechanism in one thread."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.mechanism, self.model = mechanism, mechanism.model
+        self.loops = Loops(mechanism.model, mechanism.closures)
+        self.data = self.loops.data
+        self.complement = JointComplement(mechanism, self.loops.touched)
+        self.lines = LineKinematics(self.model, mechanism.lines.forces, mechanism.length)
+        self.assembly = Assembly(mechanism, self.loops)
+        self.without_slip = Assembly(mechanism, self.loops, slipping=False)
+        self._weightless = pin.Model(mechanism.model)
+        self._weightless.gravity = pin.Motion.Zero()
+        mimic = list(mechanism.model.mimicking_joints)
+        self._composite_bodies = depth_first(mechanism.model) and not mimic
+        self.zero = np.zeros(mechanism.model.nv)
+        self.whole_inertia = whole_inertia(mechanism)
+        #: Accelerations of coordinates that have none.
+        self.steady = np.zeros(len(mechanism.coordinates))
+
+    @cached_property
+    def continuity(self) -> Continuity:
+        """Follows motions from one configuration to the next."""
+        return Continuity(self.mechanism, self.loops)
+
+    def evaluate(self, q: Array, tolerance: float = CLOSURE_TOLERANCE) -> None:
+        """Compute what depends on q, which must be on its manifold and close the loops."""
+        self.mechanism.space.require_on_manifold(q)
+        self.loops.evaluate(q)
+        self.loops.require_closed(self.mechanism.row_scale, tolerance)
+
+    def actuation(self, q: Array) -> Array:
+        """B with what motors on lines do at q: forces on the tree are B tau, shape (nv, motors)."""
+        B, lines = self.mechanism.motors, self.mechanism.lines
+        return B + self.lines.evaluate(q)[1].T.dot(lines.motors) if lines.motors.any() else B
+
+    def momentum_rate(self, q: Array, a: Array) -> Array:
+        """M a, generalised forces of rates a_k of the tree, shape (nv,), by N_l and N_l^T."""
+        return pin.rnea(self._weightless, self.data, q, self.zero, a)
+
+    def reduced_inertia(self, q: Array, L: Array) -> Array:
+        """L^T M L, shape (n, n), Eq. (93); M by composite bodies where that is right."""
+        if self._composite_bodies:
+            M_L = pin.crba(self.model, self.data, q).dot(L)
+        else:
+            columns = [self.momentum_rate(q, column) for column in np.ascontiguousarray(L.T)]
+            M_L = np.array(columns).T
+        return L.T.dot(M_L)
+
+
+def whole_inertia(mechanism: Mechanism) -> float:
+    """Inertia of all bodies and rotors where each is as far off as the robot is long, [kg m^2]."""
+    model, length = mechanism.model, mechanism.length
+    bodies = np.array([body.toDynamicParameters() for body in list(model.inertias)[1:]])
+    traces = bodies[:, [4, 6, 9]].sum()  # about the joints' frames
+    rotors = model.armature.dot(mechanism.rate_scale**2)
+    return float(bodies[:, 0].sum() * length**2 + traces + rotors)
+
+
+def motion_of_tree(memory: Memory, va: Array, aa: Array) -> tuple[Array, Array]:
+    """v and v_dot of a motion of the coordinates at the configuration evaluated last."""
+    memory.complement.factorise(memory.loops.Phi(), memory.loops.residual())
+    v = memory.complement.L.dot(va)  # Eq. (16)
+    return v, memory.complement.accelerations(aa, memory.loops.drift(v))
+
+
+def applied_forces(
+    memory: Memory,
+    friction: Friction,
+    q: Array,
+    v: Array,
+    wrenches: Array | None,
+    tau: Array | None = None,
+) -> Array:
+    """Motors, friction, springs, lines, external wrenches as forces on the tree, shape (nv,)."""
+    springs, lines = memory.mechanism.springs, memory.mechanism.lines
+    force = memory.zero if tau is None else memory.mechanism.motors.dot(tau)
+    if not friction.none:
+        force = force + friction.forces(v)
+    if not springs.none:
+        force = force + springs.forces(memory.model, q)
+    if not lines.none:
+        lengths, J = memory.lines.evaluate(q)
+        force = force - lines.tensions(lengths, J.dot(v), tau).dot(J)
+    if wrenches is not None:
+        force = force + wrenches.ravel().dot(body_jacobians(memory.model, memory.data))
+    return force
+
+
+def inverse_dynamics(
+    memory: Memory, q: Array, va: Array, aa: Array, wrenches: Array | None
+) -> Array:
+    """What a motion needs along the coordinates, f of shape (n,), Eq. (92), short form.
+
+    `pin.rnea` is N_l forward and N_l^T backward; it forms no K. `wrenches` are external [moment;
+    force] on each body at its mass centre, base axes, shape (r, 6), or None.
+    """
+    memory.evaluate(q)
+    v, v_dot = motion_of_tree(memory, va, aa)
+    tree = pin.rnea(memory.model, memory.data, q, v, v_dot)
+    tree = tree - applied_forces(memory, memory.mechanism.friction, q, v, wrenches)
+    return tree.dot(memory.complement.L)
+
+
+def terms_of_forces(
+    memory: Memory, q: Array, va: Array, aa: Array, wrenches: Array | None
+) -> tuple[Array, Array]:
+    """The terms that make up f, shape (terms, n), and what rounding takes its part of, shape (n,).
+
+    Terms are the weight, the inertia and the load of each body, and the friction, the spring and
+    the rotor of each joint, each as forces along the coordinates; their sum is f. The second result
+    disregards the directions of wrenches and motions, and where axes pass: each turn moves mass
+    centres by the length of the robot. Bodies count with their weights on Earth at least.
+    """
+    memory.evaluate(q)
+    mechanism, model, r = memory.mechanism, memory.model, memory.model.njoints - 1
+    v, v_dot = motion_of_tree(memory, va, aa)
+    L = memory.complement.L
+    memory.loops.Phi_dot(v)  # brings J and its rate to v
+    K, K_dot, M, Omega, weights = bodies(model, memory.data, v)
+    given = [M @ (K @ v_dot), M @ (K_dot @ v), Omega @ (M @ (K @ v)), -weights]
+    if wrenches is not None:
+        given.append(-wrenches.ravel())
+    parts = np.reshape(given, (-1, 2 * r, 3))  # moments and forces
+    of_bodies = np.einsum("kbi,bin->kbn", parts, (K @ L).reshape(2 * r, 3, -1))
+    now, J = memory.lines.evaluate(q)
+    joints = [-mechanism.friction.forces(v), -mechanism.springs.forces(model, q)]
+    joints.append(model.armature * v_dot)
+    of_joints = np.reshape(joints, (-1, model.nv, 1)) * L
+    pulls = mechanism.lines.tensions(now, J.dot(v))[:, None] * J
+    terms = [of_bodies.reshape(-1, L.shape[1]), of_joints.reshape(-1, L.shape[1]), pulls @ L]
+    lengths = np.linalg.norm(K.reshape(2 * r, 3, -1), axis=1)
+    lengths[1::2] += mechanism.length * lengths[::2]
+    on_bodies = np.abs(parts).sum(axis=(0, 2))
+    on_bodies[1::2] += EARTH * np.abs([body.mass for body in list(model.inertias)[1:]])
+    sizes = lengths.T @ on_bodies + np.abs([*joints, *pulls]).sum(axis=0)
+    return np.concatenate(terms), np.abs(L).T @ sizes
+
+
+def direct_dynamics(
+    memory: Memory,
+    friction: Friction,
+    q: Array,
+    va: Array,
+    tau: Array,
+    wrenches: Array | None,
+    tolerance: float = CLOSURE_TOLERANCE,
+) -> tuple[Array, Array]:
+    """Accelerations of the coordinates from Eq. (92), and v = L va; loops open up to `tolerance`.
+
+    Bias forces are a `pin.rnea`, N_l forward and N_l^T back. `friction` is taken instead of the
+    mechanism's.
+    """
+    memory.evaluate(q, tolerance)
+    v, bias = motion_of_tree(memory, va, memory.steady)
+    force = -pin.rnea(memory.model, memory.data, q, v, bias)
+    force += applied_forces(memory, friction, q, v, wrenches, tau)
+    L = memory.complement.L
+    inertia = memory.reduced_inertia(q, L)
+    fastest = np.square(L / memory.mechanism.rate_scale[:, None]).sum(axis=0)
+    aa = solved(inertia, force.dot(L), WITHOUT_MASS * memory.whole_inertia * fastest)
+    if aa is None:
+        values = np.linalg.eigvalsh(inertia)
+        why = "a coordinate moves no mass at this configuration"
+        if values[0] < -ROUNDING * np.abs(values).max():
+            why = "the inertia of a body is negative"
+        problem = f"the mass matrix is not positive definite: {why}"
+        raise SingularConfigurationError(problem, float(np.linalg.cond(inertia)))
+    return aa, v
+
+
+def solved(inertia: Array, force: Array, least: Array | float = 0.0) -> Array | None:
+    """Accelerations for forces; None where a pivot of the mass matrix is rounding, or `least`."""
+    from scipy.linalg.lapack import dposv
+
+    factor, aa, info = dposv(inertia, force)
+    sound = np.diag(factor) ** 2 > ROUNDING * np.diag(inertia) + least
+    return aa if not info and sound.all() else None
+
+
+def terms(memory: Memory, q: Array, va: Array) -> Terms:
+    """All matrices of Eq. (92), long form; arguments as `inverse_dynamics`."""
+    memory.evaluate(q)
+    mechanism, model = memory.mechanism, memory.model
+    Phi = memory.loops.Phi()
+    memory.complement.factorise(Phi, memory.loops.residual())
+    L = memory.complement.L
+    v = L @ va  # Eq. (16)
+    L_dot = memory.complement.L_dot(memory.loops.Phi_dot(v))
+    of_bodies = bodies(model, memory.data, v)
+    lengths, J = memory.lines.evaluate(q)
+    at_rest = mechanism.lines.tensions(lengths, np.zeros(len(J)))
+    damping = mechanism.lines.tensions(lengths, J @ v) - at_rest
+    T, T_dot = natural_complement(of_bodies, L, L_dot)
+    K, K_dot, M, Omega, w_g = of_bodies
+    # Rotors geared to a joint (model.armature) are no bodies of the paper; RNEA counts them too.
+    rotors = L.T * model.armature
+    N_l, N_d = decoupled(model, memory.data)
+    scaled = Phi * mechanism.row_scale[:, None] * mechanism.rate_scale
+    return Terms(
+        Phi=Phi[independent_rows(scaled)],
+        L=L,
+        L_dot=L_dot,
+        K=K,
+        K_dot=K_dot,
+        N_l=N_l,
+        N_d=N_d,
+        T=T,
+        T_dot=T_dot,
+        M=M,
+        Omega=Omega,
+        inertia=T.T @ M @ T + rotors @ L,  # Eq. (93)
+        coriolis=T.T @ M @ T_dot + T.T @ Omega @ M @ T + rotors @ L_dot,  # Eq. (94)
+        gravity=T.T @ w_g,  # Eq. (95)
+        friction=L.T @ (mechanism.friction.forces(v) - damping @ J),  # Eq. (96)
+        springs=L.T @ (mechanism.springs.forces(model, q) - at_rest @ J),
+    )

@@ -1,0 +1,284 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Reactions: the wrenches in joints and closures, and which of them are unique.
+
+The forces of the closures on the tree are Phi^T lambda, what the tree needs less what motors,
+friction, springs and loads supply. Where rows of Phi are redundant, lambda is free along
+N = null(Phi^T), the states of inner stress. A joint gives to all that it bears what the recursion
+of Newton and Euler needs, less what closures give to it, X lambda: a component of its wrench is
+unique exactly where its row of X N is zero (Wojtyra 2005; Fraczek and Wojtyra 2011). Rows are
+free of units, so that the verdict does not depend on them.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from ..arrays import Array, Flags, as_array
+from ..errors import IndeterminateError, InputError, UnknownNameError
+from ..model.closures import Coupling
+from ..model.mechanism import Mechanism
+from ..model.thresholds import UNIQUE
+from ..model.tree import joint_id
+from ..summaries import Summary, listed
+from .dynamics import Memory, applied_forces, motion_of_tree
+from .noc import mass_centers
+
+#: Inner stresses that stiffnesses resist less than this, relative to the most, are left free.
+_RESISTED = 1e-9
+_MOMENT_FIRST = [3, 4, 5, 0, 1, 2]
+#: In the code of a joint or closure, of its six components where they are not unique.
+BITS = 2.0 ** np.arange(6)
+
+
+class Verdict(NamedTuple):
+    """One answer for each component of the wrenches."""
+
+    #: Shape (..., r, 6).
+    joints: Flags
+    #: Shape (..., closures, 6).
+    closures: Flags
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Reactions(Summary):
+    """Wrenches [moment; force] in the joints and closures of a robot, [N m], [N].
+
+    A joint's wrench is all that its parent gives to its child there, at the origin and in the axes
+    of the joint: by the bearing, the motor, friction, springs and gears. What rotors
+    (`model.armature`) need is along the joint's axis and not in it. A closure's wrench is what
+    the link of frame A gives to the link of frame B, at the origin and in the axes of B; that of a
+    coupling is its force on the dependent joint, written about or along z.
+
+    Components that are not unique are NaN, unless stiffnesses were given.
+
+    Attributes:
+        names: Names of the joints, then of the closures.
+        joints: Shape (..., r, 6), joints in the order of the tree.
+        closures: Shape (..., closures, 6).
+        motors: Motor torques that act, shape (..., motors).
+        ground: What the ground gives to the robot in all, at the origin of the base in base axes,
+            shape (..., 6).
+        determined: Which components are unique in the rigid robot.
+        elastic: Which are not, and come from the stiffnesses given.
+
+    Example:
+        >>> delta = sst_pin.robots.delta()
+        >>> w = delta.reactions(delta.home, np.zeros(3), np.zeros(3))
+        >>> w.ground[5].round(3), w.of("motor_1")[3:].round(3)
+        (np.float64(5.003), array([ 0.65 , -0.   ,  1.668]))
+    """
+
+    names: tuple[str, ...]
+    joints: Array
+    closures: Array
+    motors: Array
+    ground: Array
+    determined: Verdict
+    elastic: Verdict
+
+    def of(self, name: str) -> Array:
+        """The wrench in one joint or closure, shape (..., 6).
+
+        Args:
+            name: As in `names`; a closure is called by its frames, "a - b", or "a - b (1)" where
+                there are several.
+
+        Raises:
+            UnknownNameError: If there is none of that name.
+            IndeterminateError: If components of it are not unique.
+
+        Example:
+            >>> chain.reactions(chain.home, [0], [0]).of("rocker").shape
+            (6,)
+        """
+        if name not in self.names:
+            raise UnknownNameError("joint or closure", name, self.names)
+        k, joints = self.names.index(name), self.joints.shape[-2]
+        wrench = self.joints[..., k, :] if k < joints else self.closures[..., k - joints, :]
+        missing = np.isnan(wrench).reshape(-1, 6).any(axis=0)
+        if missing.any():
+            raise IndeterminateError(name, [_COMPONENTS[i] for i in np.flatnonzero(missing)])
+        return wrench
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        """The verdict for each joint and closure."""
+        flags = np.concatenate(self.determined, axis=-2)
+        unique = np.all(flags.reshape(-1, *flags.shape[-2:]), axis=0)
+        rows = []
+        for name, flags in zip(self.names, unique, strict=True):
+            free = [_COMPONENTS[i] for i in np.flatnonzero(~flags)]
+            rows.append((name, f"not unique: {listed(free)}" if free else "determined"))
+        return "Reactions [moment; force]", rows
+
+
+_COMPONENTS = ("moment x", "moment y", "moment z", "force x", "force y", "force z")
+
+
+def names_of(mechanism: Mechanism) -> tuple[str, ...]:
+    """Names of the joints of the tree, then of the closures; those of the same frames numbered."""
+    closures = list(map(str, mechanism.closures))
+    numbered = [
+        f"{name} ({closures[: k + 1].count(name)})" if closures.count(name) > 1 else name
+        for k, name in enumerate(closures)
+    ]
+    return (*list(mechanism.model.names)[1:], *numbered)
+
+
+def size_of(mechanism: Mechanism) -> int:
+    """How many numbers `reactions` gives for a sample."""
+    wrenches = mechanism.model.njoints - 1 + len(mechanism.closures)
+    return 7 * wrenches + 6 + mechanism.motors.shape[1]
+
+
+def reactions(
+    memory: Memory,
+    q: Array,
+    va: Array,
+    aa: Array,
+    tau: Array | None,
+    wrenches: Array | None,
+    compliances: Array | None,
+) -> Array:
+    """Wrenches of joints and closures, then the ground's, torques and codes, in a row.
+
+    `tau` is None where there is one motor for each coordinate; `compliances` are those of the
+    components, shape (r + closures, 6), or None. A code for each joint and closure has the bits of
+    the components that are not unique. What compliances leave open is NaN.
+    """
+    mechanism, model, data = memory.mechanism, memory.model, memory.data
+    memory.evaluate(q)
+    v, v_dot = motion_of_tree(memory, va, aa)
+    needed = pin.rnea(model, data, q, v, v_dot)
+    needed = needed - applied_forces(memory, mechanism.friction, q, v, wrenches, tau)
+    if tau is None:
+        tau = needed.dot(memory.complement.L)
+        needed -= mechanism.motors.dot(tau)
+    Lambda = _multipliers(memory, needed)
+
+    loads = _loads(memory, wrenches)
+    if not mechanism.lines.none:
+        lengths, J = memory.lines.evaluate(q)
+        tensions = mechanism.lines.tensions(lengths, J.dot(v), tau)
+        loads += memory.lines.loops.forces_on_bodies(-tensions[:, None])[..., 0]
+    forces = map(pin.Force, loads)
+    local = [place.actInv(load) for place, load in zip(data.oMi, forces, strict=True)]
+    pin.rnea(model, data, q, v, v_dot, pin.StdVec_Force(local))
+    borne = np.array([f.vector for f in data.f])[1:]
+    ground = sum(
+        (
+            data.oMi[j].act(data.f[j]).vector
+            for j in range(1, model.njoints)
+            if not model.parents[j]
+        ),
+        -loads[0],  # what lines take from it
+    )
+
+    both = _wrenches(memory, Lambda)
+    both[: len(borne), :, 0] += borne
+    both = both[:, _MOMENT_FIRST]
+    values, stresses = both[..., 0], both[..., 1:]
+    size = np.repeat([1.0, mechanism.length], 3)
+    changes = np.linalg.norm(stresses, axis=-1) * size
+    if compliances is not None:
+        values, left = _relaxed(values, stresses, compliances)
+        values[np.linalg.norm(left, axis=-1) * size > UNIQUE] = np.nan
+    codes = (changes > UNIQUE) @ BITS
+    return np.concatenate([values.ravel(), ground[_MOMENT_FIRST], tau, codes])
+
+
+def _multipliers(memory: Memory, needed: Array) -> Array:
+    """The smallest lambda with Phi^T lambda = needed, then N, in columns, shape (rows, 1 + k)."""
+    mechanism = memory.mechanism
+    row, rate = mechanism.row_scale, mechanism.rate_scale
+    U, s, Vt = np.linalg.svd(memory.loops.Phi() * row[:, None] * rate)
+    rank = mechanism.model.nv - len(mechanism.coordinates)
+    smallest = U[:, :rank] @ ((Vt[:rank] @ (rate * needed)) / s[:rank])
+    return row[:, None] * np.column_stack([smallest, U[:, rank:]])
+
+
+def _loads(memory: Memory, wrenches: Array | None) -> Array:
+    """[force; moment] on each body at the world's origin, base axes, shape (1 + r, 6)."""
+    loads = np.zeros((memory.model.njoints, 6))
+    if wrenches is not None:
+        moment, force = wrenches[:, :3], wrenches[:, 3:]
+        loads[1:, :3] = force
+        loads[1:, 3:] = moment + np.cross(mass_centers(memory.model, memory.data), force)
+    return loads
+
+
+def _wrenches(memory: Memory, Lambda: Array) -> Array:
+    """[force; moment] in joints and closures from lambda, shape (r + closures, 6, columns)."""
+    model, data = memory.model, memory.data
+    on_bodies = memory.loops.forces_on_bodies(Lambda)
+    for j in range(model.njoints - 1, 0, -1):
+        on_bodies[model.parents[j]] += on_bodies[j]
+    found = [-data.oMi[j].toActionMatrix().T @ on_bodies[j] for j in range(1, model.njoints)]
+    for k, closure in enumerate(memory.mechanism.closures):
+        rows = memory.loops.slices[k]
+        if isinstance(closure, Coupling):
+            wrench = np.zeros((6, Lambda.shape[1]))
+            joint = model.joints[joint_id(model, closure.joint)]
+            slides = memory.mechanism.space.rate_units[joint.idx_v] == "m"
+            wrench[2 if slides else 5] = Lambda[rows][0]
+            found.append(wrench)
+        else:
+            at = data.oMf[memory.loops.frames[memory.loops.pairs.frames[0, rows.start]]]
+            found.append(at.toActionMatrix().T @ memory.loops.on_B(rows).T @ Lambda[rows])
+    return np.array(found).reshape(-1, 6, Lambda.shape[1])
+
+
+def _relaxed(values: Array, stresses: Array, compliances: Array) -> tuple[Array, Array]:
+    """Wrenches with the least elastic energy, and the stresses that no stiffness resists."""
+    root, flat = np.sqrt(compliances).ravel(), stresses.reshape(values.size, -1)
+    U, s, Vt = np.linalg.svd(root[:, None] * flat, full_matrices=False)
+    rank = int(np.count_nonzero(s > _RESISTED * s.max(initial=0.0)))
+    amounts = -Vt[:rank].T @ ((U[:, :rank].T @ (root * values.ravel())) / s[:rank])
+    return values + stresses @ amounts, stresses @ Vt[rank:].T
+
+
+def compliances_of(mechanism: Mechanism, stiffness: Mapping[str, ArrayLike]) -> Array:
+    """Compliance of each component of the wrenches, zero where no stiffness is given."""
+    names = names_of(mechanism)
+    if not isinstance(stiffness, Mapping):
+        raise InputError("stiffness", f"{stiffness!r} is not a dict of six numbers by name")
+    found = np.zeros((len(names), 6))
+    for name, given in stiffness.items():
+        if name not in names:
+            raise UnknownNameError("joint or closure", name, names)
+        numbers = as_array("stiffness", given, ())
+        if numbers.shape != (6,) or not (numbers > 0).all():
+            problem = f"of {name}: {numbers.tolist()}, expected six positive numbers"
+            raise InputError("stiffness", problem)
+        found[names.index(name)] = 1 / numbers
+    return found
+
+
+def unpacked(mechanism: Mechanism, rows: Array, relaxed: bool) -> Reactions:
+    """Reactions from the numbers of each sample in a row; what is not unique becomes NaN there."""
+    names, r = names_of(mechanism), mechanism.model.njoints - 1
+    count = 6 * len(names)
+    values, ground, tau, codes = np.split(rows, [count, count + 6, -len(names)], axis=-1)
+    flat = codes.reshape(-1, len(names))
+    if len(flat) and (flat == flat[0]).all():
+        codes = flat[0]  # as in most batches, which saves a verdict for each sample
+    bits = np.nan_to_num(codes, nan=BITS.sum()).astype(np.uint8)  # NaN: of samples at fault
+    free = ((bits[..., None] & BITS.astype(np.uint8)) > 0).reshape(*codes.shape[:-1], count)
+    elastic = free & np.isfinite(values) if relaxed else np.zeros_like(free)
+    if not relaxed:
+        values[(..., free) if free.ndim == 1 else free] = np.nan
+    shape = (*rows.shape[:-1], len(names), 6)
+    unique, elastic = (np.broadcast_to(x, values.shape).reshape(shape) for x in (~free, elastic))
+    values = values.reshape(shape)
+    return Reactions(
+        names,
+        values[..., :r, :],
+        values[..., r:, :],
+        tau,
+        ground,
+        Verdict(unique[..., :r, :], unique[..., r:, :]),
+        Verdict(elastic[..., :r, :], elastic[..., r:, :]),
+    )

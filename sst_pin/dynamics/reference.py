@@ -1,0 +1,583 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The reference path: single samples by Pinocchio and NumPy, in any number of threads.
+
+`Reference` computes samples; `ReferenceBackend` is the backend without kernels, which leaves every
+sample to it.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from functools import cached_property, wraps
+from inspect import signature
+from typing import Any, TypeVar
+
+import numpy as np
+import pinocchio as pin
+
+from ..arrays import Array, Flags, Indices, finite_array
+from ..engine.backend import Key, Motions, NoKernel
+from ..errors import ActuationError, ClosureError, InputError, SSTError
+from ..loops.continuity import Continuity, Way
+from ..loops.mobility import condition_number, scaled_Phi
+from ..model.mechanism import Friction, Mechanism
+from ..model.thresholds import (
+    BEND,
+    CLOSURE_TOLERANCE,
+    FIXED_STEP,
+    MARGIN,
+    MAX_CONDITION_NUMBER,
+    ROUNDING,
+    UNSUPPLIED,
+    WELL_CONDITIONED,
+)
+from ..model.tree import of_rates, summed, support
+from . import dynamics, reactions, regressor
+from .derivatives import Derivatives
+from .dynamics import Memory
+from .least_torques import finest, smallest_torques, without_rounding
+from .noc import mass_centers
+from .runge_kutta import runge_kutta_step
+
+#: Way of a joint on which coordinates are judged once, [rad] or of the robot's length.
+_LOOK = 0.05
+_Method = TypeVar("_Method", bound=Callable[..., Array])
+
+
+def _finite(method: _Method) -> _Method:
+    """Refuse results that are not finite, and say which argument is at fault."""
+    names = list(signature(method).parameters)[1:]
+
+    @wraps(method)
+    def checked(self: Reference, *arguments: Any, **more: Any) -> Array:
+        with np.errstate(over="ignore", invalid="ignore"):  # the error says it better
+            result = method(self, *arguments, **more)
+        _require_finite(result, names, arguments)
+        return result
+
+    return checked  # type: ignore[return-value]  # it has the parameters of `method`
+
+
+def _require_finite(result: Array, names: Iterable[str], arguments: Iterable[Any]) -> None:
+    if np.isfinite(result).all():
+        return
+    for name, array in zip(names, arguments, strict=False):
+        if isinstance(array, np.ndarray):
+            finite_array(name, array, array.shape)
+    raise InputError("result", "not finite: arguments or numbers of the model are too large")
+
+
+class Reference(threading.local):
+    """All dynamics of one mechanism, sample by sample; each thread has memory of its own."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.mechanism = mechanism
+
+    def __reduce__(self) -> tuple[type[Reference], tuple[Mechanism]]:
+        return Reference, (self.mechanism,)
+
+    @cached_property
+    def memory(self) -> Memory:
+        """This thread's memory."""
+        return Memory(self.mechanism)
+
+    @cached_property
+    def derivatives(self) -> Derivatives:
+        """This thread's memory for derivatives."""
+        return Derivatives(self.mechanism)
+
+    @_finite
+    def generalized_forces(
+        self, q: Array, va: Array, aa: Array, external_wrenches: Array | None
+    ) -> Array:
+        """f, shape (n,)."""
+        return dynamics.inverse_dynamics(self.memory, q, va, aa, external_wrenches)
+
+    def torques(
+        self,
+        q: Array,
+        va: Array,
+        aa: Array,
+        external_wrenches: Array | None,
+        weights: Array | None = None,
+    ) -> Array:
+        """tau, shape (motors,): f itself, or the smallest torques that bring it about."""
+        f = self.generalized_forces(q, va, aa, external_wrenches)
+        if self.mechanism.driven_one_to_one:
+            return f
+        A, smallest, lost = self._motors(q, weights)
+        with np.errstate(over="ignore", invalid="ignore"):
+            tau = smallest(f)
+            tau += smallest(f - A.dot(tau))
+            supplied = (np.abs(f - A.dot(tau)) <= UNSUPPLIED * np.abs(f) + self.negligible).all()
+        if lost.size or not supplied:
+            _, smallest, _ = self._motors(q, finest(tau))
+            tau += smallest(f - A.dot(tau))
+            self.require_supplied(q, va, aa, external_wrenches, tau)
+        return tau
+
+    @cached_property
+    def negligible(self) -> Array:
+        """Forces along the coordinates that are rounding of the bodies' weights, shape (n,)."""
+        q, memory = self.mechanism.example, Memory(self.mechanism)
+        rest = memory.steady
+        if q is None:
+            return rest
+        try:
+            return ROUNDING * dynamics.terms_of_forces(memory, q, rest, rest, None)[1]
+        except SSTError:  # these coordinates are for another assembly
+            return rest
+
+    def _motors(
+        self, q: Array, weights: Array | None
+    ) -> tuple[Array, Callable[[Array], Array], Array]:
+        """A = L^T B; the smallest torques for forces, and directions that no motor acts along."""
+        memory, mechanism = self.memory, self.mechanism
+        L, B = memory.complement.L, memory.actuation(q)
+        scale = mechanism.rate_scale
+        units, gears = scale[mechanism.coordinates], np.abs(B * scale[:, None]).max(axis=0)
+        A = without_rounding(mechanism, L, B)
+        return L.T.dot(B), *smallest_torques(A, units, gears, weights)
+
+    def require_supplied(
+        self, q: Array, va: Array, aa: Array, external_wrenches: Array | None, tau: Array
+    ) -> None:
+        """Refuse torques that leave over more of f than rounding, in any freedom of the robot.
+
+        Freedoms are the coordinates, and the directions that no motor acts along: a body counts
+        where it moves in these.
+        """
+        f = self.generalized_forces(q, va, aa, external_wrenches)
+        A, _, lost = self._motors(q, None)
+        with np.errstate(over="ignore", invalid="ignore"):
+            terms, sizes = dynamics.terms_of_forces(self.memory, q, va, aa, external_wrenches)
+            _require_finite(np.append(tau, sizes), (), ())
+            # Light bodies count by themselves: directions that move heavy ones are others.
+            lost = lost.dot(np.linalg.svd(terms.dot(lost), full_matrices=False)[2].T)
+            freedoms, left = np.hstack([np.eye(len(f)), lost]), f - A.dot(tau)
+            along = np.abs(terms.dot(freedoms)).sum(axis=0)
+            most = UNSUPPLIED * along + ROUNDING * sizes.dot(np.abs(freedoms))
+            over = ~(np.abs(left.dot(freedoms)) <= most)
+        if over.any():
+            raise self._unsupplied(left, over[: len(f)], bool(lost.size))
+
+    def _unsupplied(self, left: Array, over: Flags, lost: bool) -> ActuationError:
+        """The error for a motion that needs more than the motors give."""
+        names, units = self.mechanism.coordinate_rate_names, self.mechanism.rate_scale
+        if not over.any():  # each is small beside its own terms, but not along a direction of all
+            moved = np.abs(left) * units[self.mechanism.coordinates]
+            over = moved > 1e-3 * moved.max()
+        missing = {names[k]: float(left[k]) for k in np.flatnonzero(over)}
+        listed = ", ".join(f"{name} {x:.4g}" for name, x in list(missing.items())[:6])
+        why = "no motor supplies the forces"
+        if not lost:
+            why = "torques that balance each other are so large that their rounding leaves"
+        return ActuationError(
+            f"the motors cannot produce this motion: {why} {listed} "
+            "(N m or N); generalized_forces computes the forces that a motion needs, "
+            "compute_accelerations the motion for given torques",
+            missing,
+        )
+
+    @_finite
+    def accelerations(
+        self, q: Array, va: Array, tau: Array, external_wrenches: Array | None
+    ) -> Array:
+        """aa, shape (n,)."""
+        self.mechanism.require_mass()
+        friction = self.mechanism.friction
+        aa, _ = dynamics.direct_dynamics(self.memory, friction, q, va, tau, external_wrenches)
+        return aa
+
+    @_finite
+    def reduced_terms(self, q: Array, va: Array) -> Array:
+        """Inertia, coriolis, gravity, friction in a row, shape (2 n (n + 1),)."""
+        terms = dynamics.terms(self.memory, q, va)
+        gravity = terms.gravity + terms.springs
+        matrices = terms.inertia.ravel(), terms.coriolis.ravel()
+        return np.concatenate([*matrices, gravity, terms.friction])
+
+    @_finite
+    def torque_regressor(self, q: Array, va: Array, aa: Array) -> Array:
+        """Y, shape (n, p): f = Y theta."""
+        return regressor.torque_regressor(self.memory, q, va, aa)
+
+    @_finite
+    def torque_derivatives(
+        self, sign_width: float, q: Array, va: Array, aa: Array, external_wrenches: Array | None
+    ) -> Array:
+        """Derivatives of f by q, va, aa side by side, shape (n, 3 n)."""
+        return self.derivatives.torques(sign_width, q, va, aa, external_wrenches)
+
+    @_finite
+    def acceleration_derivatives(
+        self, sign_width: float, q: Array, va: Array, tau: Array, external_wrenches: Array | None
+    ) -> Array:
+        """Derivatives of aa by q, va, tau side by side, shape (n, 2 n + motors)."""
+        self.mechanism.require_mass()
+        return self.derivatives.accelerations(sign_width, q, va, tau, external_wrenches)
+
+    def displacement_rates(self, q: Array, va: Array) -> Array:
+        """Rates of a displacement that joints' axes make as they move, shape (n, n)."""
+        return self.derivatives.displacement_rates(q, va)
+
+    def reactions(
+        self,
+        q: Array,
+        va: Array,
+        aa: Array,
+        tau: Array | None,
+        wrenches: Array | None,
+        compliances: Array | None = None,
+    ) -> Array:
+        """Wrenches of joints, closures and ground, torques, and codes of verdicts, in a row."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            row = reactions.reactions(self.memory, q, va, aa, tau, wrenches, compliances)
+        n = len(reactions.names_of(self.mechanism))
+        names = "q", "va", "aa", "tau", "external_wrenches"
+        _require_finite(row[6 * n : -n], names, (q, va, aa, tau, wrenches))  # ground and torques
+        return row
+
+    @_finite
+    def rates(self, q: Array, va: Array) -> Array:
+        """v = L va, shape (nv,), Eq. (16)."""
+        return self._L(q).dot(va)  # Eq. (16)
+
+    def moved(self, q: Array, step: Array) -> Array:
+        """The configuration where the coordinates are a step further, in the same assembly mode."""
+        model, dependent = self.mechanism.model, self.mechanism.dependent
+        assembly = self.memory.assembly
+
+        def way(q: Array, low: float, high: float) -> Array:
+            ahead = pin.integrate(model, q, self.rates(q, (high - low) * step))
+            return assembly.assemble(ahead, dependent)
+
+        if not step.any():
+            return q
+        reached, found = self.memory.continuity.follow(q, way, MAX_CONDITION_NUMBER)
+        if reached < 1:
+            problem = (
+                "the loops cannot be closed further along the motion: out of reach, or singular"
+            )
+            raise ClosureError(problem, 0.0)
+        return found
+
+    def _L(self, q: Array) -> Array:
+        """L where the loops are closed, shape (nv, n), Eq. (17)."""
+        memory = self.memory
+        memory.evaluate(q)
+        memory.complement.factorise(memory.loops.Phi(), memory.loops.residual())
+        return memory.complement.L
+
+    @_finite
+    def joint_accelerations(self, q: Array, va: Array, aa: Array) -> Array:
+        """v_dot, shape (nv,), Eqs. (8), (20)."""
+        return self.joint_motion(q, va, aa)[1]
+
+    def joint_motion(self, q: Array, va: Array, aa: Array) -> tuple[Array, Array]:
+        """v and v_dot, shapes (nv,), Eqs. (8), (16)."""
+        self.memory.evaluate(q)
+        return dynamics.motion_of_tree(self.memory, va, aa)
+
+    def frame_jacobian(self, q: Array, frame: int) -> Array:
+        """[linear; angular] of a frame, world axes at its origin, shape (6, n)."""
+        L, memory = self._L(q), self.memory
+        J = pin.getFrameJacobian(memory.model, memory.data, frame, pin.LOCAL_WORLD_ALIGNED)
+        return of_rates(J).dot(L)
+
+    @_finite
+    def frame_jacobian_rate(self, q: Array, va: Array, frame: int) -> Array:
+        """Rate of `frame_jacobian`, shape (6, n)."""
+        L, memory = self._L(q), self.memory
+        L_dot = memory.complement.L_dot(memory.loops.Phi_dot(L.dot(va)))
+        # Pinocchio's own rate is wrong for mimic joints.
+        moved_by = support(memory.model, memory.model.frames[frame].parentJoint)
+        J, J_dot = (
+            summed(memory.model, X * moved_by)
+            for X in map(of_rates, (memory.data.J, memory.data.dJ))
+        )
+        p, twist = memory.data.oMf[frame].translation, J.dot(L.dot(va))
+        p_dot = twist[:3] + np.cross(twist[3:], p)
+        J_dot[:3] += np.cross(J_dot[3:].T, p).T + np.cross(J[3:].T, p_dot).T
+        J[:3] += np.cross(J[3:].T, p).T
+        return J_dot.dot(L) + J.dot(L_dot)
+
+    @_finite
+    def frame_velocity_derivatives(self, q: Array, va: Array, frame: int) -> Array:
+        """Derivatives of a frame's velocity by q and va side by side, shape (6, 2 n)."""
+        return self.derivatives.frame_velocity(q, va, frame)
+
+    @_finite
+    def frame_drift(self, q: Array, va: Array, frame: int) -> Array:
+        """[linear; angular] acceleration of a frame with aa = 0, shape (6,)."""
+        memory = self.memory
+        memory.evaluate(q)
+        v, v_dot = dynamics.motion_of_tree(memory, va, memory.steady)
+        pin.forwardKinematics(memory.model, memory.data, q, v, v_dot)
+        pin.updateFramePlacements(memory.model, memory.data)
+        where = pin.LOCAL_WORLD_ALIGNED
+        return pin.getFrameClassicalAcceleration(memory.model, memory.data, frame, where).vector
+
+    @_finite
+    def actuator_jacobian(self, q: Array) -> Array:
+        """J, shape (motors, n): the rates of the motors are J va."""
+        L = self._L(q)
+        return self.memory.actuation(q).T.dot(L)
+
+    def line_lengths(self, q: Array) -> Array:
+        """Lengths of the lines, shape (lines,)."""
+        self.mechanism.space.require_on_manifold(q)
+        return self.memory.lines.lengths(q)
+
+    @_finite
+    def line_rates(self, q: Array, v: Array) -> Array:
+        """Rates of the lengths at rates v of the tree, shape (lines,)."""
+        return self.memory.lines.evaluate(q)[1].dot(v)
+
+    @_finite
+    def kinetic_energy(self, q: Array, v: Array) -> Array:
+        """Kinetic energy of all bodies and rotors at rates v of the tree, [J]."""
+        return np.asarray(v.dot(self.memory.momentum_rate(q, v)) / 2)
+
+    def potential_energy(self, q: Array) -> Array:
+        """Potential energy of weights, zero with all masses at the origin, springs, lines, [J]."""
+        memory, springs = self.memory, self.mechanism.springs
+        self.mechanism.space.require_on_manifold(q)
+        memory.loops.evaluate(q)
+        masses = np.array([body.mass for body in list(memory.model.inertias)[1:]])
+        energy = -masses.dot(mass_centers(memory.model, memory.data)).dot(
+            memory.model.gravity.linear
+        )
+        energy += 0 if springs.none else springs.energy(memory.model, q)
+        return np.asarray(energy + self.mechanism.lines.energy(memory.lines.lengths(q)))
+
+
+class ReferenceBackend:
+    """A backend that leaves everything to the reference path; `why` there are no kernels."""
+
+    def __init__(self, reference: Reference, why: str) -> None:
+        self._reference, self._why = reference, why
+
+    def __str__(self) -> str:
+        return f"the reference path: {self._why}"
+
+    def kernel(self, key: Key) -> NoKernel:
+        """No kernel: it leaves all samples to the reference path."""
+        return NoKernel()
+
+    def states(self, friction: Friction) -> ReferenceStates:
+        """The state space with this friction instead of the mechanism's."""
+        return ReferenceStates(self._reference, friction)
+
+
+class ReferenceStates:
+    """The state space (q, va) of one mechanism for an integrator, on the reference path.
+
+    States are y = (q, va), shape (nq + n,) or (N, nq + n); their dependent joints need only be near
+    the closures, their quaternions near length one. `friction` is taken instead of the mechanism's.
+    """
+
+    def __init__(self, reference: Reference, friction: Friction) -> None:
+        reference.mechanism.require_freedom()
+        reference.mechanism.require_mass()
+        self._reference, self._mechanism = reference, reference.mechanism
+        self._friction, self._nq = friction, reference.mechanism.model.nq
+        self.coordinates = reference.mechanism.coordinates
+        self._others = dict[bytes, ReferenceStates]()
+
+    def closed(self, states: Array) -> Array:
+        """q with the dependent joints moved onto the closures, wheels rolling, shape (..., nq)."""
+        if states.ndim == 1:
+            q = self._mechanism.space.normalised(states[: self._nq])
+            assembly = self._reference.memory.without_slip
+            return assembly.assemble(q, self._mechanism.dependent)
+        return np.array([self.closed(state) for state in states])
+
+    def rate(self, states: Array, tau: Array, wrenches: Array | None) -> Array:
+        """Eqs. (7) and (92): the rates of states, where the loops are closed."""
+        if states.ndim == 2:
+            loads = [None] * len(states) if wrenches is None else wrenches
+            samples = zip(states, tau, loads, strict=True)
+            return np.array([self.rate(*sample) for sample in samples])
+        q, va = self.closed(states), states[self._nq :]
+        return self._rate(q, va, tau, wrenches, CLOSURE_TOLERANCE)
+
+    def _rate(
+        self, q: Array, va: Array, tau: Array, wrenches: Array | None, tolerance: float
+    ) -> Array:
+        memory = self._reference.memory
+        arguments = (memory, self._friction, q, va, tau, wrenches, tolerance)
+        aa, v = dynamics.direct_dynamics(*arguments)
+        return np.concatenate([self._mechanism.space.coordinate_rates(q, v), aa])
+
+    def derivatives(self, state: Array, tau: Array, wrenches: Array | None) -> tuple[Array, Array]:
+        """Derivatives of `rate` by the state and by tau, shapes (nq + n, nq + n), (nq + n, motors).
+
+        The coordinates and their rates determine the state, so columns of other joints are zero.
+        """
+        reference, space, nq = self._reference, self._mechanism.space, self._nq
+        q, va = self.closed(state), state[nq:]
+        n, memory = len(va), reference.memory
+        by = self._acceleration_derivatives(q, va, tau, wrenches)
+        L = reference._L(q)
+        v, turns = L.dot(va), np.array([space.coordinate_rates(q, e) for e in np.eye(len(L))]).T
+        v_q = np.transpose([memory.complement.L_dot(memory.loops.Phi_dot(e)).dot(va) for e in L.T])
+        rates_q, q_dot_va = turns.dot(v_q), turns.dot(L)
+        if not space.euclidean:
+            # Rates of positions are quadratic in q, so central differences are exact.
+            ends = [[space.coordinate_rates(q + s * d, v) for s in (1, -1)] for d in q_dot_va.T]
+            rates_q += np.transpose([(ahead - behind) / 2 for ahead, behind in ends])
+        by_state, by_tau = np.zeros((nq + n, nq + n)), np.zeros((nq + n, len(tau)))
+        moved = np.linalg.pinv(turns)[self._mechanism.coordinates]
+        by_state[:, :nq] = np.vstack((rates_q, by[:, :n])).dot(moved)
+        by_state[:, nq:] = np.vstack((q_dot_va, by[:, n : 2 * n]))
+        by_tau[nq:] = by[:, 2 * n :]
+        return by_state, by_tau
+
+    def _acceleration_derivatives(
+        self, q: Array, va: Array, tau: Array, wrenches: Array | None
+    ) -> Array:
+        """Derivatives of aa by q, va and tau side by side, shape (n, 2 n + motors)."""
+        width = self._friction.sign_width
+        return self._reference.acceleration_derivatives(width, q, va, tau, wrenches)
+
+    def joint_rates(self, q: Array, va: Array) -> Array:
+        """v of one state whose loops are closed, shape (nv,)."""
+        return self._reference.rates(q, va)
+
+    def joint_motion(self, q: Array, va: Array, aa: Array) -> tuple[Array, Array]:
+        """v and v_dot of one state whose loops are closed, shapes (nv,)."""
+        return self._reference.joint_motion(q, va, aa)
+
+    def Phi(self, q: Array) -> Array:
+        """Jacobian of the closures, free of units, shape (rows, nv)."""
+        return scaled_Phi(self._mechanism, self._reference.memory.loops, q)
+
+    def condition_number(self, q: Array) -> float:
+        """Condition number of the dependent part of Phi, infinite if it is singular."""
+        return self._continuity.condition_number(q)
+
+    def suited(self, q: Array, sound: float = WELL_CONDITIONED) -> tuple[ReferenceStates, float]:
+        """These states if their condition is sound, or much better ones, and the condition.
+
+        The others are those in the independent rates that describe motions from q on best.
+        """
+        from scipy.linalg import qr
+
+        condition = self.condition_number(q)
+        if not condition > sound:
+            return self, condition
+        Phi, n = self.Phi(q), len(self.coordinates)
+        if not np.isfinite(Phi).all():
+            return self, condition
+        # Those of the smallest singular values: near a singularity there are more free motions.
+        motions = np.linalg.svd(Phi)[2][len(Phi.T) - n :]
+        _, order = qr(motions, pivoting=True, mode="r")
+        chosen = np.sort(order[:n]).astype(np.intp)
+        parts = self._reference.memory.loops.parts
+        best, now = (
+            condition_number(self._mechanism, Phi, parts(each))
+            for each in (chosen, self.coordinates)
+        )
+        if not best * MARGIN < now:
+            return self, condition
+        key = chosen.tobytes()
+        if key not in self._others:
+            mechanism = replace(self._mechanism, coordinates=chosen)
+            self._others[key] = ReferenceStates(Reference(mechanism), self._friction)
+        return self._others[key], self._others[key].condition_number(q)
+
+    def follow(
+        self, start: Array, way: Way, limit: float, first: float = 1.0
+    ) -> tuple[float, Array]:
+        """How much of a step stays regular and in its assembly mode; see `Continuity.follow`."""
+        return self._continuity.follow(start, way, limit, first)
+
+    @property
+    def _continuity(self) -> Continuity:
+        return self._reference.memory.continuity
+
+    def _continues(self, before: Array, after: Array) -> bool:
+        """Whether one state of a rollout leads to the next."""
+        model = self._mechanism.model
+        ahead = pin.difference(model, before, after)
+
+        def way(q: Array, low: float, high: float) -> Array:
+            return after if high == 1 else self.closed(pin.integrate(model, before, high * ahead))
+
+        return self.follow(before, way, MAX_CONDITION_NUMBER)[0] == 1
+
+    def rollout(self, motions: Motions, threads: int) -> Indices:
+        """The classical Runge-Kutta method with fixed steps, one motion after the other.
+
+        After each step the dependent joints are moved onto the closures. A motion ends at the first
+        state that does not hold: open loops, a singularity, a number that is not finite. Gives how
+        many states of each motion hold, shape (N,).
+        """
+        return np.array([self._roll(motions, i)[0] for i in range(len(motions.q))], dtype=np.intp)
+
+    @np.errstate(over="ignore", invalid="ignore")  # a motion that diverges ends
+    def _roll(self, motions: Motions, i: int, *, back: bool = False) -> tuple[int, bool]:
+        """How many states of motion i hold, and whether it goes on behind them.
+
+        Its rates are those of other joints where these describe it better; with `back`, until the
+        coordinates do again.
+        """
+        states, q, va = self, motions.q[i], motions.va[i]
+        q[:], va[:] = np.nan, np.nan
+        load = None if motions.load is None else motions.load[i].reshape(-1, 6)
+        state, before = np.concatenate([motions.q0[i], motions.va0[i]]), motions.q0[i]
+        done = 0
+        for s in range(motions.steps + 1):
+            q_s, rates = np.split(state, [self._nq])
+            try:
+                self._reference.memory.evaluate(q_s)
+                if not (np.isfinite(state).all() and (s == 0 or states._continues(before, q_s))):
+                    break
+                v = states.joint_rates(q_s, rates)
+                q[s], va[s] = q_s, rates if states is self else v[self.coordinates]
+                before, done = q_s, s + 1
+                suited = self._suited_ahead(q_s, motions.dt * v)
+                if s == motions.steps or (back and s and suited is self):
+                    return done, True
+                if suited is not states:
+                    states, state = suited, np.concatenate([q_s, v[suited.coordinates]])
+                state, short = states._step(state, motions.torques(i, s), load, motions.dt)
+                if not short:
+                    break
+            except SSTError:
+                break
+        return done, False
+
+    def _suited_ahead(self, q: Array, way: Array) -> ReferenceStates:
+        """These states, or others that are much better on the way of a fixed step from q."""
+        longest = float(np.abs(way / self._mechanism.rate_scale).max(initial=0))
+        parts = min(4, 1 + int(longest / _LOOK))
+        for fraction in np.arange(1, parts + 1) / parts:
+            ahead = pin.integrate(self._mechanism.model, q, fraction * way)
+            suited, _ = self.suited(ahead, FIXED_STEP)
+            if suited is not self:
+                return suited
+        return self
+
+    def _step(
+        self, state: Array, tau: Array, wrenches: Array | None, h: float
+    ) -> tuple[Array, bool]:
+        """One step, and whether it is short enough for the bends of its way.
+
+        Between the ends of the step q is off the closures by its square.
+        """
+        nq, model, space = self._nq, self._mechanism.model, self._mechanism.space
+
+        def rate(when: int, stage: Array) -> Array:
+            q = space.normalised(stage[:nq])
+            return self._rate(q, stage[nq:], tau[when], wrenches, np.inf)
+
+        end = runge_kutta_step(rate, state, h)
+        q = self.closed(end)
+        ways = [pin.difference(model, space.normalised(x[:nq]), q) for x in (end, state)]
+        opened, moved = np.abs(ways / self._mechanism.rate_scale).max(axis=1, initial=0)
+        short = bool(opened <= BEND * moved + CLOSURE_TOLERANCE)
+        return np.concatenate([q, end[nq:]]), short

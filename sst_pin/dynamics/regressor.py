@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Generalized forces as Y theta, theta the parameters of bodies, joints, lines and motors.
+
+Y = L^T Y_tree, where the columns of Y_tree are what one unit of each parameter takes along the
+rates of the tree. References of springs and rest lengths of lines are held, so f is linear.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from ..arrays import Array, single_array
+from ..errors import InputError, UnknownNameError
+from ..model.lines import LineForce
+from ..model.mechanism import Friction, Mechanism, Springs, read_only
+from ..model.tree import of_rates, summed, support
+from ..summaries import Summary, listed
+from .dynamics import Memory, motion_of_tree
+
+#: Parameters of a body about the frame of its joint, as in `pin.Inertia.toDynamicParameters`.
+OF_BODY = ("mass", "mx", "my", "mz", "ixx", "ixy", "iyy", "ixz", "iyz", "izz")
+#: Parameters of each rate, one block of columns after the other.
+OF_RATE = ("viscous", "coulomb", "armature", "stiffness", "offset")
+#: Parameters of a line.
+OF_LINE = ("stiffness", "damping", "preload")
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class DynamicParameters(Summary):
+    """The parameters in which generalized forces are linear, f = Y theta, with their names.
+
+    It is an array for NumPy: `Y @ parameters` and `np.asarray(parameters)` work.
+
+    Attributes:
+        names: For each body the name of its joint with .mass, .mx, .my, .mz [kg m] and
+            .ixx, .ixy, .iyy, .ixz, .iyz, .izz [kg m^2], about the joint's frame; then for each rate
+            .viscous, .coulomb, .armature, .stiffness (where a spring is possible) and .offset, a
+            constant force [N m] or [N]; for each line .stiffness, .damping, .preload; for each
+            motor .torque_offset, by which measured torques are too large.
+        values: Their values, shape (p,), read-only, SI units.
+
+    Example:
+        >>> theta = chain.dynamic_parameters
+        >>> theta["crank.mass"] == chain.model.inertias[1].mass
+        True
+    """
+
+    names: tuple[str, ...]
+    values: Array
+
+    def __array__(self, dtype: object = None, copy: bool | None = None) -> Array:
+        return np.array(self.values, dtype=dtype)  # type: ignore[call-overload]
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __getitem__(self, name: str) -> float:
+        if name not in self.names:
+            raise UnknownNameError("parameter", name, list(self.names))
+        return float(self.values[self.names.index(name)])
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        """The parameters that are not zero."""
+        pairs = zip(self.names, self.values, strict=True)
+        rows = [(name, f"{value:.6g}") for name, value in pairs if value]
+        return f"DynamicParameters, {len(self)}, those that are not zero", rows
+
+
+def with_springs(mechanism: Mechanism) -> Mechanism:
+    """With a spring wherever one is possible, so that all stiffnesses are open numbers."""
+    stiffness = np.zeros(mechanism.model.nv)
+    stiffness[mechanism.sprung] = 1
+    return replace(mechanism, springs=Springs(stiffness, mechanism.springs.reference))
+
+
+def names_of(mechanism: Mechanism) -> tuple[str, ...]:
+    """Names of all parameters, in the order of the columns."""
+    space = mechanism.space
+    names = [f"{body}.{word}" for body in list(mechanism.model.names)[1:] for word in OF_BODY]
+    for word in OF_RATE:
+        rates = mechanism.sprung if word == "stiffness" else range(mechanism.model.nv)
+        names += [f"{space.rate_names[k]}.{word}" for k in rates]
+    names += [f"{line}.{word}" for line in mechanism.lines.forces for word in OF_LINE]
+    return (*names, *(f"{motor}.torque_offset" for motor in mechanism.motor_names))
+
+
+def parameters_of(mechanism: Mechanism) -> DynamicParameters:
+    """The values of a mechanism; it has no offsets."""
+    model, friction = mechanism.model, mechanism.friction
+    bodies = [body.toDynamicParameters() for body in list(model.inertias)[1:]]
+    rates = friction.viscous, friction.coulomb, model.armature
+    stiffness, none = mechanism.springs.stiffness[mechanism.sprung], np.zeros(model.nv)
+    lines = mechanism.lines.numbers[[0, 2, 3]].T.ravel()
+    motors = np.zeros(len(mechanism.motor_names))
+    values = np.concatenate([*bodies, *rates, stiffness, none, lines, motors])
+    return DynamicParameters(names_of(mechanism), read_only(values))
+
+
+def size_of(mechanism: Mechanism) -> int:
+    """How many parameters there are."""
+    bodies, rates = mechanism.model.njoints - 1, mechanism.model.nv
+    lines, motors = len(mechanism.lines.forces), len(mechanism.motor_names)
+    return 10 * bodies + 4 * rates + len(mechanism.sprung) + 3 * lines + motors
+
+
+def torque_regressor(memory: Memory, q: Array, va: Array, aa: Array) -> Array:
+    """Y = L^T Y_tree, shape (n, p)."""
+    memory.evaluate(q)
+    v, v_dot = motion_of_tree(memory, va, aa)
+    model, mechanism, L = memory.model, memory.mechanism, memory.complement.L
+    one, none = np.ones(model.nv), memory.zero
+    sign = -Friction(none, one, mechanism.friction.sign_width).forces(v)
+    drawn = pin.difference(model, mechanism.springs.reference, q)
+    k = mechanism.sprung
+    rates = [L.T * v, L.T * sign, L.T * v_dot, (L.T * drawn)[:, k], L.T]
+    lengths, J = memory.lines.evaluate(q)
+    pulls = [lengths - mechanism.lines.numbers[1], J.dot(v), np.ones(len(J))]
+    lines = (J.dot(L).T[..., None] * np.array(pulls).T).reshape(len(va), -1)
+    motors = L.T.dot(memory.actuation(q))
+    return np.hstack([_of_bodies(memory, q, v, v_dot), *rates, lines, motors])
+
+
+def _of_bodies(memory: Memory, q: Array, v: Array, v_dot: Array) -> Array:
+    """Columns of the bodies, shape (n, 10 r).
+
+    `pin.computeJointTorqueRegressor` does the same for trees without mimic joints.
+    The joint Jacobians in the memory are up to date.
+    """
+    model, data, L = memory.model, memory.data, memory.complement.L
+    J, joints = of_rates(data.J).copy(), range(1, model.njoints)
+    pin.rnea(model, data, q, v, v_dot)  # velocities, and accelerations less gravity, of all bodies
+    moved_by = np.array([support(model, j) for j in joints])
+    twists = summed(model, moved_by[:, None, :] * J).dot(L)
+    own = [pin.bodyRegressor(data.v[j], data.a_gf[j]) for j in joints]
+    wrenches = np.array([data.oMi[j].toDualActionMatrix() for j in joints]) @ own
+    return (twists.swapaxes(1, 2) @ wrenches).swapaxes(0, 1).reshape(L.shape[1], -1)
+
+
+def changed(
+    mechanism: Mechanism, theta: ArrayLike | Mapping[str, float]
+) -> tuple[pin.Model, dict[str, ArrayLike | None], tuple[LineForce, ...]]:
+    """The tree with its friction and rotors, numbers of `mechanism_of`, and lines, by theta."""
+    now = parameters_of(mechanism)
+    values = now.values.copy()
+    if isinstance(theta, Mapping):
+        for name, value in theta.items():
+            now[name]  # refuses an unknown one
+            values[now.names.index(name)] = single_array(name, value, ())
+    else:
+        values = single_array("theta", theta, values.shape)
+    model, springs, nv = pin.Model(mechanism.model), mechanism.springs, mechanism.model.nv
+    k, r = mechanism.sprung, model.njoints - 1
+    ends = np.cumsum([10 * r, nv, nv, nv, len(k), nv, 3 * len(mechanism.lines.forces)])
+    bodies, viscous, coulomb, armature, stiff, offset, lines, motors = np.split(values, ends)
+    if motors.any():
+        raise InputError(
+            "theta", "a chain has no torque offsets of motors; subtract them from the torques"
+        )
+    for i, ten in enumerate(bodies.reshape(r, 10), 1):
+        model.inertias[i] = _body(model.names[i], model.inertias[i], ten)
+    model.damping, model.friction, model.armature = viscous, coulomb, armature
+    stiffness = np.zeros(nv)
+    stiffness[k] = stiff
+    if lost := [mechanism.space.rate_names[i] for i in np.flatnonzero(offset * (stiffness == 0))]:
+        raise InputError(
+            "theta", f"offset of {listed(lost)}: a chain has offsets only of springs with stiffness"
+        )
+    balls = [j for j in model.joints if j.shortname() == "JointModelSpherical"]
+    turning = [k for j in balls for k in range(j.idx_v, j.idx_v + 3)]
+    if lost := [mechanism.space.rate_names[k] for k in turning if offset[k]]:
+        raise InputError(
+            "theta", f"offset of {listed(lost)}: in a ball it depends on where its spring is"
+        )
+    shift = np.divide(offset, stiffness, out=np.zeros(nv), where=stiffness != 0)
+    reference = (
+        pin.integrate(model, springs.reference, -shift) if shift.any() else springs.reference
+    )
+    plain = np.array_equal(reference, pin.neutral(model))
+    numbers: dict[str, ArrayLike | None] = {
+        "viscous_friction": None,  # those of the model
+        "coulomb_friction": None,
+        "stiffness": read_only(stiffness) if stiffness.any() else None,
+        "spring_reference": None if plain else read_only(reference),
+    }
+    forces = tuple(
+        replace(line, stiffness=of[0], damping=of[1], preload=of[2])
+        for line, of in zip(mechanism.lines.forces, lines.reshape(-1, 3), strict=True)
+    )
+    return model, numbers, forces
+
+
+def _body(name: str, body: pin.Inertia, ten: Array) -> pin.Inertia:
+    """A body with ten parameters; without mass its mass centre is where it was."""
+    if np.array_equal(body.toDynamicParameters(), ten):
+        return body
+    if ten[0]:
+        return pin.Inertia.FromDynamicParameters(ten)
+    if ten[1:4].any():
+        raise InputError("theta", f"body {name} has a first moment but no mass")
+    xx, xy, yy, xz, yz, zz = ten[4:]
+    return pin.Inertia(0.0, body.lever, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))

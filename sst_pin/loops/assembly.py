@@ -1,0 +1,280 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Putting a closed chain together: Newton's method on the closures, loop by loop."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pinocchio as pin
+
+from ..arrays import Array, Flags, Indices
+from ..errors import ClosureError, DescriptionError, InputError
+from ..model.mechanism import Mechanism
+from ..model.thresholds import ASSEMBLED
+from ..summaries import listed
+from .loops import Loops, connected
+
+_STEPS = 100
+#: A loop that closes by less than a tenth in so many steps does not close.
+_PATIENCE = 10
+#: Longest stride, [rad] or of the robot's length: the closures are far from linear beyond it.
+#: Joints that linear couplings alone hold, such as motors behind gears, need none.
+_STRIDE = 0.5
+#: A joint this near to its limit, scaled, is at it: rounding of the step that led there.
+_AT_LIMIT = 1e-12
+#: What rounding leaves of a position, relative to it.
+_ROUNDINGS = 4 * float(np.finfo(float).eps)
+#: How far a configuration next to another one lies, [rad] or robot lengths.
+_ASIDE = 0.2
+
+
+class Assembly:
+    """Newton's method on the closures of one mechanism; one object per thread.
+
+    Loops that share no joints are solved apart: each comes as near as it can, whatever the others
+    do. Unless `slipping`, wheels roll on the way.
+    """
+
+    def __init__(self, mechanism: Mechanism, loops: Loops, *, slipping: bool = True) -> None:
+        self.mechanism, self.loops = mechanism, loops
+        self._rows = np.flatnonzero(loops.holonomic | (not slipping))
+        self._scale = mechanism.row_scale[:, None] * mechanism.rate_scale
+        curved = loops.touched.copy()
+        for rows, coupled in loops.couplings:
+            curved[rows] = coupled.curved
+        self._curved = curved.any(axis=0)
+        self._known_parts: dict[bytes, list[tuple[Indices, Indices]]] = {}
+
+    def assemble(self, q: Array, free: Indices, *, limits: bool = False) -> Array:
+        """The configuration next to q with closed loops; only the rates `free` move.
+
+        With `limits` joints of one coordinate stay within their limits. The error says which loops
+        stay open, by how much, and which joints are at their limits.
+        """
+        bounds = _Limits(self.mechanism, free, limits)
+        q, open_rows = self._newton(bounds.clipped(q), free, bounds)
+        q = bounds.clipped(q)
+        bounds.require_within(q)
+        if len(open_rows):
+            loops, mechanism = self.loops, self.mechanism
+            residual = np.abs(loops.residual())
+            largest = float(residual[open_rows].max())
+            names = [
+                str(closure)
+                for closure, rows in zip(mechanism.closures, loops.slices, strict=True)
+                if np.isin(open_rows, np.arange(rows.start, rows.stop)).any()
+            ]
+            raise ClosureError(
+                f"the loops cannot be closed from this guess{bounds.reached(q)}: {largest:.3g} "
+                f"(m or rad) stays open at {listed(names, 4)}; start closer to a closed "
+                "configuration, hold fewer joints (fixed=), try several starts (tries=), or check "
+                "the geometry",
+                largest,
+            )
+        return q
+
+    def try_starts(
+        self, q: Array, free: Indices, tries: int, seed: int, *, limits: bool = False
+    ) -> Array:
+        """The first success from q and from random configurations around it, or the best error."""
+        if tries == 1:
+            return self.assemble(q, free, limits=limits)
+        random = np.random.default_rng(seed)
+        model, failures = self.mechanism.model, []
+        for k in range(tries):
+            width = 2.0 * k / max(tries - 1, 1)
+            aside = np.zeros(model.nv)
+            aside[free] = width * random.normal(size=len(free))
+            start = pin.integrate(model, q, aside * self.mechanism.rate_scale)
+            try:
+                return self.assemble(start, free, limits=limits)
+            except ClosureError as error:
+                failures.append(error)
+        raise min(failures, key=lambda error: error.residual)
+
+    def closer(self, q: Array, free: Indices) -> Array:
+        """The configuration next to q whose loops are open least; only the rates `free` move."""
+        return self._newton(q, free, _Limits(self.mechanism, free, wanted=False))[0]
+
+    def near(self, q: Array, held: Indices) -> Array:
+        """The configuration next to q with closed loops, with these rates held if it exists."""
+        rates = np.arange(self.mechanism.model.nv)
+        try:
+            return self.assemble(q, np.setdiff1d(rates, held))
+        except ClosureError:
+            return self.assemble(q, rates)
+
+    def aside(self, q: Array, seed: int) -> Array:
+        """A configuration in the assembly mode of q, which is closed, a fifth of a radian off."""
+        from scipy.linalg import null_space
+
+        mechanism, loops = self.mechanism, self.loops
+        loops.evaluate(q)
+        motions = null_space(loops.Phi() * self._scale, rcond=1e-8)
+        random = np.random.default_rng(seed)
+        # A projection, so that the basis of the motions does not count.
+        direction = motions @ (motions.T @ random.normal(size=len(motions)))
+        step = _ASIDE * direction / max(float(np.abs(direction).max(initial=0.0)), 1e-300)
+        moved = pin.integrate(mechanism.model, q, step * mechanism.rate_scale)
+        return self.assemble(moved, np.arange(mechanism.model.nv))
+
+    def _newton(self, q: Array, free: Indices, bounds: _Limits) -> tuple[Array, Indices]:
+        """The nearest configuration and the rows that stay open."""
+        f = self._residual(q)
+        key = free.tobytes()
+        if key not in self._known_parts:
+            self._known_parts[key] = list(self._parts(free))
+        parts = self._known_parts[key]
+        before = [np.full(len(parts), np.inf)] * _PATIENCE
+        for _ in range(_STEPS):
+            sizes = np.array([_size(f[rows]) for rows, _ in parts])
+            open_still = (sizes >= 1e-4 * ASSEMBLED) & (sizes < 0.9 * before[-_PATIENCE])
+            busy = [parts[k] for k in np.flatnonzero(open_still)]
+            if not busy:
+                break
+            before.append(sizes)
+            Phi = self.loops.Phi() * self._scale
+            step = np.zeros(Phi.shape[1])
+            for rows, of_loop in busy:
+                columns, part = bounds.project(q, of_loop, Phi[rows], -f[rows])
+                far = float(np.abs(part[self._curved[columns]]).max(initial=0))
+                step[columns] = part * (_STRIDE / max(_STRIDE, far))
+                step[columns] *= bounds.reach(q, columns, step[columns])
+            q, f, moved = self._descend(q, f, step, busy)
+            if not moved:
+                break
+        return q, self._rows[~(np.abs(f[self._rows]) < self._tolerance)]
+
+    @property
+    def _tolerance(self) -> float:
+        """Below this residuals are rounding, which grows with the distance from the origin."""
+        return max(ASSEMBLED, _ROUNDINGS * self.loops.distance / self.mechanism.length)
+
+    def _descend(
+        self, q: Array, f: Array, step: Array, parts: list[tuple[Indices, Indices]]
+    ) -> tuple[Array, Array, bool]:
+        """Halve each loop's step until its residual falls."""
+        model, scale = self.mechanism.model, self.mechanism.rate_scale
+        while True:
+            trial = pin.integrate(model, q, step * scale)
+            f_trial = self._residual(trial)
+            worse = [
+                (rows, columns)
+                for rows, columns in parts
+                if not _size(f_trial[rows]) < _size(f[rows])
+            ]
+            if all(not step[columns].any() for _, columns in worse):
+                moved = bool(step.any())
+                if not moved:
+                    self._residual(q)  # the loops are at q again
+                return (trial, f_trial, True) if moved else (q, f, False)
+            for rows, columns in worse:
+                step[columns] /= 2
+                rounding = np.abs(f[rows]).max() < self._tolerance
+                if rounding or np.abs(step[columns]).max(initial=0.0) < 1e-16:
+                    step[columns] = 0.0  # rounding, or a dead end
+
+    def _residual(self, q: Array) -> Array:
+        self.loops.evaluate(q)
+        return self.loops.residual() * self.mechanism.row_scale
+
+    def _parts(self, free: Indices) -> Iterator[tuple[Indices, Indices]]:
+        """Rows and free rates of loops that share none."""
+        loops = self.loops
+        of_closures = np.array([loops.touched[rows].any(axis=0) for rows in loops.slices])
+        number = np.repeat(np.arange(len(loops.slices)), [s.stop - s.start for s in loops.slices])
+        for closures, columns in connected(of_closures.reshape(-1, loops.model.nv)[:, free]):
+            rows = self._rows[np.isin(number[self._rows], closures)]
+            if len(rows):
+                yield rows, free[columns]
+
+
+def _size(f: Array) -> float:
+    return math.sqrt(f.dot(f))
+
+
+class _Limits:
+    """Limits of the joints of one coordinate among the rates `free`; none if not `wanted`."""
+
+    def __init__(self, mechanism: Mechanism, free: Indices, wanted: bool) -> None:
+        model, self._mechanism = mechanism.model, mechanism
+        joints = list(model.joints)[1:] if wanted else []
+        single = [(j.idx_q, j.idx_v) for j in joints if (j.nq, j.nv) == (1, 1)]
+        self._q, self._v = np.array(single, dtype=np.intp).reshape(-1, 2).T
+        self._lower, self._upper = model.lowerPositionLimit, model.upperPositionLimit
+        self._may_move = self._q[np.isin(self._v, free)] if single else self._q
+
+    def clipped(self, q: Array) -> Array:
+        """The nearest configuration within the limits."""
+        q, k = q.copy(), self._may_move
+        q[k] = np.clip(q[k], self._lower[k], self._upper[k])
+        return q
+
+    def project(
+        self, q: Array, columns: Indices, Phi: Array, right: Array
+    ) -> tuple[Indices, Array]:
+        """Newton's step along the rates that do not lead outward from a limit."""
+        while True:
+            part = np.asarray(np.linalg.lstsq(Phi[:, columns], right, rcond=1e-10)[0], dtype=float)
+            if not len(self._v):
+                return columns, part
+            down, up = self._room(q)[:, columns]
+            outward = np.where(part < 0, down, up) <= _AT_LIMIT
+            if not outward.any():
+                return columns, part
+            columns = columns[~outward]
+
+    def reach(self, q: Array, columns: Indices, step: Array) -> float:
+        """How much of a step leads to the first limit, at most 1."""
+        if not len(self._v):
+            return 1.0
+        down, up = self._room(q)[:, columns]
+        room = np.where(step < 0, down, up)
+        return float((room / np.maximum(np.abs(step), 1e-300)).min(initial=1.0))
+
+    def require_within(self, q: Array) -> None:
+        """Refuse joints held outside their limits, and limits that exclude each other."""
+        if not len(self._v):
+            return
+        room = self._room(q).min(axis=0)
+        if (room < 0).any():
+            raise ClosureError(
+                f"outside the limits of {self._names(room < 0)}, which are held there; hold "
+                "fewer joints, start within the limits, or correct them",
+                float(-(room * self._mechanism.rate_scale).min()),
+            )
+
+    def reached(self, q: Array) -> str:
+        """Which joints are at their limits, in words."""
+        if not len(self._v):
+            return ""
+        at = self._room(q).min(axis=0) <= _AT_LIMIT
+        return f" within the joint limits ({self._names(at) or 'none'} at a limit)"
+
+    def _room(self, q: Array) -> Array:
+        """How far each rate can go down and up, scaled, shape (2, nv)."""
+        room = np.full((2, self._mechanism.model.nv), np.inf)
+        k = self._q
+        room[:, self._v] = q[k] - self._lower[k], self._upper[k] - q[k]
+        return room / self._mechanism.rate_scale
+
+    def _names(self, chosen: Flags) -> str:
+        return ", ".join(np.array(self._mechanism.space.rate_names)[chosen])
+
+
+def home_of(mechanism: Mechanism) -> Array | None:
+    """What the model calls home, shape (nq,), its loops as open as they are there; or None."""
+    model = mechanism.model
+    known = model.referenceConfigurations
+    if "home" not in known:
+        return None
+    home = np.array(known["home"])
+    problem = f"home: {home.size} numbers; {model.nq} finite ones are needed"
+    if home.shape == (model.nq,) and np.isfinite(home).all():
+        try:
+            return mechanism.space.normalised(home)
+        except InputError as error:
+            problem = f"home: {error.args[0].removeprefix('q: ')}"
+    raise DescriptionError(f"model {model.name}", [problem])

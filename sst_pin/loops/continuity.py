@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Whether a motion stays in its assembly mode, judged in each block of loops.
+
+Between two configurations a and b of one mode there is a shortest way along which a block's
+dependent part of Phi stays near Phi_a. If a and b lie in different modes, or a singular
+configuration lies between them, the mean of Phi over that way is singular, so that
+|Phi_a^+ (Phi_b - Phi_a)| is about 2 or more. A step counts as continuous below 1/2; a longer one
+is divided. Units of rows do not matter for this measure. One determinant of all loops would not
+do: it keeps its sign where two blocks become singular at once.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from ..arrays import Array, Indices
+from ..errors import SSTError
+from ..model.mechanism import Mechanism
+from .loops import Loops, connected
+from .mobility import largest_condition, scaled_Phi
+
+#: From a configuration at one fraction of a step to that at a later fraction; an SSTError where
+#: there is none.
+Way = Callable[[Array, float, float], Array]
+
+#: Largest |Phi_a^+ (Phi_b - Phi_a)| of two configurations that count as neighbours.
+CHANGE = 0.5
+#: Largest motion of a joint between them, [rad] or of the robot's length.
+TRAVEL = 0.5
+#: Smaller singular values of a loop count as zero, relative to its largest.
+_INDEPENDENT = 1e-6
+#: Parts of a step are not divided further, as a fraction of the step.
+_SHORTEST = 1e-12
+
+
+class _Place(NamedTuple):
+    """A configuration, shape (nq,), and its blocks of Phi, shapes (count, rows, rates)."""
+
+    q: Array
+    blocks: list[Array]
+
+
+class Continuity:
+    """Follows motions of one mechanism from a configuration to the next; one object per thread."""
+
+    def __init__(self, mechanism: Mechanism, loops: Loops) -> None:
+        self._mechanism, self._loops = mechanism, loops
+        self._moving = np.flatnonzero(loops.touched.any(axis=0))
+        shapes = dict[tuple[int, int], list[tuple[Indices, Indices]]]()
+        for rows, rates in self._blocks():
+            shapes.setdefault((len(rows), len(rates)), []).append((rows, rates))
+        self._entries = [
+            (np.array([r for r, _ in alike])[:, :, None], np.array([k for _, k in alike])[:, None])
+            for alike in shapes.values()
+        ]
+        #: Usual sizes of the blocks, shapes (count,).
+        self._sizes = [np.array([mechanism.size_of(*b) for b in x]) for x in shapes.values()]
+        self._last: _Place | None = None
+        self._anchor: _Place
+        self._inverses: list[Array]
+        self._smallest: list[Array]
+
+    def _blocks(self) -> Iterator[tuple[Indices, Indices]]:
+        """Rows and dependent rates of the diagonal blocks of Phi, which is block triangular.
+
+        Parts that share no dependent rate are blocks. If the ranks of a part's loops add up to the
+        number of its rates, each loop that determines all rates still open in it is one. Otherwise
+        the loops are redundant together: where one is singular, the others may hold its rates.
+        """
+        mechanism, loops = self._mechanism, self._loops
+        Phi, all_rows = np.zeros(loops.touched.shape), np.arange(loops.rows)
+        if mechanism.example is not None:
+            Phi = scaled_Phi(mechanism, loops, mechanism.example)
+        for part_rows, part in connected(loops.touched[:, mechanism.dependent]):
+            rows, rates, ranks = part_rows, mechanism.dependent[part], dict[int, int]()
+            for k, loop in enumerate(loops.slices):
+                if np.isin(all_rows[loop], rows).any():
+                    ranks[k] = np.linalg.matrix_rank(Phi[loop, rates], rtol=_INDEPENDENT)
+            for _ in range(len(ranks) * (sum(ranks.values()) == len(rates))):
+                for k, rank in ranks.items():
+                    loop = loops.slices[k]
+                    own = rates[loops.touched[loop, rates].any(axis=0)]
+                    if 0 < len(own) == rank:
+                        yield all_rows[loop], own
+                        rates, rows = np.setdiff1d(rates, own), np.setdiff1d(rows, all_rows[loop])
+                        del ranks[k]
+                        break
+            if len(rates):
+                yield rows, rates
+
+    def condition_number(self, q: Array) -> float:
+        """Condition number of the dependent part of Phi at q, infinite if it is singular.
+
+        It is the largest one of its blocks.
+        """
+        return self._condition(self._place(q))
+
+    def follow(
+        self, start: Array, way: Way, limit: float, first: float = 1.0
+    ) -> tuple[float, Array]:
+        """How much of a step is continuous and regular, 1 for all, and the configuration there.
+
+        `way` gives configurations at fractions of the step, 1 for its end; `limit` is that of the
+        condition number. A step that turns round at a fraction `first` is looked at there, too.
+        """
+        q, low, high = start, 0.0, first
+        while low < 1 and high - low >= _SHORTEST:
+            found: Array | None = None
+            with suppress(SSTError):
+                found = way(q, low, high)
+            if found is not None and self._near(q, found, limit):
+                q, low, high = found, high, min(1.0, high + 2 * (high - low))
+            else:
+                high = (low + high) / 2
+        return low, q
+
+    def _near(self, before: Array, after: Array, limit: float) -> bool:
+        """Whether a configuration is next to the one before it, and regular."""
+        place, last = self._place(after), self._last
+        if last is None or not np.array_equal(last.q, before):
+            last = self._place(before)
+            self._anchor_at(last)
+        if not self._continues(place, limit):
+            if last is self._anchor:
+                return False
+            self._anchor_at(last)
+            if not self._continues(place, limit):
+                return False
+        self._last = place
+        return True
+
+    def _anchor_at(self, place: _Place) -> None:
+        self._anchor = self._last = place
+        self._inverses, self._smallest = [], []
+        for blocks in place.blocks:
+            U, s, Vt = np.linalg.svd(blocks, full_matrices=False)
+            inverses = np.where(s > 0, 1 / np.where(s > 0, s, 1), 0)[:, None]
+            self._inverses.append(np.swapaxes(Vt, 1, 2) @ np.swapaxes(U * inverses, 1, 2))
+            full = s.shape[1] == blocks.shape[2]
+            self._smallest.append(s[:, -1] if full else np.zeros(len(blocks)))
+
+    def _continues(self, place: _Place, limit: float) -> bool:
+        anchor = self._anchor
+        if not all((s > 0).all() for s in self._smallest):
+            return False
+        way = pin.difference(self._mechanism.model, anchor.q, place.q) / self._mechanism.rate_scale
+        if not np.abs(way[self._moving]).max(initial=0.0) <= TRAVEL:
+            return False
+        for inverse, a, b in zip(self._inverses, anchor.blocks, place.blocks, strict=True):
+            E = inverse @ (b - a)
+            if not np.einsum("bij,bij->b", E, E).max() <= CHANGE**2:
+                return False
+        # The smallest singular value has not fallen below half of that at the anchor.
+        if all(
+            (np.maximum(np.linalg.norm(b, axis=(1, 2)), size) < limit * (1 - CHANGE) * s).all()
+            for b, size, s in zip(place.blocks, self._sizes, self._smallest, strict=True)
+        ):
+            return True
+        return self._condition(place) < limit
+
+    def _condition(self, place: _Place) -> float:
+        return largest_condition(zip(place.blocks, self._sizes, strict=True))
+
+    def _place(self, q: Array) -> _Place:
+        Phi = scaled_Phi(self._mechanism, self._loops, q)
+        return _Place(q.copy(), [Phi[entries] for entries in self._entries])

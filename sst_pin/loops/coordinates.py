@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The choice of the coordinates, made once, when a robot is made.
+
+It depends on the robot alone: random displacements are drawn for each joint by its name, and ties
+are decided by names, so that neither the order of the joints nor the units count.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from itertools import product
+from zlib import crc32
+
+import numpy as np
+import pinocchio as pin
+
+from ..arrays import Array, Indices
+from ..dynamics.dynamics import Memory
+from ..dynamics.noc import body_jacobians
+from ..errors import ClosureError
+from ..model.mechanism import Mechanism
+from ..model.thresholds import INDEPENDENT, MAX_CONDITION_NUMBER, RANK_TOLERANCE, RESTS
+from .assembly import Assembly, home_of
+from .continuity import Continuity
+from .mobility import choose_coordinates, free_motions, motor_rates, scaled_Phi
+
+#: Widths of the random displacements from home or `pin.neutral`, [rad] or robot lengths.
+_AROUND_HOME, _AROUND_NEUTRAL = (0.1, 0.03, 0.01), np.linspace(0.1, 2.0, 20)
+#: Home is singular if a singular value of Phi is this much smaller there than so far beside it.
+_VANISHES, _BESIDE = 1e-2, 1e-3
+#: What helps where no guess can be assembled.
+_GIVE_ONE = 'give q, a closed configuration, or make it model.referenceConfigurations["home"]'
+#: A smaller part of the inertia that its bodies have is none: accelerations would be noise.
+_NO_MASS = 1e-8
+
+
+def examples(assembly: Assembly) -> Iterator[Array]:
+    """Assembled configurations without symmetry, the same at each call.
+
+    They lie around `home` if the robot has one, otherwise around `pin.neutral`. The error is that
+    of the guess that came nearest.
+    """
+    mechanism = assembly.mechanism
+    model, home = mechanism.model, home_of(mechanism)
+    starts = [(pin.neutral(model), width) for width in _AROUND_NEUTRAL]
+    if home is not None:
+        starts = [(home, width) for width in _AROUND_HOME] + starts
+    failures, found = [], False
+    for start, width in starts:
+        if found and home is not None and start is not home:
+            return
+        moved = pin.integrate(model, start, _displacement(mechanism, width))
+        try:  # motors that stay where they are lead to assemblies in which they hold the robot
+            q = assembly.near(moved, mechanism.driven)
+        except ClosureError as error:
+            failures.append(error)
+        else:
+            found = True
+            yield q
+    if not found:
+        nearest = min(failures, key=lambda error: error.residual)
+        open_by, _, _ = nearest.args[0].partition(";")
+        raise ClosureError(f"{open_by}; {_GIVE_ONE}", nearest.residual)
+
+
+def _displacement(mechanism: Mechanism, width: float) -> Array:
+    """Random rates of the tree, drawn joint by joint from the joint's name, shape (nv,)."""
+    way = np.zeros(mechanism.model.nv)
+    for name, rates in mechanism.space.rates.items():
+        random = np.random.default_rng([round(1000 * width), crc32(name.encode())])
+        way[rates] = width * random.uniform(-1.5, 1.5, len(rates))
+    return way * mechanism.rate_scale
+
+
+def _home(assembly: Assembly, held: Indices) -> Array | None:
+    """Home with closed loops; None without one, or where closures lose their rank there."""
+    mechanism, loops = assembly.mechanism, assembly.loops
+    q = home_of(mechanism)
+    if q is None:
+        return None
+    try:
+        q = assembly.near(q, held)
+    except ClosureError:
+        return None
+    try:
+        moved = pin.integrate(mechanism.model, q, _displacement(mechanism, _BESIDE))
+        beside = assembly.near(moved, held)
+    except ClosureError:
+        return q
+    here, there = (
+        np.linalg.svd(scaled_Phi(mechanism, loops, x), compute_uv=False) for x in (q, beside)
+    )
+    full = there > RANK_TOLERANCE * there.max(initial=0.0)
+    return q if (here >= _VANISHES * there)[full].all() else None
+
+
+def _without_symmetry(assembly: Assembly, home: Array, coordinates: Indices) -> Array:
+    """A configuration near home in its assembly mode, or home where coordinates fail on the way."""
+    mechanism = replace(assembly.mechanism, coordinates=coordinates)
+    for width, held in product(_AROUND_HOME, (mechanism.driven, coordinates)):
+        along = partial(_along, assembly, home, _displacement(mechanism, width), held)
+        continuity = Continuity(mechanism, assembly.loops)
+        done, q = continuity.follow(home, along, MAX_CONDITION_NUMBER)
+        if done == 1:
+            return q
+    return home
+
+
+def _along(
+    assembly: Assembly, home: Array, way: Array, held: Indices, q: Array, low: float, high: float
+) -> Array:
+    """A `Way` of assembled configurations from home."""
+    return assembly.near(pin.integrate(assembly.mechanism.model, home, high * way), held)
+
+
+def settle(assembly: Assembly, wanted: Indices | None) -> tuple[Indices, Array | None]:
+    """Indices in v of the coordinates, and a configuration of their assembly mode, or None.
+
+    The order of preference: the coordinates `wanted`; the motors' joints, as many as are
+    independent; other joints by rank. They are judged at home. Where there is none, or it is
+    singular, the configuration around it counts in which the motors hold most; where nothing can be
+    assembled, the motors' joints.
+    """
+    mechanism = assembly.mechanism
+    asked = mechanism.driven if wanted is None else wanted
+    home = _home(assembly, asked)
+    if home is not None:
+        Phi = scaled_Phi(mechanism, assembly.loops, home)
+        chosen = choose_coordinates(mechanism, Phi) if wanted is None else wanted
+        return chosen, _without_symmetry(assembly, home, chosen)
+    best: tuple[tuple[bool, int, int], Array, Array] | None = None
+    try:
+        for q in examples(assembly):
+            Phi = scaled_Phi(mechanism, assembly.loops, q)
+            motions = free_motions(Phi)
+            rates = motor_rates(mechanism, q, motions) if wanted is None else motions[wanted]
+            held, n = int(np.linalg.matrix_rank(rates, RESTS)), motions.shape[1]
+            if best is None or (n > 0, held - n, held) > best[0]:
+                best = (n > 0, held - n, held), Phi, q
+            if 0 < n == held:
+                break
+    except ClosureError:
+        return asked, None
+    assert best is not None
+    _, Phi, q = best
+    return choose_coordinates(mechanism, Phi) if wanted is None else wanted, q
+
+
+def without_mass(mechanism: Mechanism) -> tuple[str, ...]:
+    """Names of rates that move no mass, such as the spin of a thin rod between two balls.
+
+    They are coordinates, or where the caller's coordinates fail rates that describe the motion. The
+    mass matrix is singular there to rounding, at every configuration.
+    """
+    if mechanism.example is None:
+        return ()
+    q, memory, unit = mechanism.example, Memory(mechanism), mechanism.rate_scale
+    Phi = scaled_Phi(mechanism, memory.loops, q)
+    chosen, motions = choose_coordinates(mechanism, Phi, [mechanism.coordinates]), free_motions(Phi)
+    if not len(chosen):
+        return ()
+    L = unit[:, None] * motions @ np.linalg.inv(motions[chosen] * unit[chosen, None])
+    # What each coordinate would move if a body turned about its heaviest axis.
+    twists = (body_jacobians(memory.model, memory.data) @ L).reshape(-1, 2, 3, len(chosen))
+    inertias = list(memory.model.inertias)[1:]
+    sizes = np.array([(np.trace(body.inertia), body.mass) for body in inertias])
+    most = np.einsum("bp,bpin->n", sizes, twists**2) + memory.model.armature @ L**2
+    scale = 1 / np.sqrt(np.maximum(np.abs(most), 1e-300))
+    inertia = scale[:, None] * memory.reduced_inertia(q, L) * scale
+    values, vectors = np.linalg.eigh(inertia)
+    idle = np.abs(vectors[:, np.abs(values) < _NO_MASS]).max(axis=1, initial=0.0) > INDEPENDENT
+    return tuple(np.array(mechanism.space.rate_names)[chosen[idle]].tolist())

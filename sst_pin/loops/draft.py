@@ -1,0 +1,296 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""From a tree, names and numbers as a caller gives them to a `Mechanism`."""
+
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from ..arrays import Array, Indices, finite_array, in_order, single_array
+from ..arrays import names as names_of
+from ..errors import DescriptionError, InputError
+from ..model.closures import Closure, Constraint, Coupling, Distance, Rolling
+from ..model.joint_space import JointSpace
+from ..model.lines import LineForce, Lines
+from ..model.mechanism import Friction, Mechanism, Springs, read_only
+from ..model.rebuilt_tree import JOINT_LISTS, POSITION_ARRAYS, RATE_ARRAYS, rebuilt
+from ..model.tree import frame_id, joint_id
+from .assembly import Assembly
+from .coordinates import settle, without_mass
+from .loops import Loops
+from .mobility import scaled_Phi
+
+#: Mimic joints that Pinocchio computes rightly. It leaves out the pitch of helical ones.
+_MIMIC = re.compile(
+    r"Mimicking joint type: JointModel([RP][XYZ]|(Revolute|Prismatic)Unaligned)$", re.M
+)
+
+#: A rotation is further off than rounding, as a quaternion whose length is not one.
+_NO_ROTATION = 1e-6
+
+#: A motor: the joint or line that it drives, or the factors of those that it drives (a tendon).
+Motor = str | Mapping[str, float]
+
+
+def closures_of(closures: Sequence[Constraint | tuple[str, str]]) -> tuple[Constraint, ...]:
+    """Closures, with pairs of names for frames that must coincide."""
+    found: list[Constraint] = []
+    for closure in in_order("closures", closures, "closures"):
+        if isinstance(closure, (Closure, Distance, Coupling, Rolling)):
+            found.append(closure)
+        elif isinstance(closure, (tuple, list)) and len(closure) == 2:
+            found.append(Closure(*closure))
+        else:
+            raise InputError("closures", f"{closure!r} is neither a closure nor two frame names")
+    return tuple(found)
+
+
+def mechanism_of(
+    model: pin.Model,
+    closures: tuple[Constraint, ...],
+    motors: Sequence[Motor],
+    coordinates: Sequence[str] | None,
+    numbers: Mapping[str, ArrayLike | None],
+    forces: tuple[LineForce, ...],
+) -> Mechanism:
+    """A mechanism with its coordinates, from what the constructor of `ClosedChain` takes.
+
+    The mechanism keeps the tree. `forces` act along lines. `numbers` has viscous_friction,
+    coulomb_friction, stiffness and spring_reference.
+    """
+    _require_sound(model, closures)
+    space = JointSpace(model)
+    B, names = _motors(space, motors, forces)
+    for name in (end for line in forces for end in (line.frame_a, line.frame_b)):
+        frame_id(model, name)
+    lines = Lines(forces, read_only(B[model.nv :]))
+
+    def of_rates(name: str, default: Array) -> Array:
+        given = numbers[name]
+        return single_array(name, default if given is None else given, (model.nv,))
+
+    friction = Friction(
+        of_rates("viscous_friction", model.damping),
+        of_rates("coulomb_friction", model.friction),
+    )
+    rest = pin.neutral(model)
+    if numbers["spring_reference"] is not None:
+        rest = single_array("spring_reference", numbers["spring_reference"], (model.nq,))
+        space.require_on_manifold(rest, "spring_reference")
+    springs = Springs(of_rates("stiffness", np.zeros(model.nv)), space.normalised(rest))
+    springs.check(model)
+    wanted = None
+    if coordinates is not None:
+        wanted = space.rates_of(coordinates)
+        if not len(wanted):
+            raise InputError("coordinates", "none are named; leave them out for a choice")
+    none, on_joints = np.empty(0, dtype=np.intp), B[: model.nv]
+    unsettled = Mechanism(model, closures, none, on_joints, names, friction, springs, lines)
+    assembly = Assembly(unsettled, Loops(model, closures))
+    chosen, example = settle(assembly, wanted)
+    sizes = None if example is None else _row_sizes(unsettled, assembly.loops, example)
+    settled = replace(unsettled, coordinates=chosen, example=example, row_sizes=sizes)
+    return replace(settled, without_mass=without_mass(settled))
+
+
+def _row_sizes(mechanism: Mechanism, loops: Loops, q: Array) -> Array:
+    """Lengths of the rows of Phi at q, free of units; 0 for rows that are constant."""
+    sizes = np.linalg.norm(scaled_Phi(mechanism, loops, q), axis=1)
+    for row, coupled in loops.couplings:
+        sizes[row] *= coupled.curved.any()
+    return sizes
+
+
+def without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]) -> pin.Model:
+    """The tree with some joints held; Pinocchio cannot reduce one with mimic joints."""
+    model = copied(model)
+    if list(model.mimicking_joints):
+        raise InputError("locked", "the model has mimic joints; lock joints before you add these")
+    q = pin.neutral(model)
+    held = tuple(locked) if isinstance(locked, Mapping) else locked
+    ids = [joint_id(model, name) for name in names_of("locked", held)]
+    if isinstance(locked, Mapping):
+        for index, value in zip(ids, locked.values(), strict=True):
+            joint = model.joints[index]
+            if (joint.nq, joint.nv) != (1, 1):
+                raise InputError("locked", f"joint {model.names[index]} has several coordinates")
+            q[joint.idx_q] = single_array("locked", value, ())
+    problems = [
+        f"pose {pose.key()}: {len(pose.data())} numbers, {model.nq} are needed"
+        for pose in model.referenceConfigurations
+        if len(pose.data()) != model.nq
+    ]
+    if problems:
+        raise DescriptionError(f"model {model.name}", problems)
+    return rebuilt(model, {i: {} for i in ids}, q)
+
+
+def coordinates_of(coordinates: Sequence[str]) -> tuple[str, ...]:
+    """Names of coordinates, in their order."""
+    return names_of("coordinates", in_order("coordinates", coordinates))
+
+
+def motors_of(motors: Sequence[Motor]) -> tuple[Motor, ...]:
+    """Motors, with tendons of the caller copied."""
+    motors = in_order("actuated", motors)
+    return tuple(dict(motor) if isinstance(motor, Mapping) else motor for motor in motors)
+
+
+def forces_of(forces: Sequence[LineForce]) -> tuple[LineForce, ...]:
+    """Forces along lines, each with a name of its own."""
+    found = in_order("forces", forces, "LineForce")
+    for force in found:
+        if not isinstance(force, LineForce):
+            raise InputError("forces", f"{force!r} is not a LineForce")
+    twice = [name for name, k in Counter(map(str, found)).items() if k > 1]
+    if twice:
+        raise InputError("forces", f"several lines have the name {', '.join(twice)}; give name=")
+    return found
+
+
+def _motors(
+    space: JointSpace, motors: Sequence[Motor], forces: Sequence[LineForce]
+) -> tuple[Array, tuple[str, ...]]:
+    """B with a row for each rate, then for each line, and the motors' names."""
+    lines = {line.name: row for row, line in enumerate(forces, len(space.rate_names))}
+    if both := lines.keys() & {*space.joint_names, *space.rate_names}:
+        raise InputError("forces", f"line {min(both)} has the name of a joint; give another name=")
+    size = len(space.rate_names) + len(lines)
+
+    def rows(names: list[str]) -> Indices:
+        found = [[lines[name]] if name in lines else space.rates_of([name]) for name in names]
+        if len(set(rows := [int(k) for part in found for k in part])) != len(rows):
+            raise InputError("names", f"a joint appears twice in {names}")
+        return np.array(rows, dtype=np.intp)
+
+    columns: list[Array] = []
+    names: list[str] = []
+    for motor in motors:
+        if isinstance(motor, Mapping):
+            column = np.zeros(size)
+            k = rows(list(motor))
+            column[k] = finite_array("actuated", list(motor.values()), (len(k),))
+            if not column.any():
+                raise InputError("actuated", f"{dict(motor)}: this motor acts on no joint")
+            columns.append(column)
+            shares = " + ".join(f"{share:g} {name}" for name, share in motor.items())
+            names.append(shares.replace("+ -", "- "))
+        else:
+            (name,) = names_of("actuated", [motor])
+            k = rows([name])
+            columns.extend(np.eye(size)[k])
+            names.extend([name] if name in lines else [space.rate_names[i] for i in k])
+    if len(set(names)) != len(names):
+        raise InputError("actuated", f"a joint appears twice in {names}")
+    return np.array(columns).reshape(-1, size).T, tuple(names)
+
+
+def _require_sound(model: pin.Model, closures: Sequence[Constraint]) -> None:
+    names = list(model.names)[1:]
+    problems = [f"joint {n}: the name appears twice" for n, k in Counter(names).items() if k > 1]
+    problems += [f"joint {i}: it has no name" for i, name in enumerate(names, 1) if not name]
+    if "universe" in names:
+        problems.append("joint universe: the world has this name; rename the joint")
+    problems += [
+        f"joint {name}: a closure has this name too; rename the joint"
+        for name in sorted({*names} & {*map(str, closures)})
+    ]
+    if model.nv and not problems:
+        problems = _names_with_two_meanings(model)
+    problems += _impossible_numbers(model)
+    if model != pin.Model(model):
+        problems.append("contains NaN")
+    if model.gravity.angular.any():
+        problems.append(f"gravity.angular is {model.gravity.angular}; weights have no such part")
+    if not model.nv:
+        problems.append("no moving joints")
+    problems += [
+        f"mimic joint {names[j - 1]}: Pinocchio supports only revolute and prismatic mimic joints "
+        "with limits and a factor other than 0; use an ordinary joint with a Coupling to the "
+        "joint that it follows"
+        for j in model.mimicking_joints
+        if not (_MIMIC.search(str(model.joints[j].extract())) and model.joints[j].extract().scaling)
+    ]
+    problems += [
+        f"joint {name}: joints of type ellipsoid are not supported"
+        for name, joint in zip(names, list(model.joints)[1:], strict=True)
+        if joint.shortname() == "JointModelEllipsoid"
+    ]
+    if problems:
+        raise DescriptionError(f"model {model.name}", problems)
+
+
+def copied(model: pin.Model) -> pin.Model:
+    """A copy of a model whose lists have the right sizes; Pinocchio would read beside others."""
+    lists = (
+        ("numbers", RATE_ARRAYS, model.nv),
+        ("numbers", POSITION_ARRAYS, model.nq),
+        ("entries", JOINT_LISTS, model.njoints),
+        ("entries", ("frames",), model.nframes),
+    )
+    problems = [
+        f"{name}: {len(getattr(model, name))} {what}, {size} are needed"
+        for what, names, size in lists
+        for name in names
+        if len(getattr(model, name)) != size
+    ]
+    problems += [
+        f"joint {i}: its parent {parent} does not come before it"
+        for i, parent in enumerate(list(model.parents)[1:], 1)
+        if parent >= i
+    ]
+    problems += [
+        f"frame {frame.name}: there is no joint {frame.parentJoint}, which bears it"
+        for frame in model.frames
+        if frame.parentJoint >= model.njoints
+    ]
+    entries = zip(model.idx_qs, model.nqs, model.idx_vs, model.nvs, strict=False)
+    problems += [
+        f"joint {i}: its entries in q and v are others than those in the lists of the model"
+        for i, (joint, listed) in enumerate(zip(model.joints, entries, strict=False))
+        if i and (joint.idx_q, joint.nq, joint.idx_v, joint.nv) != listed
+    ]
+    if problems:
+        raise DescriptionError(f"model {model.name}", problems)
+    return pin.Model(model)
+
+
+def _impossible_numbers(model: pin.Model) -> list[str]:
+    """Numbers that are not finite, and placements that do not turn.
+
+    Estimated masses and rotors may be negative.
+    """
+    names = [f"joint {name}" for name in list(model.names)[1:]]
+    places = list(zip(names, list(model.jointPlacements)[1:], strict=True))
+    places += [(f"frame {frame.name}", frame.placement) for frame in model.frames]
+    bodies = zip(names, list(model.inertias)[1:], strict=True)
+    numbers = [("gravity", model.gravity.vector), ("armature", model.armature)]
+    numbers += [(f"body of {name}", body.toDynamicParameters()) for name, body in bodies]
+    numbers += [(f"placement of {name}", place.homogeneous) for name, place in places]
+    problems = [f"{name}: not finite" for name, array in numbers if not np.isfinite(array).all()]
+    with np.errstate(over="ignore", invalid="ignore"):
+        problems += [
+            f"placement of {name}: {R.tolist()} is no rotation"
+            for name, R in [(name, place.rotation) for name, place in places]
+            if np.abs(R.T @ R - np.eye(3)).max() > _NO_ROTATION or np.linalg.det(R) < 0
+        ]
+    return problems
+
+
+def _names_with_two_meanings(model: pin.Model) -> list[str]:
+    """Joints whose name is also that of one position or rate of another joint."""
+    problems = []
+    for kind, of_joints in JointSpace(model).names_by_joint.items():
+        owner: dict[str, str] = {}
+        for joint, names in of_joints.items():
+            for name in {joint, *names}:
+                if owner.setdefault(name, joint) != joint:
+                    problems.append(
+                        f"joints {owner[name]} and {joint}: {name} names a {kind} of both; "
+                        "rename one of them"
+                    )
+    return list(dict.fromkeys(problems))

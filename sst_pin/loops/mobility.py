@@ -1,0 +1,255 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Mobility of a closed chain: degrees of freedom, coordinates, and whether the motors suffice."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Array, Indices
+from ..model.lines import LineKinematics
+from ..model.mechanism import Mechanism
+from ..model.thresholds import INDEPENDENT, RANK_TOLERANCE, RESTS
+from ..summaries import as_html, listed
+from .loops import Loops
+
+
+@dataclass(frozen=True)
+class Mobility:
+    """Degrees of freedom of a closed chain at one configuration.
+
+    Attributes:
+        joints: Names of the rates: names of the joints, with a suffix if a joint has several.
+        actuated: Names of the motors.
+        coordinates: Names of the n independent joints that describe the motion.
+        rows: Name of each closure constraint.
+        independent_rows: Indices of independent closure constraints, as many as the rank of Phi.
+        degrees_of_freedom: Number of rates minus the rank of Phi.
+        held: Number of degrees of freedom that the motors hold.
+        loose_joints: Rates that can be nonzero while all motors are locked.
+        idle_joints: Passive joints of a loop that can spin while all other joints are fixed.
+        condition_number: Condition number of the columns of Phi for the dependent rates, without
+            units; infinite if the coordinates do not suffice.
+        where: Which configuration was used.
+        q: This configuration, shape (nq,).
+    """
+
+    joints: tuple[str, ...]
+    actuated: tuple[str, ...]
+    coordinates: tuple[str, ...]
+    rows: tuple[str, ...]
+    independent_rows: tuple[int, ...]
+    degrees_of_freedom: int
+    held: int
+    loose_joints: tuple[str, ...]
+    idle_joints: tuple[str, ...]
+    condition_number: float
+    where: str
+    q: Array
+
+    @property
+    def rank(self) -> int:
+        """Number of independent closure equations."""
+        return len(self.independent_rows)
+
+    @property
+    def redundant_rows(self) -> int:
+        """Number of closure equations that follow from the others."""
+        return len(self.rows) - self.rank
+
+    @property
+    def sufficient(self) -> bool:
+        """Whether the motors hold every degree of freedom."""
+        return self.held == self.degrees_of_freedom
+
+    @property
+    def redundantly_actuated(self) -> bool:
+        """Whether there are more motors than degrees of freedom."""
+        return len(self.actuated) > self.degrees_of_freedom
+
+    @property
+    def inner_stresses(self) -> int:
+        """Number of independent motor torques that make no motion; see `preload_directions`."""
+        return len(self.actuated) - self.held
+
+    def __repr__(self) -> str:
+        return str(self)
+
+    def __str__(self) -> str:
+        return "\n".join(f"{word:18}  {text}" for word, text in self._rows())
+
+    def _repr_html_(self) -> str:
+        return as_html("Mobility", self._rows())
+
+    def _rows(self) -> list[tuple[str, str]]:
+        n, dof = len(self.actuated), self.degrees_of_freedom
+        if not self.sufficient:
+            verdict = (
+                f"INSUFFICIENT: {dof - self.held} degree(s) of freedom move with the motors "
+                f"locked, through {listed(self.loose_joints, 12)}"
+            )
+        elif self.redundantly_actuated:
+            verdict = f"REDUNDANT: {n - dof} more than degrees of freedom"
+        else:
+            verdict = "sufficient, one motor for each degree of freedom"
+        if self.inner_stresses:
+            verdict += f"; torques of the motors that make no motion: {self.inner_stresses}"
+        ranks = f"{len(self.rows)}, rank {self.rank}, {self.redundant_rows} redundant"
+        idle = f"{listed(self.idle_joints, 12)} (they can spin alone; locked= fixes them)"
+        return [
+            ("joints", f"{len(self.joints)}"),
+            ("closure equations", ranks),
+            ("degrees of freedom", f"{dof}"),
+            ("actuated joints", f"{n} ({listed(self.actuated, 12)})"),
+            ("actuation", verdict),
+            ("coordinates", listed(self.coordinates, 12)),
+            ("condition number", f"{self.condition_number:.4g} (dependent joints)"),
+            ("judged at", self.where),
+            *([("idle joints", idle)] if self.idle_joints else []),
+        ]
+
+
+def independent_rows(Phi: Array) -> Indices:
+    """Indices of rows that carry the rank of Phi, by a column-pivoted QR of its transpose."""
+    if not Phi.size:
+        return np.empty(0, dtype=np.intp)
+    from scipy.linalg import qr
+
+    R, order = qr(Phi.T, pivoting=True, mode="r")
+    pivots = np.abs(np.diag(R))
+    return np.sort(order[: np.count_nonzero(pivots > RANK_TOLERANCE * pivots[0])])
+
+
+def free_motions(Phi: Array) -> Array:
+    """Orthonormal motions with Phi v = 0, shape (nv, degrees of freedom); Phi free of units."""
+    if not Phi.size:
+        return np.eye(Phi.shape[1])
+    from scipy.linalg import null_space
+
+    return np.asarray(null_space(Phi, rcond=RANK_TOLERANCE))
+
+
+def scaled_Phi(mechanism: Mechanism, loops: Loops, q: Array) -> Array:
+    """Phi at one configuration, free of units, shape (rows, nv)."""
+    loops.evaluate(q)
+    return loops.Phi() * mechanism.row_scale[:, None] * mechanism.rate_scale
+
+
+def choose_coordinates(mechanism: Mechanism, Phi: Array, wanted: Sequence[Indices] = ()) -> Indices:
+    """Indices of independent rates that describe all motions, those wanted first.
+
+    The rates `wanted`, each group as a whole, come before those of the motors. Joints outside of
+    the loops are taken whole, as the base of a floating robot. Among the others the rate comes next
+    that depends least on those already chosen; where several are equal, the first by name. Phi is
+    that of `scaled_Phi`.
+    """
+    left, chosen = free_motions(Phi), list[int]()
+    alone, n = np.linalg.norm(left, axis=1), left.shape[1]
+
+    def take(group: Iterable[int]) -> bool:
+        nonlocal left
+        group = [int(k) for k in group]
+        if len(chosen) + len(group) > n:
+            return False
+        trial = left
+        for k in group:
+            row = trial[k]
+            size = float(np.linalg.norm(row))
+            if alone[k] < RESTS or size < INDEPENDENT * alone[k]:
+                return False  # it rests, or moves with those already chosen
+            trial = trial - np.outer(trial @ (row / size), row / size)
+        left = trial
+        chosen.extend(group)
+        return True
+
+    space = mechanism.space
+    for rates in wanted:
+        take(rates)
+    for k in mechanism.driven:
+        take([k])
+    for name in sorted(space.rates):
+        if not Phi[:, list(space.rates[name])].any():
+            take(space.rates[name])
+    while len(chosen) < n:
+        sizes = np.linalg.norm(left, axis=1)
+        equal = np.flatnonzero(sizes > (1 - 1e-6) * sizes.max())
+        if not take([min(equal.tolist(), key=lambda k: space.rate_names[k])]):
+            break
+    return np.array(chosen, dtype=np.intp)
+
+
+def judge(mechanism: Mechanism, loops: Loops, q: Array, where: str) -> Mobility:
+    """Count motions at a closed q, in the mechanism's own coordinates if these describe them."""
+    Phi = scaled_Phi(mechanism, loops, q)
+    loops.require_closed(mechanism.row_scale)
+    space = mechanism.space
+    own = [space.rates_of([name]) for name in space.names_of(mechanism.coordinates.tolist())]
+    coordinates = choose_coordinates(mechanism, Phi, own)
+    motions = free_motions(Phi)
+    _, sizes, ways = np.linalg.svd(motor_rates(mechanism, q, motions))
+    held = int(np.count_nonzero(sizes > RESTS))
+    moving = np.abs(motions @ ways[held:].T).max(axis=1, initial=0.0) > 1e-6
+    return Mobility(
+        joints=space.rate_names,
+        actuated=mechanism.motor_names,
+        coordinates=space.names_of(coordinates.tolist()),
+        rows=tuple(f"{c}: {row}" for c in mechanism.closures for row in c.rows),
+        independent_rows=tuple(map(int, independent_rows(Phi))),
+        degrees_of_freedom=len(coordinates),
+        held=held,
+        loose_joints=tuple(np.array(space.rate_names)[moving].tolist()),
+        idle_joints=tuple(
+            name
+            for name, rates in space.rates.items()
+            if loops.touched[:, list(rates)].any()
+            and not np.isin(rates, mechanism.driven).any()
+            and np.linalg.matrix_rank(Phi[:, list(rates)], RANK_TOLERANCE) < len(rates)
+        ),
+        condition_number=condition_number(mechanism, Phi, loops.parts(coordinates)),
+        where=where,
+        q=q.copy(),
+    )
+
+
+def motor_rates(mechanism: Mechanism, q: Array, motions: Array) -> Array:
+    """B^T times motions of the tree without units, shape (motors, motions), at a closed q.
+
+    Each motor's row of B^T has length one; lines whose ends coincide have no direction, so zeros.
+    """
+    lines, B = mechanism.lines, mechanism.motors
+    if lines.motors.any():
+        kinematics = LineKinematics(mechanism.model, lines.forces, mechanism.length)
+        kinematics.lengths(q)
+        B = B + np.nan_to_num(kinematics.loops.Phi()).T @ lines.motors
+    rows = B.T * mechanism.rate_scale
+    lengths = np.linalg.norm(rows, axis=1, keepdims=True)
+    return np.divide(rows, lengths, out=np.zeros_like(rows), where=lengths > 0) @ motions
+
+
+def condition_number(
+    mechanism: Mechanism, Phi: Array, parts: Iterable[tuple[Indices, Indices]]
+) -> float:
+    """Condition number of the columns of Phi for the dependent rates; infinite if singular.
+
+    It is the largest one of `parts`, rows and rates that share none with others: loops of other
+    sizes do not count.
+    """
+    return largest_condition(
+        (Phi[np.ix_(*part)][None], np.array([mechanism.size_of(*part)])) for part in parts
+    )
+
+
+def largest_condition(blocks: Iterable[tuple[Array, Array]]) -> float:
+    """The largest condition number of matrices, in arrays of shape (count, rows, rates).
+
+    Beside them stand their usual sizes, shape (count,): the least that their norms count as.
+    """
+    worst = 1.0
+    for block, sizes in blocks:
+        if not np.isfinite(block).all():
+            return np.inf
+        s = np.linalg.svd(block, compute_uv=False)
+        if s.shape[1] < block.shape[2] or not s[:, -1].all():
+            return np.inf
+        worst = max(worst, float((np.maximum(s[:, 0], sizes) / s[:, -1]).max()))
+    return worst

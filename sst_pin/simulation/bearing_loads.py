@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Peak and mean loads of joints and closures along a motion, for the choice of bearings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..dynamics.reactions import Reactions
+from ..errors import InputError, MissingExtraError
+from ..files import as_path, text_writer, write_files
+from ..summaries import Summary
+from .moving_robot import require_motion
+from .trajectories import Trajectory
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ..closed_chain import ClosedChain
+
+
+class Load(NamedTuple):
+    """Sizes of the force or the moment of a joint or closure along a motion.
+
+    Attributes:
+        name: Name of the joint or closure.
+        kind: "force" [N] or "moment" [N m].
+        peak: Largest size; NaN where it is not unique.
+        time: When, [s].
+        x: Direction at the peak, a unit vector in the axes of the wrench.
+        y: Its second component.
+        z: Its third component.
+        rms: Root of the mean square of the size over the time, by trapezoids between samples.
+        determined: Whether it is unique in the rigid robot all along the motion.
+    """
+
+    name: str
+    kind: str
+    peak: float
+    time: float
+    x: float
+    y: float
+    z: float
+    rms: float
+    determined: bool
+
+
+@dataclass(frozen=True, repr=False)
+class Loads(Summary):
+    """A table of loads, two rows for each joint and closure.
+
+    Attributes:
+        rows: Its rows, the forces and moments of one joint after the other.
+
+    Example:
+        >>> delta = sst_pin.robots.delta()
+        >>> motion = delta.simulate(np.zeros(3), delta.home, np.zeros(3), [0, 0.01, 0.02])
+        >>> delta.loads(motion).rows[0].name
+        'motor_1'
+    """
+
+    rows: tuple[Load, ...]
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        units = {"force": "N", "moment": "N m"}
+        return f"Loads of {len(self.rows) // 2} joints and closures", [
+            (
+                f"{row.name}, {row.kind}",
+                f"peak {row.peak:.4g} {units[row.kind]} at {row.time:.4g} s, rms {row.rms:.4g}"
+                if np.isfinite(row.peak)
+                else "not unique; see stiffness=",
+            )
+            for row in self.rows
+        ]
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """The table for pandas, a column for each attribute of a `Load`.
+
+        Raises:
+            MissingExtraError: Without pandas, `sst-pin[pandas]`.
+
+        Example:
+            >>> chain.loads(chain.simulate([0], chain.home, [0], [0, 0.1])).to_dataframe().shape
+            (8, 9)
+        """
+        try:
+            import pandas as pd
+        except ImportError:
+            raise MissingExtraError("pandas", "pandas") from None
+        return pd.DataFrame(self.rows, columns=Load._fields)
+
+    @property
+    def csv(self) -> str:
+        """The table as text with commas.
+
+        Example:
+            >>> loads = chain.loads(chain.simulate([0], chain.home, [0], [0, 0.1]))
+            >>> loads.csv.splitlines()[0]
+            'name,kind,peak,time,x,y,z,rms,determined'
+        """
+        lines = [",".join(map(str, row)) for row in self.rows]
+        return "\n".join([",".join(Load._fields), *lines]) + "\n"
+
+    def save(self, path: str | Path, force: bool = False) -> None:
+        """Write the table as CSV.
+
+        Args:
+            path: A file name.
+            force: Whether an existing file may be replaced.
+
+        Raises:
+            OutputError: If the file cannot be written, or exists.
+
+        Example:
+            >>> loads = chain.loads(chain.simulate([0], chain.home, [0], [0, 0.1]))
+            >>> loads.save("loads.csv", force=True)
+        """
+        write_files({as_path(path): text_writer(self.csv)}, force)
+
+
+def reactions_along(
+    chain: ClosedChain, motion: Trajectory, stiffness: Mapping[str, ArrayLike] | None
+) -> Reactions:
+    """Reactions along a motion under its torques and the weights; refuses one with other loads."""
+    require_motion(motion, chain)
+    w = chain.reactions(motion.q, motion.va, tau=motion.tau, stiffness=stiffness)
+    aa = chain.compute_accelerations(motion.q, motion.va, motion.tau)
+    off = np.abs(aa - motion.aa).max() / (1 + np.abs(motion.aa).max())
+    if off > 1e-6:
+        raise InputError("motion", "other forces than its torques and the weights act on it")
+    return w
+
+
+def loads(
+    chain: ClosedChain, motion: Trajectory, stiffness: Mapping[str, ArrayLike] | None
+) -> Loads:
+    """Loads of a chain along a motion, under the torques of the motion."""
+    w = reactions_along(chain, motion, stiffness)
+    wrenches = np.concatenate([w.joints, w.closures], axis=-2)
+    unique = np.all(np.concatenate(w.determined, axis=-2), axis=0)
+    half = np.diff(motion.t, prepend=motion.t[0], append=motion.t[-1]) / 2
+    weights = half[:-1] + half[1:] if len(motion) > 1 else np.ones(1)
+    rows = []
+    for k, name in enumerate(w.names):
+        for kind, part in (("force", slice(3, 6)), ("moment", slice(0, 3))):
+            vectors = wrenches[:, k, part]
+            sizes = np.linalg.norm(vectors, axis=1)
+            peak = float(sizes.max())  # NaN if any is
+            at = int(np.argmax(~(sizes < (1 - 1e-9) * peak)))  # the first of equal peaks
+            time, rms = float(motion.t[at]), np.sqrt(np.average(sizes**2, weights=weights))
+            x, y, z = (vectors[at] / (peak or 1.0)).tolist()
+            determined = bool(np.all(unique[k, part]))
+            rows.append(Load(name, kind, peak, time, x, y, z, float(rms), determined))
+    return Loads(tuple(rows))

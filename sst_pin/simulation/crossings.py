@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The way of a smooth motion through a singular configuration of the mechanism.
+
+Several branches of motions meet there. The motion before it is continued by polynomials, which
+close the loops on one branch only. From there an implicit step over the configuration iterates, in
+which the equations of motion hold on both sides, but nowhere next to it.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from ..arrays import Array
+from ..engine.backend import States
+from ..model.mechanism import Mechanism
+
+#: How far ahead a singular configuration is looked for, in units of the time expected.
+_AHEAD = 2.0
+#: A singular value that falls below this part of its size has vanished.
+_VANISHED = 0.03
+#: What is left of it halfway, where it falls in proportion to the time.
+_HALFWAY = (0.3, 0.7)
+#: Stages of a step over it, an even number, so that none is in the middle; its iterations at most.
+_STAGES, _ITERATIONS = 8, 20
+
+
+class Crossing(NamedTuple):
+    """A singular configuration that a motion went through.
+
+    Attributes:
+        time: When, [s].
+        q: The configuration, shape (nq,).
+        rank_before: Rank of the closures' Jacobian Phi next to it.
+        rank: Its rank there, smaller by the freedoms that the mechanism gains for an instant.
+
+    Example:
+        >>> row = sst_pin.robots.n_four_bar(2)
+        >>> motion = row.simulate([0], row.home, [-1], [0, 1], through_singularities=True)
+        >>> [(crossing.rank_before, crossing.rank) for crossing in motion.crossings]
+        [(4, 2)]
+    """
+
+    time: float
+    q: Array
+    rank_before: int
+    rank: int
+
+
+class Course:
+    """A motion continued smoothly from its last states, by polynomials of degree eleven or less.
+
+    The last of the states, at `times` (N,), comes first; v and v_dot are those of all joints,
+    (N, nv). `unit` is a time as long as what is continued, [s].
+    """
+
+    def __init__(
+        self, mechanism: Mechanism, times: Array, q: Array, v: Array, v_dot: Array, unit: float
+    ) -> None:
+        from scipy.interpolate import KroghInterpolator
+
+        space = mechanism.space
+        q_dot = np.array([space.coordinate_rates(*each) for each in zip(q, v, strict=True)])
+        x = np.repeat((times - times[0]) / unit, 2)
+        self._start, self._unit, self._normalised = times[0], unit, space.normalised
+        self._q, self._v = (
+            KroghInterpolator(x, np.stack([a, unit * b], axis=1).reshape(len(x), -1))
+            for a, b in ((q, q_dot), (v, v_dot))
+        )
+
+    def q(self, t: float) -> Array:
+        """The configuration."""
+        return self._normalised(np.asarray(self._q((t - self._start) / self._unit)))
+
+    def v(self, t: float) -> Array:
+        """Rates of all joints."""
+        return np.asarray(self._v((t - self._start) / self._unit))
+
+    def v_dot(self, t: float) -> Array:
+        """Accelerations of all joints."""
+        return np.asarray(self._v.derivative((t - self._start) / self._unit)) / self._unit
+
+
+def crossing_of(states: States, course: Course, start: float, left: float) -> Crossing | str:
+    """The singular configuration on a course, about `left` after `start`; or why there is none."""
+    from scipy.optimize import brentq
+
+    U, before, Vt = np.linalg.svd(states.Phi(course.q(start)))
+    rank = Vt.shape[0] - len(states.coordinates)
+    rows, rates = U[:, :rank].T, Vt[:rank].T  # without what is zero on the whole way
+    at, until = start, start + _AHEAD * left
+    for _ in range(2):  # singular vectors turn a little on the way
+        left_vectors, _, right_vectors = np.linalg.svd(rows @ states.Phi(course.q(at)) @ rates)
+        u, w = left_vectors[:, -1] @ rows, rates @ right_vectors[-1]
+
+        def signed(t: float, u: Array = u, w: Array = w) -> float:
+            return float(u @ states.Phi(course.q(t)) @ w)
+
+        if signed(start) * signed(until) > 0:
+            return "the motion does not lead through it"
+        at = float(brentq(signed, start, until, xtol=1e-15, rtol=1e-14))
+    there = np.linalg.svd(states.Phi(course.q(at)), compute_uv=False)[:rank]
+    lost = int(np.count_nonzero(there < _VANISHED * before[:rank]))
+    halfway = np.linalg.svd(states.Phi(course.q((start + at) / 2)), compute_uv=False)[rank - 1]
+    ends = [rows @ states.Phi(course.q(t)) @ rates for t in (start, 2 * at - start)]
+    if np.linalg.slogdet(np.array(ends)).sign.prod() != (-1) ** lost:
+        return "another singular configuration is next to it"
+    if not lost or not _HALFWAY[0] < halfway / before[rank - 1] < _HALFWAY[1]:
+        return "branches are tangent to each other there"
+    return Crossing(at, course.q(at), rank, rank - lost)
+
+
+def gauss_step(
+    space: States,
+    rate: Callable[[float, Array], Array],
+    start: float,
+    state: Array,
+    end: float,
+    guess: Course,
+) -> tuple[Array, Array]:
+    """One step of Gauss' implicit method, order 16; times and states of start, stages and end."""
+    x, powers = (1 + np.polynomial.legendre.leggauss(_STAGES)[0]) / 2, np.arange(_STAGES)
+    weights = np.append(x, 1)[:, None] ** (powers + 1) / (powers + 1)
+    weights = weights.dot(np.linalg.inv(x[:, None] ** powers))  # integrals to the stages and to 1
+    times = start + (end - start) * np.append(x, 1)
+    coordinates, change = space.coordinates, np.inf
+    states = np.array([[*guess.q(t), *guess.v(t)[coordinates]] for t in times])
+    nq = states.shape[1] - len(coordinates)
+    for _ in range(_ITERATIONS):
+        states[:, :nq] = space.closed(states)
+        rates = np.array([rate(t, y) for t, y in zip(times[:-1], states, strict=False)])
+        before, states = states, state + (end - start) * weights.dot(rates)
+        last, change = change, float(np.abs(states - before).max())
+        if not change < last / 2:  # what is left is rounding
+            break
+    states[:, :nq] = space.closed(states)
+    return np.append(start, times), np.vstack([state, states])
+
+
+def mismatch(
+    mechanism: Mechanism, course: Course, t: float, found: Sequence[Array], left: float
+) -> float:
+    """How far q and v at a time are from a course, relative to the motion in `left`."""
+    q, v, _ = found
+    scale = mechanism.rate_scale
+    off = pin.difference(mechanism.model, course.q(t), q), left * (v - course.v(t))
+    moved = left * float(np.abs(v / scale).max())
+    return max(float(np.abs(x / scale).max()) for x in off) / max(moved, 1e-300)

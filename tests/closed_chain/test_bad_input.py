@@ -1,0 +1,345 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Failure is loud, specific, and says what to do."""
+
+import pickle
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
+
+import sst_pin
+from by_hand import at, mark
+from derivative_cases import carried_four_bar
+from planar_bars import planar
+from sst_pin import errors
+from sst_pin.dynamics.dynamics import Memory
+from sst_pin.errors import InputError, SingularConfigurationError, UnknownNameError
+from sst_pin.model.closures import Coupling
+from sst_pin.verification.sampling import random_states
+
+HOME = sst_pin.SST().home
+RATES = np.array((1.0, 2, 3))
+
+
+@pytest.mark.filterwarnings("error:invalid value:RuntimeWarning")
+@pytest.mark.parametrize("method", ["compute_torques", "compute_accelerations"])
+@pytest.mark.parametrize(
+    ("q", "va", "third", "word"),
+    [
+        (HOME[:8], RATES, RATES, r"q: shape \(8,\), expected \(\.\.\., 9\)"),
+        (HOME, RATES[:2], RATES, r"va: shape \(2,\), expected \(\.\.\., 3\)"),
+        (HOME, RATES, 1.0, r"shape \(\), expected \(\.\.\., 3\)"),
+        (HOME * np.nan, RATES, RATES, "q: .*nan|q: not finite"),
+        (HOME, RATES * np.inf, RATES, "va: entry .* is inf"),
+        (HOME, RATES, (0, np.nan, 0), r"(aa|tau): entry \[1\] is nan"),
+        (HOME, "fast", RATES, "va: not an array of numbers"),
+        (np.tile(HOME, (2, 1)), np.tile(RATES, (3, 1)), RATES, "do not broadcast"),
+    ],
+)
+def test_wrong_arrays_are_named(robot, method, q, va, third, word):
+    with pytest.raises(InputError, match=word):
+        getattr(robot, method)(q, va, third)
+
+
+def test_an_open_closure_is_told_with_its_size_and_its_remedy(robot):
+    q = HOME.copy()
+    q[1] += 1e-3
+    with pytest.raises(sst_pin.ClosureError, match=r"assemble\(q\) closes them") as caught:
+        robot.compute_torques(q, RATES, RATES)
+    assert 5e-4 < caught.value.residual < 2e-3
+    assert robot.compute_torques(robot.assemble(q), RATES, RATES).shape == (3,)
+    with pytest.raises(sst_pin.ClosureError):
+        robot.noc(q, RATES)
+    with pytest.raises(sst_pin.ClosureError):
+        robot.mobility(q)
+
+
+def test_a_star_turned_by_half_a_turn_is_open(robot):
+    q = HOME.copy()
+    q[2] += np.pi
+    with pytest.raises(sst_pin.ClosureError):
+        robot.compute_torques(q, RATES, RATES)
+
+
+def four_bar(crank, coupler, rocker, base):
+    """Model with the end of the rocker and the pivot that it belongs on; axes along y."""
+    bars = [("crank", "universe", 0.0, crank), ("coupler", "crank", crank, coupler)]
+    model = planar([*bars, ("rocker", "coupler", coupler, rocker)], pin.JointModelRY)
+    mark(model, 0, "pivot", at(base))
+    return model, [sst_pin.Closure("rocker_end", "pivot", "3d")]
+
+
+def test_assembly_that_is_impossible_says_soon_how_far_it_came(monkeypatch):
+    """Links of 0.2 + 0.3 + 0.2 m do not span 1 m: the residual that stays is in the message."""
+    chain = sst_pin.ClosedChain(*four_bar(0.2, 0.3, 0.2, 1.0), ["crank"])
+    lstsq, solved = np.linalg.lstsq, []
+    monkeypatch.setattr(np.linalg, "lstsq", lambda *x, **y: solved.append(1) or lstsq(*x, **y))
+    with pytest.raises(sst_pin.ClosureError, match="cannot be closed") as caught:
+        chain.assemble([0.1, 0.2, -0.1], fixed=())
+    assert caught.value.residual > 0.29  # m
+    assert len(solved) < 40  # a tenth is not gained in ten steps: 100 otherwise
+    with pytest.raises(sst_pin.ClosureError):
+        chain.mobility()
+
+
+def test_motors_are_judged_where_nothing_special_happens():
+    """A stretched parallelogram has two freedoms at that instant, one coordinate elsewhere."""
+    chain = sst_pin.ClosedChain(*four_bar(1.0, 2.0, 1.0, 2.0), ["crank", "coupler"])
+    stretched = chain.assemble([0.0, 0.0, np.pi])
+    assert chain.mobility(stretched).degrees_of_freedom == 2
+    with pytest.raises(SingularConfigurationError):  # first: it must not be kept
+        chain.compute_torques(stretched, [1], [0])
+    assert chain.coordinates == ("crank",)
+    q = chain.assemble([0.7, -0.7, 0.7 + np.pi])
+    assert chain.compute_torques(q, [1], [0]).shape == (2,)
+
+
+def test_assemble_holds_the_joints_it_was_told_to_hold(robot):
+    q = HOME + 0.01 * np.arange(9)
+    for fixed, held in ((None, [0, 3, 6]), (["mu_1", "mu_2", "mu_3"], [1, 4, 7]), ((), [])):
+        closed = robot.assemble(q, fixed=fixed)
+        assert np.abs(robot.residual(closed)).max() < 1e-12
+        assert np.array_equal(closed[held], q[held])
+    with pytest.raises(UnknownNameError, match="joint 'gama_1' not in the model; known: gamma_1"):
+        robot.assemble(q, fixed=["gama_1"])
+
+
+def singular_configuration(robot):
+    """Where the star can move while the motors are fixed, a root of det A."""
+    from sst_pin.sst import kinematics
+
+    def det(R):
+        q = robot.inverse_kinematics(R)
+        return np.linalg.det(kinematics.legs_of_joints(robot.geometry, q).y_2)
+
+    rotations = Rotation.random(50, rng=np.random.default_rng(0))
+    values = [det(R.as_matrix()) for R in rotations]
+    start = rotations[int(np.argmax(values))]
+    turn = (rotations[int(np.argmin(values))] * start.inv()).as_rotvec()
+
+    def turned(share):
+        return (Rotation.from_rotvec(share * turn) * start).as_matrix()
+
+    return robot.inverse_kinematics(turned(brentq(lambda x: det(turned(x)), 0, 1, xtol=1e-15)))
+
+
+def test_a_singular_configuration_is_told_with_its_condition_number(robot):
+    q = singular_configuration(robot)
+    assert robot.singularities(q).second_kind < 1e-12
+    for call in (
+        lambda: robot.compute_torques(q, RATES, RATES),
+        lambda: robot.compute_accelerations(q, RATES, RATES),
+        lambda: robot.noc(q, RATES),
+    ):
+        with pytest.raises(SingularConfigurationError, match="condition number") as caught:
+            call()
+        assert caught.value.condition_number > 1e8
+    batch = np.stack([HOME, q, HOME, q])
+    with pytest.raises(
+        SingularConfigurationError, match=r"2 of 4 samples \(index 1, 3\)"
+    ) as caught:
+        robot.compute_torques(batch, RATES, RATES)
+    assert caught.value.samples == ((1,), (3,))
+    assert robot.mobility(q).sufficient is False
+    assert "INSUFFICIENT" in str(robot.mobility(q))
+
+
+def test_a_batch_names_the_samples_whose_numbers_are_not_finite(robot):
+    q, va, aa = robot.joint_motion(*random_states(robot, np.random.default_rng(0), 6))
+    va = va.reshape(2, 3, 3).copy()
+    va[1, 2, 0] = np.nan
+    with pytest.raises(InputError, match=r"1 of 6 samples \(index \(1, 2\)\).*va") as caught:
+        robot.compute_torques(q.reshape(2, 3, 9), va, aa.reshape(2, 3, 3))
+    assert caught.value.samples == ((1, 2),)
+
+
+@pytest.fixture(scope="module")
+def afloat():
+    """A four-bar on a base that floats, whose quaternion no loop depends on."""
+    model, closures, _, _ = carried_four_bar(pin.JointModelFreeFlyer())
+    return sst_pin.ClosedChain(model, closures, ["crank"])
+
+
+def test_a_quaternion_off_length_one_is_that_samples_fault(afloat):
+    """Wherever q goes in, named among the samples; NaN where samples at fault become NaN."""
+    q, one = afloat.generic_configuration(), np.ones(7)
+    long, unknown = q.copy(), q.copy()
+    long[3:7] *= 1.1
+    unknown[4] = np.nan
+    for wrong, word in ((long, "differs from 1 by 0.1"), (unknown, r"entry \[4\] is nan")):
+        for call in (
+            afloat.residual,
+            afloat.Phi,
+            afloat.condition_number,
+            afloat.mobility,
+            afloat.potential_energy,
+            lambda q: afloat.noc(q, one),
+            lambda q: afloat.joint_rates(q, one),
+            lambda q: afloat.frame_jacobian(q, "A"),
+            lambda q: afloat.rollout(np.zeros((3, 1)), q, one, 1e-3),
+        ):
+            with pytest.raises(InputError, match=word):
+                call(wrong)
+        batch = np.array([q, wrong, q])
+        with pytest.raises(InputError, match=word) as caught:
+            afloat.generalized_forces(batch, one, one)
+        assert caught.value.samples == ((1,),)
+        f = afloat.generalized_forces(batch, one, one, on_error="nan")
+        assert np.isnan(f[1]).all()
+        assert np.array_equal(f[[0, 2]], [afloat.generalized_forces(q, one, one)] * 2)
+        rolled = afloat.rollout(np.zeros((3, 3, 1)), batch, one, 1e-3, on_error="nan")
+        assert np.isnan(rolled.q).all(axis=(1, 2)).tolist() == [False, True, False]
+
+
+def test_motors_that_do_not_suffice_or_are_more_are_told(robot):
+    pairs = [("closedloop1_A", "closedloop1_B"), ("closedloop2_A", "closedloop2_B")]
+
+    few = sst_pin.ClosedChain(robot.model, pairs, ["gamma_1", "gamma_2"])
+    report = few.mobility(HOME)
+    assert (report.degrees_of_freedom, report.held, report.sufficient) == (3, 2, False)
+    assert "gamma_3" in report.loose_joints
+    assert "INSUFFICIENT: 1 degree" in str(report)
+    assert few.degrees_of_freedom == 3
+    with pytest.raises(sst_pin.ActuationError, match="no motor supplies") as caught:
+        few.compute_torques(HOME, [0, 0, 0], [0, 0, 0])
+    assert set(caught.value.missing) == set(few.coordinates) - {"gamma_1", "gamma_2"}
+
+    many = sst_pin.ClosedChain(robot.model, pairs, ["gamma_1", "gamma_2", "gamma_3", "mu_1"])
+    assert many.coordinates == ("gamma_1", "gamma_2", "gamma_3")
+    assert many.mobility(HOME).redundantly_actuated
+    assert "REDUNDANT: 1 more" in str(many.mobility(HOME))
+
+    model, closures, _ = *four_bar(1.0, 2.0, 1.5, 2.0), None
+    held = sst_pin.ClosedChain(model, [*closures, Coupling("crank", offset=0.3)], ["crank"])
+    assert held.degrees_of_freedom == 0
+    with pytest.raises(sst_pin.DescriptionError, match="nothing can move; check kinds and axes"):
+        held.compute_torques(held.generic_configuration(), [0.0], [0.0])
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: Coupling("a", {"b": 1.0}), r"polynomial of b is 1\.0"),
+        (lambda: Coupling("a", {"b": (0, np.nan)}), "polynomial of b"),
+        (lambda: Coupling("a", {"b": "12"}), "polynomial of b"),
+        (lambda: Coupling("a", {"b": ()}), r"polynomial of b is \(\)"),
+        (lambda: Coupling("a", offset="x"), "offset 'x'"),
+        (lambda: sst_pin.Distance("a", "b", "far"), "distance far"),
+        (lambda: sst_pin.Rolling("a", "b", None), "radius None"),
+    ],
+)
+def test_closures_are_made_of_numbers(make, said):
+    with pytest.raises(sst_pin.DescriptionError, match=said):
+        make()
+
+
+def test_names_that_are_not_there_are_told_with_those_that_are(robot):
+    model = robot.model
+    with pytest.raises(UnknownNameError, match=r"frame 'F' not in the model; known: .*star_1"):
+        sst_pin.ClosedChain(model, [("F", "closedloop1_B")], ["gamma_1"])
+    with pytest.raises(UnknownNameError) as caught:
+        sst_pin.ClosedChain(model, [("closedloop1_A", "closedloop1_B")], ["gamma_4"])
+    assert caught.value.name == "gamma_4"
+    assert "gamma_3" in caught.value.known
+    with pytest.raises(sst_pin.DescriptionError, match="known: 6d, 3d, orientation"):
+        sst_pin.Closure("a", "b", "5d")
+    with pytest.raises(InputError, match="twice"):
+        sst_pin.ClosedChain(model, robot.closures, ["gamma_1", "gamma_1"])
+
+
+def test_a_massless_robot_has_no_accelerations():
+    robot = sst_pin.SST()
+    for j in range(1, 10):
+        robot.model.inertias[j] = pin.Inertia.Zero()
+    robot.refresh()
+    with pytest.raises(SingularConfigurationError, match="not positive definite"):
+        robot.compute_accelerations(HOME, RATES, RATES)
+
+
+def test_only_one_sample_where_one_is_meant(robot):
+    for call in (robot.Phi, robot.mobility):
+        with pytest.raises(InputError, match="one sample"):
+            call(np.tile(HOME, (2, 1)))
+    with pytest.raises(InputError, match="one sample"):
+        robot.forward_kinematics(np.zeros((2, 3)))
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        errors.InputError("q", "bad"),
+        errors.AssignmentError("actuated", "cannot be assigned"),
+        errors.ParametersError(["a", "b"]),
+        errors.DescriptionError("file", ["a"]),
+        errors.UnknownNameError("joint", "x", ["y"]),
+        errors.ClosureError("open", 0.1),
+        errors.SingularConfigurationError("flat", 1e9),
+        errors.SimulationError("gave up", 1.5),
+        errors.FileFormatError("a.csv", "text", 3),
+        errors.OutputError("a.csv", "exists"),
+        errors.MissingExtraError("matplotlib", "plot"),
+    ],
+)
+def test_errors_come_back_whole_from_worker_processes(error):
+    copy = pickle.loads(pickle.dumps(error))
+    assert isinstance(copy, sst_pin.SSTError)
+    assert str(copy) == str(error)
+    assert copy.__dict__ == error.__dict__
+    assert getattr(copy, "name", "") == getattr(error, "name", "")
+
+
+def test_motors_that_do_not_move_the_robot_are_told():
+    """The coupler turns about the crank's pin while the crank is held: no torque there moves it."""
+    model, closures = four_bar(1.0, 0.0, 1.5, 2.2)
+    model.inertias[2] = pin.Inertia(1.0, np.array((0.3, 0, 0)), 0.1 * np.eye(3))
+    chain = sst_pin.ClosedChain(model, closures, ["crank"])
+    q = chain.assemble([0.6, 0.1, -1.2], fixed=())
+    assert chain.coordinates == ("coupler",)
+    with pytest.raises(sst_pin.ActuationError, match="no motor supplies the forces coupler"):
+        chain.compute_torques(q, [0.5], [-0.3])
+
+
+@pytest.mark.parametrize("motor", [{}, {"crank": 0.0}])
+def test_a_motor_that_acts_on_no_joint_is_refused(motor):
+    model, closures = four_bar(0.2, 0.3, 0.25, 0.3)
+    with pytest.raises(InputError, match="acts on no joint"):
+        sst_pin.ClosedChain(model, closures, [motor])
+
+
+def test_a_tendon_is_called_by_its_shares():
+    model, closures = four_bar(0.2, 0.3, 0.25, 0.3)
+    chain = sst_pin.ClosedChain(model, closures, [{"crank": -1.5, "coupler": -0.5, "rocker": 2}])
+    assert chain.motor_names == ("-1.5 crank - 0.5 coupler + 2 rocker",)
+
+
+def test_wrenches_that_are_not_finite_and_what_overflows_are_told(afloat):
+    q, one = afloat.generic_configuration(), np.ones(7)
+    wrenches = np.zeros((3, afloat.model.njoints - 1, 6))
+    wrenches[1, 0, 3] = np.inf
+    with pytest.raises(InputError, match="external_wrenches") as caught:
+        afloat.generalized_forces(q, one, one, external_wrenches=wrenches)
+    assert caught.value.samples == ((1,),)
+    f = afloat.generalized_forces(q, one, one, external_wrenches=wrenches, on_error="nan")
+    assert np.isnan(f).all(axis=1).tolist() == [False, True, False]
+    with pytest.raises(InputError, match=r"result: not finite: .* too large"):
+        afloat.generalized_forces(q, 1e200 * one, one)
+
+
+def test_a_batch_is_computed_with_one_model(monkeypatch):
+    chain = sst_pin.ClosedChain(*four_bar(0.2, 0.3, 0.25, 0.3), ["crank"])
+    q = chain.generic_configuration()
+    expected = chain.compute_torques(q, [1.0], [0.0])
+    evaluate, calls = Memory.evaluate, []
+
+    def disturbed(self, *arguments):
+        calls.append(1)
+        if len(calls) == 2:  # in the middle of the batch
+            chain.model.gravity.linear = np.array((1.0, 2, 3))
+            chain.refresh()
+        evaluate(self, *arguments)
+
+    monkeypatch.setattr(Memory, "evaluate", disturbed)
+    tau = chain.compute_torques([q] * 3, [1.0], [0.0])
+    assert np.array_equal(tau, [expected] * 3)

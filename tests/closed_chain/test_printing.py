@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Robots and their terms print as a few lines; assignments without effect are refused."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import sst_pin
+from sst_pin.closed_chain import ClosedChain
+
+ROBOTS = {
+    "SST": sst_pin.SST,
+    "four-bar": sst_pin.robots.four_bar,
+    "ladder": lambda: sst_pin.robots.ladder(24),
+}
+
+
+@pytest.fixture(scope="module", params=ROBOTS, name="chain")
+def made(request):
+    return ROBOTS[request.param]()
+
+
+def things(chain):
+    va = np.ones(chain.degrees_of_freedom)
+    yield chain
+    yield chain.mobility(chain.home)
+    yield chain.noc(chain.home, va)
+    yield chain.reduced_terms(chain.home, va)
+
+
+def test_what_is_printed_has_one_to_ten_lines(chain):
+    for thing in things(chain):
+        lines = repr(thing).splitlines()
+        assert 1 <= len(lines) <= 10
+        assert max(map(len, lines)) < 250
+        table = thing._repr_html_()
+        assert all(line.split()[0] in table for line in lines)
+
+
+def test_a_robot_says_its_class_its_sizes_and_what_computes():
+    text = repr(sst_pin.SST(kernels=False))
+    assert text.startswith("SST ")
+    for part in ("gamma_1, mu_1", "nq = 9, nv = 9", "closedloop1_A - closedloop1_B"):
+        assert part in text
+    assert "the reference path: switched off" in text
+
+
+def test_terms_show_the_shapes_of_their_matrices():
+    robot = sst_pin.SST()
+    assert "L (9, 3), L_dot (9, 3)" in repr(robot.noc(robot.home, [0, 0, 0]))
+    many = robot.reduced_terms([robot.home] * 4, np.zeros((4, 3)))
+    assert "inertia (4, 3, 3)" in repr(many)
+
+
+@pytest.mark.parametrize(
+    ("name", "cure"),
+    [
+        ("actuated", "actuated=[names]"),
+        ("coordinates", "coordinates=[names]"),
+        ("model", "robot.model.gravity"),
+        ("friction", "viscous_friction="),
+        ("modle", "did you mean model?"),
+        ("gravity", "no such attribute"),
+        ("compute_torques", "is a method"),
+    ],
+)
+def test_assignments_without_effect_are_refused_with_a_cure(name, cure):
+    robot = sst_pin.robots.four_bar()
+    before = repr(robot)
+    with pytest.raises(sst_pin.AssignmentError) as caught:
+        setattr(robot, name, ["crank"])
+    assert cure in str(caught.value)
+    assert caught.value.name == name
+    assert isinstance(caught.value, AttributeError)
+    assert repr(robot) == before
+
+
+def test_classes_of_others_have_attributes_of_their_own():
+    class Mine(ClosedChain):
+        pass
+
+    model, closures = sst_pin.robots.four_bar().model, sst_pin.robots.four_bar().closures
+    mine = Mine(model, closures, ["crank"])
+    mine.colour = "red"
+    assert copy.copy(mine).colour == "red"
+    with pytest.raises(sst_pin.AssignmentError, match="coordinates"):
+        mine.coordinates = ["rocker"]
+
+
+def test_actuated_is_an_index_of_batches_too():
+    robot = sst_pin.SST()
+    va = np.arange(12.0).reshape(4, 3)
+    v = robot.joint_rates([robot.home] * 4, va)
+    assert_allclose(v[:, robot.actuated], va, rtol=0, atol=1e-14)  # rounding of one solution
+    with pytest.raises(ValueError, match="read-only"):
+        robot.actuated[0] = 1
+    assert np.array_equal(pickle.loads(pickle.dumps(robot)).actuated, [0, 3, 6])

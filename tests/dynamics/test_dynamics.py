@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Dynamics of the SST, and the factors of K of any robot."""
+
+import numpy as np
+import pytest
+
+import sst_pin
+from example_1 import EXAMPLE_1
+from sst_pin.dynamics.dynamics import Friction
+from sst_pin.verification.sampling import random_parameters, random_state, random_states
+
+
+@pytest.fixture(params=range(10))
+def case(request):
+    """A random SST in a random state of motion: robot, q, va, aa."""
+    rng = np.random.default_rng(request.param)
+    robot = sst_pin.SST(random_parameters(rng))
+    return robot, *robot.joint_motion(*random_state(robot, rng))
+
+
+@pytest.mark.parametrize("t", EXAMPLE_1)
+def test_torques_of_example_1_are_the_reference(robot, t):
+    """To 1e-10 N m of numbers with thirteen digits."""
+    q, va, aa = robot.joint_motion(*sst_pin.paper_circle(t))
+    assert np.abs(robot.compute_torques(q, va, aa) - EXAMPLE_1[t]).max() < 1e-10
+
+
+def test_the_three_arcs_turn_as_one_body(case):
+    robot, q, va, _ = case
+    omega = robot.noc(q, va).T.reshape(9, 6, 3)[2::3, :3]
+    assert np.abs(omega - omega[0]).max() < 1e-12 * np.abs(omega).max()
+
+
+def test_inertia_is_symmetric_and_positive_definite(case):
+    """Eq. (93)."""
+    robot, q, va, _ = case
+    inertia = robot.noc(q, va).inertia
+    assert np.abs(inertia - inertia.T).max() < 1e-14 * np.abs(inertia).max()
+    assert np.linalg.eigvalsh(inertia).min() > 0
+
+
+def test_power_of_the_motors_is_the_rate_of_the_energy_and_the_losses(case):
+    """tau . va = d/dt (kinetic + potential) - friction power, Eq. (82), rates by differences."""
+    robot, q, va, aa = case
+    h = 1e-3
+    energy = []
+    for t in h * np.arange(-3, 4):
+        guess = q + robot.joint_rates(q, va) * t
+        guess[::3] = q[::3] + va * t + aa * t**2 / 2
+        q_t, va_t = robot.assemble(guess), va + aa * t
+        energy.append(robot.kinetic_energy(q_t, va_t) + robot.potential_energy(q_t))
+    rate = np.array((-1, 9, -45, 0, 45, -9, 1)) @ energy / (60 * h)
+    power = robot.compute_torques(q, va, aa) @ va
+    # Sixth-order differences: h^6 times the seventh derivative, a few times 1e3 here.
+    assert power == pytest.approx(rate - robot.friction_power(q, va), rel=1e-7, abs=1e-6)
+
+
+def test_a_moment_on_the_star_is_carried_by_the_motors(odd):
+    """Virtual power: (tau - tau_0) . va = -m . omega for any motion."""
+    rng = np.random.default_rng(0)
+    R, omega, alpha = random_states(odd, rng, 5)
+    q, va, aa = odd.joint_motion(R, omega, alpha)
+    m = rng.normal(size=(5, 3))
+    extra = odd.compute_torques(q, va, aa, platform_moment=m) - odd.compute_torques(q, va, aa)
+    assert np.abs((extra * va).sum(axis=1) + (m * omega).sum(axis=1)).max() < 1e-10
+
+
+def test_friction_of_every_joint_reaches_the_motors(robot):
+    """tau - tau_frictionless = L^T (D q_dot + F_c sign q_dot), joint after joint."""
+    q, va, aa = robot.joint_motion(*random_state(robot, np.random.default_rng(2)))
+    L = robot.noc(q, va).L
+    bare = robot.compute_torques(q, va, aa)
+    for joint in range(9):
+        D, F = np.zeros(9), np.zeros(9)
+        D[joint], F[joint] = 0.7, 0.4
+        rubbing = sst_pin.SST(sst_pin.Parameters(viscous_friction=D, coulomb_friction=F))
+        q_dot = rubbing.joint_rates(q, va)
+        expected = L.T @ (D * q_dot + F * np.sign(q_dot))
+        assert np.abs(rubbing.compute_torques(q, va, aa) - bare - expected).max() < 1e-12
+
+
+def test_smoothed_coulomb_friction_tends_to_the_sign():
+    """tanh(x / width): odd, 76 % at the width, the sign far beyond."""
+    smooth = Friction(np.zeros(3), np.ones(3), sign_width=1e-3)
+    assert smooth.forces(np.array((0, 1e-3, -1.0))) == pytest.approx([0, -np.tanh(1), 1])
+    assert Friction(np.zeros(2), np.ones(2)).forces(np.array((0, -2.0))).tolist() == [0, 1]
+
+
+@pytest.mark.parametrize("kernels", [True, False])
+def test_joints_at_rest_have_no_coulomb_friction(kernels):
+    """All motors alike at home: by symmetry beta_k rest, and mu_k turn by sqrt(2) each.
+
+    So each motor needs F_c (1 + sqrt(2)) more than without friction; a sign of rounding would add
+    F_c to some of them.
+    """
+    parameters = sst_pin.Parameters(coulomb_friction=0.3)
+    rough = sst_pin.SST(parameters, kernels=kernels)
+    bare = sst_pin.SST(kernels=kernels)
+    motion = rough.home, [1, 1, 1], [0, 0, 0]
+    v = rough.joint_rates(*motion[:2])
+    assert np.abs(v[2::3]).max() < 1e-14
+    found = rough.compute_torques(*motion) - bare.compute_torques(*motion)
+    assert np.allclose(found, 0.3 * (1 + np.sqrt(2)), rtol=0, atol=1e-12)
+
+
+ROBOTS = {
+    "SST": sst_pin.SST,
+    "hexaglide": sst_pin.robots.hexaglide,
+    "planar 3-RRR": sst_pin.robots.planar_3rrr,
+    "Stewart": sst_pin.robots.stewart,
+}
+
+
+@pytest.fixture(params=ROBOTS)
+def chain(request):
+    return ROBOTS[request.param]()
+
+
+def test_the_product_of_the_decoupled_factors_is_K(chain):
+    """Two ways to the twists: all joints at once, and from body to body."""
+    terms = chain.noc(chain.home, np.ones(chain.degrees_of_freedom))
+    assert np.abs(terms.N_l @ terms.N_d - terms.K).max() < 1e-13
+
+
+def test_the_factors_are_lower_triangular_and_diagonal(chain):
+    """In blocks of six: a body is moved by its own joint, and by the bodies that bear it."""
+    terms = chain.noc(chain.home, np.zeros(chain.degrees_of_freedom))
+    r = len(terms.N_l) // 6
+    N_l = terms.N_l.reshape(r, 6, r, 6).swapaxes(1, 2)
+    for i in range(r):
+        assert np.array_equal(N_l[i, i], np.eye(6))
+        assert not N_l[i, i + 1 :].any()
+        joint = chain.model.joints[i + 1]
+        own = np.arange(joint.idx_v, joint.idx_v + joint.nv)
+        assert not np.delete(terms.N_d[6 * i : 6 * i + 6], own, axis=1).any()
+
+
+def test_momenta_carried_backward_by_N_l_are_the_generalised_ones(chain):
+    """The backward recursion: N_d^T N_l^T M t = K^T M t, here held against the inertia matrix."""
+    va = np.linspace(-1, 1, chain.degrees_of_freedom)
+    terms = chain.noc(chain.home, va)
+    momenta = terms.N_d.T @ (terms.N_l.T @ (terms.M @ (terms.T @ va)))
+    rotors = chain.model.armature * (terms.L @ va)
+    carried = terms.L.T @ (momenta + rotors)
+    assert np.abs(carried - terms.inertia @ va).max() < 1e-12 * np.abs(carried).max()

@@ -1,0 +1,439 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Reactions in joints and closures, and which of them are unique."""
+
+from functools import partial
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.linalg import null_space
+
+import any_chain
+import sst_pin
+from by_hand import add, at, in_units, mark
+from planar_bars import planar
+from sst_pin import robots
+from sst_pin.dynamics import dynamics, reactions
+
+GALLERY = [name for name in robots.__all__ if name.islower()]
+
+
+def random_state(chain, seed):
+    """A configuration on the closures, rates, wrenches on the bodies, torques."""
+    random = np.random.default_rng(seed)
+    va = random.uniform(-1, 1, chain.degrees_of_freedom)
+    wrenches = random.normal(size=(chain.model.njoints - 1, 6))
+    return chain.generic_configuration(), va, wrenches, random.normal(size=len(chain.motor_names))
+
+
+def moved(wrench, lever):
+    """[moment; force] about a point, from that about a point `lever` away from it."""
+    return np.concatenate([wrench[:3] + np.cross(lever, wrench[3:]), wrench[3:]])
+
+
+def unbalanced(chain, q, va, aa, wrenches, w):
+    """Newton and Euler of each body, base axes, shape (r, 6): zero where it is balanced.
+
+    Momentum changes by M t_dot + Omega M t with twists from the long form of Eq. (92).
+    """
+    model, terms = chain.mechanism.model, chain.noc(q, va)
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    v, v_dot = chain.joint_rates(q, va), chain.joint_accelerations(q, va, aa)
+    t, t_dot = terms.K @ v, terms.K @ v_dot + terms.K_dot @ v
+    left = (terms.M @ t_dot + terms.Omega @ terms.M @ t).reshape(-1, 6) - wrenches
+    centres = [data.oMi[j] * model.inertias[j].lever for j in range(1, model.njoints)]
+
+    def give(body, wrench, at, sign):
+        if body:
+            turned = np.concatenate([at.rotation @ wrench[:3], at.rotation @ wrench[3:]])
+            left[body - 1] -= sign * moved(turned, at.translation - centres[body - 1])
+
+    for j in range(1, model.njoints):
+        left[j - 1, 3:] -= model.inertias[j].mass * model.gravity.linear
+        give(j, w.joints[j - 1], data.oMi[j], 1)
+        give(model.parents[j], w.joints[j - 1], data.oMi[j], -1)
+    for closure, wrench in zip(chain.closures, w.closures, strict=True):
+        if isinstance(closure, sst_pin.Coupling):
+            continue
+        ends = [model.frames[model.getFrameId(name)] for name in frames_of(closure)]
+        at = data.oMf[model.getFrameId(frames_of(closure)[1])]
+        give(ends[1].parentJoint, wrench, at, 1)
+        give(ends[0].parentJoint, wrench, at, -1)
+    for line in chain.forces:
+        names = line.frame_a, line.frame_b
+        frames = [model.getFrameId(name) for name in names]
+        way = np.subtract(*(data.oMf[frame].translation for frame in frames))  # from B to A
+        length = np.linalg.norm(way)
+        rates = np.subtract(*(chain.frame_jacobian(q, name)[:3] @ va for name in names))
+        pull = line.preload + line.stiffness * (length - line.rest_length)
+        pull = (pull + line.damping * rates @ way / length) * way / length
+        for frame, sign in zip(frames, (-1, 1), strict=True):
+            at = pin.SE3(np.eye(3), data.oMf[frame].translation)
+            give(model.frames[frame].parentJoint, np.r_[0, 0, 0, pull], at, sign)
+    return left
+
+
+def frames_of(closure):
+    if isinstance(closure, sst_pin.Rolling):
+        return closure.plane, closure.wheel
+    return closure.frame_a, closure.frame_b
+
+
+def soft(chain):
+    """A stiffness for each joint and closure, none like another."""
+    random = np.random.default_rng(1)
+    names = (*chain.mechanism.model.names, *map(str, chain.closures))
+    return {name: random.uniform(1, 2, 6) for name in list(names)[1:]}
+
+
+def solved(chain, seed, **options):
+    """A random state, and its reactions under random torques."""
+    q, va, wrenches, tau = random_state(chain, seed)
+    loads = {"external_wrenches": wrenches}
+    aa = chain.compute_accelerations(q, va, tau, **loads)
+    return (q, va, aa, wrenches), chain.reactions(q, va, tau=tau, **loads, **options)
+
+
+def without_rotors(joint):
+    """Rotors turn the joints only; without them what is transmitted balances."""
+    chain = any_chain.with_joint(joint)
+    chain.model.armature[:] = 0
+    chain.refresh()
+    return chain
+
+
+CHAINS = {
+    **{name: getattr(robots, name) for name in GALLERY},
+    **{joint: partial(without_rotors, joint) for joint in [*any_chain.JOINTS, *any_chain.IN_A_ROW]},
+    **{str(kind): partial(any_chain.chain, kind=kind) for kind in any_chain.CLOSURES},
+    "SST": partial(sst_pin.SST, kernels=False),
+    "rods": any_chain.rods,
+    "coupled": any_chain.coupled,
+    "rolling": partial(any_chain.rolling, False),
+    "cart": any_chain.cart,
+}
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_newton_and_euler_close_for_every_body(name):
+    """When soft joints make all reactions unique; the ground bears what is left."""
+    chain = CHAINS[name]()
+    state, w = solved(chain, 3, stiffness=soft(chain))
+    scale = 1 + np.abs(w.joints).max()
+    assert np.abs(unbalanced(chain, *state, w)).max() < 1e-10 * scale
+    model, data = chain.mechanism.model, chain.mechanism.model.createData()
+    pin.computeCentroidalMomentumTimeVariation(
+        model, data, state[0], chain.joint_rates(*state[:2]), chain.joint_accelerations(*state[:3])
+    )
+    weight = -pin.computeTotalMass(model) * model.gravity.linear
+    assert w.ground[3:] == pytest.approx(
+        data.dhg.linear + weight - state[3][:, 3:].sum(axis=0), abs=1e-10 * scale
+    )
+
+
+def unique_by_equilibrium(chain, q):
+    """Which components are, from the equilibrium of all bodies in absolute coordinates.
+
+    Unknown are the wrenches that joints and closures can transmit, whatever their motors do; one
+    is unique where the null space of the equations of equilibrium does not reach it.
+    """
+    model = chain.mechanism.model
+    data = model.createData()
+    pin.computeJointJacobians(model, data, q)
+    pin.updateFramePlacements(model, data)
+    columns, owners = [], []
+
+    def unknown(at, basis, parent, child):
+        start = len(columns)
+        for wrench in basis.T:  # [force; moment] in the axes at `at`
+            column = np.zeros((model.njoints, 6))
+            column[child] += at.act(pin.Force(wrench)).vector
+            column[parent] -= at.act(pin.Force(wrench)).vector
+            columns.append(column[1:].ravel())
+        owners.append((basis, slice(start, len(columns))))
+
+    for j in range(1, model.njoints):
+        J, own = pin.getJointJacobian(model, data, j, pin.LOCAL), model.joints[j]
+        S = np.linalg.svd(J[:, own.idx_v : own.idx_v + own.nv])[0]  # the first: twists of its rates
+        unknown(data.oMi[j], S[:, own.nv :], model.parents[j], j)
+    for closure in chain.closures:
+        a, b = (model.frames[model.getFrameId(name)] for name in frames_of(closure))
+        at = data.oMf[model.getFrameId(closure.frame_b)]
+        turn = at.rotation.T @ data.oMf[model.getFrameId(closure.frame_a)].rotation
+        if isinstance(closure, sst_pin.Distance):
+            rod = at.translation - data.oMf[model.getFrameId(closure.frame_a)].translation
+            basis = np.zeros((6, 1))
+            basis[:3, 0] = at.rotation.T @ rod / np.linalg.norm(rod)
+        else:
+            basis = np.kron(np.eye(2), turn)[:, np.array(closure.held)]
+        unknown(at, basis, a.parentJoint, b.parentJoint)
+    matrix = np.array(columns).T
+    free = null_space(matrix, rcond=1e-9)
+    moves = np.array([np.linalg.norm(basis @ free[own], axis=1) for basis, own in owners])
+    return moves[:, [3, 4, 5, 0, 1, 2]] < 1e-6
+
+
+@pytest.mark.parametrize("name", GALLERY)
+def test_verdicts_are_those_of_the_equilibrium_of_all_bodies(name):
+    chain = getattr(robots, name)()
+    (q, *_), w = solved(chain, 3)
+    assert np.array_equal(np.concatenate(w.determined), unique_by_equilibrium(chain, q))
+
+
+def parallelogram():
+    """A coupler along x on three equal, parallel cranks: one more than its motion needs."""
+    bars = [(f"crank_{k}", "universe", 0.5 * k, 0.4) for k in range(3)]
+    model = planar([bars[0], ("coupler", "crank_0", 0.4, 1.0), *bars[1:]])
+    mark(model, model.getJointId("coupler"), "coupler_middle", at(0.5))
+    planar_pin = (True, True, False, False, False, False)
+    pins = ("coupler_middle", "crank_1_end"), ("coupler_end", "crank_2_end")
+    closures = [sst_pin.Closure(*pair, planar_pin) for pair in pins]
+    return sst_pin.ClosedChain(model, closures, ["crank_0"])
+
+
+def test_of_three_parallel_cranks_only_forces_along_them_are_not_unique():
+    """Parallel forces of three cranks hold the coupler, whose plane asks for two of them.
+
+    A crank's own equilibrium gives the force across it; no paper's number is needed.
+    """
+    chain = parallelogram()
+    q = np.array([0.9, -0.9, 0.9, 0.9])
+    assert chain.joint_names == ("crank_0", "coupler", "crank_1", "crank_2")
+    w = chain.reactions(q, [0.3], [0.2])
+    cranks = w.determined.joints[[0, 2, 3]]
+    assert not cranks[:, 3].any()  # x is along a crank
+    assert cranks[:, [0, 1, 2, 4, 5]].all()
+    assert not w.determined.closures[:, 3].any()
+    assert w.determined.closures[:, 4].all()
+
+
+def cube(cut):
+    """Bricard's six hinges along edges of a cube, the loop cut at one of them."""
+    points = np.array(
+        [(0, 0, 0), (1, 0, 0), (1, -1, 0), (1, -1, 1), (0, -1, 1), (0, 0, 1)], dtype=float
+    )
+    axes = np.eye(3)[[1, 2, 0, 1, 2, 0]]
+    hinges = [
+        pin.SE3(pin.Quaternion.FromTwoVectors(np.eye(3)[2], axis).matrix(), point)
+        for axis, point in zip(axes, points, strict=True)
+    ]
+    model = pin.Model()
+    model.gravity.linear = np.array([0.3, -9.81, 0.7])
+    ends, places = [0, 0], [pin.SE3.Identity()] * 2
+    body = pin.Inertia.FromBox(1.0, 0.4, 0.3, 0.1)
+
+    def bear(side, k, link):
+        joint = model.addJoint(
+            ends[side], pin.JointModelRZ(), places[side].actInv(hinges[k - 1]), f"hinge_{k}"
+        )
+        middle = at(*(points[link - 1] + points[link]) / 2)
+        model.appendBodyToJoint(joint, body, hinges[k - 1].actInv(middle))
+        ends[side], places[side] = joint, hinges[k - 1]
+
+    for k in range(1, cut):
+        bear(0, k, k)
+    for k in range(6, cut, -1):
+        bear(1, k, k - 1)
+    for name, side in (("a", 0), ("b", 1)):
+        mark(model, ends[side], name, places[side].actInv(hinges[cut - 1]))
+    motor = "hinge_1" if cut > 1 else "hinge_6"
+    return sst_pin.ClosedChain(model, [sst_pin.Closure("a", "b", "hinge")], [motor])
+
+
+def through_hinges(cut):
+    """What the link before gives to the link behind each hinge, and the verdicts, all at once."""
+    chain = cube(cut)
+    q = pin.neutral(chain.model)
+    rates = chain.joint_rates(q, [1.0])
+    w = chain.reactions(q, [0.7 / rates[0]], tau=[0.0])
+    found = {}
+    for k in range(1, 7):
+        if k == cut:
+            found[k] = w.closures[0], w.determined.closures[0]
+        else:
+            j = w.names.index(f"hinge_{k}")
+            found[k] = w.joints[j] * (1 if k < cut else -1), w.determined.joints[j]
+    return np.array([found[k][0] for k in range(1, 7)]), np.array(
+        [found[k][1] for k in range(1, 7)]
+    )
+
+
+def test_another_cut_gives_the_same_verdicts_and_the_same_unique_wrenches():
+    wrenches, unique = through_hinges(6)
+    assert unique.any()
+    assert not unique.all()
+    for cut in range(2, 6):
+        others, verdicts = through_hinges(cut)
+        assert np.array_equal(verdicts, unique)
+        assert others == pytest.approx(wrenches, abs=1e-10, nan_ok=True)
+
+
+def test_a_wrench_that_is_not_unique_is_named_where_asked_for_singly():
+    chain = robots.four_bar()
+    w = chain.reactions(chain.home, [0], [0])
+    with pytest.raises(sst_pin.IndeterminateError, match="rocker: moment y, force z are not"):
+        w.of("rocker")
+    with pytest.raises(sst_pin.UnknownNameError, match="joint or closure 'wheel'"):
+        w.of("wheel")
+
+
+def test_closures_of_the_same_frames_have_names_of_their_own():
+    """Two that hold a point together carry what one does; a name for both is none."""
+    plain = robots.four_bar()
+    (closure,) = plain.closures
+    ends = closure.frame_a, closure.frame_b
+    across, along = (True, False, True), (False, True, False)
+    parts = [sst_pin.Closure(*ends, (*rows, False, False, False)) for rows in (across, along)]
+    chain = sst_pin.ClosedChain(plain.model, parts, plain.motor_names)
+    one = sst_pin.ClosedChain(plain.model, [sst_pin.Closure(*ends, "3d")], plain.motor_names)
+    state = chain.home, [0.3], [0.4]
+    names = [f"{closure} ({k})" for k in (1, 2)]
+    w = chain.reactions(*state)
+    assert w.names[-2:] == tuple(names)
+    both = np.nansum(w.closures, axis=0)  # what is not unique is across the plane
+    np.testing.assert_allclose(both, np.nan_to_num(one.reactions(*state).closures[0]), atol=1e-12)
+    chain.reactions(*state, stiffness={names[0]: [1e3] * 6})
+    for ask in (lambda: w.of(str(closure)), lambda: chain.reactions(*state, stiffness=ONES)):
+        with pytest.raises(sst_pin.UnknownNameError, match=r"\(1\)"):
+            ask()
+
+
+ONES = {str(robots.four_bar().closures[0]): [1.0] * 6}
+
+
+def test_a_joint_with_the_name_of_a_closure_is_refused():
+    plain = robots.four_bar()
+    name = str(plain.closures[0])
+    model = pin.Model(plain.model)
+    model.names[1] = name
+    with pytest.raises(sst_pin.DescriptionError, match=f"joint {name}: a closure has this name"):
+        sst_pin.ClosedChain(model, plain.closures, [name])
+
+
+def test_a_batch_is_its_samples_and_may_leave_the_bad_out():
+    chain = robots.five_bar()
+    q, va, _, tau = random_state(chain, 1)
+    many = [np.tile(x, (3, 1)) for x in (q, va, tau)]
+    many[0][1] += 0.1  # an open loop
+    with pytest.raises(sst_pin.ClosureError, match="1 of 3 samples"):
+        chain.reactions(*many[:2], tau=many[2])
+    out = np.empty((3, 7 * 5 + 6 + 2))
+    w = chain.reactions(*many[:2], tau=many[2], on_error="nan", out=out)
+    assert np.isnan(w.joints[1]).all()
+    assert not w.determined.joints[1].any()
+    assert np.array_equal(w.joints[2], chain.reactions(q, va, tau=tau).joints, equal_nan=True)
+    with pytest.raises(sst_pin.InputError, match="one of them is needed"):
+        chain.reactions(q, va)
+
+
+@pytest.mark.parametrize("name", ["va", "aa", "external_wrenches"])
+def test_a_number_that_is_none_is_named_and_not_taken_for_what_is_not_unique(name):
+    chain = robots.four_bar()
+    good = {"va": np.ones(1), "aa": np.ones(1), "external_wrenches": np.ones((3, 6))}
+    good[name].flat[0] = np.nan
+    with pytest.raises(sst_pin.InputError, match=f"{name}: .*nan"):
+        chain.reactions(chain.home, **good)
+
+
+def door():
+    """A door on two hinges one above the other, its weight along their common axis."""
+    model, body = pin.Model(), pin.Inertia(10.0, np.array([0.5, 0, 0.5]), np.eye(3))
+    hinge = add(model, 0, pin.JointModelRZ(), "lower", at(), body)
+    for name, joint in (("frame", 0), ("leaf", hinge)):
+        mark(model, joint, name, at(0, 0, 1))
+    return sst_pin.ClosedChain(model, [sst_pin.Closure("frame", "leaf", "hinge")], ["lower"])
+
+
+def test_hinges_of_a_door_share_its_weight_as_their_stiffnesses():
+    """The moment of the weight is a couple of horizontal forces, whatever the stiffnesses."""
+    chain, weight = door(), 98.1
+    w = chain.reactions([0], [0], [0])
+    assert not w.determined.joints[0, 5]
+    with pytest.raises(sst_pin.IndeterminateError):
+        w.of("lower")
+    turns = [1e-9] * 3  # so soft about all axes that they transmit no moment
+    k = {"lower": [*turns, 1, 1, 3], "frame - leaf": [*turns, 1, 1, 1]}
+    w = chain.reactions([0], [0], [0], stiffness=k)
+    assert w.of("lower") == pytest.approx([0, 0, 0, weight / 2, 0, 0.75 * weight], abs=1e-6)
+    assert w.of("frame - leaf") == pytest.approx([0, 0, 0, -weight / 2, 0, weight / 4], abs=1e-6)
+    assert w.elastic.joints[0, 5]
+
+
+def test_stiffnesses_leave_unique_components_as_they_are():
+    chain = robots.four_bar()
+    rigid = chain.reactions(chain.home, [0], [0])
+    w = chain.reactions(chain.home, [0], [0], stiffness=soft(chain))
+    assert not (w.elastic.joints & w.determined.joints).any()
+    assert (w.elastic.joints | w.determined.joints).all()
+    known = rigid.determined.joints
+    assert w.joints[known] == pytest.approx(rigid.joints[known], abs=1e-12)
+    with pytest.raises(sst_pin.InputError, match="six positive numbers"):
+        chain.reactions(chain.home, [0], [0], stiffness={"crank": [1, 2, 3]})
+    with pytest.raises(sst_pin.UnknownNameError, match="joint or closure"):
+        chain.reactions(chain.home, [0], [0], stiffness={"wheel": np.ones(6)})
+
+
+def test_andrews_multipliers_are_the_published_ones():
+    """M q_ddot + G^T lambda = f: the forces on the common tip are -lambda.
+
+    The published rates break the closures by 3e-8, so that a motion that obeys these differs by
+    1e-7 of the forces. With the published rates and accelerations as they stand it is 1e-10.
+    """
+    chain, given = robots.andrews(), robots.PUBLISHED["andrews"]
+    q, v, v_dot = np.array([[given[x][k] for k in chain.joint_names] for x in ("q", "v", "dv")])
+    published = np.array(list(given["forces"].values()))  # on the common tip
+    beta = chain.joint_names.index("beta")
+    w = chain.reactions(q, [v[beta]], [v_dot[beta]])
+    assert w.determined.closures[:, 3:5].all()
+    data = chain.model.createData()
+    pin.framesForwardKinematics(chain.model, data, q)
+    R = data.oMf[chain.model.getFrameId("tip_of_theta")].rotation[:2, :2]
+    assert w.closures[:, 3:5] @ R.T == pytest.approx(-published, abs=1e-7 * 199)
+
+    memory = chain._current.reference.memory
+    memory.evaluate(q)
+    needed = pin.rnea(memory.model, memory.data, q, v, v_dot)
+    needed -= dynamics.applied_forces(memory, chain.friction, q, v, None, np.array([0.033]))
+    found = reactions._multipliers(memory, needed)[:, 0].reshape(3, 3)[:, :2]
+    assert found == pytest.approx(-published, abs=1e-10 * 199)
+
+
+def in_other_units(plain, unit):
+    """A robot with springs, friction and a line, its lengths in metres over `unit`."""
+    model = pin.Model(plain.model)
+    for name, joint in (("one end", 1), ("other end", model.njoints - 1)):
+        mark(model, joint, name, at(0.03, 0.11, -0.07 * joint))
+    model = in_units(model, unit)
+    line = sst_pin.LineForce(
+        "one end", "other end", stiffness=30, rest_length=0.1 * unit, damping=2, preload=3 * unit
+    )
+    numbers = unit**2 * np.linspace(0.1, 1, model.nv)
+    terms = ("viscous_friction", "coulomb_friction", "stiffness")
+    closures, options = plain.closures, dict.fromkeys(terms, numbers)
+    coordinates = list(plain.coordinates)
+    return sst_pin.ClosedChain(
+        model, closures, plain.motor_names, coordinates=coordinates, forces=[line], **options
+    )
+
+
+@pytest.mark.parametrize("name", ["bennett", "agile_wrist", "planar_3rrr", "bricard"])
+def test_units_change_no_reaction_with_springs_friction_lines_and_wrenches(name):
+    """Forces are as the unit, moments as its square, with and without stiffnesses."""
+    plain = getattr(robots, name)()
+    q, va, wrenches, tau = random_state(plain, 2)
+    results = []
+    for unit in (1.0, 1e3, 1e-3):
+        chain, size = in_other_units(plain, unit), np.repeat([unit**2, unit], 3)
+        given = {"tau": unit**2 * tau, "external_wrenches": wrenches * size}
+        stiff = {k: x * np.repeat([unit**2, 1], 3) for k, x in soft(chain).items()}
+        both = [chain.reactions(q, va, **given, stiffness=x) for x in (None, stiff)]
+        found = [np.concatenate([w.joints, w.closures]) / size for w in both]
+        results.append((*found, np.concatenate(both[0].determined), both[0].ground / size))
+    assert results[0][2].any()
+    assert not results[0][2].all()
+    for other in results[1:]:
+        assert np.array_equal(other[2], results[0][2])
+        for part, wanted in zip(other, results[0], strict=True):
+            largest = np.nanmax(np.abs(results[0][1]))
+            assert part == pytest.approx(wanted, abs=1e-10 * largest, nan_ok=True)

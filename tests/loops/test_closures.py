@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Every closure holds what it says, on trees with every joint of Pinocchio."""
+
+import itertools
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.testing import assert_allclose
+
+import by_hand
+import trees
+from sst_pin import ClosedChain, Closure
+from sst_pin.errors import DescriptionError
+from sst_pin.loops.loops import Loops
+from sst_pin.model.closures import Coupling, Rolling
+from trees import CONSTRAINTS, JOINTS, add_joint, derivative, gradient, random_q, tree
+
+TREES = trees.TREES | {"to the ground": ("", [], ["free", "ball", "RX"])}
+MASKS = [mask for mask in itertools.product([False, True], repeat=6) if any(mask)]
+
+
+def loops_at(model, constraint, seed):
+    """The loops, closed at a random configuration, and that configuration."""
+    chain = ClosedChain(model, [constraint], [])
+    random = np.random.default_rng(seed)
+    q = chain.assemble(random_q(model, random), fixed=(), tries=20, seed=seed)
+    return Loops(chain.model, [constraint]), q
+
+
+def at(loops, q):
+    loops.evaluate(q)
+    return loops
+
+
+def assert_jacobian_and_rate(loops, q, random):
+    model = loops.model
+    Phi = at(loops, q).Phi()
+    residuals = gradient(lambda q: at(loops, q).residual(), model, q, h=0.003)
+    # Eighth-order differences over 0.003: a rod of 0.7 m leaves (0.003 * 4 / 0.7)^8 = 1e-14, the
+    # rounding of numbers near 10 over the step 1e-12.
+    assert_allclose(Phi[loops.holonomic], residuals[loops.holonomic], rtol=0, atol=1e-10)
+    v = random.normal(size=model.nv)
+    rate = derivative(lambda s: at(loops, pin.integrate(model, q, s * v)).Phi(), 0.003)
+    Phi_dot = at(loops, q).Phi_dot(v)
+    assert_allclose(Phi_dot, rate, rtol=0, atol=1e-8 * np.abs(Phi_dot).max())
+
+
+@pytest.mark.parametrize("kind", CONSTRAINTS)
+@pytest.mark.parametrize("name", TREES)
+def test_Phi_is_the_derivative_of_the_residual_and_Phi_dot_its_rate(name, kind):
+    """Where the loop is closed, along every rate of every joint, whatever the rates are."""
+    loops, q = loops_at(tree(*TREES[name], seed=1), CONSTRAINTS[kind], seed=2)
+    assert_jacobian_and_rate(loops, q, np.random.default_rng(3))
+
+
+@pytest.mark.parametrize("mask", MASKS, ids=lambda mask: "".join(".x"[m] for m in mask))
+def test_any_mask_holds_as_many_motions_as_it_names(mask):
+    """Two free bodies: Phi is the residual's derivative, of full rank, for all 63 masks."""
+    loops, q = loops_at(tree("", ["free"], ["free"], seed=4), Closure("A", "B", mask), seed=5)
+    assert_jacobian_and_rate(loops, q, np.random.default_rng(6))
+    assert np.linalg.matrix_rank(at(loops, q).Phi()) == sum(mask) == len(loops.residual())
+
+
+@pytest.mark.parametrize("kind", Closure.KINDS)
+def test_a_closure_holds_the_relative_twist_that_its_kind_names(kind):
+    """Phi v = 0 for the motions that the kind leaves, in the axes of A, or of A and B."""
+    model = tree("", ["free"], ["free"], seed=7)
+    loops, q = loops_at(model, Closure("A", "B", kind), seed=8)
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    A, B = (data.oMf[model.getFrameId(name)] for name in "AB")
+    free = {
+        "6d": [],
+        "3d": [(0, e) for e in np.eye(3)],
+        "orientation": [(e, 0) for e in np.eye(3)],
+        "hinge": [(0, A.rotation[:, 2])],
+        "universal": [(0, A.rotation[:, 0]), (0, B.rotation[:, 1])],
+        "cylindrical": [(A.rotation[:, 2], 0), (0, A.rotation[:, 2])],
+        "prismatic": [(A.rotation[:, 2], 0)],
+        "planar": [(A.rotation[:, 0], 0), (A.rotation[:, 1], 0), (0, A.rotation[:, 2])],
+    }[kind]
+    J = pin.computeFrameJacobian(model, data, q, model.getFrameId("B"), pin.LOCAL_WORLD_ALIGNED)
+    Phi = at(loops, q).Phi()
+    for linear, angular in free:
+        twist = np.concatenate([np.zeros(3) + linear, np.zeros(3) + angular])
+        v = np.linalg.pinv(J) @ twist
+        assert_allclose(J @ v, twist, atol=1e-12)
+        assert_allclose(Phi @ v, 0, atol=1e-9)  # closed to 1e-11, times lengths near 1
+    assert np.linalg.matrix_rank(Phi) == 6 - len(free)
+
+
+@pytest.mark.parametrize("kind", ["hinge", "cylindrical", "planar"])
+def test_the_axes_of_a_closed_hinge_point_the_same_way(kind):
+    """Opposed axes are no solution: from a guess turned by half a turn it leads back."""
+    model = tree("", [], ["free"], seed=9)
+    chain = ClosedChain(model, [Closure("A", "B", kind)], [])
+    data = model.createData()
+    for seed in range(10):
+        q = chain.assemble(random_q(model, np.random.default_rng(seed), 2.0), fixed=())
+        pin.framesForwardKinematics(model, data, q)
+        z = [data.oMf[model.getFrameId(name)].rotation[:, 2] for name in "AB"]
+        assert z[0] @ z[1] > 1 - 1e-12
+
+
+def test_couplings_follow_their_polynomials():
+    pin.seed(0)
+    random = np.random.default_rng(0)
+    model = pin.Model()
+    for name in ("RX", "PZ", "helical", "revolute", "ball"):
+        add_joint(model, model.njoints - 1, name, JOINTS[name](), random)
+    coupling = Coupling(
+        "PZ", {"RX": (0.1, -2, 0, 0.3), "helical": (0, 0, 0.5), "revolute": (0,)}, 0.7
+    )
+    loops = Loops(model, [coupling, Coupling("RX", offset=-0.4)])
+    q = random_q(model, random)
+    expected = q[1] - 0.7 - (0.1 - 2 * q[0] + 0.3 * q[0] ** 3) - 0.5 * q[2] ** 2
+    assert_allclose(at(loops, q).residual(), [expected, q[0] + 0.4], atol=1e-14)
+    assert_jacobian_and_rate(loops, q, random)
+
+
+@pytest.mark.parametrize("ball", [False, True])
+def test_what_rolls_stands_still_at_the_contact(ball):
+    """The slip rows are the velocity of the wheel's material point at the contact, in the plane."""
+    model = tree("", ["RX"], ["free"], seed=10)
+    loops, q = loops_at(model, Rolling("A", "B", 0.25, ball=ball), seed=11)
+    data, v = model.createData(), np.random.default_rng(12).normal(size=model.nv)
+    pin.forwardKinematics(model, data, q, v)
+    pin.updateFramePlacements(model, data)
+    plane, wheel = (model.getFrameId(name) for name in "AB")
+    A, B = data.oMf[plane], data.oMf[wheel]
+    n, z = A.rotation[:, 2], B.rotation[:, 2]
+    up = n if ball else (n - n @ z * z) / np.linalg.norm(n - n @ z * z)
+    contact = B.translation - 0.25 * up
+    assert abs(n @ (contact - A.translation)) < 1e-11
+
+    def velocity(frame):
+        twist = pin.getFrameVelocity(model, data, frame, pin.WORLD)
+        return twist.linear + np.cross(twist.angular, contact)
+
+    slip = A.rotation.T @ (velocity(wheel) - velocity(plane))
+    assert_allclose(at(loops, q).Phi() @ v, slip, atol=1e-12)
+
+
+def test_every_joint_of_pinocchio_is_in_a_tree():
+    used = {name for root, a, b in TREES.values() for name in (root, *a, *b) if name}
+    types = {JOINTS[name]().shortname() for name in used}
+    kinds = {"RX": "R", "RZ": "R", "PX": "P", "PZ": "P", "HY": "H", "RUBY": "RUB"}
+    offered = {name for name in dir(pin) if name.startswith("JointModel")} - {
+        "JointModel",
+        "JointModelMimic",
+        "JointModelEllipsoid",
+        *(f"JointModel{kind}{axis}" for kind in kinds.values() for axis in "XYZ"),
+    }
+    assert offered <= types
+    assert {kinds[name] for name in used & set(kinds)} == set(kinds.values())
+    model = tree("", [], ["free"])
+    model.addJoint(1, pin.JointModelEllipsoid(0.3, 0.2, 0.1), pin.SE3.Identity(), "egg")
+    with pytest.raises(DescriptionError, match="joint egg"):
+        ClosedChain(model, [Closure("A", "B")], [])
+
+
+def test_names_of_coordinates_and_rates_fit_every_joint():
+    for name, parts in TREES.items():
+        chain = ClosedChain(tree(*parts, seed=13), [Closure("A", "B", "3d")], [])
+        model = chain.model
+        space = chain._current.mechanism.space
+        assert len(set(space.position_names)) == model.nq, name
+        assert len(set(space.rate_names)) == model.nv, name
+        random = np.random.default_rng(14)
+        q, v = random_q(model, random), random.normal(size=model.nv)
+        rate = derivative(lambda s, model=model, q=q, v=v: pin.integrate(model, q, s * v))
+        assert_allclose(space.coordinate_rates(q, v), rate, atol=1e-10)
+
+
+def test_one_hinge_held_twice_moves_as_its_tree_does():
+    """Every quantity has one column; the closure adds nothing. Bound: rounding."""
+    model = pin.Model()
+    body = pin.Inertia(2.0, np.array([0.3, 0.1, -0.2]), np.diag([0.1, 0.2, 0.15]))
+    hinge = by_hand.add(model, 0, pin.JointModelRY(), "hinge", by_hand.at(), body)
+    for name, joint in (("A", 0), ("B", hinge)):
+        by_hand.mark(model, joint, name, by_hand.at(0, 0.5))
+    chain = ClosedChain(model, [Closure("A", "B", "3d")], ["hinge"])
+
+    q, va, aa = chain.assemble([0.4]), np.array([1.5]), np.array([-2.0])
+    tau = chain.compute_torques(q, va, aa)
+    data = model.createData()
+    assert_allclose(tau, pin.rnea(model, data, q, va, aa), rtol=1e-14)
+    assert_allclose(chain.compute_accelerations(q, va, tau), aa, rtol=1e-13)
+    assert_allclose(chain.frame_jacobian(q, "B").ravel(), [0, 0, 0, 0, 1, 0], atol=1e-15)
+    by_q, by_v, inertia = pin.computeRNEADerivatives(model, data, q, va, aa)
+    d = chain.torque_derivatives(q, va, aa)
+    assert_allclose(np.stack([d.dq, d.dva, d.daa]).ravel(), np.ravel([by_q, by_v, inertia]), 1e-13)
+    assert chain.noc(q, va).T.shape == (6, 1)

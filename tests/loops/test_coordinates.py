@@ -1,0 +1,521 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The coordinates are chosen when a robot is made, from the robot alone."""
+
+import warnings
+from itertools import combinations, permutations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import sst_pin
+import trees
+from by_hand import add, at, mark
+from planar_bars import planar
+from sst_pin import ClosedChain, Closure
+from sst_pin.loops.draft import without_locked
+
+BARS = {"crank": 0.2, "coupler": 0.3, "rocker": 0.25}
+
+
+def body(model, parent, kind, x, name, mass=1.0):
+    """A joint at (x, 0, 0) of its parent with a slender body along x; returns its index."""
+    inertia = pin.Inertia(mass, np.array([0.1, 0, 0]), np.eye(3) * 0.01)
+    return add(model, parent, kind, name, at(x), inertia)
+
+
+def tip(model, joint, x, name):
+    mark(model, joint, name, at(x))
+
+
+def slide_with_two_bars(unit=1.0):
+    """A slide along x and two equal bars, one on the ground, one on the slide: a scissor's half.
+
+    Folded, with the slide at zero, the bars turn together and the slide rests.
+    """
+    model = pin.Model()
+    model.name = "scissor"
+    slide = body(model, 0, pin.JointModelPX(), 0.0, "slide")
+    bar_s = body(model, slide, pin.JointModelRY(), 0.0, "bar_s")
+    bar_g = body(model, 0, pin.JointModelRY(), 0.0, "bar_g")
+    tip(model, bar_s, 0.3 * unit, "end_s")
+    tip(model, bar_g, 0.3 * unit, "end_g")
+    return model, [Closure("end_s", "end_g", "3d")]
+
+
+def rhombus():
+    """Four equal bars; folded, crank and coupler turn together and the rocker rests."""
+    bars = [("crank", "universe", 0.0, 0.3), ("coupler", "crank", 0.3, 0.3)]
+    model = planar([*bars, ("rocker", "universe", 0.3, 0.3)], pin.JointModelRY)
+    model.name = "rhombus"
+    return model, [Closure("coupler_end", "rocker_end", "3d")], np.array([0.7, np.pi, np.pi])
+
+
+def test_the_motor_on_the_slide_is_the_coordinate():
+    """The mode of assembly counts in which the motor holds the robot."""
+    chain = ClosedChain(*slide_with_two_bars(), ["slide"])
+    assert chain.coordinates == ("slide",)
+    q = chain.assemble([0.2, 2.0, 1.0])
+    assert q[0] == 0.2
+    # The slide alone moves: all bodies fall or rise with the bars by symmetry.
+    step = 1e-5
+    energy = [chain.potential_energy(chain.assemble(np.add(q, [s, 0, 0]))) for s in (step, -step)]
+    tau = chain.compute_torques(q, [0.0], [0.0])
+    assert tau == pytest.approx((energy[0] - energy[1]) / (2 * step), rel=1e-6)
+
+
+@pytest.mark.parametrize("pitch", [5e-3, 3e-4, 1e-5])
+def test_the_motor_of_a_fine_lead_screw_is_the_coordinate(pitch):
+    """However little it moves beside the screw; its force lifts both, by hand."""
+    model = pin.Model()
+    body(model, 0, pin.JointModelPX(), 0.0, "slide", mass=2.0)
+    screw = body(model, 0, pin.JointModelRX(), 0.5, "screw")
+    model.inertias[screw] = pin.Inertia(0.2, np.zeros(3), 1e-4 * np.eye(3))
+    nut = sst_pin.Coupling("slide", {"screw": (0.0, pitch / (2 * np.pi))})
+    chain = ClosedChain(model, [nut], ["slide"])
+    assert chain.coordinates == ("slide",)
+    tau = chain.compute_torques(np.zeros(2), [0.0], [1.0])
+    assert tau == pytest.approx(2.0 + 1e-4 * (2 * np.pi / pitch) ** 2)
+
+
+def test_a_motor_that_moves_with_another_but_for_digits_is_no_coordinate():
+    """A parallelogram whose lengths are written with six digits, on a cart."""
+    model = pin.Model()
+    body(model, 0, pin.JointModelPX(), 0.0, "cart")
+    bars = [("crank", "cart", 0.0, 0.2), ("coupler", "crank", 0.2, 0.3)]
+    planar([*bars, ("rocker", "cart", 0.300001, 0.2)], pin.JointModelRY, model)
+    model.referenceConfigurations["home"] = np.array([0.0, 0.7, -0.7, 0.7])
+    closure = Closure("coupler_end", "rocker_end", "3d")
+    chain = ClosedChain(model, [closure], ["crank", "rocker"])
+    assert chain.coordinates == ("crank", "cart")
+
+
+def test_a_cylinder_decides_the_mode_as_the_motor_that_it_is():
+    model, closures = slide_with_two_bars()
+    tip(model, 0, -0.5, "ground")
+    tip(model, model.getJointId("slide"), 0.0, "cart")
+    lines = [sst_pin.LineForce("ground", "cart", name="cylinder")]
+    cylinder = ClosedChain(model, closures, ["cylinder"], forces=lines)
+    motor = ClosedChain(model, closures, ["slide"])
+    assert cylinder.mobility().held == 1
+    q = motor.assemble([0.2, 2.0, 1.0])
+    tau = cylinder.with_coordinates(["slide"]).compute_torques(q, [0.1], [0.2])
+    np.testing.assert_allclose(tau, motor.compute_torques(q, [0.1], [0.2]), rtol=1e-12)
+    assert abs(cylinder.generic_configuration()[0]) > 0.01  # in the folded mode the slide rests
+
+
+def test_a_tendon_holds_the_sum_of_its_joints_and_not_each():
+    """What motors hold is the rank of L^T B."""
+    model = pin.Model()
+    for name in "ab":
+        body(model, 0, pin.JointModelRY(), 0.0, name)
+    two = ClosedChain(model, [], [{"a": 1.0, "b": 1.0}]).mobility()
+    assert (two.held, two.sufficient, two.inner_stresses) == (1, False, 0)
+    assert two.loose_joints == ("a", "b")
+    # The bars turn against each other while the slide moves: their sum rests.
+    scissor = ClosedChain(*slide_with_two_bars(), [{"bar_s": 1.0, "bar_g": 1.0}])
+    still = scissor.mobility(scissor.assemble([0.2, 2.0, 1.0], ["slide"]))
+    assert (still.held, still.inner_stresses) == (0, 1)
+    assert set(still.loose_joints) == {"slide", "bar_s", "bar_g"}
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_motors_hold_is_the_rank_of_the_actuator_jacobian(seed):
+    random, plain = np.random.default_rng(seed), sst_pin.robots.planar_3rrr()
+    joints = list(random.permutation(plain.joint_names))
+    tendons = [{joints.pop(): 1.0, joints.pop(): random.normal()} for _ in range(seed % 3)]
+    model = plain.model
+    for k, joint in enumerate(joints[:2]):
+        tip(model, model.getJointId(joint), 0.1, f"eye_{k}")
+    lines = [sst_pin.LineForce("eye_0", "eye_1", name="line")] if seed % 2 else []
+    motors = [*tendons, *(str(line) for line in lines), *joints[: seed // 2]]
+    chain = ClosedChain(model, plain.closures, motors, forces=lines)
+    q = chain.generic_configuration()
+    rank = np.linalg.matrix_rank(chain.actuator_jacobian(q), tol=1e-7) if motors else 0
+    mobility = chain.mobility(q)
+    assert mobility.held == rank
+    assert mobility.inner_stresses == len(chain.motor_names) - rank
+
+
+@pytest.mark.parametrize("folded_first", [False, True])
+def test_coordinates_do_not_depend_on_what_was_called_before(folded_first):
+    model, closures, folded = rhombus()
+    chain = ClosedChain(model, closures, ["rocker", "crank"])
+    if folded_first:
+        with pytest.raises(sst_pin.SingularConfigurationError, match="for example crank"):
+            chain.compute_torques(folded, [1.0], [1.0])
+    assert chain.coordinates == ("rocker",)
+    open_mode = chain.assemble([0.7, -0.7, 0.7])
+    assert chain.generalized_forces(open_mode, [1.0], [1.0]).shape == (1,)
+    assert chain.coordinates == ("rocker",)
+
+
+def engine():
+    """A crank, a rod and a piston on the slide along x."""
+    model = pin.Model()
+    model.name = "engine"
+    crank = body(model, 0, pin.JointModelRY(), 0.0, "crank")
+    rod = body(model, crank, pin.JointModelRY(), 0.1, "rod")
+    piston = body(model, 0, pin.JointModelPX(), 0.0, "piston")
+    tip(model, rod, 0.35, "rod_tip")
+    tip(model, piston, 0.0, "pin")
+    return model, [Closure("rod_tip", "pin", "3d")]
+
+
+@pytest.mark.parametrize(
+    ("robot", "home", "motors", "coordinates"),
+    [
+        (rhombus, [0.7, np.pi, np.pi], ["rocker", "crank"], ("crank",)),
+        (rhombus, [0.7, np.pi, np.pi], ["rocker"], ("crank",)),
+        (rhombus, [0.01, np.pi, np.pi], ["rocker", "crank"], ("crank",)),
+        (rhombus, [0.01, -0.01, 0.01], ["rocker", "crank"], ("rocker",)),
+        (slide_with_two_bars, [0.0, 0.5, 0.5], ["slide"], ("bar_g",)),
+        (engine, [0.0, 0.0, 0.45], ["piston", "crank"], ("crank",)),
+        (engine, [0.0, 0.0, 0.45], ["piston"], ("rod",)),
+    ],
+)
+def test_coordinates_are_independent_at_home_itself(robot, home, motors, coordinates):
+    """A motor that rests in its mode, or at its dead point there, moves nothing where one stands.
+
+    The modes of a rhombus meet at its flat pose: home decides also close to it.
+    """
+    model, closures, *_ = robot()
+    model.referenceConfigurations["home"] = np.array(home)
+    chain = ClosedChain(model, closures, motors)
+    assert chain.coordinates == coordinates
+    assert np.array_equal(chain.home, home)
+    assert chain.condition_number(chain.home) < 1e3
+    q = chain.generic_configuration()
+    assert 1e-3 < np.abs(q - home).max() < 0.2
+    assert chain.condition_number(q) < 1e3
+
+
+@pytest.mark.parametrize(
+    ("robot", "motor"),
+    [(rhombus, "crank"), (slide_with_two_bars, "slide"), (engine, "piston"), (engine, "crank")],
+)
+def test_homes_written_with_two_digits_are_configurations_where_the_coordinates_hold(robot, motor):
+    model, closures, *_ = robot()
+    random, whole = np.random.default_rng(0), ClosedChain(model, closures, [])
+    found = 0
+    while found < 20:
+        try:
+            q = whole.assemble(random.uniform(-3.1, 3.1, 3) * [0.2, 1, 1], fixed=())
+        except sst_pin.ClosureError:
+            continue
+        found += 1
+        model.referenceConfigurations["home"] = q.round(2)
+        chain = ClosedChain(model, closures, [motor])
+        assert np.abs(chain.home - q).max() < 0.2
+        assert np.isfinite(chain.generalized_forces(chain.home, [1.0], [1.0])).all()
+
+
+@pytest.mark.parametrize("coordinates", [["slide"], ["bar_g"]])
+def test_coordinates_of_the_caller_stand(coordinates):
+    """Wherever they describe the motion; elsewhere the call says which others do."""
+    chain = ClosedChain(*slide_with_two_bars(), ["slide"], coordinates=coordinates)
+    assert chain.coordinates == tuple(coordinates)
+    q = chain.assemble([0.2, 2.0, 1.0])
+    assert chain.joint_rates(q, [1.0]).shape == (3,)
+    assert chain.condition_number(q) < 100
+
+
+@pytest.mark.parametrize("coordinates", [["crank", "rocker"], ["crank", "rocker", "coupler"]])
+def test_too_many_coordinates_are_refused_at_a_configuration(coordinates):
+    """The closures hold the coordinates themselves; rates that break them are no motion."""
+    model, closures, _ = rhombus()
+    chain = ClosedChain(model, closures, ["crank"], coordinates=coordinates)
+    q = chain.assemble([0.7, -0.7, 0.7], ())
+    n = np.ones(len(coordinates))
+    with pytest.raises(sst_pin.SingularConfigurationError, match="for example crank describe"):
+        chain.generalized_forces(q, n, n)
+
+
+def seven_hinges(seed):
+    """A loop of seven hinges anywhere, which has one freedom, closed at the q given."""
+    random, model, joint = np.random.default_rng(seed), pin.Model(), 0
+    q = random.uniform(-1, 1, 7)
+    for k in range(7):
+        axis, place, lever = random.normal(size=(3, 3))
+        kind = pin.JointModelRevoluteUnaligned(axis / np.linalg.norm(axis))
+        inertia = pin.Inertia(1.0, 0.1 * lever, 0.01 * np.eye(3))
+        joint = add(model, joint, kind, f"joint_{k}", at(*0.2 * place), inertia)
+    tip(model, joint, 0.2, "end")
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    mark(model, 0, "ground", data.oMf[model.getFrameId("end")].copy())
+    return model, [Closure("end", "ground", "6d")], q
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_two_coordinates_for_one_freedom_are_refused_on_any_loop(seed):
+    """No pair of rates is free, however well the others follow from it."""
+    model, closures, q = seven_hinges(seed)
+    for pair in combinations(list(model.names)[1:], 2):
+        chain = ClosedChain(model, closures, ["joint_0"], coordinates=pair)
+        with pytest.raises(sst_pin.SingularConfigurationError, match="hold the coordinates"):
+            chain.joint_rates(q, [1.0, 1.0])
+
+
+def test_a_singularity_of_the_mechanism_asks_for_no_other_coordinates():
+    """Where a parallelogram is flat it has one more freedom; no joint alone describes it."""
+    model, closures, _ = rhombus()
+    chain = ClosedChain(model, closures, ["crank"])
+    with pytest.raises(sst_pin.SingularConfigurationError) as caught:
+        chain.joint_rates(np.zeros(3), [1.0])
+    assert "the closures leave 2 freedoms here to 1 coordinates; move away" in str(caught.value)
+    assert "or choose other" not in str(caught.value)
+
+
+def test_a_home_with_a_zero_quaternion_is_named():
+    model = pin.Model()
+    body(model, 0, pin.JointModelSpherical(), 0.0, "ball")
+    model.referenceConfigurations["home"] = np.zeros(4)
+    with pytest.raises(sst_pin.DescriptionError, match="home: the quaternion at 0 is zero"):
+        ClosedChain(model, [], [])
+
+
+@pytest.mark.parametrize("angle", [1e-3, 0.02, 0.1])
+def test_a_parallelogram_near_its_flat_pose_has_one_freedom(angle):
+    """Where it is flat it has two."""
+    model, closures, _ = rhombus()
+    chain = ClosedChain(model, closures, ["crank"], coordinates=["rocker", "coupler"])
+    with pytest.raises(sst_pin.SingularConfigurationError, match="hold the coordinates"):
+        chain.joint_rates([angle, -angle, angle], [1.0, 0.0])
+    np.testing.assert_allclose(chain.joint_rates(np.zeros(3), [1.0, -1.0]), [1, -1, 1])
+
+
+def test_a_singular_configuration_is_refused_without_warnings_of_numpy():
+    """Neither where a robot is made nor in a call whose numbers nobody watches."""
+    model, closures = engine()
+    home = model.referenceConfigurations["home"] = np.array([0.0, 0.0, 0.45])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        chain = ClosedChain(model, closures, ["crank"], coordinates=["piston"])
+        with pytest.raises(sst_pin.SingularConfigurationError):
+            chain.noc(home, [1.0])
+
+
+def test_coordinates_of_another_mode_than_home_serve_where_they_hold():
+    """Preload and limits are judged at the q given; compile and casadi ask for one."""
+    model, closures, folded = rhombus()
+    model.referenceConfigurations["home"] = folded
+    chain = ClosedChain(model, closures, ["crank", "rocker"], coordinates=["rocker"])
+    state = np.array([0.7, -0.7, 0.7]), [1.0], [1.0]
+    B = chain.preload_directions(state[0])
+    np.testing.assert_allclose(np.abs(B).ravel(), [0.5**0.5] * 2)  # both joints turn alike
+    tau = chain.compute_torques(*state, limits=[100.0, 100.0])
+    np.testing.assert_allclose(tau, chain.compute_torques(*state))
+    batch = np.tile(folded, (2, 1))
+    batch[1] = state[0]
+    with pytest.raises(sst_pin.SingularConfigurationError):
+        chain.preload_directions(batch)
+    for ask in (chain.compile, chain.casadi):
+        with pytest.raises(sst_pin.SingularConfigurationError, match="give q"):
+            ask()
+    chain.compile(state[0])
+    np.testing.assert_allclose(chain.compute_torques(*state), tau)
+
+
+def cam():
+    """A cam with one assembly, far from zero: z = (30 - x) (x^2 + 1) in centimetres, x = 30."""
+    model = pin.Model()
+    body(model, 0, pin.JointModelRX(), 0.0, "x")
+    body(model, 0, pin.JointModelPZ(), 0.3, "z")
+    polynomial = 100 * np.array([30.0, -1.0, 30.0, -1.0])
+    return model, [sst_pin.Coupling("z", {"x": polynomial})], np.array([30.0, 0.0])
+
+
+def test_a_robot_that_no_guess_assembles_computes_where_it_is_closed():
+    model, closures, q = cam()
+    chain = ClosedChain(model, closures, ["z", "x"], coordinates=["z"])
+    assert chain.preload_directions(q).shape == (2, 1)
+    assert np.isfinite(chain.compute_torques(q, [1.0], [1.0], limits=[1e6, 1e6])).all()
+    for ask in (chain.mobility, chain.compile, chain.casadi):
+        with pytest.raises(sst_pin.ClosureError, match="give q, a closed configuration") as caught:
+            ask()
+        assert "fixed=" not in str(caught.value)  # it has no such argument
+    assert chain.mobility(q).degrees_of_freedom == 1
+    without_motors = ClosedChain(model, closures, [])
+    with pytest.raises(sst_pin.DescriptionError, match=r"no configuration was assembled .*home"):
+        without_motors.generalized_forces(q, [], [])
+    model.referenceConfigurations["home"] = q
+    without_motors.refresh()
+    assert without_motors.degrees_of_freedom == 1
+
+
+def test_no_coordinates_are_refused():
+    model, closures, _ = rhombus()
+    with pytest.raises(sst_pin.InputError, match="coordinates: none are named"):
+        ClosedChain(model, closures, ["crank"], coordinates=[])
+    with pytest.raises(sst_pin.InputError, match="coordinates: none are named"):
+        ClosedChain(model, closures, ["crank"]).with_coordinates([])
+
+
+def _four_bar(order, unit=1.0):
+    """A four-bar whose joints are added in an order that keeps parents first."""
+    parts = {"crank": ("universe", 0.0), "coupler": ("crank", 0.2), "rocker": ("universe", 0.3)}
+    bars = [(k, parts[k][0], unit * parts[k][1], unit * BARS[k]) for k in order]
+    closure = Closure("coupler_end", "rocker_end", "3d")
+    return ClosedChain(planar(bars, pin.JointModelRY), [closure], [])
+
+
+def test_coordinates_do_not_depend_on_order_or_units():
+    orders = [o for o in permutations(BARS) if o.index("crank") < o.index("coupler")]
+    chosen = {_four_bar(order, unit).coordinates for order in orders for unit in (1.0, 1e3, 1e-3)}
+    assert len(chosen) == 1
+
+
+@pytest.mark.parametrize(
+    ("kind", "other"),
+    [
+        (pin.JointModelUniversal(np.eye(3)[0], np.eye(3)[1]), "leg_1"),
+        (pin.JointModelSpherical(), "leg_wx"),
+        (pin.JointModelRUBZ(), "leg_cos"),
+    ],
+)
+def test_a_name_of_two_rates_is_refused(kind, other):
+    """`leg_1` would be a rate of the joint leg, or the joint leg_1."""
+    model = pin.Model()
+    leg = body(model, 0, kind, 0.0, "leg")
+    end = body(model, leg, pin.JointModelRY(), 0.2, other)
+    foot = body(model, 0, pin.JointModelRY(), 0.3, "foot")
+    tip(model, end, 0.2, "a")
+    tip(model, foot, 0.2, "b")
+    with pytest.raises(sst_pin.DescriptionError, match=f"joints leg and {other}: {other} names a"):
+        ClosedChain(model, [Closure("a", "b", "3d")], ["foot"])
+
+
+@pytest.mark.parametrize("distance", [0.0, 1e3, 1e5])
+def test_where_the_robot_stands_does_not_count(distance):
+    """Loops open by 0.1 mm are open, assembled ones are closed, at any distance to the origin."""
+    model, closures, _ = rhombus()
+    moved = pin.Model(model)
+    for joint in (1, 3):
+        moved.jointPlacements[joint].translation += distance * np.array([0.6, 0.0, 0.8])
+    chain = ClosedChain(moved, closures, ["rocker"])
+    here = ClosedChain(model, closures, ["rocker"])
+    q = chain.assemble([0.7, -0.7, 0.7])
+    np.testing.assert_allclose(q, here.assemble([0.7, -0.7, 0.7]), atol=1e-9)
+    # At 100 km the places of joints are rounded to 1.5e-11 m.
+    tau = here.compute_torques(q, [1.0], [1.0])
+    np.testing.assert_allclose(chain.compute_torques(q, [1.0], [1.0]), tau, rtol=1e-8)
+    with pytest.raises(sst_pin.ClosureError):
+        chain.compute_torques(np.add(q, [0, 3e-4, 0]), [1.0], [1.0])
+
+
+def wheel_on_the_ground(distance):
+    """A cart far along the ground; its wheel rolls on the world's x-y plane."""
+    model = pin.Model()
+    cart = model.addJoint(0, pin.JointModelTranslation(), at(distance, 0, 0.1), "cart")
+    wheel = body(model, cart, pin.JointModelRY(), 0.0, "wheel")
+    model.inertias[cart] = model.inertias[wheel]
+    mark(model, wheel, "axle", at(turned=pin.exp3(np.array([np.pi / 2, 0, 0]))))
+    chain = ClosedChain(model, [sst_pin.Rolling("universe", "axle", 0.1)], ["wheel"])
+    return chain, np.array([0, 0, 1e-6, 0])
+
+
+def bar_on_the_ground(distance):
+    """A bar on a slide far along the ground; its tip glides on the world's x-y plane."""
+    model = pin.Model()
+    slide = body(model, 0, pin.JointModelPX(), distance, "slide")
+    bar = body(model, slide, pin.JointModelRY(), 0.0, "bar")
+    tip(model, bar, 0.3, "end")
+    plane = (False, False, True, False, False, False)
+    return ClosedChain(model, [Closure("universe", "end", plane)], ["slide"]), np.array([0, 1e-5])
+
+
+@pytest.mark.parametrize("distance", [0.0, 1e3, 1e5])
+@pytest.mark.parametrize("robot", [wheel_on_the_ground, bar_on_the_ground])
+def test_a_plane_of_the_world_is_where_the_robot_is(robot, distance):
+    """The origin of the plane, which may be far off, is no part of the robot."""
+    (chain, aside), (near, _) = robot(distance), robot(0.0)
+    assert chain.mechanism.length == near.mechanism.length <= 0.3
+    n = chain.degrees_of_freedom
+    chain.generalized_forces(np.zeros(chain.model.nq), np.zeros(n), np.ones(n))
+    with pytest.raises(sst_pin.ClosureError):
+        chain.generalized_forces(aside, np.zeros(n), np.ones(n))
+
+
+def rod_between_two_balls(spin):
+    """A crank and a rocker joined by a rod on two balls; `spin` is its inertia about itself."""
+    model = pin.Model()
+    crank = body(model, 0, pin.JointModelRZ(), 0.0, "crank")
+    rocker = body(model, 0, pin.JointModelRY(), 0.4, "rocker")
+    inertia = pin.Inertia(1.0, np.array([0.15, 0, 0]), np.diag([spin, 0.01, 0.01]))
+    rod = add(model, crank, pin.JointModelSpherical(), "rod", at(0.2), inertia)
+    tip(model, rod, 0.3, "rod_end")
+    tip(model, rocker, 0.2, "rocker_end")
+    return ClosedChain(model, [Closure("rod_end", "rocker_end", "3d")], ["crank"])
+
+
+@pytest.mark.parametrize("spin", [0.0, 1e-14, 1e-10])
+def test_a_rod_without_spin_inertia_between_two_balls_is_named(spin):
+    """Its accelerations would be noise; torques and a thick rod's accelerations are numbers."""
+    thin, thick = rod_between_two_balls(spin), rod_between_two_balls(1e-9)
+    q, n = thin.generic_configuration(), thin.degrees_of_freedom
+    state = q, np.zeros(n), [0.0]
+    for ask in (
+        lambda: thin.compute_accelerations(*state),
+        lambda: thin.acceleration_derivatives(*state),
+        lambda: thin.simulate([0.0], q, np.zeros(n), [0, 0.1]),
+        lambda: thin.rollout(np.zeros((2, 1)), q, np.zeros(n), 1e-3),
+    ):
+        with pytest.raises(sst_pin.SingularConfigurationError, match=r"rod_w.* move no mass"):
+            ask()
+    assert np.isfinite(thin.generalized_forces(q, np.zeros(n), np.ones(n))).all()
+    assert np.isfinite(thick.compute_accelerations(*state)).all()
+
+
+def test_a_thin_rod_is_named_whatever_the_coordinates():
+    """Coordinates may be those of another mode than home's, here of a rhombus beside the rod."""
+    model = pin.Model(rod_between_two_balls(0.0).model)
+    bars = [("crank_2", "universe", 1.0, 0.3), ("coupler_2", "crank_2", 0.3, 0.3)]
+    planar([*bars, ("rocker_2", "universe", 1.3, 0.3)], pin.JointModelRY, model)
+    ends = ("rod_end", "rocker_end"), ("coupler_2_end", "rocker_2_end")
+    closures = [Closure(*pair, "3d") for pair in ends]
+    q = ClosedChain(model, closures, ["crank"]).generic_configuration()
+    folded, opened = np.tile(q, (2, 1))
+    for pose, angles in (folded, [0.7, np.pi, np.pi]), (opened, [0.7, -0.7, 0.7]):
+        pose[-3:] = angles
+    model.referenceConfigurations["home"] = folded
+    chain = ClosedChain(model, closures, ["crank"], coordinates=["crank", "rod_wx", "rocker_2"])
+    assert np.isfinite(chain.generalized_forces(opened, np.zeros(3), np.ones(3))).all()
+    with pytest.raises(sst_pin.SingularConfigurationError, match=r"rod_w.* move no mass"):
+        chain.compute_accelerations(opened, np.zeros(3), [0.0])
+
+
+def test_a_rod_without_spin_inertia_needs_no_motor_to_spin():
+    """Rounding of where its axis passes is no force; a thick rod's spin needs one."""
+    thin, thick = rod_between_two_balls(0.0), rod_between_two_balls(1e-3)
+    random, q = np.random.default_rng(0), thin.generic_configuration()
+    n, crank = thin.degrees_of_freedom, thin.mechanism.coordinate_rate_names.index("crank")
+    at_rest = np.zeros((1, 2, n))
+    for va, aa in [*at_rest, *random.normal(size=(10, 2, n))]:
+        f = thin.generalized_forces(q, va, aa)
+        np.testing.assert_allclose(thin.compute_torques(q, va, aa), [f[crank]], rtol=1e-9)
+    with pytest.raises(sst_pin.ActuationError, match="no motor supplies the forces rod_w"):
+        thick.compute_torques(q, va, aa)
+
+
+@pytest.mark.parametrize("frames", [False, True])
+@pytest.mark.parametrize("locked", [[1], [2], [4], [2, 4], [1, 3]])
+def test_locked_joints_stay_where_they_are_in_a_tree_of_any_order(locked, frames):
+    tree = trees.tree("RX", ["revolute", "PX"], ["RZ"])
+    tree.referenceConfigurations["home"] = np.arange(4.0)
+    for joint in range(1, 5 * frames):
+        tree.addJointFrame(joint)
+    names, free = list(tree.names), [k for k in range(4) if k + 1 not in locked]
+    q, v = np.random.default_rng(1).normal(size=(2, 4))
+    v[[k - 1 for k in locked]] = 0.0
+    fixed = without_locked(tree, {names[k]: q[k - 1] for k in locked})
+    assert list(fixed.names)[1:] == [names[k + 1] for k in free]
+    forces = pin.rnea(tree, tree.createData(), q, v, v)[free]
+    data, whole = fixed.createData(), tree.createData()
+    # Rounding of sums in another order.
+    np.testing.assert_allclose(pin.rnea(fixed, data, q[free], v[free], v[free]), forces, atol=1e-12)
+    pin.framesForwardKinematics(fixed, data, q[free])
+    pin.framesForwardKinematics(tree, whole, q)
+    found, wanted = (d.oMf[m.getFrameId("A")] for m, d in ((fixed, data), (tree, whole)))
+    np.testing.assert_allclose(found.homogeneous, wanted.homogeneous, atol=1e-12)
+    assert fixed.referenceConfigurations["home"].tolist() == free

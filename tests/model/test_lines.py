@@ -1,0 +1,273 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Forces along lines between two frames, and motors on lines."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.testing import assert_allclose
+
+import sst_pin
+from any_chain import chain as arm
+from any_chain import mimicking, states, with_joint
+from by_hand import at, mark
+from derivative_cases import (
+    assert_derivatives_are_those_of_differences,
+    case,
+    close,
+    derivative,
+    of_gallery,
+)
+from doors import Arrays
+from sst_pin import ClosedChain, Closure, LineForce
+from sst_pin.simulation.energy import energy_balance
+from sst_pin.verification.verify import verify_chain
+
+#: Ends of lines: from the world, between two links of one branch, over two branches.
+ENDS = [("universe", "point_arm_5"), ("point_arm_1", "point_arm_4"), ("point_body", "point_arm_3")]
+STRUTS = [
+    LineForce(*ends, stiffness=30 + 20 * k, rest_length=0.2 * k, damping=3 + k, preload=7 - 9 * k)
+    for k, ends in enumerate(ENDS)
+]
+
+
+def with_lines(robot, motors=("body",)):
+    """The robot with lines, and without."""
+    how = {"coordinates": robot.coordinates}
+    lined = ClosedChain(robot.model, robot.closures, motors, forces=STRUTS, **how)
+    return lined, ClosedChain(robot.model, robot.closures, ["body"], **how)
+
+
+def tension_and_row(chain, line, q, va):
+    """From positions and Jacobians of its two frames alone."""
+    data = chain.model.createData()
+    pin.framesForwardKinematics(chain.model, data, q)
+    a, b = (data.oMf[chain.model.getFrameId(name)] for name in (line.frame_a, line.frame_b))
+    d = b.translation - a.translation
+    length = np.linalg.norm(d)
+    J_a, J_b = (chain.frame_jacobian(q, name)[:3] for name in (line.frame_a, line.frame_b))
+    row = d / length @ (J_b - J_a)
+    tension = line.preload + line.stiffness * (length - line.rest_length)
+    return length, tension + line.damping * row @ va, row
+
+
+def random_states(chain, count=5):
+    return zip(*states(chain, count, seed=0), strict=True)
+
+
+@pytest.mark.parametrize("name", ["revolute", "spherical", "composite", "free-flyer"])
+def test_a_line_does_the_work_of_two_opposed_forces(name):
+    """f without lines less f with them is the sum of minus tension times the row of the length."""
+    chain, bare = with_lines(with_joint(name))
+    for q, va, aa in random_states(chain):
+        f = bare.generalized_forces(q, va, aa) - chain.generalized_forces(q, va, aa)
+        own = [tension_and_row(chain, line, q, va) for line in STRUTS]
+        pulls = -sum(tension * row for _, tension, row in own)
+        close(f, pulls, 1e-12 * np.abs(bare.generalized_forces(q, va, aa)).max())
+        assert_allclose(chain.line_lengths(q), [length for length, *_ in own], rtol=1e-13)
+
+
+def test_terms_hold_springs_and_dampers_of_lines():
+    chain, bare = with_lines(with_joint("universal"))
+    for q, va, aa in random_states(chain):
+        f = chain.generalized_forces(q, va, aa)
+        terms, reduced = chain.noc(q, va), chain.reduced_terms(q, va)
+        applied = terms.gravity + terms.friction + terms.springs
+        close(terms.inertia @ aa + terms.coriolis @ va - applied, f, 1e-11)
+        close(terms.springs + terms.gravity, reduced.gravity, 1e-13)
+        close(terms.friction, reduced.friction, 1e-13)
+        rates = [tension_and_row(chain, line, q, va)[2] for line in STRUTS]
+        damped = sum(
+            line.damping * row * (row @ va) for line, row in zip(STRUTS, rates, strict=True)
+        )
+        close(bare.noc(q, va).friction - terms.friction, damped, 1e-12)
+
+
+def test_direct_dynamics_is_the_inverse_with_motors_on_lines():
+    """Both are those of Lagrange multipliers, which take rows from the frames' Jacobians."""
+    motors = ["body", STRUTS[0].name, {STRUTS[1].name: 2.0, "arm_3": -0.5}]
+    robot = with_joint("universal")
+    chain = ClosedChain(robot.model, robot.closures, motors, forces=STRUTS)
+    assert chain.motor_names[2:] == (STRUTS[0].name, f"2 {STRUTS[1].name} - 0.5 arm_3")
+    assert chain.motor_units == ("Nm", "Nm", "N", "Nm")
+    assert max(line.relative for line in verify_chain(chain, 5)) < 1e-9
+    for q, va, aa in random_states(chain):
+        tau = chain.compute_torques(q, va, aa)
+        f, J = chain.generalized_forces(q, va, aa), chain.actuator_jacobian(q)
+        close(J.T @ tau, f, 1e-10)
+        # Judged by the forces that they take: free of the conditioning of the mass matrix.
+        found = chain.compute_accelerations(q, va, tau)
+        close(chain.generalized_forces(q, va, found), f, 1e-12)
+        rows = [tension_and_row(chain, line, q, va)[2] for line in STRUTS]
+        own = chain.joint_rates(q, np.eye(2))
+        third = 2 * rows[1] - 0.5 * own[:, chain.model.getJointId("arm_3")]
+        assert_allclose(J[2:], [rows[0], third], atol=1e-12)
+        assert_allclose(chain.motor_rates(q, va), J @ va, atol=1e-12)
+
+
+def test_a_motor_on_a_line_is_a_cylinder_without_mass():
+    """The force is that in the slide of a strut with hinges, whose bodies weigh nothing."""
+    bar = sst_pin.robots.four_bar()
+    line = LineForce("foot", "platform", stiffness=40, rest_length=0.3, damping=9, preload=-5)
+    model = pin.Model(bar.model)
+    foot = at(-0.2, 0, -0.1)
+    mark(model, 0, "foot", foot)
+    chain = ClosedChain(model, bar.closures, [line.name], forces=[line], coordinates=["crank"])
+
+    upright = bar.model.jointPlacements[1].rotation
+    turn = model.addJoint(0, pin.JointModelRZ(), pin.SE3(upright, foot.translation), "turn")
+    mark(model, model.addJoint(turn, pin.JointModelPX(), at(), "slide"), "rod", at())
+    model.referenceConfigurations["home"] = np.array([*bar.home, 1.2, 0.6])
+    closures = [*bar.closures, Closure("rod", "platform", (True, True, True, False, False, False))]
+    D, k, rest = np.zeros(5), np.zeros(5), np.zeros(5)
+    D[4], k[4], rest[4] = 9, 40, 0.3 + 5 / 40
+    strut = ClosedChain(
+        model, closures, ["slide"], coordinates=["crank"],
+        viscous_friction=D, stiffness=k, spring_reference=rest,
+    )  # fmt: skip
+    for angle in (0.2, 1.0, 2.0, 4.0):
+        q = chain.assemble([angle, *bar.home[1:]])
+        d = upright.T @ (bar.platform_pose(q)[:3, 3] - foot.translation)
+        whole = strut.assemble([*q, np.arctan2(d[1], d[0]), np.linalg.norm(d)])
+        for va, aa in ((0, 0), (2, -3)):
+            tau = chain.compute_torques(q, [va], [aa])
+            assert_allclose(tau, strut.compute_torques(whole, [va], [aa]), rtol=1e-9)
+        assert_allclose(chain.motor_rates(q, [1]), strut.motor_rates(whole, [1]), rtol=1e-10)
+
+
+LINES_AND_MOTORS = {
+    "universal": lambda: (with_joint("universal"), ["body", STRUTS[1].name], STRUTS),
+    "mimic": lambda: (mimicking("hinge"), ["body"], STRUTS),
+    "rods": lambda: (arm(kind="3d"), ["body", STRUTS[0].name], STRUTS),
+}
+
+
+@pytest.mark.parametrize("name", LINES_AND_MOTORS)
+def test_derivatives_are_those_of_differences(name):
+    robot, motors, forces = LINES_AND_MOTORS[name]()
+    some = case(robot.model, robot.closures, motors, forces=forces)
+    random, door = np.random.default_rng(1), Arrays(some)
+    for state in some.states(3):
+        assert_derivatives_are_those_of_differences(some, door, *state, random)
+
+
+def test_forces_at_rest_are_slopes_of_the_potential_energy():
+    some = of_gallery(
+        "stewart",
+        forces=[LineForce("universe", "platform", stiffness=900, rest_length=0.4, preload=-20)],
+    )
+    q, way, *_ = next(some.states(1))
+    zero = np.zeros(6)
+    slope = derivative(lambda s: some.twin.potential_energy(some.at(q, way, s)))
+    f = some.forces(q, zero, zero, None)
+    close(f @ way, slope, 1e-9)
+
+
+def test_reactions_are_those_under_wrenches_that_pull_as_the_lines_do():
+    """In joints and closures; the ground gives what it gives by the line from it as well."""
+    chain, bare = with_lines(with_joint("revolute"))
+    model, data = chain.model, chain.model.createData()
+    for q, va, aa in random_states(chain, 2):
+        pin.framesForwardKinematics(model, data, q)
+        wrenches, by_ground = np.zeros((model.njoints, 6)), np.zeros(6)
+        for line in STRUTS:
+            _, tension, _ = tension_and_row(chain, line, q, va)
+            ends = [model.frames[model.getFrameId(name)] for name in (line.frame_a, line.frame_b)]
+            p = [(data.oMi[end.parentJoint] * end.placement).translation for end in ends]
+            pull = tension * (p[1] - p[0]) / np.linalg.norm(p[1] - p[0])
+            for end, place, force in zip(ends, p, (pull, -pull), strict=True):
+                centre = data.oMi[end.parentJoint].act(model.inertias[end.parentJoint].lever)
+                wrenches[end.parentJoint] += [*np.cross(place - centre, force), *force]
+                if not end.parentJoint:
+                    by_ground -= [*np.cross(place, force), *force]
+        pulled = chain.reactions(q, va, aa)
+        same = bare.reactions(q, va, aa, external_wrenches=wrenches[1:])
+        for name in ("joints", "closures", "motors"):
+            close(getattr(pulled, name), getattr(same, name), 1e-10)
+        close(pulled.ground, same.ground + by_ground, 1e-11)
+
+
+def test_energy_of_a_damped_swing_goes_where_it_says():
+    """A four-bar swings on a gas spring with a damper; the balance closes to 1e-9 of its parts."""
+    bar = sst_pin.robots.four_bar()
+    gas = LineForce("universe", "platform", stiffness=60, rest_length=0.4, damping=80, preload=-8)
+    chain = ClosedChain(bar.model, bar.closures, ["crank"], forces=[gas])
+    motion = chain.simulate([0.0], bar.home, [1.0], np.linspace(0, 0.3, 601))
+    assert len(motion) == 601
+    balance = energy_balance(chain, motion)
+    assert balance.friction[-1] < -2e-3
+    assert np.abs(balance.error).max() < 1e-8 * np.abs(balance.potential).max()
+
+
+def test_both_ends_in_one_place_have_no_direction():
+    bar = sst_pin.robots.four_bar()
+    gas = LineForce("rocker_pin", "coupler_pin", stiffness=1, name="gas")
+    chain = ClosedChain(bar.model, bar.closures, ["crank"], forces=[gas])
+    for quantity in (chain.compute_torques, chain.compute_accelerations):
+        with pytest.raises(sst_pin.SingularConfigurationError, match="line gas is not determined"):
+            quantity(bar.home, [0], [0])
+    assert chain.line_lengths(bar.home) < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("numbers", "problem"),
+    [
+        ({"stiffness": -1}, "stiffness of line a-b: -1 is negative"),
+        ({"damping": -0.5}, "damping of line a-b"),
+        ({"rest_length": -1}, "rest_length of line a-b"),
+        ({"preload": np.nan}, "preload of line a-b: nan is not finite"),
+        ({"stiffness": np.inf}, "inf is not finite"),
+        ({"stiffness": "soft"}, "stiffness of line a-b"),
+        ({"name": 3}, "3 is not a name"),
+    ],
+)
+def test_numbers_that_no_line_has_are_refused(numbers, problem):
+    with pytest.raises(sst_pin.InputError, match=problem):
+        LineForce("a", "b", **numbers)
+
+
+def test_lines_that_do_not_fit_the_robot_are_refused():
+    bar = sst_pin.robots.four_bar()
+
+    def chain(forces, motors=("crank",)):
+        return ClosedChain(bar.model, bar.closures, motors, forces=forces)
+
+    line = LineForce("universe", "platform")
+    with pytest.raises(sst_pin.UnknownNameError, match="platfrom"):
+        chain([LineForce("universe", "platfrom")])
+    with pytest.raises(sst_pin.InputError, match="two different frames"):
+        LineForce("platform", "platform")
+    with pytest.raises(sst_pin.InputError, match="several lines have the name universe-platform"):
+        chain([line, line])
+    with pytest.raises(sst_pin.InputError, match="line crank has the name of a joint"):
+        chain([LineForce("universe", "platform", name="crank")])
+    with pytest.raises(sst_pin.InputError, match="is not a LineForce"):
+        chain([("universe", "platform")])
+    with pytest.raises(sst_pin.InputError, match="a sequence of LineForce"):
+        chain(line)
+    with pytest.raises(sst_pin.InputError, match="appears twice"):
+        chain([line], [line.name, line.name])
+    with pytest.raises(sst_pin.UnknownNameError):
+        chain([line], ["gas"])
+
+
+def test_a_line_stays_where_its_joint_is_locked():
+    """Its length is constant between links that do not move: it gives no force."""
+    robot = with_joint("free-flyer")
+    chain = ClosedChain(robot.model, robot.closures, [], forces=STRUTS, locked=["arm_1", "arm_3"])
+    bare = ClosedChain(robot.model, robot.closures, [], locked=["arm_1", "arm_3"])
+    for q, va, aa in random_states(chain, 2):
+        f = bare.generalized_forces(q, va, aa) - chain.generalized_forces(q, va, aa)
+        pulls = -sum(x * row for _, x, row in (tension_and_row(chain, s, q, va) for s in STRUTS))
+        close(f, pulls, 1e-11 * np.abs(bare.generalized_forces(q, va, aa)).max())
+
+
+def test_mobility_counts_motors_on_lines():
+    bar = sst_pin.robots.four_bar()
+    line = LineForce("universe", "platform", name="cylinder")
+    chain = ClosedChain(bar.model, bar.closures, ["cylinder"], forces=[line])
+    mobility = chain.mobility()
+    assert mobility.sufficient
+    assert mobility.held == 1
+    assert "cylinder" in str(mobility)
+    assert "cylinder" in repr(chain)
+    assert not ClosedChain(bar.model, bar.closures, [], forces=[line]).mobility().sufficient

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What is kept in motion: energy, momentum, rolling; with springs, floating bases, wheels."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.testing import assert_allclose
+
+from by_hand import add, at, mark
+from planar_bars import planar
+from sst_pin import ClosedChain, Closure
+from sst_pin.model.closures import Rolling
+
+SHAPE = np.diag([0.02, 0.03, 0.035])
+LOOP = Closure("coupler_end", "rocker_end", "3d")
+
+
+def body(model, parent, joint, name, place=(), mass=1.0, lever=(0.2, 0.02, 0.01)):
+    """A joint with a body."""
+    return add(model, parent, joint, name, at(*place), pin.Inertia(mass, np.array(lever), SHAPE))
+
+
+def four_bar_on(model, base):
+    """A four-bar linkage, its ground link on a body; the angles near its closure."""
+    bars = [("crank", base, 0.0, 0.3), ("coupler", "crank", 0.3, 0.7), ("rocker", base, 0.8, 0.6)]
+    planar(bars, model=model)
+    return np.array([1.2, -0.7, 2.0])
+
+
+def momentum(chain, q, va):
+    """Linear momentum, and angular momentum about the origin."""
+    model, data = chain.model, chain.model.createData()
+    pin.computeCentroidalMomentum(model, data, q, chain.joint_rates(q, va))
+    linear, angular = data.hg.linear.copy(), data.hg.angular.copy()
+    return linear, angular + np.cross(data.com[0], linear)
+
+
+@pytest.mark.parametrize("seconds", [2, pytest.param(100, marks=pytest.mark.slow)])
+def test_a_free_closed_robot_keeps_energy_and_momentum(seconds):
+    """A tumbling four-bar in space: to 1e-9 of their size, whatever the time."""
+    model = pin.Model()
+    model.gravity.linear = np.zeros(3)
+    body(model, 0, pin.JointModelFreeFlyer(), "base", mass=2.0)
+    guess = np.concatenate([pin.neutral(model), four_bar_on(model, "base")])
+    chain = ClosedChain(model, [LOOP], [])
+    q = chain.assemble(guess)
+    va = np.array([0.1, 0.2, -0.1, 0.3, 0.5, 0.4, 1.0])
+    times = np.linspace(0, seconds, 11)
+    motion = chain.simulate(np.zeros(0), q, va, times, rtol=1e-13, atol=1e-13)
+    energy = chain.kinetic_energy(motion.q, motion.va)
+    assert_allclose(energy, energy[0], rtol=1e-9)
+    kept = [momentum(chain, *sample) for sample in zip(motion.q, motion.va, strict=True)]
+    for quantity in map(np.array, zip(*kept, strict=True)):
+        assert np.abs(quantity - quantity[0]).max() < 1e-9 * np.linalg.norm(quantity[0])
+    # It has moved, and its loop stayed closed.
+    assert np.abs(motion.q[-1] - motion.q[0]).max() > 0.1
+    assert max(np.abs(chain.residual(q)).max() for q in motion.q) < 1e-10
+
+
+def vehicle(kind):
+    """What rolls, its configuration and rates of the coordinates."""
+    model = pin.Model()
+    model.gravity.linear = np.array([0, 0, -9.8])
+    axle = at(turned=np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]))  # z of the frame along y
+    if kind == "disc":
+        body(model, 0, pin.JointModelFreeFlyer(), "disc", lever=(0, 0, 0))
+        mark(model, 1, "wheel", axle)
+        q = pin.neutral(model)
+        q[2], q[3:] = 0.25, pin.Quaternion(pin.exp3(np.array([0.3, 0, 0]))).coeffs()
+        return model, [Rolling("universe", "wheel", 0.25)], [], q
+    base = body(model, 0, pin.JointModelPlanar(), "base", lever=(0.05, 0, 0.3), mass=5.0)
+    wheels = []
+    for side, y in (("left", 0.3), ("right", -0.3)):
+        joint = body(model, base, pin.JointModelRY(), side, (0, y, 0.25), lever=(0, 0, 0))
+        mark(model, joint, side, axle)
+        wheels.append(Rolling("universe", side, 0.25))
+    q = np.concatenate([pin.neutral(model), four_bar_on(model, "base")])
+    return model, [*wheels, LOOP], ["left", "right", "crank"], q
+
+
+def rolling_rows(model, rollings):
+    """Velocity of the wheels' lowest points, from Pinocchio's frame Jacobians alone."""
+    data = model.createData()
+
+    def rows(q):
+        pin.computeJointJacobians(model, data, q)
+        pin.updateFramePlacements(model, data)
+        found = []
+        for rolling in rollings:
+            wheel = model.getFrameId(rolling.wheel)
+            z, up = data.oMf[wheel].rotation[:, 2], np.array([0, 0, 1.0])
+            lever = -rolling.radius * (up - up @ z * z) / np.linalg.norm(up - up @ z * z)
+            J = pin.getFrameJacobian(model, data, wheel, pin.LOCAL_WORLD_ALIGNED)
+            found.append(J[:3] + np.cross(J[3:], lever, axisa=0, axisb=0, axisc=0))
+        if model.existFrame(LOOP.frame_a):
+            J = [
+                pin.getFrameJacobian(model, data, model.getFrameId(n), pin.LOCAL_WORLD_ALIGNED)[:3]
+                for n in (LOOP.frame_a, LOOP.frame_b)
+            ]
+            found.append(J[1] - J[0])
+        return np.concatenate(found)
+
+    return rows
+
+
+@pytest.mark.parametrize("kind", ["disc", "vehicle"])
+def test_what_rolls_keeps_its_energy_and_does_not_slip(kind):
+    """A leaning disc, a cart on two wheels with a four-bar: rows at 1e-12, energy at 1e-9."""
+    model, closures, motors, guess = vehicle(kind)
+    chain = ClosedChain(model, closures, motors)
+    q = chain.assemble(guess, fixed=())
+    va = np.random.default_rng(0).normal(size=chain.degrees_of_freedom)
+    va[np.abs(va) > 1] = 0.5
+    motion = chain.simulate(np.zeros(len(motors)), q, va, np.linspace(0, 0.5, 11))
+    energy = chain.kinetic_energy(motion.q, motion.va) + chain.potential_energy(motion.q)
+    assert np.abs(energy - energy[0]).max() < 1e-9 * chain.kinetic_energy(q, va)
+    rows = rolling_rows(model, [c for c in closures if isinstance(c, Rolling)])
+    for q, va in zip(motion.q, motion.va, strict=True):
+        v = chain.joint_rates(q, va)
+        assert np.abs(rows(q) @ v).max() < 1e-11 * np.abs(v).max()
+        assert np.abs(chain.Phi(q) @ v).max() < 1e-12 * np.abs(v).max()

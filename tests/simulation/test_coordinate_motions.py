@@ -1,0 +1,278 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Motions given by the coordinates alone, in arrays and in files."""
+
+import io
+import warnings
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import sst_pin
+from by_hand import add, at
+from derivative_cases import carried_four_bar
+from sst_pin.files import read_table
+from sst_pin.loops.starts import placed
+from sst_pin.simulation.coordinate_motions import coordinate_motion
+from sst_pin.simulation.motion_files import load_motion, read_motion, read_start
+from sst_pin.sst import paper
+
+
+def stream(text):
+    return io.BytesIO(text.encode())
+
+
+@pytest.fixture(scope="module")
+def delta():
+    return sst_pin.robots.delta()
+
+
+@pytest.fixture(scope="module")
+def stroke(delta):
+    """A motion of the delta's motors about its home."""
+    t = np.linspace(0, 1, 41)
+    motors = [delta.position_names.index(name) for name in delta.coordinates]
+    x = delta.home[motors] + 0.2 * np.sin(t[:, None] + np.arange(3))
+    return coordinate_motion(delta, t, x, delta.home), x
+
+
+def test_joints_follow_the_coordinates_of_an_sst_as_its_own_kinematics_say(robot):
+    """Closed form there, Newton's method along the way here."""
+    example = paper.example_1(robot, np.linspace(0, paper.PERIOD, 61))
+    motion = coordinate_motion(robot, example.t, example.q[:, ::3], example.q[0])
+    assert np.abs(motion.q - example.q).max() < 1e-9
+    # Splines through 61 samples know rates to some digits, less at the ends.
+    assert np.abs(motion.va - example.va)[6:-6].max() < 1e-4
+    assert np.abs(motion.tau - example.tau)[6:-6].max() < 0.05
+
+
+def test_loops_are_closed_and_torques_those_of_the_motion(delta, stroke):
+    motion, x = stroke
+    motors = [motion.joint_names.index(name) for name in delta.coordinates]
+    assert np.abs(motion.q[:, motors] - x).max() < 1e-12
+    assert max(np.abs(delta.residual(q)).max() for q in motion.q) < 1e-9
+    expected = delta.compute_torques(motion.q, motion.va, motion.aa)
+    assert np.array_equal(motion.tau, expected)
+
+
+def test_coarse_samples_stay_on_their_assembly():
+    """Steps of ninety degrees of a crank, and of one degree, end in the same place."""
+    chain = sst_pin.robots.four_bar()
+    crank = chain.home[chain.position_names.index("crank")]
+    ends = []
+    for count in (5, 361):
+        turn = np.linspace(0, 2 * np.pi, count)
+        motion = coordinate_motion(chain, turn, crank + turn[:, None], chain.home)
+        ends.append(motion.q[[0, -1]])
+    assert np.abs(ends[0] - ends[1]).max() < 1e-9
+    others = [i for i, name in enumerate(chain.position_names) if name != "crank"]
+    turns = (ends[0][1] - ends[0][0])[others] / (2 * np.pi)
+    assert np.abs(turns - turns.round()).max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("t", "x", "words"),
+    [
+        ([0, 1], [[0, 0, 0]] * 2, "t: shape"),
+        ([0, 1, 2], [[0, 0]] * 3, "x: shape"),
+        ([0, 1, 2], [[0, 0, 0]] * 2, "x: shape"),
+        ([0, 1, 2], [[0, 0, np.nan]] * 3, "x: "),
+    ],
+)
+def test_what_is_no_motion_of_the_coordinates_is_refused(delta, t, x, words):
+    with pytest.raises(sst_pin.InputError, match=words):
+        coordinate_motion(delta, t, x)
+
+
+def test_a_motion_out_of_reach_names_its_sample():
+    chain = sst_pin.robots.five_bar()
+    motors = [chain.position_names.index(name) for name in chain.coordinates]
+    x = chain.home[motors] + np.linspace(0, np.pi, 9)[:, None] * [1, -1]
+    with pytest.raises(sst_pin.ClosureError, match="cannot be closed further") as caught:
+        coordinate_motion(chain, np.arange(9.0), x, chain.home)
+    assert len(caught.value.samples) == 1
+
+
+def test_a_start_is_chosen_by_the_joints_that_are_given():
+    chain = sst_pin.robots.four_bar()
+    outwards = placed(chain, dict(zip(chain.position_names, chain.home, strict=True)))
+    assert np.abs(outwards - chain.home).max() < 1e-9
+    with pytest.raises(sst_pin.UnknownNameError, match="wheel"):
+        placed(chain, {"wheel": 1.0})
+
+
+def columns(motion, names, endings):
+    """A CSV of some joints, in the units that the endings say."""
+    factors = {"_rad": 1, "_deg": 180 / np.pi, "": 1}
+    chosen = [motion.joint_names.index(name) for name in names]
+    values = motion.q[:, chosen] * [factors[e] for e in endings]
+    header = ["t_s", *(f"{name}{e}" for name, e in zip(names, endings, strict=True))]
+    rows = np.column_stack([motion.t, values]).tolist()
+    return "\n".join([",".join(header), *(",".join(map(repr, row)) for row in rows)]) + "\n"
+
+
+@pytest.mark.parametrize("endings", [("_rad",) * 3, ("_deg", "", "_rad")])
+def test_a_file_of_coordinates_is_the_motion(delta, stroke, endings):
+    motion, _ = stroke
+    passive = [name for name in motion.joint_names if name not in delta.coordinates]
+    revolute = [n for n in passive if motion.units[motion.joint_names.index(n)] == "rad"]
+    names = (*delta.coordinates, *revolute)
+    read = read_motion(delta, stream(columns(motion, names, endings + ("_rad",) * len(revolute))))
+    assert np.abs(read.q - motion.q).max() < 1e-9
+    assert np.abs(read.tau - motion.tau).max() < 1e-6
+
+
+def test_a_whole_file_is_taken_as_it_stands(delta, stroke, tmp_path):
+    """`load_motion` keeps its torques, `read_motion` computes them."""
+    motion, _ = stroke
+    arrays = [motion.t, motion.q, motion.va, motion.aa]
+    halved = delta.trajectory(*arrays, motion.tau / 2)
+    for name in ("m.csv", "m.npz"):
+        halved.save(tmp_path / name)
+        assert load_motion(delta, tmp_path / name) == halved
+    assert np.abs(read_motion(delta, tmp_path / "m.csv").tau - motion.tau).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("t_s,x\n0,1\n1,1\n2,1\n", "line 1: no column of "),
+        ("x\n0\n", "missing column t_s"),
+        ("t_s,{0}_rad,{0}_deg,{1},{2}\n0,0,0,0,0\n", "one joint has several columns"),
+        ("t_s,{0},{1},{2}\n0,0,0,0\n1,0,0,0\n", "2 rows; rates need at least three"),
+        ("t_s,{0},{1},{2}\n0,0,0,0\n1,0.1,0,0\n2,4,0,0\n", "line 4: "),
+    ],
+)
+def test_a_file_that_is_no_motion_says_where(delta, text, words):
+    file = stream(text.format(*delta.coordinates))
+    with pytest.raises(sst_pin.FileFormatError, match=words):
+        read_motion(delta, file)
+
+
+@pytest.mark.parametrize("digits", [3, 16])
+def test_dependent_joints_that_are_given_choose_the_assembly(digits):
+    """The slider left of the crank, the rod left out; also rounded, and where it cannot be."""
+    chain = sst_pin.robots.slider_crank()
+    names, home = chain.position_names, chain.home
+    assert chain.coordinates == ("crank",)
+    (slider,) = [k for k, unit in enumerate(chain.joint_units) if unit == "m"]
+    guess = home.copy()
+    guess[slider] *= -1
+    assert chain.home[slider] > 0.01
+    other = chain.assemble(np.where(np.arange(len(home)) == slider, guess, home + np.pi), [])
+    q = dict(zip(names, other, strict=True))
+    given = {name: round(float(q[name]), digits) for name in ("crank", names[slider])}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = placed(chain, given)
+    assert abs(found[slider] - other[slider]) < 2 * 10.0**-digits + 1e-9
+    for far in (5.0, -5.0):
+        with pytest.warns(sst_pin.DescriptionWarning, match=f"{names[slider]} at {far:g} "):
+            placed(chain, given | {names[slider]: far})
+
+
+def test_a_column_is_of_one_joint_and_times_are_of_none():
+    """A joint may be called as another one with its unit, or as the times."""
+
+    def pair(first, second):
+        model = pin.Model()
+        for name in (first, second):
+            add(model, 0, pin.JointModelRZ(), name, at(), pin.Inertia.Random())
+        return sst_pin.ClosedChain(model, [], [first, second])
+
+    twice = "t_s,crank_deg,wheel\n0,20,0\n1,20,0\n2,20,0\n"
+    with pytest.raises(sst_pin.FileFormatError, match="of the joint crank or of the joint crank_d"):
+        read_motion(pair("crank", "crank_deg"), stream(twice))
+    plain = "t_s,crank_deg_rad,crank_rad\n0,2,0\n1,2,0\n2,2,0\n"
+    assert np.array_equal(read_motion(pair("crank_deg", "crank"), stream(plain)).q[0], [2, 0])
+    with pytest.raises(sst_pin.FileFormatError, match="no column of t_s"):
+        read_motion(pair("t_s", "wheel"), stream("t_s,wheel\n0,0\n1,0\n2,0\n"))
+
+
+def test_a_floating_robot_says_which_columns_it_needs():
+    """Its first coordinates are no angles: positions, rates and accelerations of all."""
+    model, closures, _, _ = carried_four_bar(pin.JointModelFreeFlyer())
+    chain = sst_pin.ClosedChain(model, closures, ["crank"])
+    with pytest.raises(sst_pin.FileFormatError, match=r"base_qw_1, .* and accelerations"):
+        read_motion(chain, stream("t_s,crank\n0,0\n1,0\n2,0\n"))
+
+
+def test_a_simulation_starts_where_names_or_the_first_row_say(delta, stroke):
+    motion, _ = stroke
+    table = read_table(stream("t_s,tau_1_Nm\n0,0\n"))
+    q = dict(zip(motion.joint_names, motion.q[0], strict=True))
+    given = {name: value for name, value in q.items() if name in delta.coordinates}
+    first = delta.coordinates[0]
+    q0, va0 = read_start(delta, table, given, {first: 2.0})
+    assert va0.tolist() == [2, 0, 0]
+    assert np.abs(delta.residual(q0)).max() < 1e-9
+    assert read_start(delta, table, given)[1].tolist() == [0, 0, 0]
+    some = read_table(stream(f"t_s,tau_1_Nm,{first}_rad_s\n0,0,1\n"))
+    for of, start in ((table, None), (some, given)):
+        with pytest.raises(sst_pin.FileFormatError, match="give --va0"):
+            read_start(delta, of, start)
+    with pytest.raises(sst_pin.FileFormatError, match="give --q0"):
+        read_start(delta, table, None, {})
+    with pytest.raises(sst_pin.FileFormatError, match="no rate of a coordinate wheel"):
+        read_start(delta, table, given, {"wheel": 1.0})
+
+
+def test_joints_beyond_their_limits_are_named_with_their_worst_sample(delta, stroke):
+    motion, _ = stroke
+    model = delta.model.copy()
+    motor = motion.joint_names.index(delta.coordinates[0])
+    model.lowerPositionLimit[:] = -1e9
+    model.upperPositionLimit[:] = 1e9
+    wide = sst_pin.ClosedChain(model, delta.closures, list(delta.motor_names))
+    assert wide.check(motion) == ()
+    model.upperPositionLimit[motor] = motion.q[:, motor].max() - 0.01
+    narrow = sst_pin.ClosedChain(model, delta.closures, list(delta.motor_names))
+    (found,) = map(str, narrow.check(motion))
+    worst = motion.t[motion.q[:, motor].argmax()]
+    assert found.startswith(f"{delta.coordinates[0]} leaves its limits of ")
+    assert f": {motion.q[:, motor].max():.4g} rad at t = {worst:.6g} s" in found
+
+
+def test_a_parallelogram_does_not_go_on_through_its_flat_position():
+    """Where the coupler could also turn back; any distance of the samples."""
+    chain = sst_pin.robots.four_bar(crank=0.3, coupler=0.8, rocker=0.3, ground=0.8)
+    start = chain.home[chain.position_names.index("crank")]
+    for count in (4, 9, 61, 300):
+        x = np.linspace(start, start + 2 * np.pi + 0.1, count)[:, None]
+        with pytest.raises(sst_pin.ClosureError, match="singular"):
+            coordinate_motion(chain, np.linspace(0, 1, count), x, chain.home)
+
+
+def test_who_chooses_the_assembly_itself_says_so():
+    """Without a home, and with the coordinates alone, a four-bar may start in either mode."""
+    chain = sst_pin.robots.four_bar()
+    home, t = chain.home, np.linspace(0, 1, 11)
+    x = home[0] + 0.1 * t[:, None]
+    bare = sst_pin.ClosedChain(chain.model.copy(), chain.closures, chain.motor_names)
+    del bare.model.referenceConfigurations["home"]
+    bare = sst_pin.ClosedChain(bare.model, chain.closures, chain.motor_names)
+    with pytest.warns(sst_pin.DescriptionWarning, match="named home"):
+        coordinate_motion(bare, t, x)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        coordinate_motion(chain, t, x)
+        coordinate_motion(bare, t, x, home)
+        placed(bare, dict(zip(bare.position_names, home, strict=True)))
+
+
+def test_angles_modulo_one_turn_are_told_and_those_of_endless_joints_go_on():
+    """Two turns of a crank, logged from -180 to 180 deg."""
+    t = np.linspace(0, 4, 161)
+    x = np.pi * t[:, None]
+    wrapped = np.angle(np.exp(1j * x))
+    four_bar = sst_pin.robots.four_bar()
+    with pytest.warns(sst_pin.DescriptionWarning, match="crank jump by a full turn"):
+        coordinate_motion(four_bar, t, wrapped)
+    model = pin.Model()
+    add(model, 0, pin.JointModelRUBZ(), "wheel", at(), pin.Inertia(1.0, np.ones(3), np.eye(3)))
+    wheel = sst_pin.ClosedChain(model, [], ["wheel"])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        coordinate_motion(four_bar, t, x)
+        turning = coordinate_motion(wheel, t, wrapped)
+    assert np.abs(turning.va - np.pi).max() < 1e-9

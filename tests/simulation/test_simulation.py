@@ -1,0 +1,337 @@
+# SPDX-License-Identifier: BSD-2-Clause
+import warnings
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.spatial.transform import Rotation
+
+import robots
+import sst_pin
+from by_hand import add, at
+from sst_pin.dynamics.reference import ReferenceStates
+from sst_pin.simulation.energy import energy_balance
+from sst_pin.sst import paper
+from sst_pin.verification.sampling import random_parameters, random_state
+from sst_pin.verification.virtual_work import VirtualWork
+
+HANGING = sst_pin.Parameters(gravity=9.81 * np.ones(3) / np.sqrt(3))
+
+
+def tilted_home(robot, rotvec):
+    R = Rotation.from_rotvec(rotvec).as_matrix() @ robot.platform_orientation(robot.home)
+    return robot.inverse_kinematics(R)
+
+
+def worst_residual(robot, motion):
+    return max(np.abs(robot.residual(q)).max() for q in motion.q)
+
+
+@pytest.fixture(scope="module")
+def circle(robot):
+    return paper.example_1(robot, np.linspace(0, paper.PERIOD, 301))
+
+
+def test_example_2_returns_to_the_circle(robot, circle):
+    """From the exact start within 1e-9, from the printed one within 5e-5 (measured 2e-12, 2e-5)."""
+    exact = paper.compare(robot, circle, paper.example_2(robot, circle))
+    assert exact.path_error < 1e-9
+    assert exact.closure < 1e-11
+    assert exact.energy < 1e-8  # integral of the power by a spline through 301 samples
+    rounded = paper.compare(robot, circle, paper.example_2(robot, circle, rounded=True))
+    assert 1e-6 < rounded.path_error < 5e-5
+
+
+def test_example_2_from_torques_computed_on_the_way(robot, circle):
+    """A callable instead of samples: no interpolation between them."""
+
+    def torque(t, q, va):
+        return robot.compute_torques(*robot.joint_motion(*sst_pin.paper_circle(t)))
+
+    motion = robot.simulate(torque, circle.q[0], circle.va[0], circle.t[::30])
+    assert np.abs(motion.q - circle.q[::30]).max() < 1e-10
+    assert np.abs(motion.aa - circle.aa[::30]).max() < 1e-8
+
+
+def test_samples_of_torque_may_stand_at_the_times_of_the_simulation(robot, circle):
+    """An array of shape (N, 3) is the torques of a motion at t."""
+    motion = robot.simulate(circle.tau, circle.q[0], circle.va[0], circle.t)
+    assert motion == paper.example_2(robot, circle)
+
+
+@pytest.mark.parametrize("rotvec", [(0.1, 0, 0), (0.1, -0.2, 0.2)])
+def test_a_hundred_seconds_of_swinging_keep_energy_and_closures(rotvec):
+    """Home tilted by 0.1 and 0.3 rad about the hanging pose and let go, without friction."""
+    robot = sst_pin.SST(HANGING)
+    t = np.linspace(0, 100, 401)
+    motion = robot.simulate(np.zeros(3), tilted_home(robot, rotvec), np.zeros(3), t)
+    energy = robot.kinetic_energy(motion.q, motion.va) + robot.potential_energy(motion.q)
+    assert np.abs(energy - energy[0]).max() < 1e-9
+    assert worst_residual(robot, motion) < 1e-11
+    assert np.abs(motion.va).max() > 0.1  # it does swing
+
+
+def test_closures_hold_whatever_the_tolerance_of_the_integrator():
+    """A coarse integration drifts along the closures, never off them."""
+    robot = sst_pin.SST(HANGING)
+    start, t = tilted_home(robot, (0.2, 0.1, 0)), np.linspace(0, 20, 41)
+    coarse = robot.simulate(np.zeros(3), start, np.zeros(3), t, rtol=1e-4, atol=1e-4)
+    assert worst_residual(robot, coarse) < 1e-11
+
+
+def test_projection_leaves_the_dynamics_alone():
+    """Virtual work integrates the motion in R and omega of the star, without closures."""
+    robot, referee = sst_pin.SST(HANGING), VirtualWork(HANGING)
+    q0 = tilted_home(robot, (0.2, 0.1, 0))
+    t = np.linspace(0, 2, 5)
+    motion = robot.simulate(np.zeros(3), q0, np.zeros(3), t)
+    R, _ = referee.simulate(lambda *_: np.zeros(3), robot.platform_orientation(q0), np.zeros(3), t)
+    assert np.abs(robot.platform_orientation(motion.q) - R).max() < 1e-9  # integrators' 1e-11
+
+
+def test_time_runs_backwards_without_friction():
+    robot = sst_pin.SST(random_parameters(np.random.default_rng(7), friction=False))
+    q, va, _ = robot.joint_motion(*random_state(robot, np.random.default_rng(8)))
+    t = np.linspace(0, 0.05, 11)
+    there = robot.simulate(np.zeros(3), q, va, t)
+    back = robot.simulate(np.zeros(3), there.q[-1], -there.va[-1], t)
+    assert np.abs(back.q[-1] - q).max() < 1e-9
+    assert np.abs(back.va[-1] + va).max() < 1e-8
+
+
+def test_viscous_friction_accounts_for_the_lost_energy():
+    p = sst_pin.Parameters(gravity=HANGING.gravity, viscous_friction=0.05)
+    robot = sst_pin.SST(p)
+    t = np.linspace(0, 3, 601)
+    motion = robot.simulate(np.zeros(3), tilted_home(robot, (0.2, 0, 0)), np.zeros(3), t)
+    energy = robot.kinetic_energy(motion.q, motion.va) + robot.potential_energy(motion.q)
+    assert energy[-1] < energy[0] - 0.01
+    assert np.abs(sst_pin.energy_error(robot, motion)).max() < 1e-7  # spline through samples
+
+
+def test_motors_work_against_their_own_rates_whatever_the_coordinates():
+    """A four-bar told by its rocker and driven at its crank gains what the motor gives."""
+    table = robots.four_bar()
+    chain = table.chain(coordinates=["rocker"])
+    q, t = table.joints(table.x).real, np.linspace(0, 0.2, 41)
+    motion = chain.simulate([3.0], q, [0.2], t)
+    balance = energy_balance(chain, motion)
+    assert np.abs(balance.motors).max() > 0.01  # J
+    assert np.abs(sst_pin.energy_error(chain, motion)).max() < 1e-6  # the spline's, 0.005 s apart
+
+
+def test_coulomb_friction_brings_the_robot_to_rest():
+    """It ends creeping below the width of the smoothed sign, not chattering."""
+    p = sst_pin.Parameters(gravity=HANGING.gravity, coulomb_friction=0.02)
+    robot = sst_pin.SST(p)
+    q0 = tilted_home(robot, (0.1, 0, 0))
+    motion = robot.simulate(
+        np.zeros(3), q0, np.zeros(3), np.linspace(0, 4, 41), rtol=1e-7, atol=1e-7
+    )
+    assert np.abs(motion.va).max() > 0.2
+    assert np.abs(motion.va[-1]).max() < 1e-3
+
+
+def test_a_load_on_the_star_drives_it(robot):
+    """A callable wrench and a constant one are one and the same when they are equal."""
+    w = np.zeros((9, 6))
+    w[2, :3] = (0.5, -0.2, 0.1)
+    t = np.linspace(0, 0.1, 3)
+    hold = robot.compute_torques(robot.home, np.zeros(3), np.zeros(3), external_wrenches=w)
+    moment = w[2, :3]
+    for loads in (
+        {"external_wrenches": w},
+        {"platform_moment": moment},  # the same load by its other name
+        {"platform_moment": lambda t, q, va: 3 * moment, "external_wrenches": -2 * w},
+    ):
+        still = robot.simulate(hold, robot.home, np.zeros(3), t, **loads)
+        assert np.abs(still.q - robot.home).max() < 1e-12
+    loads = {"external_wrenches": lambda t, q, va: 2 * w}
+    moved = robot.simulate(lambda t, q, va: hold, robot.home, np.zeros(3), t, **loads)
+    assert np.abs(moved.q[-1] - robot.home).max() > 1e-3
+
+
+def test_a_fall_goes_on_where_the_motors_do_not_hold_the_robot(robot):
+    """Without torques under gravity, through condition numbers of more than 1000."""
+    t, q0 = np.linspace(0, 5, 501), tilted_home(robot, (0.3, 0.1, -0.2))
+    motion = robot.simulate(np.zeros(3), q0, np.zeros(3), t)
+    assert np.array_equal(motion.t, t)
+    assert robot.condition_number(motion.q).max() > 1000
+    # Where the rates of the coordinates determine those of the other joints well.
+    sound = robot.condition_number(motion.q) < 100
+    assert sound.sum() > len(motion) / 2
+    q, va = motion.q[sound], motion.va[sound]
+    assert np.ptp(robot.kinetic_energy(q, va) + robot.potential_energy(q)) < 1e-8
+    assert worst_residual(robot, motion) < 1e-11
+
+
+@pytest.mark.parametrize("kernels", [True, False])
+def test_steps_lead_across_singularities_of_the_coordinates(kernels):
+    """The symmetric fall from home comes through one fast; each tolerance finds one motion."""
+    robot = sst_pin.SST(kernels=kernels)
+    ends = [
+        robot.simulate(
+            np.zeros(3), robot.home, np.zeros(3), [0, 0.6], rtol=tolerance, atol=tolerance
+        ).q[-1]
+        for tolerance in (1e-13, 1e-9, 1e-3)
+    ]
+    assert np.abs(ends[1] - ends[0]).max() < 1e-7
+    assert np.abs(ends[2] - ends[0]).max() < 1e-1
+
+
+def test_a_start_in_a_singularity_is_refused(robot):
+    with pytest.raises(sst_pin.InputError, match="closer to a singularity"):
+        robot.simulate(np.zeros(3), robot.home, np.zeros(3), [0, 1], max_condition_number=2)
+
+
+def test_arguments_are_checked_before_the_integration(robot, circle):
+    q, va = circle.q[0], circle.va[0]
+    for torque, t, word in (
+        (np.zeros(2), [0, 1], r"torque: shape \(2,\)"),
+        (np.zeros((4, 3)), [0, 1], r"torque: shape \(4, 3\), expected \(2, 3\)"),
+        (np.zeros(3), [0], "N >= 2"),
+        (np.zeros(3), [0, 1, 1], r"not increasing: t\[2\] = 1 after 1"),
+        (np.zeros(3), [0, np.nan], r"index 1\): t: nan is not finite"),
+        (circle, [0, 1], "has samples from 0 to 0.523599 s, but the simulation is from 0 to 1 s"),
+        (lambda t, q, va: np.zeros(4), [0, 1], r"torque\(t, q, va\): shape \(4,\)"),
+        (lambda t, q, va: (0, np.nan, 0), [0, 1], "torque.* is nan"),
+    ):
+        with pytest.raises(sst_pin.InputError, match=word):
+            robot.simulate(torque, q, va, t)
+    with pytest.raises(sst_pin.ClosureError):
+        robot.simulate(np.zeros(3), q + 0.1, va, [0, 1])
+
+
+def test_an_integrator_that_gives_up_says_when():
+    """A runaway, va' ~ va^3, ends in SimulationError, not in a truncated motion."""
+    weightless = sst_pin.SST(sst_pin.Parameters(gravity=(0, 0, 0)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # overflow in trial steps, its own
+        with pytest.raises(sst_pin.SimulationError) as caught:
+            weightless.simulate(
+                lambda t, q, va: 50 * va**3 * (1, 0, 0),
+                weightless.home,
+                np.array((5.0, 0, 0)),
+                [0, 1],
+                max_condition_number=1e300,
+            )
+    assert 0 < caught.value.time < 0.1
+
+
+def test_progress_reports_the_time_reached(robot, circle):
+    seen = []
+    robot.simulate(circle, circle.q[0], circle.va[0], circle.t, progress=seen.append)
+    assert seen[0] == 0
+    assert max(seen) == circle.t[-1]
+
+
+def two_bodies(first):
+    """An arm on a joint on the ground."""
+    model = pin.Model()
+    inertia = pin.Inertia(2.0, np.array([0.1, 0.2, 0.3]), np.diag([0.4, 0.5, 0.6]))
+    joint = add(model, 0, first, "first", at(), inertia)
+    add(model, joint, pin.JointModelRX(), "arm", at(1, 1, 1), inertia)
+    home = pin.integrate(model, pin.neutral(model), np.linspace(-0.6, 0.7, model.nv))
+    model.referenceConfigurations["home"] = home
+    return sst_pin.ClosedChain(model, [], ["first", "arm"])
+
+
+DIFFERENTIATED = {name: getattr(sst_pin.robots, name) for name in ("governor", "bricard", "delta")}
+DIFFERENTIATED["a quaternion"] = lambda: two_bodies(pin.JointModelFreeFlyer())
+DIFFERENTIATED["a circle"] = lambda: two_bodies(pin.JointModelRUBZ())
+
+
+@pytest.mark.parametrize(
+    ("name", "kernels"), [*((name, False) for name in DIFFERENTIATED), ("governor", True)]
+)
+def test_derivatives_of_states_are_those_of_their_rates(name, kernels):
+    """Central differences; relative to the largest derivative, the governor's 1.5e5 /s^2.
+
+    Rates of positions by the length of a quaternion or circle, which integrators do not keep, are
+    no part of the dynamics: positions are compared along motions.
+    """
+    chain = DIFFERENTIATED[name]()
+    if kernels:
+        chain.compile()
+    states, random = chain._states(0.1), np.random.default_rng(1)
+    n, motors = chain.degrees_of_freedom, chain.actuation.shape[1]
+    state, tau = np.concatenate([chain.home, random.normal(size=n) / 2]), random.normal(size=motors)
+    by_state, by_tau = states.derivatives(state, tau, None)
+
+    def differences(function, size, h):
+        return np.transpose([(function(h * e) - function(-h * e)) / (2 * h) for e in np.eye(size)])
+
+    expected = differences(lambda d: states.rate(state + d, tau, None), len(state), 1e-6)
+    space, (nq, nv) = chain.mechanism.space, (chain.model.nq, chain.model.nv)
+    turns = np.array([space.coordinate_rates(chain.home, e) for e in np.eye(nv)]).T
+    error, most = by_state - expected, 1e-8 * (1 + np.abs(expected).max())
+    assert np.abs(error[:, :nq] @ turns).max() < most
+    assert np.abs(error[:, nq:]).max() < most
+    expected = differences(lambda d: states.rate(state, tau + d, None), motors, 1.0)  # linear
+    assert np.abs(by_tau - expected).max() < 1e-8 * (1 + np.abs(expected).max())
+
+
+def test_implicit_methods_take_exact_derivatives_of_stiff_motions(monkeypatch):
+    chain, exact, calls = sst_pin.robots.governor(), ReferenceStates.derivatives, []
+
+    def counted(self, *arguments):
+        calls.append(arguments)
+        return exact(self, *arguments)
+
+    monkeypatch.setattr(ReferenceStates, "derivatives", counted)
+    ends = []
+    for method in ("Radau", "BDF", "LSODA"):
+        ends.append(
+            chain.simulate(
+                lambda t, q, va: -np.array([0.1, 0, 0, 0]) * va,
+                chain.home,
+                2 * np.pi * np.eye(4)[0],
+                [0, 0.1],
+                method=method,
+                rtol=1e-7,
+                atol=1e-7,
+            ).q[-1]
+        )
+        assert calls, method
+        calls.clear()
+    # Errors of a step add up: a hundred steps of 1e-7.
+    assert np.ptp(ends, axis=0).max() < 1e-5
+
+
+def test_an_implicit_method_may_go_too_far_before_it_has_derivatives():
+    """Steps of a four-bar told by its rocker lead beyond where its loop closes."""
+    crank = sst_pin.robots.four_bar()
+    chain = sst_pin.ClosedChain(crank.model, crank.closures, ["crank"], coordinates=["rocker"])
+    for way, rate in ((-1.4, 3.0), (0.3, 3.0), (0.7, -3.0)):
+        q0 = crank.assemble({"crank": crank.home[0] + way})
+        start = q0, crank.joint_rates(q0, [rate])[2:]
+        motion = chain.simulate([0], *start, [0, 1, 2], method="LSODA", rtol=1e-2, atol=1e-2)
+        assert not motion.stopped
+        assert worst_residual(chain, motion) < 1e-11
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize("distance", [1e3, 1e5])
+def test_a_robot_far_from_the_origin_moves_as_it_does_there(distance, compiled):
+    """Rounding of its places, 1e-11 m at 100 km, does not keep the loops from closing."""
+    chain = sst_pin.robots.four_bar()
+    model = chain.model.copy()
+    model.gravity.linear = np.zeros(3)  # its potential energy alone needs the digits
+    for joint in range(1, model.njoints):
+        if model.parents[joint] == 0:
+            model.jointPlacements[joint].translation += [distance, 0, 0]
+    for frame in model.frames:
+        if frame.parentJoint == 0:
+            frame.placement.translation += np.array([distance, 0, 0])
+    near = chain.model.copy()
+    near.gravity.linear = np.zeros(3)
+    motions = []
+    for each in (near, model):
+        robot = sst_pin.ClosedChain(each, chain.closures, ["crank"])
+        if compiled:
+            robot.compile()
+        t = np.linspace(0, 1, 11)
+        motions.append(robot.simulate([0.0], robot.home, [3.0], t, rtol=1e-8, atol=1e-8))
+    assert not motions[1].stopped
+    # Places are known to 1e-16 of the distance, lengths of the bars are tenths of a metre.
+    assert np.abs(motions[0].q - motions[1].q).max() < 1e-7 + 1e-13 * distance

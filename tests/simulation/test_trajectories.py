@@ -1,0 +1,422 @@
+# SPDX-License-Identifier: BSD-2-Clause
+from itertools import pairwise
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+import sst_pin
+from by_hand import add, at
+from planar_bars import planar
+from sst_pin.files import read_table, write_files
+from sst_pin.simulation.motion_files import load_motion
+from sst_pin.sst import paper
+
+NAMES = ("gamma_1", "mu_1", "slide")
+NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
+
+
+@pytest.fixture
+def motion(robot):
+    return paper.example_1(robot, np.linspace(0, 0.1, 7))
+
+
+def with_words(motion, **words):
+    arrays = (getattr(motion, name) for name in ("t", "q", "va", "aa", "tau"))
+    names = {"joint_names": motion.joint_names, "actuated": motion.actuated}
+    return sst_pin.Trajectory(*arrays, **names | words)
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    q=arrays(float, (3, 3), elements=NUMBERS),
+    v=arrays(float, (3, 2), elements=NUMBERS),
+    start=st.floats(-1e6, 1e6),
+)
+def test_any_finite_numbers_survive_the_files(tmp_path_factory, q, v, start):
+    """Tiny, huge, negative zeros; a prismatic joint among revolute ones."""
+    folder = tmp_path_factory.mktemp("motions")
+    t = start + np.array((0.0, 1.0, 2.5))
+    units = ("rad", "rad", "m")
+    motion = sst_pin.Trajectory(t, q, v, 2 * (v / 4), v, NAMES, ("slide", "mu_1"), units)
+    for name in ("motion.csv", "motion.npz"):
+        motion.save(folder / name)
+        copy = sst_pin.Trajectory.load(folder / name)
+        assert copy == motion
+        assert np.signbit(copy.q).tolist() == np.signbit(motion.q).tolist()
+
+
+def test_headers_carry_names_and_units(motion, tmp_path):
+    motion.save(tmp_path / "m.csv")
+    header = (tmp_path / "m.csv").read_text().splitlines()[0].split(",")
+    assert header[:4] == ["t_s", "gamma_1_rad", "mu_1_rad", "beta_1_rad"]
+    assert header[10:16] == [f"gamma_{k}_rad_{u}" for u in ("s", "s2") for k in (1, 2, 3)]
+    assert header[16:] == ["tau_1_Nm", "tau_2_Nm", "tau_3_Nm"]
+
+
+def test_forces_of_prismatic_motors_are_in_newtons(tmp_path):
+    q, two, units = np.zeros((2, 3)), np.zeros((2, 2)), ("rad", "rad", "m")
+    motion = sst_pin.Trajectory([0, 1], q, two, two, two, NAMES, ("slide", "mu_1"), units)
+    motion.save(tmp_path / "m.csv")
+    header = (tmp_path / "m.csv").read_text().splitlines()[0].split(",")
+    assert header[-2:] == ["tau_1_N", "tau_2_Nm"]
+    assert "slide_m_s" in header
+
+
+def test_a_motion_is_a_value(motion):
+    with pytest.raises(ValueError, match="read-only"):
+        motion.tau[0] = 0
+    assert motion != "a motion"
+    with pytest.raises(sst_pin.InputError, match="q: shape"):
+        sst_pin.Trajectory([0, 1], [[0]], [[0]], [[0]], [[0]], ["a"], ["a"])
+
+
+def test_torque_of_a_motion_passes_through_its_samples(motion):
+    torque = motion.torque()
+    assert np.abs([torque(t) for t in motion.t] - motion.tau).max() < 1e-12
+
+
+@pytest.mark.parametrize("t", [-1.0, 1e3, np.nan, None, "now"])
+def test_torque_of_a_motion_is_not_guessed_outside_of_it(motion, t):
+    """A polynomial of degree five leads to any number there."""
+    with pytest.raises(sst_pin.InputError, match="t: "):
+        motion.torque()(t)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        {"joint_names": "abcdefghi"},
+        {"joint_names": ["a"] * 9},
+        {"joint_names": range(9)},
+        {"actuated": "abc"},
+        {"actuated": ["gamma_1"] * 3},
+        {"units": ["rad"]},
+        {"units": ["deg"] * 9},
+        {"stopped": 5},
+    ],
+)
+def test_names_and_units_are_words_one_for_each_joint(motion, words):
+    """A text is no sequence of names, and each name stands once."""
+    with pytest.raises(sst_pin.InputError, match=next(iter(words))):
+        with_words(motion, **words)
+
+
+@pytest.mark.parametrize("name", ["a,b", '"a"', " a", "a\nb"])
+def test_a_name_that_a_csv_cannot_hold_is_refused_there_only(tmp_path, name):
+    none = np.zeros((2, 1))
+    motion = sst_pin.Trajectory([0, 1], none, none, none, none, [name], [name])
+    with pytest.raises(sst_pin.OutputError, match=r"save it as \.npz"):
+        motion.save(tmp_path / "odd.csv")
+    motion.save(tmp_path / "odd.npz")
+    assert sst_pin.Trajectory.load(tmp_path / "odd.npz") == motion
+
+
+def test_why_a_motion_stopped_is_kept_in_npz(motion, tmp_path):
+    stopped = with_words(motion, stopped="singular")
+    stopped.save(tmp_path / "m.npz")
+    assert sst_pin.Trajectory.load(tmp_path / "m.npz").stopped == "singular"
+    assert stopped == motion
+    assert stopped[3:].stopped == "singular"  # of its last sample
+    assert stopped[:3].stopped == ""
+
+
+def test_nothing_is_overwritten_without_force(motion, tmp_path):
+    path = tmp_path / "m.csv"
+    path.write_text("precious")
+    with pytest.raises(sst_pin.OutputError, match="exists already"):
+        motion.save(path)
+    assert path.read_text() == "precious"
+    motion.save(path, force=True)
+    assert sst_pin.Trajectory.load(path) == motion
+
+
+def test_nothing_is_left_half_written(tmp_path):
+    path = tmp_path / "out.bin"
+    path.write_bytes(b"old")
+
+    def fail(file):
+        file.write(b"half")
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(sst_pin.OutputError, match="No space left on device"):
+        write_files({path: fail}, force=True)
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_all_targets_are_looked_at_before_the_first_is_written(tmp_path):
+    (tmp_path / "b").write_text("in the way")
+    files = {tmp_path / name: lambda file: file.write(b"x") for name in "abc"}
+    with pytest.raises(sst_pin.OutputError):
+        write_files(files)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["b"]
+
+
+def test_places_that_cannot_be_written_are_told(motion, tmp_path):
+    (tmp_path / "d.csv").mkdir()
+    with pytest.raises(sst_pin.OutputError, match="is a folder"):
+        motion.save(tmp_path / "d.csv")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(sst_pin.OutputError, match="cannot be written"):
+        motion.save(tmp_path / "file" / "m.csv")
+    with pytest.raises(sst_pin.OutputError, match=r"known: \.csv, \.npz"):
+        motion.save(tmp_path / "m.mat")
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "word"),
+    [
+        ("t_s,a\n0,1\n1,x\n", 3, "a: 'x' is not a number"),
+        ("t_s,a\n0,1\n1,nan\n", 3, "a: nan is not finite"),
+        ("t_s,a\n0,1\n\n2,1\n1,1\n", 5, "times must increase: t_s = 1 after 2"),
+        ("t_s,a\n0,1\n1\n", 3, "1 cells, the header has 2"),
+        ("t_s,a,a\n0,1,1\n", 1, "column a appears twice"),
+        ("when,a\n0,1\n", 1, "missing column t_s; found: when, a"),
+        ("t,time,a\n0,1,1\n", 1, "column t_s appears twice"),
+        ("t_s,a\n", None, "no rows"),
+        ("", 1, "missing column t_s; found: none"),
+        ('t_s,a\n0,"1\n1,2\n', 3, "is not a number"),  # a quotation mark without its twin
+    ],
+)
+def test_a_table_says_where_it_is_wrong(tmp_path, text, line, word):
+    path = tmp_path / "table.csv"
+    path.write_text(text)
+    with pytest.raises(sst_pin.FileFormatError, match=word) as caught:
+        read_table(path)
+    if line is not None:
+        assert caught.value.line == line
+        assert f"line {line}" in str(caught.value)
+
+
+def test_tables_of_spreadsheets_are_read(tmp_path):
+    path = tmp_path / "table.csv"
+    path.write_bytes("\ufefft_s, a\r\n0, 1\r\n1, 2.5e-3\r\n\r\n".encode())
+    table = read_table(path)
+    assert table.columns == ("t_s", "a")
+    assert table.column("a").tolist() == [1, 2.5e-3]
+    with pytest.raises(sst_pin.FileFormatError, match="missing columns b, c; found: t_s, a"):
+        table.select(["b", "a", "c"])
+
+
+def test_files_that_are_no_motions_are_told(tmp_path):
+    (tmp_path / "x.npz").write_bytes(b"PK nothing")
+    np.savez(tmp_path / "y.npz", t=np.zeros(1))
+    (tmp_path / "x.csv").write_text("t_s,x\n0,1\n")
+    (tmp_path / "n.csv").write_text("t_s,gamma_1_rad,gamma_1_rad_s\n0,1,2\n")
+    for name, words in (
+        ("m.csv", "cannot be read: No such file"),
+        *((name, "not a motion") for name in ("m.npz", "x.npz", "y.npz", "x.csv")),
+        ("n.csv", "missing columns gamma_1_rad_s2, tau_1_Nm"),
+    ):
+        with pytest.raises(sst_pin.FileFormatError, match=words):
+            sst_pin.Trajectory.load(tmp_path / name)
+
+
+def test_motors_that_are_no_coordinates_come_back_by_their_names(tmp_path):
+    """There may be as many motors as coordinates, but others; more; and fewer."""
+    for motors in (("rocker",), ("crank", "rocker"), ("0.5 crank + 1 rocker",)):
+        tau = np.arange(2.0 * len(motors)).reshape(2, -1)
+        q, va = np.arange(6.0).reshape(2, 3), np.ones((2, 1))
+        names = ("crank", "coupler", "rocker")
+        motion = sst_pin.Trajectory(
+            [0, 1], q, va, va, tau, names, motors, ("rad", "rad", "m"), coordinates=("crank",)
+        )
+        for ending in ("csv", "npz"):
+            path = tmp_path / f"{len(motors)}{motors[0][0]}.{ending}"
+            motion.save(path)
+            assert sst_pin.Trajectory.load(path) == motion
+
+
+@pytest.mark.parametrize(
+    "samples", [slice(2, 5), slice(None, None, 3), [0, 4, 6], np.arange(7) > 3]
+)
+def test_a_part_of_a_motion_is_a_motion(motion, samples):
+    part = motion[samples]
+    for name in ("t", "q", "va", "aa", "tau"):
+        assert np.array_equal(getattr(part, name), getattr(motion, name)[samples])
+    for name in ("joint_names", "actuated", "units", "coordinates", "rate_units"):
+        assert getattr(part, name) == getattr(motion, name)
+    assert motion[:] == motion
+
+
+@pytest.mark.parametrize(
+    ("samples", "words"),
+    [
+        (3, r"use motion\[3:4\]"),
+        (slice(7, 9), "selects none of 7"),
+        (slice(None, None, -1), "is not in the order of time"),
+        ([1, 1], "is not in the order of time"),
+        ([9], "out of bounds"),
+        ("q", "samples"),
+        (slice(0.1, 0.3), "samples"),
+        ([[0, 1]], "not a slice"),
+    ],
+)
+def test_samples_that_are_no_motion_are_refused(motion, samples, words):
+    with pytest.raises(sst_pin.InputError, match=words):
+        motion[samples]
+
+
+def test_a_motion_between_two_times_holds_the_samples_at_both(motion):
+    assert motion.between(motion.t[1], motion.t[4]) == motion[1:5]
+    assert motion.between(-1, 1) == motion
+    with pytest.raises(sst_pin.InputError, match="no sample from 2 to 3 s"):
+        motion.between(2, 3)
+    with pytest.raises(sst_pin.InputError, match="no sample from 1 to 0 s"):
+        motion.between(1, 0)
+
+
+def test_a_table_of_pandas_is_the_csv(motion, tmp_path):
+    pd = pytest.importorskip("pandas", reason="extra `pandas` is not installed")
+    motion.save(tmp_path / "m.csv")
+    read = pd.read_csv(tmp_path / "m.csv", index_col="t_s")
+    # Its reader may be off in the last bit.
+    pd.testing.assert_frame_equal(motion.to_dataframe(), read, rtol=1e-15, atol=1e-30)
+
+
+def test_a_motion_prints_as_a_few_lines(motion):
+    lines = repr(motion).splitlines()
+    assert lines[0] == "Trajectory of 7 samples"
+    assert "0 to 0.1 s" in lines[1]
+    assert "(7, 9): gamma_1, mu_1" in lines[2]
+    peak = np.abs(motion.tau[:, 1]).max()
+    assert f"gamma_2 {peak:.4g} N m" in lines[4]
+    assert len(lines) == 5
+    page = motion._repr_html_()
+    assert page.count("<tr>") == 4
+    many = [f"joint_{k}<" for k in range(40)]
+    none = np.zeros((1, 40))
+    wide = sst_pin.Trajectory([0], none, none, none, none, many, many)
+    assert "joint_8< and 31 more" in repr(wide)
+    assert "joint_8&lt; and 31 more" in wide._repr_html_()
+    assert max(map(len, repr(wide).splitlines())) < 250
+
+
+def test_a_tendon_over_sliding_joints_gives_newtons(tmp_path):
+    """What it acts on tells the unit, not its name; in files and what is read of them, too."""
+    model = pin.Model()
+    for name in ("left", "right"):
+        add(model, 0, pin.JointModelPX(), name, at(), pin.Inertia.Random())
+    together = sst_pin.Coupling("right", {"left": (0, 1)})
+    chain = sst_pin.ClosedChain(model, [together], [{"left": 0.5, "right": 0.5}])
+    assert chain.motor_units == ("N",)
+    zero = np.zeros((2, 1))
+    motion = chain.trajectory([0, 1], np.zeros((2, 2)), zero, zero)
+    assert motion.torque_units == motion[:1].torque_units == ("N",)
+    for name in ("m.csv", "m.npz"):
+        motion.save(tmp_path / name)
+        assert sst_pin.Trajectory.load(tmp_path / name) == motion
+        assert load_motion(chain, tmp_path / name) == motion
+    with np.load(tmp_path / "m.npz") as file:
+        older = {key: file[key] for key in file.files if key != "torque_units"}
+    np.savez(tmp_path / "older.npz", **older)
+    assert sst_pin.Trajectory.load(tmp_path / "older.npz").torque_units == ("Nm",)
+
+
+def motion_of_other(what):
+    """A five-bar, and a motion of the same joints with other names in another order."""
+    chain = sst_pin.robots.five_bar()
+    model, closures = chain.model, chain.closures
+    motors, coordinates = list(chain.motor_names), list(chain.coordinates)
+    if what == "motors":
+        other = sst_pin.ClosedChain(model, closures, motors[::-1], coordinates=coordinates)
+    else:
+        other = sst_pin.ClosedChain(model, closures, motors, coordinates=coordinates[::-1])
+    t, zero = np.linspace(0, 0.1, 11), np.zeros(2)
+    return chain, other.simulate(np.array([0.1, 0.3]), chain.home, zero, t)
+
+
+@pytest.mark.parametrize("what", ["motors", "coordinates"])
+def test_a_motion_with_other_motors_or_coordinates_is_refused_everywhere(what, tmp_path):
+    """Its columns have the same number; only their names tell that they are swapped."""
+    chain, motion = motion_of_other(what)
+    for use in (
+        lambda: sst_pin.energy_error(chain, motion),
+        lambda: chain.simulate(motion, chain.home, [0, 0], motion.t),
+        lambda: chain.check(motion),
+        lambda: sst_pin.plots.motion_page(chain, motion),
+        lambda: chain.show(motion),
+    ):
+        with pytest.raises(sst_pin.InputError, match=f"another robot, with {what}"):
+            use()
+    motion.save(tmp_path / "other.npz")
+    with pytest.raises(sst_pin.FileFormatError, match=f"another robot, with {what}"):
+        load_motion(chain, tmp_path / "other.npz")
+    motion.save(tmp_path / "other.csv")  # has names for all columns, or is refused
+    read = load_motion(chain, tmp_path / "other.csv")
+    assert read.coordinates == chain.coordinates
+    for name in chain.motor_names:
+        ours, theirs = (m.tau[:, m.actuated.index(name)] for m in (read, motion))
+        assert np.array_equal(ours, theirs)
+
+
+def test_a_motion_belongs_to_robots_whose_joints_move_alike(tmp_path):
+    arms = []
+    for joint in (pin.JointModelRY(), pin.JointModelPX()):
+        model = pin.Model()
+        add(model, 0, joint, "a", at(), pin.Inertia.Identity())
+        arms.append(sst_pin.ClosedChain(model, [], ["a"]))
+    t = np.linspace(0, 1, 7)
+    motion = sst_pin.coordinate_motion(arms[0], t, t[:, None])
+    with pytest.raises(sst_pin.InputError, match="units of positions rad; this one has m"):
+        arms[1].check(motion)
+
+
+def test_a_robot_without_motors_reads_its_motion_again(tmp_path):
+    four_bar = sst_pin.robots.four_bar()
+    chain = sst_pin.ClosedChain(four_bar.model, four_bar.closures, [])
+    motion = chain.simulate([], chain.home, [0], [0, 0.01, 0.02])
+    motion.save(tmp_path / "m.csv")
+    assert sst_pin.Trajectory.load(tmp_path / "m.csv") == motion
+
+
+def arm(names, motors=None, joint=pin.JointModelRY):
+    """Joints in series that turn or slide, with these names."""
+    bars = [(n, on, 0.4 * (on != "universe"), 0.4) for on, n in pairwise(["universe", *names])]
+    return sst_pin.ClosedChain(planar(bars, joint), [], list(motors or names))
+
+
+def swung(robot):
+    t = np.linspace(0, 0.5, 11)
+    return sst_pin.coordinate_motion(robot, t, 0.2 * np.sin(3 * t)[:, None] * [1, 2])
+
+
+def test_torques_of_motors_that_are_named_by_numbers_are_never_swapped(tmp_path):
+    """`tau_1_Nm` may be the motor 1, or the first one: a CSV holds only what is both."""
+    right, swapped = arm(["1", "2"]), arm(["1", "2"], ["2", "1"])
+    path, motion = tmp_path / "m.csv", swung(right)
+    motion.save(path)
+    assert sst_pin.Trajectory.load(path) == load_motion(right, path) == motion
+    with pytest.raises(sst_pin.FileFormatError, match="torques with numbers are those of 1, 2"):
+        load_motion(swapped, path)
+    crossed = swapped.with_coordinates(["1", "2"])
+    motion = swung(crossed)
+    with pytest.raises(sst_pin.OutputError, match="number for its name"):
+        motion.save(tmp_path / "n.csv")
+    motion.save(tmp_path / "n.npz")
+    assert load_motion(crossed, tmp_path / "n.npz") == motion
+
+
+def test_torques_in_a_table_of_positions_are_kept_or_refused(tmp_path):
+    """Those of other motors are refused, whatever else the table holds."""
+    robot, path = arm(["a", "b"]), tmp_path / "m.csv"
+    rows = "".join(f"{0.1 * k},{0.1 * k},0,{k},{-k}\n" for k in range(5))
+    path.write_text(f"t_s,a_rad,b_rad,tau_a_Nm,tau_b_Nm\n{rows}")
+    assert np.array_equal(load_motion(robot, path).tau, np.outer(range(5), [1, -1]))
+    one = arm(["a", "b"], ["a"])
+    with pytest.raises(sst_pin.FileFormatError, match="torques of other motors, tau_b_Nm"):
+        load_motion(one, path)
+    swung(robot).save(path, force=True)
+    with pytest.raises(sst_pin.FileFormatError, match="are those of a, b here"):
+        load_motion(one, path)
+
+
+def test_a_position_in_the_unit_of_another_kind_of_joint_is_refused(tmp_path):
+    path = tmp_path / "m.csv"
+    path.write_text("t_s,a_rad,b_rad\n" + "".join(f"{0.1 * k},0,{0.1 * k}\n" for k in range(5)))
+    with pytest.raises(sst_pin.FileFormatError, match="the joint a slides, in m"):
+        load_motion(arm(["a", "b"], joint=pin.JointModelPX), path)
