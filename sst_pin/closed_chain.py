@@ -29,7 +29,7 @@ from .arrays import (
 from .dynamics import derivatives, dynamics, reactions, redundancy, regressor
 from .engine import dispatch
 from .engine.assignments import require_assignable
-from .engine.backend import Key, States
+from .engine.backend import Key
 from .engine.current import Current
 from .errors import (
     ClosureError,
@@ -56,6 +56,7 @@ from .model.lines import LineForce
 from .model.mechanism import Friction, Mechanism, read_only
 from .model.named_positions import put
 from .model.tree import body_of
+from .states import States
 from .summaries import Summary, listed
 
 if TYPE_CHECKING:

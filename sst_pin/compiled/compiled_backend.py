@@ -26,9 +26,9 @@ from ..model.mechanism import Friction, Mechanism
 from ..model.tree import body_of, frame_named
 from . import build
 from .build import Clock, Code
+from .compiled_states import ByColumns, CompiledStates
 from .generator_inputs import fingerprint, sample_configurations
 from .open_numbers import OpenNumbers
-from .states import ByColumns, CompiledStates
 
 if TYPE_CHECKING:
     from ._binding import Course, Kernel

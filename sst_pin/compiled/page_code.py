@@ -16,12 +16,13 @@ import pinocchio as pin
 from casadi import SX
 
 from ..arrays import Array
-from ..dynamics.reference import Reference, ReferenceStates
+from ..dynamics.reference import Reference
 from ..errors import ClosureError, DescriptionError
 from ..loops.loops import Loops
 from ..loops.mobility import free_motions
 from ..model.mechanism import Mechanism
 from ..model.thresholds import WELL_CONDITIONED
+from ..states import ReferenceStates
 from . import c_code, kernels, statements
 from .compiled_backend import impossible
 from .equations import Equations

@@ -10,8 +10,8 @@ import numpy as np
 
 from ..arrays import Array, Indices
 from ..dynamics.quantities import QUANTITIES, Name, Quantity
-from ..loops.continuity import Way
 from ..model.mechanism import Friction
+from ..states import States
 
 #: Indices of samples, or a count for each sample.
 #: A result; None if the arguments must be checked first, or a sample fails the checks.
@@ -48,96 +48,6 @@ class Key(NamedTuple):
 
     def __str__(self) -> str:
         return self.entry if self.frame is None else f"{self.entry} {self.frame}"
-
-
-class Motions(NamedTuple):
-    """N motions with a fixed step.
-
-    Attributes:
-        dt: Step, [s].
-        q0: Starts, shape (N, nq).
-        va0: Rates at the starts, shape (N, n).
-        tau: Torques, shape (N, steps, motors), or at ends and middles, (N, 2 steps + 1, motors).
-        load: Constant external wrenches, shape (N, 6 r), or None.
-        q: To be filled, shape (N, steps + 1, nq); NaN behind the end.
-        va: To be filled, shape (N, steps + 1, n).
-    """
-
-    dt: float
-    q0: Array
-    va0: Array
-    tau: Array
-    load: Array | None
-    q: Array
-    va: Array
-
-    @property
-    def steps(self) -> int:
-        """How many there are."""
-        return self.q.shape[1] - 1
-
-    @property
-    def held(self) -> bool:
-        """Whether torques are constant in each step."""
-        return self.tau.shape[1] == self.steps
-
-    def torques(self, i: int, s: int) -> Array:
-        """Torques at the start, in the middle and at the end of step s of motion i."""
-        return self.tau[i, [s] * 3 if self.held else slice(2 * s, 2 * s + 3)]
-
-    def rest(self, i: int, done: int) -> Motions:
-        """Motion i alone, from its state `done` on."""
-        one = slice(i, i + 1)
-        q0, va0 = (self.q[one, done], self.va[one, done]) if done else (self.q0[one], self.va0[one])
-        tau = self.tau[one, (1 if self.held else 2) * done :]
-        load = None if self.load is None else self.load[one]
-        q, va = self.q[one, done:], self.va[one, done:]
-        return Motions(self.dt, q0.copy(), va0.copy(), tau, load, q, va)
-
-
-class States(Protocol):
-    """The state space (q, va) of one mechanism; states have shape (nq + n,) or (N, nq + n).
-
-    Attributes:
-        coordinates: Indices in v of the rates va.
-    """
-
-    coordinates: Indices
-
-    def closed(self, states: Array) -> Array:
-        """q with the dependent joints moved onto the closures, shape (..., nq)."""
-
-    def rate(self, states: Array, tau: Array, wrenches: Array | None) -> Array:
-        """Rates of states, shape (..., nq + n)."""
-
-    def derivatives(self, state: Array, tau: Array, wrenches: Array | None) -> tuple[Array, Array]:
-        """Derivatives of `rate` by the state and by tau, shapes (nq + n, nq + n), (nq + n, motors).
-
-        Not where wheels roll: there the state has more freedoms than the coordinates.
-        """
-
-    def joint_rates(self, q: Array, va: Array) -> Array:
-        """v of one state whose loops are closed, shape (nv,)."""
-
-    def joint_motion(self, q: Array, va: Array, aa: Array) -> tuple[Array, Array]:
-        """v and v_dot of one state whose loops are closed, shapes (nv,)."""
-
-    def Phi(self, q: Array) -> Array:
-        """Jacobian of the closures, free of units, shape (rows, nv)."""
-
-    def condition_number(self, q: Array) -> float:
-        """Condition number of the dependent part of Phi, infinite if it is singular."""
-
-    def suited(self, q: Array) -> tuple[States, float]:
-        """These states if their condition is sound, or much better ones, and the condition."""
-
-    def follow(
-        self, start: Array, way: Way, limit: float, first: float = 1.0
-    ) -> tuple[float, Array]:
-        """How much of a step stays regular and in its assembly mode; see `Continuity.follow`."""
-
-    def rollout(self, motions: Motions, threads: int) -> Indices:
-        """Fill the states of motions; how many of each hold, shape (N,)."""
 
 
 class Kernel(Protocol):

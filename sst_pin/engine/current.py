@@ -15,18 +15,37 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, as_array, single_array
-from ..dynamics.reference import Reference, ReferenceBackend
+from ..dynamics.reference import Reference
 from ..errors import ClosureError, InputError, SSTError
 from ..loops.assembly import home_of
 from ..loops.coordinates import examples
 from ..loops.loops import Loops
 from ..loops.mobility import Mobility, judge
-from ..model.mechanism import Mechanism
+from ..model.mechanism import Friction, Mechanism
+from ..states import ReferenceStates
 from ..summaries import listed
-from .backend import Answer, Backend, Key
+from .backend import Answer, Backend, Key, NoKernel
 
 #: Makes the backend of a mechanism.
 Kernels = Callable[[Reference], Backend]
+
+
+class ReferenceBackend:
+    """A backend that leaves everything to the reference path; `why` there are no kernels."""
+
+    def __init__(self, reference: Reference, why: str) -> None:
+        self._reference, self._why = reference, why
+
+    def __str__(self) -> str:
+        return f"the reference path: {self._why}"
+
+    def kernel(self, key: Key) -> NoKernel:
+        """No kernel: it leaves all samples to the reference path."""
+        return NoKernel()
+
+    def states(self, friction: Friction) -> ReferenceStates:
+        """The state space with this friction instead of the mechanism's."""
+        return ReferenceStates(self._reference, friction)
 
 
 class Current:

@@ -13,8 +13,8 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array
-from ..engine.backend import States
 from ..model.mechanism import Mechanism
+from ..states import States
 
 #: How far ahead a singular configuration is looked for, in units of the time expected.
 _AHEAD = 2.0

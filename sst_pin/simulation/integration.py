@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..arrays import Array
-from ..engine.backend import States
 from ..errors import ClosureError, InputError, SimulationError, SingularConfigurationError, SSTError
 from ..model.mechanism import Mechanism
 from ..model.thresholds import MARGIN, POOR, WELL_CONDITIONED
+from ..states import States
 from .crossings import Course, Crossing, crossing_of, gauss_step, mismatch
 from .sampled_torques import Sampling
 

@@ -21,8 +21,8 @@ from ..arrays import (
     single_array,
     whole_number,
 )
-from ..engine.backend import Motions
 from ..errors import InputError, SimulationError
+from ..states import Motions
 
 if TYPE_CHECKING:
     from ..closed_chain import ClosedChain

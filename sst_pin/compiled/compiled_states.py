@@ -16,11 +16,12 @@ import numpy as np
 from ..arrays import Array, Flags, Indices
 from ..dynamics.derivatives import AccelerationDerivatives
 from ..dynamics.dynamics import solved
-from ..dynamics.reference import Reference, ReferenceStates
-from ..engine.backend import Kernel, Motions, NoKernel
+from ..dynamics.reference import Reference
+from ..engine.backend import Kernel, NoKernel
 from ..errors import SSTError
 from ..loops.continuity import TRAVEL
 from ..model.mechanism import Friction, Mechanism
+from ..states import Motions, ReferenceStates
 
 if TYPE_CHECKING:
     from ._binding import Course

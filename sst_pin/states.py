@@ -1,0 +1,331 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The state space (q, va) of a mechanism, for integrators."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple, Protocol
+
+import numpy as np
+import pinocchio as pin
+
+from .arrays import Array, Indices
+from .dynamics import dynamics
+from .dynamics.reference import Reference
+from .dynamics.runge_kutta import runge_kutta_step
+from .errors import SSTError
+from .loops.continuity import Continuity, Way
+from .loops.mobility import condition_number, scaled_Phi
+from .model.mechanism import Friction
+from .model.thresholds import (
+    BEND,
+    CLOSURE_TOLERANCE,
+    FIXED_STEP,
+    MARGIN,
+    MAX_CONDITION_NUMBER,
+    WELL_CONDITIONED,
+)
+
+#: Way of a joint on which coordinates are judged once, [rad] or of the robot's length.
+_LOOK = 0.05
+
+
+class Motions(NamedTuple):
+    """N motions with a fixed step.
+
+    Attributes:
+        dt: Step, [s].
+        q0: Starts, shape (N, nq).
+        va0: Rates at the starts, shape (N, n).
+        tau: Torques, shape (N, steps, motors), or at ends and middles, (N, 2 steps + 1, motors).
+        load: Constant external wrenches, shape (N, 6 r), or None.
+        q: To be filled, shape (N, steps + 1, nq); NaN behind the end.
+        va: To be filled, shape (N, steps + 1, n).
+    """
+
+    dt: float
+    q0: Array
+    va0: Array
+    tau: Array
+    load: Array | None
+    q: Array
+    va: Array
+
+    @property
+    def steps(self) -> int:
+        """How many there are."""
+        return self.q.shape[1] - 1
+
+    @property
+    def held(self) -> bool:
+        """Whether torques are constant in each step."""
+        return self.tau.shape[1] == self.steps
+
+    def torques(self, i: int, s: int) -> Array:
+        """Torques at the start, in the middle and at the end of step s of motion i."""
+        return self.tau[i, [s] * 3 if self.held else slice(2 * s, 2 * s + 3)]
+
+    def rest(self, i: int, done: int) -> Motions:
+        """Motion i alone, from its state `done` on."""
+        one = slice(i, i + 1)
+        q0, va0 = (self.q[one, done], self.va[one, done]) if done else (self.q0[one], self.va0[one])
+        tau = self.tau[one, (1 if self.held else 2) * done :]
+        load = None if self.load is None else self.load[one]
+        q, va = self.q[one, done:], self.va[one, done:]
+        return Motions(self.dt, q0.copy(), va0.copy(), tau, load, q, va)
+
+
+class States(Protocol):
+    """The state space (q, va) of one mechanism; states have shape (nq + n,) or (N, nq + n).
+
+    Attributes:
+        coordinates: Indices in v of the rates va.
+    """
+
+    coordinates: Indices
+
+    def closed(self, states: Array) -> Array:
+        """q with the dependent joints moved onto the closures, shape (..., nq)."""
+
+    def rate(self, states: Array, tau: Array, wrenches: Array | None) -> Array:
+        """Rates of states, shape (..., nq + n)."""
+
+    def derivatives(self, state: Array, tau: Array, wrenches: Array | None) -> tuple[Array, Array]:
+        """Derivatives of `rate` by the state and by tau, shapes (nq + n, nq + n), (nq + n, motors).
+
+        Not where wheels roll: there the state has more freedoms than the coordinates.
+        """
+
+    def joint_rates(self, q: Array, va: Array) -> Array:
+        """v of one state whose loops are closed, shape (nv,)."""
+
+    def joint_motion(self, q: Array, va: Array, aa: Array) -> tuple[Array, Array]:
+        """v and v_dot of one state whose loops are closed, shapes (nv,)."""
+
+    def Phi(self, q: Array) -> Array:
+        """Jacobian of the closures, free of units, shape (rows, nv)."""
+
+    def condition_number(self, q: Array) -> float:
+        """Condition number of the dependent part of Phi, infinite if it is singular."""
+
+    def suited(self, q: Array) -> tuple[States, float]:
+        """These states if their condition is sound, or much better ones, and the condition."""
+
+    def follow(
+        self, start: Array, way: Way, limit: float, first: float = 1.0
+    ) -> tuple[float, Array]:
+        """How much of a step stays regular and in its assembly mode; see `Continuity.follow`."""
+
+    def rollout(self, motions: Motions, threads: int) -> Indices:
+        """Fill the states of motions; how many of each hold, shape (N,)."""
+
+
+class ReferenceStates:
+    """The state space (q, va) of one mechanism for an integrator, on the reference path.
+
+    States are y = (q, va), shape (nq + n,) or (N, nq + n); their dependent joints need only be near
+    the closures, their quaternions near length one. `friction` is taken instead of the mechanism's.
+    """
+
+    def __init__(self, reference: Reference, friction: Friction) -> None:
+        reference.mechanism.require_freedom()
+        reference.mechanism.require_mass()
+        self._reference, self._mechanism = reference, reference.mechanism
+        self._friction, self._nq = friction, reference.mechanism.model.nq
+        self.coordinates = reference.mechanism.coordinates
+        self._others = dict[bytes, ReferenceStates]()
+
+    def closed(self, states: Array) -> Array:
+        """q with the dependent joints moved onto the closures, wheels rolling, shape (..., nq)."""
+        if states.ndim == 1:
+            q = self._mechanism.space.normalised(states[: self._nq])
+            assembly = self._reference.memory.without_slip
+            return assembly.assemble(q, self._mechanism.dependent)
+        return np.array([self.closed(state) for state in states])
+
+    def rate(self, states: Array, tau: Array, wrenches: Array | None) -> Array:
+        """Eqs. (7) and (92): the rates of states, where the loops are closed."""
+        if states.ndim == 2:
+            loads = [None] * len(states) if wrenches is None else wrenches
+            samples = zip(states, tau, loads, strict=True)
+            return np.array([self.rate(*sample) for sample in samples])
+        q, va = self.closed(states), states[self._nq :]
+        return self._rate(q, va, tau, wrenches, CLOSURE_TOLERANCE)
+
+    def _rate(
+        self, q: Array, va: Array, tau: Array, wrenches: Array | None, tolerance: float
+    ) -> Array:
+        memory = self._reference.memory
+        arguments = (memory, self._friction, q, va, tau, wrenches, tolerance)
+        aa, v = dynamics.direct_dynamics(*arguments)
+        return np.concatenate([self._mechanism.space.coordinate_rates(q, v), aa])
+
+    def derivatives(self, state: Array, tau: Array, wrenches: Array | None) -> tuple[Array, Array]:
+        """Derivatives of `rate` by the state and by tau, shapes (nq + n, nq + n), (nq + n, motors).
+
+        The coordinates and their rates determine the state, so columns of other joints are zero.
+        """
+        reference, space, nq = self._reference, self._mechanism.space, self._nq
+        q, va = self.closed(state), state[nq:]
+        n, memory = len(va), reference.memory
+        by = self._acceleration_derivatives(q, va, tau, wrenches)
+        L = reference._L(q)
+        v, turns = L.dot(va), np.array([space.coordinate_rates(q, e) for e in np.eye(len(L))]).T
+        v_q = np.transpose([memory.complement.L_dot(memory.loops.Phi_dot(e)).dot(va) for e in L.T])
+        rates_q, q_dot_va = turns.dot(v_q), turns.dot(L)
+        if not space.euclidean:
+            # Rates of positions are quadratic in q, so central differences are exact.
+            ends = [[space.coordinate_rates(q + s * d, v) for s in (1, -1)] for d in q_dot_va.T]
+            rates_q += np.transpose([(ahead - behind) / 2 for ahead, behind in ends])
+        by_state, by_tau = np.zeros((nq + n, nq + n)), np.zeros((nq + n, len(tau)))
+        moved = np.linalg.pinv(turns)[self._mechanism.coordinates]
+        by_state[:, :nq] = np.vstack((rates_q, by[:, :n])).dot(moved)
+        by_state[:, nq:] = np.vstack((q_dot_va, by[:, n : 2 * n]))
+        by_tau[nq:] = by[:, 2 * n :]
+        return by_state, by_tau
+
+    def _acceleration_derivatives(
+        self, q: Array, va: Array, tau: Array, wrenches: Array | None
+    ) -> Array:
+        """Derivatives of aa by q, va and tau side by side, shape (n, 2 n + motors)."""
+        width = self._friction.sign_width
+        return self._reference.acceleration_derivatives(width, q, va, tau, wrenches)
+
+    def joint_rates(self, q: Array, va: Array) -> Array:
+        """v of one state whose loops are closed, shape (nv,)."""
+        return self._reference.rates(q, va)
+
+    def joint_motion(self, q: Array, va: Array, aa: Array) -> tuple[Array, Array]:
+        """v and v_dot of one state whose loops are closed, shapes (nv,)."""
+        return self._reference.joint_motion(q, va, aa)
+
+    def Phi(self, q: Array) -> Array:
+        """Jacobian of the closures, free of units, shape (rows, nv)."""
+        return scaled_Phi(self._mechanism, self._reference.memory.loops, q)
+
+    def condition_number(self, q: Array) -> float:
+        """Condition number of the dependent part of Phi, infinite if it is singular."""
+        return self._continuity.condition_number(q)
+
+    def suited(self, q: Array, sound: float = WELL_CONDITIONED) -> tuple[ReferenceStates, float]:
+        """These states if their condition is sound, or much better ones, and the condition.
+
+        The others are those in the independent rates that describe motions from q on best.
+        """
+        from scipy.linalg import qr
+
+        condition = self.condition_number(q)
+        if not condition > sound:
+            return self, condition
+        Phi, n = self.Phi(q), len(self.coordinates)
+        if not np.isfinite(Phi).all():
+            return self, condition
+        # Those of the smallest singular values: near a singularity there are more free motions.
+        motions = np.linalg.svd(Phi)[2][len(Phi.T) - n :]
+        _, order = qr(motions, pivoting=True, mode="r")
+        chosen = np.sort(order[:n]).astype(np.intp)
+        parts = self._reference.memory.loops.parts
+        best, now = (
+            condition_number(self._mechanism, Phi, parts(each))
+            for each in (chosen, self.coordinates)
+        )
+        if not best * MARGIN < now:
+            return self, condition
+        key = chosen.tobytes()
+        if key not in self._others:
+            mechanism = replace(self._mechanism, coordinates=chosen)
+            self._others[key] = ReferenceStates(Reference(mechanism), self._friction)
+        return self._others[key], self._others[key].condition_number(q)
+
+    def follow(
+        self, start: Array, way: Way, limit: float, first: float = 1.0
+    ) -> tuple[float, Array]:
+        """How much of a step stays regular and in its assembly mode; see `Continuity.follow`."""
+        return self._continuity.follow(start, way, limit, first)
+
+    @property
+    def _continuity(self) -> Continuity:
+        return self._reference.memory.continuity
+
+    def _continues(self, before: Array, after: Array) -> bool:
+        """Whether one state of a rollout leads to the next."""
+        model = self._mechanism.model
+        ahead = pin.difference(model, before, after)
+
+        def way(q: Array, low: float, high: float) -> Array:
+            return after if high == 1 else self.closed(pin.integrate(model, before, high * ahead))
+
+        return self.follow(before, way, MAX_CONDITION_NUMBER)[0] == 1
+
+    def rollout(self, motions: Motions, threads: int) -> Indices:
+        """The classical Runge-Kutta method with fixed steps, one motion after the other.
+
+        After each step the dependent joints are moved onto the closures. A motion ends at the first
+        state that does not hold: open loops, a singularity, a number that is not finite. Gives how
+        many states of each motion hold, shape (N,).
+        """
+        return np.array([self._roll(motions, i)[0] for i in range(len(motions.q))], dtype=np.intp)
+
+    @np.errstate(over="ignore", invalid="ignore")  # a motion that diverges ends
+    def _roll(self, motions: Motions, i: int, *, back: bool = False) -> tuple[int, bool]:
+        """How many states of motion i hold, and whether it goes on behind them.
+
+        Its rates are those of other joints where these describe it better; with `back`, until the
+        coordinates do again.
+        """
+        states, q, va = self, motions.q[i], motions.va[i]
+        q[:], va[:] = np.nan, np.nan
+        load = None if motions.load is None else motions.load[i].reshape(-1, 6)
+        state, before = np.concatenate([motions.q0[i], motions.va0[i]]), motions.q0[i]
+        done = 0
+        for s in range(motions.steps + 1):
+            q_s, rates = np.split(state, [self._nq])
+            try:
+                self._reference.memory.evaluate(q_s)
+                if not (np.isfinite(state).all() and (s == 0 or states._continues(before, q_s))):
+                    break
+                v = states.joint_rates(q_s, rates)
+                q[s], va[s] = q_s, rates if states is self else v[self.coordinates]
+                before, done = q_s, s + 1
+                suited = self._suited_ahead(q_s, motions.dt * v)
+                if s == motions.steps or (back and s and suited is self):
+                    return done, True
+                if suited is not states:
+                    states, state = suited, np.concatenate([q_s, v[suited.coordinates]])
+                state, short = states._step(state, motions.torques(i, s), load, motions.dt)
+                if not short:
+                    break
+            except SSTError:
+                break
+        return done, False
+
+    def _suited_ahead(self, q: Array, way: Array) -> ReferenceStates:
+        """These states, or others that are much better on the way of a fixed step from q."""
+        longest = float(np.abs(way / self._mechanism.rate_scale).max(initial=0))
+        parts = min(4, 1 + int(longest / _LOOK))
+        for fraction in np.arange(1, parts + 1) / parts:
+            ahead = pin.integrate(self._mechanism.model, q, fraction * way)
+            suited, _ = self.suited(ahead, FIXED_STEP)
+            if suited is not self:
+                return suited
+        return self
+
+    def _step(
+        self, state: Array, tau: Array, wrenches: Array | None, h: float
+    ) -> tuple[Array, bool]:
+        """One step, and whether it is short enough for the bends of its way.
+
+        Between the ends of the step q is off the closures by its square.
+        """
+        nq, model, space = self._nq, self._mechanism.model, self._mechanism.space
+
+        def rate(when: int, stage: Array) -> Array:
+            q = space.normalised(stage[:nq])
+            return self._rate(q, stage[nq:], tau[when], wrenches, np.inf)
+
+        end = runge_kutta_step(rate, state, h)
+        q = self.closed(end)
+        ways = [pin.difference(model, space.normalised(x[:nq]), q) for x in (end, state)]
+        opened, moved = np.abs(ways / self._mechanism.rate_scale).max(axis=1, initial=0)
+        short = bool(opened <= BEND * moved + CLOSURE_TOLERANCE)
+        return np.concatenate([q, end[nq:]]), short
