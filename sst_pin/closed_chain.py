@@ -1492,9 +1492,9 @@ class ClosedChain(Summary):
         defines named configurations, such as `home`.
 
         Args:
-            path: The URDF, or an SDF or USD; meshes are not needed. In these, joints that make no
-                tree close the loops, a robot without a joint to the world floats on
-                `floating_base`, and the base is the world.
+            path: The URDF, or an SDF; meshes are not needed. In an SDF, joints that make no tree
+                close the loops, a robot without a joint to the world floats on `floating_base`,
+                and the base is the world.
             cuts: The YAML; by default the file with the name of the URDF and the ending .yaml.
             actuated: The motors, as in the constructor; those of the YAML by default.
             locked: Names of joints that are fixed at zero. A locked motor is removed.
@@ -1502,7 +1502,6 @@ class ClosedChain(Summary):
         Raises:
             DescriptionError: If a file cannot be read; the message lists all problems.
             UnknownNameError: For a joint or frame that is not in the URDF.
-            MissingExtraError: For a USD without usd-core, `sst-pin[usd]`.
 
         Warns:
             DescriptionWarning: When the inertia of a link is one that no body has; when a pose of

@@ -27,7 +27,7 @@ from ..simulation.trajectories import Trajectory
 from ..sst.robot import SST
 
 #: Endings of files that describe a robot.
-_ROBOT_FILES = {".urdf", ".sdf", ".xml", ".mjcf", ".usd", ".usda", ".usdc", ".usdz"}
+_ROBOT_FILES = {".urdf", ".sdf", ".xml", ".mjcf"}
 
 
 class Parser(argparse.ArgumentParser):
@@ -105,7 +105,7 @@ class Commands:
         if robot:
             parser.option(
                 "--robot ROBOT",
-                "a URDF with its YAML beside it, an SDF, USD or MJCF, or a name of the gallery, "
+                "a URDF with its YAML beside it, an SDF or MJCF, or a name of the gallery, "
                 "such as delta (default: the SST of the paper)",
             )
         return parser

@@ -74,9 +74,7 @@ def add_validate(commands: common.Commands) -> None:
     """Every problem of a robot description."""
     text = "List all problems of a URDF or MJCF and of its closures."
     parser = commands.add("validate", _validate, text, robot=False)
-    parser.option(
-        "file FILE", "a URDF, SDF, USD or MJCF; --robot FILE names it too", Path, nargs="?"
-    )
+    parser.option("file FILE", "a URDF, SDF or MJCF; --robot FILE names it too", Path, nargs="?")
     parser.option("--robot FILE", argparse.SUPPRESS, Path)
     text = "of a URDF: closures and motors (default: the YAML with the name of FILE)"
     parser.option("--cuts YAML", text, Path)

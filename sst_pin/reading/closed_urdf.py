@@ -12,7 +12,7 @@ from ..model.closures import Constraint, Coupling
 from .cuts import Cuts, parse_cuts
 from .described import Described, naming, warned
 from .shapes import urdf_shapes
-from .srdf import Srdf, configuration
+from .srdf import Srdf
 from .text import read_text
 from .urdf import Urdf, closing_frames
 from .urdf_checks import inertia_notes, left_out
@@ -70,10 +70,8 @@ def cuts_beside(urdf: Path) -> Path | None:
 
 
 def with_poses(robot: Described, urdf: Urdf, locked: Collection[str] = ()) -> Described:
-    """The robot with the named configurations of its file and of the SRDF beside it."""
+    """The robot with the named configurations of the SRDF beside its file."""
     model, path = robot.model, Path(urdf.source).with_suffix(".srdf")
-    for name, values in urdf.poses.items():
-        model.referenceConfigurations[name] = configuration(model, values)
     if not path.is_file():
         return robot
     srdf = Srdf(path)

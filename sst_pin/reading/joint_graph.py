@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Bodies and the joints between them to the elements of a URDF: what is no tree closes loops.
 
-SDF and USD know no tree. Joints are reversed where their child comes first, and bodies that none
-of them holds float.
+An SDF has no tree. Joints are reversed where their child comes first, and bodies that no joint
+holds float.
 """
 
 import xml.etree.ElementTree as ET
@@ -34,8 +34,7 @@ class Axis(NamedTuple):
 class GraphJoint(NamedTuple):
     """A joint between two links, parent and child, and its frame on both.
 
-    `kind` is what a URDF calls it, or "ball", or "universal" with two axes. The file leaves a joint
-    that is `cut` out of the tree; one that is `driven` has a motor, and so belongs into it.
+    `kind` is what a URDF calls it, or "ball", or "universal" with two axes.
     """
 
     name: str
@@ -43,16 +42,13 @@ class GraphJoint(NamedTuple):
     links: tuple[str, str]
     places: tuple[pin.SE3, pin.SE3]
     axes: tuple[Axis, ...] = (Axis(),)
-    driven: bool = False
-    cut: bool = False
 
 
 class JointGraph:
     """A URDF of bodies and joints; `add_link` adds the bodies.
 
-    `own` has each link's frame in the URDF, in the frame that it has in the file; `branches` the
-    joints of the tree, and whether they are reversed. `balls`, `gravity` and `poses` are what a
-    URDF does not have.
+    `own` has each link's frame in the URDF, in the frame that it has in the file; `balls` and
+    `gravity` are what a URDF does not have.
     """
 
     def __init__(
@@ -60,9 +56,8 @@ class JointGraph:
     ) -> None:
         """`rest` has for each body where it stands in the world while it floats at zero."""
         self.urdf, self.own = ET.Element("robot", name=name), {WORLD: pin.SE3.Identity()}
-        self.branches, self.problems = list[tuple[GraphJoint, bool]](), list[str]()
-        self.gravity, self.poses = np.array([0, 0, -9.81]), dict[str, dict[str, list[float]]]()
-        self._marks, left = any(joint.driven for joint in joints), list(joints)
+        self.balls, self.problems, left = list[str](), list[str](), list(joints)
+        self.gravity = np.array([0, 0, -9.81])
         ET.SubElement(self.urdf, "link", name=WORLD)
         while free := [body for body in rest if body not in self.own]:
             joint = next(self._next(left), None)
@@ -75,16 +70,14 @@ class JointGraph:
             self._branch(joint)
         for joint in left:
             self._cut(joint)
-        self.balls = [joint.name for joint, _ in self.branches if joint.kind == "ball"]
 
     def _next(self, joints: list[GraphJoint]) -> Iterator[GraphJoint]:
-        """Joints that add a body to the tree: first those with motors, then by their bodies."""
-        for some in ([joint for joint in joints if joint.driven], joints):
-            for link in self.own:
-                for joint in some:
-                    a, b = joint.links
-                    if not joint.cut and link in (a, b) and (a in self.own) != (b in self.own):
-                        yield joint
+        """Joints that add a body to the tree, in the order of its bodies."""
+        for link in self.own:
+            for joint in joints:
+                a, b = joint.links
+                if link in (a, b) and (a in self.own) != (b in self.own):
+                    yield joint
 
     def _branch(self, joint: GraphJoint) -> None:
         """A joint of the tree; its positions are the same if it is reversed."""
@@ -92,7 +85,7 @@ class JointGraph:
         if child in self.own:
             parent, child, there, here, swap = child, parent, here, there, True
         self.own[child] = here
-        self.branches.append((joint, swap))
+        self.balls += [joint.name] * (joint.kind == "ball")
         at, sign = self.own[parent].actInv(there), -1 if swap else 1
         names = [joint.name] if len(joint.axes) == 1 else [f"{joint.name}_{k}" for k in (1, 2)]
         steps = list(zip(names, joint.axes, strict=True))[::sign]
@@ -106,8 +99,6 @@ class JointGraph:
             ET.SubElement(made, "child", link=link)
             ET.SubElement(made, "origin", origin_of(at))
             if kind != "floating":
-                if self._marks:
-                    made.set("independent", str(joint.driven).lower())
                 ET.SubElement(made, "axis", xyz=text_of(sign * axis.direction))
             if kind not in ("fixed", "floating"):
                 _detail(made, axis, joint.kind != "ball")
@@ -124,7 +115,6 @@ class JointGraph:
             ET.SubElement(cut, f"{side}_axis", xyz=text_of(axis.direction))
         told = [f"has {key}" for axis in joint.axes for key, x in axis.dynamics.items() if x]
         told += ["has mimic"] * any(axis.mimic for axis in joint.axes)
-        told += ["has a drive: cut another"] * joint.driven
         if joint.kind == "universal" and abs(first.direction @ last.direction) > 1e-9:
             told.append("its axes are not at a right angle")
         self.problems += [f"joint {joint.name}: closes a loop and {text}" for text in told]

@@ -19,7 +19,6 @@ from .cut_joints import Marks
 from .sdf import sdf_graph
 from .text import bare, parse_xml, read_text
 from .urdf_checks import check
-from .usd import is_usd, usd_graph
 
 _TURNS = {"X": pin.JointModelRX(), "Y": pin.JointModelRY(), "Z": pin.JointModelRZ()}
 #: What a joint of the LAAS schema is: its parts, each with what is added to its name.
@@ -37,30 +36,26 @@ MOST_JOINTS = 400
 
 
 class Urdf:
-    """A URDF, or an SDF or a USD in the form of a URDF, read and parsed once.
+    """A URDF, or an SDF in the form of a URDF, read and parsed once.
 
     `source` is its path, or what else messages call it; `root` its elements, not to be changed;
-    `marks` what it says of loops beyond the tree; `poses` the named configurations that the file
-    itself has, by joint; `problems` what is wrong in names, tree and numbers.
+    `marks` what it says of loops beyond the tree; `problems` what is wrong in names, tree and
+    numbers.
     """
 
-    def __init__(self, content: str | Path, source: str) -> None:
-        """`content` is the text of a URDF or an SDF, or the path of a USD."""
-        graph = usd_graph(content) if isinstance(content, Path) else None
-        self.source = source
-        self.root = graph.urdf if graph else parse_xml(str(content), source)
-        graph = sdf_graph(self.root, source) if self.root.tag == "sdf" else graph
-        self.root = graph.urdf if graph else self.root
-        self.gravity = graph.gravity if graph else np.array([0, 0, -9.81])
-        self.poses, self._balls = (graph.poses, graph.balls) if graph else ({}, [])
+    def __init__(self, text: str, source: str) -> None:
+        self.source, self.root = source, parse_xml(text, source)
+        self.gravity, self._balls = np.array([0, 0, -9.81]), list[str]()
+        if self.root.tag == "sdf":
+            graph = sdf_graph(self.root, source)
+            self.root, self.gravity, self._balls = graph.urdf, graph.gravity, graph.balls
         self.marks = Marks(self.root)
         self.problems = (*check(self.root), *self.marks.problems)
 
     @classmethod
     def read(cls, path: str | Path) -> "Urdf":
         """The URDF in a file."""
-        usd = isinstance(path, (str, Path)) and is_usd(Path(path))
-        return cls(Path(path) if usd else read_text(path, "URDF"), str(path))
+        return cls(read_text(path, "URDF"), str(path))
 
     @property
     def joint_names(self) -> list[str]:

@@ -101,16 +101,10 @@ def test_an_unknown_joint_to_lock_is_told_with_the_file(read, path):
     assert str(path) in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("package", "read", "extra"),
-    [("mujoco", ClosedChain.from_mjcf, "mjcf"), ("pxr", ClosedChain.from_urdf, "usd")],
-)
-def test_a_reader_without_its_package_names_the_extra(monkeypatch, tmp_path, package, read, extra):
-    path = tmp_path / "robot.usda"
-    path.write_text("#usda 1.0\n")
-    monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(sst_pin.MissingExtraError, match=rf"sst-pin\[{extra}\]"):
-        read(path)
+def test_without_mujoco_from_mjcf_names_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(sst_pin.MissingExtraError, match=r"sst-pin\[mjcf\]"):
+        ClosedChain.from_mjcf(sst_pin.MJCF_PATH)
 
 
 def test_an_sst_brings_the_poses_of_its_files(shipped):
