@@ -26,7 +26,7 @@ from .arrays import (
     single_array,
     whole_number,
 )
-from .dynamics import derivatives, dynamics, reactions, redundancy, regressor
+from .dynamics import derivatives, dynamics, reactions, regressor, torque_sharing
 from .engine import dispatch
 from .engine.assignments import require_assignable
 from .engine.backend import Key
@@ -889,7 +889,7 @@ class ClosedChain(Summary):
             found = least, f, *now._directions(q, on_error)
             motions = *now._current.arguments(q, va=va, aa=aa), load
             choice = preload, limits, weights, {"on_error": on_error, "out": out}
-            return redundancy.adjusted(now._current.reference, motions, found, *choice)
+            return torque_sharing.adjusted(now._current.reference, motions, found, *choice)
         current = self._current
         if external_wrenches is weights is None and on_error == "raise":
             tau = current.torques_of(q, va, aa, platform_moment, out, threads)
@@ -1315,7 +1315,7 @@ class ClosedChain(Summary):
             regular = dispatch.computed(current, key, current.example())
         except (ClosureError, SingularConfigurationError):  # coordinates of another assembly mode
             regular = None
-        return J, redundancy.directions(current.mechanism, J, regular, on_error)
+        return J, torque_sharing.directions(current.mechanism, J, regular, on_error)
 
     def line_lengths(self, q: ArrayLike) -> Array:
         """Lengths of the lines of `forces`, of any q, shape (..., lines), [m].

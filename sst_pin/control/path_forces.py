@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array, finite_array
 from ..closed_chain import ClosedChain
-from ..dynamics.redundancy import limits_of_each
+from ..dynamics.torque_sharing import limits_of_each
 from ..errors import ActuationError, InputError
 from ..model.named_positions import put, taken
 from ..simulation.coordinate_motions import coordinate_positions

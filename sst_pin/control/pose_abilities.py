@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array, finite_array, name_samples, single_array
 from ..closed_chain import ClosedChain
-from ..dynamics.redundancy import limits_of_each
+from ..dynamics.torque_sharing import limits_of_each
 from ..errors import ActuationError, InputError, SingularConfigurationError
 from ..model.thresholds import RANK_TOLERANCE, UNSUPPLIED
 from ..summaries import listed

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Array, Flags, finite_array, single_array
 from ..closed_chain import ClosedChain
-from ..dynamics.redundancy import limits_of_each
+from ..dynamics.torque_sharing import limits_of_each
 from ..errors import InputError
 from ..files import as_path, table_writer, write_files
 from ..loops.starts import start_of

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Array, finite_array
 from ..closed_chain import ClosedChain
-from ..dynamics.redundancy import limits_of
+from ..dynamics.torque_sharing import limits_of
 from ..errors import InputError, SingularConfigurationError
 from .linkage import Linkage
 from .pose_abilities import hull
