@@ -3,6 +3,7 @@
 
 import inspect
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,8 @@ import pytest
 import sst_pin
 from sst_pin import robots
 
-REFERENCE = json.loads(robots.REFERENCE_PATH.read_text(encoding="utf-8"))
+DATA = Path(__file__).with_name("data")
+REFERENCE = json.loads((DATA / "reference.json").read_text(encoding="utf-8"))
 
 CLASSES = {
     sst_pin.ClosedChain: {

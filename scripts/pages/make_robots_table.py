@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Write the table of docs/robots.md: what each robot of the gallery is, and how exact it is."""
 
-import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import markdown_tables
 from markdown_tables import Table
 from sst_pin import ClosedChain, robots
 from sst_pin.arrays import Array
+from tests.data import REFERENCE
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "robots.md"
 COUNTS = ("joints", "q, v", "closure rows", "redundant", "freedoms", "motors")
@@ -36,12 +36,11 @@ def reference_torques(chain: ClosedChain, states: list[dict[str, Any]]) -> tuple
 
 def table(_: Table) -> Table:
     """One row a robot; the last cell is relative to the reference data."""
-    reference = json.loads(robots.REFERENCE_PATH.read_text(encoding="utf-8"))
     rows: Table = [("robot", "what it is", *COUNTS, "torques off by")]
     for name in filter(str.islower, robots.__all__):
         build = getattr(robots, name)
         chain, what = build(), build.__doc__.split("\n")[0].rstrip(".")
-        tau, exact = reference_torques(chain, reference[name]["states"])
+        tau, exact = reference_torques(chain, REFERENCE[name]["states"])
         error = (np.abs(tau - exact) / np.abs(exact).max(axis=1, keepdims=True)).max()
         numbers = counts(chain, chain.mobility(chain.home))
         rows.append((f"`{name}()`", what, *numbers, f"{error:.0e}"))

@@ -20,11 +20,12 @@ import standard_referees as referees
 from markdown_tables import Table, rewrite
 from sst_pin import ClosedChain, Closure, plots, robots
 from sst_pin.robots.building_blocks import Tree, rod, shift
+from tests.data import PUBLISHED
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 PAGE, FOLDER = DOCS / "standard_problems.md", DOCS / "standard_problems"
 HEADER = ("quantity", "published", "this package", "independent", "off by")
-ANDREWS = robots.PUBLISHED["andrews"]
+ANDREWS = PUBLISHED["andrews"]
 ANGLES = tuple(ANDREWS["q"])  # in the order of the problem's statement
 
 

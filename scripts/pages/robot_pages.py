@@ -2,7 +2,6 @@
 """A page for each robot of the gallery: alive, its cuts, mobility and exact torques, code."""
 
 import inspect
-import json
 import re
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from sst_pin import robots
 from sst_pin.model.closures import Closure, Coupling, Distance
 from sst_pin.robots.gallery_robot import GalleryRobot
 from sst_pin.viewer import Viewer
+from tests.data import REFERENCE
 
 NAMES = tuple(name for name in robots.__all__ if name.islower())
 _WHY = "Each loop is cut once, at a joint without a motor, so that the motors' joints stay in it."
@@ -22,11 +22,10 @@ _KINDS = {"6d": "a weld", "3d": "a ball joint", "hinge": "a hinge", "orientation
 def write_robot_pages(folder: Path) -> None:
     """Write NAME.md and the live page NAME_live.html of each robot."""
     folder.mkdir(parents=True, exist_ok=True)
-    reference = json.loads(robots.REFERENCE_PATH.read_text(encoding="utf-8"))
     for name in NAMES:
         chain = getattr(robots, name)()
         Viewer(chain, live=True).save(folder / f"{name}_live.html", force=True)
-        text = page(name, chain, reference[name]["states"])
+        text = page(name, chain, REFERENCE[name]["states"])
         (folder / f"{name}.md").write_text(text, encoding="utf-8")
 
 

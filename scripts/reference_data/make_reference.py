@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Write sst_pin/robots/reference.json: ten states of each robot, exact to 40 digits.
+"""Write tests/data/reference.json: ten states of each robot, exact to 40 digits.
 
     python scripts/reference_data/make_reference.py [ROBOT ...]
 
@@ -17,6 +17,7 @@ import sst_pin
 from exact_dynamics import ExactRobot
 from plain_numbers import describe
 from sst_pin import robots
+from tests.data import REFERENCE, REFERENCE_PATH
 
 STATES, DIGITS = 10, 40
 
@@ -71,7 +72,7 @@ def main(wanted):
                 record = describe(chain)
                 home = [float(x) for x in chain.home]
                 jobs[name] = record, pool.submit(states_of, name, record, home)
-        data = json.loads(robots.REFERENCE_PATH.read_text(encoding="utf-8")) if wanted else {}
+        data = dict(REFERENCE) if wanted else {}
         for name, (record, states) in jobs.items():
             data[name] = {**record, "states": states.result()}
             print(name, flush=True)
@@ -86,7 +87,7 @@ def main(wanted):
             else:
                 parts.append(f" {json.dumps(key)}: {json.dumps(value)}")
         lines.append(f"{json.dumps(name)}: {{\n" + ",\n".join(parts) + "\n}")
-    robots.REFERENCE_PATH.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+    REFERENCE_PATH.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

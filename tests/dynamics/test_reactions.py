@@ -14,6 +14,7 @@ from by_hand import add, at, in_units, mark
 from planar_bars import planar
 from sst_pin import robots
 from sst_pin.dynamics import dynamics, reactions
+from tests.data import PUBLISHED
 
 GALLERY = [name for name in robots.__all__ if name.islower()]
 
@@ -380,7 +381,7 @@ def test_andrews_multipliers_are_the_published_ones():
     The published rates break the closures by 3e-8, so that a motion that obeys these differs by
     1e-7 of the forces. With the published rates and accelerations as they stand it is 1e-10.
     """
-    chain, given = robots.andrews(), robots.PUBLISHED["andrews"]
+    chain, given = robots.andrews(), PUBLISHED["andrews"]
     q, v, v_dot = np.array([[given[x][k] for k in chain.joint_names] for x in ("q", "v", "dv")])
     published = np.array(list(given["forces"].values()))  # on the common tip
     beta = chain.joint_names.index("beta")

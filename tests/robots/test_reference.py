@@ -14,8 +14,7 @@ import sst_pin
 from plain_numbers import describe
 from sst_pin import robots
 from sst_pin.verification.referees import lagrange
-
-REFERENCE = json.loads(robots.REFERENCE_PATH.read_text(encoding="utf-8"))
+from tests.data import REFERENCE
 
 
 @pytest.fixture(scope="module", params=REFERENCE)

@@ -12,8 +12,7 @@ import make_standard_problems as problems
 import standard_referees as referees
 from markdown_tables import read_table, table_names
 from sst_pin import ClosedChain, robots
-
-PUBLISHED = robots.PUBLISHED
+from tests.data import PUBLISHED
 
 
 def motion_of(name, t, **options):
