@@ -38,8 +38,8 @@ def cache_of_the_run(tmp_path_factory):
 @pytest.fixture(scope="module")
 def chromium():
     """A Chromium, started once for a module; without one its tests are skipped."""
-    from browser import MISSING
     from sst_pin.viewer import pictures
+    from tests.support.browser import MISSING
 
     if MISSING:
         pytest.skip(MISSING)

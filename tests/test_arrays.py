@@ -10,12 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import any_chain
-import robots
 import sst_pin
 from sst_pin.compiled import _binding
 from sst_pin.sst import kernels
 from sst_pin.verification.sampling import random_states
+from tests.support import any_chain, link_tables
 
 compiled = pytest.mark.skipif(bool(kernels.missing()), reason=f"no kernels: {kernels.missing()}")
 HOME = sst_pin.SST().home
@@ -25,7 +24,7 @@ HOME = sst_pin.SST().home
 def case(request):
     """A robot, and q, va, aa of forty motions."""
     if request.param == "compiled four-bar":
-        chain = robots.four_bar(robots.SKEW_PLANE).chain()
+        chain = link_tables.four_bar(link_tables.SKEW_PLANE).chain()
         chain.compile()
         return chain, *any_chain.states(chain, 40, 0)
     robot = sst_pin.SST(kernels=request.param == "kernels")

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import sst_pin
-from command_line import run
 from sst_pin.sst.paper import example_1
+from tests.support.command_line import run
 
 ROOT = Path(__file__).resolve().parents[2]
 SAMPLE, DELTA = ROOT / "examples" / "figure_eight.csv", ROOT / "examples" / "delta.urdf"

@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import sst_pin
-from command_line import run
+from tests.support.command_line import run
 
 DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
 CHAIN = sst_pin.robots.five_bar()

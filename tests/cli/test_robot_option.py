@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import sst_pin
-from command_line import run
 from sst_pin.cli import main
+from tests.support.command_line import run
 
 ROOT = Path(__file__).resolve().parents[2]
 DELTA = ROOT / "examples" / "delta.urdf"

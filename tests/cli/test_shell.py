@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import sst_pin
-from command_line import run
 from sst_pin.files import text_writer, write_files
+from tests.support.command_line import run
 
 SAMPLE = Path(__file__).resolve().parents[2] / "examples" / "figure_eight.csv"
 #: theta 20 deg, phi to 170 deg: beta_1 goes from 30 to -80 deg, off its arc.

@@ -5,12 +5,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-import any_chain
 import sst_pin
-from motor_cases import five_bar
 from sst_pin import ClosedChain, Closure, Coupling, LineForce
 from sst_pin.compiled.export import c_files
 from sst_pin.errors import DescriptionError, InputError, SingularConfigurationError, SSTError
+from tests.support import any_chain
+from tests.support.motor_cases import five_bar
 
 
 def remade(chain: ClosedChain, **options) -> ClosedChain:

@@ -7,10 +7,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-import cassie
 import sst_pin
-import standing_cassie as example
 from sst_pin.verification import verify
+from tests.support.files import load
+
+example = load("examples/standing_cassie.py")
+cassie = load("examples/cassie.py")
 
 DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
 

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from derivative_cases import close
-from robots import GRAVITY, ROBOTS, Robot, derivatives
 from sst_pin import ClosedChain
 from sst_pin.errors import ActuationError, ClosureError, SingularConfigurationError
-from trees import derivative
+from tests.support.derivative_cases import close
+from tests.support.link_tables import GRAVITY, ROBOTS, Robot, derivatives
+from tests.support.trees import derivative
 
 STATES = range(4)
 

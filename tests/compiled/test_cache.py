@@ -17,13 +17,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-import robots
 import sst_pin
-from by_hand import add, at, mark
-from command_line import BARS
 from sst_pin.cli import main
 from sst_pin.compiled import build
 from sst_pin.errors import CompilationError
+from tests.support import link_tables
+from tests.support.by_hand import add, at, mark
+from tests.support.command_line import BARS
 
 SOURCE = "int answer(void) { return 42; }"
 
@@ -261,7 +261,7 @@ def test_the_cache_stays_below_its_bound_and_loses_what_was_used_longest_ago(fol
 
 
 def test_a_robot_searches_the_cache_for_each_kernel_once(monkeypatch):
-    chain, asked, library = robots.four_bar().chain(), [], build.library
+    chain, asked, library = link_tables.four_bar().chain(), [], build.library
     q = chain.generic_configuration()
     chain.compile(q)
 

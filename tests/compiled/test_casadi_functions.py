@@ -8,11 +8,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-import any_chain
-import robots
 import sst_pin
-from command_line import said_without
 from sst_pin.robots import delta, four_bar, scissor_lift, stewart
+from tests.support import any_chain, link_tables
+from tests.support.command_line import said_without
 
 CHAINS = {
     "SST": sst_pin.SST,
@@ -145,7 +144,7 @@ def least_torques(functions, start, options, **more):
 
 def test_a_nonlinear_program_with_closed_loops_is_solved_by_ipopt():
     """The pose in which a planar 3-RRR needs the least torques, against many poses tried."""
-    robot = robots.planar_3rrr()
+    robot = link_tables.planar_3rrr()
     chain, start = robot.chain(), robot.joints(robot.x).real
     functions, n = chain.casadi(start), chain.degrees_of_freedom
     best = least_torques(functions, start, {"tol": 1e-10})
@@ -166,7 +165,7 @@ def test_compiled_functions_are_the_plain_ones_with_their_first_derivatives():
 
     Rows of one number, those of a four-bar, a matrix library may take for columns.
     """
-    for chain in (four_bar(), robots.planar_3rrr().chain()):
+    for chain in (four_bar(), link_tables.planar_3rrr().chain()):
         plain, ours = chain.casadi(), chain.casadi(compiled=True)
         assert ours.torques.class_name() == "External"
         for q, va, aa in states(chain, 2):

@@ -5,26 +5,25 @@ import os
 import pickle
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
-import any_chain
-import robots
 import sst_pin
 import sst_pin.robots as robots_of_the_gallery
 from sst_pin.compiled import build, compiled_backend
 from sst_pin.dynamics.derivatives import TorqueDerivatives
 from sst_pin.engine.backend import Key
 from sst_pin.errors import CompilationError
+from tests.support import any_chain, link_tables
+from tests.support.files import ROOT
 
 
 def made(name):
     if name == "floating":
         return any_chain.with_joint("free-flyer", kind="hinge")
-    return robots.four_bar(robots.SKEW_PLANE).chain()
+    return link_tables.four_bar(link_tables.SKEW_PLANE).chain()
 
 
 @pytest.fixture(
@@ -41,7 +40,7 @@ def small(request):
 
 @pytest.fixture(scope="module")
 def four_bar():
-    chain = robots.four_bar(robots.SKEW_PLANE).chain()
+    chain = link_tables.four_bar(link_tables.SKEW_PLANE).chain()
     chain.compile()
     return chain
 
@@ -116,7 +115,7 @@ def test_a_dead_centre_is_handed_over(four_bar):
         four_bar.model, four_bar.closures, ["rocker"], coordinates=["rocker"]
     )
     chain.compile()
-    c, k, r, g = robots.CRANK, robots.COUPLER, robots.ROCKER, robots.GROUND
+    c, k, r, g = link_tables.CRANK, link_tables.COUPLER, link_tables.ROCKER, link_tables.GROUND
     angle = np.arccos(((c + k) ** 2 + g**2 - r**2) / (2 * (c + k) * g))
     guess = np.array([angle, 0.0, np.pi - np.arccos((r**2 + g**2 - (c + k) ** 2) / (2 * r * g))])
     q = chain.assemble(guess, fixed=())
@@ -219,7 +218,7 @@ def test_without_a_compiler_the_reason_is_said_and_the_reference_path_computes(
     monkeypatch.setenv("PATH", "")
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.setattr(build, "find_spec", lambda _: None)
-    chain = robots.four_bar().chain()
+    chain = link_tables.four_bar().chain()
     with pytest.raises(CompilationError, match=r"no C compiler found.*sst-pin\[compiler\]"):
         chain.compile()
     q, va, aa = moving(chain, 1)
@@ -234,10 +233,10 @@ def test_without_a_compiler_the_reason_is_said_and_the_reference_path_computes(
 @pytest.mark.slow
 def test_processes_that_compile_the_same_at_once_do_not_disturb_each_other(tmp_path):
     code = (
-        "import robots; c = robots.four_bar().chain(); c.compile();"
+        "from tests.support.link_tables import four_bar; c = four_bar().chain(); c.compile();"
         "q = c.generic_configuration(); print(c.compute_torques(q, [1.0], [2.0])[0], c.path)"
     )
-    path = os.pathsep.join([str(Path(__file__).parents[1]), *sys.path])
+    path = os.pathsep.join([str(ROOT), *sys.path])
     environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": path}
     runs = [
         subprocess.Popen([sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE)
@@ -251,7 +250,7 @@ def test_processes_that_compile_the_same_at_once_do_not_disturb_each_other(tmp_p
 @pytest.mark.slow
 @pytest.mark.skipif(not build.find_spec("ziglang"), reason="needs ziglang")
 def test_the_compiler_in_a_wheel_makes_the_same_kernels(tmp_path, monkeypatch):
-    chain = robots.four_bar(robots.SKEW_PLANE).chain()
+    chain = link_tables.four_bar(link_tables.SKEW_PLANE).chain()
     q, va, aa = moving(chain, 4)
     expected = chain.compute_torques(q, va, aa)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
@@ -268,7 +267,7 @@ def test_every_instruction_set_gives_the_same(tmp_path, monkeypatch):
 
     order = ["plain", "avx2", "avx512"]
     for target in order[: order.index(_binding.INSTRUCTIONS) + 1]:
-        chain = robots.planar_3rrr().chain()
+        chain = link_tables.planar_3rrr().chain()
         q, va, aa = moving(chain, 11)
         expected = chain.compute_torques(q, va, aa)
         monkeypatch.setattr(_binding, "INSTRUCTIONS", target)

@@ -6,8 +6,16 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-import any_chain
-from derivative_cases import (
+from sst_pin import ClosedChain
+from sst_pin.compiled import c_code, kernels, statements
+from sst_pin.compiled.compiled_backend import DERIVATIVES, CompiledBackend
+from sst_pin.compiled.equations import Equations
+from sst_pin.compiled.generator_inputs import sample_configurations
+from sst_pin.engine.backend import Key
+from sst_pin.errors import InputError, UnknownNameError
+from sst_pin.model.mechanism import Friction
+from tests.support import any_chain
+from tests.support.derivative_cases import (
     CASES,
     CONSTRAINTS,
     TREES,
@@ -20,14 +28,6 @@ from derivative_cases import (
     of_gallery,
     of_tree,
 )
-from sst_pin import ClosedChain
-from sst_pin.compiled import c_code, kernels, statements
-from sst_pin.compiled.compiled_backend import DERIVATIVES, CompiledBackend
-from sst_pin.compiled.equations import Equations
-from sst_pin.compiled.generator_inputs import sample_configurations
-from sst_pin.engine.backend import Key
-from sst_pin.errors import InputError, UnknownNameError
-from sst_pin.model.mechanism import Friction
 
 #: Kernels for many samples, and for one.
 ALL = (*DERIVATIVES, *(key._replace(along=True) for key in DERIVATIVES))

@@ -4,9 +4,15 @@
 import numpy as np
 import pytest
 
-crocoddyl = pytest.importorskip("crocoddyl", reason="crocoddyl is not installed (extra 'optimal')")
+from tests.support.files import load
 
-from crocoddyl_reach import LIMIT, STEP, ClosedAction, ClosedState, reach  # noqa: E402
+crocoddyl = pytest.importorskip("crocoddyl", reason="crocoddyl is not installed (extra 'optimal')")
+crocoddyl_reach = load("examples/crocoddyl_reach.py")
+LIMIT = crocoddyl_reach.LIMIT
+STEP = crocoddyl_reach.STEP
+ClosedAction = crocoddyl_reach.ClosedAction
+ClosedState = crocoddyl_reach.ClosedState
+reach = crocoddyl_reach.reach
 
 
 def test_crocoddyl_differentiates_the_closed_chain_as_we_do(robot):

@@ -9,6 +9,7 @@ import pytest
 
 import sst_pin
 from sst_pin.compiled import build
+from tests.support.files import load
 
 da = pytest.importorskip("dask.array", reason="dask is not installed (extra 'dev')")
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -17,10 +18,10 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 @pytest.mark.slow
 def test_a_sweep_over_a_hundred_million_samples_is_lazy_and_its_blocks_are_right(robot):
     """Defined at once, computed block by block: two of four hundred blocks against NumPy."""
-    from dask_sweep import circle, sweep
+    example = load("examples/dask_sweep.py")
 
     samples = 100_000_000
-    tau = sweep(robot, circle(robot, samples), samples, 250_000)
+    tau = example.sweep(robot, example.circle(robot, samples), samples, 250_000)
     assert isinstance(tau, da.Array)
     assert tau.shape == (100_000_000, 3)
     assert tau.numblocks == (400, 1)
@@ -46,12 +47,12 @@ def test_worker_processes_load_the_kernels_of_a_compiled_robot(monkeypatch, tmp_
     """Two of them: the hexapod goes there pickled, its kernels come from the cache."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))  # other tests write to the user's own
     distributed = pytest.importorskip("dask.distributed", reason="needs distributed, extra 'dev'")
-    from dask_sweep import grid, sweep
+    example = load("examples/dask_sweep.py")
 
     robot, samples = sst_pin.robots.stewart(), 1000
     robot.compile()
-    states = grid(robot, samples)
-    lazy = sweep(robot, states, samples, 250)
+    states = example.grid(robot, samples)
+    lazy = example.sweep(robot, states, samples, 250)
     expected = robot.compute_torques(*states(np.arange(samples)))
     before = kept()
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(EXAMPLES), str(EXAMPLES.parent)]))

@@ -8,7 +8,8 @@ import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 
-from derivative_cases import (
+from sst_pin import ClosedChain
+from tests.support.derivative_cases import (
     CASES,
     WIDTH,
     assert_daa_is_the_inertia_and_dtau_its_inverse,
@@ -19,9 +20,8 @@ from derivative_cases import (
     of_gallery,
     without_coulomb,
 )
-from doors import DOORS, Kernels
-from robots import ROBOTS
-from sst_pin import ClosedChain
+from tests.support.doors import DOORS, Kernels
+from tests.support.link_tables import ROBOTS
 
 
 @pytest.fixture(scope="module", autouse=True)

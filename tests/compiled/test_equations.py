@@ -8,13 +8,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-import any_chain
-import robots
 import sst_pin
 from sst_pin.compiled import c_code, kernels
 from sst_pin.compiled.elimination import Factors, pivot_order
 from sst_pin.compiled.equations import Equations
 from sst_pin.compiled.generator_inputs import sample_configurations
+from tests.support import any_chain, link_tables
 
 SPRUNG = ("translation", "spherical", "continuous", "universal")
 MIMICKING = ("6d", "3d", "hinge")
@@ -35,7 +34,7 @@ CHAINS = (
         "coordinates other than motors": lambda: any_chain.chain(
             kind="3d", coordinates=["arm_1", "arm_2", "arm_3", "arm_4"], actuated=["body"]
         ),
-        "planar 3-RRR": lambda: robots.planar_3rrr().chain(),
+        "planar 3-RRR": lambda: link_tables.planar_3rrr().chain(),
         "loops that hang on loops": lambda: sst_pin.robots.ladder(3),
     }
 )

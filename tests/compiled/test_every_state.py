@@ -5,10 +5,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from any_chain import with_joint
 from sst_pin import SST, ClosureError, SingularConfigurationError, robots
 from sst_pin.engine.backend import Key
 from sst_pin.engine.dispatch import assembled
+from tests.support.any_chain import with_joint
 
 #: Condition numbers up to which states are taken.
 WORST = 1e4

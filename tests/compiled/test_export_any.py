@@ -10,9 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-import any_chain
 import sst_pin
-from exported_c import STRICT, TYPES, Exported
 from sst_pin import ClosedChain, robots
 from sst_pin.cli import main
 from sst_pin.compiled import build
@@ -22,6 +20,8 @@ from sst_pin.description.urdf_writer import urdf_of
 from sst_pin.errors import DescriptionError, InputError
 from sst_pin.files import write_files
 from sst_pin.verification.sampling import random_parameters
+from tests.support import any_chain
+from tests.support.exported_c import STRICT, TYPES, Exported
 
 DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
 ZIG = [sys.executable, "-m", "ziglang", "cc"]

@@ -10,12 +10,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-import any_chain
-from command_line import said_without
-from derivative_cases import close, derivative
 from sst_pin import ClosedChain, UnknownNameError
 from sst_pin.errors import ActuationError, DescriptionError, InputError, SingularConfigurationError
 from sst_pin.robots import five_bar, four_bar
+from tests.support import any_chain
+from tests.support.command_line import said_without
+from tests.support.derivative_cases import close, derivative
 
 jax = pytest.importorskip("jax", reason="JAX is not installed (extra `jax`)")
 

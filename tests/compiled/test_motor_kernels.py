@@ -4,11 +4,20 @@
 import numpy as np
 import pytest
 
-import any_chain
-from exported_c import Exported
-from motor_cases import at_angle, elbows, five_bar, held_not, in_mode, lift, slider_crank, two_modes
 from sst_pin import InputError, robots
 from sst_pin.errors import ActuationError, SingularConfigurationError
+from tests.support import any_chain
+from tests.support.exported_c import Exported
+from tests.support.motor_cases import (
+    at_angle,
+    elbows,
+    five_bar,
+    held_not,
+    in_mode,
+    lift,
+    slider_crank,
+    two_modes,
+)
 
 SINGULAR = 2
 

@@ -8,9 +8,9 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
-from by_hand import add, at, mark
 from sst_pin.engine.backend import Key
 from sst_pin.simulation.energy import energy_balance
+from tests.support.by_hand import add, at, mark
 
 
 def loop(seed, lengths, twists, kind="6d", offsets=None):

@@ -9,10 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-import any_chain
 import sst_pin
-from by_hand import add, at, mark
-from motor_cases import lift
 from sst_pin.errors import (
     ActuationError,
     ClosureError,
@@ -20,6 +17,9 @@ from sst_pin.errors import (
     SingularConfigurationError,
     SSTError,
 )
+from tests.support import any_chain
+from tests.support.by_hand import add, at, mark
+from tests.support.motor_cases import lift
 
 Robot = sst_pin.ClosedChain
 

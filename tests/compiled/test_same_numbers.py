@@ -13,15 +13,16 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-import any_chain
-import cassie
-import robots as tables
 import sst_pin
-from by_hand import add, at
-from derivative_cases import WIDTH, floating_four_bar, of_gallery
 from sst_pin import ClosedChain, ClosureError, LineForce, SingularConfigurationError, robots
 from sst_pin.compiled import build, compiled_backend
 from sst_pin.dynamics.quantities import QUANTITIES
+from tests.support import any_chain, link_tables
+from tests.support.by_hand import add, at
+from tests.support.derivative_cases import WIDTH, floating_four_bar, of_gallery
+from tests.support.files import load
+
+cassie = load("examples/cassie.py")
 
 
 def cassie_on_a_stand():
@@ -45,7 +46,7 @@ GALLERY = ("delta", "planar_4rrr", "ladder", "bennett", "bricard", "governor", "
 ROBOTS = {
     **{name: getattr(robots, name) for name in GALLERY},
     "SST": lambda: sst_pin.SST(kernels=False),
-    "four-bar": lambda: tables.four_bar(tables.SKEW_PLANE).chain(),
+    "four-bar": lambda: link_tables.four_bar(link_tables.SKEW_PLANE).chain(),
     "five-bar": lambda: of_gallery("five_bar").chain,
     "floating four-bar": lambda: floating_four_bar().chain,
     "Cassie": cassie_on_a_stand,

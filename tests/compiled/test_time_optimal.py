@@ -5,8 +5,18 @@ import numpy as np
 import pytest
 
 import sst_pin
-from collocation import DEGREE
-from time_optimal import GOAL, LIMIT, START, at_limit, fastest, pose, replayed, simulated
+from tests.support.files import load
+
+time_optimal = load("examples/time_optimal.py")
+GOAL = time_optimal.GOAL
+LIMIT = time_optimal.LIMIT
+START = time_optimal.START
+at_limit = time_optimal.at_limit
+fastest = time_optimal.fastest
+pose = time_optimal.pose
+replayed = time_optimal.replayed
+simulated = time_optimal.simulated
+DEGREE = load("examples/collocation.py").DEGREE
 
 
 def found(robot, intervals, limit=LIMIT):

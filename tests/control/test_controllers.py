@@ -9,11 +9,13 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.linalg import solve_discrete_are
 
-import control_bench
-import control_loop
 import sst_pin
-from markdown_tables import read_table
 from sst_pin.errors import ActuationError, InputError, UnknownNameError
+from tests.support.files import load
+
+control_bench = load("examples/control_bench.py")
+control_loop = load("examples/control_loop.py")
+read_table = load("scripts/pages/markdown_tables.py").read_table
 
 T = np.linspace(0, 0.3, 61)
 

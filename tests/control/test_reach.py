@@ -5,12 +5,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.ndimage import label
-from test_pose_abilities import wrenches_of
 
 import sst_pin
-from planar_bars import planar
 from sst_pin.control.reach import REASONS
 from sst_pin.files import read_table
+from tests.control.test_pose_abilities import wrenches_of
+from tests.support.planar_bars import planar
 
 REACHED, LIMITS, SINGULAR, OUT, CUT_OFF = range(len(REASONS))
 SPAN, PROXIMAL, DISTAL = 0.118, 0.09, 0.07

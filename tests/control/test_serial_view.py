@@ -9,12 +9,14 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
-import squat
 import sst_pin
-from markdown_tables import read_table
-from planar_bars import DRAG_LINK, planar
 from sst_pin import robots
 from sst_pin.errors import ActuationError, ClosureError, InputError, UnknownNameError
+from tests.support.files import load
+from tests.support.planar_bars import DRAG_LINK, planar
+
+squat = load("examples/squat.py")
+read_table = load("scripts/pages/markdown_tables.py").read_table
 
 LEG = ("hip", "knee", "ankle_pitch", "ankle_roll")
 

@@ -13,7 +13,6 @@ import pinocchio as pin
 import pytest
 import trimesh
 
-import make_description
 import sst_pin
 from sst_pin import Parameters
 from sst_pin.description.folder import description_writers
@@ -22,6 +21,9 @@ from sst_pin.files import write_files
 from sst_pin.sst.paper import PERIOD, example_1
 from sst_pin.sst.robot_wrapper import configurations_of
 from sst_pin.verification.sampling import random_parameters
+from tests.support.files import load
+
+make_description = load("scripts/description/make_description.py")
 
 MOVING = [f"{body}_{k}" for body in ("link", "passive", "star") for k in (1, 2, 3)]
 

@@ -10,7 +10,9 @@ from numpy.testing import assert_allclose
 from scipy.linalg import expm
 
 import sst_pin
-from derivative_cases import (
+from sst_pin import robots
+from sst_pin.errors import InputError
+from tests.support.derivative_cases import (
     CASES,
     CONSTRAINTS,
     TREES,
@@ -27,10 +29,8 @@ from derivative_cases import (
     of_tree,
     without_coulomb,
 )
-from doors import Arrays
-from robots import ROBOTS
-from sst_pin import robots
-from sst_pin.errors import InputError
+from tests.support.doors import Arrays
+from tests.support.link_tables import ROBOTS
 
 #: The others take a second for each of twenty states.
 QUICK = ("floating four-bar", "geared")

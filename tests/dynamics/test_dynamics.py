@@ -5,9 +5,11 @@ import numpy as np
 import pytest
 
 import sst_pin
-from example_1 import EXAMPLE_1
 from sst_pin.dynamics.dynamics import Friction
 from sst_pin.verification.sampling import random_parameters, random_state, random_states
+from tests.support.files import load
+
+EXAMPLE_1 = load("scripts/pages/example_1.py").EXAMPLE_1
 
 
 @pytest.fixture(params=range(10))

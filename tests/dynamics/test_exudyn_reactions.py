@@ -11,9 +11,9 @@ import pytest
 from scipy.linalg import null_space
 
 import sst_pin
-from by_hand import add, mark
 from sst_pin import robots
 from sst_pin.verification.referees.exudyn_robot import ExudynRobot
+from tests.support.by_hand import add, mark
 
 REASON = "exudyn, the referee, is an extra"
 exudyn = pytest.importorskip("exudyn", reason=REASON)

@@ -11,13 +11,13 @@ import qpsolvers
 from numpy.testing import assert_allclose
 from scipy.linalg import qr
 
-from any_chain import states
-from robots import ROBOTS
 from sst_pin import ClosedChain, Closure, Coupling
 from sst_pin.errors import ActuationError
 from sst_pin.verification.referees import lagrange
 from sst_pin.verification.verify import verify_chain
-from trees import CONSTRAINTS, JOINTS, derivative, random_q, tree
+from tests.support.any_chain import states
+from tests.support.link_tables import ROBOTS
+from tests.support.trees import CONSTRAINTS, JOINTS, derivative, random_q, tree
 
 
 @dataclass

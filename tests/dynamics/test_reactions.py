@@ -8,13 +8,13 @@ import pinocchio as pin
 import pytest
 from scipy.linalg import null_space
 
-import any_chain
 import sst_pin
-from by_hand import add, at, in_units, mark
-from planar_bars import planar
 from sst_pin import robots
 from sst_pin.dynamics import dynamics, reactions
 from tests.data import PUBLISHED
+from tests.support import any_chain
+from tests.support.by_hand import add, at, in_units, mark
+from tests.support.planar_bars import planar
 
 GALLERY = [name for name in robots.__all__ if name.islower()]
 

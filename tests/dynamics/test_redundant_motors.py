@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import sst_pin
-from motor_cases import elbows, five_bar, held_not, lift, telescope
 from sst_pin.errors import ActuationError, SSTError
+from tests.support.motor_cases import elbows, five_bar, held_not, lift, telescope
 
 AA = np.array([1.0, -1.0])
 

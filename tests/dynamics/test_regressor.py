@@ -6,10 +6,10 @@ import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 
-import any_chain
 import sst_pin
-from any_chain import states
 from sst_pin import ClosedChain, InputError, UnknownNameError, robots
+from tests.support import any_chain
+from tests.support.any_chain import states
 
 GALLERY = [name for name in robots.__all__ if name[0].islower()]
 KINDS = {

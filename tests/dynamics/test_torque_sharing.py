@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 import qpsolvers
 
-import any_chain
 import sst_pin
 from sst_pin import robots
+from tests.support import any_chain
 
 
 def motors_everywhere():

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-import robots
 import sst_pin
 from sst_pin.verification.sampling import random_states
+from tests.support import link_tables
 
 #: What is no path of a file that can be written or read.
 ODD_PATHS: dict[str, Any] = {
@@ -44,7 +44,7 @@ class World:
 
     @cached_property
     def table_of_four_bar(self):
-        return robots.four_bar()
+        return link_tables.four_bar()
 
     @cached_property
     def chain(self):

@@ -9,12 +9,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from call_world import ODD_PATHS, World
-from judged_calls import Call
-from signature_calls import each
-
 import sst_pin
 from sst_pin import ClosedChain
+from tests.fuzz.call_world import ODD_PATHS, World
+from tests.fuzz.judged_calls import Call
+from tests.fuzz.signature_calls import each
 
 #: A four-bar in the plane, 1 + 2 + 1.5 on 2.2 m, cut at the end of its rocker.
 FOUR_BAR = """<robot name="four_bar">

@@ -12,10 +12,12 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import sst_pin
+from tests.support.files import ROOT
 
 #: [s]; what takes longer counts as endless.
 LIMIT = 10.0
@@ -99,12 +101,12 @@ def report(verdicts: Iterable[Verdict]) -> str:
 
 def _child(table: str, group: str, every: int, verdicts: list[Verdict]) -> bool:
     """Whether a child came to the end of the group; what it found is added to the verdicts."""
-    here = Path(__file__).parent
-    path = os.pathsep.join([str(here), str(here.parent), *filter(None, sys.path)])
+    path = os.pathsep.join([str(ROOT), *filter(None, sys.path)])
     with tempfile.TemporaryDirectory() as folder, tempfile.NamedTemporaryFile() as told:
-        call = f"serve({table!r}, {group!r}, {every}, {len(verdicts)}, {told.name!r})"
+        code = "from tests.fuzz.judged_calls import serve\n"
+        code += f"serve({table!r}, {group!r}, {every}, {len(verdicts)}, {told.name!r})"
         child = subprocess.run(
-            [sys.executable, "-W", "ignore", "-c", f"import judged_calls; judged_calls.{call}"],
+            [sys.executable, "-W", "ignore", "-c", code],
             cwd=folder,
             env=os.environ | {"PYTHONPATH": path, "MPLBACKEND": "agg", "OMP_NUM_THREADS": "1"},
             stdin=subprocess.DEVNULL,
@@ -130,7 +132,7 @@ def serve(table: str, group: str, every: int, first: int, told: str) -> None:
     """In the child: judge each n-th call from a first on, and write what becomes of them."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     faulthandler.dump_traceback_later(60, exit=True)  # until the calls are made
-    calls = list(__import__(table).calls(group))[::every][first:]
+    calls = list(import_module(table).calls(group))[::every][first:]
     with Path(told).open("a", encoding="utf-8", buffering=1) as file:
 
         def tell(*words: str) -> None:

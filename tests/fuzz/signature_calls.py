@@ -17,11 +17,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from call_world import ODD_PATHS, World
-from judged_calls import Call
 from numpy.typing import ArrayLike
 
 import sst_pin
+from tests.fuzz.call_world import ODD_PATHS, World
+from tests.fuzz.judged_calls import Call
 
 #: Difference of torques that are computed in two ways: rounding times the condition of a mild pose.
 CLOSE = 1e-8

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from call_world import World
-from judged_calls import Call
-from signature_calls import each, same
 
 import sst_pin
 from sst_pin.simulation.motion_files import read_motion
+from tests.fuzz.call_world import World
+from tests.fuzz.judged_calls import Call
+from tests.fuzz.signature_calls import each, same
 
 #: Subjects of a page that are drawn from the motion alone, or from the motion and the foot.
 FROM_MOTION = ("path", "torques", "joints")

@@ -7,12 +7,10 @@ object that is no robot at all has not the methods of one. The default run takes
 most groups, `-m slow` takes all calls and prints their counts with `-s`.
 """
 
-import file_calls
-import judged_calls
 import pytest
-import signature_calls
-import special_calls
-from call_world import World
+
+from tests.fuzz import file_calls, judged_calls, signature_calls, special_calls
+from tests.fuzz.call_world import World
 
 GROUPS = {
     "signatures": signature_calls.calls,
@@ -37,7 +35,7 @@ def calls(group):
 )
 def test_bad_calls_have_a_named_error_or_a_right_answer(group, every):
     """0 raw, 0 silent, 0 endless, in all calls or in some of them."""
-    verdicts = judged_calls.judged_apart("test_bad_calls", group, every)
+    verdicts = judged_calls.judged_apart("tests.fuzz.test_bad_calls", group, every)
     report = judged_calls.report(verdicts)
     print(f"{group}: {report}")
     assert verdicts

@@ -13,17 +13,17 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import plain_reading
 import pytest
-from file_calls import FOUR_BAR, FOUR_BAR_CUTS, FOUR_BAR_GUESS, FOUR_BAR_MJCF
 from hypothesis import HealthCheck, given, note, settings
 from hypothesis import strategies as st
-from judged_calls import limited
-from mutations import changed_csv, changed_xml, changed_yaml
 
 import sst_pin
 from sst_pin.simulation.motion_files import read_motion
 from sst_pin.sst.paper import example_1
+from tests.fuzz import plain_reading
+from tests.fuzz.file_calls import FOUR_BAR, FOUR_BAR_CUTS, FOUR_BAR_GUESS, FOUR_BAR_MJCF
+from tests.fuzz.judged_calls import limited
+from tests.fuzz.mutations import changed_csv, changed_xml, changed_yaml
 
 #: Both sides are solved by least squares with rounding of 1e-13 times a condition below 1e4.
 CLOSE = 1e-7

@@ -8,10 +8,10 @@ import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 
-import any_chain
 import sst_pin
 from sst_pin import ClosedChain, InputError, UnknownNameError, identification, robots
 from sst_pin.identification import base_parameters, estimate, random_states
+from tests.support import any_chain
 
 BODIES = [f"*.{word}" for word in ("mass", "m[xyz]", "i[xyz][xyz]")]
 

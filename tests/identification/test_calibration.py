@@ -10,9 +10,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 import sst_pin
-from planar_bars import DRAG_LINK, planar
 from sst_pin.identification import calibrate
 from sst_pin.identification.geometry_errors import moved, placements
+from tests.support.planar_bars import DRAG_LINK, planar
 
 ROOT = Path(__file__).parents[2]
 WHICH = ["motor_*.ry", "rod_*a.x", "rod_*b.x"]

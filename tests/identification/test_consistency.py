@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-import any_chain
 from sst_pin import ClosedChain, InputError, coordinate_motion, robots
 from sst_pin.identification import base_parameters, consistent_parameters, estimate, random_states
 from sst_pin.identification.consistency import pseudo_inertias
+from tests.support import any_chain
 
 NAMES = ["five_bar", pytest.param("delta", marks=pytest.mark.slow)]
 

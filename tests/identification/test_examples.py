@@ -5,10 +5,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-import dvrk_identification as dvrk
-import sst_identification
 from sst_pin import coordinate_motion
 from sst_pin.identification import base_parameters, random_states
+from tests.support.files import load
+
+sst_identification = load("examples/sst_identification.py")
+dvrk = load("examples/dvrk_identification.py")
 
 
 @pytest.mark.parametrize(("make", "number"), [(dvrk.mtm, 73), (dvrk.psm, 49)])

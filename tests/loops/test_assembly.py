@@ -9,13 +9,13 @@ import pytest
 from numpy.testing import assert_allclose
 
 import sst_pin
-from by_hand import in_units
-from planar_bars import planar
-from robots import ROBOTS
 from sst_pin import ClosedChain, Closure
 from sst_pin.errors import ClosureError, InputError, UnknownNameError
 from sst_pin.robots import delta, four_bar, scissor_lift
-from trees import tree
+from tests.support.by_hand import in_units
+from tests.support.link_tables import ROBOTS
+from tests.support.planar_bars import planar
+from tests.support.trees import tree
 
 
 def ladder(rungs, *, broken=None):

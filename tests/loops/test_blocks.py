@@ -8,14 +8,14 @@ from numpy.testing import assert_allclose
 from scipy.sparse.csgraph import connected_components
 
 import sst_pin
-from planar_bars import planar
-from robots import two_link_angles
 from sst_pin import ClosedChain, Closure, Coupling
 from sst_pin.dynamics.dynamics import Memory
 from sst_pin.dynamics.noc import JointComplement
 from sst_pin.errors import SingularConfigurationError
 from sst_pin.loops.loops import connected
 from sst_pin.model.mechanism import Friction, Mechanism, Springs
+from tests.support.link_tables import two_link_angles
+from tests.support.planar_bars import planar
 
 CRANK, COUPLER, ROCKER = 0.6, 0.5, 0.6
 #: Crank of a loop, its kind, and the length of its fixed bar: loops 0 and 1 have the same crank;

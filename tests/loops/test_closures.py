@@ -8,13 +8,12 @@ import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 
-import by_hand
-import trees
 from sst_pin import ClosedChain, Closure
 from sst_pin.errors import DescriptionError
 from sst_pin.loops.loops import Loops
 from sst_pin.model.closures import Coupling, Rolling
-from trees import CONSTRAINTS, JOINTS, add_joint, derivative, gradient, random_q, tree
+from tests.support import by_hand, trees
+from tests.support.trees import CONSTRAINTS, JOINTS, add_joint, derivative, gradient, random_q, tree
 
 TREES = trees.TREES | {"to the ground": ("", [], ["free", "ball", "RX"])}
 MASKS = [mask for mask in itertools.product([False, True], repeat=6) if any(mask)]

@@ -9,11 +9,11 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
-import trees
-from by_hand import add, at, mark
-from planar_bars import planar
 from sst_pin import ClosedChain, Closure
 from sst_pin.loops.draft import without_locked
+from tests.support import trees
+from tests.support.by_hand import add, at, mark
+from tests.support.planar_bars import planar
 
 BARS = {"crank": 0.2, "coupler": 0.3, "rocker": 0.25}
 

@@ -12,15 +12,15 @@ import coal
 import numpy as np
 import pinocchio as pin
 import pytest
-from test_coordinates import rhombus
 
-import any_chain
 import sst_pin
-from planar_bars import planar
 from sst_pin import ClosedChain, Closure
 from sst_pin.compiled.compiled_backend import CompiledBackend
 from sst_pin.compiled.export import c_files
-from trees import tree
+from tests.loops.test_coordinates import rhombus
+from tests.support import any_chain
+from tests.support.planar_bars import planar
+from tests.support.trees import tree
 
 MOTORS = ["a0_RX", "b0_RZ"]
 

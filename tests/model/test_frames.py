@@ -7,7 +7,7 @@ import pytest
 
 from sst_pin import ClosedChain, Closure
 from sst_pin.simulation.trajectories import Trajectory
-from trees import derivative, tree
+from tests.support.trees import derivative, tree
 
 TREES = {
     "floating": ("free", ["RX", "revolute", "RZ"], ["RZ", "revolute", "ball"]),

@@ -7,20 +7,20 @@ import pytest
 from numpy.testing import assert_allclose
 
 import sst_pin
-from any_chain import chain as arm
-from any_chain import mimicking, states, with_joint
-from by_hand import at, mark
-from derivative_cases import (
+from sst_pin import ClosedChain, Closure, LineForce
+from sst_pin.simulation.energy import energy_balance
+from sst_pin.verification.verify import verify_chain
+from tests.support.any_chain import chain as arm
+from tests.support.any_chain import mimicking, states, with_joint
+from tests.support.by_hand import at, mark
+from tests.support.derivative_cases import (
     assert_derivatives_are_those_of_differences,
     case,
     close,
     derivative,
     of_gallery,
 )
-from doors import Arrays
-from sst_pin import ClosedChain, Closure, LineForce
-from sst_pin.simulation.energy import energy_balance
-from sst_pin.verification.verify import verify_chain
+from tests.support.doors import Arrays
 
 #: Ends of lines: from the world, between two links of one branch, over two branches.
 ENDS = [("universe", "point_arm_5"), ("point_arm_1", "point_arm_4"), ("point_body", "point_arm_3")]

@@ -10,10 +10,10 @@ import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 
-from any_chain import states
-from by_hand import add, mark
 from sst_pin import ClosedChain, Closure, Coupling
 from sst_pin.errors import DescriptionError, InputError
+from tests.support.any_chain import states
+from tests.support.by_hand import add, mark
 
 FACTOR, OFFSET = -0.7, 0.3
 KINDS = {

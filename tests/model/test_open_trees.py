@@ -10,12 +10,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 import sst_pin
-import trees
-from command_line import run
-from derivative_cases import assert_derivatives_are_those_of_differences, case
-from doors import Arrays
 from sst_pin import ClosedChain, plots
-from trees import JOINTS, add_frame, add_joint, random_q, tree
+from tests.support import trees
+from tests.support.command_line import run
+from tests.support.derivative_cases import assert_derivatives_are_those_of_differences, case
+from tests.support.doors import Arrays
+from tests.support.trees import JOINTS, add_frame, add_joint, random_q, tree
 
 #: Names of joints, each on the one before or on the one whose number stands behind it.
 TREES = {

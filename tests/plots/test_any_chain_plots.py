@@ -11,12 +11,12 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 import sst_pin
-from legible import require_legible
 from sst_pin import plots
 from sst_pin.cli import main
 from sst_pin.plots import curves
 from sst_pin.plots.motions import CURVES
 from sst_pin.plots.style import StyledFigure
+from tests.support.legible import require_legible
 
 
 def falling(chain, q):

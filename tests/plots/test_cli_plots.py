@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from matplotlib import image
 
-from command_line import run
 from sst_pin import plots
 from sst_pin.cli import motion_commands, sst_commands
 from sst_pin.description.urdf_writer import urdf_of
 from sst_pin.sst.workspace import workspace_over_rolls
 from sst_pin.verification.sampling import random_parameters
+from tests.support.command_line import run
 
 SAMPLE = Path(__file__).resolve().parents[2] / "examples" / "figure_eight.csv"
 

@@ -11,7 +11,6 @@ import pytest
 from matplotlib import figure as figures
 
 import sst_pin
-from legible import require_legible
 from sst_pin import plots
 from sst_pin.plots import motions
 from sst_pin.plots.workspace_maps import second_kind
@@ -19,6 +18,7 @@ from sst_pin.simulation.energy import energy_balance
 from sst_pin.sst import paper
 from sst_pin.sst.workspace import workspace_at, workspace_over_rolls
 from sst_pin.verification.sampling import random_state
+from tests.support.legible import require_legible
 
 
 @pytest.fixture(scope="module")

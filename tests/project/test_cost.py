@@ -7,9 +7,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-import count_operations as cost
 import sst_pin
 from sst_pin.verification.sampling import random_parameters
+from tests.support.files import load
+
+cost = load("scripts/pages/count_operations.py")
 
 METHODS = [("inverse", name) for name in cost.INVERSE] + [("direct", name) for name in cost.DIRECT]
 ODD = random_parameters(np.random.default_rng(5), friction=False)

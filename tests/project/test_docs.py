@@ -8,9 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import make_paper_docs as script
 import sst_pin
-from markdown_tables import read_table, stale
+from tests.support.files import load
+
+markdown_tables = load("scripts/pages/markdown_tables.py")
+read_table = markdown_tables.read_table
+stale = markdown_tables.stale
+script = load("scripts/pages/make_paper_docs.py")
 
 ROOT = Path(__file__).resolve().parents[2]
 #: Tables whose words are written by hand.
@@ -90,7 +94,7 @@ def test_comparison_figures_name_every_method_and_unit(robot):
     """Lines and marks of two methods; the exact zeros of one leave the logarithmic axis empty."""
     from matplotlib.figure import Figure
 
-    import method_figures
+    method_figures = load("scripts/pages/method_figures.py")
     from sst_pin.sst import paper
 
     ours = paper.example_1(robot, np.linspace(0, paper.PERIOD, 31))

@@ -11,9 +11,9 @@ import pytest
 from matplotlib.figure import Figure
 
 import sst_pin
-from shown_output import Checker, same_output
 from sst_pin import plots
 from sst_pin.viewer import Viewer
+from tests.support.shown_output import Checker, same_output
 
 #: What each example may use; the pages of the reference say so.
 GIVEN = {"np": np, "pin": pin, "sst_pin": sst_pin}

@@ -8,11 +8,16 @@ from pathlib import Path
 import pytest
 import yaml
 
-import make_site
-import robot_pages
 import sst_pin
-from run_pages import blocks, run, shell
-from shown_output import same_output
+from tests.support.files import load
+from tests.support.shown_output import same_output
+
+robot_pages = load("scripts/pages/robot_pages.py")
+make_site = load("scripts/pages/make_site.py")
+run_pages = load("scripts/pages/run_pages.py")
+blocks = run_pages.blocks
+run = run_pages.run
+shell = run_pages.shell
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"

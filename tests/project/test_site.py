@@ -12,9 +12,11 @@ from pathlib import Path
 
 import pytest
 
-import make_site
 import sst_pin
-from browser import needs_browser, visit
+from tests.support.browser import needs_browser, visit
+from tests.support.files import load
+
+make_site = load("scripts/pages/make_site.py")
 
 ROOT = Path(__file__).resolve().parents[2]
 pytestmark = pytest.mark.slow

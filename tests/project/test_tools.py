@@ -5,6 +5,7 @@ Tools with a wheel of 100 MB, a compiler or a browser behind them are marked `to
 """
 
 import ctypes
+import inspect
 import logging
 import re
 import shutil
@@ -17,10 +18,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-import make_tools_table as script
 import sst_pin
-from tools import measure as measuring
-from tools.measure import TOOLS, measure
+from tests.support.files import load
+
+script = load("scripts/pages/make_tools_table.py")
+TOOLS, measure = script.TOOLS, script.measure
+measuring = inspect.getmodule(measure)
 
 PAGE = script.PAGE.read_text(encoding="utf-8")
 FOLDER = Path(sst_pin.PACKAGE_PATH)

@@ -10,8 +10,10 @@ import mujoco
 import numpy as np
 import pytest
 
-import cassie
 import sst_pin
+from tests.support.files import load
+
+cassie = load("examples/cassie.py")
 
 #: Time constants of MuJoCo's equality constraints, [s]; a step is an eighth of it.
 SOFT, STIFF = 1e-3, 0.5e-3

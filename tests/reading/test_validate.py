@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import sst_pin
-from command_line import BARS
 from sst_pin.cli import main
 from sst_pin.verification.sampling import random_body
+from tests.support.command_line import BARS
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 URDF, CUTS = (EXAMPLES / "delta.urdf").read_text(), (EXAMPLES / "delta.yaml").read_text()

@@ -4,9 +4,26 @@
 import numpy as np
 import pytest
 
-from collocation import DEGREE
-from least_energy import PICK, PLACE, energy, energy_of_held, ground, least, plain, robot, simulated
-from lqr_hold import STEP, Regulator, region, regulator, starts, swing
+from tests.support.files import load
+
+lqr_hold = load("examples/lqr_hold.py")
+STEP = lqr_hold.STEP
+Regulator = lqr_hold.Regulator
+region = lqr_hold.region
+regulator = lqr_hold.regulator
+starts = lqr_hold.starts
+swing = lqr_hold.swing
+least_energy = load("examples/least_energy.py")
+PICK = least_energy.PICK
+PLACE = least_energy.PLACE
+energy = least_energy.energy
+energy_of_held = least_energy.energy_of_held
+ground = least_energy.ground
+least = least_energy.least
+plain = least_energy.plain
+robot = least_energy.robot
+simulated = least_energy.simulated
+DEGREE = load("examples/collocation.py").DEGREE
 
 
 @pytest.mark.slow

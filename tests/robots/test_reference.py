@@ -9,12 +9,14 @@ import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 
-import make_reference as make
 import sst_pin
-from plain_numbers import describe
 from sst_pin import robots
 from sst_pin.verification.referees import lagrange
 from tests.data import REFERENCE
+from tests.support.files import load
+
+describe = load("scripts/reference_data/plain_numbers.py").describe
+make = load("scripts/reference_data/make_reference.py")
 
 
 @pytest.fixture(scope="module", params=REFERENCE)

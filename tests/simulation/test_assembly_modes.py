@@ -9,9 +9,9 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
-from by_hand import add, at, mark
-from planar_bars import planar
-from robots import two_link_angles
+from tests.support.by_hand import add, at, mark
+from tests.support.link_tables import two_link_angles
+from tests.support.planar_bars import planar
 
 CRANK, START = 0.3, 0.7
 PARALLELOGRAMS = {"one": (1, False), "two on one crank": (2, False), "three in a chain": (3, True)}

@@ -6,10 +6,10 @@ import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 
-from by_hand import add, at, mark
-from planar_bars import planar
 from sst_pin import ClosedChain, Closure
 from sst_pin.model.closures import Rolling
+from tests.support.by_hand import add, at, mark
+from tests.support.planar_bars import planar
 
 SHAPE = np.diag([0.02, 0.03, 0.035])
 LOOP = Closure("coupler_end", "rocker_end", "3d")

@@ -9,13 +9,13 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
-from by_hand import add, at
-from derivative_cases import carried_four_bar
 from sst_pin.files import read_table
 from sst_pin.loops.starts import placed
 from sst_pin.simulation.coordinate_motions import coordinate_motion
 from sst_pin.simulation.motion_files import load_motion, read_motion, read_start
 from sst_pin.sst import paper
+from tests.support.by_hand import add, at
+from tests.support.derivative_cases import carried_four_bar
 
 
 def stream(text):

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 import sst_pin
-import standard_referees as referees
-from planar_bars import planar
 from sst_pin import robots
+from tests.support.files import load
+from tests.support.planar_bars import planar
+
+referees = load("scripts/pages/standard_referees.py")
 
 
 def through(chain, t, va, **options):

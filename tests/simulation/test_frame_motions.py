@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import sst_pin
-from by_hand import add, at, mark
-from planar_bars import planar
+from tests.support.by_hand import add, at, mark
+from tests.support.planar_bars import planar
 
 T = np.linspace(0, 1, 41)
 CIRCLE = np.column_stack([np.cos(2 * np.pi * T), np.sin(2 * np.pi * T)])

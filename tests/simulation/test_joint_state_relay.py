@@ -7,10 +7,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-import joint_state_relay
 import sst_pin
-from joint_state_relay import Relay
 from sst_pin import robots
+from tests.support.files import load
+
+joint_state_relay = load("examples/joint_state_relay.py")
+Relay = joint_state_relay.Relay
 
 
 def test_states_close_the_loops_and_rates_are_those_of_the_positions():

@@ -8,8 +8,8 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
-from by_hand import add, at
 from sst_pin.errors import InputError
+from tests.support.by_hand import add, at
 
 KP, KD = 30.0, 4.0
 

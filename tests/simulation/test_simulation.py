@@ -6,14 +6,14 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
-import robots
 import sst_pin
-from by_hand import add, at
 from sst_pin.dynamics.reference import ReferenceStates
 from sst_pin.simulation.energy import energy_balance
 from sst_pin.sst import paper
 from sst_pin.verification.sampling import random_parameters, random_state
 from sst_pin.verification.virtual_work import VirtualWork
+from tests.support import link_tables
+from tests.support.by_hand import add, at
 
 HANGING = sst_pin.Parameters(gravity=9.81 * np.ones(3) / np.sqrt(3))
 
@@ -111,7 +111,7 @@ def test_viscous_friction_accounts_for_the_lost_energy():
 
 def test_motors_work_against_their_own_rates_whatever_the_coordinates():
     """A four-bar told by its rocker and driven at its crank gains what the motor gives."""
-    table = robots.four_bar()
+    table = link_tables.four_bar()
     chain = table.chain(coordinates=["rocker"])
     q, t = table.joints(table.x).real, np.linspace(0, 0.2, 41)
     motion = chain.simulate([3.0], q, [0.2], t)

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import sst_pin
-from by_hand import add, at
-from planar_bars import planar
 from sst_pin.files import read_table, write_files
 from sst_pin.simulation.motion_files import load_motion
 from sst_pin.sst import paper
+from tests.support.by_hand import add, at
+from tests.support.planar_bars import planar
 
 NAMES = ("gamma_1", "mu_1", "slide")
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.interpolate import make_interp_spline
 
 import sst_pin
-from by_hand import add, at, mark
+from tests.support.by_hand import add, at, mark
 
 #: Lengths of Jansen's bars by his letters, [m].
 A, B, C, D, E, F, G, H, IN, J, K, LIFT, M = (

@@ -14,7 +14,7 @@ from sst_pin.compiled import _binding
 from sst_pin.engine.backend import Key
 from sst_pin.sst import kernels
 from sst_pin.verification.sampling import random_parameters, random_state, random_states
-from without_kernels import on_reference_path
+from tests.support.without_kernels import on_reference_path
 
 ROOT = Path(__file__).resolve().parents[2]
 compiled = pytest.mark.skipif(bool(kernels.missing()), reason=f"no kernels: {kernels.missing()}")

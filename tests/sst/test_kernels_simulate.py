@@ -11,7 +11,7 @@ from sst_pin.sst import kernels
 from sst_pin.sst.kernels import STAR
 from sst_pin.sst.kinematics import legs_of_joints
 from sst_pin.verification.sampling import random_parameters, random_state
-from without_kernels import on_reference_path
+from tests.support.without_kernels import on_reference_path
 
 compiled = pytest.mark.skipif(bool(kernels.missing()), reason=f"no kernels: {kernels.missing()}")
 T = np.linspace(0, 0.1, 11)

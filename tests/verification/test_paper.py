@@ -7,9 +7,14 @@
 import numpy as np
 import pytest
 
-import printed_forms as forms
-from paper_equations import EQUATIONS, MISPRINTS, SEED
 from sst_pin.sst import kinematics
+from tests.support.files import load
+
+paper_equations = load("scripts/pages/paper_equations.py")
+EQUATIONS = paper_equations.EQUATIONS
+MISPRINTS = paper_equations.MISPRINTS
+SEED = paper_equations.SEED
+forms = load("scripts/pages/printed_forms.py")
 
 #: Sums and products of a dozen numbers, times condition numbers up to 30 squared.
 ROUNDING = 1e-11

@@ -5,11 +5,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-import robots
 import sst_pin
-from derivative_cases import carried_four_bar, close, derivative
-from pinocchio_peers import Constrained
 from sst_pin.verification.referees import lagrange
+from tests.support import link_tables
+from tests.support.derivative_cases import carried_four_bar, close, derivative
+from tests.support.files import load
+
+Constrained = load("scripts/benchmark/pinocchio_peers.py").Constrained
 
 BREADTH_FIRST = [0, 2, 1]  # crank, rocker, and then the coupler that the crank bears
 
@@ -17,7 +19,7 @@ BREADTH_FIRST = [0, 2, 1]  # crank, rocker, and then the coupler that the crank 
 @pytest.mark.parametrize("order", [[0, 1, 2], BREADTH_FIRST])
 def test_constraint_dynamics_is_right_for_depth_first_trees_only(order):
     """A four-bar: equal to 1e-9 depth-first, off by a third and without an error otherwise."""
-    table = robots.four_bar()
+    table = link_tables.four_bar()
     model = table.model(order)
     chain = sst_pin.ClosedChain(model, table.closures, table.actuated)
     q, va = chain.assemble(np.full(3, 0.5)), np.array([0.3])
@@ -34,7 +36,7 @@ def test_constraint_dynamics_is_right_for_depth_first_trees_only(order):
 
 def test_crba_is_right_for_depth_first_trees_only():
     """Against columns of RNEA, which is right in every order."""
-    table, errors = robots.four_bar(), []
+    table, errors = link_tables.four_bar(), []
     for order in ([0, 1, 2], BREADTH_FIRST):
         model = table.model(order)
         data, q, zero = model.createData(), np.full(3, 0.5), np.zeros(3)
@@ -75,7 +77,7 @@ def derivatives(model, closures, motors, q):
 
 @pytest.mark.parametrize("name", ["four-bar, closed at the ground", "four-bar, coupler welded"])
 def test_derivatives_are_right_for_points_on_the_ground_and_for_welds(name):
-    robot = robots.ROBOTS[name]
+    robot = link_tables.ROBOTS[name]
     q = robot.joints(robot.x).real
     for found, ours in zip(
         *derivatives(robot.model(), robot.closures, robot.actuated, q), strict=True

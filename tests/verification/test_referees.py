@@ -10,7 +10,6 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import sst_pin
-from example_1 import EXAMPLE_1
 from sst_pin.dynamics import dynamics, noc
 from sst_pin.errors import ClosureError, InputError, MissingExtraError
 from sst_pin.loops import loops
@@ -19,6 +18,9 @@ from sst_pin.model.mechanism import Friction
 from sst_pin.verification import referees, verify
 from sst_pin.verification.referees import exudyn_engine, lagrange, mujoco_engine
 from sst_pin.verification.sampling import random_parameters, random_state
+from tests.support.files import load
+
+EXAMPLE_1 = load("scripts/pages/example_1.py").EXAMPLE_1
 
 #: Relative to the largest torque. The worst of a thousand random states is 1e-12, with all referees
 #: alike: near singularities rounding grows with the condition number.

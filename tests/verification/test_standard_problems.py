@@ -8,11 +8,15 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-import make_standard_problems as problems
-import standard_referees as referees
-from markdown_tables import read_table, table_names
 from sst_pin import ClosedChain, robots
 from tests.data import PUBLISHED
+from tests.support.files import load
+
+problems = load("scripts/pages/make_standard_problems.py")
+markdown_tables = load("scripts/pages/markdown_tables.py")
+read_table = markdown_tables.read_table
+table_names = markdown_tables.table_names
+referees = load("scripts/pages/standard_referees.py")
 
 
 def motion_of(name, t, **options):

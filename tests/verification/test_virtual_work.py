@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from star_assemblies import orientations
 
 import sst_pin
 from sst_pin.errors import InputError, SimulationError, SingularConfigurationError, SSTError
 from sst_pin.verification import virtual_work
 from sst_pin.verification.sampling import random_parameters, random_states
 from sst_pin.verification.virtual_work import VirtualWork
+from tests.support.star_assemblies import orientations
 
 Array = NDArray[np.float64]
 

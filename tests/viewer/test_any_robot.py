@@ -12,8 +12,6 @@ import pinocchio as pin
 import pytest
 import trimesh
 
-import any_chain
-import run_pages
 import sst_pin
 from sst_pin import errors
 from sst_pin.cli import main
@@ -23,6 +21,10 @@ from sst_pin.viewer import Viewer
 from sst_pin.viewer.panel import curves_of
 from sst_pin.viewer.robot_scene import LAYERS, Scene
 from sst_pin.viewer.triangles import body_shapes
+from tests.support import any_chain
+from tests.support.files import load
+
+run_pages = load("scripts/pages/run_pages.py")
 
 ROOT = Path(__file__).parents[2]
 DELTA = ROOT / "examples" / "delta.urdf"

@@ -5,14 +5,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-import any_chain
 import sst_pin
-from browser import visit
 from sst_pin import robots
 from sst_pin.cli import main
 from sst_pin.viewer import Viewer
 from sst_pin.viewer.robot_scene import Scene
 from sst_pin.viewer.sketch import pulls_of
+from tests.support import any_chain
+from tests.support.browser import visit
 
 FOOT = np.array((0.3, 0.0, -0.4))
 

@@ -12,13 +12,15 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-import any_chain
-import cassie
 import sst_pin
-from browser import with_slow
-from motor_cases import elbows, held_not
 from sst_pin.errors import ClosureError, MissingExtraError, SSTError
 from sst_pin.viewer import Viewer
+from tests.support import any_chain
+from tests.support.browser import with_slow
+from tests.support.files import load
+from tests.support.motor_cases import elbows, held_not
+
+cassie = load("examples/cassie.py")
 
 #: Values at some states of the page's engine.
 VALUES = """states => states.map(({q, va, aa, tau}) => {

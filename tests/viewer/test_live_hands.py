@@ -3,12 +3,12 @@
 
 import numpy as np
 import pytest
-from test_live import robot_named
 
 import sst_pin
-from browser import COARSE, DESK, PHONE, TABLET, opened, with_slow
-from firefox import firefox, needs_firefox
 from sst_pin.viewer import Viewer
+from tests.support.browser import COARSE, DESK, PHONE, TABLET, opened, with_slow
+from tests.support.firefox import firefox, needs_firefox
+from tests.viewer.test_live import robot_named
 
 #: Where a body, the last that is met, is seen in the window.
 FOUND = """() => {

@@ -8,9 +8,9 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
-from browser import COARSE, pixels, visit
 from sst_pin.sst import paper
 from sst_pin.viewer import Viewer
+from tests.support.browser import COARSE, pixels, visit
 
 SPEED = 0.25
 #: From three.js, where y is up, to the base, where z is.

@@ -7,10 +7,10 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
-from browser import DESK, EXTENT, LYING, PHONE, TABLET, opened, pixels, with_slow
-from firefox import firefox, needs_firefox
 from sst_pin.sst import paper
 from sst_pin.viewer import Viewer
+from tests.support.browser import DESK, EXTENT, LYING, PHONE, TABLET, opened, pixels, with_slow
+from tests.support.firefox import firefox, needs_firefox
 
 
 def example(name):

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from by_hand import add, mark
 from sst_pin import ClosedChain, Closure
+from tests.support.by_hand import add, mark
 
 X, Y, Z = np.eye(3)
 GRAVITY = np.array([0.7, -1.1, -9.6])

@@ -8,9 +8,9 @@ import numpy as np
 import pinocchio as pin
 from scipy.optimize import brentq
 
-import by_hand
-from by_hand import at, mark
 from sst_pin import ClosedChain, Closure, ClosureError
+from tests.support import by_hand
+from tests.support.by_hand import at, mark
 
 UP = pin.SE3(pin.rpy.rpyToMatrix(np.pi / 2, 0, 0), np.zeros(3))
 

@@ -4,9 +4,9 @@
 import numpy as np
 import pinocchio as pin
 
-from by_hand import mark
 from sst_pin import Closure
 from sst_pin.model.closures import Distance, Rolling
+from tests.support.by_hand import mark
 
 GRAVITY = np.array([0.6, -1.3, -9.4])
 

@@ -7,8 +7,8 @@ Each takes and returns NumPy arrays of one sample, friction smooth within `WIDTH
 import numpy as np
 import pytest
 
-from derivative_cases import WIDTH
 from sst_pin.dynamics.derivatives import AccelerationDerivatives, TorqueDerivatives
+from tests.support.derivative_cases import WIDTH
 
 
 class Arrays:

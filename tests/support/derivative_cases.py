@@ -7,12 +7,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.testing import assert_allclose
 
-import any_chain
-from by_hand import add, at
-from robots import ROBOTS, Z, four_bar
 from sst_pin import ClosedChain, robots
 from sst_pin.model.closures import Coupling, Distance
-from trees import CONSTRAINTS, TREES, random_q, tree
+from tests.support import any_chain
+from tests.support.by_hand import add, at
+from tests.support.link_tables import ROBOTS, Z, four_bar
+from tests.support.trees import CONSTRAINTS, TREES, random_q, tree
 
 #: Sixth-order central differences: the steps of the values, and their weights.
 STEPS = (-3, -2, -1, 1, 2, 3)

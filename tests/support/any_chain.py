@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pinocchio as pin
 
-from by_hand import add, at, mark
 from sst_pin import ClosedChain, ClosureError, LineForce, robots
 from sst_pin.model.closures import Closure, Constraint, Coupling, Distance, Rolling
-from trees import unbounded
+from tests.support.by_hand import add, at, mark
+from tests.support.trees import unbounded
 
 AXIS = np.array([2.0, -1.0, 2.0]) / 3
 OTHER = np.array([1.0, 0.0, -1.0]) / np.sqrt(2)

@@ -4,7 +4,7 @@
 import numpy as np
 import pinocchio as pin
 
-from by_hand import add, at, mark
+from tests.support.by_hand import add, at, mark
 
 #: Crank, coupler, and a rocker whose end the coupler's meets: all turn round and round.
 DRAG_LINK = [
