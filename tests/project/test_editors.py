@@ -14,7 +14,7 @@ import pytest
 import sst_pin
 
 ROOT = Path(__file__).resolve().parents[2]
-PYRIGHT = ROOT / "scripts" / "pages" / "tools" / "web" / "node_modules" / "pyright" / "index.js"
+PYRIGHT = Path(__file__).parent / "pyright" / "node_modules" / "pyright" / "index.js"
 #: A user's file: what is right, then two mistakes.
 USE = """\
 import sst_pin
@@ -81,7 +81,7 @@ def test_mypy_finds_the_package_and_both_mistakes(python, tmp_path):
 @pytest.mark.slow
 @pytest.mark.tools
 @pytest.mark.skipif(
-    not PYRIGHT.exists(), reason="needs `npm install --prefix scripts/pages/tools/web`"
+    not PYRIGHT.exists(), reason="needs `npm install --prefix tests/project/pyright`"
 )
 def test_pyright_finds_the_package_and_both_mistakes(python, tmp_path):
     (tmp_path / "use.py").write_text(USE)
