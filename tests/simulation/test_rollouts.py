@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 import numpy as np
 import pytest
-from sst_pin.compiled.states import CompiledStates
 
 import sst_pin
 from sst_pin import robots
+from sst_pin.compiled.compiled_states import CompiledStates
 from sst_pin.sst import paper
 from sst_pin.verification.sampling import random_parameters, random_states
 

@@ -7,9 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import sst_pin
-from sst_pin.dynamics.reference import ReferenceStates
 from sst_pin.simulation.energy import energy_balance
 from sst_pin.sst import paper
+from sst_pin.states import ReferenceStates
 from sst_pin.verification.sampling import random_parameters, random_state
 from sst_pin.verification.virtual_work import VirtualWork
 from tests.support import link_tables
