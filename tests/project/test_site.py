@@ -2,11 +2,8 @@
 """The documentation site: builds without a warning, holds every name, asks no other host."""
 
 import json
-import os
 import re
 import shutil
-import subprocess
-import sys
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -27,31 +24,19 @@ NOBODY = "http://127.0.0.1:9"
 
 
 @pytest.fixture(scope="module")
-def project(tmp_path_factory):
-    """The pages and what else a build of the site reads."""
-    pytest.importorskip("mkdocs", reason="mkdocs is not installed (extra 'docs')")
+def site(tmp_path_factory):
+    """The site, built without a warning."""
+    pytest.importorskip("zensical", reason="zensical is not installed (extra 'docs')")
     folder = tmp_path_factory.mktemp("project")
-    shutil.copyfile(ROOT / "mkdocs.yml", folder / "mkdocs.yml")  # Zensical follows a link to it
+    shutil.copyfile(ROOT / "zensical.toml", folder / "zensical.toml")  # a link would be followed
     for name in ("sst_pin", "scripts"):
         (folder / name).symlink_to(ROOT / name)
-    make_site.write_pages(folder / "site_pages")
-    return folder
-
-
-def built(project, *command):
-    """The folder `site/`, built without a warning."""
-    environment = os.environ | {"http_proxy": NOBODY, "https_proxy": NOBODY, "no_proxy": ""}
-    command = [sys.executable, "-m", *command, "build", "--strict"]
-    how = {"cwd": project, "env": environment, "capture_output": True, "text": True}
-    result = subprocess.run(command, check=False, **how)
-    assert result.returncode == 0, result.stdout + result.stderr
-    return project / "site"
-
-
-@pytest.fixture(scope="module")
-def site(project):
-    """Built by MkDocs."""
-    return built(project, "mkdocs")
+    with pytest.MonkeyPatch.context() as patch:
+        for proxy in ("http_proxy", "https_proxy"):
+            patch.setenv(proxy, NOBODY)
+        patch.delenv("no_proxy", raising=False)
+        make_site.build(folder)
+    return folder / "site"
 
 
 class Resources(HTMLParser):
@@ -94,20 +79,22 @@ def test_equations_are_typeset_and_search_finds_words(site):
     assert theory.count("<math") > 30
     assert "$" not in re.sub("<script.*?</script>", "", theory, flags=re.DOTALL)
     assert "\\tag" not in theory
-    index = json.loads((site / "search" / "search_index.json").read_text(encoding="utf-8"))
-    text = " ".join(entry["text"] for entry in index["docs"])
+    index = json.loads((site / "search.json").read_text(encoding="utf-8"))
+    text = " ".join(entry["text"] for entry in index["items"])
     assert "reduced_terms" in text
     assert "redundant" in text
 
 
-def test_zensical_builds_the_same_pages_without_a_warning(site, project):
-    of_mkdocs = {path.relative_to(site) for path in site.rglob("*.html")}
-    shutil.copytree(site, project / "of_mkdocs")
-    site = built(project, "zensical")
-    assert {path.relative_to(site) for path in site.rglob("*.html")} == of_mkdocs
-    assert (site / "theory.html").read_text(encoding="utf-8").count("<math") > 30
-    shutil.rmtree(site)
-    (project / "of_mkdocs").rename(site)
+def test_every_page_is_there_as_markdown_and_in_the_list_for_language_models(site):
+    pages = {path.relative_to(site).as_posix() for path in site.rglob("*.md")}
+    html = {path.relative_to(site).with_suffix(".md").as_posix() for path in site.rglob("*.html")}
+    assert pages == {page for page in html if not page.endswith("_live.md")} - {"404.md"}
+    listed = re.findall(r"^- \[.+?\]\((.+?)\)", (site / "llms.txt").read_text(), re.MULTILINE)
+    assert sorted(listed) == sorted(pages)
+    theory = (site / "theory.md").read_text(encoding="utf-8")
+    assert r"\Phi\,L = 0" in theory
+    methods = (site / "reference" / "closed_chain.md").read_text(encoding="utf-8")
+    assert "## `ClosedChain.compute_torques(" in methods
 
 
 @needs_browser
