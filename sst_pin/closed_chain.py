@@ -61,7 +61,6 @@ from .summaries import Summary, listed
 
 if TYPE_CHECKING:
     from .compiled.casadi_functions import CasadiFunctions
-    from .compiled.jax_functions import JaxFunctions
     from .files import Table
     from .reading import Described
     from .simulation.bearing_loads import Loads
@@ -87,8 +86,8 @@ class ClosedChain(Summary):
     threads. Several methods have these arguments:
 
     - `q`: configurations of the tree in the format of Pinocchio, shape (..., nq), with closed
-      loops. All leading axes broadcast; `Phi`, `Phi_dot`, `noc`, `compile`, `casadi` and `jax` take
-      one configuration, shape (nq,).
+      loops. All leading axes broadcast; `Phi`, `Phi_dot`, `noc`, `compile` and `casadi` take one
+      configuration, shape (nq,).
     - `va`, `aa`: rates and accelerations of the independent joints `coordinates`, shape (..., n).
     - `tau`: torques of the motors in the order of `motor_names`, shape (..., motors), [N m] or [N].
     - `platform_moment`: external moment on the platform, in base axes, shape (..., 3), [N m]; the
@@ -1442,35 +1441,6 @@ class ClosedChain(Summary):
         near = None if q is None else current.single(q)
         width = positive_number("sign_width", sign_width)
         return CasadiFunctions(current.reference, near, width, external_wrenches, compiled)
-
-    def jax(self, q: ArrayLike | None = None, *, sign_width: float = 1e-3) -> JaxFunctions:
-        """The dynamics as JAX functions for `jit`, `vmap` and `grad`, on the CPU.
-
-        JAX calls this chain by callbacks. For speed, call `compile` before. As there, the order of
-        elimination is chosen around q. `.step` is smooth in the rates, as derivatives are.
-
-        Returns:
-            `.torques`, `.accelerations`, `.step` and more, with derivatives of every order; see
-            `sst_pin.compiled.jax_functions.JaxFunctions`.
-
-        Raises:
-            MissingExtraError: Without JAX or CasADi, `sst-pin[jax]`.
-            InputError: If JAX uses single precision.
-            DescriptionError: If the robot has a rolling contact.
-
-        Example:
-            >>> import jax
-            >>> jax.config.update("jax_enable_x64", True)
-            >>> torques = jax.jit(chain.jax().torques)
-            >>> torques(chain.home, [1], [0]).round(3).tolist()
-            [0.166]
-        """
-        try:
-            from .compiled.jax_functions import JaxFunctions
-        except ModuleNotFoundError as error:
-            raise MissingExtraError(error.name or "jax", "jax") from None
-        near = None if q is None else self._current.single(q)
-        return JaxFunctions(self, near, positive_number("sign_width", sign_width))
 
     @classmethod
     def from_urdf(

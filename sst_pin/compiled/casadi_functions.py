@@ -2,17 +2,14 @@
 """The dynamics of a chain as functions of CasADi, for its optimisers and integrators."""
 
 from dataclasses import replace
-from functools import cache, cached_property
-from math import prod
+from functools import cached_property
 
 import casadi as ca
-import numpy as np
 from casadi import MX, SX, Function
 
 from ..arrays import Array
 from ..dynamics.reference import Reference
 from ..dynamics.runge_kutta import runge_kutta_step
-from ..model.mechanism import Mechanism
 from ..model.tree import frame_named
 from . import build, kernels
 from .elimination import Orthogonal
@@ -25,19 +22,7 @@ from .kernels import WRENCHES
 _OPTIONS = {"cse": True}
 
 
-class Functions:
-    """Common part of the functions of CasADi and of JAX: numbers of entries in q, va, tau."""
-
-    def __init__(self, mechanism: Mechanism) -> None:
-        self._mechanism, self.nq = mechanism, mechanism.model.nq
-        self.n, self.motors = len(mechanism.coordinates), mechanism.motors.shape[1]
-
-    def __repr__(self) -> str:
-        sizes = f"nq={self.nq}, n={self.n}, motors={self.motors}"
-        return f"{type(self).__name__}({self._mechanism.model.name}: {sizes})"
-
-
-class CasadiFunctions(Functions):
+class CasadiFunctions:
     """Dynamics of one chain as `casadi.Function`s, with the numbers of now folded in.
 
     The entries of q, shape (nq,), are independent variables here. Values and derivatives mean
@@ -63,14 +48,20 @@ class CasadiFunctions(Functions):
         loaded: bool = False,
         compiled: bool = False,
     ) -> None:
-        super().__init__(reference.mechanism)
+        self._mechanism = mechanism = reference.mechanism
+        self.nq, self.n = mechanism.model.nq, len(mechanism.coordinates)
+        self.motors = mechanism.motors.shape[1]
         self._compiled = compiled
         samples = sample_configurations(reference, near)
-        self._equations = Equations(self._mechanism, samples, loaded, smooth=True)
+        self._equations = Equations(mechanism, samples, loaded, smooth=True)
         self._equations.factors  # noqa: B018  (or says that the coordinates do not fix the motion)
-        friction = replace(self._mechanism.friction, sign_width=sign_width)
-        self._numbers = self._equations.parameters.pack(self._mechanism, friction)
-        self._bodies = self._mechanism.model.njoints - 1 if loaded else 0
+        friction = replace(mechanism.friction, sign_width=sign_width)
+        self._numbers = self._equations.parameters.pack(mechanism, friction)
+        self._bodies = mechanism.model.njoints - 1 if loaded else 0
+
+    def __repr__(self) -> str:
+        sizes = f"nq={self.nq}, n={self.n}, motors={self.motors}"
+        return f"CasadiFunctions({self._mechanism.model.name}: {sizes})"
 
     @cached_property
     def torques(self) -> Function:
@@ -147,7 +138,11 @@ class CasadiFunctions(Functions):
         elimination was chosen, next to a singularity, or the motors hardly hold the robot, so that
         its `torques` cannot be trusted.
         """
-        return self.checked(CLOSED, motors=self._equations.driven)
+        checks, own = Checks(self._equations, CLOSED), []
+        if self._equations.driven:
+            own = checks.of_motors
+        verdicts = ca.vertcat(*checks.of_state, *checks.of_complement, *own)
+        return self._made("check", {"q": self._equations.q}, {"c": ca.mmax(verdicts)})
 
     @cached_property
     def torques_check(self) -> Function:
@@ -161,12 +156,6 @@ class CasadiFunctions(Functions):
         """
         made = kernels.make(self._equations, "torques")
         return self._made("torques_check", made.inputs, {"c": ca.mmax(made.checks)})
-
-    def checked(self, closed: float, *, motors: bool) -> Function:
-        """`check` for loops that are open by `closed` at most, with that of the motors or not."""
-        checks = Checks(self._equations, closed)
-        own = [*checks.of_state, *checks.of_complement, *(checks.of_motors if motors else ())]
-        return self._made("check", {"q": self._equations.q}, {"c": ca.mmax(ca.vertcat(*own))})
 
     @cached_property
     def torque_derivatives(self) -> Function:
@@ -247,56 +236,6 @@ class CasadiFunctions(Functions):
         if not self._compiled:
             return function
         return _compiled(self._mechanism.model.name, function, order)
-
-
-class AlongMotions:
-    """Values and derivatives of functions of closed configurations, one thread at a time.
-
-    What is differentiated by q and then along `tangent` is the derivative along a closed motion; it
-    is itself a function of a closed q.
-    """
-
-    def __init__(self, functions: CasadiFunctions) -> None:
-        self._functions = functions
-        self._made: dict[tuple[str, str | None, int], Function] = {}
-        self._sound = cache(lambda motors: functions.checked(np.inf, motors=motors))
-
-    def values(self, name: str, order: int, *arguments: Array, frame: str | None = None) -> Array:
-        """One of the `CasadiFunctions` by name, or its derivatives of an order; NaN where it fails.
-
-        The arguments are q, shape (..., nq), and others, shape (..., size). The result has the
-        shape (..., size, N, .., N), each N the n directions of q, then the entries of the others.
-        That the loops are closed is for the caller to check.
-        """
-        lead = arguments[0].shape[:-1]
-        columns = [x.reshape(prod(lead), x.shape[-1]).T for x in arguments]
-        function = self._function(name, frame, order)
-        values = np.empty((prod(lead), function.numel_out(0)))
-        if len(values):
-            values[:] = function(*columns).full().T
-            checks = self._sound(name == "torques")(columns[0]).full().ravel()
-            values[~(checks <= 1)] = np.nan
-        axes = (self._functions.n + sum(x.shape[-1] for x in arguments[1:]),) * order
-        return values.reshape(*lead, values.shape[1] // prod(axes), *axes)
-
-    def _function(self, name: str, frame: str | None, order: int) -> Function:
-        """All numbers of one order in a column, the last axis first."""
-        key = name, frame, order
-        if key not in self._made and order:
-            before = self._function(name, frame, order - 1)
-            symbols = before.sx_in()
-            (values,), x = before.call(symbols), ca.vertcat(*symbols)
-            T = self._functions.tangent(symbols[0])
-            step = ca.diagcat(T, SX.eye(x.numel() - self._functions.nq))
-            derivatives = ca.vec(ca.jtimes(values, x, step).T)
-            self._made[key] = Function("derivatives", symbols, [derivatives])
-        elif key not in self._made:
-            given = getattr(self._functions, name)
-            function = given if frame is None else given(frame)
-            symbols = function.sx_in()
-            results = ca.vertcat(*(ca.vec(x.T) for x in function.call(symbols)))
-            self._made[key] = Function("values", symbols, [results])
-        return self._made[key]
 
 
 def _compiled(robot: str, function: Function, order: int) -> Function:

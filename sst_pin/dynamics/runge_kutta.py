@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A step of the classical Runge-Kutta method, for NumPy, CasADi and JAX."""
+"""A step of the classical Runge-Kutta method, for NumPy and CasADi."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar

@@ -161,13 +161,6 @@ def test_where_nothing_moves_there_are_no_dynamics(use):
         use(chain, chain.home)
 
 
-def test_where_nothing_moves_jax_has_no_functions():
-    jax = pytest.importorskip("jax", reason="JAX is not installed (extra `jax`)")
-    jax.config.update("jax_enable_x64", True)
-    with pytest.raises(DescriptionError, match="nothing can move"):
-        rigid().jax()
-
-
 def test_where_nothing_moves_no_other_coordinates_are_proposed():
     chain = rigid().with_coordinates(["a1"])
     with pytest.raises(SingularConfigurationError, match="; nothing can move here"):

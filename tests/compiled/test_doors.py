@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""NumPy arrays on both paths, CasADi's functions and JAX's satisfy the same theorems."""
+"""NumPy arrays on both paths and CasADi's functions satisfy the same theorems."""
 
 from types import SimpleNamespace
 
@@ -23,34 +23,17 @@ from tests.support.derivative_cases import (
 from tests.support.doors import DOORS, Kernels
 from tests.support.link_tables import ROBOTS
 
-
-@pytest.fixture(scope="module", autouse=True)
-def double_precision():
-    """JAX's, as it was before."""
-    try:
-        import jax
-    except ModuleNotFoundError:
-        yield
-        return
-    before = jax.config.jax_enable_x64
-    yield
-    jax.config.update("jax_enable_x64", before)
-
-
 #: The others take seconds.
 QUICK = ("four_bar", "five_bar")
 SOME = [
     ("four_bar", "arrays"),
     ("four_bar", "CasADi"),
-    ("four_bar", "JAX"),
     ("five_bar", "kernels"),
     ("five_bar", "CasADi"),
     ("floating four-bar", "kernels"),
     ("floating four-bar", "CasADi"),
-    ("floating four-bar", "JAX"),
-    ("delta", "JAX"),
+    ("delta", "CasADi"),
     ("a motor on a line", "CasADi"),
-    ("a motor on a line", "JAX"),
     ("two motors on lines", "kernels"),
 ]
 
@@ -70,12 +53,6 @@ def behind(request):
     return case, DOORS[door](case)
 
 
-def states(case, door, count):
-    """With wrenches, where the door takes them."""
-    for q, va, aa, wrenches in case.states(count):
-        yield q, va, aa, wrenches if door.takes_wrenches else None
-
-
 def short(chain, q, va, tau):
     """A step that is a small part of the shortest time constant, [s]."""
     A, _ = chain.linearize(q, va, tau, sign_width=WIDTH)
@@ -84,7 +61,7 @@ def short(chain, q, va, tau):
 
 def test_rates_keep_the_loops_closed_and_the_coordinates(behind):
     case, door = behind
-    for q, va, _, _ in states(case, door, 3):
+    for q, va, _, _ in case.states(3):
         v = door.rates(q, va)
         assert np.abs(case.chain.Phi(q) @ v).max() < 1e-13 * max(np.abs(v).max(), 1)
         assert_allclose(v[case.chain._current.mechanism.coordinates], va, rtol=0, atol=1e-15)
@@ -96,7 +73,7 @@ def test_a_step_keeps_the_loops_closed_and_its_error_is_of_fifth_order(behind):
     if isinstance(door, Kernels):
         pytest.skip("test_same_numbers.py holds compiled rollouts to those of the reference path")
     chain, errors = case.chain, []
-    q, va, _, _ = next(states(case, door, 1))
+    q, va, _, _ = next(case.states(1))
     tau = np.linspace(-1, 1, len(chain.motor_names))
     h = short(chain, q, va, tau)
     for dt in (h, h / 2):
@@ -110,7 +87,7 @@ def test_a_step_keeps_the_loops_closed_and_its_error_is_of_fifth_order(behind):
 
 
 OBEYING = [(name, "arrays") for name in ROBOTS]
-OBEYING += [("four-bar", "CasADi"), ("four-bar", "JAX")]
+OBEYING += [("four-bar", "CasADi")]
 
 
 @pytest.mark.parametrize(("name", "door"), OBEYING)
@@ -121,8 +98,7 @@ def test_dynamics_and_derivatives_obey_the_principle_of_virtual_work(name, door)
     n = len(robot.x)
     wrenches = random.uniform(-5, 5, (len(robot.links), 6))
     door = DOORS[door](SimpleNamespace(chain=chain, home=robot.joints(robot.x).real))
-    loads = {"external_wrenches": wrenches} if door.takes_wrenches else {}
-    wrenches = wrenches if door.takes_wrenches else 0 * wrenches
+    loads = {"external_wrenches": wrenches}
     state = np.array([robot.x, *random.uniform(-1, 1, (2, n))])
     way = random.uniform(-1, 1, (3, n))
 
@@ -143,12 +119,12 @@ def test_dynamics_and_derivatives_obey_the_principle_of_virtual_work(name, door)
 def test_derivatives_are_those_of_differences(behind):
     case, door = behind
     random = np.random.default_rng(1)
-    for state in states(case, door, 3):
+    for state in case.states(3):
         assert_derivatives_are_those_of_differences(case, door, *state, random)
         assert_daa_is_the_inertia_and_dtau_its_inverse(case, door, *state)
 
 
-@pytest.mark.parametrize("door", ["arrays", "CasADi", "JAX"])
+@pytest.mark.parametrize("door", ["arrays", "CasADi"])
 def test_a_turn_of_the_base_about_the_vertical_changes_nothing(door):
     """The yaw column of a four-bar on a yaw joint is zero, for forces and accelerations."""
     model, closures, motors, start = carried_four_bar(pin.JointModelRZ())
@@ -165,7 +141,7 @@ def test_a_turn_of_the_base_about_the_vertical_changes_nothing(door):
 
 def assert_second_derivatives_are_those_of_differences(case, door):
     """Differences of exact first derivatives; symmetric, as the coordinates are single joints."""
-    q, va, aa, _ = next(states(case, door, 1))
+    q, va, aa, _ = next(case.states(1))
     n, (way, dva, daa) = len(va), (case.way(q, np.random.default_rng(k)) for k in range(3))
 
     def first(s):
@@ -189,15 +165,14 @@ def test_second_derivatives_are_those_of_differences_and_symmetric(behind):
 @pytest.mark.parametrize("name", ["scissor_lift", "excavator", "planar_4rrr", "hexaglide"])
 def test_second_derivatives_of_other_robots_are_those_of_differences(name):
     case = of_gallery(name)
-    assert_second_derivatives_are_those_of_differences(case, DOORS["JAX"](case))
+    assert_second_derivatives_are_those_of_differences(case, DOORS["CasADi"](case))
 
 
-@pytest.mark.parametrize("door", ["CasADi", "JAX"])
-def test_derivatives_of_a_step_are_those_of_differences(door):
+def test_derivatives_of_a_step_are_those_of_differences():
     """Differences of rollouts by the chain, from neighbours and with other torques."""
     make, *arguments = CASES["five_bar"]
     case, random = make(*arguments), np.random.default_rng(0)
-    door, chain = DOORS[door](case), case.chain
+    door, chain = DOORS["CasADi"](case), case.chain
     q, va, _, _ = next(case.states(1))
     tau, push = random.uniform(-1, 1, (2, len(chain.motor_names)))
     way, dva = case.way(q, random), case.way(q, random)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Kernels, CasADi, JAX and exported C judge motors and masses as the reference path does."""
+"""Kernels, CasADi and exported C judge motors and masses as the reference path does."""
 
 import numpy as np
 import pytest
@@ -111,47 +111,6 @@ def test_casadi_tells_where_the_motors_do_not_hold_the_robot(exported):
         assert (float(functions.check(q)) <= 1) == sound
         assert (float(functions.torques_check(q, va, aa)) <= 1) == sound
     assert exported(chain)("torques", 2, bad, va, aa)[0] == SINGULAR
-
-
-def test_derivatives_by_jax_are_nan_where_the_values_are():
-    jax = pytest.importorskip("jax", reason="JAX is not installed (extra `jax`)")
-    jax.config.update("jax_enable_x64", True)
-    chain = elbows()
-    functions, (bad, good) = chain.jax(), held_not(chain)
-    va, aa = np.array([0.3, -0.2]), np.array([1.0, -2.0])
-    assert np.isfinite(jax.jacfwd(functions.torques)(good, va, aa)).all()
-    assert np.isnan(functions.torques(bad, va, aa)).all()
-    for by in range(3):
-        assert np.isnan(jax.jacfwd(functions.torques, by)(bad, va, aa)).any()
-    # The forces need no motors.
-    assert np.isfinite(jax.jacfwd(functions.generalized_forces)(bad, va, aa)).all()
-    nothing = jax.hessian(lambda aa: functions.generalized_forces(good, va, aa)[0])
-    assert np.isnan(nothing(np.nan * aa)).all()
-
-
-def test_derivatives_by_jax_exist_as_far_as_the_loops_count_as_closed():
-    jax = pytest.importorskip("jax", reason="JAX is not installed (extra `jax`)")
-    jax.config.update("jax_enable_x64", True)
-    chain = robots.four_bar()
-    functions, va = chain.jax(), np.ones(1)
-    q = chain.generic_configuration()
-    for opened in (0.3, 0.7, 0.95, 1.05, 2.0):
-        off = q.copy()
-        off[-1] += 1e-9
-        size = np.abs(chain.residual(off) * chain.mechanism.row_scale).max() / 1e-9
-        off[-1] = q[-1] + opened * 1e-6 / size
-        values = functions.rates(off, va), jax.jacfwd(functions.rates, 1)(off, va)
-        values += (functions.tangent(off), functions.frame_placement("platform")(off)[0])
-        assert [bool(np.isfinite(x).all()) for x in values] == [opened < 1] * 4
-
-
-def test_jax_refuses_torques_of_motors_that_do_not_act_on_all_coordinates():
-    jax = pytest.importorskip("jax", reason="JAX is not installed (extra `jax`)")
-    jax.config.update("jax_enable_x64", True)
-    chain = lift(1.0, 1.0, ["crank", "coupler", "rocker"])  # more motors than coordinates
-    q, va = chain.generic_configuration(), np.zeros(2)
-    with pytest.raises(ActuationError, match="1 of 2 forces"):
-        jax.jacfwd(chain.jax().torques, 2)(q, va, va)
 
 
 @pytest.mark.parametrize("compiled", [False, True], ids=["reference", "compiled"])

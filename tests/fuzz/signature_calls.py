@@ -330,7 +330,7 @@ FREE = {
 }  # fmt: skip
 
 #: Methods that show, compile, read files, or have no arguments that are judged here.
-SKIPPED = {"casadi", "jax", "compile", "show", "from_urdf", "from_mjcf", "refresh", "states"}
+SKIPPED = {"casadi", "compile", "show", "from_urdf", "from_mjcf", "refresh", "states"}
 #: Methods of one sample.
 SINGLE = {
     "noc", "Phi", "Phi_dot", "assemble", "mobility", "simulate", "forward_kinematics", "rollout",

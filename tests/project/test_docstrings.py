@@ -80,7 +80,7 @@ def drawn(name, chain):
 
 # Most of them take milliseconds; a compiler, other engines and fits take seconds.
 LONG = {
-    *(f"ClosedChain.{name}" for name in ("jax", "compile", "from_mjcf", "show", "rollout")),
+    *(f"ClosedChain.{name}" for name in ("compile", "from_mjcf", "show", "rollout")),
     *("SST.from_mjcf", "energy_error", "SimulationError", "SingularityWarning", "time_optimal"),
     "Trajectory.to_dataframe",
     *(name for name in THINGS if name.startswith("identification.")),

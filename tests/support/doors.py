@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The ways in which users reach the dynamics: NumPy arrays, CasADi functions, JAX functions.
+"""The ways in which users reach the dynamics: NumPy arrays, kernels, CasADi functions.
 
 Each takes and returns NumPy arrays of one sample, friction smooth within `WIDTH` in derivatives.
 """
 
 import numpy as np
-import pytest
 
 from sst_pin.dynamics.derivatives import AccelerationDerivatives, TorqueDerivatives
 from tests.support.derivative_cases import WIDTH
@@ -13,8 +12,6 @@ from tests.support.derivative_cases import WIDTH
 
 class Arrays:
     """The chain's methods on the reference path."""
-
-    takes_wrenches = True
 
     def __init__(self, case):
         self.chain = case.chain
@@ -49,8 +46,6 @@ class Kernels(Arrays):
 
 class Casadi:
     """CasADi's functions, differentiated by CasADi along their tangent."""
-
-    takes_wrenches = True
 
     def __init__(self, case):
         self.chain = case.chain
@@ -106,46 +101,4 @@ class Casadi:
         return np.hstack([by[0] @ self._plain.tangent(state_and_dt[0]).full(), *by[1:]])
 
 
-class Jax:
-    """JAX's functions under `jit`, differentiated by JAX."""
-
-    takes_wrenches = False
-
-    def __init__(self, case):
-        jax = pytest.importorskip("jax", reason="JAX is not installed (extra `jax`)")
-        jax.config.update("jax_enable_x64", True)
-        self.chain = case.chain
-        self.functions = functions = case.chain.jax(case.home, sign_width=WIDTH)
-        made = functions.generalized_forces, functions.accelerations, functions.rates
-        self.forces, self.accelerations, self.rates = map(jax.jit, made)
-        self.step = jax.jit(functions.step)
-
-        self._step_by = jax.jit(jax.jacrev(functions.step, argnums=(0, 1, 2)))
-        self._tangent = jax.jit(functions.tangent)
-        first = [jax.jit(jax.jacrev(f, argnums=(0, 1, 2))) for f in made[:2]]
-        self._forces_by, self._accelerations_by = first
-        self._second = jax.jit(jax.jacfwd(first[0], argnums=(0, 1, 2)))
-
-    def torque_derivatives(self, *state):
-        return TorqueDerivatives(*self._along(self._forces_by(*state), state[0]))
-
-    def acceleration_derivatives(self, *state):
-        return AccelerationDerivatives(*self._along(self._accelerations_by(*state), state[0]))
-
-    def second_derivatives(self, *state):
-        """Second derivatives of the torques, shape (n, 3 n, 3 n)."""
-        rows = [np.concatenate(self._along(row, state[0]), axis=-1) for row in self._second(*state)]
-        rows[0] = np.swapaxes(np.swapaxes(rows[0], -1, -2) @ self._tangent(state[0]), -1, -2)
-        return np.concatenate(rows, axis=1)
-
-    def step_derivatives(self, *state_and_dt):
-        """Derivatives of both results in a column, by q along the motions, va and tau."""
-        q = state_and_dt[0]
-        both = [np.hstack(self._along(by, q)) for by in self._step_by(*state_and_dt)]
-        return np.vstack(both)
-
-    def _along(self, by, q):
-        return [by[0] @ self._tangent(q), *map(np.asarray, by[1:])]
-
-
-DOORS = {"arrays": Arrays, "kernels": Kernels, "CasADi": Casadi, "JAX": Jax}
+DOORS = {"arrays": Arrays, "kernels": Kernels, "CasADi": Casadi}
