@@ -145,12 +145,23 @@ class Assembly:
             q, f, moved = self._descend(q, f, step, busy)
             if not moved:
                 break
-        return q, self._rows[~(np.abs(f[self._rows]) < self._tolerance)]
+        return q, self._rows[self._open(q, f, self._rows)]
 
-    @property
-    def _tolerance(self) -> float:
-        """Below this residuals are rounding, which grows with the distance from the origin."""
-        return max(ASSEMBLED, _ROUNDINGS * self.loops.distance / self.mechanism.length)
+    def _open(self, q: Array, f: Array, rows: Indices) -> Flags:
+        """Which rows are open by more than what rounding of positions explains.
+
+        Rounding grows with turns of the joints and with the distance from the origin. The loops are
+        at q.
+        """
+        is_open = ~(np.abs(f[rows]) < ASSEMBLED)
+        if not is_open.any():
+            return is_open
+        mechanism, entries, rates = self.mechanism, *self.mechanism.space.plain
+        sizes = np.zeros(mechanism.model.nv)
+        sizes[rates] = np.abs(q[entries])
+        Phi = self.loops.Phi()[rows] * mechanism.row_scale[rows, None]
+        size = np.abs(Phi) @ sizes + self.loops.distance / mechanism.length
+        return is_open & ~(np.abs(f[rows]) < _ROUNDINGS * size)
 
     def _descend(
         self, q: Array, f: Array, step: Array, parts: list[tuple[Indices, Indices]]
@@ -172,7 +183,7 @@ class Assembly:
                 return (trial, f_trial, True) if moved else (q, f, False)
             for rows, columns in worse:
                 step[columns] /= 2
-                rounding = np.abs(f[rows]).max() < self._tolerance
+                rounding = not self._open(q, f, rows).any()
                 if rounding or np.abs(step[columns]).max(initial=0.0) < 1e-16:
                     step[columns] = 0.0  # rounding, or a dead end
 

@@ -149,7 +149,7 @@ class JointSpace:
         if self.euclidean:
             return v
         q_dot = np.empty(self._model.nq)
-        q_dot[self._simple[0]] = v[self._simple[1]]
+        q_dot[self.plain[0]] = v[self.plain[1]]
         for i, k in self._quaternions:
             x, y, z, w = q[i : i + 4]
             a, b, c = v[k : k + 3] / 2
@@ -233,7 +233,7 @@ class JointSpace:
         return parts
 
     @cached_property
-    def _simple(self) -> tuple[Indices, Indices]:
+    def plain(self) -> tuple[Indices, Indices]:
         """Entries of q and of v whose rates are the same numbers."""
         q, v = np.ones(self._model.nq, dtype=bool), np.ones(self._model.nv, dtype=bool)
         for size, first, pairs in ((4, 3, self._quaternions), (2, 1, self._circles)):

@@ -32,6 +32,8 @@ _SHORTER, _STUCK = 0.25, 1e-12
 _SHY = 1e-10
 #: Tolerances are not made finer than this.
 _FINEST = 1e-12
+#: Nor finer than so many roundings of the largest position, after many turns.
+_ROUNDINGS = 16
 #: States by which a motion is continued over a singular configuration, apart by this factor of
 #: their times left at least.
 _NODES, _SPREAD = 6, 1.5
@@ -255,6 +257,9 @@ class Run:
             name: max(self._options[name] / exact, min(self._options[name], _FINEST))
             for name in ("rtol", "atol")
         }
+        # Forces are no smoother than the rounding of the positions.
+        rounding = _ROUNDINGS * float(np.spacing(np.abs(self._q).max()))
+        options["atol"] = max(options["atol"], rounding)
         return self._solver(
             self._motion.rate, self._t, self._state, bound, first_step=first, **options
         )

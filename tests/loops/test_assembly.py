@@ -86,6 +86,31 @@ def test_joints_behind_linear_couplings_follow_however_far(polynomial):
     assert np.abs(bar.residual(q[:3])).max() < 1e-11
 
 
+@pytest.mark.parametrize("turns", [4e4, 1e6])
+def test_loops_close_to_the_rounding_of_angles_after_many_turns(turns):
+    """The crank has turned forward on the ground, the coupler backward on the crank."""
+    chain = four_bar()
+    way = 2 * np.pi * turns * np.array([1, -1, 0])
+    q = chain.assemble(chain.home + way)
+    # Angles and full turns are known to a few roundings of the way.
+    assert_allclose(q - chain.home, way, atol=4 * np.spacing(way.max()))
+    assert np.abs(chain.residual(q)).max() < 4 * np.spacing(way.max())
+
+
+def test_a_motor_behind_a_gear_turns_as_far_as_its_angle_has_digits():
+    """Rounding of the motor's angle is 1.5e-11 rad, that of its coupling as large."""
+    bar, model = ladder(1), ladder(1).model
+    model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "motor")
+    model.appendBodyToJoint(4, pin.Inertia.Random(), pin.SE3.Identity())
+    gear = sst_pin.Coupling("motor", {"crank_0": (0, 157)})
+    chain = ClosedChain(model, [*bar.closures, gear], ["motor"])
+    near = chain.assemble(np.array([0.3, -0.2, 1.0, 47.1]), ["crank_0"])
+    turns = 2 * np.pi * np.array([114, -114, 0, 114 * 157])
+    far = chain.assemble(near + turns, ["crank_0"])
+    assert far[3] > 1.1e5
+    assert_allclose(far, near + turns, atol=4 * np.spacing(far[3]))
+
+
 def test_several_starts_close_what_one_start_does_not():
     """One seed gives one configuration; another seed also gives a closed one."""
     chain = ClosedChain(

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import sst_pin
 from sst_pin.simulation.energy import energy_balance
+from sst_pin.simulation.integration import Motion
 from sst_pin.sst import paper
 from sst_pin.states import ReferenceStates
 from sst_pin.verification.sampling import random_parameters, random_state
@@ -30,6 +31,19 @@ def worst_residual(robot, motion):
 @pytest.fixture(scope="module")
 def circle(robot):
     return paper.example_1(robot, np.linspace(0, paper.PERIOD, 301))
+
+
+@pytest.fixture
+def count_rates(monkeypatch):
+    """The times at which simulations ask for the rates of a state."""
+    times, rate = [], Motion.rate
+
+    def counted(self, time, state):
+        times.append(time)
+        return rate(self, time, state)
+
+    monkeypatch.setattr(Motion, "rate", counted)
+    return times
 
 
 def test_example_2_returns_to_the_circle(robot, circle):
@@ -308,6 +322,22 @@ def test_an_implicit_method_may_go_too_far_before_it_has_derivatives():
         motion = chain.simulate([0], *start, [0, 1, 2], method="LSODA", rtol=1e-2, atol=1e-2)
         assert not motion.stopped
         assert worst_residual(chain, motion) < 1e-11
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+def test_after_a_million_turns_a_robot_moves_as_it_did_before(compiled, count_rates):
+    """The error tolerance is not finer than rounding of the angles, which no step would meet."""
+    chain = sst_pin.robots.four_bar()
+    if compiled:
+        chain.compile()
+    way, t, motions, calls = 2 * np.pi * np.array([1e6, -1e6, 0]), np.linspace(0, 1, 11), [], []
+    for q0 in (chain.home, chain.home + way):
+        count_rates.clear()
+        motions.append(chain.simulate([0.0], q0, [3.0], t))
+        calls.append(len(count_rates))
+    # rtol of angles of 6e6 rad is 6e-6 rad in each step.
+    assert np.abs(motions[1].q - way - motions[0].q).max() < 1e-6
+    assert calls[1] < 2 * calls[0]
 
 
 @pytest.mark.parametrize("compiled", [False, True])
