@@ -8,24 +8,18 @@ from ..errors import DescriptionWarning, SingularityWarning, SSTError
 from ..version import __version__
 from . import common, identify, motion_commands, robot_commands, show, sst_commands
 
-#: Each adds a command or two, in the order of the help text.
+#: Each adds a command, in the order of the help text.
 COMMANDS = (
     sst_commands.add_paper,
     motion_commands.add_torques,
-    motion_commands.add_loads,
     motion_commands.add_simulate,
     show.add_show,
     motion_commands.add_plot,
-    sst_commands.add_workspace,
     sst_commands.add_describe,
     robot_commands.add_verify,
     robot_commands.add_validate,
     identify.add_identify,
-    identify.add_excite,
-    identify.add_calibrate,
-    robot_commands.add_export,
     robot_commands.add_compile,
-    robot_commands.add_info,
 )
 
 

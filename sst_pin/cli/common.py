@@ -154,9 +154,12 @@ def misplaced(words: Sequence[str]) -> str:
 
 def names_robot(word: str) -> bool:
     """Whether a word is a file of a robot, or a name of the gallery and no file."""
-    return Path(word).suffix.lower() in _ROBOT_FILES or (
-        word in _gallery() and not Path(word).exists()
-    )
+    return Path(word).suffix.lower() in _ROBOT_FILES or in_gallery(word)
+
+
+def in_gallery(word: str) -> bool:
+    """Whether a word is a name of the gallery and no file."""
+    return word in _gallery() and not Path(word).exists()
 
 
 def source_of(path: Path) -> Path | BinaryIO:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`sst-pin identify`, `excite`, `calibrate`: dynamic parameters and geometry from measurements."""
+"""`sst-pin identify`: dynamic parameters from measurements."""
 
 import argparse
 from pathlib import Path
@@ -9,7 +9,7 @@ from ..errors import InputError
 from ..files import Writer, require_ending, text_writer
 from ..identification.urdf_numbers import with_dynamics
 from ..reading import cuts_beside, is_mjcf
-from ..simulation.motion_files import read_log, read_poses
+from ..simulation.motion_files import read_log
 from . import common
 
 _COUNT = common.number("a count", lambda n: n >= 1, int)
@@ -69,65 +69,6 @@ def _identify(arguments: argparse.Namespace) -> int:
     common.write({output: text_writer(text), **files}, arguments)
     told = f"{len(base)} combinations, {int(found.supported.sum())} supported"
     common.say(f"{len(motion)} samples, {told} -> {output}", arguments)
-    return 0
-
-
-def add_excite(commands: common.Commands) -> None:
-    """A motion that shows the parameters."""
-    text = "Find a motion that shows the dynamic parameters of a robot well."
-    parser = commands.add("excite", _excite, text)
-    parser.add_output("MOTION.csv")
-    parser.option("--duration S", "of one period (default: 10)", common.POSITIVE, default=10.0)
-    parser.option("--tries N", "motions that are judged (default: 30)", _COUNT, default=30)
-    parser.option("--rates V", "largest rate, rad/s or m/s", common.POSITIVE)
-    parser.option("--torques T", "largest torque, N m or N", common.POSITIVE)
-
-
-def _excite(arguments: argparse.Namespace) -> int:
-    robot = common.robot_of(arguments)
-    base = identification.base_parameters(robot)
-    limits = {"rates": arguments.rates, "torques": arguments.torques}
-    motion = identification.excitation(
-        robot, base, arguments.duration, tries=arguments.tries, **limits
-    )
-    common.save(motion, arguments)
-    value = identification.condition_number(robot, base, motion)
-    common.say(
-        f"{len(motion)} samples, condition number {value:.3g} -> {arguments.output}", arguments
-    )
-    return 0
-
-
-def add_calibrate(commands: common.Commands) -> None:
-    """The geometry from measured poses."""
-    parser = commands.add(
-        "calibrate",
-        _calibrate,
-        "Find errors of the geometry of a robot from measured poses of a frame, and write its URDF "
-        "with calibrated origins. The table has positions of the coordinates, as in a motion file, "
-        "and FRAME_x_m, FRAME_y_m, FRAME_z_m (or _mm), perhaps FRAME_qw, _qx, _qy, _qz.",
-    )
-    parser.add_input("poses", "measured poses")
-    text = "calibrated URDF, its .yaml and .srdf beside it; - writes the URDF"
-    parser.add_output("CALIBRATED.urdf", text)
-    parser.option("--frame FRAME", "the frame that was measured", required=True)
-    parser.option(
-        "--which NAMES",
-        "errors considered, patterns with commas between, such as motor_*.ry,rod_*.x "
-        "(default: those of all joints and closures)",
-    )
-
-
-def _calibrate(arguments: argparse.Namespace) -> int:
-    urdf = _urdf_of(arguments)
-    require_ending(common.output_name(arguments.output, ".urdf"), ".urdf")
-    robot, frame = common.robot_of(arguments), arguments.frame
-    source = common.source_of(arguments.poses)
-    x, poses, start = read_poses(robot, source, frame)
-    which = arguments.which and arguments.which.split(",")
-    found = identification.calibrate(robot, frame, x, poses, which=which, start=start)
-    common.write(_with_closures(found._urdf(urdf), urdf, arguments.output), arguments)
-    common.say(f"{found!r}\n{len(x)} poses -> {arguments.output}", arguments)
     return 0
 
 

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`sst-pin torques`, `loads`, `simulate` and `plot`: from a motion or its torques."""
+"""`sst-pin torques`, `simulate` and `plot`: from a motion or its torques."""
 
 import argparse
 
 import numpy as np
 
 from ..errors import FileFormatError
-from ..files import require_ending, text_writer
 from ..simulation.motion_files import (
     load_motion,
     motion_table,
@@ -19,8 +18,6 @@ from . import common
 
 #: Exit code of a motion that stops before the last time; the motion until then is written.
 CUT_SHORT = 3
-#: Endings of figures.
-PICTURES = (".png", ".svg", ".pdf")
 #: `plots.SUBJECTS`, without importing matplotlib.
 SUBJECTS = ("path", "torques", "joints", "rates", "power", "energy", "condition")
 
@@ -56,42 +53,6 @@ def _torques(arguments: argparse.Namespace) -> int:
     common.say(f"{len(motion)} samples, peak torques {told} -> {arguments.output}", arguments)
     start = zip(motion.joint_names, motion.q[0], strict=True)
     common.say(f"  starts at {listed([f'{name} {x:.4g}' for name, x in start])}", arguments)
-    return 0
-
-
-def add_loads(commands: common.Commands) -> None:
-    """Forces and moments of joints and closures along a motion."""
-    parser = commands.add(
-        "loads",
-        _loads,
-        "Compute peak and mean forces and moments of each joint and closure along a motion, and "
-        "say which are not unique. The motion file is as for torques.",
-    )
-    parser.add_input("motion", "motion")
-    text = "table, .csv, or figure, .png, .svg or .pdf; - writes the table"
-    parser.add_output("LOADS.csv", text)
-    parser.add_strict()
-
-
-def _loads(arguments: argparse.Namespace) -> int:
-    robot, source = common.robot_of(arguments), common.source_of(arguments.motion)
-    motion = read_motion(robot, source)
-    if common.refuses(robot, motion, arguments):
-        return 1
-    loads, output = robot.loads(motion), arguments.output
-    writer = text_writer(loads.csv)
-    if require_ending(common.output_name(output, ".csv"), ".csv", *PICTURES) != ".csv":
-        from .. import plots  # needs the extra `plot`
-
-        writer = plots.figure_writer(plots.loads_page(loads), output)
-    common.write({output: writer}, arguments)
-    forces = [row for row in loads.rows if row.kind == "force"]
-    known = [row for row in forces if np.isfinite(row.peak)]
-    told = f"{len(forces) - len(known)} of {len(forces)} forces are not unique"
-    if known:
-        worst = max(known, key=lambda row: row.peak)
-        told = f"largest force {worst.peak:.4g} N in {worst.name} at {worst.time:.4g} s, {told}"
-    common.say(f"{len(motion)} samples, {told} -> {output}", arguments)
     return 0
 
 

@@ -1,94 +1,42 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`sst-pin info`, `validate`, `verify`, `compile`, `cache`, `export-c`: about the robot itself."""
+"""`sst-pin validate`, `verify` and `compile`: about the robot itself."""
 
 import argparse
 import json
-import platform
 import time
-from contextlib import suppress
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from tqdm import tqdm
 
 from ..compiled import build
-from ..errors import ClosureError, DescriptionError, InputError, MissingExtraError
+from ..errors import InputError, MissingExtraError
 from ..files import write_files
-from ..version import __version__
 from . import common
-
-
-def add_info(commands: common.Commands) -> None:
-    """Versions, model and mobility."""
-    parser = commands.add("info", _info, "Print versions, the model and its mobility.")
-    parser.option("--json", "print JSON")
-
-
-def _info(arguments: argparse.Namespace) -> None:
-    robot, home = common.robot_of(arguments), None
-    with suppress(DescriptionError, ClosureError):
-        home = robot.home
-    mobility = robot.mobility(home)
-    versions = {"sst-pin": __version__}
-    for package in ("pin", "numpy", "scipy", "matplotlib"):
-        try:
-            versions[package] = version(package)
-        except PackageNotFoundError:
-            versions[package] = "(not installed)"
-    python, system = platform.python_version(), f"{platform.system()} {platform.machine()}"
-    source = arguments.robot or "the URDF of the package"
-    model = robot.mechanism.model
-    mass = sum(inertia.mass for inertia in model.inertias)
-    if arguments.json:
-        content = {
-            "versions": {"python": python} | versions,
-            "system": system,
-            "model": model.name,
-            "source": str(source),
-            "joints": list(robot.joint_names),
-            "motors": list(robot.motor_names),
-            "coordinates": list(mobility.coordinates),
-            "degrees_of_freedom": mobility.degrees_of_freedom,
-            "closure_equations": len(mobility.rows),
-            "redundant_closure_equations": mobility.redundant_rows,
-            "moving_mass_kg": mass,
-            "gravity_m_s2": model.gravity.linear.tolist(),
-            "friction": not robot.friction.none,
-            "path": robot.path,
-        }
-        print(json.dumps(content, indent=1))
-        return
-    print(f"Python {python} on {system}")
-    print(", ".join(f"{name} {version}" for name, version in versions.items()))
-    print(f"model {model.name}: {source}")
-    print(f"  order of the joints in q: {', '.join(robot.joint_names)}")
-    print(f"  moving mass {mass:.6g} kg, gravity {model.gravity.linear.tolist()} m/s^2")
-    friction = "none" if robot.friction.none else "viscous and Coulomb, from the description"
-    print(f"  friction: {friction}")
-    print(f"  dynamics computed by: {robot.path}")
-    print(mobility)
 
 
 def add_validate(commands: common.Commands) -> None:
     """Every problem of a robot description."""
-    text = "List all problems of a URDF or MJCF and of its closures."
+    text = "List all problems of a URDF, SDF or MJCF and of its closures; print its mobility."
     parser = commands.add("validate", _validate, text, robot=False)
-    parser.option("file FILE", "a URDF, SDF or MJCF; --robot FILE names it too", Path, nargs="?")
-    parser.option("--robot FILE", argparse.SUPPRESS, Path)
+    text = "a file, or a name of the gallery; --robot names it too (default: the SST of the paper)"
+    parser.option("file FILE", text, nargs="?")
+    parser.option("--robot FILE", argparse.SUPPRESS)
     text = "of a URDF: closures and motors (default: the YAML with the name of FILE)"
     parser.option("--cuts YAML", text, Path)
 
 
 def _validate(arguments: argparse.Namespace) -> int:
-    from ..reading.validate import examine
+    from ..reading.validate import examine, summary_of
 
-    given = [path for path in (arguments.file, arguments.robot) if path is not None]
-    if len(given) != 1:
-        raise InputError("validate", "give one file of a robot")
-    if common.names_robot(str(given[0])) and not given[0].suffix:
-        raise InputError(str(given[0]), "is a robot of the gallery, which has no file to validate")
-    problems, summary = examine(given[0], arguments.cuts)
+    if arguments.file is not None and arguments.robot is not None:
+        raise InputError("validate", "give one robot")
+    arguments.robot = arguments.robot or arguments.file
+    if arguments.robot is not None and not common.in_gallery(arguments.robot):
+        problems, summary = examine(arguments.robot, arguments.cuts)
+    else:
+        chain = common.robot_of(arguments)
+        problems, summary = [], summary_of(chain.mechanism.model, chain.mobility())
     for problem in problems:
         print(problem)
     errors = sum(problem.severity == "error" for problem in problems)
@@ -137,28 +85,39 @@ def _verify(arguments: argparse.Namespace) -> int:
 
 
 def add_compile(commands: common.Commands) -> None:
-    """Compiled kernels, and the cache that keeps them."""
-    text = "Compile the kernels of a robot; chain.compile() loads them later."
-    parser = commands.add("compile", _compile, text)
+    """Compiled kernels, the cache that keeps them, and the same equations as C code."""
+    parser = commands.add(
+        "compile",
+        _compile,
+        "Compile the kernels of a robot, which chain.compile() loads later; or write the dynamics "
+        "as C code for a controller; or look after the cache of kernels.",
+    )
     parser.option("--all", "all kernels, not only torques and accelerations")
-    text = "List the kernels in the cache, or delete them."
-    parser = commands.add("cache", _cache, text, robot=False)
-    parser.option("--empty", "delete all kernels")
+    text = "write C code: a header, a source with the parameters of the robot, an example"
+    parser.option("--export-c FOLDER", text, Path)
+    kinds: dict[str, Any] = {"choices": ["double", "single"], "default": "double"}
+    parser.add_argument("--precision", help="of the C code (default: double)", **kinds)
+    parser.add_force()
+    parser.option("--list", "list the kernels in the cache")
+    parser.option("--clear", "delete all kernels in the cache")
 
 
 def _compile(arguments: argparse.Namespace) -> None:
-    chain = common.robot_of(arguments)
-    start = time.perf_counter()
-    chain.compile(all=arguments.all)
-    print(f"{chain.path}\nin {time.perf_counter() - start:.2g} s")
+    if arguments.clear:
+        print(f"{build.empty_cache()} kernels deleted from {build.cache_folder()}")
+    elif arguments.list:
+        _list()
+    elif arguments.export_c is not None:
+        _export(arguments)
+    else:
+        chain = common.robot_of(arguments)
+        start = time.perf_counter()
+        chain.compile(all=arguments.all)
+        print(f"{chain.path}\nin {time.perf_counter() - start:.2g} s")
 
 
-def _cache(arguments: argparse.Namespace) -> None:
-    folder = build.cache_folder()
-    if arguments.empty:
-        print(f"{build.empty_cache()} kernels deleted from {folder}")
-        return
-    entries = build.cached()
+def _list() -> None:
+    entries, folder = build.cached(), build.cache_folder()
     robot = max((len(entry.robot) for entry in entries), default=0)
     kernel = max((len(entry.kernel) for entry in entries), default=0)
     for entry in entries:
@@ -168,32 +127,12 @@ def _cache(arguments: argparse.Namespace) -> None:
     print(f"{len(entries)} kernels, {sum(e.size for e in entries) / 1e6:.1f} MB in {folder}")
 
 
-def add_export(commands: common.Commands) -> None:
-    """The dynamics as C code."""
-    parser = commands.add(
-        "export-c",
-        _export,
-        "Write the dynamics of a robot as C code for its controller: header, source with the "
-        "parameters of the robot, and an example.",
-    )
-    parser.option("folder FOLDER", "the folder, or -o", Path, nargs="?")
-    parser.add_folder()
-    kinds: dict[str, Any] = {"choices": ["double", "single"], "default": "double"}
-    parser.add_argument("--precision", help="double or float (default: double)", **kinds)
-    parser.add_force()
-
-
 def _export(arguments: argparse.Namespace) -> None:
-    given = [path for path in (arguments.folder, arguments.output) if path is not None]
-    if len(given) != 1:
-        raise InputError("export-c", f"give one folder{common.misplaced([*map(str, given)])}")
-    if arguments.robot is None and (hint := common.misplaced([str(given[0])])):
-        raise InputError(str(given[0]), f"is a robot, not a folder{hint}")
     try:
         from ..compiled import export
     except ImportError:
         raise MissingExtraError("casadi", "compile") from None
-    robot, folder = common.robot_of(arguments), given[0]
-    written = export.c_files(robot, folder, arguments.precision)
-    write_files(written, arguments.force, folder=folder)
-    print(f"{', '.join(path.name for path in written)} in {folder}")
+    folder = arguments.export_c
+    files = export.c_files(common.robot_of(arguments), folder, arguments.precision)
+    write_files(files, arguments.force, folder=folder)
+    print(f"{', '.join(path.name for path in files)} in {folder}")

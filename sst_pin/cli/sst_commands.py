@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`sst-pin paper`, `workspace` and `describe`, for an SST: figures, map, description folder."""
+"""`sst-pin paper` and `describe`, for an SST: its figures, its description folder."""
 
 import argparse
-import math
 import time
 from dataclasses import fields, replace
 from pathlib import Path
@@ -12,16 +11,12 @@ import numpy as np
 from ..arrays import Array
 from ..description.folder import description_writers
 from ..description.parameters import Parameters, RigidBody
-from ..errors import InputError
 from ..files import Writer, write_files
 from ..sst.paper import PERIOD, compare, example_1, example_2
-from ..sst.platform_motion import paper_circle
 from ..sst.robot_wrapper import configurations_of
-from ..sst.workspace import WorkspaceMap, workspace_at, workspace_over_rolls
 from . import common
 
 _SAMPLES = common.number("a whole number from 10 to 10 million", lambda n: 10 <= n <= 10**7, int)
-_ANGLE = common.number("an angle in degrees", math.isfinite)
 
 
 def add_paper(commands: common.Commands) -> None:
@@ -78,57 +73,6 @@ def _paper(arguments: argparse.Namespace) -> int:
         )
     print(f"{len(files)} files in {out}")
     return 0
-
-
-def add_workspace(commands: common.Commands) -> None:
-    """Map of the directions of the star's axis, with condition numbers."""
-    parser = commands.add(
-        "workspace",
-        _workspace,
-        "Draw a map of the directions of the star's axis: reach, condition number, singular "
-        "curves; for one roll angle psi of the star, and for the best psi of each direction.",
-    )
-    parser.add_figure()
-    parser.option("--psi DEG", "roll angle of the star (default: 0)", _ANGLE, default=0.0)
-    parser.option("--data FILE", "also write the map at psi as .npz or .csv", Path)
-
-
-def _workspace(arguments: argparse.Namespace) -> None:
-    from .. import plots  # needs the extra `plot`
-
-    name = common.output_name(arguments.output, ".png")
-    plots.picture_kind(name)
-    robot = common.sst_of(arguments)
-    at_psi = workspace_at(robot, np.radians(arguments.psi))
-    if str(arguments.data) == str(arguments.output) == "-":
-        raise InputError("--data", "standard output can hold the figure or the data, not both")
-    files: dict[Path, Writer] = {}
-    if arguments.data is not None:
-        files[arguments.data] = at_psi.writer(common.output_name(arguments.data, ".csv"))
-    over_rolls = workspace_over_rolls(robot)
-    path = None
-    if arguments.robot is None:
-        circle = paper_circle(np.linspace(0, PERIOD, 361)).R[:, :, 0]
-        path = ("circle of the paper", circle)
-    figure = plots.workspace_page(robot, at_psi, over_rolls, path)
-    files[arguments.output] = plots.figure_writer(figure, name)
-    common.write(files, arguments)
-    common.say(f"at psi = {arguments.psi:g} deg: {_summary(at_psi)}", arguments)
-    roll = np.degrees(over_rolls.roll[over_rolls.on_arcs].max(initial=0))
-    common.say(f"over all psi: {_summary(over_rolls)}, up to {roll:.0f} deg of roll", arguments)
-    common.say(f"-> {', '.join(map(str, files))}", arguments)
-
-
-def _summary(workspace: WorkspaceMap) -> str:
-    if workspace.best is None:
-        return "no direction has all sliders on their arcs"
-    theta, phi = (np.degrees(angle[workspace.best]) for angle in (workspace.theta, workspace.phi))
-    worst = workspace.condition_number[workspace.on_arcs].max()
-    return (
-        f"{workspace.area:.3g} sr on the arcs, condition number "
-        f"{workspace.condition_number[workspace.best]:.3g} (theta {theta:.1f}, phi {phi:.1f} deg) "
-        f"to {worst:.3g}"
-    )
 
 
 def add_describe(commands: common.Commands) -> None:

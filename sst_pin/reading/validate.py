@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pinocchio as pin
+
 from ..closed_chain import ClosedChain
 from ..errors import ClosureError, DescriptionError, InputError
 from ..files import as_path
@@ -69,12 +71,16 @@ def _examined(
     problems = sorted(problems, key=lambda problem: problem.severity)
     if robot is None or any(problem.severity == "error" for problem in problems):
         return problems, ""
-    model = robot.model if isinstance(robot, ClosedChain) else robot
+    if not isinstance(robot, ClosedChain):
+        text = f"joints              {robot.njoints - 1}, an open tree: no {path.stem}.yaml"
+        return problems, summary_of(robot, text)
     try:
-        mobility = f"joints              {model.njoints - 1}, an open tree: no {path.stem}.yaml"
-        if isinstance(robot, ClosedChain):
-            mobility = str(robot.mobility())
+        return problems, summary_of(robot.model, robot.mobility())
     except ClosureError as caught:
-        mobility = str(caught)
-    mass = sum(inertia.mass for inertia in list(model.inertias)[1:])
-    return problems, f"{mobility}\nmoving mass         {mass:.6g} kg"
+        return problems, summary_of(robot.model, caught)
+
+
+def summary_of(model: pin.Model, mobility: object) -> str:
+    """Mobility and moving mass of a robot, for people."""
+    mass = sum(inertia.mass for inertia in list(model.inertias)[1:])  # without the base
+    return f"{mobility}\nmoving mass         {mass:.6g} kg"

@@ -15,7 +15,7 @@ from ..files import Table, read_table
 from ..loops.starts import placed
 from ..model.named_positions import angles_and_lengths
 from .coordinate_motions import coordinate_motion
-from .motion_columns import RATE, TORQUE, is_number, position_columns, rate_columns, rotations_in
+from .motion_columns import RATE, TORQUE, is_number, position_columns, rate_columns
 from .moving_robot import require_motion
 from .trajectories import Trajectory
 
@@ -82,33 +82,6 @@ def read_log(
     table = motion_table(chain, source)
     x, start = _coordinates(chain, table)
     return table.column("t_s"), x, read_torques(chain, table), start
-
-
-def read_poses(
-    chain: ClosedChain, source: str | Path | BinaryIO, frame: str
-) -> tuple[Array, Array, Array]:
-    """Measured poses of a frame, and positions of the coordinates, in a CSV without times.
-
-    The columns of coordinates are those of `read_motion`; the frame's are `FRAME_x_m`, `FRAME_y_m`
-    and `FRAME_z_m`, or `_mm`, and for its orientation `FRAME_qw`, `_qx`, `_qy`, `_qz`. Gives
-    positions of the coordinates, (N, n), poses, (N, 4, 4), or positions of the frame's origin,
-    (N, 3), and the configuration in the first row, (nq,).
-    """
-    table = read_table(source, timed=False)
-    x, start = _coordinates(chain, table, timed=False)
-    poses = np.tile(np.eye(4), (len(x), 1, 1))
-    for k, axis in enumerate("xyz"):
-        columns = _known_columns(table, f"{frame}_{axis}", {"_m": 1.0, "_mm": 1e-3})
-        if len(columns) != 1:
-            wanted, there = f"{frame}_{axis}_m or {frame}_{axis}_mm", ", ".join(table.columns)
-            raise FileFormatError(table.path, f"needed: one column {wanted}; found: {there}", 1)
-        for column, factor in columns.items():
-            poses[:, k, 3] = factor * table.column(column)
-    turns = [f"{frame}_q{axis}" for axis in "xyzw"]
-    if not set(turns) & set(table.columns):
-        return x, poses[:, :3, 3], start
-    poses[:, :3, :3] = rotations_in(table, turns)
-    return x, poses, start
 
 
 def read_torques(chain: ClosedChain, table: Table) -> Array:
@@ -218,7 +191,7 @@ def _motion_of(chain: ClosedChain, table: Table, *, keep_torques: bool) -> Traje
     return chain.trajectory(motion.t, motion.q, motion.va, motion.aa, tau)
 
 
-def _coordinates(chain: ClosedChain, table: Table, *, timed: bool = True) -> tuple[Array, Array]:
+def _coordinates(chain: ClosedChain, table: Table) -> tuple[Array, Array]:
     """Positions of the coordinates, shape (N, n), and the configuration at the start."""
     chain.mechanism.require_freedom()
     found = _joints(chain, table)
@@ -227,7 +200,7 @@ def _coordinates(chain: ClosedChain, table: Table, *, timed: bool = True) -> tup
         raise FileFormatError(
             table.path, f"no column of {', '.join(missing)}; {_wanted(chain, table)}", 1
         )
-    if timed and len(table.lines) < 3:
+    if len(table.lines) < 3:
         raise FileFormatError(table.path, f"{len(table.lines)} rows; rates need at least three")
     x = np.column_stack([found[name] for name in chain.coordinates])
     return x, placed(chain, {name: float(c[0]) for name, c in found.items()})

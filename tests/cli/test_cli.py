@@ -92,13 +92,6 @@ def test_simulate_says_that_it_stopped(here, capsys):
     assert len(sst_pin.Trajectory.load("m.csv")) < 101
 
 
-def test_info_tells_versions_model_and_mobility(capsys):
-    code, out, _ = run(capsys, "info")
-    assert code == 0
-    words = ("pin ", "numpy ", "3.68 kg", "gamma_1, mu_1, beta_1", "degrees of freedom  3")
-    assert [word for word in (*words, "6 redundant") if word not in out] == []
-
-
 def test_motor_angles_without_assembly_are_told_by_line(here, capsys):
     """The paper's robot has one everywhere; this one has not."""
     parameters = random_parameters(np.random.default_rng(0))
@@ -128,18 +121,3 @@ def test_module_and_script_are_the_same_command():
     module, script = (subprocess.check_output([*c, "--version"], text=True) for c in commands)
     assert module == script
     assert re.fullmatch(r"\d+\.\d+\.\d+\n", module)
-
-
-def test_loads_of_the_sample_motion_are_a_table_for_any_robot(here, capsys):
-    """The SST's forces are not unique; those of a delta are."""
-    code, out, _ = run(capsys, "loads", SAMPLE, "-o", "loads.csv")
-    assert code == 0
-    assert "11 of 11 forces are not unique" in out
-    assert run(capsys, "loads", SAMPLE, "-o", "loads.csv")[0] == 2
-    delta = sst_pin.robots.delta()
-    motion = delta.simulate(np.zeros(3), delta.home, np.zeros(3), np.linspace(0, 0.1, 5))
-    motion.save("delta.csv")
-    code, out, _ = run(capsys, "loads", "delta.csv", "-o", "-", "--robot", "delta")
-    assert code == 0
-    assert out.splitlines()[0] == "name,kind,peak,time,x,y,z,rms,determined"
-    assert len(out.splitlines()) == 1 + 2 * 15

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`torques`, `simulate`, `plot` and `info` of any robot; standard input and output."""
+"""`torques`, `simulate` and `plot` of any robot; standard input and output."""
 
 import io
-import json
 import math
 import sys
 from pathlib import Path
@@ -132,12 +131,16 @@ def test_the_bare_command_shows_its_help(capsys):
     assert all(word in out for word in ("torques", "simulate", "plot", "show", "validate"))
 
 
-def test_info_as_json_says_the_same(capsys):
-    content = json.loads(run(capsys, "info", "--json", "--robot", DELTA)[1])
-    assert content["motors"] == ["motor_1", "motor_2", "motor_3"]
-    assert content["degrees_of_freedom"] == 3
-    assert content["versions"]["sst-pin"] == sst_pin.__version__
-    assert json.loads(run(capsys, "info", "--json")[1])["moving_mass_kg"] == pytest.approx(3.68)
+@pytest.mark.parametrize(
+    ("robot", "mass"), [([], 3.68), (["delta"], 0.51), (["--robot", DELTA], 0.51)]
+)
+def test_validate_prints_the_mobility_and_the_moving_mass(capsys, robot, mass):
+    code, out, _ = run(capsys, "validate", *robot)
+    rows = dict(line.split("  ", 1) for line in out.splitlines()[1:])
+    assert code == 0
+    assert out.startswith("no problems found\n")
+    assert rows["degrees of freedom"].strip() == "3"
+    assert rows["moving mass"].strip() == f"{mass} kg"
 
 
 def test_missing_folders_are_not_made_in_silence(here, capsys):
@@ -145,12 +148,10 @@ def test_missing_folders_are_not_made_in_silence(here, capsys):
     code, _, err = run(capsys, "torques", SAMPLE, "-o", "no/such/out.csv")
     assert code == 2
     assert "no/such: the folder does not exist; create it first" in err
-    assert run(capsys, "export-c", "no/such")[0] == 2
+    assert run(capsys, "compile", "--export-c", "no/such")[0] == 2
     assert not any(here.iterdir())
-    for arguments in (("made",), ("-o", "made_too")):
-        assert run(capsys, "export-c", *arguments)[0] == 0
-    assert sorted(path.name for path in here.iterdir()) == ["made", "made_too"]
-    assert run(capsys, "export-c")[0] == 2
+    assert run(capsys, "compile", "--export-c", "made")[0] == 0
+    assert [path.name for path in here.iterdir()] == ["made"]
 
 
 def test_all_missing_extras_are_named_at_once(here, capsys, monkeypatch):
@@ -178,13 +179,13 @@ class Broken(io.StringIO):
 
 START = "--q0 gamma_1=1,gamma_2=1,gamma_3=1 --va0 gamma_1=0,gamma_2=0,gamma_3=0"
 COMMANDS = (
-    "", "info", "info --json", f"torques motors.csv -o a.csv --robot {DELTA}", "export-c d",
-    f"simulate tau.csv -o b.csv {START}", f"plot {SAMPLE} -o c.svg --what torques", "cache",
-    f"validate {DELTA}",
+    "", f"validate {DELTA}", f"torques motors.csv -o a.csv --robot {DELTA}",
+    f"simulate tau.csv -o b.csv {START}", f"plot {SAMPLE} -o c.svg --what torques",
+    "compile --export-c d", "compile --list",
 )  # fmt: skip
 LONG_COMMANDS = (
     f"compile --robot {sst_pin.URDF_PATH}", "describe -o e", "paper --samples 11 -o f",
-    "show --html g.html", f"verify --quick --robot {sst_pin.URDF_PATH}", "workspace -o h.svg",
+    "show --html g.html", f"verify --quick --robot {sst_pin.URDF_PATH}",
 )  # fmt: skip
 FAULTS = {
     "a closed pipe": (BrokenPipeError(32, "Broken pipe"), 141, ""),
@@ -213,7 +214,11 @@ def test_no_command_ends_in_a_traceback_when_output_breaks(here, capsys, command
 
 @pytest.mark.parametrize(
     "command",
-    [f"torques {SAMPLE} -o /proc/a.csv", f"plot {SAMPLE} -o /proc/a.svg", "export-c /proc/c"],
+    [
+        f"torques {SAMPLE} -o /proc/a.csv",
+        f"plot {SAMPLE} -o /proc/a.svg",
+        "compile --export-c /proc/c",
+    ],
 )
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="no /proc")
 def test_an_unwritable_place_is_told_in_one_line(capsys, command):

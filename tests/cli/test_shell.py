@@ -66,9 +66,9 @@ def test_a_motion_on_its_arcs_is_no_matter_for_strict(here, capsys):
     assert (code, err) == (0, "")
 
 
-@pytest.mark.parametrize("arguments", [("--help",), ("info",)])
+@pytest.mark.parametrize("arguments", [("--help",), ("validate",)])
 def test_a_reader_that_has_enough_ends_the_command_in_silence(arguments):
-    """`sst-pin info | head -0`: no traceback."""
+    """`sst-pin validate | head -0`: no traceback."""
     read, write = os.pipe()
     os.close(read)
     with os.fdopen(write, "w") as full:
@@ -81,7 +81,7 @@ def test_a_reader_that_has_enough_ends_the_command_in_silence(arguments):
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
 def test_an_output_that_is_full_is_told_in_one_line():
     with open("/dev/full", "w") as full:  # noqa: PTH123
-        process = start("info", stdout=full)
+        process = start("validate", stdout=full)
         _, err = process.communicate(timeout=60)
     assert err == "sst-pin: error: No space left on device\n"
     assert process.returncode == 2
@@ -104,7 +104,7 @@ def test_ctrl_c_while_the_packages_load_is_answered_in_one_line():
         "sys.meta_path.insert(0, Announcer())\n"
         "raise SystemExit(main())"
     )
-    process = start("info", code=code)
+    process = start("validate", code=code)
     assert process.stdout.readline() == "loading\n"
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=60)

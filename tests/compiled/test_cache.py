@@ -341,14 +341,14 @@ def test_kernels_are_made_listed_and_deleted(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     assert main(["compile", "--robot", str(bars)]) == 0
     assert "compiled kernels" in capsys.readouterr().out
-    assert main(["cache"]) == 0
+    assert main(["compile", "--list"]) == 0
     listed = capsys.readouterr().out
     assert "bars" in listed
     assert "torques" in listed
     assert "2 kernels" in listed.replace("4 kernels", "2 kernels")  # two widths with AVX-512
-    assert main(["cache", "--empty"]) == 0
+    assert main(["compile", "--clear"]) == 0
     assert "deleted" in capsys.readouterr().out
-    main(["cache"])
+    main(["compile", "--list"])
     assert "0 kernels" in capsys.readouterr().out
 
 
@@ -356,5 +356,5 @@ def test_a_folder_that_others_can_write_to_is_refused(tmp_path, monkeypatch, cap
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     (tmp_path / "sst_pin" / "kernels").mkdir(parents=True)
     (tmp_path / "sst_pin" / "kernels").chmod(0o777)
-    assert main(["cache"]) == 2
+    assert main(["compile", "--list"]) == 2
     assert "chmod 700" in capsys.readouterr().err

@@ -179,7 +179,15 @@ def test_the_exported_example_computes_the_torques_of_motions(
     described, compiler, precision, tmp_path
 ):
     chain, folder = ClosedChain.from_urdf(described), str(tmp_path / "c")
-    arguments = ["export-c", "--robot", str(described), folder, "--precision", precision]
+    arguments = [
+        "compile",
+        "--robot",
+        str(described),
+        "--export-c",
+        folder,
+        "--precision",
+        precision,
+    ]
     assert main(arguments) == 0
     tau, expected = run(chain, Path(folder), [*compiler, *STRICT])
     assert worst(tau, expected) < (1e-11 if precision == "double" else 1e-4)  # a thousand roundings
@@ -298,7 +306,7 @@ def test_names_cannot_break_out_of_the_comments(tmp_path):
 
 def test_the_exported_example_tells_what_it_cannot_compute(tmp_path):
     """Exit code 1, a message and no torques: never nan for nan, never half of the input."""
-    assert main(["export-c", str(tmp_path)]) == 0
+    assert main(["compile", "--export-c", str(tmp_path)]) == 0
     program = tmp_path / "dynamics"
     command = ["cc", *STRICT, "-o", program, tmp_path / "main.c", tmp_path / "robot.c"]
     subprocess.run(list(map(str, command)), check=True)
@@ -336,7 +344,7 @@ def test_the_exported_example_tells_what_it_cannot_compute(tmp_path):
 
 def test_export_replaces_nothing_unasked(tmp_path, capsys):
     (tmp_path / "main.c").write_text("mine")
-    assert main(["export-c", str(tmp_path)]) == 2
+    assert main(["compile", "--export-c", str(tmp_path)]) == 2
     assert "main.c: exists already" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["main.c"]
-    assert main(["export-c", str(tmp_path), "--force"]) == 0
+    assert main(["compile", "--export-c", str(tmp_path), "--force"]) == 0

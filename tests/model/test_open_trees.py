@@ -256,10 +256,9 @@ def test_the_command_takes_a_tree(here, capsys):
     # Torques between the samples are interpolated.
     assert_allclose(back["shoulder_rad"][-1], np.sin(0.1), atol=1e-4)
     for command in (
-        ["info"],
         ["plot", "motion.csv", "-o", "page.png"],
         ["show", "motion.csv", "--html", "page.html"],
-        ["export-c", "."],
+        ["compile", "--export-c", "."],
     ):
         assert run(capsys, *command, *robot)[0] == 0, command
     assert run(capsys, "validate", "arm.urdf")[0] == 0

@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 
 import sst_pin
 from sst_pin import plots
-from sst_pin.cli import main
 from sst_pin.plots import curves
 from sst_pin.plots.motions import CURVES
 from sst_pin.plots.style import StyledFigure
@@ -307,16 +306,6 @@ def test_bars_are_peaks_and_means_and_what_is_not_unique_has_none(soft):
     assert ["not unique" in text.get_text() for text in page.axes[0].texts] == [not soft] * 4
     with pytest.raises(sst_pin.InputError, match="a table of loads is needed, not list"):
         plots.loads_page([])
-
-
-@pytest.mark.parametrize("ending", ["png", "svg"])
-def test_the_command_writes_a_figure_of_the_loads(tmp_path, ending, capsys):
-    _, motion = fallen("delta")
-    source, target = tmp_path / "motion.csv", tmp_path / f"bearings.{ending}"
-    motion.save(source)
-    assert main(["loads", str(source), "-o", str(target), "--robot", "delta"]) == 0
-    assert target.read_bytes()[:5] in (b"\x89PNG\r", b"<?xml")
-    assert "largest force" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("make", [sst_pin.robots.four_bar, sst_pin.robots.five_bar])

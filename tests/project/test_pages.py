@@ -90,9 +90,9 @@ def test_a_wrong_output_is_seen():
 
 
 def test_an_unknown_program_is_refused():
-    assert list(shell(".venv/bin/sst-pin info | head\npip install x")) == [["info"]]
+    assert list(shell(".venv/bin/sst-pin robots | head\npip install x")) == [["robots"]]
     with pytest.raises(ValueError, match="is not a program"):
-        list(shell("sst_pin info"))
+        list(shell("sst_pin robots"))
 
 
 REFERENCE = {path.name: path.read_text(encoding="utf-8") for path in DOCS.glob("reference/*.md")}

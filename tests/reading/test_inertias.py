@@ -57,7 +57,7 @@ def test_points_rods_and_discs_are_bodies(tmp_path, numbers):
 
 def test_a_command_tells_in_one_line(tmp_path, capsys):
     path = with_inertia(tmp_path, 1, 1e-3, 2e-3, 4e-3)
-    assert main(["info", "--robot", str(path)]) == 0
+    main(["compile", "--robot", str(path), "--export-c", str(tmp_path / "c")])
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(f"sst-pin: warning: {path}: link link_2: impossible inertia")
 

@@ -39,7 +39,7 @@ def shipped(tmp_path):
         sst_pin.SST.from_urdf,
         sst_pin.load,
         sst_pin.validate,
-        lambda path: main(["info", "--robot", str(path)]),
+        lambda path: main(["torques", "none.csv", "-o", "x.csv", "--robot", str(path)]),
         lambda path: main(["validate", str(path)]),
     ],
 )

@@ -1,4 +1,4 @@
-/* Dynamics of the robot ${robot}, by sst-pin export-c. SI units, radians.
+/* Dynamics of the robot ${robot}, by sst-pin compile --export-c. SI units, radians.
  *
  * q[${nq}]: ${q_names}
  * va[${n}], aa[${n}]: rates and accelerations of ${coordinates}
