@@ -3,7 +3,7 @@
 
 Each group of calls takes turns, so that a slow moment of the machine hits all alike; of the repeats
 come the median and the minimum. Only the ratios mean something on another machine. Writes
-benchmark.json and benchmark.png to docs/ and the tables into docs/benchmark.md and README.md;
+benchmark.json and benchmark.png to docs/ and the tables into docs/evidence.md and README.md;
 --quick takes fewer repeats, --out FOLDER leaves docs/ and README.md alone.
 
     PYTHONPATH=examples python scripts/benchmark/benchmark.py
@@ -139,7 +139,7 @@ def main() -> None:
     report.figure(results).savefig(folder / "benchmark.png", dpi=150)
     print(report.table(results), report.robots_table(results), sep="\n", end="")
     if arguments.out is None:
-        for page in (ROOT / "README.md", ROOT / "docs" / "benchmark.md"):
+        for page in (ROOT / "README.md", ROOT / "docs" / "evidence.md"):
             text = report.with_table(page.read_text(encoding="utf-8"), results)
             page.write_text(text, encoding="utf-8")
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Count the operations in the generated equations of each method, time them, write docs/cost.md.
+"""Count the operations of each method's equations, time them, write docs/evidence.md.
 
 What is counted are the expressions of `sst_pin.compiled`, from which the kernels are made. Their
 values are compared with `compute_torques` and `compute_accelerations` before a count is believed.
@@ -27,7 +27,7 @@ from sst_pin.compiled.symbols import add, solve_symmetric
 from sst_pin.sst.paper import PERIOD
 from sst_pin.verification.virtual_work import VirtualWork
 
-PAGE = Path(__file__).parents[2] / "docs" / "cost.md"
+PAGE = Path(__file__).parents[2] / "docs" / "evidence.md"
 TOLERANCE = 1e-9  # relative to the largest torque or acceleration
 CELLS = (2, 4, 8, 16)  # of the ladders
 SAMPLES = 1001  # of example 1, as `sst-pin paper` takes them

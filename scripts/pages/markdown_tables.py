@@ -43,10 +43,13 @@ def rewrite(page: Path, tables: Tables) -> None:
 
 
 def stale(page: str, tables: Tables, slow: Tables) -> Iterator[str]:
-    """Where tables are not what would be written now; of slow ones, whether they are there."""
+    """Where tables are not what would be written now; of slow ones, whether they are there.
+
+    Other scripts may write other tables of the page.
+    """
     there = table_names(page)
-    for name in there ^ {*tables, *slow}:
-        yield f"table {name}: only in the page or only in the script"
+    for name in sorted({*tables, *slow} - there):
+        yield f"table {name}: only in the script"
     for name in sorted(there & {*tables, *slow}):
         stands = read_table(page, name)
         if not stands:

@@ -101,8 +101,9 @@ def _torques(chain: GalleryRobot, states: list[dict[str, list[str]]]) -> list[st
     table += [["---"] * len(table[0])]
     table += [[str(k), *(f"{value:.12g}" for value in row)] for k, row in enumerate(tau, 1)]
     return [
-        f"Of the first {len(tau)} states of the [reference data](../reference_data.md), in N m or "
-        f"N. The largest difference from the exact torques is {error:.0e} of the largest torque.",
+        f"These are the first {len(tau)} states of the "
+        f"[reference data](../evidence.md#reference-data), in N m or N. "
+        f"The largest error is {error:.0e} of the largest torque.",
         "",
         *(f"| {' | '.join(row)} |" for row in table),
     ]

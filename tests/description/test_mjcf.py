@@ -247,7 +247,8 @@ def test_mujoco_under_our_torques_follows_example_1_as_closely_as_its_welds_hold
     stiffer = stiffer[::2][: len(deviation)]
     assert np.abs(4 * stiffer - deviation[: len(stiffer)]).max() < 0.1 * size
     assert np.abs(softer / 10 - deviation).max() < 1e-3 * size
-    assert f"to {size * 1e7:.1f}e-7 rad" in (ROOT / "docs" / "tools.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "evidence.md").read_text(encoding="utf-8")
+    assert f"to {size * 1e7:.1f}e-7 rad" in page
 
 
 def test_fall_under_gravity_is_that_of_simulate(robot):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Other people's tools load the description as docs/tools.md says."""
+"""Other people's tools load the description as docs/evidence.md says."""
 
 import re
 from pathlib import Path
@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGE = (ROOT / "docs" / "tools.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "evidence.md").read_text(encoding="utf-8")
 CODE = dict(re.findall(r"^### (.+?)\n\n```python\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL))
 
 

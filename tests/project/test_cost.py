@@ -35,7 +35,7 @@ def test_the_page_has_the_papers_times():
 
 @pytest.mark.slow
 def test_a_stale_count_is_found(tmp_path, monkeypatch, capsys):
-    page, number = tmp_path / "cost.md", cost.count_all()["direct", "SST", cost.SHORT].total()
+    page, number = tmp_path / "evidence.md", cost.count_all()["direct", "SST", cost.SHORT].total()
     stale = cost.PAGE.read_text(encoding="utf-8").replace(f"| {number} |", f"| {number + 1} |")
     page.write_text(stale, encoding="utf-8")
     monkeypatch.setattr(cost, "PAGE", page)

@@ -111,7 +111,7 @@ def test_the_benchmark_tables_are_the_measured_ones():
     report = load("scripts/benchmark/benchmark_report.py")
     docs = ROOT / "docs"
     results = json.loads((docs / "benchmark.json").read_text(encoding="utf-8"))
-    page = (docs / "benchmark.md").read_text(encoding="utf-8")
+    page = (docs / "evidence.md").read_text(encoding="utf-8")
     assert report.table(results) in page
     assert report.with_table(page, results) == page
     assert report.short_table(results) in README

@@ -24,9 +24,9 @@ ELSEWHERE = {page for page in make_site.OUTSIDE if page.endswith(".md")}
 ELSEWHERE |= {f"robots/{name}.md" for name in robot_pages.NAMES}
 #: Pages whose code other tests run.
 RUN_ELSEWHERE = {"urdf/README.md": "description/test_description_folder.py"}
-RUN_ELSEWHERE |= {"docs/tools.md": "description/test_other_tools.py"}
+RUN_ELSEWHERE |= {"docs/evidence.md": "description/test_other_tools.py"}
 #: These compile, draw, or run for seconds.
-LONG = "accuracy batches derivatives export_c identification own_robot plots "
+LONG = "batches derivatives export_c identification own_robot plots "
 LONG += "standard_problems timing viewer"
 SLOW = {"README.md"} | {f"docs/{name}.md" for name in LONG.split()}
 
