@@ -1414,8 +1414,8 @@ class ClosedChain(Summary):
             external_wrenches: Whether the dynamics have them as their last input, shape (r, 6).
             compiled: Whether the functions are compiled C code with derivatives of first order,
                 compiled at their first use and cached as by `compile`. Otherwise they need no
-                compiler and have derivatives of every order. docs/derivatives.md shows how to give
-                IPOPT a Hessian for compiled functions.
+                compiler and have derivatives of every order. For compiled functions
+                docs/optimal_control.md shows how to give IPOPT a Hessian.
 
         Returns:
             `.torques`, `.accelerations`, `.rates`, `.residual`, `.step` and more; see

@@ -29,7 +29,7 @@ class CasadiFunctions:
     something where `residual(q)` is 0, and along `tangent(q)`; the derivative by a single entry of
     q means nothing. So let q be a variable of a nonlinear program, with `residual(q) == 0` among
     its constraints; or integrate `q_rates`, or chain `step`s, which stay on the closures.
-    docs/derivatives.md has examples.
+    docs/optimal_control.md has examples.
 
     Every function is made when it is first asked for, pickles, takes numbers, `SX` and `MX`, and
     has derivatives of every order; compiled ones have those of first order, and pickle for this

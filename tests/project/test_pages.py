@@ -26,7 +26,7 @@ ELSEWHERE |= {f"robots/{name}.md" for name in robot_pages.NAMES}
 RUN_ELSEWHERE = {"urdf/README.md": "description/test_description_folder.py"}
 RUN_ELSEWHERE |= {"docs/evidence.md": "description/test_other_tools.py"}
 #: These compile, draw, or run for seconds.
-LONG = "batches derivatives export_c identification own_robot plots "
+LONG = "batches derivatives optimal_control export_c identification own_robot plots "
 LONG += "standard_problems timing viewer"
 SLOW = {"README.md"} | {f"docs/{name}.md" for name in LONG.split()}
 
