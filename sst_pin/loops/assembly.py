@@ -19,13 +19,13 @@ from .loops import Loops, connected
 _STEPS = 100
 #: A loop that closes by less than a tenth in so many steps does not close.
 _PATIENCE = 10
-#: Longest stride, [rad] or of the robot's length: the closures are far from linear beyond it.
+#: Longest stride, [rad] or of the loop's length: the closures are far from linear beyond it.
 #: Joints that linear couplings alone hold, such as motors behind gears, need none.
 _STRIDE = 0.5
 #: A joint this near to its limit, scaled, is at it: rounding of the step that led there.
 _AT_LIMIT = 1e-12
 #: What rounding leaves of a position, relative to it.
-_ROUNDINGS = 4 * float(np.finfo(float).eps)
+_ROUNDING = float(np.finfo(float).eps)
 #: How far a configuration next to another one lies, [rad] or robot lengths.
 _ASIDE = 0.2
 
@@ -127,10 +127,12 @@ class Assembly:
         if key not in self._known_parts:
             self._known_parts[key] = list(self._parts(free))
         parts = self._known_parts[key]
+        scales = np.array([self.mechanism.row_scale[rows].max() for rows, _ in parts])
         before = [np.full(len(parts), np.inf)] * _PATIENCE
         for _ in range(_STEPS):
             sizes = np.array([_size(f[rows]) for rows, _ in parts])
-            open_still = (sizes >= 1e-4 * ASSEMBLED) & (sizes < 0.9 * before[-_PATIENCE])
+            least = np.maximum(1e-4 * ASSEMBLED, _ROUNDING * self.loops.distance * scales)
+            open_still = (sizes >= least) & (sizes < 0.9 * before[-_PATIENCE])
             busy = [parts[k] for k in np.flatnonzero(open_still)]
             if not busy:
                 break
@@ -160,8 +162,8 @@ class Assembly:
         sizes = np.zeros(mechanism.model.nv)
         sizes[rates] = np.abs(q[entries])
         Phi = self.loops.Phi()[rows] * mechanism.row_scale[rows, None]
-        size = np.abs(Phi) @ sizes + self.loops.distance / mechanism.length
-        return is_open & ~(np.abs(f[rows]) < _ROUNDINGS * size)
+        size = np.abs(Phi) @ sizes + self.loops.distance * mechanism.row_scale[rows]
+        return is_open & ~(np.abs(f[rows]) < 4 * _ROUNDING * size)
 
     def _descend(
         self, q: Array, f: Array, step: Array, parts: list[tuple[Indices, Indices]]

@@ -26,6 +26,8 @@ from .mobility import choose_coordinates, free_motions, motor_rates, scaled_Phi
 
 #: Widths of the random displacements from home or `pin.neutral`, [rad] or robot lengths.
 _AROUND_HOME, _AROUND_NEUTRAL = (0.1, 0.03, 0.01), np.linspace(0.1, 2.0, 20)
+#: How much worse than home a configuration near it may be conditioned.
+_POORER = 10.0
 #: Home is singular if a singular value of Phi is this much smaller there than so far beside it.
 _VANISHES, _BESIDE = 1e-2, 1e-3
 #: What helps where no guess can be assembled.
@@ -100,7 +102,8 @@ def _without_symmetry(assembly: Assembly, home: Array, coordinates: Indices) -> 
     for width, held in product(_AROUND_HOME, (mechanism.driven, coordinates)):
         along = partial(_along, assembly, home, _displacement(mechanism, width), held)
         continuity = Continuity(mechanism, assembly.loops)
-        done, q = continuity.follow(home, along, MAX_CONDITION_NUMBER)
+        poor = _POORER * continuity.condition_number(home)
+        done, q = continuity.follow(home, along, min(poor, MAX_CONDITION_NUMBER))
         if done == 1:
             return q
     return home

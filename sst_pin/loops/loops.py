@@ -138,7 +138,7 @@ class Loops:
                 raise InputError("q", "not finite")
             raise ClosureError(
                 f"the loops are open by {residual:.3g} (m or rad), more than {tolerance:g} of the "
-                "robot's length or rad; assemble(q) closes them",
+                "length of its loop or rad; assemble(q) closes them",
                 residual,
             )
 

@@ -11,11 +11,12 @@ import pinocchio as pin
 from ..arrays import Array, Indices
 from ..errors import DescriptionError, SingularConfigurationError
 from ..summaries import listed
-from .closures import Constraint, Coupling, Distance, Rolling, frames_of, holds_points
+from .closures import Constraint, Coupling
 from .joint_space import JointSpace
 from .lines import Lines
+from .loop_groups import LoopGroup, loop_groups, robot_length
 from .thresholds import AT_REST
-from .tree import frame_named, joint_id
+from .tree import joint_id
 
 _Numbers = TypeVar("_Numbers", Array, Indices)
 
@@ -235,47 +236,37 @@ class Mechanism:
 
     @cached_property
     def length(self) -> float:
-        """A length of the robot, [m]: the largest offset between joints and closures of one body.
+        """A length of the robot, [m]: the largest offset on one body."""
+        return robot_length(self.model, self.closures)
 
-        Where the robot stands in the world does not count, nor where on it a plane or rail begins.
-        """
-        of_body: dict[int, list[Array]] = {}
-        for joint in range(1, self.model.njoints):
-            of_body.setdefault(joint, []).append(np.zeros(3))
-            place = self.model.jointPlacements[joint].translation
-            of_body.setdefault(self.model.parents[joint], []).append(place)
-        lengths = [0.0]
-        for closure in self.closures:
-            for name in frames_of(closure):
-                frame = frame_named(self.model, name)
-                if not frame.parentJoint and not holds_points(closure):
-                    continue
-                of_body.setdefault(frame.parentJoint, []).append(frame.placement.translation)
-            if isinstance(closure, (Distance, Rolling)):
-                lengths.append(
-                    closure.distance if isinstance(closure, Distance) else closure.radius
-                )
-        for points in map(np.array, of_body.values()):
-            lengths.append(float(np.linalg.norm(points[:, None] - points, axis=-1).max()))
-        return max(lengths) or 1.0
+    @cached_property
+    def loop_groups(self) -> list[LoopGroup]:
+        """Groups of loops that share joints; as long as the robot where they have no offset."""
+        groups = loop_groups(self.model, self.closures)
+        return [group._replace(length=group.length or self.length) for group in groups]
 
     @cached_property
     def row_scale(self) -> Array:
         """What makes the rows of Phi free of units, shape (rows,)."""
-        units = [self._unit(closure, row) for closure in self.closures for row in closure.rows]
+        lengths = {closure: g.length for g in self.loop_groups for closure in g.closures}
+        units = []
+        for closure in self.closures:
+            if isinstance(closure, Coupling):
+                joint = self.model.joints[joint_id(self.model, closure.joint)]
+                units.append(self.rate_scale[joint.idx_v])
+            else:
+                turns = (row.startswith("turn") for row in closure.rows)
+                units += [1.0 if turn else lengths[closure] for turn in turns]
         return read_only(1 / np.array(units))
 
     @cached_property
     def rate_scale(self) -> Array:
         """The rates v in multiples of these are free of units, shape (nv,)."""
-        units = self.space.rate_units
-        return read_only(np.array([self.length if unit == "m" else 1.0 for unit in units]))
-
-    def _unit(self, closure: Constraint, row: str) -> float:
-        if isinstance(closure, Coupling):
-            joint = self.model.joints[joint_id(self.model, closure.joint)]
-            return self.length if self.space.rate_units[joint.idx_v] == "m" else 1.0
-        return 1.0 if row.startswith("turn") else self.length
+        lengths = np.full(self.model.nv, self.length)
+        for group in self.loop_groups:
+            for joint in (self.model.joints[j] for j in group.joints):
+                lengths[joint.idx_v : joint.idx_v + joint.nv] = group.length
+        return read_only(np.where(np.array(self.space.rate_units) == "m", lengths, 1.0))
 
 
 def read_only(array: _Numbers) -> _Numbers:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Where both paths draw lines: when loops count as closed, ranks as full, joints as at rest."""
 
-#: Loops further open than this are open, relative to the length of the robot or in [rad].
+#: Loops further open than this are open, relative to their length or in [rad].
 CLOSURE_TOLERANCE = 1e-6
 #: How far redundant rows of Phi may be off, in multiples of what their loops are open by. On
 #: overconstrained linkages they are off by less than that; rates of too many coordinates break them

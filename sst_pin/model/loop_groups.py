@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Groups of loops that share joints, and lengths that make their rows and rates free of units."""
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from ..arrays import Array
+from .closures import Constraint, Distance, Rolling, frames_of, holds_points
+from .tree import frame_named
+
+#: Offsets that are smaller beside the bodies are zeros that rounding has changed.
+_SMALL = 1e-6
+
+
+class LoopGroup(NamedTuple):
+    """Loops that share joints with each other, and with no other loop.
+
+    Attributes:
+        joints: Those that move one frame of a closure and not the other.
+        closures: Those of these loops; a coupling is a group without joints.
+        length: The largest offset on one body between them, [m]; 0 without one.
+    """
+
+    joints: set[int]
+    closures: list[Constraint]
+    length: float
+
+
+def loop_groups(model: pin.Model, closures: Sequence[Constraint]) -> list[LoopGroup]:
+    """All groups of a robot."""
+    groups: list[tuple[set[int], list[Constraint]]] = []
+    for closure in closures:
+        bodies = (frame_named(model, name).parentJoint for name in frames_of(closure))
+        supports = [set(model.supports[body]) for body in bodies]
+        joints, members = set.symmetric_difference(*supports) if supports else set(), [closure]
+        for group in [x for x in groups if not joints.isdisjoint(x[0])]:
+            groups.remove(group)
+            joints, members = joints | group[0], group[1] + members
+        groups.append((joints, members))
+    return [LoopGroup(*group, _longest_offset(model, *group)) for group in groups]
+
+
+def robot_length(model: pin.Model, closures: Sequence[Constraint]) -> float:
+    """The largest offset on one body of the robot or of a group of loops, [m]; 1 m without one.
+
+    Where the robot stands in the world does not count, nor where on it a plane or rail begins.
+    """
+    lengths = [group.length for group in loop_groups(model, closures)]
+    joints = range(1, model.njoints)
+    return max([_longest_offset(model, joints, closures, ground=False), *lengths]) or 1.0
+
+
+def _longest_offset(
+    model: pin.Model, joints: Iterable[int], closures: Iterable[Constraint], ground: bool = True
+) -> float:
+    points: dict[int, list[Array]] = {j: [np.zeros(3)] for j in joints}
+    size = max((_size(model.inertias[j]) for j in points), default=0.0)
+    for j in list(points):
+        points.setdefault(model.parents[j], []).append(model.jointPlacements[j].translation)
+    lengths = [0.0]
+    for closure in closures:
+        for name in frames_of(closure):
+            frame = frame_named(model, name)
+            if frame.parentJoint or holds_points(closure):
+                points.setdefault(frame.parentJoint, []).append(frame.placement.translation)
+        if isinstance(closure, (Distance, Rolling)):
+            lengths.append(closure.distance if isinstance(closure, Distance) else closure.radius)
+    if not ground:
+        points.pop(0, None)
+    for of_body in map(np.array, points.values()):
+        lengths.append(float(np.linalg.norm(of_body[:, None] - of_body, axis=-1).max()))
+    return max(lengths) if max(lengths) > _SMALL * size else 0.0
+
+
+def _size(body: pin.Inertia) -> float:
+    """The lever of the mass centre of a body or its radius of gyration, [m]; 0 without mass."""
+    square = np.trace(body.inertia) / 2 / body.mass if body.mass > 0 else 0.0
+    return float(max(np.linalg.norm(body.lever), np.sqrt(max(square, 0.0))))
