@@ -884,11 +884,11 @@ class ClosedChain(Summary):
             load = now._wrenches(now._current, platform_moment, external_wrenches, on_error)
             known: dict[str, Any] = {"external_wrenches": load, "on_error": on_error}
             least = now.compute_torques(q, va, aa, weights=weights, threads=threads, **known)
-            f = now.generalized_forces(q, va, aa, **known)
-            found = least, f, *now._directions(q, on_error)
-            motions = *now._current.arguments(q, va=va, aa=aa), load
-            choice = preload, limits, weights, {"on_error": on_error, "out": out}
-            return torque_sharing.adjusted(now._current.reference, motions, found, *choice)
+            _, directions = now._directions(q, on_error)
+            choice = preload, limits, weights
+            return torque_sharing.shared_torques(
+                now.mechanism, least, directions, *choice, on_error=on_error, out=out
+            )
         current = self._current
         if external_wrenches is weights is None and on_error == "raise":
             tau = current.torques_of(q, va, aa, platform_moment, out, threads)
@@ -1314,7 +1314,7 @@ class ClosedChain(Summary):
             regular = dispatch.computed(current, key, current.example())
         except (ClosureError, SingularConfigurationError):  # coordinates of another assembly mode
             regular = None
-        return J, torque_sharing.directions(current.mechanism, J, regular, on_error)
+        return J, torque_sharing.preload_directions(current.mechanism, J, regular, on_error)
 
     def line_lengths(self, q: ArrayLike) -> Array:
         """Lengths of the lines of `forces`, of any q, shape (..., lines), [m].

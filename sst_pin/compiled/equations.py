@@ -13,16 +13,14 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
-import pinocchio as pin
 from casadi import SX
 
 from ..arrays import Array, Indices
-from ..dynamics.least_torques import without_rounding
 from ..errors import ActuationError
 from ..loops.loops import connected
 from ..loops.mobility import independent_rows
 from ..model.mechanism import Mechanism
-from ..model.thresholds import MAX_CONDITION_NUMBER
+from ..model.thresholds import RANK_TOLERANCE
 from .closure_rows import Row, closure_rows
 from .elimination import Blocks, Factors, Orthogonal, Rows, pivot_order, total
 from .link_kinematics import Kinematics
@@ -286,29 +284,18 @@ class Equations:
 
     @cached_property
     def motor_rows(self) -> list[dict[int, Any]]:
-        """Rows of L^T B without entries that are rounding at any q; n motors must act.
-
-        What is zero in one assembly mode may not be in another, so loops that are open count too.
-        """
+        """Rows of L^T B, where zeros are left out; at the samples all coordinates are driven."""
         mechanism, A, n = self.mechanism, self.motor_matrix, len(self._coordinates)
-        scale = mechanism.rate_scale
-        model, random = mechanism.model, np.random.default_rng(0)
-        ways = random.normal(size=(len(self._samples), model.nv)) * scale
-        anywhere = [
-            pin.integrate(model, q, way) for q, way in zip(self._samples, ways, strict=True)
-        ]
-        everywhere = np.concatenate([self._samples, anywhere])
-        L, B = self.values(self.L_matrix, everywhere), self.values(self.B, everywhere)
-        values = without_rounding(mechanism, L, B) * scale[mechanism.coordinates, None]
-        sizes = np.linalg.svd(values[: len(self._samples)], compute_uv=False)
-        rank = int((sizes * MAX_CONDITION_NUMBER > sizes[:, :1]).sum(axis=1).max())
+        rows = mechanism.rate_scale[mechanism.coordinates, None]
+        sizes = np.linalg.svd(self.at_samples(A) * rows / mechanism.motor_scale, compute_uv=False)
+        rank = int((sizes > RANK_TOLERANCE * np.maximum(sizes[:, :1], 1)).sum(axis=1).max())
         if rank < n:
             raise ActuationError(
                 f"the motors supply {rank} of {n} forces along the coordinates; "
                 "generalized_forces computes all of them"
             )
-        acting = np.any(values, axis=0)
-        return [{k: A[i, k] for k in np.flatnonzero(acting[i]).tolist()} for i in range(n)]
+        motors = range(A.shape[1])
+        return [{k: A[i, k] for k in motors if not is_zero(A[i, k])} for i in range(n)]
 
     @property
     def driven(self) -> bool:

@@ -17,9 +17,7 @@ from casadi import SX
 from ..arrays import Array
 from ..model.lines import LEAST_LENGTH
 from ..model.thresholds import (
-    BALANCED,
     CLOSURE_TOLERANCE,
-    EARTH,
     INCONSISTENT,
     ROUNDING,
     UNSUPPLIED,
@@ -27,8 +25,7 @@ from ..model.thresholds import (
 )
 from .elimination import Factors, total
 from .equations import Equations
-from .open_numbers import GRAVITY
-from .symbols import Sparse, add, is_zero
+from .symbols import Sparse, add, column, is_zero
 
 #: Largest residual of the closures: half of the reference path's tolerance.
 CLOSED = 0.5 * CLOSURE_TOLERANCE
@@ -36,6 +33,8 @@ CLOSED = 0.5 * CLOSURE_TOLERANCE
 _ROUNDINGS = 30
 #: Largest part of a force that motors leave over, in roundings, where these are rougher.
 _LEFT = 1e4
+#: What rounding leaves over of all forces together, free of units.
+_BALANCED = 1e-14
 #: The rounding for which thresholds are.
 _DOUBLE = float(np.finfo(float).eps)
 #: Solutions up to this count as zero, [rad/s], [N m] and the like.
@@ -150,38 +149,18 @@ class Checks:
         return self._too_much(unit, terms, [x[i] / scale[i] for i in x])
 
     def unsupplied(self, tau: Sparse, f: SX) -> list[Any]:
-        """More than 1 where motor torques do not bring about f, coordinate by coordinate.
+        """More than 1 where motor torques leave more of f over than rounding, by coordinate.
 
-        What is left of f counts relative to f, beside roundings of the forces that meet in the
-        coordinate; so does what rounding leaves of torques that balance each other.
+        What is left counts beside the torques that meet in the coordinate, and beside the rounding
+        of all coordinates.
         """
-        e, precision, checks = self._equations, self._rounding / _DOUBLE, []
+        e, precision = self._equations, self._rounding / _DOUBLE
+        A, units = e.motor_matrix, self._rate_scale[e.mechanism.coordinates]
+        sizes = units * (ca.fabs(A) @ ca.fabs(column(tau, range(A.shape[1]))))
+        left = units * ca.fabs(A @ column(tau, range(A.shape[1])) - f)
+        floor = _BALANCED * precision * ca.sum1(sizes)
         most = max(UNSUPPLIED, _LEFT * self._rounding)
-        rows = zip(ca.vertsplit(e.motor_matrix), ca.vertsplit(f), self._sizes, strict=True)
-        for row, force, size in rows:
-            entries = enumerate(ca.horzsplit(row))
-            given = [x * tau[k] for k, x in entries if k in tau and not is_zero(x)]
-            left = ca.fabs(total(given) - force)
-            left += BALANCED * precision * total(map(ca.fabs, given))
-            checks.append(2 - 2 * (left <= most * ca.fabs(force) + ROUNDING * precision * size))
-        return checks
-
-    @property
-    def _sizes(self) -> list[SX]:
-        """Sizes of the forces of all bodies that a coordinate moves: weights, and joint forces."""
-        e, scale, sizes = self._equations, self._rate_scale, []
-        tree, tau = e.kinematics.tree, e.tree_forces
-        gravity = total(map(ca.fabs, ca.vertsplit(e.p[GRAVITY]))) + EARTH
-        weight = e.mechanism.length * gravity
-        for k, column in zip(e.mechanism.coordinates.tolist(), e.L, strict=True):
-            moving = {i for i, link in enumerate(tree.links) if column.keys() & set(link.v)}
-            moved = [x for i, x in enumerate(tree.links) if moving.intersection(tree.ancestors(i))]
-            masses = [e.parameters.body(e.p, link.body) for link in moved if link.body]
-            terms = [weight * found[0] for found in masses if found is not None]
-            rates = {j for link in moved for j in link.v if j in tau}
-            terms += [float(scale[j]) * ca.fabs(tau[j]) for j in sorted(rates)]
-            sizes.append(SX(total(terms)) / float(scale[k]))
-        return sizes
+        return ca.vertsplit(2 - 2 * (left <= most * sizes + floor))
 
     @cached_property
     def _row_sums(self) -> tuple[float, dict[int, float], Sparse]:

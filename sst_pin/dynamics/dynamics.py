@@ -243,39 +243,29 @@ def inverse_dynamics(
     return tree.dot(memory.complement.L)
 
 
-def terms_of_forces(
-    memory: Memory, q: Array, va: Array, aa: Array, wrenches: Array | None
-) -> tuple[Array, Array]:
-    """The terms that make up f, shape (terms, n), and what rounding takes its part of, shape (n,).
+def force_sizes(memory: Memory, q: Array, va: Array, aa: Array, wrenches: Array | None) -> Array:
+    """Sizes of all forces that meet in each coordinate, shape (n,).
 
-    Terms are the weight, the inertia and the load of each body, and the friction, the spring and
-    the rotor of each joint, each as forces along the coordinates; their sum is f. The second result
-    disregards the directions of wrenches and motions, and where axes pass: each turn moves mass
-    centres by the length of the robot. Bodies count with their weights on Earth at least.
+    They are an upper bound: directions are ignored, each turn moves mass centres by the length of
+    the robot, and each body has at least its weight on Earth.
     """
     memory.evaluate(q)
     mechanism, model, r = memory.mechanism, memory.model, memory.model.njoints - 1
     v, v_dot = motion_of_tree(memory, va, aa)
-    L = memory.complement.L
     memory.loops.Phi_dot(v)  # brings J and its rate to v
     K, K_dot, M, Omega, weights = bodies(model, memory.data, v)
-    given = [M @ (K @ v_dot), M @ (K_dot @ v), Omega @ (M @ (K @ v)), -weights]
+    parts = [M @ (K @ v_dot), M @ (K_dot @ v), Omega @ (M @ (K @ v)), weights]
     if wrenches is not None:
-        given.append(-wrenches.ravel())
-    parts = np.reshape(given, (-1, 2 * r, 3))  # moments and forces
-    of_bodies = np.einsum("kbi,bin->kbn", parts, (K @ L).reshape(2 * r, 3, -1))
-    now, J = memory.lines.evaluate(q)
-    joints = [-mechanism.friction.forces(v), -mechanism.springs.forces(model, q)]
-    joints.append(model.armature * v_dot)
-    of_joints = np.reshape(joints, (-1, model.nv, 1)) * L
-    pulls = mechanism.lines.tensions(now, J.dot(v))[:, None] * J
-    terms = [of_bodies.reshape(-1, L.shape[1]), of_joints.reshape(-1, L.shape[1]), pulls @ L]
+        parts.append(wrenches.ravel())
+    on_bodies = np.abs(parts).reshape(-1, 2 * r, 3).sum(axis=(0, 2))  # moments and forces
+    on_bodies[1::2] += EARTH * np.abs([body.mass for body in list(model.inertias)[1:]])
     lengths = np.linalg.norm(K.reshape(2 * r, 3, -1), axis=1)
     lengths[1::2] += mechanism.length * lengths[::2]
-    on_bodies = np.abs(parts).sum(axis=(0, 2))
-    on_bodies[1::2] += EARTH * np.abs([body.mass for body in list(model.inertias)[1:]])
-    sizes = lengths.T @ on_bodies + np.abs([*joints, *pulls]).sum(axis=0)
-    return np.concatenate(terms), np.abs(L).T @ sizes
+    line_lengths, J = memory.lines.evaluate(q)
+    pulls = mechanism.lines.tensions(line_lengths, J.dot(v))[:, None] * J
+    friction, springs = mechanism.friction.forces(v), mechanism.springs.forces(model, q)
+    on_joints = np.abs([friction, springs, model.armature * v_dot, *pulls]).sum(axis=0)
+    return np.abs(memory.complement.L).T @ (lengths.T @ on_bodies + on_joints)
 
 
 def direct_dynamics(

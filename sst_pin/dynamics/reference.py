@@ -12,20 +12,19 @@ from typing import Any, TypeVar
 import numpy as np
 import pinocchio as pin
 
-from ..arrays import Array, Flags, finite_array
-from ..errors import ActuationError, ClosureError, InputError, SSTError
+from ..arrays import Array, finite_array
+from ..errors import ActuationError, ClosureError, InputError
 from ..model.mechanism import Mechanism
 from ..model.thresholds import (
     MAX_CONDITION_NUMBER,
-    ROUNDING,
     UNSUPPLIED,
 )
 from ..model.tree import of_rates, summed, support
 from . import dynamics, reactions, regressor
 from .derivatives import Derivatives
 from .dynamics import Memory
-from .least_torques import finest, smallest_torques, without_rounding
 from .noc import mass_centers
+from .torque_sharing import least_torques
 
 #: Way of a joint on which coordinates are judged once, [rad] or of the robot's length.
 _LOOK = 0.05
@@ -93,75 +92,26 @@ class Reference(threading.local):
         f = self.generalized_forces(q, va, aa, external_wrenches)
         if self.mechanism.driven_one_to_one:
             return f
-        A, smallest, lost = self._motors(q, weights)
+        A = self.memory.complement.L.T @ self.memory.actuation(q)
         with np.errstate(over="ignore", invalid="ignore"):
-            tau = smallest(f)
-            tau += smallest(f - A.dot(tau))
-            supplied = (np.abs(f - A.dot(tau)) <= UNSUPPLIED * np.abs(f) + self.negligible).all()
-        if lost.size or not supplied:
-            _, smallest, _ = self._motors(q, finest(tau))
-            tau += smallest(f - A.dot(tau))
-            self.require_supplied(q, va, aa, external_wrenches, tau)
+            tau = least_torques(self.mechanism, A, f, weights)
+            left, sizes = f - A @ tau, np.abs(A) @ np.abs(tau)
+            if not (np.abs(left) <= UNSUPPLIED * sizes).all():
+                sizes += dynamics.force_sizes(self.memory, q, va, aa, external_wrenches)
+                _require_finite(np.append(tau, sizes), (), ())
+                self._require_supplied(left, sizes)
         return tau
 
-    @cached_property
-    def negligible(self) -> Array:
-        """Forces along the coordinates that are rounding of the bodies' weights, shape (n,)."""
-        q, memory = self.mechanism.example, Memory(self.mechanism)
-        rest = memory.steady
-        if q is None:
-            return rest
-        try:
-            return ROUNDING * dynamics.terms_of_forces(memory, q, rest, rest, None)[1]
-        except SSTError:  # these coordinates are for another assembly
-            return rest
-
-    def _motors(
-        self, q: Array, weights: Array | None
-    ) -> tuple[Array, Callable[[Array], Array], Array]:
-        """A = L^T B; the smallest torques for forces, and directions that no motor acts along."""
-        memory, mechanism = self.memory, self.mechanism
-        L, B = memory.complement.L, memory.actuation(q)
-        scale = mechanism.rate_scale
-        units, gears = scale[mechanism.coordinates], np.abs(B * scale[:, None]).max(axis=0)
-        A = without_rounding(mechanism, L, B)
-        return L.T.dot(B), *smallest_torques(A, units, gears, weights)
-
-    def require_supplied(
-        self, q: Array, va: Array, aa: Array, external_wrenches: Array | None, tau: Array
-    ) -> None:
-        """Refuse torques that leave over more of f than rounding, in any freedom of the robot.
-
-        Freedoms are the coordinates, and the directions that no motor acts along: a body counts
-        where it moves in these.
-        """
-        f = self.generalized_forces(q, va, aa, external_wrenches)
-        A, _, lost = self._motors(q, None)
-        with np.errstate(over="ignore", invalid="ignore"):
-            terms, sizes = dynamics.terms_of_forces(self.memory, q, va, aa, external_wrenches)
-            _require_finite(np.append(tau, sizes), (), ())
-            # Light bodies count by themselves: directions that move heavy ones are others.
-            lost = lost.dot(np.linalg.svd(terms.dot(lost), full_matrices=False)[2].T)
-            freedoms, left = np.hstack([np.eye(len(f)), lost]), f - A.dot(tau)
-            along = np.abs(terms.dot(freedoms)).sum(axis=0)
-            most = UNSUPPLIED * along + ROUNDING * sizes.dot(np.abs(freedoms))
-            over = ~(np.abs(left.dot(freedoms)) <= most)
-        if over.any():
-            raise self._unsupplied(left, over[: len(f)], bool(lost.size))
-
-    def _unsupplied(self, left: Array, over: Flags, lost: bool) -> ActuationError:
-        """The error for a motion that needs more than the motors give."""
-        names, units = self.mechanism.coordinate_rate_names, self.mechanism.rate_scale
-        if not over.any():  # each is small beside its own terms, but not along a direction of all
-            moved = np.abs(left) * units[self.mechanism.coordinates]
-            over = moved > 1e-3 * moved.max()
-        missing = {names[k]: float(left[k]) for k in np.flatnonzero(over)}
+    def _require_supplied(self, left: Array, sizes: Array) -> None:
+        """Refuse forces that the motors leave over, beside the sizes of all in each coordinate."""
+        over = np.flatnonzero(np.abs(left) > UNSUPPLIED * sizes)
+        if not len(over):
+            return
+        names = self.mechanism.coordinate_rate_names
+        missing = {names[k]: float(left[k]) for k in over}
         listed = ", ".join(f"{name} {x:.4g}" for name, x in list(missing.items())[:6])
-        why = "no motor supplies the forces"
-        if not lost:
-            why = "torques that balance each other are so large that their rounding leaves"
-        return ActuationError(
-            f"the motors cannot produce this motion: {why} {listed} "
+        raise ActuationError(
+            f"the motors cannot produce this motion: no motor supplies the forces {listed} "
             "(N m or N); generalized_forces computes the forces that a motion needs, "
             "compute_accelerations the motion for given torques",
             missing,

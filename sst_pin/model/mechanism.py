@@ -215,6 +215,16 @@ class Mechanism:
         units = self.space.rate_units
         return tuple("Nm" if by[k] and units[k] == "rad" else "N" for by, k in acts)
 
+    @cached_property
+    def motor_scale(self) -> Array:
+        """The rates of the motors in multiples of these are free of units, shape (motors,).
+
+        They are the rates at which the joints of each motor move by one unit.
+        """
+        on_rates = np.abs(self.motors * self.rate_scale[:, None]).max(axis=0, initial=0.0)
+        on_lines = np.abs(self.lines.motors * self.length).max(axis=0, initial=0.0)
+        return read_only(np.maximum(on_rates, on_lines))
+
     def require_freedom(self) -> None:
         """Refuse dynamics where nothing moves."""
         if not len(self.coordinates):

@@ -19,15 +19,14 @@ RESTS = 1e-7
 INDEPENDENT = 1e-4
 #: Where the constraints count as singular: half of the sixteen digits are lost by then.
 MAX_CONDITION_NUMBER = 1e8
-#: Forces that the motors leave over count as none below this, relative to the sum of the sizes of
-#: all forces that meet in the same coordinate.
-UNSUPPLIED = 1e-6
+#: A force that the motors leave over counts as none below this part of the forces that meet in its
+#: coordinate: as for ranks, half of the sixteen digits. No unit and no size of a robot changes it,
+#: and the rest of a light part on a machine a million times heavier is fifty times as large.
+UNSUPPLIED = 1e-8
 #: What rounding leaves of forces that do not act along a coordinate, relative to their sizes.
 ROUNDING = 1e-12
 #: Gravity by which bodies without weight count there, [m/s^2].
 EARTH = 9.81
-#: What rounding leaves of torques that balance each other along a coordinate, relative to them.
-BALANCED = 1e-14
 #: A coordinate whose inertia is a smaller part of that of all bodies, were they to move as fast as
 #: the fastest joint, moves no mass: the square of what rounding leaves of the rates.
 WITHOUT_MASS = 1e-20
