@@ -2,6 +2,7 @@
 """Arrays at the border: checked on the way in, leading batch axes looped over; angles."""
 
 import math
+import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from typing import TypeVar
 
@@ -157,11 +158,15 @@ def whole_number(name: str, value: int, least: int) -> int:
     """A count of at least `least`."""
     if type(value) is int and value >= least:
         return value  # the short way for one sample in a control loop
-    if isinstance(value, (bool, np.bool)) or not hasattr(value, "__index__"):
+    try:
+        number = int(operator.index(value)) if not isinstance(value, (bool, np.bool)) else None
+    except Exception:  # what an object's own __index__ raises may be anything
+        number = None
+    if number is None:
         raise InputError(name, f"{value!r} is not a whole number")
-    if value < least:
-        raise InputError(name, f"{value}, expected at least {least}")
-    return int(value)
+    if number < least:
+        raise InputError(name, f"{number}, expected at least {least}")
+    return number
 
 
 def positive_number(name: str, value: float, *, or_zero: bool = False) -> float:

@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from .. import arrays
 from ..arrays import Array, Indices, whole_number
 from ..closed_chain import ClosedChain
 from ..dynamics.regressor import OF_BODY
@@ -142,7 +143,7 @@ def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array,
         >>> q.shape, va.shape
         ((5, 3), (5, 1))
     """
-    random, mechanism = np.random.default_rng(seed), chain.mechanism
+    random, mechanism = np.random.default_rng(whole_number("seed", seed, 0)), chain.mechanism
     model, count = mechanism.model, whole_number("count", count, 1)
     units = mechanism.rate_scale[mechanism.coordinates]
     generic, found = chain.generic_configuration(), list[Array]()
@@ -170,7 +171,7 @@ def _considered(names: Sequence[str], values: Array, which: Sequence[str] | None
     if which is None:
         of_bodies = np.array([name.rpartition(".")[2] in OF_BODY for name in names])
         return np.flatnonzero(of_bodies | (values != 0))
-    patterns = [which] if isinstance(which, str) else list(which)
+    patterns = (which,) if isinstance(which, str) else arrays.names("which", which)
     found: set[int] = set()
     for pattern in patterns:
         fits = {k for k, name in enumerate(names) if fnmatchcase(name, pattern)}

@@ -179,7 +179,7 @@ def predicted_torques(chain: ClosedChain, theta: ArrayLike, motion: Trajectory) 
     """
     require_motion(motion, chain)
     Y = chain.torque_regressor(motion.q, motion.va, motion.aa)
-    forces = Y @ finite_array("theta", np.asarray(theta), (Y.shape[-1],))
+    forces = Y @ finite_array("theta", theta, (Y.shape[-1],))
     back = np.linalg.pinv(chain.actuator_jacobian(motion.q).mT)
     return np.asarray((back @ forces[..., None])[..., 0])
 

@@ -41,8 +41,8 @@ def enlarged(
     """The robot whose geometry can err, and the names of the errors that are independent."""
     tree, closures = chain.mechanism.model, chain.closures
     ends = [end for c in closures if not isinstance(c, Coupling) for end in frames_of(c)]
-    places = list(dict.fromkeys([*list(tree.names)[1:], *ends, frame]))
     frame_id(tree, frame)
+    places = list(dict.fromkeys([*list(tree.names)[1:], *ends, frame]))
     names = [f"{place}.{axis}" for place in places for axis in _JOINTS]
     patterns = [f"{place}.*" for place in places if place != frame] if which is None else which
     for pattern in patterns:

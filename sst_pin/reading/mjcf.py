@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
-from ..arrays import names
+from ..arrays import in_order, names
 from ..errors import DescriptionError, UnknownNameError
 from ..files import as_path
 from ..loops.draft import Motor
@@ -42,7 +42,10 @@ def described(
         raise DescriptionError(source, problems)
     tree = MjcfTree(compiled)
     closures = tuple(closures_of(compiled, tree))
-    motors = tuple(motors_of(compiled, tree)) if actuated is None else actuated
+    if actuated is None:
+        motors = tuple(motors_of(compiled, tree))
+    else:
+        motors = in_order("actuated", actuated)
     lines = tuple(lines_of(compiled, motors))
     tree.add_body_frames()
     stiffness = tree.add_numbers()

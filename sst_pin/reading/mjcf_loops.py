@@ -5,7 +5,7 @@ Equalities are points, welds, and couplings of joints and fixed tendons; actuato
 spatial tendons are forces along lines.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -158,7 +158,7 @@ def motors_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Motor]:
 def lines_of(compiled: Compiled, motors: Sequence[Motor]) -> Iterator[LineForce]:
     """Spatial tendons with a spring or a damper, and those that are motors."""
     mj = compiled.mj
-    driven = {x for motor in motors for x in ([motor] if isinstance(motor, str) else motor)}
+    driven = [x for motor in motors for x in (motor if isinstance(motor, Mapping) else [motor])]
     for tendon in range(mj.ntendon):
         name = compiled.name("tendon", tendon)
         if mj.tendon_limited[tendon] and not compiled.disabled("limit"):
