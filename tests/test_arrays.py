@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Real numbers of any kind, in memory of any layout; `fuzz` has what is none of them."""
+"""The border: what is no argument is refused, real numbers of any kind and layout are taken."""
 
 import ast
 import inspect
@@ -9,12 +9,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import sst_pin
+from sst_pin import arrays
 from sst_pin.compiled import _binding
 from sst_pin.sst import kernels
 from sst_pin.verification.sampling import random_states
 from tests.support import any_chain, link_tables
+from tests.support.bad_calls import (
+    NOT_COUNTS,
+    NOT_LISTS_OF_NAMES,
+    NOT_NAMES,
+    NOT_NUMBERS,
+    not_real_arrays,
+    real_arrays,
+)
 
 compiled = pytest.mark.skipif(bool(kernels.missing()), reason=f"no kernels: {kernels.missing()}")
 HOME = sst_pin.SST().home
@@ -29,6 +40,59 @@ def case(request):
         return chain, *any_chain.states(chain, 40, 0)
     robot = sst_pin.SST(kernels=request.param == "kernels")
     return robot, *robot.joint_motion(*random_states(robot, np.random.default_rng(3), 40))
+
+
+@settings(max_examples=300, derandomize=True, deadline=None, database=None)
+@given(st.one_of(not_real_arrays, real_arrays(), st.sampled_from([*NOT_COUNTS, *NOT_NAMES])))
+def test_the_border_returns_the_numbers_of_the_caller_or_refuses_them(value):
+    """`finite_array` and `whole_number` against NumPy's and Python's own conversion."""
+    try:
+        array = arrays.finite_array("x", value, ())
+    except sst_pin.InputError:
+        pass
+    else:
+        assert np.asarray(value).dtype.kind in "iuf"
+        assert np.array_equal(array, np.asarray(value).astype(float))
+        assert np.isfinite(array).all()
+    try:
+        number = arrays.whole_number("n", value, 1)
+    except sst_pin.InputError:
+        pass
+    else:
+        assert (number, type(number)) == (value, int)
+        assert not isinstance(value, bool)
+
+
+@pytest.mark.parametrize("value", NOT_NUMBERS)
+def test_a_number_is_one_finite_real_number(value):
+    with pytest.raises(sst_pin.InputError, match=r"^x: "):
+        arrays.positive_number("x", value)
+    with pytest.raises(sst_pin.InputError, match=r"^x: "):
+        arrays.one_or_each("x", value, 3)
+
+
+@pytest.mark.parametrize("value", NOT_LISTS_OF_NAMES)
+def test_names_are_a_sequence_of_texts(value):
+    texts = isinstance(value, list) and all(isinstance(word, str) for word in value)
+    if texts:
+        assert arrays.names("x", value) == tuple(value)
+        return
+    with pytest.raises(sst_pin.InputError, match=r"^x: "):
+        arrays.names("x", value)
+
+
+@pytest.mark.parametrize(
+    "out",
+    [
+        *(np.empty((2, 3), kind) for kind in (np.float32, int, complex, object, ">f8")),
+        *(False, [0.0] * 3, "out", np.empty((7, 3)), np.empty((2, 3, 1)), np.ma.zeros((2, 3))),
+        *(np.ndarray, np.broadcast_to(1.0, (2, 3))),
+    ],
+)
+def test_results_go_to_a_float64_array_of_their_shape_that_can_be_written(robot, out):
+    q, rates = np.tile(HOME, (2, 1)), np.zeros((2, 3))
+    with pytest.raises(sst_pin.InputError, match=r"^out: "):
+        robot.compute_torques(q, rates, rates, out=out)
 
 
 @pytest.mark.parametrize("method", ["RK4", "", None, 5])
