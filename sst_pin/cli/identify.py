@@ -12,33 +12,9 @@ from ..reading import cuts_beside, is_mjcf
 from ..simulation.motion_files import read_log
 from . import common
 
-_COUNT = common.number("a count", lambda n: n >= 1, int)
 
-
-def add_identify(commands: common.Commands) -> None:
+def identify(arguments: argparse.Namespace) -> int:
     """Dynamic parameters from a log."""
-    parser = commands.add(
-        "identify",
-        _identify,
-        "Find masses, inertias and friction from a log of measured positions and torques. The log "
-        "is a motion file with columns of torques, as the command torques writes them; its last "
-        "third is kept apart for validation.",
-    )
-    parser.add_input("log", "log")
-    text = "report, Markdown, a picture beside it; - writes the text"
-    parser.add_output("REPORT.md", text)
-    text = "frequency up to which positions and torques are kept"
-    parser.option("--cutoff HZ", text, common.POSITIVE, required=True)
-    text = "parameters considered, patterns with commas between (default: %(default)s)"
-    parser.option("--which NAMES", text, default="*.m*,*.i*,*.viscous,*.coulomb")
-    text = "use one of N samples, after a filter on both sides of the equations (default: 1)"
-    parser.option("--decimate N", text, _COUNT, default=1)
-    parser.option("--robust", "let outliers count less")
-    text = "write the URDF of --robot with the parameters found, its .yaml and .srdf beside it"
-    parser.option("--urdf FOUND.urdf", text, Path)
-
-
-def _identify(arguments: argparse.Namespace) -> int:
     output = arguments.output
     require_ending(common.output_name(output, ".md"), ".md")
     pictures = {} if str(output) == "-" else {"plot": "matplotlib"}

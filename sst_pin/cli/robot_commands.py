@@ -1,11 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`sst-pin validate`, `verify` and `compile`: about the robot itself."""
+"""`sst-pin validate`, `verify`, `compile` and `robots`: about the robots themselves."""
 
 import argparse
 import json
 import time
-from pathlib import Path
-from typing import Any
 
 from tqdm import tqdm
 
@@ -13,26 +11,17 @@ from ..compiled import build
 from ..errors import InputError, MissingExtraError
 from ..files import write_files
 from . import common
+from .parser import gallery
 
 
-def add_validate(commands: common.Commands) -> None:
-    """Every problem of a robot description."""
-    text = "List all problems of a URDF, SDF or MJCF and of its closures; print its mobility."
-    parser = commands.add("validate", _validate, text, robot=False)
-    text = "a file, or a name of the gallery; --robot names it too (default: the SST of the paper)"
-    parser.option("file FILE", text, nargs="?")
-    parser.option("--robot FILE", argparse.SUPPRESS)
-    text = "of a URDF: closures and motors (default: the YAML with the name of FILE)"
-    parser.option("--cuts YAML", text, Path)
-
-
-def _validate(arguments: argparse.Namespace) -> int:
+def validate(arguments: argparse.Namespace) -> int:
+    """Every problem of the files of a robot."""
     from ..reading.validate import examine, summary_of
 
     if arguments.file is not None and arguments.robot is not None:
         raise InputError("validate", "give one robot")
     arguments.robot = arguments.robot or arguments.file
-    if arguments.robot is not None and not common.in_gallery(arguments.robot):
+    if arguments.robot is not None and arguments.robot not in gallery():
         problems, summary = examine(arguments.robot, arguments.cuts)
     else:
         chain = common.robot_of(arguments)
@@ -48,21 +37,15 @@ def _validate(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def add_verify(commands: common.Commands) -> None:
+def verify(arguments: argparse.Namespace) -> int:
     """Comparison of the torques with every referee."""
-    parser = commands.add("verify", _verify, "Compare the torques with every installed referee.")
-    parser.option("--quick", "fewer cases, no simulation")
-    parser.option("--json", "print the table as JSON")
-
-
-def _verify(arguments: argparse.Namespace) -> int:
-    from ..verification import verify
+    from ..verification.verify import skipped, table, verify_chain, verify_sst
 
     if arguments.robot is None:
-        found, missing = verify.verify_sst(arguments.quick), verify.skipped()
+        found, missing = verify_sst(arguments.quick), skipped()
     else:  # the engines are built from parameters; multipliers take any closed chain
         robot, count = common.robot_of(arguments), 5 if arguments.quick else 40
-        found, missing = verify.verify_chain(robot, count), []
+        found, missing = verify_chain(robot, count), []
     rows = []
     with tqdm(found, delay=2, leave=False, bar_format="{n} comparisons, last: {desc}") as bar:
         for row in bar:
@@ -70,39 +53,18 @@ def _verify(arguments: argparse.Namespace) -> int:
             bar.set_description_str(f"{row.referee}, {row.compared}", refresh=False)
     disagree = sum(not row.passed for row in rows)
     if arguments.json:
-        content = {
-            "passed": not disagree,
-            "comparisons": [row._asdict() for row in rows],
-            "skipped": [{"package": e.package, "problem": str(e)} for e in missing],
-        }
-        print(json.dumps(content, indent=1))
+        skips = [{"package": error.package, "problem": str(error)} for error in missing]
+        shown = {"passed": not disagree, "comparisons": [row._asdict() for row in rows]}
+        print(json.dumps(shown | {"skipped": skips}, indent=1))
     else:
-        print(verify.table(rows))
-        for error in missing:
-            print(f"skipped: {error}")
+        print(table(rows))
+        print(*(f"skipped: {error}\n" for error in missing), sep="", end="")
         print(f"{disagree} of {len(rows)} disagree" if disagree else "all agree")
     return 1 if disagree else 0
 
 
-def add_compile(commands: common.Commands) -> None:
+def compile(arguments: argparse.Namespace) -> None:  # noqa: A001
     """Compiled kernels, the cache that keeps them, and the same equations as C code."""
-    parser = commands.add(
-        "compile",
-        _compile,
-        "Compile the kernels of a robot, which chain.compile() loads later; or write the dynamics "
-        "as C code for a controller; or look after the cache of kernels.",
-    )
-    parser.option("--all", "all kernels, not only torques and accelerations")
-    text = "write C code: a header, a source with the parameters of the robot, an example"
-    parser.option("--export-c FOLDER", text, Path)
-    kinds: dict[str, Any] = {"choices": ["double", "single"], "default": "double"}
-    parser.add_argument("--precision", help="of the C code (default: double)", **kinds)
-    parser.add_force()
-    parser.option("--list", "list the kernels in the cache")
-    parser.option("--clear", "delete all kernels in the cache")
-
-
-def _compile(arguments: argparse.Namespace) -> None:
     if arguments.clear:
         print(f"{build.empty_cache()} kernels deleted from {build.cache_folder()}")
     elif arguments.list:
@@ -136,3 +98,13 @@ def _export(arguments: argparse.Namespace) -> None:
     files = export.c_files(common.robot_of(arguments), folder, arguments.precision)
     write_files(files, arguments.force, folder=folder)
     print(f"{', '.join(path.name for path in files)} in {folder}")
+
+
+def robots(arguments: argparse.Namespace) -> None:
+    """The gallery: a line for each robot."""
+    from .. import SST
+    from .. import robots as room
+
+    for name in gallery():
+        make = SST if name == "sst" else getattr(room, name)
+        print(f"{name:13} {(make.__doc__ or '').splitlines()[0]}")

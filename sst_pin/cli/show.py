@@ -5,7 +5,6 @@ import argparse
 import threading
 import webbrowser
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,50 +20,9 @@ from ..sst.paper import PERIOD, example_1
 from ..sst.robot import SST
 from . import common
 
-_PORT = common.number("a port, a whole number up to 65535", lambda n: n <= 65535, int)
 
-
-def add_show(commands: common.Commands) -> None:
+def show(arguments: argparse.Namespace) -> int:
     """Animations of a robot."""
-    parser = commands.add(
-        "show",
-        _run,
-        "Play a motion and its torques in the browser until Ctrl-C. Without a file, show example 1 "
-        "of the paper, or with --robot one configuration of the robot. With --html, --png or "
-        "--gif, write files instead.",
-    )
-    text = "input or output of `torques`, or output of `simulate`; - means standard input"
-    parser.option("motion MOTION", text, Path, nargs="?")
-    text = "a second motion, such as the planned one, which a translucent robot plays beside it"
-    parser.option("--ghost FILE", text, Path)
-    text = "speed of the animation; 1 is real time (default: 1 for a file, 0.1 for the example)"
-    parser.option("--speed S", text, common.POSITIVE)
-    for kind, text in (
-        ("html", "one page that needs no network"),
-        ("png", "a picture; needs Chromium"),
-        ("gif", "an animation; needs Chromium"),
-    ):
-        parser.option(f"--{kind} FILE", f"write {text}", Path)
-    parser.option("--axes", "show the axes of the joints")
-    parser.option("--frame NAME", "draw the path of this frame (default: platform; E of an SST)")
-    parser.option("--frames", "show frames: of an SST {0k}..{3k}, {E}; of closures")
-    parser.option("--reactions", "show the forces in joints and closures")
-    parser.option("--skeleton", "draw joints, lines and masses instead of shapes")
-    parser.option(
-        "--live",
-        "a page that also computes: sliders, dragging, simulation; robots other than the SST "
-        "need CasADi",
-    )
-    parser.option("--no-open", "print the URL, open no browser")
-    parser.option(
-        "--host HOST", "address of the server (default: this machine only)", default="127.0.0.1"
-    )
-    parser.option("--port PORT", "port of the server (default: any free port)", _PORT, default=0)
-    parser.add_force()
-    parser.add_strict()
-
-
-def _run(arguments: argparse.Namespace) -> int:
     looks: dict[str, Any] = {"axes": arguments.axes, "frames": arguments.frames}
     looks["visual_model"] = pin.GeometryModel() if arguments.skeleton else None
     from ..viewer import Viewer  # needs the extra `viz`
@@ -82,7 +40,12 @@ def _run(arguments: argparse.Namespace) -> int:
         if motion is None:
             viewer.show(start_of(robot))
         else:
-            viewer.play(motion, speed=arguments.speed or speed, ghost=ghost, title=title)
+            viewer.play(
+                motion,
+                speed=speed if arguments.speed is None else arguments.speed,
+                ghost=ghost,
+                title=title,
+            )
         if common.told(viewer.warnings, arguments):
             return 1
         files = {path: viewer.writer(path) for _, path in wanted if path is not None}

@@ -8,30 +8,21 @@ from pathlib import Path
 
 import numpy as np
 
-from ..arrays import Array
 from ..description.folder import description_writers
 from ..description.parameters import Parameters, RigidBody
+from ..errors import InputError
 from ..files import Writer, write_files
 from ..sst.paper import PERIOD, compare, example_1, example_2
 from ..sst.robot_wrapper import configurations_of
 from . import common
 
-_SAMPLES = common.number("a whole number from 10 to 10 million", lambda n: 10 <= n <= 10**7, int)
 
-
-def add_paper(commands: common.Commands) -> None:
+def paper(arguments: argparse.Namespace) -> int:
     """Both examples of the paper and their figures."""
-    text = "Compute both examples of the paper and draw their figures."
-    parser = commands.add("paper", _paper, text)
-    parser.add_folder("--out", default=Path("paper"))
-    parser.option("--samples N", "samples per period (default: 1001)", _SAMPLES, default=1001)
-    parser.add_force()
-    parser.add_strict()
-
-
-def _paper(arguments: argparse.Namespace) -> int:
     from .. import plots  # needs the extra `plot`
 
+    if not 10 <= arguments.samples <= 10**7:
+        raise InputError("--samples", f"{arguments.samples} is not from 10 to 10 million")
     robot, out = common.sst_of(arguments), arguments.output
     t = np.linspace(0, PERIOD, arguments.samples)
     clock = time.perf_counter
@@ -75,37 +66,8 @@ def _paper(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def add_describe(commands: common.Commands) -> None:
+def describe(arguments: argparse.Namespace) -> None:
     """A description folder, such as urdf/, for any SST."""
-    parser = commands.add(
-        "describe",
-        _describe,
-        "Write an SST as a folder for other tools: URDF, cuts, SRDF, MJCF, meshes, README. The "
-        "robot is the paper's, or that of --robot; the other options change its parameters.",
-    )
-    parser.add_folder(required=True)
-    parser.add_force()
-    parser.option("--alpha A1,A2,A3", "angles between the arcs, degrees", common.triple)
-    text = "directions from O to P_1, P_2, P_3; vectors of any length"
-    parser.option("--base-directions 'X,Y,Z X,Y,Z X,Y,Z'", text, _directions)
-    for name, unit, text in (
-        ("base-radius", "M", "radius of the base, m"),
-        ("star-radius", "M", "radius of the star, m"),
-        ("link-mass", "KG", "mass of each actuator link, kg; scales its inertia too"),
-        ("passive-mass", "KG", "mass of each passive link, kg; scales its inertia too"),
-        ("star-mass", "KG", "mass of the star, kg; scales its inertia too"),
-        ("viscous-friction", "D", "viscous friction of all nine joints, N m s/rad"),
-        ("coulomb-friction", "F", "Coulomb friction of all nine joints, N m"),
-    ):
-        parser.option(f"--{name} {unit}", text, float)
-    parser.option("--gravity X,Y,Z", "gravity in base axes, m/s^2", common.triple)
-
-
-def _directions(text: str) -> list[Array]:
-    return [common.triple(part) for part in text.split()]
-
-
-def _describe(arguments: argparse.Namespace) -> None:
     common.require_extras(mesh="trimesh", plot="matplotlib")
     from ..plots.paper_figures import picture_writers
 

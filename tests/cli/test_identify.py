@@ -133,7 +133,7 @@ def test_a_robot_that_cannot_move_is_told(here, capsys):
 
 @pytest.mark.parametrize(
     ("change", "told"),
-    [("--cutoff 30", "cutoff"), ("--cutoff 0", "a positive"), ("--cutoff 10 --which none", "none")],
+    [("--cutoff 30", "cutoff"), ("--cutoff 0", "cutoff"), ("--cutoff 10 --which none", "none")],
 )
 def test_what_cannot_be_identified_is_told_in_one_line(log, capsys, change, told):
     options = "-o", "r.md", "--robot", "five_bar", *change.split()

@@ -3,6 +3,7 @@
 
 import io
 import math
+import subprocess
 import sys
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 
 import sst_pin
 from sst_pin.cli import main
+from sst_pin.cli.commands import COMMANDS as COMMANDS_OF_THE_HELP
 from tests.support.command_line import run
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -129,6 +131,31 @@ def test_the_bare_command_shows_its_help(capsys):
     assert (code, err) == (0, "")
     assert out.startswith("usage: sst-pin ")
     assert all(word in out for word in ("torques", "simulate", "plot", "show", "validate"))
+
+
+@pytest.mark.parametrize("command", ["", *(command.name for command in COMMANDS_OF_THE_HELP)])
+def test_the_help_of_a_command_fits_on_a_screen(capsys, command):
+    code, out, _ = run(capsys, *command.split(), "--help")
+    assert code == 0
+    assert out.startswith(f"usage: sst-pin {command or 'COMMAND'}")
+    assert len(out.splitlines()) <= 24
+    assert max(map(len, out.splitlines())) <= 80
+
+
+def test_the_help_waits_for_no_package():
+    """Whoever asks what there is does not wait for Pinocchio."""
+    code = "import sys; from sst_pin.cli import main; main([]); "
+    code += "print({'pinocchio', 'numpy', 'scipy'} & sys.modules.keys(), file=sys.stderr)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("usage: sst-pin ")
+    assert done.stderr == "set()\n"
+
+
+def test_robots_lists_what_robot_takes(capsys):
+    code, out, _ = run(capsys, "robots")
+    names = [line.split()[0] for line in out.splitlines()]
+    assert code == 0
+    assert names == ["sst", *(name for name in sst_pin.robots.__all__ if name.islower())]
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,6 @@ from pathlib import Path
 import numpy as np
 from matplotlib import image
 
-from sst_pin import plots
-from sst_pin.cli import motion_commands
 from tests.support.command_line import run
 
 SAMPLE = Path(__file__).resolve().parents[2] / "examples" / "figure_eight.csv"
@@ -41,7 +39,3 @@ def test_what_torques_wrote_and_the_motion_itself_give_the_same_figure(here, cap
     assert all(other == first for other in others)
     assert b"motor torque (N m)" in first
     assert b"joint angle" not in first
-
-
-def test_subjects_of_the_command_are_those_of_the_plots():
-    assert motion_commands.SUBJECTS == plots.SUBJECTS

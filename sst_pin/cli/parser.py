@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Parsers of arguments; nothing here imports Pinocchio, so that --help is quick."""
+
+import argparse
+import re
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, NoReturn, TypeAlias
+
+#: Arguments of `argparse.ArgumentParser.add_argument`.
+Option: TypeAlias = tuple[list[str], dict[str, Any]]
+
+
+class Command(NamedTuple):
+    """A command: how it is called, the module whose function of its name runs it, help, options."""
+
+    usage: str
+    module: str
+    text: str
+    options: Sequence[Option]
+    more: str = ""
+
+    @property
+    def name(self) -> str:
+        """The first word of the usage."""
+        return self.usage.partition(" ")[0]
+
+
+def option(spec: str, text: str, kind: Callable[[str], Any] = str, **how: Any) -> Option:
+    """An option such as "-o, --output FILE", a flag such as "--all", an argument "file FILE"."""
+    names, _, metavar = spec.rpartition(" ") if " " in spec else (spec, "", "")
+    value = {"metavar": metavar, "type": kind} if metavar else {"action": "store_true"}
+    return names.split(", "), {"help": text, **value, **how}
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose help fits on a screen and whose errors are one line."""
+
+    def __init__(self, **how: Any) -> None:
+        super().__init__(add_help=False, formatter_class=_Help, **how)
+        # What begins like a negative number is a value, as in --gravity -1,0,0.
+        self._negative_number_matcher = re.compile(r"-\.?\d")
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse; keep the words for the message of an error."""
+        self._words = sys.argv[1:] if args is None else list(args)
+        return super().parse_known_args(args, namespace)
+
+    def add(self, options: Sequence[Option]) -> None:
+        """Add options in one group, with --help."""
+        group = self.add_argument_group("options")
+        group.add_argument("-h", "--help", action="help", help="show this help")
+        for names, how in options:
+            group.add_argument(*names, **how)
+
+    def add_commands(self, commands: Sequence[Command]) -> None:
+        """Add a parser for each command."""
+        parsers = self.add_subparsers(title="commands", metavar="COMMAND", parser_class=Parser)
+        for command in commands:
+            parser = parsers.add_parser(
+                command.name,
+                prog=f"sst-pin {command.name}",
+                usage=f"sst-pin {command.usage} [OPTIONS]",
+                help=command.text,
+                description=f"{command.text}\n{command.more}",
+            )
+            parser.set_defaults(command=command)
+            parser.add(command.options)
+
+    def error(self, message: str) -> NoReturn:
+        """Leave with exit code 2."""
+        self.exit(2, f"{self.prog}: error: {message}{misplaced(self._words)}\n")
+
+
+class _Help(argparse.RawDescriptionHelpFormatter):
+    def __init__(self, prog: str) -> None:
+        super().__init__(prog, max_help_position=24, width=80)
+
+    def _format_action_invocation(self, action: argparse.Action) -> str:
+        """The value of an option once: `-o, --output FILE`."""
+        if not action.option_strings or action.nargs == 0:
+            return super()._format_action_invocation(action)
+        return f"{', '.join(action.option_strings)} {action.metavar}"
+
+
+def gallery() -> list[str]:
+    """Names of robots that are no files."""
+    from .. import robots
+
+    return ["sst", *(name for name in robots.__all__ if name.islower())]
+
+
+def names_robot(word: str) -> bool:
+    """Whether a word is a file of a robot, or a name of the gallery and no file."""
+    endings = (".urdf", ".sdf", ".xml", ".mjcf")
+    return word.lower().endswith(endings) or (word in gallery() and not Path(word).exists())
+
+
+def misplaced(words: Sequence[str]) -> str:
+    """The end of an error message when a robot stands in the place of another argument."""
+    for before, word in zip(["", *words], words, strict=False):
+        if before != "--robot" and names_robot(word):
+            return f"; did you mean --robot {word}?"
+    return ""
+
+
+def numbers(text: str) -> list[float]:
+    """Numbers with commas between."""
+    return [float(word) for word in text.split(",")]
+
+
+def directions(text: str) -> list[list[float]]:
+    """Several of `numbers` with blanks between."""
+    return [numbers(part) for part in text.split()]
+
+
+def named_numbers(text: str) -> dict[str, float]:
+    """Numbers by name."""
+    pairs = [part.rpartition("=") for part in text.split(",")]
+    try:
+        values = {name.strip(): float(value) for name, _, value in pairs}
+    except ValueError:
+        values = {}
+    if len(values) < len(pairs) or "" in values:
+        raise argparse.ArgumentTypeError(f"{text!r} does not have the form crank=0.1,slide=0.2")
+    return values
+
+
+def words(text: str) -> list[str]:
+    """Words with commas between."""
+    return [word.strip() for word in text.split(",")]
