@@ -84,6 +84,16 @@ def disc(mass: float, radius: float, thickness: float) -> Solids:
     return [Solid(inertia, coal.Cylinder(radius, thickness), HERE)]
 
 
+def body(
+    mass: float, centre: ArrayLike, moments: ArrayLike, points: ArrayLike, radius: float
+) -> Solids:
+    """A body of known inertia about its mass centre, drawn as rods along a line."""
+    first, *others = (s._replace(inertia=pin.Inertia.Zero()) for s in rods(1.0, points, radius))
+    x, y, *z = np.asarray(centre, dtype=float)
+    inertia = pin.Inertia(mass, np.array([x, y, *(z or [0.0])]), np.diag(moments))
+    return [first._replace(inertia=first.at.actInv(inertia)), *others]
+
+
 class Tree:
     """A Pinocchio tree under construction, weight along -z, with the shapes of its bodies."""
 

@@ -9,28 +9,17 @@ from functools import partial
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
 from pinocchio.rpy import rpyToMatrix
 
 from ..arrays import Array, in_one_turn, whole_number
 from ..model.closures import Closure, Distance
 from ..model.lines import LineForce
-from .building_blocks import Solid, Solids, Tree, box, rods
+from .building_blocks import Solid, Tree, body, box
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
 from .placements import HERE, angle_about_z, direction, of_two_turns, planar, shift, two_link
 
 _RX, _RY, _RZ = pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ
 _ALONG_Y = np.array([0.0, -9.81, 0.0])
-
-
-def _body(
-    mass: float, centre: ArrayLike, moments: ArrayLike, points: ArrayLike, radius: float
-) -> Solids:
-    """Rods along a line as the shape of a body whose inertia is given about its mass centre."""
-    first, *others = (s._replace(inertia=pin.Inertia.Zero()) for s in rods(1.0, points, radius))
-    x, y, *z = np.asarray(centre, dtype=float)
-    inertia = pin.Inertia(mass, np.array([x, y, *(z or [0.0])]), np.diag(moments))
-    return [first._replace(inertia=first.at.actInv(inertia)), *others]
 
 
 @of_dimensions
@@ -112,7 +101,7 @@ def n_four_bar(
     tree.model.gravity.linear = _ALONG_Y
     moments = mass * np.array([radius**2 / 2, length**2 / 12, length**2 / 12])
     points = np.array([(0, 0, 0), (length, 0, 0)])
-    bar = _body(mass, points[1] / 2, moments, points, radius)
+    bar = body(mass, points[1] / 2, moments, points, radius)
     for k in range(loops + 1):
         tree.hinge(f"bar_{k}", bar, at=shift((k * length, 0)))
         tree.frame(f"end_of_bar_{k}", f"bar_{k}", points[1])
@@ -165,7 +154,7 @@ def andrews() -> GalleryRobot:
         ("omega", "epsilon", (0, -_U), 0.00706, 5.667e-7, (_ZF - 0.01421, 0), [(_ZF, 0)]),
     ):
         line = np.array([(0, 0, 0), *((*end, 0) for end in ends)], dtype=float)
-        solids = _body(mass, centre, inertia * np.array([0.6, 0.6, 1]), line, 0.0012)
+        solids = body(mass, centre, inertia * np.array([0.6, 0.6, 1]), line, 0.0012)
         tree.hinge(name, solids, parent, shift(at))
         tree.frame(f"tip_of_{name}", name, line[-1])
     tree.platform("theta", (-_D, 0))
@@ -212,8 +201,8 @@ def slider_crank() -> GalleryRobot:
     """
     tree = Tree("slider_crank")
     tip, end = np.array([0.0, 0.0, 0.08]), np.array([-0.3, 0.0, 0.0])
-    crank = _body(0.12, tip / 2, (1e-4, 1e-4, 1e-5), [np.zeros(3), tip], 0.006)
-    bar = _body(0.5, end / 2, (4e-4, 4e-3, 4e-3), [np.zeros(3), end], 0.006)
+    crank = body(0.12, tip / 2, (1e-4, 1e-4, 1e-5), [np.zeros(3), tip], 0.006)
+    bar = body(0.5, end / 2, (4e-4, 4e-3, 4e-3), [np.zeros(3), end], 0.006)
     tree.joint("crank", _RX(), crank, at=shift(_CRANK))
     tree.joint("slider", pin.JointModelPX(), box(2.0, (0.05, 0.03, 0.03)))
     tree.joint("rod", pin.JointModelUniversal(*np.eye(3)[:2]), bar, "slider")
