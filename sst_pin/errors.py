@@ -234,8 +234,9 @@ class SimulationError(SSTError):
         time: Time at which it stopped, [s].
 
     Example:
-        >>> row = sst_pin.robots.n_four_bar(1)  # flat after 0.7 s
-        >>> row.rollout(np.zeros((500, 1)), row.home, [-1], dt=2e-3)
+        >>> bars = {"crank": 0.2, "rocker": 0.2, "coupler": 0.3, "ground": 0.3, "point": 0.3}
+        >>> chain = sst_pin.robots.four_bar(**bars)  # a parallelogram, flat after 0.2 s
+        >>> chain.rollout(np.zeros((500, 1)), chain.home, [-1], dt=2e-3)
         Traceback (most recent call last):
             ...
         sst_pin.errors.SimulationError: the motion reached a singularity, diverged, or ...
@@ -330,11 +331,12 @@ class SingularityWarning(UserWarning):
 
     Example:
         >>> import warnings
+        >>> bars = {"crank": 0.2, "rocker": 0.2, "coupler": 0.3, "ground": 0.3, "point": 0.3}
+        >>> chain = sst_pin.robots.four_bar(**bars)  # a parallelogram
         >>> with warnings.catch_warnings(record=True) as caught:
-        ...     row = sst_pin.robots.n_four_bar(1)
-        ...     motion = row.simulate([0], row.home, [-1], np.linspace(0, 1, 11))
+        ...     motion = chain.simulate([0], chain.home, [-1], np.linspace(0, 1, 11))
         >>> caught[0].category.__name__, len(motion)
-        ('SingularityWarning', 8)
+        ('SingularityWarning', 3)
     """
 
 

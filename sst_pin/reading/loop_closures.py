@@ -87,10 +87,11 @@ def write_loop_closures(chain: ClosedChain, path: str | Path, force: bool = Fals
         OutputError: If the file cannot be written, or exists.
 
     Example:
-        >>> row = sst_pin.robots.n_four_bar(1)
-        >>> sst_pin.write_loop_closures(row, "loop_closures.yaml")
+        >>> bars = {"crank": 0.2, "rocker": 0.2, "coupler": 0.3, "ground": 0.3, "point": 0.3}
+        >>> chain = sst_pin.robots.four_bar(**bars)  # a parallelogram
+        >>> sst_pin.write_loop_closures(chain, "loop_closures.yaml")
         >>> print(open("loop_closures.yaml").readlines()[-1].strip())
-        independent: [bar_0]
+        independent: [crank]
     """
     require_ending(path, ".yaml", ".yml")
     mechanism, model = chain.mechanism, chain.mechanism.model

@@ -36,10 +36,12 @@ class Crossing(NamedTuple):
         rank: Its rank there, smaller by the freedoms that the mechanism gains for an instant.
 
     Example:
-        >>> row = sst_pin.robots.n_four_bar(2)
-        >>> motion = row.simulate([0], row.home, [-1], [0, 1], through_singularities=True)
+        >>> bars = {"crank": 0.2, "rocker": 0.2, "coupler": 0.3, "ground": 0.3, "point": 0.3}
+        >>> chain = sst_pin.robots.four_bar(**bars)  # a parallelogram
+        >>> t = [0, 0.3]
+        >>> motion = chain.simulate([0], chain.home, [-1], t, through_singularities=True)
         >>> [(crossing.rank_before, crossing.rank) for crossing in motion.crossings]
-        [(4, 2)]
+        [(2, 1)]
     """
 
     time: float
