@@ -21,6 +21,7 @@ from sst_pin import ClosedChain, robots
 from sst_pin.arrays import Array
 from sst_pin.compiled import build
 from sst_pin.model.tree import series_of
+from tests.gallery import ladder
 
 
 def cassie_of_mujoco(locked: Sequence[str] = ()) -> ClosedChain:
@@ -37,8 +38,8 @@ ROBOTS: dict[str, Callable[[], ClosedChain]] = {
     "delta": robots.delta,
     "hexapod": robots.stewart,
     "Cassie, floating": cassie_of_mujoco,
-    "ladder of 4": partial(robots.ladder, 4),
-    "ladder of 96": partial(robots.ladder, 96),
+    "ladder of 4": partial(ladder, 4),
+    "ladder of 96": partial(ladder, 96),
 }
 #: Coordinates above which inertia matrices are not written out, so that torques alone are compiled.
 MOST = 40

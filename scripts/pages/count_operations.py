@@ -26,6 +26,7 @@ from sst_pin.compiled.equations import Equations
 from sst_pin.compiled.symbols import add, solve_symmetric
 from sst_pin.sst.paper import PERIOD
 from sst_pin.verification.virtual_work import VirtualWork
+from tests.gallery import ladder
 
 PAGE = Path(__file__).parents[2] / "docs" / "evidence.md"
 TOLERANCE = 1e-9  # relative to the largest torque or acceleration
@@ -214,7 +215,7 @@ def count_ladders() -> dict[int, tuple[int, int]]:
     """Operations of the inverse and the direct dynamics of ladders, by their cells."""
     counts = {}
     for cells in CELLS:
-        e = equations_of(sst_pin.robots.ladder(cells))
+        e = equations_of(ladder(cells))
         methods = (expression(e, problem, SHORT) for problem in ("inverse", "direct"))
         counts[cells] = tuple(operations(method).total() for method in methods)
     return counts

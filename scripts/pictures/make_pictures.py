@@ -85,9 +85,9 @@ def robots() -> Figure:
     """The gallery at home, flat robots from above."""
     names = [name for name in gallery.__all__ if name.islower()]
     with plots.style():
-        figure = Figure(figsize=(7.5, 8.0), layout="constrained")
+        figure = Figure(figsize=(7.5, 4.4), layout="constrained")
         for k, name in enumerate(names, 1):
-            axes = figure.add_subplot(5, 5, k, projection="3d", title=name)
+            axes = figure.add_subplot(3, 6, k, projection="3d", title=name)
             _draw_bodies(axes, getattr(gallery, name)())
     return figure
 

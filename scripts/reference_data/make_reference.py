@@ -16,16 +16,15 @@ from mpmath import mp, mpf, nstr
 import sst_pin
 from exact_dynamics import ExactRobot
 from plain_numbers import describe
-from sst_pin import robots
 from tests.data import REFERENCE, REFERENCE_PATH
+from tests.gallery import EVERY_ROBOT
 
 STATES, DIGITS = 10, 40
 
 
 def chains():
     """The SST and the gallery by name."""
-    gallery = {name: getattr(robots, name)() for name in robots.__all__ if name.islower()}
-    return {"sst": sst_pin.SST(), **gallery}
+    return {"sst": sst_pin.SST()} | {name: build() for name, build in EVERY_ROBOT.items()}
 
 
 def states_of(name, record, home, count=STATES):

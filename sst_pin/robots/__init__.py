@@ -6,14 +6,13 @@ from .legs import ankle, knee, leg
 from .overconstrained import agile_eye, agile_wrist, bennett
 from .planar import five_bar, four_bar, planar_3rrr, planar_4rrr
 from .platforms import delta, hexaglide, stewart, ups_pu
-from .standard_problems import andrews, bricard, governor, n_four_bar, slider_crank
-from .upright import excavator, ladder, scissor_lift
+from .standard_problems import bricard, slider_crank
+from .upright import excavator, scissor_lift
 
 __all__ = [
     "GalleryRobot",
     "agile_eye",
     "agile_wrist",
-    "andrews",
     "ankle",
     "bennett",
     "bricard",
@@ -21,12 +20,9 @@ __all__ = [
     "excavator",
     "five_bar",
     "four_bar",
-    "governor",
     "hexaglide",
     "knee",
-    "ladder",
     "leg",
-    "n_four_bar",
     "planar_3rrr",
     "planar_4rrr",
     "scissor_lift",

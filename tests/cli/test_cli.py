@@ -84,9 +84,9 @@ def test_every_way_of_writing_a_motion_gives_the_torques_of_example_1(here, caps
 
 
 def test_simulate_says_that_it_stopped(here, capsys):
-    columns = "t_s", "tau_1_Nm", "bar_0_rad", "bar_0_rad_s"
-    write_motion(here / "tau.csv", columns, [(t, 0, 1.5, -1) for t in np.linspace(0, 1, 101)])
-    code, out, _ = run(capsys, "simulate", "tau.csv", "-o", "m.csv", "--robot", "n_four_bar")
+    columns = "t_s", "tau_1_N", "slider_m", "slider_m_s"
+    write_motion(here / "tau.csv", columns, [(t, 0, 0.88, 1) for t in np.linspace(0, 1, 101)])
+    code, out, _ = run(capsys, "simulate", "tau.csv", "-o", "m.csv", "--robot", "scissor_lift")
     assert code == 3
     assert "before a singularity" in out
     assert len(sst_pin.Trajectory.load("m.csv")) < 101

@@ -10,11 +10,12 @@ from numpy.testing import assert_allclose
 
 import sst_pin
 from sst_pin.closed_chain import ClosedChain
+from tests.gallery import ladder
 
 ROBOTS = {
     "SST": sst_pin.SST,
     "four-bar": sst_pin.robots.four_bar,
-    "ladder": lambda: sst_pin.robots.ladder(24),
+    "ladder": lambda: ladder(24),
 }
 
 

@@ -8,11 +8,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-import sst_pin
 from sst_pin.compiled import c_code, kernels
 from sst_pin.compiled.elimination import Factors, pivot_order
 from sst_pin.compiled.equations import Equations
 from sst_pin.compiled.generator_inputs import sample_configurations
+from tests.gallery import ladder
 from tests.support import any_chain, link_tables
 
 SPRUNG = ("translation", "spherical", "continuous", "universal")
@@ -35,7 +35,7 @@ CHAINS = (
             kind="3d", coordinates=["arm_1", "arm_2", "arm_3", "arm_4"], actuated=["body"]
         ),
         "planar 3-RRR": lambda: link_tables.planar_3rrr().chain(),
-        "loops that hang on loops": lambda: sst_pin.robots.ladder(3),
+        "loops that hang on loops": lambda: ladder(3),
     }
 )
 #: One of each sort; the others are slow tests.
@@ -210,7 +210,7 @@ def test_operations_per_joint_of_a_ladder_do_not_depend_on_its_length():
     """Ladders of 4 to 96 four-bars differ by less than a tenth."""
     counts = []
     for bars in (4, 16, 96):
-        chain = sst_pin.robots.ladder(bars)
+        chain = ladder(bars)
         q = chain.generic_configuration()
         samples = sample_configurations(chain._current.reference, q)
         kernel = kernels.make(Equations(chain._current.mechanism, samples), "torques")

@@ -5,9 +5,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from sst_pin import SST, ClosureError, SingularConfigurationError, robots
+from sst_pin import SST, ClosureError, SingularConfigurationError
 from sst_pin.engine.backend import Key
 from sst_pin.engine.dispatch import assembled
+from tests.gallery import EVERY_ROBOT
 from tests.support.any_chain import with_joint
 
 #: Condition numbers up to which states are taken.
@@ -18,7 +19,7 @@ WORST = 1e4
 #: ill-conditioned ones any part.
 HANDED_OVER = 0.02
 ILL = 100
-NAMES = ["SST", *(name for name in robots.__all__ if name.islower())]
+NAMES = ["SST", *EVERY_ROBOT]
 QUICK = ("SST", "four_bar", "planar_3rrr")
 
 
@@ -85,7 +86,7 @@ def test_kernels_give_the_numbers_of_the_reference_path_or_leave_the_state_to_it
     if name == "SST":
         kernels, reference = SST(), SST(kernels=False)
     else:
-        kernels, reference = (getattr(robots, name)() for _ in range(2))
+        kernels, reference = (EVERY_ROBOT[name]() for _ in range(2))
         kernels.compile()
     q, conditions = wander(reference, reference.home, configurations, 0)
     q, conditions = np.repeat(q, 5, axis=0), np.repeat(conditions, 5)
@@ -121,7 +122,7 @@ def test_kernels_give_the_numbers_of_the_reference_path_or_leave_the_state_to_it
 )
 def test_loops_close_by_kernels_as_on_the_reference_path(name):
     """From guesses up to half a radian off; where no step is short, both take the same way."""
-    both = [SST(), SST(kernels=False)] if name == "SST" else [getattr(robots, name)() for _ in "ab"]
+    both = [SST(), SST(kernels=False)] if name == "SST" else [EVERY_ROBOT[name]() for _ in "ab"]
     kernels, reference = both
     kernels.compile()
     random, by_kernels = np.random.default_rng(4), 0

@@ -20,6 +20,7 @@ from sst_pin.description.urdf_writer import urdf_of
 from sst_pin.errors import DescriptionError, InputError
 from sst_pin.files import write_files
 from sst_pin.verification.sampling import random_parameters
+from tests.gallery import EVERY_ROBOT
 from tests.support import any_chain
 from tests.support.exported_c import STRICT, TYPES, Exported
 
@@ -29,8 +30,7 @@ needs_ziglang = pytest.mark.skipif(
     not build.find_spec("ziglang"), reason="needs ziglang, extra 'compiler'"
 )
 OPEN, SINGULAR, NOT_FINITE = 1, 2, 3
-ROBOTS = {name: getattr(robots, name) for name in robots.__all__ if name.islower()}
-ROBOTS |= {"cart": any_chain.cart, "lines": any_chain.lines}
+ROBOTS = EVERY_ROBOT | {"cart": any_chain.cart, "lines": any_chain.lines}
 QUICK = ("four_bar", "planar_4rrr", "cart", "lines")
 #: What the lists of parameters say of them.
 LISTED = {

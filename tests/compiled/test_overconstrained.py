@@ -10,6 +10,7 @@ import pytest
 import sst_pin
 from sst_pin.engine.backend import Key
 from sst_pin.simulation.energy import energy_balance
+from tests.gallery import ladder
 from tests.support.by_hand import add, at, mark
 
 
@@ -189,7 +190,7 @@ def test_loops_stop_where_they_are_singular(name):
 
 
 GALLERY = {"Bennett": sst_pin.robots.bennett, "Bricard": sst_pin.robots.bricard}
-GALLERY |= {"agile wrist": sst_pin.robots.agile_wrist, "ladder": sst_pin.robots.ladder}
+GALLERY |= {"agile wrist": sst_pin.robots.agile_wrist, "ladder": ladder}
 GALLERY |= {"SST": lambda: sst_pin.SST(kernels=False)}
 
 

@@ -17,6 +17,7 @@ import sst_pin
 from sst_pin import ClosedChain, ClosureError, LineForce, SingularConfigurationError, robots
 from sst_pin.compiled import build, compiled_backend
 from sst_pin.dynamics.quantities import QUANTITIES
+from tests.gallery import EVERY_ROBOT
 from tests.support import any_chain, link_tables
 from tests.support.by_hand import add, at
 from tests.support.derivative_cases import WIDTH, floating_four_bar, of_gallery
@@ -34,7 +35,7 @@ def cassie_on_a_stand():
 
 def full(name):
     """A robot with springs, friction and a spring along a line."""
-    robot, random = getattr(robots, name)(), np.random.default_rng(1)
+    robot, random = EVERY_ROBOT[name](), np.random.default_rng(1)
     model = robot.model.copy()
     model.damping, model.friction, model.armature = random.uniform(0.1, 1, (3, model.nv))
     line = LineForce("universe", model.frames[-1].name, stiffness=50, preload=3, damping=2)
@@ -44,7 +45,7 @@ def full(name):
 
 GALLERY = ("delta", "planar_4rrr", "ladder", "bennett", "bricard", "governor", "excavator")
 ROBOTS = {
-    **{name: getattr(robots, name) for name in GALLERY},
+    **{name: EVERY_ROBOT[name] for name in GALLERY},
     "SST": lambda: sst_pin.SST(kernels=False),
     "four-bar": lambda: link_tables.four_bar(link_tables.SKEW_PLANE).chain(),
     "five-bar": lambda: of_gallery("five_bar").chain,

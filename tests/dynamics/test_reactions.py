@@ -12,11 +12,10 @@ import sst_pin
 from sst_pin import robots
 from sst_pin.dynamics import dynamics, reactions
 from tests.data import PUBLISHED
+from tests.gallery import EVERY_ROBOT, andrews
 from tests.support import any_chain
 from tests.support.by_hand import add, at, in_units, mark
 from tests.support.planar_bars import planar
-
-GALLERY = [name for name in robots.__all__ if name.islower()]
 
 
 def random_state(chain, seed):
@@ -105,7 +104,7 @@ def without_rotors(joint):
 
 
 CHAINS = {
-    **{name: getattr(robots, name) for name in GALLERY},
+    **EVERY_ROBOT,
     **{joint: partial(without_rotors, joint) for joint in [*any_chain.JOINTS, *any_chain.IN_A_ROW]},
     **{str(kind): partial(any_chain.chain, kind=kind) for kind in any_chain.CLOSURES},
     "SST": partial(sst_pin.SST, kernels=False),
@@ -175,9 +174,9 @@ def unique_by_equilibrium(chain, q):
     return moves[:, [3, 4, 5, 0, 1, 2]] < 1e-6
 
 
-@pytest.mark.parametrize("name", GALLERY)
+@pytest.mark.parametrize("name", EVERY_ROBOT)
 def test_verdicts_are_those_of_the_equilibrium_of_all_bodies(name):
-    chain = getattr(robots, name)()
+    chain = EVERY_ROBOT[name]()
     (q, *_), w = solved(chain, 3)
     assert np.array_equal(np.concatenate(w.determined), unique_by_equilibrium(chain, q))
 
@@ -381,7 +380,7 @@ def test_andrews_multipliers_are_the_published_ones():
     The published rates break the closures by 3e-8, so that a motion that obeys these differs by
     1e-7 of the forces. With the published rates and accelerations as they stand it is 1e-10.
     """
-    chain, given = robots.andrews(), PUBLISHED["andrews"]
+    chain, given = andrews(), PUBLISHED["andrews"]
     q, v, v_dot = np.array([[given[x][k] for k in chain.joint_names] for x in ("q", "v", "dv")])
     published = np.array(list(given["forces"].values()))  # on the common tip
     beta = chain.joint_names.index("beta")
@@ -421,7 +420,7 @@ def in_other_units(plain, unit):
 @pytest.mark.parametrize("name", ["bennett", "agile_wrist", "planar_3rrr", "bricard"])
 def test_units_change_no_reaction_with_springs_friction_lines_and_wrenches(name):
     """Forces are as the unit, moments as its square, with and without stiffnesses."""
-    plain = getattr(robots, name)()
+    plain = EVERY_ROBOT[name]()
     q, va, wrenches, tau = random_state(plain, 2)
     results = []
     for unit in (1.0, 1e3, 1e-3):

@@ -8,10 +8,10 @@ from numpy.testing import assert_allclose
 
 import sst_pin
 from sst_pin import ClosedChain, InputError, UnknownNameError, robots
+from tests.gallery import EVERY_ROBOT
 from tests.support import any_chain
 from tests.support.any_chain import states
 
-GALLERY = [name for name in robots.__all__ if name[0].islower()]
 KINDS = {
     "cart": any_chain.cart,
     "composite": lambda: any_chain.with_joint("composite"),
@@ -49,9 +49,9 @@ def assert_linear(chain, theta, motions):
     assert_allclose(Y @ theta, f, rtol=0, atol=1e-11 * np.abs(f).max())
 
 
-@pytest.mark.parametrize("name", ["sst", *GALLERY])
+@pytest.mark.parametrize("name", ["sst", *EVERY_ROBOT])
 def test_forces_of_the_gallery_are_linear_in_the_parameters(name):
-    chain, theta = drawn(sst_pin.SST() if name == "sst" else getattr(robots, name)())
+    chain, theta = drawn(sst_pin.SST() if name == "sst" else EVERY_ROBOT[name]())
     assert_allclose(chain.dynamic_parameters, theta, rtol=1e-12, atol=1e-13)
     motions = states(chain, 2, 1)
     assert_linear(chain, chain.dynamic_parameters, motions)

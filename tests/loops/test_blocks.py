@@ -14,6 +14,7 @@ from sst_pin.dynamics.noc import JointComplement
 from sst_pin.errors import SingularConfigurationError
 from sst_pin.loops.loops import connected
 from sst_pin.model.mechanism import Friction, Mechanism, Springs
+from tests.gallery import ladder
 from tests.support.link_tables import two_link_angles
 from tests.support.planar_bars import planar
 
@@ -65,7 +66,7 @@ def whole(chain, Phi, right):
 
 ROBOTS = {
     "four-bars": (four_bars, 3),
-    "ladder": (lambda: sst_pin.robots.ladder(7), 7),
+    "ladder": (lambda: ladder(7), 7),
     "stewart": (sst_pin.robots.stewart, 1),
     "SST": (lambda: sst_pin.SST(kernels=False), 1),
 }
@@ -101,7 +102,7 @@ def test_blocks_solve_what_all_loops_at_once_do(name):
 @pytest.mark.parametrize("cells", [4, 16])
 def test_a_block_of_a_ladder_is_as_large_as_that_of_any_other(cells):
     """Memory and operations are in proportion to the number of loops."""
-    chain = sst_pin.robots.ladder(cells)
+    chain = ladder(cells)
     memory = Memory(chain._current.mechanism)
     assert [len(block.rates) for block in memory.complement.blocks] == [2] * cells
     assert [int(row.sum()) for row in memory.loops.touched] == [3] * 3 * cells

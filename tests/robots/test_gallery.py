@@ -15,6 +15,7 @@ from numpy.testing import assert_allclose
 import sst_pin
 from sst_pin import robots
 from sst_pin.errors import InputError, WorkspaceError
+from tests.gallery import EVERY_ROBOT, ladder, n_four_bar
 
 #: Degrees of freedom and redundant closure rows by the literature. Each planar loop of revolutes
 #: closed at a point holds its plane once too often (Gruebler's formula with 3 instead of 6);
@@ -56,7 +57,7 @@ def name(request):
 
 @pytest.fixture(scope="module")
 def robot(name):
-    return getattr(robots, name)()
+    return EVERY_ROBOT[name]()
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +70,7 @@ def configurations(robot):
 
 
 def test_the_gallery_is_complete():
-    assert sorted(MOBILITY) == sorted(n for n in robots.__all__ if n.islower())
+    assert sorted(MOBILITY) == sorted(EVERY_ROBOT)
 
 
 def test_mobility_is_that_of_the_literature(name, robot):
@@ -132,11 +133,11 @@ def test_every_body_has_a_physical_inertia_and_a_shape(robot):
         assert not all(name.startswith("joint_") for name in own)
 
 
-@pytest.mark.parametrize("build", [robots.ladder, robots.scissor_lift])
+@pytest.mark.parametrize("build", [ladder, robots.scissor_lift])
 def test_long_chains_are_assembled_at_home(build):
     long = build(20)
     assert np.abs(long.residual(long.home)).max() < 1e-12
-    assert long.mobility(long.home).degrees_of_freedom == (20 if build is robots.ladder else 1)
+    assert long.mobility(long.home).degrees_of_freedom == (20 if build is ladder else 1)
 
 
 def test_bennetts_linkage_moves_where_its_lengths_allow_it_only():
@@ -201,7 +202,7 @@ def test_the_delta_of_the_examples_has_the_dimensions_of_the_gallery():
 )
 def test_static_torques_scale_with_lengths_and_masses(name):
     """Twice as long and three times as heavy: six times the torques, three times the forces."""
-    build = getattr(robots, name)
+    build = EVERY_ROBOT[name]
     scaled = {}
     for key, parameter in inspect.signature(build).parameters.items():
         if key == "rails":
@@ -220,17 +221,17 @@ def test_static_torques_scale_with_lengths_and_masses(name):
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (partial(robots.ladder, 1), "cells: 1, expected at least 2"),
-        (partial(robots.ladder, -3), "cells: -3, expected at least 2"),
+        (partial(ladder, 1), "cells: 1, expected at least 2"),
+        (partial(ladder, -3), "cells: -3, expected at least 2"),
         (partial(robots.scissor_lift, 0), "cells: 0, expected at least 1"),
-        (partial(robots.n_four_bar, 0), "loops: 0, expected at least 1"),
+        (partial(n_four_bar, 0), "loops: 0, expected at least 1"),
         (partial(robots.stewart, platform_mass=-1.0), "platform_mass:"),
         (partial(robots.delta, arm=0.0), "arm:"),
         (partial(robots.five_bar, span=np.nan), "span:"),
         (partial(robots.hexaglide, rails=(0, 1, np.inf, 2, 3, 4)), "rails:"),
         (partial(robots.hexaglide, rails=(0, 1, 2)), "rails:"),
         (partial(robots.bennett, crank="long"), "crank:"),
-        (partial(robots.ladder, rail=[1, 2]), "rail:"),
+        (partial(ladder, rail=[1, 2]), "rail:"),
     ],
 )
 def test_dimensions_that_no_robot_has_are_refused_by_name(call, words):

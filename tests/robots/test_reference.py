@@ -10,9 +10,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 import sst_pin
-from sst_pin import robots
 from sst_pin.verification.referees import lagrange
 from tests.data import REFERENCE
+from tests.gallery import EVERY_ROBOT
 from tests.support.files import load
 
 describe = load("scripts/reference_data/plain_numbers.py").describe
@@ -26,7 +26,7 @@ def name(request):
 
 @pytest.fixture(scope="module")
 def chain(name):
-    return sst_pin.SST() if name == "sst" else getattr(robots, name)()
+    return sst_pin.SST() if name == "sst" else EVERY_ROBOT[name]()
 
 
 @pytest.fixture(scope="module")
@@ -104,7 +104,7 @@ def off(actual, expected):
 
 
 def test_the_data_cover_the_sst_and_the_whole_gallery():
-    assert set(REFERENCE) == {"sst"} | {n for n in robots.__all__ if n.islower()}
+    assert set(REFERENCE) == {"sst", *EVERY_ROBOT}
     for record in REFERENCE.values():
         assert len(record["states"]) == 10
         assert all(len(x.lstrip("-0.").split("e")[0]) >= 35 for x in record["states"][0]["torques"])
@@ -160,5 +160,5 @@ def test_the_description_alone_gives_the_torques(name, states, rates):
 @pytest.mark.parametrize("robot", ["bennett", "planar_4rrr", "ups_pu"])
 def test_the_states_are_those_that_the_script_makes(robot):
     record = {key: value for key, value in REFERENCE[robot].items() if key != "states"}
-    made = make.states_of(robot, record, getattr(robots, robot)().home, count=1)
+    made = make.states_of(robot, record, EVERY_ROBOT[robot]().home, count=1)
     assert made == REFERENCE[robot]["states"][:1]

@@ -7,11 +7,9 @@ import numpy as np
 import pytest
 
 import sst_pin
-from sst_pin import robots
-from tests.support.files import load
+from tests.gallery import n_four_bar
+from tests.gallery import standard_referees as referees
 from tests.support.planar_bars import planar
-
-referees = load("scripts/pages/standard_referees.py")
 
 
 def through(chain, t, va, **options):
@@ -32,7 +30,7 @@ def through(chain, t, va, **options):
 )
 def test_the_row_of_four_bars_turns_as_one_pendulum(loops, seconds):
     """A02: where all bars lie on one line, the closures lose a rank for each loop."""
-    chain, t = robots.n_four_bar(loops), np.linspace(0, seconds, 31)
+    chain, t = n_four_bar(loops), np.linspace(0, seconds, 31)
     if seconds > 3:
         chain.compile()
     motion = through(chain, t, -1.0)
@@ -133,7 +131,7 @@ def test_singular_configurations_shortly_after_each_other_are_gone_through_one_b
 
 
 def test_crossings_are_those_of_the_samples_chosen():
-    chain = robots.n_four_bar(1)
+    chain = n_four_bar(1)
     motion = through(chain, np.linspace(0, 1.0, 11), -1.0, rtol=1e-9, atol=1e-9)
     (crossing,) = motion.crossings
     assert motion[motion.t < crossing.time].crossings == ()

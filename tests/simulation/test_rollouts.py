@@ -7,6 +7,7 @@ from sst_pin import robots
 from sst_pin.compiled.compiled_states import CompiledStates
 from sst_pin.sst import paper
 from sst_pin.verification.sampling import random_parameters, random_states
+from tests.gallery import n_four_bar
 
 
 @pytest.fixture(scope="module")
@@ -103,7 +104,7 @@ def test_leading_axes_broadcast_and_threads_change_nothing(robot):
 @pytest.mark.parametrize("fast", [True, False])
 def test_motions_that_stop_are_named_or_end_in_nan(fast):
     """Before a singularity of the mechanism, from a bad start: no number in silence."""
-    row = robots.n_four_bar(1)
+    row = n_four_bar(1)
     if fast:
         row.compile()
     q, va = np.tile(row.home, (3, 1)), np.zeros((3, 1))

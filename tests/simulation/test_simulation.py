@@ -13,6 +13,7 @@ from sst_pin.sst import paper
 from sst_pin.states import ReferenceStates
 from sst_pin.verification.sampling import random_parameters, random_state
 from sst_pin.verification.virtual_work import VirtualWork
+from tests.gallery import EVERY_ROBOT, governor
 from tests.support import link_tables
 from tests.support.by_hand import add, at
 
@@ -250,7 +251,7 @@ def two_bodies(first):
     return sst_pin.ClosedChain(model, [], ["first", "arm"])
 
 
-DIFFERENTIATED = {name: getattr(sst_pin.robots, name) for name in ("governor", "bricard", "delta")}
+DIFFERENTIATED = {name: EVERY_ROBOT[name] for name in ("governor", "bricard", "delta")}
 DIFFERENTIATED["a quaternion"] = lambda: two_bodies(pin.JointModelFreeFlyer())
 DIFFERENTIATED["a circle"] = lambda: two_bodies(pin.JointModelRUBZ())
 
@@ -286,7 +287,7 @@ def test_derivatives_of_states_are_those_of_their_rates(name, kernels):
 
 
 def test_implicit_methods_take_exact_derivatives_of_stiff_motions(monkeypatch):
-    chain, exact, calls = sst_pin.robots.governor(), ReferenceStates.derivatives, []
+    chain, exact, calls = governor(), ReferenceStates.derivatives, []
 
     def counted(self, *arguments):
         calls.append(arguments)

@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 
 from sst_pin import ClosedChain, robots
 from sst_pin.model.closures import Coupling, Distance
+from tests.gallery import EVERY_ROBOT
 from tests.support import any_chain
 from tests.support.by_hand import add, at
 from tests.support.link_tables import ROBOTS, Z, four_bar
@@ -115,7 +116,7 @@ def regular(chain):
 
 
 def of_gallery(name, **options):
-    robot = getattr(robots, name)()
+    robot = EVERY_ROBOT[name]()
     options = {"forces": robot.forces} | options
     return case(robot.model, robot.closures, robot.motor_names, robot.home, **options)
 
@@ -180,7 +181,7 @@ def mimicking(**options):
 
 
 CASES = {
-    **{name: (of_gallery, name) for name in robots.__all__ if name.islower()},
+    **{name: (of_gallery, name) for name in EVERY_ROBOT},
     **{f"{name} (table)": (of_table, name) for name in ROBOTS},
     "floating four-bar": (floating_four_bar,),
     "geared": (geared,),

@@ -10,18 +10,19 @@ from numpy.testing import assert_allclose
 
 from sst_pin import ClosedChain, robots
 from tests.data import PUBLISHED
+from tests.gallery import EVERY_ROBOT, andrews, governor, n_four_bar
+from tests.gallery import make_standard_problems as problems
+from tests.gallery import standard_referees as referees
 from tests.support.files import load
 
-problems = load("scripts/pages/make_standard_problems.py")
 markdown_tables = load("scripts/pages/markdown_tables.py")
 read_table = markdown_tables.read_table
 table_names = markdown_tables.table_names
-referees = load("scripts/pages/standard_referees.py")
 
 
 def motion_of(name, t, **options):
     """From the published start with the published torques."""
-    chain, given = getattr(robots, name)(), PUBLISHED[name]
+    chain, given = EVERY_ROBOT[name](), PUBLISHED[name]
     motion = chain.simulate(given["torques"], chain.home, given["start_rates"], t, **options)
     assert not motion.stopped
     return motion
@@ -31,14 +32,14 @@ def test_andrews_mechanism_ends_where_it_is_published():
     """A03: seven angles and rates after 0.03 s, in which the crank turns two and a half times."""
     motion = motion_of("andrews", np.array([0, 0.03]))
     given = PUBLISHED["andrews"]
-    q = [given["q"][name] for name in robots.andrews().joint_names]
+    q = [given["q"][name] for name in andrews().joint_names]
     assert_allclose(motion.q[-1], q, rtol=0, atol=5e-9)
     assert_allclose(motion.va[-1], given["v"]["beta"], rtol=1e-9)
 
 
 def test_andrews_torque_accelerations_and_forces_at_the_published_state():
     """The published accelerations follow from the published angles and rates to 1e-7."""
-    chain, given = robots.andrews(), PUBLISHED["andrews"]
+    chain, given = andrews(), PUBLISHED["andrews"]
     q, v, a = (np.array([given[x][name] for name in chain.joint_names]) for x in ("q", "v", "dv"))
     assert_allclose(chain.compute_torques(q, v[:1], a[:1]), 0.033, rtol=0, atol=5e-9)
     found = chain.joint_accelerations(q, v[:1], a[:1])
@@ -58,14 +59,14 @@ def test_the_home_of_andrews_is_the_published_start():
         "omega": -0.222668390165885884674473185609,
         "epsilon": 1.23054744454982119249735015568,
     }
-    chain = robots.andrews()
+    chain = andrews()
     assert_allclose(chain.home, [start[name] for name in chain.joint_names], rtol=0, atol=1e-15)
 
 
 @pytest.mark.parametrize("loops", [1, 2, 5])
 def test_the_row_of_four_bars_falls_as_one_pendulum(loops):
     """A02, through the horizontal, where all loops are singular at once."""
-    t, chain = np.linspace(0, 1, 6), robots.n_four_bar(loops)
+    t, chain = np.linspace(0, 1, 6), n_four_bar(loops)
     rates = PUBLISHED["n_four_bar"]["start_rates"]
     motion = chain.simulate([0.0], chain.home, rates, t, through_singularities=True)
     assert len(motion.crossings) == 1
@@ -109,7 +110,7 @@ def test_the_governor_is_the_stiff_solution():
 def test_the_rigid_governor_is_the_limit_of_stiffer_springs():
     """Rods for springs; the error falls with the stiffness."""
     t, rates = np.linspace(0, 0.1, 3), PUBLISHED["governor"]["start_rates"]
-    rigid = robots.governor(rigid=True)
+    rigid = governor(rigid=True)
     motion = rigid.simulate([0.0, 0.0], rigid.home, [rates[0], 0.0], t)
     off = []
     for factor in (1e2, 1e4):

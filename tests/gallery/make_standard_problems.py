@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Write the tables, pictures and CSV files of docs/standard_problems.md.
 
-    python scripts/pages/make_standard_problems.py [PROBLEM ...]
+    python -m tests.gallery.make_standard_problems [PROBLEM ...]
 
 computes all problems, or those named, on their full time.
 """
@@ -16,11 +16,14 @@ import numpy as np
 import pinocchio as pin
 from matplotlib.figure import Figure
 
-import standard_referees as referees
-from markdown_tables import Table, rewrite
 from sst_pin import ClosedChain, Closure, plots, robots
 from sst_pin.robots.building_blocks import Tree, rod, shift
 from tests.data import PUBLISHED
+from tests.gallery import andrews, governor, n_four_bar
+from tests.gallery import standard_referees as referees
+from tests.support.files import load
+
+tables = load("scripts/pages/markdown_tables.py")
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 PAGE, FOLDER = DOCS / "standard_problems.md", DOCS / "standard_problems"
@@ -88,18 +91,18 @@ def problems() -> dict[str, Problem]:
     B0, through = ("B0_x_m", "B0_y_m"), {"through_singularities": True}
     return {
         "n_four_bar_2": Problem(
-            robots.n_four_bar(2), (-1.0,), 20, B0, _ends, lambda t: referees.n_four_bar(2, t),
+            n_four_bar(2), (-1.0,), 20, B0, _ends, lambda t: referees.n_four_bar(2, t),
             ((10, "B0_x_m", "0.3284574"), (10, "B0_y_m", "0.9445188")), options=through,
         ),
         "n_four_bar_40": Problem(
-            robots.n_four_bar(40), (-1.0,), 20, B0, _ends, lambda t: referees.n_four_bar(40, t),
+            n_four_bar(40), (-1.0,), 20, B0, _ends, lambda t: referees.n_four_bar(40, t),
             (
                 (19.4, "B0_x_m", "-0.284004"), (19.4, "B0_y_m", "0.958823"),
                 (20, "B0_x_m", "0.410902"), (20, "B0_y_m", "0.911679"),
             ), options=through,
         ),
         "andrews": Problem(
-            robots.andrews(), (0.0,), 0.03, tuple(f"{name}_rad" for name in ANGLES),
+            andrews(), (0.0,), 0.03, tuple(f"{name}_rad" for name in ANGLES),
             _andrews_angles, tau=0.033,
             published=tuple((0.03, f"{n}_rad", f"{x:.12g}") for n, x in ANDREWS["q"].items()),
         ),
@@ -108,7 +111,7 @@ def problems() -> dict[str, Problem]:
             lambda chain, motion: chain.platform_pose(motion.q)[:, :3, 3], referees.bricard,
         ),
         "governor": Problem(
-            robots.governor(), (2 * np.pi, 0.0, 0.0, 0.0), 10,
+            governor(), (2 * np.pi, 0.0, 0.0, 0.0), 10,
             ("shaft_rad", "arm_rad", "slider_m"), lambda _, motion: motion.q[:, [0, 1, 3]],
             referees.governor, options={"method": "LSODA"},
         ),
@@ -130,9 +133,9 @@ def problems() -> dict[str, Problem]:
     }  # fmt: skip
 
 
-def andrews_at_its_end() -> Table:
+def andrews_at_its_end() -> list[tuple[str, ...]]:
     """Torque, accelerations and forces at the published state of Andrews' mechanism."""
-    chain = robots.andrews()
+    chain = andrews()
     q, v, a = (np.array([ANDREWS[x][name] for name in chain.joint_names]) for x in ("q", "v", "dv"))
     tau = chain.compute_torques(q, v[:1], a[:1])[0]
     accelerations = chain.joint_accelerations(q, v[:1], a[:1])
@@ -149,9 +152,9 @@ def andrews_at_its_end() -> Table:
     ]
 
 
-def table(problem: Problem, motion: Any, exact: np.ndarray | None) -> Table:
+def table(problem: Problem, motion: Any, exact: np.ndarray | None) -> list[tuple[str, ...]]:
     """What is published at some times, and the whole motion against the independent equations."""
-    rows: Table = [HEADER]
+    rows: list[tuple[str, ...]] = [HEADER]
     ours, end = problem.of(problem.chain, motion), motion.t[-1]
     at_the_end = tuple((end, name, "-") for name in problem.columns)
     for t, name, published in problem.published or at_the_end:
@@ -226,7 +229,7 @@ def main(names: list[str]) -> None:
             picture(problem, motion).savefig(FOLDER / f"{name}.png", dpi=150)
     if "andrews" in done:
         done["andrews"] += andrews_at_its_end()
-    rewrite(PAGE, {name: lambda _, name=name: done[name] for name in done})
+    tables.rewrite(PAGE, {name: lambda _, name=name: done[name] for name in done})
 
 
 if __name__ == "__main__":
