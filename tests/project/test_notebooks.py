@@ -7,7 +7,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 NOTEBOOKS = sorted((ROOT / "examples" / "notebooks").glob("*.ipynb"))
-PAGE = ROOT / "docs" / "notebooks.md"
+PAGE = ROOT / "docs" / "quickstart.md"
 
 
 @pytest.mark.slow
