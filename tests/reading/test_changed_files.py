@@ -20,8 +20,8 @@ from hypothesis import strategies as st
 import sst_pin
 from sst_pin.simulation.motion_files import read_motion
 from sst_pin.sst.paper import example_1
-from tests.fuzz import plain_reading
-from tests.fuzz.mutations import changed_csv, changed_xml, changed_yaml
+from tests.support import plain_reading
+from tests.support.mutations import changed_csv, changed_xml, changed_yaml
 
 #: Both sides are solved by least squares with rounding of 1e-13 times a condition below 1e4.
 CLOSE = 1e-7
