@@ -3,10 +3,7 @@
 
 import json
 import sys
-import tempfile
 from contextlib import suppress
-from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -17,10 +14,8 @@ from sst_pin.errors import ClosureError, MissingExtraError, SSTError
 from sst_pin.viewer import Viewer
 from tests.support import any_chain
 from tests.support.browser import with_slow
-from tests.support.files import load
 from tests.support.motor_cases import elbows, held_not
-
-cassie = load("examples/cassie.py")
+from tests.support.named_robots import OTHERS, robot_named
 
 #: Values at some states of the page's engine.
 VALUES = """states => states.map(({q, va, aa, tau}) => {
@@ -42,32 +37,6 @@ MOTION = """([q, va, seconds, way, efforts]) => {
   }
   return { states: found, end: found.end || "" };
 }"""
-
-
-PULL = {"stiffness": 30, "rest_length": 0.1, "damping": 0.3, "preload": 2}
-LINE = sst_pin.LineForce("point_arm_2", "point_arm_5", **PULL)
-OTHERS = {
-    "coupled": any_chain.coupled,
-    "rods": any_chain.rods,
-    "line": lambda: any_chain.chain(forces=[LINE]),
-    "tree": lambda: any_chain.with_joint("free-flyer", kind=""),  # without closures, in space
-    "wheel": lambda: any_chain.rolling(False),
-}
-
-
-@cache
-def robot_named(name):
-    """A robot of the gallery, of `OTHERS`, or one with a joint of this kind."""
-    if name == "sst":
-        return sst_pin.SST(sst_pin.Parameters(viscous_friction=0.1, coulomb_friction=0.02))
-    if name == "cassie":  # on a stand
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder, "cassie.xml")
-            path.write_text(cassie.mjcf())
-            return sst_pin.ClosedChain.from_mjcf(path, locked=cassie.HELD)
-    if name in any_chain.JOINTS or name in any_chain.IN_A_ROW:
-        return any_chain.with_joint(name)
-    return (OTHERS.get(name) or getattr(sst_pin.robots, name))()
 
 
 def pose_of(name):

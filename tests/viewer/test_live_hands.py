@@ -4,11 +4,9 @@
 import numpy as np
 import pytest
 
-import sst_pin
 from sst_pin.viewer import Viewer
-from tests.support.browser import COARSE, DESK, PHONE, TABLET, opened, with_slow
-from tests.support.firefox import firefox, needs_firefox
-from tests.viewer.test_live import robot_named
+from tests.support.browser import DESK, PHONE, TABLET, opened, with_slow
+from tests.support.named_robots import robot_named
 
 #: Where a body, the last that is met, is seen in the window.
 FOUND = """() => {
@@ -142,26 +140,3 @@ def test_a_delta_keeps_sixty_frames_a_second_on_a_slow_processor(chromium, tmp_p
             }"""
         )
         assert np.median(times[120:]) < 1000 / 60
-
-
-@pytest.mark.slow
-@needs_firefox
-@pytest.mark.parametrize("size", [PHONE, TABLET, DESK])
-def test_firefox_drags_lets_go_holds_and_resets(tmp_path, size):
-    robot = sst_pin.SST()
-    path = tmp_path / "page.html"
-    Viewer(robot, live=True).save(path)
-    with firefox() as page:
-        page.visit(path.as_uri(), *size)
-        page.evaluate(COARSE)
-        page.evaluate("viewer.set_3d_pane_size()")
-        x, y, _ = page.evaluate(f"({FOUND})()")
-        page.drag(x, y, 40)
-        q = np.array(page.evaluate("live.robot.q"))
-        assert np.abs(q - robot.home).max() > 1e-3
-        assert np.abs(robot.residual(q)).max() < 1e-6
-        page.evaluate("document.getElementById('again').click()")
-        page.evaluate("document.getElementById('go').click()")
-        assert page.evaluate(f"({LATER})(0.05)") >= 0.05
-        page.evaluate("document.getElementById('again').click()")
-        assert np.abs(np.array(page.evaluate("live.robot.q")) - robot.home).max() < 1e-12

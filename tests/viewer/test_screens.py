@@ -10,7 +10,6 @@ import sst_pin
 from sst_pin.sst import paper
 from sst_pin.viewer import Viewer
 from tests.support.browser import DESK, EXTENT, LYING, PHONE, TABLET, opened, pixels, with_slow
-from tests.support.firefox import firefox, needs_firefox
 
 
 def example(name):
@@ -151,36 +150,3 @@ def test_who_wants_little_motion_or_a_dark_page_has_it(chromium, tmp_path):
         assert page.evaluate("panel.playing")
     with opened(chromium, viewer, path, DESK, reduced_motion="no-preference") as page:
         assert page.evaluate("panel.playing")
-
-
-#: Everything but the floor.
-HIDE = """[...document.querySelectorAll("[data-layer]")].map((box) => box.dataset.layer)
-  .filter((name) => name !== "floor").forEach((name) => stage.showLayer(name, false))"""
-
-
-@pytest.mark.slow
-@needs_firefox
-def test_firefox_draws_all_of_the_robot_where_it_says(tmp_path):
-    """Points that vanish with its layers fill the box of its vertices, two pixels aside."""
-    example("four_bar").save(tmp_path / "page.html")
-    with firefox() as page:
-        page.visit((tmp_path / "page.html").as_uri(), *TABLET)
-        page.evaluate("viewer.set_3d_pane_size()")  # Meshcat's first frame may come late
-        low, high = np.array(page.evaluate(f"({EXTENT})(['usual', 0])"))
-        pane = page.evaluate("document.getElementById('pane').getBoundingClientRect()")
-        page.evaluate("panel.still(0)")
-        drawn = pixels(page.screenshot())
-        page.evaluate(HIDE)
-        page.evaluate("panel.still(0)")
-        empty = pixels(page.screenshot())
-    assert low.min() > -1
-    assert high.max() < 1
-    assert np.max(high - low) / 2 > 0.45
-    rows, columns = np.nonzero(np.abs(drawn - empty).max(axis=2) > 60)  # shadows change less
-    (left, right), (bottom, top) = np.stack([low, high], axis=1)
-    wanted = [
-        pane["x"] + (1 + np.array((left, right))) / 2 * pane["width"],
-        pane["y"] + (1 - np.array((top, bottom))) / 2 * pane["height"],
-    ]
-    seen = [(x.min(), x.max() + 1) for x in (columns, rows)]
-    assert np.abs(np.array(seen) - wanted).max() < 2.0
