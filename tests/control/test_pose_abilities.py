@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial import ConvexHull
 
 import sst_pin
+from tests.support.by_hand import wrenches_of
 
 LIMIT = 2.0
 FRAME = "platform"
@@ -20,19 +21,6 @@ def made(name):
     rest = np.zeros(chain.degrees_of_freedom)
     hold = np.abs(chain.compute_torques(chain.home, rest, rest)).max()
     return chain, chain.home, 2 * hold + LIMIT
-
-
-def wrenches_of(chain, q, force, moment=(0, 0, 0)):
-    """What a force and a moment on the frame are for the body that carries it."""
-    model, data = chain.model, chain.model.createData()
-    pin.framesForwardKinematics(model, data, q)
-    frame = model.frames[model.getFrameId(FRAME)]
-    body = frame.parentJoint
-    center = data.oMi[body].act(model.inertias[body].lever)
-    arm = data.oMf[model.getFrameId(FRAME)].translation - center
-    wrenches = np.zeros((model.njoints - 1, 6))
-    wrenches[body - 1] = np.concatenate([moment + np.cross(arm, force), force])
-    return wrenches
 
 
 def inside(points, corners, slack=1e-9):

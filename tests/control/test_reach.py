@@ -9,7 +9,7 @@ from scipy.ndimage import label
 import sst_pin
 from sst_pin.control.reach import REASONS
 from sst_pin.files import read_table
-from tests.control.test_pose_abilities import wrenches_of
+from tests.support.by_hand import wrenches_of
 from tests.support.planar_bars import planar
 
 REACHED, LIMITS, SINGULAR, OUT, CUT_OFF = range(len(REASONS))

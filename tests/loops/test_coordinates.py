@@ -13,7 +13,7 @@ from sst_pin import ClosedChain, Closure
 from sst_pin.loops.draft import without_locked
 from tests.support import trees
 from tests.support.by_hand import add, at, mark
-from tests.support.planar_bars import planar
+from tests.support.planar_bars import planar, rhombus
 
 BARS = {"crank": 0.2, "coupler": 0.3, "rocker": 0.25}
 
@@ -41,14 +41,6 @@ def slide_with_two_bars(unit=1.0):
     tip(model, bar_s, 0.3 * unit, "end_s")
     tip(model, bar_g, 0.3 * unit, "end_g")
     return model, [Closure("end_s", "end_g", "3d")]
-
-
-def rhombus():
-    """Four equal bars; folded, crank and coupler turn together and the rocker rests."""
-    bars = [("crank", "universe", 0.0, 0.3), ("coupler", "crank", 0.3, 0.3)]
-    model = planar([*bars, ("rocker", "universe", 0.3, 0.3)], pin.JointModelRY)
-    model.name = "rhombus"
-    return model, [Closure("coupler_end", "rocker_end", "3d")], np.array([0.7, np.pi, np.pi])
 
 
 def test_the_motor_on_the_slide_is_the_coordinate():

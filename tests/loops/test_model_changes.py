@@ -17,9 +17,8 @@ import sst_pin
 from sst_pin import ClosedChain, Closure
 from sst_pin.compiled.compiled_backend import CompiledBackend
 from sst_pin.compiled.export import c_files
-from tests.loops.test_coordinates import rhombus
 from tests.support import any_chain
-from tests.support.planar_bars import planar
+from tests.support.planar_bars import planar, rhombus
 from tests.support.trees import tree
 
 MOTORS = ["a0_RX", "b0_RZ"]

@@ -40,3 +40,16 @@ def in_units(model: pin.Model, unit: float) -> pin.Model:
         frame.placement = pin.SE3(frame.placement.rotation, unit * frame.placement.translation)
     model.gravity.linear = unit * model.gravity.linear
     return model
+
+
+def wrenches_of(chain, q, force, moment=(0, 0, 0), name="platform"):
+    """What a force and a moment on the frame are for the body that carries it."""
+    model, data = chain.model, chain.model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    frame = model.frames[model.getFrameId(name)]
+    body = frame.parentJoint
+    center = data.oMi[body].act(model.inertias[body].lever)
+    arm = data.oMf[model.getFrameId(name)].translation - center
+    wrenches = np.zeros((model.njoints - 1, 6))
+    wrenches[body - 1] = np.concatenate([moment + np.cross(arm, force), force])
+    return wrenches

@@ -4,6 +4,7 @@
 import numpy as np
 import pinocchio as pin
 
+from sst_pin import Closure
 from tests.support.by_hand import add, at, mark
 
 #: Crank, coupler, and a rocker whose end the coupler's meets: all turn round and round.
@@ -22,3 +23,11 @@ def planar(bars, joint=pin.JointModelRZ, model=None, moment=0.004):
         k = add(model, model.getJointId(bearer), joint(), name, at(x), body)
         mark(model, k, f"{name}_end", at(length))
     return model
+
+
+def rhombus():
+    """Four equal bars; folded, crank and coupler turn together and the rocker rests."""
+    bars = [("crank", "universe", 0.0, 0.3), ("coupler", "crank", 0.3, 0.3)]
+    model = planar([*bars, ("rocker", "universe", 0.3, 0.3)], pin.JointModelRY)
+    model.name = "rhombus"
+    return model, [Closure("coupler_end", "rocker_end", "3d")], np.array([0.7, np.pi, np.pi])
