@@ -25,7 +25,7 @@ from sst_pin.compiled.elimination import Factors, pivot_order
 from sst_pin.compiled.equations import Equations
 from sst_pin.compiled.symbols import add, solve_symmetric
 from sst_pin.sst.paper import PERIOD
-from sst_pin.verification.virtual_work import VirtualWork
+from sst_pin.verification.referees.virtual_work import VirtualWork
 from tests.gallery import ladder
 
 PAGE = Path(__file__).parents[2] / "docs" / "evidence.md"

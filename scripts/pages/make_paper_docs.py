@@ -24,8 +24,9 @@ from method_figures import Method
 from sst_pin import SST, Parameters, RigidBody, Trajectory, paper_circle, plots
 from sst_pin.description.parameters import PAPER_LINK, PAPER_PASSIVE_LINK
 from sst_pin.sst.paper import PERIOD, angles_off_path, example_1, example_2
-from sst_pin.verification.referees import exudyn_engine, lagrange, mujoco_engine, symbolic
-from sst_pin.verification.virtual_work import VirtualWork
+from sst_pin.verification import lagrange
+from sst_pin.verification.referees import exudyn_engine, mujoco_engine, symbolic
+from sst_pin.verification.referees.virtual_work import VirtualWork
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 PAGE = DOCS / "paper.md"

@@ -18,10 +18,11 @@ from ..simulation.energy import energy_error
 from ..sst import paper
 from ..sst.platform_motion import paper_circle
 from ..sst.robot import SST
-from .referees import Referee, exudyn_engine, lagrange, mujoco_engine
+from . import lagrange
+from .referees import Referee, exudyn_engine, mujoco_engine
 from .referees.symbolic import SymbolicLagrange
+from .referees.virtual_work import VirtualWork
 from .sampling import random_parameters, random_state
-from .virtual_work import VirtualWork
 
 #: Referees of one instant, and those of them that have direct dynamics too.
 REFEREES = (

@@ -13,7 +13,7 @@ from scipy.linalg import qr
 
 from sst_pin import ClosedChain, Closure, Coupling
 from sst_pin.errors import ActuationError
-from sst_pin.verification.referees import lagrange
+from sst_pin.verification import lagrange
 from sst_pin.verification.verify import verify_chain
 from tests.support.any_chain import states
 from tests.support.link_tables import ROBOTS

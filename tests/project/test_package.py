@@ -63,7 +63,7 @@ def test_wheel_of_the_source_archive_brings_the_robot_into_an_empty_environment(
     (tmp_path / "env" / "lib" / version / "site-packages" / "lent.pth").write_text("\n".join(lent))
     code = (
         "import sst_pin; print(sst_pin.__file__); print(sst_pin.URDF_PATH); "
-        "import sst_pin.verification.referees.lagrange; "
+        "import sst_pin.verification.lagrange; "
         "robot = sst_pin.SST(); print(robot.compute_torques(robot.home, [0]*3, [0]*3)); "
         "print(robot.path)"
     )

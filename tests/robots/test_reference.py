@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import sst_pin
-from sst_pin.verification.referees import lagrange
+from sst_pin.verification import lagrange
 from tests.data import REFERENCE
 from tests.gallery import EVERY_ROBOT
 from tests.support.files import load

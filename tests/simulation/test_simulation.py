@@ -11,8 +11,8 @@ from sst_pin.simulation.energy import energy_balance
 from sst_pin.simulation.integration import Motion
 from sst_pin.sst import paper
 from sst_pin.states import ReferenceStates
+from sst_pin.verification.referees.virtual_work import VirtualWork
 from sst_pin.verification.sampling import random_parameters, random_state
-from sst_pin.verification.virtual_work import VirtualWork
 from tests.gallery import EVERY_ROBOT, governor
 from tests.support import link_tables
 from tests.support.by_hand import add, at

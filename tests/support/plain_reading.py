@@ -14,7 +14,7 @@ import pinocchio as pin
 import yaml
 
 import sst_pin
-from sst_pin.verification.referees import lagrange
+from sst_pin.verification import lagrange
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 

@@ -6,7 +6,7 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
-from sst_pin.verification.referees import lagrange
+from sst_pin.verification import lagrange
 from tests.support import link_tables
 from tests.support.derivative_cases import carried_four_bar, close, derivative
 from tests.support.files import load

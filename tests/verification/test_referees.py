@@ -15,8 +15,8 @@ from sst_pin.errors import ClosureError, InputError, MissingExtraError
 from sst_pin.loops import loops
 from sst_pin.loops.loops import Loops
 from sst_pin.model.mechanism import Friction
-from sst_pin.verification import referees, verify
-from sst_pin.verification.referees import exudyn_engine, lagrange, mujoco_engine
+from sst_pin.verification import lagrange, referees, verify
+from sst_pin.verification.referees import exudyn_engine, mujoco_engine
 from sst_pin.verification.sampling import random_parameters, random_state
 from tests.support.files import load
 

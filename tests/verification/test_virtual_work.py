@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 import sst_pin
 from sst_pin.errors import InputError, SimulationError, SingularConfigurationError, SSTError
-from sst_pin.verification import virtual_work
+from sst_pin.verification.referees import virtual_work
+from sst_pin.verification.referees.virtual_work import VirtualWork
 from sst_pin.verification.sampling import random_parameters, random_states
-from sst_pin.verification.virtual_work import VirtualWork
 from tests.support.star_assemblies import orientations
 
 Array = NDArray[np.float64]

@@ -13,13 +13,13 @@ import pinocchio as pin
 from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike
 
-from ...arrays import Array
-from ...closed_chain import ClosedChain
-from ...description.parameters import Parameters
-from ...model.closures import Closure, Coupling, Distance, Rolling, frames_of
-from ...model.mechanism import Mechanism
-from ...sst.robot import SST
-from . import Moment, legs, require_same
+from ..arrays import Array
+from ..closed_chain import ClosedChain
+from ..description.parameters import Parameters
+from ..model.closures import Closure, Coupling, Distance, Rolling, frames_of
+from ..model.mechanism import Mechanism
+from ..sst.robot import SST
+from .referees import Moment, legs, require_same
 
 #: Singular values below this count as redundant closures, relative to the largest.
 _REDUNDANT = 1e-10
