@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`ClosedChain`: kinematics and dynamics of any Pinocchio tree with closures and motors."""
+"""`ClosedChain`: the front door. It checks arguments and asks the engine."""
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -26,11 +24,15 @@ from .arrays import (
     single_array,
     whole_number,
 )
-from .dynamics import derivatives, dynamics, reactions, regressor, torque_sharing
-from .engine import dispatch
-from .engine.assignments import require_assignable
-from .engine.backend import Key
-from .engine.current import Current
+from .assignments import require_assignable
+from .dynamics import derivatives as slopes
+from .dynamics import dynamics, reactions, regressor, torque_sharing
+from .dynamics.derivatives import (
+    AccelerationDerivatives,
+    FrameVelocityDerivatives,
+    TorqueDerivatives,
+)
+from .engine import Engine, Key
 from .errors import (
     ClosureError,
     DescriptionError,
@@ -56,7 +58,6 @@ from .model.lines import LineForce
 from .model.mechanism import Friction, Mechanism, read_only
 from .model.named_positions import put
 from .model.tree import body_of
-from .states import States
 from .summaries import Summary, listed
 
 if TYPE_CHECKING:
@@ -74,40 +75,42 @@ if TYPE_CHECKING:
 _FORCES = Key("generalized_forces")
 _Chain = TypeVar("_Chain", bound="ClosedChain")
 
-#: A robot changes in one thread at a time.
-_CHANGES = threading.RLock()
-
 
 class ClosedChain(Summary):
     """A robot with closed loops.
 
-    A chain is what it was made from: a change of `model` counts after `refresh`. So a result
-    depends on the arguments alone, not on the calls before. Methods can be called from several
-    threads. Several methods have these arguments:
+    Results depend on the robot and on the arguments, never on the calls before. Edits to `model`
+    take effect after `refresh()`. Methods can be called from several threads. Many methods share
+    these arguments:
 
-    - `q`: configurations of the tree in the format of Pinocchio, shape (..., nq), with closed
-      loops. All leading axes broadcast; `Phi`, `Phi_dot`, `noc`, `compile` and `casadi` take one
+    - `q`: configurations in the format of Pinocchio, shape (..., nq), with closed loops. All
+      leading axes broadcast; `Phi`, `Phi_dot`, `noc`, `compile` and `casadi` take one
       configuration, shape (nq,).
-    - `va`, `aa`: rates and accelerations of the independent joints `coordinates`, shape (..., n).
+    - `va`, `aa`: rates and accelerations of the `coordinates`, shape (..., n).
     - `tau`: torques of the motors in the order of `motor_names`, shape (..., motors), [N m] or [N].
-    - `platform_moment`: external moment on the platform, in base axes, shape (..., 3), [N m]; the
-      platform is the body of the frame "platform", the star of an SST.
-    - `external_wrenches`: [moment; force] that acts on each body at its mass centre, in base axes,
-      bodies in the order of the joints, shape (..., r, 6).
-    - `sign_width`: for derivatives Coulomb friction uses tanh(v / sign_width) instead of the sign
-      of the rates v; positive, [rad/s] or [m/s].
+    - `platform_moment`: external moment on the platform, in base axes, shape (..., 3), [N m]. The
+      platform is the body of the frame "platform"; of an SST it is the star.
+    - `external_wrenches`: [moment; force] on each body at its mass centre, in base axes, bodies in
+      the order of the joints, shape (..., r, 6).
+    - `sign_width`: derivatives replace the sign of a rate v in Coulomb friction by
+      tanh(v / sign_width); positive, [rad/s] or [m/s].
     - `frame`: name of a frame of the tree.
-    - `out`: array for the result, of its shape.
+    - `out`: float64 array for the result, of its shape.
     - `threads`: number of threads for batches in compiled kernels; the reference path uses one.
     - `on_error`: "raise", or "nan" to set the results of bad samples to NaN.
 
-    These methods raise the errors that `compute_torques` lists: for arguments, open loops, and
-    singular configurations.
+    They raise these errors, on both paths; in a batch the error names the samples:
+
+    - `InputError`: a wrong shape or a number that is not finite.
+    - `ClosureError`: the loops are open at q.
+    - `SingularConfigurationError`: the coordinates do not determine the motion at q.
+    - `ActuationError`: the motors cannot produce the motion.
+    - `UnknownNameError`: a joint or frame that is not in the model.
 
     Args:
         model: The tree. The chain computes with a copy.
-        closures: `Closure`, `Distance`, `Coupling`, `Rolling`, or pairs of frame names for frames
-            that must coincide; none for an open tree.
+        closures: `Closure`, `Distance`, `Coupling`, `Rolling`, or pairs of names of frames that
+            must coincide; none for an open tree.
         actuated: The motors: names of joints and of lines in `forces`; for a tendon a mapping from
             such names to factors.
         coordinates: Names of the independent joints; a joint with several rates counts with all
@@ -123,15 +126,16 @@ class ClosedChain(Summary):
 
     Raises:
         DescriptionError: If two joints have one name, or if nothing can move.
-        UnknownNameError: For a joint or frame that is not in the model.
 
     Example:
         `ClosedChain(model, [Closure("rocker_end", "pivot", "3d")], ["crank"])`.
     """
 
-    #: For `visual_model`: shapes, or what loads them.
+    #: For `visual_model`: shapes, or a function that loads them.
     _shapes: pin.GeometryModel | Callable[[pin.Model], pin.GeometryModel] = pin.GeometryModel()
-    _current: Current
+    #: Name of the frame whose body is the platform.
+    _platform = "platform"
+    _engine: Engine
 
     def __init__(
         self,
@@ -149,7 +153,7 @@ class ClosedChain(Summary):
     ) -> None:
         if not isinstance(model, pin.Model):
             raise InputError("model", f"a pinocchio.Model is needed, not {type(model).__name__}")
-        given = {
+        arrays = {
             "viscous_friction": viscous_friction,
             "coulomb_friction": coulomb_friction,
             "stiffness": stiffness,
@@ -157,9 +161,9 @@ class ClosedChain(Summary):
         }
         numbers = {
             name: None if value is None else read_only(finite_array(name, value, ()))
-            for name, value in given.items()
+            for name, value in arrays.items()
         }
-        recipe: partial[Mechanism] = partial(
+        mechanism: partial[Mechanism] = partial(
             mechanism_of,
             closures=closures_of(closures),
             motors=motors_of(actuated),
@@ -167,10 +171,79 @@ class ClosedChain(Summary):
             numbers=numbers,
             forces=forces_of(forces),
         )
-        self._fill(without_locked(model, locked) if locked else model, recipe)
+        self._fill(without_locked(model, locked) if locked else model, mechanism)
+
+    def _fill(self, model: pin.Model, mechanism: partial[Mechanism]) -> None:
+        """Take a model and the function that makes a mechanism of it; kernels are made again."""
+        make_kernels = self._engine.make_kernels if hasattr(self, "_engine") else None
+        self._model, self._mechanism_of = model, mechanism
+        self._engine = Engine(mechanism(copied(model)), make_kernels)
+
+    def refresh(self) -> None:
+        """Take in all changes of `model`; the coordinates are chosen again.
+
+        A call that runs in another thread meanwhile computes with the robot as it was.
+
+        Raises:
+            DescriptionError, UnknownNameError: As the constructor.
+
+        Example:
+            >>> chain.model.gravity.linear = np.zeros(3)
+            >>> chain.refresh()
+            >>> bool(abs(chain.compute_torques(chain.home, [0], [0])) < 1e-12)
+            True
+        """
+        self._fill(self._model, self._mechanism_of)
+
+    def with_coordinates(self, coordinates: Sequence[str] | None) -> ClosedChain:
+        """This robot with other coordinates, on the reference path until `compile`.
+
+        Args:
+            coordinates: Names of the independent joints; None for the default choice. Where they do
+                not describe the motion, calls raise `SingularConfigurationError`.
+
+        Example:
+            >>> chain.with_coordinates(["rocker"]).coordinates
+            ('rocker',)
+        """
+        names = None if coordinates is None else coordinates_of(coordinates)
+        return self._rebuilt(pin.Model(self.engine.mechanism.model), coordinates=names)
+
+    def with_model(self, model: pin.Model) -> ClosedChain:
+        """This robot with another tree of the same joints and frames, on the reference path."""
+        return self._rebuilt(model)
+
+    def _rebuilt(self, model: pin.Model, **changes: object) -> ClosedChain:
+        chain = ClosedChain.__new__(ClosedChain)
+        chain._shapes, chain._platform = self._shapes, self._platform
+        chain._fill(model, partial(self._mechanism_of, **changes))
+        return chain
+
+    def with_parameters(self: _Chain, theta: ArrayLike | Mapping[str, float]) -> _Chain:
+        """A new robot with other dynamic parameters, of the same class and on the same path.
+
+        Masses and inertias go into its `model`, friction and rotors too.
+
+        Args:
+            theta: All `dynamic_parameters`, shape (p,), or some of them by name.
+
+        Raises:
+            InputError: For a first moment without mass, an offset of a joint without a spring or of
+                a ball, an offset of a motor, a negative stiffness or damping of a line.
+            DescriptionError: For a spring that no joint can have.
+
+        Example:
+            >>> slower = chain.with_parameters({"crank.viscous": 0.5})
+            >>> slower.compute_torques(chain.home, [1], [0]).round(3)
+            array([0.666])
+        """
+        chain = copy(self)
+        model, numbers, forces = regressor.changed(chain.engine.mechanism, theta)
+        chain._fill(model, partial(chain._mechanism_of, numbers=numbers, forces=forces))
+        return chain
 
     def __copy__(self: _Chain) -> _Chain:
-        """A copy of the robot that later changes by itself; it keeps the model of the caller."""
+        """A robot with the same engine and the caller's model; later changes stay apart."""
         other = type(self).__new__(type(self))
         other.__dict__.update(self.__dict__)
         return other
@@ -183,93 +256,108 @@ class ClosedChain(Summary):
 
     @property
     def model(self) -> pin.Model:
-        """The tree of the caller. A change counts after `refresh`.
-
-        Example:
-            >>> chain.model.nq, chain.model.njoints
-            (3, 4)
-        """
+        """The caller's tree. Edits take effect after `refresh()`."""
         return self._model
 
     @property
-    def mechanism(self) -> Mechanism:
-        """What is computed: a copy of the tree with closures, coordinates, motors and forces.
+    def engine(self) -> Engine:
+        """Computes everything; `refresh` and `compile` put another one in its place."""
+        return self._engine
 
-        Example:
-            >>> chain.mechanism.model.nq, chain.mechanism.motors.shape
-            (3, (3, 1))
-        """
-        return self._current.mechanism
+    @property
+    def mechanism(self) -> Mechanism:
+        """A copy of the tree, with closures, coordinates, motors and forces."""
+        return self._engine.mechanism
 
     @property
     def closures(self) -> tuple[Constraint, ...]:
-        """The closures of the tree.
-
-        Example:
-            >>> [str(closure) for closure in robot.closures]
-            ['closedloop1_A - closedloop1_B', 'closedloop2_A - closedloop2_B']
-        """
+        """The closures of the tree."""
         return self.mechanism.closures
 
     @property
     def forces(self) -> tuple[LineForce, ...]:
-        """The forces along lines between two frames.
-
-        Example:
-            >>> chain.forces
-            ()
-        """
+        """The forces along lines between two frames."""
         return self.mechanism.lines.forces
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints, in the order of the tree.
-
-        Example:
-            >>> chain.joint_names
-            ('crank', 'coupler', 'rocker')
-        """
+        """Names of the joints, in the order of the tree."""
         return self.mechanism.space.joint_names
 
     @property
     def position_names(self) -> tuple[str, ...]:
-        """Name of each entry of q: the name of the joint, with a suffix if it has several entries.
-
-        Example:
-            >>> sst_pin.robots.delta().position_names[-5:]
-            ('motor_3', 'rod_3a_1', 'rod_3a_2', 'rod_3b_1', 'rod_3b_2')
-        """
+        """Name of each entry of q: the name of the joint, with a suffix if it has several."""
         return self.mechanism.space.position_names
 
     @property
     def joint_units(self) -> tuple[str, ...]:
-        """Unit of each entry of q: "rad", "m", or "" for quaternions, cosines and sines.
-
-        Example:
-            >>> sorted(set(sst_pin.robots.excavator().joint_units))
-            ['m', 'rad']
-        """
+        """Unit of each entry of q: "rad", "m", or "" for quaternions, cosines and sines."""
         return self.mechanism.space.position_units
 
     @property
     def rate_names(self) -> tuple[str, ...]:
-        """Name of each entry of v: the name of the joint, with a suffix if it has several entries.
-
-        Example:
-            >>> sst_pin.robots.delta().rate_names[-3:]
-            ('rod_3a_2', 'rod_3b_1', 'rod_3b_2')
-        """
+        """Name of each entry of v: the name of the joint, with a suffix if it has several."""
         return self.mechanism.space.rate_names
 
     @property
     def rate_units(self) -> tuple[str, ...]:
-        """Whether each entry of v is in rad/s or m/s: "rad" or "m".
+        """Unit of each entry of v, times a second: "rad" or "m"."""
+        return self.mechanism.space.rate_units
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the independent joints, or of single rates of a joint."""
+        mechanism = self.mechanism
+        return mechanism.space.names_of(mechanism.coordinates.tolist())
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Number n of the coordinates' rates."""
+        return len(self.mechanism.coordinates)
+
+    @property
+    def motor_names(self) -> tuple[str, ...]:
+        """Name of each motor, in the order of tau."""
+        return self.mechanism.motor_names
+
+    @property
+    def motor_units(self) -> tuple[str, ...]:
+        """Unit of each motor torque: "Nm" or "N", by the joints it acts on; "N" on a line."""
+        return self.mechanism.motor_units
+
+    @property
+    def actuated(self) -> Indices:
+        """Indices in v of the motors' joints, in the order of the motors, read-only."""
+        return self.mechanism.driven
+
+    @property
+    def actuation(self) -> Array:
+        """B of shape (nv, motors): motor torques tau apply the forces B tau to the joints.
+
+        The column of a motor on a line is zero, because its forces depend on q; see
+        `actuator_jacobian`.
+        """
+        return self.mechanism.motors
+
+    @property
+    def friction(self) -> Friction:
+        """Friction of all joints, read-only."""
+        return self.mechanism.friction
+
+    @property
+    def dynamic_parameters(self) -> regressor.DynamicParameters:
+        """Parameters of bodies, joints, lines and motors, one for each column of the regressor.
 
         Example:
-            >>> sorted(set(sst_pin.robots.excavator().rate_units))
-            ['m', 'rad']
+            >>> chain.dynamic_parameters["coupler.mass"]
+            1.0
         """
-        return self.mechanism.space.rate_units
+        return regressor.parameters_of(self.mechanism)
+
+    @property
+    def path(self) -> str:
+        """Whether compiled kernels or the reference path compute the dynamics, and why."""
+        return self._engine.path
 
     @property
     def home(self) -> Array:
@@ -282,12 +370,8 @@ class ClosedChain(Summary):
         Raises:
             DescriptionError: If the description has no home, or it is not a configuration.
             ClosureError: If its loops cannot be closed.
-
-        Example:
-            >>> sst_pin.ClosedChain.from_urdf(sst_pin.URDF_PATH).home[:3].round(4)
-            array([0.7854, 1.5708, 0.6155])
         """
-        q = self._current.home
+        q = self._engine.home
         if q is None:
             cure = 'set model.referenceConfigurations["home"] = q and call refresh()'
             raise DescriptionError(
@@ -296,222 +380,54 @@ class ClosedChain(Summary):
             )
         return q.copy()
 
-    @property
-    def actuated(self) -> Indices:
-        """Indices in v of the motors' joints, in the order of the motors, read-only.
-
-        Example:
-            >>> robot.joint_rates(robot.home, [1, 2, 3])[robot.actuated]
-            array([1., 2., 3.])
-        """
-        return self.mechanism.driven
-
-    @property
-    def actuation(self) -> Array:
-        """B: motor torques tau apply the forces B tau to the joints; shape (nv, motors).
-
-        A motor on a line has zeros here, because its forces on the joints depend on q; see
-        `actuator_jacobian`.
-
-        Example:
-            >>> chain.actuation.T
-            array([[1., 0., 0.]])
-        """
-        return self.mechanism.motors
-
-    @property
-    def motor_names(self) -> tuple[str, ...]:
-        """Name of each motor, in the order of tau.
-
-        Example:
-            >>> robot.motor_names
-            ('gamma_1', 'gamma_2', 'gamma_3')
-        """
-        return self.mechanism.motor_names
-
-    @property
-    def motor_units(self) -> tuple[str, ...]:
-        """For each motor "Nm" or "N", by the joints that it acts on; "N" on a line.
-
-        Example:
-            >>> robot.motor_units
-            ('Nm', 'Nm', 'Nm')
-        """
-        return self.mechanism.motor_units
-
-    @property
-    def coordinates(self) -> tuple[str, ...]:
-        """Names of the independent joints, or of single rates of a joint.
-
-        Example:
-            >>> chain.coordinates
-            ('crank',)
-        """
-        mechanism = self._current.mechanism
-        return mechanism.space.names_of(mechanism.coordinates.tolist())
-
-    @property
-    def degrees_of_freedom(self) -> int:
-        """Number n of the coordinates' rates.
-
-        Example:
-            >>> sst_pin.robots.stewart().degrees_of_freedom
-            6
-        """
-        return len(self.mechanism.coordinates)
-
-    @property
-    def friction(self) -> Friction:
-        """Friction of all joints, read-only.
-
-        Example:
-            >>> robot.friction.viscous
-            array([0., 0., 0., 0., 0., 0., 0., 0., 0.])
-        """
-        return self.mechanism.friction
-
-    @property
-    def path(self) -> str:
-        """Whether compiled kernels or the reference path compute the dynamics, and why.
-
-        Example:
-            >>> sst_pin.SST(kernels=False).path
-            'the reference path: switched off by kernels=False'
-        """
-        return str(self._current.backend)
-
-    @property
-    def appearance(self) -> Appearance:
-        """What pictures of the robot show beside its bodies.
-
-        Example:
-            >>> [frame.name for frame in chain.appearance.frames]
-            ['coupler_pin', 'rocker_pin', 'platform']
-        """
-        mechanism = self.mechanism
-        return appearance_of(mechanism.model, mechanism.closures)
-
-    def refresh(self) -> None:
-        """Take in all changes of `model`; the coordinates are chosen again.
-
-        A call that runs in another thread meanwhile computes from the robot as it was.
-
-        Raises:
-            DescriptionError, UnknownNameError: As the constructor.
-
-        Example:
-            >>> chain.model.gravity.linear = np.zeros(3)
-            >>> chain.refresh()
-            >>> bool(abs(chain.compute_torques(chain.home, [0], [0])) < 1e-12)
-            True
-        """
-        with _CHANGES:
-            self._fill(self._model, self._recipe)
-
-    def with_coordinates(self, coordinates: Sequence[str]) -> ClosedChain:
-        """This robot with its dynamics in other coordinates.
-
-        At configurations where they do not describe the motion, calls are refused.
-
-        Args:
-            coordinates: Names of the independent joints.
-
-        Returns:
-            A chain with the same motors, on the reference path until `compile`.
-
-        Raises:
-            UnknownNameError: For an unknown joint.
-
-        Example:
-            >>> chain.with_coordinates(["rocker"]).coordinates
-            ('rocker',)
-        """
-        return self._remade(coordinates=coordinates_of(coordinates))
-
-    def _remade(self, model: pin.Model | None = None, **changes: object) -> ClosedChain:
-        """A chain of another model, or of other arguments of the constructor."""
-        chain = ClosedChain.__new__(ClosedChain)
-        chain._shapes, chain._platform = self._shapes, self._platform
-        model = pin.Model(self.mechanism.model) if model is None else model
-        chain._fill(model, partial(self._recipe, **changes))
-        return chain
-
-    def _fill(self, model: pin.Model, recipe: partial[Mechanism]) -> None:
-        """Make this chain of a model and the other arguments of the constructor, on its path."""
-        self._model, self._recipe = model, recipe
-        kernels = self._current.kernels if hasattr(self, "_current") else None
-        self._current = Current(recipe(copied(model)), kernels)
-
-    # --- closures ---------------------------------------------------------------------------
+    # --- closing the loops ------------------------------------------------------------------
 
     def residual(self, q: ArrayLike) -> Array:
-        """Residual of the closure constraints, of any q; zero if the loops are closed.
+        """f(q) of Eq. (2), zero if the loops are closed, shape (..., rows), [m] and [rad].
 
-        Returns:
-            f(q) of Eq. (2), shape (..., rows), [m] and [rad], in the order of `closures`.
-
-        Example:
-            >>> bool(abs(chain.residual(chain.home)).max() < 1e-12)
-            True
+        The rows are in the order of `closures`; q may have open loops.
         """
-        current = self._current
-        rows = sum(len(closure.rows) for closure in self.closures)
-        array = current.configurations(q)
-        return for_each_sample(lambda q: current.evaluated(q).residual(), [array], (1,), (rows,))
+        engine = self._engine
+        rows = sum(len(closure.rows) for closure in engine.mechanism.closures)
+        array = engine.configurations(q)
+        return for_each_sample(lambda q: engine.loops_at(q).residual(), [array], (1,), (rows,))
 
     def Phi(self, q: ArrayLike) -> Array:
-        """Constraint Jacobian with all rows, also redundant ones, Eqs. (3), (4).
-
-        Returns:
-            Shape (rows, nv).
-
-        Example:
-            >>> chain.Phi(chain.home).shape
-            (3, 3)
-        """
-        return self._current.evaluated(q).Phi()
+        """Constraint Jacobian with all rows, also redundant ones, Eqs. (3), (4); (rows, nv)."""
+        return self._engine.loops_at(q).Phi()
 
     def Phi_dot(self, q: ArrayLike, q_dot: ArrayLike) -> Array:
-        """Rate of the constraint Jacobian `Phi`, for joint rates that keep the loops closed.
+        """Rate of `Phi` for rates v of all joints that keep the loops closed, shape (rows, nv).
 
         Args:
             q_dot: Rates v of all joints, shape (nv,).
-
-        Returns:
-            Shape (rows, nv).
-
-        Example:
-            >>> chain.Phi_dot(chain.home, chain.joint_rates(chain.home, [1])).shape
-            (3, 3)
         """
-        current = self._current
-        v = single_array("q_dot", q_dot, (current.mechanism.model.nv,))
-        return current.evaluated(q).Phi_dot(v)
+        v = single_array("q_dot", q_dot, (self.mechanism.model.nv,))
+        return self._engine.loops_at(q).Phi_dot(v)
 
     def condition_number(self, q: ArrayLike) -> Array:
-        """Condition number of the columns of Phi for the dependent joints, without units.
+        """Condition number of the columns of Phi for the dependent joints, free of units.
 
-        Where loops share no dependent joint, it is that of the worst one. That of loops with one
-        dependent rate is their usual size, at an assembled configuration, over that at q. It is
+        Where loops share no dependent joint, it is that of the worst one. For loops with one
+        dependent rate it is their size at an assembled configuration over that at q. It is
         infinite if the coordinates do not determine the motion.
 
         Returns:
             Shape (...).
-
-        Example:
-            >>> print(round(float(chain.condition_number(chain.home)), 2))
-            2.71
         """
-        current = self._current
-        array = current.configurations(q)
-        mechanism, loops = current.mechanism, current.reference.memory.loops
+        engine = self._engine
+        mechanism, loops = engine.mechanism, engine.reference.memory.loops
         parts = loops.parts(mechanism.coordinates)
 
         def one(q: Array) -> Array:
-            Phi = scaled_Phi(mechanism, loops, current.single(q))
+            Phi = scaled_Phi(mechanism, loops, engine.single(q))
             return np.asarray(condition_number(mechanism, Phi, parts))
 
-        return for_each_sample(one, [array], (1,), ())
+        return for_each_sample(one, [engine.configurations(q)], (1,), ())
+
+    def singularity_measures(self, q: ArrayLike) -> dict[str, Array]:
+        """Numbers that grow without bound towards a singularity, by name; shapes (...)."""
+        return {"dependent joints": self.condition_number(q)}
 
     def assemble(
         self,
@@ -523,8 +439,6 @@ class ClosedChain(Summary):
         limits: bool = False,
     ) -> Array:
         """Close the loops of a guess by Newton's method.
-
-        With kernels, a guess nearby takes some ten microseconds while the coordinates are held.
 
         Args:
             q: Guesses, shape (..., nq). For a robot with balls, free or continuous joints also the
@@ -541,13 +455,12 @@ class ClosedChain(Summary):
             Configurations near q with closed loops, shape (..., nq).
 
         Warns:
-            DescriptionWarning: If the assembly mode for names of coordinates was chosen here.
+            DescriptionWarning: If positions of coordinates alone do not say which assembly mode is
+                meant.
 
         Raises:
             ClosureError: If the loops cannot be closed; the message lists the open loops and the
                 joints at their limits.
-            InputError: If the guess has another shape, or a quaternion that is zero.
-            UnknownNameError: For an unknown joint.
 
         Example:
             >>> q = chain.assemble(chain.home + 0.1)
@@ -558,7 +471,7 @@ class ClosedChain(Summary):
         """
         tries, seed = whole_number("tries", tries, 1), whole_number("seed", seed, 0)
         now = copy(self)
-        current, mechanism = now._current, now.mechanism
+        engine, mechanism = now._engine, now.mechanism
         model, space = mechanism.model, mechanism.space
         if isinstance(q, Mapping):
             by_coordinates = set(q) <= set(now.coordinates)
@@ -577,43 +490,24 @@ class ClosedChain(Summary):
         start = space.normalised(single_array("q", guess, (model.nq,)))
         free = mechanism.dependent
         if fixed is not None:
-            held = space.rates_of(names("fixed", fixed))
-            free = np.setdiff1d(np.arange(len(space.rate_names)), held)
-        assembly = current.reference.memory.assembly
-        if current.has_kernels and not limits and np.array_equal(free, mechanism.dependent):
-            found = dispatch.assembled(current, start)
-            if found is not None:
-                return found
-        return assembly.try_starts(start, free, tries, seed, limits=limits)
-
-    def _closer(self, q: Array, held: Iterable[str]) -> Array:
-        """The configuration next to q whose loops are open least while these joints are held."""
-        space = self.mechanism.space
-        free = np.setdiff1d(np.arange(len(space.rate_names)), space.rates_of(list(held)))
-        return self._current.reference.memory.assembly.closer(q, free)
-
-    def _moved(self, q: Array, step: Array) -> Array:
-        """Where the coordinates are a step further, shape (n,), in the same assembly mode."""
-        return self._current.reference.moved(q, step)
+            rates = space.rates_of(names("fixed", fixed))
+            free = np.setdiff1d(np.arange(len(space.rate_names)), rates)
+        if not limits and np.array_equal(free, mechanism.dependent):
+            configuration = engine.closed_near(start)
+            if configuration is not None:
+                return configuration
+        return engine.reference.memory.assembly.try_starts(start, free, tries, seed, limits=limits)
 
     def generic_configuration(self) -> Array:
-        """A random assembled configuration without symmetry, the same at each call.
+        """A random assembled configuration without symmetry, the same at each call, shape (nq,).
 
         It is close to `home` if the robot has one and in the same assembly mode, because other
         modes can have other degrees of freedom. The coordinates were chosen in this mode.
 
-        Returns:
-            Shape (nq,).
-
         Raises:
-            ClosureError: If none is found.
-
-        Example:
-            >>> q = chain.generic_configuration()
-            >>> bool(abs(chain.residual(q)).max() < 1e-12)
-            True
+            ClosureError: If there is none.
         """
-        return self._current.example()
+        return self._engine.example()
 
     def mobility(self, q: ArrayLike | None = None) -> Mobility:
         """Degrees of freedom, redundant closure constraints, and whether the motors suffice.
@@ -624,9 +518,6 @@ class ClosedChain(Summary):
 
         Returns:
             A report; `print` shows it as text.
-
-        Raises:
-            ClosureError: If q is open, or if no configuration can be assembled.
 
         Example:
             >>> print(chain.mobility())
@@ -639,92 +530,23 @@ class ClosedChain(Summary):
             condition number    2.604 (dependent joints)
             judged at           a random assembled configuration
         """
-        return self._current.mobility(q)
+        return self._engine.mobility(q)
 
-    def singularity_measures(self, q: ArrayLike) -> dict[str, Array]:
-        """Numbers that grow without bound towards a singularity, by name; here one.
-
-        Returns:
-            Arrays of shape (...).
-
-        Example:
-            >>> chain.singularity_measures(chain.home).keys()
-            dict_keys(['dependent joints'])
-        """
-        return {"dependent joints": self.condition_number(q)}
-
-    def check(self, motion: Trajectory | ArrayLike) -> tuple[Finding, ...]:
-        """Check a motion: joints that leave their limits, and nearby singularities.
-
-        An SST has arcs as limits too, and singularities of two kinds.
-
-        Args:
-            motion: A motion of this robot, or one configuration, shape (nq,).
-
-        Returns:
-            One finding for each joint or singularity, with its times; empty if there are none.
-
-        Raises:
-            InputError: For the motion of another robot.
-
-        Example:
-            >>> chain.check(chain.home)
-            ()
-        """
-        from .simulation.limits import findings
-
-        return findings(copy(self), motion)
-
-    def loads(
-        self, motion: Trajectory, *, stiffness: Mapping[str, ArrayLike] | None = None
-    ) -> Loads:
-        """What joints and closures carry along a motion: peaks, their times, means.
-
-        Args:
-            motion: A motion of this robot under its weight and the torques of the motion.
-            stiffness: As in `reactions`.
-
-        Returns:
-            A table with `to_dataframe` and `save`; sizes that are not unique are NaN.
-
-        Raises:
-            InputError: For the motion of another robot, or one with other loads.
-
-        Example:
-            >>> delta = sst_pin.robots.delta()
-            >>> motion = delta.simulate(np.zeros(3), delta.home, np.zeros(3), [0, 0.01, 0.02])
-            >>> delta.loads(motion).rows[0].kind
-            'force'
-        """
-        from .simulation.bearing_loads import loads
-
-        return loads(copy(self), motion, stiffness)
+    def _closer(self, q: Array, fixed: Iterable[str]) -> Array:
+        """The configuration next to q whose loops are open least while these joints are fixed."""
+        space = self.mechanism.space
+        free = np.setdiff1d(np.arange(len(space.rate_names)), space.rates_of(list(fixed)))
+        return self._engine.reference.memory.assembly.closer(q, free)
 
     # --- kinematics -------------------------------------------------------------------------
 
     def joint_rates(self, q: ArrayLike, va: ArrayLike) -> Array:
-        """Rates of all joints, v = L va, Eq. (16).
-
-        Returns:
-            Shape (..., nv).
-
-        Example:
-            >>> chain.joint_rates(chain.home, [1]).round(3)
-            array([ 1.   , -1.213,  0.213])
-        """
-        return dispatch.computed(self._current, Key("rates"), q, va=va)
+        """Rates of all joints, v = L va, Eq. (16), shape (..., nv)."""
+        return self._engine.compute(Key("rates"), q, va=va)
 
     def joint_accelerations(self, q: ArrayLike, va: ArrayLike, aa: ArrayLike) -> Array:
-        """Accelerations of all joints, L aa + L_dot va, Eqs. (8), (20).
-
-        Returns:
-            Shape (..., nv).
-
-        Example:
-            >>> chain.joint_accelerations(chain.home, [1], [0]).round(3)
-            array([-0.   ,  0.561,  0.594])
-        """
-        return dispatch.computed(self._current, Key("joint_accelerations"), q, va=va, aa=aa)
+        """Accelerations of all joints, L aa + L_dot va, Eqs. (8), (20), shape (..., nv)."""
+        return self._engine.compute(Key("joint_accelerations"), q, va=va, aa=aa)
 
     def frame_jacobian(
         self,
@@ -735,14 +557,9 @@ class ClosedChain(Summary):
         threads: int = 1,
         on_error: str = "raise",
     ) -> Array:
-        """Jacobian of a frame with respect to the rates of the coordinates.
+        """Jacobian of a frame: its [linear; angular] velocity is J va, shape (..., 6, n).
 
-        Returns:
-            J with [linear; angular] velocity = J va, in base axes, at the frame's origin, shape
-            (..., 6, n).
-
-        Raises:
-            UnknownNameError: For an unknown frame.
+        The velocity is in base axes, at the frame's origin.
 
         Example:
             >>> delta = sst_pin.robots.delta()
@@ -751,8 +568,7 @@ class ClosedChain(Summary):
                    [ 0.   , -0.091,  0.091],
                    [-0.05 , -0.05 , -0.05 ]])
         """
-        key = Key("frame_jacobian", frame)
-        return dispatch.of_frame(self._current, key, q, out, threads, on_error)
+        return self._of_frame("frame_jacobian", frame, q, None, out, threads, on_error)
 
     def frame_jacobian_rate(
         self,
@@ -764,21 +580,8 @@ class ClosedChain(Summary):
         threads: int = 1,
         on_error: str = "raise",
     ) -> Array:
-        """Rate of `frame_jacobian` along a motion.
-
-        Returns:
-            J_dot, shape (..., 6, n).
-
-        Raises:
-            UnknownNameError: For an unknown frame.
-
-        Example:
-            >>> delta = sst_pin.robots.delta()
-            >>> delta.frame_jacobian_rate(delta.home, [1, 0, 0], "platform").shape
-            (6, 3)
-        """
-        key = Key("frame_jacobian_rate", frame)
-        return dispatch.of_frame(self._current, key, q, out, threads, on_error, va=va)
+        """Rate of `frame_jacobian` along a motion, shape (..., 6, n)."""
+        return self._of_frame("frame_jacobian_rate", frame, q, va, out, threads, on_error)
 
     def frame_drift(
         self,
@@ -790,21 +593,8 @@ class ClosedChain(Summary):
         threads: int = 1,
         on_error: str = "raise",
     ) -> Array:
-        """Acceleration of a frame for aa = 0, which is J_dot va.
-
-        Returns:
-            [linear; angular], in base axes, at the frame's origin, shape (..., 6).
-
-        Raises:
-            UnknownNameError: For an unknown frame.
-
-        Example:
-            >>> delta = sst_pin.robots.delta()
-            >>> delta.frame_drift(delta.home, [1, 1, 1], "platform")[:3].round(3)
-            array([-0.   , -0.   , -0.142])
-        """
-        key = Key("frame_drift", frame)
-        return dispatch.of_frame(self._current, key, q, out, threads, on_error, va=va)
+        """[linear; angular] acceleration of a frame for aa = 0, J_dot va, shape (..., 6)."""
+        return self._of_frame("frame_drift", frame, q, va, out, threads, on_error)
 
     def frame_velocity_derivatives(
         self,
@@ -815,27 +605,57 @@ class ClosedChain(Summary):
         out: Array | None = None,
         threads: int = 1,
         on_error: str = "raise",
-    ) -> derivatives.FrameVelocityDerivatives:
-        """Derivatives of a frame's velocity along the motions that keep the loops closed.
+    ) -> FrameVelocityDerivatives:
+        """Derivatives of a frame's velocity J va along the motions that keep the loops closed.
 
         Args:
             out: Array for dq and dva side by side, shape (..., 6, 2 n).
 
         Returns:
-            `.dq` and `.dva` of the [linear; angular] velocity J va, shapes (..., 6, n).
+            `.dq` and `.dva`, shapes (..., 6, n).
+        """
+        rows = self._of_frame("frame_velocity_derivatives", frame, q, va, out, threads, on_error)
+        n = rows.shape[-1] // 2
+        return FrameVelocityDerivatives(rows[..., :n], rows[..., n:])
+
+    def _of_frame(
+        self,
+        quantity: Any,
+        frame: str,
+        q: ArrayLike,
+        va: ArrayLike | None,
+        out: Array | None,
+        threads: int,
+        on_error: str,
+    ) -> Array:
+        engine, key = self._engine, Key(quantity, frame)
+        if out is None and on_error == "raise" and isinstance(frame, str):
+            rows = engine.answer(key, q, va, None, None, None, threads)
+            if rows is not None:
+                rows.shape = (*rows.shape[:-1], *key.kind.shape(engine.mechanism))
+                return rows
+        rates: dict[str, Any] = {} if va is None else {"va": va}
+        return engine.compute(key, q, out=out, threads=threads, on_error=on_error, **rates)
+
+    def motor_rates(self, q: ArrayLike, va: ArrayLike) -> Array:
+        """Rates of the motors, shape (..., motors)."""
+        engine = self._engine
+        v, mechanism = engine.compute(Key("rates"), q, va=va), engine.mechanism
+        return np.asarray(v @ mechanism.motors + engine.line_rates(q, v) @ mechanism.lines.motors)
+
+    def actuator_jacobian(self, q: ArrayLike) -> Array:
+        """J, shape (..., motors, n): rates of the motors are J va, their forces are J^T tau.
 
         Raises:
-            UnknownNameError: For an unknown frame.
-
-        Example:
-            >>> delta = sst_pin.robots.delta()
-            >>> delta.frame_velocity_derivatives(delta.home, [1, 0, 0], "platform").dva.shape
-            (6, 3)
+            SingularConfigurationError: Also where the ends of the line of a motor coincide.
         """
-        key = Key("frame_velocity_derivatives", frame)
-        rows = dispatch.of_frame(self._current, key, q, out, threads, on_error, va=va)
-        n = rows.shape[-1] // 2
-        return derivatives.FrameVelocityDerivatives(rows[..., :n], rows[..., n:])
+        return self._engine.compute(Key("actuator_jacobian"), q)
+
+    def line_lengths(self, q: ArrayLike) -> Array:
+        """Lengths of the lines of `forces`, of any q, shape (..., lines), [m]."""
+        engine = self._engine
+        array = finite_array("q", q, (engine.mechanism.model.nq,))
+        return for_each_sample(engine.reference.line_lengths, [array], (1,), (len(self.forces),))
 
     # --- dynamics ---------------------------------------------------------------------------
 
@@ -857,7 +677,7 @@ class ClosedChain(Summary):
         """Inverse dynamics: the motor torques of a motion, Eq. (92).
 
         With more motors than degrees of freedom these are the smallest torques for the motion,
-        unless a preload is given; where they would pass limits, the next ones within.
+        unless a preload is given; where they exceed limits, the nearest ones within.
 
         Args:
             weights: Weights of the squared torques, positive, shape (motors,); one by default, so
@@ -870,36 +690,31 @@ class ClosedChain(Summary):
             tau, shape (..., motors), [N m] or [N].
 
         Raises:
-            InputError: For a wrong shape or a number that is not finite.
-            ClosureError: If q is open.
-            SingularConfigurationError: If the coordinates do not determine the motion at q.
             ActuationError: If the motors cannot produce the motion, or not within their limits.
 
         Example:
             >>> chain.compute_torques(chain.home, [1], [0]).round(3)
             array([0.166])
         """
-        if preload is not None or limits is not None:
-            now = copy(self)
-            load = now._wrenches(now._current, platform_moment, external_wrenches, on_error)
-            known: dict[str, Any] = {"external_wrenches": load, "on_error": on_error}
-            least = now.compute_torques(q, va, aa, weights=weights, threads=threads, **known)
-            _, directions = now._directions(q, on_error)
-            choice = preload, limits, weights
-            return torque_sharing.shared_torques(
-                now.mechanism, least, directions, *choice, on_error=on_error, out=out
-            )
-        current = self._current
-        if external_wrenches is weights is None and on_error == "raise":
-            tau = current.torques_of(q, va, aa, platform_moment, out, threads)
+        engine = self._engine
+        fast = external_wrenches is weights is preload is limits is None and on_error == "raise"
+        if fast and engine.torques is not None:
+            tau = engine.torques(q, va, aa, platform_moment, out, threads)
             if tau is not None:
                 return tau
-        load = self._wrenches(current, platform_moment, external_wrenches, on_error)
-        how: dict[str, Any] = {"out": out, "threads": threads, "on_error": on_error}
-        key = Key("torques")
+        load = self._wrenches(engine, platform_moment, external_wrenches, on_error)
+        options: dict[str, Any] = {"load": load, "threads": threads, "on_error": on_error}
+        shared = preload is not None or limits is not None
         if weights is not None:
-            how["special"] = {"weights": dispatch.motor_weights(current.mechanism, weights)}
-        return dispatch.computed(current, key, q, va=va, aa=aa, load=load, **how)
+            options["options"] = {"weights": _motor_weights(engine.mechanism, weights)}
+        least = None if shared else out
+        tau = engine.compute(Key("torques"), q, va=va, aa=aa, out=least, **options)
+        if not shared:
+            return tau
+        directions = self._preload_directions(engine, q, on_error)
+        return torque_sharing.shared_torques(
+            engine.mechanism, tau, directions, preload, limits, weights, on_error=on_error, out=out
+        )
 
     def generalized_forces(
         self,
@@ -912,7 +727,7 @@ class ClosedChain(Summary):
         out: Array | None = None,
         on_error: str = "raise",
     ) -> Array:
-        """Generalized forces that a motion needs: L^T times the joint forces of the tree.
+        """Generalized forces that a motion needs, L^T times the joint forces of the tree.
 
         They do not depend on the motors.
 
@@ -924,14 +739,13 @@ class ClosedChain(Summary):
             >>> arm.generalized_forces(arm.home, np.zeros(3), [1, 0, 0]).shape
             (3,)
         """
-        current = self._current
+        engine = self._engine
         if external_wrenches is None and on_error == "raise":
-            f = current.backend.kernel(_FORCES).answer(q, va, aa, platform_moment, out, 1)
+            f = engine.answer(_FORCES, q, va, aa, platform_moment, out, 1)
             if f is not None:
                 return f
-        load = self._wrenches(current, platform_moment, external_wrenches, on_error)
-        how: dict[str, Any] = {"out": out, "on_error": on_error}
-        return dispatch.computed(current, _FORCES, q, va=va, aa=aa, load=load, **how)
+        load = self._wrenches(engine, platform_moment, external_wrenches, on_error)
+        return engine.compute(_FORCES, q, va=va, aa=aa, load=load, out=out, on_error=on_error)
 
     def compute_accelerations(
         self,
@@ -945,7 +759,7 @@ class ClosedChain(Summary):
         threads: int = 1,
         on_error: str = "raise",
     ) -> Array:
-        """Direct dynamics: the accelerations of the coordinates for given torques, Eq. (92).
+        """Direct dynamics: accelerations of the coordinates for given torques, Eq. (92).
 
         Returns:
             aa, shape (..., n).
@@ -954,14 +768,41 @@ class ClosedChain(Summary):
             >>> chain.compute_accelerations(chain.home, [0], [0]).round(3)
             array([-32.345])
         """
-        current = self._current
-        if external_wrenches is None and on_error == "raise":
-            aa = current.accelerations_of(q, va, tau, platform_moment, out, threads)
+        engine = self._engine
+        fast = external_wrenches is None and on_error == "raise"
+        if fast and engine.accelerations is not None:
+            aa = engine.accelerations(q, va, tau, platform_moment, out, threads)
             if aa is not None:
                 return aa
-        load = self._wrenches(current, platform_moment, external_wrenches, on_error)
-        how: dict[str, Any] = {"out": out, "threads": threads, "on_error": on_error}
-        return dispatch.computed(current, Key("accelerations"), q, va=va, tau=tau, load=load, **how)
+        load = self._wrenches(engine, platform_moment, external_wrenches, on_error)
+        options: dict[str, Any] = {"out": out, "threads": threads, "on_error": on_error}
+        return engine.compute(Key("accelerations"), q, va=va, tau=tau, load=load, **options)
+
+    def noc(self, q: ArrayLike, va: ArrayLike) -> dynamics.Terms:
+        """All matrices of the paper at one state, with f = I aa + C va - tau^g - tau^f.
+
+        Example:
+            >>> terms = robot.noc(robot.home, [1, 0, 0])
+            >>> terms.L.shape, terms.K.shape, terms.T.shape
+            ((9, 3), (54, 9), (54, 3))
+        """
+        engine = self._engine
+        rates = single_array("va", va, (len(engine.mechanism.coordinates),))
+        return dynamics.terms(engine.reference.memory, engine.single(q), rates)
+
+    def reduced_terms(
+        self, q: ArrayLike, va: ArrayLike, *, threads: int = 1, on_error: str = "raise"
+    ) -> dynamics.ReducedTerms:
+        """Mass matrix, Coriolis matrix, gravity and friction in the coordinates, Eqs. (93)-(96).
+
+        Example:
+            >>> terms = chain.reduced_terms(chain.home, [1])
+            >>> terms.inertia.round(4), terms.gravity.round(3)
+            (array([[0.0049]]), array([-0.16]))
+        """
+        engine, key = self._engine, Key("reduced_terms")
+        rows = engine.compute(key, q, va=va, threads=threads, on_error=on_error)
+        return dynamics.ReducedTerms.of_rows(rows, len(engine.mechanism.coordinates))
 
     def reactions(
         self,
@@ -980,8 +821,8 @@ class ClosedChain(Summary):
         """Wrenches in all joints and closures, each with the verdict whether it is unique.
 
         Args:
-            aa: Without them the accelerations are those that follow from tau.
-            tau: Without them the torques are the smallest for the motion.
+            aa: If absent, the accelerations follow from tau.
+            tau: If absent, the torques are the smallest for the motion.
             stiffness: Makes reactions of an overconstrained robot unique: by the name of a joint or
                 closure, stiffnesses about x, y, z [N m/rad] and along x, y, z [N/m] in the axes of
                 its wrench, infinite where it is rigid. Joints without one are rigid.
@@ -995,71 +836,57 @@ class ClosedChain(Summary):
 
         Raises:
             InputError: If neither aa nor tau is given, or both.
-            UnknownNameError: For a stiffness of an unknown joint.
-            ActuationError: If the motors cannot produce the motion.
 
         Example:
             >>> w = chain.reactions(chain.home, [0], [0])
             >>> w.joints.shape, w.determined.joints.all(axis=1)
             ((3, 6), array([False, False, False]))
         """
-        now = copy(self)
-        current = now._current
-        how: dict[str, Any] = {"threads": threads, "on_error": on_error}
-        load = self._wrenches(current, platform_moment, external_wrenches, on_error)
-        alike = current.mechanism.driven_one_to_one
+        engine = self._engine
+        load = self._wrenches(engine, platform_moment, external_wrenches, on_error)
+        options: dict[str, Any] = {"load": load, "threads": threads, "on_error": on_error}
+        one_to_one = engine.mechanism.driven_one_to_one
         if aa is None and tau is not None:
-            aa = now.compute_accelerations(q, va, tau, external_wrenches=load, **how)
+            aa = engine.compute(Key("accelerations"), q, va=va, tau=tau, **options)
         elif aa is None or tau is not None:
             raise InputError("aa, tau", "one of them is needed, not both")
-        elif not alike:
-            tau = now.compute_torques(q, va, aa, external_wrenches=load, **how)
+        elif not one_to_one:
+            tau = engine.compute(Key("torques"), q, va=va, aa=aa, **options)
         if stiffness is not None:
-            how["special"] = {"compliances": reactions.compliances_of(current.mechanism, stiffness)}
-        how |= {"va": va, "aa": aa, "tau": None if alike else tau, "load": load, "out": out}
-        rows = np.asarray(dispatch.computed(current, Key("reactions"), q, **how))
-        return reactions.unpacked(current.mechanism, rows, stiffness is not None)
+            compliances = reactions.compliances_of(engine.mechanism, stiffness)
+            options["options"] = {"compliances": compliances}
+        tau = None if one_to_one else tau
+        rows = engine.compute(Key("reactions"), q, va=va, aa=aa, tau=tau, out=out, **options)
+        return reactions.unpacked(engine.mechanism, np.asarray(rows), stiffness is not None)
 
-    def noc(self, q: ArrayLike, va: ArrayLike) -> dynamics.Terms:
-        """All matrices of the paper at one state, with f = I aa + C va - tau^g - tau^f.
+    def preload_directions(self, q: ArrayLike) -> Array:
+        """Motor torques that stress the robot without moving it: an orthonormal basis.
 
-        Example:
-            >>> terms = robot.noc(robot.home, [1, 0, 0])
-            >>> terms.L.shape, terms.K.shape, terms.T.shape
-            ((9, 3), (54, 9), (54, 3))
-        """
-        current = self._current
-        single, n = current.single(q), len(current.mechanism.coordinates)
-        return dynamics.terms(current.reference.memory, single, single_array("va", va, (n,)))
+        The basis varies continuously along the last axis of a batch.
 
-    def reduced_terms(
-        self, q: ArrayLike, va: ArrayLike, *, threads: int = 1, on_error: str = "raise"
-    ) -> dynamics.ReducedTerms:
-        """Mass matrix, Coriolis matrix, gravity and friction in the coordinates, Eqs. (93)-(96).
+        Returns:
+            Shape (..., motors, k); `mobility().inner_stresses` is k.
+
+        Raises:
+            SingularConfigurationError: Where the motors hold fewer freedoms than elsewhere.
 
         Example:
-            >>> terms = chain.reduced_terms(chain.home, [1])
-            >>> terms.inertia.round(4), terms.gravity.round(3)
-            (array([[0.0049]]), array([-0.16]))
+            >>> arm = sst_pin.robots.planar_4rrr()
+            >>> B = arm.preload_directions(arm.home)
+            >>> bool(np.abs(arm.actuator_jacobian(arm.home).T @ B).max() < 1e-12)
+            True
         """
-        how: dict[str, Any] = {"threads": threads, "on_error": on_error}
-        current = self._current
-        rows = dispatch.computed(current, Key("reduced_terms"), q, va=va, **how)
-        return dynamics.ReducedTerms.of_rows(rows, len(current.mechanism.coordinates))
+        return self._preload_directions(self._engine, q, "raise")
 
-    # --- parameters -------------------------------------------------------------------------
-
-    @property
-    def dynamic_parameters(self) -> regressor.DynamicParameters:
-        """The parameters of bodies, joints, lines and motors, with their names.
-
-        Generalized forces are linear in them: `torque_regressor` has a column for each.
-
-        Example:
-            >>> chain.dynamic_parameters["coupler.mass"]
-            1.0
-        """
-        return regressor.parameters_of(self.mechanism)
+    @staticmethod
+    def _preload_directions(engine: Engine, q: ArrayLike, on_error: str) -> Array:
+        key = Key("actuator_jacobian")
+        J = engine.compute(key, q, on_error=on_error)
+        try:
+            regular = engine.compute(key, engine.example())
+        except (ClosureError, SingularConfigurationError):  # coordinates of another assembly mode
+            regular = None
+        return torque_sharing.preload_directions(engine.mechanism, J, regular, on_error)
 
     def torque_regressor(
         self,
@@ -1071,11 +898,10 @@ class ClosedChain(Summary):
         threads: int = 1,
         on_error: str = "raise",
     ) -> Array:
-        """Regressor of `generalized_forces`: f = Y theta, theta the `dynamic_parameters`.
+        """Regressor of `generalized_forces`: f = Y theta, with theta the `dynamic_parameters`.
 
         The references of springs and the rest lengths of lines are those of this robot. Columns of
-        torque offsets give what measured torques of the motors have too much, as forces along the
-        coordinates. docs/identification.md lists the columns.
+        torque offsets hold the error of measured motor torques, as forces along the coordinates.
 
         Returns:
             Y, shape (..., n, p).
@@ -1086,36 +912,60 @@ class ClosedChain(Summary):
             >>> bool(np.allclose(Y @ chain.dynamic_parameters, f))
             True
         """
-        how: dict[str, Any] = {"out": out, "threads": threads, "on_error": on_error}
-        return dispatch.computed(self._current, Key("torque_regressor"), q, va=va, aa=aa, **how)
+        options: dict[str, Any] = {"out": out, "threads": threads, "on_error": on_error}
+        return self._engine.compute(Key("torque_regressor"), q, va=va, aa=aa, **options)
 
-    def with_parameters(self: _Chain, theta: ArrayLike | Mapping[str, float]) -> _Chain:
-        """A new robot with other dynamic parameters.
+    def kinetic_energy(self, q: ArrayLike, va: ArrayLike) -> Array:
+        """Kinetic energy, shape (...), [J]."""
+        engine = self._engine
+        arrays = [engine.configurations(q), engine.compute(Key("rates"), q, va=va)]
+        return for_each_sample(engine.reference.kinetic_energy, arrays, (1, 1), ())
 
-        Masses and inertias go into its `model`, friction and rotors too; this robot stays as it is.
+    def potential_energy(self, q: ArrayLike) -> Array:
+        """Potential energy of weights, springs and lines, shape (...), [J].
 
-        Args:
-            theta: All `dynamic_parameters`, shape (p,), or some of them by name.
-
-        Returns:
-            A robot of the same class, computed by the same path.
-
-        Raises:
-            InputError: For a wrong shape, a number that is not finite, or what no chain has: a
-                first moment without mass, an offset of a joint without a spring or of a ball, an
-                offset of a motor, a negative stiffness or damping of a line.
-            UnknownNameError: For an unknown name.
-            DescriptionError: For a spring that no joint can have.
-
-        Example:
-            >>> slower = chain.with_parameters({"crank.viscous": 0.5})
-            >>> slower.compute_torques(chain.home, [1], [0]).round(3)
-            array([0.666])
+        That of the weights is zero if all masses are at the origin, that of the springs at their
+        reference, that of the lines, preload included, at their rest lengths.
         """
-        chain = copy(self)
-        model, numbers, forces = regressor.changed(chain.mechanism, theta)
-        chain._fill(model, partial(chain._recipe, numbers=numbers, forces=forces))
-        return chain
+        engine = self._engine
+        array = finite_array("q", q, (engine.mechanism.model.nq,))
+        return for_each_sample(engine.reference.potential_energy, (array,), (1,), ())
+
+    def friction_power(self, q: ArrayLike, va: ArrayLike) -> Array:
+        """Power of friction in all joints, Eq. (87), and of the dampers along lines, [W].
+
+        It is negative or zero, shape (...).
+        """
+        engine = self._engine
+        v, mechanism = engine.compute(Key("rates"), q, va=va), engine.mechanism
+        _, _, damping, _ = mechanism.lines.numbers
+        on_lines = (damping * engine.line_rates(q, v) ** 2).sum(axis=-1)
+        return finite_array("power", (mechanism.friction.forces(v) * v).sum(axis=-1) - on_lines, ())
+
+    def _wrenches(
+        self,
+        engine: Engine,
+        platform_moment: ArrayLike | None,
+        external_wrenches: ArrayLike | None,
+        on_error: str = "raise",
+    ) -> Array | None:
+        """Wrenches on all bodies, shape (..., r, 6), with a moment on the platform, or None."""
+        model = engine.mechanism.model
+        wrenches = engine.wrenches(external_wrenches, on_error)
+        if platform_moment is None:
+            return wrenches
+        body = body_of(model, self._platform)
+        if body is None:
+            raise InputError(
+                "platform_moment",
+                f'the robot has no body with a frame "{self._platform}"; use external_wrenches=',
+            )
+        moment = as_array("platform_moment", platform_moment, (3,))
+        if on_error == "raise":
+            moment = finite_array("platform_moment", moment, (3,))
+        on_platform = np.zeros((*moment.shape[:-1], model.njoints - 1, 6))
+        on_platform[..., body, :3] = moment
+        return on_platform if wrenches is None else on_platform + wrenches
 
     # --- derivatives ------------------------------------------------------------------------
 
@@ -1130,7 +980,7 @@ class ClosedChain(Summary):
         out: Array | None = None,
         threads: int = 1,
         on_error: str = "raise",
-    ) -> derivatives.TorqueDerivatives:
+    ) -> TorqueDerivatives:
         """Derivatives of `generalized_forces`; of the torques if motor k is coordinate k.
 
         They are derivatives along the motions that keep the loops closed; docs/derivatives.md.
@@ -1146,9 +996,11 @@ class ClosedChain(Summary):
             >>> d.dq.round(3), d.dva.round(3), d.daa.round(4)
             (array([[0.103]]), array([[0.013]]), array([[0.0049]]))
         """
-        kind, given = derivatives.TorqueDerivatives, (q, va, aa, external_wrenches)
-        how = out, threads, on_error
-        return dispatch.derivatives(self._current, kind, given, sign_width, *how)
+        options: dict[str, Any] = {"out": out, "threads": threads, "on_error": on_error}
+        load = self._engine.wrenches(external_wrenches, on_error)
+        return self._engine.derivatives(
+            TorqueDerivatives, q, va, aa, load, sign_width=sign_width, **options
+        )
 
     def acceleration_derivatives(
         self,
@@ -1161,7 +1013,7 @@ class ClosedChain(Summary):
         out: Array | None = None,
         threads: int = 1,
         on_error: str = "raise",
-    ) -> derivatives.AccelerationDerivatives:
+    ) -> AccelerationDerivatives:
         """Derivatives of `compute_accelerations`, with friction smoothed by `sign_width`.
 
         Args:
@@ -1175,9 +1027,11 @@ class ClosedChain(Summary):
             >>> chain.acceleration_derivatives(chain.home, [0], tau).dtau.round(2)
             array([[202.74]])
         """
-        kind, given = derivatives.AccelerationDerivatives, (q, va, tau, external_wrenches)
-        how = out, threads, on_error
-        return dispatch.derivatives(self._current, kind, given, sign_width, *how)
+        options: dict[str, Any] = {"out": out, "threads": threads, "on_error": on_error}
+        load = self._engine.wrenches(external_wrenches, on_error)
+        return self._engine.derivatives(
+            AccelerationDerivatives, q, va, tau, load, sign_width=sign_width, **options
+        )
 
     def linearize(
         self,
@@ -1210,132 +1064,19 @@ class ClosedChain(Summary):
                    [-17.35,  -0.  ]]), array([[  0.  ],
                    [202.74]]))
         """
-        how: dict[str, Any] = {"sign_width": sign_width, "threads": threads, "on_error": on_error}
-        now, loads = copy(self), external_wrenches
-        d = now.acceleration_derivatives(q, va, tau, external_wrenches=loads, **how)
-        A, B = dispatch.linear_system(now._current, q, va, d)
-        return (A, B) if dt is None else derivatives.discrete(A, B, positive_number("dt", dt))
+        engine = self._engine
+        options: dict[str, Any] = {"threads": threads, "on_error": on_error}
+        load = engine.wrenches(external_wrenches, on_error)
+        d = engine.derivatives(
+            AccelerationDerivatives, q, va, tau, load, sign_width=sign_width, **options
+        )
+        rates = None
+        if engine.reference.derivatives.axes_move:
+            rates = engine.compute(Key("displacement_rates"), q, va=va, on_error="nan")
+        A, B = slopes.linear_system(d, rates)
+        return (A, B) if dt is None else slopes.discrete(A, B, positive_number("dt", dt))
 
-    # --- energy -----------------------------------------------------------------------------
-
-    def kinetic_energy(self, q: ArrayLike, va: ArrayLike) -> Array:
-        """Kinetic energy, shape (...), [J]; arguments as `joint_rates`.
-
-        Example:
-            >>> print(chain.kinetic_energy(chain.home, [1]).round(4))
-            0.0025
-        """
-        now = copy(self)
-        arrays = [*now._current.arguments(q), now.joint_rates(q, va)]
-        return for_each_sample(now._current.reference.kinetic_energy, arrays, (1, 1), ())
-
-    def potential_energy(self, q: ArrayLike) -> Array:
-        """Potential energy of weights, springs and lines, shape (...), [J].
-
-        That of the weights is zero if all masses are at the origin, that of the springs at their
-        reference, that of the lines, preload included, at their rest lengths.
-
-        Example:
-            >>> print(chain.potential_energy(chain.home).round(3))
-            3.106
-        """
-        current = self._current
-        array = finite_array("q", q, (current.mechanism.model.nq,))
-        return for_each_sample(current.reference.potential_energy, (array,), (1,), ())
-
-    def friction_power(self, q: ArrayLike, va: ArrayLike) -> Array:
-        """Power of friction in all joints, Eq. (87), and of the dampers along lines, [W].
-
-        It is negative or zero, shape (...).
-
-        Example:
-            >>> print(chain.friction_power(chain.home, [1]))  # without friction
-            0.0
-        """
-        now = copy(self)
-        v = now.joint_rates(q, va)
-        _, _, damping, _ = now.mechanism.lines.numbers
-        on_lines = (damping * now._line_rates(q, v) ** 2).sum(axis=-1)
-        return finite_array("power", (now.friction.forces(v) * v).sum(axis=-1) - on_lines, ())
-
-    def motor_rates(self, q: ArrayLike, va: ArrayLike) -> Array:
-        """Rates of the motors, shape (..., motors); arguments as `joint_rates`.
-
-        Example:
-            >>> chain.motor_rates(chain.home, [1])
-            array([1.])
-        """
-        now = copy(self)
-        v, mechanism = now.joint_rates(q, va), now.mechanism
-        return np.asarray(v @ mechanism.motors + now._line_rates(q, v) @ mechanism.lines.motors)
-
-    def actuator_jacobian(self, q: ArrayLike) -> Array:
-        """J: the rates of the motors are J va, and motor torques tau give the forces J^T tau.
-
-        Returns:
-            Shape (..., motors, n), motors on lines included.
-
-        Raises:
-            ClosureError, SingularConfigurationError: As `joint_rates`; or the ends of the line of a
-                motor coincide.
-
-        Example:
-            >>> chain.actuator_jacobian(chain.home)
-            array([[1.]])
-        """
-        return dispatch.computed(self._current, Key("actuator_jacobian"), q)
-
-    def preload_directions(self, q: ArrayLike) -> Array:
-        """Motor torques that make no motion, but stress the robot, as an orthonormal basis.
-
-        A batch is a path along its last axis: the basis changes continuously from sample to sample,
-        without changes of sign or order.
-
-        Returns:
-            Shape (..., motors, k); `mobility().inner_stresses` is k.
-
-        Raises:
-            ClosureError: If q is open.
-            SingularConfigurationError: Where the motors hold fewer freedoms than elsewhere.
-
-        Example:
-            >>> arm = sst_pin.robots.planar_4rrr()
-            >>> B = arm.preload_directions(arm.home)
-            >>> bool(np.abs(arm.actuator_jacobian(arm.home).T @ B).max() < 1e-12)
-            True
-        """
-        return self._directions(q)[1]
-
-    def _directions(self, q: ArrayLike, on_error: str = "raise") -> tuple[Array, Array]:
-        """Actuator Jacobians and directions of preload."""
-        current, key = self._current, Key("actuator_jacobian")
-        J = dispatch.computed(current, key, q, on_error=on_error)
-        try:
-            regular = dispatch.computed(current, key, current.example())
-        except (ClosureError, SingularConfigurationError):  # coordinates of another assembly mode
-            regular = None
-        return J, torque_sharing.preload_directions(current.mechanism, J, regular, on_error)
-
-    def line_lengths(self, q: ArrayLike) -> Array:
-        """Lengths of the lines of `forces`, of any q, shape (..., lines), [m].
-
-        Example:
-            >>> chain.line_lengths(chain.home)
-            array([], dtype=float64)
-        """
-        current = self._current
-        array = finite_array("q", q, (current.mechanism.model.nq,))
-        return for_each_sample(current.reference.line_lengths, [array], (1,), (len(self.forces),))
-
-    def _line_rates(self, q: ArrayLike, v: Array) -> Array:
-        """Rates of the lengths of the lines at rates v of the tree, shape (..., lines)."""
-        current = self._current
-        if not self.forces:
-            return np.zeros((*v.shape[:-1], 0))
-        arrays = [*current.arguments(q), v]
-        return for_each_sample(current.reference.line_rates, arrays, (1, 1), (len(self.forces),))
-
-    # --- compilation, files, motions --------------------------------------------------------
+    # --- compiled kernels -------------------------------------------------------------------
 
     def compile(
         self,
@@ -1347,12 +1088,12 @@ class ClosedChain(Summary):
         """Generate and compile kernels for this robot; they compute its dynamics from then on.
 
         They are generated as C, compiled by the C compiler of the system (or of the package
-        ziglang) and stored in the user's cache folder, so the next start loads them from there.
-        They are specific to the geometry, the closures, the motors, and to which bodies have mass
-        and which joints have friction, springs or rotors. The values of mass, friction, springs,
+        ziglang) and stored in the user's cache folder; the next start loads them from there. They
+        are specific to the geometry, the closures, the motors, and to which bodies have mass and
+        which joints have friction, springs or rotors. The values of mass, friction, springs,
         rotors and gravity can change without a new compilation. If a kernel's check fails for a
-        sample, the reference path computes it. A copy of the robot, or the robot unpickled in
-        another process, loads the kernels too. `path` says what computes.
+        sample, the reference path computes it. Copies of the robot, and the robot unpickled in
+        another process, load the kernels too. `path` says what computes.
 
         Args:
             q: Configuration on the closures, shape (nq,). The order of elimination is chosen
@@ -1369,8 +1110,6 @@ class ClosedChain(Summary):
             CompilationError: Without a compiler, or if it fails.
             MissingExtraError: Without CasADi, `sst-pin[compile]`.
             DescriptionError: For a joint without compiled equations.
-            ClosureError: If q is open, or if no configuration can be assembled.
-            SingularConfigurationError: If the coordinates do not determine the motion there.
 
         Example:
             >>> chain.compile()
@@ -1379,23 +1118,19 @@ class ClosedChain(Summary):
         """
         from .compiled.compiled_backend import DERIVATIVES, EVERY, FIRST, CompiledBackend
 
-        kernels: tuple[Key, ...] = FIRST + DERIVATIVES if derivatives else FIRST
-        while True:
-            current = self._current
-            near = None if q is None else current.single(q)
-            if near is not None:
-                current.reference.rates(near, np.zeros(len(current.mechanism.coordinates)))
-            moving = derivatives and current.reference.derivatives.axes_move
-            more = (Key("displacement_rates"),) if moving else ()
-            make = partial(CompiledBackend, near=near, platform=self._platform)
-            compiled = Current(current.mechanism, make)
-            backend = make(compiled.reference)
-            backend.make(EVERY if all else kernels + more)
-            compiled.backend = backend
-            with _CHANGES:
-                if self._current is current:  # not refreshed meanwhile
-                    self._current = compiled
-                    return
+        engine, keys = self._engine, FIRST + DERIVATIVES if derivatives else FIRST
+        near = None if q is None else engine.single(q)
+        if near is not None:
+            engine.reference.rates(near, np.zeros(len(engine.mechanism.coordinates)))
+        if derivatives and engine.reference.derivatives.axes_move:
+            keys = (*keys, Key("displacement_rates"))
+        make = partial(CompiledBackend, near=near, platform=self._platform)
+        kernels = make(engine.reference)
+        kernels.make(EVERY if all else keys)
+        if self._engine is not engine:  # refreshed meanwhile
+            return self.compile(q, derivatives=derivatives, all=all)
+        self._engine = Engine(engine.mechanism, make, kernels)
+        return None
 
     def casadi(
         self,
@@ -1408,7 +1143,7 @@ class ClosedChain(Summary):
         """The dynamics as CasADi functions with exact derivatives, for optimization.
 
         As in `compile`, the order of elimination is chosen around q. All functions are smooth in
-        the rates, by `sign_width`.
+        the rates, by `sign_width`. They do not check their input.
 
         Args:
             external_wrenches: Whether the dynamics have them as their last input, shape (r, 6).
@@ -1423,8 +1158,7 @@ class ClosedChain(Summary):
 
         Raises:
             MissingExtraError: Without CasADi, `sst-pin[compile]`.
-            CompilationError: When one is asked for that cannot be compiled.
-            DescriptionError, ClosureError, SingularConfigurationError: As `compile`.
+            CompilationError, DescriptionError: As `compile`.
 
         Example:
             >>> functions = robot.casadi()
@@ -1437,109 +1171,20 @@ class ClosedChain(Summary):
             from .compiled.casadi_functions import CasadiFunctions
         except ModuleNotFoundError:
             raise MissingExtraError("casadi", "compile") from None
-        current = self._current
-        near = None if q is None else current.single(q)
+        engine = self._engine
+        near = None if q is None else engine.single(q)
         width = positive_number("sign_width", sign_width)
-        return CasadiFunctions(current.reference, near, width, external_wrenches, compiled)
+        return CasadiFunctions(engine.reference, near, width, external_wrenches, compiled)
 
-    @classmethod
-    def from_urdf(
-        cls: type[_Chain],
-        path: str | Path,
-        cuts: str | Path | None = None,
-        *,
-        actuated: Sequence[Motor] | None = None,
-        locked: Sequence[str] = (),
-    ) -> _Chain:
-        """A robot from a URDF and a YAML file, the "extended URDF" of LAAS.
+    def _page_functions(self, q: Array) -> tuple[str, Array]:
+        """JavaScript of this robot for a page that starts at q, and the open numbers it takes."""
+        try:
+            from .compiled.page_code import functions_of
+        except ModuleNotFoundError:
+            raise MissingExtraError("casadi", "compile") from None
+        return functions_of(self._engine.reference, q)
 
-        The YAML lists closures (`closed_loop`, pairs of frames, each with its `type`), motors
-        (`name_mot`) and, if needed, forces along lines (`line_force`), `gravity` and joints of the
-        types "FIXED", "SPHERICAL" or "UJOINT_XY" (`joint_name`, `joint_type`). If the YAML has no
-        closures, the frames `closing_NAME_1` and `closing_NAME_2` of the URDF become point
-        closures. Without them and without a YAML the robot is an open tree with a motor at each
-        joint. Mimic joints are coupled to the joints that they follow. An SRDF beside the URDF
-        defines named configurations, such as `home`.
-
-        Args:
-            path: The URDF, or an SDF; meshes are not needed. In an SDF, joints that make no tree
-                close the loops, a robot without a joint to the world floats on `floating_base`,
-                and the base is the world.
-            cuts: The YAML; by default the file with the name of the URDF and the ending .yaml.
-            actuated: The motors, as in the constructor; those of the YAML by default.
-            locked: Names of joints that are fixed at zero. A locked motor is removed.
-
-        Raises:
-            DescriptionError: If a file cannot be read; the message lists all problems.
-            UnknownNameError: For a joint or frame that is not in the URDF.
-
-        Warns:
-            DescriptionWarning: When the inertia of a link is one that no body has; when a pose of
-                the SRDF moves a locked joint; for an open tree without `actuated`, because its YAML
-                may have been forgotten.
-
-        Example:
-            >>> sst_pin.ClosedChain.from_urdf(sst_pin.URDF_PATH).motor_names
-            ('gamma_1', 'gamma_2', 'gamma_3')
-        """
-        from . import reading
-
-        return cls._of_file(reading.read_urdf(path, cuts, locked, actuated))
-
-    @classmethod
-    def from_mjcf(
-        cls: type[_Chain],
-        path: str | Path,
-        *,
-        actuated: Sequence[Motor] | None = None,
-        locked: Sequence[str] = (),
-    ) -> _Chain:
-        """A robot from a MuJoCo file; its equalities close the loops.
-
-        MuJoCo compiles the file. The reader uses `connect`, `weld`, `joint` and `tendon`
-        equalities, and springs, dampers, friction losses and armatures of the joints. Spatial
-        tendons between two sites with a spring, a damper or an actuator become `forces`; their
-        limits are ignored. The motors are the joints and tendons with an actuator; tau is the force
-        in the joint or the tendon, for a `motor` gear times control. The laws of `position`,
-        `velocity` and other actuators are not read: in MuJoCo they also act without control, here
-        tau is all that a motor gives. The positions of hinges and slides are those of `qpos`. For
-        balls and free joints, the scalar of a quaternion in q is last, and the linear rates in v
-        are in body axes. Named keyframes become `referenceConfigurations` of the model, such as
-        `home`.
-
-        Args:
-            path: The MJCF.
-            actuated: The motors, as in the constructor; those of the file by default.
-            locked: Joints that are fixed at their reference. A joint without a name has the name of
-                its body. `name_X`, `name_Y`, `name_Z` lock a ball about one axis. A locked motor is
-                removed.
-
-        Raises:
-            MissingExtraError: Without MuJoCo, `sst-pin[mjcf]`.
-            DescriptionError: If the file cannot be used; the message lists all problems.
-            UnknownNameError: For a name in `locked` that is not a joint.
-
-        Warns:
-            DescriptionWarning: When a tendon or a ball has limits, or a keyframe moves a locked
-                joint.
-
-        Example:
-            >>> sst_pin.ClosedChain.from_mjcf(sst_pin.MJCF_PATH).motor_names
-            ('gamma_1', 'gamma_2', 'gamma_3')
-        """
-        from .reading.mjcf import read_mjcf
-
-        return cls._of_file(read_mjcf(path, locked, actuated))
-
-    @classmethod
-    def _of_file(cls: type[_Chain], found: Described) -> _Chain:
-        """A robot from what its files say; errors name the files."""
-        from .reading.described import naming
-
-        with naming(found.source):
-            chain = cls(**found.arguments)
-        chain._shapes = found.shapes
-        return chain
+    # --- motions ----------------------------------------------------------------------------
 
     def trajectory(
         self,
@@ -1620,8 +1265,8 @@ class ClosedChain(Summary):
             q0: Configuration at t[0], on the closures, shape (nq,).
             va0: Rates of the coordinates at t[0], shape (n,).
             t: Times of the output, increasing, shape (N,), N >= 2, [s].
-            platform_moment: A function (t, q, va) -> (3,), or a constant; see `ClosedChain`.
-            external_wrenches: A function (t, q, va) -> (r, 6), or a constant; see `ClosedChain`.
+            platform_moment: A function (t, q, va) -> (3,), or a constant.
+            external_wrenches: A function (t, q, va) -> (r, 6), or a constant.
             method: Integrator of SciPy: RK23, RK45, DOP853, Radau, BDF or LSODA. The last three are
                 for stiff motions and take the exact derivatives of the dynamics, unless sign_width
                 is 0, external_wrenches is a function, or wheels roll.
@@ -1646,10 +1291,7 @@ class ClosedChain(Summary):
             SingularityWarning: If the motion stopped before a singularity.
 
         Raises:
-            InputError: For a wrong shape, a number that is not finite, or torques that end too
-                early.
-            ClosureError: If q0 is open.
-            SingularConfigurationError: If q0 is singular.
+            InputError: Also for torques that end too early.
             SimulationError: If the integrator fails.
 
         Example:
@@ -1663,6 +1305,21 @@ class ClosedChain(Summary):
         load = now._moving_load(platform_moment, external_wrenches)
         how = max_condition_number, through_singularities, sign_width, progress
         return simulate(now, torque, q0, va0, t, load, method, rtol, atol, *how)
+
+    def _moving_load(self, platform_moment: Load, external_wrenches: Load) -> Load:
+        """Both loads of a simulation as one, which may depend on time and state."""
+        if platform_moment is None:
+            return external_wrenches
+
+        def load(t: float, q: Array, va: Array) -> Array:
+            loads = (platform_moment, external_wrenches)
+            moment, others = (x(t, q, va) if callable(x) else x for x in loads)
+            wrenches = self._wrenches(self._engine, moment, others)
+            if wrenches is None:
+                raise InputError("platform_moment(t, q, va)", "None: three numbers are needed")
+            return wrenches
+
+        return load
 
     def rollout(
         self,
@@ -1692,19 +1349,15 @@ class ClosedChain(Summary):
             q0: Initial configurations, on the closures, shape (..., nq).
             va0: Initial rates of the coordinates, shape (..., n).
             dt: Step, [s]; a negative step goes back in time.
-            platform_moment: Constant for each motion, shape (..., 3); see `ClosedChain`.
-            external_wrenches: Constant for each motion, shape (..., r, 6); see `ClosedChain`.
+            platform_moment: Constant for each motion, shape (..., 3).
+            external_wrenches: Constant for each motion, shape (..., r, 6).
             steps: Number of steps N; by default the number of torques.
-            sign_width: As in `simulate`, [rad/s].
-            threads: Number of threads in compiled kernels.
             on_error: "raise", or "nan" to set the states to NaN from the first bad state on.
 
         Returns:
             All states; the leading axes are those of the arguments, broadcast.
 
         Raises:
-            InputError: For a wrong shape or a number that is not finite.
-            ClosureError, SingularConfigurationError: For a bad initial state; lists the samples.
             SimulationError: If the loops open (dt is too long), or a motion reaches a singularity
                 of the mechanism or diverges; it lists the samples and gives the time of the first.
 
@@ -1716,24 +1369,171 @@ class ClosedChain(Summary):
         from .simulation.rollouts import rollout
 
         now = copy(self)
-        load = now._wrenches(now._current, platform_moment, external_wrenches)
+        load = now._wrenches(now._engine, platform_moment, external_wrenches)
         return rollout(now, tau, q0, va0, dt, load, steps, sign_width, threads, on_error)
 
-    # --- pictures ---------------------------------------------------------------------------
+    def check(self, motion: Trajectory | ArrayLike) -> tuple[Finding, ...]:
+        """Check a motion: joints that leave their limits, and nearby singularities.
+
+        An SST has arcs as limits too, and singularities of two kinds.
+
+        Args:
+            motion: A motion of this robot, or one configuration, shape (nq,).
+
+        Returns:
+            One finding for each joint or singularity, with its times; empty if there are none.
+
+        Raises:
+            InputError: For the motion of another robot.
+        """
+        from .simulation.limits import findings
+
+        return findings(copy(self), motion)
+
+    def _verdicts(self, q: Array) -> Iterable[Verdict]:
+        """What `check` finds at configurations of shape (N, nq)."""
+        from .simulation.limits import verdicts
+
+        return verdicts(self, q)
+
+    def loads(
+        self, motion: Trajectory, *, stiffness: Mapping[str, ArrayLike] | None = None
+    ) -> Loads:
+        """Forces and moments in joints and closures along a motion: peaks, their times, means.
+
+        Args:
+            motion: A motion of this robot under its weight and the torques of the motion.
+            stiffness: As in `reactions`.
+
+        Returns:
+            A table with `to_dataframe` and `save`; sizes that are not unique are NaN.
+
+        Raises:
+            InputError: For the motion of another robot, or one with other loads.
+
+        Example:
+            >>> delta = sst_pin.robots.delta()
+            >>> motion = delta.simulate(np.zeros(3), delta.home, np.zeros(3), [0, 0.01, 0.02])
+            >>> delta.loads(motion).rows[0].kind
+            'force'
+        """
+        from .simulation.bearing_loads import loads
+
+        return loads(copy(self), motion, stiffness)
+
+    # --- files and pictures -----------------------------------------------------------------
+
+    @classmethod
+    def from_urdf(
+        cls: type[_Chain],
+        path: str | Path,
+        cuts: str | Path | None = None,
+        *,
+        actuated: Sequence[Motor] | None = None,
+        locked: Sequence[str] = (),
+    ) -> _Chain:
+        """A robot from a URDF and a YAML file, the "extended URDF" of LAAS.
+
+        The YAML lists closures (`closed_loop`, pairs of frames, each with its `type`), motors
+        (`name_mot`) and, if needed, forces along lines (`line_force`), `gravity` and joints of the
+        types "FIXED", "SPHERICAL" or "UJOINT_XY" (`joint_name`, `joint_type`). If the YAML has no
+        closures, the frames `closing_NAME_1` and `closing_NAME_2` of the URDF become point
+        closures. Without them and without a YAML the robot is an open tree with a motor at each
+        joint. Mimic joints are coupled to the joints that they follow. An SRDF beside the URDF
+        defines named configurations, such as `home`.
+
+        Args:
+            path: The URDF, or an SDF; meshes are not needed. In an SDF, joints that make no tree
+                close the loops, a robot without a joint to the world floats on `floating_base`,
+                and the base is the world.
+            cuts: The YAML; by default the file with the name of the URDF and the ending .yaml.
+            actuated: The motors, as in the constructor; those of the YAML by default.
+            locked: Names of joints that are fixed at zero. A locked motor is removed.
+
+        Raises:
+            DescriptionError: If a file cannot be read; the message lists all problems.
+
+        Warns:
+            DescriptionWarning: When the inertia of a link is not physical; when a pose of the SRDF
+                moves a locked joint; for an open tree without `actuated`, because its YAML may be
+                missing.
+
+        Example:
+            >>> sst_pin.ClosedChain.from_urdf(sst_pin.URDF_PATH).motor_names
+            ('gamma_1', 'gamma_2', 'gamma_3')
+        """
+        from .reading import read_urdf
+
+        return cls.from_description(read_urdf(path, cuts, locked, actuated))
+
+    @classmethod
+    def from_mjcf(
+        cls: type[_Chain],
+        path: str | Path,
+        *,
+        actuated: Sequence[Motor] | None = None,
+        locked: Sequence[str] = (),
+    ) -> _Chain:
+        """A robot from a MuJoCo file; its equalities close the loops.
+
+        MuJoCo compiles the file. The reader uses `connect`, `weld`, `joint` and `tendon`
+        equalities, and springs, dampers, friction losses and armatures of the joints. Spatial
+        tendons between two sites with a spring, a damper or an actuator become `forces`; their
+        limits are ignored. The motors are the joints and tendons with an actuator; tau is the force
+        in the joint or the tendon, for a `motor` gear times control. The laws of `position`,
+        `velocity` and other actuators are not read: in MuJoCo they also act without control, here
+        tau is the whole force of a motor. The positions of hinges and slides are those of `qpos`.
+        For balls and free joints, the scalar of a quaternion in q is last, and the linear rates in
+        v are in body axes. Named keyframes become `referenceConfigurations` of the model, such as
+        `home`.
+
+        Args:
+            path: The MJCF.
+            actuated: The motors, as in the constructor; those of the file by default.
+            locked: Joints that are fixed at their reference. A joint without a name has the name of
+                its body. `name_X`, `name_Y`, `name_Z` lock a ball about one axis. A locked motor is
+                removed.
+
+        Raises:
+            MissingExtraError: Without MuJoCo, `sst-pin[mjcf]`.
+            DescriptionError: If the file cannot be used; the message lists all problems.
+
+        Warns:
+            DescriptionWarning: When a tendon or a ball has limits, or a keyframe moves a locked
+                joint.
+
+        Example:
+            >>> sst_pin.ClosedChain.from_mjcf(sst_pin.MJCF_PATH).motor_names
+            ('gamma_1', 'gamma_2', 'gamma_3')
+        """
+        from .reading.mjcf import read_mjcf
+
+        return cls.from_description(read_mjcf(path, locked, actuated))
+
+    @classmethod
+    def from_description(cls: type[_Chain], description: Described) -> _Chain:
+        """A robot from the content of its files; errors name the files."""
+        from .reading.described import naming
+
+        with naming(description.source):
+            chain = cls(**description.arguments)
+        chain._shapes = description.shapes
+        return chain
+
+    @property
+    def appearance(self) -> Appearance:
+        """What pictures of the robot show beside its bodies."""
+        mechanism = self.mechanism
+        return appearance_of(mechanism.model, mechanism.closures)
 
     @property
     def visual_model(self) -> pin.GeometryModel:
-        """Shapes of the bodies, a `pinocchio.GeometryModel`, from the URDF or the MJCF.
+        """Shapes of the bodies, from the URDF or the MJCF; assign your own to replace them.
 
-        They are loaded at each call. Without shapes the model is empty. You can assign your own
-        `pinocchio.GeometryModel`.
+        They are loaded at each call. Without shapes the model is empty.
 
         Raises:
             DescriptionError: If a mesh cannot be loaded.
-
-        Example:
-            >>> [shape.name for shape in chain.visual_model.geometryObjects][:3]
-            ['crank_0', 'coupler_0', 'rocker_0']
         """
         shapes = self._shapes
         return shapes(self.mechanism.model) if callable(shapes) else shapes
@@ -1764,9 +1564,8 @@ class ClosedChain(Summary):
             open_browser: Whether to serve the page and open the browser; never from Jupyter.
             reactions: Whether arrows show the forces in joints and closures; stiffnesses, as in
                 `reactions`, where these are not unique.
-            live: Whether the page also computes: the robot is moved by hand, let go and pushed.
-                Without a server, in one file. An SST needs nothing else, other robots need CasADi
-                now (`sst-pin[compile]`).
+            live: Whether the page also computes: the robot can be dragged, released and pushed,
+                without a server, in one file. The equations need CasADi (`sst-pin[compile]`).
             ghost: A second motion, such as the planned one, which a translucent robot plays at the
                 same times.
 
@@ -1777,9 +1576,6 @@ class ClosedChain(Summary):
             MissingExtraError: Without the extra `sst-pin[viz]`; for a live page without CasADi.
             DescriptionError: If a mesh cannot be loaded; for a live page of a robot without
                 compiled equations.
-            ClosureError: For a live page that starts with open loops.
-            SingularConfigurationError: For one that starts where the coordinates do not determine
-                the motion.
             InputError: For the motion of another robot, or a ghost at other times than the motion.
 
         Example:
@@ -1791,80 +1587,20 @@ class ClosedChain(Summary):
 
         return show(self, what, speed, open_browser, reactions, live, ghost)
 
-    # --- inside -----------------------------------------------------------------------------
-
-    def _page_functions(self, q: Array) -> tuple[str, Array]:
-        """JavaScript of this robot for a page that starts at q, and the open numbers it takes."""
-        try:
-            from .compiled.page_code import functions_of
-        except ModuleNotFoundError:
-            raise MissingExtraError("casadi", "compile") from None
-        return functions_of(self._current.reference, q)
-
-    #: Name of the frame whose body is the platform.
-    _platform = "platform"
-
-    def _verdicts(self, q: Array) -> Iterable[Verdict]:
-        """What `check` finds at configurations of shape (N, nq)."""
-        from .simulation.limits import verdicts
-
-        return verdicts(self, q)
-
     def _motion_in(self, table: Table) -> tuple[Array, Array, Array] | None:
         """q, va, aa of a table whose columns are not the coordinates; an SST has such tables."""
         return None
-
-    def _wrenches(
-        self,
-        current: Current,
-        platform_moment: ArrayLike | None,
-        external_wrenches: ArrayLike | None,
-        on_error: str = "raise",
-    ) -> Array | None:
-        """Wrenches on all bodies, shape (..., r, 6), with a moment on the platform, or None."""
-        mechanism = current.mechanism
-        wrenches = dispatch.external_wrenches(mechanism, external_wrenches, on_error)
-        if platform_moment is None:
-            return wrenches
-        body = body_of(mechanism.model, self._platform)
-        if body is None:
-            raise InputError(
-                "platform_moment",
-                f'the robot has no body with a frame "{self._platform}"; use external_wrenches=',
-            )
-        moment = as_array("platform_moment", platform_moment, (3,))
-        if on_error == "raise":
-            moment = finite_array("platform_moment", moment, (3,))
-        on_platform = np.zeros((*moment.shape[:-1], mechanism.model.njoints - 1, 6))
-        on_platform[..., body, :3] = moment
-        return on_platform if wrenches is None else on_platform + wrenches
-
-    def _moving_load(self, platform_moment: Load, external_wrenches: Load) -> Load:
-        """Both loads of a simulation as one, which may depend on time and state."""
-        if platform_moment is None:
-            return external_wrenches
-
-        def load(t: float, q: Array, va: Array) -> Array:
-            loads = (platform_moment, external_wrenches)
-            moment, others = (x(t, q, va) if callable(x) else x for x in loads)
-            wrenches = self._wrenches(self._current, moment, others)
-            if wrenches is None:
-                raise InputError("platform_moment(t, q, va)", "None: three numbers are needed")
-            return wrenches
-
-        return load
 
     def __setattr__(self, name: str, value: object) -> None:
         require_assignable(self, name)
         super().__setattr__(name, value)
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
-        """What it is, in a few rows."""
+        """Rows of the printed robot."""
         model = self.mechanism.model
-        title = f"{type(self).__name__} {model.name}"
         names = [force.name for force in self.forces]
         lines = [("lines", f"{len(names)} ({listed(names)})")] if names else []
-        return title, [
+        return f"{type(self).__name__} {model.name}", [
             ("joints", f"{len(self.joint_names)} ({listed(self.joint_names)})"),
             ("closures", f"{len(self.closures)} ({listed([str(c) for c in self.closures], 3)})"),
             ("motors", f"{len(self.motor_names)} ({listed(self.motor_names)})"),
@@ -1873,7 +1609,10 @@ class ClosedChain(Summary):
             ("computed by", self.path),
         ]
 
-    def _states(self, sign_width: float) -> States:
-        """The state space for an integrator, with the sign of friction smoothed."""
-        current = self._current
-        return current.backend.states(replace(current.mechanism.friction, sign_width=sign_width))
+
+def _motor_weights(mechanism: Mechanism, weights: ArrayLike) -> Array:
+    """Weights of the motors' squared torques, positive, shape (motors,)."""
+    array = single_array("weights", weights, (mechanism.motors.shape[1],))
+    if not (array > 0).all():
+        raise InputError("weights", "must be positive")
+    return array

@@ -189,7 +189,7 @@ class ReferenceStates:
     ) -> Array:
         """Derivatives of aa by q, va and tau side by side, shape (n, 2 n + motors)."""
         width = self._friction.sign_width
-        return self._reference.acceleration_derivatives(width, q, va, tau, wrenches)
+        return self._reference.acceleration_derivatives(q, va, tau, wrenches, width)
 
     def joint_rates(self, q: Array, va: Array) -> Array:
         """v of one state whose loops are closed, shape (nv,)."""

@@ -76,7 +76,7 @@ def single_calls(
         return calls
     world, state = closed
     world.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER  # MuJoCo's default, one evaluation
-    mechanism, constrained = chain._current.mechanism, Constrained(chain)
+    mechanism, constrained = chain.mechanism, Constrained(chain)
     tau = np.ones(len(chain.motor_names))
     force = mechanism.motors @ tau
     if bare:

@@ -88,7 +88,7 @@ def closed_in_mujoco(chain: ClosedChain, q: Array, dt: float) -> cases.Closed:
     compiled = spec.compile()
     compiled.opt.tolerance = 1e-8
     state = mujoco.MjData(compiled)
-    mechanism = chain._current.mechanism
+    mechanism = chain.mechanism
     for name, own, i, k in places:
         joint = compiled.joint(name)
         start, size = joint.qposadr[0], len(joint.dofadr)

@@ -22,7 +22,7 @@ class Kkt:
             (model.getFrameId(c.frame_a), model.getFrameId(c.frame_b), 6 if c.kind == "6d" else 3)
             for c in chain.closures
         ]
-        self.coordinates = chain._current.mechanism.coordinates
+        self.coordinates = chain.mechanism.coordinates
         self.rest = np.setdiff1d(np.arange(model.nv), self.coordinates)
         self.rows = np.arange(sum(size for *_, size in self.closures))
         self.rows = np.sort(qr(self._Phi(q)[:, self.rest].T, pivoting=True)[2][: len(self.rest)])

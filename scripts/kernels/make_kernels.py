@@ -25,7 +25,7 @@ def sources() -> dict[Path, str]:
     """The text of each file; the robot only gives configurations by which pivots are chosen."""
     robot = sst_pin.SST(kernels=False)
     robot.compute_torques(robot.home, [0] * 3, [0] * 3)  # settles what is computed
-    reference = robot._current.reference
+    reference = robot.engine.reference
     # Rounded, because legs are alike: the last digits must not choose the order of elimination.
     samples = sample_configurations(reference, robot.home).round(9)
     numbers = open_numbers(reference.mechanism)

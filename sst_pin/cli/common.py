@@ -40,8 +40,8 @@ def robot_of(arguments: argparse.Namespace) -> ClosedChain:
         return ClosedChain.from_mjcf(path)
     urdf = Urdf.read(path)
     if set(JOINT_NAMES) <= set(urdf.joint_names):
-        return SST._of_file(read_urdf(urdf, default=YAML_PATH))
-    return ClosedChain._of_file(read_urdf(urdf))
+        return SST.from_description(read_urdf(urdf, default=YAML_PATH))
+    return ClosedChain.from_description(read_urdf(urdf))
 
 
 def sst_of(arguments: argparse.Namespace) -> SST:

@@ -14,12 +14,12 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from .. import engine
 from ..arrays import Array
 from ..dynamics.quantities import QUANTITIES, Name
 from ..dynamics.reference import Reference
 from ..dynamics.regressor import with_springs
-from ..engine import backend as chain
-from ..engine.backend import Key, NoKernel
+from ..engine import Key
 from ..errors import ActuationError, CompilationError, MissingExtraError, SSTError
 from ..extensions import missing, require_current
 from ..model.mechanism import Friction, Mechanism
@@ -84,7 +84,7 @@ class CompiledBackend:
         self._code = code or self._from_cache
         body = body_of(self._mechanism.model, platform)
         self._moment = -1 if body is None else 6 * body
-        self._kernels: dict[Key, chain.Kernel] = {}
+        self._kernels: dict[Key, engine.Kernel | None] = {}
         self._equations: dict[tuple[bool, bool, bool], Equations] = {}
         self._codes: dict[Key, list[Code]] = {}
         self._why: dict[Key, str] = {}
@@ -119,10 +119,10 @@ class CompiledBackend:
                 self._given_up = True
                 raise
 
-    def kernel(self, key: Key, clock: Clock | None = None) -> chain.Kernel:
-        """The kernel of a quantity, as `Backend.kernel`; those of the last widths are kept."""
-        if (made := self._kernels.get(key)) is not None:
-            return made
+    def kernel(self, key: Key, clock: Clock | None = None) -> engine.Kernel | None:
+        """The kernel of a quantity, as `Kernels.kernel`; those of the last widths are kept."""
+        if key in self._kernels:
+            return self._kernels[key]
         if key.frame is not None:
             frame_named(self._mechanism.model, key.frame)
         if key.sign_width is not None:
@@ -131,7 +131,7 @@ class CompiledBackend:
                 self._kernels.pop(other, None)
         clock = clock or Clock(self._robot)
         columns = self._by_columns(clock) if key.quantity == "accelerations" else None
-        kernel = self._kernels[key] = columns or self._kernel(key, clock=clock) or NoKernel()
+        kernel = self._kernels[key] = columns or self._kernel(key, clock=clock)
         return kernel
 
     def states(self, friction: Friction) -> CompiledStates:
@@ -207,9 +207,9 @@ class CompiledBackend:
             self._moment,
         )
 
-    def _rate(self, clock: Clock, friction: Friction, loaded: bool) -> chain.Kernel:
+    def _rate(self, clock: Clock, friction: Friction, loaded: bool) -> engine.Kernel | None:
         """Rates of the states next to those given whose loops are closed."""
-        return self._kernel(Key("rollout", loaded=loaded), clock, "rate", friction) or NoKernel()
+        return self._kernel(Key("rollout", loaded=loaded), clock, "rate", friction)
 
     def _course(self, clock: Clock, friction: Friction, loaded: bool) -> "Course | None":
         """The kernel of a rollout; None where there is none."""

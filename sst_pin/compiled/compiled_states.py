@@ -17,7 +17,7 @@ from ..arrays import Array, Flags, Indices
 from ..dynamics.derivatives import AccelerationDerivatives
 from ..dynamics.dynamics import solved
 from ..dynamics.reference import Reference
-from ..engine.backend import Kernel, NoKernel
+from ..engine import Kernel
 from ..errors import SSTError
 from ..loops.continuity import TRAVEL
 from ..model.mechanism import Friction, Mechanism
@@ -46,9 +46,9 @@ class CompiledStates(ReferenceStates):
         self,
         reference: Reference,
         friction: Friction,
-        closing: Kernel,
-        slopes: Callable[[], Kernel],
-        rate: Callable[[bool], Kernel],
+        closing: Kernel | None,
+        slopes: Callable[[], Kernel | None],
+        rate: Callable[[bool], Kernel | None],
         course: "Callable[[bool], Course | None]",
         by_columns: "ByColumns | None",
     ) -> None:
@@ -61,6 +61,8 @@ class CompiledStates(ReferenceStates):
 
     def closed(self, states: Array) -> Array:
         """q with closed loops, by kernels that make steps of Newton's method."""
+        if self._closing is None:
+            return super().closed(states)
         answer = self._closing.answer(states[..., : self._nq], None, None, None, None, 1)
         if answer is not None:  # closed to 1e-6 before this step: the next one is the last
             q = answer[..., : self._nq]
@@ -80,7 +82,7 @@ class CompiledStates(ReferenceStates):
         """Rates of states, by the kernel of a rollout."""
         kernel = self._rate_of(wrenches is not None)
         load = None if wrenches is None else wrenches.reshape(*wrenches.shape[:-2], -1)
-        answer = kernel.answer(states, tau, load, None, None, 1)
+        answer = None if kernel is None else kernel.answer(states, tau, load, None, None, 1)
         return super().rate(states, tau, wrenches) if answer is None else answer
 
     def _rate(
@@ -94,17 +96,17 @@ class CompiledStates(ReferenceStates):
     def _acceleration_derivatives(
         self, q: Array, va: Array, tau: Array, wrenches: Array | None
     ) -> Array:
-        found = None
-        if wrenches is None:
-            found = self._slopes().derivatives(AccelerationDerivatives, q, va, tau, 1)
-        if found is None:
+        kernel, parts = self._slopes() if wrenches is None else None, None
+        if kernel is not None:
+            parts = kernel.derivatives(AccelerationDerivatives, q, va, tau, 1)
+        if parts is None:
             return super()._acceleration_derivatives(q, va, tau, wrenches)
-        return np.concatenate(found, axis=1)
+        return np.concatenate(parts, axis=1)
 
     def rollout(self, motions: Motions, threads: int) -> Indices:
         """Fill the states of motions; the reference path goes on where the kernels stop."""
         course = self._course(motions.load is not None)
-        if course is None:
+        if course is None or self._closing is None:
             return super().rollout(motions, threads)
         reached = self._run(course, motions, threads)
         for i in map(int, np.flatnonzero(reached <= motions.steps)):
@@ -181,6 +183,7 @@ class CompiledStates(ReferenceStates):
 
     def _determinants(self, q: Array) -> Array:
         """det Phi_u, open loops closed by a Newton step; NaN where this is long or checks fail."""
+        assert self._closing is not None  # a rollout by kernels has it
         flat = np.ascontiguousarray(q.reshape(-1, self._nq))
         result = np.empty((len(flat), self._nq + 2))
         left = self._closing.many((flat,), result)
@@ -194,7 +197,7 @@ class CompiledStates(ReferenceStates):
         return det.reshape(q.shape[:-1])
 
 
-class ByColumns(NoKernel):
+class ByColumns:
     """Accelerations from Eq. (92) with the mass matrix column by column.
 
     The kernels are those of forces, with or without loads, of forces of inertia alone, of L va.
@@ -210,6 +213,11 @@ class ByColumns(NoKernel):
         self._mechanism, self._forces = mechanism, forces
         self._inertial, self._rates = inertial, rates
         self._unit = np.eye(len(mechanism.coordinates))
+
+    def answer(self, *_: object) -> None:
+        """None: `many` computes batches, the engine single samples."""
+
+    derivatives = answer
 
     def many(self, arrays: tuple[Array, ...], out: Array, threads: int = 1) -> Indices:
         """Fill the accelerations; indices of samples that fail the checks of the kernels."""

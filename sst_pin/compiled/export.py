@@ -109,8 +109,8 @@ def c_files(
     chain = copy(chain)
     style, q = _STYLES[precision], chain.generic_configuration()
     n, motors = chain.degrees_of_freedom, len(chain.motor_names)
-    mechanism = chain._current.mechanism
-    samples = sample_configurations(chain._current.reference, q)
+    mechanism = chain.engine.mechanism
+    samples = sample_configurations(chain.engine.reference, q)
     equations = Equations(mechanism, samples)
     checks = Checks(equations, style.closed, style.rounding)
     numbers = equations.parameters.pack(mechanism, mechanism.friction)

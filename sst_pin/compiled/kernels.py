@@ -16,7 +16,7 @@ from typing import Any
 import casadi as ca
 from casadi import SX
 
-from ..engine.backend import Key
+from ..engine import Key
 from ..model.tree import frame_named
 from . import symbolic_derivatives
 from .elimination import total

@@ -136,7 +136,7 @@ class Linkage:
     def _moved(self, q: Array, by: Array) -> Array:
         step = np.zeros(self.chain.degrees_of_freedom)
         step[self._columns] = by
-        return self.chain._moved(q, step)
+        return self.chain.engine.reference.moved(q, step)
 
     def _newton(self, q: Array, target: Array) -> Array:
         """From q to the configuration nearby where the motors are at their target."""

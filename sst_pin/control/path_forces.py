@@ -61,7 +61,7 @@ class SmoothPath:
         wanted = dict(zip(chain.coordinates, x.T, strict=True))
         q = guess = put(self._space, self._joints(s), wanted)
         if chain.closures:
-            q = chain._states(0.0).closed(np.hstack([guess, np.zeros_like(x)]))
+            q = chain.engine.states(0.0).closed(np.hstack([guess, np.zeros_like(x)]))
         lengths = np.array(self._space.position_units) == "m"
         gaps = np.abs(q - guess) / np.where(lengths, chain.mechanism.length, 1.0)
         if gaps.max() > _OPEN:

@@ -155,7 +155,7 @@ def reach_map(
             raise InputError(axis, "a grid has two values or more, increasing")
     if not np.isin(chain.mechanism.coordinates, chain.mechanism.driven).all():
         # its coordinates may have dead points where motors have none
-        chain = chain._remade(coordinates=None)
+        chain = chain.with_coordinates(None)
     mechanism, motors = chain.mechanism, chain.motor_names
     bounds = limits_of_each("torques", torques, len(motors))
     push = single_array("wrench", np.zeros(6) if wrench is None else wrench, (6,))
@@ -169,7 +169,7 @@ def reach_map(
 
     def motor_rates(q: Array) -> Array:
         """Rates of the motors by those of all joints, free of units."""
-        on_lines = chain._line_rates(q, each) @ mechanism.lines.motors
+        on_lines = chain.engine.line_rates(q, each) @ mechanism.lines.motors
         return np.asarray((mechanism.motors + on_lines).T * per_unit)
 
     guide = FrameGuide(chain, frame, *kinds, motor_rates)

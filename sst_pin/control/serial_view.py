@@ -75,7 +75,7 @@ class SerialView(Linkage):
 
     def __init__(self, chain: ClosedChain, joints: Sequence[str]) -> None:
         super().__init__(chain, joints)
-        self._linkages = self.chain._remade(_without_serial_bodies(self.chain))
+        self._linkages = self.chain.with_model(_without_serial_bodies(self.chain))
 
     def compile(self) -> None:
         """Make kernels for all that is computed here; see `ClosedChain.compile`."""
@@ -121,7 +121,7 @@ class SerialView(Linkage):
         """D: viscous friction of all joints and dampers takes D times the rates, (..., n, n)."""
         each = self._configurations(q)[..., None, :]
         v = self.chain.joint_rates(each, np.eye(self.chain.degrees_of_freedom))
-        lines = self.chain._line_rates(each, v)
+        lines = self.chain.engine.line_rates(each, v)
         _, _, on_lines, _ = self.chain.mechanism.lines.numbers
         return (v * self.chain.friction.viscous) @ v.mT + (lines * on_lines) @ lines.mT
 

@@ -67,6 +67,21 @@ class FrameVelocityDerivatives(NamedTuple):
     dva: Array
 
 
+def linear_system(d: AccelerationDerivatives, rates: Array | None) -> tuple[Array, Array]:
+    """A, shape (..., 2 n, 2 n), and B, shape (..., 2 n, motors), of x' = A x + B u.
+
+    `rates` are those of a displacement as the axes of joints move, shape (..., n, n), or None.
+    """
+    rows = np.concatenate(d, axis=-1)
+    n = rows.shape[-2]
+    both = np.zeros((*rows.shape[:-2], 2 * n, rows.shape[-1]))
+    both[..., :n, n : 2 * n] = np.eye(n)
+    both[..., n:, :] = rows
+    if rates is not None:
+        both[..., :n, :n] = rates
+    return both[..., : 2 * n], both[..., 2 * n :]
+
+
 def discrete(A: Array, B: Array, dt: float) -> tuple[Array, Array]:
     """The exact step of x' = A x + B u over dt with u held: the exponential of [A B; 0 0] dt."""
     from scipy.linalg import expm

@@ -4,8 +4,10 @@
 from collections.abc import Callable, Mapping
 from typing import Literal, NamedTuple
 
+from ..arrays import Array
 from ..model.mechanism import Mechanism
 from . import reactions, regressor
+from .reference import Reference
 
 #: Names of the quantities; those of methods of `Reference`, but for steps of integrators.
 Name = Literal[
@@ -31,9 +33,11 @@ Name = Literal[
 
 
 class Quantity(NamedTuple):
-    """Properties of a quantity, whatever computes it."""
+    """Properties of a quantity."""
 
-    #: Shape of the arrays that a kernel fills, one sample.
+    #: The function of the reference path that computes one sample.
+    reference: Callable[..., Array]
+    #: Shape of the result of one sample.
     shape: Callable[[Mechanism], tuple[int, ...]]
     #: Matrices that a kernel writes out entry by entry: none, those of the size of the inertia
     #: matrix, or their derivatives too.
@@ -44,6 +48,12 @@ class Quantity(NamedTuple):
     smooth: bool = False
     #: Whether it is that of a frame.
     of_frame: bool = False
+    #: Whether tau may be None, where it follows from the other arguments.
+    tau_optional: bool = False
+
+
+def _integrators_only(*_: object) -> Array:
+    raise AssertionError("on the reference path `states` computes it")
 
 
 def _n(mechanism: Mechanism) -> int:
@@ -55,26 +65,49 @@ def _motors(mechanism: Mechanism) -> int:
 
 
 QUANTITIES: Mapping[Name, Quantity] = {
-    "torques": Quantity(lambda m: (_motors(m),), "", loadable=True),
-    "generalized_forces": Quantity(lambda m: (_n(m),), "", loadable=True),
-    "accelerations": Quantity(lambda m: (_n(m),), loadable=True),
+    "torques": Quantity(Reference.torques, lambda m: (_motors(m),), "", loadable=True),
+    "generalized_forces": Quantity(
+        Reference.generalized_forces, lambda m: (_n(m),), "", loadable=True
+    ),
+    "accelerations": Quantity(Reference.accelerations, lambda m: (_n(m),), loadable=True),
     "torque_derivatives": Quantity(
-        lambda m: (_n(m), 3 * _n(m)), "derivatives", loadable=True, smooth=True
+        Reference.torque_derivatives,
+        lambda m: (_n(m), 3 * _n(m)),
+        "derivatives",
+        loadable=True,
+        smooth=True,
     ),
     "acceleration_derivatives": Quantity(
-        lambda m: (_n(m), 2 * _n(m) + _motors(m)), "derivatives", loadable=True, smooth=True
+        Reference.acceleration_derivatives,
+        lambda m: (_n(m), 2 * _n(m) + _motors(m)),
+        "derivatives",
+        loadable=True,
+        smooth=True,
     ),
-    "reactions": Quantity(lambda m: (reactions.size_of(m),), "", loadable=True),
-    "torque_regressor": Quantity(lambda m: (_n(m), regressor.size_of(m)), "derivatives"),
-    "rates": Quantity(lambda m: (m.model.nv,), ""),
-    "joint_accelerations": Quantity(lambda m: (m.model.nv,), ""),
-    "actuator_jacobian": Quantity(lambda m: (_motors(m), _n(m)), ""),
-    "reduced_terms": Quantity(lambda m: (2 * _n(m) * (_n(m) + 1),)),
-    "displacement_rates": Quantity(lambda m: (_n(m), _n(m))),
-    "frame_jacobian": Quantity(lambda m: (6, _n(m)), of_frame=True),
-    "frame_jacobian_rate": Quantity(lambda m: (6, _n(m)), of_frame=True),
-    "frame_velocity_derivatives": Quantity(lambda m: (6, 2 * _n(m)), of_frame=True),
-    "frame_drift": Quantity(lambda m: (6,), "", of_frame=True),
-    "closing": Quantity(lambda m: (m.model.nq + 2,), ""),  # q, a determinant, a sum of squares
-    "rollout": Quantity(lambda m: (m.model.nq + _n(m),), loadable=True),
+    "reactions": Quantity(
+        Reference.reactions,
+        lambda m: (reactions.size_of(m),),
+        "",
+        loadable=True,
+        tau_optional=True,
+    ),
+    "torque_regressor": Quantity(
+        Reference.torque_regressor, lambda m: (_n(m), regressor.size_of(m)), "derivatives"
+    ),
+    "rates": Quantity(Reference.rates, lambda m: (m.model.nv,), ""),
+    "joint_accelerations": Quantity(Reference.joint_accelerations, lambda m: (m.model.nv,), ""),
+    "actuator_jacobian": Quantity(Reference.actuator_jacobian, lambda m: (_motors(m), _n(m)), ""),
+    "reduced_terms": Quantity(Reference.reduced_terms, lambda m: (2 * _n(m) * (_n(m) + 1),)),
+    "displacement_rates": Quantity(Reference.displacement_rates, lambda m: (_n(m), _n(m))),
+    "frame_jacobian": Quantity(Reference.frame_jacobian, lambda m: (6, _n(m)), of_frame=True),
+    "frame_jacobian_rate": Quantity(
+        Reference.frame_jacobian_rate, lambda m: (6, _n(m)), of_frame=True
+    ),
+    "frame_velocity_derivatives": Quantity(
+        Reference.frame_velocity_derivatives, lambda m: (6, 2 * _n(m)), of_frame=True
+    ),
+    "frame_drift": Quantity(Reference.frame_drift, lambda m: (6,), "", of_frame=True),
+    # A closed q, a determinant and a sum of squares; states of a rollout.
+    "closing": Quantity(_integrators_only, lambda m: (m.model.nq + 2,), ""),
+    "rollout": Quantity(_integrators_only, lambda m: (m.model.nq + _n(m),), loadable=True),
 }

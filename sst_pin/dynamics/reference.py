@@ -142,14 +142,14 @@ class Reference(threading.local):
 
     @_finite
     def torque_derivatives(
-        self, sign_width: float, q: Array, va: Array, aa: Array, external_wrenches: Array | None
+        self, q: Array, va: Array, aa: Array, external_wrenches: Array | None, sign_width: float
     ) -> Array:
         """Derivatives of f by q, va, aa side by side, shape (n, 3 n)."""
         return self.derivatives.torques(sign_width, q, va, aa, external_wrenches)
 
     @_finite
     def acceleration_derivatives(
-        self, sign_width: float, q: Array, va: Array, tau: Array, external_wrenches: Array | None
+        self, q: Array, va: Array, tau: Array, external_wrenches: Array | None, sign_width: float
     ) -> Array:
         """Derivatives of aa by q, va, tau side by side, shape (n, 2 n + motors)."""
         self.mechanism.require_mass()

@@ -124,4 +124,4 @@ def moved(chain: ClosedChain, errors: dict[str, pin.SE3]) -> ClosedChain:
         else:
             at = model.frames[frame_id(model, place)]
             at.placement = at.placement * error
-    return chain._remade(model)
+    return chain.with_model(model)

@@ -23,6 +23,15 @@ from .assembly import home_of
 _FAR = 0.05
 
 
+class _Reference(Protocol):
+    def moved(self, q: Array, step: Array) -> Array: ...
+
+
+class _Engine(Protocol):
+    @property
+    def reference(self) -> _Reference: ...
+
+
 class _Chain(Protocol):
     """What is asked of a `ClosedChain` here."""
 
@@ -40,7 +49,8 @@ class _Chain(Protocol):
 
     def _closer(self, q: Array, held: Iterable[str]) -> Array: ...
 
-    def _moved(self, q: Array, step: Array) -> Array: ...
+    @property
+    def engine(self) -> _Engine: ...
 
 
 def is_closed(chain: _Chain, q: Array) -> Flags:
@@ -166,7 +176,7 @@ def _moved(chain: _Chain, start: Array, positions: Mapping[str, float]) -> Array
         endless = name not in mechanism.space.position_names
         turns = np.round(way / (2 * np.pi)) if endless else 0.0
         step[mechanism.coordinate_rate_names.index(name)] = way - 2 * np.pi * turns
-    return chain._moved(start, step)
+    return chain.engine.reference.moved(start, step)
 
 
 def _warn(chain: _Chain, why: str, cure: str) -> None:

@@ -110,9 +110,9 @@ class GalleryRobot(ClosedChain):
             q = self._configuration(pin.SE3(pose))
             if not np.isfinite(q).all():
                 raise WorkspaceError("the pose of the platform is out of reach")
-            q = self._current.mechanism.space.normalised(q)
+            q = self.mechanism.space.normalised(q)
             gap, size = np.abs(self._pose(q) - pose), np.ones((4, 4))
-            size[:3, 3] = self._current.mechanism.length
+            size[:3, 3] = self.mechanism.length
             if (gap / size)[self._rows].max() > CLOSURE_TOLERANCE or not is_closed(self, q):
                 missed = gap[self._rows].max()
                 opened = np.abs(self.residual(q)).max(initial=0.0)
@@ -138,7 +138,7 @@ class GalleryRobot(ClosedChain):
         """
 
         def pose(q: Array) -> Array:
-            self._current.mechanism.space.require_on_manifold(q)
+            self.mechanism.space.require_on_manifold(q)
             return self._pose(q)
 
         return for_each_sample(pose, (finite_array("q", q, (self._tree.nq,)),), (1,), (4, 4))

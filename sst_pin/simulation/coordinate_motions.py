@@ -109,7 +109,7 @@ def configurations_of(chain: ClosedChain, x: Array, start: ArrayLike | None = No
     q[0] = placed(chain, dict(zip(chain.coordinates, x[0], strict=True)), start)
     for i in range(1, len(x)):
         try:
-            q[i] = chain._moved(q[i - 1], x[i] - x[i - 1])
+            q[i] = chain.engine.reference.moved(q[i - 1], x[i] - x[i - 1])
         except ClosureError as error:
             error.name_samples([(i,)], len(x))
             raise

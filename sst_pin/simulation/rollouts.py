@@ -66,7 +66,7 @@ def rollout(
     steps = None if steps is None else whole_number("steps", steps, 0)
     torques = _torques(tau, steps, motors)
     start = as_array("q0", q0, (nq,))
-    states = chain._states(sign_width)
+    states = chain.engine.states(sign_width)
     n = chain.degrees_of_freedom
     rates = as_array("va0", va0, (n,))
     wrenches = None

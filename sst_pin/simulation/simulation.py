@@ -71,7 +71,7 @@ def simulate(
         raise InputError("through_singularities", "not with sampled torques, which are not smooth")
     # A bad start fails by its own name.
     q0 = single_array("q0", q0, (len(chain.position_names),))
-    states = chain._states(sign_width)
+    states = chain.engine.states(sign_width)
     chain.joint_rates(q0, np.zeros(chain.degrees_of_freedom))
     va0 = single_array("va0", va0, (chain.degrees_of_freedom,))
     if not states.condition_number(q0) < max_condition_number:

@@ -21,8 +21,7 @@ from ..description.frames import MOTOR_NAMES
 from ..description.parameters import Parameters
 from ..description.urdf_writer import urdf_of
 from ..dynamics.reference import Reference
-from ..engine.backend import Backend
-from ..engine.current import Current
+from ..engine import Engine, Kernels
 from ..errors import DescriptionError, FileFormatError, InputError, SSTError, WorkspaceError
 from ..files import Table
 from ..model.appearance import Appearance
@@ -60,7 +59,7 @@ class Singularities(NamedTuple):
 
 
 #: Read once from what each robot computes, which never changes.
-_GEOMETRIES: WeakKeyDictionary[Current, Geometry] = WeakKeyDictionary()
+_GEOMETRIES: WeakKeyDictionary[Engine, Geometry] = WeakKeyDictionary()
 
 
 def _geometry(model: pin.Model) -> Geometry:
@@ -92,7 +91,7 @@ def _require_sst(found: Described) -> None:
         raise DescriptionError(found.source, problems)
 
 
-def _kernels(reference: Reference, off: str) -> Backend:
+def _kernels(reference: Reference, off: str) -> Kernels:
     from . import kernels  # at their first use: they import much
 
     return kernels.backend(reference, off)
@@ -149,7 +148,7 @@ class SST(ClosedChain):
             ('gamma_1', 'gamma_2', 'gamma_3')
         """
         found = read_urdf(path, cuts, default=YAML_PATH)
-        return cls._of_file(found, kernels)
+        return cls.from_description(found, kernels)
 
     @classmethod
     def from_mjcf(  # type: ignore[override]  # an SST has its motors
@@ -183,10 +182,11 @@ class SST(ClosedChain):
         made = _described(parameters_of(found.model, geometry, friction))
         for pose in found.model.referenceConfigurations:
             made.model.referenceConfigurations[pose.key()] = pose.data()
-        return cls._of_file(made, kernels)
+        return cls.from_description(made, kernels)
 
     @classmethod
-    def _of_file(cls, found: Described, kernels: bool = True) -> SST:
+    def from_description(cls, found: Described, kernels: bool = True) -> SST:
+        """As `ClosedChain.from_description`."""
         robot = cls.__new__(cls)
         robot._load(found, kernels)
         return robot
@@ -197,7 +197,7 @@ class SST(ClosedChain):
         what = found.model, found.closures, MOTOR_NAMES
         super().__init__(*what, coordinates=MOTOR_NAMES, forces=found.forces)
         off = "" if kernels else "switched off by kernels=False"
-        self._current = Current(self._current.mechanism, partial(_kernels, off=off))
+        self._engine = Engine(self._engine.mechanism, partial(_kernels, off=off))
         self._shapes = found.shapes
 
     def _fill(self, model: pin.Model, recipe: partial[Mechanism]) -> None:
@@ -214,10 +214,10 @@ class SST(ClosedChain):
             >>> robot.geometry.e[0]
             array([0., 0., 1.])
         """
-        current = self._current
-        if current not in _GEOMETRIES:
-            _GEOMETRIES[current] = _geometry(current.mechanism.model)
-        return _GEOMETRIES[current]
+        engine = self._engine
+        if engine not in _GEOMETRIES:
+            _GEOMETRIES[engine] = _geometry(engine.mechanism.model)
+        return _GEOMETRIES[engine]
 
     @property
     def parameters(self) -> Parameters:
@@ -417,7 +417,7 @@ class SST(ClosedChain):
             >>> robot.star_radius
             0.4
         """
-        model = self._current.mechanism.model
+        model = self._engine.mechanism.model
         if not model.existFrame("E"):
             return Parameters().star_radius
         return float(np.linalg.norm(frame_named(model, "E").placement.translation))
@@ -458,7 +458,7 @@ class SST(ClosedChain):
         return kernels.page_functions(self.mechanism) or super()._page_functions(q)
 
     def _require_limits(self, q: Array) -> None:
-        model = self._current.mechanism.model
+        model = self._engine.mechanism.model
         lower, upper = model.lowerPositionLimit, model.upperPositionLimit
         outside = (q < lower) | (q > upper)
         if outside.any():

@@ -109,7 +109,7 @@ def accelerations(chain: ClosedChain, q: Array, va: Array, tau: Array) -> Array:
 
 def _motion(chain: ClosedChain, q: Array, va: Array) -> _Rates:
     """Closures by Pinocchio's frames, and the rates that keep them closed."""
-    mechanism = chain._current.mechanism
+    mechanism = chain.mechanism
     Phi, _ = _rows(mechanism, q, np.zeros(mechanism.model.nv))
     right = np.concatenate([np.zeros(len(Phi)), va])
     v = _solve(np.vstack([Phi, mechanism.selection]), right)

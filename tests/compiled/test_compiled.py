@@ -14,7 +14,7 @@ import sst_pin
 import sst_pin.robots as robots_of_the_gallery
 from sst_pin.compiled import build, compiled_backend
 from sst_pin.dynamics.derivatives import TorqueDerivatives
-from sst_pin.engine.backend import Key
+from sst_pin.engine import Engine, Key
 from sst_pin.errors import CompilationError
 from tests.support import any_chain, link_tables
 from tests.support.files import ROOT
@@ -51,7 +51,7 @@ def moving(chain, count, seed=0):
 
 def left(chain, q, va, aa):
     """How many samples the kernels of torques and accelerations leave to the reference path."""
-    motors, kernels = len(chain.motor_names), chain._current.backend
+    motors, kernels = len(chain.motor_names), chain.engine.kernels
     tau = np.ones((len(q), motors))
     count = len(kernels.kernel(Key("accelerations")).many((q, va, tau), np.empty(va.shape)))
     if motors >= chain.degrees_of_freedom:
@@ -94,7 +94,7 @@ def test_one_motion_needs_no_preparation_for_its_forces(small, monkeypatch):
     kernels, reference = small
     (q,), (va,), (aa,) = moving(reference, 1, 4)
     expected = kernels.generalized_forces(q[None], va[None], aa[None])[0]
-    monkeypatch.setattr(type(kernels._current), "arguments", None)
+    monkeypatch.setattr(type(kernels.engine), "arguments", None)
     out = np.empty_like(expected)
     assert kernels.generalized_forces(q, va, aa, out=out) is out
     assert np.allclose(out, expected, rtol=1e-12)
@@ -141,7 +141,7 @@ def test_pivots_are_chosen_in_the_assembly_mode_of_the_coordinates():
 
 def test_the_binding_computes_with_rows_of_real_numbers_and_nothing_else(four_bar):
     (q, va, aa), out = moving(four_bar, 5), np.empty((5, 1))
-    kernel = four_bar._current.backend.kernel(Key("torques"))
+    kernel = four_bar.engine.kernel(Key("torques"))
     assert kernel.answer(q[0], va[0], aa[0], None, None, 1) is not None
     batch = kernel.answer(q, va[0], aa, None, None, 1)
     alone = [kernel.answer(q[k], va[0], aa[k], None, None, 1) for k in range(5)]
@@ -173,10 +173,10 @@ def test_the_binding_computes_with_rows_of_real_numbers_and_nothing_else(four_ba
 def test_whole_numbers_and_lists_are_answered_by_the_kernel_at_once(four_bar, numbers):
     """The caller would check them at some twenty times the cost; what is no number it refuses."""
     (q,), (va, aa) = moving(four_bar, 1)[0], (np.array([2]), np.array([-3]))
-    kernel, kind = four_bar._current.backend.kernel(Key("torques")), Key("torque_derivatives")
+    kernel, kind = four_bar.engine.kernel(Key("torques")), Key("torque_derivatives")
     found = kernel.answer(q, numbers(va.tolist()), numbers(aa.tolist()), None, None, 1)
     assert np.array_equal(found, four_bar.compute_torques(q, va * 1.0, aa * 1.0))
-    slopes = four_bar._current.backend.kernel(kind._replace(sign_width=1e-3))
+    slopes = four_bar.engine.kernel(kind._replace(sign_width=1e-3))
     assert slopes.derivatives(TorqueDerivatives, q, numbers([2]), numbers([-3]), 1) is not None
     for no_number in ([True], ["2"], [2j], [np.ma.masked], [10**400], np.array([True]), [None]):
         assert kernel.answer(q, no_number, aa * 1.0, None, None, 1) is None
@@ -224,7 +224,7 @@ def test_without_a_compiler_the_reason_is_said_and_the_reference_path_computes(
     q, va, aa = moving(chain, 1)
     assert np.isfinite(chain.compute_torques(q, va, aa)).all()
     assert "compile()" in chain.path
-    chain._current.kernels = compiled_backend.CompiledBackend
+    chain._engine = Engine(chain.mechanism, compiled_backend.CompiledBackend)
     elsewhere = pickle.loads(pickle.dumps(chain))
     assert np.isfinite(elsewhere.compute_torques(q, va, aa)).all()
     assert "no C compiler found" in elsewhere.path
@@ -289,7 +289,7 @@ def test_quaternions_stay_on_their_sphere_in_a_rollout(small):
 def test_verdicts_on_singularities_are_those_of_the_reference_path(small):
     chain, reference = small
     q, _, _ = any_chain.states(chain, 6, 3)
-    ours, theirs = chain._states(0.0), reference._states(0.0)
+    ours, theirs = chain.engine.states(0.0), reference.engine.states(0.0)
     for k in range(len(q)):
         condition = chain.condition_number(q[k])
         for states in (ours, theirs):

@@ -11,7 +11,7 @@ from sst_pin.compiled import c_code, kernels, statements
 from sst_pin.compiled.compiled_backend import DERIVATIVES, CompiledBackend
 from sst_pin.compiled.equations import Equations
 from sst_pin.compiled.generator_inputs import sample_configurations
-from sst_pin.engine.backend import Key
+from sst_pin.engine import Key
 from sst_pin.errors import InputError, UnknownNameError
 from sst_pin.model.mechanism import Friction
 from tests.support import any_chain
@@ -40,7 +40,7 @@ COMPILED = {"five-bar": lambda: of_gallery("five_bar"), "floating four-bar": flo
 def numbers(case, keys):
     """The reference path, kernels as functions of numbers, and f differentiated by CasADi."""
     chain = case.chain
-    reference, mechanism = chain._current.reference, chain._current.mechanism
+    reference, mechanism = chain.engine.reference, chain.mechanism
     samples = sample_configurations(reference, case.home)
     equations = Equations(mechanism, samples, loaded=True, smooth=True)
     own = mechanism.friction
@@ -129,8 +129,8 @@ def test_a_turn_of_the_base_about_the_vertical_changes_nothing():
 def test_displacement_rates_are_those_of_the_reference_path(name):
     chain = any_chain.with_joint(name)
     chain.generic_configuration()
-    mechanism, n = chain._current.mechanism, chain.degrees_of_freedom
-    reference = chain._current.reference
+    mechanism, n = chain.mechanism, chain.degrees_of_freedom
+    reference = chain.engine.reference
     equations = Equations(mechanism, sample_configurations(reference))
     kernel = kernels.make(equations, "displacement_rates")
     function = ca.Function("rates", [*kernel.inputs.values(), kernel.parameters], [kernel.output])
@@ -183,7 +183,7 @@ def test_the_reference_path_computes_a_frame_that_no_kernel_vouches_for(compiled
     closed, left = q[2, -1], []
     for step in np.geomspace(1e-8, 1e-4, 60):
         q[2, -1] = closed + step
-        left = ours._current.backend.kernel(Key("frame_drift", frame)).many((q, va), rows)
+        left = ours.engine.kernel(Key("frame_drift", frame)).many((q, va), rows)
         if len(left):
             break
     assert list(left) == [2]
@@ -233,7 +233,7 @@ def test_a_function_cut_into_parts_computes_the_same(monkeypatch):
     monkeypatch.setattr(statements, "_PART", 60)
     chain = of_gallery("four_bar").chain
     chain.compile()
-    chain._current.backend._content += b"cut"
+    chain.engine.kernels._content += b"cut"
     sources = []
     library = c_code.library
     monkeypatch.setattr(c_code, "library", lambda *a: sources.append(library(*a)) or sources[-1])

@@ -64,7 +64,7 @@ def test_rates_keep_the_loops_closed_and_the_coordinates(behind):
     for q, va, _, _ in case.states(3):
         v = door.rates(q, va)
         assert np.abs(case.chain.Phi(q) @ v).max() < 1e-13 * max(np.abs(v).max(), 1)
-        assert_allclose(v[case.chain._current.mechanism.coordinates], va, rtol=0, atol=1e-15)
+        assert_allclose(v[case.chain.mechanism.coordinates], va, rtol=0, atol=1e-15)
 
 
 def test_a_step_keeps_the_loops_closed_and_its_error_is_of_fifth_order(behind):

@@ -52,8 +52,8 @@ class Numbers:
 
     def __init__(self, chain):
         chain.generic_configuration()
-        self.mechanism = chain._current.mechanism
-        samples = sample_configurations(chain._current.reference)
+        self.mechanism = chain.mechanism
+        samples = sample_configurations(chain.engine.reference)
         self.equations = Equations(self.mechanism, samples)
         self.made = {}
 
@@ -194,10 +194,10 @@ def test_what_depends_on_parameters_alone_is_computed_once(name):
     """No sine, no division by a mass and no product of two parameters is left for the samples."""
     chain = any_chain.chain(kind="6d")
     chain.generic_configuration()
-    samples = sample_configurations(chain._current.reference)
-    body = c_code.body(kernels.make(Equations(chain._current.mechanism, samples), name))
+    samples = sample_configurations(chain.engine.reference)
+    body = c_code.body(kernels.make(Equations(chain.mechanism, samples), name))
     prepare, run = re.split(rf"(?:PART|static void) {name}(?:_\d+)?\(", body.text, maxsplit=1)
-    parameters = Equations(chain._current.mechanism, samples).parameters.size
+    parameters = Equations(chain.mechanism, samples).parameters.size
     assert body.size > parameters
     assert f"p[{parameters}] = " in prepare
     assert "x[" not in prepare
@@ -212,8 +212,8 @@ def test_operations_per_joint_of_a_ladder_do_not_depend_on_its_length():
     for bars in (4, 16, 96):
         chain = ladder(bars)
         q = chain.generic_configuration()
-        samples = sample_configurations(chain._current.reference, q)
-        kernel = kernels.make(Equations(chain._current.mechanism, samples), "torques")
+        samples = sample_configurations(chain.engine.reference, q)
+        kernel = kernels.make(Equations(chain.mechanism, samples), "torques")
         text = c_code.body(kernel).text
         counts.append(text.count("const real t") / chain.model.nv)
     assert max(counts) < 1.1 * min(counts)

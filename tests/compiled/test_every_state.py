@@ -6,8 +6,7 @@ import pinocchio as pin
 import pytest
 
 from sst_pin import SST, ClosureError, SingularConfigurationError
-from sst_pin.engine.backend import Key
-from sst_pin.engine.dispatch import assembled
+from sst_pin.engine import Key
 from tests.gallery import EVERY_ROBOT
 from tests.support.any_chain import with_joint
 
@@ -94,7 +93,7 @@ def test_kernels_give_the_numbers_of_the_reference_path_or_leave_the_state_to_it
     motors = len(reference.motor_names)
     allowed = np.maximum(1e-11, 100 * np.finfo(float).eps * conditions)
     assert kernels.path.startswith("compiled")
-    tau, found, backend = np.empty((len(q), motors)), np.empty_like(aa), kernels._current.backend
+    tau, found, backend = np.empty((len(q), motors)), np.empty_like(aa), kernels.engine.kernels
     expected = reference.compute_torques(q, va, aa)
     left = backend.kernel(Key("torques")).many((q, va, aa), tau)
     kept = np.delete(np.arange(len(q)), left)
@@ -139,7 +138,7 @@ def test_loops_close_by_kernels_as_on_the_reference_path(name):
                     kernels.assemble(guess)
                 continue
             assert np.abs(kernels.assemble(guess) - expected).max() < 1e-12
-            by_kernels += assembled(kernels._current, guess) is not None
+            by_kernels += kernels.engine.closed_near(guess) is not None
     assert by_kernels >= 10
 
 

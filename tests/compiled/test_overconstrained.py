@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
-from sst_pin.engine.backend import Key
+from sst_pin.engine import Key
 from sst_pin.simulation.energy import energy_balance
 from tests.gallery import ladder
 from tests.support.by_hand import add, at, mark
@@ -139,7 +139,7 @@ def test_loops_turn_fully_by_kernels_and_follow_the_reference_path(name):
     ):
         expected = theirs(q, va, aa)
         key, result = Key(ours.__name__.removeprefix("compute_")), np.empty_like(expected)
-        assert not len(kernels._current.backend.kernel(key).many((q, va, aa), result))
+        assert not len(kernels.engine.kernel(key).many((q, va, aa), result))
         # Condition numbers are below 1e3.
         assert np.allclose(result, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
 
@@ -215,4 +215,4 @@ def test_an_open_loop_is_refused_whichever_row_is_open():
     random, zero = np.random.default_rng(1), np.zeros(1)
     for _ in range(20):
         aside = q + 1e-5 * random.normal(size=3)
-        assert chain._current.torques_of(aside, zero, zero, None, None, 1) is None
+        assert chain.engine.torques(aside, zero, zero, None, None, 1) is None

@@ -183,7 +183,7 @@ def test_kernels_compute_what_the_reference_path_computes(name, method, request,
         raise AssertionError("a sample is handed over")
 
     for quantity in QUANTITIES:
-        monkeypatch.setattr(kernels._current.reference, quantity, handed_over, raising=False)
+        monkeypatch.setattr(kernels.engine.reference, quantity, handed_over, raising=False)
     tolerance = TOLERANCES.get(name, 1e-11)
     for loads, wanted in zip(loaded, expected, strict=True):
         scale = np.nanmax(np.abs(wanted[0])) if method == "reactions" else None

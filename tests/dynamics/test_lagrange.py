@@ -180,7 +180,7 @@ def test_forces_that_nobody_supplies_are_named():
     f = chain.generalized_forces(q, va, aa)
     with pytest.raises(ActuationError, match="no motor supplies") as caught:
         chain.compute_torques(q, va, aa)
-    names = chain._current.mechanism.coordinate_rate_names
+    names = chain.mechanism.coordinate_rate_names
     driven = {"a0_RX", "b0_RZ"}
     expected = {n: x for n, x in zip(names, f, strict=True) if n not in driven}
     assert set(caught.value.missing) == set(expected)

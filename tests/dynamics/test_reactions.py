@@ -391,7 +391,7 @@ def test_andrews_multipliers_are_the_published_ones():
     R = data.oMf[chain.model.getFrameId("tip_of_theta")].rotation[:2, :2]
     assert w.closures[:, 3:5] @ R.T == pytest.approx(-published, abs=1e-7 * 199)
 
-    memory = chain._current.reference.memory
+    memory = chain.engine.reference.memory
     memory.evaluate(q)
     needed = pin.rnea(memory.model, memory.data, q, v, v_dot)
     needed -= dynamics.applied_forces(memory, chain.friction, q, v, None, np.array([0.033]))

@@ -58,7 +58,7 @@ def closed(chain, *angles):
 
 def whole(chain, Phi, right):
     """Least squares over all loops at once: Phi x = right, coordinates at rest."""
-    mechanism = chain._current.mechanism
+    mechanism = chain.mechanism
     system = np.concatenate((Phi, mechanism.selection))
     zeros = np.zeros((len(mechanism.selection), right.shape[1]))
     return np.linalg.lstsq(system, np.concatenate((right, zeros)), rcond=None)[0]
@@ -78,7 +78,7 @@ def test_blocks_solve_what_all_loops_at_once_do(name):
     build, count = ROBOTS[name]
     chain, random = build(), np.random.default_rng(1)
     q = closed(chain, 0.9, 0.7) if name == "four-bars" else chain.generic_configuration()
-    memory = Memory(chain._current.mechanism)
+    memory = Memory(chain.mechanism)
     memory.evaluate(q)
     Phi = memory.loops.Phi()
     memory.complement.factorise(Phi)
@@ -103,7 +103,7 @@ def test_blocks_solve_what_all_loops_at_once_do(name):
 def test_a_block_of_a_ladder_is_as_large_as_that_of_any_other(cells):
     """Memory and operations are in proportion to the number of loops."""
     chain = ladder(cells)
-    memory = Memory(chain._current.mechanism)
+    memory = Memory(chain.mechanism)
     assert [len(block.rates) for block in memory.complement.blocks] == [2] * cells
     assert [int(row.sum()) for row in memory.loops.touched] == [3] * 3 * cells
 

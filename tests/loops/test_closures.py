@@ -163,7 +163,7 @@ def test_names_of_coordinates_and_rates_fit_every_joint():
     for name, parts in TREES.items():
         chain = ClosedChain(tree(*parts, seed=13), [Closure("A", "B", "3d")], [])
         model = chain.model
-        space = chain._current.mechanism.space
+        space = chain.mechanism.space
         assert len(set(space.position_names)) == model.nq, name
         assert len(set(space.rate_names)) == model.nv, name
         random = np.random.default_rng(14)

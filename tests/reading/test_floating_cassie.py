@@ -69,7 +69,7 @@ def differences(path, time_constant):
             if data.time > DURATION / 2 and step % round(0.01 / mj.opt.timestep) == 0:
                 mujoco.mj_forward(mj, data)
                 q, v, v_dot = pinocchio_state(mj, data)
-                coordinates = chain._current.mechanism.coordinates
+                coordinates = chain.mechanism.coordinates
                 q = chain.assemble(q)
                 wrenches = contact_wrenches(mj, data, chain)
                 forces = chain.generalized_forces(

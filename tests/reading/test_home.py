@@ -225,7 +225,7 @@ def test_a_generic_configuration_lies_near_home():
         model = pin.Model(robot.model)
         model.referenceConfigurations["home"] = home
         chain = sst_pin.ClosedChain(model, robot.closures, robot.motor_names)
-        kernels = sample_configurations(chain._current.reference)
+        kernels = sample_configurations(chain.engine.reference)
         for q in (chain.generic_configuration(), kernels[0]):
             assert 0 < np.abs(q - home).max() < 0.3 < np.abs(q - rest).max()
     assert np.abs(home - robot.home).max() > 1

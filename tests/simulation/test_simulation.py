@@ -268,7 +268,7 @@ def test_derivatives_of_states_are_those_of_their_rates(name, kernels):
     chain = DIFFERENTIATED[name]()
     if kernels:
         chain.compile()
-    states, random = chain._states(0.1), np.random.default_rng(1)
+    states, random = chain.engine.states(0.1), np.random.default_rng(1)
     n, motors = chain.degrees_of_freedom, chain.actuation.shape[1]
     state, tau = np.concatenate([chain.home, random.normal(size=n) / 2]), random.normal(size=motors)
     by_state, by_tau = states.derivatives(state, tau, None)

@@ -11,7 +11,7 @@ import pytest
 
 import sst_pin
 from sst_pin.compiled import _binding
-from sst_pin.engine.backend import Key
+from sst_pin.engine import Key
 from sst_pin.sst import kernels
 from sst_pin.verification.sampling import random_parameters, random_state, random_states
 from tests.support.without_kernels import on_reference_path
@@ -245,7 +245,7 @@ def test_every_instruction_set_of_the_machine_computes_the_same(robot):
     sets = ["avx512", "avx2", "avx2_one", "plain", "plain_one"]  # each has all after it
     arguments = robot.joint_motion(*random_states(robot, np.random.default_rng(8), 20))
     expected = robot.compute_torques(*arguments)
-    mechanism = robot._current.reference.mechanism
+    mechanism = robot.engine.reference.mechanism
     numbers = kernels.open_numbers(mechanism).pack(mechanism, mechanism.friction)
     for target in sets[sets.index(_binding.INSTRUCTIONS) :]:
         code = kernels.code(Key("torques"), target)

@@ -74,7 +74,7 @@ def test_samples_hold_the_torques_asked_for_and_the_rates_of_the_motion(robot, l
 @pytest.mark.parametrize("gap", [1e-9, 1e-4, 1e-2])
 def test_rates_are_those_of_the_closed_loops(robot, gap):
     """Where passive joints have drifted, and in a trial step that goes far off."""
-    fast, slow = (r._states(0.0) for r in (robot, on_reference_path(robot)))
+    fast, slow = (r.engine.states(0.0) for r in (robot, on_reference_path(robot)))
     rng = np.random.default_rng(2)
     for _ in range(5):
         q, va, tau = robot.joint_motion(*random_state(robot, rng))

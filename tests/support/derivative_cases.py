@@ -46,7 +46,7 @@ class Case:
 
     def L(self, q):
         """Phi L = 0, units at the coordinates."""
-        coordinates = self.chain._current.mechanism.coordinates
+        coordinates = self.chain.mechanism.coordinates
         n, nv = len(coordinates), self.chain.model.nv
         system = np.vstack([self.chain.Phi(q), np.eye(nv)[coordinates]])
         right = np.vstack([np.zeros((len(system) - n, n)), np.eye(n)])

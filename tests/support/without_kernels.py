@@ -4,7 +4,7 @@
 import copy
 from functools import partial
 
-from sst_pin.engine.current import Current
+from sst_pin.engine import Engine
 from sst_pin.sst import kernels
 
 
@@ -12,6 +12,6 @@ def on_reference_path(robot):
     """An SST without its kernels."""
     slow = copy.copy(robot)
     off = partial(kernels.backend, off="for comparison")
-    slow._current = Current(robot._current.mechanism, off)
+    slow._engine = Engine(robot.engine.mechanism, off)
     assert slow.path == "the reference path: for comparison"
     return slow

@@ -20,7 +20,7 @@ from ...compiled.compiled_backend import DERIVATIVES, CompiledBackend
 from ...compiled.open_numbers import OpenNumbers
 from ...description.frames import JOINT_NAMES, MOTOR_NAMES
 from ...dynamics.reference import Reference
-from ...engine.backend import Key
+from ...engine import Key
 from ...errors import CompilationError
 from ...model.closures import Closure
 from ...model.mechanism import Mechanism

@@ -3,7 +3,7 @@
 
 from difflib import get_close_matches
 
-from ..errors import AssignmentError
+from .errors import AssignmentError
 
 _CURES = {
     "model": "change its contents, such as robot.model.gravity.linear = [0, 0, -1.62], and call "

@@ -1,0 +1,399 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""`Engine`: computes the quantities of one mechanism, by compiled kernels or the reference path."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import cached_property, partial
+from typing import Any, NamedTuple, Protocol, TypeVar
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from .arrays import (
+    Array,
+    Indices,
+    as_array,
+    finite_array,
+    for_each_sample,
+    positive_number,
+    require_policy,
+    single_array,
+    whole_number,
+)
+from .dynamics.derivatives import AccelerationDerivatives, TorqueDerivatives
+from .dynamics.quantities import QUANTITIES, Name, Quantity
+from .dynamics.reference import Reference
+from .errors import ClosureError, InputError, SSTError
+from .loops.assembly import home_of
+from .loops.coordinates import examples
+from .loops.loops import Loops
+from .loops.mobility import Mobility, judge
+from .model.closures import Rolling
+from .model.mechanism import Friction, Mechanism
+from .model.tree import frame_id
+from .states import ReferenceStates, States
+from .summaries import listed
+
+D = TypeVar("D", TorqueDerivatives, AccelerationDerivatives)
+#: Names of derivatives, and of their third argument.
+_DERIVATIVES: dict[type, tuple[Name, str]] = {
+    TorqueDerivatives: ("torque_derivatives", "aa"),
+    AccelerationDerivatives: ("acceleration_derivatives", "tau"),
+}
+#: The longest first Newton step of an assembly by kernels, [rad] or robot lengths; the largest
+#: ratio of a step to the one before; a step after which the next one is rounding; and rounding.
+_NEAR, _SHRINKS, _LAST, _ROUNDING = 0.1, 0.1, 1e-9, 1e-14
+
+
+class Key(NamedTuple):
+    """What a kernel computes.
+
+    Attributes:
+        quantity: Its name in the table of quantities.
+        frame: Name of the frame, for a quantity of a frame.
+        loaded: Whether external wrenches act.
+        along: Whether it takes one sample at a time, several directions of derivatives at once.
+        sign_width: Width within which Coulomb friction is smooth, for derivatives.
+    """
+
+    quantity: Name
+    frame: str | None = None
+    loaded: bool = False
+    along: bool = False
+    sign_width: float | None = None
+
+    @property
+    def kind(self) -> Quantity:
+        """Properties of the quantity."""
+        return QUANTITIES[self.quantity]
+
+    @property
+    def entry(self) -> str:
+        """The name of its functions in C."""
+        return "_".join([self.quantity, *["along"] * self.along, *["loaded"] * self.loaded])
+
+    def __str__(self) -> str:
+        return self.entry if self.frame is None else f"{self.entry} {self.frame}"
+
+
+class Kernel(Protocol):
+    """Compiled code of one quantity."""
+
+    def answer(self, a: Any, b: Any, c: Any, load: Any, out: Any, threads: Any, /) -> Array | None:
+        """The result for arguments as the caller gave them, for one sample or a batch.
+
+        None if the arguments must be checked first, or if a sample fails the checks.
+        """
+
+    def derivatives(self, kind: Any, a: Any, b: Any, c: Any, threads: Any, /) -> Any:
+        """Derivatives by a, b and c as a named tuple of this kind, or None as `answer`."""
+
+    def many(self, arrays: tuple[Array, ...], out: Array, threads: int = 1, /) -> Indices:
+        """Fill results of N samples, shape (N, size); indices of those that fail the checks.
+
+        Arguments have shapes (N, ...), q first; external wrenches have shape (N, 6 r).
+        """
+
+
+class Kernels(Protocol):
+    """Compiled kernels of one mechanism.
+
+    Results are those of the functions of `Reference`. Samples that fail a check (an open loop, a
+    singular configuration, a number that is not finite) are computed by the reference path, which
+    raises the error where there is no result.
+    """
+
+    def __str__(self) -> str:
+        """What computes, in words."""
+
+    def kernel(self, key: Key, /) -> Kernel | None:
+        """The kernel of a quantity, made at its first use; None if it cannot be compiled."""
+
+    def states(self, friction: Friction) -> States:
+        """The state space with this friction instead of the mechanism's."""
+
+
+class Engine:
+    """Computes the quantities of one mechanism. An engine never changes.
+
+    Args:
+        mechanism: The mechanism.
+        make_kernels: Makes its kernels at their first use; None to compute by the reference path.
+        kernels: The kernels, if they exist already.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        make_kernels: Callable[[Reference], Kernels] | None = None,
+        kernels: Kernels | None = None,
+    ) -> None:
+        self.mechanism, self.make_kernels = mechanism, make_kernels
+        self.reference = Reference(mechanism)
+        if kernels is not None:
+            self._kernels = kernels
+
+    def __reduce__(self) -> tuple[Callable[..., Engine], tuple[object, ...]]:
+        return _unpickled, (self.mechanism, self.make_kernels)
+
+    # --- what computes ----------------------------------------------------------------------
+
+    @cached_property
+    def _kernels(self) -> Kernels | str:
+        """The kernels, or why there are none."""
+        if self.make_kernels is None:
+            return "no kernels yet; compile() makes them"
+        try:
+            return self.make_kernels(self.reference)
+        except SSTError as error:
+            return str(error)
+
+    @cached_property
+    def kernels(self) -> Kernels | None:
+        """The compiled kernels; None where the reference path computes everything."""
+        return None if isinstance(self._kernels, str) else self._kernels
+
+    @property
+    def path(self) -> str:
+        """What computes, and why."""
+        return f"the reference path: {self._kernels}" if self.kernels is None else str(self.kernels)
+
+    def kernel(self, key: Key) -> Kernel | None:
+        """The kernel of a quantity; None where the reference path computes it."""
+        return None if self.kernels is None else self.kernels.kernel(key)
+
+    def answer(self, key: Key, *arguments: Any) -> Array | None:
+        """`Kernel.answer` of a quantity; None where the reference path must compute it."""
+        kernel = self.kernel(key)
+        return None if kernel is None else kernel.answer(*arguments)
+
+    @cached_property
+    def torques(self) -> Callable[..., Array | None] | None:
+        """`Kernel.answer` of inverse dynamics, for control loops."""
+        kernel = self.kernel(Key("torques"))
+        return None if kernel is None else kernel.answer
+
+    @cached_property
+    def accelerations(self) -> Callable[..., Array | None] | None:
+        """`Kernel.answer` of direct dynamics, for control loops."""
+        kernel = self.kernel(Key("accelerations"))
+        return None if kernel is None else kernel.answer
+
+    def states(self, sign_width: float) -> States:
+        """The state space for an integrator, with the sign of Coulomb friction smoothed."""
+        friction = replace(self.mechanism.friction, sign_width=sign_width)
+        if self.kernels is None:
+            return ReferenceStates(self.reference, friction)
+        return self.kernels.states(friction)
+
+    def compute(
+        self,
+        key: Key,
+        q: ArrayLike,
+        *,
+        load: Array | None = None,
+        options: Mapping[str, Array] | None = None,
+        out: Array | None = None,
+        threads: int = 1,
+        on_error: str = "raise",
+        **arguments: Any,
+    ) -> Array:
+        """A quantity, for one sample or a batch.
+
+        Args:
+            key: The quantity.
+            q: Configurations, shape (..., nq).
+            load: Wrenches on all bodies, shape (..., r, 6).
+            options: Arguments of the reference path for which there are no kernels.
+            out: Array for the result.
+            threads: Number of threads of kernels.
+            on_error: "raise", or "nan" to set the results of bad samples to NaN.
+            arguments: The arguments after q by name, in the order of the quantity's function.
+
+        Returns:
+            The shape of the quantity, behind the leading axes of the arguments.
+        """
+        kind = key.kind
+        absent = [None for value in arguments.values() if value is None and kind.tau_optional]
+        if absent:
+            del arguments["tau"]
+        arrays: list[Array | None] = [*self.arguments(q, **arguments), *absent]
+        axes = [1] * len(arrays)
+        function: Callable[..., Array] = partial(kind.reference, self.reference)
+        if kind.of_frame:
+            function = partial(function, frame=frame_id(self.mechanism.model, key.frame))
+        if kind.smooth:
+            function = partial(function, sign_width=key.sign_width)
+        if options:
+            function = partial(function, **options)
+        if kind.loadable:
+            arrays, axes = [*arrays, load], [*axes, 2]
+        require_policy(on_error)
+        threads = whole_number("threads", threads, 1)
+        if self.kernels is None and out is None and on_error == "raise":
+            pairs = zip(arrays, axes, strict=True)
+            if all(array is None or array.ndim == core for array, core in pairs):
+                return function(*arrays)  # the short way for one sample
+
+        def fill(flat: list[Array | None], result: Array) -> Indices:
+            rows = [np.require(a, float, "A") for a in flat if a is not None]
+            loaded = rows[-1].ndim == 3
+            if loaded:
+                rows[-1] = rows[-1].reshape(len(result), 6 * (self.mechanism.model.njoints - 1))
+            kernel = None if options else self.kernel(key._replace(loaded=loaded))
+            if kernel is None:
+                return np.arange(len(result))
+            return kernel.many(tuple(rows), result, min(threads, sys.maxsize))
+
+        shape = kind.shape(self.mechanism)
+        fast = None if self.kernels is None else fill
+        return for_each_sample(function, arrays, axes, shape, on_error=on_error, out=out, fast=fast)
+
+    def derivatives(
+        self,
+        kind: type[D],
+        q: ArrayLike,
+        va: ArrayLike,
+        x: ArrayLike,
+        load: Array | None,
+        *,
+        sign_width: float,
+        out: Array | None = None,
+        threads: int = 1,
+        on_error: str = "raise",
+    ) -> D:
+        """Derivatives of torques by q, va and aa, or of accelerations by q, va and tau."""
+        name, argument = _DERIVATIVES[kind]
+        key = Key(name, sign_width=positive_number("sign_width", sign_width))
+        kernel = self.kernel(key)
+        if kernel is not None and load is out is None and on_error == "raise":
+            result: D | None = kernel.derivatives(kind, q, va, x, threads)
+            if result is not None:
+                return result
+        options: dict[str, Any] = {"out": out, "threads": threads, "on_error": on_error}
+        options |= {"va": va, argument: x}
+        rows = np.asarray(self.compute(key, q, load=load, **options))
+        n = rows.shape[-2]
+        return kind(*np.split(rows, (n, 2 * n), axis=-1))
+
+    def line_rates(self, q: ArrayLike, v: Array) -> Array:
+        """Rates of the lengths of the lines at rates v of the tree, shape (..., lines)."""
+        lines = len(self.mechanism.lines.forces)
+        if not lines:
+            return np.zeros((*v.shape[:-1], 0))
+        arrays = [self.configurations(q), v]
+        return for_each_sample(self.reference.line_rates, arrays, (1, 1), (lines,))
+
+    # --- arguments --------------------------------------------------------------------------
+
+    def arguments(self, q: ArrayLike, **others: ArrayLike) -> list[Array]:
+        """Arguments as arrays of the mechanism's shapes, q first, the others by name."""
+        mechanism = self.mechanism
+        mechanism.require_freedom()
+        n, motors = len(mechanism.coordinates), mechanism.motors.shape[1]
+        arrays = [self.configurations(q)]
+        for name, value in others.items():
+            try:
+                arrays.append(as_array(name, value, (motors if name == "tau" else n,)))
+            except InputError as error:
+                if name != "tau" and n != motors:
+                    error.args = (
+                        f"{error.args[0]}: one for each rate of the coordinates "
+                        f"{listed(mechanism.coordinate_rate_names)}; in another assembly make it "
+                        "home, or give coordinates=",
+                    )
+                raise
+        return arrays
+
+    def configurations(self, q: ArrayLike) -> Array:
+        """One or many configurations, shape (..., nq)."""
+        return as_array("q", q, (self.mechanism.model.nq,))
+
+    def wrenches(self, wrenches: ArrayLike | None, on_error: str) -> Array | None:
+        """External wrenches on all bodies, shape (..., r, 6), or None.
+
+        Kernels leave out wrenches that do no work, so numbers that are not finite are refused here.
+        """
+        if wrenches is None:
+            return None
+        shape = self.mechanism.model.njoints - 1, 6
+        if on_error != "nan":
+            return finite_array("external_wrenches", wrenches, shape)
+        array = as_array("external_wrenches", wrenches, shape)
+        finite = np.isfinite(array).all(axis=(-2, -1), keepdims=True)
+        return np.where(finite, array, np.nan)
+
+    def single(self, q: ArrayLike) -> Array:
+        """One configuration on the manifold, shape (nq,)."""
+        array = single_array("q", q, (self.mechanism.model.nq,))
+        self.mechanism.space.require_on_manifold(array)
+        return array
+
+    # --- configurations ---------------------------------------------------------------------
+
+    def loops_at(self, q: ArrayLike) -> Loops:
+        """This thread's loops, evaluated at one configuration."""
+        array = self.single(q)
+        loops = self.reference.memory.loops
+        loops.evaluate(array)
+        return loops
+
+    def closed_near(self, q: Array) -> Array | None:
+        """The closed configuration near q with the coordinates held, by kernels; None if not near.
+
+        Newton steps that start short and shrink fast lead to the one solution nearby, which is that
+        of the reference path too.
+        """
+        mechanism, kernel = self.mechanism, self.kernel(Key("closing"))
+        rolling = any(isinstance(closure, Rolling) for closure in mechanism.closures)
+        if kernel is None or rolling or mechanism.held_in_part:  # the path to the solution counts
+            return None
+        result, before = np.full((1, len(q) + 2), np.nan), _NEAR / _SHRINKS
+        while True:
+            failures = kernel.many((q[None],), result)
+            step = pin.difference(mechanism.model, q, result[0, :-2]) / mechanism.rate_scale
+            length = float(np.abs(step).max(initial=0.0))
+            if not length <= _SHRINKS * before:
+                return None
+            if not length < _ROUNDING:  # a closed configuration stays as it is
+                q, before = result[0, :-2].copy(), length
+            if length < _LAST:
+                return None if len(failures) else q
+
+    @cached_property
+    def home(self) -> Array | None:
+        """The home of the model with closed loops, shape (nq,); None without one."""
+        mechanism = self.mechanism
+        q = home_of(mechanism)
+        if q is None:
+            return None
+        try:
+            self.loops_at(q).require_closed(mechanism.row_scale)
+        except ClosureError:
+            return self.reference.memory.assembly.assemble(q, mechanism.dependent)
+        return q
+
+    def example(self) -> Array:
+        """A configuration with closed loops and without symmetry, shape (nq,)."""
+        if self.mechanism.example is None:
+            return next(examples(self.reference.memory.assembly))
+        return self.mechanism.example.copy()
+
+    def mobility(self, q: ArrayLike | None = None) -> Mobility:
+        """Degrees of freedom and motors; see `ClosedChain.mobility`."""
+        where = "a random assembled configuration" if q is None else "the configuration given"
+        at = self.example() if q is None else self.single(q)
+        return judge(self.mechanism, self.reference.memory.loops, at, where)
+
+
+def _unpickled(mechanism: Mechanism, make_kernels: Callable[..., Kernels] | None) -> Engine:
+    """An engine with a copy of the model: mimic joints of an unpickled model end the process.
+
+    Arrays are read-only again.
+    """
+    parts = {name: replace(getattr(mechanism, name)) for name in ("friction", "springs")}
+    return Engine(replace(mechanism, model=pin.Model(mechanism.model), **parts), make_kernels)

@@ -1,2 +1,0 @@
-# SPDX-License-Identifier: BSD-2-Clause
-"""What computes a quantity, on either path."""
