@@ -1,11 +1,62 @@
 # SPDX-License-Identifier: BSD-2-Clause
 # The public names. `__init__.py` reads this list, and so do editors and type checkers.
 
+# Rooms
+from . import control as control
+from . import errors as errors
 from . import identification as identification
 from . import plots as plots
 from . import robots as robots
 from . import viewer as viewer
+
+# Robots and what closes and drives them
 from .closed_chain import ClosedChain as ClosedChain
+from .model.closures import Closure as Closure
+from .model.closures import Coupling as Coupling
+from .model.closures import Distance as Distance
+from .model.closures import Rolling as Rolling
+from .model.lines import LineForce as LineForce
+
+# The SST and its files
+from .description.folder import MJCF_PATH as MJCF_PATH
+from .description.folder import PACKAGE_PATH as PACKAGE_PATH
+from .description.folder import REPOSITORY_PATH as REPOSITORY_PATH
+from .description.folder import SRDF_PATH as SRDF_PATH
+from .description.folder import URDF_PATH as URDF_PATH
+from .description.folder import YAML_PATH as YAML_PATH
+from .description.parameters import Parameters as Parameters
+from .description.parameters import RigidBody as RigidBody
+from .sst.kinematics import BRANCHES as BRANCHES
+from .sst.robot import SST as SST
+from .sst.robot_wrapper import load as load
+
+# Files of robots
+from .reading.loop_closures import write_loop_closures as write_loop_closures
+from .reading.validate import Problem as Problem
+from .reading.validate import validate as validate
+
+# Results of the dynamics
+from .dynamics.dynamics import ReducedTerms as ReducedTerms
+from .dynamics.reactions import Reactions as Reactions
+from .dynamics.regressor import DynamicParameters as DynamicParameters
+
+# Motions
+from .simulation.bearing_loads import Loads as Loads
+from .simulation.coordinate_motions import coordinate_motion as coordinate_motion
+from .simulation.crossings import Crossing as Crossing
+from .simulation.energy import energy_error as energy_error
+from .simulation.frame_motions import frame_motion as frame_motion
+from .simulation.rollouts import Rollout as Rollout
+from .simulation.sampled_torques import SampledTorque as SampledTorque
+from .simulation.trajectories import Trajectory as Trajectory
+from .sst.platform_motion import PlatformMotion as PlatformMotion
+from .sst.platform_motion import interpolate_orientations as interpolate_orientations
+from .sst.platform_motion import orientation as orientation
+from .sst.platform_motion import orientation_motion as orientation_motion
+from .sst.platform_motion import orientation_path as orientation_path
+from .sst.platform_motion import paper_circle as paper_circle
+
+# Control
 from .control.adaptive_control import Adaptive as Adaptive
 from .control.controllers import ComputedTorque as ComputedTorque
 from .control.controllers import GravityPD as GravityPD
@@ -19,17 +70,8 @@ from .control.reach import ReachMap as ReachMap
 from .control.reach import reach_map as reach_map
 from .control.serial_view import SerialView as SerialView
 from .control.timing import time_optimal as time_optimal
-from .description.folder import MJCF_PATH as MJCF_PATH
-from .description.folder import PACKAGE_PATH as PACKAGE_PATH
-from .description.folder import REPOSITORY_PATH as REPOSITORY_PATH
-from .description.folder import SRDF_PATH as SRDF_PATH
-from .description.folder import URDF_PATH as URDF_PATH
-from .description.folder import YAML_PATH as YAML_PATH
-from .description.parameters import Parameters as Parameters
-from .description.parameters import RigidBody as RigidBody
-from .dynamics.dynamics import ReducedTerms as ReducedTerms
-from .dynamics.reactions import Reactions as Reactions
-from .dynamics.regressor import DynamicParameters as DynamicParameters
+
+# Errors and warnings
 from .errors import ActuationError as ActuationError
 from .errors import AssignmentError as AssignmentError
 from .errors import ClosureError as ClosureError
@@ -48,29 +90,4 @@ from .errors import SingularityWarning as SingularityWarning
 from .errors import SSTError as SSTError
 from .errors import UnknownNameError as UnknownNameError
 from .errors import WorkspaceError as WorkspaceError
-from .model.closures import Closure as Closure
-from .model.closures import Coupling as Coupling
-from .model.closures import Distance as Distance
-from .model.closures import Rolling as Rolling
-from .model.lines import LineForce as LineForce
-from .reading.loop_closures import write_loop_closures as write_loop_closures
-from .reading.validate import Problem as Problem
-from .reading.validate import validate as validate
-from .simulation.bearing_loads import Loads as Loads
-from .simulation.coordinate_motions import coordinate_motion as coordinate_motion
-from .simulation.crossings import Crossing as Crossing
-from .simulation.energy import energy_error as energy_error
-from .simulation.frame_motions import frame_motion as frame_motion
-from .simulation.rollouts import Rollout as Rollout
-from .simulation.sampled_torques import SampledTorque as SampledTorque
-from .simulation.trajectories import Trajectory as Trajectory
-from .sst.kinematics import BRANCHES as BRANCHES
-from .sst.platform_motion import PlatformMotion as PlatformMotion
-from .sst.platform_motion import interpolate_orientations as interpolate_orientations
-from .sst.platform_motion import orientation as orientation
-from .sst.platform_motion import orientation_motion as orientation_motion
-from .sst.platform_motion import orientation_path as orientation_path
-from .sst.platform_motion import paper_circle as paper_circle
-from .sst.robot import SST as SST
-from .sst.robot_wrapper import load as load
 from .version import __version__ as __version__
