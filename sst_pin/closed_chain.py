@@ -1181,7 +1181,7 @@ class ClosedChain(Summary):
         try:
             from .compiled.page_code import functions_of
         except ModuleNotFoundError:
-            raise MissingExtraError("casadi", "compile") from None
+            raise MissingExtraError("casadi", "viz") from None
         return functions_of(self._engine.reference, q)
 
     # --- motions ----------------------------------------------------------------------------
@@ -1565,7 +1565,7 @@ class ClosedChain(Summary):
             reactions: Whether arrows show the forces in joints and closures; stiffnesses, as in
                 `reactions`, where these are not unique.
             live: Whether the page also computes: the robot can be dragged, released and pushed,
-                without a server, in one file. The equations need CasADi (`sst-pin[compile]`).
+                without a server, in one file.
             ghost: A second motion, such as the planned one, which a translucent robot plays at the
                 same times.
 
@@ -1573,7 +1573,7 @@ class ClosedChain(Summary):
             The viewer. `save` writes a page, a picture or an animation; `close` stops the server.
 
         Raises:
-            MissingExtraError: Without the extra `sst-pin[viz]`; for a live page without CasADi.
+            MissingExtraError: Without the extra `sst-pin[viz]`.
             DescriptionError: If a mesh cannot be loaded; for a live page of a robot without
                 compiled equations.
             InputError: For the motion of another robot, or a ghost at other times than the motion.

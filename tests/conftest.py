@@ -19,6 +19,14 @@ def robot():
     return sst_pin.SST()
 
 
+@pytest.fixture(scope="session")
+def compiled_robot(cache_of_the_run):
+    """The paper's robot by kernels."""
+    robot = sst_pin.SST()
+    robot.compile(robot.home)
+    return robot
+
+
 @pytest.fixture(scope="session", params=range(4))
 def odd(request):
     """An SST far from the paper's, friction in all joints."""

@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 import sst_pin
 from sst_pin import arrays
 from sst_pin.compiled import _binding
-from sst_pin.sst import kernels
 from sst_pin.verification.sampling import random_states
 from tests.support import any_chain, link_tables
 from tests.support.bad_calls import (
@@ -27,8 +26,14 @@ from tests.support.bad_calls import (
     real_arrays,
 )
 
-compiled = pytest.mark.skipif(bool(kernels.missing()), reason=f"no kernels: {kernels.missing()}")
 HOME = sst_pin.SST().home
+
+
+def sst(compiled):
+    robot = sst_pin.SST()
+    if compiled:
+        robot.compile(HOME)
+    return robot
 
 
 @pytest.fixture(scope="module", params=["kernels", "reference path", "compiled four-bar"])
@@ -38,7 +43,7 @@ def case(request):
         chain = link_tables.four_bar(link_tables.SKEW_PLANE).chain()
         chain.compile()
         return chain, *any_chain.states(chain, 40, 0)
-    robot = sst_pin.SST(kernels=request.param == "kernels")
+    robot = sst(compiled=request.param == "kernels")
     return robot, *robot.joint_motion(*random_states(robot, np.random.default_rng(3), 40))
 
 
@@ -104,7 +109,7 @@ def test_an_unknown_integrator_is_named(robot, method):
 @pytest.mark.parametrize("fast", [True, False])
 def test_bad_options_are_refused_on_every_call(fast):
     """Before the kernels are made and afterwards, with samples at fault and without."""
-    robot, q, rates = sst_pin.SST(kernels=fast), np.tile(HOME, (3, 1)), np.zeros((3, 3))
+    robot, q, rates = sst(fast), np.tile(HOME, (3, 1)), np.zeros((3, 3))
     for _ in range(2):
         for name, value in (("out", False), ("threads", 0), ("on_error", True)):
             for method in (robot.compute_torques, robot.compute_accelerations):
@@ -121,7 +126,7 @@ def test_bad_options_are_refused_on_every_call(fast):
 )
 def test_real_numbers_of_any_kind_are_numbers(fast, kind):
     """Rates that every kind can hold exactly give the same bits."""
-    robot = sst_pin.SST(kernels=fast)
+    robot = sst(fast)
     rates, more = np.array([1.0, 2, 3]), np.array([4.0, 0, 5])
     expected = robot.compute_torques(HOME, rates, more)
     given = (rates.tolist(), more.tolist())
@@ -228,7 +233,6 @@ def test_exact_fractions_are_converted_by_the_caller(robot):
         robot.compute_torques(HOME, np.zeros(3), [Fraction(1, 3)] * 3)
 
 
-@compiled
 def test_the_binding_says_what_its_stub_says():
     """Each method of the stub has the arguments of the compiled one."""
     stub = ast.parse(Path(_binding.__file__).with_name("_binding.pyi").read_text())
@@ -246,7 +250,6 @@ def test_the_binding_says_what_its_stub_says():
         assert compiled_ones == declared
 
 
-@compiled
 def test_the_binding_refuses_what_is_no_code():
     for wrong in ((), (None,), (0, 0, (9,), 3, np.zeros(4), None)):
         with pytest.raises((TypeError, ValueError)):

@@ -67,14 +67,13 @@ def in_a_process(code: str, *arguments: str, **environment: str) -> list[float]:
     return [float(x) for x in done.stdout.split()]
 
 
-def first_use(kernels: str, repeats: int) -> report.Times:
-    """Seconds of import, and from there to the first torques."""
+def first_use(prepare: str, repeats: int) -> report.Times:
+    """Seconds of import, and from there to the first torques; kernels are in the cache."""
     code = (
-        "a = now(); import sst_pin; b = now();"
-        "robot = sst_pin.SST(); robot.compute_torques(robot.home, [0] * 3, [0] * 3);"
-        "print(b - a, now() - b)"
+        f"a = now(); import sst_pin; b = now(); robot = sst_pin.SST(); {prepare};"
+        "robot.compute_torques(robot.home, [0] * 3, [0] * 3); print(b - a, now() - b)"
     )
-    runs = [in_a_process(code, SST_PIN_KERNELS=kernels) for _ in range(repeats)]
+    runs = [in_a_process(code) for _ in range(repeats)]
     return spread(("import", "from import to first torques"), runs)
 
 
@@ -94,7 +93,8 @@ def first_of_a_file(repeats: int) -> report.Times:
 
 def measure(quick: bool, names: list[str]) -> dict[str, Any]:
     few, many, turn = (3, 5, 1e-3) if quick else (9, 41, 5e-3)
-    robot, reference, cores = SST(), SST(kernels=False), os.cpu_count() or 1
+    robot, reference, cores = SST(), SST(), os.cpu_count() or 1
+    robot.compile()
     threads = range(1, max(cores, 2) + 1)
     motion, rest = cases.on_the_circle(robot, 0.1), (robot.home, np.zeros(3))
 
@@ -112,8 +112,8 @@ def measure(quick: bool, names: list[str]) -> dict[str, Any]:
         "rollout step": in_turn(rollouts, few),
         "examples": in_turn(cases.examples(robot, reference), few),
         "first use": {
-            "kernels": first_use("on", few),
-            "reference path": first_use("off", few),
+            "kernels": first_use("robot.compile()", few),
+            "reference path": first_use("pass", few),
         },
         "batch sizes": {str(n): in_turn(batches(n), many, turn) for n in SIZES},
         "robots": benchmark_robots.measure(names, in_turn, (few, many), turn),

@@ -164,7 +164,7 @@ def by_virtual_work(sst: sst_pin.ClosedChain) -> sst_pin.ClosedChain:
 
 
 ROBOTS: dict[str, Callable[[], sst_pin.ClosedChain]] = {
-    "SST": partial(sst_pin.SST, kernels=False),
+    "SST": sst_pin.SST,
     "planar 3-RRR": sst_pin.robots.planar_3rrr,
     "hexaglide": sst_pin.robots.hexaglide,
 }
@@ -227,7 +227,7 @@ def count_ladders() -> dict[int, tuple[int, int]]:
 def measure(rounds: int = 7, calls: int = 20) -> dict[str, tuple[float, float]]:
     """Medians [s] for one instant and for all of example 1; all methods take turns."""
     p = sst_pin.Parameters()
-    robot, work = sst_pin.SST(p, kernels=False), VirtualWork(p)
+    robot, work = sst_pin.SST(p), VirtualWork(p)
 
     def long(R: Array, omega: Array, alpha: Array) -> Array:
         q, va, aa = robot.joint_motion(R, omega, alpha)

@@ -255,7 +255,7 @@ def _direct_dynamics(case: Case) -> float:
 
 
 def _example_1(_: Sequence[Case]) -> float:
-    motion = paper.example_1(SST(kernels=False), list(EXAMPLE_1))
+    motion = paper.example_1(SST(), list(EXAMPLE_1))
     return float(np.abs(motion.tau - list(EXAMPLE_1.values())).max())
 
 
@@ -266,7 +266,7 @@ def _initial_state(_: Sequence[Case]) -> float:
 
 
 def _example_2(_: Sequence[Case]) -> float:
-    robot = SST(kernels=False)
+    robot = SST()
     example = paper.example_1(robot, np.linspace(0, paper.PERIOD, 201))
     return paper.compare(robot, example, paper.example_2(robot, example)).path_error
 

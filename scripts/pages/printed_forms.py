@@ -52,7 +52,7 @@ class Case:
 
     @cached_property
     def robot(self) -> sst_pin.SST:
-        return sst_pin.SST(self.parameters, kernels=False)
+        return sst_pin.SST(self.parameters)
 
     @cached_property
     def motion(self) -> tuple[Array, Array, Array]:

@@ -9,6 +9,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 INSTRUCTIONS: str
+SOURCES: str
 
 class Kernel:
     def __init__(

@@ -16,6 +16,7 @@ cnp.import_array()
 
 cdef extern from *:
     """
+    static const char *const sources = SOURCES;
     static const char *instructions(void)
     {
     #if defined(__x86_64__)
@@ -27,6 +28,7 @@ cdef extern from *:
         return "plain";
     }
     """
+    const char *sources
     const char *instructions()
 
 cdef extern from "batches.h":
@@ -57,13 +59,10 @@ cdef enum:
     MOST_ARRAYS = 5
     FEW = 64
 
-cdef extern from *:
-    """
-    const char made_of[] = MADE_OF;  /* the hash of the sources when it was compiled */
-    """
-
 #: What the processor offers: "avx512", "avx2" or "plain".
 INSTRUCTIONS = instructions().decode()
+#: The hash of the sources when this module was compiled.
+SOURCES = sources.decode()
 
 
 cdef inline bint is_plain(object array, int ndim, Py_ssize_t size):

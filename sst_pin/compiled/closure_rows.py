@@ -171,7 +171,7 @@ class _Pair:
         if link_b != self._base and links[link_b].kind == "turn":
             C = links[link_b].parent
         R_b, _ = kinematics.pose(C, link_b)
-        R_a = R_b @ (kinematics.rotation(frame_b) @ kinematics.rotation(frame_a).T)
+        R_a = R_b @ sx(frame_b.placement.rotation @ frame_a.placement.rotation.T)
         turns: Sparse = {}
         for side, link in ((-1, link_a), (1, link_b)):
             path = kinematics.tree.ancestors(link)

@@ -6,12 +6,11 @@ configurations, all numbers are finite. Samples that fail go to the reference pa
 """
 
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache, cached_property, partial
 from math import inf
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .. import engine
@@ -21,12 +20,12 @@ from ..dynamics.reference import Reference
 from ..dynamics.regressor import with_springs
 from ..engine import Key
 from ..errors import ActuationError, CompilationError, MissingExtraError, SSTError
-from ..extensions import missing, require_current
 from ..model.mechanism import Friction, Mechanism
 from ..model.tree import body_of, frame_named
 from . import build
 from .build import Clock, Code
 from .compiled_states import ByColumns, CompiledStates
+from .extension import binding
 from .generator_inputs import fingerprint, sample_configurations
 from .open_numbers import OpenNumbers
 
@@ -57,31 +56,18 @@ _WIDTHS = 16
 class CompiledBackend:
     """Dynamics of one mechanism by kernels of its own.
 
-    The order of elimination is chosen near `near`, shape (nq,); by default anywhere. `code` gives
-    the code of a kernel by its key, an instruction set and the clock of the call; by default from
-    the cache. A moment alone is a load too on the body of the frame `platform`.
+    The order of elimination is chosen near `near`, shape (nq,); by default anywhere. A moment alone
+    is a load too on the body of the frame `platform`.
     """
 
     def __init__(
-        self,
-        reference: Reference,
-        near: Array | None = None,
-        *,
-        parameters: OpenNumbers | None = None,
-        code: Callable[[Key, str, Clock], Code] | None = None,
-        platform: str = "",
+        self, reference: Reference, near: Array | None = None, *, platform: str = ""
     ) -> None:
-        try:
-            from . import _binding
-        except ImportError as error:
-            raise CompilationError(f"{missing()} ({error})") from None
-        _require_binding(_binding.__file__)
-        self._binding = _binding
+        self._binding = binding()
         self._reference, self._mechanism = reference, reference.mechanism
         self._robot = self._mechanism.model.name or "robot"
         self._near = near if _closed(reference, near) else None  # a robot may have changed since
-        self._parameters = parameters or OpenNumbers(self._mechanism)
-        self._code = code or self._from_cache
+        self._parameters = OpenNumbers(self._mechanism)
         body = body_of(self._mechanism.model, platform)
         self._moment = -1 if body is None else 6 * body
         self._kernels: dict[Key, engine.Kernel | None] = {}
@@ -109,7 +95,7 @@ class CompiledBackend:
 
         def prepare(variant: tuple[Key, str]) -> None:
             with suppress(ActuationError):  # too few motors: `_found` tells it
-                self._code(*variant, clock)
+                self._from_cache(*variant, clock)
 
         with ThreadPoolExecutor() as pool:
             try:
@@ -227,7 +213,8 @@ class CompiledBackend:
         key = self._own(key)
         if key not in self._codes:
             try:
-                self._codes[key] = [self._code(*variant, clock) for variant in self._variants(key)]
+                variants = self._variants(key)
+                self._codes[key] = [self._from_cache(*variant, clock) for variant in variants]
             except SSTError as error:
                 self._codes[key], self._why[key] = [], str(error)
         return self._codes[key]
@@ -294,12 +281,6 @@ def _closed(reference: Reference, q: Array | None) -> bool:
     except SSTError:
         return False
     return True
-
-
-@cache
-def _require_binding(path: str) -> None:
-    """Refuse a binding of other sources; asked once, where it is the right one."""
-    require_current(path, *(Path(__file__).with_name(x) for x in ("_binding.pyx", "batches.h")))
 
 
 def impossible(mechanism: Mechanism, quantity: Name) -> str:

@@ -68,9 +68,9 @@ class Equations:
         self.mechanism, model = mechanism, mechanism.model
         self.parameters = parameters or OpenNumbers(mechanism)
         self.p = SX.sym("p", self.parameters.size)
-        self.kinematics = Kinematics(model, self.parameters.rotations(self.p), displaced)
+        self.kinematics = Kinematics(model, displaced)
         if displaced:
-            self.kinematics.lift = -(self.kinematics.base.T @ self.p[GRAVITY])
+            self.kinematics.lift = -self.p[GRAVITY]
         self.q = self.kinematics.q
         self._coordinates = [int(i) for i in mechanism.coordinates]
         self._dependent = [int(i) for i in mechanism.dependent]

@@ -106,9 +106,8 @@ def _wrenches(
         for i in rows:
             if i in Lambda and link in units[i]:
                 on_b += Lambda[i] * units[i][link]
-        R, p = e.kinematics.rotation(frame), sx(frame.placement.translation)
+        R, p = sx(frame.placement.rotation), sx(frame.placement.translation)
         F, N = on_b[:3], on_b[3:]
         found.append(ca.vertcat(R.T @ F, R.T @ (N - ca.cross(p, F))))
-    base, ground = e.kinematics.base, borne[0]
     values = ca.vertcat(*(ca.vertcat(x[3:], x[:3]) for x in found))
-    return values, ca.vertcat(base @ ground[3:], base @ ground[:3])
+    return values, ca.vertcat(borne[0][3:], borne[0][:3])

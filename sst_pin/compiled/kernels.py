@@ -257,7 +257,7 @@ def _columns(e: Equations, frame: str) -> list[SX]:
     columns = []
     for L in e.L:
         twists = [point.columns[i] * x for i, x in L.items() if i in point.columns]
-        columns.append(_in_base(e, sum(twists, SX(6, 1))))
+        columns.append(sum(twists, SX(6, 1)))
     return columns
 
 
@@ -278,11 +278,6 @@ def _changes(
     for of, along, change, right in motions:
         x = kinematics.motions(along, change, v_k=of)[link]
         linear = x.a + x.U @ sx(place.placement.translation)
-        changes.append(_in_base(e, ca.vertcat(R @ linear, R @ x.alpha)))
+        changes.append(ca.vertcat(R @ linear, R @ x.alpha))
         own += checks.unsolved(change, right)
     return changes, own
-
-
-def _in_base(e: Equations, twist: SX) -> SX:
-    """A twist in axes of link 0, in those of the base."""
-    return ca.vertcat(e.kinematics.base @ twist[:3], e.kinematics.base @ twist[3:])

@@ -71,21 +71,13 @@ class Point(NamedTuple):
 class Kinematics:
     """Symbols of a tree; a joint without compiled equations is refused.
 
-    `rotations` are orientations of joints at rest and of frames, by name, instead of the model's.
     Where joints are `displaced`, it is along their rates, to first order: derivatives by
-    `displacement` at zero are those by q along the rates. `lift` is the acceleration of link 0,
-    `base` the axes of its vectors: those of the first joint where its orientation is given.
+    `displacement` at zero are those by q along the rates. `lift` is the acceleration of link 0.
     """
 
-    def __init__(self, model: pin.Model, rotations: Mapping[str, SX], displaced: bool) -> None:
+    def __init__(self, model: pin.Model, displaced: bool = False) -> None:
         self.lift = SX(3, 1)
-        self.tree, self._rotations = LinkTree.of(model), rotations
-        self._at_rest = {
-            self.tree.link_of[model.getJointId(name)]: R
-            for name, R in self._rotations.items()
-            if model.existJointName(name)
-        }
-        self.base = self._at_rest.get(1, SX.eye(3))
+        self.tree = LinkTree.of(model)
         self.q = SX.sym("q", model.nq)
         self.displacement = SX.sym("displacement", model.nv if displaced else 0)
         self._displaced: Sparse = dict(enumerate(ca.vertsplit(self.displacement)))
@@ -96,9 +88,9 @@ class Kinematics:
     def placements(self) -> list[tuple[SX, SX]]:
         """Orientation and origin of each link in its parent."""
         placements = []
-        for i, link in enumerate(self.tree.links):
+        for link in self.tree.links:
             R, d = _joint_placement(link, [self.q[k] for k in link.q])
-            before = self._rotation_at_rest(i)
+            before = sx(link.R)
             placements.append((before @ R, sx(link.p) + before @ d))
         return placements
 
@@ -131,18 +123,6 @@ class Kinematics:
             else:
                 way |= {link.v[i - link.q.start]: q[i] - reference[i] for i in at}
         return way
-
-    def _rotation_at_rest(self, i: int) -> SX:
-        """Orientation of a joint at rest in the parent of its link."""
-        link = self.tree.links[i]
-        R = self._at_rest.get(i, sx(link.R))
-        if link.parent or not i:
-            return R
-        return SX.eye(3) if R is self.base else self.base.T @ R
-
-    def rotation(self, frame: pin.Frame) -> SX:
-        """Orientation of a frame in its link."""
-        return self._rotations.get(frame.name, sx(frame.placement.rotation))
 
     def _pose(self, base: int, link: int) -> tuple[SX, SX]:
         """Orientation and origin of a link, in the axes of one of its ancestors."""
@@ -180,7 +160,7 @@ class Kinematics:
                 turn = R_i @ sx(S[3:])
                 u = R_i @ sx(S[:3]) + ca.cross(turn, p - o_i)
                 columns = add(columns, {k: ca.vertcat(u, turn)})  # a mimic joint adds to its own
-        return Point(p, R @ self.rotation(frame), columns)
+        return Point(p, R @ sx(frame.placement.rotation), columns)
 
     def motions(
         self, v: Sparse, dv: Sparse, gravity: SX | None = None, v_k: Sparse | None = None

@@ -5,14 +5,12 @@ A kernel has fixed which bodies have mass and which joints have friction, spring
 their numbers: a payload, an identified friction or another gravity needs no compiler.
 """
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..arrays import Array
 from ..model.mechanism import Friction, Mechanism
-from ..model.tree import frame_named
 
 if TYPE_CHECKING:
     from casadi import SX
@@ -34,13 +32,10 @@ _SECOND[[0, 3, 5]] += (_xx + _yy + _zz) / 2
 class OpenNumbers:
     """Order of the open numbers of a mechanism; `size` is how many there are.
 
-    If `complete`, all bodies have mass, all joints friction and a rotor, zero included; `rotated`
-    are names of joints and frames whose orientation stays open.
+    If `complete`, all bodies have mass, all joints friction and a rotor, zero included.
     """
 
-    def __init__(
-        self, mechanism: Mechanism, *, complete: bool = False, rotated: Sequence[str] = ()
-    ) -> None:
+    def __init__(self, mechanism: Mechanism, *, complete: bool = False) -> None:
         model = mechanism.model
         #: Indices of Pinocchio's joints whose bodies have mass.
         self.bodies = tuple(
@@ -59,9 +54,8 @@ class OpenNumbers:
         for name in _JOINT:
             self._starts[name] = start
             start += len(self.joints[name])
-        self.rotated = tuple(rotated)
         self._lines = start, len(mechanism.lines.forces)
-        self.size = start + LINE * len(mechanism.lines.forces) + 9 * len(self.rotated)
+        self.size = start + LINE * len(mechanism.lines.forces)
 
     def pack(self, mechanism: Mechanism, friction: Friction) -> Array:
         """The numbers of a mechanism with the same structure, with this friction, shape (size,)."""
@@ -74,12 +68,6 @@ class OpenNumbers:
             parts += [about_origin[:4], _SECOND.dot(about_origin[4:])]
         parts += [values[name][list(self.joints[name])] for name in _JOINT]
         parts.append(mechanism.lines.numbers.T.ravel())
-        for name in self.rotated:
-            if model.existJointName(name):
-                placement = model.jointPlacements[model.getJointId(name)]
-            else:
-                placement = frame_named(model, name).placement
-            parts.append(placement.rotation.ravel())
         return np.concatenate(parts)
 
     def by_parameters(self) -> list[Array]:
@@ -103,14 +91,6 @@ class OpenNumbers:
         numbers[:3] = numbers[spring : spring + len(self.joints["stiffness"])] = 0
         numbers[line : line + LINE * lines] = 0
         return numbers
-
-    def rotations(self, p: "SX") -> "dict[str, SX]":
-        """Open orientations, by name."""
-        start = self.size - 9 * len(self.rotated)
-        return {
-            name: p[start + 9 * k : start + 9 * k + 9].reshape((3, 3)).T
-            for k, name in enumerate(self.rotated)
-        }
 
     def body(self, p: "SX", body: int) -> "tuple[SX, SX, SX] | None":
         """Mass, first moment and second moments of a body; None without mass."""

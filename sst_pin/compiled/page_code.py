@@ -59,13 +59,11 @@ _LARGEST = 600
 
 def functions_of(reference: Reference, q: Array) -> tuple[str, Array]:
     """`page_code` of a robot that starts at q, and its open numbers."""
-    mechanism = reference.mechanism
-    numbers = OpenNumbers(mechanism)
-    code = page_code(choices(reference, q, numbers))
-    return code, numbers.pack(mechanism, mechanism.friction)
+    mechanism, found = reference.mechanism, choices(reference, q)
+    return page_code(found), found[0].parameters.pack(mechanism, mechanism.friction)
 
 
-def choices(reference: Reference, q: Array, parameters: OpenNumbers) -> list[Equations]:
+def choices(reference: Reference, q: Array) -> list[Equations]:
     """Equations with other pivots and coordinates, so that some are sound at most configurations.
 
     The first are in the robot's coordinates, with pivots chosen near q. Walks from there, downhill
@@ -73,13 +71,13 @@ def choices(reference: Reference, q: Array, parameters: OpenNumbers) -> list[Equ
     """
     mechanism, random = reference.mechanism, np.random.default_rng(0)
     model, data, n = mechanism.model, mechanism.model.createData(), len(mechanism.coordinates)
-    numbers = parameters.pack(mechanism, mechanism.friction)
+    numbers = OpenNumbers(mechanism).pack(mechanism, mechanism.friction)
     own, found, smallness = ReferenceStates(reference, mechanism.friction), [], []
 
     def add(reference: Reference, q: Array) -> None:
         # Rounded, because legs are alike: the last digits must not choose the order.
         samples = sample_configurations(reference, q).round(9)
-        found.append(Equations(reference.mechanism, samples, loaded=True, parameters=parameters))
+        found.append(Equations(reference.mechanism, samples, loaded=True))
         small = Checks(found[-1]).of_state[1]
         smallness.append(ca.Function("small", [found[-1].q, found[-1].p], [small]))
 
@@ -151,9 +149,8 @@ def _parts(mechanism: Mechanism) -> str:
 def _common(e: Equations) -> Iterator[SymbolicKernel]:
     """Functions that do not depend on the choice of coordinates; q_dot and v are given."""
     kinematics, model, mechanism = e.kinematics, e.mechanism.model, e.mechanism
-    base, link_of = kinematics.base, kinematics.tree.link_of
-    poses = [kinematics.pose(0, link_of[i]) for i in range(model.njoints)]
-    places = ca.vertcat(*(ca.vec(base @ ca.horzcat(R, p)) for R, p in poses))
+    poses = [kinematics.pose(0, kinematics.tree.link_of[i]) for i in range(model.njoints)]
+    places = ca.vertcat(*(ca.vec(ca.horzcat(R, p)) for R, p in poses))
     yield _kernel(e, "places", {"q": e.q}, places)
     q_dot, v = SX.sym("q_dot", model.nq), SX.sym("v", model.nv)
     yield _kernel(e, "flow", {"q": e.q, "q_dot": q_dot}, ca.jtimes(places, e.q, q_dot))

@@ -75,7 +75,7 @@ class TreeDynamics:
     @cached_property
     def _bodies(self) -> list[Body]:
         """Bodies of Pinocchio's joints; the first of those computed as one has all of it."""
-        model, kinematics = self._mechanism.model, self._kinematics
+        model = self._mechanism.model
         bodies = [Body()] * model.njoints
         for i in range(1, model.njoints):
             found = self._parameters.body(self._p, i)
@@ -88,7 +88,7 @@ class TreeDynamics:
                 a, b = (frame_named(model, name) for name in ends)
                 i, j = a.parentJoint, b.parentJoint
                 if i and not is_zero(bodies[j].mass):
-                    R = kinematics.rotation(a) @ kinematics.rotation(b).T
+                    R = sx(a.placement.rotation @ b.placement.rotation.T)
                     p = sx(a.placement.translation) - R @ sx(b.placement.translation)
                     bodies[i] = Body(*map(operator.add, bodies[j].moved(R, p), bodies[i]))
                     bodies[j] = Body()
@@ -111,7 +111,7 @@ class TreeDynamics:
     def wrenches(self, v: Sparse, dv: Sparse, *, loads: bool = True) -> list[SX]:
         """Force and moment that each link needs, less its weight and its load."""
         wrenches = []
-        gravity = self._kinematics.base.T @ self._p[GRAVITY]
+        gravity = self._p[GRAVITY]
         motions = self._kinematics.motions(v, dv, gravity)
         for link, x in zip(self._kinematics.tree.links, motions, strict=True):
             mass, c, J, _ = self._bodies[link.body]
@@ -128,13 +128,12 @@ class TreeDynamics:
     def _load(self, body: int) -> SX:
         """External force and moment about the origin of a link, axes of the link."""
         moment, force = ca.vertsplit(self._loads[6 * body - 6 : 6 * body], 3)
-        pose, _ = self._kinematics.pose(0, self._kinematics.tree.link_of[body])
-        back = pose.T @ self._kinematics.base.T
-        found, force = self._parameters.body(self._p, body), back @ force
+        R, _ = self._kinematics.pose(0, self._kinematics.tree.link_of[body])
+        found, force = self._parameters.body(self._p, body), R.T @ force
         lever = sx(self._mechanism.model.inertias[body].lever)
         if found is not None:
             lever = found[1] / found[0]
-        return ca.vertcat(force, back @ moment + ca.cross(lever, force))
+        return ca.vertcat(force, R.T @ moment + ca.cross(lever, force))
 
     def friction(self, v: Sparse) -> Sparse:
         """Forces that friction and the dampers along lines need."""
@@ -197,7 +196,7 @@ class TreeDynamics:
     @property
     def potential_energy(self) -> Any:
         """Potential energy of the weights, the springs and the forces along lines."""
-        gravity, energies = self._kinematics.base.T @ self._p[GRAVITY], []
+        gravity, energies = self._p[GRAVITY], []
         for i, link in enumerate(self._kinematics.tree.links):
             body, (R, p) = self._bodies[link.body], self._kinematics.pose(0, i)
             energies.append(-ca.dot(gravity, body.mass * p + R @ body.c))

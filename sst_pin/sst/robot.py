@@ -20,8 +20,7 @@ from ..description.folder import URDF_PATH, YAML_PATH, yaml_of
 from ..description.frames import MOTOR_NAMES
 from ..description.parameters import Parameters
 from ..description.urdf_writer import urdf_of
-from ..dynamics.reference import Reference
-from ..engine import Engine, Kernels
+from ..engine import Engine
 from ..errors import DescriptionError, FileFormatError, InputError, SSTError, WorkspaceError
 from ..files import Table
 from ..model.appearance import Appearance
@@ -91,12 +90,6 @@ def _require_sst(found: Described) -> None:
         raise DescriptionError(found.source, problems)
 
 
-def _kernels(reference: Reference, off: str) -> Kernels:
-    from . import kernels  # at their first use: they import much
-
-    return kernels.backend(reference, off)
-
-
 class SST(ClosedChain):
     """A 3-RRP spherical parallel manipulator.
 
@@ -105,8 +98,6 @@ class SST(ClosedChain):
 
     Args:
         parameters: Geometry, masses, friction, gravity; by default those of the paper's robot.
-        kernels: Whether compiled kernels compute the dynamics, if they are available. Otherwise
-            the reference path computes it with Pinocchio and NumPy.
 
     Example:
         >>> robot = sst_pin.SST(sst_pin.Parameters(viscous_friction=0.1))
@@ -114,19 +105,19 @@ class SST(ClosedChain):
         array([ 0.3  ,  4.475, -4.475])
     """
 
-    def __init__(self, parameters: Parameters | None = None, *, kernels: bool = True) -> None:
+    def __init__(self, parameters: Parameters | None = None) -> None:
         if parameters is None:
-            self._load(read_urdf(URDF_PATH, YAML_PATH), kernels)
+            self._load(read_urdf(URDF_PATH, YAML_PATH))
         elif not isinstance(parameters, Parameters):
             raise InputError(
                 "parameters", f"{parameters!r} is not Parameters; to read a file use SST.from_urdf"
             )
         else:
-            self._load(_described(parameters), kernels)
+            self._load(_described(parameters))
 
     @classmethod
     def from_urdf(  # type: ignore[override]  # an SST has its motors and nothing to lock
-        cls, path: str | Path, cuts: str | Path | None = None, *, kernels: bool = True
+        cls, path: str | Path, cuts: str | Path | None = None
     ) -> SST:
         """An SST from an edited URDF; the dynamics uses the numbers of the file.
 
@@ -134,7 +125,6 @@ class SST(ClosedChain):
             path: The URDF, with the joint and frame names of `sst_pin.URDF_PATH`.
             cuts: YAML of closures, motors and gravity; by default the file with the name of the
                 URDF and the ending .yaml or, if there is none, `sst_pin.YAML_PATH`.
-            kernels: See the constructor.
 
         Raises:
             DescriptionError: If it is not a URDF of an SST; the message lists all problems.
@@ -148,11 +138,11 @@ class SST(ClosedChain):
             ('gamma_1', 'gamma_2', 'gamma_3')
         """
         found = read_urdf(path, cuts, default=YAML_PATH)
-        return cls.from_description(found, kernels)
+        return cls.from_description(found)
 
     @classmethod
     def from_mjcf(  # type: ignore[override]  # an SST has its motors
-        cls, path: str | Path, *, locked: Sequence[str] = (), kernels: bool = True
+        cls, path: str | Path, *, locked: Sequence[str] = ()
     ) -> SST:
         """An SST from an edited MJCF: its parameters are read and a new SST is made from them.
 
@@ -160,7 +150,6 @@ class SST(ClosedChain):
             path: The MJCF, with the joints, sites and welds of the shipped one. Named keyframes are
                 the `referenceConfigurations` of `model`; `home` is computed as for every SST.
             locked: As in `ClosedChain.from_mjcf`; an SST has nothing to lock.
-            kernels: See the constructor.
 
         Raises:
             MissingExtraError: Without MuJoCo, `sst-pin[mjcf]`.
@@ -182,22 +171,20 @@ class SST(ClosedChain):
         made = _described(parameters_of(found.model, geometry, friction))
         for pose in found.model.referenceConfigurations:
             made.model.referenceConfigurations[pose.key()] = pose.data()
-        return cls.from_description(made, kernels)
+        return cls.from_description(made)
 
     @classmethod
-    def from_description(cls, found: Described, kernels: bool = True) -> SST:
+    def from_description(cls, found: Described) -> SST:
         """As `ClosedChain.from_description`."""
         robot = cls.__new__(cls)
-        robot._load(found, kernels)
+        robot._load(found)
         return robot
 
-    def _load(self, found: Described, kernels: bool) -> None:
+    def _load(self, found: Described) -> None:
         geometry_of(found.model, found.source)  # its complaints come first
         _require_sst(found)
         what = found.model, found.closures, MOTOR_NAMES
         super().__init__(*what, coordinates=MOTOR_NAMES, forces=found.forces)
-        off = "" if kernels else "switched off by kernels=False"
-        self._engine = Engine(self._engine.mechanism, partial(_kernels, off=off))
         self._shapes = found.shapes
 
     def _fill(self, model: pin.Model, recipe: partial[Mechanism]) -> None:
@@ -451,11 +438,6 @@ class SST(ClosedChain):
         curve = spline(t, given)
         q = np.unwrap(assembled[1:], axis=0)
         return q, curve.derivative(1)(t), curve.derivative(2)(t)
-
-    def _page_functions(self, q: Array) -> tuple[str, Array]:
-        from . import kernels
-
-        return kernels.page_functions(self.mechanism) or super()._page_functions(q)
 
     def _require_limits(self, q: Array) -> None:
         model = self._engine.mechanism.model

@@ -37,7 +37,7 @@ def load(urdf: str | Path = URDF_PATH) -> pin.RobotWrapper:
     """
     path = as_path(urdf)
     found = read_urdf(path, default=YAML_PATH)
-    sst = SST.from_description(found, kernels=False)
+    sst = SST.from_description(found)
     model, srdf = sst.model, found.srdf
     if srdf is None:
         raise DescriptionError(

@@ -164,15 +164,14 @@ def _instants(
     """Inverse dynamics of every referee."""
     judges: dict[str, Judge] = {}
     for parameters, states in cases:
-        robot, reference = SST(parameters), SST(parameters, kernels=False)
+        robot = SST(parameters)
         asked = all_referees(parameters)[0]
         for R, omega, alpha, moment in states:
             motion = robot.joint_motion(R, omega, alpha)
             tau = robot.compute_torques(*motion, platform_moment=moment)
-            own = partial(reference.compute_torques, *motion, platform_moment=moment)
-            answers = {r.name: partial(r.torques, R, omega, alpha, moment) for r in asked}
-            for who, answer in ({"reference path": own} | answers).items():
-                judges.setdefault(who, Judge(who, f"torques, {name}")).hold(answer, tau)
+            for referee in asked:
+                judge = judges.setdefault(referee.name, Judge(referee.name, f"torques, {name}"))
+                judge.hold(partial(referee.torques, R, omega, alpha, moment), tau)
     yield from (judge.verdict() for judge in judges.values())
 
 

@@ -42,11 +42,11 @@ def test_what_is_printed_has_one_to_ten_lines(chain):
 
 
 def test_a_robot_says_its_class_its_sizes_and_what_computes():
-    text = repr(sst_pin.SST(kernels=False))
+    text = repr(sst_pin.SST())
     assert text.startswith("SST ")
     for part in ("gamma_1, mu_1", "nq = 9, nv = 9", "closedloop1_A - closedloop1_B"):
         assert part in text
-    assert "the reference path: switched off" in text
+    assert "the reference path: no kernels yet" in text
 
 
 def test_terms_show_the_shapes_of_their_matrices():

@@ -16,6 +16,7 @@ from sst_pin.compiled import build, compiled_backend
 from sst_pin.dynamics.derivatives import TorqueDerivatives
 from sst_pin.engine import Engine, Key
 from sst_pin.errors import CompilationError
+from sst_pin.verification.sampling import random_states
 from tests.support import any_chain, link_tables
 from tests.support.files import ROOT
 
@@ -57,6 +58,106 @@ def left(chain, q, va, aa):
     if motors >= chain.degrees_of_freedom:
         count += len(kernels.kernel(Key("torques")).many((q, va, aa), np.empty((len(q), motors))))
     return count
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 31, 32, 33, 1000, 5003])
+def test_every_sample_has_the_same_bits_alone_and_in_any_batch(four_bar, count):
+    rng = np.random.default_rng(count)
+    states = moving(four_bar, 10)
+    pick = rng.integers(10, size=count)
+    q, va, aa = (x[pick] for x in states)
+    alone = np.array([four_bar.compute_torques(*(x[k] for x in states)) for k in range(10)])[pick]
+    for threads in (1, 2, 5):
+        assert np.array_equal(four_bar.compute_torques(q, va, aa, threads=threads), alone)
+    accelerations = four_bar.compute_accelerations(q, va, alone, threads=2)
+    one = four_bar.compute_accelerations(q[0], va[0], alone[0])
+    assert np.array_equal(accelerations[0], one)
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_samples_at_fault_are_found_wherever_they_stand(four_bar, threads):
+    """Every hundredth of a batch that is large enough for several threads."""
+    q, va, aa = (x[np.arange(5003) % 10] for x in moving(four_bar, 10))
+    tau = four_bar.compute_torques(q, va, aa)
+    q[::100, 1] += 0.1
+    found = four_bar.compute_torques(q, va, aa, threads=threads, on_error="nan")
+    tau[::100] = np.nan
+    assert np.array_equal(found, tau, equal_nan=True)
+
+
+def test_closures_are_judged_as_on_the_reference_path(small):
+    """Gaps from far below to far above the tolerance, in each joint: the same samples pass."""
+    kernels, _ = small
+    q = kernels.generic_configuration()
+    q = np.tile(q, (len(q), 40, 1))
+    for joint in range(len(q)):
+        q[joint, :, joint] += np.geomspace(1e-8, 1e-4, 40)
+    zero = np.zeros(kernels.degrees_of_freedom)
+    fast, slow = (r.generalized_forces(q, zero, zero, on_error="nan") for r in small)
+    assert np.array_equal(np.isnan(fast), np.isnan(slow))
+    assert 0 < np.isnan(fast).mean() < 1
+
+
+def test_angles_of_many_turns_are_angles(four_bar):
+    """Up to a million radians by the kernels, beyond them by the reference path."""
+    (q,), (va,), (aa,) = moving(four_bar, 1)
+    tau = four_bar.compute_torques(q, va, aa)
+    for turns in (1, -100, 10**5, 10**6):
+        away = 2 * np.pi * turns
+        # An angle of so many turns is known to its last digit only.
+        found = four_bar.compute_torques(q + away, va, aa)
+        assert np.abs(found - tau).max() < (1e-12 + 1e-14 * abs(away)) * np.abs(tau).max()
+
+
+@pytest.mark.parametrize("count", [1, 2, 64, 65, 150])
+def test_a_moment_on_the_platform_alone_is_that_of_the_wrenches_of_all_bodies(
+    compiled_robot, count
+):
+    """To the bit, in batches of any size, one moment for all or one for each, whatever strides."""
+    robot, random = compiled_robot, np.random.default_rng(4)
+    q, va, aa = robot.joint_motion(*random_states(robot, random, count))
+    moments = random.normal(size=(count, 6))[:, ::2]
+    for moment in (moments, moments[0].copy()):
+        wrenches = np.zeros((*moment.shape[:-1], 9, 6))
+        wrenches[..., robot.joint_names.index("beta_1"), :3] = moment
+        for f in (robot.compute_torques, robot.compute_accelerations):
+            loaded = f(q, va, aa, platform_moment=moment)
+            assert np.array_equal(loaded, f(q, va, aa, external_wrenches=wrenches))
+            alone = f(q[-1], va[-1], aa[-1], platform_moment=moments[-1])
+            assert np.array_equal(alone, f(q, va, aa, platform_moment=moments)[-1])
+
+
+SMALL_STACK = """
+import threading
+import numpy as np
+import sst_pin
+
+robot = sst_pin.robots.five_bar()
+robot.compile()
+q, rates = np.tile(robot.home, (2000, 1)), np.zeros((2000, 2))
+
+def work():
+    for threads in (1, 2, 300):
+        robot.compute_torques(q, rates, rates, threads=threads)
+        robot.compute_accelerations(q, rates, rates, threads=threads)
+        robot.reduced_terms(q, rates, threads=threads)
+        robot.rollout(np.zeros((2000, 2, 2)), q, rates, 1e-4, threads=threads)
+    robot.compute_torques(q[0], rates[0], rates[0])
+    print("done")
+
+work()
+threading.stack_size(64 * 1024)
+thread = threading.Thread(target=work)
+thread.start()
+thread.join()
+"""
+
+
+def test_batches_run_in_a_thread_with_a_small_stack():
+    """64 KiB, what a server gives each of many threads; in a process of its own, it may crash."""
+    command = [sys.executable, "-c", SMALL_STACK]
+    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (result.returncode, result.stdout) == (0, "done\ndone\n"), result.stderr
 
 
 def test_threads_change_nothing(small):

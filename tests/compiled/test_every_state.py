@@ -22,6 +22,13 @@ NAMES = ["SST", *EVERY_ROBOT]
 QUICK = ("SST", "four_bar", "planar_3rrr")
 
 
+def twins(name):
+    """A robot by kernels, and by the reference path."""
+    kernels, reference = (SST() if name == "SST" else EVERY_ROBOT[name]() for _ in range(2))
+    kernels.compile(kernels.home)
+    return kernels, reference
+
+
 def wander(chain, start, count, seed):
     """Assembled configurations on random ways, each up to a singular configuration or so.
 
@@ -82,11 +89,7 @@ def test_kernels_give_the_numbers_of_the_reference_path_or_leave_the_state_to_it
     need alone, or by what one rounding of q changes, in each of the two paths. Accelerations are
     judged by the forces that they take.
     """
-    if name == "SST":
-        kernels, reference = SST(), SST(kernels=False)
-    else:
-        kernels, reference = (EVERY_ROBOT[name]() for _ in range(2))
-        kernels.compile()
+    kernels, reference = twins(name)
     q, conditions = wander(reference, reference.home, configurations, 0)
     q, conditions = np.repeat(q, 5, axis=0), np.repeat(conditions, 5)
     va, aa = np.random.default_rng(1).normal(size=(2, len(q), reference.degrees_of_freedom))
@@ -121,9 +124,7 @@ def test_kernels_give_the_numbers_of_the_reference_path_or_leave_the_state_to_it
 )
 def test_loops_close_by_kernels_as_on_the_reference_path(name):
     """From guesses up to half a radian off; where no step is short, both take the same way."""
-    both = [SST(), SST(kernels=False)] if name == "SST" else [EVERY_ROBOT[name]() for _ in "ab"]
-    kernels, reference = both
-    kernels.compile()
+    kernels, reference = twins(name)
     random, by_kernels = np.random.default_rng(4), 0
     home = reference.home
     for size in (0, 1e-9, 1e-4, 0.01, 0.05, 0.2, 0.5):

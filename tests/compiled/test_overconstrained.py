@@ -191,7 +191,7 @@ def test_loops_stop_where_they_are_singular(name):
 
 GALLERY = {"Bennett": sst_pin.robots.bennett, "Bricard": sst_pin.robots.bricard}
 GALLERY |= {"agile wrist": sst_pin.robots.agile_wrist, "ladder": ladder}
-GALLERY |= {"SST": lambda: sst_pin.SST(kernels=False)}
+GALLERY |= {"SST": sst_pin.SST}
 
 
 @pytest.mark.parametrize("build", [*{**TURNING, **TURNING_BACK, **STOPPING, **GALLERY}.values()])

@@ -46,7 +46,7 @@ def full(name):
 GALLERY = ("delta", "planar_4rrr", "ladder", "bennett", "bricard", "governor", "excavator")
 ROBOTS = {
     **{name: EVERY_ROBOT[name] for name in GALLERY},
-    "SST": lambda: sst_pin.SST(kernels=False),
+    "SST": sst_pin.SST,
     "four-bar": lambda: link_tables.four_bar(link_tables.SKEW_PLANE).chain(),
     "five-bar": lambda: of_gallery("five_bar").chain,
     "floating four-bar": lambda: floating_four_bar().chain,

@@ -88,16 +88,17 @@ def test_smoothed_coulomb_friction_tends_to_the_sign():
     assert Friction(np.zeros(2), np.ones(2)).forces(np.array((0, -2.0))).tolist() == [0, 1]
 
 
-@pytest.mark.parametrize("kernels", [True, False])
-def test_joints_at_rest_have_no_coulomb_friction(kernels):
+@pytest.mark.parametrize("compiled", [True, False])
+def test_joints_at_rest_have_no_coulomb_friction(compiled):
     """All motors alike at home: by symmetry beta_k rest, and mu_k turn by sqrt(2) each.
 
     So each motor needs F_c (1 + sqrt(2)) more than without friction; a sign of rounding would add
     F_c to some of them.
     """
     parameters = sst_pin.Parameters(coulomb_friction=0.3)
-    rough = sst_pin.SST(parameters, kernels=kernels)
-    bare = sst_pin.SST(kernels=kernels)
+    rough, bare = sst_pin.SST(parameters), sst_pin.SST()
+    for robot in (rough, bare) if compiled else ():
+        robot.compile(robot.home)
     motion = rough.home, [1, 1, 1], [0, 0, 0]
     v = rough.joint_rates(*motion[:2])
     assert np.abs(v[2::3]).max() < 1e-14

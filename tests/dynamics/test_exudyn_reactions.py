@@ -134,7 +134,7 @@ def turned(spin, e):
 
 def whole_star():
     """The SST with its star in one piece on leg 1 and hinges in legs 2 and 3."""
-    robot = sst_pin.SST(kernels=False)
+    robot = sst_pin.SST()
     plain, model = robot.model, pin.Model()
     model.gravity = plain.gravity
     star = plain.getJointId("beta_1")
@@ -161,7 +161,7 @@ CHAINS = {
         name: getattr(robots, name)
         for name in ("bennett", "agile_wrist", "bricard", "four_bar", "planar_3rrr", "five_bar")
     },
-    "SST, star cut": lambda: sst_pin.SST(kernels=False),
+    "SST, star cut": sst_pin.SST,
     "SST, hinges cut": whole_star,
 }
 
@@ -179,7 +179,7 @@ def test_unique_wrenches_and_verdicts_are_those_of_exudyn(name):
 
 
 def test_the_cut_of_the_sst_changes_nothing():
-    robot, other = sst_pin.SST(kernels=False), whole_star()
+    robot, other = sst_pin.SST(), whole_star()
     q, random = robot.generic_configuration(), np.random.default_rng(2)
     va, aa = random.uniform(-1, 1, (2, 3))
     w = robot.reactions(q, va, aa)

@@ -107,7 +107,7 @@ CHAINS = {
     **EVERY_ROBOT,
     **{joint: partial(without_rotors, joint) for joint in [*any_chain.JOINTS, *any_chain.IN_A_ROW]},
     **{str(kind): partial(any_chain.chain, kind=kind) for kind in any_chain.CLOSURES},
-    "SST": partial(sst_pin.SST, kernels=False),
+    "SST": sst_pin.SST,
     "rods": any_chain.rods,
     "coupled": any_chain.coupled,
     "rolling": partial(any_chain.rolling, False),

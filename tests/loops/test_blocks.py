@@ -68,7 +68,7 @@ ROBOTS = {
     "four-bars": (four_bars, 3),
     "ladder": (lambda: ladder(7), 7),
     "stewart": (sst_pin.robots.stewart, 1),
-    "SST": (lambda: sst_pin.SST(kernels=False), 1),
+    "SST": (sst_pin.SST, 1),
 }
 
 

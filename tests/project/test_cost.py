@@ -16,7 +16,7 @@ cost = load("scripts/pages/count_operations.py")
 METHODS = [("inverse", name) for name in cost.INVERSE] + [("direct", name) for name in cost.DIRECT]
 ODD = random_parameters(np.random.default_rng(5), friction=False)
 ODD_ROBOTS = {
-    "odd SST": partial(sst_pin.SST, ODD, kernels=False),
+    "odd SST": partial(sst_pin.SST, ODD),
     "stewart": sst_pin.robots.stewart,
     "delta": sst_pin.robots.delta,
     "bennett": sst_pin.robots.bennett,
@@ -82,7 +82,7 @@ def test_inverse_dynamics_costs_in_proportion_to_the_bodies():
 def test_the_form_matters_more_than_the_method():
     """Every term by itself takes more than twice one recursion; virtual work is within a fifth."""
     all_, work = ({} for _ in range(2))
-    robot = sst_pin.SST(kernels=False)
+    robot = sst_pin.SST()
     for found, case in ((all_, robot), (work, cost.by_virtual_work(robot))):
         e = cost.equations_of(case)
         for method in (cost.LONG, cost.SHORT):

@@ -240,7 +240,7 @@ def motions_of_the_star(folder, text):
         x = np.column_stack([np.ones(len(p)), np.zeros((len(p), 2))])
         s = x + 2 * np.cross(v, np.cross(v, x) + w[:, None] * x)  # the first axis, turned
         assert np.abs(found[:, :, 0] - s).max() < 1e-9
-    tau = sst_pin.SST(kernels=False).compute_torques(motion.q, motion.va, motion.aa)
+    tau = sst_pin.SST().compute_torques(motion.q, motion.va, motion.aa)
     assert np.abs(tau - motion.tau).max() < CLOSE * (1 + np.abs(tau).max())
 
 

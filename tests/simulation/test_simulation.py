@@ -180,10 +180,12 @@ def test_a_fall_goes_on_where_the_motors_do_not_hold_the_robot(robot):
     assert worst_residual(robot, motion) < 1e-11
 
 
-@pytest.mark.parametrize("kernels", [True, False])
-def test_steps_lead_across_singularities_of_the_coordinates(kernels):
+@pytest.mark.parametrize("compiled", [True, False])
+def test_steps_lead_across_singularities_of_the_coordinates(compiled):
     """The symmetric fall from home comes through one fast; each tolerance finds one motion."""
-    robot = sst_pin.SST(kernels=kernels)
+    robot = sst_pin.SST()
+    if compiled:
+        robot.compile(robot.home)
     ends = [
         robot.simulate(
             np.zeros(3), robot.home, np.zeros(3), [0, 0.6], rtol=tolerance, atol=tolerance

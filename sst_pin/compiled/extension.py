@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The extension module `_binding`, which calls kernels: loaded, or why it cannot be."""
+
+import hashlib
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+
+from ..errors import CompilationError
+
+_FOLDER = Path(__file__).parent
+_SOURCES = [_FOLDER / name for name in ("_binding.pyx", "batches.h")]
+
+
+@cache
+def binding() -> ModuleType:
+    """The extension module.
+
+    Raises:
+        CompilationError: If it is missing, or was compiled from other sources than those beside it,
+            as after an update of a clone that is installed with `pip install -e`.
+    """
+    try:
+        from . import _binding
+    except ImportError as error:
+        raise CompilationError(f"{_missing()} ({error})") from None
+    if all(source.is_file() for source in _SOURCES):
+        content = b"".join(source.read_bytes() for source in _SOURCES)
+        if hashlib.sha256(content).hexdigest() != _binding.SOURCES:
+            raise CompilationError(
+                f"{_binding.__file__} was compiled from other sources; install sst-pin again "
+                "(in a clone: pip install -e .)"
+            )
+    return _binding
+
+
+def _missing() -> str:
+    package = _FOLDER.parent
+    compiler = "a C compiler and Python's headers (on Debian: apt install gcc python3-dev)"
+    if (package.parent / "setup.py").is_file():
+        cure = f"pip install -e . with {compiler}, or start Python outside the clone"
+    else:
+        cure = f"install sst-pin with {compiler}"
+    return f"the extension module is not compiled in {package}; {cure}"
