@@ -1,10 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What many tests share."""
-
-import os
-
-# Each worker has a core: matrices as small as these only wait for threads. Before NumPy's import.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+"""Fixtures of many tests."""
 
 import numpy as np
 import pytest
@@ -31,16 +26,6 @@ def compiled_robot(cache_of_the_run):
 def odd(request):
     """An SST far from the paper's, friction in all joints."""
     return sst_pin.SST(random_parameters(np.random.default_rng(request.param)))
-
-
-@pytest.fixture(scope="session", autouse=True)
-def cache_of_the_run(tmp_path_factory):
-    """Compiled kernels are in a folder of their own, shared by the workers of one run."""
-    base = tmp_path_factory.getbasetemp()
-    folder = base.parent if base.name.startswith("popen-") else base
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
-        yield folder / "cache"
 
 
 @pytest.fixture(scope="module")

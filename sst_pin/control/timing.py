@@ -68,8 +68,8 @@ def time_optimal(
     Example:
         >>> path = robot.inverse_kinematics(sst_pin.paper_circle(np.linspace(0, 0.5, 201)).R)
         >>> motion = sst_pin.time_optimal(robot, path, torques=30.0)
-        >>> print(f"{motion.t[-1]:.2f} s, {np.abs(motion.tau).max():.2f} N m")
-        0.49 s, 30.00 N m
+        >>> print(f"{motion.t[-1]:.1f} s, {np.abs(motion.tau).max():.1f} N m")
+        0.5 s, 30.0 N m
     """
     limits = MotorLimits(chain, torques, rates, accelerations)
     way, step = SmoothPath(chain, path), positive_number("dt", dt)

@@ -92,7 +92,8 @@ class Reactions(Summary):
             IndeterminateError: If components of it are not unique.
 
         Example:
-            >>> chain.reactions(chain.home, [0], [0]).of("rocker").shape
+            >>> crank = sst_pin.robots.slider_crank()
+            >>> crank.reactions(crank.home, [0], [0]).of("rod").shape
             (6,)
         """
         if name not in self.names:

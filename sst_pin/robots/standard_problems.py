@@ -83,8 +83,8 @@ def slider_crank() -> GalleryRobot:
 
     Example:
         >>> chain = sst_pin.robots.slider_crank()
-        >>> chain.home.round(4)
-        array([ 0.    ,  0.2   , -0.4636,  0.8411])
+        >>> chain.home[1:].round(4)
+        array([ 0.2   , -0.4636,  0.8411])
     """
     tree = Tree("slider_crank")
     tip, end = np.array([0.0, 0.0, 0.08]), np.array([-0.3, 0.0, 0.0])

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Output that a page or a docstring shows, compared with what is printed now."""
+"""Output that a page shows, compared with what is printed now."""
 
-import doctest
 import re
 
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?")
@@ -22,10 +21,3 @@ def _near(wanted: str, got: str) -> bool:
     places = len(mantissa.partition(".")[2])
     allowed = 1.01 * 10.0 ** (int(power or 0) - places) if "." in mantissa else 0.0
     return abs(float(wanted) - float(got)) <= allowed
-
-
-class Checker(doctest.OutputChecker):
-    """Compares the output of doctests."""
-
-    def check_output(self, want: str, got: str, optionflags: int) -> bool:
-        return super().check_output(want, got, optionflags) or same_output(want, got)
