@@ -42,7 +42,7 @@ def test_pre_commit_has_the_linters_of_ci():
     called = {hook["entry"].removesuffix(" --force-exclude") for hook in local["hooks"]}
     lines = (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines()
     run = [x.removeprefix(".venv/bin/").removesuffix(" .").removesuffix(" --check") for x in lines]
-    assert called == {x for x in run if x.startswith(("ruff", "mypy"))}
+    assert called == {x for x in run if x.startswith(("ruff", "mypy", "lint-imports"))}
 
 
 def test_a_problem_comes_with_robot_versions_and_what_was_expected():
