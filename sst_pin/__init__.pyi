@@ -73,7 +73,6 @@ from .control.timing import time_optimal as time_optimal
 
 # Errors and warnings
 from .errors import ActuationError as ActuationError
-from .errors import AssignmentError as AssignmentError
 from .errors import ClosureError as ClosureError
 from .errors import CompilationError as CompilationError
 from .errors import DescriptionError as DescriptionError

@@ -24,7 +24,6 @@ from .arrays import (
     single_array,
     whole_number,
 )
-from .assignments import require_assignable
 from .dynamics import derivatives as slopes
 from .dynamics import dynamics, reactions, regressor, torque_sharing
 from .dynamics.derivatives import (
@@ -1590,10 +1589,6 @@ class ClosedChain(Summary):
     def _motion_in(self, table: Table) -> tuple[Array, Array, Array] | None:
         """q, va, aa of a table whose columns are not the coordinates; an SST has such tables."""
         return None
-
-    def __setattr__(self, name: str, value: object) -> None:
-        require_assignable(self, name)
-        super().__setattr__(name, value)
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         """Rows of the printed robot."""

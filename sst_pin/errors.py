@@ -78,26 +78,6 @@ class ParametersError(SSTError, ValueError):
         super().__init__("impossible parameters:\n  " + "\n  ".join(self.problems))
 
 
-class AssignmentError(SSTError, AttributeError):
-    """An attribute of a robot was assigned that is read-only or does not exist.
-
-    Attributes:
-        name: Name of the attribute.
-
-    Example:
-        >>> robot.actuated = ["gamma_1"]
-        Traceback (most recent call last):
-            ...
-        sst_pin.errors.AssignmentError: actuated cannot be assigned; build another robot ...
-    """
-
-    name = ""  # else it would be that of AttributeError, which is not pickled
-
-    def __init__(self, name: str, problem: str) -> None:
-        super().__init__(f"{name} {problem}")
-        self.name = name
-
-
 class DescriptionError(SSTError):
     """A robot description (URDF, YAML, SRDF, MJCF, model) cannot be used.
 

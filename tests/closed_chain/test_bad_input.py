@@ -270,7 +270,6 @@ def test_only_one_sample_where_one_is_meant(robot):
     "error",
     [
         errors.InputError("q", "bad"),
-        errors.AssignmentError("actuated", "cannot be assigned"),
         errors.ParametersError(["a", "b"]),
         errors.DescriptionError("file", ["a"]),
         errors.UnknownNameError("joint", "x", ["y"]),
