@@ -69,7 +69,7 @@ def workspace_75() -> Figure:
 
 def reach() -> Figure:
     """Where a five-bar and a delta reach, and what 1 kg at the delta takes of motors of 1.2 N m."""
-    side, weight = np.linspace(-0.14, 0.14, 71), (0.0, 0.0, -9.81, 0.0, 0.0, 0.0)
+    side, weight = np.linspace(-0.14, 0.14, 71), (0.0, 0.0, 0.0, 0.0, 0.0, -9.81)
     lift = reach_map(gallery.five_bar(), "platform", x=side, y=np.linspace(-0.18, 0.18, 91))
     x, z = np.linspace(-0.42, 0.42, 71), np.linspace(-0.5, 0.02, 45)
     load = reach_map(gallery.delta(), "platform", 1.2, x=x, z=z, wrench=weight)

@@ -22,8 +22,8 @@ class Adaptive(Controller):
     adaptive control of robot manipulators, Int. J. Robotics Research 6(3), 1987.
 
     It learns from call to call, so it is for loops in which time goes on; `simulate` takes it as a
-    `SampledTorque`. While a limit is reached it does not learn. The other arguments are those of
-    `Controller`; the chain is the model to begin with.
+    `SampledTorque`. It does not learn while its torques pass the limits. The other arguments are
+    those of `Controller`; the chain is the model to begin with.
 
     Args:
         stiffness: How fast errors die out where s is 0, () or shape (n,), [1/s].
@@ -70,8 +70,8 @@ class Adaptive(Controller):
         error, rate_error, accelerations = self._errors(t, q, va)
         s = rate_error + self.stiffness * error
         Y = self._regressor(q, va, va + s, accelerations + self.stiffness * rate_error)
-        tau = self._motors(q, Y @ self.theta + self.damping * s)
-        if self.limits is None or (np.abs(tau) < self.limits).all():
+        tau = self._shared(q, self._motors(q, Y @ self.theta + self.damping * s))
+        if self._within(tau):
             self.theta += max(0.0, t - self._last) * self._learning * (Y.T @ s)
         self._last = t
         return tau

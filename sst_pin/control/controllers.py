@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array, finite_array, in_one_turn, one_or_each
 from ..closed_chain import ClosedChain
+from ..dynamics.torque_sharing import finite_limits, within_limits
 from ..errors import ActuationError, InputError
 from ..model.named_positions import taken
 from ..simulation.coordinate_motions import positions_along
@@ -27,10 +28,11 @@ class Controller(ABC):
         chain: The model of the robot; its motors must hold all coordinates, each of which turns
             about an axis or slides along one.
         motion: What to follow: a motion of this robot.
-        limits: Largest torque of each motor, shape (motors,) or (); none by default.
+        limits: Largest torque of each motor, shape (motors,) or (), or least and largest ones,
+            shape (motors, 2); none by default.
 
     Raises:
-        InputError: For a motion of another robot, or limits that are not positive.
+        InputError: For a motion of another robot, or limits that are none.
         ActuationError: If the motors do not hold all coordinates.
         UnknownNameError: For a coordinate that is a ball joint or a free body.
     """
@@ -45,7 +47,7 @@ class Controller(ABC):
         if not chain.mobility(motion.q[0]).sufficient:
             raise ActuationError("the motors do not hold all coordinates: nothing can follow")
         motors = len(chain.motor_names)
-        self.limits = None if limits is None else one_or_each("limits", limits, motors)
+        self.limits = None if limits is None else finite_limits(limits, motors, "limits")
         mechanism = chain.mechanism
         self._turns = np.array([unit == "rad" for unit in mechanism.coordinate_rate_units])
         path = spline(motion.t, positions_along(chain, motion))
@@ -54,7 +56,8 @@ class Controller(ABC):
     def torque(self, t: float, q: Array, va: Array) -> Array:
         """Torques of the motors, within the limits, shape (motors,).
 
-        Usable as `torque=` of `simulate`.
+        Surplus motors take over what others cannot give. Where all together cannot, the torques
+        end at the limits. Usable as `torque=` of `simulate`.
 
         Args:
             t: Time, [s].
@@ -62,11 +65,21 @@ class Controller(ABC):
             va: Rates of the coordinates, shape (n,).
         """
         tau = self._torque(t, q, va)
-        return tau if self.limits is None else np.clip(tau, -self.limits, self.limits)
+        return tau if self.limits is None else np.clip(self._shared(q, tau), *self.limits.T)
 
     @abstractmethod
     def _torque(self, t: float, q: Array, va: Array) -> Array:
         """Torques of the motors, whatever their limits."""
+
+    def _shared(self, q: Array, tau: Array) -> Array:
+        """Torques of the same effect within the limits, or those that pass the limits least."""
+        if self.limits is None or self._within(tau):
+            return tau
+        return within_limits(tau, self.chain.preload_directions(q), self.limits)
+
+    def _within(self, tau: Array) -> bool:
+        low, high = (-np.inf, np.inf) if self.limits is None else self.limits.T
+        return bool((low <= tau).all() and (tau <= high).all())
 
     def _wanted(self, t: float) -> tuple[Array, Array, Array]:
         """Positions, rates and accelerations of the coordinates at a time, shape (n,) each."""

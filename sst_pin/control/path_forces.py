@@ -13,11 +13,13 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array, finite_array
 from ..closed_chain import ClosedChain
-from ..dynamics.torque_sharing import limits_of_each
+from ..dynamics.torque_sharing import finite_limits
 from ..errors import ActuationError, InputError
 from ..model.named_positions import put, taken
 from ..simulation.coordinate_motions import coordinate_positions
 from ..simulation.samples import spline
+from ..summaries import listed
+from .motor_limits import combinations, motors_of, of_sizes, part_of
 
 #: The part of a limit that stays free at the grid's points, for what happens between them.
 MARGIN = 1e-4
@@ -71,7 +73,10 @@ class SmoothPath:
 
 
 class MotorLimits:
-    """Limits of the motors, and the parts of them that are used, from -1 to 1."""
+    """Limits of the motors, and the parts of them that a motion takes, from -1 to 1.
+
+    With surplus motors, `factors` of parts make the sums that no preload changes.
+    """
 
     def __init__(
         self,
@@ -93,20 +98,33 @@ class MotorLimits:
         """Least and largest numbers, shape (motors, 2)."""
         if value is None:
             return None
-        bounds = limits_of_each(name, value, len(self.chain.motor_names))
+        bounds = finite_limits(value, len(self.chain.motor_names), name)
         if name != "torques" and not (bounds * (-1, 1) > 0).all():
             raise InputError(name, "motors at rest pass them")
         return bounds
 
-    def forces(self, q: Array, va: Array, aa: Array) -> Array:
-        """Parts of the limits of torques and of accelerations, shape (N, k)."""
-        chain, found = self.chain, list[Array]()
+    def parts(self, q: Array, va: Array, aa: Array) -> Array:
+        """Parts of the limits of torques, then of accelerations, shape (N, k)."""
+        chain, parts = self.chain, list[Array]()
         if self.torques is not None:
-            found.append(part_of(chain.compute_torques(q, va, aa), self.torques))
+            parts.append(part_of(chain.compute_torques(q, va, aa), self.torques))
         if self.accelerations is not None:
             of_motors = chain.joint_accelerations(q, va, aa) @ chain.mechanism.motors
-            found.append(part_of(of_motors, self.accelerations))
-        return np.hstack(found)
+            parts.append(part_of(of_motors, self.accelerations))
+        return np.hstack(parts)
+
+    def factors(self, q: Array) -> Array:
+        """Factors of the parts in each sum, continuous along a path, shape (N, sums, k)."""
+        motors, blocks = len(self.chain.motor_names), list[Array]()
+        if self.torques is not None:
+            blocks.append(combinations(self.chain.preload_directions(q), self.torques))
+        if self.accelerations is not None:
+            blocks.append(np.tile(np.eye(motors), (len(q), 1, 1)))
+        if len(blocks) == 1:
+            return blocks[0]
+        torques, accelerations = blocks
+        above = np.pad(torques, ((0, 0), (0, 0), (0, motors)))
+        return np.hstack([above, np.pad(accelerations, ((0, 0), (0, 0), (motors, 0)))])
 
     def speeds(self, q: Array, va: Array) -> Array:
         """Parts of the limits of rates, shape (N, k)."""
@@ -117,8 +135,10 @@ class MotorLimits:
 
     def used(self, q: Array, va: Array, aa: Array) -> Array:
         """The largest part of a limit, shape (N,)."""
-        forces, speeds = self.forces(q, va, aa), self.speeds(q, va)
-        return np.maximum(np.abs(forces).max(axis=1), speeds.max(axis=1))
+        factors = self.factors(q)
+        sums = np.einsum("irk,ik->ir", factors, self.parts(q, va, aa))
+        forces = np.abs(of_sizes(sums, factors)).max(axis=1)
+        return np.maximum(forces, self.speeds(q, va).max(axis=1))
 
     def dry_friction(self, q: Array) -> Array:
         """Parts of the limits that Coulomb friction of each joint takes, shape (N, k, nv)."""
@@ -136,20 +156,19 @@ class MotorLimits:
 
     def require_rest(self, q: Array) -> None:
         """Refuse ends of a path, shape (2, nq), where the motors cannot hold the robot."""
-        rest = np.zeros((2, self.chain.degrees_of_freedom))
-        over = np.argwhere(np.abs(self.forces(q, rest, rest)) > 1 - MARGIN)
+        rest, factors = np.zeros((2, self.chain.degrees_of_freedom)), self.factors(q)
+        sums = np.einsum("irk,ik->ir", factors, self.parts(q, rest, rest))
+        over = np.argwhere(np.abs(of_sizes(sums, factors)) > 1 - MARGIN)
         if len(over):
-            names = self.chain.motor_names
-            end, motor = over[0]
+            end, row = over[0]
             raise ActuationError(
-                f"motor {names[motor % len(names)]} cannot hold the robot at the "
-                f"{('start', 'end')[end]} of the path within its limits"
+                f"{listed(motors_of(self.chain, factors[end, row]))} cannot hold the robot at the "
+                f"{('start', 'end')[end]} of the path within the limits"
             )
 
-
-def part_of(values: Array, bounds: Array) -> Array:
-    """Places of values, shape (..., motors), between bounds: from -1, the least, to 1."""
-    return (2 * values - bounds.sum(axis=1)) / np.ptp(bounds, axis=1)
+    def torques_of(self, q: Array, va: Array, aa: Array) -> Array:
+        """The smallest torques within the limits, shape (N, motors)."""
+        return self.chain.compute_torques(q, va, aa, limits=self.torques)
 
 
 class Parts(NamedTuple):
@@ -174,13 +193,19 @@ class PathForces:
     def __init__(self, limits: MotorLimits, way: SmoothPath, nodes: Array) -> None:
         q, first, second = way.at(nodes)
         limits.require_rest(q[[0, -1]])
+        factors = limits.factors(q)
 
         def at(w: float, u: float = 0.0) -> Array:
-            return limits.forces(q, w * first, w**2 * second + u * first)
+            parts = limits.parts(q, w * first, w**2 * second + u * first)
+            return np.einsum("irk,ik->ir", factors, parts)
 
         c, ahead, back = at(0.0), at(_FAST), at(-_FAST)
         rates = limits.chain.joint_rates(q, first) / limits.chain.mechanism.rate_scale
-        self._rates, self._dry = spline(nodes, rates), spline(nodes, limits.dry_friction(q))
+        self._factors = spline(nodes, factors)
+        self._rates, self._dry = (
+            spline(nodes, rates),
+            spline(nodes, factors @ limits.dry_friction(q)),
+        )
         low, high = self._coulomb(nodes)
         a, b = at(0.0, 1.0) - c, (ahead + back) / 2 - c
         d = (ahead - back) / 2 - (low + high) / 2
@@ -188,8 +213,9 @@ class PathForces:
         self._smooth = spline(nodes, np.stack([a, b / _FAST**2, c, d / _FAST], axis=1))
         self._speeds = spline(nodes, speeds)
         # A time: in this unit w is about one.
-        self.unit = max(float(np.sqrt(np.abs(a).max())), float(speeds.max()), 1e-100)
-        self.viscous = float(np.abs(d).max()) > MARGIN * _FAST * self.unit
+        largest = np.abs(of_sizes(a, factors)).max()
+        self.unit = max(float(np.sqrt(largest)), float(speeds.max()), 1e-100)
+        self.viscous = float(np.abs(of_sizes(d, factors)).max()) > MARGIN * _FAST * self.unit
 
     def _coulomb(self, s: Array) -> tuple[Array, Array]:
         """Least and largest Coulomb friction, shape (N, k)."""
@@ -203,5 +229,6 @@ class PathForces:
         """All parts at points of the path."""
         with np.errstate(divide="ignore"):
             most = 1 / np.maximum(self._speeds(s).max(axis=1), 0)
-        a, b, c, d = np.moveaxis(self._smooth(s), 1, 0)
-        return Parts(a, b, c, d, *self._coulomb(s), most)
+        sums, factors = [*np.moveaxis(self._smooth(s), 1, 0), *self._coulomb(s)], self._factors(s)
+        a, b, c, d, low, high = (of_sizes(each, factors) for each in sums)
+        return Parts(a, b, c, d, low, high, most)

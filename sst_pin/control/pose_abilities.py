@@ -18,10 +18,11 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array, finite_array, name_samples, single_array
 from ..closed_chain import ClosedChain
-from ..dynamics.torque_sharing import limits_of_each
+from ..dynamics.torque_sharing import finite_limits
 from ..errors import ActuationError, InputError, SingularConfigurationError
 from ..model.thresholds import RANK_TOLERANCE, UNSUPPLIED
 from ..summaries import listed
+from .motor_limits import combinations, motors_of, of_sizes, part_of
 
 
 class Ellipsoid(NamedTuple):
@@ -71,7 +72,7 @@ def force_ellipsoid(
         >>> found.sizes.round(2), found.axes.shape
         (array([  inf, 14.28, 10.2 ]), (3, 3))
     """
-    G = _supplied(chain, q, frame, turning) / _sizes(chain, torques)[:, None]
+    G = _supplied(chain, q, frame, turning, _sizes(chain, torques))
     s, axes = _stretches(G.mT)
     with np.errstate(divide="ignore"):
         sizes = np.where(s > RANK_TOLERANCE * s[..., :1], 1 / s, np.inf)
@@ -84,7 +85,7 @@ def force_polytope(
     """Corners of all forces that a frame can exert while the motors also hold the weight.
 
     Directions in which the frame cannot move are left out: there the structure bears the forces.
-    With more motors than freedoms, the smallest torques count. Arguments as in `force_ellipsoid`,
+    Surplus motors help with any preload within their limits. Arguments as in `force_ellipsoid`,
     but q is one configuration at rest, shape (nq,), and torques may be least and largest ones,
     shape (motors, 2).
 
@@ -104,18 +105,21 @@ def force_polytope(
     """
     from scipy.spatial import HalfspaceIntersection
 
-    single = single_array("q", q, (chain.mechanism.model.nq,))
+    single, limits = single_array("q", q, (chain.mechanism.model.nq,)), _limits(chain, torques)
     rest = np.zeros(chain.degrees_of_freedom)
-    hold, bounds = chain.compute_torques(single, rest, rest), _bounds(chain, torques)
-    room = np.concatenate([bounds[:, 1] - hold, hold - bounds[:, 0]])
-    if room.min() <= 0:
-        motor = chain.motor_names[int(room.argmin()) % len(hold)]
-        raise ActuationError(f"motor {motor} has no torque to spare when it holds the robot")
-    G = _supplied(chain, single, frame, turning)
+    factors = combinations(chain.preload_directions(single), limits)
+    hold = part_of(chain.compute_torques(single, rest, rest), limits)
+    sums = of_sizes(factors @ hold, factors)
+    if np.abs(sums).max() >= 1:
+        names = listed(motors_of(chain, factors[np.abs(sums).argmax()]))
+        raise ActuationError(f"no torque to spare in {names} when the motors hold the robot")
+    parts = 2 / np.ptp(limits, axis=1)[:, None] * _supplied(chain, single, frame, turning)
     moving = _range(_jacobian(chain, single, frame, turning))
     if not len(moving):
         raise InputError("frame", f"{frame} cannot move so: the structure bears what acts on it")
-    rows = np.vstack([G, -G]) @ moving.T
+    rows = of_sizes((factors @ parts @ moving.T).T, factors).T
+    rows, room = np.vstack([rows, -rows]), np.concatenate([1 - sums, 1 + sums])
+    rows, room = rows[rows.any(axis=1)], room[rows.any(axis=1)]
     if np.linalg.matrix_rank(rows, RANK_TOLERANCE * np.abs(rows).max(initial=0.0)) < len(moving):
         raise SingularConfigurationError("forces of the frame take no torques", np.inf)
     if len(moving) == 1:
@@ -184,25 +188,25 @@ def acceleration_polytope(
         (4, 3)
     """
     single = single_array("q", q, (chain.mechanism.model.nq,))
-    bounds = _bounds(chain, torques)
-    if len(bounds) > 16:
-        raise InputError("chain", f"{len(bounds)} motors have too many corners")
+    limits = _limits(chain, torques)
+    if len(limits) > 16:
+        raise InputError("chain", f"{len(limits)} motors have too many corners")
     center, A = _accelerations_by_torques(chain, single, va, frame, turning)
     moving = _range(A)
-    return hull(np.array(list(product(*bounds))) @ A.T @ moving.T) @ moving + center
+    return hull(np.array(list(product(*limits))) @ A.T @ moving.T) @ moving + center
 
 
-def _bounds(chain: ClosedChain, torques: ArrayLike) -> Array:
+def _limits(chain: ClosedChain, torques: ArrayLike) -> Array:
     """Least and largest torques, shape (motors, 2)."""
-    return limits_of_each("torques", torques, len(chain.motor_names))
+    return finite_limits(torques, len(chain.motor_names), "torques")
 
 
 def _sizes(chain: ClosedChain, torques: ArrayLike) -> Array:
     """Largest torques, shape (motors,)."""
-    bounds = _bounds(chain, torques)
-    if not (bounds[:, 0] == -bounds[:, 1]).all():
+    limits = _limits(chain, torques)
+    if not (limits[:, 0] == -limits[:, 1]).all():
         raise InputError("torques", "an ellipsoid has the same limits in both directions")
-    return np.asarray(bounds[:, 1])
+    return np.asarray(limits[:, 1])
 
 
 def _jacobian(chain: ClosedChain, q: ArrayLike, frame: str, turning: bool) -> Array:
@@ -214,18 +218,26 @@ def _jacobian(chain: ClosedChain, q: ArrayLike, frame: str, turning: bool) -> Ar
     return np.where(sound, J, 0)[..., 3 * turning : 3 * turning + 3, :]
 
 
-def torques_of_forces(chain: ClosedChain, q: ArrayLike, frame: str, turning: bool) -> Array:
-    """G: forces w of a frame take the torques G w, shape (..., motors, 3)."""
-    J = _jacobian(chain, q, frame, turning)
-    return np.asarray(np.linalg.pinv(chain.actuator_jacobian(q).mT) @ J.mT)
+def torques_of_forces(
+    chain: ClosedChain, q: ArrayLike, frame: str, turning: bool, sizes: Array | float = 1.0
+) -> Array:
+    """G: forces w of a frame take the torques G w, shape (..., motors, 3), in multiples of sizes.
+
+    The sum of the squares of these multiples is the least.
+    """
+    A = (chain.actuator_jacobian(q) * np.reshape(sizes, (-1, 1))).mT
+    return np.asarray(np.linalg.pinv(A) @ _jacobian(chain, q, frame, turning).mT)
 
 
-def _supplied(chain: ClosedChain, q: ArrayLike, frame: str, turning: bool) -> Array:
+def _supplied(
+    chain: ClosedChain, q: ArrayLike, frame: str, turning: bool, sizes: Array | float = 1.0
+) -> Array:
     """G as `torques_of_forces`, where the motors hold the coordinates that the forces move."""
-    mechanism, G = chain.mechanism, torques_of_forces(chain, q, frame, turning)
+    mechanism, G = chain.mechanism, torques_of_forces(chain, q, frame, turning, sizes)
     units = mechanism.rate_scale[mechanism.coordinates, None]
     forces = _jacobian(chain, q, frame, turning).mT * units
-    left = np.abs(forces - chain.actuator_jacobian(q).mT @ G * units)
+    A = (chain.actuator_jacobian(q) * np.reshape(sizes, (-1, 1))).mT
+    left = np.abs(forces - A @ G * units)
     over = left > UNSUPPLIED * np.abs(forces).max(axis=(-1, -2), keepdims=True)
     if over.any():
         moved = over.any(axis=-1)

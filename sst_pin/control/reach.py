@@ -14,17 +14,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Array, Flags, finite_array, single_array
 from ..closed_chain import ClosedChain
-from ..dynamics.torque_sharing import limits_of_each
+from ..dynamics.torque_sharing import finite_limits, within_limits
 from ..errors import InputError
 from ..files import as_path, table_writer, write_files
 from ..loops.starts import start_of
 from ..model.thresholds import RANK_TOLERANCE
 from ..simulation.frame_guide import FrameGuide
-from ..simulation.limits import over_limits
 from ..simulation.motion_columns import position_columns
 from ..summaries import listed
-from .linkage import motor_units
-from .path_forces import part_of
+from .motor_limits import largest_part
 from .pose_abilities import torques_of_forces
 
 #: What `ReachMap.why` counts.
@@ -49,9 +47,10 @@ class ReachMap:
         q: Configurations, shape (N, M, nq).
         condition: Condition number of the map from rates of the motors to the velocity of the frame
             in the components named, free of units, shape (N, M); infinite where it is singular.
-        torque: Torques of the motors that hold the pose, shape (N, M, motors), [N m] or [N].
-        used: The largest part of a motor's limits that this takes, shape (N, M); more than 1 is
-            more than it can.
+        torque: The smallest torques within the limits that hold the pose, shape (N, M, motors),
+            [N m] or [N]; where none do, those that pass the limits least.
+        used: The largest part of a motor's limits that this takes with the best preload, shape
+            (N, M); more than 1 is more than the motors can.
         columns: Names of torques and joints in a file, with units.
 
     Example:
@@ -83,8 +82,8 @@ class ReachMap:
     def save(self, path: str | Path, force: bool = False) -> None:
         """Write a .csv, one row for each pose."""
         grid = np.meshgrid(*self.values, indexing="ij")
-        flat = [x[..., None] for x in (*grid, self.why, self.condition, self.used)]
-        rows = np.concatenate([*flat, self.torque, self.q], axis=-1)
+        columns = [x[..., None] for x in (*grid, self.why, self.condition, self.used)]
+        rows = np.concatenate([*columns, self.torque, self.q], axis=-1)
         names = [f"{axis}_{'m' if axis in 'xyz' else 'rad'}" for axis in self.axes]
         names += ["why", "condition", "used", *self.columns]
         write_files({as_path(path): table_writer(names, rows.reshape(-1, len(names)))}, force)
@@ -101,16 +100,18 @@ def reach_map(
     roll: ArrayLike | None = None,
     pitch: ArrayLike | None = None,
     yaw: ArrayLike | None = None,
+    rotation: ArrayLike | None = None,
     wrench: ArrayLike | None = None,
     start: ArrayLike | None = None,
 ) -> ReachMap:
     """Which poses on a grid a frame reaches, its conditioning there, and the torques that hold it.
 
-    From the start the poses are followed from neighbour to neighbour, so that all are in the
-    assembly and working mode of the start: none lies beyond a singular configuration or a joint's
-    limit. With any of x, y, z the position of the frame counts, with any of roll, pitch, yaw its
-    orientation; components that are not named then stay as at the start. With more freedoms than
-    that the joints move least, and the map depends on the way.
+    The poses are followed from the start, from neighbour to neighbour. So all are in the assembly
+    mode and the working mode of the start, and none lies beyond a singular configuration or a limit
+    that `ClosedChain.check` knows. With any of x, y, z the position of the frame counts, with any
+    of roll, pitch, yaw its orientation; positions that are not named stay as at the start, angles
+    are 0. If the frame has more freedoms than that, the joints move least, and the map depends on
+    the way.
 
     Args:
         chain: A robot whose motors hold all coordinates.
@@ -121,17 +122,19 @@ def reach_map(
             increasing. Two of the six are grids.
         y: As x.
         z: As x.
-        roll: About the x axis of the base, from the orientation at the start, [rad]. The
-            orientation is R_z(yaw) R_y(pitch) R_x(roll) times that at the start.
+        roll: About the x axis of the base, [rad]. The orientation of the frame is R_z(yaw)
+            R_y(pitch) R_x(roll) `rotation`.
         pitch: About the y axis.
         yaw: About the z axis.
-        wrench: [force; moment] on the frame at its origin, in base axes, [N] and [N m], such as the
+        rotation: Orientation of the frame where the angles are 0, shape (3, 3); by default that at
+            the start.
+        wrench: [moment; force] on the frame at its origin, in base axes, [N m] and [N], such as the
             weight of what it carries; none by default.
         start: A guess of all joints, shape (nq,), that selects the modes; by default `home`.
 
     Raises:
-        InputError: For other than two grids, grids or limits that are none, a start beyond joint
-            limits, or a frame that cannot move along the grid.
+        InputError: For other than two grids, wrong grids or limits, a start beyond joint limits, or
+            a frame that cannot move along the grid.
         ActuationError: If the motors cannot hold the robot.
         ClosureError: If the start cannot be assembled.
         UnknownNameError: For an unknown frame.
@@ -145,42 +148,34 @@ def reach_map(
         >>> found.condition[:, 1].round(2)
         array([3.03, 3.03])
     """
-    given = dict(zip(_AXES, (x, y, z, roll, pitch, yaw), strict=True))
-    named = {name: finite_array(name, v, ()) for name, v in given.items() if v is not None}
-    axes = tuple(name for name, v in named.items() if v.ndim)
-    if len(axes) != 2 or any(named[axis].ndim != 1 for axis in axes):
-        raise InputError(", ".join(_AXES), "two of them are arrays of shape (N,), no more")
-    for axis in axes:
-        if len(named[axis]) < 2 or (np.diff(named[axis]) <= 0).any():
-            raise InputError(axis, "a grid has two values or more, increasing")
+    components = dict(zip(_AXES, (x, y, z, roll, pitch, yaw), strict=True))
+    named = {name: finite_array(name, v, ()) for name, v in components.items() if v is not None}
+    axes = _grid_axes(named)
     if not np.isin(chain.mechanism.coordinates, chain.mechanism.driven).all():
         # its coordinates may have dead points where motors have none
         chain = chain.with_coordinates(None)
     mechanism, motors = chain.mechanism, chain.motor_names
-    bounds = limits_of_each("torques", torques, len(motors))
+    limits = finite_limits(torques, len(motors), "torques")
     push = single_array("wrench", np.zeros(6) if wrench is None else wrench, (6,))
     guess = start_of(chain) if start is None else start
     home = chain.assemble(single_array("start", guess, (mechanism.model.nq,)))
     rest = np.zeros(chain.degrees_of_freedom)
     chain.compute_torques(home, rest, rest)  # refuses motors that hold less than all
-    kinds = not named.keys().isdisjoint(_AXES[:3]), not named.keys().isdisjoint(_AXES[3:])
-    of_motors = motor_units(chain)
-    per_unit, each = mechanism.rate_scale / of_motors[:, None], np.eye(mechanism.model.nv)
-
-    def motor_rates(q: Array) -> Array:
-        """Rates of the motors by those of all joints, free of units."""
-        on_lines = chain.engine.line_rates(q, each) @ mechanism.lines.motors
-        return np.asarray((mechanism.motors + on_lines).T * per_unit)
-
-    guide = FrameGuide(chain, frame, *kinds, motor_rates)
-    counted, units = np.repeat(kinds, 3), np.repeat([mechanism.length, 1.0], 3)
-    ratio = (of_motors / units[:, None])[counted]
+    counted = np.repeat([not named.keys().isdisjoint(_AXES[k : k + 3]) for k in (0, 3)], 3)
+    guide = _motor_guide(chain, frame, counted)
+    zero = guide.pose(home).rotation if rotation is None else rotation
+    zero = single_array("rotation", zero, (3, 3))
+    units = np.repeat([mechanism.length, 1.0], 3)
+    ratio = (mechanism.motor_scale / units[:, None])[counted]
     first = _velocities(chain, home, frame)[counted] * ratio
     _require_motion(first, np.array(_AXES)[counted], axes)
-    why, q = _flood(chain, guide, home, named, axes)
+    why, q = _flood(chain, guide, home, zero, named, axes)
     reached = why == _REACHED
     A = _velocities(chain, q[reached], frame)
-    tau = chain.compute_torques(q[reached], rest, rest) - push @ A
+    tau = chain.compute_torques(q[reached], rest, rest) - np.roll(push, 3) @ A
+    directions = chain.preload_directions(q[reached])
+    pairs = zip(tau, directions, strict=True)
+    held = np.array([within_limits(*each, limits) for each in pairs]).reshape(tau.shape)
 
     def on_grid(values: Array) -> Array:
         grid = np.full((*why.shape, *values.shape[1:]), np.nan)
@@ -188,12 +183,37 @@ def reach_map(
         return grid
 
     condition = on_grid(_conditions(A[:, counted] * ratio))
+    used = on_grid(largest_part(tau, directions, limits))
     columns = (
         *(f"tau_{name}_{unit}" for name, unit in zip(motors, chain.motor_units, strict=True)),
         *position_columns(chain.position_names, chain.joint_units),
     )
-    grid, used = (named[axes[0]], named[axes[1]]), np.abs(part_of(tau, bounds)).max(axis=1)
-    return ReachMap(axes, grid, why, q, condition, on_grid(tau), on_grid(used), columns)
+    values = named[axes[0]], named[axes[1]]
+    return ReachMap(axes, values, why, q, condition, on_grid(held), used, columns)
+
+
+def _grid_axes(named: dict[str, Array]) -> tuple[str, str]:
+    """The two components that are grids."""
+    axes = tuple(name for name, v in named.items() if v.ndim)
+    if len(axes) != 2 or any(named[axis].ndim != 1 for axis in axes):
+        raise InputError(", ".join(_AXES), "two of them are arrays of shape (N,), no more")
+    for axis in axes:
+        if len(named[axis]) < 2 or (np.diff(named[axis]) <= 0).any():
+            raise InputError(axis, "a grid has two values or more, increasing")
+    return axes[0], axes[1]
+
+
+def _motor_guide(chain: ClosedChain, frame: str, counted: Flags) -> FrameGuide:
+    """A guide of the frame's components that count, driven by the motors."""
+    mechanism, each = chain.mechanism, np.eye(chain.mechanism.model.nv)
+
+    def motor_rates(q: Array) -> Array:
+        """Rates of the motors by those of all joints, free of units."""
+        on_lines = chain.engine.line_rates(q, each) @ mechanism.lines.motors
+        per_unit = mechanism.rate_scale / mechanism.motor_scale[:, None]
+        return np.asarray((mechanism.motors + on_lines).T * per_unit)
+
+    return FrameGuide(chain, frame, bool(counted[0]), bool(counted[3]), motor_rates)
 
 
 def _velocities(chain: ClosedChain, q: Array, frame: str) -> Array:
@@ -217,45 +237,46 @@ def _flood(
     chain: ClosedChain,
     guide: FrameGuide,
     home: Array,
+    zero: Array,
     named: dict[str, Array],
     axes: tuple[str, str],
 ) -> tuple[NDArray[np.int8], Array]:
     """Reasons and configurations of all poses, found from neighbour to neighbour."""
-    model, at = chain.mechanism.model, guide.pose(home)
-    here = dict(zip(_AXES, np.append(at.translation, np.zeros(3)), strict=True))
+    at = guide.pose(home)
+    here = dict(zip(_AXES, [*at.translation, *np.zeros(3)], strict=True))
+    angles = pin.rpy.matrixToRpy(at.rotation @ zero.T)
+    begin = here | dict(zip(_AXES[3:], angles, strict=True))
     shape = (len(named[axes[0]]), len(named[axes[1]]))
-    allowed = over_limits(chain)
 
     def pose(point: tuple[int, int]) -> pin.SE3:
         on_grid = {axis: named[axis][k] for axis, k in zip(axes, point, strict=True)}
         numbers = np.array([float({**here, **named, **on_grid}[axis]) for axis in _AXES])
-        return pin.SE3(pin.rpy.rpyToMatrix(numbers[3:]) @ at.rotation, numbers[:3])
+        return pin.SE3(pin.rpy.rpyToMatrix(numbers[3:]) @ zero, numbers[:3])
 
-    def beyond(q: Array) -> Flags:
-        out = np.maximum(model.lowerPositionLimit - q, q - model.upperPositionLimit)
-        return np.asarray(out > allowed)
+    def beyond(q: Array) -> list[str]:
+        """Joints outside their limits."""
+        return [name for f in chain.check(q) if not f.singular for name in f.joints]
 
-    if beyond(home).any():
-        joints = listed([chain.position_names[k] for k in np.flatnonzero(beyond(home))])
-        raise InputError("start", f"outside the limits of {joints}")
-    why, found = np.full(shape, _CUT_OFF, dtype=np.int8), np.full((*shape, model.nq), np.nan)
-    places = [np.interp(here[axis], named[axis], np.arange(len(named[axis]))) for axis in axes]
+    if joints := beyond(home):
+        raise InputError("start", f"outside the limits of {listed(joints)}")
+    why, q = np.full(shape, _CUT_OFF, dtype=np.int8), np.full((*shape, len(home)), np.nan)
+    places = [np.interp(begin[axis], named[axis], np.arange(len(named[axis]))) for axis in axes]
     far = np.hypot(*(k - place for k, place in zip(np.indices(shape), places, strict=True)))
     first = np.argsort(far, axis=None, kind="stable")[:_FIRST]
     queue = deque((home, divmod(int(k), shape[1])) for k in first)
     while queue:
-        q, point = queue.popleft()
+        before, point = queue.popleft()
         if why[point] == _REACHED:
             continue
-        way = guide.follow(q, pose(point), _SHORTEST)
+        way = guide.follow(before, pose(point), _SHORTEST)
         reason = _SINGULAR if way.singular else _OUT if way.missed else _LIMITS
-        if not way.missed and not beyond(way.q).any():
-            reason, found[point] = _REACHED, way.q
+        if not way.missed and not beyond(way.q):
+            reason, q[point] = _REACHED, way.q
             i, j = point
             around = (i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)
             queue += [(way.q, (a, b)) for a, b in around if 0 <= a < shape[0] and 0 <= b < shape[1]]
         why[point] = min(why[point], reason)
-    return why, found
+    return why, q
 
 
 def _conditions(A: Array) -> Array:

@@ -45,8 +45,8 @@ def time_optimal(
 
     The path is the smooth curve through configurations, whatever the times at which they were
     taken. All of the dynamics counts, friction too. Limits also hold between the points of the
-    grid, which is refined until they do. With more motors than freedoms the torques are the
-    smallest ones. Method: H. Pham and Q.-C. Pham, IEEE Trans. Robotics 34(3), 2018.
+    grid, which is refined until they do. Surplus motors help with any preload within the limits.
+    Method: H. Pham and Q.-C. Pham, IEEE Trans. Robotics 34(3), 2018.
 
     Args:
         chain: A robot whose motors hold all coordinates, each of which turns or slides.
@@ -82,7 +82,7 @@ def time_optimal(
         middles = (nodes[1:] + nodes[:-1]) / 2
         between = limits.used(*profile.states(way, middles))
         if max(limits.used(q, va, aa).max(), between.max()) <= 1:
-            return chain.trajectory(t, q, va, aa)
+            return chain.trajectory(t, q, va, aa, limits.torques_of(q, va, aa))
     raise ActuationError(
         f"the forces along the path jump, and pass limits by {between.max() - 1:.1%} at "
         f"{middles[between.argmax()]:.1%} of it: its samples lie on no smooth curve"

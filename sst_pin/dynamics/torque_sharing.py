@@ -115,13 +115,14 @@ def shared_torques(
 
 
 def limits_of(limits: ArrayLike, motors: int, name: str = "limits") -> Array:
-    """Least and largest torques, shape (motors, 2); from largest ones too, shape (motors,).
+    """Least and largest torques, shape (motors, 2).
 
-    `name` is what errors call them.
+    Limits are the largest torques, shape () or (motors,), or the least and the largest ones, shape
+    (motors, 2). `name` is what errors call them.
     """
     bounds = as_array(name, limits, ())
-    if bounds.shape == (motors,):
-        bounds = np.column_stack([-bounds, bounds])
+    if bounds.shape in ((), (motors,)):
+        bounds = np.column_stack([np.full(motors, -bounds), np.full(motors, bounds)])
     if bounds.shape != (motors, 2):
         raise InputError(name, f"shape {bounds.shape}, expected ({motors},) or ({motors}, 2)")
     if not (bounds[:, 0] < bounds[:, 1]).all():
@@ -129,10 +130,9 @@ def limits_of(limits: ArrayLike, motors: int, name: str = "limits") -> Array:
     return bounds
 
 
-def limits_of_each(name: str, value: ArrayLike, motors: int) -> Array:
-    """Finite `limits_of`; one number counts for all motors."""
-    bounds = finite_array(name, value, ())
-    return limits_of(bounds if bounds.ndim else np.full(motors, bounds), motors, name)
+def finite_limits(limits: ArrayLike, motors: int, name: str) -> Array:
+    """Finite `limits_of`."""
+    return limits_of(finite_array(name, limits, ()), motors, name)
 
 
 def within_limits(

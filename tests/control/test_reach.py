@@ -132,7 +132,7 @@ def test_an_arm_reaches_a_ring_and_with_a_stop_a_narrower_one(low, outer, points
 def test_torques_hold_the_pose_against_its_wrench(name):
     """Inverse dynamics with the wrench on the body's mass centre; also as parts of limits."""
     chain = getattr(sst_pin.robots, name)()
-    side, push = np.array([-0.04, 0.03]), np.array([3.0, -4.0, -20.0, 0.4, 0.2, -0.3])
+    side, push = np.array([-0.04, 0.03]), np.array([0.4, 0.2, -0.3, 3.0, -4.0, -20.0])
     limits = np.array([(-1.0 - k, 9.0) for k in range(len(chain.motor_names))])
     held = {"yaw": 0.0} if name == "stewart" else {}
     found = sst_pin.reach_map(chain, "platform", limits, x=side, y=side, wrench=push, **held)
@@ -142,7 +142,7 @@ def test_torques_hold_the_pose_against_its_wrench(name):
         pin.framesForwardKinematics(model, data, q)
         tip = data.oMf[model.getFrameId("platform")]
         assert np.abs(tip.translation[:2] - side[list(place)]).max() < 1e-9
-        load = wrenches_of(chain, q, push[:3], push[3:])
+        load = wrenches_of(chain, q, push[3:], push[:3])
         tau = chain.compute_torques(q, rest, rest, external_wrenches=load)
         assert np.abs(found.torque[place] - tau).max() < 1e-8 * np.abs(tau).max()
         part = np.abs(tau - limits.mean(axis=1)) / (limits[:, 1] - limits[:, 0]) * 2
@@ -166,7 +166,7 @@ def test_the_star_turns_as_its_angles_say(robot):
 def test_an_ankle_holds_the_ground_as_its_serial_view_says():
     """From an upright start roll and pitch are its joints; the moment goes through J^-T."""
     view = sst_pin.SerialView(sst_pin.robots.ankle(), ["ankle_pitch", "ankle_roll"])
-    angles, moment = np.linspace(-0.4, 0.4, 3), np.array([0, 0, 0, 3.0, 40.0, 0])
+    angles, moment = np.linspace(-0.4, 0.4, 3), np.array([3.0, 40.0, 0, 0, 0, 0])
     start = view.from_joints([0, 0])
     given = {"roll": angles, "pitch": angles, "start": start}
     found = sst_pin.reach_map(view.chain, "platform", wrench=moment, **given)
@@ -174,8 +174,8 @@ def test_an_ankle_holds_the_ground_as_its_serial_view_says():
         q = view.from_joints([angles[j], angles[i]])
         assert np.abs(found.q[i, j] - q).max() < 1e-9
         weight = view.chain.compute_torques(q, [0, 0], [0, 0])
-        about_roll = moment[3] * np.cos(angles[j])  # the axis of roll turns with the pitch
-        tau = weight - view.motor_torques(q, [moment[4], about_roll])
+        about_roll = moment[0] * np.cos(angles[j])  # the axis of roll turns with the pitch
+        tau = weight - view.motor_torques(q, [moment[1], about_roll])
         assert found.torque[i, j] == pytest.approx(tau, abs=1e-9)
 
 

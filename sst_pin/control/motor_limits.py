@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What motors with limits can do, whatever their preload.
+
+A torque is a part of its limits, from -1, the least, to 1, the largest. With surplus motors a
+preload changes these parts, but not certain sums of them, `combinations`. Each sum joins one motor
+more than there are directions of preload. A preload that keeps all motors within their limits
+exists where no sum is larger than the sum of the sizes of its factors.
+"""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from ..arrays import Array
+from ..closed_chain import ClosedChain
+from ..errors import InputError
+
+#: The largest number of combinations. A smaller row beside the others counts as zero: the others
+#: imply its limit.
+_MOST, _ZERO = 10_000, 1e-6
+
+
+def part_of(tau: Array, limits: Array) -> Array:
+    """Places of torques, shape (..., motors), between limits: from -1, the least, to 1."""
+    return (2 * tau - limits.sum(axis=1)) / np.ptp(limits, axis=1)
+
+
+def combinations(directions: Array, limits: Array) -> Array:
+    """Factors of the sums of parts that no preload changes, shape (..., sums, motors).
+
+    They are minors of the directions of preload, so they are continuous where these are. Without
+    surplus motors they are the identity.
+    """
+    motors, k = directions.shape[-2:]
+    chosen = list(itertools.combinations(range(motors), k + 1))
+    if len(chosen) > _MOST:
+        raise InputError("chain", f"{motors} motors, {k} of them surplus, are too many for limits")
+    parts = 2 * directions / np.ptp(limits, axis=1)[:, None]
+    factors = np.zeros((*directions.shape[:-2], len(chosen), motors))
+    for row, group in enumerate(chosen):
+        for i, motor in enumerate(group):
+            minor = parts[..., [*group[:i], *group[i + 1 :]], :]
+            factors[..., row, motor] = (-1) ** i * np.linalg.det(minor)
+    return factors
+
+
+def of_sizes(sums: Array, factors: Array) -> Array:
+    """Sums of parts, shape (..., sums), over the sizes of their factors; 0 where these are 0."""
+    sizes = np.abs(factors).sum(axis=-1)
+    zero = sizes <= _ZERO * sizes.max(axis=-1, keepdims=True, initial=0.0)
+    return np.where(zero, 0.0, sums / np.where(zero, 1.0, sizes))
+
+
+def largest_part(tau: Array, directions: Array, limits: Array) -> Array:
+    """The largest part of a motor's limits that torques take with the best preload, shape (...).
+
+    More than 1 is more than the motors can give.
+    """
+    factors = combinations(directions, limits)
+    sums = np.einsum("...rm,...m->...r", factors, part_of(tau, limits))
+    return np.abs(of_sizes(sums, factors)).max(axis=-1, initial=0.0)
+
+
+def motors_of(chain: ClosedChain, factors: Array) -> list[str]:
+    """Names of the motors that a combination joins, by its factors, shape (motors,)."""
+    return [chain.motor_names[k] for k in np.flatnonzero(factors)]

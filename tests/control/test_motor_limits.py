@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""One rule for surplus motors and limits everywhere, judged by linear programmes."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.optimize import linprog
+
+import sst_pin
+from sst_pin import robots
+from tests.control.test_timing import wave
+from tests.support import any_chain
+from tests.support.files import load
+
+cables = load("examples/cable_robot.py")
+
+
+def motors_everywhere():
+    """A planar 3-RRR with a motor in each joint of its legs: three more than freedoms."""
+    plain = robots.planar_3rrr()
+    names = [name for name in plain.joint_names if not name.startswith("wrist")][:6]
+    return sst_pin.ClosedChain(plain.model, plain.closures, names, coordinates=plain.coordinates)
+
+
+def two_on_one(mass=2.0):
+    """A cart without weight that two motors push, the second through a gear of 2."""
+    model = pin.Model()
+    model.gravity.linear = np.zeros(3)
+    model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "cart")
+    model.appendBodyToJoint(1, pin.Inertia(mass, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    return sst_pin.ClosedChain(model, [], ["cart", {"cart": 2.0}])
+
+
+CHAINS = {
+    "four legs": robots.planar_4rrr,
+    "six motors": motors_everywhere,
+    "cables": cables.cable_robot,
+}
+LIMITS = {
+    "four legs": [[-1.0, 2.0], [-2.0, 2.0], [-3.0, 1.0], [-2.0, 2.5]],
+    "six motors": [[-1.0, 2.0], [-3.0, 4.0]] * 3,
+    "cables": cables.TENSIONS,
+}
+
+
+def least_of_largest(A, f, limits):
+    """The least largest part of a limit with A tau = f: a linear programme in tau and the part."""
+    low, high = np.transpose(limits)
+    motors, middle, half = len(low), (high + low) / 2, (high - low) / 2
+    above = np.block([[np.eye(motors), -half[:, None]], [-np.eye(motors), -half[:, None]]])
+    found = linprog(
+        np.eye(motors + 1)[-1],
+        A_ub=above,
+        b_ub=np.concatenate([middle, -middle]),
+        A_eq=np.hstack([A, np.zeros((len(A), 1))]),
+        b_eq=f,
+        bounds=[(None, None)] * motors + [(0, None)],
+    )
+    return found.x[-1]
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_torques_exist_within_limits_where_a_linear_programme_finds_some(name):
+    """Motions of growing size, some beyond the limits."""
+    chain, limits, verdicts = CHAINS[name](), LIMITS[name], []
+    for size in (1.0, 10.0, 100.0):
+        for q, va, aa in zip(*any_chain.states(chain, 5, 0), strict=True):
+            A, f = chain.actuator_jacobian(q).T, chain.generalized_forces(q, va, size * aa)
+            part = least_of_largest(A, f, limits)
+            verdicts.append(part <= 1)
+            if part <= 1:
+                tau = chain.compute_torques(q, va, size * aa, limits=limits)
+                assert A @ tau == pytest.approx(f, abs=1e-9 * np.abs(limits).max())
+            else:
+                with pytest.raises(sst_pin.ActuationError, match="more than the limits"):
+                    chain.compute_torques(q, va, size * aa, limits=limits)
+    assert 0 < sum(verdicts) < len(verdicts)
+
+
+def judged_by_programmes(chain, found, limits, load):
+    """The largest parts at the poses of a map, with forces of a load on the coordinates."""
+    rest, parts = np.zeros(chain.degrees_of_freedom), np.full(found.why.shape, np.nan)
+    for place in zip(*np.nonzero(found.reached), strict=True):
+        q = found.q[place]
+        f = chain.generalized_forces(q, rest, rest) - load @ chain.frame_jacobian(q, "platform")
+        parts[place] = least_of_largest(chain.actuator_jacobian(q).T, f, limits)
+    return parts
+
+
+def test_cables_hold_a_platform_where_a_linear_programme_finds_tensions():
+    """With a weight and a moment on it; in the middle of the posts, not at their feet."""
+    robot, load = cables.cable_robot(), np.array([0, 0, -5.0, 0, 0.5, 0])
+    x, z = np.linspace(-0.8, 0.8, 9), np.linspace(-0.5, 0.6, 9)
+    wrench = np.roll(load, 3)
+    found = sst_pin.reach_map(
+        robot, "platform", cables.TENSIONS, x=x, z=z, pitch=0.0, wrench=wrench
+    )
+    wanted = judged_by_programmes(robot, found, cables.TENSIONS, load)
+    assert found.reached.all()
+    assert found.used == pytest.approx(wanted, abs=1e-9)
+    holds = found.used <= 1
+    assert 0 < holds.sum() < holds.size
+    low, high = np.transpose(cables.TENSIONS)
+    within = (low <= found.torque) & (found.torque <= high)
+    assert np.array_equal(within.all(axis=-1), holds)
+
+
+def test_a_fourth_leg_holds_what_the_least_torques_do_not():
+    """Motors of 0.08 N m against 0.5 N and 0.1 N m."""
+    chain, load = robots.planar_4rrr(), np.array([0.5, 0, 0, 0, 0, 0.1])
+    side, limits = np.linspace(-0.1, 0.1, 7), [[-0.08, 0.08]] * 4
+    found = sst_pin.reach_map(
+        chain, "platform", 0.08, x=side, y=side, yaw=0.0, wrench=np.roll(load, 3)
+    )
+    wanted = judged_by_programmes(chain, found, limits, load)
+    assert found.used[found.reached] == pytest.approx(wanted[found.reached], abs=1e-9)
+    A = chain.actuator_jacobian(found.q[found.reached])
+    least = np.einsum(
+        "imn,in->im", np.linalg.pinv(A.mT), np.einsum("imn,im->in", A, found.torque[found.reached])
+    )
+    helped = (np.abs(least).max(axis=1) > 0.08) & (found.used[found.reached] <= 1)
+    assert helped.any()
+
+
+@pytest.mark.parametrize("name", ["four legs", "six motors", "cables"])
+def test_the_corners_of_the_forces_are_where_a_linear_programme_ends(name):
+    """The largest force in each direction, with any torques within the limits."""
+    chain, limits = CHAINS[name](), 3 * np.array(LIMITS[name])
+    q = any_chain.states(chain, 1, 3)[0][0]
+    corners = sst_pin.force_polytope(chain, q, "platform", limits)
+    rest = np.zeros(chain.degrees_of_freedom)
+    A, f = chain.actuator_jacobian(q).T, chain.generalized_forces(q, rest, rest)
+    J = chain.frame_jacobian(q, "platform")[:3]
+    moving = np.abs(J).max(axis=1) > 1e-9
+    for direction in np.random.default_rng(0).normal(size=(20, 3)) * moving:
+        # tau and a force w in the directions of motion: A tau = f + J^T w.
+        free = [(None, None) if moves else (0, 0) for moves in moving]
+        found = linprog(
+            np.append(np.zeros(len(limits)), -direction),
+            A_eq=np.hstack([A, -J.T]),
+            b_eq=f,
+            bounds=[*map(tuple, limits), *free],
+        )
+        assert (corners @ direction).max() == pytest.approx(-found.fun, rel=1e-7)
+
+
+def test_squares_over_unlike_limits_sum_up_to_one_on_the_ellipsoid():
+    """The least such sum for a force on the surface, by another least-squares solution."""
+    chain, sizes = robots.planar_4rrr(), np.array([1.0, 2.0, 3.0, 4.0])
+    q = any_chain.states(chain, 1, 3)[0][0]
+    found = sst_pin.force_ellipsoid(chain, q, "platform", sizes)
+    A, J = chain.actuator_jacobian(q).T, chain.frame_jacobian(q, "platform")[:3]
+    for size, axis in zip(found.sizes[1:], found.axes[1:], strict=True):
+        parts = np.linalg.lstsq(A * sizes, J.T @ (size * axis))[0]
+        assert np.sum(parts**2) == pytest.approx(1, rel=1e-9)
+
+
+def test_surplus_motors_speed_a_cart_up_with_all_they_have():
+    """10 N and twice 20 N on 2 kg: T^2 = 4 L m / F; the least torques would end at 10 + 40 N."""
+    pytest.importorskip("toppra", reason="toppra is not installed (extra 'timing')")
+    L, limits, path = 1.5, [10.0, 5.0], np.linspace(0, 1, 41)[:, None]
+    motion = sst_pin.time_optimal(two_on_one(), L * path, torques=limits)
+    assert motion.t[-1] == pytest.approx(np.sqrt(4 * L * 2.0 / (10 + 2 * 5)), rel=1e-3)
+    assert (np.abs(motion.tau) <= limits).all()
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_the_fastest_motion_takes_a_linear_programme_to_its_limit(name):
+    """At each sample the least largest part is at most 1, and 1 nearly all of the time."""
+    pytest.importorskip("toppra", reason="toppra is not installed (extra 'timing')")
+    chain, limits = CHAINS[name](), LIMITS[name]
+    motion = sst_pin.time_optimal(chain, wave(chain), torques=limits)
+    parts = [
+        least_of_largest(chain.actuator_jacobian(q).T, chain.generalized_forces(q, va, aa), limits)
+        for q, va, aa in zip(motion.q[::7], motion.va[::7], motion.aa[::7], strict=True)
+    ]
+    low, high = np.transpose(limits)
+    assert ((low - 1e-9 <= motion.tau) & (motion.tau <= high + 1e-9)).all()
+    assert max(parts) <= 1
+    assert np.mean(np.array(parts) > 0.99) > 0.9
+
+
+@pytest.mark.parametrize(
+    ("wanted", "tau"),
+    [(10.0, [2.0, 4.0]), (25.0, [5.0, 10.0]), (29.0, [9.0, 10.0]), (40.0, [12.0, 10.0])],
+)
+def test_a_controller_takes_from_one_motor_what_the_other_cannot_give(wanted, tau):
+    """Force = tau_1 + 2 tau_2 with the least squares within 12 N and 10 N; beyond, all there is."""
+    chain = two_on_one()
+    rest = np.zeros((3, 1))
+    motion = chain.trajectory([0, 0.5, 1], rest, rest, rest)
+    for make, gain in ((sst_pin.ComputedTorque, wanted / 2), (sst_pin.GravityPD, wanted)):
+        control = make(chain, motion, kp=gain, kd=0, limits=[12.0, 10.0])
+        assert control.torque(0.0, np.array([-1.0]), np.zeros(1)) == pytest.approx(tau)
+
+
+def test_controllers_keep_cables_tight():
+    """Along a circle, on the exact model: tensions within their bounds, errors of rounding."""
+    robot, t = cables.cable_robot(), np.linspace(0, 1, 101)
+    circle = 0.1 * np.stack([0 * t, np.cos(6 * t), np.sin(6 * t)], axis=-1)
+    motion = sst_pin.coordinate_motion(
+        robot, t, circle[:, [("tilt", "x", "z").index(n) for n in robot.coordinates]]
+    )
+    control = sst_pin.ComputedTorque(robot, motion, kp=400, kd=40, limits=cables.TENSIONS)
+    run = robot.simulate(control.torque, motion.q[0], motion.va[0], t, rtol=1e-9)
+    assert np.abs(run.q - motion.q).max() < 1e-6
+    low, high = np.transpose(cables.TENSIONS)
+    assert ((low <= run.tau) & (run.tau <= high)).all()
