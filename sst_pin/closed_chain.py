@@ -31,7 +31,8 @@ from .dynamics.derivatives import (
     FrameVelocityDerivatives,
     TorqueDerivatives,
 )
-from .engine import Engine, Key
+from .dynamics.quantities import Name
+from .engine import Engine, Key, Options
 from .errors import (
     ClosureError,
     DescriptionError,
@@ -60,6 +61,8 @@ from .model.tree import body_of
 from .summaries import Summary, listed
 
 if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
     from .compiled.casadi_functions import CasadiFunctions
     from .files import Table
     from .reading import Described
@@ -94,9 +97,9 @@ class ClosedChain(Summary):
     - `sign_width`: derivatives replace the sign of a rate v in Coulomb friction by
       tanh(v / sign_width); positive, [rad/s] or [m/s].
     - `frame`: name of a frame of the tree.
-    - `out`: float64 array for the result, of its shape.
-    - `threads`: number of threads for batches in compiled kernels; the reference path uses one.
-    - `on_error`: "raise", or "nan" to set the results of bad samples to NaN.
+    - `options`: `out`, a float64 array for the result, of its shape; `threads`, the number of
+      threads for batches in compiled kernels (the reference path uses one); `on_error`, "raise", or
+      "nan" to set the results of bad samples to NaN.
 
     They raise these errors, on both paths; in a batch the error names the samples:
 
@@ -185,12 +188,6 @@ class ClosedChain(Summary):
 
         Raises:
             DescriptionError, UnknownNameError: As the constructor.
-
-        Example:
-            >>> chain.model.gravity.linear = np.zeros(3)
-            >>> chain.refresh()
-            >>> bool(abs(chain.compute_torques(chain.home, [0], [0])) < 1e-12)
-            True
         """
         self._fill(self._model, self._mechanism_of)
 
@@ -198,12 +195,7 @@ class ClosedChain(Summary):
         """This robot with other coordinates, on the reference path until `compile`.
 
         Args:
-            coordinates: Names of the independent joints; None for the default choice. Where they do
-                not describe the motion, calls raise `SingularConfigurationError`.
-
-        Example:
-            >>> chain.with_coordinates(["rocker"]).coordinates
-            ('rocker',)
+            coordinates: Names of the independent joints; None for the default choice.
         """
         names = None if coordinates is None else coordinates_of(coordinates)
         return self._rebuilt(pin.Model(self.engine.mechanism.model), coordinates=names)
@@ -220,8 +212,6 @@ class ClosedChain(Summary):
 
     def with_parameters(self: _Chain, theta: ArrayLike | Mapping[str, float]) -> _Chain:
         """A new robot with other dynamic parameters, of the same class and on the same path.
-
-        Masses and inertias go into its `model`, friction and rotors too.
 
         Args:
             theta: All `dynamic_parameters`, shape (p,), or some of them by name.
@@ -345,12 +335,7 @@ class ClosedChain(Summary):
 
     @property
     def dynamic_parameters(self) -> regressor.DynamicParameters:
-        """Parameters of bodies, joints, lines and motors, one for each column of the regressor.
-
-        Example:
-            >>> chain.dynamic_parameters["coupler.mass"]
-            1.0
-        """
+        """Parameters of bodies, joints, lines and motors; the regressor has a column for each."""
         return regressor.parameters_of(self.mechanism)
 
     @property
@@ -363,8 +348,7 @@ class ClosedChain(Summary):
         """The home configuration of the description, with closed loops, shape (nq,).
 
         It is `model.referenceConfigurations["home"]`: from the SRDF beside a URDF, from the
-        keyframe `home` of an MJCF, or set by you. If its loops are open, it is assembled with
-        fixed coordinates.
+        keyframe `home` of an MJCF, or set by you. Open loops are closed with fixed coordinates.
 
         Raises:
             DescriptionError: If the description has no home, or it is not a configuration.
@@ -382,10 +366,7 @@ class ClosedChain(Summary):
     # --- closing the loops ------------------------------------------------------------------
 
     def residual(self, q: ArrayLike) -> Array:
-        """f(q) of Eq. (2), zero if the loops are closed, shape (..., rows), [m] and [rad].
-
-        The rows are in the order of `closures`; q may have open loops.
-        """
+        """f(q) of Eq. (2), zero if the loops are closed, shape (..., rows), [m] and [rad]."""
         engine = self._engine
         rows = sum(len(closure.rows) for closure in engine.mechanism.closures)
         array = engine.configurations(q)
@@ -405,14 +386,11 @@ class ClosedChain(Summary):
         return self._engine.loops_at(q).Phi_dot(v)
 
     def condition_number(self, q: ArrayLike) -> Array:
-        """Condition number of the columns of Phi for the dependent joints, free of units.
+        """Condition number of the columns of Phi for the dependent joints, shape (...).
 
-        Where loops share no dependent joint, it is that of the worst one. For loops with one
-        dependent rate it is their size at an assembled configuration over that at q. It is
-        infinite if the coordinates do not determine the motion.
-
-        Returns:
-            Shape (...).
+        It is free of units, and infinite if the coordinates do not determine the motion. Where
+        loops share no dependent joint, it is that of the worst one. For loops with one dependent
+        rate it is their size at an assembled configuration over that at q.
         """
         engine = self._engine
         mechanism, loops = engine.mechanism, engine.reference.memory.loops
@@ -440,10 +418,10 @@ class ClosedChain(Summary):
         """Close the loops of a guess by Newton's method.
 
         Args:
-            q: Guesses, shape (..., nq). For a robot with balls, free or continuous joints also the
-                displacement from `pin.neutral`, shape (..., nv), without quaternions. Or positions
-                by the names of joints, [rad] or [m]; the others start from home, else from zero.
-                Coordinates are moved there from home, so that the assembly mode stays.
+            q: Guesses, shape (..., nq); with quaternions also the displacement from `pin.neutral`,
+                shape (..., nv). Or positions by the names of joints, [rad] or [m]; the others start
+                from home, else from zero. Coordinates are moved there from home, so that the
+                assembly mode stays.
             fixed: Names of joints that keep their position, () for none. By default the
                 coordinates; if q names joints that are no coordinates, the joints named.
             tries: Number of starts: the guess, then random configurations around it.
@@ -462,9 +440,6 @@ class ClosedChain(Summary):
                 joints at their limits.
 
         Example:
-            >>> q = chain.assemble(chain.home + 0.1)
-            >>> bool(abs(chain.residual(q)).max() < 1e-12)
-            True
             >>> chain.assemble({"crank": 0.3})[0].round(3)
             np.float64(0.3)
         """
@@ -500,11 +475,7 @@ class ClosedChain(Summary):
     def generic_configuration(self) -> Array:
         """A random assembled configuration without symmetry, the same at each call, shape (nq,).
 
-        It is close to `home` if the robot has one and in the same assembly mode, because other
-        modes can have other degrees of freedom. The coordinates were chosen in this mode.
-
-        Raises:
-            ClosureError: If there is none.
+        It is close to `home`, if there is one, and in its assembly mode.
         """
         return self._engine.example()
 
@@ -519,15 +490,8 @@ class ClosedChain(Summary):
             A report; `print` shows it as text.
 
         Example:
-            >>> print(chain.mobility())
-            joints              3
-            closure equations   3, rank 2, 1 redundant
-            degrees of freedom  1
-            actuated joints     1 (crank)
-            actuation           sufficient, one motor for each degree of freedom
-            coordinates         crank
-            condition number    2.604 (dependent joints)
-            judged at           a random assembled configuration
+            >>> chain.mobility().degrees_of_freedom
+            1
         """
         return self._engine.mobility(q)
 
@@ -547,15 +511,7 @@ class ClosedChain(Summary):
         """Accelerations of all joints, L aa + L_dot va, Eqs. (8), (20), shape (..., nv)."""
         return self._engine.compute(Key("joint_accelerations"), q, va=va, aa=aa)
 
-    def frame_jacobian(
-        self,
-        q: ArrayLike,
-        frame: str,
-        *,
-        out: Array | None = None,
-        threads: int = 1,
-        on_error: str = "raise",
-    ) -> Array:
+    def frame_jacobian(self, q: ArrayLike, frame: str, **options: Unpack[Options]) -> Array:
         """Jacobian of a frame: its [linear; angular] velocity is J va, shape (..., 6, n).
 
         The velocity is in base axes, at the frame's origin.
@@ -567,74 +523,42 @@ class ClosedChain(Summary):
                    [ 0.   , -0.091,  0.091],
                    [-0.05 , -0.05 , -0.05 ]])
         """
-        return self._of_frame("frame_jacobian", frame, q, None, out, threads, on_error)
+        return self._of_frame("frame_jacobian", frame, q, None, options)
 
     def frame_jacobian_rate(
-        self,
-        q: ArrayLike,
-        va: ArrayLike,
-        frame: str,
-        *,
-        out: Array | None = None,
-        threads: int = 1,
-        on_error: str = "raise",
+        self, q: ArrayLike, va: ArrayLike, frame: str, **options: Unpack[Options]
     ) -> Array:
         """Rate of `frame_jacobian` along a motion, shape (..., 6, n)."""
-        return self._of_frame("frame_jacobian_rate", frame, q, va, out, threads, on_error)
+        return self._of_frame("frame_jacobian_rate", frame, q, va, options)
 
     def frame_drift(
-        self,
-        q: ArrayLike,
-        va: ArrayLike,
-        frame: str,
-        *,
-        out: Array | None = None,
-        threads: int = 1,
-        on_error: str = "raise",
+        self, q: ArrayLike, va: ArrayLike, frame: str, **options: Unpack[Options]
     ) -> Array:
         """[linear; angular] acceleration of a frame for aa = 0, J_dot va, shape (..., 6)."""
-        return self._of_frame("frame_drift", frame, q, va, out, threads, on_error)
+        return self._of_frame("frame_drift", frame, q, va, options)
 
     def frame_velocity_derivatives(
-        self,
-        q: ArrayLike,
-        va: ArrayLike,
-        frame: str,
-        *,
-        out: Array | None = None,
-        threads: int = 1,
-        on_error: str = "raise",
+        self, q: ArrayLike, va: ArrayLike, frame: str, **options: Unpack[Options]
     ) -> FrameVelocityDerivatives:
         """Derivatives of a frame's velocity J va along the motions that keep the loops closed.
 
-        Args:
-            out: Array for dq and dva side by side, shape (..., 6, 2 n).
-
-        Returns:
-            `.dq` and `.dva`, shapes (..., 6, n).
+        `.dq` and `.dva` have shapes (..., 6, n); `out` has both side by side, (..., 6, 2 n).
         """
-        rows = self._of_frame("frame_velocity_derivatives", frame, q, va, out, threads, on_error)
+        rows = self._of_frame("frame_velocity_derivatives", frame, q, va, options)
         n = rows.shape[-1] // 2
         return FrameVelocityDerivatives(rows[..., :n], rows[..., n:])
 
     def _of_frame(
-        self,
-        quantity: Any,
-        frame: str,
-        q: ArrayLike,
-        va: ArrayLike | None,
-        out: Array | None,
-        threads: int,
-        on_error: str,
+        self, quantity: Name, frame: str, q: ArrayLike, va: ArrayLike | None, options: Options
     ) -> Array:
         engine, key = self._engine, Key(quantity, frame)
-        if out is None and on_error == "raise" and isinstance(frame, str):
-            rows = engine.answer(key, q, va, None, None, None, threads)
+        if not options and isinstance(frame, str):
+            rows = engine.answer(key, q, va, None, None, None, 1)
             if rows is not None:
                 rows.shape = (*rows.shape[:-1], *key.kind.shape(engine.mechanism))
                 return rows
         rates: dict[str, Any] = {} if va is None else {"va": va}
-        return engine.compute(key, q, out=out, threads=threads, on_error=on_error, **rates)
+        return engine.compute(key, q, **rates, **options)
 
     def motor_rates(self, q: ArrayLike, va: ArrayLike) -> Array:
         """Rates of the motors, shape (..., motors)."""
@@ -701,13 +625,17 @@ class ClosedChain(Summary):
             tau = engine.torques(q, va, aa, platform_moment, out, threads)
             if tau is not None:
                 return tau
-        load = self._wrenches(engine, platform_moment, external_wrenches, on_error)
-        options: dict[str, Any] = {"load": load, "threads": threads, "on_error": on_error}
         shared = preload is not None or limits is not None
+        options: Options = {
+            "threads": threads,
+            "on_error": on_error,
+            "out": None if shared else out,
+        }
+        load = self._wrenches(engine, platform_moment, external_wrenches, options)
+        extra = None
         if weights is not None:
-            options["options"] = {"weights": _motor_weights(engine.mechanism, weights)}
-        least = None if shared else out
-        tau = engine.compute(Key("torques"), q, va=va, aa=aa, out=least, **options)
+            extra = {"weights": _motor_weights(engine.mechanism, weights)}
+        tau = engine.compute(Key("torques"), q, va=va, aa=aa, load=load, extra=extra, **options)
         if not shared:
             return tau
         directions = self._preload_directions(engine, q, on_error)
@@ -723,28 +651,20 @@ class ClosedChain(Summary):
         *,
         platform_moment: ArrayLike | None = None,
         external_wrenches: ArrayLike | None = None,
-        out: Array | None = None,
-        on_error: str = "raise",
+        **options: Unpack[Options],
     ) -> Array:
-        """Generalized forces that a motion needs, L^T times the joint forces of the tree.
+        """f = L^T times the joint forces of the tree that a motion needs, shape (..., n).
 
-        They do not depend on the motors.
-
-        Returns:
-            f, shape (..., n), [N m] or [N].
-
-        Example:
-            >>> arm = sst_pin.robots.planar_4rrr()
-            >>> arm.generalized_forces(arm.home, np.zeros(3), [1, 0, 0]).shape
-            (3,)
+        They do not depend on the motors, [N m] or [N].
         """
         engine = self._engine
-        if external_wrenches is None and on_error == "raise":
-            f = engine.answer(_FORCES, q, va, aa, platform_moment, out, 1)
+        if external_wrenches is None and options.get("on_error", "raise") == "raise":
+            out, threads = options.get("out"), options.get("threads", 1)
+            f = engine.answer(_FORCES, q, va, aa, platform_moment, out, threads)
             if f is not None:
                 return f
-        load = self._wrenches(engine, platform_moment, external_wrenches, on_error)
-        return engine.compute(_FORCES, q, va=va, aa=aa, load=load, out=out, on_error=on_error)
+        load = self._wrenches(engine, platform_moment, external_wrenches, options)
+        return engine.compute(_FORCES, q, va=va, aa=aa, load=load, **options)
 
     def compute_accelerations(
         self,
@@ -758,10 +678,7 @@ class ClosedChain(Summary):
         threads: int = 1,
         on_error: str = "raise",
     ) -> Array:
-        """Direct dynamics: accelerations of the coordinates for given torques, Eq. (92).
-
-        Returns:
-            aa, shape (..., n).
+        """Direct dynamics: accelerations aa of the coordinates, Eq. (92), shape (..., n).
 
         Example:
             >>> chain.compute_accelerations(chain.home, [0], [0]).round(3)
@@ -773,8 +690,8 @@ class ClosedChain(Summary):
             aa = engine.accelerations(q, va, tau, platform_moment, out, threads)
             if aa is not None:
                 return aa
-        load = self._wrenches(engine, platform_moment, external_wrenches, on_error)
-        options: dict[str, Any] = {"out": out, "threads": threads, "on_error": on_error}
+        options: Options = {"out": out, "threads": threads, "on_error": on_error}
+        load = self._wrenches(engine, platform_moment, external_wrenches, options)
         return engine.compute(Key("accelerations"), q, va=va, tau=tau, load=load, **options)
 
     def noc(self, q: ArrayLike, va: ArrayLike) -> dynamics.Terms:
@@ -790,17 +707,16 @@ class ClosedChain(Summary):
         return dynamics.terms(engine.reference.memory, engine.single(q), rates)
 
     def reduced_terms(
-        self, q: ArrayLike, va: ArrayLike, *, threads: int = 1, on_error: str = "raise"
+        self, q: ArrayLike, va: ArrayLike, **options: Unpack[Options]
     ) -> dynamics.ReducedTerms:
         """Mass matrix, Coriolis matrix, gravity and friction in the coordinates, Eqs. (93)-(96).
 
         Example:
-            >>> terms = chain.reduced_terms(chain.home, [1])
-            >>> terms.inertia.round(4), terms.gravity.round(3)
-            (array([[0.0049]]), array([-0.16]))
+            >>> chain.reduced_terms(chain.home, [1]).inertia.round(4)
+            array([[0.0049]])
         """
-        engine, key = self._engine, Key("reduced_terms")
-        rows = engine.compute(key, q, va=va, threads=threads, on_error=on_error)
+        engine = self._engine
+        rows = engine.compute(Key("reduced_terms"), q, va=va, **options)
         return dynamics.ReducedTerms.of_rows(rows, len(engine.mechanism.coordinates))
 
     def reactions(
@@ -813,9 +729,7 @@ class ClosedChain(Summary):
         stiffness: Mapping[str, ArrayLike] | None = None,
         platform_moment: ArrayLike | None = None,
         external_wrenches: ArrayLike | None = None,
-        out: Array | None = None,
-        threads: int = 1,
-        on_error: str = "raise",
+        **options: Unpack[Options],
     ) -> reactions.Reactions:
         """Wrenches in all joints and closures, each with the verdict whether it is unique.
 
@@ -833,47 +747,36 @@ class ClosedChain(Summary):
         Returns:
             `Reactions`; components that are not unique are NaN.
 
-        Raises:
-            InputError: If neither aa nor tau is given, or both.
-
         Example:
             >>> w = chain.reactions(chain.home, [0], [0])
             >>> w.joints.shape, w.determined.joints.all(axis=1)
             ((3, 6), array([False, False, False]))
         """
         engine = self._engine
-        load = self._wrenches(engine, platform_moment, external_wrenches, on_error)
-        options: dict[str, Any] = {"load": load, "threads": threads, "on_error": on_error}
+        load = self._wrenches(engine, platform_moment, external_wrenches, options)
+        inner: Options = {**options, "out": None}
         one_to_one = engine.mechanism.driven_one_to_one
         if aa is None and tau is not None:
-            aa = engine.compute(Key("accelerations"), q, va=va, tau=tau, **options)
+            aa = engine.compute(Key("accelerations"), q, va=va, tau=tau, load=load, **inner)
         elif aa is None or tau is not None:
             raise InputError("aa, tau", "one of them is needed, not both")
         elif not one_to_one:
-            tau = engine.compute(Key("torques"), q, va=va, aa=aa, **options)
+            tau = engine.compute(Key("torques"), q, va=va, aa=aa, load=load, **inner)
+        extra = None
         if stiffness is not None:
-            compliances = reactions.compliances_of(engine.mechanism, stiffness)
-            options["options"] = {"compliances": compliances}
-        tau = None if one_to_one else tau
-        rows = engine.compute(Key("reactions"), q, va=va, aa=aa, tau=tau, out=out, **options)
+            extra = {"compliances": reactions.compliances_of(engine.mechanism, stiffness)}
+        motion = {"va": va, "aa": aa, "tau": None if one_to_one else tau}
+        rows = engine.compute(Key("reactions"), q, load=load, extra=extra, **motion, **options)
         return reactions.unpacked(engine.mechanism, np.asarray(rows), stiffness is not None)
 
     def preload_directions(self, q: ArrayLike) -> Array:
         """Motor torques that stress the robot without moving it: an orthonormal basis.
 
-        The basis varies continuously along the last axis of a batch.
-
-        Returns:
-            Shape (..., motors, k); `mobility().inner_stresses` is k.
+        The basis varies continuously along the last axis of a batch. Its shape is
+        (..., motors, k); `mobility().inner_stresses` is k.
 
         Raises:
             SingularConfigurationError: Where the motors hold fewer freedoms than elsewhere.
-
-        Example:
-            >>> arm = sst_pin.robots.planar_4rrr()
-            >>> B = arm.preload_directions(arm.home)
-            >>> bool(np.abs(arm.actuator_jacobian(arm.home).T @ B).max() < 1e-12)
-            True
         """
         return self._preload_directions(self._engine, q, "raise")
 
@@ -888,22 +791,12 @@ class ClosedChain(Summary):
         return torque_sharing.preload_directions(engine.mechanism, J, regular, on_error)
 
     def torque_regressor(
-        self,
-        q: ArrayLike,
-        va: ArrayLike,
-        aa: ArrayLike,
-        *,
-        out: Array | None = None,
-        threads: int = 1,
-        on_error: str = "raise",
+        self, q: ArrayLike, va: ArrayLike, aa: ArrayLike, **options: Unpack[Options]
     ) -> Array:
-        """Regressor of `generalized_forces`: f = Y theta, with theta the `dynamic_parameters`.
+        """Y of shape (..., n, p): `generalized_forces` are Y theta, theta `dynamic_parameters`.
 
         The references of springs and the rest lengths of lines are those of this robot. Columns of
         torque offsets hold the error of measured motor torques, as forces along the coordinates.
-
-        Returns:
-            Y, shape (..., n, p).
 
         Example:
             >>> Y = chain.torque_regressor(chain.home, [1], [2])
@@ -911,7 +804,6 @@ class ClosedChain(Summary):
             >>> bool(np.allclose(Y @ chain.dynamic_parameters, f))
             True
         """
-        options: dict[str, Any] = {"out": out, "threads": threads, "on_error": on_error}
         return self._engine.compute(Key("torque_regressor"), q, va=va, aa=aa, **options)
 
     def kinetic_energy(self, q: ArrayLike, va: ArrayLike) -> Array:
@@ -923,18 +815,14 @@ class ClosedChain(Summary):
     def potential_energy(self, q: ArrayLike) -> Array:
         """Potential energy of weights, springs and lines, shape (...), [J].
 
-        That of the weights is zero if all masses are at the origin, that of the springs at their
-        reference, that of the lines, preload included, at their rest lengths.
+        It is zero with all masses at the origin, springs at their reference, lines at rest length.
         """
         engine = self._engine
         array = finite_array("q", q, (engine.mechanism.model.nq,))
         return for_each_sample(engine.reference.potential_energy, (array,), (1,), ())
 
     def friction_power(self, q: ArrayLike, va: ArrayLike) -> Array:
-        """Power of friction in all joints, Eq. (87), and of the dampers along lines, [W].
-
-        It is negative or zero, shape (...).
-        """
+        """Power of friction in all joints, Eq. (87), and of dampers, shape (...), [W]."""
         engine = self._engine
         v, mechanism = engine.compute(Key("rates"), q, va=va), engine.mechanism
         _, _, damping, _ = mechanism.lines.numbers
@@ -946,10 +834,11 @@ class ClosedChain(Summary):
         engine: Engine,
         platform_moment: ArrayLike | None,
         external_wrenches: ArrayLike | None,
-        on_error: str = "raise",
+        options: Options | None = None,
     ) -> Array | None:
         """Wrenches on all bodies, shape (..., r, 6), with a moment on the platform, or None."""
         model = engine.mechanism.model
+        on_error = (options or {}).get("on_error", "raise")
         wrenches = engine.wrenches(external_wrenches, on_error)
         if platform_moment is None:
             return wrenches
@@ -976,30 +865,21 @@ class ClosedChain(Summary):
         *,
         external_wrenches: ArrayLike | None = None,
         sign_width: float = 1e-3,
-        out: Array | None = None,
-        threads: int = 1,
-        on_error: str = "raise",
+        **options: Unpack[Options],
     ) -> TorqueDerivatives:
         """Derivatives of `generalized_forces`; of the torques if motor k is coordinate k.
 
-        They are derivatives along the motions that keep the loops closed; docs/derivatives.md.
-
-        Args:
-            out: Array for dq, dva and daa side by side, shape (..., n, 3 n).
-
-        Returns:
-            `.dq`, `.dva`, `.daa`, shapes (..., n, n). Column k of dq: q moves by L e_k.
+        They are taken along the motions that keep the loops closed; docs/derivatives.md. `.dq`,
+        `.dva`, `.daa` have shapes (..., n, n); column k of dq: q moves by L e_k. `out` has them
+        side by side, shape (..., n, 3 n).
 
         Example:
             >>> d = chain.torque_derivatives(chain.home, [1], [0])
             >>> d.dq.round(3), d.dva.round(3), d.daa.round(4)
             (array([[0.103]]), array([[0.013]]), array([[0.0049]]))
         """
-        options: dict[str, Any] = {"out": out, "threads": threads, "on_error": on_error}
-        load = self._engine.wrenches(external_wrenches, on_error)
-        return self._engine.derivatives(
-            TorqueDerivatives, q, va, aa, load, sign_width=sign_width, **options
-        )
+        arguments = q, va, aa, external_wrenches
+        return self._engine.derivatives(TorqueDerivatives, *arguments, sign_width, **options)
 
     def acceleration_derivatives(
         self,
@@ -1009,28 +889,15 @@ class ClosedChain(Summary):
         *,
         external_wrenches: ArrayLike | None = None,
         sign_width: float = 1e-3,
-        out: Array | None = None,
-        threads: int = 1,
-        on_error: str = "raise",
+        **options: Unpack[Options],
     ) -> AccelerationDerivatives:
         """Derivatives of `compute_accelerations`, with friction smoothed by `sign_width`.
 
-        Args:
-            out: Array for dq, dva and dtau side by side, shape (..., n, 2 n + motors).
-
-        Returns:
-            `.dq`, `.dva`, shapes (..., n, n), and `.dtau`, shape (..., n, motors).
-
-        Example:
-            >>> tau = chain.compute_torques(chain.home, [0], [0])
-            >>> chain.acceleration_derivatives(chain.home, [0], tau).dtau.round(2)
-            array([[202.74]])
+        `.dq`, `.dva` have shapes (..., n, n), `.dtau` has (..., n, motors); `out` has them side by
+        side, shape (..., n, 2 n + motors).
         """
-        options: dict[str, Any] = {"out": out, "threads": threads, "on_error": on_error}
-        load = self._engine.wrenches(external_wrenches, on_error)
-        return self._engine.derivatives(
-            AccelerationDerivatives, q, va, tau, load, sign_width=sign_width, **options
-        )
+        arguments = q, va, tau, external_wrenches
+        return self._engine.derivatives(AccelerationDerivatives, *arguments, sign_width, **options)
 
     def linearize(
         self,
@@ -1041,8 +908,7 @@ class ClosedChain(Summary):
         dt: float | None = None,
         external_wrenches: ArrayLike | None = None,
         sign_width: float = 1e-3,
-        threads: int = 1,
-        on_error: str = "raise",
+        **options: Unpack[Options],
     ) -> tuple[Array, Array]:
         """Linear system x' = A x + B u at a state, or at each state of a trajectory.
 
@@ -1054,21 +920,10 @@ class ClosedChain(Summary):
 
         Returns:
             A, shape (..., 2 n, 2 n), and B, shape (..., 2 n, motors).
-
-        Example:
-            >>> tau = chain.compute_torques(chain.home, [0], [0])
-            >>> A, B = chain.linearize(chain.home, [0], tau)
-            >>> A.round(2), B.round(2)
-            (array([[ -0.  ,   1.  ],
-                   [-17.35,  -0.  ]]), array([[  0.  ],
-                   [202.74]]))
         """
         engine = self._engine
-        options: dict[str, Any] = {"threads": threads, "on_error": on_error}
-        load = engine.wrenches(external_wrenches, on_error)
-        d = engine.derivatives(
-            AccelerationDerivatives, q, va, tau, load, sign_width=sign_width, **options
-        )
+        arguments = q, va, tau, external_wrenches
+        d = engine.derivatives(AccelerationDerivatives, *arguments, sign_width, **options)
         rates = None
         if engine.reference.derivatives.axes_move:
             rates = engine.compute(Key("displacement_rates"), q, va=va, on_error="nan")
@@ -1086,24 +941,18 @@ class ClosedChain(Summary):
     ) -> None:
         """Generate and compile kernels for this robot; they compute its dynamics from then on.
 
-        They are generated as C, compiled by the C compiler of the system (or of the package
-        ziglang) and stored in the user's cache folder; the next start loads them from there. They
-        are specific to the geometry, the closures, the motors, and to which bodies have mass and
-        which joints have friction, springs or rotors. The values of mass, friction, springs,
-        rotors and gravity can change without a new compilation. If a kernel's check fails for a
-        sample, the reference path computes it. Copies of the robot, and the robot unpickled in
-        another process, load the kernels too. `path` says what computes.
+        The C compiler of the system (or of the package ziglang) compiles them. The user's cache
+        folder keeps them for the next start. They are specific to the geometry, the closures, the
+        motors, and to which bodies have mass and which joints have friction, springs or rotors; the
+        values of these can change without a new compilation. The reference path computes samples
+        that fail a kernel's check. `path` says what computes.
 
         Args:
-            q: Configuration on the closures, shape (nq,). The order of elimination is chosen
-                around it; a random one by default, around `home` for a robot of the gallery. If
-                the mobility depends on the assembly mode, give a configuration of your mode.
-            derivatives: Whether to compile the derivatives too. They take longer to compile
-                (docs/derivatives.md gives times). By default this is done at their first use, as
-                for all other methods that have kernels; docs/batches.md lists these. The logger
-                `sst_pin` says what is compiled, at level INFO.
-            all: Whether to compile all kernels except those of frames, so that no later call has to
-                compile.
+            q: Configuration on the closures, shape (nq,), around which the order of elimination is
+                chosen; a random one by default, around `home` for a robot of the gallery.
+            derivatives: Whether to compile the derivatives too. By default this is done at their
+                first use, as for all other methods that have kernels; docs/batches.md lists these.
+            all: Whether to compile all kernels except those of frames.
 
         Raises:
             CompilationError: Without a compiler, or if it fails.
@@ -1141,15 +990,14 @@ class ClosedChain(Summary):
     ) -> CasadiFunctions:
         """The dynamics as CasADi functions with exact derivatives, for optimization.
 
-        As in `compile`, the order of elimination is chosen around q. All functions are smooth in
+        As in `compile`, the order of elimination is chosen around q. The functions are smooth in
         the rates, by `sign_width`. They do not check their input.
 
         Args:
             external_wrenches: Whether the dynamics have them as their last input, shape (r, 6).
             compiled: Whether the functions are compiled C code with derivatives of first order,
                 compiled at their first use and cached as by `compile`. Otherwise they need no
-                compiler and have derivatives of every order. For compiled functions
-                docs/optimal_control.md shows how to give IPOPT a Hessian.
+                compiler and have derivatives of every order.
 
         Returns:
             `.torques`, `.accelerations`, `.rates`, `.residual`, `.step` and more; see
@@ -1157,14 +1005,10 @@ class ClosedChain(Summary):
 
         Raises:
             MissingExtraError: Without CasADi, `sst-pin[compile]`.
-            CompilationError, DescriptionError: As `compile`.
 
         Example:
-            >>> functions = robot.casadi()
-            >>> functions.torques
+            >>> robot.casadi().torques
             Function(torques:(q[9],va[3],aa[3])->(tau[3]) SXFunction)
-            >>> functions.residual.size_out(0)
-            (6, 1)
         """
         try:
             from .compiled.casadi_functions import CasadiFunctions
@@ -1206,12 +1050,6 @@ class ClosedChain(Summary):
             tau: Motor torques, shape (N, motors); computed by default.
             stopped: Reason why the motion ended early; empty if it did not.
             crossings: Singular configurations that it went through.
-
-        Example:
-            >>> motion = chain.trajectory([0, 1], [chain.home] * 2, [[0]] * 2, [[0]] * 2)
-            >>> motion.tau.round(3)
-            array([[0.16],
-                   [0.16]])
         """
         from .simulation.trajectories import Trajectory
 
@@ -1372,7 +1210,7 @@ class ClosedChain(Summary):
         return rollout(now, tau, q0, va0, dt, load, steps, sign_width, threads, on_error)
 
     def check(self, motion: Trajectory | ArrayLike) -> tuple[Finding, ...]:
-        """Check a motion: joints that leave their limits, and nearby singularities.
+        """Joints that leave their limits along a motion, and nearby singularities.
 
         An SST has arcs as limits too, and singularities of two kinds.
 
@@ -1381,9 +1219,6 @@ class ClosedChain(Summary):
 
         Returns:
             One finding for each joint or singularity, with its times; empty if there are none.
-
-        Raises:
-            InputError: For the motion of another robot.
         """
         from .simulation.limits import findings
 
@@ -1406,15 +1241,6 @@ class ClosedChain(Summary):
 
         Returns:
             A table with `to_dataframe` and `save`; sizes that are not unique are NaN.
-
-        Raises:
-            InputError: For the motion of another robot, or one with other loads.
-
-        Example:
-            >>> delta = sst_pin.robots.delta()
-            >>> motion = delta.simulate(np.zeros(3), delta.home, np.zeros(3), [0, 0.01, 0.02])
-            >>> delta.loads(motion).rows[0].kind
-            'force'
         """
         from .simulation.bearing_loads import loads
 
@@ -1431,20 +1257,17 @@ class ClosedChain(Summary):
         actuated: Sequence[Motor] | None = None,
         locked: Sequence[str] = (),
     ) -> _Chain:
-        """A robot from a URDF and a YAML file, the "extended URDF" of LAAS.
+        """A robot from a URDF and a YAML file, the "extended URDF" of LAAS; docs/own_robot.md.
 
-        The YAML lists closures (`closed_loop`, pairs of frames, each with its `type`), motors
-        (`name_mot`) and, if needed, forces along lines (`line_force`), `gravity` and joints of the
-        types "FIXED", "SPHERICAL" or "UJOINT_XY" (`joint_name`, `joint_type`). If the YAML has no
+        The YAML lists closures, motors, forces along lines, gravity and joint types. If it has no
         closures, the frames `closing_NAME_1` and `closing_NAME_2` of the URDF become point
-        closures. Without them and without a YAML the robot is an open tree with a motor at each
-        joint. Mimic joints are coupled to the joints that they follow. An SRDF beside the URDF
-        defines named configurations, such as `home`.
+        closures. Without these and without a YAML the robot is an open tree with a motor at each
+        joint. Mimic joints become couplings. An SRDF beside the URDF defines named configurations,
+        such as `home`.
 
         Args:
             path: The URDF, or an SDF; meshes are not needed. In an SDF, joints that make no tree
-                close the loops, a robot without a joint to the world floats on `floating_base`,
-                and the base is the world.
+                close the loops, and a robot without a joint to the world floats.
             cuts: The YAML; by default the file with the name of the URDF and the ending .yaml.
             actuated: The motors, as in the constructor; those of the YAML by default.
             locked: Names of joints that are fixed at zero. A locked motor is removed.
@@ -1453,13 +1276,8 @@ class ClosedChain(Summary):
             DescriptionError: If a file cannot be read; the message lists all problems.
 
         Warns:
-            DescriptionWarning: When the inertia of a link is not physical; when a pose of the SRDF
-                moves a locked joint; for an open tree without `actuated`, because its YAML may be
-                missing.
-
-        Example:
-            >>> sst_pin.ClosedChain.from_urdf(sst_pin.URDF_PATH).motor_names
-            ('gamma_1', 'gamma_2', 'gamma_3')
+            DescriptionWarning: When an inertia is not physical, a pose of the SRDF moves a locked
+                joint, or the YAML of an open tree may be missing.
         """
         from .reading import read_urdf
 
@@ -1473,25 +1291,18 @@ class ClosedChain(Summary):
         actuated: Sequence[Motor] | None = None,
         locked: Sequence[str] = (),
     ) -> _Chain:
-        """A robot from a MuJoCo file; its equalities close the loops.
+        """A robot from a MuJoCo file; its equalities close the loops; docs/existing_robots.md.
 
-        MuJoCo compiles the file. The reader uses `connect`, `weld`, `joint` and `tendon`
-        equalities, and springs, dampers, friction losses and armatures of the joints. Spatial
-        tendons between two sites with a spring, a damper or an actuator become `forces`; their
-        limits are ignored. The motors are the joints and tendons with an actuator; tau is the force
-        in the joint or the tendon, for a `motor` gear times control. The laws of `position`,
-        `velocity` and other actuators are not read: in MuJoCo they also act without control, here
-        tau is the whole force of a motor. The positions of hinges and slides are those of `qpos`.
-        For balls and free joints, the scalar of a quaternion in q is last, and the linear rates in
-        v are in body axes. Named keyframes become `referenceConfigurations` of the model, such as
-        `home`.
+        The motors are the joints and tendons with an actuator; tau is the force in the joint or the
+        tendon, whatever the law of the actuator. Positions of hinges and slides are those of
+        `qpos`; the scalar of a quaternion in q is last, and linear rates in v are in body axes.
+        Keyframes become `referenceConfigurations` of the model, such as `home`.
 
         Args:
             path: The MJCF.
             actuated: The motors, as in the constructor; those of the file by default.
             locked: Joints that are fixed at their reference. A joint without a name has the name of
-                its body. `name_X`, `name_Y`, `name_Z` lock a ball about one axis. A locked motor is
-                removed.
+                its body. `name_X`, `name_Y`, `name_Z` lock a ball about one axis.
 
         Raises:
             MissingExtraError: Without MuJoCo, `sst-pin[mjcf]`.
@@ -1500,10 +1311,6 @@ class ClosedChain(Summary):
         Warns:
             DescriptionWarning: When a tendon or a ball has limits, or a keyframe moves a locked
                 joint.
-
-        Example:
-            >>> sst_pin.ClosedChain.from_mjcf(sst_pin.MJCF_PATH).motor_names
-            ('gamma_1', 'gamma_2', 'gamma_3')
         """
         from .reading.mjcf import read_mjcf
 
@@ -1557,16 +1364,14 @@ class ClosedChain(Summary):
         """Show a motion or a configuration in the browser, or in a Jupyter notebook.
 
         Args:
-            what: A motion, or a configuration, shape (nq,). By default the home pose or, if there
-                is none, an assembled configuration.
+            what: A motion, or a configuration, shape (nq,); by default the home pose.
             speed: Speed of the animation; 1 is real time.
             open_browser: Whether to serve the page and open the browser; never from Jupyter.
             reactions: Whether arrows show the forces in joints and closures; stiffnesses, as in
                 `reactions`, where these are not unique.
             live: Whether the page also computes: the robot can be dragged, released and pushed,
                 without a server, in one file.
-            ghost: A second motion, such as the planned one, which a translucent robot plays at the
-                same times.
+            ghost: A second motion, which a translucent robot plays at the same times.
 
         Returns:
             The viewer. `save` writes a page, a picture or an animation; `close` stops the server.
@@ -1576,11 +1381,6 @@ class ClosedChain(Summary):
             DescriptionError: If a mesh cannot be loaded; for a live page of a robot without
                 compiled equations.
             InputError: For the motion of another robot, or a ghost at other times than the motion.
-
-        Example:
-            >>> viewer = chain.show(open_browser=False)
-            >>> viewer.save("robot.html", force=True)
-            >>> viewer.close()
         """
         from .viewer import show
 

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property, partial
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypedDict, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -47,6 +47,14 @@ _DERIVATIVES: dict[type, tuple[Name, str]] = {
 #: The longest first Newton step of an assembly by kernels, [rad] or robot lengths; the largest
 #: ratio of a step to the one before; a step after which the next one is rounding; and rounding.
 _NEAR, _SHRINKS, _LAST, _ROUNDING = 0.1, 0.1, 1e-9, 1e-14
+
+
+class Options(TypedDict, total=False):
+    """How samples are computed: result array, threads of kernels, "raise" or "nan"."""
+
+    out: Array | None
+    threads: int
+    on_error: str
 
 
 class Key(NamedTuple):
@@ -196,7 +204,7 @@ class Engine:
         q: ArrayLike,
         *,
         load: Array | None = None,
-        options: Mapping[str, Array] | None = None,
+        extra: Mapping[str, Array] | None = None,
         out: Array | None = None,
         threads: int = 1,
         on_error: str = "raise",
@@ -208,7 +216,7 @@ class Engine:
             key: The quantity.
             q: Configurations, shape (..., nq).
             load: Wrenches on all bodies, shape (..., r, 6).
-            options: Arguments of the reference path for which there are no kernels.
+            extra: Arguments of the reference path for which there are no kernels.
             out: Array for the result.
             threads: Number of threads of kernels.
             on_error: "raise", or "nan" to set the results of bad samples to NaN.
@@ -228,8 +236,8 @@ class Engine:
             function = partial(function, frame=frame_id(self.mechanism.model, key.frame))
         if kind.smooth:
             function = partial(function, sign_width=key.sign_width)
-        if options:
-            function = partial(function, **options)
+        if extra:
+            function = partial(function, **extra)
         if kind.loadable:
             arrays, axes = [*arrays, load], [*axes, 2]
         require_policy(on_error)
@@ -244,7 +252,7 @@ class Engine:
             loaded = rows[-1].ndim == 3
             if loaded:
                 rows[-1] = rows[-1].reshape(len(result), 6 * (self.mechanism.model.njoints - 1))
-            kernel = None if options else self.kernel(key._replace(loaded=loaded))
+            kernel = None if extra else self.kernel(key._replace(loaded=loaded))
             if kernel is None:
                 return np.arange(len(result))
             return kernel.many(tuple(rows), result, min(threads, sys.maxsize))
@@ -259,22 +267,19 @@ class Engine:
         q: ArrayLike,
         va: ArrayLike,
         x: ArrayLike,
-        load: Array | None,
-        *,
+        external_wrenches: ArrayLike | None,
         sign_width: float,
-        out: Array | None = None,
-        threads: int = 1,
-        on_error: str = "raise",
+        **options: Any,
     ) -> D:
         """Derivatives of torques by q, va and aa, or of accelerations by q, va and tau."""
         name, argument = _DERIVATIVES[kind]
         key = Key(name, sign_width=positive_number("sign_width", sign_width))
         kernel = self.kernel(key)
-        if kernel is not None and load is out is None and on_error == "raise":
-            result: D | None = kernel.derivatives(kind, q, va, x, threads)
+        if kernel is not None and external_wrenches is None and not options:
+            result: D | None = kernel.derivatives(kind, q, va, x, 1)
             if result is not None:
                 return result
-        options: dict[str, Any] = {"out": out, "threads": threads, "on_error": on_error}
+        load = self.wrenches(external_wrenches, options.get("on_error", "raise"))
         options |= {"va": va, argument: x}
         rows = np.asarray(self.compute(key, q, load=load, **options))
         n = rows.shape[-2]

@@ -23,7 +23,7 @@ CLASSES = {
         "mobility": "",
         "compute_torques": "q va aa weights preload limits out",
         "compute_accelerations": "q va tau out",
-        "generalized_forces": "q va aa out",
+        "generalized_forces": "q va aa",
         "noc": "q va",
         "reduced_terms": "q va",
         "frame_jacobian": "q frame",
