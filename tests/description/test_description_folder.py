@@ -158,7 +158,8 @@ def test_urdf_and_mjcf_wear_the_same_parts(folder):
 def test_licence_and_package_are_those_of_the_project(folder):
     assert (folder / "LICENSE").read_text() == (ROOT / "LICENSE").read_text()
     package = xml(folder, "package.xml")
-    assert package.findtext("version") == sst_pin.__version__
+    # ROS takes three numbers only.
+    assert package.findtext("version") == sst_pin.__version__.removesuffix(".dev")
     assert package.get("format") == "3"
     name = package.findtext("name")
     assert f"project({name} NONE)" in (folder / "CMakeLists.txt").read_text()
