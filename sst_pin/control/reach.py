@@ -20,7 +20,7 @@ from ..files import as_path, table_writer, write_files
 from ..loops.starts import start_of
 from ..model.thresholds import RANK_TOLERANCE
 from ..simulation.frame_guide import FrameGuide
-from ..simulation.motion_columns import position_columns
+from ..simulation.motion_columns import columns_of
 from ..summaries import listed
 from .motor_limits import largest_part
 from .pose_abilities import torques_of_forces
@@ -186,7 +186,7 @@ def reach_map(
     used = on_grid(largest_part(tau, directions, limits))
     columns = (
         *(f"tau_{name}_{unit}" for name, unit in zip(motors, chain.motor_units, strict=True)),
-        *position_columns(chain.position_names, chain.joint_units),
+        *columns_of("q", chain.position_names, chain.joint_units),
     )
     values = named[axes[0]], named[axes[1]]
     return ReachMap(axes, values, why, q, condition, on_grid(held), used, columns)

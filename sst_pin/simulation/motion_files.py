@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Motions and torques of any closed chain that people write down as CSV."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from copy import copy
 from pathlib import Path
 from typing import BinaryIO, TypeGuard
@@ -15,22 +15,19 @@ from ..files import Table, read_table
 from ..loops.starts import placed
 from ..model.named_positions import angles_and_lengths
 from .coordinate_motions import coordinate_motion
-from .motion_columns import RATE, TORQUE, is_number, position_columns, rate_columns
+from .motion_columns import columns_in, columns_of
 from .moving_robot import require_motion
 from .trajectories import Trajectory
 
-#: Endings of a joint's column, and what a number there is in SI.
-_ENDINGS = {
-    "rad": {"_rad": 1.0, "_deg": np.pi / 180, "": 1.0},
-    "m": {"_m": 1.0, "_mm": 1e-3, "": 1.0},
-}
+#: What the endings of a joint's column mean in SI.
+_ENDINGS = {"rad": {"_rad": 1.0, "_deg": np.pi / 180}, "m": {"_m": 1.0, "_mm": 1e-3}}
 
 
 def read_motion(chain: ClosedChain, source: str | Path | BinaryIO) -> Trajectory:
     """The motor torques of a motion in a CSV, at the times that stand there.
 
     The columns are `t_s` and, for each coordinate of the robot, `NAME_rad` or `NAME_deg`, or of a
-    joint that slides `NAME_m` or `NAME_mm`; without an ending the number is in radians or metres.
+    joint that slides `NAME_m` or `NAME_mm`.
     The other joints follow from the closures, rates come from splines of degree five. Where other
     joints have columns too, their numbers in the first row choose the assembly. A file with the
     positions of all joints and the rates and accelerations of the coordinates, as
@@ -87,34 +84,15 @@ def read_log(
 def read_torques(chain: ClosedChain, table: Table) -> Array:
     """The motors' torques in a table, shape (N, motors).
 
-    The columns are `tau_NAME_Nm`, or `tau_NAME_N` of a motor that pushes, or have the motor's
-    number, counted from 1, for its name. In a file with rates, numbers count the coordinates in the
-    order of their rates, as `Trajectory.save` writes them.
+    The columns are `tau_NAME_Nm`, or `tau_NAME_N` of a motor that pushes. If no column has the name
+    of a motor, the numbers of the motors, counted from 1, may stand for their names.
     """
-    columns = []
-    by_rates = [p[1] for p in map(RATE.fullmatch, table.columns) if p and not p[3]]
-    motors = zip(chain.motor_names, chain.motor_units, strict=True)
-    for number, (name, force) in enumerate(motors, 1):
-        named = f"tau_{name}_{force}"
-        if is_number(name):
-            if not by_rates and name != str(number):
-                raise FileFormatError(
-                    table.path,
-                    f"{named} can be the motor {name} or motor number {name}; add columns of rates "
-                    "as `Trajectory.save` writes them, or rename the joint",
-                    1,
-                )
-            by_name = not by_rates
-        else:
-            by_name = named in table.columns
-        if not by_name and by_rates and by_rates != list(chain.motor_names):
-            raise FileFormatError(
-                table.path,
-                f"no column {named}; torques with numbers are those of {', '.join(by_rates)} here",
-                1,
-            )
-        columns.append(named if by_name else f"tau_{number}_{force}")
-    others = {c for c in table.columns if TORQUE.fullmatch(c)} - {*columns}
+    columns, given = columns_of("tau", chain.motor_names, chain.motor_units), set(table.columns)
+    numbers = [str(k) for k in range(1, len(columns) + 1)]
+    numbered = columns_of("tau", numbers, chain.motor_units)
+    if not given & {*columns} and given >= {*numbered}:
+        columns = numbered
+    others = {torque.column for torque in columns_in(table, "tau")} - {*columns}
     if others:
         raise FileFormatError(
             table.path,
@@ -173,7 +151,7 @@ def _motion_of(chain: ClosedChain, table: Table, *, keep_torques: bool) -> Traje
     t = table.column("t_s")
     _, rates = _rates(chain)
     positions, accelerations = _position_columns(chain), [f"{name}2" for name in rates]
-    given = keep_torques and any(map(TORQUE.fullmatch, table.columns))
+    given = keep_torques and columns_in(table, "tau")
     tau = read_torques(chain, table) if given else None
     if {*positions, *rates, *accelerations} <= set(table.columns):
         q, va, aa = (table.select(columns) for columns in (positions, rates, accelerations))
@@ -218,42 +196,28 @@ def _wanted(chain: ClosedChain, table: Table) -> str:
 
 
 def _position_columns(chain: ClosedChain) -> list[str]:
-    return position_columns(chain.position_names, chain.joint_units)
+    return columns_of("q", chain.position_names, chain.joint_units)
 
 
 def _rates(chain: ClosedChain) -> tuple[list[str], list[str]]:
     """Names of the coordinates' rates, and their columns."""
     names, units = chain.mechanism.coordinate_rate_names, chain.mechanism.coordinate_rate_units
-    return list(names), rate_columns(names, units)
+    return list(names), columns_of("va", names, units)
 
 
 def _joints(chain: ClosedChain, table: Table) -> dict[str, Array]:
     """Positions of the joints that have a column, in SI."""
-    found, taken, joints = {}, dict[str, str](), angles_and_lengths(chain.mechanism.space)
-    for name, unit in joints.items():
-        columns = _known_columns(table, name, _ENDINGS[unit])
-        columns.pop("t_s", None)  # the times, whatever a joint is called
+    joints, given = dict[str, Array](), set(table.columns)
+    for name, unit in angles_and_lengths(chain.mechanism.space).items():
+        columns = [column for end in _ENDINGS[unit] if (column := f"{name}{end}") in given]
         if len(columns) > 1:
             listed = ", ".join(columns)
             raise FileFormatError(table.path, f"one joint has several columns: {listed}", 1)
-        for column, factor in columns.items():
-            if column in taken:
-                problem = f"{column} can be of the joint {taken[column]} or of the joint {name}"
-                cure = f"rename it {min(name, taken[column], key=len)}_{unit} or {column}_{unit}"
-                raise FileFormatError(table.path, f"{problem}; {cure}", 1)
-            found[name] = factor * table.column(column)
-            taken[column] = name
-    for name, unit in joints.items():
-        other = {e: 1.0 for e in _ENDINGS["m" if unit == "rad" else "rad"] if e}
-        wrong = _known_columns(table, name, other).keys() - taken.keys()
-        if wrong:
-            moves = "turns" if unit == "rad" else "slides"
-            raise FileFormatError(
-                table.path, f"{', '.join(sorted(wrong))}: the joint {name} {moves}, in {unit}", 1
-            )
-    return found
-
-
-def _known_columns(table: Table, name: str, endings: Mapping[str, float]) -> dict[str, float]:
-    columns: Sequence[str] = table.columns
-    return {f"{name}{e}": factor for e, factor in endings.items() if f"{name}{e}" in columns}
+        for column in columns:
+            factor = _ENDINGS[unit][column.removeprefix(name)]
+            joints[name] = factor * table.column(column)
+        other, moves = ("m", "turns") if unit == "rad" else ("rad", "slides")
+        if wrong := sorted(given & {f"{name}{end}" for end in _ENDINGS[other]}):
+            text = f"{', '.join(wrong)}: the joint {name} {moves}, in {unit}"
+            raise FileFormatError(table.path, text, 1)
+    return joints

@@ -17,7 +17,7 @@ from ..errors import FileFormatError, InputError, MissingExtraError, OutputError
 from ..files import Table, Writer, as_path, read_table, require_ending, table_writer, write_files
 from ..summaries import Summary, listed
 from .crossings import Crossing
-from .motion_columns import is_number, motion_columns, parts_of
+from .motion_columns import columns_of, parts_of
 from .samples import sample_times, spline, times_within
 
 if TYPE_CHECKING:
@@ -254,8 +254,6 @@ class Trajectory(Summary):
             columns = self._columns()
             if any(re.search(r"^\s|[,\"\r\n]", name) for name in columns):
                 raise OutputError(path, "a name contains a comma, quote or space; save it as .npz")
-            if self.actuated != self.coordinates and any(map(is_number, self.actuated)):
-                raise OutputError(path, "a motor has a number for its name; save it as .npz")
             return table_writer(columns, self._table(as_path(path)).values)
         arrays: dict[str, Any] = {
             name: np.asarray(getattr(self, name)) for name in (*_COMPARED, "stopped")
@@ -298,11 +296,13 @@ class Trajectory(Summary):
             raise FileFormatError(path, f"not a motion: {error}") from None
 
     def _columns(self) -> list[str]:
-        labels = list(self.actuated)
-        if self.actuated == self.coordinates:
-            labels = [str(k + 1) for k in range(len(labels))]
-        rates = (self.coordinates, self.rate_units)
-        return motion_columns(self.joint_names, self.units, *rates, labels, self.torque_units)
+        return [
+            "t_s",
+            *columns_of("q", self.joint_names, self.units),
+            *columns_of("va", self.coordinates, self.rate_units),
+            *columns_of("aa", self.coordinates, self.rate_units),
+            *columns_of("tau", self.actuated, self.torque_units),
+        ]
 
     def torque(self) -> Callable[[float], Array]:
         """The torques as a smooth function of time; `simulate` also accepts the motion itself.

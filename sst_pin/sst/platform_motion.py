@@ -14,12 +14,14 @@ from ..description.frames import MOTOR_NAMES
 from ..errors import FileFormatError, InputError
 from ..files import Table
 from ..model.joint_space import without_sign_changes
-from ..simulation.motion_columns import rotations_in
 from ..simulation.samples import sample_times, spline, times_within
+from ..summaries import listed
 from .kinematics import require_rotation
 
 _QUATERNION = ("qx", "qy", "qz", "qw")
 _ANGLES = ("theta", "phi", "psi")
+#: A quaternion whose length is farther from 1 is no rounded one.
+_NOT_UNIT = 1e-3
 
 
 class PlatformMotion(NamedTuple):
@@ -238,8 +240,8 @@ def motion_in(table: Table) -> PlatformMotion | Array:
     """The motion of the star in a table, or the motor angles, shape (N, 3), [rad].
 
     The columns are `t_s` and one of: `qw, qx, qy, qz`, the orientation of {E} in the base; `theta,
-    phi, psi`, the paper's angles; `gamma_1, gamma_2, gamma_3`. Angles may end in `_rad` or `_deg`
-    and are radians without; `psi` may be left out and is then zero.
+    phi, psi`, the paper's angles; `gamma_1, gamma_2, gamma_3`. Angles end in `_rad` or `_deg`;
+    `psi` may be left out and is then zero.
     """
     kinds = {
         "quaternion": any(name in table.columns for name in _QUATERNION),
@@ -261,16 +263,29 @@ def motion_in(table: Table) -> PlatformMotion | Array:
     if given == ["motors"]:
         return np.column_stack([_angle(table, name) for name in MOTOR_NAMES])
     if given == ["quaternion"]:
-        R = rotations_in(table, _QUATERNION)
+        R = _rotations(table)
     else:
         psi = _angle(table, "psi") if _unit(table, "psi") else 0.0
         R = orientation(_angle(table, "theta"), _angle(table, "phi"), psi)
     return interpolate_orientations(t, R, t)
 
 
+def _rotations(table: Table) -> Array:
+    """Orientations by unit quaternions, shape (N, 3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    quaternions = table.select(_QUATERNION)
+    lengths = np.linalg.norm(quaternions, axis=1)
+    if (wrong := np.abs(lengths - 1) > _NOT_UNIT).any():
+        i = int(np.argmax(wrong))
+        problem = f"quaternion of length {lengths[i]:.6g}, expected 1, in {listed(_QUATERNION)}"
+        raise FileFormatError(table.path, problem, table.lines[i])
+    return Rotation.from_quat(quaternions).as_matrix()
+
+
 def _unit(table: Table, name: str) -> str | None:
     """The column of an angle, in any unit."""
-    names = [c for c in (f"{name}_rad", f"{name}_deg", name) if c in table.columns]
+    names = [c for c in (f"{name}_rad", f"{name}_deg") if c in table.columns]
     if len(names) > 1:
         raise FileFormatError(table.path, f"one angle has several columns: {', '.join(names)}", 1)
     return names[0] if names else None

@@ -31,7 +31,7 @@ COMMANDS = [
     (f"plot {SAMPLE} -o a.png --what torques,dance", "'dance'], expected some of path, torques,"),
     (f"plot {SAMPLE} -o a.png --what|", "[''], expected some of"),
     # starts of simulations
-    (f"simulate {SAMPLE} -o x.csv", "missing columns tau_1_Nm"),
+    (f"simulate {SAMPLE} -o x.csv", "missing columns tau_gamma_1_Nm"),
     ("simulate tau.csv -o x.csv", "give --va0 gamma_1=.."),
     ("simulate row.csv -o x.csv --q0 gamma_1=0,gamma_2=0,gamma_3=0", "one row; a simulation"),
     ("simulate tau.csv -o x.csv --q0 1,2", "the form crank=0.1"),

@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 
 import sst_pin
 from sst_pin.files import read_table, write_files
-from sst_pin.simulation.motion_files import load_motion
+from sst_pin.simulation.motion_files import load_motion, read_torques
 from sst_pin.sst import paper
 from tests.support.by_hand import add, at
 from tests.support.planar_bars import planar
@@ -54,7 +54,7 @@ def test_headers_carry_names_and_units(motion, tmp_path):
     header = (tmp_path / "m.csv").read_text().splitlines()[0].split(",")
     assert header[:4] == ["t_s", "gamma_1_rad", "mu_1_rad", "beta_1_rad"]
     assert header[10:16] == [f"gamma_{k}_rad_{u}" for u in ("s", "s2") for k in (1, 2, 3)]
-    assert header[16:] == ["tau_1_Nm", "tau_2_Nm", "tau_3_Nm"]
+    assert header[16:] == ["tau_gamma_1_Nm", "tau_gamma_2_Nm", "tau_gamma_3_Nm"]
 
 
 def test_forces_of_prismatic_motors_are_in_newtons(tmp_path):
@@ -62,7 +62,7 @@ def test_forces_of_prismatic_motors_are_in_newtons(tmp_path):
     motion = sst_pin.Trajectory([0, 1], q, two, two, two, NAMES, ("slide", "mu_1"), units)
     motion.save(tmp_path / "m.csv")
     header = (tmp_path / "m.csv").read_text().splitlines()[0].split(",")
-    assert header[-2:] == ["tau_1_N", "tau_2_Nm"]
+    assert header[-2:] == ["tau_slide_N", "tau_mu_1_Nm"]
     assert "slide_m_s" in header
 
 
@@ -210,7 +210,7 @@ def test_files_that_are_no_motions_are_told(tmp_path):
     for name, words in (
         ("m.csv", "cannot be read: No such file"),
         *((name, "not a motion") for name in ("m.npz", "x.npz", "y.npz", "x.csv")),
-        ("n.csv", "missing columns gamma_1_rad_s2, tau_1_Nm"),
+        ("n.csv", "missing column gamma_1_rad_s2"),
     ):
         with pytest.raises(sst_pin.FileFormatError, match=words):
             sst_pin.Trajectory.load(tmp_path / name)
@@ -386,19 +386,21 @@ def swung(robot):
 
 
 def test_torques_of_motors_that_are_named_by_numbers_are_never_swapped(tmp_path):
-    """`tau_1_Nm` may be the motor 1, or the first one: a CSV holds only what is both."""
+    """`tau_1_Nm` is the motor 1, not the first one."""
     right, swapped = arm(["1", "2"]), arm(["1", "2"], ["2", "1"])
     path, motion = tmp_path / "m.csv", swung(right)
     motion.save(path)
     assert sst_pin.Trajectory.load(path) == load_motion(right, path) == motion
-    with pytest.raises(sst_pin.FileFormatError, match="torques with numbers are those of 1, 2"):
-        load_motion(swapped, path)
-    crossed = swapped.with_coordinates(["1", "2"])
-    motion = swung(crossed)
-    with pytest.raises(sst_pin.OutputError, match="number for its name"):
-        motion.save(tmp_path / "n.csv")
-    motion.save(tmp_path / "n.npz")
-    assert load_motion(crossed, tmp_path / "n.npz") == motion
+    assert np.array_equal(load_motion(swapped, path).tau, motion.tau[:, ::-1])
+    other = arm(["2", "3"])
+    with pytest.raises(sst_pin.FileFormatError, match="torques of other motors, tau_1_Nm"):
+        read_torques(other, read_table(path))
+
+
+def test_the_number_of_a_motor_may_stand_for_its_name(tmp_path):
+    robot, path = arm(["a", "b"]), tmp_path / "m.csv"
+    path.write_text("t_s,tau_2_Nm,tau_1_Nm\n0,2,1\n1,4,3\n")
+    assert read_torques(robot, read_table(path)).tolist() == [[1, 2], [3, 4]]
 
 
 def test_torques_in_a_table_of_positions_are_kept_or_refused(tmp_path):
@@ -411,7 +413,7 @@ def test_torques_in_a_table_of_positions_are_kept_or_refused(tmp_path):
     with pytest.raises(sst_pin.FileFormatError, match="torques of other motors, tau_b_Nm"):
         load_motion(one, path)
     swung(robot).save(path, force=True)
-    with pytest.raises(sst_pin.FileFormatError, match="are those of a, b here"):
+    with pytest.raises(sst_pin.FileFormatError, match="torques of other motors, tau_b_Nm"):
         load_motion(one, path)
 
 
