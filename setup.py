@@ -28,7 +28,7 @@ class BuildWithUrdf(build_py):
 def readme() -> str:
     """README.md where no file lies beside it: without pictures, paths in the place of links."""
     text = Path("README.md").read_text(encoding="utf-8")
-    text = re.sub(r"!\[[^\]]*\]\((?!https?:)[^)]*\)\n\n", "", text)
+    text = re.sub(r"!\[[^\]]*\]\((?!https?:)[^)]*\)", "", text)
     return re.sub(r"\[([^\]]+)\]\((?!https?:)([^)]+)\)", r"\1 (`\2`)", text)
 
 
