@@ -92,6 +92,7 @@ def main() -> None:
     import matplotlib.pyplot as plt
 
     robot = sst_pin.SST()
+    robot.compile()
     control = regulator(robot)
     print("poles of the robot alone (1/s):", np.sort_complex(control.poles).round(2))
     angles = np.linspace(-1.0, 1.0, 41)
