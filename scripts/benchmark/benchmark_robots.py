@@ -19,7 +19,7 @@ import benchmark_cases as cases
 import cassie
 from sst_pin import ClosedChain, robots
 from sst_pin.arrays import Array
-from sst_pin.compiled import build
+from sst_pin.compiled import libraries
 from sst_pin.model.tree import series_of
 from tests.gallery import ladder
 
@@ -116,7 +116,7 @@ def compiled(name: str) -> tuple[ClosedChain, dict[str, float]]:
             start = time.perf_counter()
             chain.compile()
             seconds.append(time.perf_counter() - start)
-        size = sum(entry.size for entry in build.cached())
+        size = sum(library.size for library in libraries.cached())
     return chain, {"compile": seconds[0], "from the cache": seconds[1], "bytes": size}
 
 

@@ -7,7 +7,7 @@ import time
 
 from tqdm import tqdm
 
-from ..compiled import build
+from ..compiled import libraries
 from ..errors import InputError, MissingExtraError
 from ..files import write_files
 from . import common
@@ -66,7 +66,7 @@ def verify(arguments: argparse.Namespace) -> int:
 def compile(arguments: argparse.Namespace) -> None:  # noqa: A001
     """Compiled kernels, the cache that keeps them, and the same equations as C code."""
     if arguments.clear:
-        print(f"{build.empty_cache()} kernels deleted from {build.cache_folder()}")
+        print(f"{libraries.delete()} kernels deleted from {libraries.cache_folder()}")
     elif arguments.list:
         _list()
     elif arguments.export_c is not None:
@@ -79,7 +79,7 @@ def compile(arguments: argparse.Namespace) -> None:  # noqa: A001
 
 
 def _list() -> None:
-    entries, folder = build.cached(), build.cache_folder()
+    entries, folder = libraries.cached(), libraries.cache_folder()
     robot = max((len(entry.robot) for entry in entries), default=0)
     kernel = max((len(entry.kernel) for entry in entries), default=0)
     for entry in entries:

@@ -11,7 +11,7 @@ from ..arrays import Array
 from ..dynamics.reference import Reference
 from ..dynamics.runge_kutta import runge_kutta_step
 from ..model.tree import frame_named
-from . import build, kernels
+from . import kernels, libraries
 from .elimination import Orthogonal
 from .equations import Equations
 from .generator_inputs import sample_configurations
@@ -248,5 +248,5 @@ def _compiled(robot: str, function: Function, order: int) -> Function:
             generator.add(one)
         return str(generator.dump())
 
-    library = build.library(robot, f"casadi_{name}", content, "scalar", source)
+    library = libraries.load(robot, f"casadi_{name}", content, "scalar", source)
     return ca.external(name, library._name)

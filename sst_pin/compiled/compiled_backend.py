@@ -22,11 +22,12 @@ from ..engine import Key
 from ..errors import ActuationError, CompilationError, MissingExtraError, SSTError
 from ..model.mechanism import Friction, Mechanism
 from ..model.tree import body_of, frame_named
-from . import build
-from .build import Clock, Code
+from . import libraries
 from .compiled_states import ByColumns, CompiledStates
+from .compiler import LONG, SINGLE, TARGETS
 from .extension import binding
 from .generator_inputs import fingerprint, sample_configurations
+from .libraries import Code
 from .open_numbers import OpenNumbers
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ class CompiledBackend:
 
     def __str__(self) -> str:
         target = self._binding.INSTRUCTIONS
-        parts = [f"compiled kernels: {target}, {build.TARGETS[target][0]} samples at once"]
+        parts = [f"compiled kernels: {target}, {TARGETS[target][0]} samples at once"]
         for key, why in self._why.items():
             parts.append(f"{key} by the reference path: {' '.join(why.split())}")  # in one line
         return "; ".join(parts)
@@ -91,11 +92,10 @@ class CompiledBackend:
         own = dict.fromkeys(map(self._own, keys))
         wanted = [key for key in own if not impossible(self._mechanism, key.quantity)]
         variants = [variant for key in wanted for variant in self._variants(key)]
-        clock = Clock(self._robot)
 
         def prepare(variant: tuple[Key, str]) -> None:
             with suppress(ActuationError):  # too few motors: `_found` tells it
-                self._from_cache(*variant, clock)
+                self._from_cache(*variant)
 
         with ThreadPoolExecutor() as pool:
             try:
@@ -105,7 +105,7 @@ class CompiledBackend:
                 self._given_up = True
                 raise
 
-    def kernel(self, key: Key, clock: Clock | None = None) -> engine.Kernel | None:
+    def kernel(self, key: Key) -> engine.Kernel | None:
         """The kernel of a quantity, as `Kernels.kernel`; those of the last widths are kept."""
         if key in self._kernels:
             return self._kernels[key]
@@ -115,18 +115,16 @@ class CompiledBackend:
             smooth = [other for other in list(self._kernels) if other.sign_width is not None]
             for other in smooth if len(smooth) >= _WIDTHS else ():
                 self._kernels.pop(other, None)
-        clock = clock or Clock(self._robot)
-        columns = self._by_columns(clock) if key.quantity == "accelerations" else None
-        kernel = self._kernels[key] = columns or self._kernel(key, clock=clock)
+        columns = self._by_columns() if key.quantity == "accelerations" else None
+        kernel = self._kernels[key] = columns or self._kernel(key)
         return kernel
 
     def states(self, friction: Friction) -> CompiledStates:
         """The state space with this friction instead of the mechanism's."""
-        clock = Clock(self._robot)
-        closing, columns = self.kernel(Key("closing"), clock), self._by_columns(clock, friction)
-        rate, course = partial(self._rate, clock, friction), partial(self._course, clock, friction)
+        closing, columns = self.kernel(Key("closing")), self._by_columns(friction)
+        rate, course = partial(self._rate, friction), partial(self._course, friction)
         derivatives = Key("acceleration_derivatives", sign_width=friction.sign_width)
-        slopes = partial(self.kernel, derivatives, clock)
+        slopes = partial(self.kernel, derivatives)
         return CompiledStates(self._reference, friction, closing, slopes, rate, course, columns)
 
     # --- inside -----------------------------------------------------------------------------
@@ -140,7 +138,7 @@ class CompiledBackend:
         """All that the kernels are made from."""
         return fingerprint(self._mechanism, self._parameters, self._near)
 
-    def _by_columns(self, clock: Clock, friction: Friction | None = None) -> ByColumns | None:
+    def _by_columns(self, friction: Friction | None = None) -> ByColumns | None:
         """Direct dynamics where the mass matrix is too large to be written out; None elsewhere."""
         mechanism, forces = self._mechanism, Key("generalized_forces")
         small = not impossible(mechanism, "accelerations")
@@ -148,13 +146,13 @@ class CompiledBackend:
             return None
 
         def of_loads(loaded: bool) -> "Kernel":
-            kernel = self._kernel(forces._replace(loaded=loaded), clock, friction=friction)
+            kernel = self._kernel(forces._replace(loaded=loaded), friction=friction)
             if kernel is None:
                 raise CompilationError(str(self))
             return kernel
 
-        inertial = self._kernel(forces, clock, inertial=True)
-        rates = self._kernel(Key("rates"), clock)
+        inertial = self._kernel(forces, inertial=True)
+        rates = self._kernel(Key("rates"))
         if inertial is None or rates is None:
             return None
         return ByColumns(mechanism, cache(of_loads), inertial, rates)
@@ -162,14 +160,13 @@ class CompiledBackend:
     def _kernel(
         self,
         key: Key,
-        clock: Clock | None = None,
         word: str = "run",
         friction: Friction | None = None,
         *,
         inertial: bool = False,
     ) -> "Kernel | None":
         """A kernel by its code for single samples, then for batches; None where there is none."""
-        codes = self._found(key, clock or Clock(self._robot))
+        codes = self._found(key)
         if not codes:
             return None
         friction = friction or self._mechanism.friction
@@ -193,13 +190,13 @@ class CompiledBackend:
             self._moment,
         )
 
-    def _rate(self, clock: Clock, friction: Friction, loaded: bool) -> engine.Kernel | None:
+    def _rate(self, friction: Friction, loaded: bool) -> engine.Kernel | None:
         """Rates of the states next to those given whose loops are closed."""
-        return self._kernel(Key("rollout", loaded=loaded), clock, "rate", friction)
+        return self._kernel(Key("rollout", loaded=loaded), "rate", friction)
 
-    def _course(self, clock: Clock, friction: Friction, loaded: bool) -> "Course | None":
+    def _course(self, friction: Friction, loaded: bool) -> "Course | None":
         """The kernel of a rollout; None where there is none."""
-        codes = self._found(Key("rollout", loaded=loaded), clock)
+        codes = self._found(Key("rollout", loaded=loaded))
         if not codes:
             return None
         code = codes[-1]
@@ -208,13 +205,13 @@ class CompiledBackend:
         sizes = (q, va, tau, sum(load))
         return self._binding.Course(code.address("run"), sizes, code.prepared(numbers), code)
 
-    def _found(self, key: Key, clock: Clock) -> list[Code]:
+    def _found(self, key: Key) -> list[Code]:
         """A kernel's code for single samples, then for batches; none where there is none."""
         key = self._own(key)
         if key not in self._codes:
             try:
                 variants = self._variants(key)
-                self._codes[key] = [self._from_cache(*variant, clock) for variant in variants]
+                self._codes[key] = [self._from_cache(*variant) for variant in variants]
             except SSTError as error:
                 self._codes[key], self._why[key] = [], str(error)
         return self._codes[key]
@@ -230,14 +227,14 @@ class CompiledBackend:
         if problem := impossible(self._mechanism, key.quantity):
             raise CompilationError(problem)
         best = self._binding.INSTRUCTIONS
-        if not _has_directions(self._mechanism, key.quantity, build.TARGETS[best][0]):
-            return [(key, build.ONE[best]), (key, best)]
+        if not _has_directions(self._mechanism, key.quantity, TARGETS[best][0]):
+            return [(key, SINGLE[best]), (key, best)]
         # Eight directions at once are slower than four.
         narrow = "avx2" if best == "avx512" else best
-        fit = len(self._mechanism.coordinates) <= build.TARGETS[narrow][0]
+        fit = len(self._mechanism.coordinates) <= TARGETS[narrow][0]
         return [(key._replace(along=True), narrow if fit else best), (key, best)]
 
-    def _from_cache(self, key: Key, target: str, clock: Clock) -> Code:
+    def _from_cache(self, key: Key, target: str) -> Code:
         """Code from the cache, or compiled now."""
         content, smooth = self._content, key.kind.smooth
         if key.frame is not None:
@@ -252,10 +249,10 @@ class CompiledBackend:
                 if self._given_up:
                     raise CompilationError("given up")
                 made = kernels.entry(self._equations_of(key), key)
-                return c_code.library(key.entry, made, build.TARGETS[target][0])
+                return c_code.library(key.entry, made, TARGETS[target][0])
 
-        options = build.LONG if smooth else ()
-        library = build.library(self._robot, str(key), content, target, source, options, clock)
+        options = LONG if smooth else ()
+        library = libraries.load(self._robot, str(key), content, target, source, options)
         return Code(library, key.entry)
 
     def _equations_of(self, key: Key) -> "Equations":

@@ -12,7 +12,7 @@ import pytest
 
 import sst_pin
 import sst_pin.robots as robots_of_the_gallery
-from sst_pin.compiled import build, compiled_backend
+from sst_pin.compiled import compiled_backend, compiler, libraries
 from sst_pin.dynamics.derivatives import TorqueDerivatives
 from sst_pin.engine import Engine, Key
 from sst_pin.errors import CompilationError
@@ -291,7 +291,7 @@ def test_ctrl_c_ends_all_compilation(tmp_path, monkeypatch):
         raise KeyboardInterrupt
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr(build, "_compile", interrupted)
+    monkeypatch.setattr(libraries, "compile_library", interrupted)
     chain = sst_pin.robots.four_bar()
     tau = chain.compute_torques(chain.home, [1.0], [1.0])
     with pytest.raises(KeyboardInterrupt):
@@ -318,7 +318,7 @@ def test_without_a_compiler_the_reason_is_said_and_the_reference_path_computes(
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setenv("PATH", "")
     monkeypatch.delenv("CC", raising=False)
-    monkeypatch.setattr(build, "find_spec", lambda _: None)
+    monkeypatch.setattr(compiler, "find_spec", lambda _: None)
     chain = link_tables.four_bar().chain()
     with pytest.raises(CompilationError, match=r"no C compiler found.*sst-pin\[compiler\]"):
         chain.compile()
@@ -349,7 +349,7 @@ def test_processes_that_compile_the_same_at_once_do_not_disturb_each_other(tmp_p
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not build.find_spec("ziglang"), reason="needs ziglang")
+@pytest.mark.skipif(not compiler.find_spec("ziglang"), reason="needs ziglang")
 def test_the_compiler_in_a_wheel_makes_the_same_kernels(tmp_path, monkeypatch):
     chain = link_tables.four_bar(link_tables.SKEW_PLANE).chain()
     q, va, aa = moving(chain, 4)

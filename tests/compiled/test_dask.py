@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import sst_pin
-from sst_pin.compiled import build
+from sst_pin.compiled import libraries
 from tests.support.files import load
 
 da = pytest.importorskip("dask.array", reason="dask is not installed (extra 'dev')")
@@ -70,7 +70,7 @@ def test_worker_processes_load_the_kernels_of_a_compiled_robot(monkeypatch, tmp_
 
 def kept():
     """Files in the cache, each once: one made again would be another."""
-    return {entry.path.name: entry.path.stat().st_ino for entry in build.cached()}
+    return {entry.path.name: entry.path.stat().st_ino for entry in libraries.cached()}
 
 
 def _path(robot):

@@ -13,7 +13,7 @@ import pytest
 import sst_pin
 from sst_pin import ClosedChain, robots
 from sst_pin.cli import main
-from sst_pin.compiled import build
+from sst_pin.compiled import compiler
 from sst_pin.compiled.export import c_files
 from sst_pin.description.folder import yaml_of
 from sst_pin.description.urdf_writer import urdf_of
@@ -27,7 +27,7 @@ from tests.support.exported_c import STRICT, TYPES, Exported
 DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
 ZIG = [sys.executable, "-m", "ziglang", "cc"]
 needs_ziglang = pytest.mark.skipif(
-    not build.find_spec("ziglang"), reason="needs ziglang, extra 'compiler'"
+    not compiler.find_spec("ziglang"), reason="needs ziglang, extra 'compiler'"
 )
 OPEN, SINGULAR, NOT_FINITE = 1, 2, 3
 ROBOTS = EVERY_ROBOT | {"cart": any_chain.cart, "lines": any_chain.lines}

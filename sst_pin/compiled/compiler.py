@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The C compiler: its command, its options for each instruction set, its errors."""
+
+import os
+import shutil
+import sys
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+
+from ..errors import CompilationError
+
+_AVX2 = ("-mavx2", "-mfma")
+_AVX512 = ("-mavx512f", "-mavx512dq", "-mavx512vl", "-mfma", "-mprefer-vector-width=512")
+#: Number of samples in a vector and options of the compiler, for each instruction set.
+TARGETS = {
+    "avx512": (8, _AVX512),
+    "avx2": (4, _AVX2),
+    "plain": (2, ()),
+    "avx2_one": (1, _AVX2),
+    "plain_one": (1, ()),
+    "scalar": (1, ("-O1",)),  # C by CasADi: with more it takes twice as long and runs no faster
+}
+#: The target for a single sample: scalars take less time than a vector of equal numbers.
+SINGLE = {"avx512": "avx2_one", "avx2": "avx2_one", "plain": "plain_one"}
+#: Options for derivatives: with -O3 their long functions compile slower and run no faster.
+LONG = ("-O1", "-fexpensive-optimizations")
+_OPTIONS = ("-std=gnu11", "-O3", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast")
+
+
+def compiler() -> list[str]:
+    """The command of a C compiler: `$CC`, the system's, or the one of the package ziglang."""
+    if named := os.environ.get("CC", "").split():
+        if not shutil.which(named[0]):
+            raise CompilationError(f"CC names {named[0]}, which is not found; correct or unset CC")
+        return named
+    for name in ("cc", "gcc", "clang"):
+        if shutil.which(name):
+            return [name]
+    if find_spec("ziglang"):
+        return [sys.executable, "-m", "ziglang", "cc"]
+    raise CompilationError(
+        "no C compiler found; install one (on Debian: apt install gcc), or: "
+        "pip install 'sst-pin[compiler]'"
+    )
+
+
+def compile_library(source: str, library: Path, options: Sequence[str]) -> None:
+    """Compile C to a shared library; later options override earlier ones."""
+    import subprocess
+
+    code = library.with_suffix(".c")
+    code.write_text(source, encoding="utf-8")
+    output = ["-shared", "-fPIC", str(code), "-o", str(library), "-lm"]
+    command = [*compiler(), *_OPTIONS, *options, *output]
+    try:
+        result = subprocess.run(command, capture_output=True, errors="replace", check=False)
+    except OSError as error:
+        raise CompilationError(f"{command[0]} cannot be run: {error.strerror}") from None
+    if result.returncode or not library.is_file():
+        message = "\n".join(result.stderr.strip().splitlines()[:5])
+        message = message or "it wrote no library; set CC to another compiler"
+        raise CompilationError(f"{command[0]} failed with code {result.returncode}:\n{message}")

@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Shared libraries of kernels: compiled once, kept in the user's cache folder, loaded.
+
+The name of a file ends in the hash of all that the library is made from. A process keeps a library
+in memory, so any process may delete any file.
+"""
+
+import ctypes
+import hashlib
+import logging
+import os
+import shutil
+import tempfile
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from platformdirs import user_cache_path
+
+from ..arrays import Array
+from ..errors import CompilationError
+from .compiler import TARGETS, compile_library
+
+#: The most bytes that the libraries in the cache have together.
+LARGEST = 2**30
+#: All files of the package that decide what is in a kernel.
+_CODE = (
+    *("model/*.py", "loops/*.py", "dynamics/*.py"),
+    *("compiled/*.py", "compiled/c/**/*.[ch]", "version.py"),
+)
+#: The list of sizes in a library ends with -1; there are no more than this.
+_MOST_SIZES = 8
+_CURE = "set XDG_CACHE_HOME to another folder"
+_log = logging.getLogger(__name__)
+#: The libraries that this process has loaded, by folder and hash.
+_loaded: dict[tuple[Path, str], ctypes.CDLL] = {}
+
+
+@dataclass(frozen=True)
+class Code:
+    """A kernel in a loaded library; the names of its functions end in `entry`."""
+
+    library: ctypes.CDLL
+    entry: str
+
+    def sizes(self, function: str) -> list[int]:
+        """Sizes of the parameters, of the output of a function, and of each of its inputs."""
+        name = f"sizes_{function}_{self.entry}"
+        numbers = list((ctypes.c_int * _MOST_SIZES).in_dll(self.library, name))
+        return numbers[: numbers.index(-1)]
+
+    def address(self, function: str) -> int:
+        """Address of a function: "run", of rollouts "rate" too."""
+        pointer = getattr(self.library, f"{function}_{self.entry}")
+        address = ctypes.cast(pointer, ctypes.c_void_p).value
+        assert address is not None
+        return address
+
+    def prepared(self, numbers: Array) -> Array:
+        """Parameters, followed by the constants that the kernel computes from them."""
+        p = np.concatenate([numbers, np.zeros(self.sizes("run")[0] - len(numbers))])
+        getattr(self.library, f"prepare_{self.entry}")(ctypes.c_void_p(p.ctypes.data))
+        return p
+
+
+class CachedLibrary(NamedTuple):
+    """A library in the cache; `used` is when it was last loaded, in seconds since 1970."""
+
+    path: Path
+    robot: str
+    kernel: str
+    size: int
+    used: float
+
+
+def cache_folder() -> Path:
+    """The user's cache folder of kernels; a folder that others can write to is refused."""
+    try:
+        folder = user_cache_path("sst_pin", appauthor=False) / "kernels"
+    except RuntimeError as error:  # a user without a home
+        raise CompilationError(f"no place for a cache: {error}") from None
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        status = folder.stat()
+    except OSError as error:
+        raise _unusable(folder, error) from None
+    if status.st_uid != os.geteuid() or status.st_mode & 0o022:
+        raise CompilationError(
+            f"{folder} is not safe: it must belong to you, and only you may write to it "
+            f"(chmod 700 {folder})"
+        )
+    return folder
+
+
+def cached() -> list[CachedLibrary]:
+    """All libraries in the cache, the last used first."""
+    libraries = []
+    for path in cache_folder().glob("*.*.*.so"):
+        robot, kernel, *_ = path.name.rsplit(".", 3)
+        with suppress(FileNotFoundError):  # another process deletes it
+            status = path.stat()
+            libraries.append(CachedLibrary(path, robot, kernel, status.st_size, status.st_mtime))
+    return sorted(libraries, key=lambda library: -library.used)
+
+
+def delete(largest: int = 0) -> int:
+    """Delete the libraries that are unused for the longest time until the rest is this small.
+
+    Returns the number of deleted libraries. Those in use stay in memory.
+    """
+    count = total = 0
+    for library in cached():
+        total += library.size
+        if total >= largest:
+            count += 1
+            try:
+                library.path.unlink(missing_ok=True)  # another process may have deleted it
+            except OSError as error:
+                raise _unusable(library.path.parent, error) from None
+    return count
+
+
+def load(
+    robot: str,
+    kernel: str,
+    content: bytes,
+    target: str,
+    source: Callable[[], str],
+    options: Sequence[str] = (),
+) -> ctypes.CDLL:
+    """The library of a kernel: of this process, from the cache, or compiled now.
+
+    Args:
+        robot: Name of the robot, for the name of the file and for messages.
+        kernel: Name of the kernel.
+        content: All that the source is made from.
+        target: One of `TARGETS`.
+        source: Returns the C.
+        options: More options of the compiler, the same for each kernel of this name.
+    """
+    parts = [content, kernel.encode(), target.encode(), _version()]
+    key = hashlib.sha256(b"\0".join(parts)).hexdigest()[:32]
+    folder = cache_folder()
+    if (folder, key) not in _loaded:
+        path = folder / f"{_file_name(robot or 'robot')}.{_file_name(kernel)}.{key}.so"
+        library = _stored(path)
+        if library is None:
+            _announce(robot)
+            _log.info("compiling %s of %s for %s; the cache keeps it", kernel, robot, target)
+            library = _compiled(path, source(), (*TARGETS[target][1], *options))
+        _loaded[folder, key] = library
+    return _loaded[folder, key]
+
+
+@cache
+def _announce(robot: str) -> None:
+    """Tell once in a process why the first call takes seconds."""
+    _log.warning("sst-pin: compiling kernels of %s; the cache keeps them", robot)
+
+
+def _stored(path: Path) -> ctypes.CDLL | None:
+    """A library in the cache; None if it is missing or cannot be loaded."""
+    try:
+        library = ctypes.CDLL(str(path))
+    except OSError:
+        return None
+    with suppress(OSError):  # a cache may be read-only
+        os.utime(path)
+    return library
+
+
+def _compiled(path: Path, source: str, options: Sequence[str]) -> ctypes.CDLL:
+    """A library that is compiled now and stored at a path."""
+    # Moved to its place when it is complete: another process sees the whole file or none.
+    part = path.with_suffix(f".{os.getpid()}-{threading.get_ident()}")
+    try:
+        with tempfile.TemporaryDirectory() as scratch:
+            compile_library(source, Path(scratch, "kernel.so"), options)
+            shutil.copyfile(Path(scratch, "kernel.so"), part)
+        part.replace(path)
+    except OSError as error:
+        raise _unusable(path.parent, error) from None
+    try:
+        library = ctypes.CDLL(str(path))
+    except OSError as error:
+        path.unlink(missing_ok=True)  # another compiler may do better
+        cure = f"{_CURE}, or CC to another compiler"
+        raise CompilationError(f"{path.parent} cannot be used: {error}; {cure}") from None
+    with suppress(CompilationError):  # the library is good, even if others cannot be deleted
+        delete(LARGEST)
+    return library
+
+
+def _unusable(folder: Path, error: OSError) -> CompilationError:
+    return CompilationError(f"{folder} cannot be used: {error.strerror or error}; {_CURE}")
+
+
+def _file_name(name: str) -> str:
+    """A name for a part of a file name: plain characters, at most 40 bytes."""
+    plain = "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
+    return plain.encode()[:40].decode(errors="ignore")
+
+
+@cache
+def _version() -> bytes:
+    """Hash of the machine, as a home can be shared, and of all code that kernels come from."""
+    package = Path(__file__).parents[1]
+    paths = sorted(path for pattern in _CODE for path in package.glob(pattern))
+    texts = [path.read_bytes() for path in paths]
+    return hashlib.sha256(b"\0".join([os.uname().machine.encode(), *texts])).digest()

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Whatever a compiler does is told, with the cure."""
+
+import pytest
+
+from sst_pin.compiled import libraries
+from sst_pin.errors import CompilationError
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    return tmp_path / "sst_pin" / "kernels"
+
+
+def answer():
+    return libraries.load(
+        "robot", "kernel", b"content", "plain", lambda: "int answer(void) { return 42; }"
+    ).answer()
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"not a program", "cc cannot be run: Exec format error"),
+        (
+            b"#!/bin/sh\nprintf 'an \\377 odd byte' >&2; exit 1\n",
+            "failed with code 1:\nan . odd byte",
+        ),
+        (b"#!/bin/sh\nkill -9 $$\n", "failed with code -9"),
+        (b"#!/bin/sh\nexit 0\n", "failed with code 0:\nit wrote no library; set CC to another"),
+        (
+            b'#!/bin/sh\nwhile [ "$1" != -o ]; do shift; done; echo no library > "$2"\n',
+            "too short; set XDG_CACHE_HOME to another folder, or CC to another compiler",
+        ),
+    ],
+)
+def test_whatever_a_compiler_does_is_told(folder, tmp_path, monkeypatch, content, said):
+    fake = tmp_path / "cc"
+    fake.write_bytes(content)
+    fake.chmod(0o755)
+    monkeypatch.setenv("CC", str(fake))
+    with pytest.raises(CompilationError, match=said):
+        answer()
+    assert not list(folder.iterdir())
+    monkeypatch.delenv("CC")
+    assert answer() == 42  # nothing of the failure is kept
+
+
+def test_a_compiler_that_is_not_there_is_named_and_none_is_the_system_s(folder, monkeypatch):
+    monkeypatch.setenv("CC", "nonsense-cc -m64")
+    with pytest.raises(CompilationError, match="CC names nonsense-cc, which is not found"):
+        answer()
+    monkeypatch.setenv("CC", " ")
+    assert answer() == 42
