@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Count the operations of each method's equations, time them, write docs/evidence.md.
+"""Count the operations of each method's equations and write docs/evidence.md.
 
 What is counted are the expressions of `sst_pin.compiled`, from which the kernels are made. Their
 values are compared with `compute_torques` and `compute_accelerations` before a count is believed.
@@ -10,7 +10,6 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache, partial
 from pathlib import Path
-from timeit import timeit
 from typing import Any
 
 import casadi as ca
@@ -19,19 +18,15 @@ import numpy as np
 import markdown_tables
 import sst_pin
 from markdown_tables import Table, Tables
-from sst_pin.arrays import Array
 from sst_pin.compiled import kernels
 from sst_pin.compiled.elimination import Factors, pivot_order
 from sst_pin.compiled.equations import Equations
 from sst_pin.compiled.symbols import add, solve_symmetric
-from sst_pin.sst.paper import PERIOD
-from sst_pin.verification.referees.virtual_work import VirtualWork
 from tests.gallery import ladder
 
 PAGE = Path(__file__).parents[2] / "docs" / "evidence.md"
 TOLERANCE = 1e-9  # relative to the largest torque or acceleration
 CELLS = (2, 4, 8, 16)  # of the ladders
-SAMPLES = 1001  # of example 1, as `sst-pin paper` takes them
 
 KINDS = ("additions", "multiplications", "divisions", "square roots", "trig")
 ADD, MULTIPLY, DIVIDE, ROOT, TRIG = KINDS
@@ -221,41 +216,6 @@ def count_ladders() -> dict[int, tuple[int, int]]:
     return counts
 
 
-# --- time -------------------------------------------------------------------------------------
-
-
-def measure(rounds: int = 7, calls: int = 20) -> dict[str, tuple[float, float]]:
-    """Medians [s] for one instant and for all of example 1; all methods take turns."""
-    p = sst_pin.Parameters()
-    robot, work = sst_pin.SST(p), VirtualWork(p)
-
-    def long(R: Array, omega: Array, alpha: Array) -> Array:
-        q, va, aa = robot.joint_motion(R, omega, alpha)
-        terms = robot.noc(q, va)
-        return terms.inertia @ aa + terms.coriolis @ va - terms.gravity - terms.friction
-
-    def short(R: Array, omega: Array, alpha: Array) -> Array:
-        return robot.compute_torques(*robot.joint_motion(R, omega, alpha))
-
-    def one_by_one(R: Array, omega: Array, alpha: Array) -> None:
-        for sample in zip(R, omega, alpha, strict=True):
-            long(*sample)
-
-    circle = sst_pin.paper_circle(np.linspace(0, PERIOD, SAMPLES))
-    instant = [x[SAMPLES // 5] for x in circle]
-    jobs = {
-        LONG: (partial(long, *instant), partial(one_by_one, *circle)),
-        SHORT: (partial(short, *instant), partial(short, *circle)),
-        WORK: (partial(work.torques, *instant), partial(work.torques, *circle)),
-    }
-    seconds: dict[str, list[list[float]]] = {name: [[], []] for name in jobs}
-    for _ in range(rounds):
-        for name, pair in jobs.items():
-            for found, call, times in zip(seconds[name], pair, (calls, 1), strict=True):
-                found.append(timeit(call, number=times) / times)
-    return {name: tuple(map(float, map(np.median, found))) for name, found in seconds.items()}
-
-
 # --- the page ---------------------------------------------------------------------------------
 
 
@@ -271,21 +231,6 @@ def counts_of(problem: str, _: Table) -> Table:
     return table
 
 
-def ratios(_: Table) -> Table:
-    """Operations of methods over those of one recursion, smallest and largest of the robots."""
-    pairs = ("inverse", LONG), ("inverse", WITH_L), ("inverse", CHECKED), ("inverse", WORK)
-    table = [("of one recursion", "least", "most")]
-    for problem, name in (*pairs, ("direct", LONG), ("direct", MULTIPLIERS), ("direct", WORK)):
-        counts = count_all()
-        found = [
-            counts[problem, robot, name].total() / counts[problem, robot, SHORT].total()
-            for robot in ROBOTS
-            if (problem, robot, name) in counts
-        ]
-        table.append((f"{name}: {problem}", f"{min(found):.2f}", f"{max(found):.2f}"))
-    return table
-
-
 def ladders(_: Table) -> Table:
     """Operations by the number of cells, and of one more cell."""
     table, before = [("cells", "bodies", "inverse", "direct", "inverse, a further cell")], None
@@ -296,26 +241,15 @@ def ladders(_: Table) -> Table:
     return table
 
 
-def times(_: Table) -> Table:
-    """Times of the methods, and of virtual work over each."""
-    seconds = measure()
-    table = [("inverse dynamics", "one instant, µs", "all, ms", "virtual work over it", "for all")]
-    for name, (one, circle) in seconds.items():
-        ratio = (f"{x / y:.3f}" for x, y in zip(seconds[WORK], (one, circle), strict=True))
-        table.append((name, f"{1e6 * one:.0f}", f"{1e3 * circle:.1f}", *ratio))
-    return table
-
-
 TABLES: Tables = {
     "inverse": partial(counts_of, "inverse"),
     "direct": partial(counts_of, "direct"),
-    "ratios": ratios,
     "ladders": ladders,
 }
 
 
 def main(arguments: list[str] | None = None) -> int:
-    return markdown_tables.main(PAGE, TABLES, {"times": times}, arguments)
+    return markdown_tables.main(PAGE, TABLES, {}, arguments)
 
 
 if __name__ == "__main__":
