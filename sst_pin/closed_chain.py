@@ -67,8 +67,8 @@ if TYPE_CHECKING:
     from .files import Table
     from .reading import Described
     from .simulation.bearing_loads import Loads
+    from .simulation.check import Finding, Verdict
     from .simulation.crossings import Crossing
-    from .simulation.limits import Finding, Verdict
     from .simulation.rollouts import Rollout
     from .simulation.simulation import Load, Torque
     from .simulation.trajectories import Trajectory
@@ -1220,13 +1220,13 @@ class ClosedChain(Summary):
         Returns:
             One finding for each joint or singularity, with its times; empty if there are none.
         """
-        from .simulation.limits import findings
+        from .simulation.check import findings
 
         return findings(copy(self), motion)
 
     def _verdicts(self, q: Array) -> Iterable[Verdict]:
         """What `check` finds at configurations of shape (N, nq)."""
-        from .simulation.limits import verdicts
+        from .simulation.check import verdicts
 
         return verdicts(self, q)
 

@@ -28,9 +28,9 @@ from ..model.closures import Closure
 from ..model.mechanism import Friction, Mechanism
 from ..model.tree import frame_named
 from ..reading import Described, Urdf, closed, parse_cuts, read_urdf
-from ..simulation.limits import Verdict
+from ..simulation.check import Verdict
 from ..simulation.samples import spline
-from . import check, direct_kinematics, kinematics, star_appearance
+from . import arc_limits, direct_kinematics, kinematics, star_appearance
 from .kinematics import Geometry
 from .platform_motion import PlatformMotion, motion_in
 from .topology import CUTS, geometry_of, parameters_of
@@ -421,7 +421,7 @@ class SST(ClosedChain):
         return star_appearance.appearance_of(now.geometry, now.star_radius)
 
     def _verdicts(self, q: Array) -> Iterable[Verdict]:
-        return check.verdicts(self.mechanism.model, self.geometry, q)
+        return arc_limits.verdicts(self.mechanism.model, self.geometry, q)
 
     def _motion_in(self, table: Table) -> tuple[Array, Array, Array]:
         given = motion_in(table)

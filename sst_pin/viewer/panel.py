@@ -12,8 +12,8 @@ import numpy as np
 from ..arrays import Array
 from ..closed_chain import ClosedChain
 from ..loops.starts import is_closed
+from ..simulation.check import LARGEST_CONDITION, over_limits, samples_of
 from ..simulation.energy import motor_powers
-from ..simulation.limits import LARGEST_CONDITION, over_limits, samples_of
 from ..simulation.trajectories import Trajectory
 from .robot_scene import Scene
 from .scene_parts import Arrow

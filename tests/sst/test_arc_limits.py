@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import sst_pin
-from sst_pin.sst import check, workspace
+from sst_pin.sst import arc_limits, workspace
 from sst_pin.sst.kinematics import legs_of_joints
 from sst_pin.verification.sampling import random_parameters
 
@@ -86,11 +86,11 @@ def test_both_kinds_of_singularity_are_found_where_they_are_near(robot):
     found = robot.check(motion_of(robot, q, t))
     first = [f for f in found if f.joints[0].startswith("mu")]
     second = [f for f in found if f.joints == robot.motor_names]
-    flat = near.first_kind < check.SMALLEST_SINE
+    flat = near.first_kind < arc_limits.SMALLEST_SINE
     assert flat.any()
     assert np.array_equal(np.unique(np.concatenate([f.times for f in first])), t[flat])
     assert min(f.values.min() for f in first) == pytest.approx(near.first_kind.min(), rel=1e-12)
-    ill = near.condition_number > check.LARGEST_CONDITION
+    ill = near.condition_number > arc_limits.LARGEST_CONDITION
     assert ill.any()
     (found,) = second
     assert np.array_equal(found.times, t[ill])

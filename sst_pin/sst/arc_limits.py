@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array, in_one_turn
-from ..simulation.limits import Verdict, outside
+from ..simulation.check import Verdict, outside
 from . import kinematics
 
 #: Where a pose counts as close to a singularity: |sin(mu_k)|, and the condition number of A.
