@@ -50,7 +50,7 @@ from .loops.draft import (
     motors_of,
     without_locked,
 )
-from .loops.mobility import Mobility, condition_number, scaled_Phi
+from .loops.mobility import Mobility
 from .loops.starts import placed, pose_of
 from .model.appearance import Appearance, appearance_of
 from .model.closures import Constraint
@@ -296,8 +296,7 @@ class ClosedChain(Summary):
     @property
     def coordinates(self) -> tuple[str, ...]:
         """Names of the independent joints, or of single rates of a joint."""
-        mechanism = self.mechanism
-        return mechanism.space.names_of(mechanism.coordinates.tolist())
+        return self.mechanism.coordinate_names
 
     @property
     def degrees_of_freedom(self) -> int:
@@ -367,10 +366,7 @@ class ClosedChain(Summary):
 
     def residual(self, q: ArrayLike) -> Array:
         """f(q) of Eq. (2), zero if the loops are closed, shape (..., rows), [m] and [rad]."""
-        engine = self._engine
-        rows = sum(len(closure.rows) for closure in engine.mechanism.closures)
-        array = engine.configurations(q)
-        return for_each_sample(lambda q: engine.loops_at(q).residual(), [array], (1,), (rows,))
+        return self._engine.residuals(self._engine.configurations(q))
 
     def Phi(self, q: ArrayLike) -> Array:
         """Constraint Jacobian with all rows, also redundant ones, Eqs. (3), (4); (rows, nv)."""
@@ -392,15 +388,7 @@ class ClosedChain(Summary):
         loops share no dependent joint, it is that of the worst one. For loops with one dependent
         rate it is their size at an assembled configuration over that at q.
         """
-        engine = self._engine
-        mechanism, loops = engine.mechanism, engine.reference.memory.loops
-        parts = loops.parts(mechanism.coordinates)
-
-        def one(q: Array) -> Array:
-            Phi = scaled_Phi(mechanism, loops, engine.single(q))
-            return np.asarray(condition_number(mechanism, Phi, parts))
-
-        return for_each_sample(one, [engine.configurations(q)], (1,), ())
+        return self._engine.condition_numbers(self._engine.configurations(q))
 
     def singularity_measures(self, q: ArrayLike) -> dict[str, Array]:
         """Numbers that grow without bound towards a singularity, by name; shapes (...)."""
@@ -1051,25 +1039,11 @@ class ClosedChain(Summary):
             stopped: Reason why the motion ended early; empty if it did not.
             crossings: Singular configurations that it went through.
         """
-        from .simulation.trajectories import Trajectory
+        from .simulation.trajectories import trajectory_of
 
-        now = copy(self)
-        mechanism, space = now.mechanism, now.mechanism.space
-        return Trajectory(
-            t,
-            q,
-            va,
-            aa,
-            now.compute_torques(q, va, aa) if tau is None else tau,
-            space.position_names,
-            mechanism.motor_names,
-            space.position_units,
-            stopped,
-            coordinates=mechanism.coordinate_rate_names,
-            rate_units=mechanism.coordinate_rate_units,
-            torque_units=mechanism.motor_units,
-            crossings=crossings,
-        )
+        if tau is None:
+            tau = self.compute_torques(q, va, aa)
+        return trajectory_of(self.mechanism, t, q, va, aa, tau, stopped, crossings)
 
     def simulate(
         self,
@@ -1138,12 +1112,12 @@ class ClosedChain(Summary):
         """
         from .simulation.simulation import simulate
 
-        now = copy(self)
-        load = now._moving_load(platform_moment, external_wrenches)
+        engine = self._engine
+        load = self._moving_load(engine, platform_moment, external_wrenches)
         how = max_condition_number, through_singularities, sign_width, progress
-        return simulate(now, torque, q0, va0, t, load, method, rtol, atol, *how)
+        return simulate(engine, torque, q0, va0, t, load, method, rtol, atol, *how)
 
-    def _moving_load(self, platform_moment: Load, external_wrenches: Load) -> Load:
+    def _moving_load(self, engine: Engine, platform_moment: Load, external_wrenches: Load) -> Load:
         """Both loads of a simulation as one, which may depend on time and state."""
         if platform_moment is None:
             return external_wrenches
@@ -1151,7 +1125,7 @@ class ClosedChain(Summary):
         def load(t: float, q: Array, va: Array) -> Array:
             loads = (platform_moment, external_wrenches)
             moment, others = (x(t, q, va) if callable(x) else x for x in loads)
-            wrenches = self._wrenches(self._engine, moment, others)
+            wrenches = self._wrenches(engine, moment, others)
             if wrenches is None:
                 raise InputError("platform_moment(t, q, va)", "None: three numbers are needed")
             return wrenches
@@ -1205,9 +1179,9 @@ class ClosedChain(Summary):
         """
         from .simulation.rollouts import rollout
 
-        now = copy(self)
-        load = now._wrenches(now._engine, platform_moment, external_wrenches)
-        return rollout(now, tau, q0, va0, dt, load, steps, sign_width, threads, on_error)
+        engine = self._engine
+        load = self._wrenches(engine, platform_moment, external_wrenches)
+        return rollout(engine, tau, q0, va0, dt, load, steps, sign_width, threads, on_error)
 
     def check(self, motion: Trajectory | ArrayLike) -> tuple[Finding, ...]:
         """Joints that leave their limits along a motion, and nearby singularities.
@@ -1220,15 +1194,16 @@ class ClosedChain(Summary):
         Returns:
             One finding for each joint or singularity, with its times; empty if there are none.
         """
-        from .simulation.check import findings
+        from .simulation.check import findings, samples_of
 
-        return findings(copy(self), motion)
+        t, q = samples_of(self.mechanism, motion)
+        return findings(t, self._verdicts(q))
 
     def _verdicts(self, q: Array) -> Iterable[Verdict]:
         """What `check` finds at configurations of shape (N, nq)."""
         from .simulation.check import verdicts
 
-        return verdicts(self, q)
+        return verdicts(self._engine, q)
 
     def loads(
         self, motion: Trajectory, *, stiffness: Mapping[str, ArrayLike] | None = None

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from .arrays import (
     Array,
+    Flags,
     Indices,
     as_array,
     finite_array,
@@ -31,9 +32,10 @@ from .errors import ClosureError, InputError, SSTError
 from .loops.assembly import home_of
 from .loops.coordinates import examples
 from .loops.loops import Loops
-from .loops.mobility import Mobility, judge
+from .loops.mobility import Mobility, condition_number, judge, scaled_Phi
 from .model.closures import Rolling
 from .model.mechanism import Friction, Mechanism
+from .model.thresholds import CLOSURE_TOLERANCE
 from .model.tree import frame_id
 from .states import ReferenceStates, States
 from .summaries import listed
@@ -346,6 +348,27 @@ class Engine:
         loops = self.reference.memory.loops
         loops.evaluate(array)
         return loops
+
+    def residuals(self, q: Array) -> Array:
+        """f(q) of Eq. (2), shape (..., rows)."""
+        rows = (sum(len(closure.rows) for closure in self.mechanism.closures),)
+        return for_each_sample(lambda q: self.loops_at(q).residual(), [q], (1,), rows)
+
+    def are_closed(self, q: Array) -> Flags:
+        """Whether the loops are closed as far as the dynamics asks, shape (...)."""
+        gaps = np.abs(self.residuals(q) * self.mechanism.row_scale)
+        return np.asarray(gaps.max(axis=-1, initial=0.0) <= CLOSURE_TOLERANCE)
+
+    def condition_numbers(self, q: Array) -> Array:
+        """Condition numbers of the dependent part of Phi, shape (...)."""
+        mechanism, loops = self.mechanism, self.reference.memory.loops
+        parts = loops.parts(mechanism.coordinates)
+
+        def one(q: Array) -> Array:
+            Phi = scaled_Phi(mechanism, loops, self.single(q))
+            return np.asarray(condition_number(mechanism, Phi, parts))
+
+        return for_each_sample(one, [q], (1,), ())
 
     def closed_near(self, q: Array) -> Array | None:
         """The closed configuration near q with the coordinates held, by kernels; None if not near.

@@ -41,7 +41,7 @@ class Controller(ABC):
         self, chain: ClosedChain, motion: Trajectory, *, limits: ArrayLike | None = None
     ) -> None:
         self.chain, self.motion = chain, motion
-        require_motion(motion, chain)
+        require_motion(motion, chain.mechanism)
         if len(motion) < 3:
             raise InputError("motion", "at least three samples are needed")
         if not chain.mobility(motion.q[0]).sufficient:

@@ -177,7 +177,7 @@ def predicted_torques(chain: ClosedChain, theta: ArrayLike, motion: Trajectory) 
         >>> bool(np.allclose(tau, motion.tau))
         True
     """
-    require_motion(motion, chain)
+    require_motion(motion, chain.mechanism)
     Y = chain.torque_regressor(motion.q, motion.va, motion.aa)
     forces = Y @ finite_array("theta", theta, (Y.shape[-1],))
     back = np.linalg.pinv(chain.actuator_jacobian(motion.q).mT)

@@ -48,7 +48,7 @@ def condition_number(chain: ClosedChain, base: BaseParameters, motion: Trajector
         >>> sst_pin.identification.condition_number(chain, base, slow) > 100
         True
     """
-    require_motion(motion, chain)
+    require_motion(motion, chain.mechanism)
     return _condition(chain, base, _sizes(chain, base), motion)
 
 

@@ -15,7 +15,6 @@ from ..arrays import Array, Flags, finite_array
 from ..errors import ClosureError, DescriptionError, DescriptionWarning
 from ..model.mechanism import Mechanism
 from ..model.named_positions import angles_and_lengths, put, taken
-from ..model.thresholds import CLOSURE_TOLERANCE
 from ..summaries import listed
 from .assembly import home_of
 
@@ -30,6 +29,8 @@ class _Reference(Protocol):
 class _Engine(Protocol):
     @property
     def reference(self) -> _Reference: ...
+
+    def are_closed(self, q: Array) -> Flags: ...
 
 
 class _Chain(Protocol):
@@ -53,12 +54,6 @@ class _Chain(Protocol):
     def engine(self) -> _Engine: ...
 
 
-def is_closed(chain: _Chain, q: Array) -> Flags:
-    """Whether the loops of configurations are closed as far as the dynamics asks, shape (...)."""
-    open_by = np.abs(chain.residual(q) * chain.mechanism.row_scale)
-    return np.asarray(open_by.max(axis=-1, initial=0.0) <= CLOSURE_TOLERANCE)
-
-
 def pose_of(chain: _Chain) -> Array:
     """Home, open if its loops cannot be closed; `pin.neutral` without one, shape (nq,)."""
     try:
@@ -79,7 +74,7 @@ def start_of(chain: _Chain, *, chosen: bool = False) -> Array:
             assembly mode.
     """
     q, model = pose_of(chain), chain.mechanism.model
-    if is_closed(chain, q) or "home" in model.referenceConfigurations:
+    if chain.engine.are_closed(q) or "home" in model.referenceConfigurations:
         return q
     try:
         q = chain.assemble(q, fixed=())
@@ -116,7 +111,9 @@ def placed(chain: _Chain, positions: Mapping[str, float], guess: ArrayLike | Non
         start = start_of(chain, chosen=angles_and_lengths(space).keys() <= positions.keys())
     else:
         start = finite_array("start", guess, (mechanism.model.nq,))
-    follows = set(positions) <= set(mechanism.coordinate_rate_names) and is_closed(chain, start)
+    follows = set(positions) <= set(mechanism.coordinate_rate_names) and bool(
+        chain.engine.are_closed(start)
+    )
     if follows:
         with suppress(ClosureError):
             return chain.assemble(put(space, _moved(chain, start, positions), positions))

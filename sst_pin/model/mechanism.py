@@ -184,6 +184,11 @@ class Mechanism:
         return read_only(np.array(rates, dtype=np.intp))
 
     @cached_property
+    def coordinate_names(self) -> tuple[str, ...]:
+        """Names of the coordinates: joints, or single rates of a joint."""
+        return self.space.names_of(self.coordinates.tolist())
+
+    @cached_property
     def coordinate_rate_names(self) -> tuple[str, ...]:
         """Name of each coordinate's rate, n of them."""
         return tuple(self.space.rate_names[k] for k in self.coordinates)

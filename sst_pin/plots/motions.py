@@ -169,7 +169,7 @@ def condition_number(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
         >>> plots.condition_number(ax, chain, motion).get_ylabel()
         'condition number (1)'
     """
-    require_motion(motion, robot)
+    require_motion(motion, robot.mechanism)
     measures = robot.singularity_measures(motion.q)
     names, values = tuple(measures), np.stack([*measures.values()], axis=1)
     if values.max() > max(20, 10 * values.min()):
@@ -183,7 +183,7 @@ def _torques(motion: Trajectory) -> Curves:
 
 
 def _powers(robot: ClosedChain, motion: Trajectory) -> Curves:
-    require_motion(motion, robot)
+    require_motion(motion, robot.mechanism)
     return Curves(motion.actuated, ("W",) * len(motion.actuated), motor_powers(robot, motion))
 
 
@@ -203,7 +203,7 @@ def _positions(motion: Trajectory) -> Curves:
 
 
 def _rates(robot: ClosedChain, motion: Trajectory) -> Curves:
-    require_motion(motion, robot)
+    require_motion(motion, robot.mechanism)
     space = robot.mechanism.space
     return Curves(space.rate_names, space.rate_units, robot.joint_rates(motion.q, motion.va))
 

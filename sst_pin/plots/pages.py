@@ -66,7 +66,7 @@ def motion_page(
         >>> page = plots.motion_page(chain, motion, ["torques", "path"], frame="platform")
         >>> page.savefig("page.pdf")
     """
-    require_motion(motion, robot)
+    require_motion(motion, robot.mechanism)
     if len(motion) < 2:
         raise InputError("motion", "has one sample; a curve needs at least two")
     if subjects is None:

@@ -80,7 +80,7 @@ def frame_path(ax: Axes, robot: ClosedChain, motion: Trajectory, frame: str = PL
 
 def origins_of(robot: ClosedChain, motion: Trajectory, frame: str) -> Array:
     """Positions of the origin of a frame in the axes of the base, shape (N, 3), [m]."""
-    require_motion(motion, robot)
+    require_motion(motion, robot.mechanism)
     model = robot.mechanism.model
     number, data = frame_id(model, frame), model.createData()
     points = np.empty((len(motion), 3))
@@ -121,7 +121,7 @@ def paths_on_sphere(
         '$z_0$ (m)'
     """
     for _, motion in motions:
-        require_motion(motion, robot)
+        require_motion(motion, robot.mechanism)
     radius = robot.star_radius if radius is None else radius
     _patch(ax, robot, radius, "v")
     styles = PATHS if len(motions) > 1 else PATHS[1:]

@@ -19,7 +19,6 @@ from ..arrays import Array
 from ..closed_chain import ClosedChain
 from ..errors import DescriptionError
 from ..files import as_path, require_ending, text_writer, write_files
-from ..loops.starts import is_closed
 from ..model.closures import Closure, Coupling
 from ..model.thresholds import RANK_TOLERANCE
 from ..model.tree import frame_id
@@ -96,7 +95,7 @@ def write_loop_closures(chain: ClosedChain, path: str | Path, force: bool = Fals
     require_ending(path, ".yaml", ".yml")
     mechanism, model = chain.mechanism, chain.mechanism.model
     problems = [f"{line}: a force along a line" for line in mechanism.lines.forces]
-    if not is_closed(chain, pin.neutral(model)):
+    if not chain.engine.are_closed(pin.neutral(model)):
         problems.append("the loops are open at q = 0, where the file gives points and axes")
     hinges = []
     for closure in chain.closures:

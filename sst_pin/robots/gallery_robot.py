@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike
 from ..arrays import Array, finite_array, for_each_sample, positive_number
 from ..closed_chain import ClosedChain
 from ..errors import InputError, WorkspaceError
-from ..loops.starts import is_closed
 from ..model.closures import Closure, Distance
 from ..model.lines import LineForce
 from ..model.thresholds import CLOSURE_TOLERANCE
@@ -113,7 +112,7 @@ class GalleryRobot(ClosedChain):
             q = self.mechanism.space.normalised(q)
             gap, size = np.abs(self._pose(q) - pose), np.ones((4, 4))
             size[:3, 3] = self.mechanism.length
-            if (gap / size)[self._rows].max() > CLOSURE_TOLERANCE or not is_closed(self, q):
+            if (gap / size)[self._rows].max() > CLOSURE_TOLERANCE or not self.engine.are_closed(q):
                 missed = gap[self._rows].max()
                 opened = np.abs(self.residual(q)).max(initial=0.0)
                 raise WorkspaceError(

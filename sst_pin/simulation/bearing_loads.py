@@ -127,7 +127,7 @@ def reactions_along(
     chain: ClosedChain, motion: Trajectory, stiffness: Mapping[str, ArrayLike] | None
 ) -> Reactions:
     """Reactions along a motion under its torques and the weights; refuses one with other loads."""
-    require_motion(motion, chain)
+    require_motion(motion, chain.mechanism)
     w = chain.reactions(motion.q, motion.va, tau=motion.tau, stiffness=stiffness)
     aa = chain.compute_accelerations(motion.q, motion.va, motion.tau)
     off = np.abs(aa - motion.aa).max() / (1 + np.abs(motion.aa).max())

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array, Flags, single_array
-from ..closed_chain import ClosedChain
-from ..loops.starts import is_closed
+from ..engine import Engine
+from ..model.mechanism import Mechanism
 from ..model.thresholds import CLOSURE_TOLERANCE
 from .moving_robot import require_motion
 from .trajectories import Trajectory
@@ -60,42 +60,43 @@ class Finding:
 Verdict = tuple[str, tuple[str, ...], Array, Flags, tuple[float, float], str, bool]
 
 
-def samples_of(chain: ClosedChain, motion: Any) -> tuple[Array, Array]:
+def samples_of(mechanism: Mechanism, motion: Any) -> tuple[Array, Array]:
     """Times and configurations of a motion, shapes (N,) and (N, nq); NaN for the time of one q."""
     if isinstance(motion, Trajectory):
-        require_motion(motion, chain)
+        require_motion(motion, mechanism)
         return motion.t, motion.q
-    q = single_array("motion", motion, (len(chain.position_names),))
+    q = single_array("motion", motion, (mechanism.model.nq,))
     return np.array([np.nan]), q[None]
 
 
-def findings(chain: ClosedChain, motion: Any) -> tuple[Finding, ...]:
-    """What `ClosedChain.check` finds, one for each verdict with samples at fault."""
-    t, q = samples_of(chain, motion)
+def findings(t: Array, verdicts: Iterable[Verdict]) -> tuple[Finding, ...]:
+    """A finding for each verdict with samples at fault; t are the times of the samples."""
     return tuple(
         Finding(problem, joints, t[out], values[out], limits, unit, singular)
-        for problem, joints, values, out, limits, unit, singular in chain._verdicts(q)
+        for problem, joints, values, out, limits, unit, singular in verdicts
         if out.any()
     )
 
 
-def over_limits(chain: ClosedChain) -> Array:
+def over_limits(mechanism: Mechanism) -> Array:
     """How far joints may pass their limits by rounding, shape (nq,), infinite for quaternions."""
-    sizes = {"rad": 1.0, "m": chain.mechanism.length, "": np.inf}
-    return CLOSURE_TOLERANCE * np.array([sizes[unit] for unit in chain.joint_units])
+    sizes = {"rad": 1.0, "m": mechanism.length, "": np.inf}
+    return CLOSURE_TOLERANCE * np.array([sizes[unit] for unit in mechanism.space.position_units])
 
 
-def verdicts(chain: ClosedChain, q: Array) -> Iterable[Verdict]:
+def verdicts(engine: Engine, q: Array) -> Iterable[Verdict]:
     """Joint limits and singularities of any closed chain at configurations, shape (N, nq)."""
-    low, high = chain.mechanism.model.lowerPositionLimit, chain.mechanism.model.upperPositionLimit
-    out = np.maximum(low - q, q - high) > over_limits(chain)
-    yield from outside("limits", chain.position_names, chain.joint_units, q, out, low, high)
-    closed = is_closed(chain, q)
+    mechanism = engine.mechanism
+    model, space = mechanism.model, mechanism.space
+    low, high = model.lowerPositionLimit, model.upperPositionLimit
+    out = np.maximum(low - q, q - high) > over_limits(mechanism)
+    yield from outside("limits", space.position_names, space.position_units, q, out, low, high)
+    closed = engine.are_closed(q)
     condition = np.ones(len(q))
-    condition[closed] = chain.condition_number(q[closed])
+    condition[closed] = engine.condition_numbers(q[closed])
     problem = f"close to a singularity, condition number > {LARGEST_CONDITION:g}"
     far, limits = condition > LARGEST_CONDITION, (-np.inf, LARGEST_CONDITION)
-    yield problem, chain.coordinates, condition, far, limits, "", True
+    yield problem, mechanism.coordinate_names, condition, far, limits, "", True
 
 
 def outside(

@@ -50,7 +50,7 @@ def energy_balance(chain: ClosedChain, motion: Trajectory) -> EnergyBalance:
     Powers are integrated with splines through the samples.
     """
     chain = copy(chain)
-    require_motion(motion, chain)
+    require_motion(motion, chain.mechanism)
     if len(motion) < 2:
         raise InputError("motion", "has one sample; at least two are needed")
 

@@ -62,7 +62,7 @@ def _saved(chain: ClosedChain, source: str | Path) -> Trajectory:
     """A motion of this robot in an NPZ."""
     motion = Trajectory.load(source)
     try:
-        require_motion(motion, chain)
+        require_motion(motion, chain.mechanism)
     except InputError as error:
         raise FileFormatError(source, str(error)) from None
     return motion

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,11 +21,9 @@ from ..arrays import (
     single_array,
     whole_number,
 )
+from ..engine import Engine, Key
 from ..errors import InputError, SimulationError
 from ..states import Motions
-
-if TYPE_CHECKING:
-    from ..closed_chain import ClosedChain
 
 
 class Rollout(NamedTuple):
@@ -46,7 +44,7 @@ class Rollout(NamedTuple):
 
 
 def rollout(
-    chain: ClosedChain,
+    engine: Engine,
     tau: ArrayLike,
     q0: ArrayLike,
     va0: ArrayLike,
@@ -62,22 +60,22 @@ def rollout(
     threads = whole_number("threads", threads, 1)
     positive_number("sign_width", sign_width, or_zero=True)
     step = float(single_array("dt", dt, ()))
-    nq, motors = len(chain.position_names), len(chain.motor_names)
+    mechanism = engine.mechanism
+    nq, motors = mechanism.model.nq, len(mechanism.motor_names)
     steps = None if steps is None else whole_number("steps", steps, 0)
     torques = _torques(tau, steps, motors)
     start = as_array("q0", q0, (nq,))
-    states = chain.engine.states(sign_width)
-    n = chain.degrees_of_freedom
+    states, n = engine.states(sign_width), len(mechanism.coordinates)
     rates = as_array("va0", va0, (n,))
     wrenches = None
     if external_wrenches is not None:
-        shape = (len(chain.joint_names), 6)
+        shape = (mechanism.model.njoints - 1, 6)
         wrenches = finite_array("external_wrenches", external_wrenches, shape)
     batch, flat = flattened((start, rates, torques, wrenches), (1, 1, 2, 2))
     q_0, va_0, tau_0 = (np.require(a, None, "A") for a in flat[:3])
     count = torques.shape[-2] if steps is None else steps
     samples = math.prod(batch)
-    load = None if flat[3] is None else flat[3].reshape(samples, 6 * len(chain.joint_names))
+    load = None if flat[3] is None else flat[3].reshape(samples, 6 * (mechanism.model.njoints - 1))
     q, va = empty((samples, count + 1, nq)), empty((samples, count + 1, n))
     reached = states.rollout(Motions(step, q_0, va_0, tau_0, load, q, va), threads)
     stopped = np.flatnonzero(reached <= count)
@@ -85,7 +83,7 @@ def rollout(
         first = int(stopped[0])
         finite_array("tau", torques, (motors,))
         if reached[first] == 0:  # the start fails by its own name
-            chain.joint_rates(start, rates)
+            engine.compute(Key("rates"), start, va=rates)
         error = SimulationError(
             "the motion reached a singularity, diverged, or opened the loops (step too long)",
             reached[first] * step,

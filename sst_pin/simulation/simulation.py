@@ -16,18 +16,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, as_array, positive_number, single_array
+from ..engine import Engine, Key
 from ..errors import InputError, SingularityWarning
 from ..model.closures import Rolling
 from .integration import Input, Motion, Run
 from .moving_robot import require_motion
 from .sampled_torques import SampledTorque, Sampling, require_distinct
 from .samples import sample_times, spline
-from .trajectories import Trajectory
+from .trajectories import Trajectory, trajectory_of
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
-
-    from ..closed_chain import ClosedChain
 
 
 #: Motor torques: a function of (t, q, va), a constant of shape (motors,), samples of shape
@@ -41,7 +40,7 @@ _METHODS = ("RK23", "RK45", "DOP853", *_IMPLICIT)
 
 
 def simulate(
-    chain: ClosedChain,
+    engine: Engine,
     torque: Torque,
     q0: ArrayLike,
     va0: ArrayLike,
@@ -64,40 +63,39 @@ def simulate(
     positive_number("sign_width", sign_width, or_zero=True)  # 0 is the sign itself
     if progress is not None and not callable(progress):
         raise InputError("progress", f"{progress!r} cannot be called")
-    times = sample_times(t, 2)
+    times, mechanism = sample_times(t, 2), engine.mechanism
     if isinstance(torque, Trajectory):
-        require_motion(torque, chain, "torque")
+        require_motion(torque, mechanism, "torque")
     if isinstance(torque, SampledTorque) and through_singularities:
         raise InputError("through_singularities", "not with sampled torques, which are not smooth")
     # A bad start fails by its own name.
-    q0 = single_array("q0", q0, (len(chain.position_names),))
-    states = chain.engine.states(sign_width)
-    chain.joint_rates(q0, np.zeros(chain.degrees_of_freedom))
-    va0 = single_array("va0", va0, (chain.degrees_of_freedom,))
+    n, motors = len(mechanism.coordinates), len(mechanism.motor_names)
+    q0 = single_array("q0", q0, (mechanism.model.nq,))
+    states = engine.states(sign_width)
+    engine.compute(Key("rates"), q0, va=np.zeros(n))
+    va0 = single_array("va0", va0, (n,))
     if not states.condition_number(q0) < max_condition_number:
         raise InputError("q0", f"closer to a singularity than {max_condition_number=:g}")
     load = None
     if external_wrenches is not None:
-        shape = len(chain.joint_names), 6
+        shape = mechanism.model.njoints - 1, 6
         load = _called_or_constant("external_wrenches", external_wrenches, shape)
-    motion = Motion(states, _torque_of(torque, times, len(chain.motor_names)), load)
+    motion = Motion(states, _torque_of(torque, times, motors), load)
     # A load that is a function, and wheels that roll, have more derivatives than the robot's.
     exact = (
         sign_width > 0
         and not callable(external_wrenches)
-        and not any(isinstance(closure, Rolling) for closure in chain.mechanism.closures)
+        and not any(isinstance(closure, Rolling) for closure in mechanism.closures)
     )
     options: dict[str, Any] = {"rtol": rtol, "atol": atol}
     if exact and method in _IMPLICIT:
         options["jac"] = motion.jacobian
     how = method, options, max_condition_number, progress, through_singularities
-    run = Run(motion, chain.mechanism, *how)
+    run = Run(motion, mechanism, *how)
     q, va, aa, tau = run.integrate(times, np.concatenate([q0, va0]))
     if run.stopped:
         warnings.warn(run.stopped, SingularityWarning, stacklevel=3)
-    return chain.trajectory(
-        times[: len(q)], q, va, aa, tau, stopped=run.stopped, crossings=run.crossings
-    )
+    return trajectory_of(mechanism, times[: len(q)], q, va, aa, tau, run.stopped, run.crossings)
 
 
 def _torque_of(torque: Torque, times: Array, motors: int) -> Input:

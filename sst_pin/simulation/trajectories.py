@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import Array, finite_array, names, single_array
 from ..errors import FileFormatError, InputError, MissingExtraError, OutputError
 from ..files import Table, Writer, as_path, read_table, require_ending, table_writer, write_files
+from ..model.mechanism import Mechanism
 from ..summaries import Summary, listed
 from .crossings import Crossing
 from .motion_columns import columns_of, parts_of
@@ -337,3 +338,32 @@ def _units(
     if len(units) != len(owners) or not set(units) <= set(known):
         raise InputError(name, f"{units}, expected {len(owners)} of {', '.join(map(repr, known))}")
     return units
+
+
+def trajectory_of(
+    mechanism: Mechanism,
+    t: ArrayLike,
+    q: ArrayLike,
+    va: ArrayLike,
+    aa: ArrayLike,
+    tau: ArrayLike,
+    stopped: str = "",
+    crossings: Sequence[Crossing] = (),
+) -> Trajectory:
+    """A motion with the names and units of a mechanism."""
+    space = mechanism.space
+    return Trajectory(
+        t,
+        q,
+        va,
+        aa,
+        tau,
+        space.position_names,
+        mechanism.motor_names,
+        space.position_units,
+        stopped,
+        coordinates=mechanism.coordinate_rate_names,
+        rate_units=mechanism.coordinate_rate_units,
+        torque_units=mechanism.motor_units,
+        crossings=crossings,
+    )

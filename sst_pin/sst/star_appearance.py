@@ -15,7 +15,7 @@ from ..description.parts import mesh_writers
 from ..files import write_files
 from ..model.appearance import Appearance, DrawnFrame
 from ..reading.shapes import urdf_shapes
-from .check import arc_ends
+from .arc_limits import arc_ends
 from .kinematics import Geometry
 
 

@@ -22,7 +22,7 @@ from ..arrays import Array, Flags, single_array, whole_number
 from ..errors import InputError
 from ..files import Writer, as_path, require_ending, table_writer, write_files
 from . import kinematics
-from .check import arc_margins
+from .arc_limits import arc_margins
 from .platform_motion import orientation
 from .robot import SST
 

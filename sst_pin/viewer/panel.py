@@ -11,7 +11,6 @@ import numpy as np
 
 from ..arrays import Array
 from ..closed_chain import ClosedChain
-from ..loops.starts import is_closed
 from ..simulation.check import LARGEST_CONDITION, over_limits, samples_of
 from ..simulation.energy import motor_powers
 from ..simulation.trajectories import Trajectory
@@ -117,9 +116,9 @@ def _set(
 
 def warnings_of(robot: ClosedChain, shown: Trajectory | Array) -> list[str]:
     """One line each: open loops, then what `robot.check` finds in a motion or a configuration."""
-    t, q = samples_of(robot, shown)
+    t, q = samples_of(robot.mechanism, shown)
     residuals, told = np.abs(robot.residual(q)).max(axis=1, initial=0.0), []
-    residuals[is_closed(robot, q)] = 0.0
+    residuals[robot.engine.are_closed(q)] = 0.0
     worst = int(residuals.argmax())
     if residuals[worst]:
         when = "" if np.isnan(t[worst]) else f" at t = {t[worst]:.6g} s"
@@ -200,7 +199,11 @@ def _coordinates(robot: ClosedChain, q: Array, size: float) -> Iterator[dict[str
 
 def _bounds(robot: ClosedChain) -> Iterator[dict[str, Any]]:
     """Limits of the joints' positions, and arcs that they run on."""
-    model, arcs, over = robot.mechanism.model, robot.appearance.arcs, over_limits(robot).tolist()
+    model, arcs, over = (
+        robot.mechanism.model,
+        robot.appearance.arcs,
+        over_limits(robot.mechanism).tolist(),
+    )
     ends = [("limits", model.lowerPositionLimit, model.upperPositionLimit)]
     ends += [] if arcs is None else [("arc", *arcs)]
     for what, low, high in ends:

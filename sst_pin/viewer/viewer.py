@@ -152,13 +152,13 @@ class Viewer:
         Example:
             >>> viewer.play(motion, speed=0.1, title="falling")
         """
-        require_motion(motion, self._robot)
+        require_motion(motion, self._robot.mechanism)
         if ghost is not None:
-            require_motion(ghost, self._robot, "ghost")
+            require_motion(ghost, self._robot.mechanism, "ghost")
             ghost = _during(motion, ghost)
         wanted = ghost if wanted is None else wanted
         if wanted is not None:
-            require_motion(wanted, self._robot, "wanted")
+            require_motion(wanted, self._robot.mechanism, "wanted")
         speed = positive_number("speed", speed)
         if wanted is not None and len(wanted) == 1:
             raise InputError("wanted", "one sample, which is no path")
