@@ -70,49 +70,6 @@ def test_page_covers_every_equation(page):
     assert covered == set(range(1, 97))
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "word"),
-    [
-        ("| (7c) | [Phi_dot^a", "| (7d) | [Phi_dot^a", "is now"),
-        ("| default (gravity along -z) | 26.74", "| default (gravity along -z) | 26.75", "is now"),
-        ("<!-- table: referees -->", "<!-- table: judges -->", "only in"),
-        # Two orders of magnitude are rounding on another processor, more is news.
-        ("5e+01 | 7e-14 |", "5e+01 | 3e-15 |", None),
-        ("5e+01 | 7e-14 |", "5e+01 | 3e-17 |", "is now"),
-    ],
-)
-def test_check_sees_what_is_not_current(page, old, new, word):
-    # What would be written now is what stands: only the change can be seen.
-    tables = {n: lambda _, n=n: read_table(page, n) for n in (*script.TABLES, *script.SLOW)}
-    assert list(stale(page, tables, {})) == []
-    assert page.count(old) == 1
-    found = list(stale(page.replace(old, new), tables, {}))
-    assert word in found[0] if word else not found
-
-
-def test_comparison_figures_name_every_method_and_unit(robot):
-    """Lines and marks of two methods; the exact zeros of one leave the logarithmic axis empty."""
-    from matplotlib.figure import Figure
-
-    method_figures = load("scripts/pages/method_figures.py")
-    from sst_pin.sst import paper
-
-    ours = paper.example_1(robot, np.linspace(0, paper.PERIOD, 31))
-    motion = method_figures.Method("other", ours.t, ours.tau, 1)
-    figure = Figure()
-    top, bottom, last = figure.subplots(3)
-    method_figures.torques_of_methods(top, ours, [motion])
-    sizes = [motion._replace(values=0 * ours.t), motion._replace(values=1 + ours.t, rough=True)]
-    method_figures.differences(bottom, sizes, "difference (N m)")
-    method_figures.legend_below(figure, bottom)
-    method_figures.torques_of_reading(last, ours, ours, "same")
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["other", "other"]
-    assert top.get_ylabel() == "motor torque (N m)"
-    assert bottom.get_ylabel() == "difference (N m)"
-    assert bottom.get_yscale() == "log"
-    assert "peaks 26." in last.texts[0].get_text()
-
-
 def test_reading_about_the_centre_is_the_printed_inertia():
     """Same inertia about O, same mass times distance; as printed it would be no body."""
     star = script.readings()["star: inertia about O"].star

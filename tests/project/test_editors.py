@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """What editors and type checkers see of the package after `pip install -e`."""
 
-import json
 import subprocess
 import sys
 import sysconfig
@@ -14,7 +13,6 @@ import pytest
 import sst_pin
 
 ROOT = Path(__file__).resolve().parents[2]
-PYRIGHT = Path(__file__).parent / "pyright" / "node_modules" / "pyright" / "index.js"
 #: A user's file: what is right, then two mistakes.
 USE = """\
 import sst_pin
@@ -25,14 +23,6 @@ print(robot.compute_torques(robot.home, [0, 0, 0], [1, 0, 0]), chain.mobility())
 sst_pin.compute_torques
 robot.compute_torque
 """
-#: Beginnings of lines, and what has to be among their completions.
-STARTS = {
-    "sst_pin.": {*sst_pin.__all__, "robots", "plots", "viewer"},
-    "sst_pin.robots.": set(sst_pin.robots.__all__),
-    "robot = sst_pin.SST()\nrobot.": {"compute_torques", "inverse_kinematics", "simulate"},
-    "robot = sst_pin.robots.delta()\nrobot.": {"compute_torques", "mobility", "home"},
-    "robot = sst_pin.ClosedChain.from_urdf('a.urdf')\nrobot.": {"compile", "assemble"},
-}
 
 
 @pytest.fixture(scope="module")
@@ -48,14 +38,6 @@ def python(tmp_path_factory):
     command = [*pip, "--no-build-isolation", "-e", ROOT]
     subprocess.run(command, check=True, capture_output=True)
     return python
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("start", STARTS)
-def test_jedi_completes_a_file(python, start):
-    environment = jedi.create_environment(python.parents[1], safe=False)
-    script = jedi.Script(f"import sst_pin\n{start}", environment=environment)
-    assert STARTS[start] <= {completion.name for completion in script.complete()}
 
 
 @pytest.mark.parametrize("line", ["sst_pin.", "sst_pin.robots.", "robot."])
@@ -76,17 +58,3 @@ def test_mypy_finds_the_package_and_both_mistakes(python, tmp_path):
     result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     wrong = [line.split(":")[1] for line in result.stdout.splitlines() if ": error:" in line]
     assert wrong == ["6", "7"], result.stdout
-
-
-@pytest.mark.slow
-@pytest.mark.tools
-@pytest.mark.skipif(
-    not PYRIGHT.exists(), reason="needs `npm install --prefix tests/project/pyright`"
-)
-def test_pyright_finds_the_package_and_both_mistakes(python, tmp_path):
-    (tmp_path / "use.py").write_text(USE)
-    command = ["node", PYRIGHT, "--pythonpath", python, "--outputjson", "use.py"]
-    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    found = json.loads(result.stdout)["generalDiagnostics"]
-    wrong = [x["range"]["start"]["line"] + 1 for x in found if x["severity"] == "error"]
-    assert wrong == [6, 7], result.stdout

@@ -83,18 +83,6 @@ def test_code_of_the_page_runs_and_prints_what_it_shows(name, tmp_path, monkeypa
         assert "nan" not in printed
 
 
-def test_a_wrong_output_is_seen():
-    page = '```python\nprint(1.25)\n```\n\n```text title="output"\n1.21\n```\n'
-    ((block, printed),) = run(page)
-    assert not same_output(block.text, printed)
-
-
-def test_an_unknown_program_is_refused():
-    assert list(shell(".venv/bin/sst-pin robots | head\npip install x")) == [["robots"]]
-    with pytest.raises(ValueError, match="is not a program"):
-        list(shell("sst_pin robots"))
-
-
 REFERENCE = {path.name: path.read_text(encoding="utf-8") for path in DOCS.glob("reference/*.md")}
 
 
