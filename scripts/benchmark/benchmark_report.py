@@ -51,12 +51,12 @@ def markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def table(results: dict[str, Any]) -> str:
-    header = ("this package", "time", "against", "time", "ratio", "of the fastest")
+    header = ("this package", "times as fast", "as", "fastest repeats", "time", "its time")
     rows = []
     for group, ours, theirs in ROWS:
         a, b = results[group][ours], results[group][theirs]
-        ratios = (f"{y / x:.3g}" for x, y in zip(a, b, strict=True))
-        rows.append((ours, spoken(a[0]), theirs, spoken(b[0]), *ratios))
+        median, fastest = (f"{y / x:.3g}" for x, y in zip(a, b, strict=True))
+        rows.append((ours, median, theirs, fastest, spoken(a[0]), spoken(b[0])))
     first = "; ".join(f"{path}: {_times(times)}" for path, times in results["first use"].items())
     path = results["path"].split(": ")[1]
     return f"{markdown(header, rows)}\nFirst use, {first}. Kernels: {path}.\n"
@@ -70,8 +70,8 @@ def short_table(results: dict[str, Any]) -> str:
     rows = []
     for group, ours, theirs in (ROWS[i] for i in SHORT):
         a, b = results[group][ours][0], results[group][theirs][0]
-        rows.append((ours, spoken(a), theirs, f"{b / a:.3g}"))
-    return markdown(("this package", "time", "against", "times as fast"), rows)
+        rows.append((ours, f"{b / a:.3g}", theirs, spoken(a)))
+    return markdown(("this package", "times as fast", "as", "time"), rows)
 
 
 #: Columns of the robots: heading, group, ours and theirs.
@@ -87,18 +87,18 @@ COLUMNS = (
 
 def robots_table(results: dict[str, Any]) -> str:
     """How many times as fast as each; the reference path against `pin.rnea`; costs."""
-    header = ["robot", "joints, freedoms", "torques"]
-    header += [f"than {heading}" for heading, *_ in COLUMNS]
-    header += ["reference path, of pin.rnea", "compiled in", "size"]
+    header = ["robot", *(heading for heading, *_ in COLUMNS), "torques", "joints, freedoms"]
+    header += ["reference path, times pin.rnea", "compiled in", "size"]
     rows = []
     for name, robot in results["robots"].items():
         single, cost = robot["single call"], robot["cost"]
-        row = [name, f"{robot['joints']}, {robot['freedoms']}", spoken(single["torques"][0])]
+        row = [name]
         for _, group, ours, theirs in COLUMNS:
             times = robot.get(group, {})
             known = ours in times and theirs in times
             row.append(f"{times[theirs][0] / times[ours][0]:.3g}" if known else "")
         reference = single["reference path, torques"][0] / single["pin.rnea, open tree"][0]
+        row += [spoken(single["torques"][0]), f"{robot['joints']}, {robot['freedoms']}"]
         row += [f"{reference:.3g}", spoken(cost["compile"]), f"{cost['bytes'] / 1e3:.0f} kB"]
         rows.append(row)
     first = _times(results["from a URDF to torques"])
