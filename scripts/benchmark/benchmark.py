@@ -96,13 +96,15 @@ def measure(quick: bool, names: list[str]) -> dict[str, Any]:
     robot, reference, cores = SST(), SST(), os.cpu_count() or 1
     robot.compile()
     threads = range(1, max(cores, 2) + 1)
-    motion, rest = cases.on_the_circle(robot, 0.1), (robot.home, np.zeros(3))
+    motion = cases.on_the_circle(robot, 0.1)
 
     def batches(n: int) -> cases.Calls:
         return cases.of_the_sst(cases.batches(robot, cases.batch(robot, n), accelerations=True))
 
-    calls = cases.single_calls(robot, reference, motion, cases.welded(1e-4, motion[:2]))
-    rollouts = cases.rollouts(robot, robot.home, cases.welded(1e-4, rest), starts=256, steps=100)
+    moving = cases.in_mujoco(robot, *motion[:2], step=1e-4)
+    calls = cases.single_calls(robot, reference, motion, moving)
+    resting = cases.in_mujoco(robot, robot.home, step=1e-4)
+    rollouts = cases.rollouts(robot, robot.home, resting, starts=256, steps=100)
     return {
         "machine": f"{platform.machine()}, {cores} cores",
         "path": robot.path,

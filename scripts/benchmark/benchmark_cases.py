@@ -13,11 +13,11 @@ import numpy as np
 import pinocchio as pin
 
 from pinocchio_peers import Constrained, Kkt
-from sst_pin import SST, ClosedChain, Parameters, paper_circle
+from sst_pin import SST, ClosedChain, paper_circle
 from sst_pin.arrays import Array
 from sst_pin.dynamics.runge_kutta import runge_kutta_step
 from sst_pin.sst import paper
-from sst_pin.verification.referees import mujoco_engine
+from sst_pin.verification.mujoco_tree import MujocoTree
 
 Calls = dict[str, tuple[Callable[[], object], float]]
 Motion = tuple[Array, Array, Array]  # q, va, aa
@@ -37,13 +37,15 @@ def of_the_sst(calls: Calls) -> Calls:
     return {OF_THE_SST.get(name, name): call for name, call in calls.items()}
 
 
-def welded(step: float, state: tuple[Array, Array], stiffness: float = 1e6) -> Closed:
-    """The SST in MuJoCo by the classical Runge-Kutta method, at q and va."""
-    model = mujoco_engine.welded(mujoco, Parameters(), step, stiffness)
-    model.opt.tolerance = 1e-8  # of the solver; MuJoCo's default
-    data = mujoco.MjData(model)
-    data.qpos[:], data.qvel[:] = state[0], SST().joint_rates(*state)
-    return model, data
+def in_mujoco(
+    chain: ClosedChain, q: Array, va: Array | None = None, *, step: float, stiffness: float = 1e6
+) -> Closed:
+    """The robot in MuJoCo by the classical Runge-Kutta method, at q and va, at rest by default."""
+    tree = MujocoTree(chain.mechanism, closed=stiffness)
+    tree.mj.opt.timestep, tree.mj.opt.integrator = step, mujoco.mjtIntegrator.mjINT_RK4
+    tree.mj.opt.tolerance = 1e-8  # of the solver; MuJoCo's default
+    tree.move(q, np.zeros(chain.model.nv) if va is None else chain.joint_rates(q, va))
+    return tree.mj, tree.data
 
 
 # --- any robot ----------------------------------------------------------------------------------
@@ -225,9 +227,10 @@ def work_and_precision(
             x = runge_kutta_step(partial(slope, force[start : start + 3]), x, dt)
         return x[0]
 
-    def in_mujoco(stiffness: float) -> Array:
+    def welded(stiffness: float) -> Array:
         steps = int(np.ceil(paper.PERIOD * 2 * np.sqrt(stiffness)))
-        model, data = welded(paper.PERIOD / steps, (example.q[0], example.va[0]), stiffness)
+        state, how = (example.q[0], example.va[0]), {"stiffness": stiffness}
+        model, data = in_mujoco(robot, *state, step=paper.PERIOD / steps, **how)
 
         def control(_: object, state: mujoco.MjData) -> None:
             state.qfrc_applied[::3] = smooth(state.time)
@@ -256,5 +259,5 @@ def work_and_precision(
         "simulate, DOP853": points(simulated(robot), tolerances),
         "simulate, reference path": points(simulated(reference), tolerances),
         "pin.constraintDynamics, RK4": points(constrained, steps),
-        "MuJoCo, welds, RK4": points(in_mujoco, (1e4, 1e5, 1e6)),
+        "MuJoCo, welds, RK4": points(welded, (1e4, 1e5, 1e6)),
     }

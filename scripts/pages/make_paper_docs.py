@@ -24,8 +24,11 @@ from method_figures import Method
 from sst_pin import SST, Parameters, RigidBody, Trajectory, paper_circle, plots
 from sst_pin.description.parameters import PAPER_LINK, PAPER_PASSIVE_LINK
 from sst_pin.sst.paper import PERIOD, angles_off_path, example_1, example_2
-from sst_pin.verification import lagrange
-from sst_pin.verification.referees import exudyn_engine, mujoco_engine, symbolic
+from sst_pin.verification.lagrange import LagrangeMultipliers
+from sst_pin.verification.mujoco_tree import MujocoInverse
+from sst_pin.verification.referees import exudyn_engine
+from sst_pin.verification.referees.mujoco_motion import welded_motion
+from sst_pin.verification.referees.symbolic import SymbolicLagrange
 from sst_pin.verification.referees.virtual_work import VirtualWork
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -150,17 +153,17 @@ def compare_referees(_: Table) -> Table:
 def _torques(robot: SST, example: Trajectory) -> Iterator[tuple[str, float]]:
     parameters, t = Parameters(), np.linspace(0, PERIOD, 121)
     ours, states = example_1(robot, t), list(zip(*paper_circle(t), strict=True))
+    motion = list(zip(ours.q, ours.va, ours.aa, strict=True))
     judges = (
-        ("virtual work", VirtualWork, 1),
-        ("Lagrange multipliers", lagrange.LagrangeMultipliers, None),
-        ("Lagrange, CasADi", symbolic.SymbolicLagrange, None),
-        ("MuJoCo, projected", mujoco_engine.MujocoInverse, 2),
-        ("Exudyn, one instant", exudyn_engine.ExudynInstant, 3),
+        ("virtual work", VirtualWork(parameters), states, 1),
+        ("Lagrange multipliers", LagrangeMultipliers(robot), motion, None),
+        ("Lagrange, CasADi", SymbolicLagrange(parameters), states, None),
+        ("MuJoCo, mj_inverse", MujocoInverse(robot), motion, 2),
+        ("Exudyn, one instant", exudyn_engine.ExudynInstant(parameters), states, 3),
     )
     found = []
-    for label, kind, look in judges:
-        judge = kind(parameters)
-        tau = np.array([judge.torques(*state) for state in states])
+    for label, judge, asked, look in judges:
+        tau = np.array([judge.torques(*state) for state in asked])
         yield label, float(np.abs(tau - ours.tau).max())
         if look is not None:
             found.append(Method(label, t, tau, look))
@@ -198,7 +201,7 @@ def _paths(robot: SST, example: Trajectory) -> Iterator[tuple[str, float]]:
     found = [Method("virtual work", coarse, path, 1)]
     for rough, stiffness in ((False, STIFFNESSES[1]), (True, STIFFNESSES[0])):
         step = PERIOD / 5000  # far below what either stiffness needs
-        t, path = mujoco_engine.welded_motion(
+        t, path = welded_motion(
             parameters, R, omega, torque, PERIOD, step=step, stiffness=stiffness
         )
         label = f"MuJoCo, welds $10^{{{np.log10(stiffness):.0f}}}$ s$^{{-2}}$"

@@ -142,7 +142,7 @@ COMMANDS = (
         "comparison of the torques with every installed referee",
         (
             _ROBOT,
-            option("--quick", "fewer cases, no simulation"),
+            option("--quick", "fewer cases"),
             option("--json", "print the table as JSON"),
         ),
     ),

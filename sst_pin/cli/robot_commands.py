@@ -5,8 +5,6 @@ import argparse
 import json
 import time
 
-from tqdm import tqdm
-
 from ..compiled import libraries
 from ..errors import InputError, MissingExtraError
 from ..files import write_files
@@ -39,26 +37,18 @@ def validate(arguments: argparse.Namespace) -> int:
 
 def verify(arguments: argparse.Namespace) -> int:
     """Comparison of the torques with every referee."""
-    from ..verification.verify import skipped, table, verify_chain, verify_sst
+    from ..verification.verify import referees_of, table, verify_chain
 
-    if arguments.robot is None:
-        found, missing = verify_sst(arguments.quick), skipped()
-    else:  # the engines are built from parameters; multipliers take any closed chain
-        robot, count = common.robot_of(arguments), 5 if arguments.quick else 40
-        found, missing = verify_chain(robot, count), []
-    rows = []
-    with tqdm(found, delay=2, leave=False, bar_format="{n} comparisons, last: {desc}") as bar:
-        for row in bar:
-            rows.append(row)
-            bar.set_description_str(f"{row.referee}, {row.compared}", refresh=False)
+    robot = common.robot_of(arguments)
+    referees, problems = referees_of(robot)
+    rows = list(verify_chain(robot, 5 if arguments.quick else 40, referees))
     disagree = sum(not row.passed for row in rows)
     if arguments.json:
-        skips = [{"package": error.package, "problem": str(error)} for error in missing]
         shown = {"passed": not disagree, "comparisons": [row._asdict() for row in rows]}
-        print(json.dumps(shown | {"skipped": skips}, indent=1))
+        print(json.dumps(shown | {"skipped": list(map(str, problems))}, indent=1))
     else:
         print(table(rows))
-        print(*(f"skipped: {error}\n" for error in missing), sep="", end="")
+        print(*(f"skipped: {problem}\n" for problem in problems), sep="", end="")
         print(f"{disagree} of {len(rows)} disagree" if disagree else "all agree")
     return 1 if disagree else 0
 

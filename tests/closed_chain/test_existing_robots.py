@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
-from sst_pin.verification import verify
+from sst_pin.verification.verify import verify_chain
 from tests.support.files import load
 
 example = load("examples/standing_cassie.py")
@@ -35,12 +35,11 @@ def cassie_on_a_stand(floating_cassie) -> sst_pin.ClosedChain:
 
 
 @pytest.mark.parametrize("name", ["delta", "cassie_on_a_stand"])
-def test_torques_agree_with_lagrange_multipliers(name, request):
-    """At random assembled configurations in random motion; measured: 2e-14 and 5e-14."""
-    chain = request.getfixturevalue(name)
-    lines = list(verify.verify_chain(chain, 20))
-    assert [line.cases for line in lines] == [20] * 3
-    assert max(line.relative for line in lines) < 1e-9
+def test_dynamics_agree_with_every_referee(name, request):
+    """At random assembled configurations in random motion."""
+    rows = list(verify_chain(request.getfixturevalue(name), 20))
+    assert {row.referee for row in rows} >= {"virtual work", "Lagrange multipliers"}
+    assert all(row.passed for row in rows)
 
 
 def test_cassie_has_one_motor_for_each_freedom_once_its_springs_are_stiff(cassie_on_a_stand):

@@ -14,7 +14,7 @@ import pinocchio as pin
 import yaml
 
 import sst_pin
-from sst_pin.verification import lagrange
+from sst_pin.verification.lagrange import LagrangeMultipliers
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 
@@ -146,7 +146,7 @@ def torques_of(
     pairs = zip(loops, kinds, strict=True)
     closures = [sst_pin.Closure(a, b, kind.lower()) for (a, b), kind in pairs]
     own = sst_pin.ClosedChain(model, closures, motors)
-    return lagrange.torques(own, q[order], va, aa)
+    return LagrangeMultipliers(own).torques(q[order], va, aa)
 
 
 def torques_by_mujoco(

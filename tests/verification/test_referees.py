@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The referees agree with the natural orthogonal complement, and see it when it is wrong."""
 
-import sys
 from dataclasses import replace
+from functools import partial
 from types import FunctionType
 
 import numpy as np
@@ -11,12 +11,15 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import sst_pin
 from sst_pin.dynamics import dynamics, noc
-from sst_pin.errors import ClosureError, InputError, MissingExtraError
+from sst_pin.errors import ClosureError, InputError
 from sst_pin.loops import loops
 from sst_pin.loops.loops import Loops
 from sst_pin.model.mechanism import Friction
-from sst_pin.verification import lagrange, referees, verify
-from sst_pin.verification.referees import exudyn_engine, mujoco_engine
+from sst_pin.sst import paper
+from sst_pin.verification import verify
+from sst_pin.verification.referees import exudyn_engine, mujoco_motion
+from sst_pin.verification.referees.symbolic import SymbolicLagrange
+from sst_pin.verification.referees.virtual_work import VirtualWork
 from sst_pin.verification.sampling import random_parameters, random_state
 from tests.support.files import load
 
@@ -25,20 +28,30 @@ EXAMPLE_1 = load("scripts/pages/example_1.py").EXAMPLE_1
 #: Relative to the largest torque. The worst of a thousand random states is 1e-12, with all referees
 #: alike: near singularities rounding grows with the condition number.
 TOLERANCE = 1e-10
-ENGINES = (lagrange.LagrangeMultipliers, mujoco_engine.MujocoInverse, exudyn_engine.ExudynInstant)
+#: Referees that are built from `Parameters` and take motions of the star, loads on it too.
+OF_THE_STAR = (VirtualWork, SymbolicLagrange, exudyn_engine.ExudynInstant)
+DIRECT = (VirtualWork, SymbolicLagrange)
 
 
-def installed(kind):
-    """A class of referees; a skipped test where its package is missing."""
-    if kind.package not in ("sst-pin", "pin"):
-        pytest.importorskip(kind.package, reason=f"{kind.package} is missing (extra 'verify')")
-    return kind
+class OfAnyChain:
+    """A referee of any chain, asked as those of the star are."""
+
+    def __init__(self, kind, parameters):
+        self._robot = sst_pin.SST(parameters)
+        self._judge = kind(self._robot)
+
+    def torques(self, R, omega, alpha):
+        return self._judge.torques(*self._robot.joint_motion(R, omega, alpha))
 
 
-@pytest.fixture(scope="module", params=verify.REFEREES, ids=lambda kind: kind.__name__)
+REFEREES = {kind.name: kind for kind in OF_THE_STAR}
+REFEREES |= {f"{kind.name}, any chain": partial(OfAnyChain, kind) for kind in verify.REFEREES}
+
+
+@pytest.fixture(scope="module", params=REFEREES)
 def referee(request):
-    """The class of a referee."""
-    return installed(request.param)
+    """What makes a referee from `Parameters`."""
+    return REFEREES[request.param]
 
 
 def close(actual, expected, tolerance=TOLERANCE):
@@ -66,6 +79,7 @@ def test_a_referee_agrees_along_the_papers_circle(referee, robot):
 @pytest.mark.parametrize("friction", [None, False, True])
 def test_a_referee_agrees_in_random_states_under_loads(referee, friction):
     """The paper's robot, and odd triangles and arcs, nine bodies, tilted gravity."""
+    loaded = referee in OF_THE_STAR
     rng = np.random.default_rng(2)
     for _ in range(4):
         parameters = sst_pin.Parameters() if friction is None else random_parameters(rng, friction)
@@ -74,23 +88,22 @@ def test_a_referee_agrees_in_random_states_under_loads(referee, friction):
             R, omega, alpha = state = random_state(robot, rng)
             moment = rng.normal(scale=5, size=3)
             tau = noc_torques(robot, state, platform_moment=moment)
-            close(judge.torques(*state, moment), tau)
             close(judge.torques(*state), noc_torques(robot, state))
-            if referee in verify.DIRECT:  # the condition number of the inertia comes in
+            if loaded:
+                close(judge.torques(*state, moment), tau)
+            if referee in DIRECT:  # the condition number of the inertia comes in
                 close(judge.accelerations(R, omega, tau, moment), alpha, 1e-9)
 
 
-@pytest.mark.parametrize("kind", ENGINES)
-def test_an_engine_refuses_a_pose_that_its_own_frames_do_not_reach(kind):
+def test_exudyn_refuses_a_pose_that_its_own_frames_do_not_reach():
     """The angles it is given are held against its own kinematics."""
-    judge = installed(kind)(sst_pin.Parameters())
+    judge = exudyn_engine.ExudynInstant(sst_pin.Parameters())
     R, omega, alpha = sst_pin.paper_circle(0.1)
     with pytest.raises(ClosureError, match="engine"):
         judge.torques(R + 1e-6, omega, alpha)  # not quite a rotation
 
 
 def test_exudyns_stepping_says_that_it_knows_no_friction():
-    installed(exudyn_engine.ExudynInstant)
     parameters = sst_pin.Parameters(viscous_friction=0.1)
     R, omega, _ = sst_pin.paper_circle(0.0)
     with pytest.raises(InputError, match="friction"):
@@ -186,35 +199,59 @@ def test_a_referee_uses_nothing_of_what_it_judges(referee, monkeypatch):
     assert_array_equal(judge.torques(*state), expected)
 
 
-def test_all_referees_are_had_or_told_how_to_be_had(monkeypatch):
-    """A package that is not there costs one referee, not all."""
-    monkeypatch.setitem(sys.modules, "mujoco", None)  # what Python takes for not installed
-    available, missing = verify.all_referees(sst_pin.Parameters())
-    assert len(available) + len(missing) == len(verify.REFEREES)
-    assert "mujoco" not in {judge.package for judge in available}
-    (message,) = [str(error) for error in missing if "mujoco" in str(error)]
-    assert "pip install 'sst-pin[verify]'" in message
+def errors_by(numbers, error):
+    """Errors, and the orders in which they fall with these numbers."""
+    errors = np.array([error(number) for number in numbers])
+    return errors, -np.diff(np.log(errors)) / np.diff(np.log(numbers))
 
 
-def test_referees_say_what_they_are():
-    available, _ = verify.all_referees(sst_pin.Parameters())
-    assert len({judge.name for judge in available}) == len(available)
-    for judge in available:
-        assert judge.package in {"sst-pin", "pin", "casadi", "mujoco", "exudyn"}
+@pytest.mark.slow
+def test_exudyns_steps_tend_to_the_torques_and_to_the_path_of_the_paper(robot):
+    """Its generalised-alpha method is of second order."""
+    parameters, (R, omega, _) = sst_pin.Parameters(), sst_pin.paper_circle(0.0)
+    quarter, run_in = paper.PERIOD / 4, 30
+    expected = paper.example_1(robot, np.linspace(0, quarter, 61)).tau
+
+    def torque_error(steps):
+        _, tau = exudyn_engine.stepped_torques(parameters, sst_pin.paper_circle, quarter, steps)
+        late = slice(run_in, None)  # its first torques miss the motors' accelerations
+        return np.abs(tau[:: steps // 60] - expected)[late].max()
+
+    torque = paper.example_1(robot, np.linspace(0, paper.PERIOD, 1001)).torque()
+
+    def path_error(steps):
+        motion = exudyn_engine.stepped_motion(parameters, R, omega, torque, paper.PERIOD, steps)
+        t, path = motion
+        return np.abs(path - sst_pin.paper_circle(t).R).max()
+
+    for error, steps in ((torque_error, (120, 240, 480)), (path_error, (250, 500, 1000))):
+        _, orders = errors_by(steps, error)
+        assert np.abs(orders - 2).max() < 0.2
 
 
-@pytest.mark.parametrize("package", ["casadi", "mujoco", "exudyn"])
-def test_a_missing_engine_is_named(package, monkeypatch):
-    monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(MissingExtraError, match=package) as caught:
-        referees.engine(package)
-    assert isinstance(caught.value, ImportError)
-    assert caught.value.extra == "verify"
+@pytest.mark.slow
+def test_mujocos_welded_robot_tends_to_the_path_of_the_paper(robot):
+    """In proportion to the give of its welds."""
+    parameters, (R, omega, _) = sst_pin.Parameters(), sst_pin.paper_circle(0.0)
+    torque = paper.example_1(robot, np.linspace(0, paper.PERIOD, 1001)).torque()
+
+    def path_error(stiffness):
+        t, path = mujoco_motion.welded_motion(
+            parameters, R, omega, torque, paper.PERIOD / 8, stiffness=stiffness
+        )
+        return np.abs(path - sst_pin.paper_circle(t).R).max()
+
+    errors, orders = errors_by((1e4, 1e5, 1e6), path_error)
+    assert np.abs(orders - 1).max() < 0.2
+    assert errors[-1] < 1e-7
 
 
-def test_a_broken_engine_is_not_taken_for_a_missing_one(tmp_path, monkeypatch):
-    (tmp_path / "broken_engine.py").write_text("import no_such_dependency")
-    monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(ModuleNotFoundError, match="no_such_dependency") as caught:
-        referees.engine("broken_engine")
-    assert not isinstance(caught.value, MissingExtraError)
+@pytest.mark.slow
+def test_virtual_work_integrates_the_torques_to_the_path_of_the_paper(robot):
+    R, omega, _ = sst_pin.paper_circle(0.0)
+    torque = paper.example_1(robot, np.linspace(0, paper.PERIOD, 1001)).torque()
+    t = np.linspace(0, paper.PERIOD, 21)
+    judge = VirtualWork(sst_pin.Parameters())
+    path, _ = judge.simulate(lambda t, R, omega: torque(t), R, omega, t)
+    # The spline of the torques through 1001 samples, in an open loop that doubles errors.
+    assert np.abs(path - sst_pin.paper_circle(t).R).max() < 1e-9

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""A closed chain in motion as a referee sees it: from the `Mechanism` alone."""
+
+from typing import Protocol
+
+import numpy as np
+import pinocchio as pin
+
+from ..arrays import Array
+from ..model.mechanism import Mechanism
+from .closure_rows import FrameMotion, closure_rows
+
+#: Singular values below this count as redundant closures, relative to the largest.
+REDUNDANT = 1e-10
+
+
+class Tree(Protocol):
+    """The open tree of a mechanism in an engine."""
+
+    def __init__(self, mechanism: Mechanism) -> None: ...
+
+    def move(self, q: Array, v: Array) -> None:
+        """Put the tree at q with the rates v."""
+        ...
+
+    def frame(self, name: str) -> FrameMotion:
+        """A frame of the model, as the tree moves."""
+        ...
+
+    def forces(self, dv: Array) -> Array:
+        """Forces in the joints, shape (nv,), that the motion needs against inertia and weight."""
+        ...
+
+
+class PinocchioTree:
+    """The tree in Pinocchio."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self._model, self._data = mechanism.model, mechanism.model.createData()
+
+    def move(self, q: Array, v: Array) -> None:
+        """See `Tree.move`."""
+        self._q, self._v = q, v
+        pin.computeJointJacobians(self._model, self._data, q)
+        pin.forwardKinematics(self._model, self._data, q, v, np.zeros(self._model.nv))
+        pin.updateFramePlacements(self._model, self._data)
+
+    def frame(self, name: str) -> FrameMotion:
+        """See `Tree.frame`."""
+        frame, kind = self._model.getFrameId(name), pin.LOCAL_WORLD_ALIGNED
+        J = np.reshape(pin.getFrameJacobian(self._model, self._data, frame, kind), (6, -1))
+        drift = pin.getFrameClassicalAcceleration(self._model, self._data, frame, kind).vector
+        return FrameMotion(self._data.oMf[frame], J, J @ self._v, drift.copy())
+
+    def forces(self, dv: Array) -> Array:
+        """See `Tree.forces`."""
+        force: Array = pin.rnea(self._model, self._model.createData(), self._q, self._v, dv)
+        return force
+
+
+class MovingRobot:
+    """A mechanism at q, closed, whose coordinates have the rates va.
+
+    Attributes:
+        v: Rates of all joints, shape (nv,).
+        Phi: The closures' Jacobian, shape (rows, nv).
+        drift: Phi_dot v, shape (rows,).
+        B: Forces on the joints by motor torques of 1, shape (nv, motors).
+        applied: Forces on the joints by friction and springs, shape (nv,).
+    """
+
+    def __init__(self, mechanism: Mechanism, tree: Tree, q: Array, va: Array) -> None:
+        self.mechanism, self.tree, still = mechanism, tree, np.zeros(mechanism.model.nv)
+        tree.move(q, still)
+        self.Phi, _ = closure_rows(mechanism, tree.frame, q, still)
+        self.v = self.completed(va, np.zeros(len(self.Phi)))
+        tree.move(q, self.v)
+        _, self.drift = closure_rows(mechanism, tree.frame, q, self.v)
+        friction, springs, self.B = mechanism.friction, mechanism.springs, mechanism.motors
+        force = -friction.viscous * self.v - friction.coulomb * np.sign(self.v)
+        force -= springs.stiffness * pin.difference(mechanism.model, springs.reference, q)
+        for line, shares in zip(mechanism.lines.forces, mechanism.lines.motors, strict=True):
+            a, b = tree.frame(line.frame_a), tree.frame(line.frame_b)
+            way = b.placement.translation - a.placement.translation
+            length = float(np.linalg.norm(way))
+            row = way @ (b.J - a.J)[:3] / length  # the rate of the length is row v
+            stretched = line.stiffness * (length - line.rest_length)
+            force -= (line.preload + stretched + line.damping * row @ self.v) * row
+            self.B = self.B + np.outer(row, shares)
+        self.applied = force
+
+    def completed(self, own: Array, closing: Array) -> Array:
+        """What all joints do if the coordinates do `own`, and Phi times it is `closing`."""
+        system = np.vstack([self.Phi, self.mechanism.selection])
+        return consistent(system, np.concatenate([closing, own]))
+
+
+def consistent(system: Array, right: Array) -> Array:
+    """Solution of a consistent system with redundant rows or columns, refined once."""
+    solution = np.linalg.lstsq(system, right, rcond=REDUNDANT)[0]
+    left_over = right - system @ solution
+    solution = solution + np.linalg.lstsq(system, left_over, rcond=REDUNDANT)[0]
+    return np.asarray(solution, dtype=np.float64)
+
+
+def free_motions(Phi: Array) -> Array:
+    """Joint rates that keep the loops closed, an orthonormal basis in rows, shape (n, nv)."""
+    _, sizes, V = np.linalg.svd(Phi)
+    free: Array = V[np.count_nonzero(sizes > REDUNDANT * sizes.max(initial=0.0)) :]
+    return free
