@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from copy import copy
 from functools import partial
 from pathlib import Path
@@ -25,7 +25,7 @@ from ..errors import DescriptionError, FileFormatError, InputError, SSTError, Wo
 from ..files import Table
 from ..model.appearance import Appearance
 from ..model.closures import Closure
-from ..model.mechanism import Friction, Mechanism
+from ..model.mechanism import Mechanism
 from ..model.tree import frame_named
 from ..reading import Described, Urdf, closed, parse_cuts, read_urdf
 from ..simulation.check import Verdict
@@ -141,39 +141,6 @@ class SST(ClosedChain):
         return cls.from_description(found)
 
     @classmethod
-    def from_mjcf(  # type: ignore[override]  # an SST has its motors
-        cls, path: str | Path, *, locked: Sequence[str] = ()
-    ) -> SST:
-        """An SST from an edited MJCF: its parameters are read and a new SST is made from them.
-
-        Args:
-            path: The MJCF, with the joints, sites and welds of the shipped one. Named keyframes are
-                the `referenceConfigurations` of `model`; `home` is computed as for every SST.
-            locked: As in `ClosedChain.from_mjcf`; an SST has nothing to lock.
-
-        Raises:
-            MissingExtraError: Without MuJoCo, `sst-pin[mjcf]`.
-            DescriptionError: When it is no MJCF, of another topology, or holds what parameters do
-                not, with every problem.
-
-        Example:
-            >>> sst_pin.SST.from_mjcf(sst_pin.MJCF_PATH).motor_names
-            ('gamma_1', 'gamma_2', 'gamma_3')
-        """
-        from ..reading.mjcf import read_mjcf
-
-        found = read_mjcf(path, locked)
-        geometry = geometry_of(found.model, found.source)
-        _require_sst(found)
-        if found.forces or (found.stiffness is not None and found.stiffness.any()):
-            raise DescriptionError(found.source, ["parameters have no springs and no tendons"])
-        friction = Friction(found.model.damping, found.model.friction)
-        made = _described(parameters_of(found.model, geometry, friction))
-        for pose in found.model.referenceConfigurations:
-            made.model.referenceConfigurations[pose.key()] = pose.data()
-        return cls.from_description(made)
-
-    @classmethod
     def from_description(cls, found: Described) -> SST:
         """As `ClosedChain.from_description`."""
         robot = cls.__new__(cls)
@@ -183,8 +150,7 @@ class SST(ClosedChain):
     def _load(self, found: Described) -> None:
         geometry_of(found.model, found.source)  # its complaints come first
         _require_sst(found)
-        what = found.model, found.closures, MOTOR_NAMES
-        super().__init__(*what, coordinates=MOTOR_NAMES, forces=found.forces)
+        super().__init__(**found.arguments, coordinates=MOTOR_NAMES)
         self._shapes = found.shapes
 
     def _fill(self, model: pin.Model, recipe: partial[Mechanism]) -> None:
@@ -211,14 +177,17 @@ class SST(ClosedChain):
         """The parameters of `model`; `SST(robot.parameters)` is the same robot.
 
         Raises:
-            DescriptionError: If an edited URDF cannot be described by `Parameters`.
+            DescriptionError: If an edited file has contents that `Parameters` do not describe.
 
         Example:
             >>> robot.parameters.star.mass
             2.6
         """
-        now = copy(self)
-        return parameters_of(now.mechanism.model, now.geometry, now.friction)
+        mechanism, geometry = self.mechanism, self.geometry
+        if self.forces or not mechanism.springs.none:
+            problems = ["it has springs or lines, which Parameters do not describe"]
+            raise DescriptionError(f"model {mechanism.model.name}", problems)
+        return parameters_of(mechanism.model, geometry, mechanism.friction)
 
     @property
     def home(self) -> Array:

@@ -9,6 +9,7 @@ import shutil
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import sst_pin
@@ -150,11 +151,16 @@ TENDON = f'<tendon><spatial stiffness="1">{SITES}</spatial></tendon></mujoco>'
     [('<joint name="mu_1"', '<joint name="mu_1" stiffness="2"'), ("</mujoco>", TENDON)],
 )
 def test_springs_of_an_mjcf_are_not_lost_in_an_sst(shipped, old, new):
-    """`Parameters` have none, so the file is refused."""
+    """They act as in every other chain; `Parameters` have none, and say so."""
     path = shipped / Path(sst_pin.MJCF_PATH).name
     path.write_text(path.read_text().replace(old, new, 1))
-    with pytest.raises(sst_pin.DescriptionError, match="no springs"):
-        sst_pin.SST.from_mjcf(path)
+    robot, chain = sst_pin.SST.from_mjcf(path), sst_pin.ClosedChain.from_mjcf(path)
+    q = robot.home
+    tau = robot.compute_torques(q, [1, 0, 0], [0, 0, 0])
+    np.testing.assert_allclose(tau, chain.compute_torques(q, [1, 0, 0], [0, 0, 0]), atol=1e-12)
+    assert np.abs(tau - sst_pin.SST().compute_torques(q, [1, 0, 0], [0, 0, 0])).max() > 1e-3
+    with pytest.raises(sst_pin.DescriptionError, match="springs"):
+        _ = robot.parameters
 
 
 def test_the_shapes_of_an_mjcf_stay_with_its_robot(shipped):
