@@ -14,12 +14,11 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from PIL import Image
 
 import browser_pictures
-from sst_pin import PACKAGE_PATH, SST, Parameters, paper_circle, plots, reach_map
+from sst_pin import PACKAGE_PATH, SST, Parameters, orientation, paper_circle, plots, reach_map
 from sst_pin import robots as gallery
 from sst_pin.description.colours import LEG_COLOURS
 from sst_pin.files import Writer, write_files
 from sst_pin.sst.paper import PERIOD, example_1
-from sst_pin.sst.workspace import workspace_at, workspace_over_rolls
 from sst_pin.viewer.scene_parts import Mesh
 from sst_pin.viewer.triangles import ellipsoid, tube
 
@@ -47,23 +46,23 @@ def summary() -> Figure:
 
 
 def workspace() -> Figure:
-    """Where the paper's robot can point its axis."""
-    robot, circle = SST(), paper_circle(np.linspace(0, PERIOD, 361)).R[:, :, 0]
-    maps = workspace_at(robot), workspace_over_rolls(robot)
-    return plots.workspace_page(robot, *maps, ("circle of the paper", circle))
-
-
-def workspace_75() -> Figure:
-    """The map at another roll, where both kinds of singularity are in sight."""
-    robot = SST()
-    workspace = workspace_at(robot, np.radians(75))
+    """Where the paper's robot can point its axis, at two roll angles, and what holding it takes."""
+    robot, side = SST(), np.radians(np.linspace(-4, 94, 99))
+    circle = paper_circle(np.linspace(0, PERIOD, 361)).R[:, :, 0]
+    middle, angles = (1, 1, 1), {"pitch": side - np.pi / 2, "yaw": side}
+    # Angles are theta = yaw, phi = pitch + 90 deg and psi = roll of the paper.
+    angles["rotation"] = orientation(0.0, np.pi / 2, 0.0)
     with plots.style():
-        figure = Figure(figsize=(7.2, 4.4), layout="constrained")
-        axes = figure.subplots(1, 2)
-        plots.workspace_map(axes[0], robot, workspace).set_title(r"$\psi$ = 75°, equal areas")
-        plots.workspace_on_sphere(axes[1], robot, workspace).set_title("the same as a sphere")
-        handles = plots.workspace_legend(workspace)
-        figure.legend(handles=handles, ncols=2, loc="outside lower center")
+        figure = Figure(figsize=(7.5, 6.4), layout="constrained")
+        for row, psi in zip(figure.subplots(2, 2), (0, 30), strict=True):
+            poses = reach_map(robot, "E", 10.0, roll=np.radians(psi), **angles)
+            for ax, show in zip(row, ("condition", "used"), strict=True):
+                plots.reach_map(ax, poses, show, axis="x", middle=middle)
+                ax.plot(*plots.equal_area(circle, middle).T, color="black", linestyle="--")
+                corners = plots.equal_area(robot.geometry.R_0[:, :, 0], middle)
+                for k, (x, y) in enumerate(1.1 * corners, 1):
+                    ax.text(x, y, rf"$\mathbf{{v}}_{k}$", ha="center", va="center")
+                ax.set_title(rf"$\psi$ = {psi}°", pad=14)
     return figure
 
 
@@ -172,10 +171,7 @@ def _mesh(shape: coal.ShapeBase) -> Mesh:
     return square._replace(vertices=square.vertices @ turn.T * (x, y, 1))
 
 
-FIGURES = {
-    f.__name__: f
-    for f in (robot, summary, workspace, workspace_75, reach, robots, bearings, who_acts)
-}
+FIGURES = {f.__name__: f for f in (robot, summary, workspace, reach, robots, bearings, who_acts)}
 
 
 def drawn(figure: Figure) -> Image.Image:

@@ -42,6 +42,8 @@ class ReachMap:
     Attributes:
         axes: Names of the two components that change along the grid.
         values: Their values, shapes (N,) and (M,), [m] or [rad].
+        poses: Homogeneous matrices of the frame that the grid asks for, shape (N, M, 4, 4). With no
+            x, y, z named their positions do not count, with no angle their orientations.
         why: 0 for a pose that is reached; else 1 for joint limits, 2 singular, 3 out of reach, 4
             cut off from the start by these; shape (N, M).
         q: Configurations, shape (N, M, nq).
@@ -59,6 +61,7 @@ class ReachMap:
 
     axes: tuple[str, str]
     values: tuple[Array, Array]
+    poses: Array
     why: NDArray[np.int8]
     q: Array
     condition: Array
@@ -169,7 +172,8 @@ def reach_map(
     ratio = (mechanism.motor_scale / units[:, None])[counted]
     first = _velocities(chain, home, frame)[counted] * ratio
     _require_motion(first, np.array(_AXES)[counted], axes)
-    why, q = _flood(chain, guide, home, zero, named, axes)
+    poses, nearest = _poses(guide.pose(home), zero, named, axes)
+    why, q = _flood(chain, guide, home, poses, nearest)
     reached = why == _REACHED
     A = _velocities(chain, q[reached], frame)
     tau = chain.compute_torques(q[reached], rest, rest) - np.roll(push, 3) @ A
@@ -189,7 +193,7 @@ def reach_map(
         *columns_of("q", chain.position_names, chain.joint_units),
     )
     values = named[axes[0]], named[axes[1]]
-    return ReachMap(axes, values, why, q, condition, on_grid(held), used, columns)
+    return ReachMap(axes, values, poses, why, q, condition, on_grid(held), used, columns)
 
 
 def _grid_axes(named: dict[str, Array]) -> tuple[str, str]:
@@ -233,25 +237,28 @@ def _require_motion(A: Array, counted: NDArray[np.str_], axes: Sequence[str]) ->
             raise InputError(axis, f"{problem}: {cause}")
 
 
+def _poses(
+    start: pin.SE3, zero: Array, named: dict[str, Array], axes: tuple[str, str]
+) -> tuple[Array, Array]:
+    """Poses of the grid, shape (N, M, 4, 4), and where the start is on it, in steps."""
+    grid = dict(zip(axes, np.meshgrid(*(named[axis] for axis in axes), indexing="ij"), strict=True))
+    here = dict(zip(_AXES, [*start.translation, *np.zeros(3)], strict=True)) | named | grid
+    numbers = np.stack(np.broadcast_arrays(*(here[axis] for axis in _AXES)), axis=-1)
+    poses = [
+        pin.SE3(pin.rpy.rpyToMatrix(x[3:]) @ zero, x[:3]).homogeneous
+        for x in numbers.reshape(-1, 6)
+    ]
+    angles = pin.rpy.matrixToRpy(start.rotation @ zero.T)
+    begin = dict(zip(_AXES, [*start.translation, *angles], strict=True))
+    places = [np.interp(begin[axis], named[axis], np.arange(len(named[axis]))) for axis in axes]
+    return np.reshape(poses, (*numbers.shape[:2], 4, 4)), np.array(places)
+
+
 def _flood(
-    chain: ClosedChain,
-    guide: FrameGuide,
-    home: Array,
-    zero: Array,
-    named: dict[str, Array],
-    axes: tuple[str, str],
+    chain: ClosedChain, guide: FrameGuide, home: Array, poses: Array, nearest: Array
 ) -> tuple[NDArray[np.int8], Array]:
     """Reasons and configurations of all poses, found from neighbour to neighbour."""
-    at = guide.pose(home)
-    here = dict(zip(_AXES, [*at.translation, *np.zeros(3)], strict=True))
-    angles = pin.rpy.matrixToRpy(at.rotation @ zero.T)
-    begin = here | dict(zip(_AXES[3:], angles, strict=True))
-    shape = (len(named[axes[0]]), len(named[axes[1]]))
-
-    def pose(point: tuple[int, int]) -> pin.SE3:
-        on_grid = {axis: named[axis][k] for axis, k in zip(axes, point, strict=True)}
-        numbers = np.array([float({**here, **named, **on_grid}[axis]) for axis in _AXES])
-        return pin.SE3(pin.rpy.rpyToMatrix(numbers[3:]) @ zero, numbers[:3])
+    shape = poses.shape[:2]
 
     def beyond(q: Array) -> list[str]:
         """Joints outside their limits."""
@@ -260,15 +267,14 @@ def _flood(
     if joints := beyond(home):
         raise InputError("start", f"outside the limits of {listed(joints)}")
     why, q = np.full(shape, _CUT_OFF, dtype=np.int8), np.full((*shape, len(home)), np.nan)
-    places = [np.interp(begin[axis], named[axis], np.arange(len(named[axis]))) for axis in axes]
-    far = np.hypot(*(k - place for k, place in zip(np.indices(shape), places, strict=True)))
+    far = np.linalg.norm(np.indices(shape) - nearest[:, None, None], axis=0)
     first = np.argsort(far, axis=None, kind="stable")[:_FIRST]
     queue = deque((home, divmod(int(k), shape[1])) for k in first)
     while queue:
         before, point = queue.popleft()
         if why[point] == _REACHED:
             continue
-        way = guide.follow(before, pose(point), _SHORTEST)
+        way = guide.follow(before, pin.SE3(poses[point]), _SHORTEST)
         reason = _SINGULAR if way.singular else _OUT if way.missed else _LIMITS
         if not way.missed and not beyond(way.q):
             reason, q[point] = _REACHED, way.q

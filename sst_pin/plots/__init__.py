@@ -8,7 +8,7 @@ try:
 except ImportError:
     raise MissingExtraError("matplotlib", "plot") from None
 
-from .abilities import convex_set, reach_map
+from .abilities import convex_set, equal_area, reach_map
 from .motions import (
     condition_number,
     energy_balance,
@@ -17,20 +17,20 @@ from .motions import (
     motor_torques,
     powers,
 )
-from .pages import SUBJECTS, loads_page, motion_page, torques_page, workspace_page
+from .pages import SUBJECTS, loads_page, motion_page, torques_page
 from .pages import summary_of as summary_of  # with an alias: for the commands alone
 from .paper_figures import paper_figures as paper_figures
 from .space import frame_path, paths_on_sphere, robot_pose
 from .style import figure_writer as figure_writer
 from .style import picture_kind as picture_kind
 from .style import style
-from .workspace_maps import workspace_legend, workspace_map, workspace_on_sphere
 
 __all__ = [
     "SUBJECTS",
     "condition_number",
     "convex_set",
     "energy_balance",
+    "equal_area",
     "frame_path",
     "joint_angles",
     "joint_rates",
@@ -43,8 +43,4 @@ __all__ = [
     "robot_pose",
     "style",
     "torques_page",
-    "workspace_legend",
-    "workspace_map",
-    "workspace_on_sphere",
-    "workspace_page",
 ]

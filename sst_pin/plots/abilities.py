@@ -12,13 +12,20 @@ from matplotlib.patches import Patch, Polygon
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, finite_array
+from ..arrays import Array, finite_array, single_array
 from ..control.pose_abilities import Ellipsoid
 from ..control.reach import REASONS, ReachMap
 from ..errors import InputError
 from .style import Axes
-from .workspace_maps import CONDITION, LEVELS
 
+#: Steps of the condition number, each with its colour: light is good, dark is singular.
+LEVELS = (1, 1.1, 1.25, 1.5, 2, 3, 5, 10)
+_COLOUR_MAP: Any = mpl.colormaps["viridis_r"].with_extremes(over="#1c0021")
+#: Colours and steps as arguments of Matplotlib.
+CONDITION: dict[str, Any] = {
+    "cmap": _COLOUR_MAP,
+    "norm": BoundaryNorm(LEVELS, _COLOUR_MAP.N, extend="max"),
+}
 #: Colours of the reasons that end a workspace from inside.
 _ENDS = {"joint limits": "0.55", "singular": "#CC79A7"}
 _LABELS = {"condition": "condition number (1)", "used": "largest part of a motor's limit (1)"}
@@ -83,51 +90,104 @@ def _points_of(shape: Ellipsoid) -> Array:
     return np.asarray(shape.center + ball * sizes @ axes)
 
 
-def reach_map(ax: Axes, found: ReachMap, show: str = "condition") -> Axes:
+def equal_area(directions: ArrayLike, middle: ArrayLike) -> Array:
+    """Directions on Lambert's equal-area map of the sphere, shape (..., 2).
+
+    The half of the sphere around the middle fills the disc of radius sqrt(2); z points up.
+
+    Args:
+        directions: Shape (..., 3), of any length.
+        middle: The direction in the middle of the map, shape (3,).
+
+    Example:
+        >>> plots.equal_area([[0, 0, 1], [0, 1, 0]], middle=[1, 0, 0]).round(3)
+        array([[0.   , 1.414],
+               [1.414, 0.   ]])
+    """
+    s, ahead = finite_array("directions", directions, (3,)), single_array("middle", middle, (3,))
+    ahead = ahead / np.linalg.norm(ahead)
+    up = np.array([0.0, 0.0, 1.0]) if abs(ahead[2]) < 1 - 1e-9 else np.array([0.0, 1.0, 0.0])
+    right = np.cross(up, ahead) / np.linalg.norm(np.cross(up, ahead))
+    s = s / np.linalg.norm(s, axis=-1, keepdims=True)
+    onto = np.stack([right, np.cross(ahead, right)], axis=-1)
+    return np.asarray(s @ onto * np.sqrt(2 / (1 + s @ ahead))[..., None])
+
+
+def reach_map(
+    ax: Axes,
+    poses: ReachMap,
+    show: str = "condition",
+    *,
+    axis: str = "",
+    middle: ArrayLike | None = None,
+) -> Axes:
     """Map of the poses that a frame reaches, coloured by condition number or load of motors.
 
-    What ends the map is marked where it is a joint's limit or a singular configuration; beyond the
-    end of its reach it is white. Angles are in degrees.
+    Joint limits and singular configurations that end the map have colours of their own; beyond them
+    it is white. Angles are in degrees.
 
     Args:
         ax: 2-D axes.
-        found: What `sst_pin.reach_map` gives.
+        poses: What `sst_pin.reach_map` returns.
         show: "condition", or "used" for the largest part of a motor's limits.
+        axis: "x", "y" or "z" for an `equal_area` map of the directions of this axis of the frame,
+            without ticks; by default the map has the axes of the grid.
+        middle: The direction in the middle of the equal-area map, shape (3,); by default the mean
+            direction.
 
     Raises:
-        InputError: If `show` is neither.
+        InputError: If `show` or `axis` is unknown.
 
     Example:
         >>> lift, side = sst_pin.robots.five_bar(), np.linspace(-0.15, 0.15, 7)
-        >>> found = sst_pin.reach_map(lift, "platform", 2.0, x=side, y=side + 0.1)
-        >>> plots.reach_map(ax, found).get_xlabel()
+        >>> poses = sst_pin.reach_map(lift, "platform", 2.0, x=side, y=side + 0.1)
+        >>> plots.reach_map(ax, poses).get_xlabel()
         '$x_0$ (m)'
     """
     if show not in _LABELS:
         raise InputError("show", f"{show!r} unknown; known: {', '.join(_LABELS)}")
-    x, y = (
-        values if axis in "xyz" else np.degrees(values)
-        for axis, values in zip(found.axes, found.values, strict=True)
-    )
+    if axis not in ("", "x", "y", "z"):
+        raise InputError("axis", f"{axis!r} unknown; known: x, y, z")
+    if axis:
+        s = poses.poses[..., :3, "xyz".index(axis)]
+        points = equal_area(s, s.mean(axis=(0, 1)) if middle is None else middle)
+        x, y = np.moveaxis(points, -1, 0)
+        ax.set_axis_off()
+    else:
+        values = zip(poses.axes, poses.values, strict=True)
+        x, y = np.meshgrid(
+            *(v if name in "xyz" else np.degrees(v) for name, v in values), indexing="ij"
+        )
+        labels = (f"${k}_0$ (m)" if k in "xyz" else f"{k} (deg)" for k in poses.axes)
+        ax.set(**dict(zip(("xlabel", "ylabel"), labels, strict=True)))
+    if axis or len({name in "xyz" for name in poses.axes}) == 1:
+        ax.set_aspect("equal")
+    _fill(ax, poses, show, x, y)
+    return ax
+
+
+def _fill(ax: Axes, poses: ReachMap, show: str, x: Array, y: Array) -> None:
+    """Cells of a map with a colour bar and a legend."""
     colours = CONDITION
     if show == "used":
         cmap = mpl.colormaps["viridis_r"].with_extremes(over="#D55E00")
         norm = BoundaryNorm(np.linspace(0, 1, 11), cmap.N, extend="max")
         colours = {"cmap": cmap, "norm": norm}
-    grid: dict[str, Any] = {"shading": "nearest", "rasterized": True}
-    field = ax.pcolormesh(x, y, getattr(found, show).T, **colours, **grid)
-    names = [name for name in _ENDS if (found.why == REASONS.index(name)).any()]
+    corners, flat = (_corners(x), _corners(y)), {"rasterized": True}
+    field = ax.pcolormesh(*corners, getattr(poses, show), **colours, **flat)
+    names = [name for name in _ENDS if (poses.why == REASONS.index(name)).any()]
     for name in names:
-        here = np.where(found.why == REASONS.index(name), 0.0, np.nan)
-        ax.pcolormesh(x, y, here.T, cmap=ListedColormap([_ENDS[name]]), **grid)
+        here = np.where(poses.why == REASONS.index(name), 0.0, np.nan)
+        ax.pcolormesh(*corners, here, cmap=ListedColormap([_ENDS[name]]), **flat)
     bar = ax.figure.colorbar(field, ax=ax, label=_LABELS[show], spacing="uniform", shrink=0.8)
     if show == "condition":
         bar.set_ticks(LEVELS, labels=[f"{level:g}" for level in LEVELS])
-    labels = [f"${axis}_0$ (m)" if axis in "xyz" else f"{axis} (deg)" for axis in found.axes]
-    ax.set(xlabel=labels[0], ylabel=labels[1])
-    if len({axis in "xyz" for axis in found.axes}) == 1:
-        ax.set_aspect("equal")
     if names:
         handles = [Patch(facecolor=_ENDS[name], label=name) for name in names]
         ax.legend(handles=handles, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
-    return ax
+
+
+def _corners(x: Array) -> Array:
+    """Corners of the cells around points of a grid, shape (N + 1, M + 1)."""
+    wide = np.pad(x, 1, mode="reflect", reflect_type="odd")
+    return np.asarray((wide[:-1, :-1] + wide[1:, :-1] + wide[:-1, 1:] + wide[1:, 1:]) / 4)

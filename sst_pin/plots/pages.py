@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Pages with several axes: a motion, loads, measured torques, a workspace."""
+"""Pages with several axes: a motion, loads, measured torques."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, finite_array
+from ..arrays import finite_array
 from ..closed_chain import ClosedChain
 from ..description.colours import HUES
 from ..errors import InputError
@@ -20,17 +20,10 @@ from ..simulation.bearing_loads import Load, Loads
 from ..simulation.moving_robot import require_motion
 from ..simulation.trajectories import Trajectory
 from ..sst.robot import SST
-from ..sst.workspace import WorkspaceMap
 from .curves import label, legend_above, zero_line
 from .motions import CURVES, panels
 from .space import frame_path, origins_of, paths_on_sphere, plane_of
 from .style import Axes, StyledFigure, style
-from .workspace_maps import (
-    condition_colourbar,
-    workspace_legend,
-    workspace_map,
-    workspace_on_sphere,
-)
 
 #: Subjects of a page about a motion.
 SUBJECTS = ("path", *CURVES)
@@ -219,43 +212,4 @@ def torques_page(motion: Trajectory, predicted: ArrayLike) -> Figure:
             ax.set_ylabel(f"{label(name)} ({unit.replace('Nm', 'N m')})")
         rows[-1].set_xlabel("time (s)")
         legend_above(rows[0])
-    return figure
-
-
-def workspace_page(
-    robot: SST,
-    at_psi: WorkspaceMap,
-    over_rolls: WorkspaceMap,
-    path: tuple[str, Array] | None = None,
-) -> Figure:
-    """Both maps of a robot, a sphere with the first map, and a legend.
-
-    Args:
-        robot: The SST.
-        at_psi: Its workspace at one roll angle psi.
-        over_rolls: Its workspace over all psi.
-        path: Label and directions of s along a motion, shape (N, 3).
-
-    Example:
-        >>> at_psi = sst_pin.sst.workspace.workspace_at(robot, rings=9, spokes=24)
-        >>> over_rolls = sst_pin.sst.workspace.workspace_over_rolls(robot, 6, rings=9, spokes=24)
-        >>> plots.workspace_page(robot, at_psi, over_rolls).savefig("workspace.png")
-    """
-    name, s = path or (None, None)
-    psi = f"{np.degrees(at_psi.psi.flat[0]):g}°".replace("-", "\N{MINUS SIGN}")
-    with style():
-        figure = StyledFigure(figsize=(7.2, 7.0), layout="constrained")
-        axes = figure.subplots(2, 2)
-        for ax, draw, workspace, title in (
-            (axes[0, 0], workspace_map, at_psi, rf"(a) at $\psi$ = {psi}"),
-            (axes[0, 1], workspace_map, over_rolls, r"(b) at the best $\psi$"),
-            (axes[1, 0], workspace_on_sphere, at_psi, "(c) as (a), on the sphere"),
-        ):
-            draw(ax, robot, workspace, s, colourbar=False).set_title(title)
-        axes[1, 1].set_axis_off()
-        condition_colourbar(axes[1, 1].inset_axes((0.0, 0.82, 1.0, 0.06)))
-        handles = [*workspace_legend(at_psi, name), *workspace_legend(over_rolls, name)]
-        once = {handle.get_label(): handle for handle in handles}
-        where = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.6)}
-        axes[1, 1].legend(handles=list(once.values()), **where)
     return figure

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The SST: kinematics, robot, motions, workspace, the paper's examples."""
+"""The SST: kinematics, robot, motions, the paper's examples."""

@@ -163,6 +163,34 @@ def test_the_star_turns_as_its_angles_say(robot):
         assert found.condition[i, j] == pytest.approx(np.linalg.cond(J))
 
 
+@pytest.mark.parametrize("psi", [0.0, 0.5])
+def test_the_star_points_where_its_arcs_allow(robot, psi):
+    """Yaw, pitch + 90 degrees, roll are theta, phi, psi; psi = 0 leaves an eighth of a sphere."""
+    side = np.linspace(-0.15, 1.7, 14)
+    found = sst_pin.reach_map(
+        robot,
+        "E",
+        yaw=side,
+        pitch=side - np.pi / 2,
+        roll=psi,
+        rotation=sst_pin.orientation(0.0, np.pi / 2, 0.0),
+    )
+    phi, theta = np.meshgrid(side, side, indexing="ij")
+    R = sst_pin.orientation(theta, phi, psi)
+    assert np.abs(found.poses[..., :3, :3] - R).max() < 1e-12
+    assert (
+        np.abs(robot.platform_orientation(found.q[found.reached]) - R[found.reached]).max() < 1e-9
+    )
+    allowed = [
+        not any("arc" in finding.problem for finding in robot.check(q))
+        for q in robot.inverse_kinematics(R.reshape(-1, 3, 3))
+    ]
+    assert np.array_equal(found.reached, np.reshape(allowed, found.why.shape))
+    assert (found.why == LIMITS).any()
+    if psi == 0:
+        assert np.array_equal(found.reached, (R[..., 0] > 0).all(axis=-1))
+
+
 def test_an_ankle_holds_the_ground_as_its_serial_view_says():
     """From an upright start roll and pitch are its joints; the moment goes through J^-T."""
     view = sst_pin.SerialView(sst_pin.robots.ankle(), ["ankle_pitch", "ankle_roll"])
@@ -214,6 +242,7 @@ def test_a_slice_out_of_reach_is_a_map_without_area():
         ({"torques": -1.0}, "torques"),
         ({"wrench": np.ones(3)}, "wrench"),
         ({"start": np.ones(3)}, "start"),
+        ({"rotation": np.ones(3)}, "rotation"),
         ({"frame": "hand"}, "hand"),
     ],
 )

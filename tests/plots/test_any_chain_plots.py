@@ -255,7 +255,7 @@ def test_a_map_shows_what_is_reached_and_what_ends_it(monkeypatch):
     figure = Figure(figsize=(7, 3), layout="constrained")
     for axes, show in zip(figure.subplots(1, 2), ("condition", "used"), strict=True):
         ax = plots.reach_map(axes, found, show)
-        field, ends = (drawn.get_array().T for drawn in ax.collections)
+        field, ends = (drawn.get_array() for drawn in ax.collections)
         assert (np.ma.getmaskarray(field) ^ found.reached).all()
         assert np.array_equal(field[found.reached], getattr(found, show)[found.reached])
         assert (np.ma.getmaskarray(ends) ^ (found.why == 2)).all()
@@ -272,6 +272,37 @@ def test_a_map_of_angles_is_in_degrees(robot):
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("roll (deg)", "pitch (deg)")
     assert ax.get_xlim() == pytest.approx((-7.5, 7.5))
     assert ax.get_legend() is None
+
+
+def test_directions_are_drawn_with_equal_areas():
+    """Uniform directions: a cap of height h fills a disc of area 2 pi h; up is up."""
+    middle, random = np.array([1.0, -2.0, 0.5]), np.random.default_rng(0)
+    s = random.normal(size=(100_000, 3))
+    s /= np.linalg.norm(s, axis=1, keepdims=True)
+    points = plots.equal_area(s, middle)
+    for height in (0.1, 0.5, 1.0):
+        cap = s @ middle / np.linalg.norm(middle) > 1 - height
+        radius = np.linalg.norm(points[cap], axis=1).max()
+        assert np.pi * radius**2 == pytest.approx(2 * np.pi * height, rel=1e-3)
+    beside = np.array([[0, 0, 1], np.cross([0, 0, 1], middle)])
+    above, aside = plots.equal_area(middle + beside, middle)
+    assert above[0] == pytest.approx(0, abs=1e-12)
+    assert above[1] > 0
+    assert aside[0] > 0 == pytest.approx(aside[1])
+
+
+def test_a_map_of_directions_has_no_ticks(robot):
+    angles = np.radians([-5, 0, 5])
+    poses = sst_pin.reach_map(robot, "E", 20.0, roll=angles, pitch=angles)
+    ax = plots.reach_map(Figure().add_subplot(), poses, axis="x")
+    assert not ax.axison
+    assert ax.get_aspect() == 1
+    field = ax.collections[0]
+    assert np.array_equal(field.get_array(), poses.condition)
+    centre = np.abs(field.get_coordinates().reshape(-1, 2)).max()
+    assert 0 < centre < np.radians(15)
+    with pytest.raises(sst_pin.InputError, match="axis"):
+        plots.reach_map(ax, poses, axis="E")
 
 
 def bars(ax):

@@ -13,10 +13,8 @@ from matplotlib import figure as figures
 import sst_pin
 from sst_pin import plots
 from sst_pin.plots import motions
-from sst_pin.plots.workspace_maps import second_kind
 from sst_pin.simulation.energy import energy_balance
 from sst_pin.sst import paper
-from sst_pin.sst.workspace import workspace_at, workspace_over_rolls
 from sst_pin.verification.sampling import random_state
 from tests.support.legible import require_legible
 
@@ -30,13 +28,6 @@ def sticky():
 @pytest.fixture(scope="module")
 def circle(sticky):
     return paper.example_1(sticky, np.linspace(0, paper.PERIOD, 121))
-
-
-@pytest.fixture(scope="module")
-def maps(robot):
-    """The paper's robot at psi = 45 deg and over the whole turn, coarse."""
-    at_psi = workspace_at(robot, np.radians(45), rings=61, spokes=120)
-    return at_psi, workspace_over_rolls(robot, rolls=24, rings=21, spokes=60)
 
 
 def axes(projection=None):
@@ -140,59 +131,15 @@ def test_condition_number_near_a_singularity_is_logarithmic(robot):
     assert plots.condition_number(axes(), robot, near).get_yscale() == "log"
 
 
-def test_spheres_look_like_spheres(robot, circle, maps):
+def test_spheres_look_like_spheres(robot, circle):
     ax = plots.paths_on_sphere(axes("3d"), robot, [("path", circle)])
     spans = [np.ptp(limits) for limits in (ax.get_xlim(), ax.get_ylim(), ax.get_zlim())]
     assert np.ptp(spans / np.asarray(ax._box_aspect)) < 1e-12
     assert [ax.get_xlabel(), ax.get_ylabel(), ax.get_zlabel()] == [f"${c}_0$ (m)" for c in "xyz"]
-    for draw in (plots.workspace_map, plots.workspace_on_sphere):
-        ax = axes()
-        assert draw(ax, robot, maps[0]) is ax
-        assert ax.get_aspect() == 1
 
 
-def test_curves_of_the_second_kind_are_singular(robot):
-    """det A vanishes on them, and with it the hold of the motors: direct kinematics has no rank."""
-    psi = np.radians(75)
-
-    def along(rings):
-        workspace = workspace_at(robot, psi, rings=rings, spokes=2 * (rings - 1))
-        s = np.concatenate(second_kind(robot, workspace))
-        theta, phi = np.arctan2(s[:, 1], s[:, 0]), np.arccos(s[:, 2])
-        q = robot.inverse_kinematics(sst_pin.orientation(theta, phi, psi))
-        found = robot.singularities(q)
-        # Curvature is large where a leg is nearly flat and at the pole, which has no psi.
-        calm = (found.first_kind > 0.3) & (np.abs(s[:, 2]) < 0.9)
-        return q[calm], found.second_kind[calm]
-
-    (_, coarse), (q, fine) = along(61), along(121)
-    assert len(coarse) > 100
-    # The curves are straight between samples: half their distance leaves a quarter of the error.
-    assert coarse.max() < 0.01
-    assert fine.max() < coarse.max() / 3
-    assert np.median(fine) < np.median(coarse) / 3
-    conditions = [robot.condition_number(sample) for sample in q[::20]]
-    assert min(conditions) > 100
-    assert robot.condition_number(robot.home) < 10
-
-
-def test_curves_of_the_second_kind_are_where_the_robot_says(robot):
-    """A parallel meets them where the star comes nearest to being lost."""
-    psi = np.radians(75)
-    phi = np.radians(80)
-    theta = np.radians(np.linspace(0, 90, 2001))
-    q = robot.inverse_kinematics(sst_pin.orientation(theta, phi, psi))
-    crossing = theta[robot.singularities(q).second_kind.argmin()]
-    curves = np.concatenate(second_kind(robot, workspace_at(robot, psi)))
-    s = sst_pin.orientation(crossing, phi, psi)[:, 0]
-    # Within the steps of the path and of the map.
-    assert np.degrees(np.arccos((curves @ s).max())) < 0.5
-
-
-def test_pages_are_legible(sticky, circle, robot, maps, monkeypatch):
+def test_pages_are_legible(sticky, circle, monkeypatch):
     require_legible(plots.motion_page(sticky, circle, plots.SUBJECTS), monkeypatch)
-    s = sst_pin.paper_circle(np.linspace(0, paper.PERIOD, 61)).R[:, :, 0]
-    require_legible(plots.workspace_page(robot, *maps, ("circle", s)), monkeypatch)
 
 
 SLOW = [pytest.param(k, marks=pytest.mark.slow) for k in (1, 2, 3)]
@@ -203,21 +150,6 @@ def test_pages_of_odd_robots_are_legible(odd, monkeypatch):
     R, _, _ = random_state(odd, np.random.default_rng(3))
     start, t = (np.zeros(3), odd.inverse_kinematics(R), np.zeros(3)), np.linspace(0, 0.05, 21)
     require_legible(plots.motion_page(odd, odd.simulate(*start, t, rtol=1e-8)), monkeypatch)
-    at_psi = workspace_at(odd, -1.0, rings=21, spokes=60)
-    over_rolls = workspace_over_rolls(odd, rolls=24, rings=21, spokes=60)
-    page = plots.workspace_page(odd, at_psi, over_rolls)
-    require_legible(page, monkeypatch)
-    assert "\N{MINUS SIGN}57.2" in page.axes[0].get_title()
-
-
-def test_isotropic_pose_is_named_so_and_others_by_their_number(robot, maps):
-    """At psi = 0 the paper's robot has one, at 45 degrees not."""
-    isotropic = workspace_at(robot, 0.0, rings=11, spokes=24)
-    legends = (plots.workspace_legend(w, "path") for w in (isotropic, maps[0]))
-    labels, others = ([handle.get_label() for handle in legend] for legend in legends)
-    assert "isotropic pose" in labels
-    assert f"best pose, condition number {maps[0].condition_number[maps[0].best]:.3g}" in others
-    assert {"path", "base triangle"} <= set(labels) & set(others)
 
 
 @pytest.mark.slow

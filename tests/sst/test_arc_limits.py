@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import sst_pin
-from sst_pin.sst import arc_limits, workspace
+from sst_pin.sst import arc_limits
 from sst_pin.sst.kinematics import legs_of_joints
 from sst_pin.verification.sampling import random_parameters
 
@@ -96,12 +96,3 @@ def test_both_kinds_of_singularity_are_found_where_they_are_near(robot):
     assert np.array_equal(found.times, t[ill])
     # Rounding of the singular values grows with the condition number.
     assert found.values == pytest.approx(near.condition_number[ill], rel=1e-9)
-
-
-def test_the_map_of_the_workspace_and_the_check_judge_alike(robot):
-    found = workspace.workspace_at(robot, 0.3, rings=12, spokes=24)
-    regular = found.first_kind > 0.1
-    R = sst_pin.orientation(found.theta[regular], found.phi[regular], 0.3)
-    for q, on_arcs in zip(robot.inverse_kinematics(R), found.on_arcs[regular], strict=True):
-        off = robot.check(q)
-        assert on_arcs == (not any(" arc of " in f.problem for f in off))
