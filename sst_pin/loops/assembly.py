@@ -22,6 +22,8 @@ _PATIENCE = 10
 #: Longest stride, [rad] or of the loop's length: the closures are far from linear beyond it.
 #: Joints that linear couplings alone hold, such as motors behind gears, need none.
 _STRIDE = 0.5
+#: A step that does not close its loop better after so many halvings leads nowhere.
+_HALVINGS = 20
 #: A joint this near to its limit, scaled, is at it: rounding of the step that led there.
 _AT_LIMIT = 1e-12
 #: What rounding leaves of a position, relative to it.
@@ -41,10 +43,6 @@ class Assembly:
         self.mechanism, self.loops = mechanism, loops
         self._rows = np.flatnonzero(loops.holonomic | (not slipping))
         self._scale = mechanism.row_scale[:, None] * mechanism.rate_scale
-        curved = loops.touched.copy()
-        for rows, coupled in loops.couplings:
-            curved[rows] = coupled.curved
-        self._curved = curved.any(axis=0)
         self._known_parts: dict[bytes, list[tuple[Indices, Indices]]] = {}
 
     def assemble(self, q: Array, free: Indices, *, limits: bool = False) -> Array:
@@ -141,53 +139,56 @@ class Assembly:
             step = np.zeros(Phi.shape[1])
             for rows, of_loop in busy:
                 columns, part = bounds.project(q, of_loop, Phi[rows], -f[rows])
-                far = float(np.abs(part[self._curved[columns]]).max(initial=0))
+                far = float(np.abs(part[self.loops.curved[columns]]).max(initial=0))
                 step[columns] = part * (_STRIDE / max(_STRIDE, far))
                 step[columns] *= bounds.reach(q, columns, step[columns])
-            q, f, moved = self._descend(q, f, step, busy)
+            q, f, moved = self._descend(q, f, step, busy, self._rounding(q, Phi))
             if not moved:
                 break
-        return q, self._rows[self._open(q, f, self._rows)]
+        is_open = ~(np.abs(f[self._rows]) < ASSEMBLED)
+        if is_open.any():
+            rounding = self._rounding(q, self.loops.Phi() * self._scale)
+            is_open &= ~(np.abs(f) < rounding)[self._rows]
+        return q, self._rows[is_open]
 
-    def _open(self, q: Array, f: Array, rows: Indices) -> Flags:
-        """Which rows are open by more than what rounding of positions explains.
+    def _rounding(self, q: Array, Phi: Array) -> Array:
+        """What rounding of q leaves of the residual, shape (rows,), for Phi without units.
 
-        Rounding grows with turns of the joints and with the distance from the origin. The loops are
-        at q.
+        It grows with turns of the joints and with the distance of the loops from the origin.
         """
-        is_open = ~(np.abs(f[rows]) < ASSEMBLED)
-        if not is_open.any():
-            return is_open
-        mechanism, entries, rates = self.mechanism, *self.mechanism.space.plain
-        sizes = np.zeros(mechanism.model.nv)
-        sizes[rates] = np.abs(q[entries])
-        Phi = self.loops.Phi()[rows] * mechanism.row_scale[rows, None]
-        size = np.abs(Phi) @ sizes + self.loops.distance * mechanism.row_scale[rows]
-        return is_open & ~(np.abs(f[rows]) < 4 * _ROUNDING * size)
+        entries, rates = self.mechanism.space.plain
+        size = np.abs(Phi[:, rates]) @ np.abs(q[entries] / self.mechanism.rate_scale[rates])
+        return 4 * _ROUNDING * (size + self.loops.distance * self.mechanism.row_scale)
 
     def _descend(
-        self, q: Array, f: Array, step: Array, parts: list[tuple[Indices, Indices]]
+        self,
+        q: Array,
+        f: Array,
+        step: Array,
+        parts: list[tuple[Indices, Indices]],
+        rounding: Array,
     ) -> tuple[Array, Array, bool]:
         """Halve each loop's step until its residual falls."""
         model, scale = self.mechanism.model, self.mechanism.rate_scale
-        while True:
+        least = np.maximum(ASSEMBLED, rounding)
+        for halvings in range(_HALVINGS + 1):
             trial = pin.integrate(model, q, step * scale)
             f_trial = self._residual(trial)
             worse = [
                 (rows, columns)
                 for rows, columns in parts
-                if not _size(f_trial[rows]) < _size(f[rows])
+                if step[columns].any() and not _size(f_trial[rows]) < _size(f[rows])
             ]
-            if all(not step[columns].any() for _, columns in worse):
-                moved = bool(step.any())
-                if not moved:
-                    self._residual(q)  # the loops are at q again
-                return (trial, f_trial, True) if moved else (q, f, False)
+            if not worse:
+                break
             for rows, columns in worse:
                 step[columns] /= 2
-                rounding = not self._open(q, f, rows).any()
-                if rounding or np.abs(step[columns]).max(initial=0.0) < 1e-16:
-                    step[columns] = 0.0  # rounding, or a dead end
+                if halvings == _HALVINGS - 1 or (np.abs(f[rows]) < least[rows]).all():
+                    step[columns] = 0.0  # a dead end, or rounding
+        if step.any():
+            return trial, f_trial, True
+        self._residual(q)  # the loops are at q again
+        return q, f, False
 
     def _residual(self, q: Array) -> Array:
         self.loops.evaluate(q)

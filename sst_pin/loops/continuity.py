@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array, Indices
-from ..errors import SSTError
+from ..errors import ClosureError, SSTError
 from ..model.mechanism import Mechanism
 from .loops import Loops, connected
 from .mobility import largest_condition, scaled_Phi
@@ -30,6 +30,8 @@ Way = Callable[[Array, float, float], Array]
 CHANGE = 0.5
 #: Largest motion of a joint between them, [rad] or of the robot's length.
 TRAVEL = 0.5
+#: Configurations that are looked at between two of a motion, at most: about forty turns.
+LOOKS = 2000
 #: Smaller singular values of a loop count as zero, relative to its largest.
 _INDEPENDENT = 1e-6
 #: Parts of a step are not divided further, as a fraction of the step.
@@ -48,7 +50,7 @@ class Continuity:
 
     def __init__(self, mechanism: Mechanism, loops: Loops) -> None:
         self._mechanism, self._loops = mechanism, loops
-        self._moving = np.flatnonzero(loops.touched.any(axis=0))
+        self._moving = np.flatnonzero(loops.curved)
         shapes = dict[tuple[int, int], list[tuple[Indices, Indices]]]()
         for rows, rates in self._blocks():
             shapes.setdefault((len(rows), len(rates)), []).append((rows, rates))
@@ -99,15 +101,23 @@ class Continuity:
         return self._condition(self._place(q))
 
     def follow(
-        self, start: Array, way: Way, limit: float, first: float = 1.0
+        self, start: Array, way: Way, limit: float, first: float = 1.0, looks: int = LOOKS
     ) -> tuple[float, Array]:
         """How much of a step is continuous and regular, 1 for all, and the configuration there.
 
         `way` gives configurations at fractions of the step, 1 for its end; `limit` is that of the
-        condition number. A step that turns round at a fraction `first` is looked at there, too.
+        condition number. A step that turns round at a fraction `first` is looked at there, too. A
+        step that needs more than `looks` configurations is refused.
         """
-        q, low, high = start, 0.0, first
+        q, low, high, count = start, 0.0, first, 0
         while low < 1 and high - low >= _SHORTEST:
+            if count == looks:
+                raise ClosureError(
+                    f"the motion is too long: {100 * low:.2g} % of it took {looks} steps; give "
+                    "poses in between",
+                    0.0,
+                )
+            count += 1
             found: Array | None = None
             with suppress(SSTError):
                 found = way(q, low, high)

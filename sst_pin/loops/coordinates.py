@@ -6,6 +6,7 @@ are decided by names, so that neither the order of the joints nor the units coun
 """
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from itertools import product
@@ -28,6 +29,8 @@ from .mobility import choose_coordinates, free_motions, motor_rates, scaled_Phi
 _AROUND_HOME, _AROUND_NEUTRAL = (0.1, 0.03, 0.01), np.linspace(0.1, 2.0, 20)
 #: How much worse than home a configuration near it may be conditioned.
 _POORER = 10.0
+#: A way from home that needs more configurations than this is not taken.
+_LOOKS = 30
 #: Home is singular if a singular value of Phi is this much smaller there than so far beside it.
 _VANISHES, _BESIDE = 1e-2, 1e-3
 #: What helps where no guess can be assembled.
@@ -102,10 +105,11 @@ def _without_symmetry(assembly: Assembly, home: Array, coordinates: Indices) -> 
     for width, held in product(_AROUND_HOME, (mechanism.driven, coordinates)):
         along = partial(_along, assembly, home, _displacement(mechanism, width), held)
         continuity = Continuity(mechanism, assembly.loops)
-        poor = _POORER * continuity.condition_number(home)
-        done, q = continuity.follow(home, along, min(poor, MAX_CONDITION_NUMBER))
-        if done == 1:
-            return q
+        poor = min(_POORER * continuity.condition_number(home), MAX_CONDITION_NUMBER)
+        with suppress(ClosureError):
+            done, q = continuity.follow(home, along, poor, looks=_LOOKS)
+            if done == 1:
+                return q
     return home
 
 

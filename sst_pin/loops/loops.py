@@ -45,6 +45,7 @@ class Loops:
         slices: Rows of each closure.
         holonomic: Rows that have a residual; the others hold rates only.
         touched: Which rates a row depends on: those that move one of its two frames only.
+        curved: Which rates change Phi, shape (nv,); linear couplings do not.
         pairs: The rows of all closures of two frames.
         frames: Indices of the frames that they connect, after one for the world.
         supports: For each of these frames 1 for the columns of J that move it.
@@ -83,8 +84,10 @@ class Loops:
         self._alone = np.asarray(supports > supports[::-1], dtype=float)
         self._rates = rates_of_columns(model)
         self.touched = summed(model, self._alone.sum(axis=0)) > 0
+        curved = self.touched.copy()
         for rows, coupled in self.couplings:
-            self.touched[rows] = coupled.touched
+            self.touched[rows], curved[rows] = coupled.touched, coupled.curved
+        self.curved = curved.any(axis=0)
         self._jacobian_rates = JacobianRates(model)
         self._parts: dict[bytes, list[tuple[Indices, Indices]]] = {}
         self._J, self._J_dot = of_rates(self.data.J), of_rates(self.data.dJ)

@@ -115,8 +115,11 @@ def placed(chain: _Chain, positions: Mapping[str, float], guess: ArrayLike | Non
         chain.engine.are_closed(start)
     )
     if follows:
-        with suppress(ClosureError):
+        try:
             return chain.assemble(put(space, _moved(chain, start, positions), positions))
+        except ClosureError as error:
+            why = f"{', '.join(positions)} cannot be moved from the start to their positions"
+            why += f" ({error})"
     try:
         q = _assembled(chain, start, positions)
         far = _far(chain, q, positions)
@@ -133,8 +136,7 @@ def placed(chain: _Chain, positions: Mapping[str, float], guess: ArrayLike | Non
     if follows:
         _warn(
             chain,
-            f"{', '.join(positions)} cannot be moved from the start to their positions without "
-            "passing a singular configuration or the end of the reach",
+            why,
             "give a configuration near them as start, or positions of dependent joints too",
         )
     elif far:
