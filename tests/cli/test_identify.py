@@ -108,6 +108,7 @@ def test_no_output_takes_the_name_of_another_kind_of_file(log, capsys, command, 
 def test_a_log_is_read_from_the_npz_of_a_simulation(log, here, capsys):
     """Torques and simulations read it too, as they read a CSV."""
     arguments = "--robot", "five_bar"
+    log.write_text("\n".join(log.read_text().splitlines()[:151]))  # three seconds
     assert run(capsys, "torques", log, "-o", "tau.npz", *arguments)[0] == 0
     assert run(capsys, "torques", log, "-o", "tau.csv", *arguments)[0] == 0
     for command in ("torques", "simulate"):

@@ -29,6 +29,10 @@ def test_the_page_is_current(capsys):
     assert "current" in capsys.readouterr().out
 
 
+def test_the_page_has_the_papers_times():
+    assert f"2.7612 s / 1.7316 s = {2.7612 / 1.7316:.3f}" in cost.PAGE.read_text(encoding="utf-8")
+
+
 @pytest.mark.parametrize(("problem", "method"), METHODS)
 @pytest.mark.parametrize(
     "robot",
