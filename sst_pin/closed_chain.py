@@ -31,8 +31,8 @@ from .dynamics.derivatives import (
     FrameVelocityDerivatives,
     TorqueDerivatives,
 )
-from .dynamics.quantities import Name
-from .engine import Engine, Key, Options
+from .dynamics.quantities import Name, Quantity
+from .engine import Engine, Options
 from .errors import (
     ClosureError,
     DescriptionError,
@@ -74,7 +74,7 @@ if TYPE_CHECKING:
     from .simulation.trajectories import Trajectory
     from .viewer import Viewer
 
-_FORCES = Key("generalized_forces")
+_FORCES = Quantity("generalized_forces")
 _Chain = TypeVar("_Chain", bound="ClosedChain")
 
 
@@ -493,11 +493,11 @@ class ClosedChain(Summary):
 
     def joint_rates(self, q: ArrayLike, va: ArrayLike) -> Array:
         """Rates of all joints, v = L va, Eq. (16), shape (..., nv)."""
-        return self._engine.compute(Key("rates"), q, va=va)
+        return self._engine.compute(Quantity("rates"), q, va=va)
 
     def joint_accelerations(self, q: ArrayLike, va: ArrayLike, aa: ArrayLike) -> Array:
         """Accelerations of all joints, L aa + L_dot va, Eqs. (8), (20), shape (..., nv)."""
-        return self._engine.compute(Key("joint_accelerations"), q, va=va, aa=aa)
+        return self._engine.compute(Quantity("joint_accelerations"), q, va=va, aa=aa)
 
     def frame_jacobian(self, q: ArrayLike, frame: str, **options: Unpack[Options]) -> Array:
         """Jacobian of a frame: its [linear; angular] velocity is J va, shape (..., 6, n).
@@ -539,11 +539,11 @@ class ClosedChain(Summary):
     def _of_frame(
         self, quantity: Name, frame: str, q: ArrayLike, va: ArrayLike | None, options: Options
     ) -> Array:
-        engine, key = self._engine, Key(quantity, frame)
+        engine, key = self._engine, Quantity(quantity, frame)
         if not options and isinstance(frame, str):
             rows = engine.answer(key, q, va, None, None, None, 1)
             if rows is not None:
-                rows.shape = (*rows.shape[:-1], *key.kind.shape(engine.mechanism))
+                rows.shape = (*rows.shape[:-1], *key.properties.shape(engine.mechanism))
                 return rows
         rates: dict[str, Any] = {} if va is None else {"va": va}
         return engine.compute(key, q, **rates, **options)
@@ -551,7 +551,7 @@ class ClosedChain(Summary):
     def motor_rates(self, q: ArrayLike, va: ArrayLike) -> Array:
         """Rates of the motors, shape (..., motors)."""
         engine = self._engine
-        v, mechanism = engine.compute(Key("rates"), q, va=va), engine.mechanism
+        v, mechanism = engine.compute(Quantity("rates"), q, va=va), engine.mechanism
         return np.asarray(v @ mechanism.motors + engine.line_rates(q, v) @ mechanism.lines.motors)
 
     def actuator_jacobian(self, q: ArrayLike) -> Array:
@@ -560,7 +560,7 @@ class ClosedChain(Summary):
         Raises:
             SingularConfigurationError: Also where the ends of the line of a motor coincide.
         """
-        return self._engine.compute(Key("actuator_jacobian"), q)
+        return self._engine.compute(Quantity("actuator_jacobian"), q)
 
     def line_lengths(self, q: ArrayLike) -> Array:
         """Lengths of the lines of `forces`, of any q, shape (..., lines), [m]."""
@@ -623,7 +623,9 @@ class ClosedChain(Summary):
         extra = None
         if weights is not None:
             extra = {"weights": _motor_weights(engine.mechanism, weights)}
-        tau = engine.compute(Key("torques"), q, va=va, aa=aa, load=load, extra=extra, **options)
+        tau = engine.compute(
+            Quantity("torques"), q, va=va, aa=aa, load=load, extra=extra, **options
+        )
         if not shared:
             return tau
         directions = self._preload_directions(engine, q, on_error)
@@ -680,7 +682,7 @@ class ClosedChain(Summary):
                 return aa
         options: Options = {"out": out, "threads": threads, "on_error": on_error}
         load = self._wrenches(engine, platform_moment, external_wrenches, options)
-        return engine.compute(Key("accelerations"), q, va=va, tau=tau, load=load, **options)
+        return engine.compute(Quantity("accelerations"), q, va=va, tau=tau, load=load, **options)
 
     def noc(self, q: ArrayLike, va: ArrayLike) -> dynamics.Terms:
         """All matrices of the paper at one state, with f = I aa + C va - tau^g - tau^f.
@@ -704,7 +706,7 @@ class ClosedChain(Summary):
             array([[0.0049]])
         """
         engine = self._engine
-        rows = engine.compute(Key("reduced_terms"), q, va=va, **options)
+        rows = engine.compute(Quantity("reduced_terms"), q, va=va, **options)
         return dynamics.ReducedTerms.of_rows(rows, len(engine.mechanism.coordinates))
 
     def reactions(
@@ -745,16 +747,16 @@ class ClosedChain(Summary):
         inner: Options = {**options, "out": None}
         one_to_one = engine.mechanism.driven_one_to_one
         if aa is None and tau is not None:
-            aa = engine.compute(Key("accelerations"), q, va=va, tau=tau, load=load, **inner)
+            aa = engine.compute(Quantity("accelerations"), q, va=va, tau=tau, load=load, **inner)
         elif aa is None or tau is not None:
             raise InputError("aa, tau", "one of them is needed, not both")
         elif not one_to_one:
-            tau = engine.compute(Key("torques"), q, va=va, aa=aa, load=load, **inner)
+            tau = engine.compute(Quantity("torques"), q, va=va, aa=aa, load=load, **inner)
         extra = None
         if stiffness is not None:
             extra = {"compliances": reactions.compliances_of(engine.mechanism, stiffness)}
         motion = {"va": va, "aa": aa, "tau": None if one_to_one else tau}
-        rows = engine.compute(Key("reactions"), q, load=load, extra=extra, **motion, **options)
+        rows = engine.compute(Quantity("reactions"), q, load=load, extra=extra, **motion, **options)
         return reactions.unpacked(engine.mechanism, np.asarray(rows), stiffness is not None)
 
     def preload_directions(self, q: ArrayLike) -> Array:
@@ -770,7 +772,7 @@ class ClosedChain(Summary):
 
     @staticmethod
     def _preload_directions(engine: Engine, q: ArrayLike, on_error: str) -> Array:
-        key = Key("actuator_jacobian")
+        key = Quantity("actuator_jacobian")
         J = engine.compute(key, q, on_error=on_error)
         try:
             regular = engine.compute(key, engine.example())
@@ -792,12 +794,12 @@ class ClosedChain(Summary):
             >>> bool(np.allclose(Y @ chain.dynamic_parameters, f))
             True
         """
-        return self._engine.compute(Key("torque_regressor"), q, va=va, aa=aa, **options)
+        return self._engine.compute(Quantity("torque_regressor"), q, va=va, aa=aa, **options)
 
     def kinetic_energy(self, q: ArrayLike, va: ArrayLike) -> Array:
         """Kinetic energy, shape (...), [J]."""
         engine = self._engine
-        arrays = [engine.configurations(q), engine.compute(Key("rates"), q, va=va)]
+        arrays = [engine.configurations(q), engine.compute(Quantity("rates"), q, va=va)]
         return for_each_sample(engine.reference.kinetic_energy, arrays, (1, 1), ())
 
     def potential_energy(self, q: ArrayLike) -> Array:
@@ -812,7 +814,7 @@ class ClosedChain(Summary):
     def friction_power(self, q: ArrayLike, va: ArrayLike) -> Array:
         """Power of friction in all joints, Eq. (87), and of dampers, shape (...), [W]."""
         engine = self._engine
-        v, mechanism = engine.compute(Key("rates"), q, va=va), engine.mechanism
+        v, mechanism = engine.compute(Quantity("rates"), q, va=va), engine.mechanism
         _, _, damping, _ = mechanism.lines.numbers
         on_lines = (damping * engine.line_rates(q, v) ** 2).sum(axis=-1)
         return finite_array("power", (mechanism.friction.forces(v) * v).sum(axis=-1) - on_lines, ())
@@ -914,7 +916,7 @@ class ClosedChain(Summary):
         d = engine.derivatives(AccelerationDerivatives, *arguments, sign_width, **options)
         rates = None
         if engine.reference.derivatives.axes_move:
-            rates = engine.compute(Key("displacement_rates"), q, va=va, on_error="nan")
+            rates = engine.compute(Quantity("displacement_rates"), q, va=va, on_error="nan")
         A, B = slopes.linear_system(d, rates)
         return (A, B) if dt is None else slopes.discrete(A, B, positive_number("dt", dt))
 
@@ -959,7 +961,7 @@ class ClosedChain(Summary):
         if near is not None:
             engine.reference.rates(near, np.zeros(len(engine.mechanism.coordinates)))
         if derivatives and engine.reference.derivatives.axes_move:
-            keys = (*keys, Key("displacement_rates"))
+            keys = (*keys, Quantity("displacement_rates"))
         make = partial(CompiledBackend, near=near, platform=self._platform)
         kernels = make(engine.reference)
         kernels.make(EVERY if all else keys)

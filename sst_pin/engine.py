@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property, partial
-from typing import Any, NamedTuple, Protocol, TypedDict, TypeVar
+from typing import Any, Protocol, TypedDict, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -26,7 +26,7 @@ from .arrays import (
     whole_number,
 )
 from .dynamics.derivatives import AccelerationDerivatives, TorqueDerivatives
-from .dynamics.quantities import QUANTITIES, Name, Quantity
+from .dynamics.quantities import Name, Quantity
 from .dynamics.reference import Reference
 from .errors import ClosureError, InputError, SSTError
 from .loops.assembly import home_of
@@ -59,37 +59,6 @@ class Options(TypedDict, total=False):
     on_error: str
 
 
-class Key(NamedTuple):
-    """What a kernel computes.
-
-    Attributes:
-        quantity: Its name in the table of quantities.
-        frame: Name of the frame, for a quantity of a frame.
-        loaded: Whether external wrenches act.
-        along: Whether it takes one sample at a time, several directions of derivatives at once.
-        sign_width: Width within which Coulomb friction is smooth, for derivatives.
-    """
-
-    quantity: Name
-    frame: str | None = None
-    loaded: bool = False
-    along: bool = False
-    sign_width: float | None = None
-
-    @property
-    def kind(self) -> Quantity:
-        """Properties of the quantity."""
-        return QUANTITIES[self.quantity]
-
-    @property
-    def entry(self) -> str:
-        """The name of its functions in C."""
-        return "_".join([self.quantity, *["along"] * self.along, *["loaded"] * self.loaded])
-
-    def __str__(self) -> str:
-        return self.entry if self.frame is None else f"{self.entry} {self.frame}"
-
-
 class Kernel(Protocol):
     """Compiled code of one quantity."""
 
@@ -120,7 +89,7 @@ class Kernels(Protocol):
     def __str__(self) -> str:
         """What computes, in words."""
 
-    def kernel(self, key: Key, /) -> Kernel | None:
+    def kernel(self, key: Quantity, /) -> Kernel | None:
         """The kernel of a quantity, made at its first use; None if it cannot be compiled."""
 
     def states(self, friction: Friction) -> States:
@@ -172,11 +141,11 @@ class Engine:
         """What computes, and why."""
         return f"the reference path: {self._kernels}" if self.kernels is None else str(self.kernels)
 
-    def kernel(self, key: Key) -> Kernel | None:
+    def kernel(self, key: Quantity) -> Kernel | None:
         """The kernel of a quantity; None where the reference path computes it."""
         return None if self.kernels is None else self.kernels.kernel(key)
 
-    def answer(self, key: Key, *arguments: Any) -> Array | None:
+    def answer(self, key: Quantity, *arguments: Any) -> Array | None:
         """`Kernel.answer` of a quantity; None where the reference path must compute it."""
         kernel = self.kernel(key)
         return None if kernel is None else kernel.answer(*arguments)
@@ -184,13 +153,13 @@ class Engine:
     @cached_property
     def torques(self) -> Callable[..., Array | None] | None:
         """`Kernel.answer` of inverse dynamics, for control loops."""
-        kernel = self.kernel(Key("torques"))
+        kernel = self.kernel(Quantity("torques"))
         return None if kernel is None else kernel.answer
 
     @cached_property
     def accelerations(self) -> Callable[..., Array | None] | None:
         """`Kernel.answer` of direct dynamics, for control loops."""
-        kernel = self.kernel(Key("accelerations"))
+        kernel = self.kernel(Quantity("accelerations"))
         return None if kernel is None else kernel.answer
 
     def states(self, sign_width: float) -> States:
@@ -202,7 +171,7 @@ class Engine:
 
     def compute(
         self,
-        key: Key,
+        key: Quantity,
         q: ArrayLike,
         *,
         load: Array | None = None,
@@ -227,7 +196,7 @@ class Engine:
         Returns:
             The shape of the quantity, behind the leading axes of the arguments.
         """
-        kind = key.kind
+        kind = key.properties
         absent = [None for value in arguments.values() if value is None and kind.tau_optional]
         if absent:
             del arguments["tau"]
@@ -275,7 +244,7 @@ class Engine:
     ) -> D:
         """Derivatives of torques by q, va and aa, or of accelerations by q, va and tau."""
         name, argument = _DERIVATIVES[kind]
-        key = Key(name, sign_width=positive_number("sign_width", sign_width))
+        key = Quantity(name, sign_width=positive_number("sign_width", sign_width))
         kernel = self.kernel(key)
         if kernel is not None and external_wrenches is None and not options:
             result: D | None = kernel.derivatives(kind, q, va, x, 1)
@@ -376,7 +345,7 @@ class Engine:
         Newton steps that start short and shrink fast lead to the one solution nearby, which is that
         of the reference path too.
         """
-        mechanism, kernel = self.mechanism, self.kernel(Key("closing"))
+        mechanism, kernel = self.mechanism, self.kernel(Quantity("closing"))
         rolling = any(isinstance(closure, Rolling) for closure in mechanism.closures)
         if kernel is None or rolling or mechanism.held_in_part:  # the path to the solution counts
             return None

@@ -15,10 +15,9 @@ from typing import TYPE_CHECKING
 
 from .. import engine
 from ..arrays import Array
-from ..dynamics.quantities import QUANTITIES, Name
+from ..dynamics.quantities import QUANTITIES, Name, Quantity
 from ..dynamics.reference import Reference
 from ..dynamics.regressor import with_springs
-from ..engine import Key
 from ..errors import ActuationError, CompilationError, MissingExtraError, SSTError
 from ..model.mechanism import Friction, Mechanism
 from ..model.tree import body_of, frame_named
@@ -36,12 +35,12 @@ if TYPE_CHECKING:
 
 
 #: Made by `ClosedChain.compile`; the others when they are first needed.
-FIRST = (Key("torques"), Key("accelerations"))
+FIRST = (Quantity("torques"), Quantity("accelerations"))
 #: Derivatives of the dynamics.
-DERIVATIVES = (Key("torque_derivatives"), Key("acceleration_derivatives"))
+DERIVATIVES = (Quantity("torque_derivatives"), Quantity("acceleration_derivatives"))
 #: All kernels but those of frames.
 EVERY = tuple(
-    Key(name, loaded=loaded)
+    Quantity(name, loaded=loaded)
     for name, kind in QUANTITIES.items()
     for loaded in (False, True)[: 1 + kind.loadable]
     if not kind.of_frame
@@ -71,10 +70,10 @@ class CompiledBackend:
         self._parameters = OpenNumbers(self._mechanism)
         body = body_of(self._mechanism.model, platform)
         self._moment = -1 if body is None else 6 * body
-        self._kernels: dict[Key, engine.Kernel | None] = {}
+        self._kernels: dict[Quantity, engine.Kernel | None] = {}
         self._equations: dict[tuple[bool, bool, bool], Equations] = {}
-        self._codes: dict[Key, list[Code]] = {}
-        self._why: dict[Key, str] = {}
+        self._codes: dict[Quantity, list[Code]] = {}
+        self._why: dict[Quantity, str] = {}
         self._lock = threading.RLock()
         self._given_up = False  # of one whose kernels could not be made; it is not used
 
@@ -85,15 +84,15 @@ class CompiledBackend:
             parts.append(f"{key} by the reference path: {' '.join(why.split())}")  # in one line
         return "; ".join(parts)
 
-    def make(self, keys: Sequence[Key] = FIRST) -> None:
+    def make(self, keys: Sequence[Quantity] = FIRST) -> None:
         """Have kernels ready, those in the cache or compiled now."""
         from concurrent.futures import ThreadPoolExecutor  # slow to import
 
         own = dict.fromkeys(map(self._own, keys))
-        wanted = [key for key in own if not impossible(self._mechanism, key.quantity)]
+        wanted = [key for key in own if not impossible(self._mechanism, key.name)]
         variants = [variant for key in wanted for variant in self._variants(key)]
 
-        def prepare(variant: tuple[Key, str]) -> None:
+        def prepare(variant: tuple[Quantity, str]) -> None:
             with suppress(ActuationError):  # too few motors: `_found` tells it
                 self._from_cache(*variant)
 
@@ -105,7 +104,7 @@ class CompiledBackend:
                 self._given_up = True
                 raise
 
-    def kernel(self, key: Key) -> engine.Kernel | None:
+    def kernel(self, key: Quantity) -> engine.Kernel | None:
         """The kernel of a quantity, as `Kernels.kernel`; those of the last widths are kept."""
         if key in self._kernels:
             return self._kernels[key]
@@ -115,15 +114,15 @@ class CompiledBackend:
             smooth = [other for other in list(self._kernels) if other.sign_width is not None]
             for other in smooth if len(smooth) >= _WIDTHS else ():
                 self._kernels.pop(other, None)
-        columns = self._by_columns() if key.quantity == "accelerations" else None
+        columns = self._by_columns() if key.name == "accelerations" else None
         kernel = self._kernels[key] = columns or self._kernel(key)
         return kernel
 
     def states(self, friction: Friction) -> CompiledStates:
         """The state space with this friction instead of the mechanism's."""
-        closing, columns = self.kernel(Key("closing")), self._by_columns(friction)
+        closing, columns = self.kernel(Quantity("closing")), self._by_columns(friction)
         rate, course = partial(self._rate, friction), partial(self._course, friction)
-        derivatives = Key("acceleration_derivatives", sign_width=friction.sign_width)
+        derivatives = Quantity("acceleration_derivatives", sign_width=friction.sign_width)
         slopes = partial(self.kernel, derivatives)
         return CompiledStates(self._reference, friction, closing, slopes, rate, course, columns)
 
@@ -140,7 +139,7 @@ class CompiledBackend:
 
     def _by_columns(self, friction: Friction | None = None) -> ByColumns | None:
         """Direct dynamics where the mass matrix is too large to be written out; None elsewhere."""
-        mechanism, forces = self._mechanism, Key("generalized_forces")
+        mechanism, forces = self._mechanism, Quantity("generalized_forces")
         small = not impossible(mechanism, "accelerations")
         if small or mechanism.lines.motors.any() or mechanism.without_mass:
             return None
@@ -152,14 +151,14 @@ class CompiledBackend:
             return kernel
 
         inertial = self._kernel(forces, inertial=True)
-        rates = self._kernel(Key("rates"))
+        rates = self._kernel(Quantity("rates"))
         if inertial is None or rates is None:
             return None
         return ByColumns(mechanism, cache(of_loads), inertial, rates)
 
     def _kernel(
         self,
-        key: Key,
+        key: Quantity,
         word: str = "run",
         friction: Friction | None = None,
         *,
@@ -172,7 +171,7 @@ class CompiledBackend:
         friction = friction or self._mechanism.friction
         if key.sign_width is not None:
             friction = replace(friction, sign_width=key.sign_width)
-        regressor = key.quantity == "torque_regressor"
+        regressor = key.name == "torque_regressor"
         parameters = self._all_numbers if regressor else self._parameters
         numbers = parameters.pack(self._mechanism, friction)
         if inertial:
@@ -192,11 +191,11 @@ class CompiledBackend:
 
     def _rate(self, friction: Friction, loaded: bool) -> engine.Kernel | None:
         """Rates of the states next to those given whose loops are closed."""
-        return self._kernel(Key("rollout", loaded=loaded), "rate", friction)
+        return self._kernel(Quantity("rollout", loaded=loaded), "rate", friction)
 
     def _course(self, friction: Friction, loaded: bool) -> "Course | None":
         """The kernel of a rollout; None where there is none."""
-        codes = self._found(Key("rollout", loaded=loaded))
+        codes = self._found(Quantity("rollout", loaded=loaded))
         if not codes:
             return None
         code = codes[-1]
@@ -205,7 +204,7 @@ class CompiledBackend:
         sizes = (q, va, tau, sum(load))
         return self._binding.Course(code.address("run"), sizes, code.prepared(numbers), code)
 
-    def _found(self, key: Key) -> list[Code]:
+    def _found(self, key: Quantity) -> list[Code]:
         """A kernel's code for single samples, then for batches; none where there is none."""
         key = self._own(key)
         if key not in self._codes:
@@ -216,27 +215,27 @@ class CompiledBackend:
                 self._codes[key], self._why[key] = [], str(error)
         return self._codes[key]
 
-    def _own(self, key: Key) -> Key:
+    def _own(self, key: Quantity) -> Quantity:
         """The key of the kernel that computes this quantity too."""
-        if key.quantity == "generalized_forces" and self._mechanism.driven_one_to_one:
-            key = key._replace(quantity="torques")
+        if key.name == "generalized_forces" and self._mechanism.driven_one_to_one:
+            key = key._replace(name="torques")
         return key._replace(sign_width=None)  # it is a parameter
 
-    def _variants(self, key: Key) -> list[tuple[Key, str]]:
+    def _variants(self, key: Quantity) -> list[tuple[Quantity, str]]:
         """Keys and instruction sets of a kernel for single samples, then of one for batches."""
-        if problem := impossible(self._mechanism, key.quantity):
+        if problem := impossible(self._mechanism, key.name):
             raise CompilationError(problem)
         best = self._binding.INSTRUCTIONS
-        if not _has_directions(self._mechanism, key.quantity, TARGETS[best][0]):
+        if not _has_directions(self._mechanism, key.name, TARGETS[best][0]):
             return [(key, SINGLE[best]), (key, best)]
         # Eight directions at once are slower than four.
         narrow = "avx2" if best == "avx512" else best
         fit = len(self._mechanism.coordinates) <= TARGETS[narrow][0]
         return [(key._replace(along=True), narrow if fit else best), (key, best)]
 
-    def _from_cache(self, key: Key, target: str) -> Code:
+    def _from_cache(self, key: Quantity, target: str) -> Code:
         """Code from the cache, or compiled now."""
-        content, smooth = self._content, key.kind.smooth
+        content, smooth = self._content, key.properties.smooth
         if key.frame is not None:
             content = fingerprint(self._mechanism, self._parameters, self._near, key.frame)
 
@@ -255,14 +254,14 @@ class CompiledBackend:
         library = libraries.load(self._robot, str(key), content, target, source, options)
         return Code(library, key.entry)
 
-    def _equations_of(self, key: Key) -> "Equations":
+    def _equations_of(self, key: Quantity) -> "Equations":
         from .equations import Equations
 
-        if key.quantity == "torque_regressor":
+        if key.name == "torque_regressor":
             samples = sample_configurations(self._reference, self._near)
             mechanism = with_springs(self._mechanism)
             return Equations(mechanism, samples, parameters=self._all_numbers)
-        kind = key.loaded, key.kind.smooth, key.quantity != "reactions"
+        kind = key.loaded, key.properties.smooth, key.name != "reactions"
         if kind not in self._equations:
             samples = sample_configurations(self._reference, self._near)
             self._equations[kind] = Equations(self._mechanism, samples, *kind)

@@ -16,7 +16,7 @@ from typing import Any
 import casadi as ca
 from casadi import SX
 
-from ..engine import Key
+from ..dynamics.quantities import Quantity
 from ..model.tree import frame_named
 from . import symbolic_derivatives
 from .elimination import total
@@ -90,9 +90,9 @@ def make(
     )
 
 
-def entry(equations: Equations, key: Key) -> list[SymbolicKernel]:
+def entry(equations: Equations, key: Quantity) -> list[SymbolicKernel]:
     """The kernels in the library of a key: one, or those of a rollout."""
-    parts = ["closing", "state_rate"] if key.quantity == "rollout" else [key.quantity]
+    parts = ["closing", "state_rate"] if key.name == "rollout" else [key.name]
     return [make(equations, part, frame=key.frame, along=key.along) for part in parts]
 
 

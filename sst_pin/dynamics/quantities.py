@@ -32,7 +32,7 @@ Name = Literal[
 ]
 
 
-class Quantity(NamedTuple):
+class Properties(NamedTuple):
     """Properties of a quantity."""
 
     #: The function of the reference path that computes one sample.
@@ -64,50 +64,81 @@ def _motors(mechanism: Mechanism) -> int:
     return mechanism.motors.shape[1]
 
 
-QUANTITIES: Mapping[Name, Quantity] = {
-    "torques": Quantity(Reference.torques, lambda m: (_motors(m),), "", loadable=True),
-    "generalized_forces": Quantity(
+QUANTITIES: Mapping[Name, Properties] = {
+    "torques": Properties(Reference.torques, lambda m: (_motors(m),), "", loadable=True),
+    "generalized_forces": Properties(
         Reference.generalized_forces, lambda m: (_n(m),), "", loadable=True
     ),
-    "accelerations": Quantity(Reference.accelerations, lambda m: (_n(m),), loadable=True),
-    "torque_derivatives": Quantity(
+    "accelerations": Properties(Reference.accelerations, lambda m: (_n(m),), loadable=True),
+    "torque_derivatives": Properties(
         Reference.torque_derivatives,
         lambda m: (_n(m), 3 * _n(m)),
         "derivatives",
         loadable=True,
         smooth=True,
     ),
-    "acceleration_derivatives": Quantity(
+    "acceleration_derivatives": Properties(
         Reference.acceleration_derivatives,
         lambda m: (_n(m), 2 * _n(m) + _motors(m)),
         "derivatives",
         loadable=True,
         smooth=True,
     ),
-    "reactions": Quantity(
+    "reactions": Properties(
         Reference.reactions,
         lambda m: (reactions.size_of(m),),
         "",
         loadable=True,
         tau_optional=True,
     ),
-    "torque_regressor": Quantity(
+    "torque_regressor": Properties(
         Reference.torque_regressor, lambda m: (_n(m), regressor.size_of(m)), "derivatives"
     ),
-    "rates": Quantity(Reference.rates, lambda m: (m.model.nv,), ""),
-    "joint_accelerations": Quantity(Reference.joint_accelerations, lambda m: (m.model.nv,), ""),
-    "actuator_jacobian": Quantity(Reference.actuator_jacobian, lambda m: (_motors(m), _n(m)), ""),
-    "reduced_terms": Quantity(Reference.reduced_terms, lambda m: (2 * _n(m) * (_n(m) + 1),)),
-    "displacement_rates": Quantity(Reference.displacement_rates, lambda m: (_n(m), _n(m))),
-    "frame_jacobian": Quantity(Reference.frame_jacobian, lambda m: (6, _n(m)), of_frame=True),
-    "frame_jacobian_rate": Quantity(
+    "rates": Properties(Reference.rates, lambda m: (m.model.nv,), ""),
+    "joint_accelerations": Properties(Reference.joint_accelerations, lambda m: (m.model.nv,), ""),
+    "actuator_jacobian": Properties(Reference.actuator_jacobian, lambda m: (_motors(m), _n(m)), ""),
+    "reduced_terms": Properties(Reference.reduced_terms, lambda m: (2 * _n(m) * (_n(m) + 1),)),
+    "displacement_rates": Properties(Reference.displacement_rates, lambda m: (_n(m), _n(m))),
+    "frame_jacobian": Properties(Reference.frame_jacobian, lambda m: (6, _n(m)), of_frame=True),
+    "frame_jacobian_rate": Properties(
         Reference.frame_jacobian_rate, lambda m: (6, _n(m)), of_frame=True
     ),
-    "frame_velocity_derivatives": Quantity(
+    "frame_velocity_derivatives": Properties(
         Reference.frame_velocity_derivatives, lambda m: (6, 2 * _n(m)), of_frame=True
     ),
-    "frame_drift": Quantity(Reference.frame_drift, lambda m: (6,), "", of_frame=True),
+    "frame_drift": Properties(Reference.frame_drift, lambda m: (6,), "", of_frame=True),
     # A closed q, a determinant and a sum of squares; states of a rollout.
-    "closing": Quantity(_integrators_only, lambda m: (m.model.nq + 2,), ""),
-    "rollout": Quantity(_integrators_only, lambda m: (m.model.nq + _n(m),), loadable=True),
+    "closing": Properties(_integrators_only, lambda m: (m.model.nq + 2,), ""),
+    "rollout": Properties(_integrators_only, lambda m: (m.model.nq + _n(m),), loadable=True),
 }
+
+
+class Quantity(NamedTuple):
+    """A quantity that an engine computes.
+
+    Attributes:
+        name: Its name in the table of quantities.
+        frame: Name of the frame, for a quantity of a frame.
+        loaded: Whether external wrenches act.
+        along: Whether it takes one sample at a time, several directions of derivatives at once.
+        sign_width: Width within which Coulomb friction is smooth, for derivatives.
+    """
+
+    name: Name
+    frame: str | None = None
+    loaded: bool = False
+    along: bool = False
+    sign_width: float | None = None
+
+    @property
+    def properties(self) -> Properties:
+        """Its row in the table of quantities."""
+        return QUANTITIES[self.name]
+
+    @property
+    def entry(self) -> str:
+        """The name of its functions in C."""
+        return "_".join([self.name, *["along"] * self.along, *["loaded"] * self.loaded])
+
+    def __str__(self) -> str:
+        return self.entry if self.frame is None else f"{self.entry} {self.frame}"

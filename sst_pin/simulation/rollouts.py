@@ -21,7 +21,8 @@ from ..arrays import (
     single_array,
     whole_number,
 )
-from ..engine import Engine, Key
+from ..dynamics.quantities import Quantity
+from ..engine import Engine
 from ..errors import InputError, SimulationError
 from ..states import Motions
 
@@ -83,7 +84,7 @@ def rollout(
         first = int(stopped[0])
         finite_array("tau", torques, (motors,))
         if reached[first] == 0:  # the start fails by its own name
-            engine.compute(Key("rates"), start, va=rates)
+            engine.compute(Quantity("rates"), start, va=rates)
         error = SimulationError(
             "the motion reached a singularity, diverged, or opened the loops (step too long)",
             reached[first] * step,

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, as_array, positive_number, single_array
-from ..engine import Engine, Key
+from ..dynamics.quantities import Quantity
+from ..engine import Engine
 from ..errors import InputError, SingularityWarning
 from ..model.closures import Rolling
 from .integration import Input, Motion, Run
@@ -72,7 +73,7 @@ def simulate(
     n, motors = len(mechanism.coordinates), len(mechanism.motor_names)
     q0 = single_array("q0", q0, (mechanism.model.nq,))
     states = engine.states(sign_width)
-    engine.compute(Key("rates"), q0, va=np.zeros(n))
+    engine.compute(Quantity("rates"), q0, va=np.zeros(n))
     va0 = single_array("va0", va0, (n,))
     if not states.condition_number(q0) < max_condition_number:
         raise InputError("q0", f"closer to a singularity than {max_condition_number=:g}")

@@ -14,7 +14,8 @@ import sst_pin
 import sst_pin.robots as robots_of_the_gallery
 from sst_pin.compiled import compiled_backend, compiler, libraries
 from sst_pin.dynamics.derivatives import TorqueDerivatives
-from sst_pin.engine import Engine, Key
+from sst_pin.dynamics.quantities import Quantity
+from sst_pin.engine import Engine
 from sst_pin.errors import CompilationError
 from sst_pin.verification.sampling import random_states
 from tests.support import any_chain, link_tables
@@ -54,9 +55,11 @@ def left(chain, q, va, aa):
     """How many samples the kernels of torques and accelerations leave to the reference path."""
     motors, kernels = len(chain.motor_names), chain.engine.kernels
     tau = np.ones((len(q), motors))
-    count = len(kernels.kernel(Key("accelerations")).many((q, va, tau), np.empty(va.shape)))
+    count = len(kernels.kernel(Quantity("accelerations")).many((q, va, tau), np.empty(va.shape)))
     if motors >= chain.degrees_of_freedom:
-        count += len(kernels.kernel(Key("torques")).many((q, va, aa), np.empty((len(q), motors))))
+        count += len(
+            kernels.kernel(Quantity("torques")).many((q, va, aa), np.empty((len(q), motors)))
+        )
     return count
 
 
@@ -242,7 +245,7 @@ def test_pivots_are_chosen_in_the_assembly_mode_of_the_coordinates():
 
 def test_the_binding_computes_with_rows_of_real_numbers_and_nothing_else(four_bar):
     (q, va, aa), out = moving(four_bar, 5), np.empty((5, 1))
-    kernel = four_bar.engine.kernel(Key("torques"))
+    kernel = four_bar.engine.kernel(Quantity("torques"))
     assert kernel.answer(q[0], va[0], aa[0], None, None, 1) is not None
     batch = kernel.answer(q, va[0], aa, None, None, 1)
     alone = [kernel.answer(q[k], va[0], aa[k], None, None, 1) for k in range(5)]
@@ -274,7 +277,7 @@ def test_the_binding_computes_with_rows_of_real_numbers_and_nothing_else(four_ba
 def test_whole_numbers_and_lists_are_answered_by_the_kernel_at_once(four_bar, numbers):
     """The caller would check them at some twenty times the cost; what is no number it refuses."""
     (q,), (va, aa) = moving(four_bar, 1)[0], (np.array([2]), np.array([-3]))
-    kernel, kind = four_bar.engine.kernel(Key("torques")), Key("torque_derivatives")
+    kernel, kind = four_bar.engine.kernel(Quantity("torques")), Quantity("torque_derivatives")
     found = kernel.answer(q, numbers(va.tolist()), numbers(aa.tolist()), None, None, 1)
     assert np.array_equal(found, four_bar.compute_torques(q, va * 1.0, aa * 1.0))
     slopes = four_bar.engine.kernel(kind._replace(sign_width=1e-3))

@@ -11,7 +11,7 @@ from sst_pin.compiled import c_code, kernels, statements
 from sst_pin.compiled.compiled_backend import DERIVATIVES, CompiledBackend
 from sst_pin.compiled.equations import Equations
 from sst_pin.compiled.generator_inputs import sample_configurations
-from sst_pin.engine import Key
+from sst_pin.dynamics.quantities import Quantity
 from sst_pin.errors import InputError, UnknownNameError
 from sst_pin.model.mechanism import Friction
 from tests.support import any_chain
@@ -81,14 +81,14 @@ def assert_all_ways_agree(case, count, keys=ALL):
         tau = np.linspace(-2, 3, len(chain.motor_names))
         da = np.concatenate(chain.acceleration_derivatives(q, va, tau, **options), axis=1)
         for key in keys:
-            x, expected = (aa, df) if key.quantity == "torque_derivatives" else (tau, da)
+            x, expected = (aa, df) if key.name == "torque_derivatives" else (tau, da)
             d = evaluated(key, q, va, x, wrenches)
             close(d, expected, 1e-10)
             if k > 2:
                 continue
             inertia, motors = chain.noc(q, va).inertia, chain.actuator_jacobian(q).T
             by_x = d[:, 2 * len(va) :]
-            if key.quantity == "torque_derivatives":
+            if key.name == "torque_derivatives":
                 close(by_x, inertia, 1e-12)
             else:  # condition numbers of inertia matrices of mixed units are up to 1e4
                 close(inertia @ by_x, motors, 1e-10)
@@ -163,7 +163,7 @@ def test_compile_with_derivatives_has_all_of_linearize_ready(name, monkeypatch):
     case = COMPILED[name]()
     case.chain.compile(case.home, derivatives=True)
     assert set(DERIVATIVES) < set(asked)
-    assert (Key("displacement_rates") in asked) == (name == "floating four-bar")
+    assert (Quantity("displacement_rates") in asked) == (name == "floating four-bar")
 
 
 OF_FRAMES = ("frame_jacobian_rate", "frame_velocity_derivatives", "frame_drift")
@@ -183,7 +183,7 @@ def test_the_reference_path_computes_a_frame_that_no_kernel_vouches_for(compiled
     closed, left = q[2, -1], []
     for step in np.geomspace(1e-8, 1e-4, 60):
         q[2, -1] = closed + step
-        left = ours.engine.kernel(Key("frame_drift", frame)).many((q, va), rows)
+        left = ours.engine.kernel(Quantity("frame_drift", frame)).many((q, va), rows)
         if len(left):
             break
     assert list(left) == [2]

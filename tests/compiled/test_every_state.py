@@ -6,7 +6,7 @@ import pinocchio as pin
 import pytest
 
 from sst_pin import SST, ClosureError, SingularConfigurationError
-from sst_pin.engine import Key
+from sst_pin.dynamics.quantities import Quantity
 from tests.gallery import EVERY_ROBOT
 from tests.support.any_chain import with_joint
 
@@ -98,7 +98,7 @@ def test_kernels_give_the_numbers_of_the_reference_path_or_leave_the_state_to_it
     assert kernels.path.startswith("compiled")
     tau, found, backend = np.empty((len(q), motors)), np.empty_like(aa), kernels.engine.kernels
     expected = reference.compute_torques(q, va, aa)
-    left = backend.kernel(Key("torques")).many((q, va, aa), tau)
+    left = backend.kernel(Quantity("torques")).many((q, va, aa), tau)
     kept = np.delete(np.arange(len(q)), left)
     size = np.abs(expected).max(axis=1)
     for i in kept[~(np.abs(tau - expected).max(axis=1) < allowed * size)[kept]]:
@@ -106,7 +106,7 @@ def test_kernels_give_the_numbers_of_the_reference_path_or_leave_the_state_to_it
         rounding = of_rounding(reference, reference.compute_torques, *motion)
         parts = of_parts(reference.compute_torques, *motion)
         assert np.abs(tau[i] - expected[i]).max() < max(2 * rounding, allowed[i] * parts)
-    also_left = backend.kernel(Key("accelerations")).many((q, va, expected), found)
+    also_left = backend.kernel(Quantity("accelerations")).many((q, va, expected), found)
     kept = np.delete(np.arange(len(q)), also_left)
     forces_of = reference.generalized_forces
     taken, forces = (forces_of(q[kept], va[kept], x[kept]) for x in (found, aa))

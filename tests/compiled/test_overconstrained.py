@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
-from sst_pin.engine import Key
+from sst_pin.dynamics.quantities import Quantity
 from sst_pin.simulation.energy import energy_balance
 from tests.gallery import ladder
 from tests.support.by_hand import add, at, mark
@@ -138,7 +138,7 @@ def test_loops_turn_fully_by_kernels_and_follow_the_reference_path(name):
         (kernels.compute_accelerations, reference.compute_accelerations),
     ):
         expected = theirs(q, va, aa)
-        key, result = Key(ours.__name__.removeprefix("compute_")), np.empty_like(expected)
+        key, result = Quantity(ours.__name__.removeprefix("compute_")), np.empty_like(expected)
         assert not len(kernels.engine.kernel(key).many((q, va, aa), result))
         # Condition numbers are below 1e3.
         assert np.allclose(result, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
