@@ -171,7 +171,7 @@ class TrackingLQR(Controller):
     """The torques of the motion and the linear feedback of least cost along it.
 
     The cost is the sum of x Q x + u R u over steps of the motion's samples, with the errors x of
-    (coordinates, rates) and u of the torques; behind the end its last place is held for ever. The
+    (coordinates, rates) and u of the torques; after its end the robot is held there. The
     other arguments are those of `Controller`; the motion has equal steps of time.
 
     Args:
@@ -214,13 +214,13 @@ class TrackingLQR(Controller):
             P = solve_discrete_are(A[-1], B[-1], cost, effort)
         except LinAlgError:
             raise InputError("Q", "no linear feedback holds the end of the motion") from None
-        found = []
+        gains_backwards = []
         for a, b in zip(A[::-1], B[::-1], strict=True):
             K = np.linalg.solve(effort + b.T @ P @ b, b.T @ P @ a)
             P = cost + a.T @ P @ (a - b @ K)
             P = (P + P.T) / 2
-            found.append(K)
-        self.gains = np.array(found[::-1])
+            gains_backwards.append(K)
+        self.gains = np.array(gains_backwards[::-1])
         self._feed, still = spline(motion.t, motion.tau), np.zeros((2, n))
         self._holding = chain.compute_torques(motion.q[[0, -1]], still, still)
 
@@ -239,8 +239,8 @@ class TrackingLQR(Controller):
 
 def _weights(name: str, value: ArrayLike, size: int, least: float) -> Array:
     """A symmetric matrix of weights, its eigenvalues at least this part of the largest."""
-    given = finite_array(name, value, ())
-    matrix = np.diag(given) if given.shape == (size,) else given
+    weights = finite_array(name, value, ())
+    matrix = np.diag(weights) if weights.shape == (size,) else weights
     if matrix.shape != (size, size) or not np.allclose(matrix, matrix.T):
         raise InputError(name, f"needed: shape ({size},), or a symmetric ({size}, {size})")
     values = np.linalg.eigvalsh(matrix)

@@ -35,7 +35,7 @@ class Linkage:
         self.chain = chain.with_coordinates([*self.joints, *_others(chain, rates)])
         coordinates = self.chain.mechanism.coordinates
         self._columns = np.array([int(np.flatnonzero(coordinates == k)[0]) for k in rates])
-        scale = motor_units(chain)
+        scale = chain.mechanism.motor_scale
         J = self.chain.actuator_jacobian(self.chain.generic_configuration())
         J = J / scale[:, None] * chain.mechanism.rate_scale[coordinates]
         self._rows = np.flatnonzero(np.abs(J[:, self._columns]).max(axis=1) > RANK_TOLERANCE)
@@ -170,14 +170,9 @@ def _others(chain: ClosedChain, rates: Indices) -> list[str]:
     mechanism = chain.mechanism
     L = chain.joint_rates(chain.generic_configuration(), np.eye(chain.degrees_of_freedom)).T
     L = L / mechanism.rate_scale[:, None] * mechanism.rate_scale[mechanism.coordinates]
-    chosen, found = L[rates], list[str]()
+    chosen, others = L[rates], list[str]()
     for name in chain.coordinates:
         rows = np.vstack([chosen, L[mechanism.space.rates_of([name])]])
         if np.linalg.matrix_rank(rows, tol=RANK_TOLERANCE) == len(rows):
-            chosen, found = rows, [*found, name]
-    return found
-
-
-def motor_units(chain: ClosedChain) -> Array:
-    """Rates of the motors in multiples of these are free of units, shape (motors,)."""
-    return np.array([1.0 if u == "Nm" else chain.mechanism.length for u in chain.motor_units])
+            chosen, others = rows, [*others, name]
+    return others

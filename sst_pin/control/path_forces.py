@@ -3,7 +3,7 @@
 
 Along the path x(s) of the coordinates, with w and u the first and second derivative of s by time, a
 motor gives a(s) u + b(s) w^2 + c(s) + d(s) w + e(s): the parts of inertia, of rates, of weight, of
-viscous and of Coulomb friction. They are found from the inverse dynamics.
+viscous and of Coulomb friction. They come from the inverse dynamics.
 """
 
 from typing import NamedTuple
@@ -43,18 +43,18 @@ class SmoothPath:
             raise InputError("path", "a joint turns by half a turn between samples: use more")
         scale = chain.mechanism.rate_scale[chain.mechanism.coordinates]
         steps = np.linalg.norm(np.diff(x, axis=0) / scale, axis=1)
-        kept = np.append(True, steps > 1e-9 * steps.sum())
-        if kept.sum() < 3:
+        moving_samples = np.append(True, steps > 1e-9 * steps.sum())
+        if moving_samples.sum() < 3:
             raise InputError("path", "the coordinates do not move along it")
-        ways = np.diff(x[kept], axis=0) / scale
+        ways = np.diff(x[moving_samples], axis=0) / scale
         back = np.flatnonzero((ways[1:] * ways[:-1]).sum(axis=1) < 0)
         if len(back):
-            sample = np.flatnonzero(kept)[back[0] + 1]
+            sample = np.flatnonzero(moving_samples)[back[0] + 1]
             raise InputError("path", f"it turns back at sample {sample}: divide it there")
-        s = np.cumsum(np.append(0, steps)[kept])
+        s = np.cumsum(np.append(0, steps)[moving_samples])
         s /= s[-1]
-        self._joints = spline(s, self._space.without_jumps(q[kept]))
-        self._curve = spline(s, x[kept])
+        self._joints = spline(s, self._space.without_jumps(q[moving_samples]))
+        self._curve = spline(s, x[moving_samples])
         self._first, self._second = self._curve.derivative(1), self._curve.derivative(2)
 
     def at(self, s: Array) -> tuple[Array, Array, Array]:

@@ -126,8 +126,8 @@ def force_polytope(
         ends = room / np.where(rows[:, 0] > 0, rows[:, 0], np.nan)
         back = room / np.where(rows[:, 0] < 0, rows[:, 0], np.nan)
         return np.array([[np.nanmax(back)], [np.nanmin(ends)]]) @ moving
-    found = HalfspaceIntersection(np.column_stack([rows, -room]), np.zeros(len(moving)))
-    return hull(found.intersections) @ moving
+    corners = HalfspaceIntersection(np.column_stack([rows, -room]), np.zeros(len(moving)))
+    return hull(corners.intersections) @ moving
 
 
 def acceleration_ellipsoid(
@@ -240,12 +240,12 @@ def _supplied(
     left = np.abs(forces - A @ G * units)
     over = left > UNSUPPLIED * np.abs(forces).max(axis=(-1, -2), keepdims=True)
     if over.any():
-        moved = over.any(axis=-1)
-        names = [mechanism.coordinate_rate_names[k] for k in np.argwhere(moved)[:, -1]]
+        loose = over.any(axis=-1)
+        names = [mechanism.coordinate_rate_names[k] for k in np.argwhere(loose)[:, -1]]
         error = ActuationError(
             f"no motor holds {listed(list(dict.fromkeys(names)))}, which a force on {frame} moves"
         )
-        name_samples(error, np.flatnonzero(moved.any(axis=-1)).tolist(), moved.shape[:-1])
+        name_samples(error, np.flatnonzero(loose.any(axis=-1)).tolist(), loose.shape[:-1])
         raise error
     return G
 

@@ -179,7 +179,7 @@ def reach_map(
     tau = chain.compute_torques(q[reached], rest, rest) - np.roll(push, 3) @ A
     directions = chain.preload_directions(q[reached])
     pairs = zip(tau, directions, strict=True)
-    held = np.array([within_limits(*each, limits) for each in pairs]).reshape(tau.shape)
+    holding = np.array([within_limits(*each, limits) for each in pairs]).reshape(tau.shape)
 
     def on_grid(values: Array) -> Array:
         grid = np.full((*why.shape, *values.shape[1:]), np.nan)
@@ -193,7 +193,7 @@ def reach_map(
         *columns_of("q", chain.position_names, chain.joint_units),
     )
     values = named[axes[0]], named[axes[1]]
-    return ReachMap(axes, values, poses, why, q, condition, on_grid(held), used, columns)
+    return ReachMap(axes, values, poses, why, q, condition, on_grid(holding), used, columns)
 
 
 def _grid_axes(named: dict[str, Array]) -> tuple[str, str]:

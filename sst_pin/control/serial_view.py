@@ -38,7 +38,7 @@ class SerialView(Linkage):
 
     Attributes:
         chain: The robot in these coordinates; everything about it is in its methods.
-        joints: The names given.
+        joints: Their names.
         motors: Names of the motors that move these joints.
 
     Raises:
@@ -147,11 +147,11 @@ class SerialView(Linkage):
         corners = np.array(list(product(*self._limits(limits))))
         at_joints = self.joint_torques(self._configurations(q)[..., None, :], corners)
         try:
-            found = [hull(points) for points in at_joints.reshape(-1, *at_joints.shape[-2:])]
+            polygons = [hull(points) for points in at_joints.reshape(-1, *at_joints.shape[-2:])]
         except QhullError:
             raise SingularConfigurationError("the motors do not hold all joints", np.inf) from None
-        most = max(map(len, found), default=0)
-        padded = [np.pad(x, ((0, most - len(x)), (0, 0)), mode="edge") for x in found]
+        most = max(map(len, polygons), default=0)
+        padded = [np.pad(x, ((0, most - len(x)), (0, 0)), mode="edge") for x in polygons]
         return np.array(padded).reshape(*at_joints.shape[:-2], most, len(self.joints))
 
     def _limits(self, limits: ArrayLike | None) -> Array:
@@ -160,10 +160,10 @@ class SerialView(Linkage):
             return limits_of(finite_array("limits", limits, ()), len(self.motors))
         B = self.chain.mechanism.motors[:, self._rows]
         one = (np.count_nonzero(B, axis=0) == 1) & (np.abs(B).sum(axis=0) == 1)
-        given = np.abs(B).T @ self.chain.mechanism.model.effortLimit
-        if not (one & (given > 0) & (given < np.finfo(float).max)).all():
+        effort = np.abs(B).T @ self.chain.mechanism.model.effortLimit
+        if not (one & (effort > 0) & (effort < np.finfo(float).max)).all():
             raise InputError("limits", "the model has no limits of these motors: give limits=")
-        return np.column_stack([-given, given])
+        return np.column_stack([-effort, effort])
 
     def joint_gains(self, q: ArrayLike, gains: ArrayLike, tau: ArrayLike | None = None) -> Array:
         """Gains at the joints for gains of the motors: J^T k J, shape (..., joints, joints).
@@ -214,19 +214,19 @@ class SerialView(Linkage):
         each = self._configurations(q)[..., None, None, :]
         of_sums = self.chain.joint_accelerations(each, sums, np.zeros(n))
         square = of_sums @ mechanism.motors[:, self._rows]
-        own = np.einsum("...iim->...im", square) / 4
-        slope = (square - own[..., :, None, :] - own[..., None, :, :]) / 2
+        single = np.einsum("...iim->...im", square) / 4
+        slope = (square - single[..., :, None, :] - single[..., None, :, :]) / 2
         return np.einsum("...ijm,...m->...ij", slope, tau)
 
 
 def _without_serial_bodies(chain: ClosedChain) -> pin.Model:
     """The model with weightless bodies where only coordinates carry them."""
     mechanism = chain.mechanism
-    model, own = pin.Model(mechanism.model), set(mechanism.coordinates.tolist())
+    model, coordinates = pin.Model(mechanism.model), set(mechanism.coordinates.tolist())
     armature = model.armature.copy()
     for i in range(1, model.njoints):
         bearers = [model.joints[j] for j in list(model.supports[i])[1:]]
-        if all(set(range(b.idx_v, b.idx_v + b.nv)) <= own for b in bearers):
+        if all(set(range(b.idx_v, b.idx_v + b.nv)) <= coordinates for b in bearers):
             model.inertias[i] = pin.Inertia.Zero()
             armature[bearers[-1].idx_v : bearers[-1].idx_v + bearers[-1].nv] = 0
     model.armature = armature
@@ -235,15 +235,15 @@ def _without_serial_bodies(chain: ClosedChain) -> pin.Model:
 
 def _mapped(matrices: NDArray[np.floating[Any]], name: str, vectors: ArrayLike) -> Array:
     """Matrices, shape (..., i, j), times vectors of a name, shape (..., j)."""
-    given = finite_array(name, vectors, (matrices.shape[-1],))
-    return np.einsum("...ij,...j->...i", matrices, given)
+    rows = finite_array(name, vectors, (matrices.shape[-1],))
+    return np.einsum("...ij,...j->...i", matrices, rows)
 
 
 def _matrix(gains: ArrayLike, size: int) -> Array:
     """Gains as a matrix."""
-    given = finite_array("gains", gains, ())
-    if given.shape == (size,):
-        return np.diag(given)
-    if given.shape != (size, size):
-        raise InputError("gains", f"shape {given.shape}, expected ({size},) or ({size}, {size})")
-    return given
+    matrix = finite_array("gains", gains, ())
+    if matrix.shape == (size,):
+        return np.diag(matrix)
+    if matrix.shape != (size, size):
+        raise InputError("gains", f"shape {matrix.shape}, expected ({size},) or ({size}, {size})")
+    return matrix

@@ -201,7 +201,7 @@ def _linear(s: Array, unit: float, parts: Parts) -> Array:
     k = rows[0].shape[1]
     squares = np.minimum(((1 - MARGIN) * parts.most * unit) ** 2, 1e8)
     bounds = np.column_stack([np.zeros_like(s), squares])
-    found = *(np.vstack([x, x[-1:]]) for x in rows), np.eye(k), np.full(k, 1 - MARGIN)
+    constraint = *(np.vstack([x, x[-1:]]) for x in rows), np.eye(k), np.full(k, 1 - MARGIN)
 
     class Rows(LinearConstraint):  # type: ignore[misc]
         def __init__(self) -> None:
@@ -209,7 +209,7 @@ def _linear(s: Array, unit: float, parts: Parts) -> Array:
             self.identical = True
 
         def compute_constraint_params(self, path: object, grid: Array) -> Any:
-            return (*found, None, bounds)
+            return (*constraint, None, bounds)
 
     way = SplineInterpolator([0.0, 1.0], [[0.0], [1.0]])
     solver = TOPPRA([Rows()], way, gridpoints=s, solver_wrapper="seidel")

@@ -70,14 +70,14 @@ def draw(
     *others: tuple[Array, str, Mapping[str, Any]],
     zero: bool = False,
 ) -> Axes:
-    """Curves with a look for each, `others` with labels and looks of their own, axes, a legend.
+    """Curves with a look for each, `others` with their labels and looks, axes, a legend.
 
     With `zero` a thin line is drawn at 0.
     """
     for look, values, label in zip(looks(curves.names), curves.values.T, labels, strict=True):
         ax.plot(t, values, label=label, **look)
-    for values, label, own in others:
-        ax.plot(t, values, label=label, **own)
+    for values, label, style in others:
+        ax.plot(t, values, label=label, **style)
     if zero:
         zero_line(ax)
     ax.set(xlabel="time (s)", ylabel=what, xlim=(t[0], t[-1]))
@@ -114,11 +114,11 @@ def looks(names: Sequence[str]) -> list[dict[str, Any]]:
     """
     if len(names) <= len(DASHES):
         return [_look(i, i, 0) for i in range(len(names))]
-    found = [_LETTER.fullmatch(name) for name in names]
-    if all(found):
-        letters, numbers = (list(dict.fromkeys(m[i] for m in found if m)) for i in (1, 2))
+    matches = [_LETTER.fullmatch(name) for name in names]
+    if all(matches):
+        letters, numbers = (list(dict.fromkeys(m[i] for m in matches if m)) for i in (1, 2))
         if len(letters) <= len(DASHES) and len(numbers) <= len(_MARKS):
-            places = [(numbers.index(m[2]), letters.index(m[1])) for m in found if m]
+            places = [(numbers.index(m[2]), letters.index(m[1])) for m in matches if m]
             return [_look(k, kind, k, place) for place, (k, kind) in enumerate(places)]
     return [_look(i % len(_HUES), i % 3, i // 3 % 3, i) for i in range(len(names))]
 
@@ -137,8 +137,8 @@ def _look(colour: int, dashes: int, mark: int, place: int = 0) -> dict[str, Any]
 
 def label(name: str, accent: str = "") -> str:
     """A name for the legend: gamma_1 as a letter with its number, others as they are."""
-    if found := _LETTER.fullmatch(name):
-        return rf"${accent}\{found[1]}_{subscript(found[2])}$"
+    if match := _LETTER.fullmatch(name):
+        return rf"${accent}\{match[1]}_{subscript(match[2])}$"
     plain = name.replace("$", r"\$")
     return f" {plain}" if plain.startswith("_") else plain  # else no entry of a legend
 
@@ -155,8 +155,8 @@ def subscript(digits: str) -> str:
 
 def digits_of(name: str) -> str:
     """The digits of a name like gamma_1; of another name an empty text."""
-    found = _LETTER.fullmatch(name)
-    return found[2] if found else ""
+    match = _LETTER.fullmatch(name)
+    return match[2] if match else ""
 
 
 def legend_above(ax: Axes) -> None:

@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Curves of a motion against time, for any closed chain."""
+"""Curves of a motion against time, for any closed chain.
+
+`ax` are 2-D axes, `robot` is any closed chain, `motion` is a motion of it, `motors` and `joints`
+name the curves to draw, by default all. All functions raise InputError for the motion of another
+robot and for curves of several units, UnknownNameError for an unknown name.
+"""
 
 from __future__ import annotations
 
@@ -24,26 +29,17 @@ _FRICTION: dict[str, Any] = {"color": "#CC79A7", "linestyle": (0, (3, 1, 1, 1)),
 def motor_torques(ax: Axes, motion: Trajectory, motors: Sequence[str] | None = None) -> Axes:
     """Torques or forces of the motors over time (Fig. 10).
 
-    Args:
-        ax: 2-D axes.
-        motion: A motion of any closed chain.
-        motors: Names of motors; all by default.
-
-    Raises:
-        UnknownNameError: For an unknown name.
-        InputError: If some values are torques and others are forces.
-
     Example:
         >>> plots.motor_torques(ax, motion).get_ylabel()
         'motor torque (N m)'
     """
-    found = _torques(motion).pick(motors)
-    digits = [curves.digits_of(name) for name in found.names]
+    shown = _torques(motion).pick(motors)
+    digits = [curves.digits_of(name) for name in shown.names]
     if all(digits) and len(set(digits)) == len(digits):
         labels = [rf"$\tau_{curves.subscript(k)}$" for k in digits]
     else:
-        labels = [curves.label(name) for name in found.names]
-    return curves.draw(ax, motion.t, found, labels, curves.FORCE[found.unit()], zero=True)
+        labels = [curves.label(name) for name in shown.names]
+    return curves.draw(ax, motion.t, shown, labels, curves.FORCE[shown.unit()], zero=True)
 
 
 def joint_angles(ax: Axes, motion: Trajectory, joints: Sequence[str] | None = None) -> Axes:
@@ -51,22 +47,13 @@ def joint_angles(ax: Axes, motion: Trajectory, joints: Sequence[str] | None = No
 
     A continuous joint, which is a cosine and a sine in q, is drawn as one angle.
 
-    Args:
-        ax: 2-D axes.
-        motion: A motion of any closed chain.
-        joints: Names of entries of q; all by default.
-
-    Raises:
-        UnknownNameError: For an unknown name.
-        InputError: If some values are angles and others are not.
-
     Example:
         >>> plots.joint_angles(ax, motion, ["crank", "rocker"]).get_ylabel()
         'joint angle (deg)'
     """
-    found = _positions(motion).pick(joints)
-    labels = [curves.label(name) for name in found.names]
-    return curves.draw(ax, motion.t, found, labels, curves.POSITION[found.unit()])
+    shown = _positions(motion).pick(joints)
+    labels = [curves.label(name) for name in shown.names]
+    return curves.draw(ax, motion.t, shown, labels, curves.POSITION[shown.unit()])
 
 
 def joint_rates(
@@ -74,23 +61,13 @@ def joint_rates(
 ) -> Axes:
     """Rates of joints over time.
 
-    Args:
-        ax: 2-D axes.
-        robot: Any closed chain.
-        motion: A motion of this robot.
-        joints: Names of rates; all by default.
-
-    Raises:
-        UnknownNameError: For an unknown name.
-        InputError: For another robot's motion, or if some joints turn and others slide.
-
     Example:
         >>> plots.joint_rates(ax, chain, motion).get_ylabel()
         'joint rate (rad/s)'
     """
-    found = _rates(robot, motion).pick(joints)
-    labels = [curves.label(name, r"\dot") for name in found.names]
-    return curves.draw(ax, motion.t, found, labels, curves.RATE[found.unit()], zero=True)
+    shown = _rates(robot, motion).pick(joints)
+    labels = [curves.label(name, r"\dot") for name in shown.names]
+    return curves.draw(ax, motion.t, shown, labels, curves.RATE[shown.unit()], zero=True)
 
 
 def powers(
@@ -98,42 +75,24 @@ def powers(
 ) -> Axes:
     """Power of each motor, of all motors together, and of friction, over time.
 
-    Args:
-        ax: 2-D axes.
-        robot: Any closed chain.
-        motion: A motion of this robot.
-        motors: Names of motors with their own curves; all by default.
-
-    Raises:
-        UnknownNameError: For an unknown name.
-        InputError: For another robot's motion.
-
     Example:
         >>> plots.powers(ax, chain, motion).get_ylabel()
         'power (W)'
     """
     every = _powers(robot, motion)
-    found = every.pick(motors)
+    shown = every.pick(motors)
     labels = [
         f"motor {k}" if (k := curves.digits_of(name)) else curves.label(name)
-        for name in found.names
+        for name in shown.names
     ]
     others = [(every.values.sum(axis=1), "all motors", _ALL)]
     if not robot.friction.none:
         others.append((robot.friction_power(motion.q, motion.va), "friction", _FRICTION))
-    return curves.draw(ax, motion.t, found, labels, "power (W)", *others, zero=True)
+    return curves.draw(ax, motion.t, shown, labels, "power (W)", *others, zero=True)
 
 
 def energy_balance(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
     """Change of the energies, work, and their difference (residual) since the start, over time.
-
-    Args:
-        ax: 2-D axes.
-        robot: Any closed chain.
-        motion: A motion of this robot without external loads.
-
-    Raises:
-        InputError: For another robot's motion.
 
     Example:
         >>> plots.energy_balance(ax, chain, motion).get_ylabel()
@@ -142,12 +101,12 @@ def energy_balance(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
     balance = balance_of(robot, motion)
     names = ("kinetic", "potential", "work of motors")
     values = np.stack([balance.kinetic, balance.potential, balance.motors], axis=1)
-    found = Curves(names, ("J",) * 3, values)
+    shown = Curves(names, ("J",) * 3, values)
     residual = rf"residual $\leq$ {upper_bound(np.abs(balance.error).max())} J"
     others = [(balance.error, residual, {"color": "black", "linewidth": 0.8})]
     if not robot.friction.none:
         others.insert(0, (balance.friction, "work of friction", _FRICTION))
-    return curves.draw(ax, motion.t, found, names, "energy since start (J)", *others)
+    return curves.draw(ax, motion.t, shown, names, "energy since start (J)", *others)
 
 
 def condition_number(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
@@ -156,14 +115,6 @@ def condition_number(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
     The curves are those of `robot.singularity_measures`. For any closed chain, it is the condition
     number of the columns of Phi for the dependent joints, without units. For an SST there are two:
     the condition number of A (second kind) and 1 / min |sin(mu_k)| (first kind).
-
-    Args:
-        ax: 2-D axes.
-        robot: Any closed chain.
-        motion: A motion of this robot.
-
-    Raises:
-        InputError: For another robot's motion.
 
     Example:
         >>> plots.condition_number(ax, chain, motion).get_ylabel()
@@ -174,8 +125,8 @@ def condition_number(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
     names, values = tuple(measures), np.stack([*measures.values()], axis=1)
     if values.max() > max(20, 10 * values.min()):
         ax.set_yscale("log")
-    found, labels = Curves(names, ("",) * len(names), values), map(curves.formula, names)
-    return curves.draw(ax, motion.t, found, [*labels], "condition number (1)")
+    shown, labels = Curves(names, ("",) * len(names), values), map(curves.formula, names)
+    return curves.draw(ax, motion.t, shown, [*labels], "condition number (1)")
 
 
 def _torques(motion: Trajectory) -> Curves:
@@ -189,17 +140,17 @@ def _powers(robot: ClosedChain, motion: Trajectory) -> Curves:
 
 def _positions(motion: Trajectory) -> Curves:
     """Positions, angles in degrees; a cosine and a sine become one angle."""
-    found = []
-    values = iter(zip(motion.joint_names, motion.units, motion.q.T, strict=True))
-    for name, unit, column in values:
+    columns = []
+    entries = iter(zip(motion.joint_names, motion.units, motion.q.T, strict=True))
+    for name, unit, column in entries:
         if not unit and name.endswith("_cos"):
-            _, _, sine = next(values)
+            _, _, sine = next(entries)
             angle = np.unwrap(np.arctan2(sine, column))
-            found.append((name.removesuffix("_cos"), "rad", np.degrees(angle)))
+            columns.append((name.removesuffix("_cos"), "rad", np.degrees(angle)))
         else:
-            found.append((name, unit, np.degrees(column) if unit == "rad" else column))
-    names, units, columns = zip(*found, strict=True)
-    return Curves(names, units, np.stack(columns, axis=1))
+            columns.append((name, unit, np.degrees(column) if unit == "rad" else column))
+    names, units, values = zip(*columns, strict=True)
+    return Curves(names, units, np.stack(values, axis=1))
 
 
 def _rates(robot: ClosedChain, motion: Trajectory) -> Curves:
@@ -231,10 +182,10 @@ CURVES: dict[str, tuple[Callable[..., Axes], Callable[..., Curves] | None]] = {
 def panels(subject: str, robot: ClosedChain, motion: Trajectory) -> list[Callable[[Axes], Axes]]:
     """Functions that draw a subject, one of `CURVES`, each into one pair of axes."""
     draw, parts = CURVES[subject]
-    given = (motion,) if subject in ("torques", "joints") else (robot, motion)
-    chosen = [()] if parts is None else [(names,) for names in parts(*given).panels()]
+    arguments = (motion,) if subject in ("torques", "joints") else (robot, motion)
+    chosen = [()] if parts is None else [(names,) for names in parts(*arguments).panels()]
 
     def panel(names: Sequence[Any]) -> Callable[[Axes], Axes]:
-        return lambda ax: draw(ax, *given, *names)
+        return lambda ax: draw(ax, *arguments, *names)
 
     return [panel(names) for names in chosen]

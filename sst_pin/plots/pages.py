@@ -40,7 +40,7 @@ def motion_page(
 ) -> Figure:
     """A page about a motion, two axes in a row, lettered; below them what `check` finds.
 
-    A subject takes several axes where units differ or more than nine curves are to be told apart.
+    A subject takes several axes where units differ or more than nine curves would share them.
 
     Args:
         robot: Any closed chain.
@@ -80,8 +80,8 @@ def motion_page(
             ax = draw(figure.add_subplot(rows, columns, place, projection=projection))
             if len(parts) > 1:
                 _letter(ax, place)
-        if found := robot.check(motion):
-            lines = [line for f in found for line in wrap(f"Warning: {f}", 65 * columns)]
+        if findings := robot.check(motion):
+            lines = [line for f in findings for line in wrap(f"Warning: {f}", 65 * columns)]
             figure.supxlabel("\n".join(lines), x=0.02, ha="left", size=7, color="#B00020")
     return figure
 
@@ -103,12 +103,12 @@ def _parts(
     if subject != "path":
         yield from ((None, panel) for panel in panels(subject, robot, motion))
         return
-    shown = robot.appearance
-    if frame is None and shown.spherical:
+    appearance = robot.appearance
+    if frame is None and appearance.spherical:
         star = cast(SST, robot)  # only an SST is drawn on a sphere
         yield "3d", lambda ax: paths_on_sphere(ax, star, [("path", motion)])
         return
-    if frame is None and shown.point is None:
+    if frame is None and appearance.point is None:
         known = ", ".join(dict.fromkeys(f.name for f in robot.mechanism.model.frames))
         problem = f"name the frame whose path is drawn: frame= (--frame) one of {known}"
         raise InputError("frame", problem)
@@ -156,7 +156,7 @@ def loads_page(loads: Loads) -> Figure:
 
 
 def _bars(ax: Axes, rows: list[Load], zero: float) -> None:
-    told = set()
+    labelled = set()
     for y, row in enumerate(rows):
         text = "0" if row.peak <= zero else "not unique"
         if row.peak > zero:
@@ -167,14 +167,14 @@ def _bars(ax: Axes, rows: list[Load], zero: float) -> None:
                 (row.peak, what, 0.7, outline | {"hatch": hatch}),
                 (row.rms, "root mean square", 0.35, {"color": HUES[1]}),
             ):
-                ax.barh(y, size, width, label=None if name in told else name, **look)
-                told.add(name)
+                ax.barh(y, size, width, label=None if name in labelled else name, **look)
+                labelled.add(name)
             text = ", ".join(f"{round(x, 2) + 0.0:.2f}" for x in row[4:7])
         at = (row.peak if row.peak > zero else 0.0, y)
         ax.annotate(text, at, (3, 0), textcoords="offset points", va="center", fontsize=6)
     ax.set_yticks(range(len(rows)), [label(row.name) for row in rows])
-    ax.set(xlim=(0, 1.5 * ax.dataLim.x1 if told else 1), ylim=(len(rows) - 0.5, -0.5))
-    if told:
+    ax.set(xlim=(0, 1.5 * ax.dataLim.x1 if labelled else 1), ylim=(len(rows) - 0.5, -0.5))
+    if labelled:
         legend_above(ax)
 
 
@@ -202,13 +202,13 @@ def torques_page(motion: Trajectory, predicted: ArrayLike) -> Figure:
     figure = StyledFigure(figsize=(7, 0.6 + 1.2 * count), layout="constrained")
     with style():
         rows = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
-        for ax, name, unit, measured, told in zip(
+        for ax, name, unit, measured, computed in zip(
             rows, motion.actuated, motion.torque_units, motion.tau.T, tau.T, strict=True
         ):
             zero_line(ax)
             ax.plot(motion.t, measured, color=HUES[0], label="measured")
-            ax.plot(motion.t, told, color=HUES[1], linestyle="--", label="predicted")
-            ax.plot(motion.t, measured - told, color="black", linewidth=0.6, label="difference")
+            ax.plot(motion.t, computed, color=HUES[1], linestyle="--", label="predicted")
+            ax.plot(motion.t, measured - computed, color="black", linewidth=0.6, label="difference")
             ax.set_ylabel(f"{label(name)} ({unit.replace('Nm', 'N m')})")
         rows[-1].set_xlabel("time (s)")
         legend_above(rows[0])
