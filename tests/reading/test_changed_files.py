@@ -220,8 +220,8 @@ def trajectories(folder, text):
     for k, (name, unit) in enumerate(zip(motion.coordinates, motion.rate_units, strict=True)):
         assert np.array_equal(motion.va[:, k], table[f"{name}_{unit}_s"])
         assert np.array_equal(motion.aa[:, k], table[f"{name}_{unit}_s2"])
-    for k in range(len(motion.actuated)):
-        assert np.array_equal(motion.tau[:, k], table[f"tau_{k + 1}_Nm"])
+    for k, (name, unit) in enumerate(zip(motion.actuated, motion.torque_units, strict=True)):
+        assert np.array_equal(motion.tau[:, k], table[f"tau_{name}_{unit}"])
 
 
 @fuzzed(25, changed_csv(STAR))
