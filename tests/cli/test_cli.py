@@ -119,4 +119,4 @@ def test_module_and_script_are_the_same_command():
     commands = [sys.executable, "-m", "sst_pin"], [Path(sys.executable).parent / "sst-pin"]
     module, script = (subprocess.check_output([*c, "--version"], text=True) for c in commands)
     assert module == script
-    assert re.fullmatch(r"\d+\.\d+\.\d+\n", module)
+    assert re.fullmatch(r"\d+\.\d+\.\d+(\.dev)?\n", module)

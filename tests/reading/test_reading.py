@@ -587,7 +587,7 @@ def test_motors_that_are_named_count_in_the_place_of_the_files(mjcf):
     with pytest.raises(sst_pin.DescriptionError, match=r"an actuator on a ball.*by actuated="):
         read_mjcf(mjcf)
     read = read_mjcf(mjcf, actuated=["ja"])
-    assert read.actuated == ["ja"]
+    assert read.actuated == ("ja",)
     assert len(read.shapes.args[1]) == 5  # for pictures
 
 
