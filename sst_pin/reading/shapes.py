@@ -43,6 +43,8 @@ def urdf_shapes(
     root = bare(root, {"material": ("color", "texture"), **kept})
     for joint in root.findall("joint"):  # joints and masses are those of the model
         joint.set("type", "fixed")
+    for link in root.findall("link"):  # urdfdom would leave out the link, and print a complaint
+        link[:] = [shape for shape in link if shape.find("geometry/capsule") is None]
     text = ET.tostring(root, encoding="unicode")
     try:
         return pin.buildGeomFromUrdfString(model, text, kind, package_dirs=folders)
