@@ -4,6 +4,7 @@
 import argparse
 import json
 import time
+from collections import Counter
 
 from ..compiled import libraries
 from ..errors import InputError, MissingExtraError
@@ -26,12 +27,12 @@ def validate(arguments: argparse.Namespace) -> int:
         problems, summary = [], summary_of(chain.mechanism.model, chain.mobility())
     for problem in problems:
         print(problem)
-    errors = sum(problem.severity == "error" for problem in problems)
-    if errors:
-        print(f"{errors} error(s), {len(problems) - errors} warning(s)")
+    counts = Counter(problem.severity for problem in problems)
+    found = [f"{n} {severity}{'s' * (n > 1)}" for severity, n in counts.items()]
+    print(", ".join(found) or "no problems found")
+    if counts["error"]:
         return 1
-    found = f"{len(problems)} warning(s), no errors" if problems else "no problems found"
-    print(f"{found}\n{summary}")
+    print(summary)
     return 0
 
 

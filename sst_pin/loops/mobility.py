@@ -84,10 +84,10 @@ class Mobility:
     def _rows(self) -> list[tuple[str, str]]:
         n, dof = len(self.actuated), self.degrees_of_freedom
         if not self.sufficient:
-            verdict = (
-                f"INSUFFICIENT: {dof - self.held} degree(s) of freedom move with the motors "
-                f"locked, through {listed(self.loose_joints, 12)}"
-            )
+            left = dof - self.held
+            move = "degree of freedom moves" if left == 1 else "degrees of freedom move"
+            verdict = f"INSUFFICIENT: {left} {move} with the motors locked: "
+            verdict += listed(self.loose_joints, 12)
         elif self.redundantly_actuated:
             verdict = f"REDUNDANT: {n - dof} more than degrees of freedom"
         else:

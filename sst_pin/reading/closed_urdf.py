@@ -30,13 +30,9 @@ def read_urdf(
     urdf, locked = path if isinstance(path, Urdf) else Urdf.read(path), names("locked", locked)
     found = read_cuts(urdf, cuts, default)
     robot = closed(urdf, found)
-    model, closures, motors, notes = robot.model, robot.closures, robot.actuated, list[str]()
-    if actuated is None and not found.source and not is_marked(robot):  # an open tree
-        followers = {closure.joint for closure in closures if isinstance(closure, Coupling)}
-        motors = tuple(name for name in list(model.names)[1:] if name not in followers)
-        own = Path(urdf.source).with_suffix(".yaml").name
-        text = f"no {own} with closures and motors is beside it; it is read as an open tree with a "
-        notes.append(text + "motor at each joint; actuated= names the motors")
+    if actuated is not None:
+        robot = robot._replace(notes=())
+    model, closures, motors = robot.model, robot.closures, robot.actuated
     if locked:
         with naming(robot.source):
             model = without_locked(model, locked)
@@ -45,8 +41,8 @@ def read_urdf(
     motors = motors if actuated is None else actuated
     robot = robot._replace(model=model, closures=closures, actuated=motors)
     robot = with_poses(robot, urdf, locked)
-    notes += (f"{problem.where}: {problem.text}" for problem in left_out(urdf.root))
-    return warned(robot, [*notes, *robot.notes, *inertia_notes(urdf.root)], urdf.source)
+    notes = (f"{problem.where}: {problem.text}" for problem in left_out(urdf.root))
+    return warned(robot, [*robot.notes, *notes, *inertia_notes(urdf.root)], urdf.source)
 
 
 def read_cuts(urdf: Urdf, path: str | Path | None, default: str | Path | None = None) -> Cuts:
@@ -80,7 +76,10 @@ def with_poses(robot: Described, urdf: Urdf, locked: Collection[str] = ()) -> De
 
 
 def closed(urdf: Urdf, cuts: Cuts) -> Described:
-    """The tree of a URDF, closed by its cuts, or else by its marks, and by its mimic joints."""
+    """The tree of a URDF, closed by its cuts, or else by its marks, and by its mimic joints.
+
+    Without cuts and marks it is an open tree, as a note says.
+    """
     model, marks = urdf.tree(cuts.joints), urdf.marks
     model.gravity.linear = cuts.gravity
     source = f"{urdf.source} with {cuts.source}" if cuts.source else urdf.source
@@ -96,12 +95,14 @@ def closed(urdf: Urdf, cuts: Cuts) -> Described:
     fixed = [name for name, kind in cuts.joints.items() if kind == "FIXED"]
     closures = (*closures, *marks.gears, *_held(followers, fixed, source))
     shapes = partial(urdf_shapes, urdf.root, Path(urdf.source).parent)
-    return Described(source, model, closures, cuts.actuated, shapes, forces=cuts.forces)
-
-
-def is_marked(robot: Described) -> bool:
-    """Whether a URDF closes loops by itself, so that it is no open tree."""
-    return bool(robot.actuated) or any(not isinstance(c, Coupling) for c in robot.closures)
+    robot = Described(source, model, closures, cuts.actuated, shapes, forces=cuts.forces)
+    if cuts.source or cuts.actuated or any(not isinstance(c, Coupling) for c in closures):
+        return robot
+    mimicking = {closure.joint for closure in closures if isinstance(closure, Coupling)}
+    motors = tuple(name for name in list(model.names)[1:] if name not in mimicking)
+    text = f"no {Path(urdf.source).with_suffix('.yaml').name} with closures and motors is beside it"
+    text += f"; each joint{' that mimics none' if mimicking else ''} has a motor"
+    return robot._replace(actuated=motors, notes=(f"{text}; actuated= names the motors",))
 
 
 def _held(

@@ -10,9 +10,10 @@ import pinocchio as pin
 
 from ..arrays import Array
 from ..errors import DescriptionWarning, SSTError
-from ..loops.draft import Motor
+from ..loops.draft import Motor, copied, mechanism_of, motors_of
 from ..model.closures import Constraint
 from ..model.lines import LineForce
+from ..model.mechanism import Mechanism
 from .srdf import Srdf
 
 
@@ -35,6 +36,13 @@ class Described(NamedTuple):
         """Arguments of the constructor of `ClosedChain`."""
         names = ("model", "closures", "actuated", "stiffness", "spring_reference", "forces")
         return {name: getattr(self, name) for name in names}
+
+    def mechanism(self) -> Mechanism:
+        """What is computed of this robot."""
+        names = ("viscous_friction", "coulomb_friction", "stiffness", "spring_reference")
+        numbers = {name: getattr(self, name, None) for name in names}
+        model, motors = copied(self.model), motors_of(self.actuated)
+        return mechanism_of(model, self.closures, motors, None, numbers, self.forces)
 
 
 @contextmanager

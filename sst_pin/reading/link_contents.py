@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Checks of what links hold: inertias that a body can have, meshes that exist, for every tool."""
+"""Checks of what links hold: inertias that a body can have, meshes that exist, other tools."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
@@ -7,7 +7,7 @@ from os.path import isfile
 from pathlib import Path
 
 from ..arrays import Array
-from .problems import Problem, error, warning
+from .problems import Problem, error, note, warning
 from .urdf_checks import impossible, mass_of, no_numbers, principal_moments
 
 #: Heaviest over lightest moving link, beyond which half the digits are gone.
@@ -37,11 +37,10 @@ def check_inertias(root: ET.Element) -> Iterator[Problem]:
                 if moves.get(name) and body[0]:
                     masses[name] = body[0]
         elif moves.get(name):
-            text = "no mass in Pinocchio, 1 kg in PyBullet, an error in MuJoCo"
-            yield error(where, f"moves without <inertial>: {text}")
+            yield note(where, "moves without <inertial>: 1 kg in PyBullet, refused by MuJoCo")
         elif name in moves:
             text = "1 kg in PyBullet; add an <inertial> of zeros"
-            yield warning(where, f"fixed link without <inertial>: {text}")
+            yield note(where, f"fixed link without <inertial>: {text}")
     heavy, light = (end(masses, key=lambda n: masses[n], default="") for end in (max, min))
     if masses and masses[heavy] > _SPREAD * masses[light]:
         text = f"very different masses, {masses[heavy]:.3g} kg and {masses[light]:.3g} kg"
@@ -49,16 +48,16 @@ def check_inertias(root: ET.Element) -> Iterator[Problem]:
 
 
 def _body(mass: float, inertia: Array, where: str, moves: bool) -> Iterator[Problem]:
-    if mass == 0 and moves:
-        yield error(where, "moves without mass: MuJoCo refuses it")
-    elif not inertia.any() and mass and moves:
-        yield error(where, f"moves, has {mass:g} kg but no inertia: MuJoCo refuses it")
-    elif not inertia.any() and mass:
-        yield warning(where, f"has {mass:g} kg but no inertia")
-    elif text := impossible(mass, inertia):
-        yield error(where, text)
-    elif inertia.any() and (smallest := principal_moments(inertia)[0]) <= 0:
-        yield error(where, f"inertia not positive definite: smallest moment {smallest:.4g} kg m^2")
+    if text := impossible(mass, inertia):
+        yield warning(where, text)
+    elif moves and mass == 0:
+        yield note(where, "moves without mass: refused by MuJoCo")
+    elif moves and not inertia.any():
+        yield note(where, "moves, has mass but no inertia: refused by MuJoCo")
+    elif mass and not inertia.any():
+        yield note(where, "has mass but no inertia")
+    elif moves and principal_moments(inertia)[0] <= 0:
+        yield note(where, "moves, a principal moment of its inertia is 0: refused by MuJoCo")
 
 
 def check_shapes(root: ET.Element, folder: Path) -> Iterator[Problem]:
@@ -71,7 +70,7 @@ def check_shapes(root: ET.Element, folder: Path) -> Iterator[Problem]:
                 yield from no_numbers(part, where)
         for shape in link.iterfind(".//geometry/*"):
             if shape.tag == "capsule":
-                yield warning(where, "Pinocchio ignores <capsule>")
+                yield note(where, "<capsule>: not drawn by Pinocchio")
             if shape.tag == "mesh":
                 meshes.setdefault(shape.get("filename", ""), where)
     for name, where in meshes.items():  # once for each file
@@ -80,8 +79,7 @@ def check_shapes(root: ET.Element, folder: Path) -> Iterator[Problem]:
 
 def _mesh(name: str, where: str, folder: Path) -> Iterator[Problem]:
     if name.startswith("package://"):
-        text = "MuJoCo does not support package://; use a relative path"
-        yield warning(where, f"mesh {name}: {text}")
+        yield note(where, "meshes by package://: not resolved by MuJoCo; use relative paths")
         package, _, rest = name.removeprefix("package://").partition("/")
         places = [base / package / rest for base in (folder, *folder.resolve().parents)]
     else:
@@ -90,5 +88,6 @@ def _mesh(name: str, where: str, folder: Path) -> Iterator[Problem]:
             yield warning(where, f"mesh {name}: an absolute path is valid on one machine only")
     if not any(map(isfile, places)):  # which takes names of any length
         yield error(where, f"mesh {name or '(no name)'}: not found")
-    if tools := _REFUSED.get(Path(name).suffix.lower()):
-        yield warning(where, f"mesh {name}: {tools} cannot read it")
+    kind = Path(name).suffix.lower()
+    if tools := _REFUSED.get(kind):
+        yield note(where, f"meshes {kind}: not read by {tools}")

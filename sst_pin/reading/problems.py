@@ -3,7 +3,7 @@
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -11,6 +11,7 @@ from functools import partial
 import numpy as np
 
 from ..arrays import Array
+from ..summaries import listed
 
 #: What urdfdom, MuJoCo and people all read as one number.
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
@@ -18,10 +19,11 @@ _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 
 @dataclass(frozen=True)
 class Problem:
-    """A problem of a description: an error, or something that some tools cannot read.
+    """A problem of a robot's files.
 
     Attributes:
-        severity: "error" if the robot cannot be computed; otherwise "warning".
+        severity: "error" if the robot cannot be computed or drawn, "warning" if it is probably not
+            what was meant, "note" for what other tools read otherwise.
         where: The element with the problem: "link foot", "joint knee", "closure A - B".
         text: The problem in one sentence.
 
@@ -42,8 +44,21 @@ class Problem:
         return f"{self.severity}: {self.where}: {self.text}"
 
 
-#: A problem that must be solved, and one that some tools have.
-error, warning = partial(Problem, "error"), partial(Problem, "warning")
+SEVERITIES = ("error", "warning", "note")
+error, warning, note = (partial(Problem, severity) for severity in SEVERITIES)
+
+
+def merged(problems: Iterable[Problem]) -> Iterator[Problem]:
+    """Problems, with notes of one text as one note of several links or joints."""
+    notes: dict[tuple[str, str], list[str]] = {}
+    for problem in problems:
+        if problem.severity == "note":
+            kind, _, name = problem.where.partition(" ")
+            notes.setdefault((kind, problem.text), []).append(name)
+        else:
+            yield problem
+    for (kind, text), names in notes.items():
+        yield note(f"{kind}s {listed(names)}" if names[1:] else f"{kind} {names[0]}".strip(), text)
 
 
 @contextmanager

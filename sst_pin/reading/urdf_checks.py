@@ -9,7 +9,7 @@ import numpy as np
 
 from ..arrays import Array
 from .known_words import means, unknown
-from .problems import Problem, error, number, numbers, warning
+from .problems import Problem, error, note, number, numbers, warning
 
 #: Entries of an inertia.
 ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -143,9 +143,9 @@ def _joint(joint: ET.Element, where: str, kinds: Mapping[str | None, str]) -> It
     if kind not in _KINDS:
         yield error(where, f"type {kind!r} unknown; known: {', '.join(_KINDS)}")
     if kind in ("floating", "planar"):
-        yield warning(where, f"{kind}: q has one more entry than v")
+        yield note(where, f"{kind}: q has one more entry than v")
     if kind == "continuous":
-        yield warning(where, "continuous: two coordinates in Pinocchio; read as revolute here")
+        yield note(where, "continuous: two coordinates in Pinocchio; read as revolute here")
     if kind != "fixed":
         yield from _axis(joint, where, kind)
         yield from _friction(joint, where, kind)
@@ -215,7 +215,7 @@ def _limits(joint: ET.Element, where: str, kind: str) -> Iterator[Problem]:
         yield error(where, f"lower limit {low[0]:g} above the upper one {high[0]:g}")
     elif low == high:
         text = f"limits [{low[0]:g}, {high[0]:g}]: tools that enforce limits lock the joint"
-        yield warning(where, text)
+        yield note(where, text)
 
 
 def _attribute(element: ET.Element | None, key: str) -> str | None:

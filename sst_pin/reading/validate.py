@@ -1,39 +1,54 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Report of all problems of a robot description, for any robot."""
+"""Report of all problems of a robot's files, for any robot."""
 
-from __future__ import annotations
-
+import re
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
 import pinocchio as pin
 
-from ..closed_chain import ClosedChain
-from ..errors import ClosureError, DescriptionError, InputError
+from .. import reading
+from ..engine import Engine
+from ..errors import (
+    ActuationError,
+    ClosureError,
+    DescriptionError,
+    InputError,
+    MissingExtraError,
+    SSTError,
+)
 from ..files import as_path
-from . import Urdf, is_mjcf, whole_robot
+from ..loops.assembly import home_of
+from ..loops.mobility import Mobility
+from ..model.closures import Constraint, frames_of
+from ..model.tree import frame_id
+from ..summaries import listed
+from .described import Described
 from .link_contents import check_inertias, check_shapes
-from .problems import Problem
+from .problems import SEVERITIES, Problem, error, merged, note, warning
 
-__all__ = ["Problem", "examine", "validate"]
+__all__ = ["Problem", "examine", "summary_of", "validate"]
+
+#: How far the loops of a configuration written with four digits are open, [m] or [rad].
+_WRITTEN = 1e-3
 
 
 def validate(path: str | Path, cuts: str | Path | None = None) -> list[Problem]:
-    """All problems of a description and of its closures.
+    """All problems of a robot's files.
 
-    Of a URDF it checks names, tree, limits and axes; moving links without mass; impossible
-    inertias; missing meshes, and meshes that some tools cannot read. With a YAML it also checks
-    unknown names, closures that cannot close, and whether there are too few or too many motors.
-    Of an MJCF it checks what `ClosedChain.from_mjcf` cannot read, closures and motors; MuJoCo
-    itself checks the rest.
+    Of a URDF or SDF it checks names, tree, limits, axes, inertias and meshes; of the closures
+    whether they can close, whether the motors hold the robot, and whether `home` is closed. MuJoCo
+    itself checks an MJCF.
 
     Args:
-        path: Any URDF, or an MJCF with the ending .xml or .mjcf.
+        path: A URDF, an SDF, or an MJCF with the ending .xml or .mjcf.
         cuts: YAML of closures and motors, see `ClosedChain.from_urdf`; by default the file with the
-            name of the URDF and the ending .yaml. Without a YAML the URDF is an open tree. An MJCF
-            has none.
+            name of the URDF and the ending .yaml. An MJCF has none.
 
     Returns:
-        Errors first, then warnings; empty for a good description.
+        Errors, by which the robot cannot be computed or drawn; warnings; notes, mostly of what
+        other tools do not read. Empty for a good description.
 
     Raises:
         InputError: For an MJCF with `cuts`.
@@ -47,40 +62,165 @@ def validate(path: str | Path, cuts: str | Path | None = None) -> list[Problem]:
 
 
 def examine(path: str | Path, cuts: str | Path | None = None) -> tuple[list[Problem], str]:
-    """What `validate` gives, and joints, mass and mobility of a robot without errors."""
-    if isinstance(path, (str, Path)) and is_mjcf(Path(path)):
+    """What `validate` returns, and mobility and moving mass of a robot without errors."""
+    if isinstance(path, (str, Path)) and reading.is_mjcf(Path(path)):
         if cuts is not None:
             raise InputError("cuts", "an MJCF contains its closures and motors")
-        return _examined(*whole_robot.check_mjcf(as_path(path)), Path(path))
-    try:
-        urdf = Urdf.read(path)
-    except DescriptionError as caught:
-        return whole_robot.errors_of(caught, "file"), ""
-    path, problems = Path(path), list(urdf.problems)
-    robot: whole_robot.Robot = None
-    if not any(problem.severity == "error" for problem in problems):  # Pinocchio needs a tree
-        found, robot = whole_robot.check(urdf, None if cuts is None else as_path(cuts))
-        problems += found
-    problems += [*check_inertias(urdf.root), *check_shapes(urdf.root, path.parent)]
-    return _examined(problems, robot, path)
-
-
-def _examined(
-    problems: list[Problem], robot: whole_robot.Robot, path: Path
-) -> tuple[list[Problem], str]:
-    problems = sorted(problems, key=lambda problem: problem.severity)
-    if robot is None or any(problem.severity == "error" for problem in problems):
-        return problems, ""
-    if not isinstance(robot, ClosedChain):
-        text = f"joints              {robot.njoints - 1}, an open tree: no {path.stem}.yaml"
-        return problems, summary_of(robot, text)
-    try:
-        return problems, summary_of(robot.model, robot.mobility())
-    except ClosureError as caught:
-        return problems, summary_of(robot.model, caught)
+        problems, summary = _mjcf(as_path(path))
+    else:
+        problems, summary = _urdf(path, None if cuts is None else as_path(cuts))
+    problems = sorted(merged(problems), key=lambda problem: SEVERITIES.index(problem.severity))
+    return problems, summary * all(problem.severity != "error" for problem in problems)
 
 
 def summary_of(model: pin.Model, mobility: object) -> str:
     """Mobility and moving mass of a robot, for people."""
     mass = sum(inertia.mass for inertia in list(model.inertias)[1:])  # without the base
     return f"{mobility}\nmoving mass         {mass:.6g} kg"
+
+
+def _urdf(path: str | Path, cuts: Path | None) -> tuple[list[Problem], str]:
+    try:
+        urdf = reading.Urdf.read(path)
+    except DescriptionError as caught:
+        return _errors_of(caught, "file"), ""
+    problems, summary = list(urdf.problems), ""
+    if not any(problem.severity == "error" for problem in problems):  # Pinocchio needs a tree
+        more, summary = _with_files(urdf, cuts)
+        problems += more
+    problems += [*check_inertias(urdf.root), *check_shapes(urdf.root, Path(path).parent)]
+    return problems, summary
+
+
+def _with_files(urdf: reading.Urdf, cuts: Path | None) -> tuple[list[Problem], str]:
+    """Problems of the robot as a whole, of its YAML and its SRDF; its summary."""
+    where, problems = "cuts", list[Problem]()
+    try:
+        content = reading.read_cuts(urdf, cuts)
+        where = "file"
+        robot = reading.closed(urdf, content)
+    except SSTError as caught:
+        return _errors_of(caught, where), ""
+    tree = [f"open tree           {text}\n" for text in robot.notes]
+    try:
+        robot = reading.with_poses(robot._replace(notes=()), urdf)
+    except SSTError as caught:
+        problems = _errors_of(caught, "srdf")
+    problems += [warning("srdf", text) for text in robot.notes]
+    more, summary = _mechanism(robot)
+    return problems + more, "".join(tree) + summary
+
+
+def _mjcf(path: Path) -> tuple[list[Problem], str]:
+    """Problems of an MJCF that MuJoCo does not report, and the robot's summary."""
+    from .mjcf import described
+
+    try:
+        robot = described(path)
+    except MissingExtraError:
+        raise
+    except SSTError as caught:
+        return _errors_of(caught, "file"), ""
+    problems, summary = _mechanism(robot)
+    return problems + [warning("file", text) for text in robot.notes], summary
+
+
+def _errors_of(caught: SSTError, where: str) -> list[Problem]:
+    """An error as problems."""
+    texts = caught.problems if isinstance(caught, DescriptionError) else [str(caught)]
+    return [error(where, re.sub("^not (a URDF|an MJCF): ", "", text)) for text in texts]
+
+
+def _mechanism(robot: Described) -> tuple[list[Problem], str]:
+    """Problems of the mechanism, and its summary."""
+    try:
+        problems = list(_unknown(robot)) or list(_open(robot))
+        if problems:
+            return problems, ""
+        engine = Engine(robot.mechanism())
+        problems = list(_home(engine))
+        try:
+            mobility = engine.mobility()
+        except ClosureError as caught:
+            text = "they can be closed at q = 0 only, so mobility is not computed"
+            return [warning("closures", text), *problems], summary_of(robot.model, caught)
+        return [*_actuation(engine, mobility), *problems], summary_of(robot.model, mobility)
+    except SSTError as caught:
+        where = "actuation" if isinstance(caught, ActuationError) else "robot"
+        return _errors_of(caught, where), ""
+
+
+def _unknown(robot: Described) -> Iterator[Problem]:
+    """Names of no frame and no joint."""
+    model = robot.model
+    if not model.nv:
+        yield error("tree", "all joints are fixed")
+    ends = {f"closure {closure}": frames_of(closure) for closure in robot.closures}
+    ends |= {f"line {line}": (line.frame_a, line.frame_b) for line in robot.forces}
+    for where, frame in ((where, frame) for where, frames in ends.items() for frame in frames):
+        try:
+            frame_id(model, frame)
+        except DescriptionError as caught:
+            yield from _errors_of(caught, f"frame {frame}")
+        except SSTError:
+            yield error(where, f"no frame {frame} in the URDF")
+    known = [*list(model.names)[1:], *map(str, robot.forces)]
+    for motor in robot.actuated:
+        if isinstance(motor, str) and motor not in known:
+            yield error(f"motor {motor}", "no moving joint of this name in the URDF")
+
+
+def _open(robot: Described) -> Iterator[Problem]:
+    """Closures that Newton's method cannot close from any of its starts."""
+    alone = {closure: _gap(robot, [closure]) for closure in robot.closures}
+    for closure, gap in alone.items():
+        if gap:
+            yield error(f"closure {closure}", f"cannot be closed: {gap:.3g} (m or rad) stays open")
+    if not any(alone.values()) and (gap := _gap(robot, robot.closures)):
+        text = f"each can be closed alone, but not all together: {gap:.3g} (m or rad) stays open"
+        yield error("closures", text)
+
+
+def _gap(robot: Described, closures: Sequence[Constraint]) -> float:
+    """Smallest residual of the closures, 0 if the loops can be closed."""
+    bare = robot._replace(closures=tuple(closures), actuated=(), forces=())
+    engine = Engine(bare.mechanism())
+    try:
+        engine.example()
+    except ClosureError as caught:
+        model = engine.mechanism.model
+        try:
+            assembly = engine.reference.memory.assembly
+            assembly.assemble(pin.neutral(model), np.arange(model.nv))
+        except ClosureError:
+            return caught.residual
+    return 0.0
+
+
+def _home(engine: Engine) -> Iterator[Problem]:
+    mechanism = engine.mechanism
+    if (q := home_of(mechanism)) is None or not len(mechanism.coordinates):
+        return
+    gap = np.abs(engine.loops_at(q).residual()).max(initial=0.0)
+    try:
+        engine.home  # noqa: B018
+    except ClosureError:
+        yield warning("home", f"cannot be closed: open by {gap:.3g} (m or rad); correct the pose")
+    else:
+        if gap > _WRITTEN:
+            text = f"the loops are open by {gap:.3g} (m or rad); `chain.home` closes them"
+            yield warning("home", text)
+
+
+def _actuation(engine: Engine, mobility: Mobility) -> Iterator[Problem]:
+    freedoms, motors = mobility.degrees_of_freedom, len(mobility.actuated)
+    count = f"{motors} motor{'s' * (motors != 1)} for {freedoms} degree"
+    count += f"{'s' * (freedoms != 1)} of freedom"
+    if not freedoms:
+        yield error("mobility", "nothing can move; check kinds and axes of the closures")
+    elif not mobility.sufficient:
+        loose = freedoms - mobility.held
+        text = f"{count}; {loose} of them move{'s' * (loose == 1)} with the motors locked: "
+        yield warning("actuation", text + listed(mobility.loose_joints))
+    elif mobility.redundantly_actuated:
+        yield note("actuation", f"{count}; the smallest torques are computed")
