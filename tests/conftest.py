@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import sst_pin
-from sst_pin.verification.sampling import random_parameters
+from tests.support.sampling import random_parameters
 
 
 @pytest.fixture(scope="session")

@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 import sst_pin
 from sst_pin import arrays
 from sst_pin.compiled import _binding
-from sst_pin.verification.sampling import random_states
 from tests.support import any_chain, link_tables
 from tests.support.bad_calls import (
     NOT_COUNTS,
@@ -25,6 +24,7 @@ from tests.support.bad_calls import (
     not_real_arrays,
     real_arrays,
 )
+from tests.support.sampling import random_states
 
 HOME = sst_pin.SST().home
 

@@ -26,10 +26,10 @@ from sst_pin.description.parameters import PAPER_LINK, PAPER_PASSIVE_LINK
 from sst_pin.sst.paper import PERIOD, angles_off_path, example_1, example_2
 from sst_pin.verification.lagrange import LagrangeMultipliers
 from sst_pin.verification.mujoco_tree import MujocoInverse
-from sst_pin.verification.referees import exudyn_engine
-from sst_pin.verification.referees.mujoco_motion import welded_motion
-from sst_pin.verification.referees.symbolic import SymbolicLagrange
-from sst_pin.verification.referees.virtual_work import VirtualWork
+from tests.referees import exudyn_engine
+from tests.referees.mujoco_motion import welded_motion
+from tests.referees.symbolic import SymbolicLagrange
+from tests.referees.virtual_work import VirtualWork
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 PAGE = DOCS / "paper.md"

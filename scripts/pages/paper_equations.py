@@ -19,7 +19,7 @@ from printed_forms import FIRST, Case, Forms, error
 from sst_pin import BRANCHES, SST, RigidBody, paper_circle
 from sst_pin.arrays import Array
 from sst_pin.sst import paper
-from sst_pin.verification.referees.virtual_work import VirtualWork
+from tests.referees.virtual_work import VirtualWork
 
 SEED = 2012
 #: Motions of the paper's robot, then one of each of as many random robots; seeds of five-bars.

@@ -16,8 +16,8 @@ import sst_pin
 from sst_pin.arrays import Array
 from sst_pin.dynamics import dynamics
 from sst_pin.sst import kinematics, paper
-from sst_pin.verification.referees.virtual_work import VirtualWork
-from sst_pin.verification.sampling import random_parameters, random_state
+from tests.referees.virtual_work import VirtualWork
+from tests.support.sampling import random_parameters, random_state
 
 #: Central differences of order six over seven samples: what remains is rounding, eps / STEP.
 STEP = 1e-4

@@ -10,8 +10,8 @@ import pytest
 import sst_pin
 from sst_pin.description.urdf_writer import urdf_of
 from sst_pin.sst import paper
-from sst_pin.verification.sampling import random_parameters
 from tests.support.command_line import run
+from tests.support.sampling import random_parameters
 
 ROOT = Path(__file__).resolve().parents[2]
 SAMPLE = ROOT / "examples" / "figure_eight.csv"

@@ -14,10 +14,10 @@ from sst_pin import errors
 from sst_pin.dynamics.dynamics import Memory
 from sst_pin.errors import InputError, SingularConfigurationError, UnknownNameError
 from sst_pin.model.closures import Coupling
-from sst_pin.verification.sampling import random_states
 from tests.support.by_hand import at, mark
 from tests.support.derivative_cases import carried_four_bar
 from tests.support.planar_bars import planar
+from tests.support.sampling import random_states
 
 HOME = sst_pin.SST().home
 RATES = np.array((1.0, 2, 3))

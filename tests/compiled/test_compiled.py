@@ -17,9 +17,9 @@ from sst_pin.dynamics.derivatives import TorqueDerivatives
 from sst_pin.dynamics.quantities import Quantity
 from sst_pin.engine import Engine
 from sst_pin.errors import CompilationError
-from sst_pin.verification.sampling import random_states
 from tests.support import any_chain, link_tables
 from tests.support.files import ROOT
+from tests.support.sampling import random_states
 
 
 def made(name):

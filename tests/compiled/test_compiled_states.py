@@ -6,7 +6,7 @@ import pytest
 
 import sst_pin
 from sst_pin.dynamics import dynamics
-from sst_pin.verification.sampling import random_state
+from tests.support.sampling import random_state
 
 T = np.linspace(0, 0.1, 11)
 LOADS = {

@@ -19,10 +19,10 @@ from sst_pin.description.folder import yaml_of
 from sst_pin.description.urdf_writer import urdf_of
 from sst_pin.errors import DescriptionError, InputError
 from sst_pin.files import write_files
-from sst_pin.verification.sampling import random_parameters
 from tests.gallery import EVERY_ROBOT
 from tests.support import any_chain
 from tests.support.exported_c import STRICT, TYPES, Exported
+from tests.support.sampling import random_parameters
 
 DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
 ZIG = [sys.executable, "-m", "ziglang", "cc"]

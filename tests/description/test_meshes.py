@@ -20,8 +20,8 @@ from sst_pin.description.parts import meshes_of
 from sst_pin.files import write_files
 from sst_pin.sst.paper import PERIOD, example_1
 from sst_pin.sst.robot_wrapper import configurations_of
-from sst_pin.verification.sampling import random_parameters
 from tests.support.files import load
+from tests.support.sampling import random_parameters
 
 make_description = load("scripts/description/make_description.py")
 

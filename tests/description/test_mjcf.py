@@ -19,7 +19,7 @@ from sst_pin.description.frames import JOINT_NAMES
 from sst_pin.description.mjcf_writer import mjcf_of
 from sst_pin.sst.paper import PERIOD, example_1
 from sst_pin.sst.robot_wrapper import configurations_of
-from sst_pin.verification.sampling import random_parameters, random_state
+from tests.support.sampling import random_parameters, random_state
 
 #: The shipped meshes serve any robot here: they are for the eye.
 SHIPPED = Path(sst_pin.PACKAGE_PATH)

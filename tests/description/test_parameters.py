@@ -6,7 +6,7 @@ import pinocchio as pin
 import pytest
 
 from sst_pin import SST, ClosedChain, Parameters, ParametersError, RigidBody
-from sst_pin.verification.sampling import random_parameters
+from tests.support.sampling import random_parameters
 
 
 def test_defaults_are_the_robot_of_the_paper():

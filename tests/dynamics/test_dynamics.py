@@ -6,8 +6,8 @@ import pytest
 
 import sst_pin
 from sst_pin.dynamics.dynamics import Friction
-from sst_pin.verification.sampling import random_parameters, random_state, random_states
 from tests.support.files import load
+from tests.support.sampling import random_parameters, random_state, random_states
 
 EXAMPLE_1 = load("scripts/pages/example_1.py").EXAMPLE_1
 

@@ -12,7 +12,7 @@ from scipy.linalg import null_space
 
 import sst_pin
 from sst_pin import robots
-from sst_pin.verification.referees.exudyn_robot import ExudynRobot
+from tests.referees.exudyn_robot import ExudynRobot
 from tests.support.by_hand import add, mark
 
 REASON = "exudyn, the referee, is an extra"

@@ -15,8 +15,8 @@ from sst_pin import plots
 from sst_pin.plots import motions
 from sst_pin.simulation.energy import energy_balance
 from sst_pin.sst import paper
-from sst_pin.verification.sampling import random_state
 from tests.support.legible import require_legible
+from tests.support.sampling import random_state
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import sst_pin
-from sst_pin.verification.sampling import random_parameters
 from tests.support.files import load
+from tests.support.sampling import random_parameters
 
 cost = load("scripts/pages/count_operations.py")
 

@@ -11,8 +11,8 @@ import pytest
 
 import sst_pin
 from sst_pin.cli import main
-from sst_pin.verification.sampling import random_body
 from tests.support.command_line import BARS
+from tests.support.sampling import random_body
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 URDF, CUTS = (EXAMPLES / "delta.urdf").read_text(), (EXAMPLES / "delta.yaml").read_text()

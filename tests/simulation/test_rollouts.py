@@ -6,8 +6,8 @@ import sst_pin
 from sst_pin import robots
 from sst_pin.compiled.compiled_states import CompiledStates
 from sst_pin.sst import paper
-from sst_pin.verification.sampling import random_parameters, random_states
 from tests.gallery import n_four_bar
+from tests.support.sampling import random_parameters, random_states
 
 
 @pytest.fixture(scope="module")

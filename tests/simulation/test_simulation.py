@@ -11,11 +11,11 @@ from sst_pin.simulation.energy import energy_balance
 from sst_pin.simulation.integration import Motion
 from sst_pin.sst import paper
 from sst_pin.states import ReferenceStates
-from sst_pin.verification.referees.virtual_work import VirtualWork
-from sst_pin.verification.sampling import random_parameters, random_state
 from tests.gallery import EVERY_ROBOT, governor
+from tests.referees.virtual_work import VirtualWork
 from tests.support import link_tables
 from tests.support.by_hand import add, at
+from tests.support.sampling import random_parameters, random_state
 
 HANGING = sst_pin.Parameters(gravity=9.81 * np.ones(3) / np.sqrt(3))
 

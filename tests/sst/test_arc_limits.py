@@ -7,7 +7,7 @@ import pytest
 import sst_pin
 from sst_pin.sst import arc_limits
 from sst_pin.sst.kinematics import legs_of_joints
-from sst_pin.verification.sampling import random_parameters
+from tests.support.sampling import random_parameters
 
 T = np.linspace(0, 1, 41)
 

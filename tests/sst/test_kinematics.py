@@ -9,7 +9,7 @@ import sst_pin
 from sst_pin.arrays import in_one_turn
 from sst_pin.errors import SingularConfigurationError
 from sst_pin.sst.direct_kinematics import orientations
-from sst_pin.verification.sampling import random_parameters, random_state, random_states
+from tests.support.sampling import random_parameters, random_state, random_states
 
 #: Between samples, and first derivatives by seven: error H^6 f^(7) / 140, and rounding eps / H.
 H = 1e-3

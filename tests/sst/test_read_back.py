@@ -18,7 +18,7 @@ from sst_pin.description.urdf_writer import urdf_of
 from sst_pin.dynamics.dynamics import Friction
 from sst_pin.sst.robot_wrapper import configurations_of
 from sst_pin.sst.topology import geometry_of, parameters_of
-from sst_pin.verification.sampling import random_parameters
+from tests.support.sampling import random_parameters
 
 mujoco = pytest.importorskip("mujoco", reason="extra `verify` is not installed")
 

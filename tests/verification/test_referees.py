@@ -17,11 +17,11 @@ from sst_pin.loops.loops import Loops
 from sst_pin.model.mechanism import Friction
 from sst_pin.sst import paper
 from sst_pin.verification import verify
-from sst_pin.verification.referees import exudyn_engine, mujoco_motion
-from sst_pin.verification.referees.symbolic import SymbolicLagrange
-from sst_pin.verification.referees.virtual_work import VirtualWork
-from sst_pin.verification.sampling import random_parameters, random_state
+from tests.referees import exudyn_engine, mujoco_motion
+from tests.referees.symbolic import SymbolicLagrange
+from tests.referees.virtual_work import VirtualWork
 from tests.support.files import load
+from tests.support.sampling import random_parameters, random_state
 
 EXAMPLE_1 = load("scripts/pages/example_1.py").EXAMPLE_1
 

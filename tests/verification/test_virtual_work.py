@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 import sst_pin
 from sst_pin.errors import InputError, SimulationError, SingularConfigurationError, SSTError
-from sst_pin.verification.referees import virtual_work
-from sst_pin.verification.referees.virtual_work import VirtualWork
-from sst_pin.verification.sampling import random_parameters, random_states
+from tests.referees import virtual_work
+from tests.referees.virtual_work import VirtualWork
+from tests.support.sampling import random_parameters, random_states
 from tests.support.star_assemblies import orientations
 
 Array = NDArray[np.float64]
@@ -43,17 +43,20 @@ def distance_of_sets(a: Array, b: Array) -> float:
 
 def test_referee_imports_nothing_of_what_it_judges() -> None:
     """Only the robot's data, errors and the checks of arrays come from the package."""
-    own, foreign = set(), set()
-    tree = ast.parse(Path(virtual_work.__file__).read_text(encoding="utf-8"))
-    for node in ast.walk(tree):
+    names = set()
+    for node in ast.walk(ast.parse(Path(virtual_work.__file__).read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
-            foreign |= {alias.name.split(".")[0] for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.level == 0:
-            foreign.add(str(node.module).split(".")[0])
+            names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
-            own |= {node.module} if node.module else {alias.name for alias in node.names}
-    assert foreign == {"collections", "typing", "numpy", "scipy"}
-    assert own == {"arrays", "description.parameters", "errors"}
+            names.add(node.module)
+    own = {name for name in names if name.startswith("sst_pin")}
+    assert {name.split(".")[0] for name in names - own} == {
+        "collections",
+        "typing",
+        "numpy",
+        "scipy",
+    }
+    assert own == {"sst_pin.arrays", "sst_pin.description.parameters", "sst_pin.errors"}
 
 
 @pytest.mark.parametrize("seed", SEEDS)

@@ -23,10 +23,10 @@ import sst_pin
 from sst_pin import errors
 from sst_pin.cli import main
 from sst_pin.sst import paper
-from sst_pin.verification.sampling import random_parameters
 from sst_pin.viewer import Viewer, pictures, triangles
 from sst_pin.viewer.server import is_ours, url_of
 from tests.support.browser import needs_browser
+from tests.support.sampling import random_parameters
 
 
 @pytest.fixture(scope="module")

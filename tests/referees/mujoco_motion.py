@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...arrays import Array
-from ...description.parameters import Parameters
-from ...sst.robot import SST
-from ..mujoco_tree import MujocoTree
+from sst_pin.arrays import Array
+from sst_pin.description.parameters import Parameters
+from sst_pin.sst.robot import SST
+from sst_pin.verification.mujoco_tree import MujocoTree
+
 from . import engine
 
 

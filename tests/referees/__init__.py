@@ -12,9 +12,9 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...arrays import Array
-from ...description.parameters import Parameters
-from ...errors import ClosureError, MissingExtraError
+from sst_pin.arrays import Array
+from sst_pin.description.parameters import Parameters
+from sst_pin.errors import ClosureError, MissingExtraError
 
 #: Moment of the surroundings on the star, base axes, shape (3,), [N m]; None for none.
 Moment = ArrayLike | None

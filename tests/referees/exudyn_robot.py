@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...arrays import Array
-from ...description.parameters import Parameters
+from sst_pin.arrays import Array
+from sst_pin.description.parameters import Parameters
+
 from . import LegAxes, engine, legs
 
 #: Turns of the three motors as a function of time, shape (3,), [rad].

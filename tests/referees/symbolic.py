@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...arrays import Array
-from ...description.parameters import Parameters
+from sst_pin.arrays import Array
+from sst_pin.description.parameters import Parameters
+
 from . import Moment, engine
 
 

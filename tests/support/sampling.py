@@ -4,9 +4,9 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..arrays import Array
-from ..description.parameters import Parameters, RigidBody
-from ..sst.robot import SST
+from sst_pin.arrays import Array
+from sst_pin.description.parameters import Parameters, RigidBody
+from sst_pin.sst.robot import SST
 
 
 def random_body(rng: np.random.Generator, mass: float, radius: float) -> RigidBody:

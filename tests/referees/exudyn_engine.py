@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from ...arrays import Array, in_one_turn
-from ...description.parameters import Parameters
-from ...errors import InputError
+from sst_pin.arrays import Array, in_one_turn
+from sst_pin.description.parameters import Parameters
+from sst_pin.errors import InputError
+
 from . import LegAxes, Moment, legs, require_same
 from .exudyn_robot import ExudynRobot, frames, of_all_bodies, turning
 

@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 
-from ...arrays import Array, finite_array
-from ...description.parameters import Parameters
-from ...errors import InputError, SimulationError, SingularConfigurationError, SSTError
+from sst_pin.arrays import Array, finite_array
+from sst_pin.description.parameters import Parameters
+from sst_pin.errors import InputError, SimulationError, SingularConfigurationError, SSTError
 
 #: Quantities of the size of one count as zero below this.
 _ZERO = 1e-12
