@@ -10,7 +10,7 @@ import numpy as np
 
 from ..arrays import Array
 from ..closed_chain import ClosedChain
-from .moving_robot import MovingRobot, PinocchioTree, Tree, consistent, free_motions
+from .tree_motion import MovingRobot, PinocchioTree, Tree, consistent, free_motions
 
 
 class LagrangeMultipliers:

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from ..arrays import Array
 from ..closed_chain import ClosedChain
-from .moving_robot import MovingRobot, PinocchioTree, consistent, free_motions
+from .tree_motion import MovingRobot, PinocchioTree, consistent, free_motions
 
 
 class VirtualWork:
