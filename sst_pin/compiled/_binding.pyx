@@ -351,8 +351,9 @@ cdef class Kernel:
         """
         cdef rows inputs[MOST_ARRAYS]
         cdef rows output
-        cdef unsigned char[::1] bad
+        cdef cnp.ndarray bad
         cdef const double *parameters
+        cdef unsigned char *flags
         cdef Py_ssize_t count
         cdef run_function run
         cdef int i, any_bad
@@ -372,19 +373,17 @@ cdef class Kernel:
                 inputs[i] = rows_of(<cnp.ndarray>array)
             else:
                 raise TypeError(f"array {i} is not float64 of shape ({count}, {self.sizes[i]})")
-        flags = np.zeros(max(count, 1), dtype=np.uint8)
-        bad = flags
+        bad = np.zeros(max(count, 1), dtype=np.uint8)
         output = rows_of(out)
         run, own = self.single, self.parameters
         if count > 1:
             run, own = self.batch, self.batch_parameters
-        parameters = numbers_of(own)
+        parameters, flags = numbers_of(own), <unsigned char *>cnp.PyArray_DATA(bad)
         with nogil:
             any_bad = run_shared(
-                run, self.arrays, inputs, &output, parameters, count, &bad[0], self.numbers(),
-                threads,
+                run, self.arrays, inputs, &output, parameters, count, flags, self.numbers(), threads
             )
-        return np.flatnonzero(flags) if any_bad else np.empty(0, dtype=np.intp)
+        return np.flatnonzero(bad) if any_bad else np.empty(0, dtype=np.intp)
 
 
 @cython.final
@@ -438,7 +437,8 @@ cdef class Course:
         cdef Py_ssize_t count = cnp.PyArray_DIM(q0, 0) if cnp.PyArray_NDIM(q0) == 2 else -1
         cdef Py_ssize_t steps = cnp.PyArray_DIM(q, 1) - 1 if cnp.PyArray_NDIM(q) == 3 else -1
         cdef ptrdiff_t half = 0
-        cdef ptrdiff_t[::1] counts
+        cdef ptrdiff_t *counts
+        cdef cnp.ndarray reached = np.zeros(max(count, 1), dtype=np.intp)
         cdef const double *parameters
         cdef ptrdiff_t numbers = self.sizes[0] + self.sizes[1] + self.sizes[2]
         for array, ndim, size in (
@@ -463,14 +463,13 @@ cdef class Course:
             half = torques.step
             torques.step *= 2
         outputs[0], outputs[1] = course_of(q), course_of(va)
-        reached = np.zeros(max(count, 1), dtype=np.intp)
-        counts = reached
+        counts = <ptrdiff_t *>cnp.PyArray_DATA(reached)
         own = self.parameters
         parameters = numbers_of(own)
         with nogil:
             roll_shared(
                 self.code, inputs, &torques, half, outputs, parameters, step, steps, count,
-                &counts[0], numbers, threads,
+                counts, numbers, threads,
             )
         return reached[:count]
 
