@@ -78,6 +78,7 @@ def test_samples_of_torque_may_stand_at_the_times_of_the_simulation(robot, circl
 def test_a_hundred_seconds_of_swinging_keep_energy_and_closures(rotvec):
     """Home tilted by 0.1 and 0.3 rad about the hanging pose and let go, without friction."""
     robot = sst_pin.SST(HANGING)
+    robot.compile(robot.home)
     t = np.linspace(0, 100, 401)
     motion = robot.simulate(np.zeros(3), tilted_home(robot, rotvec), np.zeros(3), t)
     energy = robot.kinetic_energy(motion.q, motion.va) + robot.potential_energy(motion.q)
