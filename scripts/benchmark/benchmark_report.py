@@ -87,8 +87,9 @@ COLUMNS = (
 
 def robots_table(results: dict[str, Any]) -> str:
     """How many times as fast as each; the reference path against `pin.rnea`; costs."""
-    header = ["robot", *(heading for heading, *_ in COLUMNS), "torques", "joints, freedoms"]
-    header += ["reference path, times pin.rnea", "compiled in", "size"]
+    header = ["robot", *(heading for heading, *_ in COLUMNS), "torques"]
+    header += ["joints, degrees of freedom", "reference path, times pin.rnea"]
+    header += ["compiled in", "size"]
     rows = []
     for name, robot in results["robots"].items():
         single, cost = robot["single call"], robot["cost"]

@@ -14,7 +14,7 @@ from sst_pin.arrays import Array
 from tests.data import REFERENCE
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "robots.md"
-COUNTS = ("joints", "q, v", "closure rows", "redundant", "freedoms", "motors")
+COUNTS = ("joints", "q, v", "closure rows", "redundant", "degrees of freedom", "motors")
 
 
 def counts(chain: ClosedChain, report: Any) -> tuple[str, ...]:
@@ -36,7 +36,7 @@ def reference_torques(chain: ClosedChain, states: list[dict[str, Any]]) -> tuple
 
 def table(_: Table) -> Table:
     """One row a robot; the last cell is relative to the reference data."""
-    rows: Table = [("robot", "what it is", *COUNTS, "torques off by")]
+    rows: Table = [("robot", "what it is", *COUNTS, "torque error")]
     for name in filter(str.islower, robots.__all__):
         build = getattr(robots, name)
         chain, what = build(), build.__doc__.split("\n")[0].rstrip(".")

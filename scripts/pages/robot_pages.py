@@ -34,7 +34,7 @@ def page(name: str, chain: GalleryRobot, states: list[dict[str, list[str]]]) -> 
     title, _, about = inspect.getdoc(getattr(robots, name)).partition("\n")
     about = re.split(r"^(?:Args|Example):$", about, flags=re.MULTILINE)[0].strip()
     cuts = "\n".join(f"- {_closure(closure)}" for closure in chain.closures)
-    closed = f"Its loops are closed by\n\n{cuts}\n\n{_WHY}" if cuts else "It has no loops.\n"
+    closed = f"These close its loops:\n\n{cuts}\n\n{_WHY}" if cuts else "It has no loops.\n"
     torques = "\n".join(_torques(chain, states[:3]))
     return f"""\
 # {name}

@@ -27,7 +27,7 @@ tables = load("scripts/pages/markdown_tables.py")
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 PAGE, FOLDER = DOCS / "standard_problems.md", DOCS / "standard_problems"
-HEADER = ("quantity", "published", "this package", "independent", "off by")
+HEADER = ("quantity", "published", "this package", "independent", "difference")
 ANDREWS = PUBLISHED["andrews"]
 ANGLES = tuple(ANDREWS["q"])  # in the order of the problem's statement
 
