@@ -83,53 +83,6 @@ COMMANDS = [
     (f"paper --samples 10 --out {LONG}", "File name too long"),
     (f"torques {SAMPLE} -o device.csv --force", "is a device, not a file"),
 ]
-#: More of them, which say anything.
-ODD = [
-    "--unknown", "paper --samples 1e3", "paper --samples 99999999999999999999", "paper --samples",
-    "paper extra", "paper --out /dev/null/x --samples 10", "compile --robot bad.urdf",
-    "torques motion.csv -o no/such/x.csv", "torques motion.csv -o x.csv --robot bad.urdf",
-    "simulate tau.csv -o x.csv --q0 a=1", "simulate tau.csv -o x.csv --va0 a",
-    "simulate tau.csv -o x.csv --q0 =1", "simulate tau.csv -o x.csv --q0 a=nan",
-    "compile --export-c a b", "compile --export-c no/such/folder",
-    "torques empty.csv -o x.csv", "torques motion.csv -o", "torques half.csv -o x.csv",
-    "torques far.csv -o x.csv", "torques /dev/zero -o x.csv",
-    "torques . -o x.csv", f"torques {NUL} -o x.csv", f"torques motion.csv -o {NUL}.csv",
-    "torques motion.csv -o .", "torques motion.csv -o /dev/full",
-    "torques motion.csv -o x.csv --robot .", "simulate", "simulate half.csv -o x.csv",
-    "simulate tau.csv -o x.csv --q0 gamma_1=nan",
-    "simulate tau.csv -o x.csv --q0 gamma_1=1e308 --va0 gamma_1=1e308",
-    "simulate tau.csv -o x.csv --q0 gamma_1=1,gamma_2=1,gamma_3=1 --va0 gamma_1=1e200",
-    "simulate tau.csv -o x.txt --q0 gamma_1=1,gamma_2=1,gamma_3=1",
-    "simulate empty.csv -o x.csv --q0 gamma_1=0,gamma_2=0,gamma_3=0",
-    "simulate motion.csv -o x.csv --q0", "show missing.csv --html x.html",
-    "show motion.csv --html x.txt", "show motion.csv --html file/x.html",
-    "show motion.csv --speed 0 --html x.html", "show motion.csv --speed -1 --html x.html",
-    "show motion.csv --speed nan --html x.html", "show motion.csv --speed inf --html x.html",
-    "show motion.csv --speed fast", "show motion.csv --port x --no-open",
-    "show motion.csv --host nowhere.invalid --no-open",
-    "show motion.csv --host 192.0.2.1 --no-open", f"show motion.csv --host {LONG} --no-open",
-    "show --live --host nowhere.invalid --no-open", "show --robot missing.urdf --html x.html",
-    "show --robot bad.urdf --html x.html", "show --robot missing.xml --html x.html",
-    "show motion.csv --html motion.csv", "show motion.csv --png x.html",
-    "show empty.csv --html x.html", "plot motion.csv -o file/x.png", "plot file -o x.png",
-    "plot . -o x.png", "plot motion.csv -o /dev/null/x.png", f"plot motion.csv -o {LONG}.png",
-    "describe", "describe -o taken", "describe -o file",
-    "describe -o x --alpha -120,240,240", "describe -o x --alpha nan,1,2",
-    "describe -o x --link-mass -1", "describe -o x --link-mass nan", "describe -o x --link-mass x",
-    "describe -o x --star-mass inf", "describe -o x --viscous-friction -1",
-    "describe -o x --coulomb-friction nan", "describe -o x --base-radius nan",
-    "describe -o x --star-radius 1e-320", "describe -o x --gravity 1,2",
-    "describe -o x --gravity inf,0,0", "describe -o x --robot bad.urdf", f"describe -o {NUL}",
-    "verify --robot missing.urdf", "verify extra", "verify --quick --robot bad.urdf",
-    "validate missing.urdf", "validate bad.urdf", "validate .", "validate /dev/zero",
-    f"validate {LONG}", f"validate {NUL}", "validate bad.urdf --cuts missing.yaml",
-    "validate bad.urdf --cuts .", "validate bad.urdf --cuts bad.urdf",
-    "compile --export-c file", "compile --export-c x --robot bad.urdf",
-    f"compile --export-c {NUL}", "compile --export-c /dev/null/x", "compile extra",
-    f"compile --robot {NUL}", f"compile --robot {LONG}",
-    "describe -o x --base-directions|1,0,0 0,1,0 0,0,nan", "torques  -o x.csv",
-    "torques motion.csv -o|",
-]  # fmt: skip
 FLAT = "{},0,1.5707963267948966,1.5707963267948966"
 #: Motion files, line by line, and what the error says.
 MOTIONS = [
@@ -199,7 +152,7 @@ def require_told(folder, capsys, command, word):
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of packages of others
 @pytest.mark.parametrize(
     ("command", "word"),
-    [*COMMANDS, *(pytest.param(command, "", marks=pytest.mark.slow) for command in ODD)],
+    COMMANDS,
 )
 def test_a_command_says_in_one_line_why_it_does_nothing(folder, capsys, command, word):
     signal.alarm(60)  # one that does not end would end the process

@@ -170,17 +170,6 @@ def test_validate_prints_the_mobility_and_the_moving_mass(capsys, robot, mass):
     assert rows["moving mass"].strip() == f"{mass} kg"
 
 
-def test_missing_folders_are_not_made_in_silence(here, capsys):
-    """A wrong path is told; a folder that is asked for is made, its parents are not."""
-    code, _, err = run(capsys, "torques", SAMPLE, "-o", "no/such/out.csv")
-    assert code == 2
-    assert "no/such: the folder does not exist; create it first" in err
-    assert run(capsys, "compile", "--export-c", "no/such")[0] == 2
-    assert not any(here.iterdir())
-    assert run(capsys, "compile", "--export-c", "made")[0] == 0
-    assert [path.name for path in here.iterdir()] == ["made"]
-
-
 def test_all_missing_extras_are_named_at_once(here, capsys, monkeypatch):
     """`describe` needs two."""
     for name in ("matplotlib", "trimesh"):
@@ -188,20 +177,6 @@ def test_all_missing_extras_are_named_at_once(here, capsys, monkeypatch):
     code, _, err = run(capsys, "describe", "-o", "d")
     assert code == 2
     assert "trimesh, matplotlib are not installed; run: pip install 'sst-pin[mesh,plot]'" in err
-
-
-class Broken(io.StringIO):
-    """An output that cannot be written to."""
-
-    def __init__(self, fault):
-        super().__init__()
-        self.fault = fault
-
-    def write(self, text):
-        raise self.fault
-
-    def fileno(self):
-        raise OSError
 
 
 START = "--q0 gamma_1=1,gamma_2=1,gamma_3=1 --va0 gamma_1=0,gamma_2=0,gamma_3=0"
@@ -223,33 +198,3 @@ CASES = [
     *((command, fault) for command in COMMANDS for fault in FAULTS),
     *(pytest.param(x, "a closed pipe", marks=pytest.mark.slow) for x in LONG_COMMANDS),
 ]
-
-
-@pytest.mark.parametrize(("command", "fault"), CASES)
-def test_no_command_ends_in_a_traceback_when_output_breaks(here, capsys, command, fault):
-    write_delta(here / "motors.csv")
-    (here / "tau.csv").write_text(TAU)
-    error, expected, words = FAULTS[fault]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys, "stdout", Broken(error))
-        code = main(command.split())
-    assert code == expected
-    err = capsys.readouterr().err
-    assert words in err
-    assert len([line for line in err.splitlines() if ": warning: " not in line]) <= 1
-
-
-@pytest.mark.parametrize(
-    "command",
-    [
-        f"torques {SAMPLE} -o /proc/a.csv",
-        f"plot {SAMPLE} -o /proc/a.svg",
-        "compile --export-c /proc/c",
-    ],
-)
-@pytest.mark.skipif(not Path("/proc/self").exists(), reason="no /proc")
-def test_an_unwritable_place_is_told_in_one_line(capsys, command):
-    code, _, err = run(capsys, *command.split())
-    assert code == 2
-    assert err.count("\n") == 1
-    assert "cannot be written" in err

@@ -23,26 +23,6 @@ HOME = sst_pin.SST().home
 RATES = np.array((1.0, 2, 3))
 
 
-@pytest.mark.filterwarnings("error:invalid value:RuntimeWarning")
-@pytest.mark.parametrize("method", ["compute_torques", "compute_accelerations"])
-@pytest.mark.parametrize(
-    ("q", "va", "third", "word"),
-    [
-        (HOME[:8], RATES, RATES, r"q: shape \(8,\), expected \(\.\.\., 9\)"),
-        (HOME, RATES[:2], RATES, r"va: shape \(2,\), expected \(\.\.\., 3\)"),
-        (HOME, RATES, 1.0, r"shape \(\), expected \(\.\.\., 3\)"),
-        (HOME * np.nan, RATES, RATES, "q: .*nan|q: not finite"),
-        (HOME, RATES * np.inf, RATES, "va: entry .* is inf"),
-        (HOME, RATES, (0, np.nan, 0), r"(aa|tau): entry \[1\] is nan"),
-        (HOME, "fast", RATES, "va: not an array of numbers"),
-        (np.tile(HOME, (2, 1)), np.tile(RATES, (3, 1)), RATES, "do not broadcast"),
-    ],
-)
-def test_wrong_arrays_are_named(robot, method, q, va, third, word):
-    with pytest.raises(InputError, match=word):
-        getattr(robot, method)(q, va, third)
-
-
 def test_an_open_closure_is_told_with_its_size_and_its_remedy(robot):
     q = HOME.copy()
     q[1] += 1e-3
@@ -216,23 +196,6 @@ def test_motors_that_do_not_suffice_or_are_more_are_told(robot):
     assert held.degrees_of_freedom == 0
     with pytest.raises(sst_pin.DescriptionError, match="nothing can move; check kinds and axes"):
         held.compute_torques(held.generic_configuration(), [0.0], [0.0])
-
-
-@pytest.mark.parametrize(
-    ("make", "said"),
-    [
-        (lambda: Coupling("a", {"b": 1.0}), r"polynomial of b is 1\.0"),
-        (lambda: Coupling("a", {"b": (0, np.nan)}), "polynomial of b"),
-        (lambda: Coupling("a", {"b": "12"}), "polynomial of b"),
-        (lambda: Coupling("a", {"b": ()}), r"polynomial of b is \(\)"),
-        (lambda: Coupling("a", offset="x"), "offset 'x'"),
-        (lambda: sst_pin.Distance("a", "b", "far"), "distance far"),
-        (lambda: sst_pin.Rolling("a", "b", None), "radius None"),
-    ],
-)
-def test_closures_are_made_of_numbers(make, said):
-    with pytest.raises(sst_pin.DescriptionError, match=said):
-        make()
 
 
 def test_names_that_are_not_there_are_told_with_those_that_are(robot):

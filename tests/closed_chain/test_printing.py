@@ -1,11 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Robots and their terms print as a few lines; what is computed cannot be assigned."""
 
-import pickle
-
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
 
 import sst_pin
 from tests.gallery import ladder
@@ -47,24 +44,7 @@ def test_a_robot_says_its_class_its_sizes_and_what_computes():
     assert "the reference path: no kernels yet" in text
 
 
-def test_terms_show_the_shapes_of_their_matrices():
-    robot = sst_pin.SST()
-    assert "L (9, 3), L_dot (9, 3)" in repr(robot.noc(robot.home, [0, 0, 0]))
-    many = robot.reduced_terms([robot.home] * 4, np.zeros((4, 3)))
-    assert "inertia (4, 3, 3)" in repr(many)
-
-
 @pytest.mark.parametrize("name", ["actuated", "coordinates", "friction", "home", "model"])
 def test_what_is_computed_from_the_model_cannot_be_assigned(name):
     with pytest.raises(AttributeError):
         setattr(sst_pin.robots.four_bar(), name, None)
-
-
-def test_actuated_is_an_index_of_batches_too():
-    robot = sst_pin.SST()
-    va = np.arange(12.0).reshape(4, 3)
-    v = robot.joint_rates([robot.home] * 4, va)
-    assert_allclose(v[:, robot.actuated], va, rtol=0, atol=1e-14)  # rounding of one solution
-    with pytest.raises(ValueError, match="read-only"):
-        robot.actuated[0] = 1
-    assert np.array_equal(pickle.loads(pickle.dumps(robot)).actuated, [0, 3, 6])

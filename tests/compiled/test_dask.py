@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Torques of any robot over Dask's blocks, in threads and in processes."""
 
-import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import sst_pin
-from sst_pin.compiled import libraries
 from tests.support.files import load
 
 da = pytest.importorskip("dask.array", reason="dask is not installed (extra 'dev')")
@@ -40,40 +38,3 @@ def test_chunked_states_give_the_torques_of_whole_arrays(robot):
     lazy = [da.from_array(np.ascontiguousarray(x), chunks=(3, 7, -1)) for x in (q, va, aa)]
     tau = da.apply_gufunc(robot.compute_torques, "(q),(m),(m)->(m)", *lazy, output_dtypes=float)
     assert np.array_equal(tau.compute(), robot.compute_torques(q, va, aa))
-
-
-@pytest.mark.slow
-def test_worker_processes_load_the_kernels_of_a_compiled_robot(monkeypatch, tmp_path):
-    """Two of them: the hexapod goes there pickled, its kernels come from the cache."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))  # other tests write to the user's own
-    distributed = pytest.importorskip("dask.distributed", reason="needs distributed, extra 'dev'")
-    example = load("examples/dask_sweep.py")
-
-    robot, samples = sst_pin.robots.stewart(), 1000
-    robot.compile()
-    states = example.grid(robot, samples)
-    lazy = example.sweep(robot, states, samples, 250)
-    expected = robot.compute_torques(*states(np.arange(samples)))
-    before = kept()
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(EXAMPLES), str(EXAMPLES.parent)]))
-    with (
-        distributed.LocalCluster(2, threads_per_worker=1, dashboard_address=None) as cluster,
-        distributed.Client(cluster) as client,
-    ):
-        tau = lazy.compute(scheduler=client)
-        said = client.run(_path, robot)
-    assert np.array_equal(tau, expected)
-    assert len(said) == 2
-    assert all(path.startswith("compiled kernels") for path in said.values())
-    assert kept() == before
-
-
-def kept():
-    """Files in the cache, each once: one made again would be another."""
-    return {entry.path.name: entry.path.stat().st_ino for entry in libraries.cached()}
-
-
-def _path(robot):
-    """What computes in a worker."""
-    robot.compute_torques(robot.home, *np.zeros((2, robot.degrees_of_freedom)))
-    return robot.path

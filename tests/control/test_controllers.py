@@ -175,21 +175,6 @@ def test_torques_stay_within_limits_and_ends_are_held(kind, five_bar, sway):
         assert_allclose(control.torque(t, q, rest), holding, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("kind", "given", "word"),
-    [
-        ("Adaptive", {"stiffness": 1, "damping": 1, "learning": -1}, "learning"),
-        ("ComputedTorque", {"kp": -1, "kd": 1}, "kp"),
-        ("GravityPD", {"kp": 1, "kd": [1, 2, 3]}, "kd"),
-        ("GravityPD", {"kp": 1, "kd": 1, "limits": [1, 0]}, "limits"),
-        ("TrackingLQR", {"Q": [1] * 4, "R": [1, -1]}, "R"),
-    ],
-)
-def test_bad_arguments_are_refused_by_name(five_bar, sway, kind, given, word):
-    with pytest.raises(InputError, match=word):
-        getattr(sst_pin, kind)(five_bar, sway, **given)
-
-
 def test_motions_that_cannot_be_followed_are_refused(robot, five_bar, sway):
     def follow(chain, motion):
         return sst_pin.ComputedTorque(chain, motion, kp=1, kd=1)

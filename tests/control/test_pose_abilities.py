@@ -139,18 +139,6 @@ def test_a_batch_is_its_samples():
         assert np.abs(found.center[1, 0] - one.center).max() < 1e-9
 
 
-def test_what_is_no_limit_is_refused():
-    chain = sst_pin.robots.delta()
-    with pytest.raises(sst_pin.ActuationError, match="no torque to spare"):
-        sst_pin.force_polytope(chain, chain.home, FRAME, 0.01)
-    with pytest.raises(sst_pin.InputError, match="same limits in both"):
-        sst_pin.force_ellipsoid(chain, chain.home, FRAME, [[-1, 2]] * 3)
-    with pytest.raises(sst_pin.InputError, match="below the largest"):
-        sst_pin.acceleration_polytope(chain, chain.home, FRAME, -1.0)
-    with pytest.raises(sst_pin.UnknownNameError, match="hand"):
-        sst_pin.force_ellipsoid(chain, chain.home, "hand", 1.0)
-
-
 @pytest.mark.parametrize("turning", [False, True])
 def test_forces_that_move_what_no_motor_holds_are_refused(turning):
     lift = sst_pin.robots.five_bar()

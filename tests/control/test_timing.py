@@ -174,39 +174,6 @@ def test_full_turns_between_samples_are_no_motion(robot, circle):
     assert motion.t[-1] == pytest.approx(0.4994, abs=2e-4)
 
 
-@pytest.mark.parametrize(
-    ("given", "error", "words"),
-    [
-        ({"torques": 2.0}, sst_pin.ActuationError, "gamma_. cannot hold the robot at the start"),
-        ({}, sst_pin.InputError, "a limit of one of them is needed"),
-        ({"torques": -3.0}, sst_pin.InputError, "torques: each least"),
-        ({"torques": [30, 30]}, sst_pin.InputError, r"torques: shape \(2,\)"),
-        ({"torques": 30, "rates": [[1, 2]] * 3}, sst_pin.InputError, "rates: motors at rest"),
-        ({"torques": 30, "rates": 0.0}, sst_pin.InputError, "rates"),
-        ({"torques": np.inf}, sst_pin.InputError, "torques"),
-        ({"torques": 30, "dt": 0}, sst_pin.InputError, "dt"),
-    ],
-)
-def test_limits_that_are_none_are_named(robot, circle, given, error, words):
-    with pytest.raises(error, match=words):
-        sst_pin.time_optimal(robot, circle, **given)
-
-
-def test_paths_that_are_none_are_named(robot, circle):
-    with pytest.raises(sst_pin.InputError, match="do not move"):
-        sst_pin.time_optimal(robot, np.tile(robot.home, (5, 1)), torques=30)
-    there_and_back = np.vstack([circle[:51], circle[49::-1]])
-    with pytest.raises(sst_pin.InputError, match="turns back at sample 50"):
-        sst_pin.time_optimal(robot, there_and_back, torques=30)
-    bar = sst_pin.robots.four_bar()
-    q = wave(bar).copy()
-    q[20:] = [bar.assemble({"crank": x[0], "rocker": -x[2]}, fixed=["crank"]) for x in q[20:]]
-    with pytest.raises(sst_pin.InputError, match="jumps, or has too few samples"):
-        sst_pin.time_optimal(bar, q, torques=30)
-    with pytest.raises(sst_pin.InputError, match="expected"):
-        sst_pin.time_optimal(robot, circle[:2], torques=30)
-
-
 @pytest.mark.parametrize("step", [4.0, 5.9])
 def test_steps_of_more_than_half_a_turn_are_refused(step):
     """They look like shorter ones the other way."""

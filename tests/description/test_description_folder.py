@@ -69,17 +69,6 @@ def test_code_of_the_folders_readme_runs_in_it(folder):
     assert result.stdout.endswith("9 home\n")
 
 
-def test_numbers_of_the_readme_have_a_grade(folder):
-    """Every numbered parameter is A, B, C, or U, which no parameter of the paper's robot is."""
-    readme = (folder / "README.md").read_text()
-    rows = re.findall(r"^\| (\d+) \| .* \| ([ABCU]) \| .+ \|$", readme, re.MULTILINE)
-    assert [int(number) for number, _ in rows] == list(range(1, 20))
-    grades = {int(number) for number, grade in rows if grade == "U"}
-    # What they leave alone: mass centres and drives, shapes, steps.
-    changed = set(range(1, 17)) - {6, 9, 12}
-    assert grades == (set() if folder == Path(sst_pin.PACKAGE_PATH) else changed)
-
-
 def test_nothing_points_outside_the_folder(folder):
     """Relative names only, of files that are there; no macros; each mesh as STL and OBJ."""
     used = set()
@@ -155,16 +144,6 @@ def test_urdf_and_mjcf_wear_the_same_parts(folder):
     assert seen == 12
 
 
-def test_licence_and_package_are_those_of_the_project(folder):
-    assert (folder / "LICENSE").read_text() == (ROOT / "LICENSE").read_text()
-    package = xml(folder, "package.xml")
-    # ROS takes three numbers only.
-    assert package.findtext("version") == sst_pin.__version__.removesuffix(".dev")
-    assert package.get("format") == "3"
-    name = package.findtext("name")
-    assert f"project({name} NONE)" in (folder / "CMakeLists.txt").read_text()
-
-
 def test_check_urdf_has_no_objection(folder):
     """The program that ROS users check with; it comes with Pinocchio."""
     command = [Path(sys.executable).with_name("check_urdf"), folder / "sst.urdf"]
@@ -199,13 +178,3 @@ def test_describe_takes_its_own_urdf_back(described, tmp_path, capsys):
     assert after.arc_angles == pytest.approx(before.arc_angles, abs=4e-15)
     assert after.links[0].inertia == pytest.approx(before.links[0].inertia, abs=1e-15)
     assert after.gravity.tolist() == before.gravity.tolist()
-
-
-def test_describe_spares_what_is_there(described, capsys):
-    """Without --force nothing is replaced; with it the folder is written anew."""
-    before = (described / "sst.urdf").read_bytes()
-    assert main(["describe", "-o", str(described)]) == 2
-    assert "exists already" in capsys.readouterr().err
-    assert (described / "sst.urdf").read_bytes() == before
-    assert main(["describe", "-o", str(described), "--force", *DESCRIBED]) == 0
-    assert (described / "sst.urdf").read_bytes() == before

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Meshes and collision primitives, as Pinocchio with coal, MuJoCo and yourdfpy read them."""
 
-import io
 import itertools
 import sys
 from dataclasses import replace
@@ -87,47 +86,6 @@ def test_meshes_have_the_radii_of_the_parameters(parameters):
         assert np.ptp(depths) < 0.0008 * max(p.base_radius, p.star_radius)
 
 
-def test_the_papers_robot_is_as_large_as_in_the_paper():
-    """0.35 m to P1, P2, P3 and 0.40 m to the arcs, in metres and nothing else."""
-    meshes = meshes_of(Parameters())
-    base, arc = meshes["base"].vertices, meshes["arc"].vertices
-    assert base.max(axis=0) == pytest.approx([0.35 + 0.009] * 3, abs=1e-4)  # a ball on each P_k
-    assert np.abs(base).max() < 0.55
-    bar = arc[arc[:, 0] > 0.05]  # without the stop
-    radii = np.hypot(bar[:, 0], bar[:, 1])
-    assert (radii.min() + radii.max()) / 2 == pytest.approx(0.40, abs=1e-9)
-    # The star's mass by Sect. 7.1 (c), were it of aluminium.
-    assert 2700 * (3 * meshes["arc"].volume + meshes["tool"].volume) == pytest.approx(2.6, abs=0.1)
-
-
-def test_meshes_are_small_and_the_same_as_stl_and_obj():
-    """Two files of one stem, for the tools that read one and not the other; 1 MB in all."""
-    files = [*(SHIPPED / "meshes").iterdir()]
-    assert sum(f.stat().st_size for f in files) < 1e6
-    for stem in {f.with_suffix("") for f in files}:
-        one, other = (trimesh.load(f"{stem}.{end}", process=False) for end in ("stl", "obj"))
-        assert len(one.faces) == len(other.faces)
-        assert np.abs(one.triangles - other.triangles).max() < 1e-6
-
-
-def test_a_moved_vertex_makes_a_shipped_mesh_stale(tmp_path):
-    """The check sees two micrometres and passes by the last bit of a sine."""
-    for name, write in description_writers(Parameters(), configurations_of(Parameters())).items():
-        content = io.BytesIO()
-        write(content)
-        path = tmp_path / Path(name).name
-        path.write_bytes(content.getvalue())
-        assert make_description.same(path, content.getvalue())
-        if path.suffix in (".stl", ".obj"):
-            mesh = trimesh.load(path, process=False)
-            for shift, is_same in ((1e-8, True), (2e-6, False)):
-                mesh.vertices += (shift, 0, 0)
-                options = {"digits": 9, "header": None} if path.suffix == ".obj" else {}
-                mesh.export(path, **options)
-                assert make_description.same(path, content.getvalue()) == is_same, (name, shift)
-    assert not make_description.same(tmp_path / "nowhere.stl", b"")
-
-
 def test_without_trimesh_the_error_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "trimesh", None)
     sst_pin.SST(odd_parameters(0))
@@ -147,16 +105,6 @@ def test_every_body_has_a_picture_and_primitives(kind, tmp_path):
         for shape in shapes:
             assert isinstance(shape.geometry, coal.BVHModelBase) == (kind == VISUAL)
             assert shape.meshPath.endswith(".obj") == (kind == VISUAL)
-
-
-def test_legs_have_their_colours():
-    """Blue, vermilion and green of Okabe and Ito; the carriage is a tint of its leg's."""
-    _, found = geometry(VISUAL)
-    colours = np.array([(0, 0.447, 0.698), (0.835, 0.369, 0), (0, 0.62, 0.451)])
-    for k, colour in enumerate(colours, 1):
-        for body, expected in (("link", colour), ("star", colour), ("passive", (1 + colour) / 2)):
-            shape = found.geometryObjects[found.getGeometryId(f"{body}_{k}_0")]
-            assert shape.meshColor[:3] == pytest.approx(expected, abs=1e-3)
 
 
 def outside(shape, points):

@@ -135,29 +135,6 @@ def test_a_calibrated_urdf_is_the_calibrated_robot(tmp_path):
             assert mine.placement.isApprox(theirs.placement, 1e-12)
 
 
-def test_bad_measurements_are_refused():
-    drawn, _, _, x = deltas()
-    exact = poses_of(drawn, x[:4], "platform")
-    with pytest.raises(sst_pin.InputError, match="poses"):
-        calibrate(drawn, "platform", x[:4], exact[:3])
-    stretched = exact * [[[1.1, 1, 1, 1]]]
-    for wrong in ("here", [["a"]], None, stretched, exact[:, :3, :3]):
-        with pytest.raises(sst_pin.InputError, match="poses"):
-            calibrate(drawn, "platform", x[:4], wrong)
-    with pytest.raises(sst_pin.InputError, match="equations for"):
-        calibrate(drawn, "platform", x[:1], exact[:1, :3, 3], which=["platform.[xyz]"])
-    with pytest.raises(sst_pin.UnknownNameError, match="nothing"):
-        calibrate(drawn, "platform", x[:4], exact, which=["nothing.x"])
-    with pytest.raises(sst_pin.UnknownNameError, match="nowhere"):
-        calibrate(drawn, "nowhere", x[:4], exact)
-    with pytest.raises(sst_pin.InputError, match="too large"):
-        calibrate(drawn, "platform", x[:1] + 3, exact[:1])
-    with pytest.raises(sst_pin.ClosureError):
-        calibrate(sst_pin.robots.stewart(), "platform", [[9, 1, 1, 1, 1, 1]], exact[:1])  # legs
-    with pytest.raises(sst_pin.InputError, match=r"pose \d is .* check units"):
-        calibrate(drawn, "platform", x[:4], 1e3 * exact[:, :3, 3])  # in millimetres
-
-
 def test_a_frame_called_as_its_joint_has_the_errors_of_the_joint():
     delta, _, _, x = deltas()
     model = pin.Model(delta.model)

@@ -233,19 +233,6 @@ def test_what_the_caller_gave_is_the_robot_and_not_the_caller_s_own():
         np.testing.assert_allclose(other.compute_torques(*state), before, rtol=1e-12)
 
 
-@pytest.mark.parametrize("given", [{"crank", "rocker"}, {"crank": 1.0}, frozenset(["crank"])])
-@pytest.mark.parametrize("name", ["closures", "actuated", "coordinates", "forces"])
-def test_what_has_no_order_is_refused(name, given):
-    """The order of motors is that of tau."""
-    plain = sst_pin.robots.four_bar()
-    arguments = {"closures": plain.closures, "actuated": ["crank"], name: given}
-    with pytest.raises(sst_pin.InputError, match=f"{name}: .* a sequence of"):
-        ClosedChain(plain.model, **arguments)
-    if name == "coordinates":
-        with pytest.raises(sst_pin.InputError, match="a sequence of"):
-            plain.with_coordinates(given)
-
-
 @pytest.mark.parametrize("copied", [lambda c: c, lambda c: pickle.loads(pickle.dumps(c))])
 def test_arrays_of_a_robot_are_read_only(copied):
     chain = copied(sst_pin.robots.four_bar())
@@ -429,24 +416,6 @@ def test_a_model_that_is_refused_leaves_the_robot_as_it_was(compiled, change):
         with pytest.raises(sst_pin.DescriptionError, match=r"NaN|gravity\.angular"):
             robot.refresh()
         assert np.array_equal(robot.compute_torques(*motion), before)
-
-
-@pytest.mark.parametrize("name", ["armature", "damping", "friction", "rotorInertia"])
-@pytest.mark.parametrize("size", [0, 1, 40])
-@pytest.mark.parametrize("locked", [(), ["b1_revolute"]])
-def test_arrays_of_a_wrong_size_are_refused(name, size, locked):
-    """Pinocchio would read memory beside them, or end the process."""
-    model = tree("free", ["RX"], ["RZ", "revolute"], seed=3)
-    setattr(model, name, np.ones(size))
-    with pytest.raises(sst_pin.DescriptionError, match=f"{name}: {size} numbers, "):
-        ClosedChain(model, [Closure("A", "B", "3d")], ["a0_RX"], locked=locked)
-
-
-def test_a_model_with_a_nan_is_refused():
-    model = tree("free", ["RX"], ["RZ"], seed=3)
-    model.effortLimit = np.full(model.nv, np.nan)
-    with pytest.raises(sst_pin.DescriptionError, match="NaN"):
-        build(model)
 
 
 def compiled():

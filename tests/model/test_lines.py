@@ -208,23 +208,6 @@ def test_both_ends_in_one_place_have_no_direction():
     assert chain.line_lengths(bar.home) < 1e-12
 
 
-@pytest.mark.parametrize(
-    ("numbers", "problem"),
-    [
-        ({"stiffness": -1}, "stiffness of line a-b: -1 is negative"),
-        ({"damping": -0.5}, "damping of line a-b"),
-        ({"rest_length": -1}, "rest_length of line a-b"),
-        ({"preload": np.nan}, "preload of line a-b: nan is not finite"),
-        ({"stiffness": np.inf}, "inf is not finite"),
-        ({"stiffness": "soft"}, "stiffness of line a-b"),
-        ({"name": 3}, "3 is not a name"),
-    ],
-)
-def test_numbers_that_no_line_has_are_refused(numbers, problem):
-    with pytest.raises(sst_pin.InputError, match=problem):
-        LineForce("a", "b", **numbers)
-
-
 def test_lines_that_do_not_fit_the_robot_are_refused():
     bar = sst_pin.robots.four_bar()
 

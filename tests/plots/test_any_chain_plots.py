@@ -2,12 +2,10 @@
 """Pages of any closed chain: units, names, looks that grey print keeps apart; loads, maps."""
 
 import functools
-import itertools
 
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 import sst_pin
@@ -56,17 +54,6 @@ def test_every_joint_is_drawn_once():
     assert sorted(drawn) == sorted(curves.label(name) for name in motion.joint_names)
 
 
-@pytest.mark.parametrize("count", range(1, 10))
-@pytest.mark.parametrize("pattern", ["joint{}", "{}"])
-def test_curves_differ_in_grey_print(count, pattern):
-    """In dashes or marks, any two of them; names like gamma_1 too."""
-    letters = [f"{letter}_{k}" for k in (1, 2, 3) for letter in ("gamma", "mu", "beta")]
-    names = letters if pattern == "{}" else [pattern.format(k) for k in range(9)]
-    looks = curves.looks(names[:count])
-    kinds = [(str(look["linestyle"]), look.get("marker")) for look in looks]
-    assert len(set(kinds)) == count
-
-
 def test_an_endless_joint_is_drawn_as_an_angle():
     """Not as a cosine and a sine, and without jumps at half turns."""
     angle = np.linspace(0, 10, 101)
@@ -93,16 +80,6 @@ def test_any_name_has_its_entry_in_the_legend(name):
     assert text.get_text().strip().replace("\\$", "$") == name
 
 
-def test_panels_are_lettered():
-    """(a), (b), ... in the order of the page; one alone has none."""
-    robot, motion = fallen("four_bar")
-    page = plots.motion_page(robot, motion)
-    letters = [text.get_text() for ax in page.axes for text in ax.texts]
-    assert letters == ["(a)", "(b)", "(c)", "(d)", "(e)"]
-    (alone,) = plots.motion_page(robot, motion, ("torques",)).axes
-    assert not alone.texts
-
-
 def test_a_page_saved_from_python_is_that_of_the_command(tmp_path):
     page = plots.motion_page(*fallen("four_bar"), ("torques", "energy"))
     with (tmp_path / "writer.png").open("wb") as file:
@@ -112,57 +89,10 @@ def test_a_page_saved_from_python_is_that_of_the_command(tmp_path):
     assert page._repr_png_()[:4] == b"\x89PNG"
 
 
-@pytest.mark.parametrize(
-    ("subjects", "word"),
-    [((), "expected some of path"), ("torques", "expected"), (("dance",), "expected")],
-)
-def test_what_a_page_cannot_show_is_refused(subjects, word):
-    robot, motion = fallen("four_bar")
-    with pytest.raises(sst_pin.InputError, match=word):
-        plots.motion_page(robot, motion, subjects)
-    with pytest.raises(sst_pin.InputError, match="one sample"):
-        plots.motion_page(robot, motion[:1])
-
-
 def test_the_condition_number_of_a_chain_is_drawn():
     robot, motion = fallen("five_bar")
     (line,) = plots.condition_number(Figure().add_subplot(), robot, motion).get_lines()
     assert np.array_equal(line.get_ydata(), robot.condition_number(motion.q))
-
-
-def test_every_two_hues_differ():
-    """Colours differ for the eye: by more than 20 in CIELAB."""
-
-    def lab(colour):
-        rgb = np.array(to_rgb(colour))
-        linear = np.where(rgb > 0.04045, ((rgb + 0.055) / 1.055) ** 2.4, rgb / 12.92)
-        matrix = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
-        x, y, z = np.cbrt(np.array(matrix) @ linear / (0.9505, 1, 1.089))
-        return np.array((116 * y, 500 * (x - y), 200 * (y - z)))
-
-    looks = curves.looks([f"joint{k}" for k in range(curves.MOST)])
-    places = [lab(look["color"]) for look in looks]
-    assert min(np.linalg.norm(a - b) for a, b in itertools.combinations(places, 2)) > 20
-
-
-CURVES_OF_A_ROBOT = {
-    "rates": plots.joint_rates,
-    "power": plots.powers,
-    "energy": plots.energy_balance,
-    "condition": plots.condition_number,
-    "path": lambda ax, robot, motion: plots.frame_path(ax, robot, motion, "platform"),
-    "sphere": lambda ax, robot, motion: plots.paths_on_sphere(ax, robot, [("", motion)]),
-}
-
-
-@pytest.mark.parametrize("subject", CURVES_OF_A_ROBOT)
-def test_curves_of_another_robots_motion_are_refused(subject, robot):
-    """Robots with the same joints and their motors in another order; an SST and a chain."""
-    bars, motion = fallen("five_bar")
-    names, ax = bars.motor_names[::-1], Figure().add_subplot()
-    twin = sst_pin.ClosedChain(bars.model, bars.closures, names, coordinates=bars.coordinates)
-    with pytest.raises(sst_pin.InputError, match="motion: belongs to another robot"):
-        CURVES_OF_A_ROBOT[subject](ax, robot if subject == "sphere" else twin, motion)
 
 
 def test_a_page_of_a_robot_without_motors_has_no_torques_and_says_so_when_asked():
@@ -213,18 +143,6 @@ def test_a_page_with_a_path_in_space_is_legible(monkeypatch):
     require_legible(page, monkeypatch)
     with pytest.raises(sst_pin.InputError, match="lies in no plane"):
         plots.frame_path(page.axes[1], robot, motion)
-
-
-def test_a_path_of_an_unknown_frame_is_refused():
-    robot, motion = fallen("five_bar")
-    with pytest.raises(sst_pin.UnknownNameError, match=r"hand.* known: .*tip_1"):
-        plots.motion_page(robot, motion, frame="hand")
-    model = robot.model.copy()
-    model.frames[model.getFrameId("platform")].name = "tool"
-    nameless = sst_pin.ClosedChain(model, robot.closures, robot.motor_names)
-    with pytest.raises(sst_pin.InputError, match="name the frame whose path is drawn"):
-        plots.motion_page(nameless, motion, ("path",))
-    assert len(plots.motion_page(nameless, motion, frame="tool").axes[0].get_lines()) == 2
 
 
 def test_convex_sets_are_drawn_in_a_plane_and_as_bodies():

@@ -2,7 +2,6 @@
 """Figures: what they show is right, and nothing in them is in the way of anything else."""
 
 import io
-import re
 import subprocess
 import sys
 
@@ -12,7 +11,6 @@ from matplotlib import figure as figures
 
 import sst_pin
 from sst_pin import plots
-from sst_pin.plots import motions
 from sst_pin.simulation.energy import energy_balance
 from sst_pin.sst import paper
 from tests.support.legible import require_legible
@@ -99,26 +97,6 @@ def test_energy_drawn_is_balanced(sticky, circle):
     assert np.abs(energy_balance(sticky, wrong).error).max() > 0.1
 
 
-def test_residual_in_the_legend_is_an_upper_bound(sticky, circle):
-    ax = plots.energy_balance(axes(), sticky, circle)
-    worst = np.abs(sst_pin.energy_error(sticky, circle)).max()
-    text = ax.get_legend().get_texts()[-1].get_text()
-    assert motions.upper_bound(worst) in text
-    assert motions.upper_bound(0) == "$0$"
-    for value in (3.2e-7, 9.1e-12, 1.0e-3, 1.01e-3, 2.9, 47.0):
-        power = r"\$(?:(\d)\\times )?10\^\{(-?\d+)\}\$"
-        digit, exponent = re.fullmatch(power, motions.upper_bound(value)).groups()
-        bound = float(digit or 1) * 10.0 ** int(exponent)
-        assert value * (1 - 1e-15) <= bound <= 2 * value
-
-
-def test_frictionless_robot_has_no_friction_in_its_legends(robot):
-    motion = paper.example_1(robot, np.linspace(0, paper.PERIOD, 31))
-    for draw in (plots.powers, plots.energy_balance):
-        labels = [text.get_text() for text in draw(axes(), robot, motion).get_legend().get_texts()]
-        assert not any("friction" in label for label in labels)
-
-
 def test_condition_number_near_a_singularity_is_logarithmic(robot):
     """Up to 20 on a linear scale, beyond it by powers of ten."""
     motion = paper.example_1(robot, np.linspace(0, paper.PERIOD, 31))
@@ -129,13 +107,6 @@ def test_condition_number_near_a_singularity_is_logarithmic(robot):
     zero = np.zeros((2, 3))
     near = robot.trajectory((0, 1), q[[0, worst]], zero, zero, zero)
     assert plots.condition_number(axes(), robot, near).get_yscale() == "log"
-
-
-def test_spheres_look_like_spheres(robot, circle):
-    ax = plots.paths_on_sphere(axes("3d"), robot, [("path", circle)])
-    spans = [np.ptp(limits) for limits in (ax.get_xlim(), ax.get_ylim(), ax.get_zlim())]
-    assert np.ptp(spans / np.asarray(ax._box_aspect)) < 1e-12
-    assert [ax.get_xlabel(), ax.get_ylabel(), ax.get_zlabel()] == [f"${c}_0$ (m)" for c in "xyz"]
 
 
 def test_pages_are_legible(sticky, circle, monkeypatch):

@@ -1,9 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """A file is read once, whoever reads it, and errors of the robot name it."""
 
-import builtins
-import io
-import os
 import pickle
 import shutil
 import sys
@@ -14,7 +11,6 @@ import pytest
 
 import sst_pin
 from sst_pin import ClosedChain
-from sst_pin.cli import main
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -31,34 +27,6 @@ def delta(tmp_path):
 def shipped(tmp_path):
     """The files of the SST, which may be changed."""
     return shutil.copytree(Path(sst_pin.URDF_PATH).parent, tmp_path / "sst")
-
-
-@pytest.mark.parametrize(
-    "read",
-    [
-        sst_pin.ClosedChain.from_urdf,
-        sst_pin.SST.from_urdf,
-        sst_pin.load,
-        sst_pin.validate,
-        lambda path: main(["torques", "none.csv", "-o", "x.csv", "--robot", str(path)]),
-        lambda path: main(["validate", str(path)]),
-    ],
-)
-def test_each_file_of_a_robot_is_opened_once(read, monkeypatch, shipped, capsys):
-    """URDF, YAML and SRDF, by all that is made of them; meshes are asked for by Pinocchio."""
-    path = shipped / Path(sst_pin.URDF_PATH).name
-    opened, plain = [], io.open
-
-    def count(file, *args, **options):
-        opened.append(Path(os.fsdecode(file)).name)
-        return plain(file, *args, **options)
-
-    monkeypatch.setattr(io, "open", count)
-    monkeypatch.setattr(builtins, "open", count)
-    read(path)
-    files = [name for name in opened if name.startswith(path.stem + ".")]
-    assert path.name in files
-    assert len(files) == len(set(files))
 
 
 @pytest.mark.parametrize(

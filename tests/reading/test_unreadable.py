@@ -351,13 +351,6 @@ def test_a_file_that_is_no_text_is_named(tmp_path, content):
             kind.from_urdf(path)
 
 
-@pytest.mark.parametrize("path", ["", "/", "a\0b", "x" * 5000, "/dev/zero", "none.urdf"])
-def test_a_path_to_no_description_is_named(path):
-    with pytest.raises(sst_pin.DescriptionError, match="the URDF"):
-        sst_pin.ClosedChain.from_urdf(path)
-    assert [p.where for p in sst_pin.validate(path)] == ["file"]
-
-
 def test_a_robot_read_by_a_subclass_is_of_it(tmp_path):
     class Own(sst_pin.ClosedChain):
         pass

@@ -70,20 +70,6 @@ def test_coarse_samples_stay_on_their_assembly():
     assert np.abs(turns - turns.round()).max() < 1e-9
 
 
-@pytest.mark.parametrize(
-    ("t", "x", "words"),
-    [
-        ([0, 1], [[0, 0, 0]] * 2, "t: shape"),
-        ([0, 1, 2], [[0, 0]] * 3, "x: shape"),
-        ([0, 1, 2], [[0, 0, 0]] * 2, "x: shape"),
-        ([0, 1, 2], [[0, 0, np.nan]] * 3, "x: "),
-    ],
-)
-def test_what_is_no_motion_of_the_coordinates_is_refused(delta, t, x, words):
-    with pytest.raises(sst_pin.InputError, match=words):
-        coordinate_motion(delta, t, x)
-
-
 def test_a_motion_out_of_reach_names_its_sample():
     chain = sst_pin.robots.five_bar()
     motors = [chain.position_names.index(name) for name in chain.coordinates]

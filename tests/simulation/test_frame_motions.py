@@ -96,22 +96,6 @@ def test_a_turn_that_a_delta_cannot_make_is_named():
         sst_pin.frame_motion(delta, T, "platform", turned)
 
 
-@pytest.mark.parametrize(
-    ("poses", "word"),
-    [
-        (np.zeros((41, 2)), "shape"),
-        (np.zeros((40, 3)), "shape"),
-        (np.full((41, 3), np.nan), "entry"),
-        (np.tile(2 * np.eye(3), (41, 1, 1)), "rotation"),
-        (np.tile(-np.eye(3), (41, 1, 1)), "rotation"),
-        (np.tile(np.diag([1.0, 1, 1, 2]), (41, 1, 1)), "last row"),
-    ],
-)
-def test_poses_that_are_none_are_refused(poses, word):
-    with pytest.raises(sst_pin.InputError, match=word):
-        sst_pin.frame_motion(sst_pin.robots.delta(), T, "platform", poses)
-
-
 def test_a_path_of_orientations_goes_through_its_samples():
     """At the angles between them, on the group, in any axes, without a jump of acceleration."""
     given = Rotation.random(5, rng=np.random.default_rng(3))

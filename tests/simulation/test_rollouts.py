@@ -154,19 +154,3 @@ def test_a_rollout_goes_through_dead_points_as_simulate_does(fast):
         assert np.abs(motion.va[:: steps // 200] - wanted.va).max() < 100 * errors[-1]
     assert errors[1] < 1e-4
     assert errors[0] / errors[1] > 10  # 16, apart from where the coordinates change
-
-
-def test_arguments_of_a_rollout_are_checked(robot):
-    tau, q, va = np.zeros((4, 3)), robot.home, np.zeros(3)
-    for arguments, options, word in (
-        ((tau[0], q, va, 1e-3), {}, r"tau: shape \(3,\), expected \(..., N, 3\)"),
-        ((tau, q, va, 1e-3), {"steps": 3}, "tau: 4 torques for 3 steps"),
-        ((tau, q[:8], va, 1e-3), {}, "q0: shape"),
-        ((tau, q, va, np.nan), {}, "dt: nan is not finite"),
-        ((tau, q, va, 1e-3), {"threads": 0}, "threads: 0"),
-        ((tau, q, va, 1e-3), {"on_error": "x"}, "on_error"),
-        ((np.zeros((2, 4, 3)), np.tile(q, (3, 1)), va, 1e-3), {}, "do not broadcast"),
-    ):
-        with pytest.raises(sst_pin.InputError, match=word):
-            robot.rollout(*arguments, **options)
-    assert robot.rollout(np.zeros((0, 3)), q, va, 1e-3).q.shape == (1, 9)

@@ -8,7 +8,6 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
-from sst_pin.errors import InputError
 from tests.support.by_hand import add, at
 
 KP, KD = 30.0, 4.0
@@ -125,23 +124,3 @@ def test_a_loop_of_ones_own_gets_what_simulate_takes():
     loop = sst_pin.SampledTorque(spring, 0.02, delay=0.005)
     acting = [loop.torque(*state) for state in zip(motion.t, motion.q, motion.va, strict=True)]
     assert np.abs(acting[:-1] - motion.tau[:-1]).max() < 1e-11
-
-
-def test_what_cannot_be_sampled_is_refused_by_name():
-    chain, start = sst_pin.robots.four_bar(), [0.0]
-    with pytest.raises(InputError, match="function"):
-        sst_pin.SampledTorque(3.0, 0.01)
-    for period, delay in ((0.0, 0.0), (-1.0, 0.0), (0.1, -0.1), (np.nan, 0.0)):
-        with pytest.raises(InputError):
-            sst_pin.SampledTorque(spring, period, delay=delay)
-    good = sst_pin.SampledTorque(lambda t, q, va: [0.0], 0.01)
-    with pytest.raises(InputError, match="through_singularities"):
-        chain.simulate(good, chain.home, start, [0, 1], through_singularities=True)
-    with pytest.raises(InputError, match="period"):
-        chain.simulate(sst_pin.SampledTorque(spring, 1e-300), chain.home, start, [0, 1])
-    two = sst_pin.SampledTorque(lambda t, q, va: [0.0, 0.0], 0.01)
-    with pytest.raises(InputError, match="shape"):
-        chain.simulate(two, chain.home, start, [0, 1])
-    good.torque(1.0, chain.home, start)
-    with pytest.raises(InputError, match="new SampledTorque"):
-        good.torque(0.5, chain.home, start)

@@ -202,24 +202,6 @@ def test_a_start_in_a_singularity_is_refused(robot):
         robot.simulate(np.zeros(3), robot.home, np.zeros(3), [0, 1], max_condition_number=2)
 
 
-def test_arguments_are_checked_before_the_integration(robot, circle):
-    q, va = circle.q[0], circle.va[0]
-    for torque, t, word in (
-        (np.zeros(2), [0, 1], r"torque: shape \(2,\)"),
-        (np.zeros((4, 3)), [0, 1], r"torque: shape \(4, 3\), expected \(2, 3\)"),
-        (np.zeros(3), [0], "N >= 2"),
-        (np.zeros(3), [0, 1, 1], r"not increasing: t\[2\] = 1 after 1"),
-        (np.zeros(3), [0, np.nan], r"index 1\): t: nan is not finite"),
-        (circle, [0, 1], "has samples from 0 to 0.523599 s, but the simulation is from 0 to 1 s"),
-        (lambda t, q, va: np.zeros(4), [0, 1], r"torque\(t, q, va\): shape \(4,\)"),
-        (lambda t, q, va: (0, np.nan, 0), [0, 1], "torque.* is nan"),
-    ):
-        with pytest.raises(sst_pin.InputError, match=word):
-            robot.simulate(torque, q, va, t)
-    with pytest.raises(sst_pin.ClosureError):
-        robot.simulate(np.zeros(3), q + 0.1, va, [0, 1])
-
-
 def test_an_integrator_that_gives_up_says_when():
     """A runaway, va' ~ va^3, ends in SimulationError, not in a truncated motion."""
     weightless = sst_pin.SST(sst_pin.Parameters(gravity=(0, 0, 0)))

@@ -86,25 +86,6 @@ def test_torque_of_a_motion_is_not_guessed_outside_of_it(motion, t):
         motion.torque()(t)
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        {"joint_names": "abcdefghi"},
-        {"joint_names": ["a"] * 9},
-        {"joint_names": range(9)},
-        {"actuated": "abc"},
-        {"actuated": ["gamma_1"] * 3},
-        {"units": ["rad"]},
-        {"units": ["deg"] * 9},
-        {"stopped": 5},
-    ],
-)
-def test_names_and_units_are_words_one_for_each_joint(motion, words):
-    """A text is no sequence of names, and each name stands once."""
-    with pytest.raises(sst_pin.InputError, match=next(iter(words))):
-        with_words(motion, **words)
-
-
 @pytest.mark.parametrize("name", ["a,b", '"a"', " a", "a\nb"])
 def test_a_name_that_a_csv_cannot_hold_is_refused_there_only(tmp_path, name):
     none = np.zeros((2, 1))
@@ -202,20 +183,6 @@ def test_tables_of_spreadsheets_are_read(tmp_path):
         table.select(["b", "a", "c"])
 
 
-def test_files_that_are_no_motions_are_told(tmp_path):
-    (tmp_path / "x.npz").write_bytes(b"PK nothing")
-    np.savez(tmp_path / "y.npz", t=np.zeros(1))
-    (tmp_path / "x.csv").write_text("t_s,x\n0,1\n")
-    (tmp_path / "n.csv").write_text("t_s,gamma_1_rad,gamma_1_rad_s\n0,1,2\n")
-    for name, words in (
-        ("m.csv", "cannot be read: No such file"),
-        *((name, "not a motion") for name in ("m.npz", "x.npz", "y.npz", "x.csv")),
-        ("n.csv", "missing column gamma_1_rad_s2"),
-    ):
-        with pytest.raises(sst_pin.FileFormatError, match=words):
-            sst_pin.Trajectory.load(tmp_path / name)
-
-
 def test_motors_that_are_no_coordinates_come_back_by_their_names(tmp_path):
     """There may be as many motors as coordinates, but others; more; and fewer."""
     for motors in (("rocker",), ("crank", "rocker"), ("0.5 crank + 1 rocker",)):
@@ -241,24 +208,6 @@ def test_a_part_of_a_motion_is_a_motion(motion, samples):
     for name in ("joint_names", "actuated", "units", "coordinates", "rate_units"):
         assert getattr(part, name) == getattr(motion, name)
     assert motion[:] == motion
-
-
-@pytest.mark.parametrize(
-    ("samples", "words"),
-    [
-        (3, r"use motion\[3:4\]"),
-        (slice(7, 9), "selects none of 7"),
-        (slice(None, None, -1), "is not in the order of time"),
-        ([1, 1], "is not in the order of time"),
-        ([9], "out of bounds"),
-        ("q", "samples"),
-        (slice(0.1, 0.3), "samples"),
-        ([[0, 1]], "not a slice"),
-    ],
-)
-def test_samples_that_are_no_motion_are_refused(motion, samples, words):
-    with pytest.raises(sst_pin.InputError, match=words):
-        motion[samples]
 
 
 def test_a_motion_between_two_times_holds_the_samples_at_both(motion):

@@ -178,24 +178,6 @@ def test_batches_equal_single_samples(odd):
     assert odd.inverse_kinematics(np.empty((0, 3, 3))).shape == (0, 9)
 
 
-def test_a_matrix_that_is_no_rotation_is_refused(robot):
-    R = np.stack([robot.platform_orientation(robot.home)] * 4)
-    scaled, broken = R.copy(), R.copy()
-    scaled[2] *= 2
-    broken[1, 0, 0] = np.nan
-    for wrong, words, samples in (
-        ((1.001 * np.eye(3),), "not a rotation matrix", ()),
-        ((np.diag((1, 1, -1)),), "not a rotation matrix", ()),
-        ((np.eye(3).ravel(),), r"shape \(9,\)", ()),
-        ((scaled,), r"1 of 4 samples \(index 2\)", ((2,),)),
-        ((broken,), r"\(index 1\).*is nan", ((1,),)),
-        ((R[0], (1, 0, 1)), "branch", ()),
-    ):
-        with pytest.raises(sst_pin.InputError, match=words) as caught:
-            robot.inverse_kinematics(*wrong)
-        assert caught.value.samples == samples
-
-
 def test_an_orientation_beyond_the_joint_limits_is_out_of_reach(tmp_path):
     """Limits of an edited URDF count; the error names joint, value and limits."""
     text = Path(sst_pin.URDF_PATH).read_text()

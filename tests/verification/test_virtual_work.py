@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import sst_pin
-from sst_pin.errors import InputError, SimulationError, SingularConfigurationError, SSTError
+from sst_pin.errors import SimulationError, SingularConfigurationError
 from tests.referees import virtual_work
 from tests.referees.virtual_work import VirtualWork
 from tests.support.sampling import random_parameters, random_states
@@ -164,30 +164,3 @@ def test_simulation_into_a_singularity_stops_with_its_reason() -> None:
         referee.simulate(lambda *_: (20, 20, 20), path.R, np.zeros(3), (0, 3), tolerance=1e-4)
     # 0.144424 s at any tolerance, where det J vanishes.
     assert abs(caught.value.time - 0.14442) < 1e-4
-
-
-def test_a_torque_that_is_no_number_is_told() -> None:
-    path = sst_pin.paper_circle(0.0)
-    referee = VirtualWork(sst_pin.Parameters())
-    with pytest.raises(InputError, match="torque"):
-        referee.simulate(lambda *_: (np.nan, 0, 0), path.R, np.zeros(3), (0, 0.1))
-
-
-@pytest.mark.parametrize(
-    ("R", "omega"),
-    [
-        (2 * np.eye(3), np.zeros(3)),
-        (np.diag((1.0, 1, -1)), np.zeros(3)),
-        (np.eye(3), np.zeros(2)),
-        (np.eye(3), np.array((0, np.nan, 0))),
-    ],
-)
-def test_impossible_input_is_told(R: Array, omega: Array) -> None:
-    referee = VirtualWork(sst_pin.Parameters())
-    with pytest.raises(InputError):
-        referee.torques(R, omega, np.zeros(3))
-
-
-def test_branch_is_three_signs() -> None:
-    with pytest.raises(SSTError):
-        VirtualWork(sst_pin.Parameters(), (1, 0, 1))

@@ -159,30 +159,6 @@ def test_a_ghost_moves_at_the_times_of_the_motion():
     assert np.abs(np.array([key["value"] for key in turn["keys"]]) - wanted).max() < 1e-12
 
 
-def test_what_cannot_be_shown_is_told(robot, motion, tmp_path):
-    viewer = Viewer(robot)
-    other = sst_pin.Trajectory([0, 1], [[0], [1]], [[0]] * 2, [[0]] * 2, [[0]] * 2, ["x"], ["x"])
-    for said, call in {
-        "motion: belongs to another robot, with joints x": lambda: viewer.play(other),
-        "robot: a ClosedChain is needed, not Model": lambda: Viewer(robot.model),
-        "ghost: belongs to another robot": lambda: viewer.play(motion, ghost=other),
-        "ghost: from 0 to 0 s, .*no time in common": lambda: viewer.play(motion, ghost=motion[:1]),
-        "ghost: only beside a motion": lambda: robot.show(ghost=motion, open_browser=False),
-        "q: shape": lambda: viewer.show([0, 1, 2]),
-    }.items():
-        with pytest.raises(errors.InputError, match=said):
-            call()
-    for speed in (0, -1, np.nan, np.inf):
-        with pytest.raises(errors.InputError, match="speed"):
-            viewer.play(motion, speed=speed)
-    with pytest.raises(errors.OutputError, match=r"known: \.html, \.png, \.gif"):
-        viewer.save(tmp_path / "motion.mp4")
-    (tmp_path / "there.html").write_text("mine")
-    with pytest.raises(errors.OutputError, match="exists already"):
-        viewer.save(tmp_path / "there.html")
-    assert (tmp_path / "there.html").read_text() == "mine"
-
-
 def test_a_long_motion_makes_no_long_page(robot):
     long = paper.example_1(robot, np.linspace(0, paper.PERIOD, 2000))
     viewer = Viewer(robot)
