@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 import sst_pin
 from collocation import DEGREE, Solution, Transcription
 from sst_pin import plots
-from sst_pin.sst.check import arc_ends
+from sst_pin.sst.arc_limits import arc_ends
 
 Array = NDArray[np.float64]
 LIMIT = 8.0  # of each motor [N m]; 7 are needed to hold the last pose
