@@ -201,59 +201,48 @@ class Writer:
         return self._inverses[name]
 
 
-def library(name: str, kernels: Sequence[SymbolicKernel], lanes: int) -> str:
-    """Source of a library with one entry: a kernel, or "closing" and "state_rate" for rollouts."""
-    heads = [f"#define LANES {lanes}\n#define NAME(x) x", part("real.h"), part("driver.h")]
-    return "\n".join([*heads, source({name: kernels}, one=lanes == 1)])
+def library(entry: str, kernels: Sequence[SymbolicKernel], lanes: int) -> str:
+    """Source of the library of a kernel, or of "closing" and "state_rate" for rollouts.
 
-
-def source(entries: Mapping[str, Sequence[SymbolicKernel]], *, one: bool = False) -> str:
-    """Functions that run kernels on rows of samples, to stand behind real.h and driver.h.
-
-    What a library offers of each entry, every name in the macro NAME: `run_<entry>` and
-    `sizes_run_<entry>` (of p, of the output, of each input, -1), `prepare_<entry>`; of rollouts
-    `rate_<entry>` and its sizes too, which takes q and va in one array. Kernels of one name are
-    written once.
+    It offers `run_<entry>`, which runs the kernel on rows of samples, `sizes_run_<entry>` (of p, of
+    the output, of each input, -1) and `prepare_<entry>`; of rollouts `rate_<entry>` and its sizes
+    too, which takes q and va in one array.
     """
-    parts: list[str] = []
-    bodies: dict[str, KernelSource] = {}
-    for entry, kernels in entries.items():
-        size = None
-        for kernel in kernels:
-            if kernel.name not in bodies:
-                bodies[kernel.name] = body(kernel, size, one=one)
-                parts.append(bodies[kernel.name].text)
-            size = bodies[kernel.name].size
-        last = kernels[-1]
-        inputs = [symbols.numel() for symbols in last.inputs.values()]
-        outputs, checks = last.output.numel(), last.checks.numel()
-        directions = last.directions
-        numbers: dict[str, object] = {
-            "entry": entry,
-            "calls": "\n    ".join(f"{kernel.name}_constants(p);" for kernel in kernels),
-            "size": size,
-            "name": last.name,
-            "q": inputs[0],
-            "inputs": sum(inputs),
-            "outputs": outputs,
-            "results": outputs * max(directions, 1),
-            "directions": directions,
-            "checks": checks,
-            "room": max(bodies[kernel.name].room for kernel in kernels),
-        }
-        parts.append(filled("entries/prepare.c", numbers))
-        word, close, arrays = "run", "NULL", inputs[:-1] if directions else inputs
-        if len(kernels) > 1:
-            q, va, tau, *load = inputs
-            word, close, arrays = "rate", kernels[0].name, [q + va, tau, *load]
-            more = {"va": va, "tau": tau, "load": sum(load), "states": q + va, "close": close}
-            more |= {"units": ", ".join(map(repr, kernels[0].units)), "bend": BEND}
-            more["tolerance"] = CLOSURE_TOLERANCE
-            parts.append(filled("entries/roll.c", numbers | more))
-            runs = {"word": "run", "sizes": ", ".join(map(str, inputs))}
-            parts.append(filled("entries/sizes.c", numbers | runs))
-        sizes = ", ".join(map(str, arrays))
-        numbers |= {"word": word, "sizes": sizes, "arrays": len(arrays), "close": close}
-        parts.append(filled(f"entries/{'along' if directions else 'run'}.c", numbers))
-        parts.append(filled("entries/sizes.c", numbers))
+    parts = [f"#define LANES {lanes}", part("real.h"), part("driver.h")]
+    size, room = None, 0
+    for kernel in kernels:
+        text, size, own_room = body(kernel, size, one=lanes == 1)
+        parts.append(text)
+        room = max(room, own_room)
+    last = kernels[-1]
+    inputs = [symbols.numel() for symbols in last.inputs.values()]
+    outputs, directions = last.output.numel(), last.directions
+    numbers: dict[str, object] = {
+        "entry": entry,
+        "calls": "\n    ".join(f"{kernel.name}_constants(p);" for kernel in kernels),
+        "size": size,
+        "name": last.name,
+        "q": inputs[0],
+        "inputs": sum(inputs),
+        "outputs": outputs,
+        "results": outputs * max(directions, 1),
+        "directions": directions,
+        "checks": last.checks.numel(),
+        "room": room,
+    }
+    parts.append(filled("entries/prepare.c", numbers))
+    word, close, arrays = "run", "NULL", inputs[:-1] if directions else inputs
+    if len(kernels) > 1:
+        q, va, tau, *load = inputs
+        word, close, arrays = "rate", kernels[0].name, [q + va, tau, *load]
+        more = {"va": va, "tau": tau, "load": sum(load), "states": q + va, "close": close}
+        more |= {"units": ", ".join(map(repr, kernels[0].units)), "bend": BEND}
+        more["tolerance"] = CLOSURE_TOLERANCE
+        parts.append(filled("entries/roll.c", numbers | more))
+        runs = {"word": "run", "sizes": ", ".join(map(str, inputs))}
+        parts.append(filled("entries/sizes.c", numbers | runs))
+    sizes = ", ".join(map(str, arrays))
+    numbers |= {"word": word, "sizes": sizes, "arrays": len(arrays), "close": close}
+    parts.append(filled(f"entries/{'along' if directions else 'run'}.c", numbers))
+    parts.append(filled("entries/sizes.c", numbers))
     return "\n".join(parts)

@@ -1,4 +1,4 @@
-int NAME(${word}_${entry})(const rows *in, const rows *out, const double *p, ptrdiff_t count,
+int ${word}_${entry}(const rows *in, const rows *out, const double *p, ptrdiff_t count,
     unsigned char *bad)
 {
     static const int sizes_in[] = {${sizes}};

@@ -1,4 +1,4 @@
-void NAME(prepare_${entry})(double *p)
+void prepare_${entry}(double *p)
 {
     ${calls}
 }

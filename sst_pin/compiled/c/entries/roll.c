@@ -1,4 +1,4 @@
-int NAME(run_${entry})(const rows *in, const courses *tau, ptrdiff_t half, const courses *out,
+int run_${entry}(const rows *in, const courses *tau, ptrdiff_t half, const courses *out,
     const double *p, double h, ptrdiff_t steps, ptrdiff_t count, ptrdiff_t *reached)
 {
     static const double units[] = {${units}};
