@@ -112,11 +112,11 @@ class RigidBody(_Values):
             ParametersError: For a negative mass, or numbers that are not finite.
         """
         added, place = _number(mass, "mass"), _frozen(at, "at")
-        found = _shape_problems("at", place, (3,))
+        problems = _shape_problems("at", place, (3,))
         if not (np.isfinite(added) and added >= 0):
-            found.append(f"mass: {added:g} kg is negative or not finite")
-        if found:
-            raise ParametersError(found)
+            problems.append(f"mass: {added:g} kg is negative or not finite")
+        if problems:
+            raise ParametersError(problems)
         total = self.mass + added
         center = (self.mass * self.center_of_mass + added * place) / total
         # Steiner's theorem for two bodies: one reduced mass, at their distance.
@@ -126,11 +126,11 @@ class RigidBody(_Values):
 
     def problems(self, name: str) -> list[str]:
         """Physically impossible properties, a sentence each, which begins with the body's name."""
-        found = _shape_problems(f"{name}.center_of_mass", self.center_of_mass, (3,))
+        problems = _shape_problems(f"{name}.center_of_mass", self.center_of_mass, (3,))
         if not (np.isfinite(self.mass) and self.mass > 0):
-            found.append(f"{name}.mass: {self.mass:g} kg is not positive")
+            problems.append(f"{name}.mass: {self.mass:g} kg is not positive")
         shape = _shape_problems(f"{name}.inertia", self.inertia, (3, 3))
-        return found + (shape or list(_inertia_problems(f"{name}.inertia", self.inertia)))
+        return problems + (shape or list(_inertia_problems(f"{name}.inertia", self.inertia)))
 
 
 def _inertia_problems(name: str, inertia: Array) -> Iterator[str]:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Plain solids: their surfaces, and the primitives that enclose them.
 
-Meshes and collision primitives are both made of these, so one cannot drift from the other. A
-surface runs through the `loops` of its solid: convex, shape (loops, points, 3), [m], each
-counterclockwise when seen from the last one.
+Meshes and collision geometry both come from these solids, so they agree. A surface connects the
+`loops` of its solid: convex polygons, shape (loops, points, 3), [m], each counterclockwise when
+seen from the last one.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Box(NamedTuple):
         return self.center + _stack(heights, [narrow, wide, wide, narrow]) @ self.axes.T
 
     def primitives(self) -> Iterable[Primitive]:
-        """Itself."""
+        """The solid itself."""
         return (self,)
 
 
@@ -84,7 +84,7 @@ class Ball(NamedTuple):
         return self.center + _stack(self.radius * np.sin(latitudes), sections)
 
     def primitives(self) -> Iterable[Primitive]:
-        """Itself."""
+        """The solid itself."""
         return (self,)
 
 

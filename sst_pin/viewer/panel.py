@@ -114,16 +114,16 @@ def _set(
     }
 
 
-def warnings_of(robot: ClosedChain, shown: Trajectory | Array) -> list[str]:
+def warnings_of(robot: ClosedChain, motion: Trajectory | Array) -> list[str]:
     """One line each: open loops, then what `robot.check` finds in a motion or a configuration."""
-    t, q = samples_of(robot.mechanism, shown)
-    residuals, told = np.abs(robot.residual(q)).max(axis=1, initial=0.0), []
+    t, q = samples_of(robot.mechanism, motion)
+    residuals, lines = np.abs(robot.residual(q)).max(axis=1, initial=0.0), []
     residuals[robot.engine.are_closed(q)] = 0.0
     worst = int(residuals.argmax())
     if residuals[worst]:
         when = "" if np.isnan(t[worst]) else f" at t = {t[worst]:.6g} s"
-        told.append(f"the loops are open by {residuals[worst]:.3g} (m or rad){when}")
-    return told + [str(finding) for finding in robot.check(shown)]
+        lines.append(f"the loops are open by {residuals[worst]:.3g} (m or rad){when}")
+    return lines + [str(finding) for finding in robot.check(motion)]
 
 
 def live_data(robot: ClosedChain, scene: Scene, q: Array, va: Array) -> dict[str, Any]:
@@ -135,14 +135,14 @@ def live_data(robot: ClosedChain, scene: Scene, q: Array, va: Array) -> dict[str
     model, space = mechanism.model, mechanism.space
     fall = float(np.linalg.norm(model.gravity.linear)) or 9.81
     weight = fall * sum(body.mass for body in model.inertias)
-    shown = torques_of(robot, np.zeros((1, len(robot.motor_names))))
+    motors = torques_of(robot, np.zeros((1, len(robot.motor_names))))
     return {
         "q": q.tolist(),
         "va": va.tolist(),
         "size": scene.size,
         "fall": fall,
-        "motors": shown,
-        "largest": [weight * (scene.size / 2 if u == "N m" else 1) for u in shown["units"]],
+        "motors": motors,
+        "largest": [weight * (scene.size / 2 if u == "N m" else 1) for u in motors["units"]],
         "coordinates": list(_coordinates(robot, q, scene.size)),
         "scales": [scene.size if unit == "m" else 1.0 for unit in space.position_units],
         "bounds": list(_bounds(robot)),

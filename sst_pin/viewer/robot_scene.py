@@ -103,14 +103,14 @@ class Scene:
         clouds: dict[str, list[Array]] = {}
         for shape, at in solids:
             clouds.setdefault(shape.mover, []).append(_farthest(moved(shape.mesh.vertices, at)))
-        found = np.zeros((0, 3))
+        points = np.zeros((0, 3))
         if self.layers.get("trail"):
-            found = self._path(q if wanted is None else np.vstack([q, wanted]))
+            points = self._path(q if wanted is None else np.vstack([q, wanted]))
         for i in np.unique(np.linspace(0, len(q) - 1, _SAMPLES).round().astype(int)):
             poses = self.poses(q[i])
             placed = [moved(np.vstack(cloud), poses[mover]) for mover, cloud in clouds.items()]
-            found = _farthest(np.vstack([found, *placed]))
-        return found
+            points = _farthest(np.vstack([points, *placed]))
+        return points
 
     def trail(self, q: Array) -> Shape:
         """The path of the point as a thick line, of which a page shows what has been passed."""
@@ -138,9 +138,9 @@ class Scene:
         placed = [
             moved(moved(x.mesh.vertices, x.at), poses[int(x.mover)]) for x in self.shapes
         ] or [
-            moved(np.array(own), at)
-            for own, at in zip(sketch.joined_points(robot), poses, strict=True)
-            if own
+            moved(np.array(points), at)
+            for points, at in zip(sketch.joined_points(robot), poses, strict=True)
+            if points
         ]
         return float(np.linalg.norm(np.ptp(np.vstack(placed), axis=0))) / 4 or 1.0
 

@@ -47,8 +47,8 @@ def axes_of(model: pin.Model, data: pin.Data, q: Array) -> list[Axis]:
     """
     J = pin.computeJointJacobians(model, data, q).reshape(6, -1)
     owners = [(k, model.joints[k].nv) for k in range(1, model.njoints)]
-    found = []
-    for i, (number, count) in enumerate(own for own in owners for _ in range(own[1])):
+    axes = []
+    for i, (number, count) in enumerate(owner for owner in owners for _ in range(owner[1])):
         mover = int(model.parents[number]) if count == 1 else number
         at, origin = data.oMi[mover], data.oMi[number].translation
         v, w = J[:3, i] + np.cross(J[3:, i], origin), J[3:, i]
@@ -59,8 +59,8 @@ def axes_of(model: pin.Model, data: pin.Data, q: Array) -> list[Axis]:
             origin = at.actInv(origin + np.cross(w, v) / (w @ w))
         else:
             origin = model.jointPlacements[number].translation if count == 1 else np.zeros(3)
-        found.append(Axis(number, mover, turns, direction, origin))
-    return found
+        axes.append(Axis(number, mover, turns, direction, origin))
+    return axes
 
 
 def skeleton(
@@ -78,12 +78,12 @@ def skeleton(
                 line = tube([hub, point], _BONE_RADIUS * size)
                 yield Shape(str(joint), "skeleton", f"bone_{i}", line, _BONE)
     for joint in range(1, model.njoints):
-        own = [axis for axis in axes if axis.joint == joint]
+        of_joint = [axis for axis in axes if axis.joint == joint]
         colour, r = colours.get(joint, _JOINT), _JOINT_RADIUS * size
         carrier, at = joint, np.eye(4)
         drawn: coal.ShapeBase = coal.Sphere(r)
-        if len(own) == 1:
-            (axis,) = own
+        if len(of_joint) == 1:
+            (axis,) = of_joint
             carrier, at = axis.mover, homogeneous(along(axis.direction), axis.origin)
             drawn = coal.Cylinder(r, 3 * r) if axis.turns else coal.Box(2 * r, 2 * r, 3 * r)
         name = f"joint_{model.names[joint]}"
@@ -173,10 +173,10 @@ def joined_points(robot: ClosedChain) -> list[list[Array]]:
     for end in _ends(robot):
         points[end.parentJoint].append(end.placement.translation)
     for frame in model.frames:
-        own, point = points[frame.parentJoint], frame.placement.translation
-        seen = any(np.linalg.norm(point - other) < 1e-9 for other in own)
+        on_body, point = points[frame.parentJoint], frame.placement.translation
+        seen = any(np.linalg.norm(point - other) < 1e-9 for other in on_body)
         if frame.parentJoint and frame.type in _ENDS and not seen:
-            own.append(point)
+            on_body.append(point)
     for joint in range(1, model.njoints):
         if not any(np.linalg.norm(p) > 1e-9 for p in points[joint]):
             points[joint].append(model.inertias[joint].lever)
@@ -237,16 +237,16 @@ def labelled(
     """Axes of the joints and frames, with their labels; the path of `point` is drawn."""
     shapes: list[Shape] = []
     labels: list[Label] = []
-    shown = robot.appearance
-    length = shown.axis_length * size
+    appearance = robot.appearance
+    length = appearance.axis_length * size
     line = arrow(np.outer((0, 0.95, 1), (0, 0, length)), 0.007 * size)
-    for i, (axis, (name, colour)) in enumerate(zip(axes, shown.axes, strict=True)):
+    for i, (axis, (name, colour)) in enumerate(zip(axes, appearance.axes, strict=True)):
         mover = str(axis.mover)
         at, tip = homogeneous(along(axis.direction), axis.origin), 1.06 * length * axis.direction
         shapes.append(Shape(mover, "axes", f"{name}_{i}", line, colour, at=at))
         labels.append(Label(name, colour, "axes", mover, axis.origin + tip))
     triad = [arrow(np.outer((0, 0.75, 1), 0.17 * size * x), 0.006 * size) for x in np.eye(3)]
-    for name, joint, place, colour in shown.frames:
+    for name, joint, place, colour in appearance.frames:
         for letter, mesh, shade in zip("xyz", triad, _XYZ, strict=True):
             at = place.homogeneous
             shapes.append(Shape(str(joint), "frames", f"{name}_{letter}", mesh, shade, at=at))

@@ -138,14 +138,14 @@ def _coloured(body: pin.GeometryObject, whole: Mesh, plain: str) -> dict[str, Me
         return {}
     try:
         scene: Any = trimesh.load(body.meshPath, force="scene")
-        found = [piece for part in scene.dump() for piece in _pieces(part, plain)]
+        pieces = [piece for part in scene.dump() for piece in _pieces(part, plain)]
     except Exception:  # each format has errors of its own
         return {}
-    if not found or {colour for colour, _ in found} == {plain}:
+    if not pieces or {colour for colour, _ in pieces} == {plain}:
         return {}
     meshes = {}
-    for colour in dict.fromkeys(colour for colour, _ in found):
-        one: Any = trimesh.util.concatenate([mesh for other, mesh in found if other == colour])
+    for colour in dict.fromkeys(colour for colour, _ in pieces):
+        one: Any = trimesh.util.concatenate([mesh for other, mesh in pieces if other == colour])
         meshes[colour] = _shaded(trimesh.Trimesh(one.vertices * body.meshScale, one.faces))
     drawn = np.vstack([mesh.vertices for mesh in meshes.values()])
     off = [end(drawn, axis=0) - end(whole.vertices, axis=0) for end in (np.min, np.max)]

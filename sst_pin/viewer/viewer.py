@@ -120,8 +120,8 @@ class Viewer:
         rest = np.zeros((1, self._robot.degrees_of_freedom))
         if self._loaded:
             rates = q, rest, rest if tau is None else None
-            found = partial(self._robot.reactions, *rates, tau=tau, stiffness=self._stiffness)
-            effort = self._with_forces(effort, found)
+            reactions = partial(self._robot.reactions, *rates, tau=tau, stiffness=self._stiffness)
+            effort = self._with_forces(effort, reactions)
         self._drawing.place(q[0], effort[0])
         reach = self._scene.reach(q, effort)
         self._describe("configuration", q[0], q[0], rest[0], reach, curves=curves)
@@ -167,8 +167,8 @@ class Viewer:
             return
         known, effort = _thinned(motion), self._shares(_thinned(motion).tau)
         if self._loaded:
-            found = partial(reactions_along, self._robot, known, self._stiffness)
-            effort = self._with_forces(effort, found)
+            reactions = partial(reactions_along, self._robot, known, self._stiffness)
+            effort = self._with_forces(effort, reactions)
         reference = _thinned(wanted or motion).q
         self._drawing.animate(known, effort, reference, ghost)
         reach, layers = self._scene.reach(known.q, effort, reference), self._scene.layers
@@ -315,8 +315,8 @@ class Viewer:
         """Torques as shares of the largest torque, forces as shares of the largest force."""
         shares, units = np.zeros_like(tau), np.array(self._robot.motor_units)
         for unit in set(self._robot.motor_units):
-            own = units == unit
-            shares[:, own] = tau[:, own] / (np.abs(tau[:, own]).max(initial=0.0) or 1.0)
+            alike = units == unit
+            shares[:, alike] = tau[:, alike] / (np.abs(tau[:, alike]).max(initial=0.0) or 1.0)
         return shares
 
     def _with_forces(self, effort: Array, reactions: Callable[[], Reactions]) -> Array:
@@ -328,11 +328,11 @@ class Viewer:
         except (ActuationError, ClosureError, SingularConfigurationError) as error:
             self._note = f"No reactions: {error}"
         else:
-            found = np.concatenate([w.joints, w.closures], axis=1)[..., 3:]
-            free = np.isnan(found).any(axis=(0, 2))
-            most = float(np.linalg.norm(found[:, ~free], axis=2).max(initial=0.0)) or 1.0
-            forces[:, ~free] = found[:, ~free] / most
-            names = [name for name, own in zip(w.names, free, strict=True) if own]
+            wrenches = np.concatenate([w.joints, w.closures], axis=1)[..., 3:]
+            free = np.isnan(wrenches).any(axis=(0, 2))
+            most = float(np.linalg.norm(wrenches[:, ~free], axis=2).max(initial=0.0)) or 1.0
+            forces[:, ~free] = wrenches[:, ~free] / most
+            names = [name for name, not_unique in zip(w.names, free, strict=True) if not_unique]
             drawn = f"Dark arrows: forces of joints on what they bear; the largest is {most:.3g} N."
             missing = f"Not unique, so not drawn: {listed(names)}."
             self._note = " ".join([*[drawn] * (not free.all()), *[missing] * bool(names)])
@@ -369,8 +369,8 @@ class Viewer:
 
 
 def _thinned(motion: Trajectory) -> Trajectory:
-    kept = np.linspace(0, len(motion) - 1, min(len(motion), _MOST_SAMPLES))
-    return motion[kept.round().astype(int)]
+    samples = np.linspace(0, len(motion) - 1, min(len(motion), _MOST_SAMPLES))
+    return motion[samples.round().astype(int)]
 
 
 def _during(motion: Trajectory, ghost: Trajectory) -> Trajectory:
