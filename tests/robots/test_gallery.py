@@ -4,7 +4,6 @@
 import inspect
 import pickle
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +15,7 @@ import sst_pin
 from sst_pin import robots
 from sst_pin.errors import InputError, WorkspaceError
 from tests.gallery import EVERY_ROBOT, ladder, n_four_bar
+from tests.support.files import load
 
 #: Degrees of freedom and redundant closure rows by the literature. Each planar loop of revolutes
 #: closed at a point holds its plane once too often (Gruebler's formula with 3 instead of 6);
@@ -152,7 +152,7 @@ def test_bennetts_linkage_moves_where_its_lengths_allow_it_only():
 
 def test_the_page_of_the_gallery_is_current():
     """Counts to the letter, errors to two orders of magnitude; and its example runs."""
-    script = import_module("make_robots_table")
+    script = load("scripts/pages/make_robots_table.py")
     assert script.main(["--check"]) == 0
     page, scope = script.PAGE.read_text(encoding="utf-8"), {}
     exec(page.split("```python")[1].split("```")[0], scope)
