@@ -4,6 +4,7 @@
 import xml.etree.ElementTree as ET
 from collections.abc import Collection
 from contextlib import suppress
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +41,11 @@ class Compiled:
         except UnicodeDecodeError as error:
             raise DescriptionError(self.source, [f"names that are not UTF-8: {error}"]) from None
 
+    @cached_property
+    def _joints(self) -> set[str]:
+        """Names of the joints."""
+        return {self.joint(joint) for joint in range(self.mj.njnt)}
+
     def disabled(self, flag: str) -> bool:
         """Whether a flag of the options is "disable"; not every MuJoCo has every flag."""
         flags, bits = (flag, _WHOLE.get(flag, flag)), self.mujoco.mjtDisableBit
@@ -47,8 +53,12 @@ class Compiled:
         return any(self.mj.opt.disableflags & int(bit) for bit in known)
 
     def name(self, kind: str, i: int) -> str:
-        """Name of an element; one without a name is called after its kind and number."""
-        return getattr(self.mj, kind)(i).name or f"{kind}_{i}"
+        """Name of an element; one without a name is called after its kind and number.
+
+        A site with the name of a joint, both frames here, is called `NAME_site`.
+        """
+        name = getattr(self.mj, kind)(i).name or f"{kind}_{i}"
+        return f"{name}_site" if kind == "site" and name in self._joints else name
 
     def joint(self, joint: int) -> str:
         """Name of a joint; one without a name is called after its body."""

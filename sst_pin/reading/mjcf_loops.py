@@ -142,9 +142,9 @@ def motors_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Motor]:
         elif not tendon:
             yield compiled.joint(target)
         elif compiled.is_spatial(target):
-            sites = mj.wrap_objid[compiled.wraps(target)]
-            bearers = {tree.bodies[body][0] for body in mj.site_bodyid[sites]}
-            if len(bearers) > 1 or _no_line(compiled, target):
+            ends = () if _no_line(compiled, target) else mj.wrap_objid[compiled.wraps(target)]
+            bearers = {tree.bodies[mj.site_bodyid[site]][0] for site in ends}
+            if len(bearers) != 1:  # `lines_of` says why there is no line
                 yield compiled.name("tendon", target)
         elif shares := compiled.shares(target):
             yield {compiled.joint(joint): share for joint, share in shares.items()}

@@ -203,3 +203,28 @@ def test_lines_of_an_sst_count(tmp_path, robot):
     zero = np.zeros(3)
     with pytest.raises(sst_pin.SingularConfigurationError, match="universe-closedloop1_A is not"):
         lined.compute_torques(robot.home, zero, zero)
+
+
+def test_an_actuated_tendon_around_a_geom_is_refused_by_name(tmp_path):
+    path = tmp_path / "lines.xml"
+    geoms = 10 * '<geom size="0.01"/>' + '<geom name="drum" size="0.01"/>'  # more than sites
+    text = MJCF.replace("<worldbody>", f"<worldbody>{geoms}")
+    ends = '<site site="ceiling"/><site site="hand"/></spatial>'
+    wrapped = ends.replace("/><site", '/><geom geom="drum"/><site', 1)
+    path.write_text(text.replace(f'name="cylinder">{ends}', f'name="cylinder">{wrapped}'))
+    with pytest.raises(sst_pin.DescriptionError, match="tendon cylinder: a tendon with pulleys or"):
+        sst_pin.ClosedChain.from_mjcf(path)
+
+
+def test_a_site_may_have_the_name_of_a_joint(tmp_path):
+    """MJCF keeps the names of each kind apart; here the site's frame is called `NAME_site`."""
+    path, named = tmp_path / "lines.xml", tmp_path / "named.xml"
+    path.write_text(MJCF)
+    named.write_text(MJCF.replace('"tip"', '"elbow"'))
+    plain, chain = sst_pin.ClosedChain.from_mjcf(path), sst_pin.ClosedChain.from_mjcf(named)
+    q = chain.generic_configuration()
+    zero = np.zeros(chain.degrees_of_freedom)
+    assert chain.model.existFrame("elbow_site")
+    assert np.array_equal(
+        chain.compute_torques(q, zero, zero), plain.compute_torques(q, zero, zero)
+    )
