@@ -13,6 +13,8 @@ from ..errors import DescriptionError
 _LARGEST = 16 * 2**20
 #: What an XML says of its own encoding.
 _ENCODING = re.compile(rb"""\s*<\?xml[^>]*encoding=["']([\w.:-]+)""")
+#: Prefixes that an XML declares.
+_DECLARED = re.compile(r"xmlns:([\w.-]+)\s*=")
 #: Attributes that are names, blanks included.
 _NAMES = {"name", "link", "filename"}
 #: Links, joints and others; Pinocchio goes down a tree by recursion, deep enough to crash.
@@ -42,13 +44,20 @@ def read_text(path: str | Path, what: str) -> str:
 def parse_xml(text: str, source: str, what: str = "a URDF") -> ET.Element:
     """The elements of a URDF or an SRDF; errors have line and column."""
     try:
-        root = ET.fromstring(text)
+        root = ET.fromstring(_declared(text))
     except ET.ParseError as error:
         raise DescriptionError(source, [f"not {what}: not XML: {error}"]) from None
     if len(root) > _MOST_ELEMENTS:
         text = f"not {what}: {len(root)} elements; at most {_MOST_ELEMENTS} are supported"
         raise DescriptionError(source, [text])
     return root
+
+
+def _declared(text: str) -> str:
+    """The text with prefixes declared that other tools use without: `drake:`, say."""
+    prefixes = set(re.findall(r"</?([A-Za-z_][\w.-]*):", text)) - set(_DECLARED.findall(text))
+    names = "".join(f' xmlns:{prefix}="{prefix}"' for prefix in sorted(prefixes))
+    return re.sub(r"<(robot|sdf)\b", rf"<\1{names}", text, count=1) if names else text
 
 
 def bare(root: ET.Element, kept: Mapping[str, Collection[str]]) -> ET.Element:

@@ -16,9 +16,10 @@ from ..errors import DescriptionError
 from ..model.closures import Closure, Coupling
 from ..model.rebuilt_tree import rebuilt
 from .cut_joints import Marks
+from .problems import number
 from .sdf import sdf_graph
 from .text import bare, parse_xml, read_text
-from .urdf_checks import check
+from .urdf_checks import check, local_name
 
 _TURNS = {"X": pin.JointModelRX(), "Y": pin.JointModelRY(), "Z": pin.JointModelRZ()}
 #: What a joint of the LAAS schema is: its parts, each with what is added to its name.
@@ -90,8 +91,20 @@ class Urdf:
             model = pin.buildModelFromXML(ET.tostring(root, encoding="unicode"))
         except (ValueError, RuntimeError) as error:
             raise DescriptionError(self.source, [f"not a URDF: {error}"]) from None
+        for name, armature in self._rotors():
+            if model.existJointName(name) and model.joints[model.getJointId(name)].nv == 1:
+                model.armature[model.joints[model.getJointId(name)].idx_v] += armature
         parts = {name: KINDS[kind] for name, kind in joints.items() if KINDS[kind]}
         return self._split(model, parts) if parts else model
+
+    def _rotors(self) -> Iterator[tuple[str, float]]:
+        """Joints with rotors, and these as the joints feel them, as Drake's transmissions say."""
+        for transmission in self.root.findall("transmission"):
+            numbers = {local_name(part): number(part, "value") for part in transmission.iter()}
+            rotor, gear = numbers.get("rotor_inertia"), numbers.get("gear_ratio", 1.0)
+            for joint in transmission.findall("joint"):
+                if rotor and gear:
+                    yield joint.get("name", ""), rotor * gear**2
 
     def _split(self, model: pin.Model, parts: Mapping[str, Mapping[str, Any]]) -> pin.Model:
         """The tree with some joints replaced by several in series, each with their friction."""
