@@ -1063,6 +1063,7 @@ class ClosedChain(Summary):
         through_singularities: bool = False,
         sign_width: float = 1e-3,
         progress: Callable[[float], None] | None = None,
+        max_step: float | None = None,
     ) -> Trajectory:
         """Simulate the motion for given torques.
 
@@ -1096,12 +1097,16 @@ class ClosedChain(Summary):
             sign_width: Coulomb friction uses tanh(x / sign_width) instead of sign(x), [rad/s],
                 because an integrator needs smooth forces. A joint that should stick moves slowly.
             progress: Function that is called with the time reached.
+            max_step: Longest step of the integrator, [s]. By default, where torques or loads are
+                functions, no step is longer than the distance of the output times: a jump or a
+                push that is shorter can be missed. Samples are never stepped over.
 
         Returns:
             The motion at the times reached. If these are not all times of t, `stopped` says why.
 
         Warns:
             SingularityWarning: If the motion stopped before a singularity.
+            RuntimeWarning: If the integrator has stepped over a torque or load.
 
         Raises:
             InputError: Also for torques that end too early.
@@ -1116,13 +1121,15 @@ class ClosedChain(Summary):
 
         engine = self._engine
         load = self._moving_load(engine, platform_moment, external_wrenches)
-        how = max_condition_number, through_singularities, sign_width, progress
+        how = max_condition_number, through_singularities, sign_width, progress, max_step
         return simulate(engine, torque, q0, va0, t, load, method, rtol, atol, *how)
 
     def _moving_load(self, engine: Engine, platform_moment: Load, external_wrenches: Load) -> Load:
         """Both loads of a simulation as one, which may depend on time and state."""
         if platform_moment is None:
             return external_wrenches
+        if not (callable(platform_moment) or callable(external_wrenches)):
+            return self._wrenches(engine, platform_moment, external_wrenches)
 
         def load(t: float, q: Array, va: Array) -> Array:
             loads = (platform_moment, external_wrenches)

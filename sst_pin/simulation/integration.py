@@ -30,6 +30,8 @@ _DIFFERENCE = 1e-8
 _SHORTER, _STUCK = 0.25, 1e-12
 #: A step that is cut ends before the place by this part of it, ten times more at each new cut.
 _SHY = 1e-10
+#: How much the change of the rates in a step may differ from the integral of aa, relative.
+_ALIKE = 1e-3
 #: Tolerances are not made finer than this.
 _FINEST = 1e-12
 #: Nor finer than so many roundings of the largest position, after many turns.
@@ -57,6 +59,8 @@ class Input(NamedTuple):
     along: Callable[[Array, Array, Array], Array]
     #: What it holds constant from one time to the next, if it does.
     sampling: Sampling | None = None
+    #: Times that no step passes two of, as it may change there, shape (N,).
+    times: Array | None = None
 
 
 class Motion:
@@ -151,7 +155,8 @@ Node = tuple[float, States, Array]
 class Run:
     """One integration, step by step; it ends before a singularity, or goes through it.
 
-    `stopped` says why it ended before the last time, `crossings` what it went through.
+    `stopped` says why it ended before the last time, `crossings` what it went through, `missed`
+    where it stepped over a torque or load.
     """
 
     def __init__(
@@ -163,11 +168,13 @@ class Run:
         limit: float,
         progress: Callable[[float], None] | None,
         through: bool,
+        max_step: float,
     ) -> None:
         from scipy import integrate
 
         self._motion, self._solver, self._options = motion, getattr(integrate, method), options
         self._mechanism, self._most, self._through = mechanism, limit, through
+        self._max_step, self.missed = max_step, ""
         self._progress = progress or (lambda time: None)
         self._stride, self._limit, self._left, self._noticed = np.inf, 0.0, 0.0, -np.inf
         self._nodes = deque[Node](maxlen=3 * _NODES)
@@ -213,6 +220,7 @@ class Run:
         solver = self._begin(bound)
         self._nodes.append((self._t, states, self._state))
         while solver.status == "running" and states is motion.states:
+            solver.max_step = self._longest(solver.t)
             message = solver.step()
             if solver.status == "failed":
                 why = motion.failure or message
@@ -248,6 +256,16 @@ class Run:
             if better or (calm and states.condition_number(q) * MARGIN**2 < self._limit):
                 self._settle()
 
+    def _longest(self, t: float) -> float:
+        """The longest step from a time on that misses no change of a torque or load."""
+        longest = self._max_step
+        for times in (x.times for x in (self._motion.torque, self._motion.load) if x):
+            if times is not None:
+                k = min(int(times.searchsorted(t, "right")), len(times) - 1)
+                spacing = times[k] - times[k - 1]
+                longest = min(longest, spacing, times[min(k + 1, len(times) - 1)] - t)
+        return longest
+
     def _begin(self, bound: float) -> OdeSolver:
         """An integrator from the present state to a time."""
         first = min(self._stride, bound - self._t) if self._stride < np.inf else None
@@ -261,7 +279,13 @@ class Run:
         rounding = _ROUNDINGS * float(np.spacing(np.abs(self._q).max()))
         options["atol"] = max(options["atol"], rounding)
         return self._solver(
-            self._motion.rate, self._t, self._state, bound, first_step=first, **options
+            self._motion.rate,
+            self._t,
+            self._state,
+            bound,
+            first_step=first,
+            max_step=self._longest(self._t),
+            **options,
         )
 
     def _keep(self, solver: OdeSolver, until: float) -> bool:
@@ -270,11 +294,28 @@ class Run:
         new = new[new <= until]
         if len(new):
             try:
-                self._parts.append(self._motion.along(new, solver.dense_output()(new).T))
+                part = self._motion.along(new, solver.dense_output()(new).T)
             except (ClosureError, SingularConfigurationError):
                 return False
+            self._parts.append(part)
+            self._compare(new, *part[1:3])
             self._done += len(new)
         return True
+
+    def _compare(self, t: Array, va: Array, aa: Array) -> None:
+        """Note where va, within one step, changes otherwise than the integral of aa."""
+        h = np.diff(t)[:, None]
+        integral = (h * (aa[1:] + aa[:-1]) / 2).sum(axis=0)
+        error = np.abs(va[-1] - va[0] - integral)
+        # Trapezoids are as exact as aa varies.
+        sure = (h * np.abs(np.diff(aa, axis=0)) / 2).sum(axis=0)
+        sure += _ALIKE * (np.abs(va).max(axis=0) + (h * np.abs(aa[1:])).sum(axis=0))
+        if (error > sure).any() and not self.missed:
+            self.missed = (
+                f"the motion has missed a torque or load that changes fast: from t = {t[0]:.9g} s "
+                f"to {t[-1]:.9g} s its rates do not change by the integral of aa (off by "
+                f"{error.max():.3g}); give a smaller max_step"
+            )
 
     def _settle(self, *, irregular: bool = False) -> None:
         """Choose coordinates that suit the state and the limit of their condition number.

@@ -10,7 +10,7 @@ import warnings
 from bisect import bisect_right
 from collections.abc import Callable
 from math import factorial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,10 +25,6 @@ from .moving_robot import require_motion
 from .sampled_torques import SampledTorque, Sampling, require_distinct
 from .samples import sample_times, spline
 from .trajectories import Trajectory, trajectory_of
-
-if TYPE_CHECKING:
-    from scipy.interpolate import BSpline
-
 
 #: Motor torques: a function of (t, q, va), a constant of shape (motors,), samples of shape
 #: (N, motors) at the times of the simulation, the torques of a motion, or sampled ones.
@@ -54,6 +50,7 @@ def simulate(
     through_singularities: bool,
     sign_width: float,
     progress: Callable[[float], None] | None,
+    max_step: float | None,
 ) -> Trajectory:
     """The motion that `ClosedChain.simulate` gives, for the same arguments."""
     if method not in _METHODS:
@@ -62,6 +59,8 @@ def simulate(
     positive_number("atol", atol)
     positive_number("max_condition_number", max_condition_number)
     positive_number("sign_width", sign_width, or_zero=True)  # 0 is the sign itself
+    if max_step is not None and max_step != np.inf:
+        positive_number("max_step", max_step)
     if progress is not None and not callable(progress):
         raise InputError("progress", f"{progress!r} cannot be called")
     times, mechanism = sample_times(t, 2), engine.mechanism
@@ -77,11 +76,11 @@ def simulate(
     va0 = single_array("va0", va0, (n,))
     if not states.condition_number(q0) < max_condition_number:
         raise InputError("q0", f"closer to a singularity than {max_condition_number=:g}")
-    load = None
+    load, changes = None, times if max_step is None else None
     if external_wrenches is not None:
         shape = mechanism.model.njoints - 1, 6
-        load = _called_or_constant("external_wrenches", external_wrenches, shape)
-    motion = Motion(states, _torque_of(torque, times, motors), load)
+        load = _called_or_constant("external_wrenches", external_wrenches, shape, changes)
+    motion = Motion(states, _torque_of(torque, times, motors, changes), load)
     # A load that is a function, and wheels that roll, have more derivatives than the robot's.
     exact = (
         sign_width > 0
@@ -92,14 +91,16 @@ def simulate(
     if exact and method in _IMPLICIT:
         options["jac"] = motion.jacobian
     how = method, options, max_condition_number, progress, through_singularities
-    run = Run(motion, mechanism, *how)
+    run = Run(motion, mechanism, *how, max_step or np.inf)
     q, va, aa, tau = run.integrate(times, np.concatenate([q0, va0]))
     if run.stopped:
         warnings.warn(run.stopped, SingularityWarning, stacklevel=3)
+    if run.missed:
+        warnings.warn(run.missed, RuntimeWarning, stacklevel=3)
     return trajectory_of(mechanism, times[: len(q)], q, va, aa, tau, run.stopped, run.crossings)
 
 
-def _torque_of(torque: Torque, times: Array, motors: int) -> Input:
+def _torque_of(torque: Torque, times: Array, motors: int, changes: Array | None) -> Input:
     if isinstance(torque, Trajectory):
         if times[0] < torque.t[0] or times[-1] > torque.t[-1]:
             raise InputError(
@@ -107,7 +108,7 @@ def _torque_of(torque: Torque, times: Array, motors: int) -> Input:
                 f"has samples from {torque.t[0]:g} to {torque.t[-1]:g} s, "
                 f"but the simulation is from {times[0]:g} to {times[-1]:g} s",
             )
-        return _sampled(spline(torque.t, torque.tau))
+        return _sampled(torque.t, torque.tau)
     if isinstance(torque, SampledTorque):
         require_distinct(torque.period, times)
         held = Sampling(torque, float(times[0]), motors)
@@ -117,15 +118,17 @@ def _torque_of(torque: Torque, times: Array, motors: int) -> Input:
             held,
         )
     if not callable(torque) and as_array("torque", torque, ()).ndim == 2:
-        return _sampled(spline(times, single_array("torque", torque, (len(times), motors))))
-    return _called_or_constant("torque", torque, (motors,))
+        return _sampled(times, single_array("torque", torque, (len(times), motors)))
+    return _called_or_constant("torque", torque, (motors,), changes)
 
 
 def _called_or_constant(
     name: str,
     value: Callable[[float, Array, Array], ArrayLike] | ArrayLike,
     shape: tuple[int, ...],
+    changes: Array | None,
 ) -> Input:
+    """A constant, or a function of (t, q, va) whose changes are looked for at these times."""
     if callable(value):
 
         def one(t: float, q: Array, va: Array) -> Array:
@@ -135,6 +138,7 @@ def _called_or_constant(
         return Input(
             lambda t, where: one(t, *where()),
             lambda t, q, va: np.array(list(map(one, t, q, va))),
+            times=changes,
         )
     constant = single_array(name, value, shape)
     return Input(
@@ -142,8 +146,9 @@ def _called_or_constant(
     )
 
 
-def _sampled(smooth: BSpline) -> Input:
+def _sampled(times: Array, torques: Array) -> Input:
     """A spline; for single times as pieces of polynomials, at a sixth of the cost of calling it."""
+    smooth = spline(times, torques)
     starts = np.unique(smooth.t)[:-1]
     taylor = [smooth(starts, j) / factorial(j) for j in range(smooth.k + 1)]
     pieces = list(zip(starts.tolist(), np.stack(taylor, axis=1), strict=True))
@@ -153,4 +158,4 @@ def _sampled(smooth: BSpline) -> Input:
         start, coefficients = pieces[bisect_right(inner, t)]
         return ((t - start) ** powers).dot(coefficients)
 
-    return Input(at, lambda t, q, va: np.asarray(smooth(t)))
+    return Input(at, lambda t, q, va: np.asarray(smooth(t)), times=times)

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -351,3 +352,72 @@ def test_a_robot_far_from_the_origin_moves_as_it_does_there(distance, compiled):
     assert not motions[1].stopped
     # Places are known to 1e-16 of the distance, lengths of the bars are tenths of a metre.
     assert np.abs(motions[0].q - motions[1].q).max() < 1e-7 + 1e-13 * distance
+
+
+def held_five_bar():
+    """At rest without weights, so that the motors hold it by no torque."""
+    chain = sst_pin.robots.five_bar()
+    model = chain.model.copy()
+    model.gravity.linear = np.zeros(3)
+    return sst_pin.ClosedChain(model, chain.closures, ["shoulder_1", "shoulder_2"])
+
+
+PUSH = np.array([0.05, 0.0])
+
+
+def pushed(t):
+    return np.where((t > 1.5) & (t < 1.6), 1.0, 0.0)
+
+
+def gain(motion):
+    """How far the rates at the end are from the sum of the accelerations, relative."""
+    h = np.diff(motion.t)[:, None]
+    total = (h * (motion.aa[1:] + motion.aa[:-1]) / 2).sum(axis=0)
+    return np.abs(motion.va[-1] - total).max() / np.abs(motion.va[-1]).max()
+
+
+@pytest.mark.parametrize("method", ["DOP853", "RK45", "Radau"])
+@pytest.mark.parametrize("kind", ["function", "samples", "trajectory", "load"])
+def test_a_push_of_a_tenth_of_a_second_moves_a_robot_at_rest(kind, method):
+    """The step of the integrator has grown to the rest of the interval by then."""
+    chain, t = held_five_bar(), np.linspace(0, 2, 201)
+    load, samples = None, pushed(t)[:, None] * PUSH
+    torque = samples
+    if kind == "function":
+        torque = lambda t, q, va: pushed(t) * PUSH  # noqa: E731
+    elif kind == "trajectory":
+        t = np.linspace(0, 2, 2001)
+        q, zero = np.tile(chain.home, (2001, 1)), np.zeros((2001, 2))
+        motion = chain.trajectory(t, q, zero, zero)
+        torque, t = replace(motion, tau=pushed(t)[:, None] * PUSH), np.array([0, 1, 2])
+    elif kind == "load":
+        torque, wrench = np.zeros(2), np.eye(6)[2] * 0.05
+        load = lambda t, q, va: pushed(t) * np.tile(wrench, (4, 1))  # noqa: E731
+    motion = chain.simulate(
+        torque, chain.home, [0, 0], t, external_wrenches=load, method=method, rtol=1e-6, atol=1e-6
+    )
+    assert np.abs(motion.va[-1]).max() > 0.1
+    if kind != "trajectory":  # which is seen at three times only
+        assert gain(motion) < 0.2  # each jump may count for one of ten samples
+
+
+def test_a_push_that_long_steps_have_missed_is_told():
+    chain, t = held_five_bar(), np.linspace(0, 2, 201)
+    with pytest.warns(RuntimeWarning, match="max_step"):
+        motion = chain.simulate(
+            lambda t, q, va: pushed(t) * PUSH,
+            chain.home,
+            [0, 0],
+            t,
+            method="RK45",
+            rtol=1e-6,
+            atol=1e-6,
+            max_step=np.inf,
+        )
+    assert np.abs(motion.va[-1]).max() == 0
+
+
+def test_constant_loads_leave_long_steps_to_the_integrator(count_rates):
+    chain, t = held_five_bar(), np.linspace(0, 1, 1001)
+    chain.simulate([0, 0], chain.home, [0, 0], t, external_wrenches=np.zeros((4, 6)))
+    assert len(count_rates) < 100
