@@ -1081,9 +1081,9 @@ class ClosedChain(Summary):
             t: Times of the output, increasing, shape (N,), N >= 2, [s].
             platform_moment: A function (t, q, va) -> (3,), or a constant.
             external_wrenches: A function (t, q, va) -> (r, 6), or a constant.
-            method: Integrator of SciPy: RK23, RK45, DOP853, Radau, BDF or LSODA. The last three are
-                for stiff motions and take the exact derivatives of the dynamics, unless sign_width
-                is 0, external_wrenches is a function, or wheels roll.
+            method: Integrator of SciPy: RK23, RK45, DOP853, Radau or BDF. The last two are for
+                stiff motions and take the exact derivatives of the dynamics, unless sign_width is
+                0, external_wrenches is a function, or wheels roll.
             rtol: Relative tolerance of the integrator.
             atol: Absolute tolerance of the integrator, [rad], [rad/s].
             max_condition_number: The motion stops before a singularity of the mechanism, where the

@@ -32,7 +32,7 @@ Torque = Callable[[float, Array, Array], ArrayLike] | ArrayLike | Trajectory | S
 #: Loads: a function of (t, q, va), a constant, or none.
 Load = Callable[[float, Array, Array], ArrayLike] | ArrayLike | None
 
-_IMPLICIT = ("Radau", "BDF", "LSODA")
+_IMPLICIT = ("Radau", "BDF")
 _METHODS = ("RK23", "RK45", "DOP853", *_IMPLICIT)
 
 

@@ -113,7 +113,7 @@ def problems() -> dict[str, Problem]:
         "governor": Problem(
             governor(), (2 * np.pi, 0.0, 0.0, 0.0), 10,
             ("shaft_rad", "arm_rad", "slider_m"), lambda _, motion: motion.q[:, [0, 1, 3]],
-            referees.governor, options={"method": "LSODA"},
+            referees.governor, options={"method": "Radau"},
         ),
         "slider_crank": Problem(
             robots.slider_crank(), (6.0,), 5, ("crank_rad", "slider_m"),

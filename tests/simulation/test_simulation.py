@@ -281,7 +281,7 @@ def test_implicit_methods_take_exact_derivatives_of_stiff_motions(monkeypatch):
 
     monkeypatch.setattr(ReferenceStates, "derivatives", counted)
     ends = []
-    for method in ("Radau", "BDF", "LSODA"):
+    for method in ("Radau", "BDF"):
         ends.append(
             chain.simulate(
                 lambda t, q, va: -np.array([0.1, 0, 0, 0]) * va,
@@ -299,14 +299,15 @@ def test_implicit_methods_take_exact_derivatives_of_stiff_motions(monkeypatch):
     assert np.ptp(ends, axis=0).max() < 1e-5
 
 
-def test_an_implicit_method_may_go_too_far_before_it_has_derivatives():
+@pytest.mark.parametrize("method", ["Radau", "BDF"])
+def test_an_implicit_method_may_go_too_far_before_it_has_derivatives(method):
     """Steps of a four-bar told by its rocker lead beyond where its loop closes."""
     crank = sst_pin.robots.four_bar()
     chain = sst_pin.ClosedChain(crank.model, crank.closures, ["crank"], coordinates=["rocker"])
     for way, rate in ((-1.4, 3.0), (0.3, 3.0), (0.7, -3.0)):
         q0 = crank.assemble({"crank": crank.home[0] + way})
         start = q0, crank.joint_rates(q0, [rate])[2:]
-        motion = chain.simulate([0], *start, [0, 1, 2], method="LSODA", rtol=1e-2, atol=1e-2)
+        motion = chain.simulate([0], *start, [0, 1, 2], method=method, rtol=1e-2, atol=1e-2)
         assert not motion.stopped
         assert worst_residual(chain, motion) < 1e-11
 
