@@ -12,7 +12,16 @@ from sst_pin import ClosedChain
 from tests.support.bad_calls import faults
 
 #: Methods that compile, show, read files, or take nothing.
-OTHERS = {"casadi", "compile", "from_mjcf", "from_urdf", "generic_configuration", "refresh", "show"}
+OTHERS = {"from_description", "with_model"}
+OTHERS |= {
+    "casadi",
+    "compile",
+    "from_mjcf",
+    "from_urdf",
+    "generic_configuration",
+    "refresh",
+    "show",
+}
 #: Texts that may be anything.
 FREE = {"stopped"}
 

@@ -57,6 +57,7 @@ BY_TYPE = {
     "Mapping[str, ArrayLike]": (5, "x", ["crank"], {"unknown": np.ones(6)}, {"crank": "x"}),
 }  # fmt: skip
 ARRAYS = ("ArrayLike", "Array", "ForwardRef('Array')", "Sequence[ArrayLike]", "Torque", "Load")
+OPTIONS = {"out": "Array | None", "threads": "int", "on_error": "str"}
 #: Values that NumPy takes for arrays of anything but real numbers, of any shape.
 not_real_arrays = st.sampled_from(NOT_REAL) | arrays.arrays(
     st.one_of(
@@ -99,10 +100,13 @@ def faults(
 ) -> list[str]:
     """Calls that were not refused by an error of ours, one argument bad, the others good."""
     parameters = inspect.signature(call).parameters
-    needed = {n: good[n] for n, p in parameters.items() if p.default is p.empty}
+    types = {name: str(parameter.annotation) for name, parameter in parameters.items()}
+    if types.pop("options", ""):  # `Unpack[Options]`
+        types |= OPTIONS
+    needed = {n: good[n] for n, p in parameters.items() if p.default is p.empty and n in types}
     found = []
-    for name in parameters.keys() - set(free):
-        for value in bad_values(str(parameters[name].annotation), good.get(name)):
+    for name in types.keys() - set(free):
+        for value in bad_values(types[name], good.get(name)):
             try:
                 answer = call(**needed | {name: value})
             except SSTError:
