@@ -28,10 +28,13 @@ from ..loops.loops import Loops
 from ..loops.mobility import independent_rows
 from ..model.lines import LineKinematics
 from ..model.mechanism import Friction, Mechanism
-from ..model.thresholds import CLOSURE_TOLERANCE, EARTH, ROUNDING, WITHOUT_MASS
+from ..model.thresholds import CLOSURE_TOLERANCE, ROUNDING, WITHOUT_MASS
 from ..model.tree import depth_first
 from ..summaries import Summary, as_html, as_text
 from .noc import JointComplement, bodies, body_jacobians, decoupled, natural_complement
+
+#: Gravity by which bodies without weight count there, [m/s^2].
+_EARTH = 9.81
 
 
 @dataclass(frozen=True, repr=False)
@@ -258,7 +261,7 @@ def force_sizes(memory: Memory, q: Array, va: Array, aa: Array, wrenches: Array 
     if wrenches is not None:
         parts.append(wrenches.ravel())
     on_bodies = np.abs(parts).reshape(-1, 2 * r, 3).sum(axis=(0, 2))  # moments and forces
-    on_bodies[1::2] += EARTH * np.abs([body.mass for body in list(model.inertias)[1:]])
+    on_bodies[1::2] += _EARTH * np.abs([body.mass for body in list(model.inertias)[1:]])
     lengths = np.linalg.norm(K.reshape(2 * r, 3, -1), axis=1)
     lengths[1::2] += mechanism.length * lengths[::2]
     line_lengths, J = memory.lines.evaluate(q)

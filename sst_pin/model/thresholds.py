@@ -25,8 +25,6 @@ MAX_CONDITION_NUMBER = 1e8
 UNSUPPLIED = 1e-8
 #: What rounding leaves of forces that do not act along a coordinate, relative to their sizes.
 ROUNDING = 1e-12
-#: Gravity by which bodies without weight count there, [m/s^2].
-EARTH = 9.81
 #: A coordinate whose inertia is a smaller part of that of all bodies, were they to move as fast as
 #: the fastest joint, moves no mass: the square of what rounding leaves of the rates.
 WITHOUT_MASS = 1e-20
@@ -36,12 +34,8 @@ UNIQUE = 1e-5
 #: Joints that are slower are at rest, [rad/s] or [m/s]: the sign of their rate is rounding.
 AT_REST = 1e-12
 #: Condition number of the dependent joints below which coordinates are kept or taken up again, and
-#: above which others are looked for, as long as these are better by some margin.
-WELL_CONDITIONED, POOR, MARGIN = 20.0, 50.0, 4.0
-#: Condition number above which a rollout leaves its coordinates for better ones. Its steps do not
-#: get shorter near a dead point: at 20, errors of a five-bar that often runs through dead points
-#: are almost three times as large; at 1 they are hardly smaller.
-FIXED_STEP = 10.0
+#: the margin by which others must be better.
+WELL_CONDITIONED, MARGIN = 20.0, 4.0
 #: Part of the way of a rollout's step by which it may leave the loops open: a longer one misses a
 #: bend.
 BEND = 0.003

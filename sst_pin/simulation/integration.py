@@ -14,7 +14,7 @@ import numpy as np
 from ..arrays import Array
 from ..errors import ClosureError, InputError, SimulationError, SingularConfigurationError, SSTError
 from ..model.mechanism import Mechanism
-from ..model.thresholds import MARGIN, POOR, WELL_CONDITIONED
+from ..model.thresholds import MARGIN, WELL_CONDITIONED
 from ..states import States
 from .crossings import Course, Crossing, crossing_of, gauss_step, mismatch
 from .sampled_torques import Sampling
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from scipy.integrate import OdeSolver
 
 
+#: Condition number above which other coordinates are looked for.
+_POOR = 50.0
 #: Steps of differences, relative or [rad], [m] and per second.
 _DIFFERENCE = 1e-8
 #: A step that is not regular is tried again with its regular part, or this part of it at least;
@@ -252,7 +254,7 @@ class Run:
                 self._settle(irregular=True)
                 return
             better = states is not motion.own and motion.own.condition_number(q) < WELL_CONDITIONED
-            calm = len(self._bounds) == 1 and self._limit > POOR
+            calm = len(self._bounds) == 1 and self._limit > _POOR
             if better or (calm and states.condition_number(q) * MARGIN**2 < self._limit):
                 self._settle()
 
@@ -329,7 +331,7 @@ class Run:
             rates = before.joint_rates(q, rates)[states.coordinates]
             motion.states = states
         self._state = np.concatenate([q, rates])
-        limit, self._limit = self._limit, min(self._most, max(POOR, MARGIN * condition))
+        limit, self._limit = self._limit, min(self._most, max(_POOR, MARGIN * condition))
         self._bounds = self._bounds[-1:]
         stuck = self._stride < _STUCK * (self._times[-1] - self._times[0])
         alike = states is before and limit >= self._most == self._limit
