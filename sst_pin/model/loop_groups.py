@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Groups of loops that share joints, and lengths that make their rows and rates free of units."""
+"""Groups of loops that share joints, and the lengths of these groups and of the robot."""
 
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -15,22 +14,10 @@ from .tree import frame_named
 _SMALL = 1e-6
 
 
-class LoopGroup(NamedTuple):
-    """Loops that share joints with each other, and with no other loop.
-
-    Attributes:
-        joints: Those that move one frame of a closure and not the other.
-        closures: Those of these loops; a coupling is a group without joints.
-        length: The largest offset on one body between them, [m]; 0 without one.
-    """
-
-    joints: set[int]
-    closures: list[Constraint]
-    length: float
-
-
-def loop_groups(model: pin.Model, closures: Sequence[Constraint]) -> list[LoopGroup]:
-    """All groups of a robot."""
+def loop_groups(
+    model: pin.Model, closures: Sequence[Constraint]
+) -> list[tuple[set[int], list[Constraint]]]:
+    """Joints of each group, which move one frame of a closure and not the other, and closures."""
     groups: list[tuple[set[int], list[Constraint]]] = []
     for closure in closures:
         bodies = (frame_named(model, name).parentJoint for name in frames_of(closure))
@@ -40,30 +27,24 @@ def loop_groups(model: pin.Model, closures: Sequence[Constraint]) -> list[LoopGr
             groups.remove(group)
             joints, members = joints | group[0], group[1] + members
         groups.append((joints, members))
-    return [LoopGroup(*group, _longest_offset(model, *group)) for group in groups]
+    return groups
 
 
-def robot_length(model: pin.Model, closures: Sequence[Constraint]) -> float:
-    """The largest offset on one body of the robot or of a group of loops, [m]; 1 m without one.
-
-    Where the robot stands in the world does not count, nor where on it a plane or rail begins.
-    """
-    lengths = [group.length for group in loop_groups(model, closures)]
-    joints = range(1, model.njoints)
-    return max([_longest_offset(model, joints, closures, ground=False), *lengths]) or 1.0
-
-
-def _longest_offset(
+def longest_offset(
     model: pin.Model, joints: Iterable[int], closures: Iterable[Constraint], ground: bool = True
 ) -> float:
+    """The largest distance between joints and closures on one body, [m]; 0 without one.
+
+    Where a plane or a rail begins on the ground does not count; where joints stand on it does, by
+    `ground`.
+    """
     points: dict[int, list[Array]] = {j: [np.zeros(3)] for j in joints}
     size = max((_size(model.inertias[j]) for j in points), default=0.0)
     for j in list(points):
         points.setdefault(model.parents[j], []).append(model.jointPlacements[j].translation)
     lengths = [0.0]
     for closure in closures:
-        for name in frames_of(closure):
-            frame = frame_named(model, name)
+        for frame in (frame_named(model, name) for name in frames_of(closure)):
             if frame.parentJoint or holds_points(closure):
                 points.setdefault(frame.parentJoint, []).append(frame.placement.translation)
         if isinstance(closure, (Distance, Rolling)):

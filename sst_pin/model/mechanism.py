@@ -14,7 +14,7 @@ from ..summaries import listed
 from .closures import Constraint, Coupling
 from .joint_space import JointSpace
 from .lines import Lines
-from .loop_groups import LoopGroup, loop_groups, robot_length
+from .loop_groups import longest_offset, loop_groups
 from .thresholds import AT_REST
 from .tree import joint_id
 
@@ -251,19 +251,24 @@ class Mechanism:
 
     @cached_property
     def length(self) -> float:
-        """A length of the robot, [m]: the largest offset on one body."""
-        return robot_length(self.model, self.closures)
+        """A length of the robot, [m]: the largest offset on one body, or of a group of loops.
+
+        Where the robot stands in the world does not count.
+        """
+        joints, lengths = range(1, self.model.njoints), [x for _, _, x in self._groups]
+        offset = longest_offset(self.model, joints, self.closures, ground=False)
+        return max([offset, *lengths]) or 1.0
 
     @cached_property
-    def loop_groups(self) -> list[LoopGroup]:
-        """Groups of loops that share joints; as long as the robot where they have no offset."""
+    def _groups(self) -> list[tuple[set[int], list[Constraint], float]]:
+        """Joints, closures and length of each group of loops that share joints."""
         groups = loop_groups(self.model, self.closures)
-        return [group._replace(length=group.length or self.length) for group in groups]
+        return [(*group, longest_offset(self.model, *group)) for group in groups]
 
     @cached_property
     def row_scale(self) -> Array:
         """What makes the rows of Phi free of units, shape (rows,)."""
-        lengths = {closure: g.length for g in self.loop_groups for closure in g.closures}
+        lengths = {c: length or self.length for _, members, length in self._groups for c in members}
         units = []
         for closure in self.closures:
             if isinstance(closure, Coupling):
@@ -278,9 +283,9 @@ class Mechanism:
     def rate_scale(self) -> Array:
         """The rates v in multiples of these are free of units, shape (nv,)."""
         lengths = np.full(self.model.nv, self.length)
-        for group in self.loop_groups:
-            for joint in (self.model.joints[j] for j in group.joints):
-                lengths[joint.idx_v : joint.idx_v + joint.nv] = group.length
+        for joints, _, length in self._groups:
+            for joint in (self.model.joints[j] for j in joints):
+                lengths[joint.idx_v : joint.idx_v + joint.nv] = length or self.length
         return read_only(np.where(np.array(self.space.rate_units) == "m", lengths, 1.0))
 
 
