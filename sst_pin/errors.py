@@ -321,7 +321,7 @@ class SingularityWarning(UserWarning):
 
 
 class DescriptionWarning(UserWarning):
-    """A URDF gives links inertias that no body has, or has no place for what a robot has.
+    """A description has inertias that no body has, too few digits, or no place for something.
 
     Example:
         >>> import warnings

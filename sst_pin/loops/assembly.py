@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from zlib import crc32
 
 import numpy as np
 import pinocchio as pin
@@ -12,11 +13,13 @@ import pinocchio as pin
 from ..arrays import Array, Flags, Indices
 from ..errors import ClosureError, DescriptionError, InputError
 from ..model.mechanism import Mechanism
-from ..model.thresholds import ASSEMBLED
+from ..model.thresholds import FEW_DIGITS
 from ..summaries import listed
 from .loops import Loops, connected
 
 _STEPS = 100
+#: Scaled residual that an assembled configuration stays below.
+_ASSEMBLED = 1e-11
 #: A loop that closes by less than a tenth in so many steps does not close.
 _PATIENCE = 10
 #: Longest stride, [rad] or of the loop's length: the closures are far from linear beyond it.
@@ -28,6 +31,10 @@ _HALVINGS = 20
 _AT_LIMIT = 1e-12
 #: What rounding leaves of a position, relative to it.
 _ROUNDING = float(np.finfo(float).eps)
+#: Smaller singular values count as zero, relative to the largest.
+_NO_RANK = 1e-10
+#: Loops that stay open by less may close with other digits, free of units.
+_NEARLY = 10 * FEW_DIGITS
 #: How far a configuration next to another one lies, [rad] or robot lengths.
 _ASIDE = 0.2
 
@@ -52,13 +59,16 @@ class Assembly:
         stay open, by how much, and which joints are at their limits.
         """
         bounds = _Limits(self.mechanism, free, limits)
-        q, open_rows = self._newton(bounds.clipped(q), free, bounds)
+        start = bounds.clipped(q)
+        q, open_rows = self._newton(start, free, bounds)
+        if len(open_rows) and np.abs(self._residual(q)).max() < _NEARLY:
+            # Rows that contradict each other a little may have led away from the best pose.
+            q, open_rows = self._newton(start, free, bounds, FEW_DIGITS)
         q = bounds.clipped(q)
         bounds.require_within(q)
         if len(open_rows):
             loops, mechanism = self.loops, self.mechanism
-            residual = np.abs(loops.residual())
-            largest = float(residual[open_rows].max())
+            largest = float(np.abs(loops.residual())[open_rows].max())
             names = [
                 str(closure)
                 for closure, rows in zip(mechanism.closures, loops.slices, strict=True)
@@ -92,9 +102,17 @@ class Assembly:
                 failures.append(error)
         raise min(failures, key=lambda error: error.residual)
 
-    def closer(self, q: Array, free: Indices) -> Array:
-        """The configuration next to q whose loops are open least; only the rates `free` move."""
-        return self._newton(q, free, _Limits(self.mechanism, free, wanted=False))[0]
+    def closer(self, q: Array, free: Indices, tolerance: float = _NO_RANK) -> Array:
+        """The configuration next to q whose loops are open least; only the rates `free` move.
+
+        Singular values of Phi below `tolerance` times the largest of their loop count as zero.
+        """
+        return self._newton(q, free, _Limits(self.mechanism, free, wanted=False), tolerance)[0]
+
+    def gap(self, q: Array, rows: Indices) -> float:
+        """How far some rows are open at q, free of units; 0 if rounding explains it."""
+        f = self._residual(q)
+        return float(np.abs(f[rows]).max()) if self._open(q, f)[rows].any() else 0.0
 
     def near(self, q: Array, held: Indices) -> Array:
         """The configuration next to q with closed loops, with these rates held if it exists."""
@@ -118,7 +136,9 @@ class Assembly:
         moved = pin.integrate(mechanism.model, q, step * mechanism.rate_scale)
         return self.assemble(moved, np.arange(mechanism.model.nv))
 
-    def _newton(self, q: Array, free: Indices, bounds: _Limits) -> tuple[Array, Indices]:
+    def _newton(
+        self, q: Array, free: Indices, bounds: _Limits, tolerance: float = _NO_RANK
+    ) -> tuple[Array, Indices]:
         """The nearest configuration and the rows that stay open."""
         f = self._residual(q)
         key = free.tobytes()
@@ -127,10 +147,11 @@ class Assembly:
         parts = self._known_parts[key]
         scales = np.array([self.mechanism.row_scale[rows].max() for rows, _ in parts])
         before = [np.full(len(parts), np.inf)] * _PATIENCE
+        open_still = np.ones(len(parts), dtype=bool)
         for _ in range(_STEPS):
             sizes = np.array([_size(f[rows]) for rows, _ in parts])
-            least = np.maximum(1e-4 * ASSEMBLED, _ROUNDING * self.loops.distance * scales)
-            open_still = (sizes >= least) & (sizes < 0.9 * before[-_PATIENCE])
+            least = np.maximum(1e-4 * _ASSEMBLED, _ROUNDING * self.loops.distance * scales)
+            open_still &= (sizes >= least) & (sizes < 0.9 * before[-_PATIENCE])
             busy = [parts[k] for k in np.flatnonzero(open_still)]
             if not busy:
                 break
@@ -138,18 +159,20 @@ class Assembly:
             Phi = self.loops.Phi() * self._scale
             step = np.zeros(Phi.shape[1])
             for rows, of_loop in busy:
-                columns, part = bounds.project(q, of_loop, Phi[rows], -f[rows])
+                columns, part = bounds.project(q, of_loop, Phi[rows], -f[rows], tolerance)
                 far = float(np.abs(part[self.loops.curved[columns]]).max(initial=0))
                 step[columns] = part * (_STRIDE / max(_STRIDE, far))
                 step[columns] *= bounds.reach(q, columns, step[columns])
-            q, f, moved = self._descend(q, f, step, busy, self._rounding(q, Phi))
-            if not moved:
-                break
-        is_open = ~(np.abs(f[self._rows]) < ASSEMBLED)
+            q, f = self._descend(q, f, step, busy, self._rounding(q, Phi))
+            open_still &= [step[columns].any() for _, columns in parts]
+        return q, self._rows[self._open(q, f)[self._rows]]
+
+    def _open(self, q: Array, f: Array) -> Flags:
+        """Which rows are open by more than rounding, shape (rows,); the loops are at q."""
+        is_open = ~(np.abs(f) < _ASSEMBLED)
         if is_open.any():
-            rounding = self._rounding(q, self.loops.Phi() * self._scale)
-            is_open &= ~(np.abs(f) < rounding)[self._rows]
-        return q, self._rows[is_open]
+            is_open &= ~(np.abs(f) < self._rounding(q, self.loops.Phi() * self._scale))
+        return is_open
 
     def _rounding(self, q: Array, Phi: Array) -> Array:
         """What rounding of q leaves of the residual, shape (rows,), for Phi without units.
@@ -167,10 +190,10 @@ class Assembly:
         step: Array,
         parts: list[tuple[Indices, Indices]],
         rounding: Array,
-    ) -> tuple[Array, Array, bool]:
-        """Halve each loop's step until its residual falls."""
+    ) -> tuple[Array, Array]:
+        """Halve each loop's step until its residual falls, to zero if it never does."""
         model, scale = self.mechanism.model, self.mechanism.rate_scale
-        least = np.maximum(ASSEMBLED, rounding)
+        least = np.maximum(_ASSEMBLED, rounding)
         for halvings in range(_HALVINGS + 1):
             trial = pin.integrate(model, q, step * scale)
             f_trial = self._residual(trial)
@@ -185,10 +208,7 @@ class Assembly:
                 step[columns] /= 2
                 if halvings == _HALVINGS - 1 or (np.abs(f[rows]) < least[rows]).all():
                     step[columns] = 0.0  # a dead end, or rounding
-        if step.any():
-            return trial, f_trial, True
-        self._residual(q)  # the loops are at q again
-        return q, f, False
+        return (trial, f_trial) if step.any() else (q, self._residual(q))
 
     def _residual(self, q: Array) -> Array:
         self.loops.evaluate(q)
@@ -227,11 +247,11 @@ class _Limits:
         return q
 
     def project(
-        self, q: Array, columns: Indices, Phi: Array, right: Array
+        self, q: Array, columns: Indices, Phi: Array, right: Array, rcond: float
     ) -> tuple[Indices, Array]:
         """Newton's step along the rates that do not lead outward from a limit."""
         while True:
-            part = np.asarray(np.linalg.lstsq(Phi[:, columns], right, rcond=1e-10)[0], dtype=float)
+            part = np.asarray(np.linalg.lstsq(Phi[:, columns], right, rcond=rcond)[0], dtype=float)
             if not len(self._v):
                 return columns, part
             down, up = self._room(q)[:, columns]
@@ -276,6 +296,15 @@ class _Limits:
 
     def _names(self, chosen: Flags) -> str:
         return ", ".join(np.array(self._mechanism.space.rate_names)[chosen])
+
+
+def displacement(mechanism: Mechanism, width: float) -> Array:
+    """Random rates of the tree, drawn joint by joint from the joint's name, shape (nv,)."""
+    way = np.zeros(mechanism.model.nv)
+    for name, rates in mechanism.space.rates.items():
+        random = np.random.default_rng([round(1000 * width), crc32(name.encode())])
+        way[rates] = width * random.uniform(-1.5, 1.5, len(rates))
+    return way * mechanism.rate_scale
 
 
 def home_of(mechanism: Mechanism) -> Array | None:

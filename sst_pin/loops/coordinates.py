@@ -10,7 +10,6 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from itertools import product
-from zlib import crc32
 
 import numpy as np
 import pinocchio as pin
@@ -21,7 +20,7 @@ from ..dynamics.noc import body_jacobians
 from ..errors import ClosureError
 from ..model.mechanism import Mechanism
 from ..model.thresholds import INDEPENDENT, MAX_CONDITION_NUMBER, RANK_TOLERANCE, RESTS
-from .assembly import Assembly, home_of
+from .assembly import Assembly, displacement, home_of
 from .continuity import Continuity
 from .mobility import choose_coordinates, free_motions, motor_rates, scaled_Phi
 
@@ -54,7 +53,7 @@ def examples(assembly: Assembly) -> Iterator[Array]:
     for start, width in starts:
         if found and home is not None and start is not home:
             return
-        moved = pin.integrate(model, start, _displacement(mechanism, width))
+        moved = pin.integrate(model, start, displacement(mechanism, width))
         try:  # motors that stay where they are lead to assemblies in which they hold the robot
             q = assembly.near(moved, mechanism.driven)
         except ClosureError as error:
@@ -68,15 +67,6 @@ def examples(assembly: Assembly) -> Iterator[Array]:
         raise ClosureError(f"{open_by}; {_GIVE_ONE}", nearest.residual)
 
 
-def _displacement(mechanism: Mechanism, width: float) -> Array:
-    """Random rates of the tree, drawn joint by joint from the joint's name, shape (nv,)."""
-    way = np.zeros(mechanism.model.nv)
-    for name, rates in mechanism.space.rates.items():
-        random = np.random.default_rng([round(1000 * width), crc32(name.encode())])
-        way[rates] = width * random.uniform(-1.5, 1.5, len(rates))
-    return way * mechanism.rate_scale
-
-
 def _home(assembly: Assembly, held: Indices) -> Array | None:
     """Home with closed loops; None without one, or where closures lose their rank there."""
     mechanism, loops = assembly.mechanism, assembly.loops
@@ -88,7 +78,7 @@ def _home(assembly: Assembly, held: Indices) -> Array | None:
     except ClosureError:
         return None
     try:
-        moved = pin.integrate(mechanism.model, q, _displacement(mechanism, _BESIDE))
+        moved = pin.integrate(mechanism.model, q, displacement(mechanism, _BESIDE))
         beside = assembly.near(moved, held)
     except ClosureError:
         return q
@@ -103,7 +93,7 @@ def _without_symmetry(assembly: Assembly, home: Array, coordinates: Indices) -> 
     """A configuration near home in its assembly mode, or home where coordinates fail on the way."""
     mechanism = replace(assembly.mechanism, coordinates=coordinates)
     for width, held in product(_AROUND_HOME, (mechanism.driven, coordinates)):
-        along = partial(_along, assembly, home, _displacement(mechanism, width), held)
+        along = partial(_along, assembly, home, displacement(mechanism, width), held)
         continuity = Continuity(mechanism, assembly.loops)
         poor = min(_POORER * continuity.condition_number(home), MAX_CONDITION_NUMBER)
         with suppress(ClosureError):

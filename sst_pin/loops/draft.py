@@ -21,6 +21,7 @@ from ..model.rebuilt_tree import JOINT_LISTS, POSITION_ARRAYS, RATE_ARRAYS, rebu
 from ..model.tree import frame_id, joint_id
 from .assembly import Assembly
 from .coordinates import settle, without_mass
+from .geometry_correction import correct_geometry
 from .loops import Loops
 from .mobility import scaled_Phi
 
@@ -90,16 +91,20 @@ def mechanism_of(
             raise InputError("coordinates", "none are named; leave them out for a choice")
     none, on_joints = np.empty(0, dtype=np.intp), B[: model.nv]
     unsettled = Mechanism(model, closures, none, on_joints, names, friction, springs, lines)
-    assembly = Assembly(unsettled, Loops(model, closures))
+    unsettled = correct_geometry(unsettled)
+    assembly = Assembly(unsettled, Loops(unsettled.model, closures))
     chosen, example = settle(assembly, wanted)
-    sizes = None if example is None else _row_sizes(unsettled, assembly.loops, example)
+    sizes = None
+    if example is not None:
+        Phi = scaled_Phi(unsettled, assembly.loops, example)
+        sizes = _row_sizes(assembly.loops, Phi)
     settled = replace(unsettled, coordinates=chosen, example=example, row_sizes=sizes)
     return replace(settled, without_mass=without_mass(settled))
 
 
-def _row_sizes(mechanism: Mechanism, loops: Loops, q: Array) -> Array:
-    """Lengths of the rows of Phi at q, free of units; 0 for rows that are constant."""
-    sizes = np.linalg.norm(scaled_Phi(mechanism, loops, q), axis=1)
+def _row_sizes(loops: Loops, Phi: Array) -> Array:
+    """Lengths of the rows of Phi, which is free of units; 0 for rows that are constant."""
+    sizes = np.linalg.norm(Phi, axis=1)
     for row, coupled in loops.couplings:
         sizes[row] *= coupled.curved.any()
     return sizes

@@ -181,6 +181,23 @@ class Loops:
         np.add.at(given, self._bodies[self.pairs.frames], self._W[..., None] * Lambda[:, None])
         return given
 
+    def by_placements(self, joints: Sequence[int], frames: Sequence[int]) -> Array:
+        """Derivatives of f by displacements of placements, shape (rows, 6 (joints + frames)).
+
+        A displacement is [linear; angular] in the axes of the joint or frame that it moves.
+        """
+        model, data, both = self.model, self.data, self.pairs.frames
+        supports = [set(model.supports[int(body)]) for body in self._bodies]
+        moved = [np.array([j in bodies for bodies in supports]) for j in joints]
+        moved += [np.array(self.frames) == k for k in frames]
+        at = [data.oMi[model.parents[j]] * model.jointPlacements[j] for j in joints]
+        at += [data.oMf[k] for k in frames]
+        columns = []
+        for moves, place in zip(moved, at, strict=True):
+            alone = moves[both] > moves[both[::-1]]
+            columns.append((self._W * alone[..., None]).sum(axis=0) @ place.action)
+        return np.hstack(columns)
+
     def on_B(self, rows: slice) -> Array:
         """Wrenches of the rows of a closure on frame B, at the world's origin, shape (rows, 6)."""
         return self._W[0, rows]

@@ -3,12 +3,13 @@
 
 #: Loops further open than this are open, relative to their length or in [rad].
 CLOSURE_TOLERANCE = 1e-6
+#: Loops that stay open by less, relative to their length or in [rad], may do so because their
+#: numbers have few digits. So small singular values of Phi may then come from the digits, too.
+FEW_DIGITS = 3e-3
 #: How far redundant rows of Phi may be off, in multiples of what their loops are open by. On
 #: overconstrained linkages they are off by less than that; rates of too many coordinates break them
 #: by about their own size.
 INCONSISTENT = 10.0
-#: Scaled residual that an assembled configuration stays below.
-ASSEMBLED = 1e-11
 #: A singular value or pivot this much smaller than the largest counts as zero: assembled closures
 #: leave noise of 1e-12, a mechanism that still moves at 1e-8 is of no use.
 RANK_TOLERANCE = 1e-8

@@ -1,0 +1,348 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Robots whose numbers have few digits: their overconstrained loops close and move all the same."""
+
+import re
+import warnings
+from contextlib import suppress
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.testing import assert_allclose
+
+import sst_pin
+from sst_pin import ClosedChain, ClosureError, DescriptionWarning, SSTError, robots
+from tests.support import rounded_robots as rr
+
+#: How far torques of a robot may be off, relative to the largest, in units of its last digit.
+EXPLAINED = 300
+#: Robots with redundant rows; the loops of the others close with any digits.
+OVERCONSTRAINED = [
+    "SST",
+    "agile_eye",
+    "agile_wrist",
+    "bennett",
+    "bricard",
+    "excavator",
+    "five_bar",
+    "four_bar",
+    "knee",
+    "leg",
+    "planar_3rrr",
+    "planar_4rrr",
+    "scissor_lift",
+]
+
+
+def with_warnings(make, *arguments, **options):
+    """What `make` gives, and the texts of its warnings."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        result = make(*arguments, **options)
+    assert all(w.category is DescriptionWarning for w in caught)
+    return result, [str(w.message) for w in caught]
+
+
+def motions(chain, count=3):
+    """Configurations near home, none near a singularity; rates and accelerations."""
+    random = np.random.default_rng(0)
+    n, found = chain.degrees_of_freedom, []
+    while len(found) < count:
+        moved = pin.integrate(chain.model, chain.home, random.uniform(-0.3, 0.3, chain.model.nv))
+        with suppress(ClosureError):
+            q = chain.assemble(moved, chain.coordinates)
+            if chain.condition_number(q) < 2 * chain.condition_number(chain.home):
+                found.append(q)
+    return np.array(found), *random.normal(size=(2, count, n))
+
+
+def forces(chain, q, va, aa):
+    """Torques in the configurations next to q in which the coordinates stand as there."""
+    q = np.array([chain.assemble(x, chain.coordinates) for x in q])
+    return q, chain.generalized_forces(q, va, aa)
+
+
+def agree(exact, chain):
+    """Freedoms and coordinates of a rounded robot are those of the exact one."""
+    assert chain.degrees_of_freedom == exact.degrees_of_freedom
+    assert chain.coordinates == exact.coordinates
+    mobility, other = chain.mobility(), exact.mobility()
+    assert (mobility.rank, mobility.held) == (other.rank, other.held)
+
+
+def compare(exact, chain, digits):
+    """A rounded robot moves as the exact one, and its torques are the same but for its digits."""
+    agree(exact, chain)
+    q, va, aa = motions(exact)
+    f = exact.generalized_forces(q, va, aa)
+    q, rounded = forces(chain, q, va, aa)
+    assert np.abs(chain.residual(q)).max() < 1e-11
+    assert np.abs(rounded - f).max() < EXPLAINED * 10.0**-digits * np.abs(f).max()
+    for x, rates in zip(q, va, strict=True):  # an identity of the exact robot, as exact as there
+        assert np.abs(chain.Phi(x) @ chain.noc(x, rates).L).max() < 1e-13
+
+
+@pytest.mark.parametrize("digits", [7, 4])
+@pytest.mark.parametrize("name", rr.PLANS)
+def test_a_rounded_robot_moves_as_the_exact_one(name, digits):
+    plan = rr.drawn_by_cad(rr.PLANS[name](), seed=0)
+    chain, told = with_warnings(rr.rounded(plan, digits).chain)
+    assert len(told) == 1
+    compare(plan.chain(), chain, digits)
+
+
+def by_least_squares(model, closures, coordinates, q, va, aa):
+    """Forces along the coordinates by the numbers as they are, all rows by least squares."""
+    data, steady = model.createData(), np.zeros(model.nv)
+    a = [model.joints[model.getJointId(name)].idx_v for name in coordinates]
+    u = np.setdiff1d(np.arange(model.nv), a)
+    here = pin.LOCAL_WORLD_ALIGNED
+
+    def rows(q, v):
+        pin.forwardKinematics(model, data, q, v, steady)
+        pin.computeJointJacobians(model, data, q)
+        pin.updateFramePlacements(model, data)
+        Phi, drift, gap = [], [], []
+        for closure in closures:
+            k, m = (model.getFrameId(x) for x in (closure.frame_a, closure.frame_b))
+            (R, p), (S, r) = ((data.oMf[x].rotation, data.oMf[x].translation) for x in (k, m))
+            J, K = (pin.getFrameJacobian(model, data, x, here) for x in (k, m))
+            c, d = (pin.getFrameClassicalAcceleration(model, data, x, here) for x in (k, m))
+            turns = {"3d": 0, "hinge": 2, "6d": 3}[closure.kind]
+            E, omega = R[:, :turns].T, J[3:] @ v
+            Phi += [K[:3] - J[:3], E @ (K[3:] - J[3:])]
+            turning = np.cross(omega, E) @ (K[3:] @ v - omega)
+            drift += [d.linear - c.linear, E @ (d.angular - c.angular) + turning]
+            gap += [r - p, E @ (R @ pin.log3(R.T @ S))]
+        return np.vstack(Phi), np.concatenate(drift), np.concatenate(gap)
+
+    def solved(Phi, right):
+        return np.linalg.lstsq(Phi[:, u], right, rcond=None)[0]
+
+    for _ in range(30):
+        Phi, _, gap = rows(q, steady)
+        q = q.copy()
+        q[u] -= solved(Phi, gap)
+    L = np.eye(model.nv)[:, a]
+    L[u] = -solved(Phi, Phi[:, a])
+    Phi, drift, _ = rows(q, L @ va)
+    v_dot = L @ aa
+    v_dot[u] -= solved(Phi, drift)
+    return L.T @ (pin.rnea(model, data, q, L @ va, v_dot) - np.array(model.damping) * (L @ va))
+
+
+def near_least_squares(chain, plan, digits):
+    """Torques are those that least squares over all rows find with the numbers as written."""
+    q, va, aa = motions(chain)
+    f = chain.generalized_forces(q, va, aa)
+    sizes, names = np.abs(f).max(), chain.coordinates
+    for arguments, force in zip(zip(q, va, aa, strict=True), f, strict=True):
+        other = by_least_squares(plan.model, plan.closures, names, *arguments)
+        assert np.abs(force - other).max() < 100 * 10.0**-digits * sizes
+
+
+@pytest.mark.parametrize("name", ["four-bar", "four-bar with hinge", "spherical 3-RRR", "SST"])
+def test_the_corrected_robot_differs_from_the_written_one_by_its_digits(name):
+    plan = rr.rounded(rr.drawn_by_cad(rr.PLANS[name](), seed=1), 5)
+    chain, _ = with_warnings(plan.chain)
+    near_least_squares(chain, plan, 5)
+
+
+def test_a_free_swing_keeps_its_energy():
+    plan = rr.rounded(rr.drawn_by_cad(rr.PLANS["four-bar with hinge"](), seed=2), 4)
+    plan.model.damping[:], plan.model.friction[:] = 0, 0
+    chain, _ = with_warnings(plan.chain)
+    motion = chain.simulate([0.0], chain.home, [1.0], np.linspace(0, 2, 101))
+    v = chain.joint_rates(motion.q, motion.va)
+    energies = [
+        chain.kinetic_energy(motion.q, motion.va),
+        [chain.potential_energy(q) for q in motion.q],
+    ]
+    kinetic, potential = map(np.array, energies)
+    assert np.abs(v).max() > 0.5
+    total = kinetic + potential
+    assert np.abs(total - total[0]).max() < 1e-6 * np.ptp(kinetic)  # that of exact numbers
+
+
+@pytest.mark.parametrize(
+    "name", ["four-bar with hinge", pytest.param("SST", marks=pytest.mark.slow)]
+)
+def test_kernels_compute_with_the_same_geometry(name):
+    plan = rr.rounded(rr.drawn_by_cad(rr.PLANS[name](), seed=0), 4)
+    chain, _ = with_warnings(plan.chain)
+    q, va, aa = motions(chain)
+    f = chain.compute_torques(q, va, aa)
+    chain.compile()
+    compiled = chain.compute_torques(q, va, aa)
+    assert "reference" not in chain.path
+    assert_allclose(compiled, f, rtol=1e-10, atol=1e-12 * np.abs(f).max())
+
+
+# --- files ----------------------------------------------------------------------------------------
+
+
+def read(plan, digits, suffix, folder):
+    """The robot as a file says it."""
+    path = folder / f"robot.{suffix}"
+    if suffix == "urdf":
+        text, yaml = rr.urdf_of(plan, digits)
+        path.with_suffix(".yaml").write_text(yaml)
+        path.write_text(text)
+        return ClosedChain.from_urdf(path)
+    path.write_text(rr.mjcf_of(plan, digits))
+    return ClosedChain.from_mjcf(path)
+
+
+@pytest.mark.parametrize("suffix", ["urdf", "xml"])
+@pytest.mark.parametrize("name", ["four-bar with hinge", "spherical 3-RRR"])
+def test_files_of_few_digits_are_read(tmp_path, name, suffix):
+    digits = 5
+    plan = rr.drawn_by_cad(rr.PLANS[name](), seed=3)
+    plan.model.damping[:] = 0
+    chain, told = with_warnings(read, plan, digits, suffix, tmp_path)
+    assert sum("few digits" in text for text in told) == 1
+    exact = plan.chain(coordinates=chain.coordinates)
+    q, va, aa = motions(exact)
+    f = exact.generalized_forces(q, va, aa)
+    assert chain.degrees_of_freedom == exact.degrees_of_freedom
+    q = np.array([chain.assemble(x, chain.coordinates) for x in q])
+    difference = chain.generalized_forces(q, va, aa) - f
+    assert np.abs(difference).max() < EXPLAINED * 10.0**-digits * np.abs(f).max()
+
+
+def test_a_right_angle_of_five_digits_is_one(tmp_path):
+    """A four-bar drawn in the x-z plane by rpy="1.5708 0 0", which is off by 3.7e-6 rad."""
+    plan = rr.bar("hinge")
+    upright = pin.SE3(pin.exp3(np.pi / 2 * np.eye(3)[0]), np.zeros(3))
+    for j in (1, 3):
+        plan.model.jointPlacements[j] = upright * plan.model.jointPlacements[j]
+    plan.model.gravity.linear = np.array([0, 0, -9.81])
+    text, yaml = rr.urdf_of(plan, 4)
+    assert 'rpy="1.5708 ' in text
+    (tmp_path / "bar.urdf").write_text(text)
+    (tmp_path / "bar.yaml").write_text(yaml)
+    chain = ClosedChain.from_urdf(tmp_path / "bar.urdf")
+    q = chain.assemble([1.2, -0.725, 1.969], ["crank"])
+    exact = rr.bar("hinge").chain()
+    assert_allclose(
+        chain.compute_torques(q, [1], [1]), exact.compute_torques(exact.home, [1], [1]), rtol=1e-4
+    )
+
+
+def test_a_tilted_axis_beside_an_arm_takes_no_freedom_in_silence(tmp_path):
+    """Two `connect` hold the last hinge of a four-bar, the axis of the crank is off by 5e-7 rad."""
+    plan = rr.bar("hinge", tilt=5e-7, tilted="crank")
+    arm = pin.Inertia(1.0, np.array([0.2, 0, 0]), 0.01 * np.eye(3))
+    rr.add(plan.model, 0, pin.JointModelRZ(), "arm", rr.at(0, 1), arm)
+    home = np.append(plan.model.referenceConfigurations["home"], 0.3)
+    plan.model.referenceConfigurations["home"] = home
+    plan = rr.drawn_by_cad(plan._replace(motors=("crank", "arm")), 0, width=0.0)
+    path = tmp_path / "bar.xml"
+    path.write_text(rr.mjcf_of(plan, 12))
+    chain, told = with_warnings(ClosedChain.from_mjcf, path)
+    assert len(told) == 1
+    assert chain.coordinates == ("crank", "arm")
+    assert_allclose(chain.home, 0.0, atol=1e-12)
+    exact = rr.bar("hinge").chain()
+    holding = exact.compute_torques(exact.home, [0], [0])
+    assert_allclose(chain.compute_torques(chain.home, [0, 0], [0, 0])[0], holding[0], rtol=1e-5)
+
+
+# --- what is told ---------------------------------------------------------------------------------
+
+
+def test_the_warning_says_which_loops_are_open_how_far_and_what_was_changed():
+    plan = rr.bar("hinge", across=2e-4)
+    chain, (told,) = with_warnings(plan.chain)
+    assert "coupler_end - rocker_end" in told
+    assert "few digits" in told
+    metres, degrees, by_metres, by_degrees = map(
+        float, re.findall(r"([\d.e-]+) (?:m|degrees)\b", told)
+    )
+    assert metres == pytest.approx(2e-4, rel=0.02)
+    places = zip(plan.model.frames, chain.mechanism.model.frames, strict=True)
+    ways = [pin.log6(a.placement.actInv(b.placement)).vector for a, b in places]
+    places = zip(plan.model.jointPlacements, chain.mechanism.model.jointPlacements, strict=True)
+    ways += [pin.log6(a.actInv(b)).vector for a, b in places]
+    assert by_metres == pytest.approx(np.abs(ways)[:, :3].max(), rel=0.05)
+    assert np.radians(by_degrees) == pytest.approx(np.abs(ways)[:, 3:].max(), rel=0.05)
+    assert by_metres < metres
+    assert degrees < 0.1
+
+
+def test_a_chain_made_of_a_corrected_one_warns_no_more():
+    chain, told = with_warnings(rr.rounded(rr.drawn_by_cad(rr.PLANS["SST"](), 0), 5).chain)
+    assert told
+    _, told = with_warnings(chain.with_coordinates, chain.coordinates)
+    assert not told
+
+
+def test_validate_notes_few_digits_and_finds_no_error(tmp_path):
+    plan = rr.drawn_by_cad(rr.PLANS["four-bar with hinge"](), seed=3)
+    with_warnings(read, plan, 5, "xml", tmp_path)
+    problems, told = with_warnings(sst_pin.validate, tmp_path / "robot.xml")
+    assert not told
+    assert [p.severity for p in problems] == ["note"]
+    assert "few digits" in problems[0].text
+
+
+@pytest.mark.parametrize("name", [n for n in robots.__all__ if n.islower()] + ["SST"])
+def test_a_robot_of_exact_numbers_stays_as_it_is(name):
+    chain = sst_pin.SST() if name == "SST" else getattr(robots, name)()
+    assert (name in OVERCONSTRAINED) == (chain.mobility().redundant_rows > 0)
+    model = chain.mechanism.model
+    again, told = with_warnings(ClosedChain, model, chain.closures, chain.motor_names)
+    assert not told
+    assert again.mechanism.model == model
+
+
+# --- the other way round --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["3d", "hinge"])
+def test_a_closure_two_millimetres_across_the_plane_is_refused(kind):
+    """On a robot of 0.4 m; the error has the gap of the best pose, and names the loop."""
+    chain, told = with_warnings(rr.bar(kind, across=2e-3).chain)
+    assert not told
+    with pytest.raises(ClosureError, match="coupler_end - rocker_end") as caught:
+        chain.home  # noqa: B018
+    assert caught.value.residual == pytest.approx(2e-3, rel=0.01)
+
+
+@pytest.mark.parametrize("kind", ["3d", "hinge"])
+@pytest.mark.parametrize("tilted", ["crank", "coupler", "rocker"])
+def test_an_axis_tilted_by_a_degree_holds_the_robot(kind, tilted):
+    chain, told = with_warnings(rr.bar(kind, tilt=np.radians(1), tilted=tilted).chain)
+    assert not any("few digits" in text for text in told)
+    with pytest.raises(SSTError):
+        chain.compute_torques(chain.home, [0], [0])
+
+
+# --- all of them ----------------------------------------------------------------------------------
+
+LOOPS = {"planar": rr.planar_loop, "spherical": rr.spherical_loop, "Bennett": rr.bennett_loop}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("digits", [7, 6, 5, 4])
+@pytest.mark.parametrize("rounding", [rr.rpy_of, rr.quaternion_of])
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("name", LOOPS)
+def test_random_loops(name, seed, rounding, digits):
+    plan = LOOPS[name](seed)
+    chain, told = with_warnings(rr.rounded(plan, digits, rounding).chain)
+    assert len(told) == 1
+    compare(plan.chain(), chain, digits)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("digits", [7, 6, 5, 4])
+@pytest.mark.parametrize("rounding", [rr.rpy_of, rr.quaternion_of])
+@pytest.mark.parametrize("name", OVERCONSTRAINED)
+def test_the_gallery(name, rounding, digits):
+    chain = sst_pin.SST() if name == "SST" else getattr(robots, name)()
+    plan = rr.drawn_by_cad(rr.plan_of(chain), seed=4)
+    written = rr.rounded(plan, digits, rounding)
+    corrected, _ = with_warnings(written.chain)
+    agree(plan.chain(), corrected)
+    near_least_squares(corrected, written, digits)
