@@ -2,6 +2,7 @@
 """Report of all problems of a robot's files, for any robot."""
 
 import re
+import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from ..errors import (
     ActuationError,
     ClosureError,
     DescriptionError,
+    DescriptionWarning,
     InputError,
     MissingExtraError,
     SSTError,
@@ -137,8 +139,11 @@ def _mechanism(robot: Described) -> tuple[list[Problem], str]:
         problems = list(_unknown(robot)) or list(_open(robot))
         if problems:
             return problems, ""
-        engine = Engine(robot.mechanism())
-        problems = list(_home(engine))
+        with warnings.catch_warnings(record=True) as caught_warnings:
+            warnings.simplefilter("always", DescriptionWarning)
+            engine = Engine(robot.mechanism())
+        problems = [note("closures", str(told.message)) for told in caught_warnings]
+        problems += _home(engine)
         try:
             mobility = engine.mobility()
         except ClosureError as caught:
@@ -184,7 +189,9 @@ def _open(robot: Described) -> Iterator[Problem]:
 def _gap(robot: Described, closures: Sequence[Constraint]) -> float:
     """Smallest residual of the closures, 0 if the loops can be closed."""
     bare = robot._replace(closures=tuple(closures), actuated=(), forces=())
-    engine = Engine(bare.mechanism())
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DescriptionWarning)  # a note on the whole robot
+        engine = Engine(bare.mechanism())
     try:
         engine.example()
     except ClosureError as caught:
