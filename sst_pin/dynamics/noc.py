@@ -111,7 +111,8 @@ class JointComplement:
         verdicts = zip(self.blocks, smallest, strict=True)
         loose = [rate for block, pivot in verdicts if not pivot > least for rate in block.rates]
         scaled = Phi * mechanism.row_scale[:, None] * mechanism.rate_scale
-        why = "the closures hold the coordinates themselves"
+        names = listed(mechanism.coordinate_rate_names)
+        why = f"the closures hold the coordinates {names} themselves"
         if loose:
             names = listed([mechanism.space.rate_names[k] for k in loose])
             why = f"the coordinates do not determine the rates of the dependent joints {names}"

@@ -2,6 +2,7 @@
 """From a tree, names and numbers as a caller gives them to a `Mechanism`."""
 
 import re
+import warnings
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -12,18 +13,20 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array, Indices, finite_array, in_order, single_array
 from ..arrays import names as names_of
-from ..errors import DescriptionError, InputError
+from ..errors import DescriptionError, DescriptionWarning, InputError
 from ..model.closures import Closure, Constraint, Coupling, Distance, Rolling
 from ..model.joint_space import JointSpace
 from ..model.lines import LineForce, Lines
 from ..model.mechanism import Friction, Mechanism, Springs, read_only
 from ..model.rebuilt_tree import JOINT_LISTS, POSITION_ARRAYS, RATE_ARRAYS, rebuilt
+from ..model.thresholds import RESTS
 from ..model.tree import frame_id, joint_id
+from ..summaries import listed
 from .assembly import Assembly
 from .coordinates import settle, without_mass
 from .geometry_correction import correct_geometry
 from .loops import Loops
-from .mobility import scaled_Phi
+from .mobility import free_motions, scaled_Phi
 
 #: Mimic joints that Pinocchio computes rightly. It leaves out the pitch of helical ones.
 _MIMIC = re.compile(
@@ -98,8 +101,21 @@ def mechanism_of(
     if example is not None:
         Phi = scaled_Phi(unsettled, assembly.loops, example)
         sizes = _row_sizes(assembly.loops, Phi)
+        _warn_of_rigid_motors(unsettled, Phi)
     settled = replace(unsettled, coordinates=chosen, example=example, row_sizes=sizes)
     return replace(settled, without_mass=without_mass(settled))
+
+
+def _warn_of_rigid_motors(mechanism: Mechanism, Phi: Array) -> None:
+    moving = np.linalg.norm(free_motions(Phi), axis=1) > RESTS
+    names, B = mechanism.motor_names, mechanism.motors
+    if rigid := [x for x, b in zip(names, B.T, strict=True) if b.any() and not b[moving].any()]:
+        warnings.warn(
+            f"model {mechanism.model.name}: the closures hold the joints of the motors "
+            f"{listed(rigid)}, which cannot move; check kinds, axes and digits of the closures",
+            DescriptionWarning,
+            stacklevel=5,
+        )
 
 
 def _row_sizes(loops: Loops, Phi: Array) -> Array:

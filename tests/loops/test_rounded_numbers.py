@@ -318,6 +318,16 @@ def test_an_axis_tilted_by_a_degree_holds_the_robot(kind, tilted):
         chain.compute_torques(chain.home, [0], [0])
 
 
+def test_a_motor_whose_joint_is_held_is_named():
+    """A loop of three bars holds its motor; an arm beside it moves."""
+    bars = [("crank", "universe", 0.0, 0.3), ("strut", "universe", 0.4, 0.2)]
+    model = rr.planar([*bars, ("arm", "universe", 1.0, 0.3)])
+    closures = [sst_pin.Closure("crank_end", "strut_end", "3d")]
+    with pytest.warns(DescriptionWarning, match="joints of the motors crank, which cannot move"):
+        chain = ClosedChain(model, closures, ["crank", "arm"])
+    assert chain.coordinates == ("arm",)
+
+
 # --- all of them ----------------------------------------------------------------------------------
 
 LOOPS = {"planar": rr.planar_loop, "spherical": rr.spherical_loop, "Bennett": rr.bennett_loop}
