@@ -32,6 +32,8 @@ Torque = Callable[[float, Array, Array], ArrayLike] | ArrayLike | Trajectory | S
 #: Loads: a function of (t, q, va), a constant, or none.
 Load = Callable[[float, Array, Array], ArrayLike] | ArrayLike | None
 
+#: Torques are smooth between samples if a curve through these misses the others by this part.
+_SMOOTH = 1e-3
 _IMPLICIT = ("Radau", "BDF")
 _METHODS = ("RK23", "RK45", "DOP853", *_IMPLICIT)
 
@@ -158,4 +160,19 @@ def _sampled(times: Array, torques: Array) -> Input:
         start, coefficients = pieces[bisect_right(inner, t)]
         return ((t - start) ** powers).dot(coefficients)
 
-    return Input(at, lambda t, q, va: np.asarray(smooth(t)), times=times)
+    return Input(at, lambda t, q, va: np.asarray(smooth(t)), times=_changes(times, torques))
+
+
+def _changes(times: Array, torques: Array) -> Array:
+    """The fewest samples, evenly chosen, through which a curve reproduces all of them.
+
+    A step that passes no two of them misses no push. Smooth torques need few.
+    """
+    scale, chosen = _SMOOTH * np.abs(torques).max(initial=0.0), times
+    while len(chosen) > 12:
+        fewer = np.append(chosen[:-1:2], chosen[-1])
+        curve = spline(fewer, torques[np.searchsorted(times, fewer)])
+        if np.abs(curve(times) - torques).max() > scale:
+            break
+        chosen = fewer
+    return chosen
