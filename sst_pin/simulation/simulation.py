@@ -61,7 +61,7 @@ def simulate(
     positive_number("atol", atol)
     positive_number("max_condition_number", max_condition_number)
     positive_number("sign_width", sign_width, or_zero=True)  # 0 is the sign itself
-    if max_step is not None and max_step != np.inf:
+    if not (max_step is None or (isinstance(max_step, float) and max_step == np.inf)):
         positive_number("max_step", max_step)
     if progress is not None and not callable(progress):
         raise InputError("progress", f"{progress!r} cannot be called")
