@@ -5,6 +5,7 @@ It depends on the robot alone: random displacements are drawn for each joint by 
 are decided by names, so that neither the order of the joints nor the units count.
 """
 
+import warnings
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -17,9 +18,10 @@ import pinocchio as pin
 from ..arrays import Array, Indices
 from ..dynamics.dynamics import Memory
 from ..dynamics.noc import body_jacobians
-from ..errors import ClosureError
+from ..errors import ClosureError, DescriptionWarning
 from ..model.mechanism import Mechanism
 from ..model.thresholds import INDEPENDENT, MAX_CONDITION_NUMBER, RANK_TOLERANCE, RESTS
+from ..summaries import listed
 from .assembly import Assembly, displacement, home_of
 from .continuity import Continuity
 from .mobility import choose_coordinates, free_motions, motor_rates, scaled_Phi
@@ -82,11 +84,26 @@ def _home(assembly: Assembly, held: Indices) -> Array | None:
         beside = assembly.near(moved, held)
     except ClosureError:
         return q
-    here, there = (
-        np.linalg.svd(scaled_Phi(mechanism, loops, x), compute_uv=False) for x in (q, beside)
+    there = np.linalg.svd(scaled_Phi(mechanism, loops, beside), compute_uv=False)
+    _, here, motions = np.linalg.svd(scaled_Phi(mechanism, loops, q))
+    vanishing = (there > RANK_TOLERANCE * there.max(initial=0.0)) & (here < _VANISHES * there)
+    if not vanishing.any():
+        return q
+    _warn_of_singular_home(mechanism, motions[: len(here)][vanishing])
+    return None
+
+
+def _warn_of_singular_home(mechanism: Mechanism, motions: Array) -> None:
+    """Name the joints that can move at home only, by motions of shape (k, nv)."""
+    moving = np.flatnonzero(np.abs(motions).max(axis=0) > INDEPENDENT)
+    names = listed([mechanism.space.rate_names[k] for k in moving])
+    warnings.warn(
+        f"model {mechanism.model.name}: home is singular, with {len(motions)} more degrees of "
+        f"freedom than poses beside it, in the joints {names}; the coordinates are chosen beside "
+        "home. Make another pose home",
+        DescriptionWarning,
+        stacklevel=7,
     )
-    full = there > RANK_TOLERANCE * there.max(initial=0.0)
-    return q if (here >= _VANISHES * there)[full].all() else None
 
 
 def _without_symmetry(assembly: Assembly, home: Array, coordinates: Indices) -> Array:

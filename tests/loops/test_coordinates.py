@@ -511,3 +511,20 @@ def test_locked_joints_stay_where_they_are_in_a_tree_of_any_order(locked, frames
     found, wanted = (d.oMf[m.getFrameId("A")] for m, d in ((fixed, data), (tree, whole)))
     np.testing.assert_allclose(found.homogeneous, wanted.homogeneous, atol=1e-12)
     assert fixed.referenceConfigurations["home"].tolist() == free
+
+
+def test_a_singular_home_is_named_with_the_joints_that_move_there_only():
+    """A flat parallelogram: its coupler and rocker have one more freedom than beside home."""
+    flat, bar = pin.Model(), {"crank": (0, 0.0), "coupler": (1, 0.2), "rocker": (0, 0.5)}
+    flat.name = "flat"
+    for name, (parent, x) in bar.items():
+        place = pin.SE3(np.eye(3), np.array([x, 0.0, 0.0]))
+        joint = flat.addJoint(parent, pin.JointModelRZ(), place, name)
+        flat.appendBodyToJoint(joint, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
+    for name, joint, x in (("a", 2, 0.5), ("b", 3, 0.2)):
+        place = pin.SE3(np.eye(3), np.array([x, 0.0, 0.0]))
+        flat.addFrame(pin.Frame(name, joint, place, pin.FrameType.OP_FRAME))
+    flat.referenceConfigurations["home"] = np.zeros(3)
+    with pytest.warns(sst_pin.DescriptionWarning, match="1 more degree.*joints coupler, rocker"):
+        chain = ClosedChain(flat, [Closure("a", "b", "3d")], ["crank"])
+    assert chain.coordinates == ("crank",)
