@@ -25,7 +25,7 @@ QUICK = ("SST", "four_bar", "planar_3rrr")
 def twins(name):
     """A robot by kernels, and by the reference path."""
     kernels, reference = (SST() if name == "SST" else EVERY_ROBOT[name]() for _ in range(2))
-    kernels.compile(kernels.home)
+    kernels.compile()
     return kernels, reference
 
 
