@@ -141,6 +141,7 @@ def _called_or_constant(
             lambda t, where: one(t, *where()),
             lambda t, q, va: np.array(list(map(one, t, q, va))),
             times=changes,
+            varies=True,
         )
     constant = single_array(name, value, shape)
     return Input(
@@ -160,7 +161,9 @@ def _sampled(times: Array, torques: Array) -> Input:
         start, coefficients = pieces[bisect_right(inner, t)]
         return ((t - start) ** powers).dot(coefficients)
 
-    return Input(at, lambda t, q, va: np.asarray(smooth(t)), times=_changes(times, torques))
+    return Input(
+        at, lambda t, q, va: np.asarray(smooth(t)), times=_changes(times, torques), varies=True
+    )
 
 
 def _changes(times: Array, torques: Array) -> Array:
