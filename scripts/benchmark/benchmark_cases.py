@@ -175,6 +175,7 @@ def _processes(count: int, n: int) -> Callable[[], object]:
 
 def _answer(pipe: Connection, n: int) -> None:
     robot = SST()
+    robot.compile()
     samples, tau = batch(robot, n), np.empty((n, 3))
     while True:
         pipe.recv()
