@@ -12,7 +12,7 @@ from ..errors import DescriptionError, MissingExtraError
 from ..model.closures import Closure
 from ..model.mechanism import Mechanism
 from ..model.tree import series_of
-from .closure_rows import FrameMotion
+from .constraint_rows import FrameMotion
 from .lagrange import LagrangeMultipliers
 
 #: The least that MuJoCo compiles, [kg], [kg m^2]; bodies get their own after that.

@@ -8,7 +8,7 @@ import pinocchio as pin
 
 from ..arrays import Array
 from ..model.mechanism import Mechanism
-from .closure_rows import FrameMotion, closure_rows
+from .constraint_rows import FrameMotion, closure_rows
 
 #: Singular values below this count as redundant closures, relative to the largest.
 REDUNDANT = 1e-10
