@@ -12,6 +12,7 @@ import sst_pin
 from sst_pin.robots import delta, four_bar, scissor_lift, stewart
 from tests.support import any_chain, link_tables
 from tests.support.command_line import said_without
+from tests.support.derivative_cases import WIDTH, derivative, of_gallery
 
 CHAINS = {
     "SST": sst_pin.SST,
@@ -47,7 +48,8 @@ def states(chain, count):
 
 def close(actual, expected, tolerance):
     expected = np.asarray(expected)
-    actual = np.asarray(ca.DM(actual)).reshape(expected.shape)
+    actual = actual if isinstance(actual, np.ndarray) else ca.DM(actual).full()
+    actual = actual.reshape(expected.shape)
     assert np.abs(actual - expected).max() <= tolerance * max(1, np.abs(expected).max())
 
 
@@ -93,6 +95,53 @@ def test_derivatives_along_tangents_are_those_of_the_closed_robot(chain, functio
         for given, expected in zip(functions.acceleration_derivatives(q, va, tau), da, strict=True):
             close(given, expected, 1e-9)
         close(functions.q_rates(q, va), functions.tangent(q) @ va, 1e-13)
+
+
+@pytest.fixture(scope="module")
+def loaded_five_bar():
+    """A five-bar with friction and springs, its functions, and a state."""
+    case = of_gallery("five_bar")
+    q, va, aa, _ = next(case.states(1))
+    return case, case.chain.casadi(case.home, sign_width=WIDTH), (q, va, aa)
+
+
+def test_second_derivatives_are_those_of_differences_and_symmetric(loaded_five_bar):
+    """Differences of exact first derivatives; each coordinate is one joint."""
+    case, functions, (q, va, aa) = loaded_five_bar
+    n, (way, dva, daa) = len(va), (case.way(q, np.random.default_rng(k)) for k in range(3))
+
+    def first(s):
+        at = case.at(q, way, s), va + s * dva, aa + s * daa
+        return np.concatenate(case.chain.torque_derivatives(*at, sign_width=WIDTH), axis=1)
+
+    blocks = functions.torque_derivatives.jacobian()(q, va, aa, 0, 0, 0)
+    second, tangent = [], functions.tangent(q).full()
+    for k in range(3):  # rows of dq, dva, daa, column after column, by q, va, aa
+        by_q, *others = (x.full() for x in blocks[3 * k : 3 * k + 3])
+        rows = np.hstack([by_q @ tangent, *others])
+        second.append(rows.reshape(n, n, 3 * n).swapaxes(0, 1))
+    second = np.concatenate(second, axis=1)
+    close(second @ np.concatenate([way, dva, daa]), derivative(first), 1e-7)
+    close(second, np.swapaxes(second, 1, 2), 1e-12)
+    assert not second[:, 2 * n :, n:].any()  # torques are linear in aa, with factors of q
+
+
+def test_derivatives_of_a_step_are_those_of_differences(loaded_five_bar):
+    """Differences of rollouts by the chain, from neighbours and with other torques."""
+    case, functions, (q, va, _) = loaded_five_bar
+    random, chain, dt = np.random.default_rng(0), case.chain, 1e-4
+    tau, push = random.uniform(-1, 1, (2, len(chain.motor_names)))
+    way, dva = case.way(q, random), case.way(q, random)
+
+    def end(s):
+        at = case.at(q, way, s), va + s * dva
+        motion = chain.rollout([tau + s * push], *at, dt, sign_width=WIDTH)
+        return np.concatenate([motion.q[1], motion.va[1]])
+
+    blocks = [x.full() for x in functions.step.jacobian()(q, va, tau, dt, 0, 0)]
+    by_q, by_va, by_tau = (np.vstack([blocks[k], blocks[k + 4]]) for k in range(3))
+    slope = by_q @ functions.tangent(q).full() @ way + by_va @ dva + by_tau @ push
+    close(slope, derivative(end), 1e-7)
 
 
 def test_the_residual_fixes_all_but_the_coordinates(chain, functions):

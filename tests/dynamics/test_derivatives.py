@@ -29,7 +29,6 @@ from tests.support.derivative_cases import (
     of_tree,
     without_coulomb,
 )
-from tests.support.doors import Arrays
 from tests.support.link_tables import ROBOTS
 
 #: The others take a second for each of twenty states.
@@ -45,10 +44,34 @@ def test_derivatives_of_robots_are_those_of_differences(name):
     """8 states; friction, springs and wrenches everywhere; also daa is the inertia."""
     make, *arguments = CASES[name]
     some, random = make(*arguments), np.random.default_rng(1)
-    door = Arrays(some)
     for state in some.states(8):
-        assert_derivatives_are_those_of_differences(some, door, *state, random)
-        assert_daa_is_the_inertia_and_dtau_its_inverse(some, door, *state)
+        assert_derivatives_are_those_of_differences(some, *state, random)
+        assert_daa_is_the_inertia_and_dtau_its_inverse(some, *state)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_dynamics_and_derivatives_obey_the_principle_of_virtual_work(name):
+    """Along any curve of states tau' = dq q_a' + dva va' + daa aa', by virtual work alone."""
+    robot = without_coulomb(name)
+    chain, random = robot.chain(), np.random.default_rng(3)
+    n = len(robot.x)
+    wrenches = random.uniform(-5, 5, (len(robot.links), 6))
+    state = np.array([robot.x, *random.uniform(-1, 1, (2, n))])
+    way = random.uniform(-1, 1, (3, n))
+
+    def motion(s):
+        m = robot.motion(*(state + s * way), wrenches)
+        return np.array([m.q[robot.motors], m.va, m.aa, m.tau]).real
+
+    m = robot.motion(*state, wrenches)
+    q, va, aa, tau = m.q.real, m.va, m.aa, m.tau
+    loads = {"external_wrenches": wrenches}
+    close(chain.generalized_forces(q, va, aa, **loads), tau, 1e-9)
+    close(chain.compute_accelerations(q, va, tau, **loads), aa, 1e-9)
+    d_q, d_va, d_aa, d_tau = derivative(motion, 2e-3)
+    df = chain.torque_derivatives(q, va, aa, sign_width=WIDTH, **loads)
+    # Cauchy's integrals leave 1e-14 of the torques, over the step; assembled to 1e-15.
+    close(df.dq @ d_q + df.dva @ d_va + df.daa @ d_aa, d_tau, 1e-9)
 
 
 @pytest.mark.slow
@@ -58,7 +81,7 @@ def test_derivatives_through_every_closure_and_every_joint(name, kind):
     """Trees that were not added depth-first, with joints whose axes move."""
     case, random = of_tree(name, kind), np.random.default_rng(1)
     for state in case.states(2):
-        assert_derivatives_are_those_of_differences(case, Arrays(case), *state, random)
+        assert_derivatives_are_those_of_differences(case, *state, random)
 
 
 def test_direct_and_inverse_dynamics_have_the_same_derivatives():

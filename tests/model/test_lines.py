@@ -20,7 +20,6 @@ from tests.support.derivative_cases import (
     derivative,
     of_gallery,
 )
-from tests.support.doors import Arrays
 
 #: Ends of lines: from the world, between two links of one branch, over two branches.
 ENDS = [("universe", "point_arm_5"), ("point_arm_1", "point_arm_4"), ("point_body", "point_arm_3")]
@@ -145,9 +144,9 @@ LINES_AND_MOTORS = {
 def test_derivatives_are_those_of_differences(name):
     robot, motors, forces = LINES_AND_MOTORS[name]()
     some = case(robot.model, robot.closures, motors, forces=forces)
-    random, door = np.random.default_rng(1), Arrays(some)
+    random = np.random.default_rng(1)
     for state in some.states(3):
-        assert_derivatives_are_those_of_differences(some, door, *state, random)
+        assert_derivatives_are_those_of_differences(some, *state, random)
 
 
 def test_forces_at_rest_are_slopes_of_the_potential_energy():

@@ -13,7 +13,7 @@ from sst_pin import plots
 from sst_pin.plots import curves
 from sst_pin.plots.motions import CURVES
 from sst_pin.plots.style import StyledFigure
-from tests.support.legible import require_legible
+from tests.support.figure_texts import require_legible
 
 
 def falling(chain, q):

@@ -13,7 +13,7 @@ import sst_pin
 from sst_pin import plots
 from sst_pin.simulation.energy import energy_balance
 from sst_pin.sst import paper
-from tests.support.legible import require_legible
+from tests.support.figure_texts import require_legible
 from tests.support.sampling import random_state
 
 

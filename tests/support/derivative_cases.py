@@ -210,17 +210,17 @@ def assert_frames_move_as_differences_say(case, q, va, random):
     close(d.dq @ va, drift, 1e-12)
 
 
-def assert_derivatives_are_those_of_differences(case, door, q, va, aa, wrenches, random):
-    """Along a random direction, to 1e-7 of the largest number; by one of the `doors`."""
+def assert_derivatives_are_those_of_differences(case, q, va, aa, wrenches, random):
+    """Along a random direction, to 1e-7 of the largest number."""
     chain, way = case.chain, case.way(q, random)
     tau, push = random.uniform(-5, 5, (2, len(chain.motor_names)))
-    loads = {} if wrenches is None else {"external_wrenches": wrenches}
+    options = {"external_wrenches": wrenches, "sign_width": WIDTH}
     moved = {k * H: case.at(q, way, k * H) for k in STEPS}
 
     def f(q, va, aa):
         return case.forces(q, va, aa, wrenches)
 
-    df = door.torque_derivatives(q, va, aa, **loads)
+    df = chain.torque_derivatives(q, va, aa, **options)
     close(df.dq @ way, derivative(lambda s: f(moved[s], va, aa)), 1e-7)
     close(df.dva @ way, derivative(lambda s: f(q, va + s * way, aa)), 1e-7)
     close(df.daa @ way, derivative(lambda s: f(q, va, aa + s * way)), 1e-7)
@@ -228,20 +228,19 @@ def assert_derivatives_are_those_of_differences(case, door, q, va, aa, wrenches,
     def a(q, va, tau):
         return case.accelerations(q, va, tau, wrenches)
 
-    da = door.acceleration_derivatives(q, va, tau, **loads)
+    da = chain.acceleration_derivatives(q, va, tau, **options)
     close(da.dq @ way, derivative(lambda s: a(moved[s], va, tau)), 1e-7)
     close(da.dva @ way, derivative(lambda s: a(q, va + s * way, tau)), 1e-7)
     close(da.dtau @ push, derivative(lambda s: a(q, va, tau + s * push)), 1e-7)
 
 
-def assert_daa_is_the_inertia_and_dtau_its_inverse(case, door, q, va, aa, wrenches):
+def assert_daa_is_the_inertia_and_dtau_its_inverse(case, q, va, aa, wrenches):
     """Condition numbers of inertia matrices of mixed units are up to 1e4."""
-    chain = case.chain
-    loads = {} if wrenches is None else {"external_wrenches": wrenches}
+    chain, options = case.chain, {"external_wrenches": wrenches, "sign_width": WIDTH}
     inertia, motors = chain.noc(q, va).inertia, chain.actuator_jacobian(q).T
-    daa = door.torque_derivatives(q, va, aa, **loads).daa
+    daa = chain.torque_derivatives(q, va, aa, **options).daa
     close(daa, inertia, 1e-12)
     tau = np.ones(len(chain.motor_names))
-    dtau = door.acceleration_derivatives(q, va, tau, **loads).dtau
+    dtau = chain.acceleration_derivatives(q, va, tau, **options).dtau
     close(daa @ dtau, motors, 1e-10)
     close(dtau, np.linalg.solve(inertia, motors), 1e-10)
