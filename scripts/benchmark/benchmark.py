@@ -3,8 +3,8 @@
 
 Each group of calls takes turns, so that a slow moment of the machine hits all alike; of the repeats
 come the median and the minimum. Only the ratios mean something on another machine. Writes
-benchmark.json and benchmark.png to docs/ and the tables into docs/evidence.md and README.md;
---quick takes fewer repeats, --out FOLDER leaves docs/ and README.md alone.
+benchmark.json to docs/ and the tables into docs/evidence.md and README.md; --quick takes fewer
+repeats, --out FOLDER leaves docs/ and README.md alone.
 
     PYTHONPATH=examples python scripts/benchmark/benchmark.py
 """
@@ -30,7 +30,6 @@ from sst_pin import SST
 
 ROOT = Path(__file__).resolve().parents[2]
 BATCH = 100_000
-SIZES = (1, 4, 16, 64, 256, 1024, 4096, 16384, 65536)
 
 
 def in_turn(calls: cases.Calls, repeats: int, seconds: float = 0) -> report.Times:
@@ -95,12 +94,8 @@ def measure(quick: bool, names: list[str]) -> dict[str, Any]:
     few, many, turn = (3, 5, 1e-3) if quick else (9, 41, 5e-3)
     robot, reference, cores = SST(), SST(), os.cpu_count() or 1
     robot.compile()
-    threads = range(1, max(cores, 2) + 1)
     motion = cases.on_the_circle(robot, 0.1)
-
-    def batches(n: int) -> cases.Calls:
-        return cases.of_the_sst(cases.batches(robot, cases.batch(robot, n), accelerations=True))
-
+    batches = cases.batches(robot, cases.batch(robot, BATCH), accelerations=True)
     moving = cases.in_mujoco(robot, *motion[:2], step=1e-4)
     calls = cases.single_calls(robot, reference, motion, moving)
     resting = cases.in_mujoco(robot, robot.home, step=1e-4)
@@ -109,18 +104,14 @@ def measure(quick: bool, names: list[str]) -> dict[str, Any]:
         "machine": f"{platform.machine()}, {cores} cores",
         "path": robot.path,
         "single call": in_turn(cases.of_the_sst(calls), many, turn),
-        "sample of a batch": in_turn(batches(BATCH), few),
-        "threads": in_turn(cases.threads(robot, BATCH, threads), many),
+        "sample of a batch": in_turn(cases.of_the_sst(batches), few),
         "rollout step": in_turn(rollouts, few),
-        "examples": in_turn(cases.examples(robot, reference), few),
         "first use": {
             "kernels": first_use("robot.compile()", few),
             "reference path": first_use("pass", few),
         },
-        "batch sizes": {str(n): in_turn(batches(n), many, turn) for n in SIZES},
         "robots": benchmark_robots.measure(names, in_turn, (few, many), turn),
         "from a URDF to torques": first_of_a_file(1 if quick else 3),
-        "work and precision": cases.work_and_precision(robot, reference, few),
     }
 
 
@@ -138,7 +129,6 @@ def main() -> None:
     folder = arguments.out or ROOT / "docs"
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "benchmark.json").write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
-    report.figure(results).savefig(folder / "benchmark.png", dpi=150)
     print(report.table(results), report.robots_table(results), sep="\n", end="")
     if arguments.out is None:
         for page in (ROOT / "README.md", ROOT / "docs" / "evidence.md"):

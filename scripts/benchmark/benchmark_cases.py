@@ -1,11 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """What benchmark.py measures: each case as a call, with the units of work that it does."""
 
-import multiprocessing
-import time
-from collections.abc import Callable, Iterable, Sequence
-from functools import partial
-from multiprocessing.connection import Connection
+from collections.abc import Callable
 
 import mujoco
 import mujoco.rollout
@@ -15,7 +11,6 @@ import pinocchio as pin
 from pinocchio_peers import Constrained, Kkt
 from sst_pin import SST, ClosedChain, paper_circle
 from sst_pin.arrays import Array
-from sst_pin.dynamics.runge_kutta import runge_kutta_step
 from sst_pin.sst import paper
 from sst_pin.verification.mujoco_tree import MujocoTree
 
@@ -143,122 +138,3 @@ def on_the_circle(robot: SST, t: Array | float) -> Motion:
 def batch(robot: SST, n: int) -> Motion:
     """Random samples of the paper's circle."""
     return on_the_circle(robot, np.random.default_rng(0).uniform(0, paper.PERIOD, n))
-
-
-def threads(robot: SST, n: int, numbers: Iterable[int]) -> Calls:
-    q, va, aa = batch(robot, n)
-    tau = np.empty((n, 3))
-
-    def by(number: int) -> Callable[[], object]:
-        return lambda: robot.compute_torques(q, va, aa, out=tau, threads=number)
-
-    return {
-        "1 thread" if k == 1 else f"compute_torques, batch, {k} threads": (by(k), n)
-        for k in numbers
-    } | {"two processes at once": (_processes(2, n), 2 * n)}
-
-
-def _processes(count: int, n: int) -> Callable[[], object]:
-    """Batches in processes that share nothing: what the machine itself gains by its cores."""
-    pipes = [multiprocessing.Pipe() for _ in range(count)]
-    for _, end in pipes:
-        multiprocessing.Process(target=_answer, args=(end, n), daemon=True).start()
-
-    def call() -> None:
-        for pipe, _ in pipes:
-            pipe.send(None)
-        for pipe, _ in pipes:
-            pipe.recv()
-
-    return call
-
-
-def _answer(pipe: Connection, n: int) -> None:
-    robot = SST()
-    robot.compile()
-    samples, tau = batch(robot, n), np.empty((n, 3))
-    while True:
-        pipe.recv()
-        robot.compute_torques(*samples, out=tau)
-        pipe.send(None)
-
-
-def examples(robot: SST, reference: SST) -> Calls:
-    t = np.linspace(0, paper.PERIOD, 1001)
-    example = paper.example_1(robot, t)
-    rolled = rolled_example(robot, example, 500)
-    assert np.abs(rolled - example.q[-1]).max() < 1e-9
-    return {
-        "example 1, 1001 samples": (lambda: paper.example_1(robot, t), 1),
-        "example 1, reference path": (lambda: paper.example_1(reference, t), 1),
-        "example 2, simulate": (lambda: paper.example_2(robot, example), 1),
-        "example 2, reference path": (lambda: paper.example_2(reference, example), 1),
-        "example 2, rollout to 1e-9 rad": (lambda: rolled_example(robot, example, 500), 1),
-    }
-
-
-def rolled_example(robot: SST, example: paper.Trajectory, steps: int) -> Array:
-    """q at the end of example 2, from torques at the ends and in the middles of the steps."""
-    dt = paper.PERIOD / steps
-    tau = example.torque()(dt / 2 * np.arange(2 * steps + 1))
-    return robot.rollout(tau, example.q[0], example.va[0], dt, steps=steps).q[-1]
-
-
-def work_and_precision(
-    robot: SST, reference: SST, repeats: int
-) -> dict[str, list[tuple[float, float]]]:
-    """(fewest seconds, error of q) of example 2 by each integrator, at steps or tolerances."""
-    example = paper.example_1(robot, np.linspace(0, paper.PERIOD, 1001))
-    smooth = example.torque()
-
-    def simulated(which: SST) -> Callable[[float], Array]:
-        start = example.q[0], example.va[0], example.t[[0, -1]]
-        return lambda e: which.simulate(example, *start, rtol=e, atol=e).q[-1]
-
-    def constrained(steps: int) -> Array:
-        pinocchio, dt = Constrained(robot), paper.PERIOD / steps
-        force = np.zeros((2 * steps + 1, 9))
-        force[:, ::3] = smooth(dt / 2 * np.arange(2 * steps + 1))
-        x = np.stack([example.q[0], robot.joint_rates(example.q[0], example.va[0])])
-
-        def slope(forces: Array, when: int, x: Array) -> Array:
-            return np.stack([x[1], pinocchio.accelerations(*x, forces[when])])
-
-        for start in range(0, 2 * steps, 2):
-            x = runge_kutta_step(partial(slope, force[start : start + 3]), x, dt)
-        return x[0]
-
-    def welded(stiffness: float) -> Array:
-        steps = int(np.ceil(paper.PERIOD * 2 * np.sqrt(stiffness)))
-        state, how = (example.q[0], example.va[0]), {"stiffness": stiffness}
-        model, data = in_mujoco(robot, *state, step=paper.PERIOD / steps, **how)
-
-        def control(_: object, state: mujoco.MjData) -> None:
-            state.qfrc_applied[::3] = smooth(state.time)
-
-        mujoco.set_mjcb_control(control)
-        try:
-            mujoco.mj_step(model, data, nstep=steps)
-        finally:
-            mujoco.set_mjcb_control(None)
-        return data.qpos.copy()
-
-    def points(run: Callable[..., Array], choices: Sequence[float]) -> list[tuple[float, float]]:
-        found = []
-        for choice in choices:
-            taken = []
-            for _ in range(repeats):
-                start = time.perf_counter()
-                q = run(choice)
-                taken.append(time.perf_counter() - start)
-            found.append((min(taken), float(np.abs(q - example.q[-1]).max())))
-        return found
-
-    steps, tolerances = (125, 250, 500, 1000), (1e-6, 1e-8, 1e-10, 1e-12)
-    return {
-        "rollout, RK4": points(lambda n: rolled_example(robot, example, n), steps),
-        "simulate, DOP853": points(simulated(robot), tolerances),
-        "simulate, reference path": points(simulated(reference), tolerances),
-        "pin.constraintDynamics, RK4": points(constrained, steps),
-        "MuJoCo, welds, RK4": points(welded, (1e4, 1e5, 1e6)),
-    }

@@ -1,15 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What benchmark.py has measured, as a table and as a figure."""
+"""What benchmark.py has measured, as tables."""
 
 import re
 from collections.abc import Iterable, Sequence
 from typing import Any
-
-import numpy as np
-from matplotlib.figure import Figure
-
-from sst_pin import plots
-from sst_pin.description.colours import HUES
 
 #: [median, minimum] in seconds, by name.
 Times = dict[str, list[float]]
@@ -23,19 +17,13 @@ ROWS = (
     ("single call", "compute_accelerations", "mj_step"),
     ("single call", "compute_accelerations", "reference path, accelerations"),
     ("sample of a batch", "compute_torques, batch", "pin.rneaInParallel, 1 thread"),
-    ("threads", "compute_torques, batch, 2 threads", "1 thread"),
-    ("threads", "two processes at once", "1 thread"),
     ("rollout step", "rollout", "mujoco.rollout"),
-    ("examples", "example 1, 1001 samples", "example 1, reference path"),
-    ("examples", "example 2, simulate", "example 2, reference path"),
-    ("examples", "example 2, rollout to 1e-9 rad", "example 2, reference path"),
 )
 
 #: The README tells the ratios of these.
-SHORT = (0, 1, 3, 6, 9)
+SHORT = (0, 1, 3, 6, 7)
 
 _TABLE = re.compile(r"(<!-- table: benchmark(, short|, robots)? -->\n).*?(<!-- end -->)", re.DOTALL)
-_MARKERS = "osD^v"
 
 
 def spoken(seconds: float) -> str:
@@ -116,29 +104,3 @@ def with_table(page: str, results: dict[str, Any]) -> str:
         return f"{marks[1]}{_TABLES[marks[2]](results)}{marks[3]}"
 
     return _TABLE.sub(filled, page)
-
-
-def figure(results: dict[str, Any]) -> Figure:
-    """Throughput against batch size; time against error; the fastest of the repeats."""
-    with plots.style():
-        drawing = Figure(figsize=(7.2, 3.2), layout="constrained")
-        left, right = drawing.subplots(1, 2)
-        sizes = {int(n): times for n, times in results["batch sizes"].items()}
-        for i, name in enumerate(next(iter(sizes.values()))):
-            speeds = [1 / times[name][1] for times in sizes.values()]
-            left.loglog(list(sizes), speeds, **_look(i), label=name)
-        left.set(xlabel="samples in a batch", ylabel="samples per second")
-        for i, (name, points) in enumerate(results["work and precision"].items()):
-            times, errors = np.array(points).T
-            right.loglog(errors, times, **_look(i), label=name)
-        right.set(xlabel="error of the joints at the end of example 2 (rad)", ylabel="time (s)")
-        right.invert_xaxis()
-        for axes in (left, right):
-            axes.grid(color="0.9", linewidth=0.5)
-            axes.set_ylim(top=axes.get_ylim()[1] * 12)  # room for the legend
-            axes.legend(loc="upper left", fontsize=7.5)
-    return drawing
-
-
-def _look(i: int) -> dict[str, Any]:
-    return {"color": HUES[i], "marker": _MARKERS[i], "markersize": 3.5}
