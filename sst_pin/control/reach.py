@@ -217,7 +217,8 @@ def _motor_guide(chain: ClosedChain, frame: str, counted: Flags) -> FrameGuide:
         per_unit = mechanism.rate_scale / mechanism.motor_scale[:, None]
         return np.asarray((mechanism.motors + on_lines).T * per_unit)
 
-    return FrameGuide(chain, frame, bool(counted[0]), bool(counted[3]), motor_rates)
+    generic, (position, _, _, orientation, _, _) = chain.generic_configuration(), map(bool, counted)
+    return FrameGuide(mechanism, generic, frame, position, orientation, motor_rates)
 
 
 def _velocities(chain: ClosedChain, q: Array, frame: str) -> Array:

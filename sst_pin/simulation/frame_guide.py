@@ -5,7 +5,7 @@ The closures and the wanted pose are one system of equations in all joints, M dq
 Newton's method solves. Two configurations a and b count as neighbours where
 |M_a^+ (M_b - M_a)| < 1/2: then M is regular between them, and the frame stays in its working mode.
 With the rates of coordinates or motors in the place of the frame's, the loops stay in their
-assembly mode; see `chain/continuity.py`.
+assembly mode; see `loops/continuity.py`.
 """
 
 from collections.abc import Callable
@@ -15,10 +15,10 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array
-from ..closed_chain import ClosedChain
 from ..loops.continuity import CHANGE
 from ..loops.loops import Loops
 from ..loops.mobility import scaled_Phi
+from ..model.mechanism import Mechanism
 from ..model.thresholds import CLOSURE_TOLERANCE, RANK_TOLERANCE
 from ..model.tree import frame_id, of_rates
 
@@ -48,26 +48,28 @@ class _Place(NamedTuple):
 class FrameGuide:
     """Leads a frame of a robot from pose to pose, in its working and assembly modes.
 
-    `position` and `orientation` say which of the two counts. `drives` gives, at a configuration,
-    the rates that determine the motion, of coordinates or motors, by those of all joints, free of
-    units, shape (k, nv).
+    `generic` is a configuration without symmetry, shape (nq,). `position` and `orientation` say
+    which of the two counts. `drives` gives, at a configuration, the rates that determine the
+    motion by those of all joints, free of units, shape (k, nv); by default those of the
+    coordinates.
     """
 
     def __init__(
         self,
-        chain: ClosedChain,
+        mechanism: Mechanism,
+        generic: Array,
         frame: str,
         position: bool,
         orientation: bool,
-        drives: Callable[[Array], Array],
+        drives: Callable[[Array], Array] | None = None,
     ) -> None:
-        mechanism = chain.mechanism
-        self._mechanism, self._drives = mechanism, drives
+        coordinates = np.eye(mechanism.model.nv)[mechanism.coordinates]
+        self._mechanism, self._drives = mechanism, drives or (lambda _: coordinates)
         self._loops = Loops(mechanism.model, mechanism.closures)
         self._frame = frame_id(mechanism.model, frame)
         self._kept = np.repeat([position, orientation], 3)
         self._unit = np.repeat([mechanism.length, 1.0], 3)[self._kept]
-        self._rank = _rank(self._place(chain.generic_configuration()).M[1])
+        self._rank = _rank(self._place(generic).M[1])
 
     def pose(self, q: Array) -> pin.SE3:
         """Where the frame is."""

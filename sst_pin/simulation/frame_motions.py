@@ -57,9 +57,8 @@ def frame_motion(
     """
     chain, times = copy(chain), sample_times(t, 3)
     targets = targets_of(poses, len(times))
-    coordinates = np.eye(chain.mechanism.model.nv)[chain.mechanism.coordinates]
     kept = (targets[0][0] is not None, targets[0][1] is not None)
-    guide = FrameGuide(chain, frame, *kept, lambda _: coordinates)
+    guide = FrameGuide(chain.mechanism, chain.generic_configuration(), frame, *kept)
     size = (chain.mechanism.model.nq,)
     guess = start_of(chain) if start is None else finite_array("start", start, size)
     now, q = chain.assemble(guess), np.empty((len(times), *size))
