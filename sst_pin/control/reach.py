@@ -17,9 +17,9 @@ from ..closed_chain import ClosedChain
 from ..dynamics.torque_sharing import finite_limits, within_limits
 from ..errors import InputError
 from ..files import as_path, table_writer, write_files
+from ..loops.frame_guide import FrameGuide
 from ..loops.starts import start_of
 from ..model.thresholds import RANK_TOLERANCE
-from ..simulation.frame_guide import FrameGuide
 from ..simulation.motion_columns import columns_of
 from ..summaries import listed
 from .motor_limits import largest_part

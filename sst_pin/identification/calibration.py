@@ -15,10 +15,10 @@ from ..arrays import Array, Indices, finite_array, for_each_sample
 from ..closed_chain import ClosedChain
 from ..errors import ClosureError, InputError, SingularConfigurationError
 from ..files import as_path, text_writer, write_files
+from ..loops.frame_guide import pose_error
 from ..loops.starts import placed
 from ..model.named_positions import put
 from ..simulation.coordinate_motions import configurations_of
-from ..simulation.frame_guide import pose_error
 from ..simulation.frame_motions import targets_of
 from ..summaries import Summary, listed
 from .base_parameters import independent

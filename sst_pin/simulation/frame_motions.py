@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 from ..arrays import Array, as_array, finite_array, name_samples
 from ..closed_chain import ClosedChain
 from ..errors import InputError, WorkspaceError
+from ..loops.frame_guide import FrameGuide
 from ..loops.starts import start_of
 from ..model.named_positions import taken
 from .coordinate_motions import without_full_turns
-from .frame_guide import FrameGuide
 from .samples import sample_times, spline
 from .trajectories import Trajectory
 

@@ -15,12 +15,12 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array
-from ..loops.continuity import CHANGE
-from ..loops.loops import Loops
-from ..loops.mobility import scaled_Phi
 from ..model.mechanism import Mechanism
 from ..model.thresholds import CLOSURE_TOLERANCE, RANK_TOLERANCE
 from ..model.tree import frame_id, of_rates
+from .continuity import CHANGE
+from .loops import Loops
+from .mobility import scaled_Phi
 
 #: Newton's method: steps; the longest one, [rad] or of the robot's length, and the last one.
 _STEPS, _LONGEST, _LAST = 12, 0.5, 1e-9
