@@ -50,8 +50,9 @@ from .loops.draft import (
     motors_of,
     without_locked,
 )
+from .loops.frame_guide import frame_configurations
 from .loops.mobility import Mobility
-from .loops.starts import placed, pose_of
+from .loops.starts import placed, pose_of, start_of
 from .model.appearance import Appearance, appearance_of
 from .model.closures import Constraint
 from .model.lines import LineForce
@@ -498,6 +499,53 @@ class ClosedChain(Summary):
     def joint_accelerations(self, q: ArrayLike, va: ArrayLike, aa: ArrayLike) -> Array:
         """Accelerations of all joints, L aa + L_dot va, Eqs. (8), (20), shape (..., nv)."""
         return self._engine.compute(Quantity("joint_accelerations"), q, va=va, aa=aa)
+
+    def frame_placement(self, q: ArrayLike, frame: str) -> tuple[Array, Array]:
+        """Position and orientation of a frame in the base, shapes (..., 3), [m], and (..., 3, 3).
+
+        Example:
+            >>> lift = sst_pin.robots.five_bar()
+            >>> p, R = lift.frame_placement(lift.home, "platform")
+            >>> p.round(3), R.shape
+            (array([0.   , 0.141, 0.   ]), (3, 3))
+        """
+        poses = self._engine.placements(q, frame)
+        return poses[..., :3, 3], poses[..., :3, :3]
+
+    def frame_configuration(
+        self,
+        frame: str,
+        position: ArrayLike | None,
+        rotation: ArrayLike | None = None,
+        start: ArrayLike | None = None,
+    ) -> Array:
+        """Inverse kinematics: configurations q that put a frame there, shape (..., nq).
+
+        The frame moves from the start straight to the pose, so that q is in the assembly and
+        working mode of the start. With more degrees of freedom than the pose needs, the joints move
+        least. Joint limits do not count; `check(q)` names joints beyond them.
+
+        Args:
+            position: Of the frame's origin in the base, shape (..., 3), [m]; None if only the
+                orientation counts.
+            rotation: Orientation in the base, shape (..., 3, 3); by default it does not count.
+            start: Where to start, shape (..., nq); open loops are closed first. By default `home`,
+                or the robot as it is drawn.
+
+        Raises:
+            WorkspaceError: If the pose is out of reach; the message says how far, in metres.
+            SingularConfigurationError: If the way to it ends at a singular configuration.
+            ClosureError: If the start cannot be assembled.
+
+        Example:
+            >>> lift = sst_pin.robots.five_bar()
+            >>> q = lift.frame_configuration("platform", [0.02, 0.1, 0.0])
+            >>> lift.frame_placement(q, "platform")[0].round(3)
+            array([0.02, 0.1 , 0.  ])
+        """
+        engine, guess = self._engine, start_of(self) if start is None else start
+        assembly, generic = engine.reference.memory.assembly, engine.example()
+        return frame_configurations(assembly, generic, frame, position, rotation, guess)
 
     def frame_jacobian(self, q: ArrayLike, frame: str, **options: Unpack[Options]) -> Array:
         """Jacobian of a frame: its [linear; angular] velocity is J va, shape (..., 6, n).

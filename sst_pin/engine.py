@@ -323,6 +323,17 @@ class Engine:
         rows = (sum(len(closure.rows) for closure in self.mechanism.closures),)
         return for_each_sample(lambda q: self.loops_at(q).residual(), [q], (1,), rows)
 
+    def placements(self, q: ArrayLike, frame: str) -> Array:
+        """Placement of a frame in the base where the loops are closed, shape (..., 4, 4)."""
+        index, scale = frame_id(self.mechanism.model, frame), self.mechanism.row_scale
+
+        def one(q: Array) -> Array:
+            loops = self.loops_at(q)
+            loops.require_closed(scale)
+            return np.asarray(loops.data.oMf[index].homogeneous)
+
+        return for_each_sample(one, [self.configurations(q)], (1,), (4, 4))
+
     def are_closed(self, q: Array) -> Flags:
         """Whether the loops are closed as far as the dynamics asks, shape (...)."""
         gaps = np.abs(self.residuals(q) * self.mechanism.row_scale)

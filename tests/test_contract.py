@@ -26,6 +26,8 @@ CLASSES = {
         "generalized_forces": "q va aa",
         "noc": "q va",
         "reduced_terms": "q va",
+        "frame_placement": "q frame",
+        "frame_configuration": "frame position rotation start",
         "frame_jacobian": "q frame",
         "actuator_jacobian": "q",
         "torque_derivatives": "q va aa",

@@ -13,11 +13,14 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
-from ..arrays import Array
+from ..arrays import Array, finite_array, for_each_sample
+from ..errors import InputError, SingularConfigurationError, SSTError, WorkspaceError
 from ..model.mechanism import Mechanism
 from ..model.thresholds import CLOSURE_TOLERANCE, RANK_TOLERANCE
 from ..model.tree import frame_id, of_rates
+from .assembly import Assembly
 from .continuity import CHANGE
 from .loops import Loops
 from .mobility import scaled_Phi
@@ -66,10 +69,10 @@ class FrameGuide:
         coordinates = np.eye(mechanism.model.nv)[mechanism.coordinates]
         self._mechanism, self._drives = mechanism, drives or (lambda _: coordinates)
         self._loops = Loops(mechanism.model, mechanism.closures)
-        self._frame = frame_id(mechanism.model, frame)
+        self._name, self._frame = frame, frame_id(mechanism.model, frame)
         self._kept = np.repeat([position, orientation], 3)
         self._unit = np.repeat([mechanism.length, 1.0], 3)[self._kept]
-        self._rank = _rank(self._place(generic).M[1])
+        self._ranks = [_rank(M) for M in self._place(generic).M]
 
     def pose(self, q: Array) -> pin.SE3:
         """Where the frame is."""
@@ -98,6 +101,35 @@ class FrameGuide:
         if done == 1:
             return Way(here.q, 0.0, False)
         return Way(here.q, float(np.abs(self._error(here.pose, target)).max()), singular)
+
+    def lead(self, q: Array, target: pin.SE3) -> Array:
+        """The configuration at the end of the way to a pose; an error if the frame misses it."""
+        way = self.follow(q, target)
+        if way.missed:
+            raise self._unreached(way, target)
+        return way.q
+
+    def _unreached(self, way: Way, target: pin.SE3) -> SSTError:
+        """Why a way ends before its target, and how far before."""
+        here = self._place(way.q)
+        error = pose_error(here.pose, target.translation, target.rotation).reshape(2, 3)
+        sizes = zip(np.linalg.norm(error, axis=1), ("m", "rad"), self._kept[[0, 3]], strict=True)
+        by = " and ".join(f"{size:.3g} {unit}" for size, unit, counts in sizes if counts)
+        problem = f"frame {self._name} does not reach the pose: it misses it by {by}"
+        if way.singular or _rank(here.M[0]) < self._ranks[0]:
+            k, who = (1, "the coordinates") if way.singular else (0, "the frame")
+            s = np.linalg.svd(here.M[k], compute_uv=False)[[0, self._ranks[k] - 1]]
+            problem += f"; the way ends where {who} cannot move in all directions; start elsewhere"
+            return SingularConfigurationError(problem, s[0] / max(s[1], 1e-300))
+        wanted = self._error(here.pose, target)
+        right = np.append(np.zeros(len(here.M[0]) - len(wanted)), wanted)
+        left = right - here.M[0] @ np.linalg.lstsq(here.M[0], right, rcond=RANK_TOLERANCE)[0]
+        if np.abs(left).max() > np.sqrt(RANK_TOLERANCE) * np.abs(wanted).max():
+            return WorkspaceError(f"{problem}, in a direction in which it has too few freedoms")
+        return WorkspaceError(
+            f"{problem}; it is out of reach, or behind a singular configuration on the straight "
+            "way; start closer to it"
+        )
 
     def _place(self, q: Array) -> _Place:
         Phi, J, pose = self._rows(q)
@@ -135,7 +167,7 @@ class FrameGuide:
     def _inverses(self, place: _Place) -> list[Array | None]:
         """Pseudoinverses of M, none where the drives have lost rank."""
         task, drives = (np.asarray(np.linalg.pinv(M, RANK_TOLERANCE), float) for M in place.M)
-        return [task, drives if _rank(place.M[1]) >= self._rank else None]
+        return [task, drives if _rank(place.M[1]) >= self._ranks[1] else None]
 
 
 def _change(inverse: Array | None, by: Array) -> float:
@@ -145,6 +177,41 @@ def _change(inverse: Array | None, by: Array) -> float:
 
 def _rank(M: Array) -> int:
     return int(np.linalg.matrix_rank(M, rtol=RANK_TOLERANCE))
+
+
+def frame_configurations(
+    assembly: Assembly,
+    generic: Array,
+    frame: str,
+    position: ArrayLike | None,
+    rotation: ArrayLike | None,
+    start: ArrayLike,
+) -> Array:
+    """`ClosedChain.frame_configuration`, from a start."""
+    if position is None and rotation is None:
+        raise InputError("position", "give a position, a rotation, or both")
+    mechanism = assembly.mechanism
+    p = None if position is None else finite_array("position", position, (3,))
+    R = None if rotation is None else rotations("rotation", rotation)
+    size, free = (mechanism.model.nq,), mechanism.dependent
+    guide = FrameGuide(mechanism, generic, frame, p is not None, R is not None)
+    q = finite_array("start", start, size)
+    q = for_each_sample(lambda q: assembly.assemble(q, free), [q], (1,), size)
+    return for_each_sample(lambda q, p, R: guide.lead(q, pose_of(p, R)), [q, p, R], (1, 1, 2), size)
+
+
+def rotations(name: str, value: ArrayLike) -> Array:
+    """Rotation matrices, shape (..., 3, 3)."""
+    R = finite_array(name, value, (3, 3))
+    gap = np.abs(R @ R.mT - np.eye(3)).max(initial=0.0)
+    if gap > 1e-6 or (np.linalg.det(R) < 0).any():
+        raise InputError(name, "not all are rotation matrices")
+    return R
+
+
+def pose_of(position: Array | None, R: Array | None) -> pin.SE3:
+    """A pose, zero in what does not matter."""
+    return pin.SE3(np.eye(3) if R is None else R, np.zeros(3) if position is None else position)
 
 
 def pose_error(at: pin.SE3, position: Array | None, R: Array | None) -> Array:

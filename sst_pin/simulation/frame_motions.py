@@ -6,13 +6,12 @@ from __future__ import annotations
 from copy import copy
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, as_array, finite_array, name_samples
 from ..closed_chain import ClosedChain
-from ..errors import InputError, WorkspaceError
-from ..loops.frame_guide import FrameGuide
+from ..errors import InputError, SSTError
+from ..loops.frame_guide import FrameGuide, pose_of, rotations
 from ..loops.starts import start_of
 from ..model.named_positions import taken
 from .coordinate_motions import without_full_turns
@@ -44,7 +43,8 @@ def frame_motion(
 
     Raises:
         InputError: For a wrong shape, or matrices that are not rotations.
-        WorkspaceError: If the frame does not reach a pose; it names the sample.
+        WorkspaceError, SingularConfigurationError: As `ClosedChain.frame_configuration`; the error
+            names the sample.
         UnknownNameError: For an unknown frame, or a coordinate that neither turns nor slides.
 
     Example:
@@ -63,16 +63,11 @@ def frame_motion(
     guess = start_of(chain) if start is None else finite_array("start", start, size)
     now, q = chain.assemble(guess), np.empty((len(times), *size))
     for i, (p, R) in enumerate(targets):
-        way = guide.follow(now, pose_of(p, R))
-        if way.missed:
-            error = WorkspaceError(
-                f"frame {frame} does not reach the pose: it misses it by {way.missed:.3g} (rad, or "
-                "parts of the robot's length), at the end of its reach, before a singular "
-                "configuration, or because it has fewer freedoms"
-            )
+        try:
+            now = q[i] = guide.lead(now, pose_of(p, R))
+        except SSTError as error:
             name_samples(error, [i], (len(times),))
-            raise error
-        now = q[i] = way.q
+            raise
     x = taken(chain.mechanism.space, q, chain.coordinates)  # Newton's method makes no full turns
     curve = spline(times, without_full_turns(chain, x))
     return chain.trajectory(times, q, curve.derivative(1)(times), curve.derivative(2)(times))
@@ -87,16 +82,9 @@ def targets_of(poses: ArrayLike, count: int) -> list[tuple[Array | None, Array |
     given = finite_array("poses", given, given.shape[1:])
     if given.ndim == 2:
         return [(p, None) for p in given]
-    R = given[:, :3, :3]
-    if np.abs(R @ np.swapaxes(R, 1, 2) - np.eye(3)).max() > 1e-6 or (np.linalg.det(R) < 0).any():
-        raise InputError("poses", "not all are rotation matrices")
+    R = rotations("poses", given[:, :3, :3])
     if given.shape[1:] == (3, 3):
         return [(None, each) for each in R]
     if np.abs(given[:, 3] - (0, 0, 0, 1)).max() > 0:
         raise InputError("poses", "the last row of a homogeneous matrix is 0, 0, 0, 1")
     return list(zip(given[:, :3, 3], R, strict=True))
-
-
-def pose_of(position: Array | None, R: Array | None) -> pin.SE3:
-    """A pose, zero in what does not matter."""
-    return pin.SE3(np.eye(3) if R is None else R, np.zeros(3) if position is None else position)

@@ -48,6 +48,7 @@ def good_arguments(name):
     good |= {"coordinates": chain.coordinates, "theta": chain.dynamic_parameters, "limits": motors}
     good |= {"near": q, "gamma": motors, "branch": np.ones(3), "pose": np.eye(3), "R": np.eye(3)}
     good |= {"omega": x, "alpha": x, "platform_moment": x}
+    good |= {"position": chain.frame_placement(q, good["frame"])[0]}
     special = {"rollout": {"tau": m.tau}}
     special["trajectory"] = {name: getattr(m, name) for name in ("t", "q", "va", "aa", "tau")}
     return good, special

@@ -92,7 +92,7 @@ def test_a_pose_out_of_reach_is_named():
 def test_a_turn_that_a_delta_cannot_make_is_named():
     delta = sst_pin.robots.delta()
     turned = np.tile(Rotation.from_rotvec([0, 0, 0.1]).as_matrix(), (41, 1, 1))
-    with pytest.raises(sst_pin.WorkspaceError, match="fewer freedoms"):
+    with pytest.raises(sst_pin.WorkspaceError, match="too few freedoms"):
         sst_pin.frame_motion(delta, T, "platform", turned)
 
 
