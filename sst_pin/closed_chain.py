@@ -76,6 +76,15 @@ if TYPE_CHECKING:
     from .viewer import Viewer
 
 _FORCES = Quantity("generalized_forces")
+#: What to use for names that other packages have.
+_INSTEAD = {
+    "inverse_dynamics": "compute_torques(q, va, aa)",
+    "forward_dynamics": "compute_accelerations(q, va, tau)",
+    "mass_matrix": "reduced_terms(q, va).inertia",
+    "jacobian": "frame_jacobian(q, frame)",
+    "forward_kinematics": "frame_placement(q, frame)",
+    "inverse_kinematics": "frame_configuration(frame, position, rotation)",
+}
 _Chain = TypeVar("_Chain", bound="ClosedChain")
 
 
@@ -237,6 +246,15 @@ class ClosedChain(Summary):
         other = type(self).__new__(type(self))
         other.__dict__.update(self.__dict__)
         return other
+
+    if not TYPE_CHECKING:  # unknown names stay errors for mypy
+
+        def __getattr__(self, name: str) -> Any:
+            if name not in _INSTEAD:
+                return super().__getattribute__(name)  # Python's own error
+            kind = type(self).__name__
+            text = f"{kind} has no {name}; use {_INSTEAD[name]}"
+            raise AttributeError(text, name=name, obj=self)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         # Mimic joints of an unpickled model end the process.

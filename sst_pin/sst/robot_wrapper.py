@@ -18,7 +18,9 @@ from .robot import SST
 
 
 def load(urdf: str | Path = URDF_PATH) -> pin.RobotWrapper:
-    """The tree with its geometry and its named configurations.
+    """Load the open tree of an SST, the paper's by default, for code on `pin.RobotWrapper`.
+
+    Its loops are not closed; `ClosedChain.from_urdf` loads any robot with its loops.
 
     Args:
         urdf: The URDF of the package, or of a folder that `sst-pin describe` has written.
