@@ -26,8 +26,8 @@ HELD = [
         for side in ("left", "right")
         for spring in ("knee-shin", "tarsus-spring")
     ),
-    "left-pitch-rod-joint_X",
-    "right-pitch-rod-joint_X",
+    "left-pitch-rod-joint_wx",
+    "right-pitch-rod-joint_wx",
 ]
 #: Ends of the cylinder that is the sole, in the foot's axes, and its radius, [m].
 FOOT = {"toe": (0.0791, -0.0126, 0.0), "heel": (-0.0591, 0.1026, 0.0)}

@@ -128,8 +128,9 @@ class ClosedChain(Summary):
         coordinates: Names of the independent joints; a joint with several rates counts with all
             of them. By default as many of the actuated joints as are independent at `home` or,
             without one, at an assembled configuration, and other joints if these are too few.
-        locked: Names of joints that are fixed at `pin.neutral`, or a mapping from names of
-            one-coordinate joints to their fixed positions.
+        locked: Names of joints, or of single rates (see `rate_names`), that are fixed at
+            `pin.neutral`, or a mapping from them to their positions. The other rates of such a
+            joint become joints in series with their names: slides, then turns about x, y, z.
         viscous_friction: D of each rate, shape (nv,); that of the model by default.
         coulomb_friction: F_c of each rate, shape (nv,); that of the model by default.
         stiffness: Stiffness of joint springs, shape (nv,), [N m/rad] or [N/m]; zero by default.
@@ -1320,7 +1321,7 @@ class ClosedChain(Summary):
                 close the loops, and a robot without a joint to the world floats.
             cuts: The YAML; by default the file with the name of the URDF and the ending .yaml.
             actuated: The motors, as in the constructor; those of the YAML by default.
-            locked: Names of joints that are fixed at zero. A locked motor is removed.
+            locked: Names of joints or rates that are fixed at zero. A locked motor is removed.
 
         Raises:
             DescriptionError: If a file cannot be read; the message lists all problems.
@@ -1351,8 +1352,8 @@ class ClosedChain(Summary):
         Args:
             path: The MJCF.
             actuated: The motors, as in the constructor; those of the file by default.
-            locked: Joints that are fixed at their reference. A joint without a name has the name of
-                its body. `name_X`, `name_Y`, `name_Z` lock a ball about one axis.
+            locked: Joints or rates that are fixed at their reference. A joint without a name has
+                the name of its body.
 
         Raises:
             MissingExtraError: Without MuJoCo, `sst-pin[mjcf]`.

@@ -16,6 +16,7 @@ from ..arrays import Array
 from ..closed_chain import ClosedChain
 from ..errors import InputError, UnknownNameError
 from ..model.closures import Coupling, frames_of
+from ..model.joint_series import Series
 from ..model.rebuilt_tree import rebuilt
 from ..model.thresholds import RANK_TOLERANCE
 from ..model.tree import frame_id
@@ -55,7 +56,7 @@ def enlarged(
         of_place.setdefault(place, {})[f".{axis}"] = _JOINTS[axis]
     joints = {tree.getJointId(place) for place in of_place if tree.existJointName(place)}
     parts = {j: {**of_place[tree.names[j]], "": tree.joints[j]} for j in joints}
-    model = rebuilt(tree, parts, pin.neutral(tree))
+    model = rebuilt(tree, {j: Series.named(x) for j, x in parts.items()})
     for place in dict.fromkeys([*ends, frame]):
         own = model.frames[frame_id(model, place)]
         bearer, at = own.parentJoint, own.placement

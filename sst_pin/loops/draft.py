@@ -15,6 +15,7 @@ from ..arrays import Array, Indices, finite_array, in_order, single_array
 from ..arrays import names as names_of
 from ..errors import DescriptionError, DescriptionWarning, InputError
 from ..model.closures import Closure, Constraint, Coupling, Distance, Rolling
+from ..model.joint_series import PartlyLocked, Series
 from ..model.joint_space import JointSpace
 from ..model.lines import LineForce, Lines
 from ..model.mechanism import Friction, Mechanism, Springs, read_only
@@ -127,19 +128,10 @@ def _row_sizes(loops: Loops, Phi: Array) -> Array:
 
 
 def without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]) -> pin.Model:
-    """The tree with some joints held; Pinocchio cannot reduce one with mimic joints."""
+    """The tree with some joints, or single rates of joints, fixed."""
     model = copied(model)
     if list(model.mimicking_joints):
         raise InputError("locked", "the model has mimic joints; lock joints before you add these")
-    q = pin.neutral(model)
-    held = tuple(locked) if isinstance(locked, Mapping) else locked
-    ids = [joint_id(model, name) for name in names_of("locked", held)]
-    if isinstance(locked, Mapping):
-        for index, value in zip(ids, locked.values(), strict=True):
-            joint = model.joints[index]
-            if (joint.nq, joint.nv) != (1, 1):
-                raise InputError("locked", f"joint {model.names[index]} has several coordinates")
-            q[joint.idx_q] = single_array("locked", value, ())
     problems = [
         f"pose {pose.key()}: {len(pose.data())} numbers, {model.nq} are needed"
         for pose in model.referenceConfigurations
@@ -147,7 +139,30 @@ def without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]
     ]
     if problems:
         raise DescriptionError(f"model {model.name}", problems)
-    return rebuilt(model, {i: {} for i in ids}, q)
+    space, q = JointSpace(model), pin.neutral(model)
+    owners = {k: name for name, rates in space.rates.items() for k in rates}
+    rates, series = dict[str, dict[int, float]](), dict[int, Series]()
+    for name in names_of("locked", tuple(locked)):
+        found, value = space.rates_of([name]).tolist(), 0.0
+        owner, joint = owners[found[0]], model.joints[joint_id(model, owners[found[0]])]
+        if isinstance(locked, Mapping):
+            value = float(single_array("locked", locked[name], ()))
+            if len(found) > 1 or (joint.nq, joint.nv) == (2, 1):
+                cure = (
+                    f"; name {', '.join(space.names_by_joint['rate'][name])}"
+                    if joint.nv > 1
+                    else ""
+                )
+                raise InputError("locked", f"joint {name} has several coordinates{cure}")
+        rates.setdefault(owner, {}).update({k - joint.idx_v: value for k in found})
+        if joint.nq == 1:
+            q[joint.idx_q] = value
+    for name, fixed in rates.items():
+        joint = model.joints[i := joint_id(model, name)]
+        whole = joint.nv == 1 or name in locked
+        here = q[joint.idx_q : joint.idx_q + joint.nq]
+        series[i] = Series.fixed(joint, here) if whole else PartlyLocked(joint, fixed)
+    return rebuilt(model, series)
 
 
 def coordinates_of(coordinates: Sequence[str]) -> tuple[str, ...]:

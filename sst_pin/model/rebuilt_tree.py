@@ -2,12 +2,13 @@
 """A tree built again joint by joint, with some joints fixed or replaced by several in series."""
 
 from collections.abc import Mapping
+from itertools import product
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from ..arrays import Array
+from .joint_series import Part, Series
 
 #: Lists of a model with an entry for each joint, the world among them.
 JOINT_LISTS = (
@@ -37,48 +38,53 @@ RATE_ARRAYS = (
 POSITION_ARRAYS = ("lowerPositionLimit", "upperPositionLimit")
 
 
-def rebuilt(old: pin.Model, parts: Mapping[int, Mapping[str, Any]], q: Array) -> pin.Model:
-    """The tree with some joints replaced; its joints may come in any order.
+def rebuilt(old: pin.Model, changes: Mapping[int, Series]) -> pin.Model:
+    """The tree with some joints, by number, replaced by series; its joints may come in any order.
 
     `pin.buildReducedModel` needs joints added depth-first, each with a frame; without these it ends
-    the process. `parts` has, for joints by number, the joints in series that replace them, by what
-    is added to the name; a joint without parts is fixed where it is at q.
+    the process.
     """
-    data, model = old.createData(), pin.Model()
-    pin.forwardKinematics(old, data, q)
+    model = pin.Model()
     model.name, model.gravity = old.name, old.gravity
     model.inertias[0] = old.inertias[0]
     bearers = [(0, pin.SE3.Identity())]  # of each old joint, the new one and its place there
+    each = [changes.get(i) or Series.whole(joint) for i, joint in enumerate(old.joints)]
     for i in range(1, old.njoints):
         bearer, place = bearers[old.parents[i]]
-        own = parts.get(i, {"": old.joints[i]})
-        place = place * (old.jointPlacements[i] if own else data.liMi[i])
-        for suffix, joint in own.items():
-            bearer = model.addJoint(bearer, joint, place, old.names[i] + suffix)
+        place = place * old.jointPlacements[i]
+        for part in each[i].parts:
+            name = old.names[i] + part.suffix
+            bearer = model.addJoint(bearer, part.joint, place * part.place, name)
             model.addJointFrame(bearer)
             place = pin.SE3.Identity()
-        model.appendBodyToJoint(bearer, old.inertias[i], place)
-        bearers.append((bearer, place))
+        bearers.append((bearer, place * each[i].place))
+        model.appendBodyToJoint(bearer, old.inertias[i], bearers[i][1])
     for frame in list(old.frames)[1:]:
         kind, (bearer, place) = frame.type, bearers[frame.parentJoint]
         if kind == pin.FrameType.JOINT:
-            if parts.get(frame.parentJoint, True):
+            if each[frame.parentJoint].parts:
                 continue
             kind = pin.FrameType.FIXED_JOINT
         model.addFrame(pin.Frame(frame.name, bearer, place * frame.placement, kind), False)
     poses = {pair.key(): np.array(pair.data()) for pair in old.referenceConfigurations}
     moved = {name: pin.neutral(model) for name in poses}
-    for i in range(1, old.njoints):
-        if i not in parts:
-            here, there = model.joints[bearers[i][0]], old.joints[i]
-            rates, old_rates = (slice(j.idx_v, j.idx_v + j.nv) for j in (here, there))
-            entries, old_entries = (slice(j.idx_q, j.idx_q + j.nq) for j in (here, there))
-            for field in RATE_ARRAYS:
-                getattr(model, field)[rates] = getattr(old, field)[old_rates]
-            for field in POSITION_ARRAYS:
-                getattr(model, field)[entries] = getattr(old, field)[old_entries]
+    for i, whole in enumerate(list(old.joints)[1:], 1):
+        first = bearers[i][0] - len(each[i].parts) + 1
+        for k, part in enumerate(each[i].parts):
+            joint = model.joints[first + k]
+            _copy_numbers(old, whole, model, joint, part)
             for name, pose in poses.items():
-                moved[name][entries] = pose[old_entries]
+                positions = each[i].positions(pose[whole.idx_q : whole.idx_q + whole.nq])[k]
+                moved[name][joint.idx_q : joint.idx_q + positions.size] = positions
     for name, pose in moved.items():
         model.referenceConfigurations[name] = pose
     return model
+
+
+def _copy_numbers(old: pin.Model, whole: Any, model: pin.Model, joint: Any, part: Part) -> None:
+    for fields, to, at, which in (
+        (RATE_ARRAYS, joint.idx_v, whole.idx_v, part.rates),
+        (POSITION_ARRAYS, joint.idx_q, whole.idx_q, part.entries),
+    ):
+        for field, (k, entry) in product(fields, enumerate(which)):
+            getattr(model, field)[to + k] = getattr(old, field)[at + entry]

@@ -32,6 +32,7 @@ def read_urdf(
     robot = closed(urdf, found)
     if actuated is not None:
         robot = robot._replace(notes=())
+    robot = with_poses(robot, urdf, locked)
     model, closures, motors = robot.model, robot.closures, robot.actuated
     if locked:
         with naming(robot.source):
@@ -40,7 +41,6 @@ def read_urdf(
         motors = tuple(name for name in motors if name not in locked)
     motors = motors if actuated is None else actuated
     robot = robot._replace(model=model, closures=closures, actuated=motors)
-    robot = with_poses(robot, urdf, locked)
     notes = (f"{problem.where}: {problem.text}" for problem in left_out(urdf.root))
     return warned(robot, [*robot.notes, *notes, *inertia_notes(urdf.root)], urdf.source)
 

@@ -74,7 +74,7 @@ def _names(compiled: Compiled) -> Iterator[str]:
     """Problems of names that mean several joints, or none."""
     joints = range(compiled.mj.njnt)
     own = Counter(map(compiled.joint, joints))
-    known = own + Counter(name for joint in joints for name in compiled.axes(joint))
+    known = own + Counter(name for joint in joints for name in compiled.rates(joint))
     with naming(compiled.source):
         for name in compiled.locked.difference(known):
             raise UnknownNameError("joint", name, known)
@@ -83,6 +83,6 @@ def _names(compiled: Compiled) -> Iterator[str]:
         yield text
     for name in sorted(compiled.locked):
         if known[name] > own[name] > 0:
-            yield f"locked: {name} is a joint and an axis of a ball; rename the joint"
+            yield f"locked: {name} is a joint and a rate of another one; rename the joint"
     if "universe" in own:
         yield "joint universe: Pinocchio's base has this name; rename the joint"

@@ -67,10 +67,15 @@ class Compiled:
         suffix = f"_{number}" if number else ""
         return self.mj.joint(joint).name or self.name("body", body) + suffix
 
-    def axes(self, joint: int) -> list[str]:
-        """Names by which a ball is held about single axes."""
-        ball = self.mj.jnt_type[joint] == BALL
-        return [f"{self.joint(joint)}_{axis}" for axis in "XYZ"] if ball else []
+    def rates(self, joint: int) -> list[str]:
+        """Names of the rates of a ball or a free joint, by which they are locked."""
+        slides = ["vx", "vy", "vz"] if self.mj.jnt_type[joint] == FREE else []
+        turns = ["wx", "wy", "wz"] if self.mj.jnt_type[joint] in (BALL, FREE) else []
+        return [f"{self.joint(joint)}_{rate}" for rate in slides + turns]
+
+    def locked_rates(self, joint: int) -> list[int]:
+        """Indices of the rates of a ball or a free joint that are locked."""
+        return [k for k, name in enumerate(self.rates(joint)) if name in self.locked]
 
     def held(self, joint: int) -> bool:
         """Whether a joint is locked as a whole."""

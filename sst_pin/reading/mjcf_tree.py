@@ -14,10 +14,8 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array
+from ..model.joint_series import SLIDES, TURNS, PartlyLocked, Series
 from .mjcf_compiled import BALL, FREE, HINGE, SLIDE, Compiled, pose_of
-
-_REVOLUTE = pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ
-_PRISMATIC = pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ
 
 
 class MjcfTree:
@@ -34,10 +32,9 @@ class MjcfTree:
         weightless = compiled.disabled("gravity")
         self.model.gravity.linear = np.zeros(3) if weightless else mj.opt.gravity
         self.bodies = [(0, pin.SE3.Identity())]
-        #: For each coordinate its address in `qpos`; for a single turn of a ball the ball's.
-        self._addresses: list[int] = []
-        #: The axes of the coordinates that are single turns of balls, by index.
-        self._turns: dict[int, int] = {}
+        #: For each joint its addresses in `qpos`, the pose there at its reference, if it is locked
+        #: in part, and the joints here.
+        self._series: list[tuple[list[int], pin.SE3 | None, Series]] = []
         for body in range(1, mj.nbody):
             self._add_body(body)
         for site in range(mj.nsite):
@@ -64,31 +61,30 @@ class MjcfTree:
         kind, axis, address = mj.jnt_type[joint], mj.jnt_axis[joint], mj.jnt_qposadr[joint]
         anchor = pin.SE3(np.eye(3), mj.jnt_pos[joint])
         reference, addresses = mj.qpos0[address], [address]
-        zero, names, axes = pin.SE3.Identity(), [compiled.joint(joint)], compiled.axes(joint)
+        zero, locked, start = pin.SE3.Identity(), compiled.locked_rates(joint), None
         if kind == FREE:
-            models, placement = [pin.JointModelFreeFlyer()], pin.SE3.Identity()
+            model, placement = pin.JointModelFreeFlyer(), pin.SE3.Identity()
             addresses = [*range(address, address + 3), *_scalar_last(address + 3)]
+            if locked:
+                placement = start = pin.XYZQUATToSE3(mj.qpos0[addresses])
         elif kind == HINGE:
-            models = [_along(axis, _REVOLUTE, pin.JointModelRevoluteUnaligned)]
+            model = _along(axis, TURNS, pin.JointModelRevoluteUnaligned)
             zero = pin.SE3(pin.AngleAxis(-reference, axis).matrix(), np.zeros(3))
         elif kind == SLIDE:
-            models = [_along(axis, _PRISMATIC, pin.JointModelPrismaticUnaligned)]
+            model = _along(axis, SLIDES, pin.JointModelPrismaticUnaligned)
             zero = pin.SE3(np.eye(3), -reference * axis)
-        elif compiled.locked.isdisjoint(axes):
-            models, addresses = [pin.JointModelSpherical()], _scalar_last(address)
-        else:  # a ball that is held about some axis turns about the others, one after the other
-            left = [k for k, axis in enumerate(axes) if axis not in compiled.locked]
-            models, names = [_REVOLUTE[k]() for k in left], [axes[k] for k in left]
-            addresses = [address] * len(left)
-            self._turns |= {len(self._addresses) + i: k for i, k in enumerate(left)}
+        else:
+            model, addresses = pin.JointModelSpherical(), _scalar_last(address)
+        series = PartlyLocked(model, dict.fromkeys(locked, 0.0)) if locked else Series.whole(model)
         at, dof = placement * anchor * zero, mj.jnt_dofadr[joint]
-        for model, name in zip(models, names, strict=True):
-            parent, at = self.model.addJoint(parent, model, at, name), pin.SE3.Identity()
+        for part in series.parts:
+            name = compiled.joint(joint) + part.suffix
+            parent = self.model.addJoint(parent, part.joint, at * part.place, name)
             self.model.addJointFrame(parent)
-            self.dofs += range(dof, dof + model.nv)
-            dof += model.nv
-        self._addresses += addresses
-        return parent, at * anchor.inverse()
+            self.dofs += [dof + k for k in part.rates]
+            at = pin.SE3.Identity()
+        self._series.append((addresses, start, series))
+        return parent, at * series.place * anchor.inverse()
 
     def add_frame(self, name: str, body: int, place: pin.SE3) -> None:
         """A frame that is fixed to a body."""
@@ -131,11 +127,13 @@ class MjcfTree:
 
     def _configuration(self, qpos: Array) -> Array:
         """Our coordinates for MuJoCo's."""
-        q = qpos[self._addresses]
-        for i, turn in self._turns.items():  # successive turns about x, y, z
-            ball = qpos[self._addresses[i] : self._addresses[i] + 4]
-            q[i] = -pin.rpy.matrixToRpy(pose_of(np.zeros(3), ball).rotation.T)[turn]
-        return q
+        parts = [np.empty(0)]
+        for addresses, start, series in self._series:
+            q = qpos[addresses]
+            if start is not None:
+                q = pin.SE3ToXYZQUAT(start.actInv(pin.XYZQUATToSE3(q)))
+            parts += series.positions(q)
+        return np.concatenate(parts)
 
     def _poses(self) -> Iterator[tuple[str, Array]]:
         """Named keyframes; what they say of joints that are held is told."""

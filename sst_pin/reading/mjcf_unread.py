@@ -80,7 +80,7 @@ def unread(compiled: Compiled, tree: MjcfTree) -> list[str]:
 
 
 def _of_joints(compiled: Compiled) -> Iterator[str]:
-    """Free joints, and balls that are held about some axis, with more than is read."""
+    """Free joints, and balls with a locked rate, with more than is read."""
     mj = compiled.mj
     for joint in (joint for joint in range(mj.njnt) if not compiled.held(joint)):
         kind, dof, stiffness = mj.jnt_type[joint], mj.jnt_dofadr[joint], mj.jnt_stiffness[joint]
@@ -90,7 +90,7 @@ def _of_joints(compiled: Compiled) -> Iterator[str]:
         if kind == FREE:
             what, cure = "a free joint", "use <freejoint> instead"
             acting = {"armature": mj.dof_armature[dof], "frictionloss": friction}
-        elif kind == BALL and 0 < len(compiled.locked.intersection(compiled.axes(joint))) < 3:
+        elif kind == BALL and 0 < len(compiled.locked_rates(joint)) < 3:
             what, cure = "a ball", "it can only be locked as a whole"
             acting = {"a spring": spring, "frictionloss": friction}
         for each in (each for each, value in acting.items() if value):

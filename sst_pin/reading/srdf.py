@@ -28,7 +28,7 @@ class Srdf:
         """Put the named configurations into a model, as its `referenceConfigurations`.
 
         States of several groups with one name are one configuration. `joints` are those of the
-        URDF; what the states say of those that the caller has locked is left out, and told here.
+        URDF; the result says which states move joints that the caller locks.
         """
         problems, notes, poses = list[str](), list[str](), dict[str, dict[str, Array]]()
         if self._root.tag != "robot":
@@ -44,7 +44,7 @@ class Srdf:
                     value = _value(model, joints, joint, text)
                     if (pose.setdefault(joint, value) != value).any():
                         raise ValueError(f"{joint} has two values, {text} is one of them")
-                    if value.any() and not model.existJointName(joint):
+                    if value.any() and not (model.existJointName(joint) and joint not in locked):
                         text = f"{joint} is fixed at zero, not at {text}"
                         if joint not in locked:
                             raise ValueError(text)

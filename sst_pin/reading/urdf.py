@@ -14,6 +14,7 @@ import pinocchio as pin
 
 from ..errors import DescriptionError
 from ..model.closures import Closure, Coupling
+from ..model.joint_series import Series
 from ..model.rebuilt_tree import rebuilt
 from .cut_joints import Marks
 from .problems import number
@@ -113,8 +114,8 @@ class Urdf:
             if name in taken:
                 text = f"joint {name}: 2 have this name, a part of {name[:-2]} is one of them"
                 raise DescriptionError(self.source, [text])
-        numbers = {model.getJointId(name): own for name, own in parts.items()}
-        found = rebuilt(model, numbers, pin.neutral(model))
+        series = {model.getJointId(name): Series.named(own) for name, own in parts.items()}
+        found = rebuilt(model, series)
         for name, suffix in ((name, suffix) for name, own in parts.items() for suffix in own):
             old = model.joints[model.getJointId(name)].idx_v
             part = found.joints[found.getJointId(name + suffix)]

@@ -159,6 +159,18 @@ def write_arm(folder):
     (folder / "sst.yaml").write_text("name_mot: [left_knee]\n" + types)
 
 
+def test_a_ball_of_a_urdf_is_locked_about_one_axis(folder):
+    """Its pose keeps the direction of this axis in the ball."""
+    write_arm(folder)
+    put_home(folder, ball="0.1 0.2 0.3 0.9")
+    model = sst_pin.ClosedChain.from_urdf(folder / "sst.urdf", locked=["ball_wz"]).model
+    assert [name for name in model.names if "ball" in name] == ["ball_wx", "ball_wy"]
+    first, second = model.referenceConfigurations["home"][1:3]
+    R = pin.exp3(np.array([first, 0, 0])) @ pin.exp3(np.array([0, second, 0]))
+    ball = pin.Quaternion(np.array([0.1, 0.2, 0.3, 0.9])).normalized().matrix()
+    np.testing.assert_allclose(R[:, 2], ball[:, 2], rtol=0, atol=1e-12)
+
+
 def test_home_leaves_out_locked_joints(folder):
     put_home(folder, **named(sst_pin.SST().home, 9))
     with pytest.warns(sst_pin.DescriptionWarning, match="mu_1 is fixed at zero, not at 1.57"):
@@ -167,9 +179,11 @@ def test_home_leaves_out_locked_joints(folder):
     np.testing.assert_allclose(q, np.delete(sst_pin.SST().home, 1), rtol=0, atol=1e-8)
 
 
-@pytest.mark.parametrize("held", ["", "X", "Y", "Z", "YZ"])
-def test_bodies_are_at_a_keyframe_where_mujoco_has_them(tmp_path, held):
-    """A free body with a ball and a hinge; the ball is not turned about axes where it is held."""
+@pytest.mark.parametrize(
+    ("held", "free"), [*((x, []) for x in ("", "X", "Y", "Z", "YZ")), ("", [1])]
+)
+def test_bodies_are_at_a_keyframe_where_mujoco_has_them(tmp_path, held, free):
+    """A free body with a ball and a hinge, at their references where they are locked."""
     turn, pose = {"X": 0.4, "Y": -0.3, "Z": 1.1}, np.eye(3)
     for axis, e in zip("XYZ", np.eye(3), strict=True):
         pose = pose @ pin.exp3((axis not in held) * turn[axis] * e)
@@ -183,7 +197,7 @@ def test_bodies_are_at_a_keyframe_where_mujoco_has_them(tmp_path, held):
 </body></body></body></worldbody>
 <equality><connect body1="c" body2="world" anchor="0 0 0"/></equality>
 <keyframe><key name="home" qpos="1 2 3 .5 .5 -.5 .5 {w} {x} {y} {z} .4"/></keyframe></mujoco>""")
-    locked = [f"ball_{axis}" for axis in held]
+    locked = [f"ball_w{axis.lower()}" for axis in held] + [f"free_v{'xyz'[k]}" for k in free]
     model = sst_pin.ClosedChain.from_mjcf(path, locked=locked, actuated=["hinge"]).model
     data = model.createData()
     pin.framesForwardKinematics(model, data, model.referenceConfigurations["home"])

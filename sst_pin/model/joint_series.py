@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""A joint with several rates as joints in series, of which some are fixed."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from ..arrays import Array
+from ..errors import InputError
+from .joint_space import kind_of
+
+SLIDES = pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ
+TURNS = pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ
+#: Single joints that a joint can be replaced by, one for each of its rates.
+_SINGLES: dict[str, Sequence[Any]] = {
+    "JointModelFreeFlyer": SLIDES + TURNS,
+    "JointModelSpherical": TURNS,
+    "JointModelTranslation": SLIDES,
+    "JointModelPlanar": (*SLIDES[:2], TURNS[2]),
+    "JointModelSphericalZYX": TURNS[::-1],
+}
+
+
+class Part(NamedTuple):
+    """A joint of a series.
+
+    Attributes:
+        suffix: What it adds to the name of the whole joint.
+        joint: Its model.
+        place: Where it stands in the joint before it.
+        rates: The rates of the whole joint that it has, by their indices.
+        entries: The entries of q of the whole joint that it has; empty if its angle is not there.
+    """
+
+    suffix: str
+    joint: Any
+    place: pin.SE3 = pin.SE3.Identity()
+    rates: Sequence[int] = ()
+    entries: Sequence[int] = ()
+
+
+class Series:
+    """Joints in series that replace a joint.
+
+    Attributes:
+        parts: The joints.
+        place: Where the body stands in the last of them, or in the parent if there are none.
+    """
+
+    def __init__(self, parts: Sequence[Part], place: pin.SE3 | None = None) -> None:
+        self.parts, self.place = tuple(parts), place or pin.SE3.Identity()
+
+    @classmethod
+    def named(cls, joints: Mapping[str, Any]) -> Series:
+        """Joints by what they add to the name."""
+        return cls([Part(suffix, joint) for suffix, joint in joints.items()])
+
+    @classmethod
+    def whole(cls, joint: Any) -> Series:
+        """The joint itself."""
+        return cls([Part("", joint, rates=range(joint.nv), entries=range(joint.nq))])
+
+    @classmethod
+    def fixed(cls, joint: Any, q: Array) -> Series:
+        """No joint: the body stays where it is at positions q of the joint."""
+        model = pin.Model()
+        model.addJoint(0, joint, pin.SE3.Identity(), "")
+        data = model.createData()
+        pin.forwardKinematics(model, data, q)
+        return cls([], data.oMi[1])
+
+    def positions(self, q: Array) -> list[Array]:
+        """Positions of each part, by those of the joint."""
+        return [q[list(part.entries)] for part in self.parts]
+
+
+class PartlyLocked(Series):
+    """A joint as joints in series, without the rates that are locked.
+
+    Slides come first, along x, y, z, then turns about x, y, z, the locked ones last: so a rod whose
+    spin about its own axis is locked can still have any direction. The parts have the names of the
+    rates; three turns of which none is locked stay a ball with the name of the joint.
+
+    Args:
+        joint: A joint of a model.
+        locked: Positions of the locked rates, by their indices in the joint.
+
+    Raises:
+        InputError: For a joint that has no such parts.
+    """
+
+    def __init__(self, joint: Any, locked: Mapping[int, float]) -> None:
+        kind, suffixes = joint.shortname(), kind_of(joint).v
+        models = [model() for model in _SINGLES.get(kind, ())]
+        if kind == "JointModelUniversal":
+            axes = joint.extract()
+            models = [pin.JointModelRevoluteUnaligned(x) for x in (axes.axis1, axes.axis2)]
+        if not models:
+            problem = "only whole joints of this type can be locked; build it as joints in series"
+            raise InputError("locked", f"{kind.removeprefix('JointModel')}: {problem}")
+        first = {"JointModelFreeFlyer": 3, "JointModelSpherical": 0}.get(kind, len(models))
+        turns = sorted(range(first, len(models)), key=lambda k: k in locked)
+        self._order = [k - first for k in turns]
+        ball = Part("", pin.JointModelSpherical(), rates=turns, entries=range(first, first + 4))
+        is_ball = bool(turns) and locked.keys().isdisjoint(turns)
+        parts, place = list[Part](), pin.SE3.Identity()
+        for k in [*range(first), *([] if is_ball else turns)]:
+            if k in locked:
+                place = place * Series.fixed(models[k], np.array([locked[k]])).place
+                continue
+            entries = [] if k >= first or (kind, k) == ("JointModelPlanar", 2) else [k]
+            parts.append(Part(f"_{suffixes[k]}", models[k], place, [k], entries))
+            place = pin.SE3.Identity()
+        if is_ball:
+            parts.append(ball._replace(place=place))
+            place = pin.SE3.Identity()
+        super().__init__(parts, place)
+
+    def positions(self, q: Array) -> list[Array]:
+        """Positions of each part, by those of the joint."""
+        angles = (
+            _angles(q[-4:], self._order) if self._order else np.full(3, np.arctan2(q[-1], q[-2]))
+        )
+        entries = super().positions(q)
+        return [
+            x if len(x) else angles[[part.rates[0] % 3]]
+            for x, part in zip(entries, self.parts, strict=True)
+        ]
+
+
+def _angles(quaternion: Array, order: Sequence[int]) -> Array:
+    """Angles about x, y, z of turns that follow one another in this order."""
+    from scipy.spatial.transform import Rotation
+
+    angles, axes = np.empty(3), "".join("XYZ"[k] for k in order)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of gimbal lock, where the last angle is zero
+        angles[list(order)] = Rotation.from_quat(quaternion).as_euler(axes)
+    return angles
