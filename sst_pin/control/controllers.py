@@ -12,11 +12,13 @@ from ..arrays import Array, finite_array, in_one_turn, one_or_each
 from ..closed_chain import ClosedChain
 from ..dynamics.torque_sharing import finite_limits, within_limits
 from ..errors import ActuationError, InputError
+from ..loops.mobility import cure_of
 from ..model.named_positions import taken
 from ..simulation.coordinate_motions import positions_along
 from ..simulation.moving_robot import require_motion
 from ..simulation.samples import spline
 from ..simulation.trajectories import Trajectory
+from ..summaries import listed
 
 
 class Controller(ABC):
@@ -44,8 +46,11 @@ class Controller(ABC):
         require_motion(motion, chain.mechanism)
         if len(motion) < 3:
             raise InputError("motion", "at least three samples are needed")
-        if not chain.mobility(motion.q[0]).sufficient:
-            raise ActuationError("the motors do not hold all coordinates: nothing can follow")
+        mobility = chain.mobility(motion.q[0])
+        if not mobility.sufficient:
+            problem = f"no motor holds {listed(mobility.loose_joints)}: nothing can follow"
+            cure = f"; {cure_of(mobility.idle_joints)}" if mobility.idle_joints else ""
+            raise ActuationError(problem + cure)
         motors = len(chain.motor_names)
         self.limits = None if limits is None else finite_limits(limits, motors, "limits")
         mechanism = chain.mechanism

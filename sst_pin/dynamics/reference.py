@@ -14,6 +14,7 @@ import pinocchio as pin
 
 from ..arrays import Array, finite_array
 from ..errors import ActuationError, ClosureError, InputError
+from ..loops.mobility import cure_of, idle_rates
 from ..model.mechanism import Mechanism
 from ..model.thresholds import (
     MAX_CONDITION_NUMBER,
@@ -110,10 +111,14 @@ class Reference(threading.local):
         names = self.mechanism.coordinate_rate_names
         missing = {names[k]: float(left[k]) for k in over}
         listed = ", ".join(f"{name} {x:.4g}" for name, x in list(missing.items())[:6])
+        loops, scale = self.memory.loops, self.mechanism.row_scale[:, None]
+        idle = idle_rates(self.mechanism, loops, loops.Phi() * scale * self.mechanism.rate_scale)
         raise ActuationError(
             f"the motors cannot produce this motion: no motor supplies the forces {listed} "
             "(N m or N); generalized_forces computes the forces that a motion needs, "
-            "compute_accelerations the motion for given torques",
+            "compute_accelerations the motion for given torques"
+            + f"; {', '.join(idle)} can spin alone: {cure_of(idle)}"
+            * bool(idle),
             missing,
         )
 

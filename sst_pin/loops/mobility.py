@@ -27,7 +27,8 @@ class Mobility:
         degrees_of_freedom: Number of rates minus the rank of Phi.
         held: Number of degrees of freedom that the motors hold.
         loose_joints: Rates that can be nonzero while all motors are locked.
-        idle_joints: Passive joints of a loop that can spin while all other joints are fixed.
+        idle_joints: Rates to lock, by name, so that no passive joint of a loop spins while all
+            other joints are fixed, as a rod between two balls does.
         condition_number: Condition number of the columns of Phi for the dependent rates, without
             units; infinite if the coordinates do not suffice.
         where: Which configuration was used.
@@ -95,7 +96,7 @@ class Mobility:
         if self.inner_stresses:
             verdict += f"; torques of the motors that make no motion: {self.inner_stresses}"
         ranks = f"{len(self.rows)}, rank {self.rank}, {self.redundant_rows} redundant"
-        idle = f"{listed(self.idle_joints, 12)} (they can spin alone; locked= fixes them)"
+        idle = f"{', '.join(self.idle_joints)} can spin alone; {cure_of(self.idle_joints)}"
         return [
             ("joints", f"{len(self.joints)}"),
             ("closure equations", ranks),
@@ -198,17 +199,34 @@ def judge(mechanism: Mechanism, loops: Loops, q: Array, where: str) -> Mobility:
         degrees_of_freedom=len(coordinates),
         held=held,
         loose_joints=tuple(np.array(space.rate_names)[moving].tolist()),
-        idle_joints=tuple(
-            name
-            for name, rates in space.rates.items()
-            if loops.touched[:, list(rates)].any()
-            and not np.isin(rates, mechanism.driven).any()
-            and np.linalg.matrix_rank(Phi[:, list(rates)], RANK_TOLERANCE) < len(rates)
-        ),
+        idle_joints=idle_rates(mechanism, loops, Phi),
         condition_number=condition_number(mechanism, Phi, loops.parts(coordinates)),
         where=where,
         q=q.copy(),
     )
+
+
+def idle_rates(mechanism: Mechanism, loops: Loops, Phi: Array) -> tuple[str, ...]:
+    """Rates to lock, so that no passive joint of a loop moves while all others are fixed.
+
+    For each such motion it is the rate with the largest part in it: of a rod between two balls the
+    turn about the axis that is nearest to the rod.
+    """
+    from scipy.linalg import qr
+
+    idle = list[int]()
+    for rates in map(list, mechanism.space.rates.values()):
+        if loops.touched[:, rates].any() and not np.isin(rates, mechanism.driven).any():
+            _, sizes, ways = np.linalg.svd(Phi[:, rates])
+            spins = ways[np.count_nonzero(sizes > RANK_TOLERANCE) :]
+            order = qr(spins, mode="r", pivoting=True)[1] if len(spins) else []
+            idle += sorted(rates[k] for k in order[: len(spins)])
+    return tuple(mechanism.space.rate_names[k] for k in idle)
+
+
+def cure_of(idle: Sequence[str]) -> str:
+    """What fixes idle rates."""
+    return f"ClosedChain(..., locked={list(idle)}) fixes them"
 
 
 def motor_rates(mechanism: Mechanism, q: Array, motions: Array) -> Array:

@@ -244,8 +244,7 @@ class Mechanism:
             raise SingularConfigurationError(
                 "the mass matrix is not positive definite: the rates "
                 f"{listed(self.without_mass)} move no mass to speak of; give their bodies inertia "
-                "about these axes, or fix the joints by locked= (a universal joint in the place of "
-                "a ball)",
+                f"about these axes, or lock them: ClosedChain(..., locked={[*self.without_mass]})",
                 float("inf"),
             )
 
