@@ -31,15 +31,9 @@ from .dynamics.derivatives import (
     FrameVelocityDerivatives,
     TorqueDerivatives,
 )
-from .dynamics.quantities import Name, Quantity
-from .engine import Engine, Options
-from .errors import (
-    ClosureError,
-    DescriptionError,
-    InputError,
-    MissingExtraError,
-    SingularConfigurationError,
-)
+from .dynamics.quantities import Quantity
+from .engine import DerivativeOptions, Engine, LoadOptions, Options
+from .errors import DescriptionError, InputError, MissingExtraError
 from .loops.draft import (
     Motor,
     closures_of,
@@ -58,7 +52,7 @@ from .model.closures import Constraint
 from .model.lines import LineForce
 from .model.mechanism import Friction, Mechanism, read_only
 from .model.named_positions import put
-from .model.tree import body_of
+from .simulation import energy
 from .summaries import Summary, listed
 
 if TYPE_CHECKING:
@@ -75,7 +69,6 @@ if TYPE_CHECKING:
     from .simulation.trajectories import Trajectory
     from .viewer import Viewer
 
-_FORCES = Quantity("generalized_forces")
 #: What to use for names that other packages have.
 _INSTEAD = {
     "inverse_dynamics": "compute_torques(q, va, aa)",
@@ -93,23 +86,22 @@ class ClosedChain(Summary):
 
     Results depend on the robot and on the arguments, never on the calls before. Edits to `model`
     take effect after `refresh()`. Methods can be called from several threads. Many methods share
-    these arguments:
+    these arguments, whose leading axes broadcast:
 
-    - `q`: configurations in the format of Pinocchio, shape (..., nq), with closed loops. All
-      leading axes broadcast; `Phi`, `Phi_dot`, `noc`, `compile` and `casadi` take one
-      configuration, shape (nq,).
+    - `q`: configurations with closed loops in the format of Pinocchio, shape (..., nq).
     - `va`, `aa`: rates and accelerations of the `coordinates`, shape (..., n).
-    - `tau`: torques of the motors in the order of `motor_names`, shape (..., motors), [N m] or [N].
+    - `tau`: motor torques in the order of `motor_names`, shape (..., motors), [N m] or [N].
+    - `frame`: name of a frame of the tree.
     - `platform_moment`: external moment on the platform, in base axes, shape (..., 3), [N m]. The
       platform is the body of the frame "platform"; of an SST it is the star.
     - `external_wrenches`: [moment; force] on each body at its mass centre, in base axes, bodies in
       the order of the joints, shape (..., r, 6).
     - `sign_width`: derivatives replace the sign of a rate v in Coulomb friction by
-      tanh(v / sign_width); positive, [rad/s] or [m/s].
-    - `frame`: name of a frame of the tree.
-    - `options`: `out`, a float64 array for the result, of its shape; `threads`, the number of
-      threads for batches in compiled kernels (the reference path uses one); `on_error`, "raise", or
-      "nan" to set the results of bad samples to NaN.
+      tanh(v / sign_width); positive, 1e-3 by default, [rad/s] or [m/s].
+    - `out`: float64 array for the result, of its shape.
+    - `threads`: number of threads for a batch in compiled kernels, 1 by default; the reference path
+      uses one.
+    - `on_error`: "raise" (default), or "nan" to set the results of bad samples to NaN.
 
     They raise these errors, on both paths; in a batch the error names the samples:
 
@@ -141,7 +133,9 @@ class ClosedChain(Summary):
         DescriptionError: If two joints have one name, or if nothing can move.
 
     Example:
-        `ClosedChain(model, [Closure("rocker_end", "pivot", "3d")], ["crank"])`.
+        >>> crank = sst_pin.ClosedChain(chain.model, chain.closures, ["crank"])
+        >>> crank.degrees_of_freedom
+        1
     """
 
     #: For `visual_model`: shapes, or a function that loads them.
@@ -190,24 +184,17 @@ class ClosedChain(Summary):
         """Take a model and the function that makes a mechanism of it; kernels are made again."""
         make_kernels = self._engine.make_kernels if hasattr(self, "_engine") else None
         self._model, self._mechanism_of = model, mechanism
-        self._engine = Engine(mechanism(copied(model)), make_kernels)
+        self._engine = Engine(mechanism(copied(model)), make_kernels, platform=self._platform)
 
     def refresh(self) -> None:
-        """Take in all changes of `model`; the coordinates are chosen again.
+        """Apply all edits of `model` and choose the coordinates again, as the constructor does.
 
-        A call that runs in another thread meanwhile computes with the robot as it was.
-
-        Raises:
-            DescriptionError, UnknownNameError: As the constructor.
+        Calls that run in other threads finish with the robot as it was.
         """
         self._fill(self._model, self._mechanism_of)
 
     def with_coordinates(self, coordinates: Sequence[str] | None) -> ClosedChain:
-        """This robot with other coordinates, on the reference path until `compile`.
-
-        Args:
-            coordinates: Names of the independent joints; None for the default choice.
-        """
+        """This robot with other coordinates, on the reference path; None for the default choice."""
         names = None if coordinates is None else coordinates_of(coordinates)
         return self._rebuilt(pin.Model(self.engine.mechanism.model), coordinates=names)
 
@@ -231,11 +218,6 @@ class ClosedChain(Summary):
             InputError: For a first moment without mass, an offset of a joint without a spring or of
                 a ball, an offset of a motor, a negative stiffness or damping of a line.
             DescriptionError: For a spring that no joint can have.
-
-        Example:
-            >>> slower = chain.with_parameters({"crank.viscous": 0.5})
-            >>> slower.compute_torques(chain.home, [1], [0]).round(3)
-            array([0.666])
         """
         chain = copy(self)
         model, numbers, forces = regressor.changed(chain.engine.mechanism, theta)
@@ -270,7 +252,7 @@ class ClosedChain(Summary):
 
     @property
     def engine(self) -> Engine:
-        """Computes everything; `refresh` and `compile` put another one in its place."""
+        """The immutable object that computes; `refresh` and `compile` replace it."""
         return self._engine
 
     @property
@@ -340,11 +322,7 @@ class ClosedChain(Summary):
 
     @property
     def actuation(self) -> Array:
-        """B of shape (nv, motors): motor torques tau apply the forces B tau to the joints.
-
-        The column of a motor on a line is zero, because its forces depend on q; see
-        `actuator_jacobian`.
-        """
+        """B, shape (nv, motors): joint forces are B tau; zero columns for motors on lines."""
         return self.mechanism.motors
 
     @property
@@ -364,14 +342,10 @@ class ClosedChain(Summary):
 
     @property
     def home(self) -> Array:
-        """The home configuration of the description, with closed loops, shape (nq,).
+        """`model.referenceConfigurations["home"]`, shape (nq,), with closed loops.
 
-        It is `model.referenceConfigurations["home"]`: from the SRDF beside a URDF, from the
-        keyframe `home` of an MJCF, or set by you. Open loops are closed with fixed coordinates.
-
-        Raises:
-            DescriptionError: If the description has no home, or it is not a configuration.
-            ClosureError: If its loops cannot be closed.
+        It comes from the SRDF beside a URDF, from the keyframe `home` of an MJCF, or from you. Open
+        loops are closed with fixed coordinates. Without a home it raises a `DescriptionError`.
         """
         q = self._engine.home
         if q is None:
@@ -393,20 +367,16 @@ class ClosedChain(Summary):
         return self._engine.loops_at(q).Phi()
 
     def Phi_dot(self, q: ArrayLike, q_dot: ArrayLike) -> Array:
-        """Rate of `Phi` for rates v of all joints that keep the loops closed, shape (rows, nv).
-
-        Args:
-            q_dot: Rates v of all joints, shape (nv,).
-        """
+        """Rate of `Phi` for rates of all joints that keep the loops closed, shape (rows, nv)."""
         v = single_array("q_dot", q_dot, (self.mechanism.model.nv,))
         return self._engine.loops_at(q).Phi_dot(v)
 
     def condition_number(self, q: ArrayLike) -> Array:
         """Condition number of the columns of Phi for the dependent joints, shape (...).
 
-        It is free of units, and infinite if the coordinates do not determine the motion. Where
-        loops share no dependent joint, it is that of the worst one. For loops with one dependent
-        rate it is their size at an assembled configuration over that at q.
+        It is free of units, and infinite if the coordinates do not determine the motion. Of loops
+        that share no dependent joint, the worst one counts. For a single dependent rate it is the
+        size of its column at an assembled configuration over that at q.
         """
         return self._engine.condition_numbers(self._engine.configurations(q))
 
@@ -423,25 +393,18 @@ class ClosedChain(Summary):
         seed: int = 0,
         limits: bool = False,
     ) -> Array:
-        """Close the loops of a guess by Newton's method.
+        """Close the loops of a guess by Newton's method: configurations near it, shape (..., nq).
 
         Args:
             q: Guesses, shape (..., nq); with quaternions also the displacement from `pin.neutral`,
-                shape (..., nv). Or positions by the names of joints, [rad] or [m]; the others start
-                from home, else from zero. Coordinates are moved there from home, so that the
-                assembly mode stays.
+                shape (..., nv). Or positions by the names of joints, [rad] or [m]; the other joints
+                start from home, else from zero. If only coordinates are named, they are moved from
+                home, in its assembly mode; without a home a `DescriptionWarning` says so.
             fixed: Names of joints that keep their position, () for none. By default the
                 coordinates; if q names joints that are no coordinates, the joints named.
             tries: Number of starts: the guess, then random configurations around it.
             seed: Seed of the random starts.
             limits: Whether joints with one coordinate must stay within the limits of the model.
-
-        Returns:
-            Configurations near q with closed loops, shape (..., nq).
-
-        Warns:
-            DescriptionWarning: If positions of coordinates alone do not say which assembly mode is
-                meant.
 
         Raises:
             ClosureError: If the loops cannot be closed; the message lists the open loops and the
@@ -481,25 +444,14 @@ class ClosedChain(Summary):
         return engine.reference.memory.assembly.try_starts(start, free, tries, seed, limits=limits)
 
     def generic_configuration(self) -> Array:
-        """A random assembled configuration without symmetry, the same at each call, shape (nq,).
-
-        It is close to `home`, if there is one, and in its assembly mode.
-        """
+        """A closed configuration without symmetry, near `home` if there is one, shape (nq,)."""
         return self._engine.example()
 
     def mobility(self, q: ArrayLike | None = None) -> Mobility:
         """Degrees of freedom, redundant closure constraints, and whether the motors suffice.
 
-        Args:
-            q: Configuration on the closures, shape (nq,); a random one by default. If the mobility
-                depends on the assembly mode, give a configuration of your mode.
-
-        Returns:
-            A report; `print` shows it as text.
-
-        Example:
-            >>> chain.mobility().degrees_of_freedom
-            1
+        `print` shows the report as text. It holds at q, shape (nq,), by default at a
+        `generic_configuration`: the mobility may depend on the assembly mode.
         """
         return self._engine.mobility(q)
 
@@ -567,30 +519,20 @@ class ClosedChain(Summary):
         return frame_configurations(assembly, generic, frame, position, rotation, guess)
 
     def frame_jacobian(self, q: ArrayLike, frame: str, **options: Unpack[Options]) -> Array:
-        """Jacobian of a frame: its [linear; angular] velocity is J va, shape (..., 6, n).
-
-        The velocity is in base axes, at the frame's origin.
-
-        Example:
-            >>> delta = sst_pin.robots.delta()
-            >>> delta.frame_jacobian(delta.home, "platform")[:3].round(3) + 0.0
-            array([[-0.106,  0.053,  0.053],
-                   [ 0.   , -0.091,  0.091],
-                   [-0.05 , -0.05 , -0.05 ]])
-        """
-        return self._of_frame("frame_jacobian", frame, q, None, options)
+        """J, shape (..., 6, n): a frame's [linear; angular] velocity J va, in base axes."""
+        return self._engine.compute(Quantity("frame_jacobian", frame), q, **options)
 
     def frame_jacobian_rate(
         self, q: ArrayLike, va: ArrayLike, frame: str, **options: Unpack[Options]
     ) -> Array:
         """Rate of `frame_jacobian` along a motion, shape (..., 6, n)."""
-        return self._of_frame("frame_jacobian_rate", frame, q, va, options)
+        return self._engine.compute(Quantity("frame_jacobian_rate", frame), q, va=va, **options)
 
     def frame_drift(
         self, q: ArrayLike, va: ArrayLike, frame: str, **options: Unpack[Options]
     ) -> Array:
         """[linear; angular] acceleration of a frame for aa = 0, J_dot va, shape (..., 6)."""
-        return self._of_frame("frame_drift", frame, q, va, options)
+        return self._engine.compute(Quantity("frame_drift", frame), q, va=va, **options)
 
     def frame_velocity_derivatives(
         self, q: ArrayLike, va: ArrayLike, frame: str, **options: Unpack[Options]
@@ -599,34 +541,17 @@ class ClosedChain(Summary):
 
         `.dq` and `.dva` have shapes (..., 6, n); `out` has both side by side, (..., 6, 2 n).
         """
-        rows = self._of_frame("frame_velocity_derivatives", frame, q, va, options)
+        quantity = Quantity("frame_velocity_derivatives", frame)
+        rows = self._engine.compute(quantity, q, va=va, **options)
         n = rows.shape[-1] // 2
         return FrameVelocityDerivatives(rows[..., :n], rows[..., n:])
 
-    def _of_frame(
-        self, quantity: Name, frame: str, q: ArrayLike, va: ArrayLike | None, options: Options
-    ) -> Array:
-        engine, key = self._engine, Quantity(quantity, frame)
-        if not options and isinstance(frame, str):
-            rows = engine.answer(key, q, va, None, None, None, 1)
-            if rows is not None:
-                rows.shape = (*rows.shape[:-1], *key.properties.shape(engine.mechanism))
-                return rows
-        rates: dict[str, Any] = {} if va is None else {"va": va}
-        return engine.compute(key, q, **rates, **options)
-
     def motor_rates(self, q: ArrayLike, va: ArrayLike) -> Array:
         """Rates of the motors, shape (..., motors)."""
-        engine = self._engine
-        v, mechanism = engine.compute(Quantity("rates"), q, va=va), engine.mechanism
-        return np.asarray(v @ mechanism.motors + engine.line_rates(q, v) @ mechanism.lines.motors)
+        return energy.motor_rates(self._engine, q, va)
 
     def actuator_jacobian(self, q: ArrayLike) -> Array:
-        """J, shape (..., motors, n): rates of the motors are J va, their forces are J^T tau.
-
-        Raises:
-            SingularConfigurationError: Also where the ends of the line of a motor coincide.
-        """
+        """J, shape (..., motors, n): the motors' rates are J va, and f = J^T tau."""
         return self._engine.compute(Quantity("actuator_jacobian"), q)
 
     def line_lengths(self, q: ArrayLike) -> Array:
@@ -652,7 +577,7 @@ class ClosedChain(Summary):
         threads: int = 1,
         on_error: str = "raise",
     ) -> Array:
-        """Inverse dynamics: the motor torques of a motion, Eq. (92).
+        """Inverse dynamics, Eq. (92): the motor torques tau of a motion, shape (..., motors).
 
         With more motors than degrees of freedom these are the smallest torques for the motion,
         unless a preload is given; where they exceed limits, the nearest ones within.
@@ -662,13 +587,7 @@ class ClosedChain(Summary):
                 that 1 N in a slide counts as 1 N m in a hinge.
             preload: Torques along `preload_directions`, shape (..., k), which are added.
             limits: Largest sizes of the torques, shape (motors,), or least and largest ones, shape
-                (motors, 2); infinite for none.
-
-        Returns:
-            tau, shape (..., motors), [N m] or [N].
-
-        Raises:
-            ActuationError: If the motors cannot produce the motion, or not within their limits.
+                (motors, 2); infinite for none. Motions that need more raise an `ActuationError`.
 
         Example:
             >>> chain.compute_torques(chain.home, [1], [0]).round(3)
@@ -680,48 +599,34 @@ class ClosedChain(Summary):
             tau = engine.torques(q, va, aa, platform_moment, out, threads)
             if tau is not None:
                 return tau
-        shared = preload is not None or limits is not None
-        options: Options = {
-            "threads": threads,
-            "on_error": on_error,
-            "out": None if shared else out,
-        }
-        load = self._wrenches(engine, platform_moment, external_wrenches, options)
-        extra = None
-        if weights is not None:
-            extra = {"weights": _motor_weights(engine.mechanism, weights)}
+        share = preload is not None or limits is not None
         tau = engine.compute(
-            Quantity("torques"), q, va=va, aa=aa, load=load, extra=extra, **options
+            Quantity("torques"),
+            q,
+            va=va,
+            aa=aa,
+            platform_moment=platform_moment,
+            external_wrenches=external_wrenches,
+            extra=torque_sharing.weights_of(engine.mechanism, weights),
+            out=None if share else out,
+            threads=threads,
+            on_error=on_error,
         )
-        if not shared:
+        if not share:
             return tau
-        directions = self._preload_directions(engine, q, on_error)
+        directions = engine.preload_directions(q, on_error)
         return torque_sharing.shared_torques(
             engine.mechanism, tau, directions, preload, limits, weights, on_error=on_error, out=out
         )
 
     def generalized_forces(
-        self,
-        q: ArrayLike,
-        va: ArrayLike,
-        aa: ArrayLike,
-        *,
-        platform_moment: ArrayLike | None = None,
-        external_wrenches: ArrayLike | None = None,
-        **options: Unpack[Options],
+        self, q: ArrayLike, va: ArrayLike, aa: ArrayLike, **options: Unpack[LoadOptions]
     ) -> Array:
-        """f = L^T times the joint forces of the tree that a motion needs, shape (..., n).
+        """f, shape (..., n): L^T times the joint forces that a motion needs, whoever supplies them.
 
-        They do not depend on the motors, [N m] or [N].
+        With `platform_moment`, `external_wrenches`, `out`, `threads`, `on_error`; [N m] or [N].
         """
-        engine = self._engine
-        if external_wrenches is None and options.get("on_error", "raise") == "raise":
-            out, threads = options.get("out"), options.get("threads", 1)
-            f = engine.answer(_FORCES, q, va, aa, platform_moment, out, threads)
-            if f is not None:
-                return f
-        load = self._wrenches(engine, platform_moment, external_wrenches, options)
-        return engine.compute(_FORCES, q, va=va, aa=aa, load=load, **options)
+        return self._engine.compute(Quantity("generalized_forces"), q, va=va, aa=aa, **options)
 
     def compute_accelerations(
         self,
@@ -735,30 +640,27 @@ class ClosedChain(Summary):
         threads: int = 1,
         on_error: str = "raise",
     ) -> Array:
-        """Direct dynamics: accelerations aa of the coordinates, Eq. (92), shape (..., n).
-
-        Example:
-            >>> chain.compute_accelerations(chain.home, [0], [0]).round(3)
-            array([-32.345])
-        """
+        """Direct dynamics, Eq. (92): accelerations aa of the coordinates, shape (..., n)."""
         engine = self._engine
         fast = external_wrenches is None and on_error == "raise"
         if fast and engine.accelerations is not None:
             aa = engine.accelerations(q, va, tau, platform_moment, out, threads)
             if aa is not None:
                 return aa
-        options: Options = {"out": out, "threads": threads, "on_error": on_error}
-        load = self._wrenches(engine, platform_moment, external_wrenches, options)
-        return engine.compute(Quantity("accelerations"), q, va=va, tau=tau, load=load, **options)
+        return engine.compute(
+            Quantity("accelerations"),
+            q,
+            va=va,
+            tau=tau,
+            platform_moment=platform_moment,
+            external_wrenches=external_wrenches,
+            out=out,
+            threads=threads,
+            on_error=on_error,
+        )
 
     def noc(self, q: ArrayLike, va: ArrayLike) -> dynamics.Terms:
-        """All matrices of the paper at one state, with f = I aa + C va - tau^g - tau^f.
-
-        Example:
-            >>> terms = robot.noc(robot.home, [1, 0, 0])
-            >>> terms.L.shape, terms.K.shape, terms.T.shape
-            ((9, 3), (54, 9), (54, 3))
-        """
+        """All matrices of the paper at one state, with f = I aa + C va - tau^g - tau^f."""
         engine = self._engine
         rates = single_array("va", va, (len(engine.mechanism.coordinates),))
         return dynamics.terms(engine.reference.memory, engine.single(q), rates)
@@ -766,12 +668,7 @@ class ClosedChain(Summary):
     def reduced_terms(
         self, q: ArrayLike, va: ArrayLike, **options: Unpack[Options]
     ) -> dynamics.ReducedTerms:
-        """Mass matrix, Coriolis matrix, gravity and friction in the coordinates, Eqs. (93)-(96).
-
-        Example:
-            >>> chain.reduced_terms(chain.home, [1]).inertia.round(4)
-            array([[0.0049]])
-        """
+        """Mass matrix, Coriolis matrix, gravity and friction in the coordinates, Eqs. (93)-(96)."""
         engine = self._engine
         rows = engine.compute(Quantity("reduced_terms"), q, va=va, **options)
         return dynamics.ReducedTerms.of_rows(rows, len(engine.mechanism.coordinates))
@@ -784,11 +681,11 @@ class ClosedChain(Summary):
         *,
         tau: ArrayLike | None = None,
         stiffness: Mapping[str, ArrayLike] | None = None,
-        platform_moment: ArrayLike | None = None,
-        external_wrenches: ArrayLike | None = None,
-        **options: Unpack[Options],
+        **options: Unpack[LoadOptions],
     ) -> reactions.Reactions:
-        """Wrenches in all joints and closures, each with the verdict whether it is unique.
+        """Wrenches in all joints and closures; components that are not unique are NaN.
+
+        `platform_moment` and `external_wrenches` may act.
 
         Args:
             aa: If absent, the accelerations follow from tau.
@@ -796,165 +693,66 @@ class ClosedChain(Summary):
             stiffness: Makes reactions of an overconstrained robot unique: by the name of a joint or
                 closure, stiffnesses about x, y, z [N m/rad] and along x, y, z [N/m] in the axes of
                 its wrench, infinite where it is rigid. Joints without one are rigid.
-            out: Array for all numbers of a sample side by side, shape
-                (..., 7 (r + closures) + 6 + motors): wrenches of joints, closures and the ground,
-                the torques, then for each joint and closure the sum of 2^k of its components k
-                that are not unique, k from 0 to 5.
-
-        Returns:
-            `Reactions`; components that are not unique are NaN.
-
-        Example:
-            >>> w = chain.reactions(chain.home, [0], [0])
-            >>> w.joints.shape, w.determined.joints.all(axis=1)
-            ((3, 6), array([False, False, False]))
+            options: `out` has shape (..., 7 (r + closures) + 6 + motors): wrenches of joints,
+                closures and the ground, the torques, then for each joint and closure the sum of 2^k
+                of its components k that are not unique, k from 0 to 5.
         """
-        engine = self._engine
-        load = self._wrenches(engine, platform_moment, external_wrenches, options)
-        inner: Options = {**options, "out": None}
-        one_to_one = engine.mechanism.driven_one_to_one
-        if aa is None and tau is not None:
-            aa = engine.compute(Quantity("accelerations"), q, va=va, tau=tau, load=load, **inner)
-        elif aa is None or tau is not None:
-            raise InputError("aa, tau", "one of them is needed, not both")
-        elif not one_to_one:
-            tau = engine.compute(Quantity("torques"), q, va=va, aa=aa, load=load, **inner)
-        extra = None
-        if stiffness is not None:
-            extra = {"compliances": reactions.compliances_of(engine.mechanism, stiffness)}
-        motion = {"va": va, "aa": aa, "tau": None if one_to_one else tau}
-        rows = engine.compute(Quantity("reactions"), q, load=load, extra=extra, **motion, **options)
-        return reactions.unpacked(engine.mechanism, np.asarray(rows), stiffness is not None)
+        return self._engine.reactions(q, va, aa, tau, stiffness, **options)
 
     def preload_directions(self, q: ArrayLike) -> Array:
-        """Motor torques that stress the robot without moving it: an orthonormal basis.
+        """Orthonormal motor torques that stress the robot without moving it, (..., motors, k).
 
-        The basis varies continuously along the last axis of a batch. Its shape is
-        (..., motors, k); `mobility().inner_stresses` is k.
-
-        Raises:
-            SingularConfigurationError: Where the motors hold fewer freedoms than elsewhere.
+        They vary continuously along the last axis of a batch; `mobility().inner_stresses` is k.
         """
-        return self._preload_directions(self._engine, q, "raise")
-
-    @staticmethod
-    def _preload_directions(engine: Engine, q: ArrayLike, on_error: str) -> Array:
-        key = Quantity("actuator_jacobian")
-        J = engine.compute(key, q, on_error=on_error)
-        try:
-            regular = engine.compute(key, engine.example())
-        except (ClosureError, SingularConfigurationError):  # coordinates of another assembly mode
-            regular = None
-        return torque_sharing.preload_directions(engine.mechanism, J, regular, on_error)
+        return self._engine.preload_directions(q)
 
     def torque_regressor(
         self, q: ArrayLike, va: ArrayLike, aa: ArrayLike, **options: Unpack[Options]
     ) -> Array:
-        """Y of shape (..., n, p): `generalized_forces` are Y theta, theta `dynamic_parameters`.
+        """Y, shape (..., n, p): `generalized_forces` are Y times the `dynamic_parameters`.
 
-        The references of springs and the rest lengths of lines are those of this robot. Columns of
-        torque offsets hold the error of measured motor torques, as forces along the coordinates.
-
-        Example:
-            >>> Y = chain.torque_regressor(chain.home, [1], [2])
-            >>> f = chain.generalized_forces(chain.home, [1], [2])
-            >>> bool(np.allclose(Y @ chain.dynamic_parameters, f))
-            True
+        References of springs and rest lengths of lines are those of this robot. Columns of torque
+        offsets are errors of measured motor torques, as forces along the coordinates.
         """
         return self._engine.compute(Quantity("torque_regressor"), q, va=va, aa=aa, **options)
 
     def kinetic_energy(self, q: ArrayLike, va: ArrayLike) -> Array:
         """Kinetic energy, shape (...), [J]."""
-        engine = self._engine
-        arrays = [engine.configurations(q), engine.compute(Quantity("rates"), q, va=va)]
-        return for_each_sample(engine.reference.kinetic_energy, arrays, (1, 1), ())
+        return energy.kinetic_energy(self._engine, q, va)
 
     def potential_energy(self, q: ArrayLike) -> Array:
         """Potential energy of weights, springs and lines, shape (...), [J].
 
         It is zero with all masses at the origin, springs at their reference, lines at rest length.
         """
-        engine = self._engine
-        array = finite_array("q", q, (engine.mechanism.model.nq,))
-        return for_each_sample(engine.reference.potential_energy, (array,), (1,), ())
+        return energy.potential_energy(self._engine, q)
 
     def friction_power(self, q: ArrayLike, va: ArrayLike) -> Array:
         """Power of friction in all joints, Eq. (87), and of dampers, shape (...), [W]."""
-        engine = self._engine
-        v, mechanism = engine.compute(Quantity("rates"), q, va=va), engine.mechanism
-        _, _, damping, _ = mechanism.lines.numbers
-        on_lines = (damping * engine.line_rates(q, v) ** 2).sum(axis=-1)
-        return finite_array("power", (mechanism.friction.forces(v) * v).sum(axis=-1) - on_lines, ())
-
-    def _wrenches(
-        self,
-        engine: Engine,
-        platform_moment: ArrayLike | None,
-        external_wrenches: ArrayLike | None,
-        options: Options | None = None,
-    ) -> Array | None:
-        """Wrenches on all bodies, shape (..., r, 6), with a moment on the platform, or None."""
-        model = engine.mechanism.model
-        on_error = (options or {}).get("on_error", "raise")
-        wrenches = engine.wrenches(external_wrenches, on_error)
-        if platform_moment is None:
-            return wrenches
-        body = body_of(model, self._platform)
-        if body is None:
-            raise InputError(
-                "platform_moment",
-                f'the robot has no body with a frame "{self._platform}"; use external_wrenches=',
-            )
-        moment = as_array("platform_moment", platform_moment, (3,))
-        if on_error == "raise":
-            moment = finite_array("platform_moment", moment, (3,))
-        on_platform = np.zeros((*moment.shape[:-1], model.njoints - 1, 6))
-        on_platform[..., body, :3] = moment
-        return on_platform if wrenches is None else on_platform + wrenches
+        return energy.friction_power(self._engine, q, va)
 
     # --- derivatives ------------------------------------------------------------------------
 
     def torque_derivatives(
-        self,
-        q: ArrayLike,
-        va: ArrayLike,
-        aa: ArrayLike,
-        *,
-        external_wrenches: ArrayLike | None = None,
-        sign_width: float = 1e-3,
-        **options: Unpack[Options],
+        self, q: ArrayLike, va: ArrayLike, aa: ArrayLike, **options: Unpack[DerivativeOptions]
     ) -> TorqueDerivatives:
         """Derivatives of `generalized_forces`; of the torques if motor k is coordinate k.
 
-        They are taken along the motions that keep the loops closed; docs/derivatives.md. `.dq`,
-        `.dva`, `.daa` have shapes (..., n, n); column k of dq: q moves by L e_k. `out` has them
-        side by side, shape (..., n, 3 n).
-
-        Example:
-            >>> d = chain.torque_derivatives(chain.home, [1], [0])
-            >>> d.dq.round(3), d.dva.round(3), d.daa.round(4)
-            (array([[0.103]]), array([[0.013]]), array([[0.0049]]))
+        They are taken along the motions that keep the loops closed, with friction smoothed by
+        `sign_width`; docs/derivatives.md. `.dq`, `.dva`, `.daa` have shapes (..., n, n); column k
+        of dq: q moves by L e_k. `out` has them side by side, shape (..., n, 3 n).
         """
-        arguments = q, va, aa, external_wrenches
-        return self._engine.derivatives(TorqueDerivatives, *arguments, sign_width, **options)
+        return self._engine.derivatives(TorqueDerivatives, q, va, aa, **options)
 
     def acceleration_derivatives(
-        self,
-        q: ArrayLike,
-        va: ArrayLike,
-        tau: ArrayLike,
-        *,
-        external_wrenches: ArrayLike | None = None,
-        sign_width: float = 1e-3,
-        **options: Unpack[Options],
+        self, q: ArrayLike, va: ArrayLike, tau: ArrayLike, **options: Unpack[DerivativeOptions]
     ) -> AccelerationDerivatives:
-        """Derivatives of `compute_accelerations`, with friction smoothed by `sign_width`.
+        """Derivatives of `compute_accelerations`, taken as `torque_derivatives`.
 
         `.dq`, `.dva` have shapes (..., n, n), `.dtau` has (..., n, motors); `out` has them side by
         side, shape (..., n, 2 n + motors).
         """
-        arguments = q, va, tau, external_wrenches
-        return self._engine.derivatives(AccelerationDerivatives, *arguments, sign_width, **options)
+        return self._engine.derivatives(AccelerationDerivatives, q, va, tau, **options)
 
     def linearize(
         self,
@@ -963,24 +761,18 @@ class ClosedChain(Summary):
         tau: ArrayLike,
         *,
         dt: float | None = None,
-        external_wrenches: ArrayLike | None = None,
-        sign_width: float = 1e-3,
-        **options: Unpack[Options],
+        **options: Unpack[DerivativeOptions],
     ) -> tuple[Array, Array]:
-        """Linear system x' = A x + B u at a state, or at each state of a trajectory.
+        """A, shape (..., 2 n, 2 n), and B, shape (..., 2 n, motors), of x' = A x + B u at a state.
 
         x is the deviation of the coordinates and of va, u is the deviation of the torques.
 
         Args:
             dt: Step of the discrete system x_next = A x + B u with constant u, [s]: the matrix
                 exponential, exact for the linear system. None for the continuous system.
-
-        Returns:
-            A, shape (..., 2 n, 2 n), and B, shape (..., 2 n, motors).
         """
         engine = self._engine
-        arguments = q, va, tau, external_wrenches
-        d = engine.derivatives(AccelerationDerivatives, *arguments, sign_width, **options)
+        d = engine.derivatives(AccelerationDerivatives, q, va, tau, **options)
         rates = None
         if engine.reference.derivatives.axes_move:
             rates = engine.compute(Quantity("displacement_rates"), q, va=va, on_error="nan")
@@ -998,11 +790,11 @@ class ClosedChain(Summary):
     ) -> None:
         """Generate and compile kernels for this robot; they compute its dynamics from then on.
 
-        The C compiler of the system (or of the package ziglang) compiles them. The user's cache
-        folder keeps them for the next start. They are specific to the geometry, the closures, the
-        motors, and to which bodies have mass and which joints have friction, springs or rotors; the
-        values of these can change without a new compilation. The reference path computes samples
-        that fail a kernel's check. `path` says what computes.
+        The C compiler of the system (or of the package ziglang) compiles them, and the user's cache
+        folder keeps them. They depend on the geometry, the closures, the motors, and on which
+        bodies have mass and which joints have friction, springs or rotors; the values of these can
+        change without a new compilation. The reference path computes samples that fail a kernel's
+        check. `path` says what computes.
 
         Args:
             q: Configuration on the closures, shape (nq,), around which the order of elimination is
@@ -1015,11 +807,6 @@ class ClosedChain(Summary):
             CompilationError: Without a compiler, or if it fails.
             MissingExtraError: Without CasADi, `sst-pin[compile]`.
             DescriptionError: For a joint without compiled equations.
-
-        Example:
-            >>> chain.compile()
-            >>> chain.path.partition(":")[0]
-            'compiled kernels'
         """
         from .compiled.compiled_backend import DERIVATIVES, EVERY, FIRST, CompiledBackend
 
@@ -1034,7 +821,7 @@ class ClosedChain(Summary):
         kernels.make(EVERY if all else keys)
         if self._engine is not engine:  # refreshed meanwhile
             return self.compile(q, derivatives=derivatives, all=all)
-        self._engine = Engine(engine.mechanism, make, kernels)
+        self._engine = Engine(engine.mechanism, make, kernels, self._platform)
         return None
 
     def casadi(
@@ -1045,27 +832,18 @@ class ClosedChain(Summary):
         sign_width: float = 1e-3,
         compiled: bool = False,
     ) -> CasadiFunctions:
-        """The dynamics as CasADi functions with exact derivatives, for optimization.
-
-        As in `compile`, the order of elimination is chosen around q. The functions are smooth in
-        the rates, by `sign_width`. They do not check their input.
+        """The dynamics as CasADi functions, `.torques` and more; they do not check their input.
 
         Args:
+            q: As in `compile`.
             external_wrenches: Whether the dynamics have them as their last input, shape (r, 6).
+            sign_width: Makes friction smooth, as in derivatives.
             compiled: Whether the functions are compiled C code with derivatives of first order,
                 compiled at their first use and cached as by `compile`. Otherwise they need no
                 compiler and have derivatives of every order.
 
-        Returns:
-            `.torques`, `.accelerations`, `.rates`, `.residual`, `.step` and more; see
-            `sst_pin.compiled.casadi_functions.CasadiFunctions`.
-
         Raises:
             MissingExtraError: Without CasADi, `sst-pin[compile]`.
-
-        Example:
-            >>> robot.casadi().torques
-            Function(torques:(q[9],va[3],aa[3])->(tau[3]) SXFunction)
         """
         try:
             from .compiled.casadi_functions import CasadiFunctions
@@ -1097,16 +875,10 @@ class ClosedChain(Summary):
         stopped: str = "",
         crossings: Sequence[Crossing] = (),
     ) -> Trajectory:
-        """A `Trajectory` of this robot.
+        """A `Trajectory` of this robot at increasing times t, shape (N,), [s].
 
-        Args:
-            t: Times, increasing, shape (N,), [s].
-            q: Configurations on the closures, shape (N, nq).
-            va: Rates of the coordinates, shape (N, n).
-            aa: Accelerations of the coordinates, shape (N, n).
-            tau: Motor torques, shape (N, motors); computed by default.
-            stopped: Reason why the motion ended early; empty if it did not.
-            crossings: Singular configurations that it went through.
+        `tau` is computed by default. `stopped` says why the motion ended early, `crossings` which
+        singular configurations it went through.
         """
         from .simulation.trajectories import trajectory_of
 
@@ -1132,17 +904,16 @@ class ClosedChain(Summary):
         progress: Callable[[float], None] | None = None,
         max_step: float | None = None,
     ) -> Trajectory:
-        """Simulate the motion for given torques.
+        """Simulate the motion for given torques, with closed loops at all times.
 
-        In each evaluation the dependent joints are computed from independent ones by the closure
-        constraints, so the loops stay closed. The independent joints are the coordinates of the
-        robot; where these do not determine the motion well, others are chosen for a while.
+        The result ends early before a singularity of the mechanism, with a `SingularityWarning`;
+        `stopped` says why. The integrator uses the rates of the coordinates; where these do not
+        determine the motion well, it uses those of other joints for a while.
 
         Args:
             torque: A function (t, q, va) -> (motors,); a constant, shape (motors,); samples at t,
-                shape (N, motors); a `Trajectory` with its own times; or a `SampledTorque`, which is
-                computed once in each period and held. Samples are interpolated by a smooth spline.
-                For torques with jumps, pass a function.
+                shape (N, motors), or a `Trajectory` with its own times, both interpolated by a
+                smooth spline; or a `SampledTorque`. Pass torques with jumps as a function.
             q0: Configuration at t[0], on the closures, shape (nq,).
             va0: Rates of the coordinates at t[0], shape (n,).
             t: Times of the output, increasing, shape (N,), N >= 2, [s].
@@ -1153,60 +924,41 @@ class ClosedChain(Summary):
                 0, external_wrenches is a function, or wheels roll.
             rtol: Relative tolerance of the integrator.
             atol: Absolute tolerance of the integrator, [rad], [rad/s].
-            max_condition_number: The motion stops before a singularity of the mechanism, where the
-                condition number of the dependent columns of Phi reaches this value, whichever
-                joints are independent. Dead points of the coordinates do not end a motion.
+            max_condition_number: The motion stops where the condition number of the dependent
+                columns of Phi reaches this value, whichever joints are independent.
             through_singularities: Whether the motion goes on through singular configurations of the
-                mechanism, on the smooth branch: where several branches meet, on the one that
-                continues the motion with its velocity and acceleration. They are listed in
-                `crossings` of the result. The motion stops where no branch is determined, as where
-                it comes to rest there or where branches touch without crossing.
+                mechanism, on the branch that continues it smoothly; `crossings` of the result lists
+                them. It stops where no branch is determined, as where it comes to rest.
             sign_width: Coulomb friction uses tanh(x / sign_width) instead of sign(x), [rad/s],
                 because an integrator needs smooth forces. A joint that should stick moves slowly.
             progress: Function that is called with the time reached.
             max_step: Longest step of the integrator, [s]. By default, where torques or loads are
-                functions, no step is longer than the distance of the output times: a jump or a
-                push that is shorter can be missed. Samples are never stepped over.
-
-        Returns:
-            The motion at the times reached. If these are not all times of t, `stopped` says why.
-
-        Warns:
-            SingularityWarning: If the motion stopped before a singularity.
-            RuntimeWarning: If the integrator has stepped over a torque or load.
+                functions, steps are no longer than the distance of the output times: a shorter
+                push can be missed, and a RuntimeWarning says so where it shows.
 
         Raises:
             InputError: Also for torques that end too early.
             SimulationError: If the integrator fails.
-
-        Example:
-            >>> motion = chain.simulate([0], chain.home, [0], np.linspace(0, 0.1, 11))
-            >>> motion.q.shape
-            (11, 3)
         """
         from .simulation.simulation import simulate
 
-        engine = self._engine
-        load = self._moving_load(engine, platform_moment, external_wrenches)
-        how = max_condition_number, through_singularities, sign_width, progress, max_step
-        return simulate(engine, torque, q0, va0, t, load, method, rtol, atol, *how)
-
-    def _moving_load(self, engine: Engine, platform_moment: Load, external_wrenches: Load) -> Load:
-        """Both loads of a simulation as one, which may depend on time and state."""
-        if platform_moment is None:
-            return external_wrenches
-        if not (callable(platform_moment) or callable(external_wrenches)):
-            return self._wrenches(engine, platform_moment, external_wrenches)
-
-        def load(t: float, q: Array, va: Array) -> Array:
-            loads = (platform_moment, external_wrenches)
-            moment, others = (x(t, q, va) if callable(x) else x for x in loads)
-            wrenches = self._wrenches(engine, moment, others)
-            if wrenches is None:
-                raise InputError("platform_moment(t, q, va)", "None: three numbers are needed")
-            return wrenches
-
-        return load
+        return simulate(
+            self._engine,
+            torque,
+            q0,
+            va0,
+            t,
+            platform_moment=platform_moment,
+            external_wrenches=external_wrenches,
+            method=method,
+            rtol=rtol,
+            atol=atol,
+            max_condition_number=max_condition_number,
+            through_singularities=through_singularities,
+            sign_width=sign_width,
+            progress=progress,
+            max_step=max_step,
+        )
 
     def rollout(
         self,
@@ -1224,10 +976,9 @@ class ClosedChain(Summary):
     ) -> Rollout:
         """Simulate many motions with a fixed step; the error is of fourth order in dt.
 
-        After each step the dependent joints are corrected, so that the loops stay closed. Motions
-        go through dead points of the coordinates: near these, the rates of other joints are
-        integrated. They end before singular configurations of the mechanism and never change their
-        assembly mode.
+        The loops stay closed. Near dead points of the coordinates the rates of other joints are
+        integrated. A motion that reaches a singularity of the mechanism, diverges or opens its
+        loops (dt is too long) raises a `SimulationError` with the samples.
 
         Args:
             tau: Motor torques, shape (..., N, motors), constant in each step. For torques that
@@ -1239,36 +990,32 @@ class ClosedChain(Summary):
             platform_moment: Constant for each motion, shape (..., 3).
             external_wrenches: Constant for each motion, shape (..., r, 6).
             steps: Number of steps N; by default the number of torques.
+            sign_width: As in `simulate`.
             on_error: "raise", or "nan" to set the states to NaN from the first bad state on.
 
         Returns:
-            All states; the leading axes are those of the arguments, broadcast.
-
-        Raises:
-            SimulationError: If the loops open (dt is too long), or a motion reaches a singularity
-                of the mechanism or diverges; it lists the samples and gives the time of the first.
-
-        Example:
-            >>> motion = chain.rollout(np.zeros((5, 100, 1)), chain.home, [0], dt=0.001)
-            >>> motion.q.shape
-            (5, 101, 3)
+            q of shape (..., N + 1, nq) and va of shape (..., N + 1, n).
         """
         from .simulation.rollouts import rollout
 
-        engine = self._engine
-        load = self._wrenches(engine, platform_moment, external_wrenches)
-        return rollout(engine, tau, q0, va0, dt, load, steps, sign_width, threads, on_error)
+        return rollout(
+            self._engine,
+            tau,
+            q0,
+            va0,
+            dt,
+            platform_moment=platform_moment,
+            external_wrenches=external_wrenches,
+            steps=steps,
+            sign_width=sign_width,
+            threads=threads,
+            on_error=on_error,
+        )
 
     def check(self, motion: Trajectory | ArrayLike) -> tuple[Finding, ...]:
-        """Joints that leave their limits along a motion, and nearby singularities.
+        """Joints that leave their limits along a motion, and nearby singularities, with times.
 
-        An SST has arcs as limits too, and singularities of two kinds.
-
-        Args:
-            motion: A motion of this robot, or one configuration, shape (nq,).
-
-        Returns:
-            One finding for each joint or singularity, with its times; empty if there are none.
+        The motion may be one configuration, shape (nq,). An SST has arcs as limits too.
         """
         from .simulation.check import findings, samples_of
 
@@ -1284,18 +1031,14 @@ class ClosedChain(Summary):
     def loads(
         self, motion: Trajectory, *, stiffness: Mapping[str, ArrayLike] | None = None
     ) -> Loads:
-        """Forces and moments in joints and closures along a motion: peaks, their times, means.
+        """Peaks, their times and means of the forces and moments in joints and closures.
 
-        Args:
-            motion: A motion of this robot under its weight and the torques of the motion.
-            stiffness: As in `reactions`.
-
-        Returns:
-            A table with `to_dataframe` and `save`; sizes that are not unique are NaN.
+        The motion is one under weights and its own torques; `stiffness` as in `reactions`. The
+        table has `to_dataframe` and `save`; sizes that are not unique are NaN.
         """
         from .simulation.bearing_loads import loads
 
-        return loads(copy(self), motion, stiffness)
+        return loads(self._engine, motion, stiffness)
 
     # --- files and pictures -----------------------------------------------------------------
 
@@ -1308,13 +1051,12 @@ class ClosedChain(Summary):
         actuated: Sequence[Motor] | None = None,
         locked: Sequence[str] = (),
     ) -> _Chain:
-        """A robot from a URDF and a YAML file, the "extended URDF" of LAAS; docs/own_robot.md.
+        """A robot from a URDF or SDF and a YAML file, the "extended URDF" of LAAS.
 
-        The YAML lists closures, motors, forces along lines, gravity and joint types. If it has no
-        closures, the frames `closing_NAME_1` and `closing_NAME_2` of the URDF become point
-        closures. Without these and without a YAML the robot is an open tree with a motor at each
-        joint. Mimic joints become couplings. An SRDF beside the URDF defines named configurations,
-        such as `home`.
+        The YAML lists closures, motors, forces along lines, gravity and joint types; docs/
+        own_robot.md. Without a YAML the frames `closing_NAME_1` and `closing_NAME_2` close point
+        closures, else the robot is an open tree with a motor at each joint. Mimic joints become
+        couplings. An SRDF beside the file defines named configurations, such as `home`.
 
         Args:
             path: The URDF, or an SDF; meshes are not needed. In an SDF, joints that make no tree
@@ -1345,9 +1087,8 @@ class ClosedChain(Summary):
         """A robot from a MuJoCo file; its equalities close the loops; docs/existing_robots.md.
 
         The motors are the joints and tendons with an actuator; tau is the force in the joint or the
-        tendon, whatever the law of the actuator. Positions of hinges and slides are those of
-        `qpos`; the scalar of a quaternion in q is last, and linear rates in v are in body axes.
-        Keyframes become `referenceConfigurations` of the model, such as `home`.
+        tendon. Positions are those of `qpos`, but the scalar of a quaternion is last and linear
+        rates are in body axes. Keyframes become `referenceConfigurations`, such as `home`.
 
         Args:
             path: The MJCF.
@@ -1385,13 +1126,7 @@ class ClosedChain(Summary):
 
     @property
     def visual_model(self) -> pin.GeometryModel:
-        """Shapes of the bodies, from the URDF or the MJCF; assign your own to replace them.
-
-        They are loaded at each call. Without shapes the model is empty.
-
-        Raises:
-            DescriptionError: If a mesh cannot be loaded.
-        """
+        """Shapes of the bodies, loaded at each call; assign your own to replace them."""
         shapes = self._shapes
         return shapes(self.mechanism.model) if callable(shapes) else shapes
 
@@ -1429,7 +1164,7 @@ class ClosedChain(Summary):
 
         Raises:
             MissingExtraError: Without the extra `sst-pin[viz]`.
-            DescriptionError: If a mesh cannot be loaded; for a live page of a robot without
+            DescriptionError: If a mesh cannot be loaded, or for a live page of a robot without
                 compiled equations.
             InputError: For the motion of another robot, or a ghost at other times than the motion.
         """
@@ -1454,11 +1189,3 @@ class ClosedChain(Summary):
             ("sizes", f"nq = {model.nq}, nv = {model.nv}"),
             ("computed by", self.path),
         ]
-
-
-def _motor_weights(mechanism: Mechanism, weights: ArrayLike) -> Array:
-    """Weights of the motors' squared torques, positive, shape (motors,)."""
-    array = single_array("weights", weights, (mechanism.motors.shape[1],))
-    if not (array > 0).all():
-        raise InputError("weights", "must be positive")
-    return array

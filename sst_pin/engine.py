@@ -27,8 +27,10 @@ from .arrays import (
 )
 from .dynamics.derivatives import AccelerationDerivatives, TorqueDerivatives
 from .dynamics.quantities import Name, Quantity
+from .dynamics.reactions import Reactions, compliances_of, unpacked
 from .dynamics.reference import Reference
-from .errors import ClosureError, InputError, SSTError
+from .dynamics.torque_sharing import preload_directions
+from .errors import ClosureError, InputError, SingularConfigurationError, SSTError
 from .loops.assembly import home_of
 from .loops.coordinates import examples
 from .loops.loops import Loops
@@ -36,7 +38,7 @@ from .loops.mobility import Mobility, condition_number, judge, scaled_Phi
 from .model.closures import Rolling
 from .model.mechanism import Friction, Mechanism
 from .model.thresholds import CLOSURE_TOLERANCE
-from .model.tree import frame_id
+from .model.tree import body_of, frame_id
 from .states import ReferenceStates, States
 from .summaries import listed
 
@@ -57,6 +59,20 @@ class Options(TypedDict, total=False):
     out: Array | None
     threads: int
     on_error: str
+
+
+class LoadOptions(Options, total=False):
+    """Loads besides the weights, and how samples are computed."""
+
+    platform_moment: ArrayLike | None
+    external_wrenches: ArrayLike | None
+
+
+class DerivativeOptions(Options, total=False):
+    """What derivatives depend on besides the state, and how samples are computed."""
+
+    external_wrenches: ArrayLike | None
+    sign_width: float
 
 
 class Kernel(Protocol):
@@ -96,6 +112,14 @@ class Kernels(Protocol):
         """The state space with this friction instead of the mechanism's."""
 
 
+class Robot(Protocol):
+    """A robot, as public functions of the lower rooms take it: they only use its engine."""
+
+    @property
+    def engine(self) -> Engine:
+        """The engine that computes."""
+
+
 class Engine:
     """Computes the quantities of one mechanism. An engine never changes.
 
@@ -103,6 +127,7 @@ class Engine:
         mechanism: The mechanism.
         make_kernels: Makes its kernels at their first use; None to compute by the reference path.
         kernels: The kernels, if they exist already.
+        platform: Name of the frame whose body a `platform_moment` acts on.
     """
 
     def __init__(
@@ -110,14 +135,15 @@ class Engine:
         mechanism: Mechanism,
         make_kernels: Callable[[Reference], Kernels] | None = None,
         kernels: Kernels | None = None,
+        platform: str = "platform",
     ) -> None:
-        self.mechanism, self.make_kernels = mechanism, make_kernels
+        self.mechanism, self.make_kernels, self.platform = mechanism, make_kernels, platform
         self.reference = Reference(mechanism)
         if kernels is not None:
             self._kernels = kernels
 
     def __reduce__(self) -> tuple[Callable[..., Engine], tuple[object, ...]]:
-        return _unpickled, (self.mechanism, self.make_kernels)
+        return _unpickled, (self.mechanism, self.make_kernels, self.platform)
 
     # --- what computes ----------------------------------------------------------------------
 
@@ -145,11 +171,6 @@ class Engine:
         """The kernel of a quantity; None where the reference path computes it."""
         return None if self.kernels is None else self.kernels.kernel(key)
 
-    def answer(self, key: Quantity, *arguments: Any) -> Array | None:
-        """`Kernel.answer` of a quantity; None where the reference path must compute it."""
-        kernel = self.kernel(key)
-        return None if kernel is None else kernel.answer(*arguments)
-
     @cached_property
     def torques(self) -> Callable[..., Array | None] | None:
         """`Kernel.answer` of inverse dynamics, for control loops."""
@@ -174,19 +195,21 @@ class Engine:
         key: Quantity,
         q: ArrayLike,
         *,
-        load: Array | None = None,
+        platform_moment: ArrayLike | None = None,
+        external_wrenches: ArrayLike | None = None,
         extra: Mapping[str, Array] | None = None,
         out: Array | None = None,
         threads: int = 1,
         on_error: str = "raise",
         **arguments: Any,
     ) -> Array:
-        """A quantity, for one sample or a batch.
+        """A quantity, for one sample or a batch; `ClosedChain` describes the arguments.
 
         Args:
             key: The quantity.
             q: Configurations, shape (..., nq).
-            load: Wrenches on all bodies, shape (..., r, 6).
+            platform_moment: Moment on the platform, shape (..., 3).
+            external_wrenches: Wrenches on all bodies, shape (..., r, 6).
             extra: Arguments of the reference path for which there are no kernels.
             out: Array for the result.
             threads: Number of threads of kernels.
@@ -197,6 +220,11 @@ class Engine:
             The shape of the quantity, behind the leading axes of the arguments.
         """
         kind = key.properties
+        if on_error == "raise" and external_wrenches is extra is None:
+            result = self._answer(key, q, arguments, platform_moment, out, threads)
+            if result is not None:
+                return result
+        load = self.wrenches(platform_moment, external_wrenches, on_error)
         absent = [None for value in arguments.values() if value is None and kind.tau_optional]
         if absent:
             del arguments["tau"]
@@ -232,14 +260,38 @@ class Engine:
         fast = None if self.kernels is None else fill
         return for_each_sample(function, arrays, axes, shape, on_error=on_error, out=out, fast=fast)
 
+    def _answer(
+        self,
+        key: Quantity,
+        q: ArrayLike,
+        arguments: dict[str, Any],
+        moment: ArrayLike | None,
+        out: Array | None,
+        threads: int,
+    ) -> Array | None:
+        """`Kernel.answer` in the shape of the quantity."""
+        shape = key.properties.shape(self.mechanism)
+        unsupported = len(arguments) > 2 or (out is not None and len(shape) > 1)
+        if self.kernels is None or unsupported or not isinstance(key.frame, str | None):
+            return None
+        kernel = self.kernels.kernel(key)
+        if kernel is None:
+            return None
+        a, b, *_ = *arguments.values(), None, None
+        result = kernel.answer(q, a, b, moment, out, threads)
+        if result is not None and len(shape) > 1:
+            result.shape = (*result.shape[:-1], *shape)
+        return result
+
     def derivatives(
         self,
         kind: type[D],
         q: ArrayLike,
         va: ArrayLike,
         x: ArrayLike,
-        external_wrenches: ArrayLike | None,
-        sign_width: float,
+        *,
+        external_wrenches: ArrayLike | None = None,
+        sign_width: float = 1e-3,
         **options: Any,
     ) -> D:
         """Derivatives of torques by q, va and aa, or of accelerations by q, va and tau."""
@@ -250,11 +302,43 @@ class Engine:
             result: D | None = kernel.derivatives(kind, q, va, x, 1)
             if result is not None:
                 return result
-        load = self.wrenches(external_wrenches, options.get("on_error", "raise"))
-        options |= {"va": va, argument: x}
-        rows = np.asarray(self.compute(key, q, load=load, **options))
+        options |= {"va": va, argument: x, "external_wrenches": external_wrenches}
+        rows = np.asarray(self.compute(key, q, **options))
         n = rows.shape[-2]
         return kind(*np.split(rows, (n, 2 * n), axis=-1))
+
+    def reactions(
+        self,
+        q: ArrayLike,
+        va: ArrayLike,
+        aa: ArrayLike | None,
+        tau: ArrayLike | None,
+        stiffness: Mapping[str, ArrayLike] | None,
+        **options: Any,
+    ) -> Reactions:
+        """Wrenches in all joints and closures; see `ClosedChain.reactions`."""
+        inner, one_to_one = {**options, "out": None}, self.mechanism.driven_one_to_one
+        if aa is None and tau is not None:
+            aa = self.compute(Quantity("accelerations"), q, va=va, tau=tau, **inner)
+        elif aa is None or tau is not None:
+            raise InputError("aa, tau", "one of them is needed, not both")
+        elif not one_to_one:
+            tau = self.compute(Quantity("torques"), q, va=va, aa=aa, **inner)
+        if stiffness is not None:
+            options["extra"] = {"compliances": compliances_of(self.mechanism, stiffness)}
+        motion = {"va": va, "aa": aa, "tau": None if one_to_one else tau}
+        rows = self.compute(Quantity("reactions"), q, **motion, **options)
+        return unpacked(self.mechanism, np.asarray(rows), stiffness is not None)
+
+    def preload_directions(self, q: ArrayLike, on_error: str = "raise") -> Array:
+        """Motor torques that move nothing, shape (..., motors, k)."""
+        jacobian = Quantity("actuator_jacobian")
+        J = self.compute(jacobian, q, on_error=on_error)
+        try:
+            regular = self.compute(jacobian, self.example())
+        except (ClosureError, SingularConfigurationError):  # coordinates of another assembly mode
+            regular = None
+        return preload_directions(self.mechanism, J, regular, on_error)
 
     def line_rates(self, q: ArrayLike, v: Array) -> Array:
         """Rates of the lengths of the lines at rates v of the tree, shape (..., lines)."""
@@ -289,19 +373,28 @@ class Engine:
         """One or many configurations, shape (..., nq)."""
         return as_array("q", q, (self.mechanism.model.nq,))
 
-    def wrenches(self, wrenches: ArrayLike | None, on_error: str) -> Array | None:
-        """External wrenches on all bodies, shape (..., r, 6), or None.
+    def wrenches(
+        self, platform_moment: ArrayLike | None, external_wrenches: ArrayLike | None, on_error: str
+    ) -> Array | None:
+        """Wrenches on all bodies, shape (..., r, 6), with a moment on the platform, or None.
 
         Kernels leave out wrenches that do no work, so numbers that are not finite are refused here.
         """
-        if wrenches is None:
-            return None
-        shape = self.mechanism.model.njoints - 1, 6
-        if on_error != "nan":
-            return finite_array("external_wrenches", wrenches, shape)
-        array = as_array("external_wrenches", wrenches, shape)
-        finite = np.isfinite(array).all(axis=(-2, -1), keepdims=True)
-        return np.where(finite, array, np.nan)
+        shape, wrenches = (self.mechanism.model.njoints - 1, 6), None
+        if external_wrenches is not None:
+            wrenches = _loads("external_wrenches", external_wrenches, shape, on_error)
+        if platform_moment is None:
+            return wrenches
+        body = body_of(self.mechanism.model, self.platform)
+        if body is None:
+            raise InputError(
+                "platform_moment",
+                f'the robot has no body with a frame "{self.platform}"; use external_wrenches=',
+            )
+        moment = _loads("platform_moment", platform_moment, (3,), on_error)
+        on_platform = np.zeros((*moment.shape[:-1], *shape))
+        on_platform[..., body, :3] = moment
+        return on_platform if wrenches is None else on_platform + wrenches
 
     def single(self, q: ArrayLike) -> Array:
         """One configuration on the manifold, shape (nq,)."""
@@ -398,10 +491,22 @@ class Engine:
         return judge(self.mechanism, self.reference.memory.loops, at, where)
 
 
-def _unpickled(mechanism: Mechanism, make_kernels: Callable[..., Kernels] | None) -> Engine:
+def _loads(name: str, value: ArrayLike, shape: tuple[int, ...], on_error: str) -> Array:
+    """Loads; samples with a number that is not finite are refused, or NaN."""
+    if on_error != "nan":
+        return finite_array(name, value, shape)
+    array = as_array(name, value, shape)
+    axes = tuple(range(-len(shape), 0))
+    return np.where(np.isfinite(array).all(axis=axes, keepdims=True), array, np.nan)
+
+
+def _unpickled(
+    mechanism: Mechanism, make_kernels: Callable[..., Kernels] | None, platform: str
+) -> Engine:
     """An engine with a copy of the model: mimic joints of an unpickled model end the process.
 
     Arrays are read-only again.
     """
     parts = {name: replace(getattr(mechanism, name)) for name in ("friction", "springs")}
-    return Engine(replace(mechanism, model=pin.Model(mechanism.model), **parts), make_kernels)
+    mechanism = replace(mechanism, model=pin.Model(mechanism.model), **parts)
+    return Engine(mechanism, make_kernels, platform=platform)

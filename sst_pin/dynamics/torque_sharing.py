@@ -12,7 +12,7 @@ from math import prod
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, as_array, finite_array, for_each_sample, of_samples
+from ..arrays import Array, as_array, finite_array, for_each_sample, of_samples, single_array
 from ..errors import ActuationError, InputError, SingularConfigurationError
 from ..model.mechanism import Mechanism
 from ..model.thresholds import RANK_TOLERANCE
@@ -112,6 +112,16 @@ def shared_torques(
 
     arrays, axes = (least, directions, amounts), (1, 2, 1)
     return for_each_sample(one, arrays, axes, (motors,), on_error=on_error, out=out)
+
+
+def weights_of(mechanism: Mechanism, weights: ArrayLike | None) -> dict[str, Array] | None:
+    """Weights of the squared torques, positive, shape (motors,), by the name of the argument."""
+    if weights is None:
+        return None
+    array = single_array("weights", weights, (mechanism.motors.shape[1],))
+    if not (array > 0).all():
+        raise InputError("weights", "must be positive")
+    return {"weights": array}
 
 
 def limits_of(limits: ArrayLike, motors: int, name: str = "limits") -> Array:

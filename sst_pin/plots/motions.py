@@ -98,7 +98,7 @@ def energy_balance(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
         >>> plots.energy_balance(ax, chain, motion).get_ylabel()
         'energy since start (J)'
     """
-    balance = balance_of(robot, motion)
+    balance = balance_of(robot.engine, motion)
     names = ("kinetic", "potential", "work of motors")
     values = np.stack([balance.kinetic, balance.potential, balance.motors], axis=1)
     shown = Curves(names, ("J",) * 3, values)
@@ -135,7 +135,9 @@ def _torques(motion: Trajectory) -> Curves:
 
 def _powers(robot: ClosedChain, motion: Trajectory) -> Curves:
     require_motion(motion, robot.mechanism)
-    return Curves(motion.actuated, ("W",) * len(motion.actuated), motor_powers(robot, motion))
+    return Curves(
+        motion.actuated, ("W",) * len(motion.actuated), motor_powers(robot.engine, motion)
+    )
 
 
 def _positions(motion: Trajectory) -> Curves:

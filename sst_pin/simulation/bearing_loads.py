@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..dynamics.quantities import Quantity
 from ..dynamics.reactions import Reactions
+from ..engine import Engine
 from ..errors import InputError, MissingExtraError
 from ..files import as_path, text_writer, write_files
 from ..summaries import Summary
@@ -20,8 +22,6 @@ from .trajectories import Trajectory
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from ..closed_chain import ClosedChain
 
 
 class Load(NamedTuple):
@@ -124,23 +124,22 @@ class Loads(Summary):
 
 
 def reactions_along(
-    chain: ClosedChain, motion: Trajectory, stiffness: Mapping[str, ArrayLike] | None
+    engine: Engine, motion: Trajectory, stiffness: Mapping[str, ArrayLike] | None
 ) -> Reactions:
     """Reactions along a motion under its torques and the weights; refuses one with other loads."""
-    require_motion(motion, chain.mechanism)
-    w = chain.reactions(motion.q, motion.va, tau=motion.tau, stiffness=stiffness)
-    aa = chain.compute_accelerations(motion.q, motion.va, motion.tau)
+    require_motion(motion, engine.mechanism)
+    q, va, tau = motion.q, motion.va, motion.tau
+    w = engine.reactions(q, va, None, tau, stiffness)
+    aa = engine.compute(Quantity("accelerations"), q, va=va, tau=tau)
     off = np.abs(aa - motion.aa).max() / (1 + np.abs(motion.aa).max())
     if off > 1e-6:
         raise InputError("motion", "other forces than its torques and the weights act on it")
     return w
 
 
-def loads(
-    chain: ClosedChain, motion: Trajectory, stiffness: Mapping[str, ArrayLike] | None
-) -> Loads:
-    """Loads of a chain along a motion, under the torques of the motion."""
-    w = reactions_along(chain, motion, stiffness)
+def loads(engine: Engine, motion: Trajectory, stiffness: Mapping[str, ArrayLike] | None) -> Loads:
+    """Loads along a motion under its torques and the weights."""
+    w = reactions_along(engine, motion, stiffness)
     wrenches = np.concatenate([w.joints, w.closures], axis=-2)
     unique = np.all(np.concatenate(w.determined, axis=-2), axis=0)
     half = np.diff(motion.t, prepend=motion.t[0], append=motion.t[-1]) / 2

@@ -1,21 +1,20 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Where the energy of a motion comes from and where it goes."""
+"""Energies, their powers, and the energy balance of a motion."""
 
 from __future__ import annotations
 
-from copy import copy
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from ..arrays import Array
+from ..arrays import Array, finite_array, for_each_sample
+from ..dynamics.quantities import Quantity
+from ..engine import Engine, Robot
 from ..errors import InputError
 from .moving_robot import require_motion
 from .samples import spline
 from .trajectories import Trajectory
-
-if TYPE_CHECKING:
-    from ..closed_chain import ClosedChain
 
 
 class EnergyBalance(NamedTuple):
@@ -39,36 +38,61 @@ class EnergyBalance(NamedTuple):
         return self.kinetic + self.potential - self.motors - self.friction
 
 
-def motor_powers(chain: ClosedChain, motion: Trajectory) -> Array:
-    """Power of each motor along a motion of the chain, shape (N, motors), [W]."""
-    return motion.tau * chain.motor_rates(motion.q, motion.va)
+def motor_rates(engine: Engine, q: ArrayLike, va: ArrayLike) -> Array:
+    """Rates of the motors, shape (..., motors)."""
+    v, mechanism = engine.compute(Quantity("rates"), q, va=va), engine.mechanism
+    return np.asarray(v @ mechanism.motors + engine.line_rates(q, v) @ mechanism.lines.motors)
 
 
-def energy_balance(chain: ClosedChain, motion: Trajectory) -> EnergyBalance:
+def motor_powers(engine: Engine, motion: Trajectory) -> Array:
+    """Power of each motor along a motion, shape (N, motors), [W]."""
+    return motion.tau * motor_rates(engine, motion.q, motion.va)
+
+
+def kinetic_energy(engine: Engine, q: ArrayLike, va: ArrayLike) -> Array:
+    """Kinetic energy, shape (...), [J]."""
+    arrays = [engine.configurations(q), engine.compute(Quantity("rates"), q, va=va)]
+    return for_each_sample(engine.reference.kinetic_energy, arrays, (1, 1), ())
+
+
+def potential_energy(engine: Engine, q: ArrayLike) -> Array:
+    """Potential energy of weights, springs and lines, shape (...), [J]."""
+    array = finite_array("q", q, (engine.mechanism.model.nq,))
+    return for_each_sample(engine.reference.potential_energy, (array,), (1,), ())
+
+
+def friction_power(engine: Engine, q: ArrayLike, va: ArrayLike) -> Array:
+    """Power of friction in all joints, Eq. (87), and of dampers, shape (...), [W]."""
+    v, mechanism = engine.compute(Quantity("rates"), q, va=va), engine.mechanism
+    _, _, damping, _ = mechanism.lines.numbers
+    on_lines = (damping * engine.line_rates(q, v) ** 2).sum(axis=-1)
+    return finite_array("power", (mechanism.friction.forces(v) * v).sum(axis=-1) - on_lines, ())
+
+
+def energy_balance(engine: Engine, motion: Trajectory) -> EnergyBalance:
     """Energies of a motion and the work of motors and friction, without external loads.
 
     Powers are integrated with splines through the samples.
     """
-    chain = copy(chain)
-    require_motion(motion, chain.mechanism)
+    require_motion(motion, engine.mechanism)
     if len(motion) < 2:
         raise InputError("motion", "has one sample; at least two are needed")
 
     def work(power: Array) -> Array:
         return np.asarray(spline(motion.t, power).antiderivative()(motion.t))
 
-    kinetic = chain.kinetic_energy(motion.q, motion.va)
-    potential = chain.potential_energy(motion.q)
+    kinetic = kinetic_energy(engine, motion.q, motion.va)
+    potential = potential_energy(engine, motion.q)
     return EnergyBalance(
         kinetic - kinetic[0],
         potential - potential[0],
-        work(motor_powers(chain, motion).sum(axis=1)),
-        work(chain.friction_power(motion.q, motion.va)),
+        work(motor_powers(engine, motion).sum(axis=1)),
+        work(friction_power(engine, motion.q, motion.va)),
     )
 
 
-def energy_error(chain: ClosedChain, motion: Trajectory) -> Array:
-    """How far a motion's energy is from the work done on it, shape (N,), [J].
+def energy_error(chain: Robot, motion: Trajectory) -> Array:
+    """Change of a motion's energy minus the work done on it, shape (N,), [J].
 
     Args:
         chain: The robot.
@@ -83,4 +107,4 @@ def energy_error(chain: ClosedChain, motion: Trajectory) -> Array:
         >>> bool(abs(sst_pin.energy_error(chain, motion)).max() < 1e-8)
         True
     """
-    return energy_balance(chain, motion).error
+    return energy_balance(chain.engine, motion).error

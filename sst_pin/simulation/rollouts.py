@@ -50,13 +50,15 @@ def rollout(
     q0: ArrayLike,
     va0: ArrayLike,
     dt: float,
+    *,
+    platform_moment: ArrayLike | None,
     external_wrenches: ArrayLike | None,
     steps: int | None,
     sign_width: float,
     threads: int,
     on_error: str,
 ) -> Rollout:
-    """The states that `ClosedChain.rollout` gives, for the same arguments."""
+    """The states that `ClosedChain.rollout` returns, for the same arguments."""
     require_policy(on_error)
     threads = whole_number("threads", threads, 1)
     positive_number("sign_width", sign_width, or_zero=True)
@@ -68,10 +70,7 @@ def rollout(
     start = as_array("q0", q0, (nq,))
     states, n = engine.states(sign_width), len(mechanism.coordinates)
     rates = as_array("va0", va0, (n,))
-    wrenches = None
-    if external_wrenches is not None:
-        shape = (mechanism.model.njoints - 1, 6)
-        wrenches = finite_array("external_wrenches", external_wrenches, shape)
+    wrenches = engine.wrenches(platform_moment, external_wrenches, "raise")
     batch, flat = flattened((start, rates, torques, wrenches), (1, 1, 2, 2))
     q_0, va_0, tau_0 = (np.require(a, None, "A") for a in flat[:3])
     count = torques.shape[-2] if steps is None else steps

@@ -44,6 +44,8 @@ def simulate(
     q0: ArrayLike,
     va0: ArrayLike,
     t: ArrayLike,
+    *,
+    platform_moment: Load,
     external_wrenches: Load,
     method: str,
     rtol: float,
@@ -54,7 +56,7 @@ def simulate(
     progress: Callable[[float], None] | None,
     max_step: float | None,
 ) -> Trajectory:
-    """The motion that `ClosedChain.simulate` gives, for the same arguments."""
+    """The motion that `ClosedChain.simulate` returns, for the same arguments."""
     if method not in _METHODS:
         raise InputError("method", f"{method!r} unknown; known: {', '.join(_METHODS)}")
     positive_number("rtol", rtol)
@@ -78,15 +80,16 @@ def simulate(
     va0 = single_array("va0", va0, (n,))
     if not states.condition_number(q0) < max_condition_number:
         raise InputError("q0", f"closer to a singularity than {max_condition_number=:g}")
+    wrenches = _wrenches(engine, platform_moment, external_wrenches)
     load, changes = None, times if max_step is None else None
-    if external_wrenches is not None:
+    if wrenches is not None:
         shape = mechanism.model.njoints - 1, 6
-        load = _called_or_constant("external_wrenches", external_wrenches, shape, changes)
+        load = _called_or_constant("external_wrenches", wrenches, shape, changes)
     motion = Motion(states, _torque_of(torque, times, motors, changes), load)
     # A load that is a function, and wheels that roll, have more derivatives than the robot's.
     exact = (
         sign_width > 0
-        and not callable(external_wrenches)
+        and not callable(wrenches)
         and not any(isinstance(closure, Rolling) for closure in mechanism.closures)
     )
     options: dict[str, Any] = {"rtol": rtol, "atol": atol}
@@ -100,6 +103,23 @@ def simulate(
     if run.missed:
         warnings.warn(run.missed, RuntimeWarning, stacklevel=3)
     return trajectory_of(mechanism, times[: len(q)], q, va, aa, tau, run.stopped, run.crossings)
+
+
+def _wrenches(engine: Engine, platform_moment: Load, external_wrenches: Load) -> Load:
+    """Both loads as wrenches on all bodies, a constant or a function of (t, q, va)."""
+    if not (callable(platform_moment) or callable(external_wrenches)):
+        return engine.wrenches(platform_moment, external_wrenches, "raise")
+    if platform_moment is None:
+        return external_wrenches
+
+    def wrenches(t: float, q: Array, va: Array) -> Array:
+        loads = (platform_moment, external_wrenches)
+        moment, others = (x(t, q, va) if callable(x) else x for x in loads)
+        if moment is None:
+            raise InputError("platform_moment(t, q, va)", "None: three numbers are needed")
+        return np.asarray(engine.wrenches(moment, others, "raise"))
+
+    return wrenches
 
 
 def _torque_of(torque: Torque, times: Array, motors: int, changes: Array | None) -> Input:

@@ -75,7 +75,7 @@ def curves_of(robot: ClosedChain, motion: Trajectory) -> list[dict[str, Any]]:
         torques_of(robot, motion.tau),
         joints_of(robot, motion.q),
         _set("rates", "", motion.coordinates, motion.coordinates, rates, motion.va),
-        _set("powers", "motor ", symbols, motors, watts, motor_powers(robot, motion)),
+        _set("powers", "motor ", symbols, motors, watts, motor_powers(robot.engine, motion)),
     ]
 
 

@@ -167,7 +167,7 @@ class Viewer:
             return
         known, effort = _thinned(motion), self._shares(_thinned(motion).tau)
         if self._loaded:
-            reactions = partial(reactions_along, self._robot, known, self._stiffness)
+            reactions = partial(reactions_along, self._robot.engine, known, self._stiffness)
             effort = self._with_forces(effort, reactions)
         reference = _thinned(wanted or motion).q
         self._drawing.animate(known, effort, reference, ghost)

@@ -159,7 +159,7 @@ def test_loops_turn_fully_at_any_tolerance_on_both_paths(name):
         motion = chain.simulate([0.0], q0, [3.0], t, rtol=tolerance, atol=tolerance)
         assert not motion.stopped
         assert np.ptp(motion.q[:, 0]) > 2 * np.pi
-        balance = energy_balance(chain, motion)
+        balance = energy_balance(chain.engine, motion)
         assert np.abs(balance.error).max() < left * np.ptp(balance.kinetic)
 
 

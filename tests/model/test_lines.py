@@ -192,7 +192,7 @@ def test_energy_of_a_damped_swing_goes_where_it_says():
     chain = ClosedChain(bar.model, bar.closures, ["crank"], forces=[gas])
     motion = chain.simulate([0.0], bar.home, [1.0], np.linspace(0, 0.3, 601))
     assert len(motion) == 601
-    balance = energy_balance(chain, motion)
+    balance = energy_balance(chain.engine, motion)
     assert balance.friction[-1] < -2e-3
     assert np.abs(balance.error).max() < 1e-8 * np.abs(balance.potential).max()
 

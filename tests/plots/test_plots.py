@@ -90,11 +90,11 @@ def test_energy_drawn_is_balanced(sticky, circle):
     # Splines of degree five through 121 samples of a period.
     assert np.abs(gained - done).max() < 1e-6
     assert np.abs(sst_pin.energy_error(sticky, circle)).max() < 1e-6
-    balance = energy_balance(sticky, circle)
+    balance = energy_balance(sticky.engine, circle)
     assert [energy[0] for energy in balance] == [0] * 4
     assert (np.diff(balance.friction) < 0).all()
     wrong = sticky.trajectory(circle.t, circle.q, circle.va, circle.aa, 1.1 * circle.tau)
-    assert np.abs(energy_balance(sticky, wrong).error).max() > 0.1
+    assert np.abs(energy_balance(sticky.engine, wrong).error).max() > 0.1
 
 
 def test_condition_number_near_a_singularity_is_logarithmic(robot):

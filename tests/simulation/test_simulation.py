@@ -132,7 +132,7 @@ def test_motors_work_against_their_own_rates_whatever_the_coordinates():
     chain = table.chain(coordinates=["rocker"])
     q, t = table.joints(table.x).real, np.linspace(0, 0.2, 41)
     motion = chain.simulate([3.0], q, [0.2], t)
-    balance = energy_balance(chain, motion)
+    balance = energy_balance(chain.engine, motion)
     assert np.abs(balance.motors).max() > 0.01  # J
     assert np.abs(sst_pin.energy_error(chain, motion)).max() < 1e-6  # the spline's, 0.005 s apart
 
