@@ -43,5 +43,6 @@ class Course:
         load: Array | None,
         q: Array,
         va: Array,
+        looks: Array,
         threads: int = 1,
     ) -> Indices: ...

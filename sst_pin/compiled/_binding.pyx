@@ -414,9 +414,9 @@ cdef class Course:
     def run(
         self, double step, cnp.ndarray q0 not None, cnp.ndarray va0 not None,
         cnp.ndarray tau not None, cnp.ndarray load, cnp.ndarray q not None,
-        cnp.ndarray va not None, Py_ssize_t threads=1,
+        cnp.ndarray va not None, cnp.ndarray looks not None, Py_ssize_t threads=1,
     ):
-        """Fill q and va and return the number of valid states of each sample, shape (N,).
+        """Fill the states and return the number of valid states of each sample, shape (N,).
 
         Args:
             step: Time step, [s].
@@ -426,6 +426,8 @@ cdef class Course:
             load: Shape (N, size), or None.
             q: Shape (N, steps + 1, nq), to be filled; NaN for states that fail their checks.
             va: Shape (N, steps + 1, n), filled in the same way.
+            looks: Shape (N, steps + 1, 2), filled in the same way: det Phi_u without units, and 1
+                where it changes little in the step from there, else 0.
             threads: Number of threads.
 
         Raises:
@@ -433,7 +435,7 @@ cdef class Course:
         """
         cdef rows inputs[3]
         cdef courses torques
-        cdef courses outputs[2]
+        cdef courses outputs[3]
         cdef Py_ssize_t count = cnp.PyArray_DIM(q0, 0) if cnp.PyArray_NDIM(q0) == 2 else -1
         cdef Py_ssize_t steps = cnp.PyArray_DIM(q, 1) - 1 if cnp.PyArray_NDIM(q) == 3 else -1
         cdef ptrdiff_t half = 0
@@ -443,15 +445,16 @@ cdef class Course:
         cdef ptrdiff_t numbers = self.sizes[0] + self.sizes[1] + self.sizes[2]
         for array, ndim, size in (
             (q0, 2, self.sizes[0]), (va0, 2, self.sizes[1]), (tau, 3, self.sizes[2]),
-            (q, 3, self.sizes[0]), (va, 3, self.sizes[1]),
+            (q, 3, self.sizes[0]), (va, 3, self.sizes[1]), (looks, 3, 2),
             *(() if load is None else ((load, 2, self.sizes[3]),)),
         ):
             if not is_plain(array, ndim, size) or array.shape[0] != count:
                 raise TypeError("the shapes of the arrays do not match")
         held = tau.shape[1] == steps
         if (
-            steps < 0 or va.shape[1] != steps + 1 or not (held or tau.shape[1] == 2 * steps + 1)
-            or not q.flags.writeable or not va.flags.writeable
+            steps < 0 or not va.shape[1] == looks.shape[1] == steps + 1
+            or not (held or tau.shape[1] == 2 * steps + 1)
+            or not all(a.flags.writeable for a in (q, va, looks))
         ):
             raise TypeError("the shapes of the arrays do not match")
         inputs[0], inputs[1] = rows_of(q0), rows_of(va0)
@@ -462,7 +465,7 @@ cdef class Course:
         if not held:
             half = torques.step
             torques.step *= 2
-        outputs[0], outputs[1] = course_of(q), course_of(va)
+        outputs[0], outputs[1], outputs[2] = course_of(q), course_of(va), course_of(looks)
         counts = <ptrdiff_t *>cnp.PyArray_DATA(reached)
         own = self.parameters
         parameters = numbers_of(own)

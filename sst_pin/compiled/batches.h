@@ -76,11 +76,11 @@ static int run_part(const batch *all, ptrdiff_t first, ptrdiff_t count)
 static int roll_part(const batch *all, ptrdiff_t first, ptrdiff_t count)
 {
     rows in[3];
-    courses tau = *all->tau, states[2] = {all->states[0], all->states[1]};
+    courses tau = *all->tau, states[3] = {all->states[0], all->states[1], all->states[2]};
     for (int a = 0; a < 3; a++)
         in[a] = moved(all->in[a], first);
     tau.at = moved(tau.at, first);
-    for (int i = 0; i < 2; i++)
+    for (int i = 0; i < 3; i++)
         states[i].at = moved(states[i].at, first);
     return all->roll(in, &tau, all->half, states, all->p, all->step, all->steps, count,
         all->reached + first);

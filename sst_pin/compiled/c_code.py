@@ -9,8 +9,10 @@ from typing import NamedTuple
 
 import casadi as ca
 
+from ..loops.continuity import TRAVEL
 from ..model.thresholds import AT_REST, BEND, CLOSURE_TOLERANCE
 from . import statements
+from .compiled_states import CHANGE, NEARBY
 from .kernels import SymbolicKernel
 from .open_numbers import SIGN_WIDTH
 
@@ -237,7 +239,8 @@ def library(entry: str, kernels: Sequence[SymbolicKernel], lanes: int) -> str:
         word, close, arrays = "rate", kernels[0].name, [q + va, tau, *load]
         more = {"va": va, "tau": tau, "load": sum(load), "states": q + va, "close": close}
         more |= {"units": ", ".join(map(repr, kernels[0].units)), "bend": BEND}
-        more["tolerance"] = CLOSURE_TOLERANCE
+        more |= {"close_checks": kernels[0].checks.numel(), "tolerance": CLOSURE_TOLERANCE}
+        more |= {"travel": TRAVEL, "nearby": NEARBY * TRAVEL, "change": CHANGE}
         parts.append(filled("entries/roll.c", numbers | more))
         runs = {"word": "run", "sizes": ", ".join(map(str, inputs))}
         parts.append(filled("entries/sizes.c", numbers | runs))

@@ -8,7 +8,7 @@ dynamics computes all columns of a sample side by side.
 
 import sys
 from collections.abc import Callable
-from functools import cache
+from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,7 +19,6 @@ from ..dynamics.dynamics import solved
 from ..dynamics.reference import Reference
 from ..engine import Kernel
 from ..errors import SSTError
-from ..loops.continuity import TRAVEL
 from ..model.mechanism import Friction, Mechanism
 from ..states import Motions, ReferenceStates
 
@@ -28,11 +27,9 @@ if TYPE_CHECKING:
     from ._binding import Kernel as BoundKernel
 
 #: det Phi_u changes by no more than this factor in half a step that is sound.
-_CHANGE = 1.25
-#: Longest step that closes the middle of a sound step, in parts of `TRAVEL`.
-_NEARBY = 0.02
-#: Motions that are judged together, so that their numbers stay in the cache.
-_AT_ONCE = 64
+CHANGE = 1.25
+#: Longest step of Newton's method that closes the middle of a sound step, in parts of `TRAVEL`.
+NEARBY = 0.02
 
 
 class CompiledStates(ReferenceStates):
@@ -56,8 +53,6 @@ class CompiledStates(ReferenceStates):
         self._closing, self._rate_of, self._course = closing, cache(rate), course
         self._slopes = slopes
         self._by_columns = by_columns
-        units = np.array(self._mechanism.space.position_units)
-        self._travel = TRAVEL * np.where(units == "m", self._mechanism.length, 1.0)
 
     def closed(self, states: Array) -> Array:
         """q with closed loops, by kernels that make steps of Newton's method."""
@@ -125,17 +120,12 @@ class CompiledStates(ReferenceStates):
 
     def _run(self, course: "Course", motions: Motions, threads: int) -> Indices:
         """Fill the states of motions as far as the kernels compute them well, and count them."""
-        reached = course.run(*motions, min(threads, sys.maxsize))
+        looks = np.empty((*motions.q.shape[:2], 2))
+        reached = course.run(*motions, looks, min(threads, sys.maxsize))
         reached[~self._mechanism.space.on_manifold(motions.q0)] = 0  # kernels normalise on the way
-        for first in range(0, len(reached), _AT_ONCE):
-            some = slice(first, first + _AT_ONCE)
-            q, va, tau = motions.q[some], motions.va[some], motions.tau[some]
-            load = None if motions.load is None else motions.load[some]
-            part = motions._replace(tau=tau, load=load, q=q, va=va)
-            reached[some] = self._continuous(part, reached[some])
-        return reached
+        return self._continuous(motions, looks, reached)
 
-    def _continuous(self, motions: Motions, reached: Indices) -> Indices:
+    def _continuous(self, motions: Motions, looks: Array, reached: Indices) -> Indices:
         """How many states of each motion follow one another in one assembly mode, shape (N,).
 
         Between two modes, and near a singularity, a block of Phi_u is almost singular. So a short
@@ -143,17 +133,10 @@ class CompiledStates(ReferenceStates):
         motions near a dead point of the coordinates, are left to the reference path.
         """
         q, until = motions.q, reached.copy()
-        steps = np.diff(q, axis=1)
-        ends, middles = self._determinants(q), self._determinants(q[:, :-1] + steps / 2)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratios = np.stack([middles / ends[:, :-1], ends[:, 1:] / middles])
-        sound = ((ratios > 1 / _CHANGE) & (ratios < _CHANGE)).all(axis=0)
-        far = np.abs(steps) > self._travel
-        if far.any():  # asked of all first, which is fast
-            sound &= ~far.any(axis=2)
-        sound |= np.arange(motions.steps) + 1 >= reached[:, None]
-        falls = self._falls(ends)[:, :-1]
-        asked = (falls | ~sound) & (np.arange(motions.steps) < reached[:, None])
+        sound, falls = looks[:, :-1, 1] > 0, self._falls(looks[..., 0])[:, :-1]
+        steps = np.arange(motions.steps)
+        sound |= steps + 1 >= reached[:, None]
+        asked = (falls | ~sound) & (steps < reached[:, None])
         for i, s in np.argwhere(asked):
             if s < until[i] and not (
                 self._suits(q[i, s], motions.va[i, s], motions.dt)
@@ -170,31 +153,27 @@ class CompiledStates(ReferenceStates):
             return False
 
     def _falls(self, ends: Array) -> Flags:
-        """Where |det Phi_u| first falls by one more `_CHANGE` below half its size elsewhere."""
-        largest = np.nanmax(np.abs(ends), axis=1, initial=0)
-        example = self._mechanism.example
-        if example is not None:
-            largest = np.fmax(largest, np.abs(self._determinants(example[None])))
+        """Where |det Phi_u| first falls by one more `CHANGE` below half its size elsewhere."""
+        sizes = np.abs(ends)
+        largest = np.fmax(sizes.max(axis=1, initial=0, where=sizes >= 0), self._usual_size)
+        half = largest[:, None] / 2
+        if not (sizes <= half).any():
+            return np.zeros(ends.shape, dtype=bool)
         with np.errstate(divide="ignore", invalid="ignore"):
-            levels = np.floor(np.log(largest[:, None] / np.abs(ends) / 2) / np.log(_CHANGE))
+            levels = np.floor(np.log(half / sizes) / np.log(CHANGE))
         levels = np.where(levels >= 0, levels, -1)  # where there is no number too
         falls = np.diff(np.maximum.accumulate(levels, axis=1), axis=1, prepend=-1) > 0
         return np.asarray(falls)
 
-    def _determinants(self, q: Array) -> Array:
-        """det Phi_u, open loops closed by a Newton step; NaN where this is long or checks fail."""
-        assert self._closing is not None  # a rollout by kernels has it
-        flat = np.ascontiguousarray(q.reshape(-1, self._nq))
-        result = np.empty((len(flat), self._nq + 2))
-        left = self._closing.many((flat,), result)
-        det = result[:, -2]
-        det[left] = np.nan
-        if len(left):
-            closed, again = result[left, :-2], np.empty((len(left), self._nq + 2))
-            near = np.all(np.abs(closed - flat[left]) < _NEARBY * self._travel, axis=1)
-            near[self._closing.many((closed,), again)] = False
-            det[left[near]] = again[near, -2]
-        return det.reshape(q.shape[:-1])
+    @cached_property
+    def _usual_size(self) -> float:
+        """|det Phi_u| at the example of the mechanism, 0 if it has none."""
+        example = self._mechanism.example
+        if example is None or self._closing is None:
+            return 0.0
+        result = np.empty((1, self._nq + 2))
+        failed = self._closing.many((example[None],), result)
+        return 0.0 if len(failed) else abs(float(result[0, -2]))
 
 
 class ByColumns:

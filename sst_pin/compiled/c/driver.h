@@ -138,25 +138,52 @@ typedef struct {
  * and gives it nearer to the closures, then a determinant that is zero at singularities. Torques are
  * those at the beginning of each step, in its middle (`half` bytes later) and at its end; where
  * `half` is 0, that of the beginning. A step that misses a bend of its way ends the motion.
- * `reached` gets the number of states that hold. */
+ * `reached` gets the number of states that hold. The third output gets the determinant of each
+ * state, and 1 where the step from it is sound, else 0: the determinant changes by at most a factor
+ * `change` to the middle and on to the end, and no joint moves further than `travel`. */
 typedef struct {
-    int q, va, tau, load, checks;
+    int q, va, tau, load, checks, close_checks;
     body *rate, *close;
     const double *units; /* numbers of q times these are free of units */
-    double bend, tolerance;
+    double bend, tolerance, travel, nearby, change;
 } stepper;
 
-/* Where Newton's method moved the end of a step by no more than a part of its way. */
-INLINE mask is_short(const stepper *f, const real *start, const real *end, const real *closed)
+/* The longest way of a joint between two configurations, free of units; NaN stays. */
+INLINE real longest_way(const stepper *f, const real *from, const real *to)
 {
-    real opened = {0}, moved = {0};
+    real longest = {0};
     for (int j = 0; j < f->q; j++) {
-        const real gap = ABSOLUTE(closed[j] - end[j]) * f->units[j];
-        const real way = ABSOLUTE(closed[j] - start[j]) * f->units[j];
-        opened = choose(gap <= opened, opened, gap); /* NaN stays */
-        moved = choose(way > moved, way, moved);
+        const real way = ABSOLUTE(to[j] - from[j]) * f->units[j];
+        longest = choose(way <= longest, longest, way);
     }
-    return opened <= f->bend * moved + f->tolerance;
+    return longest;
+}
+
+/* The determinant at x, without units; NaN where checks fail also after a short step of Newton's
+ * method, which closes loops that are open. */
+INLINE real determinant(const stepper *f, real *x, const double *p, real *y)
+{
+    const int outputs = f->q + 2;
+    f->close(x, p, y);
+    const mask closed = judge(x, f->q, f->q, y, outputs, f->close_checks);
+    const mask open = closed == (mask){0};
+    real det = y[f->q];
+    if (some(open)) {
+        const mask near = longest_way(f, x, y) < f->nearby;
+        for (int j = 0; j < f->q; j++)
+            x[j] = choose(open, y[j], x[j]);
+        f->close(x, p, y);
+        const mask good = near & judge(x, f->q, f->q, y, outputs, f->close_checks);
+        det = choose(closed, det, choose(good, y[f->q], y[f->q] + __builtin_nan("")));
+    }
+    return det;
+}
+
+INLINE mask is_sound(const stepper *f, real before, real middle, real after, real way)
+{
+    const real first = middle / before, second = after / middle, least = (real){0} + 1 / f->change;
+    return (first > least) & (first < f->change) & (second > least) & (second < f->change)
+        & (way <= f->travel);
 }
 
 INLINE int roll(const stepper *f, real *x, real *y, real *start, real *sum, const rows *in,
@@ -165,25 +192,27 @@ INLINE int roll(const stepper *f, real *x, real *y, real *start, real *sum, cons
 {
     static const double weights[] = {1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6}, ahead[] = {0.5, 0.5, 1};
     const int states = f->q + f->va, inputs = states + f->tau + f->load;
+    const int sizes[] = {f->q, f->va, 2};
     int any = 0;
     for (ptrdiff_t first = 0; first < count; first += LANES) {
         const int lanes = count - first < LANES ? (int)(count - first) : LANES;
-        mask holds = (real){0} == (real){0};
-        real side, det;
+        const real zero = {0}, one = zero + 1.0;
+        mask holds = zero == zero;
+        real side, look[2] = {zero, one}; /* the determinant of the state, whether a step is sound */
         take(x, &in[0], first, lanes, f->q);
         take(x + f->q, &in[1], first, lanes, f->va);
         take(x + states + f->tau, &in[2], first, lanes, f->load);
+        f->close(x, p, y);
+        side = look[0] = y[f->q];
         for (ptrdiff_t s = 0; s <= steps; s++) {
-            for (int i = 0; i < 2; i++) {
-                rows to = out[i].at;
-                to.data += s * out[i].step;
-                give(x + (i ? f->q : 0), &to, first, lanes, i ? f->va : f->q);
+            rows to[3];
+            for (int i = 0; i < 3; i++) {
+                to[i] = out[i].at;
+                to[i].data += s * out[i].step;
             }
-            if (s == 0) {
-                f->close(x, p, y);
-                side = det = y[f->q];
-            }
-            holds &= side * det > 0.0;
+            give(x, &to[0], first, lanes, f->q);
+            give(x + f->q, &to[1], first, lanes, f->va);
+            holds &= side * look[0] > 0.0;
             for (int j = 0; j < states; j++)
                 sum[j] = start[j] = x[j];
             for (int stage = 0; stage < (s < steps ? 4 : 1); stage++) {
@@ -205,11 +234,15 @@ INLINE int roll(const stepper *f, real *x, real *y, real *start, real *sum, cons
                     x[j] = start[j] + (stage < 3 ? h * ahead[stage] : 0.0) * y[j];
                 }
             }
-            if (s == steps)
+            if (s == steps) {
+                look[1] = one;
+                give(look, &to[2], first, lanes, 2);
                 break;
+            }
             for (int j = 0; j < states; j++)
                 x[j] = sum[j];
-            mask open = (real){0} == (real){0};
+            mask open = zero == zero;
+            real det = zero;
             for (int step = 0; step < 3 && some(open); step++) {
                 real squares = {0};
                 f->close(x, p, y);
@@ -220,16 +253,27 @@ INLINE int roll(const stepper *f, real *x, real *y, real *start, real *sum, cons
                 }
                 open &= squares > LARGEST_LAST_STEP * LARGEST_LAST_STEP;
             }
-            holds &= is_short(f, start, sum, x);
+            const real way = longest_way(f, start, x);
+            holds &= longest_way(f, sum, x) <= f->bend * way + f->tolerance;
+            for (int j = 0; j < f->q; j++) {
+                sum[j] = x[j];
+                x[j] = 0.5 * (start[j] + sum[j]);
+            }
+            const real middle = determinant(f, x, p, y);
+            look[1] = choose(is_sound(f, look[0], middle, det, way), one, zero);
+            give(look, &to[2], first, lanes, 2);
+            look[0] = det;
+            for (int j = 0; j < f->q; j++)
+                x[j] = sum[j];
         }
         for (int l = 0; l < lanes; l++) {
             if (reached[first + l] > steps)
                 continue;
             any = 1;
             for (ptrdiff_t s = reached[first + l]; s <= steps; s++)
-                for (int i = 0; i < 2; i++) {
+                for (int i = 0; i < 3; i++) {
                     char *at = out[i].at.data + (first + l) * out[i].at.row + s * out[i].step;
-                    for (int j = 0; j < (i ? f->va : f->q); j++)
+                    for (int j = 0; j < sizes[i]; j++)
                         *(double *)(at + j * out[i].at.column) = __builtin_nan("");
                 }
         }

@@ -2,8 +2,8 @@ int run_${entry}(const rows *in, const courses *tau, ptrdiff_t half, const cours
     const double *p, double h, ptrdiff_t steps, ptrdiff_t count, ptrdiff_t *reached)
 {
     static const double units[] = {${units}};
-    static const stepper f = {${q}, ${va}, ${tau}, ${load}, ${checks}, ${name}, ${close}, units,
-        ${bend}, ${tolerance}};
+    static const stepper f = {${q}, ${va}, ${tau}, ${load}, ${checks}, ${close_checks}, ${name}, ${close},
+        units, ${bend}, ${tolerance}, ${travel}, ${nearby}, ${change}};
     real x[${inputs}], y[${room}], start[${states}], sum[${states}];
     return roll(&f, x, y, start, sum, in, tau, half, out, p, h, steps, count, reached);
 }
