@@ -220,7 +220,7 @@ class Engine:
             The shape of the quantity, behind the leading axes of the arguments.
         """
         kind = key.properties
-        if on_error == "raise" and external_wrenches is extra is None:
+        if on_error == "raise" and external_wrenches is None and extra is None:
             result = self._answer(key, q, arguments, platform_moment, out, threads)
             if result is not None:
                 return result
@@ -326,8 +326,8 @@ class Engine:
             tau = self.compute(Quantity("torques"), q, va=va, aa=aa, **inner)
         if stiffness is not None:
             options["extra"] = {"compliances": compliances_of(self.mechanism, stiffness)}
-        motion = {"va": va, "aa": aa, "tau": None if one_to_one else tau}
-        rows = self.compute(Quantity("reactions"), q, **motion, **options)
+        tau = None if one_to_one else tau
+        rows = self.compute(Quantity("reactions"), q, va=va, aa=aa, tau=tau, **options)
         return unpacked(self.mechanism, np.asarray(rows), stiffness is not None)
 
     def preload_directions(self, q: ArrayLike, on_error: str = "raise") -> Array:
