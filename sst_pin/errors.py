@@ -5,9 +5,21 @@ from __future__ import annotations
 
 import copyreg
 import math
+import shlex
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+
+def install_command(extra: str = "") -> str:
+    """The command that installs this package, with an extra, for the Python that runs."""
+    folder, extras = Path(__file__).resolve().parents[1], f"[{extra}]" if extra else ""
+    command = f"{shlex.quote(sys.executable or 'python')} -m pip install"
+    if (folder / "setup.py").is_file():  # a clone
+        place = "." if Path.cwd() == folder else str(folder)
+        return f"{command} -e {shlex.quote(place + extras)}"
+    return f"{command} {shlex.quote('sst-pin' + extras)}"
 
 
 class SSTError(Exception):
@@ -278,12 +290,12 @@ class MissingExtraError(SSTError, ImportError):
         >>> raise sst_pin.MissingExtraError("meshcat", "viz")
         Traceback (most recent call last):
             ...
-        sst_pin.errors.MissingExtraError: meshcat is not installed; run: pip install ...
+        sst_pin.errors.MissingExtraError: meshcat is not installed; run: ... -m pip install ...
     """
 
     def __init__(self, package: str, extra: str) -> None:
         verb = "are" if "," in package else "is"
-        super().__init__(f"{package} {verb} not installed; run: pip install 'sst-pin[{extra}]'")
+        super().__init__(f"{package} {verb} not installed; run: {install_command(extra)}")
         self.package, self.extra = package, extra
 
 

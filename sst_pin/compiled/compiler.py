@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
-from ..errors import CompilationError
+from ..errors import CompilationError, install_command
 
 _AVX2 = ("-mavx2", "-mfma")
 _AVX512 = ("-mavx512f", "-mavx512dq", "-mavx512vl", "-mfma", "-mprefer-vector-width=512")
@@ -40,8 +40,8 @@ def compiler() -> list[str]:
     if find_spec("ziglang"):
         return [sys.executable, "-m", "ziglang", "cc"]
     raise CompilationError(
-        "no C compiler found; install one (on Debian: apt install gcc), or: "
-        "pip install 'sst-pin[compiler]'"
+        "no C compiler found; install one (on Debian: apt install gcc), or run: "
+        + install_command("compiler")
     )
 
 

@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 from types import ModuleType
 
-from ..errors import CompilationError
+from ..errors import CompilationError, install_command
 
 _FOLDER = Path(__file__).parent
 _SOURCES = [_FOLDER / name for name in ("_binding.pyx", "batches.h")]
@@ -28,8 +28,7 @@ def binding() -> ModuleType:
         content = b"".join(source.read_bytes() for source in _SOURCES)
         if hashlib.sha256(content).hexdigest() != _binding.SOURCES:
             raise CompilationError(
-                f"{_binding.__file__} was compiled from other sources; install sst-pin again "
-                "(in a clone: pip install -e .)"
+                f"{_binding.__file__} was compiled from other sources; run: {install_command()}"
             )
     return _binding
 
@@ -37,8 +36,7 @@ def binding() -> ModuleType:
 def _missing() -> str:
     package = _FOLDER.parent
     compiler = "a C compiler and Python's headers (on Debian: apt install gcc python3-dev)"
+    cure = f"install {compiler} and run: {install_command()}"
     if (package.parent / "setup.py").is_file():
-        cure = f"pip install -e . with {compiler}, or start Python outside the clone"
-    else:
-        cure = f"install sst-pin with {compiler}"
+        cure += ", or start Python outside the clone"
     return f"the extension module is not compiled in {package}; {cure}"

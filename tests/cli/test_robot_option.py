@@ -13,6 +13,7 @@ import pytest
 import sst_pin
 from sst_pin.cli import main
 from sst_pin.cli.commands import COMMANDS as COMMANDS_OF_THE_HELP
+from sst_pin.errors import install_command
 from tests.support.command_line import run
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -176,7 +177,7 @@ def test_all_missing_extras_are_named_at_once(here, capsys, monkeypatch):
         monkeypatch.setitem(sys.modules, name, None)
     code, _, err = run(capsys, "describe", "-o", "d")
     assert code == 2
-    assert "trimesh, matplotlib are not installed; run: pip install 'sst-pin[mesh,plot]'" in err
+    assert f"trimesh, matplotlib are not installed; run: {install_command('mesh,plot')}" in err
 
 
 START = "--q0 gamma_1=1,gamma_2=1,gamma_3=1 --va0 gamma_1=0,gamma_2=0,gamma_3=0"

@@ -39,7 +39,7 @@ def test_without_the_extension_compile_says_the_cure_and_the_reference_path_comp
     said, torques = printed.stdout.splitlines()
     assert said.startswith(f"the extension module is not compiled in {tmp_path / 'sst_pin'}; ")
     assert "a C compiler and Python's headers" in said
-    assert ("pip install -e ." in said and "start Python outside the clone" in said) == clone
+    assert ("-m pip install -e ." in said and "start Python outside the clone" in said) == clone
     assert torques == "[0.166]"
 
 
