@@ -34,9 +34,9 @@ class Controller(ABC):
             shape (motors, 2); none by default.
 
     Raises:
-        InputError: For a motion of another robot, or limits that are none.
+        InputError: For a motion of another robot, limits that are none, or a coordinate that is a
+            ball joint or a free body.
         ActuationError: If the motors do not hold all coordinates.
-        UnknownNameError: For a coordinate that is a ball joint or a free body.
     """
 
     def __init__(

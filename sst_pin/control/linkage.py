@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +21,14 @@ from ..model.thresholds import RANK_TOLERANCE
 _PIECE = 0.2
 #: Newton's method in a piece: steps, and the error at which it has arrived, as for the pieces.
 _STEPS, _ARRIVED = 20, 1e-12
+
+
+class _Driven(NamedTuple):
+    """A robot whose first coordinates are those of motors, and the shares of these motors."""
+
+    chain: ClosedChain
+    motors: list[int]
+    shares: Array
 
 
 class Linkage:
@@ -41,23 +51,27 @@ class Linkage:
         self._rows = np.flatnonzero(np.abs(J[:, self._columns]).max(axis=1) > RANK_TOLERANCE)
         self._units = scale[self._rows]
         self.motors = tuple(self.chain.motor_names[k] for k in self._rows)
-        self._require_motors(J[self._rows])
+        self._require_motors(J)
         # After these a motor of a joint without limits is at the same position.
         endless = ~np.isin(space.rate_names, space.position_names)
         self._turns = 2 * np.pi * np.abs(chain.mechanism.motors[:, self._rows]).T @ endless
 
     def _require_motors(self, J: Array) -> None:
-        """Judge the motors' rows of the Jacobian at a generic configuration, without units."""
-        if np.linalg.matrix_rank(J[:, self._columns], tol=RANK_TOLERANCE) < len(self.joints):
-            raise ActuationError(
-                f"the motors {', '.join(self.motors) or '(none)'} do not hold the joints "
-                f"{', '.join(self.joints)}"
-            )
-        shared = np.abs(J) > RANK_TOLERANCE
+        """Judge the Jacobian of all motors at a generic configuration, without units."""
+        names, motors = self.chain.mechanism.coordinate_rate_names, ", ".join(self.motors)
+        shared = np.abs(J[self._rows]) > RANK_TOLERANCE
         shared[:, self._columns] = False
+        others = np.flatnonzero(shared.any(axis=0))
+        _, sizes, ways = np.linalg.svd(J)
+        free = np.abs(ways[np.count_nonzero(sizes > RANK_TOLERANCE) :]).max(axis=0, initial=0.0)
+        if loose := [names[k] for k in others if free[k] > RANK_TOLERANCE]:
+            cure = f"give a motor to {', '.join(loose)}, or ClosedChain(..., locked={loose})"
+            raise ActuationError(f"the motors {motors} leave {', '.join(loose)} free: {cure}")
+        if loose := [names[k] for k in self._columns if free[k] > RANK_TOLERANCE]:
+            joints = ", ".join(loose)
+            raise ActuationError(f"the motors {motors or '(none)'} do not hold the joints {joints}")
         for row, k in np.argwhere(shared):
-            other = self.chain.mechanism.coordinate_rate_names[k]
-            problem = f"motor {self.motors[row]} also moves with {other}"
+            problem = f"motor {self.motors[row]} also moves with {names[k]}"
             raise InputError("joints", f"{problem}: name all joints of its linkage")
 
     def from_joints(self, positions: ArrayLike, start: ArrayLike | None = None) -> Array:
@@ -94,17 +108,45 @@ class Linkage:
                 give these of the motors.
         """
         first = self._start(start)
-        here = self.motor_positions(first)
+        here, driven = self.motor_positions(first), self._driven
 
         def one(target: Array) -> Array:
-            q, way = first, target - here
-            pieces = max(1, int(np.ceil(np.abs(way / self._units).max() / _PIECE)))
-            for part in range(1, pieces + 1):
-                q = self._newton(q, here + way * (part / pieces))
+            q, way = first, self._missing(first, target)
+            if driven:  # also through dead points of the joints
+                step = np.zeros(self.chain.degrees_of_freedom)
+                step[: len(self.joints)] = way[driven.motors] / driven.shares
+                q = driven.chain.engine.reference.moved(q, step)
+            else:
+                pieces = max(1, int(np.ceil(np.abs(way / self._units).max() / _PIECE)))
+                for part in range(1, pieces + 1):
+                    q = self._newton(q, here + way * (part / pieces))
+            if np.abs(self._missing(q, target) / self._units).max() > np.sqrt(_ARRIVED):
+                raise WorkspaceError(
+                    f"no positions of the joints {', '.join(self.joints)} bring the motors "
+                    f"{', '.join(self.motors)} to {target.round(6).tolist()}"
+                )
             return q
 
         targets = finite_array("positions", positions, (len(self.motors),))
         return for_each_sample(one, [targets], (1,), first.shape)
+
+    @cached_property
+    def _driven(self) -> _Driven | None:
+        """The robot with as many motors as coordinates as there are joints, if each turns one."""
+        mechanism = self.chain.mechanism
+        B = mechanism.motors[:, self._rows]
+        if mechanism.lines.motors[:, self._rows].any() or (np.count_nonzero(B, axis=0) != 1).any():
+            return None
+        J = self.actuator_jacobian(self.chain.generic_configuration()) / self._units[:, None]
+        motors = list[int]()
+        for k in range(len(J)):
+            if np.linalg.matrix_rank(J[[*motors, k]], tol=RANK_TOLERANCE) > len(motors):
+                motors.append(k)
+        rates = np.abs(B[:, motors]).argmax(axis=0)
+        names = [mechanism.space.rate_names[k] for k in rates]
+        others = [name for name in self.chain.coordinates if name not in self.joints]
+        chain = self.chain.with_coordinates([*names, *others])
+        return _Driven(chain, motors, B[rates, motors])
 
     def joint_positions(self, q: ArrayLike) -> Array:
         """Positions of the joints, shape (..., joints)."""
@@ -145,11 +187,6 @@ class Linkage:
             q = self._moved(q, step)
             if np.abs(step).max() <= _ARRIVED * self.chain.mechanism.length:
                 break
-        if np.abs(self._missing(q, target) / self._units).max() > np.sqrt(_ARRIVED):
-            raise WorkspaceError(
-                f"no positions of the joints {', '.join(self.joints)} bring the motors "
-                f"{', '.join(self.motors)} to {target.round(6).tolist()}"
-            )
         return q
 
     def _missing(self, q: Array, target: Array) -> Array:
@@ -166,12 +203,15 @@ class Linkage:
 
 
 def _others(chain: ClosedChain, rates: Indices) -> list[str]:
-    """Coordinates of a chain that some joints leave free, by greedy choice at its example."""
+    """Coordinates of a chain that some joints leave free, by greedy choice at its example.
+
+    Those without a motor come first: a motor of these joints should not become a coordinate.
+    """
     mechanism = chain.mechanism
     L = chain.joint_rates(chain.generic_configuration(), np.eye(chain.degrees_of_freedom)).T
     L = L / mechanism.rate_scale[:, None] * mechanism.rate_scale[mechanism.coordinates]
     chosen, others = L[rates], list[str]()
-    for name in chain.coordinates:
+    for name in sorted(chain.coordinates, key=lambda name: name in chain.motor_names):
         rows = np.vstack([chosen, L[mechanism.space.rates_of([name])]])
         if np.linalg.matrix_rank(rows, tol=RANK_TOLERANCE) == len(rows):
             chosen, others = rows, [*others, name]

@@ -43,7 +43,7 @@ class SerialView(Linkage):
 
     Raises:
         InputError: If the joints do not turn or slide, or a motor also moves with others.
-        ActuationError: If the motors do not hold the joints.
+        ActuationError: If the motors do not hold the joints; it names what is free.
         SingularConfigurationError: If the joints are not independent.
         UnknownNameError: For an unknown joint.
 

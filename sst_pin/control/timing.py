@@ -58,11 +58,11 @@ def time_optimal(
         dt: Longest step between samples of the motion, [s].
 
     Raises:
-        InputError: For a path that does not move or jumps, or limits that are none.
+        InputError: For a path that does not move or jumps, limits that are none, or a coordinate
+            that is a ball joint or a free body.
         ActuationError: If the motors cannot hold the robot at the ends of the path, or cannot
             follow the path within the limits.
         ClosureError, SingularConfigurationError: Where the loops open, or are singular.
-        UnknownNameError: For a coordinate that is a ball joint or a free body.
         MissingExtraError: Without toppra, `sst-pin[timing]`.
 
     Example:

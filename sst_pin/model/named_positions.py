@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, single_array
-from ..errors import UnknownNameError
+from ..errors import InputError, UnknownNameError
+from ..summaries import listed
 from .joint_space import JointSpace
 
 
@@ -41,6 +42,9 @@ def taken(space: JointSpace, q: Array, names: Sequence[str]) -> Array:
 
 
 def _place(space: JointSpace, name: str) -> list[int]:
+    if name not in space.places and name in (*space.joint_names, *space.rate_names):
+        problem = "this joint neither turns about one axis nor slides along one"
+        raise InputError(name, f"{problem}; those that do are {listed(list(space.places), 12)}")
     if name not in space.places:
         raise UnknownNameError("revolute or prismatic joint", name, space.places)
     return space.places[name]

@@ -45,7 +45,7 @@ def frame_motion(
         InputError: For a wrong shape, or matrices that are not rotations.
         WorkspaceError, SingularConfigurationError: As `ClosedChain.frame_configuration`; the error
             names the sample.
-        UnknownNameError: For an unknown frame, or a coordinate that neither turns nor slides.
+        UnknownNameError: For an unknown frame.
 
     Example:
         >>> delta = sst_pin.robots.delta()

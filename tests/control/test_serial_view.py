@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Parallel joints seen as serial ones: maps, torques, inertia, gains."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,8 @@ from scipy.integrate import solve_ivp
 import sst_pin
 from sst_pin import robots
 from sst_pin.errors import ActuationError, ClosureError, InputError, UnknownNameError
+from sst_pin.model.joint_series import Series
+from sst_pin.model.rebuilt_tree import rebuilt
 from tests.support.files import load
 from tests.support.planar_bars import DRAG_LINK, planar
 
@@ -293,7 +296,7 @@ def test_more_motors_than_joints_share_the_torque():
         ("leg", ["knee", "knee"], InputError, "joint appears twice"),
         ("leg", ["ankle_pitch"], InputError, "name all joints of its linkage"),
         ("leg", ["knee", "motor_knee"], sst_pin.SingularConfigurationError, None),
-        ("delta", ["ball"], UnknownNameError, "ball"),
+        ("delta", ["ball"], InputError, "ball: this joint neither turns about one axis"),
     ],
 )
 def test_bad_joints_are_refused_by_name(robot, joints, error, word):
@@ -309,6 +312,30 @@ def test_joints_without_motors_and_gains_of_motors_on_lines_are_refused():
     view = sst_pin.SerialView(four_bar_on_a_cylinder(), ["crank"])
     with pytest.raises(InputError, match="tau: not for motors on lines"):
         view.joint_gains(view.chain.home, [1.0], tau=[1.0])
+
+
+def test_a_joint_that_no_motor_holds_is_named_with_its_cure():
+    """Two rods hold pitch and roll of an ankle, not its yaw."""
+    ankle = robots.ankle()
+    yaw = {"": pin.JointModelRX(), "_yaw": pin.JointModelRZ()}
+    model = rebuilt(ankle.model, {ankle.model.getJointId("ankle_roll"): Series.named(yaw)})
+    chain = sst_pin.ClosedChain(model, ankle.closures, ankle.motor_names)
+    with pytest.raises(ActuationError, match="leave ankle_roll_yaw free") as caught:
+        sst_pin.SerialView(chain, LEG[2:])
+    locked = re.findall(r"'(\w+)'", str(caught.value))
+    cured = sst_pin.ClosedChain(model, ankle.closures, ankle.motor_names, locked=locked)
+    assert sst_pin.SerialView(cured, LEG[2:]).motors == ankle.motor_names
+
+
+def test_a_crank_goes_all_round_past_the_dead_points_of_its_rocker():
+    """In one assembly mode: after a turn the rocker is where it was."""
+    view = sst_pin.SerialView(robots.four_bar(), ["rocker"])
+    first = view.chain.home
+    cranks = view.motor_positions(first) + np.linspace(-np.pi, np.pi, 9)[:, None]
+    q = view.from_motors(cranks)
+    assert_allclose(view.motor_positions(q), cranks, rtol=0, atol=1e-12)
+    assert_allclose(view.joint_positions(q[0]), view.joint_positions(q[-1]), rtol=0, atol=1e-9)
+    assert np.ptp(view.joint_positions(q)) > 0.3
 
 
 def test_motors_without_limits_go_on_past_half_a_turn():
