@@ -25,6 +25,7 @@ from .arrays import (
     whole_number,
 )
 from .dynamics import derivatives as slopes
+from .dynamics import design_derivatives as design
 from .dynamics import dynamics, reactions, regressor, torque_sharing
 from .dynamics.derivatives import (
     AccelerationDerivatives,
@@ -778,6 +779,65 @@ class ClosedChain(Summary):
             rates = engine.compute(Quantity("displacement_rates"), q, va=va, on_error="nan")
         A, B = slopes.linear_system(d, rates)
         return (A, B) if dt is None else slopes.discrete(A, B, positive_number("dt", dt))
+
+    # --- design -----------------------------------------------------------------------------
+
+    @property
+    def design_parameters(self) -> tuple[str, ...]:
+        """Names of what a designer changes: lengths, placements, masses and mass centres.
+
+        - `<joint>.length`: the length of the link behind this joint, if it ends at one point.
+        - `<place>.x`, `.y`, `.z`, `.rx`, `.ry`, `.rz`: displacements of a joint with all that it
+          bears, or of a frame of a closure or line: along the axes of the link that bears it, [m],
+          and about its own axes, [rad].
+        - `dynamic_parameters`, such as `<joint>.mass`.
+        """
+        return design.names_of(self.mechanism)
+
+    def with_design(self, changes: Mapping[str, float]) -> ClosedChain:
+        """This robot with some `design_parameters` changed, on the reference path.
+
+        Args:
+            changes: What is added to parameters, by their names or by patterns of names.
+        """
+        model, theta = design.changed(self.mechanism, changes)
+        chain = self._rebuilt(model, coordinates=self.coordinates)
+        return chain.with_parameters(theta) if theta else chain
+
+    def design_derivatives(
+        self,
+        q: ArrayLike,
+        va: ArrayLike,
+        aa: ArrayLike,
+        names: Iterable[design.Parameter],
+        *,
+        frame: str | None = None,
+        external_wrenches: ArrayLike | None = None,
+        sign_width: float = 1e-3,
+    ) -> design.DesignDerivatives:
+        """Derivatives of q, torques, L and a frame's pose by `design_parameters`.
+
+        The loops stay closed; positions of the coordinates, va and aa are held; external wrenches
+        keep their places on the bodies.
+
+        Args:
+            names: Parameters, or patterns of names that change together, such as "rod*.length".
+                Several names in a list, or a mapping to factors, are one parameter.
+
+        Raises:
+            InputError: If the loops do not close with a parameter changed alone.
+
+        Example:
+            >>> d = chain.design_derivatives(chain.home, [1], [0], ["coupler.length"])
+            >>> d.q.shape, d.torques.shape, d.L.shape
+            ((3, 1), (1, 1), (3, 1, 1))
+        """
+        engine, width = self._engine, positive_number("sign_width", sign_width)
+        arrays = [
+            *engine.arguments(q, va=va, aa=aa),
+            engine.wrenches(None, external_wrenches, "raise"),
+        ]
+        return design.design_derivatives(engine.reference, names, arrays, frame, width)
 
     # --- compiled kernels -------------------------------------------------------------------
 

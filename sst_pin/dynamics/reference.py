@@ -74,6 +74,11 @@ class Reference(threading.local):
         """This thread's memory for derivatives."""
         return Derivatives(self.mechanism)
 
+    @cached_property
+    def designs(self) -> dict[str, Any]:
+        """This thread's memory for derivatives by the design."""
+        return {}
+
     @_finite
     def generalized_forces(
         self, q: Array, va: Array, aa: Array, external_wrenches: Array | None

@@ -17,13 +17,15 @@ from ..errors import ClosureError, InputError, SingularConfigurationError
 from ..files import as_path, text_writer, write_files
 from ..loops.frame_guide import pose_error
 from ..loops.starts import placed
+from ..model import geometry
 from ..model.named_positions import put
+from ..model.tree import frame_id
 from ..simulation.coordinate_motions import configurations_of
 from ..simulation.frame_motions import targets_of
 from ..summaries import Summary, listed
 from .base_parameters import independent
 from .estimation import solved
-from .geometry_errors import FRAME, enlarged, moved, opening, placements, without_errors
+from .geometry_errors import enlarged, opening, without_errors
 from .urdf_numbers import with_origins
 
 #: An error whose part that other errors do not explain is smaller depends on them: the first of
@@ -46,8 +48,9 @@ class Calibration(Summary):
     """Errors of a geometry.
 
     Attributes:
-        names: The errors found, such as "elbow.x" along x of the joint's frame before it moves, and
-            "elbow.rz" about its z: [m] and [rad]. An offset of a motor is the turn about its axis.
+        names: The errors found, such as "elbow.x" along x of the link that bears the joint, and
+            "elbow.rz" about z of the joint's frame before it moves: [m] and [rad]. An offset of a
+            motor is the turn about its axis.
         values: Their values, shape (k,).
         covariance: Their covariance, shape (k, k).
         noise: Standard deviations of the measured positions, [m], and orientations, [rad]; the
@@ -87,7 +90,14 @@ class Calibration(Summary):
 
     def _urdf(self, urdf: str | Path) -> str:
         """The URDF that the robot was read from, with calibrated origins."""
-        return with_origins(urdf, placements(self.names, self.values))
+        mechanism, places = self.chain.mechanism, dict[str, pin.SE3]()
+        errors = dict(zip(self.names, self.values, strict=True))
+        for place, way in geometry.displacements(mechanism, errors).items():
+            turn = geometry.relative(pin.SE3.Identity(), way).rotation
+            calibrated = geometry.placement_of(mechanism.model, place).rotation
+            drawn = pin.SE3(calibrated @ turn.T, np.zeros(3))
+            places[place] = geometry.relative(drawn, way)
+        return with_origins(urdf, places)
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         triples = zip(self.names, self.values, 3 * self.deviations, strict=True)
@@ -153,7 +163,7 @@ def calibrate(
         large, errors = enlarged(chain, frame, [x for x in every if x not in alone])
     for tolerance in _TOLERANCES:
         try:
-            found, values, root, noise = _found(large, errors, drawn, measured, tolerance)
+            found, values, root, noise = _found(large, frame, errors, drawn, measured, tolerance)
             break
         except SingularConfigurationError:
             problem = "the errors open loops together, as the robot is overconstrained; name fewer"
@@ -163,12 +173,16 @@ def calibrate(
                 raise InputError("poses", str(error)) from None
     kept = tuple(errors[k] for k in found)
     hidden = tuple(name for name in errors if name not in kept)
-    robot = moved(chain, placements(kept, values))
+    errors_by_place = geometry.displacements(
+        chain.mechanism, dict(zip(kept, values.tolist(), strict=True))
+    )
+    robot = chain.with_model(geometry.displaced(chain.mechanism.model, errors_by_place))
     return Calibration(kept, values, root @ root.T, noise, hidden, robot)
 
 
 def _found(
     large: ClosedChain,
+    frame: str,
     errors: list[str],
     drawn: list[dict[str, float]],
     measured: list[tuple[Array | None, Array | None]],
@@ -195,8 +209,8 @@ def _found(
                     raise
                 raise _UnsettledError(_TOO_LARGE) from None
             pin.framesForwardKinematics(model, data, q[k])
-            rests.append(pose_error(data.oMf[model.getFrameId(FRAME)], *target))
-            rows.append(large.frame_jacobian(q[k], FRAME)[: len(rests[k]), columns])
+            rests.append(pose_error(data.oMf[frame_id(model, frame)], *target))
+            rows.append(large.frame_jacobian(q[k], frame)[: len(rests[k]), columns])
         weights = np.repeat(1 / noise, 3)[: len(rests[0])]
         A = np.array(rows) * weights[:, None] * units
         z = np.array(rests) * weights

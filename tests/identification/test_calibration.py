@@ -11,7 +11,6 @@ from numpy.testing import assert_allclose
 
 import sst_pin
 from sst_pin.identification import calibrate
-from sst_pin.identification.geometry_errors import moved, placements
 from tests.support.planar_bars import DRAG_LINK, planar
 
 ROOT = Path(__file__).parents[2]
@@ -37,7 +36,7 @@ def deltas() -> tuple[sst_pin.ClosedChain, sst_pin.ClosedChain, dict[str, float]
     drawn, rng = sst_pin.robots.delta(), np.random.default_rng(4)
     names = [f"motor_{k}.ry" for k in "123"] + [f"rod_{k}{s}.x" for k in "123" for s in "ab"]
     errors = dict(zip(names, rng.normal(size=9) * ([5e-3] * 3 + [3e-4] * 6), strict=True))
-    made = moved(drawn, placements(list(errors), np.array(list(errors.values()))))
+    made = drawn.with_design(errors)
     at_home = [drawn.home[drawn.position_names.index(name)] for name in drawn.coordinates]
     return drawn, made, errors, at_home + rng.uniform(-0.3, 0.3, (40, 3))
 
@@ -55,7 +54,7 @@ def test_errors_of_a_delta_are_found_exactly_from_exact_poses():
 def test_positions_alone_tell_the_offsets_of_the_motors():
     drawn, _, errors, x = deltas()
     only = {name: value for name, value in errors.items() if name.startswith("motor")}
-    turned = moved(drawn, placements(list(only), np.array(list(only.values()))))
+    turned = drawn.with_design(only)
     feet = poses_of(turned, x[:8], "platform")[:, :3, 3]
     found = calibrate(drawn, "platform", x[:8], feet, which=["motor_*.ry"])
     assert_allclose(found.values, list(only.values()), atol=1e-11)
@@ -71,7 +70,7 @@ def test_what_is_hidden_moves_the_frame_as_errors_that_were_found_do():
     assert found.hidden
     size, columns = 1e-6, []
     for name in (*found.names, *found.hidden):
-        made = (moved(drawn, placements([name], np.array([s]))) for s in (-size, size))
+        made = (drawn.with_design({name: s}) for s in (-size, size))
         ends = [poses_of(chain, x, "platform") for chain in made]
         columns.append(((ends[1] - ends[0]) / (2 * size))[:, :3].ravel())
     A = np.array(columns).T
@@ -112,7 +111,7 @@ def test_a_calibrated_urdf_is_the_calibrated_robot(tmp_path):
     joints = [name for name in drawn.joint_names if name in drawn.coordinates]
     frame = drawn.closures[0].frame_a
     names = [f"{joint}.{axis}" for joint in joints for axis in ("x", "ry")] + [f"{frame}.y"]
-    made = moved(drawn, placements(names, rng.normal(size=len(names)) * 1e-3))
+    made = drawn.with_design({name: 1e-3 * rng.normal() for name in names})
     q = drawn.generic_configuration()
     held = [q[drawn.position_names.index(name)] for name in drawn.coordinates]
     x = held + rng.uniform(-0.1, 0.1, (8, len(held)))
@@ -140,7 +139,7 @@ def test_a_frame_called_as_its_joint_has_the_errors_of_the_joint():
     model = pin.Model(delta.model)
     model.addJointFrame(model.getJointId("motor_1"))
     drawn = sst_pin.ClosedChain(model, delta.closures, delta.motor_names)
-    made = moved(drawn, placements(["motor_1.ry"], np.array([4e-3])))
+    made = drawn.with_design({"motor_1.ry": 4e-3})
     poses = poses_of(made, x[:4], "motor_1")
     found = calibrate(drawn, "motor_1", x[:4], poses, which=["motor_1.r*"])
     assert_allclose(found.values, [0, 4e-3, 0], atol=1e-11)
@@ -168,7 +167,7 @@ def test_errors_that_open_the_loops_of_an_overconstrained_robot_are_left_out():
     """In a plane: each error along z or about x or y would open the loops."""
     drawn, rng = sst_pin.robots.planar_3rrr(), np.random.default_rng(0)
     values = {"elbow_2.x": 1e-3, "tip_3.x": -2e-3, "shoulder_1.rz": 4e-3}
-    made = moved(drawn, placements(list(values), np.array(list(values.values()))))
+    made = drawn.with_design(values)
     at_home = [drawn.home[drawn.position_names.index(name)] for name in drawn.coordinates]
     x = at_home + rng.uniform(-0.1, 0.1, (12, 3))
     exact = poses_of(made, x, "platform")

@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Derivatives by the design are those of robots that are built with other numbers."""
+
+import time
+from functools import partial
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.testing import assert_allclose
+
+import sst_pin
+from sst_pin import robots
+from tests.support.derivative_cases import CASES, derivative
+
+AXES = ("x", "y", "z", "rx", "ry", "rz")
+QUICK = ("four_bar", "ankle", "two motors on lines")
+GALLERY = [name for name in robots.__all__ if name != "GalleryRobot"]
+EVERY = [
+    pytest.param(name, marks=() if name in QUICK else pytest.mark.slow)
+    for name in [*GALLERY, "a motor on a line", "two motors on lines"]
+]
+
+
+def built_with(chain: sst_pin.ClosedChain, changes: dict[str, float]) -> sst_pin.ClosedChain:
+    """The robot whose joints and frames are placed elsewhere."""
+    model = pin.Model(chain.model)
+    for name, change in changes.items():
+        place, axis = name.rsplit(".", 1)
+        at = [frame.placement for frame in model.frames if frame.name == place]
+        if model.existJointName(place):
+            at = [model.jointPlacements[model.getJointId(place)]]
+        direction = change * np.eye(3)["xyz".index(axis[-1])]
+        for placement in at:
+            if len(axis) == 1:
+                placement.translation = placement.translation + direction
+            else:
+                placement.rotation = placement.rotation @ pin.exp3(direction)
+    other = chain.with_model(model)
+    assert other.coordinates == chain.coordinates
+    return other
+
+
+def results(chain, q, va, aa, frame, at):
+    """Rates from `at`, torques, L and the pose of a frame, the loops closed by assembly."""
+    q, n = chain.assemble(q, fixed=chain.coordinates), len(va)
+    data = chain.model.createData()
+    pin.framesForwardKinematics(chain.model, data, q)
+    pose = data.oMf[chain.model.getFrameId(frame)]
+    L = np.transpose([chain.joint_rates(q, rate) for rate in np.eye(n)])
+    way = pin.log3(pose.rotation @ at[1].rotation.T)
+    step = pin.difference(chain.model, at[0], q)
+    pose = np.append(pose.translation, way)
+    return [step, chain.compute_torques(q, va, aa), L, pose]
+
+
+def differences(chain, q, va, aa, frame, changes, h):
+    data = chain.model.createData()
+    pin.framesForwardKinematics(chain.model, data, q)
+    at = q, data.oMf[chain.model.getFrameId(frame)].copy()
+
+    def flat(s):
+        other = built_with(chain, {name: s * size for name, size in changes.items()})
+        return np.concatenate([x.ravel() for x in results(other, q, va, aa, frame, at)])
+
+    return derivative(flat, h)
+
+
+def closing_parameters(chain, q, va, aa, random, count):
+    """Some parameters that leave the loops closed."""
+    names = [x for x in chain.design_parameters if x.rpartition(".")[2] in AXES]
+    found = []
+    for name in random.permutation(names):
+        try:
+            chain.design_derivatives(q, va, aa, [name])
+        except sst_pin.InputError:
+            continue
+        found.append(str(name))
+        if len(found) == count:
+            break
+    return found
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_derivatives_are_differences_of_robots_built_with_other_placements(name):
+    if name in GALLERY:
+        chain = getattr(robots, name)()
+        q = chain.generic_configuration()
+    else:
+        make, *arguments = CASES[name]
+        case = make(*arguments)
+        chain, q = case.twin, case.home
+    random, frame, n = np.random.default_rng(1), chain.model.frames[-1].name, len(chain.coordinates)
+    va, aa = random.uniform(-1, 1, (2, chain.degrees_of_freedom))
+    names = closing_parameters(chain, q, va, aa, random, 4)
+    assert names
+    together = {names[0]: 1.0, names[-1]: -0.6}
+    d = chain.design_derivatives(q, va, aa, [*names, together], frame=frame)
+    assert d.L.shape == (chain.model.nv, n, len(names) + 1)
+    h = 2e-4 * chain.mechanism.length
+    for k, changes in enumerate([*({name: 1.0} for name in names), together]):
+        actual = np.concatenate([x[..., k].ravel() for x in (d.q, d.torques, d.L, d.pose)])
+        expected = differences(chain, q, va, aa, frame, changes, h)
+        # Rounding of the differences is 1e-16 / h.
+        size = np.abs(expected).max(initial=np.abs(chain.compute_torques(q, va, aa)).max())
+        assert_allclose(actual, expected, rtol=0, atol=1e-8 * size, err_msg=str(changes))
+
+
+def test_derivatives_by_masses_are_differences_of_robots_of_other_masses():
+    chain = robots.ankle()
+    q, va, aa = chain.generic_configuration(), [1.0, -2.0], [3.0, 1.0]
+    names = ["rod_left.mass", "ankle_roll.mx", {"motor_left.mz": 1.0, "motor_left.iyy": -0.1}]
+    d = chain.design_derivatives(q, va, aa, names)
+    theta = chain.dynamic_parameters
+
+    def torques(s, changes):
+        values = {name: theta[name] + s * size for name, size in changes.items()}
+        return chain.with_parameters(values).compute_torques(q, va, aa)
+
+    for k, group in enumerate([{names[0]: 1.0}, {names[1]: 1.0}, names[2]]):
+        expected = derivative(partial(torques, changes=group), 1e-3)
+        assert_allclose(d.torques[:, k], expected, rtol=1e-9, atol=1e-12)
+    assert not d.q.any()
+    assert not d.L.any()
+
+
+def test_external_wrenches_act_at_their_place_while_the_geometry_changes():
+    chain = robots.four_bar()
+    q, load = chain.generic_configuration(), np.random.default_rng(0).normal(size=(3, 6))
+    motion = q, np.array([1.0]), np.array([2.0])
+    d = chain.design_derivatives(*motion, ["rocker.x"], external_wrenches=load)
+
+    def torque(s):
+        other = built_with(chain, {"rocker.x": s})
+        at = other.assemble(q, fixed=["crank"])
+        return other.compute_torques(at, *motion[1:], external_wrenches=load)
+
+    assert_allclose(d.torques[:, 0], derivative(torque, 1e-4), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("robot", "length", "places"),
+    [
+        (robots.four_bar, "coupler.length", {"coupler_pin.x": 1.0}),
+        (robots.four_bar, "crank.length", {"coupler.x": 1.0}),
+        (robots.delta, "rod_1a.length", {"ball.z": -1.0}),
+        (robots.delta, "rod_2*.length", {"end_2a.z": -1.0, "end_2b.z": -1.0}),
+    ],
+)
+def test_a_length_moves_the_end_of_its_link_away_from_the_joint(robot, length, places):
+    chain = robot()
+    n = chain.degrees_of_freedom
+    d = chain.design_derivatives(chain.home, np.ones(n), np.ones(n), [length, places])
+    for array in d[1:]:
+        assert_allclose(array[..., 0], array[..., 1], atol=1e-12)
+
+
+def test_with_design_is_the_robot_built_with_other_numbers():
+    chain = robots.four_bar()
+    q, change = chain.home, {"coupler.length": 0.01, "rocker.rz": 0.1, "crank.mass": 0.2}
+    other = chain.with_design(change)
+    by_hand = built_with(chain, {"coupler_pin.x": 0.01, "rocker.rz": 0.1})
+    by_hand = by_hand.with_parameters({"crank.mass": chain.dynamic_parameters["crank.mass"] + 0.2})
+    at = by_hand.assemble(q, fixed=["crank"])
+    assert_allclose(other.assemble(q, fixed=["crank"]), at, atol=1e-12)
+    assert_allclose(other.compute_torques(at, [1], [2]), by_hand.compute_torques(at, [1], [2]))
+
+
+def test_a_batch_is_its_samples():
+    chain = robots.four_bar()
+    q = np.stack([chain.home, chain.generic_configuration()])
+    va, aa = np.array([[1.0], [2.0]]), np.array([0.5])
+    batch = chain.design_derivatives(q, va, aa, ["*.length", "crank.mass"], frame="platform")
+    one = chain.design_derivatives(q[1], va[1], aa, ["*.length", "crank.mass"], frame="platform")
+    assert batch.names == one.names == ("*.length", "crank.mass")
+    for many, single in zip(batch[1:], one[1:], strict=True):
+        assert_allclose(many[1], single, atol=1e-13)
+
+
+def test_parameters_that_open_the_loops_alone_are_named_and_close_together():
+    chain = robots.four_bar()
+    names = ["crank.length", "coupler.z", "rocker.y"]  # both across the plane of the bars
+    with pytest.raises(sst_pin.InputError, match=r"coupler.z.* rocker.y alone open the loops"):
+        chain.design_derivatives(chain.home, [0], [0], names)
+    along_y = chain.model.jointPlacements[1].rotation[1, 2]  # of z of the crank
+    group = {"coupler.z": 1.0, "rocker.y": along_y}
+    together = chain.design_derivatives(chain.home, [0], [0], [group])
+    assert_allclose(together.q, 0, atol=1e-12)
+
+
+@pytest.mark.parametrize("names", ["crank.length", ["crank.width"], ["rod*.length"], [["crank"]]])
+def test_names_that_are_none_are_refused(names):
+    chain = robots.four_bar()
+    with pytest.raises((sst_pin.UnknownNameError, sst_pin.InputError)):
+        chain.design_derivatives(chain.home, [0], [0], names)
+
+
+@pytest.mark.slow
+def test_ten_parameters_cost_less_than_three_torque_derivatives():
+    chain = robots.ankle()
+    places = ("motor", "rod", "end", "lever")
+    names = [f"{place}_{side}.x" for place in places for side in ("left", "right")]
+    names += ["rod_left.length", "rod_right.length"]
+    q, va = np.broadcast_to(chain.home, (100, len(chain.home))), np.ones((100, 2))
+    ratios = []
+    for _ in range(5):
+        start = time.perf_counter()
+        chain.design_derivatives(q, va, va, names)
+        middle = time.perf_counter()
+        chain.torque_derivatives(q, va, va)
+        ratios.append((middle - start) / (time.perf_counter() - middle))
+    assert min(ratios) < 3
