@@ -1,17 +1,14 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Chains computed by kernels of their own."""
 
-import os
 import pickle
 import subprocess
 import sys
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 import sst_pin
-import sst_pin.robots as robots_of_the_gallery
 from sst_pin.compiled import compiled_backend, compiler, libraries
 from sst_pin.dynamics.derivatives import TorqueDerivatives
 from sst_pin.dynamics.quantities import Quantity
@@ -163,46 +160,12 @@ def test_batches_run_in_a_thread_with_a_small_stack():
     assert (result.returncode, result.stdout) == (0, "done\ndone\n"), result.stderr
 
 
-def test_threads_change_nothing(small):
-    kernels, reference = small
-    q, va, _ = moving(reference, 12, 2)
-    many, tau = np.arange(5000) % len(q), np.ones(len(reference.motor_names))
-    alone = kernels.compute_accelerations(q[many], va[many], tau)
-    shared = kernels.compute_accelerations(q[many], va[many], tau, threads=4)
-    assert np.array_equal(alone, shared)
-
-
-def test_frames_of_one_name_at_one_place_are_one_frame(four_bar):
-    model = pin.Model(four_bar.model)
-    for frame in list(model.frames)[-3:]:
-        twin = pin.Frame(frame.name, frame.parentJoint, frame.placement, pin.FrameType.SENSOR)
-        model.addFrame(twin, False)
-    chain = sst_pin.ClosedChain(model, four_bar.closures, four_bar.motor_names)
-    chain.compile()
-    q, va, aa = (x[0] for x in moving(four_bar, 1))
-    frame = model.frames[-1].name
-    assert np.array_equal(chain.compute_torques(q, va, aa), four_bar.compute_torques(q, va, aa))
-    assert np.array_equal(chain.frame_jacobian(q, frame), four_bar.frame_jacobian(q, frame))
-
-
 def test_no_samples_have_no_results(four_bar):
     (q, va, aa), bodies = moving(four_bar, 1), four_bar.model.njoints - 1
     loads = {"external_wrenches": np.empty((0, bodies, 6))}
     assert four_bar.compute_torques(q[:0], va[:0], aa[:0], **loads).shape == (0, 1)
     motion = four_bar.rollout(np.empty((0, 5, 1)), q[:0], va[:0], 0.01, **loads)
     assert motion.q.shape == (0, 6, 3)
-
-
-def test_one_motion_needs_no_preparation_for_its_forces(small, monkeypatch):
-    """Whatever the motors: the kernel takes the arguments as they are."""
-    kernels, reference = small
-    (q,), (va,), (aa,) = moving(reference, 1, 4)
-    expected = kernels.generalized_forces(q[None], va[None], aa[None])[0]
-    monkeypatch.setattr(type(kernels.engine), "arguments", None)
-    out = np.empty_like(expected)
-    assert kernels.generalized_forces(q, va, aa, out=out) is out
-    assert np.allclose(out, expected, rtol=1e-12)
-    assert np.array_equal(kernels.generalized_forces(q, va, aa), out)
 
 
 def test_a_sample_that_is_almost_closed_is_handed_over(four_bar):
@@ -226,51 +189,6 @@ def test_a_dead_centre_is_handed_over(four_bar):
     assert left(chain, q[None], np.ones((1, 1)), np.zeros((1, 1))) == 2
     with pytest.raises(sst_pin.SingularConfigurationError):
         chain.compute_torques(q, [1.0], [0.0])
-
-
-@pytest.mark.slow
-def test_pivots_are_chosen_in_the_assembly_mode_of_the_coordinates():
-    """Folded flat, a scissor lift moves in more ways than opened, where its slider holds it."""
-    chain = robots_of_the_gallery.scissor_lift()
-    homeless = pin.Model(chain.model)
-    del homeless.referenceConfigurations["home"]
-    other = sst_pin.ClosedChain(homeless, chain.closures, chain.motor_names)
-    va, aa = np.ones((2, 1))
-    tau = other.compute_torques(chain.home, va, aa)
-    for robot in (chain, other):
-        robot.compile()
-        assert np.allclose(tau, robot.compute_torques(chain.home, va, aa), rtol=1e-10)
-    assert left(chain, chain.home[None], va[None], aa[None]) == 0
-
-
-def test_the_binding_computes_with_rows_of_real_numbers_and_nothing_else(four_bar):
-    (q, va, aa), out = moving(four_bar, 5), np.empty((5, 1))
-    kernel = four_bar.engine.kernel(Quantity("torques"))
-    assert kernel.answer(q[0], va[0], aa[0], None, None, 1) is not None
-    batch = kernel.answer(q, va[0], aa, None, None, 1)
-    alone = [kernel.answer(q[k], va[0], aa[k], None, None, 1) for k in range(5)]
-    assert np.array_equal(batch, alone)
-    assert kernel.answer(q, va[:4], aa, None, None, 1) is None
-    typed = [q[0].astype(np.float32), q[0].tolist()]
-    for bad in (*typed, q[0].astype(">f8"), None, q[0][:2], q[None]):
-        found = kernel.answer(bad, va[0], aa[0], None, None, 1)
-        assert (found is not None) == any(bad is x for x in typed)
-        with pytest.raises(TypeError):
-            kernel.many((bad if bad is None or len(bad) < 5 else q[:4], va), out)
-    for arrays in ((q[:4], va, aa), (q.astype(np.float32), va, aa), (q.T, va, aa)):
-        with pytest.raises(TypeError):
-            kernel.many(arrays, out)
-    frozen = out.copy()
-    frozen.flags.writeable = False
-    for wrong in (frozen, out.astype(np.float32), out[:, 0]):
-        with pytest.raises(TypeError):
-            kernel.many((q, va, aa), wrong)
-    unaligned = np.frombuffer(b"\0" + q.tobytes(), dtype=np.uint8)[1:].view(float).reshape(q.shape)
-    with pytest.raises(TypeError):
-        kernel.many((unaligned, va, aa), out)
-    assert np.array_equal(
-        four_bar.compute_torques(unaligned, va, aa), four_bar.compute_torques(q, va, aa)
-    )
 
 
 @pytest.mark.parametrize("numbers", [list, tuple, lambda x: np.array(x, dtype=np.int32)])
@@ -335,36 +253,6 @@ def test_without_a_compiler_the_reason_is_said_and_the_reference_path_computes(
 
 
 @pytest.mark.slow
-def test_processes_that_compile_the_same_at_once_do_not_disturb_each_other(tmp_path):
-    code = (
-        "from tests.support.link_tables import four_bar; c = four_bar().chain(); c.compile();"
-        "q = c.generic_configuration(); print(c.compute_torques(q, [1.0], [2.0])[0], c.path)"
-    )
-    path = os.pathsep.join([str(ROOT), *sys.path])
-    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": path}
-    runs = [
-        subprocess.Popen([sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE)
-        for _ in range(3)
-    ]
-    answers = {run.communicate()[0] for run in runs}
-    assert len(answers) == 1
-    assert b"compiled" in answers.pop()
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not compiler.find_spec("ziglang"), reason="needs ziglang")
-def test_the_compiler_in_a_wheel_makes_the_same_kernels(tmp_path, monkeypatch):
-    chain = link_tables.four_bar(link_tables.SKEW_PLANE).chain()
-    q, va, aa = moving(chain, 4)
-    expected = chain.compute_torques(q, va, aa)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setenv("CC", f"{sys.executable} -m ziglang cc")
-    chain.compile()
-    assert np.allclose(chain.compute_torques(q, va, aa), expected, rtol=1e-11)
-    assert "compiled" in chain.path
-
-
-@pytest.mark.slow
 def test_every_instruction_set_gives_the_same(tmp_path, monkeypatch):
     """Two, four and eight samples at once, as far as this processor can."""
     from sst_pin.compiled import _binding
@@ -378,23 +266,3 @@ def test_every_instruction_set_gives_the_same(tmp_path, monkeypatch):
         chain.compile()
         assert target in chain.path
         assert np.allclose(chain.compute_torques(q, va, aa), expected, rtol=1e-10)
-
-
-@pytest.mark.slow
-def test_quaternions_stay_on_their_sphere_in_a_rollout(small):
-    chain, _ = small
-    q, va, _ = moving(chain, 2)
-    motion = chain.rollout(np.zeros((2, 50, len(chain.motor_names))), q, 0.1 * va, 1e-3)
-    assert all(pin.isNormalized(chain.model, x, 1e-10) for x in np.concatenate(motion.q))
-    assert np.abs([chain.residual(x) for x in motion.q[0]]).max() < 1e-9
-
-
-@pytest.mark.slow
-def test_verdicts_on_singularities_are_those_of_the_reference_path(small):
-    chain, reference = small
-    q, _, _ = any_chain.states(chain, 6, 3)
-    ours, theirs = chain.engine.states(0.0), reference.engine.states(0.0)
-    for k in range(len(q)):
-        condition = chain.condition_number(q[k])
-        for states in (ours, theirs):
-            assert states.condition_number(q[k]) == pytest.approx(condition, rel=1e-9)

@@ -7,14 +7,13 @@ import pinocchio as pin
 import pytest
 
 from sst_pin import ClosedChain
-from sst_pin.compiled import c_code, kernels, statements
+from sst_pin.compiled import kernels
 from sst_pin.compiled.compiled_backend import DERIVATIVES, CompiledBackend
 from sst_pin.compiled.equations import Equations
 from sst_pin.compiled.generator_inputs import sample_configurations
 from sst_pin.dynamics.quantities import Quantity
 from sst_pin.errors import InputError, UnknownNameError
 from sst_pin.model.mechanism import Friction
-from tests.support import any_chain
 from tests.support.derivative_cases import (
     CASES,
     CONSTRAINTS,
@@ -125,22 +124,6 @@ def test_a_turn_of_the_base_about_the_vertical_changes_nothing():
             assert np.abs(dq[:, 0]).max() < 1e-12 * np.abs(dq).max()
 
 
-@pytest.mark.parametrize("name", ["free-flyer", "spherical", "planar", "translation", "composite"])
-def test_displacement_rates_are_those_of_the_reference_path(name):
-    chain = any_chain.with_joint(name)
-    chain.generic_configuration()
-    mechanism, n = chain.mechanism, chain.degrees_of_freedom
-    reference = chain.engine.reference
-    equations = Equations(mechanism, sample_configurations(reference))
-    kernel = kernels.make(equations, "displacement_rates")
-    function = ca.Function("rates", [*kernel.inputs.values(), kernel.parameters], [kernel.output])
-    p = equations.parameters.pack(mechanism, mechanism.friction)
-    for q, va, _ in zip(*any_chain.states(chain, 3, 0), strict=True):
-        rates = reference.derivatives.displacement_rates(q, va)
-        close(function(q, va, p).full().reshape(n, n), rates, 1e-11)
-        assert reference.derivatives.axes_move == (name not in ("composite",))
-
-
 @pytest.fixture(
     scope="module",
     params=[
@@ -220,24 +203,3 @@ def test_out_and_threads_change_nothing(compiled, name):
         with pytest.raises(UnknownNameError, match="nowhere"):
             getattr(chain, name)(*(x[0] for x in motions), "nowhere")
         assert "nowhere" not in chain.path
-
-
-@pytest.mark.slow
-def test_a_function_cut_into_parts_computes_the_same(monkeypatch):
-    """One of 500 statements, in one and in parts of 60."""
-    whole = of_gallery("four_bar").chain
-    whole.compile(derivatives=True)
-    q, va, aa = any_chain.states(whole, 5, 0)
-    expected = whole.torque_derivatives(q, va, aa)
-    monkeypatch.setattr(statements, "LARGEST", 100)
-    monkeypatch.setattr(statements, "_PART", 60)
-    chain = of_gallery("four_bar").chain
-    chain.compile()
-    chain.engine.kernels._content += b"cut"
-    sources = []
-    library = c_code.library
-    monkeypatch.setattr(c_code, "library", lambda *a: sources.append(library(*a)) or sources[-1])
-    got = chain.torque_derivatives(q, va, aa)
-    assert sources[0].count("\nPART torque_derivatives_") > 3
-    for a, b in zip(got, expected, strict=True):
-        close(a, b, 1e-13)

@@ -8,7 +8,6 @@ import pytest
 from sst_pin import SST, ClosureError, SingularConfigurationError
 from sst_pin.dynamics.quantities import Quantity
 from tests.gallery import EVERY_ROBOT
-from tests.support.any_chain import with_joint
 
 #: Condition numbers up to which states are taken.
 WORST = 1e4
@@ -141,14 +140,3 @@ def test_loops_close_by_kernels_as_on_the_reference_path(name):
             assert np.abs(kernels.assemble(guess) - expected).max() < 1e-12
             by_kernels += kernels.engine.closed_near(guess) is not None
     assert by_kernels >= 10
-
-
-def test_kernels_leave_coordinates_that_are_turns_of_a_ball_to_the_reference_path():
-    """How a ball turns while it does not turn about one axis depends on the way."""
-    names = ["body_wx", "body_wy", "arm_1"]
-    kernels, reference = (with_joint("spherical", coordinates=names) for _ in "ab")
-    kernels.compile()
-    random, q = np.random.default_rng(5), reference.generic_configuration()
-    for _ in range(10):
-        guess = pin.integrate(reference.model, q, 0.02 * random.normal(size=reference.model.nv))
-        assert np.array_equal(kernels.assemble(guess), reference.assemble(guess))

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Any robot as C99, compiled strictly by two compilers, gives what the package gives."""
 
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -17,7 +16,6 @@ from sst_pin.compiled import compiler
 from sst_pin.compiled.export import c_files
 from sst_pin.description.folder import yaml_of
 from sst_pin.description.urdf_writer import urdf_of
-from sst_pin.errors import DescriptionError, InputError
 from sst_pin.files import write_files
 from tests.gallery import EVERY_ROBOT
 from tests.support import any_chain
@@ -205,63 +203,6 @@ def run(chain, folder, command):
     return tau, chain.compute_torques(q, va, aa)
 
 
-#: A program for Linux on ARM without a C library, which takes a minute to build: numbers of motions
-#: from standard input, torques to standard output.
-ON_ARM = """
-#include "robot.h"
-static long call(long number, long file, void *data, unsigned long size)
-{
-    register long x8 __asm__("x8") = number, x0 __asm__("x0") = file;
-    register void *x1 __asm__("x1") = data;
-    register unsigned long x2 __asm__("x2") = size;
-    __asm__ volatile("svc 0" : "+r"(x0) : "r"(x8), "r"(x1), "r"(x2) : "memory");
-    return x0;
-}
-void _start(void);
-void _start(void)
-{
-    static REAL x[POSITIONS + 2 * RATES], tau[MOTORS];
-    while (call(63, 0, x, sizeof x) == (long)sizeof x) {
-        if (robot_torques(x, x + POSITIONS, x + POSITIONS + RATES, tau))
-            call(93, 1, 0, 0);
-        call(64, 1, tau, sizeof tau);
-    }
-    call(93, 0, 0, 0);
-}
-"""
-
-
-@pytest.mark.slow
-@needs_ziglang
-@pytest.mark.skipif(not shutil.which("qemu-aarch64"), reason="needs qemu-user")
-@pytest.mark.parametrize("precision", TYPES)
-@pytest.mark.parametrize("name", ["delta", "stewart"])
-def test_an_arm_computer_computes_what_the_host_computes(name, precision, tmp_path):
-    """Cross compiled, run by an emulator; in single to a thousand roundings."""
-    chain = getattr(robots, name)()
-    write_files(c_files(chain, tmp_path, precision))
-    main_c, program, data = (tmp_path / x for x in ("arm.c", "arm", "motions"))
-    main_c.write_text(ON_ARM)
-    q, va, aa = motions = any_chain.states(chain, 5, 0)
-    sizes = {
-        "REAL": "double" if precision == "double" else "float",
-        "POSITIONS": chain.model.nq,
-        "RATES": chain.degrees_of_freedom,
-        "MOTORS": len(chain.motor_names),
-    }
-    defined = [f"-D{word}={value}" for word, value in sizes.items()]
-    bare = ["-target", "aarch64-freestanding-none", "-nostdlib", "-static", *defined]
-    sources = [str(main_c), str(tmp_path / "robot.c")]
-    subprocess.run([*ZIG, *bare, *STRICT, *sources, "-o", str(program)], check=True)
-    data.write_bytes(np.hstack(motions).astype(TYPES[precision]).tobytes())
-    with data.open("rb") as file:
-        result = subprocess.run(
-            ["qemu-aarch64", str(program)], stdin=file, capture_output=True, check=True
-        )
-    tau = np.frombuffer(result.stdout, TYPES[precision]).reshape(5, -1)
-    assert worst(tau, chain.compute_torques(q, va, aa)) < (1e-11 if precision == "double" else 1e-4)
-
-
 @pytest.mark.slow
 @needs_ziglang
 @pytest.mark.parametrize("precision", TYPES)
@@ -279,29 +220,6 @@ def test_a_microcontroller_needs_no_library(precision, tmp_path):
     missing = {word for word in symbols.split() if word != "U"} - {"__aeabi_unwind_cpp_pr1"}
     assert all(word.startswith(("__aeabi_d", "__aeabi_i2d")) for word in missing)
     assert bool(missing) == (precision == "double")
-
-
-def test_numbers_and_precisions_that_cannot_be_exported_are_refused(tmp_path):
-    chain = robots.four_bar()
-    with pytest.raises(InputError, match="'half' is not one of double, single"):
-        c_files(chain, tmp_path, "half")
-    chain.model.gravity.linear = np.array([0, 0, np.inf])
-    with pytest.raises(DescriptionError, match="gravity: not finite"):
-        chain.refresh()
-
-
-@pytest.mark.slow
-def test_names_cannot_break_out_of_the_comments(tmp_path):
-    chain = any_chain.chain()
-    model = chain.model
-    for name in ("*/ int evil; /*", "a */ b", "*/*/", "line\nbreak", "trigraph ??/", "\\"):
-        model.name = name
-        files = c_files(ClosedChain(model, chain.closures, ["body"]), tmp_path)
-        write_files(files, force=True)
-        text = (tmp_path / "robot.h").read_text()
-        assert "*/ int evil" not in text
-        command = ["cc", *STRICT, "-fsyntax-only", "-x", "c", str(tmp_path / "robot.h")]
-        subprocess.run(command, check=True)
 
 
 def test_the_exported_example_tells_what_it_cannot_compute(tmp_path):

@@ -20,7 +20,6 @@ import sst_pin
 from sst_pin.cli import main
 from sst_pin.compiled import libraries
 from sst_pin.errors import CompilationError
-from tests.support import link_tables
 from tests.support.by_hand import add, at, mark
 from tests.support.command_line import BARS
 
@@ -75,14 +74,6 @@ def test_a_file_that_is_no_library_is_compiled_anew(unknown):
     assert unknown.stat().st_size > 1000
 
 
-def test_a_cache_that_cannot_be_written_serves_what_is_in_it(folder, monkeypatch):
-    assert answer() == 42
-    another_process()
-    monkeypatch.setattr(os, "utime", raising(PermissionError(errno.EROFS, "Read-only")))
-    monkeypatch.setattr(libraries, "compile_library", raising(AssertionError("it is cached")))
-    assert answer() == 42
-
-
 @pytest.mark.parametrize(
     ("place", "name", "said"),
     [
@@ -105,28 +96,12 @@ def test_a_folder_that_does_not_do_is_named_with_the_cure(folder, monkeypatch, p
         answer()
 
 
-def test_files_of_others_in_the_folder_are_no_entries(folder):
-    assert answer() == 42
-    (folder / "notes.so").touch()
-    (folder / "readme").touch()
-    assert [(e.robot, e.kernel) for e in libraries.cached()] == [("robot", "kernel")]
-    assert libraries.delete() == 1
-    assert sorted(path.name for path in folder.iterdir()) == ["notes.so", "readme"]
-
-
 def test_a_user_without_a_home_is_told_where_to_name_one(monkeypatch):
     monkeypatch.delenv("HOME", raising=False)
     monkeypatch.delenv("XDG_CACHE_HOME")
     monkeypatch.setattr(pwd, "getpwuid", raising(KeyError("no such user")))
     with pytest.raises(CompilationError, match=r"no place for a cache.*HOME"):
         answer()
-
-
-def test_names_of_any_length_and_script_fit_into_the_cache(folder):
-    label = "\N{CJK UNIFIED IDEOGRAPH-673A}" * 100
-    made = libraries.load(label, label, b"content", "plain", lambda: SOURCE)
-    assert made.answer() == 42
-    assert [len(entry.robot) for entry in libraries.cached()] == [40 // 3]
 
 
 @pytest.fixture
@@ -185,23 +160,6 @@ def test_robots_that_differ_in_what_a_name_means_have_their_own_kernels(folder, 
         np.testing.assert_allclose(chain.compute_torques(q, va, aa), expected, atol=1e-12)
 
 
-def test_a_library_that_another_process_deletes_while_it_is_loaded_is_compiled_again(
-    unknown, monkeypatch
-):
-    load, paths = ctypes.CDLL, []
-
-    def deleted_before(path):
-        if not paths:
-            unknown.unlink()
-        paths.append(path)
-        return load(path)
-
-    monkeypatch.setattr(ctypes, "CDLL", deleted_before)
-    assert answer() == 42
-    assert paths == [str(unknown)] * 2
-    assert unknown.is_file()
-
-
 def test_the_cache_stays_below_its_bound_and_loses_what_was_used_longest_ago(folder, monkeypatch):
     def made(k):
         source = f"int answer(void) {{ return {k}; }}"
@@ -220,23 +178,6 @@ def test_the_cache_stays_below_its_bound_and_loses_what_was_used_longest_ago(fol
     loaded[3] = made(3)
     assert {entry.robot for entry in libraries.cached()} == {"robot0", "robot2", "robot3"}
     assert [library.answer() for library in loaded.values()] == [0, 1, 2, 3]  # in memory
-
-
-def test_a_robot_searches_the_cache_for_each_kernel_once(monkeypatch):
-    chain, asked, load = link_tables.four_bar().chain(), [], libraries.load
-    q = chain.generic_configuration()
-    chain.compile(q)
-
-    def counting(robot, kernel, content, target, *rest):
-        asked.append((kernel, target))
-        return load(robot, kernel, content, target, *rest)
-
-    monkeypatch.setattr(libraries, "load", counting)
-    for width in (1e-3, 2e-3, 3e-3):
-        chain.torque_derivatives(q, [1.0], [0.0], sign_width=width)
-        chain.rollout(np.zeros((3, 1)), q, [1.0], 1e-3, sign_width=width)
-    assert {"torque_derivatives", "rollout"} <= {kernel for kernel, _ in asked}
-    assert len(asked) == len(set(asked))
 
 
 @pytest.mark.slow

@@ -9,7 +9,6 @@ import pytest
 
 import sst_pin
 from sst_pin.dynamics.quantities import Quantity
-from sst_pin.simulation.energy import energy_balance
 from tests.gallery import ladder
 from tests.support.by_hand import add, at, mark
 
@@ -77,40 +76,25 @@ def sarrus(seed, angle):
     return loop(seed, [0.3, 0.3, 0.1, 0.25, 0.25, 0.1], [0, 0, angle, 0, 0, -angle])
 
 
-ARCS, RIGHT, BARS = [0.4, 1.2, 1.0, 1.3], [0.5, *[np.pi / 2] * 3], [0.1, 0.4, 0.3, 0.35]
+ARCS, BARS = [0.4, 1.2, 1.0, 1.3], [0.1, 0.4, 0.3, 0.35]
 
 #: Each has one degree of freedom; axes meet in a point where lengths are 0.
 TURNING = {
     "Bennett": lambda: bennett(0, 0.5, 0.6, 1.4, "hinge"),
     "Bennett, welded": lambda: bennett(1, 0.5, 0.6, 1.4, "6d"),
-    "long Bennett": lambda: bennett(2, 0.8, 0.2, 1.2, "hinge"),
-    "nearly square Bennett": lambda: bennett(3, 0.4, 1.1, 1.3, "6d"),
-    "Bennett with an obtuse twist": lambda: bennett(4, 0.4, 0.5, 2.2, "hinge"),
-    "small Bennett": lambda: bennett(5, 0.005, 0.7, 1.5, "hinge"),
     "Goldberg": lambda: goldberg(6, 1.3, 0.4, 0.5),
-    "another Goldberg": lambda: goldberg(7, 1.2, 0.5, 0.3),
-    "Goldberg with small twists": lambda: goldberg(60, 1.0, 0.3, 0.4),
-    "Goldberg with large twists": lambda: goldberg(61, 1.4, 0.6, 0.4),
-    "flat Bennett": lambda: bennett(63, 0.6, 0.1, 0.9, "6d"),
-    "Bennett with an obtuse twist, welded": lambda: bennett(62, 0.6, 0.9, 2.5, "6d"),
-    "another line-symmetric Bricard": lambda: line_symmetric_bricard(20),
-    "third line-symmetric Bricard": lambda: line_symmetric_bricard(37),
+    "line-symmetric Bricard": lambda: line_symmetric_bricard(20),
     "spherical": lambda: loop(12, [0.0] * 4, ARCS, "hinge"),
-    "spherical, welded": lambda: loop(13, [0.0] * 4, ARCS),
-    "right-angled spherical": lambda: loop(14, [0.0] * 4, RIGHT),
     "planar": lambda: loop(15, BARS, [0.0] * 4, "hinge"),
-    "planar, welded": lambda: loop(16, BARS, [0.0] * 4),
     "planar drag link": lambda: loop(17, [0.4, 0.35, 0.38, 0.1], [0.0] * 4),
 }
 #: Their driven hinge turns back at dead points.
 TURNING_BACK = {
     "threefold Bricard": lambda: threefold_bricard(8, 1.2),
-    "another threefold Bricard": lambda: threefold_bricard(9, 1.4),
-    "line-symmetric Bricard": lambda: line_symmetric_bricard(10),
     "trihedral Bricard": lambda: trihedral_bricard(55, [0.45, 0.2, 0.35, 0.3, 0.4]),
 }
 #: Singular as mechanisms where they are flat.
-STOPPING = {"Sarrus": lambda: sarrus(18, 1.2), "right-angled Sarrus": lambda: sarrus(19, np.pi / 2)}
+STOPPING = {"Sarrus": lambda: sarrus(18, 1.2)}
 
 
 @cache
@@ -142,25 +126,6 @@ def test_loops_turn_fully_by_kernels_and_follow_the_reference_path(name):
         assert not len(kernels.engine.kernel(key).many((q, va, aa), result))
         # Condition numbers are below 1e3.
         assert np.allclose(result, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", TURNING)
-def test_loops_turn_fully_at_any_tolerance_on_both_paths(name):
-    """The energy stays as far as the tolerance asks; the loose ones take large steps."""
-    kernels, reference = both_paths(name)
-    q0, t = reference.generic_configuration(), np.linspace(0, 6, 16)
-    for chain, tolerance, left in (
-        (reference, 1e-3, 1.0),
-        (kernels, 1e-3, 1.0),
-        (kernels, 1e-6, 1e-2),
-        (kernels, 1e-12, 1e-8),
-    ):
-        motion = chain.simulate([0.0], q0, [3.0], t, rtol=tolerance, atol=tolerance)
-        assert not motion.stopped
-        assert np.ptp(motion.q[:, 0]) > 2 * np.pi
-        balance = energy_balance(chain.engine, motion)
-        assert np.abs(balance.error).max() < left * np.ptp(balance.kinetic)
 
 
 @pytest.mark.slow

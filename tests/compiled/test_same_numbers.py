@@ -226,15 +226,6 @@ def test_samples_at_fault_are_named_or_nan_and_the_others_are_as_they_were(name,
         np.testing.assert_array_equal(np.delete(got, 4, axis=0), np.delete(right, 4, axis=0))
 
 
-@pytest.mark.parametrize("name", BY_COLUMNS[:2])
-def test_simulations_by_columns_follow_the_reference_path(name, by_columns):
-    """To ten times the tolerance of the integrator."""
-    given, t = samples(name)[0], np.linspace(0, 0.05, 6)
-    start = given["tau"][0], given["q"][0], given["va"][0]
-    motions = [chain.simulate(*start, t, rtol=1e-9, atol=1e-9) for chain in pair(name)]
-    np.testing.assert_allclose(motions[0].q, motions[1].q, atol=1e-8)
-
-
 def test_regressors_of_other_masses_need_no_new_kernel():
     chain = robots.four_bar()
     chain.compile()
@@ -244,20 +235,6 @@ def test_regressors_of_other_masses_need_no_new_kernel():
     np.testing.assert_allclose(Y, chain.torque_regressor(*motions), rtol=1e-12, atol=1e-13)
     forces = heavier.generalized_forces(*motions)
     np.testing.assert_allclose(Y @ heavier.dynamic_parameters, forces, atol=1e-12)
-
-
-@pytest.mark.slow
-def test_reactions_fill_any_array_with_any_number_of_threads():
-    (chain, reference), (given, _) = pair("bennett"), samples("bennett")
-    plain = [given[name] for name in ("q", "va", "aa")]
-    wanted, room = reference.reactions(*plain), np.zeros((18, 2 * (7 * 4 + 6 + 1)))
-    w = chain.reactions(*plain, out=room[::2, ::2])
-    assert np.shares_memory(w.joints, room)
-    many = chain.reactions(*(np.tile(x, (2, 500, 1)) for x in plain), threads=2)
-    for found in (w.joints, many.joints[1, -9:], many.joints[0, :9]):
-        assert found == pytest.approx(wanted.joints, abs=1e-11, nan_ok=True)
-    assert np.array_equal(many.determined.joints[1, -9:], wanted.determined.joints)
-    assert chain.reactions(*(x[:0] for x in plain)).determined.joints.shape == (0, 3, 6)
 
 
 def test_gravity_inertias_and_friction_count_without_compiling_again(monkeypatch):
@@ -350,18 +327,3 @@ def test_samples_whose_line_has_no_direction_are_refused_on_both_paths(compiled)
     assert caught.value.samples == ((1,),)
     tau = robot.compute_torques(q, [0], [0], on_error="nan")
     assert np.isnan(tau).any(axis=1).tolist() == [False, True]
-
-
-def test_a_motor_between_frames_of_one_body_moves_nothing():
-    line, bar = LineForce("coupler_pin", "platform", name="idle"), robots.four_bar()
-    for motors in (["idle"], ["idle", "crank"]):
-        fast, plain = (ClosedChain(bar.model, bar.closures, motors, forces=[line]) for _ in "ab")
-        fast.compile()
-        if len(motors) == 1:
-            for robot in (fast, plain):
-                with pytest.raises(sst_pin.ActuationError):
-                    robot.compute_torques(bar.home, [1], [0])
-        else:
-            tau = plain.compute_torques(bar.home, [1], [0])
-            assert tau[0] == 0
-            same(fast.compute_torques(bar.home, [1], [0]), tau, 1e-12)

@@ -24,22 +24,6 @@ def found(robot, intervals, limit=LIMIT):
 
 
 @pytest.mark.slow
-def test_the_motion_is_that_of_its_torques_here_and_in_mujoco(robot):
-    """Ten intervals of 60 ms: the collocation's own error is below 1e-3 rad."""
-    pytest.importorskip("mujoco", reason="mujoco is not installed (extra 'mjcf')")
-    solution = found(robot, 10)
-    assert (np.abs(solution.tau) <= LIMIT * (1 + 1e-6)).all()
-    assert at_limit(solution).min() >= 0.6  # three motors with two to five switches in ten pieces
-    assert np.abs([robot.residual(q) for q in solution.q]).max() < 1e-7  # IPOPT's constraints: 1e-8
-    np.testing.assert_allclose(solution.q[-1], pose(robot, GOAL), atol=1e-6)
-    motion = simulated(robot, solution, 2)
-    ends = solution.q[DEGREE::DEGREE]
-    assert np.abs(motion.q[2::2] - ends).max() < 1e-3
-    assert np.abs(motion.va[-1]).max() < 1e-2
-    assert np.abs(replayed(solution) - motion.q[2::2]).max() < 1e-5  # the give of MuJoCo's welds
-
-
-@pytest.mark.slow
 def test_bang_bang_within_the_arcs_and_replayed_in_mujoco(robot):
     """The example as it is: two motors switch, the first one rides along the end of its arc."""
     pytest.importorskip("mujoco", reason="mujoco is not installed (extra 'mjcf')")
