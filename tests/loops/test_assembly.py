@@ -97,20 +97,6 @@ def test_loops_close_to_the_rounding_of_angles_after_many_turns(turns):
     assert np.abs(chain.residual(q)).max() < 4 * np.spacing(way.max())
 
 
-def test_a_motor_behind_a_gear_turns_as_far_as_its_angle_has_digits():
-    """Rounding of the motor's angle is 1.5e-11 rad, that of its coupling as large."""
-    bar, model = ladder(1), ladder(1).model
-    model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "motor")
-    model.appendBodyToJoint(4, pin.Inertia.Random(), pin.SE3.Identity())
-    gear = sst_pin.Coupling("motor", {"crank_0": (0, 157)})
-    chain = ClosedChain(model, [*bar.closures, gear], ["motor"])
-    near = chain.assemble(np.array([0.3, -0.2, 1.0, 47.1]), ["crank_0"])
-    turns = 2 * np.pi * np.array([114, -114, 0, 114 * 157])
-    far = chain.assemble(near + turns, ["crank_0"])
-    assert far[3] > 1.1e5
-    assert_allclose(far, near + turns, atol=4 * np.spacing(far[3]))
-
-
 def test_several_starts_close_what_one_start_does_not():
     """One seed gives one configuration; another seed also gives a closed one."""
     chain = ClosedChain(
@@ -192,14 +178,6 @@ def test_a_scissor_lift_of_twenty_cells_is_judged_at_the_callers_configuration()
     assert chain.compute_accelerations(q, [0.0], tau) == pytest.approx(0, abs=1e-8)
 
 
-def test_a_robot_that_cannot_be_assembled_says_so_at_every_call():
-    chain = ladder(2, broken=1)
-    for _ in range(2):
-        with pytest.raises(ClosureError, match="cannot be closed"):
-            chain.generic_configuration()
-    assert chain.coordinates == chain.motor_names
-
-
 def limited(lower, upper):
     """One four-bar with limits of crank, coupler and rocker."""
     chain = ladder(1)
@@ -251,11 +229,6 @@ def test_limits_that_no_configuration_meets_are_named():
             limited(lower, upper).assemble(q, ["crank_0"], limits=True)
 
 
-def test_limits_that_are_not_reached_change_nothing():
-    chain, guess = limited([-9] * 3, [9] * 3), [1.2, -0.7, 2.0]
-    assert np.array_equal(chain.assemble(guess), chain.assemble(guess, limits=True))
-
-
 def test_a_guess_whose_quaternion_is_zero_is_refused():
     chain = delta()
     with pytest.raises(InputError, match=r"quaternion at \d+ is zero"):
@@ -303,13 +276,6 @@ def test_a_guess_without_quaternions_is_the_way_from_the_neutral_configuration()
     assert np.abs(delta.residual(q)).max() < 1e-11
     with pytest.raises(sst_pin.InputError, match=r"expected \(19,\)"):
         delta.assemble([0.1] * 17)
-
-
-def test_joints_that_a_guess_does_not_name_start_from_home():
-    """The SST's home follows from its dimensions; no description has to give it."""
-    robot = sst_pin.SST()
-    assert np.array_equal(robot.assemble({}), robot.home)
-    assert np.abs(robot.assemble({"gamma_1": 0.8}) - robot.home).max() < 0.02
 
 
 def test_a_batch_of_guesses_is_assembled_sample_by_sample_and_open_ones_are_named():

@@ -10,7 +10,6 @@ from scipy.sparse.csgraph import connected_components
 import sst_pin
 from sst_pin import ClosedChain, Closure, Coupling
 from sst_pin.dynamics.dynamics import Memory
-from sst_pin.dynamics.noc import JointComplement
 from sst_pin.errors import SingularConfigurationError
 from sst_pin.loops.loops import connected
 from sst_pin.model.mechanism import Friction, Mechanism, Springs
@@ -99,15 +98,6 @@ def test_blocks_solve_what_all_loops_at_once_do(name):
     assert_allclose(x, L @ va - X[:, 0], rtol=0, atol=1e-13 * np.abs(x).max())
 
 
-@pytest.mark.parametrize("cells", [4, 16])
-def test_a_block_of_a_ladder_is_as_large_as_that_of_any_other(cells):
-    """Memory and operations are in proportion to the number of loops."""
-    chain = ladder(cells)
-    memory = Memory(chain.mechanism)
-    assert [len(block.rates) for block in memory.complement.blocks] == [2] * cells
-    assert [int(row.sum()) for row in memory.loops.touched] == [3] * 3 * cells
-
-
 def test_a_loop_does_not_notice_what_the_others_do():
     """To the last bit: no number of another loop enters its equations."""
     chain, random = four_bars(), np.random.default_rng(2)
@@ -162,19 +152,3 @@ def hinges(count):
     springs = Springs(np.zeros(count), np.zeros(count))
     nothing = np.empty(0, dtype=np.intp)
     return Mechanism(model, closures, nothing, np.empty((count, 0)), (), none, springs)
-
-
-def test_a_joint_that_no_closure_holds_counts_as_singular():
-    solver = JointComplement(hinges(1), np.zeros((1, 1), dtype=bool))
-    with pytest.raises(SingularConfigurationError, match="joint_0"):
-        solver.factorise(np.zeros((1, 1)))
-
-
-def test_numbers_that_are_not_finite_count_as_singular():
-    """In the block where they are, whatever the pivots of the other one."""
-    solver = JointComplement(hinges(2), np.eye(2, dtype=bool))
-    solver.factorise(np.diag([2.0, 3.0]))
-    assert_allclose(solver.inverse, np.diag([1 / 2, 1 / 3]), rtol=1e-15)
-    for numbers in ([np.nan, 3.0], [2.0, np.nan], [np.nan, np.nan]):
-        with pytest.raises(SingularConfigurationError):
-            solver.factorise(np.diag(numbers))

@@ -2,7 +2,7 @@
 """The coordinates are chosen when a robot is made, from the robot alone."""
 
 import warnings
-from itertools import combinations, permutations
+from itertools import permutations
 
 import numpy as np
 import pinocchio as pin
@@ -70,32 +70,6 @@ def test_the_motor_of_a_fine_lead_screw_is_the_coordinate(pitch):
     assert tau == pytest.approx(2.0 + 1e-4 * (2 * np.pi / pitch) ** 2)
 
 
-def test_a_motor_that_moves_with_another_but_for_digits_is_no_coordinate():
-    """A parallelogram whose lengths are written with six digits, on a cart."""
-    model = pin.Model()
-    body(model, 0, pin.JointModelPX(), 0.0, "cart")
-    bars = [("crank", "cart", 0.0, 0.2), ("coupler", "crank", 0.2, 0.3)]
-    planar([*bars, ("rocker", "cart", 0.300001, 0.2)], pin.JointModelRY, model)
-    model.referenceConfigurations["home"] = np.array([0.0, 0.7, -0.7, 0.7])
-    closure = Closure("coupler_end", "rocker_end", "3d")
-    chain = ClosedChain(model, [closure], ["crank", "rocker"])
-    assert chain.coordinates == ("crank", "cart")
-
-
-def test_a_cylinder_decides_the_mode_as_the_motor_that_it_is():
-    model, closures = slide_with_two_bars()
-    tip(model, 0, -0.5, "ground")
-    tip(model, model.getJointId("slide"), 0.0, "cart")
-    lines = [sst_pin.LineForce("ground", "cart", name="cylinder")]
-    cylinder = ClosedChain(model, closures, ["cylinder"], forces=lines)
-    motor = ClosedChain(model, closures, ["slide"])
-    assert cylinder.mobility().held == 1
-    q = motor.assemble([0.2, 2.0, 1.0])
-    tau = cylinder.with_coordinates(["slide"]).compute_torques(q, [0.1], [0.2])
-    np.testing.assert_allclose(tau, motor.compute_torques(q, [0.1], [0.2]), rtol=1e-12)
-    assert abs(cylinder.generic_configuration()[0]) > 0.01  # in the folded mode the slide rests
-
-
 def test_a_tendon_holds_the_sum_of_its_joints_and_not_each():
     """What motors hold is the rank of L^T B."""
     model = pin.Model()
@@ -109,24 +83,6 @@ def test_a_tendon_holds_the_sum_of_its_joints_and_not_each():
     still = scissor.mobility(scissor.assemble([0.2, 2.0, 1.0], ["slide"]))
     assert (still.held, still.inner_stresses) == (0, 1)
     assert set(still.loose_joints) == {"slide", "bar_s", "bar_g"}
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_what_motors_hold_is_the_rank_of_the_actuator_jacobian(seed):
-    random, plain = np.random.default_rng(seed), sst_pin.robots.planar_3rrr()
-    joints = list(random.permutation(plain.joint_names))
-    tendons = [{joints.pop(): 1.0, joints.pop(): random.normal()} for _ in range(seed % 3)]
-    model = plain.model
-    for k, joint in enumerate(joints[:2]):
-        tip(model, model.getJointId(joint), 0.1, f"eye_{k}")
-    lines = [sst_pin.LineForce("eye_0", "eye_1", name="line")] if seed % 2 else []
-    motors = [*tendons, *(str(line) for line in lines), *joints[: seed // 2]]
-    chain = ClosedChain(model, plain.closures, motors, forces=lines)
-    q = chain.generic_configuration()
-    rank = np.linalg.matrix_rank(chain.actuator_jacobian(q), tol=1e-7) if motors else 0
-    mobility = chain.mobility(q)
-    assert mobility.held == rank
-    assert mobility.inner_stresses == len(chain.motor_names) - rank
 
 
 @pytest.mark.parametrize("folded_first", [False, True])
@@ -182,36 +138,6 @@ def test_coordinates_are_independent_at_home_itself(robot, home, motors, coordin
     assert chain.condition_number(q) < 1e3
 
 
-@pytest.mark.parametrize(
-    ("robot", "motor"),
-    [(rhombus, "crank"), (slide_with_two_bars, "slide"), (engine, "piston"), (engine, "crank")],
-)
-def test_homes_written_with_two_digits_are_configurations_where_the_coordinates_hold(robot, motor):
-    model, closures, *_ = robot()
-    random, whole = np.random.default_rng(0), ClosedChain(model, closures, [])
-    found = 0
-    while found < 20:
-        try:
-            q = whole.assemble(random.uniform(-3.1, 3.1, 3) * [0.2, 1, 1], fixed=())
-        except sst_pin.ClosureError:
-            continue
-        found += 1
-        model.referenceConfigurations["home"] = q.round(2)
-        chain = ClosedChain(model, closures, [motor])
-        assert np.abs(chain.home - q).max() < 0.2
-        assert np.isfinite(chain.generalized_forces(chain.home, [1.0], [1.0])).all()
-
-
-@pytest.mark.parametrize("coordinates", [["slide"], ["bar_g"]])
-def test_coordinates_of_the_caller_stand(coordinates):
-    """Wherever they describe the motion; elsewhere the call says which others do."""
-    chain = ClosedChain(*slide_with_two_bars(), ["slide"], coordinates=coordinates)
-    assert chain.coordinates == tuple(coordinates)
-    q = chain.assemble([0.2, 2.0, 1.0])
-    assert chain.joint_rates(q, [1.0]).shape == (3,)
-    assert chain.condition_number(q) < 100
-
-
 @pytest.mark.parametrize("coordinates", [["crank", "rocker"], ["crank", "rocker", "coupler"]])
 def test_too_many_coordinates_are_refused_at_a_configuration(coordinates):
     """The closures hold the coordinates themselves; rates that break them are no motion."""
@@ -221,32 +147,6 @@ def test_too_many_coordinates_are_refused_at_a_configuration(coordinates):
     n = np.ones(len(coordinates))
     with pytest.raises(sst_pin.SingularConfigurationError, match="for example crank describe"):
         chain.generalized_forces(q, n, n)
-
-
-def seven_hinges(seed):
-    """A loop of seven hinges anywhere, which has one freedom, closed at the q given."""
-    random, model, joint = np.random.default_rng(seed), pin.Model(), 0
-    q = random.uniform(-1, 1, 7)
-    for k in range(7):
-        axis, place, lever = random.normal(size=(3, 3))
-        kind = pin.JointModelRevoluteUnaligned(axis / np.linalg.norm(axis))
-        inertia = pin.Inertia(1.0, 0.1 * lever, 0.01 * np.eye(3))
-        joint = add(model, joint, kind, f"joint_{k}", at(*0.2 * place), inertia)
-    tip(model, joint, 0.2, "end")
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, q)
-    mark(model, 0, "ground", data.oMf[model.getFrameId("end")].copy())
-    return model, [Closure("end", "ground", "6d")], q
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_two_coordinates_for_one_freedom_are_refused_on_any_loop(seed):
-    """No pair of rates is free, however well the others follow from it."""
-    model, closures, q = seven_hinges(seed)
-    for pair in combinations(list(model.names)[1:], 2):
-        chain = ClosedChain(model, closures, ["joint_0"], coordinates=pair)
-        with pytest.raises(sst_pin.SingularConfigurationError, match="hold the coordinates"):
-            chain.joint_rates(q, [1.0, 1.0])
 
 
 def test_a_singularity_of_the_mechanism_asks_for_no_other_coordinates():
@@ -265,16 +165,6 @@ def test_a_home_with_a_zero_quaternion_is_named():
     model.referenceConfigurations["home"] = np.zeros(4)
     with pytest.raises(sst_pin.DescriptionError, match="home: the quaternion at 0 is zero"):
         ClosedChain(model, [], [])
-
-
-@pytest.mark.parametrize("angle", [1e-3, 0.02, 0.1])
-def test_a_parallelogram_near_its_flat_pose_has_one_freedom(angle):
-    """Where it is flat it has two."""
-    model, closures, _ = rhombus()
-    chain = ClosedChain(model, closures, ["crank"], coordinates=["rocker", "coupler"])
-    with pytest.raises(sst_pin.SingularConfigurationError, match="hold the coordinates"):
-        chain.joint_rates([angle, -angle, angle], [1.0, 0.0])
-    np.testing.assert_allclose(chain.joint_rates(np.zeros(3), [1.0, -1.0]), [1, -1, 1])
 
 
 def test_a_singular_configuration_is_refused_without_warnings_of_numpy():
@@ -307,33 +197,6 @@ def test_coordinates_of_another_mode_than_home_serve_where_they_hold():
             ask()
     chain.compile(state[0])
     np.testing.assert_allclose(chain.compute_torques(*state), tau)
-
-
-def cam():
-    """A cam with one assembly, far from zero: z = (30 - x) (x^2 + 1) in centimetres, x = 30."""
-    model = pin.Model()
-    body(model, 0, pin.JointModelRX(), 0.0, "x")
-    body(model, 0, pin.JointModelPZ(), 0.3, "z")
-    polynomial = 100 * np.array([30.0, -1.0, 30.0, -1.0])
-    return model, [sst_pin.Coupling("z", {"x": polynomial})], np.array([30.0, 0.0])
-
-
-def test_a_robot_that_no_guess_assembles_computes_where_it_is_closed():
-    model, closures, q = cam()
-    chain = ClosedChain(model, closures, ["z", "x"], coordinates=["z"])
-    assert chain.preload_directions(q).shape == (2, 1)
-    assert np.isfinite(chain.compute_torques(q, [1.0], [1.0], limits=[1e6, 1e6])).all()
-    for ask in (chain.mobility, chain.compile, chain.casadi):
-        with pytest.raises(sst_pin.ClosureError, match="give q, a closed configuration") as caught:
-            ask()
-        assert "fixed=" not in str(caught.value)  # it has no such argument
-    assert chain.mobility(q).degrees_of_freedom == 1
-    without_motors = ClosedChain(model, closures, [])
-    with pytest.raises(sst_pin.DescriptionError, match=r"no configuration was assembled .*home"):
-        without_motors.generalized_forces(q, [], [])
-    model.referenceConfigurations["home"] = q
-    without_motors.refresh()
-    assert without_motors.degrees_of_freedom == 1
 
 
 def test_no_coordinates_are_refused():
@@ -396,39 +259,6 @@ def test_where_the_robot_stands_does_not_count(distance):
         chain.compute_torques(np.add(q, [0, 3e-4, 0]), [1.0], [1.0])
 
 
-def wheel_on_the_ground(distance):
-    """A cart far along the ground; its wheel rolls on the world's x-y plane."""
-    model = pin.Model()
-    cart = model.addJoint(0, pin.JointModelTranslation(), at(distance, 0, 0.1), "cart")
-    wheel = body(model, cart, pin.JointModelRY(), 0.0, "wheel")
-    model.inertias[cart] = model.inertias[wheel]
-    mark(model, wheel, "axle", at(turned=pin.exp3(np.array([np.pi / 2, 0, 0]))))
-    chain = ClosedChain(model, [sst_pin.Rolling("universe", "axle", 0.1)], ["wheel"])
-    return chain, np.array([0, 0, 1e-6, 0])
-
-
-def bar_on_the_ground(distance):
-    """A bar on a slide far along the ground; its tip glides on the world's x-y plane."""
-    model = pin.Model()
-    slide = body(model, 0, pin.JointModelPX(), distance, "slide")
-    bar = body(model, slide, pin.JointModelRY(), 0.0, "bar")
-    tip(model, bar, 0.3, "end")
-    plane = (False, False, True, False, False, False)
-    return ClosedChain(model, [Closure("universe", "end", plane)], ["slide"]), np.array([0, 1e-5])
-
-
-@pytest.mark.parametrize("distance", [0.0, 1e3, 1e5])
-@pytest.mark.parametrize("robot", [wheel_on_the_ground, bar_on_the_ground])
-def test_a_plane_of_the_world_is_where_the_robot_is(robot, distance):
-    """The origin of the plane, which may be far off, is no part of the robot."""
-    (chain, aside), (near, _) = robot(distance), robot(0.0)
-    assert chain.mechanism.length == near.mechanism.length <= 0.3
-    n = chain.degrees_of_freedom
-    chain.generalized_forces(np.zeros(chain.model.nq), np.zeros(n), np.ones(n))
-    with pytest.raises(sst_pin.ClosureError):
-        chain.generalized_forces(aside, np.zeros(n), np.ones(n))
-
-
 def rod_between_two_balls(spin):
     """A crank and a rocker joined by a rod on two balls; `spin` is its inertia about itself."""
     model = pin.Model()
@@ -457,24 +287,6 @@ def test_a_rod_without_spin_inertia_between_two_balls_is_named(spin):
             ask()
     assert np.isfinite(thin.generalized_forces(q, np.zeros(n), np.ones(n))).all()
     assert np.isfinite(thick.compute_accelerations(*state)).all()
-
-
-def test_a_thin_rod_is_named_whatever_the_coordinates():
-    """Coordinates may be those of another mode than home's, here of a rhombus beside the rod."""
-    model = pin.Model(rod_between_two_balls(0.0).model)
-    bars = [("crank_2", "universe", 1.0, 0.3), ("coupler_2", "crank_2", 0.3, 0.3)]
-    planar([*bars, ("rocker_2", "universe", 1.3, 0.3)], pin.JointModelRY, model)
-    ends = ("rod_end", "rocker_end"), ("coupler_2_end", "rocker_2_end")
-    closures = [Closure(*pair, "3d") for pair in ends]
-    q = ClosedChain(model, closures, ["crank"]).generic_configuration()
-    folded, opened = np.tile(q, (2, 1))
-    for pose, angles in (folded, [0.7, np.pi, np.pi]), (opened, [0.7, -0.7, 0.7]):
-        pose[-3:] = angles
-    model.referenceConfigurations["home"] = folded
-    chain = ClosedChain(model, closures, ["crank"], coordinates=["crank", "rod_wx", "rocker_2"])
-    assert np.isfinite(chain.generalized_forces(opened, np.zeros(3), np.ones(3))).all()
-    with pytest.raises(sst_pin.SingularConfigurationError, match=r"rod_w.* move no mass"):
-        chain.compute_accelerations(opened, np.zeros(3), [0.0])
 
 
 def test_a_rod_without_spin_inertia_needs_no_motor_to_spin():

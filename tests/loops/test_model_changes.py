@@ -2,23 +2,18 @@
 """Whatever changes in the model, a chain computes what a newly built one computes."""
 
 import copy
-import io
 import multiprocessing
 import pickle
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 
-import coal
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import sst_pin
 from sst_pin import ClosedChain, Closure
-from sst_pin.compiled.compiled_backend import CompiledBackend
-from sst_pin.compiled.export import c_files
 from tests.support import any_chain
-from tests.support.planar_bars import planar, rhombus
+from tests.support.planar_bars import planar
 from tests.support.trees import tree
 
 MOTORS = ["a0_RX", "b0_RZ"]
@@ -133,77 +128,6 @@ def test_a_changed_model_counts_after_refresh_and_not_before(chain, name):
     assert np.array_equal(one, other)
 
 
-@pytest.mark.parametrize(
-    "name", [n for n in CHANGES if n not in ("joint", "placement")]
-)  # no star, open loops
-def test_a_changed_sst_equals_a_new_one_on_kernels_and_the_reference_path(name):
-    robot = sst_pin.SST()
-    # No passive joint stands still: Coulomb friction would have any sign.
-    q = robot.assemble(robot.home + 0.1 * np.random.default_rng(0).normal(size=9))
-    va, aa = (1.0, 0.7, -0.6), (0.5, 0, 2)
-    before = robot.compute_torques(q, va, aa)
-    batch = (np.stack([q, q]), va, aa)
-    many = robot.compute_torques(*batch)
-    pin.seed(0)
-    CHANGES[name](robot.model)
-    assert np.array_equal(robot.compute_torques(q, va, aa), before)
-    assert np.array_equal(robot.compute_torques(*batch), many)
-    robot.refresh()
-    single, several = robot.compute_torques(q, va, aa), robot.compute_torques(*batch)
-    chain = ClosedChain(pin.Model(robot.model), robot.closures, robot.motor_names)
-    expected = chain.compute_torques(q, va, aa)
-    for tau in (single, *several):
-        # Kernels and the reference path: two orders of the same sums.
-        assert np.abs(tau - expected).max() < 1e-11 * max(1, np.abs(expected).max())
-
-
-def spoil(model):
-    """Change all that a picture, a check or an export could read."""
-    model.gravity.linear = np.array([0.0, 0.0, -1.62])
-    model.upperPositionLimit = model.lowerPositionLimit + 1e-3
-    model.name = "other"
-    for frame in model.frames:
-        frame.placement = frame.placement * PLACE
-    if "home" in model.referenceConfigurations:
-        model.referenceConfigurations["home"] = 0 * model.referenceConfigurations["home"]
-
-
-def placed(chain, model):
-    """Shapes that stand where the model says."""
-    shapes = pin.GeometryModel()
-    at = model.frames[model.nframes - 1].placement
-    shapes.addGeometryObject(pin.GeometryObject("ball", 1, at, coal.Sphere(0.1)))
-    return shapes
-
-
-def seen(robot, q):
-    """Text that tells models apart, of every kind that is made from a model or read in it."""
-    n = robot.degrees_of_freedom
-    rest = q, np.zeros(n), np.zeros(n)
-    theta = robot.dynamic_parameters
-    yield from map(repr, robot.check(q))
-    yield from (str(frame.placement) for frame in robot.appearance.frames)
-    yield str(robot.visual_model.geometryObjects[0].placement)
-    for other in (
-        robot.with_coordinates(robot.coordinates),
-        robot.with_parameters({theta.names[0]: theta.values[0]}),
-        copy.copy(robot),
-        copy.deepcopy(robot),
-        pickle.loads(pickle.dumps(robot)),
-    ):
-        yield f"{other.generalized_forces(*rest).round(9) + 0.0} {other.mechanism.model.name}"
-
-
-@pytest.mark.parametrize("build", [sst_pin.robots.five_bar, sst_pin.SST])
-def test_no_part_of_a_robot_sees_a_changed_model_before_refresh(build):
-    robot = build()
-    robot._shapes = partial(placed, robot)
-    q = robot.home
-    before = list(seen(robot, q))
-    spoil(robot.model)
-    assert list(seen(robot, q)) == before
-
-
 def test_what_the_caller_gave_is_the_robot_and_not_the_caller_s_own():
     """Lists, dictionaries and arrays changed afterwards, and generators, count once."""
     plain = sst_pin.robots.four_bar()
@@ -244,17 +168,6 @@ def test_arrays_of_a_robot_are_read_only(copied):
     assert not any(array.flags.writeable for array in arrays)
 
 
-def test_a_robot_with_other_parameters_takes_one_joint_more():
-    """It has no springs of its own whose number would not fit."""
-    chain = sst_pin.robots.four_bar().with_parameters({"crank.mass": 2.0})
-    chain.model.appendBodyToJoint(
-        chain.model.addJoint(0, pin.JointModelRX(), PLACE, "tail"), BODY, pin.SE3.Identity()
-    )
-    chain.model.referenceConfigurations["home"] = np.append(chain.home, 0.3)
-    chain.refresh()
-    assert chain.degrees_of_freedom == 2
-
-
 def test_an_sst_in_other_coordinates_has_its_platform():
     robot = sst_pin.SST()
     other = robot.with_coordinates(["mu_1", "mu_2", "mu_3"])
@@ -262,19 +175,6 @@ def test_an_sst_in_other_coordinates_has_its_platform():
     rest = robot.home, np.zeros(3), np.zeros(3)
     tau = robot.compute_torques(*rest, **how)
     np.testing.assert_allclose(other.compute_torques(*rest, **how), tau, atol=1e-11)
-
-
-def test_exported_code_is_of_one_robot():
-    robot = sst_pin.robots.four_bar()
-    before = {path.name: written(write) for path, write in c_files(robot, "out").items()}
-    _joint(robot.model)
-    assert {path.name: written(write) for path, write in c_files(robot, "out").items()} == before
-
-
-def written(write):
-    stream = io.BytesIO()
-    write(stream)
-    return stream.getvalue()
 
 
 class Interrupting:
@@ -346,59 +246,6 @@ def test_a_call_computes_from_one_robot_whenever_another_thread_refreshes(name):
         chain.model.damping = other.damping
         found = ANSWERS[name](chain, Interrupting(q, chain, when))
         assert any(np.allclose(found, x, rtol=1e-9, atol=1e-12) for x in (old, new))
-
-
-def test_a_motion_belongs_to_the_robot_that_was_simulated():
-    model, closures, folded = rhombus()
-    model.referenceConfigurations["home"] = np.array([0.7, -0.7, 0.7])
-    chain = ClosedChain(model, closures, ["rocker", "crank"])
-    model.referenceConfigurations["home"] = folded
-    motion = chain.simulate(
-        [0.0, 0.0], [0.7, -0.7, 0.7], [1.0], [0, 0.01], progress=lambda t: chain.refresh()
-    )
-    assert motion.coordinates == ("rocker",)
-    assert chain.coordinates == ("crank",)
-
-
-def test_kernels_compiled_while_a_robot_is_refreshed_are_those_of_the_new_one(monkeypatch):
-    chain = sst_pin.robots.four_bar()
-    make, left = CompiledBackend.make, [1]
-
-    def interrupted(self, keys):
-        make(self, keys)
-        if left.pop() if left else 0:
-            chain.model.gravity.linear = np.array([0.0, 0.0, -1.62])
-            chain.refresh()
-
-    monkeypatch.setattr(CompiledBackend, "make", interrupted)
-    chain.compile()
-    assert chain.path.startswith("compiled kernels")
-    new = ClosedChain(pin.Model(chain.model), chain.closures, chain.motor_names)
-    rest = chain.home, [0.0], [0.0]
-    np.testing.assert_allclose(chain.compute_torques(*rest), new.compute_torques(*rest))
-
-
-def test_kernels_compiled_near_a_configuration_serve_a_robot_with_one_joint_more():
-    chain = sst_pin.robots.four_bar()
-    chain.compile(chain.home)
-    index = chain.model.addJoint(0, pin.JointModelRX(), PLACE, "tail")
-    chain.model.appendBodyToJoint(index, BODY, pin.SE3.Identity())
-    chain.model.referenceConfigurations["home"] = np.append(chain.home, 0.3)
-    chain.refresh()
-    assert chain.path.startswith("compiled kernels")
-    new = ClosedChain(pin.Model(chain.model), chain.closures, chain.motor_names)
-    q, va = new.home, np.ones(2)
-    np.testing.assert_allclose(
-        chain.generalized_forces(q, va, va), new.generalized_forces(q, va, va), rtol=1e-9
-    )
-
-
-def test_a_frame_added_to_the_model_can_be_asked_for(chain):
-    q, va = chain.home, np.ones(chain.degrees_of_freedom)
-    chain.joint_rates(q, va)
-    chain.model.addFrame(pin.Frame("tool", 2, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
-    chain.refresh()
-    assert chain.frame_jacobian(q, "tool").shape == (6, len(va))
 
 
 @pytest.mark.parametrize(
