@@ -219,6 +219,9 @@ class ClosedChain(Summary):
             InputError: For a first moment without mass, an offset of a joint without a spring or of
                 a ball, an offset of a motor, a negative stiffness or damping of a line.
             DescriptionError: For a spring that no joint can have.
+
+        Warns:
+            DescriptionWarning: For a mass alone; `dynamic_parameters.scale_mass` scales a body.
         """
         chain = copy(self)
         model, numbers, forces = regressor.changed(chain.engine.mechanism, theta)

@@ -5,6 +5,9 @@ Y = L^T Y_tree, where the columns of Y_tree are what one unit of each parameter 
 rates of the tree. References of springs and rest lengths of lines are held, so f is linear.
 """
 
+from __future__ import annotations
+
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -12,8 +15,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, single_array
-from ..errors import InputError, UnknownNameError
+from ..arrays import Array, positive_number, single_array
+from ..errors import DescriptionWarning, InputError, UnknownNameError
 from ..model.lines import LineForce
 from ..model.mechanism import Friction, Mechanism, Springs, read_only
 from ..model.tree import of_rates, summed, support
@@ -61,6 +64,27 @@ class DynamicParameters(Summary):
         if name not in self.names:
             raise UnknownNameError("parameter", name, list(self.names))
         return float(self.values[self.names.index(name)])
+
+    def scale_mass(self, body: str, factor: float) -> DynamicParameters:
+        """The parameters with mass, first moment and inertia of a body times a factor.
+
+        The mass centre stays. `body` is the name of its joint; use them in `with_parameters`.
+
+        Raises:
+            UnknownNameError: If there is no such body.
+            InputError: If the factor is negative.
+
+        Example:
+            >>> loaded = chain.with_parameters(chain.dynamic_parameters.scale_mass("crank", 2.0))
+            >>> (loaded.model.inertias[1].lever == chain.model.inertias[1].lever).all()
+            np.True_
+        """
+        bodies = [name.removesuffix(".mass") for name in self.names if name.endswith(".mass")]
+        if body not in bodies:
+            raise UnknownNameError("body", body, bodies)
+        values, first = self.values.copy(), self.names.index(f"{body}.mass")
+        values[first : first + len(OF_BODY)] *= positive_number("factor", factor, or_zero=True)
+        return replace(self, values=read_only(values))
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         """The parameters that are not zero."""
@@ -149,6 +173,7 @@ def changed(
         for name, value in theta.items():
             now[name]  # refuses an unknown one
             values[now.names.index(name)] = single_array(name, value, ())
+        _warn_of_masses(now, theta)
     else:
         values = single_array("theta", theta, values.shape)
     model, springs, nv = pin.Model(mechanism.model), mechanism.springs, mechanism.model.nv
@@ -190,6 +215,23 @@ def changed(
         for line, of in zip(mechanism.lines.forces, lines.reshape(-1, 3), strict=True)
     )
     return model, numbers, forces
+
+
+def _warn_of_masses(now: DynamicParameters, theta: Mapping[str, float]) -> None:
+    """Warn of bodies of which only the mass changes."""
+    for name, mass in theta.items():
+        body, _, word = name.rpartition(".")
+        others = [f"{body}.{other}" for other in OF_BODY[1:]]
+        only = word == "mass" and mass != now[name] and not theta.keys() & set(others)
+        if only and now[name] and any(now[other] for other in others):
+            factor = mass / now[name]
+            warnings.warn(
+                f"{name}: the first moment and the inertia of the body stay as they are; "
+                f"with_parameters(chain.dynamic_parameters.scale_mass({body!r}, {factor:.9g})) "
+                "scales all of them",
+                DescriptionWarning,
+                stacklevel=4,
+            )
 
 
 def _body(name: str, body: pin.Inertia, ten: Array) -> pin.Inertia:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """f = Y theta: the regressor, the parameters, and robots with other parameters."""
 
+import re
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -140,3 +142,26 @@ def test_arguments_are_checked_as_in_other_calls():
     assert_allclose(out[1], chain.torque_regressor(q[1], va[1], aa[1]), atol=1e-14)
     with pytest.raises(InputError, match="va"):
         chain.torque_regressor(q, va[:, :0], aa)
+
+
+def test_a_mass_alone_is_told_and_its_cure_scales_the_body():
+    """The torque of the weight is that of the body with another density."""
+    chain = sst_pin.robots.four_bar()
+    with pytest.warns(sst_pin.DescriptionWarning, match=r"rocker\.mass: the first moment") as told:
+        alone = chain.with_parameters(
+            {"rocker.mass": 0.9 * chain.dynamic_parameters["rocker.mass"]}
+        )
+    cure = re.search(r"with_parameters\(.*?\)\)", str(told[0].message))[0]
+    lighter = eval(f"chain.{cure}", {"chain": chain})  # as a user would copy it
+    model = pin.Model(chain.model)
+    body = model.inertias[model.getJointId("rocker")]
+    model.inertias[model.getJointId("rocker")] = pin.Inertia(
+        0.9 * body.mass, body.lever, 0.9 * body.inertia
+    )
+    expected = sst_pin.ClosedChain(model, chain.closures, chain.motor_names)
+    motion = chain.home, [1.0], [2.0]
+    tau = expected.compute_torques(*motion)
+    assert_allclose(lighter.compute_torques(*motion), tau, rtol=1e-8)
+    assert_allclose(alone.compute_torques(*motion), chain.compute_torques(*motion), rtol=1e-12)
+    with pytest.raises(sst_pin.errors.UnknownNameError, match="body 'roker'"):
+        chain.dynamic_parameters.scale_mass("roker", 2.0)
