@@ -37,8 +37,9 @@ _MIMIC = re.compile(
 #: A rotation is further off than rounding, as a quaternion whose length is not one.
 _NO_ROTATION = 1e-6
 
-#: A motor: the joint or line that it drives, or the factors of those that it drives (a tendon).
-Motor = str | Mapping[str, float]
+#: A motor: the joint or line that it drives, or the factors of those that it drives (a tendon), by
+#: the name of the tendon if it has one: {"split": {"left": 1, "right": 1}}.
+Motor = str | Mapping[str, float] | Mapping[str, Mapping[str, float]]
 
 
 def closures_of(closures: Sequence[Constraint | tuple[str, str]]) -> tuple[Constraint, ...]:
@@ -172,8 +173,21 @@ def coordinates_of(coordinates: Sequence[str]) -> tuple[str, ...]:
 
 def motors_of(motors: Sequence[Motor]) -> tuple[Motor, ...]:
     """Motors, with tendons of the caller copied."""
-    motors = in_order("actuated", motors)
-    return tuple(dict(motor) if isinstance(motor, Mapping) else motor for motor in motors)
+    return tuple(
+        motor if not isinstance(motor, Mapping) else {name: dict(shares)} if name else dict(shares)
+        for motor in in_order("actuated", motors)
+        for name, shares in [tendon_of(motor)]
+    )
+
+
+def tendon_of(motor: Motor) -> tuple[str, Mapping[str, float]]:
+    """The name of a motor, empty for a tendon without one, and the factors of what it drives."""
+    if not isinstance(motor, Mapping):
+        return motor, {motor: 1.0}
+    for name, shares in motor.items():
+        if isinstance(shares, Mapping) and len(motor) == 1:
+            return name, shares
+    return "", motor  # type: ignore[return-value]  # `_motors` checks its numbers
 
 
 def forces_of(forces: Sequence[LineForce]) -> tuple[LineForce, ...]:
@@ -207,14 +221,15 @@ def _motors(
     names: list[str] = []
     for motor in motors:
         if isinstance(motor, Mapping):
+            name, shares = tendon_of(motor)
             column = np.zeros(size)
-            k = rows(list(motor))
-            column[k] = finite_array("actuated", list(motor.values()), (len(k),))
+            k = rows(list(shares))
+            column[k] = finite_array("actuated", list(shares.values()), (len(k),))
             if not column.any():
                 raise InputError("actuated", f"{dict(motor)}: this motor acts on no joint")
             columns.append(column)
-            shares = " + ".join(f"{share:g} {name}" for name, share in motor.items())
-            names.append(shares.replace("+ -", "- "))
+            sum_ = " + ".join(f"{share:g} {joint}" for joint, share in shares.items())
+            names.append(name or sum_.replace("+ -", "- "))
         else:
             (name,) = names_of("actuated", [motor])
             k = rows([name])

@@ -16,7 +16,7 @@ from ..files import as_path
 from ..loops.draft import Motor
 from .described import Described, naming, warned
 from .mjcf_compiled import Compiled
-from .mjcf_loops import closures_of, lines_of, motors_of
+from .mjcf_loops import closures_of, lines_of, motors_of, named_motors
 from .mjcf_tree import MjcfTree
 from .mjcf_unread import impossible, unread
 from .shapes import mjcf_shapes
@@ -45,7 +45,7 @@ def described(
     if actuated is None:
         motors = tuple(motors_of(compiled, tree))
     else:
-        motors = in_order("actuated", actuated)
+        motors = tuple(named_motors(compiled, in_order("actuated", actuated)))
     lines = tuple(lines_of(compiled, motors))
     tree.add_body_frames()
     stiffness = tree.add_numbers()

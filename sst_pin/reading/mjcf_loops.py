@@ -5,14 +5,14 @@ Equalities are points, welds, and couplings of joints and fixed tendons; actuato
 spatial tendons are forces along lines.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array
-from ..loops.draft import Motor
+from ..loops.draft import Motor, tendon_of
 from ..model.closures import Closure, Constraint, Coupling
 from ..model.lines import LineForce
 from .described import naming
@@ -126,6 +126,26 @@ def actuators(compiled: Compiled) -> Iterator[Actuator]:
             yield Actuator(compiled.name("actuator", i), kind, target, int(controls[i]), gear)
 
 
+def fixed_tendon(compiled: Compiled, tendon: int) -> Motor:
+    """A fixed tendon as a motor with its name."""
+    shares = compiled.shares(tendon)
+    factors = {compiled.joint(joint): share for joint, share in shares.items()}
+    return {compiled.name("tendon", tendon): factors}
+
+
+def named_motors(compiled: Compiled, motors: Sequence[Motor]) -> Iterator[Motor]:
+    """Motors that a caller names, with fixed tendons in the place of their names."""
+    mj = compiled.mj
+    fixed = (i for i in range(mj.ntendon) if not compiled.is_spatial(i))
+    tendons = {compiled.name("tendon", i): i for i in fixed}
+    joints = [compiled.joint(joint) for joint in range(mj.njnt)]
+    for motor in motors:
+        if isinstance(motor, str) and motor in tendons and motor not in joints:
+            yield fixed_tendon(compiled, tendons[motor])
+        else:
+            yield motor
+
+
 def motors_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Motor]:
     """Joints and tendons that actuators with a control act on, each once."""
     mj, seen = compiled.mj, set[tuple[str, int]]()
@@ -146,8 +166,8 @@ def motors_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Motor]:
             bearers = {tree.bodies[mj.site_bodyid[site]][0] for site in ends}
             if len(bearers) != 1:  # `lines_of` says why there is no line
                 yield compiled.name("tendon", target)
-        elif shares := compiled.shares(target):
-            yield {compiled.joint(joint): share for joint, share in shares.items()}
+        elif compiled.shares(target):
+            yield fixed_tendon(compiled, target)
         elif not mj.wrap_prm[compiled.wraps(target)].any():
             problem = "the coefficients of its tendon are 0"
         if problem:
@@ -158,7 +178,7 @@ def motors_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Motor]:
 def lines_of(compiled: Compiled, motors: Sequence[Motor]) -> Iterator[LineForce]:
     """Spatial tendons with a spring or a damper, and those that are motors."""
     mj = compiled.mj
-    driven = [x for motor in motors for x in (motor if isinstance(motor, Mapping) else [motor])]
+    driven = {name for motor in motors for name in tendon_of(motor)[1]}
     for tendon in range(mj.ntendon):
         name = compiled.name("tendon", tendon)
         if mj.tendon_limited[tendon] and not compiled.disabled("limit"):

@@ -442,8 +442,11 @@ def test_a_coupling_is_open_by_what_mujoco_measures(mjcf, equality, locked):
 def test_a_tendon_is_a_motor_of_all_its_joints(mjcf):
     """Its force is shared as the tendon's length is; two actuators on it are one motor."""
     mjcf.write_text(COUPLED.format('<joint joint1="a" joint2="b"/>'))
-    assert read_mjcf(mjcf).actuated == ({"a": 2, "b": -3}, "c")
-    assert read_mjcf(mjcf, ["b"]).actuated == ({"a": 2}, "c")
+    assert read_mjcf(mjcf).actuated == ({"ab": {"a": 2, "b": -3}}, "c")
+    assert read_mjcf(mjcf, ["b"]).actuated == ({"ab": {"a": 2}}, "c")
+    chain = sst_pin.ClosedChain.from_mjcf(mjcf, actuated=["c", "ab"])
+    assert chain.motor_names == ("c", "ab")
+    np.testing.assert_array_equal(chain.actuation, [[0, 2], [0, -3], [1, 0]])
     mj = mujoco.MjModel.from_xml_path(str(mjcf))
     data = mujoco.MjData(mj)
     data.ctrl[0] = 1 / 7  # tau is gear times control
