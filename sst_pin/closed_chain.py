@@ -117,7 +117,7 @@ class ClosedChain(Summary):
         closures: `Closure`, `Distance`, `Coupling`, `Rolling`, or pairs of names of frames that
             must coincide; none for an open tree.
         actuated: The motors: names of joints and of lines in `forces`; for a tendon a mapping from
-            such names to factors.
+            such names to factors, or {name: mapping}.
         coordinates: Names of the independent joints; a joint with several rates counts with all
             of them. By default as many of the actuated joints as are independent at `home` or,
             without one, at an assembled configuration, and other joints if these are too few.
@@ -1116,10 +1116,11 @@ class ClosedChain(Summary):
     ) -> _Chain:
         """A robot from a URDF or SDF and a YAML file, the "extended URDF" of LAAS.
 
-        The YAML lists closures, motors, forces along lines, gravity and joint types; docs/
-        own_robot.md. Without a YAML the frames `closing_NAME_1` and `closing_NAME_2` close point
-        closures, else the robot is an open tree with a motor at each joint. Mimic joints become
-        couplings. An SRDF beside the file defines named configurations, such as `home`.
+        The YAML lists closures, motors, forces, springs, friction, couplings, gravity and joint
+        types; docs/own_robot.md. Without closures there, those in the URDF count, such as the
+        frames `closing_NAME_1` and `closing_NAME_2`, else the robot is an open tree with a motor
+        at each joint. Mimic joints become couplings. An SRDF beside the file defines named
+        configurations, such as `home`.
 
         Args:
             path: The URDF, or an SDF; meshes are not needed. In an SDF, joints that make no tree
@@ -1133,7 +1134,8 @@ class ClosedChain(Summary):
 
         Warns:
             DescriptionWarning: When an inertia is not physical, a pose of the SRDF moves a locked
-                joint, or the YAML of an open tree may be missing.
+                joint, an element of Gazebo or Drake that acts is not read, or the YAML of an open
+                tree may be missing.
         """
         from .reading import read_urdf
 

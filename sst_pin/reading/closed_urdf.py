@@ -5,17 +5,23 @@ from collections.abc import Collection, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
+import pinocchio as pin
+
 from ..arrays import names
 from ..errors import DescriptionError
-from ..loops.draft import Motor, without_locked
-from ..model.closures import Constraint, Coupling
+from ..loops.draft import Motor, tendon_of, without_locked
+from ..model.closures import Constraint, Coupling, frames_of
+from ..summaries import listed
+from .acting_words import unread
+from .cut_joints import Marks
 from .cuts import Cuts, parse_cuts
 from .described import Described, naming, warned
+from .problems import Problem, warning
 from .shapes import urdf_shapes
 from .srdf import Srdf
 from .text import read_text
-from .urdf import Urdf, closing_frames
-from .urdf_checks import inertia_notes, left_out
+from .urdf import Urdf, closing_frames, is_closing
+from .urdf_checks import inertia_notes
 
 
 def read_urdf(
@@ -27,33 +33,30 @@ def read_urdf(
     default: str | Path | None = None,
 ) -> Described:
     """Read a robot; see `ClosedChain.from_urdf`, whose caller a warning points to."""
-    urdf, locked = path if isinstance(path, Urdf) else Urdf.read(path), names("locked", locked)
-    found = read_cuts(urdf, cuts, default)
-    robot = closed(urdf, found)
+    urdf = path if isinstance(path, Urdf) else Urdf.read(path)
+    content = read_cuts(urdf, cuts, default)
+    locked = tuple(dict.fromkeys([*content.locked, *names("locked", locked)]))
+    content = content._replace(locked=locked)
+    robot = with_locked(with_poses(closed(urdf, content), urdf, locked), urdf, content)
+    notes = [*robot.notes, *unread(urdf.root)]
     if actuated is not None:
-        robot = robot._replace(notes=())
-    robot = with_poses(robot, urdf, locked)
-    model, closures, motors = robot.model, robot.closures, robot.actuated
-    if locked:
-        with naming(robot.source):
-            model = without_locked(model, locked)
-        closures = tuple(_held(closures, locked, robot.source))
-        motors = tuple(name for name in motors if name not in locked)
-    motors = motors if actuated is None else actuated
-    robot = robot._replace(model=model, closures=closures, actuated=motors)
-    notes = (f"{problem.where}: {problem.text}" for problem in left_out(urdf.root))
-    return warned(robot, [*robot.notes, *notes, *inertia_notes(urdf.root)], urdf.source)
+        robot = robot._replace(actuated=actuated)
+    elif robot.open_tree:
+        notes.append(warning("closures", robot.open_tree))
+    texts = (f"{problem.where}: {problem.text}" for problem in notes)
+    return warned(robot, [*texts, *inertia_notes(urdf.root)], urdf.source)
 
 
 def read_cuts(urdf: Urdf, path: str | Path | None, default: str | Path | None = None) -> Cuts:
     """Cuts of a URDF: from `path`, the YAML beside it, `default`, or none if the URDF has marks.
 
-    The YAML beside it has its name, or is a `loop_closures.yaml` of its package.
+    The YAML beside it has its name, or is a `loop_closures.yaml` or `robot_data.yaml` of its
+    package.
     """
     if path is None:
         path = cuts_beside(Path(urdf.source)) or default
     if path is None:
-        return Cuts((), urdf.marks.independent, urdf.gravity, {})
+        return Cuts(urdf.marks.independent)
     return parse_cuts(read_text(path, "YAML of the cuts"), str(path))
 
 
@@ -61,7 +64,8 @@ def cuts_beside(urdf: Path) -> Path | None:
     """The YAML with the cuts of a URDF, if there is one."""
     package = urdf.parent.parent if urdf.parent.name == "urdf" else urdf.parent
     folders = (urdf.parent, package, package / "config")
-    paths = [urdf.with_suffix(".yaml"), *(folder / "loop_closures.yaml" for folder in folders)]
+    names = ("loop_closures.yaml", "robot_data.yaml")
+    paths = [urdf.with_suffix(".yaml"), *(folder / name for folder in folders for name in names)]
     return next((path for path in paths if path.is_file()), None)
 
 
@@ -72,37 +76,89 @@ def with_poses(robot: Described, urdf: Urdf, locked: Collection[str] = ()) -> De
         return robot
     srdf = Srdf(path)
     notes = srdf.load_configurations(model, urdf.joint_names, locked)
-    return robot._replace(srdf=srdf, notes=(*robot.notes, *notes))
+    more = (warning("srdf", text) for text in notes)
+    return robot._replace(srdf=srdf, notes=(*robot.notes, *more))
 
 
 def closed(urdf: Urdf, cuts: Cuts) -> Described:
     """The tree of a URDF, closed by its cuts, or else by its marks, and by its mimic joints.
 
-    Without cuts and marks it is an open tree, as a note says.
+    Without cuts and marks it is an open tree. No joint is locked yet, see `with_locked`.
     """
     model, marks = urdf.tree(cuts.joints), urdf.marks
-    model.gravity.linear = cuts.gravity
+    model.gravity.linear = urdf.gravity if cuts.gravity is None else cuts.gravity
     source = f"{urdf.source} with {cuts.source}" if cuts.source else urdf.source
     unknown = [name for name in cuts.dependent if name not in list(model.names)[1:]]
     if unknown:
         raise DescriptionError(source, [f"dependent: no moving joint {name}" for name in unknown])
-    closures = cuts.closures
+    fixed, numbers = _fixed(cuts), urdf.numbers.updated(cuts.numbers)
+    loops, notes = cuts.closures, tuple(_unused(model, cuts, marks))
     with naming(source):
-        if not closures:
+        if not loops:
             joints = cuts.hinges or marks.joints
-            closures = (*closing_frames(model), *(joint.closure(model) for joint in joints))
-    followers = [mimic for mimic in urdf.mimics if mimic.joint not in cuts.dependent]
-    fixed = [name for name, kind in cuts.joints.items() if kind == "FIXED"]
-    closures = (*closures, *marks.gears, *_held(followers, fixed, source))
+            loops = (*closing_frames(model), *(joint.closure(model) for joint in joints))
+        numbers.put(model, fixed)
+        springs = numbers.springs(model, fixed)
+    led = {*cuts.dependent, *(coupling.joint for coupling in cuts.couplings)}
+    followers = [mimic for mimic in urdf.mimics if mimic.joint not in led]
+    couplings = tuple(_held([*followers, *marks.gears, *cuts.couplings], fixed, source))
     shapes = partial(urdf_shapes, urdf.root, Path(urdf.source).parent)
-    robot = Described(source, model, closures, cuts.actuated, shapes, forces=cuts.forces)
-    if cuts.source or cuts.actuated or any(not isinstance(c, Coupling) for c in closures):
+    found = source, model, (*loops, *couplings), cuts.actuated, shapes, *springs
+    robot = Described(*found, forces=cuts.forces, notes=notes)
+    if cuts.source or cuts.actuated or loops:
         return robot
-    mimicking = {closure.joint for closure in closures if isinstance(closure, Coupling)}
-    motors = tuple(name for name in list(model.names)[1:] if name not in mimicking)
+    led = {closure.joint for closure in couplings if isinstance(closure, Coupling)}
+    motors = tuple(name for name in list(model.names)[1:] if name not in led)
     text = f"no {Path(urdf.source).with_suffix('.yaml').name} with closures and motors is beside it"
-    text += f"; each joint{' that mimics none' if mimicking else ''} has a motor"
-    return robot._replace(actuated=motors, notes=(f"{text}; actuated= names the motors",))
+    text += f"; each joint{' that mimics none' * bool(led)} has a motor; actuated= names the motors"
+    return robot._replace(actuated=motors, open_tree=text)
+
+
+def with_locked(robot: Described, urdf: Urdf, cuts: Cuts) -> Described:
+    """The robot with the joints locked that the cuts name."""
+    if not cuts.locked:
+        return robot
+    with naming(robot.source):
+        model = without_locked(robot.model, cuts.locked)
+        numbers = urdf.numbers.updated(cuts.numbers)
+        stiffness, reference = numbers.springs(model, _fixed(cuts))
+    closures = tuple(_held(robot.closures, cuts.locked, robot.source))
+    motors = tuple(_free_motors(robot.actuated, cuts.locked))
+    return robot._replace(
+        model=model,
+        closures=closures,
+        actuated=motors,
+        stiffness=stiffness,
+        spring_reference=reference,
+    )
+
+
+def _fixed(cuts: Cuts) -> set[str]:
+    """Joints that do not move, by the type that the YAML gives them or because they are locked."""
+    return {name for name, kind in cuts.joints.items() if kind == "FIXED"}.union(cuts.locked)
+
+
+def _unused(model: pin.Model, cuts: Cuts, marks: Marks) -> Iterator[Problem]:
+    """Closures of the URDF in whose place those of the YAML count."""
+    if not (cuts.closures or cuts.hinges):
+        return
+    names = [joint.name for joint in marks.joints]
+    ends = {name for closure in cuts.closures for name in frames_of(closure)}
+    if not cuts.hinges:
+        names += [
+            frame.name for frame in model.frames if is_closing(frame) and frame.name not in ends
+        ]
+    if names:
+        text = f"the URDF also has {listed(names)}, not read because {cuts.source} has closures"
+        yield warning("closures", text)
+
+
+def _free_motors(motors: Sequence[Motor], locked: Collection[str]) -> Iterator[Motor]:
+    """Motors without the joints that are locked."""
+    for motor in motors:
+        name, shares = tendon_of(motor)
+        if free := {joint: x for joint, x in shares.items() if joint not in locked}:
+            yield motor if isinstance(motor, str) else {name: free}
 
 
 def _held(

@@ -2,11 +2,12 @@
 """Joints that close loops, as other tools write them into a URDF.
 
 GRBDA's URDF+ has `<loop>` and `<coupling>`, Isaac Sim `<loop_joint>`, Gazebo a `<joint>` in
-`<gazebo>`; `<constraint>` is proposed for urdfdom (ros/urdfdom pull request 264).
+`<gazebo>`, Drake `<drake:ball_constraint>`; `<constraint>` is proposed for urdfdom (ros/urdfdom
+pull request 264).
 """
 
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -40,6 +41,9 @@ _KINDS = {
 #: Axes of both frames that lie along the axes of the joint; z where a kind is not here.
 _ALONG = {"universal": np.eye(3)[:2]}
 _ENDS = [side for sides in _SIDES.values() for side in sides]
+_BALL = "drake:ball_constraint"
+#: What tells a body, and a point on it, of each side of Drake's balls.
+_OF_BALLS = [(f"{_BALL}_body_{a}", f"{_BALL}_p_{b}") for a, b in (("A", "AP"), ("B", "BQ"))]
 _CUT = "@name @type {0} {1} {0}_origin {1}_origin {0}_axis {1}_axis axis limit dynamics"
 #: What these elements may hold. Limits are not enforced.
 _WORDS = {
@@ -50,6 +54,7 @@ _WORDS = {
     "dynamics": "*=0",
     "coupling": "@name @type predecessor successor ratio",
     "ratio": "@value",
+    _BALL: " ".join(word for side in _OF_BALLS for word in side),
 }
 _WORDS_OF_GAZEBO = {
     "joint": "@name @type parent child pose axis axis2 sensor+ physics",
@@ -95,7 +100,32 @@ class CutJoint(NamedTuple):
         return int(number)
 
 
-def turned(place: pin.SE3, axis: Array, along: Array) -> pin.SE3:
+def cut_joint(
+    name: str,
+    kind: str,
+    links: tuple[str, str],
+    places: Sequence[pin.SE3],
+    axes: Sequence[Array],
+    seen_from: tuple[str, str],
+) -> CutJoint:
+    """A joint of a kind that files name, with its axis in each of its two frames.
+
+    Raises:
+        ValueError: For an unknown kind, and for links and axes that cannot be meant.
+    """
+    if kind not in _KINDS:
+        raise ValueError(f"type {kind!r} unknown; known: {', '.join(_KINDS)}")
+    if links[0] == links[1]:
+        raise ValueError(f"connects {links[0]} with itself")
+    if kind == "prismatic" and not np.allclose(axes[0], axes[1]):
+        raise ValueError("prismatic along two axes; both sides need the same")
+    if _KINDS[kind] not in ("6d", "3d"):
+        along = _ALONG.get(kind, np.eye(3)[[2, 2]])
+        places = [_turned(*each) for each in zip(places, axes, along, strict=True)]
+    return CutJoint(name, _KINDS[kind], links, (places[0], places[1]), seen_from)
+
+
+def _turned(place: pin.SE3, axis: Array, along: Array) -> pin.SE3:
     """A frame turned until its axis `along` is `axis`, both in axes of the frame."""
     turn = pin.Quaternion.FromTwoVectors(along, axis).matrix()
     return place * pin.SE3(turn, np.zeros(3))
@@ -121,6 +151,8 @@ class Marks:
                 self.problems.append(error(tag, "it stands in another element, not in <robot>"))
         for element in root.findall("gazebo/joint[parent]"):
             self._read(self._joint, element, _WORDS_OF_GAZEBO)
+        for element in root.iter(_BALL):
+            self._read(self._ball, element, _WORDS)
         for element in root.findall("coupling"):
             self._read(self._gear, element, _WORDS)
 
@@ -135,25 +167,31 @@ class Marks:
 
     def _joint(self, element: ET.Element) -> None:
         given, gazebo = _name(element, "type"), element.tag == "joint"
-        if given not in _KINDS:
-            raise ValueError(f"type {given!r} unknown; known: {', '.join(_KINDS)}")
-        kind, sides = _KINDS[given], _SIDES["constraint" if gazebo else element.tag]
+        sides = _SIDES["constraint" if gazebo else element.tag]
         read = _side_of_gazebo if gazebo else _side
         (a, b), places, axes = zip(*(read(element, side) for side in sides), strict=True)
         for side, link in zip(sides, (a, b), strict=True):
             self._require_link(side, link)
-        if a == b:
-            raise ValueError(f"connects {a} with itself")
-        if kind == "universal" and not gazebo and element.find("parent_axis") is None:
+        if given == "universal" and not gazebo and element.find("parent_axis") is None:
             raise ValueError("a universal joint has two axes; write it as <constraint>")
-        if kind == "prismatic" and not np.allclose(*axes):
-            raise ValueError("prismatic along two axes; both sides need the same")
-        if kind not in ("6d", "3d"):
-            along = _ALONG.get(kind, np.eye(3)[[2, 2]])
-            places = tuple(turned(*each) for each in zip(places, axes, along, strict=True))
         seen = (b, b) if gazebo else (a, b)
         name = _name(element, "name") or f"{a}_{b}"
-        self.joints.append(CutJoint(name, kind, (a, b), (places[0], places[1]), seen))
+        self.joints.append(cut_joint(name, given, (a, b), places, axes, seen))
+
+    def _ball(self, element: ET.Element) -> None:
+        """A ball joint of Drake."""
+        parts, links, places = {part.tag: part for part in element}, [], []
+        for body, point in _OF_BALLS:
+            if (link := parts.get(body)) is None or parts.get(point) is None:
+                raise ValueError(f"it has no <{body}> or no <{point}>")
+            position = numbers(parts[point].get("value", ""), 3)
+            if position is None:
+                raise ValueError(f"{point} is not three numbers")
+            self._require_link(body, link.get("name", ""))
+            links.append(link.get("name", ""))
+            places.append(pin.SE3(np.eye(3), position))
+        name, (a, b) = f"ball_constraint_{len(self.joints) + 1}", links
+        self.joints.append(cut_joint(name, "ball", (a, b), places, (), (a, b)))
 
     def _gear(self, element: ET.Element) -> None:
         paths, ratio = [], number(element.find("ratio"), "value")

@@ -1,178 +1,181 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a URDF cannot say: closures, motors, gravity, joints of several axes, from a YAML file."""
+"""What a URDF cannot say: closures, motors, springs, joints of several axes, from a YAML file."""
 
-import reprlib
 from collections import Counter
-from collections.abc import Iterator
-from itertools import accumulate
-from typing import Any, NamedTuple, TypeGuard
-
-import numpy as np
-import yaml
+from collections.abc import Mapping, Sequence
+from functools import partial
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 from ..arrays import Array
-from ..errors import DescriptionError
-from ..model.closures import Closure, Constraint, Distance, Rolling
+from ..loops.draft import Motor
+from ..model.closures import Closure, Constraint, Coupling, Distance, Rolling
 from ..model.lines import LineForce
 from . import loop_closures
 from .cut_joints import CutJoint
+from .joint_numbers import JointNumbers
 from .problems import numbers, telling, vector
 from .urdf import KINDS
+from .yaml_content import YamlContent, mapping_in, name_in, number_in, pair_in, shown
 
-_EARTH = ["0", "0", "-9.81"]
-_KEYS = ("closed_loop", "type", "name_mot", "line_force", "gravity", "joint_name", "joint_type")
-_OF_LINES = ("stiffness", "rest_length", "damping", "preload")
+_KEYS = (
+    *("closed_loop", "type", "name_mot", "line_force", "gravity", "joint_name", "joint_type"),
+    *("joint_spring", "viscous_friction", "coulomb_friction", "armature", "coupling", "locked"),
+)
+_OF_LINES = ("name", "frames", "stiffness", "rest_length", "damping", "preload")
+_OF_ROTORS = ("rotor_inertia", "gear_ratio")
+_OF_SPRINGS = ("stiffness", "reference")
 _WITH_LENGTH = {"distance": Distance, "rolling": Rolling}
-#: Characters of a YAML at most; that of a robot with 400 joints has a tenth.
-_LONGEST = 200_000
-#: Depth of brackets in brackets; two are needed.
-_DEEPEST = 50
-_BRACKETS = {"[": 1, "{": 1, "]": -1, "}": -1}
 
 
 class Cuts(NamedTuple):
     """What a URDF cannot say: content of the YAML file."""
 
-    closures: tuple[Constraint, ...]  #: By default frames `closing_NAME_1`, `closing_NAME_2`.
-    actuated: tuple[str, ...]  #: Names of the motors: joints and lines.
-    gravity: Array  #: In base axes, shape (3,), [m/s^2].
-    joints: dict[str, str]  #: What joints are in truth, by name; see `Urdf.tree`.
-    source: str = ""  #: The YAML, for messages; empty without one.
+    actuated: tuple[Motor, ...] = ()
+    closures: tuple[Constraint, ...] = ()  #: By default frames `closing_NAME_1`, `closing_NAME_2`.
+    couplings: tuple[Coupling, ...] = ()
+    hinges: tuple[CutJoint, ...] = ()  #: Closures of other YAML files, by places of the joints.
     forces: tuple[LineForce, ...] = ()
-    hinges: tuple[CutJoint, ...] = ()  #: Those of a `loop_closures.yaml`.
+    joints: Mapping[str, str] = MappingProxyType(
+        {}
+    )  #: What joints are in truth, by name; see `Urdf.tree`.
+    numbers: JointNumbers = JointNumbers()
+    locked: tuple[str, ...] = ()
     dependent: tuple[str, ...] = ()  #: Joints that follow from the closures; they mimic none.
+    gravity: Array | None = None  #: In base axes, shape (3,), [m/s^2]; that of the URDF if None.
+    source: str = ""  #: The YAML, for messages; empty without one.
 
 
 def parse_cuts(text: str, source: str) -> Cuts:
-    """Closures, motors and gravity of a YAML file in the LAAS schema.
+    """Content of a YAML file in the LAAS schema, with more keys; docs/own_robot.md lists them.
 
-    It has the key `name_mot`; others may be missing. A type is a kind of `Closure`, or "distance"
-    or "rolling" with a length, as "distance 0.3". `line_force` lists mappings of two `frames` and
-    what else a `LineForce` has. The error names every problem found.
+    It has the key `name_mot`; others may be missing. The YAML files of sw2robot and fusion2URDF are
+    read as well. The error names every problem.
     """
-    content = _content(text, source)
-    if "closures" in content:
-        hinges, dependent, independent = loop_closures.parse(content, source)
-        gravity = np.array(_EARTH, dtype=float)
-        return Cuts((), independent, gravity, {}, source, (), hinges, dependent)
-    problems = [f"{key}: unknown; known: {', '.join(_KEYS)}" for key in content if key not in _KEYS]
-    content = {**{key: [] for key in _KEYS}, "name_mot": None, "gravity": _EARTH, **content}
-
-    def items(key: str) -> list[Any]:
-        if isinstance(content[key], list):
-            return content[key]
-        problems.append(f"{key}: a list is needed")
-        return []
-
-    def names(key: str) -> list[str]:
-        no_names = [_shown(name) for name in items(key) if not _is_name(name)]
-        problems.extend(f"{key}: {shown} is not a name" for shown in no_names)
-        return list(filter(_is_name, items(key)))
-
-    def both(first: str, second: str, things: list[Any], kinds: list[str]) -> list[Any]:
-        if len(things) != len(kinds):
-            problems.append(f"{first} has {len(things)} entries, {second} has {len(kinds)}")
-        return list(zip(things, kinds, strict=False))
-
-    closures, forces = list[Constraint](), list[LineForce]()
-    for pair, kind in both("closed_loop", "type", items("closed_loop"), names("type")):
-        with telling(problems):
+    content = YamlContent(text, source)
+    for key, parse in loop_closures.PARSERS.items():
+        if key in content:
+            hinges, dependent, motors = parse(content)
+            content.raise_problems()
+            return Cuts(motors, hinges=hinges, dependent=dependent, source=source)
+    content.require_known(_KEYS)
+    pairs, kinds = content.entries("closed_loop", pair_in), content.entries("type", name_in)
+    joints = _joints(content)
+    closures = list[Constraint]()
+    for pair, kind in _zipped(content, "closed_loop", pairs, "type", kinds):
+        with telling(content.problems):
             closures.append(_closure(pair, kind))
-    for each in items("line_force"):
-        with telling(problems):
-            forces.append(_line(each))
-    weight = vector(content["gravity"])
-    if weight is None:
-        problems.append(f"gravity: {_shown(content['gravity'])} is not a list of three numbers")
-    joints = both("joint_name", "joint_type", names("joint_name"), names("joint_type"))
-    twice = [name for name, count in Counter(name for name, _ in joints).items() if count > 1]
-    problems += [f"joint_name: {name} appears twice" for name in twice]
-    unknown = sorted({kind for _, kind in joints} - set(KINDS))
-    problems += [f"joint_type: {kind!r} unknown; known: {', '.join(KINDS)}" for kind in unknown]
-    motors = tuple(names("name_mot"))
-    if problems or weight is None:
-        raise DescriptionError(source, problems)
-    return Cuts(tuple(closures), motors, weight, dict(joints), source, tuple(forces))
+    gravity = vector(content.get("gravity", ["0"] * 3))
+    if gravity is None:
+        text = f"{shown(content['gravity'])} is not a list of three numbers"
+        content.problems.append(f"gravity: {text}")
+    cuts = Cuts(
+        tuple(content.entries("name_mot", _motor, required=True)),
+        tuple(closures),
+        tuple(content.entries("coupling", _coupling, dict)),
+        forces=tuple(content.entries("line_force", _line)),
+        joints=joints,
+        numbers=_numbers(content),
+        locked=tuple(content.entries("locked", name_in)),
+        gravity=gravity if "gravity" in content else None,
+        source=source,
+    )
+    content.raise_problems()
+    return cuts
 
 
-def _closure(pair: Any, kind: str) -> Constraint:
-    if not _is_pair(pair):
-        raise ValueError(f"closed_loop: {_shown(pair)} is not a pair of frame names")
-    if kind.lower() in Closure.KINDS:
-        return Closure(pair[0], pair[1], kind.lower())
-    word, _, length = kind.lower().partition(" ")
+def _zipped(
+    content: YamlContent, first: str, names: Sequence[Any], second: str, kinds: Sequence[str]
+) -> list[tuple[Any, str]]:
+    if len(names) != len(kinds):
+        text = f"{first} has {len(names)} entries, {second} has {len(kinds)}"
+        content.problems.append(text)
+    return list(zip(names, kinds, strict=False))
+
+
+def _joints(content: YamlContent) -> dict[str, str]:
+    """Kinds of joints by name, from a mapping, or from the two lists of LAAS."""
+    if isinstance(content.get("joint_type"), dict) and "joint_name" not in content:
+        pairs = content.entries("joint_type", lambda *pair: (pair[0], name_in(pair[1])), dict)
+    else:
+        names = content.entries("joint_name", name_in)
+        kinds = content.entries("joint_type", name_in)
+        pairs = _zipped(content, "joint_name", names, "joint_type", kinds)
+    counts = Counter(name for name, _ in pairs)
+    content.problems += [f"joint_name: {n} appears twice" for n, k in counts.items() if k > 1]
+    unknown = sorted({kind for _, kind in pairs if kind.upper() not in KINDS})
+    known = ", ".join(KINDS)
+    content.problems += [f"joint_type: {kind!r} unknown; known: {known}" for kind in unknown]
+    return {name: kind.upper() for name, kind in pairs}
+
+
+def _motor(value: Any) -> Motor:
+    """A joint or a line, or a tendon with its name: `split: {left: 1, right: 1}`."""
+    if isinstance(value, dict) and len(value) == 1:
+        ((name, shares),) = value.items()
+        return {name: {joint: number_in(x) for joint, x in mapping_in(shares).items()}}
+    return name_in(value)
+
+
+def _closure(pair: tuple[str, str], kind: str) -> Constraint:
+    kind = {"ball": "3d"}.get(kind.lower(), kind.lower())
+    if kind in Closure.KINDS:
+        return Closure(*pair, kind)
+    word, _, length = kind.partition(" ")
     value = numbers(length, 1)
     if word in _WITH_LENGTH and value is not None and value[0] > 0:
-        return _WITH_LENGTH[word](pair[0], pair[1], float(value[0]))
-    known = ", ".join([*Closure.KINDS, *(f"{word} LENGTH" for word in _WITH_LENGTH)])
+        return _WITH_LENGTH[word](*pair, float(value[0]))
+    known = ", ".join([*Closure.KINDS, "ball", *(f"{word} LENGTH" for word in _WITH_LENGTH)])
     raise ValueError(f"type: {kind!r} unknown; known: {known}")
 
 
-def _line(given: Any) -> LineForce:
-    keys = ("name", "frames", *_OF_LINES)
-    frames = given.get("frames") if isinstance(given, dict) else None
-    if not _is_pair(frames):
-        raise ValueError(f"line_force: {_shown(given)} has no pair of frames")
-    problems = [f"{key} unknown; known: {', '.join(keys)}" for key in given if key not in keys]
-    values: dict[str, Any] = {"name": given.get("name", f"{frames[0]}-{frames[1]}")}
-    if not _is_name(values["name"]):
-        problems.append(f"name {_shown(values['name'])} is not a name")
-    for key in (key for key in _OF_LINES if key in given):
-        if (found := numbers(str(given[key]), 1)) is None:
-            problems.append(f"{key} {_shown(given[key])} is not a number")
-        else:
-            values[key] = float(found[0])
-    if not problems:
-        with telling(problems):
-            return LineForce(frames[0], frames[1], **values)
-    raise ValueError(f"line_force {_shown(frames)}: {'; '.join(problems)}")
+def _coupling(joint: str, value: Any) -> Coupling:
+    """The position of a joint by those of others: factors, or coefficients of polynomials."""
+    shares = {
+        other: [number_in(c) for c in share] if isinstance(share, list) else [0.0, number_in(share)]
+        for other, share in mapping_in(value).items()
+    }
+    if not shares:
+        raise ValueError(f"{joint} follows no joint; `locked` holds joints")
+    return Coupling(joint, shares)
 
 
-def _content(text: str, source: str) -> dict[str, Any]:
-    """Keys and values of a YAML; scalars are strings, as they stand there."""
-    if len(text) > _LONGEST:
-        raise DescriptionError(source, [f"more than {_LONGEST} characters"])
-    if max(accumulate(_BRACKETS.get(c, 0) for c in text), default=0) > _DEEPEST:  # slow to scan
-        raise DescriptionError(source, ["lists are nested too deeply"])
-    try:
-        loader = yaml.BaseLoader(text)
-        node = loader.get_single_node()
-        content = loader.construct_document(node) if node is not None else None
-    except yaml.YAMLError as error:
-        raise DescriptionError(source, [f"not YAML: {error}"]) from None
-    except RecursionError:
-        raise DescriptionError(source, ["lists are nested too deeply"]) from None
-    if not isinstance(node, yaml.MappingNode) or not content:
-        raise DescriptionError(source, ["no keys; name_mot is needed"])
-    if twice := list(_twice(node)):
-        raise DescriptionError(source, [f"{key}: appears twice" for key in twice])
-    return dict(content)
+def _line(value: Any) -> LineForce:
+    fields = mapping_in(value, _OF_LINES)
+    if "frames" not in fields:
+        raise ValueError(f"{shown(value)} has no pair of frames")
+    a, b = pair_in(fields["frames"])
+    numbers = {key: number_in(fields[key], key) for key in _OF_LINES[2:] if key in fields}
+    return LineForce(a, b, name=name_in(fields.get("name", f"{a}-{b}")), **numbers)
 
 
-def _twice(root: yaml.Node) -> Iterator[str]:
-    """Keys that a mapping has twice, at any depth."""
-    nodes, seen = [root], set[int]()
-    while nodes:
-        node = nodes.pop()
-        if id(node) in seen or isinstance(node, yaml.ScalarNode):
-            continue
-        seen.add(id(node))  # aliases lead to it again
-        pairs = node.value if isinstance(node, yaml.MappingNode) else []
-        counts = Counter(key.value for key, _ in pairs)
-        yield from (key for key, count in counts.items() if count > 1)
-        nodes += [value for _, value in pairs] or node.value
+def _numbers(content: YamlContent) -> JointNumbers:
+    """Springs, friction and rotors of joints."""
+    found = JointNumbers()
 
+    def spring(joint: str, value: Any) -> None:
+        for key, number in mapping_in(value, _OF_SPRINGS).items():
+            found[key][joint] = number_in(number, key)
+        if "stiffness" not in value:
+            raise ValueError(f"{joint} has no stiffness")
 
-def _shown(value: Any) -> str:
-    """A short form of a value; aliases can make a few lines of YAML a list of lists of lists."""
-    short = reprlib.Repr()
-    short.maxlevel = 2
-    return short.repr(value)
+    def rotor(joint: str, value: Any) -> None:
+        if not isinstance(value, dict):
+            found["armature"][joint] = number_in(value)
+            return
+        fields = {"gear_ratio": "1", **mapping_in(value, _OF_ROTORS)}
+        if "rotor_inertia" not in fields:
+            raise ValueError(f"{joint} has no rotor_inertia")
+        inertia, gear = (number_in(fields[key], key) for key in _OF_ROTORS)
+        found["armature"][joint] = inertia * gear**2
 
+    def friction(kind: str, joint: str, value: Any) -> None:
+        if (number := number_in(value)) < 0:
+            raise ValueError(f"{value} of {joint} is negative: it would accelerate the joint")
+        found[kind][joint] = number
 
-def _is_name(value: Any) -> bool:
-    return isinstance(value, str) and bool(value)
-
-
-def _is_pair(value: Any) -> TypeGuard[list[str]]:
-    return isinstance(value, list) and len(value) == 2 and all(map(_is_name, value))
+    content.entries("joint_spring", spring, dict)
+    content.entries("armature", rotor, dict)
+    for kind in ("viscous_friction", "coulomb_friction"):
+        content.entries(kind, partial(friction, kind), dict)
+    return found

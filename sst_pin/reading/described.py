@@ -14,6 +14,7 @@ from ..loops.draft import Motor, copied, mechanism_of, motors_of
 from ..model.closures import Constraint
 from ..model.lines import LineForce
 from ..model.mechanism import Mechanism
+from .problems import Problem
 from .srdf import Srdf
 
 
@@ -29,7 +30,8 @@ class Described(NamedTuple):
     spring_reference: Array | None = None  #: Where these are at rest, shape (nq,).
     srdf: Srdf | None = None  #: What stands beside a URDF.
     forces: tuple[LineForce, ...] = ()
-    notes: tuple[str, ...] = ()  #: What of the files is left out.
+    notes: tuple[Problem, ...] = ()  #: What of the files is left out.
+    open_tree: str = ""  #: Why it may be meant to have loops, of a robot without any.
 
     @property
     def arguments(self) -> dict[str, Any]:

@@ -27,12 +27,12 @@ def unknown(element: ET.Element, table: Mapping[str, str], row: str = "") -> Ite
     """Words of an element, and of those below it, that the table does not have."""
     tag = element.tag
     words = {w.partition("=")[0].rstrip("+"): w for w in table[row or tag].split()}
-    held = [(f"@{key}", text) for key, text in element.attrib.items()]
-    held += [(child.tag, child.text or "") for child in element]
-    for name, count in Counter(name for name, _ in held).items():
+    content = [(f"@{key}", text) for key, text in element.items() if not key.startswith("xmlns")]
+    content += [(child.tag, child.text or "") for child in element]
+    for name, count in Counter(name for name, _ in content).items():
         if count > 1 and name in words and not words[name].endswith("+"):
             yield f"{count} <{name}>; only one is allowed"
-    for name, text in held:
+    for name, text in content:
         mark, key = name[: name.startswith("@")], name.lstrip("@")
         word = words.get(name, words.get("*", ""))
         value = word.partition("=")[2]

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The file `loop_closures.yaml` of sw2robot and scikit-robot: cut hinges, motors, other joints.
+"""YAML files of other tools with the joints that close loops.
 
-Points and axes of the hinges are in base axes at q = 0, where all loops are closed.
+These are `loop_closures.yaml` of sw2robot and scikit-robot, which is also written, and
+`robot_data.yaml` of fusion2URDF. All loops are closed at q = 0.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,50 +23,77 @@ from ..files import as_path, require_ending, text_writer, write_files
 from ..model.closures import Closure, Coupling
 from ..model.thresholds import RANK_TOLERANCE
 from ..model.tree import frame_id
-from .cut_joints import CutJoint, turned
-from .problems import telling, vector
+from .cut_joints import CutJoint, cut_joint
+from .problems import vector
+from .yaml_content import YamlContent, mapping_in, name_in, shown
 
-_KEYS = ("closures", "dependent", "independent")
 _OF_HINGE = ("link_a", "link_b", "point", "axis")
+#: Closing joints, dependent joints, and those with the motors.
+_Parts = tuple[tuple[CutJoint, ...], tuple[str, ...], tuple[str, ...]]
 
 
-def parse(
-    content: dict[str, Any], source: str
-) -> tuple[tuple[CutJoint, ...], tuple[str, ...], tuple[str, ...]]:
-    """Hinges, dependent and independent joints."""
-    problems = [f"{key}: unknown; known: {', '.join(_KEYS)}" for key in content if key not in _KEYS]
-    names: dict[str, list[str]] = {}
-    for key in ("dependent", "independent"):
-        given = content.get(key)
-        names[key] = [name for name in given or [] if isinstance(name, str)]
-        if names[key] != given:
-            problems.append(f"{key}: a list of joint names is needed")
-    counts = Counter(names["dependent"] + names["independent"])
-    problems += [f"{name}: named twice" for name, count in counts.items() if count > 1]
-    hinges, given = list[CutJoint](), content["closures"]
-    if not isinstance(given, list) or not given:
-        given = []
-        problems.append("closures: a list of hinges is needed")
-    for k, hinge in enumerate(given):
-        with telling(problems, f"closures[{k}]: "):
-            hinges.append(_hinge(hinge, k))
-    if problems:
-        raise DescriptionError(source, problems)
-    return tuple(hinges), tuple(names["dependent"]), tuple(names["independent"])
+def _of_scikit_robot(content: YamlContent) -> _Parts:
+    """A `loop_closures.yaml`: hinges, by point and axis in base axes at q = 0."""
+    content.require_known(("closures", "dependent", "independent"))
+    hinges = content.entries("closures", _hinge)
+    if not content["closures"]:
+        content.problems.append("closures: a list of hinges is needed")
+    dependent = content.entries("dependent", name_in, required=True)
+    independent = content.entries("independent", name_in, required=True)
+    counts = Counter(dependent + independent)
+    content.problems += [f"{name}: named twice" for name, count in counts.items() if count > 1]
+    names = (f"loop_closure_{k}" for k in range(1, len(hinges) + 1))
+    joints = (hinge._replace(name=name) for hinge, name in zip(hinges, names, strict=True))
+    return tuple(joints), tuple(dependent), tuple(independent)
 
 
-def _hinge(given: Any, k: int) -> CutJoint:
-    if not isinstance(given, dict) or set(given) != set(_OF_HINGE):
-        raise ValueError(f"needed: {', '.join(_OF_HINGE)}")
-    links = given["link_a"], given["link_b"]
-    point, axis = vector(given["point"]), vector(given["axis"])
-    if point is None or axis is None or not axis.any():
-        raise ValueError("point and axis are three numbers each")
-    if not all(isinstance(link, str) for link in links) or links[0] == links[1]:
-        raise ValueError("link_a and link_b are two names")
-    place = turned(pin.SE3(np.eye(3), point), axis, np.eye(3)[2])
-    base = ("universe", "universe")
-    return CutJoint(f"loop_closure_{k + 1}", "hinge", links, (place, place), base)
+def _hinge(value: Any) -> CutJoint:
+    fields = mapping_in(value, _OF_HINGE)
+    if len(fields) < len(_OF_HINGE):
+        raise ValueError(f"{shown(value)} needs {', '.join(_OF_HINGE)}")
+    place = pin.SE3(np.eye(3), _vector(fields, "point"))
+    axis, base = _vector(fields, "axis"), ("universe", "universe")
+    links = name_in(fields["link_a"]), name_in(fields["link_b"])
+    return cut_joint("", "revolute", links, (place, place), (axis, axis), base)
+
+
+def _of_fusion(content: YamlContent) -> _Parts:
+    """A `robot_data.yaml` of fusion2URDF: joints whose origins are seen from their parents."""
+
+    def is_motor(name: str, value: Any) -> str:
+        fields = mapping_in(value)
+        return name * (fields.get("passive") == "false" and fields.get("type") != "fixed")
+
+    motors = filter(None, content.entries("joints", is_motor, dict))
+    return tuple(content.entries("closing_joints", _closing_joint)), (), tuple(motors)
+
+
+def _closing_joint(value: Any) -> CutJoint:
+    fields = mapping_in(value)
+    name, kind, a, b = (_text(fields, key) for key in ("name", "type", "parent", "child"))
+    xyz, rpy, axis = (_vector(fields, k) for k in ("origin_xyz_m", "origin_rpy_rad", "axis"))
+    place = pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
+    return cut_joint(name, kind, (a, b), (place, place), (axis, axis), (a, a))
+
+
+def _text(fields: Mapping[str, Any], key: str) -> str:
+    if key not in fields:
+        raise ValueError(f"{shown(fields)} has no {key}")
+    return name_in(fields[key])
+
+
+def _vector(fields: Mapping[str, Any], key: str) -> Array:
+    value = vector(fields.get(key))
+    if value is None or (key == "axis" and not value.any()):
+        raise ValueError(f"{key} {shown(fields.get(key))} is not three numbers")
+    return value
+
+
+#: Readers of other YAML files, by a key that these have.
+PARSERS: dict[str, Callable[[YamlContent], _Parts]] = {
+    "closures": _of_scikit_robot,
+    "closing_joints": _of_fusion,
+}
 
 
 def write_loop_closures(chain: ClosedChain, path: str | Path, force: bool = False) -> None:

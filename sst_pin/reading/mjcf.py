@@ -19,6 +19,7 @@ from .mjcf_compiled import Compiled
 from .mjcf_loops import closures_of, lines_of, motors_of, named_motors
 from .mjcf_tree import MjcfTree
 from .mjcf_unread import impossible, unread
+from .problems import warning
 from .shapes import mjcf_shapes
 from .urdf import MOST_JOINTS
 
@@ -28,7 +29,7 @@ def read_mjcf(
 ) -> Described:
     """Read a robot; see `ClosedChain.from_mjcf`, whose caller a warning points to."""
     robot = described(path, locked, actuated)
-    return warned(robot, robot.notes, robot.source)
+    return warned(robot, (problem.text for problem in robot.notes), robot.source)
 
 
 def described(
@@ -56,7 +57,9 @@ def described(
         raise DescriptionError(source, problems)
     shapes = partial(mjcf_shapes, compiled.mj, tree.bodies)
     found = source, tree.model, closures, motors, shapes, stiffness, tree.rest
-    return Described(*found, forces=lines, notes=tuple(compiled.notes))
+    return Described(
+        *found, forces=lines, notes=tuple(warning("file", text) for text in compiled.notes)
+    )
 
 
 def _switched_off(compiled: Compiled, actuated: Sequence[Motor] | None) -> Iterator[str]:

@@ -11,6 +11,7 @@ from functools import partial
 import numpy as np
 
 from ..arrays import Array
+from ..errors import DescriptionError
 from ..summaries import listed
 
 #: What urdfdom, MuJoCo and people all read as one number.
@@ -63,9 +64,11 @@ def merged(problems: Iterable[Problem]) -> Iterator[Problem]:
 
 @contextmanager
 def telling(problems: list[str], where: str = "") -> Iterator[None]:
-    """Add a ValueError to problems, and go on after the block."""
+    """Add errors of values to problems, and go on after the block."""
     try:
         yield
+    except DescriptionError as caught:
+        problems.extend(f"{where}{text}" for text in caught.problems)
     except ValueError as caught:
         problems.append(f"{where}{caught}")
 

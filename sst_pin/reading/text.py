@@ -6,6 +6,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Collection, Mapping
 from copy import deepcopy
 from pathlib import Path
+from xml.parsers import expat
 
 from ..errors import DescriptionError
 
@@ -13,8 +14,6 @@ from ..errors import DescriptionError
 _LARGEST = 16 * 2**20
 #: What an XML says of its own encoding.
 _ENCODING = re.compile(rb"""\s*<\?xml[^>]*encoding=["']([\w.:-]+)""")
-#: Prefixes that an XML declares.
-_DECLARED = re.compile(r"xmlns:([\w.-]+)\s*=")
 #: Attributes that are names, blanks included.
 _NAMES = {"name", "link", "filename"}
 #: Links, joints and others; Pinocchio goes down a tree by recursion, deep enough to crash.
@@ -42,22 +41,22 @@ def read_text(path: str | Path, what: str) -> str:
 
 
 def parse_xml(text: str, source: str, what: str = "a URDF") -> ET.Element:
-    """The elements of a URDF or an SRDF; errors have line and column."""
+    """The elements of a URDF or an SRDF; errors have line and column.
+
+    Prefixes such as `drake:` stay in the tags, whether or not the file declares them.
+    """
+    builder, parser = ET.TreeBuilder(), expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
+    parser.CharacterDataHandler = builder.data
     try:
-        root = ET.fromstring(_declared(text))
-    except ET.ParseError as error:
+        parser.Parse(text, True)
+    except expat.ExpatError as error:
         raise DescriptionError(source, [f"not {what}: not XML: {error}"]) from None
+    root: ET.Element = builder.close()
     if len(root) > _MOST_ELEMENTS:
         text = f"not {what}: {len(root)} elements; at most {_MOST_ELEMENTS} are supported"
         raise DescriptionError(source, [text])
     return root
-
-
-def _declared(text: str) -> str:
-    """The text with prefixes declared that other tools use without: `drake:`, say."""
-    prefixes = set(re.findall(r"</?([A-Za-z_][\w.-]*):", text)) - set(_DECLARED.findall(text))
-    names = "".join(f' xmlns:{prefix}="{prefix}"' for prefix in sorted(prefixes))
-    return re.sub(r"<(robot|sdf)\b", rf"<\1{names}", text, count=1) if names else text
 
 
 def bare(root: ET.Element, kept: Mapping[str, Collection[str]]) -> ET.Element:

@@ -16,18 +16,22 @@ from ..errors import DescriptionError
 from ..model.closures import Closure, Coupling
 from ..model.joint_series import Series
 from ..model.rebuilt_tree import rebuilt
+from .acting_words import is_weightless, joint_numbers
 from .cut_joints import Marks
-from .problems import number
 from .sdf import sdf_graph
 from .text import bare, parse_xml, read_text
-from .urdf_checks import check, local_name
+from .urdf_checks import check
 
 _TURNS = {"X": pin.JointModelRX(), "Y": pin.JointModelRY(), "Z": pin.JointModelRZ()}
-#: What a joint of the LAAS schema is: its parts, each with what is added to its name.
+_PAIRS = {a + b: {f"_{x}": _TURNS[x] for x in (a, b)} for a, b in permutations(_TURNS, 2)}
+#: What joints are in truth: their parts, each with what is added to the name; also as LAAS writes.
 KINDS: dict[str, dict[str, Any]] = {
     "FIXED": {},
+    "BALL": {"": pin.JointModelSpherical()},
     "SPHERICAL": {"": pin.JointModelSpherical()},
-    **{f"UJOINT_{a}{b}": {f"_{x}": _TURNS[x] for x in (a, b)} for a, b in permutations(_TURNS, 2)},
+    "UNIVERSAL": _PAIRS["XY"],
+    **{f"UNIVERSAL {axes}": parts for axes, parts in _PAIRS.items()},
+    **{f"UJOINT_{axes}": parts for axes, parts in _PAIRS.items()},
 }
 #: Elements that the dynamics are made of; fixed joints only have the first three.
 _OF_JOINTS = ("origin", "parent", "child", "axis", "limit", "dynamics")
@@ -41,8 +45,8 @@ class Urdf:
     """A URDF, or an SDF in the form of a URDF, read and parsed once.
 
     `source` is its path, or what else messages call it; `root` its elements, not to be changed;
-    `marks` what it says of loops beyond the tree; `problems` what is wrong in names, tree and
-    numbers.
+    `marks` what it says of loops beyond the tree; `numbers` springs and rotors of its joints;
+    `problems` what is wrong in names, tree and numbers.
     """
 
     def __init__(self, text: str, source: str) -> None:
@@ -51,6 +55,9 @@ class Urdf:
         if self.root.tag == "sdf":
             graph = sdf_graph(self.root, source)
             self.root, self.gravity, self._balls = graph.urdf, graph.gravity, graph.balls
+        if is_weightless(self.root):
+            self.gravity = np.zeros(3)
+        self.numbers = joint_numbers(self.root)
         self.marks = Marks(self.root)
         self.problems = (*check(self.root), *self.marks.problems)
 
@@ -69,10 +76,10 @@ class Urdf:
 
         A `continuous` joint is read as a revolute one without limits: one angle, where Pinocchio
         would have its cosine and sine. A joint that mimics another is free here; see `mimics`.
-        `joints` says what joints are in truth, by name: "FIXED"; "SPHERICAL", a ball; "UJOINT_XY",
-        ..., a joint for each axis, `name_X` and `name_Y`.
+        `joints` says what joints are in truth, by name: "FIXED"; "BALL"; "UNIVERSAL XY", ..., a
+        joint for each axis, `name_X` and `name_Y`.
         """
-        joints = {**dict.fromkeys(self._balls, "SPHERICAL"), **(joints or {})}
+        joints = {**dict.fromkeys(self._balls, "BALL"), **(joints or {})}
         names, errors = self.joint_names, [p for p in self.problems if p.severity == "error"]
         problems = [f"{p.where}: {p.text}".replace("file:", "not a URDF:", 1) for p in errors]
         for name in set(joints).difference(names):
@@ -92,20 +99,8 @@ class Urdf:
             model = pin.buildModelFromXML(ET.tostring(root, encoding="unicode"))
         except (ValueError, RuntimeError) as error:
             raise DescriptionError(self.source, [f"not a URDF: {error}"]) from None
-        for name, armature in self._rotors():
-            if model.existJointName(name) and model.joints[model.getJointId(name)].nv == 1:
-                model.armature[model.joints[model.getJointId(name)].idx_v] += armature
         parts = {name: KINDS[kind] for name, kind in joints.items() if KINDS[kind]}
         return self._split(model, parts) if parts else model
-
-    def _rotors(self) -> Iterator[tuple[str, float]]:
-        """Joints with rotors, and these as the joints feel them, as Drake's transmissions say."""
-        for transmission in self.root.findall("transmission"):
-            numbers = {local_name(part): number(part, "value") for part in transmission.iter()}
-            rotor, gear = numbers.get("rotor_inertia"), numbers.get("gear_ratio", 1.0)
-            for joint in transmission.findall("joint"):
-                if rotor and gear:
-                    yield joint.get("name", ""), rotor * gear**2
 
     def _split(self, model: pin.Model, parts: Mapping[str, Mapping[str, Any]]) -> pin.Model:
         """The tree with some joints replaced by several in series, each with their friction."""
@@ -137,13 +132,18 @@ class Urdf:
         )
 
 
+def is_closing(frame: pin.Frame) -> bool:
+    """Whether a frame marks one of two points that coincide."""
+    named = re.fullmatch("closing_.+_[12]", frame.name)
+    return frame.type == pin.FrameType.BODY and named is not None
+
+
 def closing_frames(model: pin.Model) -> Iterator[Closure]:
     """Points that coincide, marked by onshape-to-robot: frames `closing_NAME_1`, `closing_NAME_2`.
 
     With them PlaCo closes loops as well.
     """
-    names = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
-    for name in filter(re.compile("closing_.+_[12]").fullmatch, names):
+    for name in [frame.name for frame in model.frames if is_closing(frame)]:
         first, second = f"{name[:-1]}1", f"{name[:-1]}2"
         if not (model.existFrame(first) and model.existFrame(second)):
             raise DescriptionError(name, [f"{first} and {second} close a loop; one is missing"])

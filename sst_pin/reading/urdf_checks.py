@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Checks of a URDF: names, tree, numbers that would be lost, inertias that no body has."""
 
-import re
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -9,8 +8,8 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from ..arrays import Array
-from ..summaries import listed
-from .known_words import means, unknown
+from .acting_words import unread
+from .known_words import unknown
 from .problems import Problem, error, note, number, numbers, warning
 
 #: Entries of an inertia.
@@ -30,16 +29,6 @@ _WORDS = {
     "dynamics": "@damping @friction ...",
     "mimic": "@joint @multiplier @offset",
 }
-#: Elements of a robot that are read, or that act on no motion though they name links or joints.
-_OF_ROBOT = (
-    "link joint material gazebo transmission loop loop_constraint loop_joint constraint coupling "
-    "sensor ros2_control mujoco frame collision_filter_group group group_state disable_collisions "
-    "end_effector virtual_joint camera gripper safety_controller"
-)
-#: Elements of Gazebo that act, with the value by which they do not.
-_OF_GAZEBO = {"springStiffness": "0", "dampingFactor": "0", "gravity": "1", "turnGravityOff": "0"}
-#: Plugins that move joints.
-_ACTING_PLUGIN = re.compile("mimic|attach|coupl|closed_?loop", re.I)
 #: How many numbers attributes have.
 _COUNTS = {
     "origin": {"xyz": 3, "rpy": 3},
@@ -78,50 +67,12 @@ def check(root: ET.Element) -> Iterator[Problem]:
             elif count > 1:
                 yield error(f"{tag} {name}", f"{count} have this name")
     yield from _connections([link.get("name", "") for link in links], joints)
-    yield from left_out(root)
+    yield from unread(root)
     for link in links:
         yield from _link(link, f"link {link.get('name')}")
     kinds = {joint.get("name"): joint.get("type", "") for joint in joints}
     for joint in joints:
         yield from _joint(joint, f"joint {joint.get('name')}", kinds)
-
-
-def left_out(root: ET.Element) -> Iterator[Problem]:
-    """Warnings of what acts in other tools and is not read here."""
-    yield from _unread(root)
-    found: dict[str, list[str]] = {}
-    for joint in root.findall("joint"):
-        for key, text in (
-            pair for dynamics in joint.findall("dynamics") for pair in dynamics.items()
-        ):
-            if key not in _COUNTS["dynamics"] and not means(text, "0"):
-                found.setdefault(key, []).append(joint.get("name", ""))
-    for key, names in found.items():
-        yield warning(f"joints {', '.join(names)}", f"dynamics {key}=... is not read")
-
-
-def _unread(root: ET.Element) -> Iterator[Problem]:
-    """Elements beside links and joints that act in Drake or Gazebo."""
-    known = {element.get("name", "") for element in root if element.tag in ("link", "joint")}
-    for element in root:
-        texts = {text for part in element.iter() for text in (*part.attrib.values(), part.text)}
-        if local_name(element) not in _OF_ROBOT.split() and (names := sorted(known & texts)):
-            yield warning(f"<{local_name(element)}>", f"of {listed(names)} is not read")
-        if element.tag == "link" and any(local_name(e) == "disable_gravity" for e in element):
-            yield warning(f"link {element.get('name')}", "<disable_gravity> is not read")
-    for element in root.findall("gazebo"):
-        where = f"gazebo {element.get('reference', '')}".strip()
-        for part in element:
-            idle, name = _OF_GAZEBO.get(part.tag), f"{part.get('name')} {part.get('filename')}"
-            if idle is not None and not means(part.text or "", idle):
-                yield warning(where, f"<{part.tag}> is not read")
-            if part.tag == "plugin" and _ACTING_PLUGIN.search(name):
-                yield warning(where, f"plugin {name} is not read")
-
-
-def local_name(element: ET.Element) -> str:
-    """The tag without its namespace."""
-    return element.tag.rpartition("}")[2]
 
 
 def _connections(links: Sequence[str], joints: Sequence[ET.Element]) -> Iterator[Problem]:

@@ -103,14 +103,17 @@ def _with_files(urdf: reading.Urdf, cuts: Path | None) -> tuple[list[Problem], s
         robot = reading.closed(urdf, content)
     except SSTError as caught:
         return _errors_of(caught, where), ""
-    tree = [f"open tree           {text}\n" for text in robot.notes]
+    tree = f"open tree           {robot.open_tree}\n" if robot.open_tree else ""
     try:
-        robot = reading.with_poses(robot._replace(notes=()), urdf)
+        robot = reading.with_poses(robot, urdf, content.locked)
     except SSTError as caught:
         problems = _errors_of(caught, "srdf")
-    problems += [warning("srdf", text) for text in robot.notes]
+    try:
+        robot = reading.with_locked(robot, urdf, content)
+    except SSTError as caught:
+        return _errors_of(caught, "locked"), ""
     more, summary = _mechanism(robot)
-    return problems + more, "".join(tree) + summary
+    return [*problems, *robot.notes, *more], tree + summary
 
 
 def _mjcf(path: Path) -> tuple[list[Problem], str]:
@@ -124,7 +127,7 @@ def _mjcf(path: Path) -> tuple[list[Problem], str]:
     except SSTError as caught:
         return _errors_of(caught, "file"), ""
     problems, summary = _mechanism(robot)
-    return problems + [warning("file", text) for text in robot.notes], summary
+    return [*problems, *robot.notes], summary
 
 
 def _errors_of(caught: SSTError, where: str) -> list[Problem]:

@@ -15,11 +15,11 @@ ARM = f"""<robot name="r"><link name="base"/><link name="arm">{BODY}</link>
 <axis xyz="0 0 1"/></joint></robot>"""
 
 
-def read(folder, *elements):
+def read(folder, *elements, cuts="name_mot: [hinge]\n"):
     """The arm with further elements: texts of the warnings, and the robot."""
     path = folder / "r.urdf"
     path.write_text(ARM.replace("</robot>", "".join(elements) + "</robot>"))
-    path.with_suffix(".yaml").write_text("name_mot: [hinge]\n")
+    path.with_suffix(".yaml").write_text(cuts)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         chain = sst_pin.ClosedChain.from_urdf(path)
@@ -36,20 +36,19 @@ def read(folder, *elements):
         (
             '<drake:linear_bushing_rpy><drake:bushing_frameA name="arm"/>'
             "</drake:linear_bushing_rpy>",
-            "<linear_bushing_rpy>: of arm is not read",
+            "<drake:linear_bushing_rpy>: of arm is not read",
         ),
         ('<spring joint="hinge" stiffness="3"/>', "<spring>: of hinge is not read"),
-        *(
-            (
-                f'<gazebo reference="hinge"><{word}>{value}</{word}></gazebo>',
-                f"gazebo hinge: <{word}> is not read",
-            )
-            for word, value in (
-                ("springStiffness", "3"),
-                ("dampingFactor", "0.1"),
-                ("gravity", "false"),
-                ("turnGravityOff", "true"),
-            )
+        (
+            '<gazebo reference="arm"><dampingFactor>0.1</dampingFactor></gazebo>',
+            "dampingFactor '0.1'",
+        ),
+        ("<gazebo><static>true</static></gazebo>", "gazebo: <gazebo> with static 'true' is not"),
+        ("<gazebo><buoyancy>true</buoyancy></gazebo>", "<buoyancy> in <gazebo> is not supported"),
+        ('<gazebo reference="hinge"><springStifness>1</springStifness></gazebo>', "did you mean"),
+        (
+            '<transmission name="t"><joint name="hinge"/><elasticity>3</elasticity></transmission>',
+            "transmission t: <elasticity> in <transmission> is not supported",
         ),
         (
             '<gazebo><plugin name="m" filename="libroboticsgroup_mimic_joint.so"/></gazebo>',
@@ -74,6 +73,108 @@ def test_what_acts_and_is_not_read_is_named(tmp_path, element, word):
 )
 def test_what_does_not_act_is_not_named(tmp_path, element):
     assert read(tmp_path, element)[0] == []
+
+
+@pytest.mark.parametrize(
+    "words", ["<gravity>false</gravity>", "<turnGravityOff>1</turnGravityOff>"]
+)
+def test_gravity_that_is_off_for_each_link_is_off(tmp_path, words):
+    told, chain = read(tmp_path, f'<gazebo reference="arm">{words}</gazebo>')
+    assert told == []
+    assert not chain.model.gravity.linear.any()
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["<drake:disable_gravity/>", '</link><gazebo reference="tip"><gravity>0</gravity></gazebo>'],
+)
+def test_gravity_that_is_off_for_one_link_is_named(tmp_path, words):
+    link = f'<link name="tip">{BODY}{words}</link>'.replace("</gazebo></link>", "</gazebo>")
+    joint = """<joint name="wrist" type="continuous"><parent link="arm"/><child link="tip"/>
+    <axis xyz="0 0 1"/></joint>"""
+    told, chain = read(tmp_path, link, joint, cuts="name_mot: [hinge, wrist]\n")
+    assert len(told) == 1
+    assert "link tip: gravity is off for this link only" in told[0]
+    assert chain.model.gravity.linear.any()
+
+
+def test_a_spring_of_gazebo_acts(tmp_path):
+    """Torque k (q - reference), as the default damper of the URDF."""
+    words = "<springStiffness>3</springStiffness><springReference>0.2</springReference>"
+    told, chain = read(tmp_path, f'<gazebo reference="hinge">{words}</gazebo>')
+    assert told == []
+    tau = chain.compute_torques(np.array([0.5]), np.zeros(1), np.zeros(1))
+    assert tau == pytest.approx([3 * (0.5 - 0.2)], rel=1e-14)
+
+
+@pytest.mark.parametrize("text", ["", "soft"])
+def test_a_spring_that_is_no_number_is_refused(tmp_path, text):
+    words = f"<springStiffness>{text}</springStiffness>"
+    with pytest.raises(sst_pin.DescriptionError, match=r"springStiffness '.*' is not a number"):
+        read(tmp_path, f'<gazebo reference="hinge">{words}</gazebo>')
+
+
+BALL = """<drake:ball_constraint><drake:ball_constraint_body_A name="coupler"/>
+<drake:ball_constraint_p_AP value="0.8 0 0"/><drake:ball_constraint_body_B name="rod"/>
+<drake:ball_constraint_p_BQ value="0.5 0 0"/></drake:ball_constraint>"""
+HINGE = """<link name="{link}">{body}</link><joint name="{name}" type="continuous">
+<parent link="{parent}"/><child link="{link}"/><origin xyz="{at}"/><axis xyz="0 0 1"/></joint>"""
+BARS = HINGE.format(link="coupler", body=BODY, name="elbow", parent="arm", at="1 0 0")
+BARS += HINGE.format(link="rod", body=BODY, name="pivot", parent="base", at="0.9 0.3 0")
+
+
+@pytest.mark.parametrize("declared", [True, False])
+def test_a_ball_constraint_of_drake_closes_a_loop(tmp_path, declared):
+    ball = BALL.replace("constraint>", 'constraint xmlns:drake="d">', 1) if declared else BALL
+    told, chain = read(tmp_path, BARS, ball)
+    assert told == []
+    assert chain.mobility().degrees_of_freedom == 1
+    a, b, c = chain.assemble([1.2, -2.0, 2.0], fixed=["hinge"])
+    tip = np.array([np.cos(a) + 0.8 * np.cos(a + b), np.sin(a) + 0.8 * np.sin(a + b)])
+    end = np.array([0.9 + 0.5 * np.cos(c), 0.3 + 0.5 * np.sin(c)])
+    np.testing.assert_allclose(tip, end, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "text"),
+    [
+        ('name="rod"/>', 'name="nine"/>', "body_B nine is not a link"),
+        ('value="0.8 0 0"', 'value="1 0"', "p_AP is not three numbers"),
+        (
+            '<drake:ball_constraint_p_AP value="0.8 0 0"/>',
+            "",
+            "no <drake:ball_constraint_body_A> or",
+        ),
+    ],
+)
+def test_a_ball_constraint_that_cannot_be_meant_is_refused(tmp_path, old, new, text):
+    assert old in BALL
+    with pytest.raises(sst_pin.DescriptionError, match=text):
+        read(tmp_path, BARS, BALL.replace(old, new, 1))
+
+
+@pytest.mark.parametrize(
+    ("mark", "name"),
+    [
+        (BALL, "ball_constraint_1"),
+        (
+            '<loop name="cut" type="revolute"><predecessor link="coupler"/><successor link="rod"/>'
+            '<axis xyz="0 0 1"/></loop>',
+            "cut",
+        ),
+        (
+            '<gazebo><joint name="cut" type="revolute"><parent>coupler</parent><child>rod</child>'
+            "</joint></gazebo>",
+            "cut",
+        ),
+    ],
+)
+def test_a_mark_beside_a_yaml_with_closures_is_named(tmp_path, mark, name):
+    cuts = "closed_loop: [[coupler, rod]]\ntype: [orientation]\nname_mot: [hinge, pivot]\n"
+    told, chain = read(tmp_path, BARS, mark, cuts=cuts)
+    assert len(chain.closures) == 1
+    assert len(told) == 1
+    assert f"closures: the URDF also has {name}, not read because" in told[0]
 
 
 @pytest.mark.parametrize("declared", [True, False])

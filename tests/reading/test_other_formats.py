@@ -174,6 +174,51 @@ def test_loop_closures_of_a_package_are_found(place, folder, expected, tmp_path)
     assert not sst_pin.validate(path)
 
 
+FUSION = """# fusion2URDF
+robot: r
+joints:
+  crank: {type: continuous, passive: false}
+  coupler: {type: continuous, passive: true}
+  rocker: {type: continuous, passive: true}
+  weld: {type: fixed, passive: false}
+closing_joints:
+  - name: cut
+    source: user_tag
+    type: revolute
+    parent: '2'
+    child: '3'
+    origin_xyz_m: [0.5, 0.0, 0.0]
+    origin_rpy_rad: [0.0, 0.0, 0.4]
+    axis: [0.0, 0.0, 1.0]
+"""
+
+
+def test_closing_joints_of_fusion_are_read(expected, tmp_path):
+    path = tmp_path / "r.urdf"
+    (tmp_path / "config").mkdir()
+    (tmp_path / "config" / "robot_data.yaml").write_text(FUSION)
+    path.write_text(parallelogram())
+    chain = sst_pin.ClosedChain.from_urdf(path)
+    assert chain.motor_names == ("crank",)
+    np.testing.assert_allclose(torques(chain), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("revolute", "screw", "closing_joints: type 'screw' unknown; known: fixed"),
+        ("[0.5, 0.0, 0.0]", "[0.5, 0.0]", "origin_xyz_m .* is not three numbers"),
+        ("parent: '2'", "father: '2'", "closing_joints: .* has no parent"),
+    ],
+)
+def test_faults_of_closing_joints_are_told(old, new, told, tmp_path):
+    assert old in FUSION
+    (tmp_path / "robot_data.yaml").write_text(FUSION.replace(old, new))
+    (tmp_path / "r.urdf").write_text(parallelogram())
+    with pytest.raises(sst_pin.DescriptionError, match=told):
+        sst_pin.ClosedChain.from_urdf(tmp_path / "r.urdf")
+
+
 def test_what_is_written_as_loop_closures_is_read_back(tmp_path, expected):
     path = tmp_path / "r.urdf"
     path.write_text(parallelogram(CUT))
@@ -266,8 +311,8 @@ def test_faults_are_told_with_the_element(extra, told, tmp_path):
     ("change", "told"),
     [
         ({"closures": []}, "closures: a list of hinges is needed"),
-        ({"closures": [{"link_a": "2"}]}, r"closures\[0\]: needed: link_a, link_b, point, axis"),
-        ({"independent": None}, "independent: a list of joint names is needed"),
+        ({"closures": [{"link_a": "2"}]}, "{'link_a': '2'} needs link_a, link_b, point, axis"),
+        ({"independent": None}, "independent: a list is needed"),
         ({"dependent": ["joint_1", "joint_1"]}, "joint_1: named twice"),
         ({"speed": 3}, "speed: unknown; known: closures, dependent, independent"),
         ({"dependent": ["coupler", "rocker", "rod"]}, "dependent: no moving joint rod"),

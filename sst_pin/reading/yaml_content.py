@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Keys and values of a YAML; scalars are strings, as they stand there."""
+
+import reprlib
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator
+from itertools import accumulate
+from typing import Any, TypeVar
+
+import yaml
+
+from ..errors import DescriptionError
+from .problems import numbers, telling
+
+#: Characters of a YAML at most; that of a robot with 400 joints has a tenth.
+_LONGEST = 200_000
+#: Depth of brackets in brackets; two are needed.
+_DEEPEST = 50
+_BRACKETS = {"[": 1, "{": 1, "]": -1, "}": -1}
+
+_T = TypeVar("_T")
+
+
+class YamlContent(dict[str, Any]):
+    """The content of a YAML, with the problems that its readers find."""
+
+    def __init__(self, text: str, source: str) -> None:
+        super().__init__(_content(text, source))
+        self._source, self.problems = source, list[str]()
+
+    def require_known(self, keys: Collection[str]) -> None:
+        """Name the keys that are not read."""
+        known = ", ".join(keys)
+        self.problems += [f"{key}: unknown; known: {known}" for key in self if key not in keys]
+
+    def entries(
+        self, key: str, parse: Callable[..., _T], kind: type[Any] = list, *, required: bool = False
+    ) -> list[_T]:
+        """The entries of a list, or the names and values of a mapping, each parsed."""
+        value, parsed = self.get(key, None if required else kind()), list[_T]()
+        if not isinstance(value, kind):
+            what = "list" if kind is list else "mapping from names"
+            self.problems.append(f"{key}: a {what} is needed")
+            return parsed
+        for entry in value:
+            with telling(self.problems, f"{key}: "):
+                parsed.append(parse(entry, value[entry]) if kind is dict else parse(entry))
+        return parsed
+
+    def raise_problems(self) -> None:
+        """Raise an error that lists all problems, if there are any."""
+        if self.problems:
+            raise DescriptionError(self._source, self.problems)
+
+
+def name_in(value: Any) -> str:
+    """A name; a ValueError for anything else."""
+    if not isinstance(value, str) or not value:
+        raise ValueError(f"{shown(value)} is not a name")
+    return value
+
+
+def number_in(value: Any, key: str = "") -> float:
+    """A number; a ValueError for anything else, with the key of it."""
+    found = numbers(value, 1) if isinstance(value, str) else None
+    if found is None:
+        raise ValueError(f"{key} {shown(value)} is not a number".lstrip())
+    return float(found[0])
+
+
+def pair_in(value: Any) -> tuple[str, str]:
+    """Two names; a ValueError for anything else."""
+    names = value if isinstance(value, list) else []
+    if len(names) != 2 or not all(isinstance(name, str) and name for name in names):
+        raise ValueError(f"{shown(value)} is not a pair of frame names")
+    return names[0], names[1]
+
+
+def mapping_in(value: Any, keys: Collection[str] = ()) -> dict[str, Any]:
+    """A mapping, with no keys but these; a ValueError for anything else."""
+    if not isinstance(value, dict):
+        raise ValueError(f"{shown(value)} is not a mapping")
+    if unknown := [key for key in value if keys and key not in keys]:
+        raise ValueError(f"{', '.join(unknown)} unknown; known: {', '.join(keys)}")
+    return value
+
+
+def shown(value: Any) -> str:
+    """A short form of a value; aliases can make a few lines of YAML a list of lists of lists."""
+    short = reprlib.Repr()
+    short.maxlevel = 2
+    return short.repr(value)
+
+
+def _content(text: str, source: str) -> dict[str, Any]:
+    if len(text) > _LONGEST:
+        raise DescriptionError(source, [f"more than {_LONGEST} characters"])
+    if max(accumulate(_BRACKETS.get(c, 0) for c in text), default=0) > _DEEPEST:  # slow to scan
+        raise DescriptionError(source, ["lists are nested too deeply"])
+    try:
+        loader = yaml.BaseLoader(text)
+        node = loader.get_single_node()
+        content = loader.construct_document(node) if node is not None else None
+    except yaml.YAMLError as error:
+        raise DescriptionError(source, [f"not YAML: {error}"]) from None
+    except RecursionError:
+        raise DescriptionError(source, ["lists are nested too deeply"]) from None
+    if not isinstance(node, yaml.MappingNode) or not content:
+        raise DescriptionError(source, ["no keys; name_mot is needed"])
+    if twice := list(_twice(node)):
+        raise DescriptionError(source, [f"{key}: appears twice" for key in twice])
+    return dict(content)
+
+
+def _twice(root: yaml.Node) -> Iterator[str]:
+    """Keys that a mapping has twice, at any depth."""
+    nodes, seen = [root], set[int]()
+    while nodes:
+        node = nodes.pop()
+        if id(node) in seen or isinstance(node, yaml.ScalarNode):
+            continue
+        seen.add(id(node))  # aliases lead to it again
+        pairs = node.value if isinstance(node, yaml.MappingNode) else []
+        counts = Counter(key.value for key, _ in pairs)
+        yield from (key for key, count in counts.items() if count > 1)
+        nodes += [value for _, value in pairs] or node.value
