@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 
 import sst_pin
 from sst_pin import errors
-from sst_pin.dynamics.dynamics import Memory
 from sst_pin.errors import InputError, SingularConfigurationError, UnknownNameError
 from sst_pin.model.closures import Coupling
 from tests.support.by_hand import at, mark
@@ -36,13 +35,6 @@ def test_an_open_closure_is_told_with_its_size_and_its_remedy(robot):
         robot.mobility(q)
 
 
-def test_a_star_turned_by_half_a_turn_is_open(robot):
-    q = HOME.copy()
-    q[2] += np.pi
-    with pytest.raises(sst_pin.ClosureError):
-        robot.compute_torques(q, RATES, RATES)
-
-
 def four_bar(crank, coupler, rocker, base):
     """Model with the end of the rocker and the pivot that it belongs on; axes along y."""
     bars = [("crank", "universe", 0.0, crank), ("coupler", "crank", crank, coupler)]
@@ -62,18 +54,6 @@ def test_assembly_that_is_impossible_says_soon_how_far_it_came(monkeypatch):
     assert len(solved) < 40  # a tenth is not gained in ten steps: 100 otherwise
     with pytest.raises(sst_pin.ClosureError):
         chain.mobility()
-
-
-def test_motors_are_judged_where_nothing_special_happens():
-    """A stretched parallelogram has two freedoms at that instant, one coordinate elsewhere."""
-    chain = sst_pin.ClosedChain(*four_bar(1.0, 2.0, 1.0, 2.0), ["crank", "coupler"])
-    stretched = chain.assemble([0.0, 0.0, np.pi])
-    assert chain.mobility(stretched).degrees_of_freedom == 2
-    with pytest.raises(SingularConfigurationError):  # first: it must not be kept
-        chain.compute_torques(stretched, [1], [0])
-    assert chain.coordinates == ("crank",)
-    q = chain.assemble([0.7, -0.7, 0.7 + np.pi])
-    assert chain.compute_torques(q, [1], [0]).shape == (2,)
 
 
 def test_assemble_holds_the_joints_it_was_told_to_hold(robot):
@@ -212,23 +192,6 @@ def test_names_that_are_not_there_are_told_with_those_that_are(robot):
         sst_pin.ClosedChain(model, robot.closures, ["gamma_1", "gamma_1"])
 
 
-def test_a_massless_robot_has_no_accelerations():
-    robot = sst_pin.SST()
-    for j in range(1, 10):
-        robot.model.inertias[j] = pin.Inertia.Zero()
-    robot.refresh()
-    with pytest.raises(SingularConfigurationError, match="not positive definite"):
-        robot.compute_accelerations(HOME, RATES, RATES)
-
-
-def test_only_one_sample_where_one_is_meant(robot):
-    for call in (robot.Phi, robot.mobility):
-        with pytest.raises(InputError, match="one sample"):
-            call(np.tile(HOME, (2, 1)))
-    with pytest.raises(InputError, match="one sample"):
-        robot.forward_kinematics(np.zeros((2, 3)))
-
-
 @pytest.mark.parametrize(
     "error",
     [
@@ -250,17 +213,6 @@ def test_errors_come_back_whole_from_worker_processes(error):
     assert str(copy) == str(error)
     assert copy.__dict__ == error.__dict__
     assert getattr(copy, "name", "") == getattr(error, "name", "")
-
-
-def test_motors_that_do_not_move_the_robot_are_told():
-    """The coupler turns about the crank's pin while the crank is held: no torque there moves it."""
-    model, closures = four_bar(1.0, 0.0, 1.5, 2.2)
-    model.inertias[2] = pin.Inertia(1.0, np.array((0.3, 0, 0)), 0.1 * np.eye(3))
-    chain = sst_pin.ClosedChain(model, closures, ["crank"])
-    q = chain.assemble([0.6, 0.1, -1.2], fixed=())
-    assert chain.coordinates == ("coupler",)
-    with pytest.raises(sst_pin.ActuationError, match="no motor supplies the forces coupler"):
-        chain.compute_torques(q, [0.5], [-0.3])
 
 
 @pytest.mark.parametrize("motor", [{}, {"crank": 0.0}])
@@ -287,21 +239,3 @@ def test_wrenches_that_are_not_finite_and_what_overflows_are_told(afloat):
     assert np.isnan(f).all(axis=1).tolist() == [False, True, False]
     with pytest.raises(InputError, match=r"result: not finite: .* too large"):
         afloat.generalized_forces(q, 1e200 * one, one)
-
-
-def test_a_batch_is_computed_with_one_model(monkeypatch):
-    chain = sst_pin.ClosedChain(*four_bar(0.2, 0.3, 0.25, 0.3), ["crank"])
-    q = chain.generic_configuration()
-    expected = chain.compute_torques(q, [1.0], [0.0])
-    evaluate, calls = Memory.evaluate, []
-
-    def disturbed(self, *arguments):
-        calls.append(1)
-        if len(calls) == 2:  # in the middle of the batch
-            chain.model.gravity.linear = np.array((1.0, 2, 3))
-            chain.refresh()
-        evaluate(self, *arguments)
-
-    monkeypatch.setattr(Memory, "evaluate", disturbed)
-    tau = chain.compute_torques([q] * 3, [1.0], [0.0])
-    assert np.array_equal(tau, [expected] * 3)

@@ -141,14 +141,6 @@ def test_derivatives_are_the_same_a_thousand_kilometres_away(stand):
         close(far, near, 1e-8)
 
 
-def test_derivatives_leave_the_robot_as_it_is():
-    case = of_tree("floating", "hinge")
-    q, va, aa, _ = next(case.states(1))
-    before = case.chain.generalized_forces(q, va, aa)
-    case.chain.torque_derivatives(q, va, aa)
-    assert np.array_equal(case.chain.generalized_forces(q, va, aa), before)
-
-
 def test_friction_slopes_are_those_of_the_width():
     """At rest every joint's Coulomb friction adds F_c / width to viscous friction."""
     chain = ROBOTS["four-bar"].chain()
@@ -211,21 +203,6 @@ def test_the_discrete_system_is_the_motion_next_to_an_equilibrium():
         return np.concatenate([motion.q[-1][columns], motion.va[-1]])
 
     close(A_d @ way + B_d @ push, derivative(end, 1e-3), 1e-7)
-
-
-@pytest.mark.slow
-def test_a_step_that_overflows_is_an_error_not_infinite():
-    """A sample that is NaN by `on_error` is no such step."""
-    robot = sst_pin.SST()
-    rest, hold = np.zeros(3), robot.compute_torques(robot.home, np.zeros(3), np.zeros(3))
-    with pytest.raises(InputError, match=r"dt: 1000 s is too long.*poles of 4.* /s"):
-        robot.linearize(robot.home, rest, hold, dt=1000)
-    q = np.array([robot.home, robot.home])
-    q[1, 1] += 0.1
-    A, B = robot.linearize(q, rest, hold, dt=0.1, on_error="nan")
-    assert np.isfinite(A[0]).all()
-    assert np.isnan(A[1]).any()
-    assert np.isnan(B[1]).any()
 
 
 @pytest.mark.parametrize("dt", [np.nan, np.inf, 0, -1])

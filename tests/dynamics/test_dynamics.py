@@ -136,13 +136,3 @@ def test_the_factors_are_lower_triangular_and_diagonal(chain):
         joint = chain.model.joints[i + 1]
         own = np.arange(joint.idx_v, joint.idx_v + joint.nv)
         assert not np.delete(terms.N_d[6 * i : 6 * i + 6], own, axis=1).any()
-
-
-def test_momenta_carried_backward_by_N_l_are_the_generalised_ones(chain):
-    """The backward recursion: N_d^T N_l^T M t = K^T M t, here held against the inertia matrix."""
-    va = np.linspace(-1, 1, chain.degrees_of_freedom)
-    terms = chain.noc(chain.home, va)
-    momenta = terms.N_d.T @ (terms.N_l.T @ (terms.M @ (terms.T @ va)))
-    rotors = chain.model.armature * (terms.L @ va)
-    carried = terms.L.T @ (momenta + rotors)
-    assert np.abs(carried - terms.inertia @ va).max() < 1e-12 * np.abs(carried).max()

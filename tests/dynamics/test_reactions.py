@@ -15,7 +15,6 @@ from tests.data import PUBLISHED
 from tests.gallery import EVERY_ROBOT, andrews
 from tests.support import any_chain
 from tests.support.by_hand import add, at, in_units, mark
-from tests.support.planar_bars import planar
 
 
 def random_state(chain, seed):
@@ -181,94 +180,6 @@ def test_verdicts_are_those_of_the_equilibrium_of_all_bodies(name):
     assert np.array_equal(np.concatenate(w.determined), unique_by_equilibrium(chain, q))
 
 
-def parallelogram():
-    """A coupler along x on three equal, parallel cranks: one more than its motion needs."""
-    bars = [(f"crank_{k}", "universe", 0.5 * k, 0.4) for k in range(3)]
-    model = planar([bars[0], ("coupler", "crank_0", 0.4, 1.0), *bars[1:]])
-    mark(model, model.getJointId("coupler"), "coupler_middle", at(0.5))
-    planar_pin = (True, True, False, False, False, False)
-    pins = ("coupler_middle", "crank_1_end"), ("coupler_end", "crank_2_end")
-    closures = [sst_pin.Closure(*pair, planar_pin) for pair in pins]
-    return sst_pin.ClosedChain(model, closures, ["crank_0"])
-
-
-def test_of_three_parallel_cranks_only_forces_along_them_are_not_unique():
-    """Parallel forces of three cranks hold the coupler, whose plane asks for two of them.
-
-    A crank's own equilibrium gives the force across it; no paper's number is needed.
-    """
-    chain = parallelogram()
-    q = np.array([0.9, -0.9, 0.9, 0.9])
-    assert chain.joint_names == ("crank_0", "coupler", "crank_1", "crank_2")
-    w = chain.reactions(q, [0.3], [0.2])
-    cranks = w.determined.joints[[0, 2, 3]]
-    assert not cranks[:, 3].any()  # x is along a crank
-    assert cranks[:, [0, 1, 2, 4, 5]].all()
-    assert not w.determined.closures[:, 3].any()
-    assert w.determined.closures[:, 4].all()
-
-
-def cube(cut):
-    """Bricard's six hinges along edges of a cube, the loop cut at one of them."""
-    points = np.array(
-        [(0, 0, 0), (1, 0, 0), (1, -1, 0), (1, -1, 1), (0, -1, 1), (0, 0, 1)], dtype=float
-    )
-    axes = np.eye(3)[[1, 2, 0, 1, 2, 0]]
-    hinges = [
-        pin.SE3(pin.Quaternion.FromTwoVectors(np.eye(3)[2], axis).matrix(), point)
-        for axis, point in zip(axes, points, strict=True)
-    ]
-    model = pin.Model()
-    model.gravity.linear = np.array([0.3, -9.81, 0.7])
-    ends, places = [0, 0], [pin.SE3.Identity()] * 2
-    body = pin.Inertia.FromBox(1.0, 0.4, 0.3, 0.1)
-
-    def bear(side, k, link):
-        joint = model.addJoint(
-            ends[side], pin.JointModelRZ(), places[side].actInv(hinges[k - 1]), f"hinge_{k}"
-        )
-        middle = at(*(points[link - 1] + points[link]) / 2)
-        model.appendBodyToJoint(joint, body, hinges[k - 1].actInv(middle))
-        ends[side], places[side] = joint, hinges[k - 1]
-
-    for k in range(1, cut):
-        bear(0, k, k)
-    for k in range(6, cut, -1):
-        bear(1, k, k - 1)
-    for name, side in (("a", 0), ("b", 1)):
-        mark(model, ends[side], name, places[side].actInv(hinges[cut - 1]))
-    motor = "hinge_1" if cut > 1 else "hinge_6"
-    return sst_pin.ClosedChain(model, [sst_pin.Closure("a", "b", "hinge")], [motor])
-
-
-def through_hinges(cut):
-    """What the link before gives to the link behind each hinge, and the verdicts, all at once."""
-    chain = cube(cut)
-    q = pin.neutral(chain.model)
-    rates = chain.joint_rates(q, [1.0])
-    w = chain.reactions(q, [0.7 / rates[0]], tau=[0.0])
-    found = {}
-    for k in range(1, 7):
-        if k == cut:
-            found[k] = w.closures[0], w.determined.closures[0]
-        else:
-            j = w.names.index(f"hinge_{k}")
-            found[k] = w.joints[j] * (1 if k < cut else -1), w.determined.joints[j]
-    return np.array([found[k][0] for k in range(1, 7)]), np.array(
-        [found[k][1] for k in range(1, 7)]
-    )
-
-
-def test_another_cut_gives_the_same_verdicts_and_the_same_unique_wrenches():
-    wrenches, unique = through_hinges(6)
-    assert unique.any()
-    assert not unique.all()
-    for cut in range(2, 6):
-        others, verdicts = through_hinges(cut)
-        assert np.array_equal(verdicts, unique)
-        assert others == pytest.approx(wrenches, abs=1e-10, nan_ok=True)
-
-
 def test_a_wrench_that_is_not_unique_is_named_where_asked_for_singly():
     chain = robots.four_bar()
     w = chain.reactions(chain.home, [0], [0])
@@ -302,15 +213,6 @@ def test_closures_of_the_same_frames_have_names_of_their_own():
 ONES = {str(robots.four_bar().closures[0]): [1.0] * 6}
 
 
-def test_a_joint_with_the_name_of_a_closure_is_refused():
-    plain = robots.four_bar()
-    name = str(plain.closures[0])
-    model = pin.Model(plain.model)
-    model.names[1] = name
-    with pytest.raises(sst_pin.DescriptionError, match=f"joint {name}: a closure has this name"):
-        sst_pin.ClosedChain(model, plain.closures, [name])
-
-
 def test_a_batch_is_its_samples_and_may_leave_the_bad_out():
     chain = robots.five_bar()
     q, va, _, tau = random_state(chain, 1)
@@ -325,15 +227,6 @@ def test_a_batch_is_its_samples_and_may_leave_the_bad_out():
     assert np.array_equal(w.joints[2], chain.reactions(q, va, tau=tau).joints, equal_nan=True)
     with pytest.raises(sst_pin.InputError, match="one of them is needed"):
         chain.reactions(q, va)
-
-
-@pytest.mark.parametrize("name", ["va", "aa", "external_wrenches"])
-def test_a_number_that_is_none_is_named_and_not_taken_for_what_is_not_unique(name):
-    chain = robots.four_bar()
-    good = {"va": np.ones(1), "aa": np.ones(1), "external_wrenches": np.ones((3, 6))}
-    good[name].flat[0] = np.nan
-    with pytest.raises(sst_pin.InputError, match=f"{name}: .*nan"):
-        chain.reactions(chain.home, **good)
 
 
 def door():

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""More motors than freedoms: preload, and torques within limits."""
+"""Least torques, preload and limits of surplus motors; what motors cannot supply is refused."""
+
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -7,7 +9,9 @@ import qpsolvers
 
 import sst_pin
 from sst_pin import robots
+from sst_pin.errors import ActuationError, SSTError
 from tests.support import any_chain
+from tests.support.motor_cases import elbows, five_bar, held_not, lift, telescope
 
 
 def motors_everywhere():
@@ -99,23 +103,6 @@ def test_least_torques_within_limits_solve_a_quadratic_programme(chain, motion):
         assert (np.abs(tau) <= size).all()
 
 
-@pytest.mark.slow
-def test_torques_do_not_jump_where_a_limit_becomes_active(chain):
-    """A step of the limited torques is bounded by steps of the path, here ten times refined."""
-    steps = []
-    for count in (200, 2000):
-        q, va, aa = swing(chain, count)
-        least = chain.compute_torques(q, va, aa)
-        limits = np.full(least.shape[1], np.abs(least).max())
-        worst = np.abs(least).max(axis=1).argmax()
-        limits[:] = (limits + least_peak(chain, q[worst], va[worst], aa[worst])) / 2
-        tau = chain.compute_torques(q, va, aa, limits=limits)
-        assert (np.abs(tau) <= limits).all()
-        assert np.abs(tau - least).max() > 1e-3 * np.abs(least).max()
-        steps.append(np.abs(np.diff(tau, axis=0)).max())
-    assert steps[1] < 0.2 * steps[0]
-
-
 def test_limits_that_cannot_be_respected_are_named_with_the_excess(chain, motion):
     q, va, aa = (x[0] for x in motion)
     weak = np.full(len(chain.motor_names), 1e-3)
@@ -176,19 +163,6 @@ def test_least_torques_apply_to_a_robot_that_needs_none():
                 chain.compute_torques(chain.home, rest, rest, limits=limits)
 
 
-def test_the_excess_named_is_the_smallest_in_any_units():
-    arm = robots.planar_4rrr()
-    arm.model.gravity.linear = np.zeros(3)
-    arm.refresh()
-    rest, aa = np.zeros(3), np.array([1.0, 2.0, 3.0])
-    peaks = []
-    for unit in (1.0, 1e-10, 1e10):
-        with pytest.raises(sst_pin.ActuationError) as caught:
-            arm.compute_torques(arm.home, rest, unit * aa, limits=np.full(4, 0.01 * unit))
-        peaks.append(max(caught.value.missing.values()) / unit)
-    assert peaks == pytest.approx([peaks[0]] * 3, rel=1e-9)
-
-
 def test_samples_at_fault_stay_out_of_the_others():
     arm = robots.planar_4rrr()
     q, va, aa = any_chain.states(arm, 3, 1)
@@ -198,3 +172,82 @@ def test_samples_at_fault_stay_out_of_the_others():
     assert tau[0] == pytest.approx(
         arm.compute_torques(q[0], va[0], aa[0], preload=[1.0], limits=[50.0] * 4), abs=1e-10
     )
+
+
+AA = np.array([1.0, -1.0])
+
+
+@pytest.mark.parametrize("loop", [False, True], ids=["tree", "with a loop"])
+@pytest.mark.parametrize("masses", [(0.1, 1e3), (1e-3, 1e3), (0.1, 1e5), (0.1, 1e6)])
+def test_a_light_freedom_is_refused_though_its_coordinates_move_a_heavy_body(masses, loop):
+    chain = telescope(*masses, loop)
+    n = chain.degrees_of_freedom
+    aa = np.append(AA, np.zeros(n - 2))
+    with pytest.raises(ActuationError, match="no motor supplies the forces lower") as caught:
+        chain.compute_torques(chain.generic_configuration(), np.zeros(n), aa)
+    needed = masses[0] * (1 + 9.81)  # what moves the lower stage alone
+    missing = caught.value.missing
+    assert missing["lower"] - missing["upper"] == pytest.approx(needed, rel=1e-5)
+
+
+@pytest.mark.parametrize("loop", [False, True], ids=["tree", "with a loop"])
+def test_a_light_freedom_that_falls_freely_needs_no_motor(loop):
+    chain = telescope(0.1, 1e5, loop)
+    n = chain.degrees_of_freedom
+    aa = np.array([-9.81, 9.81, *np.zeros(n - 2)])
+    q = chain.generic_configuration()
+    tau = chain.compute_torques(q, np.zeros(n), aa)
+    f = chain.generalized_forces(q, np.zeros(n), aa)
+    assert np.allclose(chain.actuator_jacobian(q).T @ tau, f, rtol=1e-9, atol=1e-6)
+
+
+#: Ways to ask for torques, from the smallest ones and the forces that are needed.
+OPTIONS = {
+    "plain": lambda tau, f: {},
+    "limits": lambda tau, f: {"limits": [np.inf, abs(tau[1]) / 2, np.inf, np.inf, np.inf]},
+    "preload": lambda tau, f: {"preload": 0.1 * f[0] * np.array([1.0, -2.0, 3.0])},
+    "weights": lambda tau, f: {"weights": [1, 1e6, 1, 1, 1]},
+    "other weights": lambda tau, f: {"weights": [1, 1, 1e12, 1e-6, 1]},
+}
+#: Masses of the lift and of its bars.
+MASSES = [(1e2, 1e-3), (1e5, 1.0), (1e5, 1e-3)]
+
+
+@pytest.mark.parametrize("compiled", [False, True], ids=["reference", "compiled"])
+@pytest.mark.parametrize("masses", MASSES)
+def test_torques_bring_about_the_forces_of_each_freedom_or_are_refused(masses, compiled):
+    """Relative to the forces of the light freedom, not to torques that balance each other there."""
+    chain = lift(*masses)
+    if compiled:
+        chain.compile()
+    q, va = chain.generic_configuration(), np.array([0.2, 0.3])
+    A, f = chain.noc(q, va).L.T @ chain.actuation, chain.generalized_forces(q, va, AA)
+    least = np.linalg.pinv(A) @ f
+    for option in OPTIONS.values():
+        with suppress(ActuationError):
+            tau = chain.compute_torques(q, va, AA, **option(least, f))
+            assert (np.abs(A @ tau - f) < 2e-6 * np.abs(f)).all()
+
+
+@pytest.mark.parametrize("option", [{"limits": [1e6, 1e6]}, {"preload": []}])
+def test_samples_that_the_motors_do_not_hold_are_nan_and_the_others_right(option):
+    chain = elbows()
+    bad, good = held_not(chain)
+    q, va, aa = np.array([good, bad, good]), np.zeros(2), np.ones(2)
+    tau = chain.compute_torques(q, va, aa, on_error="nan", **option)
+    assert np.isnan(tau[1]).all()
+    assert tau[[0, 2]] == pytest.approx(chain.compute_torques(q[[0, 2]], va, aa), rel=1e-12)
+    with pytest.raises(SSTError, match="1 of 3 samples"):
+        chain.compute_torques(q, va, aa, **option)
+
+
+def test_leading_axes_of_a_preload_broadcast():
+    chain = five_bar(["a1", "a2", "b1", "b2"])
+    q, va, aa = chain.generic_configuration(), np.zeros(2), np.ones(2)
+    amounts = np.arange(10.0).reshape(5, 2)
+    tau = chain.compute_torques(q, va, aa, preload=amounts)
+    alone = [chain.compute_torques(q, va, aa, preload=row) for row in amounts]
+    assert np.array_equal(tau, alone)
+    assert chain.compute_torques([q] * 3, va, aa, preload=amounts[:, None]).shape == (5, 3, 4)
+    with pytest.raises(sst_pin.InputError, match="do not broadcast"):
+        chain.compute_torques([q] * 3, va, aa, preload=amounts)

@@ -17,8 +17,6 @@ from tests.support.derivative_cases import (
     assert_derivatives_are_those_of_differences,
     case,
     close,
-    derivative,
-    of_gallery,
 )
 
 #: Ends of lines: from the world, between two links of one branch, over two branches.
@@ -149,18 +147,6 @@ def test_derivatives_are_those_of_differences(name):
         assert_derivatives_are_those_of_differences(some, *state, random)
 
 
-def test_forces_at_rest_are_slopes_of_the_potential_energy():
-    some = of_gallery(
-        "stewart",
-        forces=[LineForce("universe", "platform", stiffness=900, rest_length=0.4, preload=-20)],
-    )
-    q, way, *_ = next(some.states(1))
-    zero = np.zeros(6)
-    slope = derivative(lambda s: some.twin.potential_energy(some.at(q, way, s)))
-    f = some.forces(q, zero, zero, None)
-    close(f @ way, slope, 1e-9)
-
-
 def test_reactions_are_those_under_wrenches_that_pull_as_the_lines_do():
     """In joints and closures; the ground gives what it gives by the line from it as well."""
     chain, bare = with_lines(with_joint("revolute"))
@@ -230,26 +216,3 @@ def test_lines_that_do_not_fit_the_robot_are_refused():
         chain([line], [line.name, line.name])
     with pytest.raises(sst_pin.UnknownNameError):
         chain([line], ["gas"])
-
-
-def test_a_line_stays_where_its_joint_is_locked():
-    """Its length is constant between links that do not move: it gives no force."""
-    robot = with_joint("free-flyer")
-    chain = ClosedChain(robot.model, robot.closures, [], forces=STRUTS, locked=["arm_1", "arm_3"])
-    bare = ClosedChain(robot.model, robot.closures, [], locked=["arm_1", "arm_3"])
-    for q, va, aa in random_states(chain, 2):
-        f = bare.generalized_forces(q, va, aa) - chain.generalized_forces(q, va, aa)
-        pulls = -sum(x * row for _, x, row in (tension_and_row(chain, s, q, va) for s in STRUTS))
-        close(f, pulls, 1e-11 * np.abs(bare.generalized_forces(q, va, aa)).max())
-
-
-def test_mobility_counts_motors_on_lines():
-    bar = sst_pin.robots.four_bar()
-    line = LineForce("universe", "platform", name="cylinder")
-    chain = ClosedChain(bar.model, bar.closures, ["cylinder"], forces=[line])
-    mobility = chain.mobility()
-    assert mobility.sufficient
-    assert mobility.held == 1
-    assert "cylinder" in str(mobility)
-    assert "cylinder" in repr(chain)
-    assert not ClosedChain(bar.model, bar.closures, [], forces=[line]).mobility().sufficient

@@ -9,9 +9,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 import sst_pin
-from sst_pin import ClosedChain, plots
+from sst_pin import ClosedChain
 from tests.support import trees
-from tests.support.command_line import run
 from tests.support.derivative_cases import assert_derivatives_are_those_of_differences, case
 from tests.support.trees import JOINTS, add_frame, add_joint, random_q, tree
 
@@ -165,15 +164,6 @@ def test_every_kind_of_joint_with_friction_and_springs(name):
     assert_allclose(found, expected[order], rtol=0, atol=1e-11)
 
 
-def test_pictures_of_a_tree(chain, states, tmp_path):
-    q0, va0, _ = (x[0] for x in states)
-    motion = chain.simulate(np.zeros(chain.model.nv), q0, va0, np.linspace(0, 0.1, 6))
-    assert plots.motion_page(chain, motion).axes
-    with chain.show(motion, open_browser=False) as viewer:
-        viewer.save(tmp_path / "page.html")
-    assert (tmp_path / "page.html").stat().st_size > 10_000
-
-
 def test_too_few_motors_and_coordinates_are_refused_as_in_any_robot():
     model = model_of("arm")
     few = ClosedChain(model, [], ["joint_1", "joint_2"])
@@ -239,25 +229,3 @@ def test_an_mjcf_without_equalities_is_an_open_tree(tmp_path):
     data.qpos[:], data.qvel[:], data.qacc[:] = q, va, aa
     mujoco.mj_inverse(model, data)
     assert_allclose(arm.compute_torques(q, va, aa), data.qfrc_inverse, rtol=0, atol=1e-12)
-
-
-def test_the_command_takes_a_tree(here, capsys):
-    (here / "arm.urdf").write_text(ARM)
-    (here / "arm.yaml").write_text("name_mot: [shoulder, elbow]")
-    arm = sst_pin.ClosedChain.from_urdf("arm.urdf")
-    t = np.linspace(0, 0.1, 21)
-    motion = sst_pin.coordinate_motion(arm, t, np.stack([np.sin(t), t**2], axis=1))
-    motion.save("motion.csv")
-    robot = ["--robot", "arm.urdf"]
-    assert run(capsys, "torques", "motion.csv", *robot, "-o", "torques.csv")[0] == 0
-    assert run(capsys, "simulate", "torques.csv", *robot, "-o", "back.csv")[0] == 0
-    back = np.genfromtxt("back.csv", delimiter=",", names=True)
-    # Torques between the samples are interpolated.
-    assert_allclose(back["shoulder_rad"][-1], np.sin(0.1), atol=1e-4)
-    for command in (
-        ["plot", "motion.csv", "-o", "page.png"],
-        ["show", "motion.csv", "--html", "page.html"],
-        ["compile", "--export-c", "."],
-    ):
-        assert run(capsys, *command, *robot)[0] == 0, command
-    assert run(capsys, "validate", "arm.urdf")[0] == 0
