@@ -16,13 +16,10 @@ from numpy.typing import ArrayLike
 from .arrays import (
     Array,
     Indices,
-    as_array,
     finite_array,
     for_each_sample,
-    names,
     positive_number,
     single_array,
-    whole_number,
 )
 from .dynamics import derivatives as slopes
 from .dynamics import design_derivatives as design
@@ -47,12 +44,11 @@ from .loops.draft import (
 )
 from .loops.frame_guide import frame_configurations
 from .loops.mobility import Mobility
-from .loops.starts import placed, pose_of, start_of
+from .loops.starts import assemble, start_of
 from .model.appearance import Appearance, appearance_of
 from .model.closures import Constraint
 from .model.lines import LineForce
 from .model.mechanism import Friction, Mechanism, read_only
-from .model.named_positions import put
 from .simulation import energy
 from .summaries import Summary, listed
 
@@ -60,7 +56,6 @@ if TYPE_CHECKING:
     from typing_extensions import Unpack
 
     from .compiled.casadi_functions import CasadiFunctions
-    from .files import Table
     from .reading import Described
     from .simulation.bearing_loads import Loads
     from .simulation.check import Finding, Verdict
@@ -418,34 +413,7 @@ class ClosedChain(Summary):
             >>> chain.assemble({"crank": 0.3})[0].round(3)
             np.float64(0.3)
         """
-        tries, seed = whole_number("tries", tries, 1), whole_number("seed", seed, 0)
-        now = copy(self)
-        engine, mechanism = now._engine, now.mechanism
-        model, space = mechanism.model, mechanism.space
-        if isinstance(q, Mapping):
-            by_coordinates = set(q) <= set(now.coordinates)
-            if by_coordinates and fixed is None and tries == 1 and not limits:
-                return placed(now, q)
-            if fixed is None and not by_coordinates:
-                fixed = list(q)
-            guess = put(space, pose_of(now), q)
-        else:
-            guess = as_array("q", q, ())
-        if guess.ndim > 1 and guess.shape[-1] in (model.nq, model.nv):
-            one = partial(now.assemble, fixed=fixed, tries=tries, seed=seed, limits=limits)
-            return for_each_sample(one, [guess], (1,), (model.nq,))
-        if model.nv != model.nq and guess.shape == (model.nv,):
-            guess = pin.integrate(model, pin.neutral(model), single_array("q", guess, (model.nv,)))
-        start = space.normalised(single_array("q", guess, (model.nq,)))
-        free = mechanism.dependent
-        if fixed is not None:
-            rates = space.rates_of(names("fixed", fixed))
-            free = np.setdiff1d(np.arange(len(space.rate_names)), rates)
-        if not limits and np.array_equal(free, mechanism.dependent):
-            configuration = engine.closed_near(start)
-            if configuration is not None:
-                return configuration
-        return engine.reference.memory.assembly.try_starts(start, free, tries, seed, limits=limits)
+        return assemble(self._engine, q, fixed, tries, seed, limits)
 
     def generic_configuration(self) -> Array:
         """A closed configuration without symmetry, near `home` if there is one, shape (nq,)."""
@@ -458,12 +426,6 @@ class ClosedChain(Summary):
         `generic_configuration`: the mobility may depend on the assembly mode.
         """
         return self._engine.mobility(q)
-
-    def _closer(self, q: Array, fixed: Iterable[str]) -> Array:
-        """The configuration next to q whose loops are open least while these joints are fixed."""
-        space = self.mechanism.space
-        free = np.setdiff1d(np.arange(len(space.rate_names)), space.rates_of(list(fixed)))
-        return self._engine.reference.memory.assembly.closer(q, free)
 
     # --- kinematics -------------------------------------------------------------------------
 
@@ -518,8 +480,8 @@ class ClosedChain(Summary):
             >>> lift.frame_placement(q, "platform")[0].round(3)
             array([0.02, 0.1 , 0.  ])
         """
-        engine, guess = self._engine, start_of(self) if start is None else start
-        assembly, generic = engine.reference.memory.assembly, engine.example()
+        engine, guess = self._engine, start_of(self._engine) if start is None else start
+        assembly, generic = engine.assembly, engine.example()
         return frame_configurations(assembly, generic, frame, position, rotation, guess)
 
     def frame_jacobian(self, q: ArrayLike, frame: str, **options: Unpack[Options]) -> Array:
@@ -1082,14 +1044,15 @@ class ClosedChain(Summary):
         """
         from .simulation.check import findings, samples_of
 
-        t, q = samples_of(self.mechanism, motion)
-        return findings(t, self._verdicts(q))
+        engine = self._engine
+        t, q = samples_of(engine.mechanism, motion)
+        return findings(t, self._verdicts(engine, q))
 
-    def _verdicts(self, q: Array) -> Iterable[Verdict]:
+    def _verdicts(self, engine: Engine, q: Array) -> Iterable[Verdict]:
         """What `check` finds at configurations of shape (N, nq)."""
         from .simulation.check import verdicts
 
-        return verdicts(self._engine, q)
+        return verdicts(engine, q)
 
     def loads(
         self, motion: Trajectory, *, stiffness: Mapping[str, ArrayLike] | None = None
@@ -1236,10 +1199,6 @@ class ClosedChain(Summary):
         from .viewer import show
 
         return show(self, what, speed, open_browser, reactions, live, ghost)
-
-    def _motion_in(self, table: Table) -> tuple[Array, Array, Array] | None:
-        """q, va, aa of a table whose columns are not the coordinates; an SST has such tables."""
-        return None
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         """Rows of the printed robot."""

@@ -31,7 +31,7 @@ from .dynamics.reactions import Reactions, compliances_of, unpacked
 from .dynamics.reference import Reference
 from .dynamics.torque_sharing import preload_directions
 from .errors import ClosureError, InputError, SingularConfigurationError, SSTError
-from .loops.assembly import home_of
+from .loops.assembly import Assembly, home_of
 from .loops.coordinates import examples
 from .loops.loops import Loops
 from .loops.mobility import Mobility, condition_number, judge, scaled_Phi
@@ -465,6 +465,22 @@ class Engine:
             if length < _LAST:
                 return None if len(failures) else q
 
+    def closed(self, q: Array) -> Array:
+        """The closed configuration near q with the coordinates fixed, shape (nq,)."""
+        configuration = self.closed_near(q)
+        if configuration is None:
+            configuration = self.assembly.assemble(q, self.mechanism.dependent)
+        return configuration
+
+    @property
+    def assembly(self) -> Assembly:
+        """Newton's method on the closures, of this thread."""
+        return self.reference.memory.assembly
+
+    def moved(self, q: Array, step: Array) -> Array:
+        """The configuration where the coordinates are a step further, in the same assembly mode."""
+        return self.reference.moved(q, step)
+
     @cached_property
     def home(self) -> Array | None:
         """The home of the model with closed loops, shape (nq,); None without one."""
@@ -475,13 +491,13 @@ class Engine:
         try:
             self.loops_at(q).require_closed(mechanism.row_scale)
         except ClosureError:
-            return self.reference.memory.assembly.assemble(q, mechanism.dependent)
+            return self.assembly.assemble(q, mechanism.dependent)
         return q
 
     def example(self) -> Array:
         """A configuration with closed loops and without symmetry, shape (nq,)."""
         if self.mechanism.example is None:
-            return next(examples(self.reference.memory.assembly))
+            return next(examples(self.assembly))
         return self.mechanism.example.copy()
 
     def mobility(self, q: ArrayLike | None = None) -> Mobility:

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import BinaryIO
@@ -19,8 +20,10 @@ from ..description.frames import JOINT_NAMES
 from ..errors import InputError, MissingExtraError
 from ..files import Writer, write_files
 from ..reading import Urdf, is_mjcf, read_urdf
+from ..simulation.motion_files import TableReader, load_motion
 from ..simulation.trajectories import Trajectory
 from ..sst.robot import SST
+from ..sst.star_tables import star_motion
 from .commands import tell
 from .parser import gallery, misplaced
 
@@ -42,6 +45,16 @@ def robot_of(arguments: argparse.Namespace) -> ClosedChain:
     if set(JOINT_NAMES) <= set(urdf.joint_names):
         return SST.from_description(read_urdf(urdf, default=YAML_PATH))
     return ClosedChain.from_description(read_urdf(urdf))
+
+
+def table_reader(robot: ClosedChain) -> TableReader | None:
+    """Reads the tables of motions that only an SST has."""
+    return partial(star_motion, robot) if isinstance(robot, SST) else None
+
+
+def motion_of(robot: ClosedChain, path: Path) -> Trajectory:
+    """The motion of a robot in a file, or in the standard input."""
+    return load_motion(robot.engine, source_of(path), table_reader(robot))
 
 
 def sst_of(arguments: argparse.Namespace) -> SST:

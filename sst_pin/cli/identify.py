@@ -23,7 +23,7 @@ def identify(arguments: argparse.Namespace) -> int:
     if urdf:
         require_ending(arguments.urdf, ".urdf")
     robot, source = common.robot_of(arguments), common.source_of(arguments.log)
-    t, x, tau, start = read_log(robot, source)
+    t, x, tau, start = read_log(robot.engine, source)
     motion = identification.measured_motion(robot, t, x, tau, cutoff=arguments.cutoff, start=start)
     cut = 2 * len(motion) // 3
     seen, unseen = motion[:cut], motion[cut:]

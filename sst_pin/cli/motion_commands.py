@@ -7,7 +7,6 @@ import numpy as np
 
 from ..errors import FileFormatError
 from ..simulation.motion_files import (
-    load_motion,
     motion_table,
     read_motion,
     read_start,
@@ -23,7 +22,7 @@ CUT_SHORT = 3
 def torques(arguments: argparse.Namespace) -> int:
     """Inverse dynamics of a motion file."""
     robot, source = common.robot_of(arguments), common.source_of(arguments.motion)
-    motion = read_motion(robot, source)
+    motion = read_motion(robot.engine, source, common.table_reader(robot))
     if common.refuses(robot, motion, arguments):
         return 1
     common.save(motion, arguments)
@@ -43,11 +42,11 @@ def torques(arguments: argparse.Namespace) -> int:
 def simulate(arguments: argparse.Namespace) -> int:
     """Direct dynamics of a torque file."""
     robot = common.robot_of(arguments)
-    table = motion_table(robot, common.source_of(arguments.torques))
-    tau, t = read_torques(robot, table), table.column("t_s")
+    table = motion_table(robot.mechanism, common.source_of(arguments.torques))
+    tau, t = read_torques(robot.mechanism, table), table.column("t_s")
     if len(t) < 2:
         raise FileFormatError(table.path, "one row; a simulation needs at least two times")
-    q0, va0 = read_start(robot, table, arguments.q0, arguments.va0)
+    q0, va0 = read_start(robot.engine, table, arguments.q0, arguments.va0)
     with common.progress_bar("simulating", t[0], t[-1]) as progress:
         motion = robot.simulate(tau, q0, va0, t, progress=progress)
     if common.refuses(robot, motion, arguments):
@@ -65,7 +64,7 @@ def plot(arguments: argparse.Namespace) -> int:
     name = common.output_name(arguments.output, ".png")
     plots.picture_kind(name)
     robot = common.robot_of(arguments)
-    motion = load_motion(robot, common.source_of(arguments.motion))
+    motion = common.motion_of(robot, arguments.motion)
     if len(motion) < 2:
         raise FileFormatError(arguments.motion, "has one sample; a curve needs at least two")
     if common.refuses(robot, motion, arguments):

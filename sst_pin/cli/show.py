@@ -14,7 +14,6 @@ from ..closed_chain import ClosedChain
 from ..errors import InputError, OutputError
 from ..files import write_files
 from ..loops.starts import start_of
-from ..simulation.motion_files import load_motion
 from ..simulation.trajectories import Trajectory
 from ..sst.paper import PERIOD, example_1
 from ..sst.robot import SST
@@ -35,10 +34,10 @@ def show(arguments: argparse.Namespace) -> int:
     looks |= {name: getattr(arguments, name) for name in ("frame", "reactions", "live")}
     if arguments.ghost is not None and motion is None:
         raise InputError("--ghost", "only beside a motion")
-    ghost = arguments.ghost and load_motion(robot, common.source_of(arguments.ghost))
+    ghost = arguments.ghost and common.motion_of(robot, arguments.ghost)
     with Viewer(robot, **looks) as viewer:
         if motion is None:
-            viewer.show(start_of(robot))
+            viewer.show(start_of(robot.engine))
         else:
             viewer.play(
                 motion,
@@ -67,7 +66,7 @@ def _asked_for(arguments: argparse.Namespace) -> tuple[ClosedChain, Trajectory |
     """Robot, motion, speed and title."""
     path, robot = arguments.motion, common.robot_of(arguments)
     if path is not None:
-        return robot, load_motion(robot, common.source_of(path)), 1.0, path.name
+        return robot, common.motion_of(robot, path), 1.0, path.name
     if arguments.robot is None:
         example = example_1(SST(), np.linspace(0, PERIOD, 201))
         return robot, example, 0.1, "Example 1: the circle"

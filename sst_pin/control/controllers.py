@@ -55,7 +55,7 @@ class Controller(ABC):
         self.limits = None if limits is None else finite_limits(limits, motors, "limits")
         mechanism = chain.mechanism
         self._turns = np.array([unit == "rad" for unit in mechanism.coordinate_rate_units])
-        path = spline(motion.t, positions_along(chain, motion))
+        path = spline(motion.t, positions_along(chain.mechanism, motion))
         self._curves = path, path.derivative(1), path.derivative(2)
 
     def torque(self, t: float, q: Array, va: Array) -> Array:

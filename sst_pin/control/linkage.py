@@ -172,13 +172,13 @@ class Linkage:
     def _start(self, start: ArrayLike | None) -> Array:
         """The start of the way, its loops closed."""
         size = (self.chain.mechanism.model.nq,)
-        q = start_of(self.chain) if start is None else single_array("start", start, size)
+        q = start_of(self.chain.engine) if start is None else single_array("start", start, size)
         return self.chain.assemble(q)
 
     def _moved(self, q: Array, by: Array) -> Array:
         step = np.zeros(self.chain.degrees_of_freedom)
         step[self._columns] = by
-        return self.chain.engine.reference.moved(q, step)
+        return self.chain.engine.moved(q, step)
 
     def _newton(self, q: Array, target: Array) -> Array:
         """From q to the configuration nearby where the motors are at their target."""

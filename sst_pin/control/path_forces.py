@@ -37,7 +37,7 @@ class SmoothPath:
         q = finite_array("path", path, (chain.mechanism.model.nq,))
         if q.ndim != 2 or len(q) < 3:
             raise InputError("path", f"shape {q.shape}, expected (N, {q.shape[-1]}) with N >= 3")
-        x = coordinate_positions(chain, q)
+        x = coordinate_positions(chain.mechanism, q)
         less = np.abs(np.diff(x - taken(self._space, q, chain.coordinates), axis=0)) > 1
         if (less & (np.abs(np.diff(x, axis=0)) > np.pi / 2)).any() or (less[1:] & less[:-1]).any():
             raise InputError("path", "a joint turns by half a turn between samples: use more")

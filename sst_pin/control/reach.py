@@ -160,7 +160,7 @@ def reach_map(
     mechanism, motors = chain.mechanism, chain.motor_names
     limits = finite_limits(torques, len(motors), "torques")
     push = single_array("wrench", np.zeros(6) if wrench is None else wrench, (6,))
-    guess = start_of(chain) if start is None else start
+    guess = start_of(chain.engine) if start is None else start
     home = chain.assemble(single_array("start", guess, (mechanism.model.nq,)))
     rest = np.zeros(chain.degrees_of_freedom)
     chain.compute_torques(home, rest, rest)  # refuses motors that hold less than all

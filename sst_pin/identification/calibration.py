@@ -257,10 +257,10 @@ def _configurations(
         raise InputError("start", f"shape {guesses.shape}, expected (nq,) or (N, nq)")
 
     def assembled(x: Array, guess: Array) -> Array:
-        return placed(chain, dict(zip(chain.coordinates, x, strict=True)), guess)
+        return placed(chain.engine, dict(zip(chain.coordinates, x, strict=True)), guess)
 
     if guesses is None or guesses.ndim == 1:
-        q = configurations_of(chain, angles, guesses)
+        q = configurations_of(chain.engine, angles, guesses)
     else:
         q = for_each_sample(assembled, [angles, guesses], (1, 1), (size,))
     return [dict(zip(chain.position_names, each, strict=True)) for each in q]

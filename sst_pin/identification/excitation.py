@@ -121,7 +121,7 @@ def excitation(
     fastest = _limits("rates", rates, model.velocityLimit[mechanism.coordinates])
     effort = np.abs(mechanism.motors).T @ np.minimum(model.effortLimit, np.finfo(float).max / 10)
     strongest = _limits("torques", torques, effort)
-    first = placed(chain, {}, start)
+    first = placed(chain.engine, {}, start)
     x0 = taken(space, first, chain.coordinates)
     sizes = _sizes(chain, base)
     units = mechanism.rate_scale[mechanism.coordinates]

@@ -72,7 +72,7 @@ def measured_motion(
     for name, array in (("x", values), ("tau", torques)):
         if array.ndim != 2 or len(array) != len(times):
             raise InputError(name, f"shape {array.shape}, expected {len(times)} rows")
-    values = without_full_turns(chain, values)
+    values = without_full_turns(chain.mechanism, values)
     period = 1 / positive_number("cutoff", cutoff)
     even = np.linspace(times[0], times[-1], len(times))
     rate = 1 / (even[1] - even[0])
@@ -91,7 +91,7 @@ def measured_motion(
     inside = (first <= even) & (even <= last)
     _require_bridged(chain, even[inside], replaced[inside], _BRIDGED * period)
     kept = np.linspace(first, last, int((last - first) * 2 / period) + 1)
-    q = configurations_of(chain, curve(kept), start)
+    q = configurations_of(chain.engine, curve(kept), start)
     held = spline(even, smooth[:, values.shape[1] :])(kept)
     va, aa = (curve.derivative(k)(kept) for k in (1, 2))
     return chain.trajectory(kept, q, va, aa, held)

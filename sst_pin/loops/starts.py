@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Where a robot stands first, and where it stands when some joints are put elsewhere."""
+"""The configuration where a robot starts, and closed configurations from positions by name."""
 
 import math
 import warnings
@@ -11,81 +11,80 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, Flags, finite_array
-from ..errors import ClosureError, DescriptionError, DescriptionWarning
+from ..arrays import (
+    Array,
+    Flags,
+    Indices,
+    as_array,
+    finite_array,
+    for_each_sample,
+    names,
+    single_array,
+    whole_number,
+)
+from ..errors import ClosureError, DescriptionWarning
 from ..model.mechanism import Mechanism
 from ..model.named_positions import angles_and_lengths, put, taken
 from ..summaries import listed
-from .assembly import home_of
+from .assembly import Assembly, home_of
 
-#: A joint this far from where it was given stands elsewhere, [rad] or of the robot's length.
+#: A joint is at another position if it is off by more than this, [rad] or of the robot's length.
 _FAR = 0.05
 
 
-class _Reference(Protocol):
-    def moved(self, q: Array, step: Array) -> Array: ...
-
-
 class _Engine(Protocol):
-    @property
-    def reference(self) -> _Reference: ...
-
-    def are_closed(self, q: Array) -> Flags: ...
-
-
-class _Chain(Protocol):
-    """What is asked of a `ClosedChain` here."""
+    """What these functions need of an engine."""
 
     @property
     def mechanism(self) -> Mechanism: ...
 
     @property
-    def home(self) -> Array: ...
-
-    def residual(self, q: ArrayLike) -> Array: ...
-
-    def assemble(self, q: ArrayLike, fixed: Sequence[str] | None = None) -> Array: ...
-
-    def generic_configuration(self) -> Array: ...
-
-    def _closer(self, q: Array, held: Iterable[str]) -> Array: ...
+    def assembly(self) -> Assembly: ...
 
     @property
-    def engine(self) -> _Engine: ...
+    def home(self) -> Array | None: ...
+
+    def are_closed(self, q: Array) -> Flags: ...
+
+    def closed(self, q: Array) -> Array: ...
+
+    def moved(self, q: Array, step: Array) -> Array: ...
+
+    def example(self) -> Array: ...
 
 
-def pose_of(chain: _Chain) -> Array:
+def _pose(engine: _Engine) -> Array:
     """Home, open if its loops cannot be closed; `pin.neutral` without one, shape (nq,)."""
     try:
-        return chain.home
-    except (ClosureError, DescriptionError):
-        home = home_of(chain.mechanism)
-        return pin.neutral(chain.mechanism.model) if home is None else home
+        home = engine.home
+    except ClosureError:
+        home = home_of(engine.mechanism)
+    return pin.neutral(engine.mechanism.model) if home is None else home
 
 
-def start_of(chain: _Chain, *, chosen: bool = False) -> Array:
-    """The configuration where a chain stands first, shape (nq,): home, else as it is drawn.
+def start_of(engine: _Engine, *, chosen: bool = False) -> Array:
+    """The configuration where a robot starts, shape (nq,): home, else one near zero.
 
-    Otherwise its loops are closed near zero, or else it is a generic configuration. A home that
-    cannot be closed is open here, and so is a chain of which no configuration is found.
+    Without a home the loops are closed near zero, or else a generic configuration is used. If no
+    loops can be closed, the result is open.
 
     Warns:
         DescriptionWarning: If neither the description nor, by `chosen`, the caller chooses the
             assembly mode.
     """
-    q, model = pose_of(chain), chain.mechanism.model
-    if chain.engine.are_closed(q) or "home" in model.referenceConfigurations:
+    q, model = _pose(engine), engine.mechanism.model
+    if engine.are_closed(q) or "home" in model.referenceConfigurations:
         return q
     try:
-        q = chain.assemble(q, fixed=())
+        q = engine.assembly.assemble(q, np.arange(model.nv))
     except ClosureError:
         try:
-            q = chain.generic_configuration()
+            q = engine.example()
         except ClosureError:
             return q
     if not chosen:
         _warn(
-            chain,
+            engine,
             "no configuration is named home",
             "name a configuration home (an SRDF beside the URDF, a keyframe of an MJCF, or "
             'model.referenceConfigurations["home"]), or give positions of dependent joints too',
@@ -93,95 +92,141 @@ def start_of(chain: _Chain, *, chosen: bool = False) -> Array:
     return q
 
 
-def placed(chain: _Chain, positions: Mapping[str, float], guess: ArrayLike | None = None) -> Array:
-    """A configuration with closed loops where some joints stand as given.
+def assemble(
+    engine: _Engine,
+    q: ArrayLike | Mapping[str, float],
+    fixed: Sequence[str] | None = None,
+    tries: int = 1,
+    seed: int = 0,
+    limits: bool = False,
+) -> Array:
+    """Configurations with closed loops near a guess; see `ClosedChain.assemble`."""
+    tries, seed = whole_number("tries", tries, 1), whole_number("seed", seed, 0)
+    mechanism = engine.mechanism
+    model, space = mechanism.model, mechanism.space
+    if isinstance(q, Mapping):
+        by_coordinates = set(q) <= set(mechanism.coordinate_names)
+        if by_coordinates and fixed is None and tries == 1 and not limits:
+            return placed(engine, q)
+        if fixed is None and not by_coordinates:
+            fixed = list(q)
+        guess = put(space, _pose(engine), q)
+    else:
+        guess = as_array("q", q, ())
+    free = mechanism.dependent if fixed is None else _others(mechanism, names("fixed", fixed))
+
+    def one(guess: Array) -> Array:
+        if model.nv != model.nq and guess.shape == (model.nv,):
+            step = single_array("q", guess, (model.nv,))
+            guess = pin.integrate(model, pin.neutral(model), step)
+        start = space.normalised(single_array("q", guess, (model.nq,)))
+        if tries == 1 and not limits and np.array_equal(free, mechanism.dependent):
+            return engine.closed(start)
+        return engine.assembly.try_starts(start, free, tries, seed, limits=limits)
+
+    if guess.ndim > 1 and guess.shape[-1] in (model.nq, model.nv):
+        return for_each_sample(one, [guess], (1,), (model.nq,))
+    return one(guess)
+
+
+def placed(
+    engine: _Engine, positions: Mapping[str, float], guess: ArrayLike | None = None
+) -> Array:
+    """A configuration with closed loops where some joints have given positions, shape (nq,).
 
     `positions`, [rad] or [m], are by the names of joints that turn or slide; `guess` has the other
-    joints, by default those of `start_of`. If coordinates alone are given, they are moved there in
-    the assembly mode of the start. Otherwise they are held, and the dependent joints that are
-    given, perhaps rounded or measured, choose the assembly.
+    joints, by default those of `start_of`. If only coordinates are named, they are moved there in
+    the assembly mode of the start. Otherwise they are fixed, and the positions of dependent joints,
+    perhaps rounded or measured, choose the assembly.
 
     Warns:
         DescriptionWarning: If neither the description nor the caller chooses the assembly mode, if
-            the coordinates cannot be moved there without leaving it, or if a dependent joint stands
-            elsewhere than given.
+            the coordinates cannot be moved there without leaving it, or if a dependent joint ends
+            at another position.
     """
-    mechanism, space = chain.mechanism, chain.mechanism.space
+    mechanism, space = engine.mechanism, engine.mechanism.space
     if guess is None:
-        start = start_of(chain, chosen=angles_and_lengths(space).keys() <= positions.keys())
+        start = start_of(engine, chosen=angles_and_lengths(space).keys() <= positions.keys())
     else:
         start = finite_array("start", guess, (mechanism.model.nq,))
     follows = set(positions) <= set(mechanism.coordinate_rate_names) and bool(
-        chain.engine.are_closed(start)
+        engine.are_closed(start)
     )
     if follows:
         try:
-            return chain.assemble(put(space, _moved(chain, start, positions), positions))
+            return engine.closed(put(space, _moved(engine, start, positions), positions))
         except ClosureError as error:
-            why = f"{', '.join(positions)} cannot be moved from the start to their positions"
-            why += f" ({error})"
+            moved = ", ".join(positions)
+            why = f"{moved} cannot be moved from the start to their positions ({error})"
     try:
-        q = _assembled(chain, start, positions)
-        far = _far(chain, q, positions)
+        q = _assembled(engine, start, positions)
+        far = _far(mechanism, q, positions)
     except ClosureError:
         if guess is not None:
             raise
-        q = _assembled(chain, chain.generic_configuration(), positions)
-        far = _far(chain, q, positions)
+        q = _assembled(engine, engine.example(), positions)
+        far = _far(mechanism, q, positions)
     if far and guess is None:
         with suppress(ClosureError):
-            other = _assembled(chain, chain.generic_configuration(), positions)
-            if not _far(chain, other, positions):
+            other = _assembled(engine, engine.example(), positions)
+            if not _far(mechanism, other, positions):
                 return other
     if follows:
         _warn(
-            chain,
+            engine,
             why,
             "give a configuration near them as start, or positions of dependent joints too",
         )
     elif far:
         _warn(
-            chain,
-            f"no assembly was found with {listed(far)} and the coordinates as given",
+            engine,
+            f"no assembly was found with {listed(far)} at these coordinates",
             "correct these positions, or give those of other dependent joints",
         )
     return q
 
 
-def _assembled(chain: _Chain, start: Array, positions: Mapping[str, float]) -> Array:
-    """The assembly nearest to the start in which joints stand at positions, or near these."""
-    return chain.assemble(chain._closer(put(chain.mechanism.space, start, positions), positions))
+def _others(mechanism: Mechanism, fixed: Iterable[str]) -> Indices:
+    """Rates of all joints but these."""
+    return np.setdiff1d(np.arange(mechanism.model.nv), mechanism.space.rates_of(list(fixed)))
 
 
-def _far(chain: _Chain, q: Array, positions: Mapping[str, float]) -> list[str]:
-    """Which joints stand far from their positions, and where, in words."""
-    space, found = chain.mechanism.space, list[str]()
+def _assembled(engine: _Engine, start: Array, positions: Mapping[str, float]) -> Array:
+    """The assembly nearest to the start in which joints are at positions, or near these."""
+    guess = put(engine.mechanism.space, start, positions)
+    return engine.closed(engine.assembly.closer(guess, _others(engine.mechanism, positions)))
+
+
+def _far(mechanism: Mechanism, q: Array, positions: Mapping[str, float]) -> list[str]:
+    """Joints that are far from their positions, with both positions, in words."""
+    space, far = mechanism.space, list[str]()
     units = angles_and_lengths(space)
-    stands = taken(space, q, list(positions))
-    for (name, given), x in zip(positions.items(), stands, strict=True):
+    reached = taken(space, q, list(positions))
+    for (name, wanted), x in zip(positions.items(), reached, strict=True):
         turns = units[name] == "rad"
-        off = math.remainder(x - given, 2 * math.pi) if turns else x - given
-        if not abs(off) <= _FAR * (1.0 if turns else chain.mechanism.length):
-            found.append(f"{name} at {given:.4g} (it stands at {x:.4g})")
-    return found
+        off = math.remainder(x - wanted, 2 * math.pi) if turns else x - wanted
+        if not abs(off) <= _FAR * (1.0 if turns else mechanism.length):
+            far.append(f"{name} at {wanted:.4g} (it is at {x:.4g})")
+    return far
 
 
-def _moved(chain: _Chain, start: Array, positions: Mapping[str, float]) -> Array:
+def _moved(engine: _Engine, start: Array, positions: Mapping[str, float]) -> Array:
     """The configuration, in the assembly mode of the start, where coordinates are at positions."""
-    mechanism, names = chain.mechanism, list(positions)
+    mechanism, coordinates = engine.mechanism, list(positions)
     step = np.zeros(len(mechanism.coordinates))
-    ways = np.array([positions[name] for name in names]) - taken(mechanism.space, start, names)
-    for name, way in zip(names, ways, strict=True):
+    before = taken(mechanism.space, start, coordinates)
+    ways = np.array([positions[name] for name in coordinates]) - before
+    for name, way in zip(coordinates, ways, strict=True):
         endless = name not in mechanism.space.position_names
         turns = np.round(way / (2 * np.pi)) if endless else 0.0
         step[mechanism.coordinate_rate_names.index(name)] = way - 2 * np.pi * turns
-    return chain.engine.reference.moved(start, step)
+    return engine.moved(start, step)
 
 
-def _warn(chain: _Chain, why: str, cure: str) -> None:
+def _warn(engine: _Engine, why: str, cure: str) -> None:
     warnings.warn(
-        f"model {chain.mechanism.model.name}: {why}, so the loops were closed in an assembly mode "
-        f"chosen here; other modes need other torques. Check the start; to choose it, {cure}",
+        f"model {engine.mechanism.model.name}: {why}, so an assembly mode was chosen. Other modes "
+        f"need other torques. Check the start; to choose it, {cure}",
         DescriptionWarning,
-        stacklevel=4,
+        stacklevel=5,
     )

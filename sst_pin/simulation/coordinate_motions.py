@@ -1,44 +1,44 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Motions of any closed chain given by its coordinates alone: the other joints follow."""
+"""Motions of any closed chain from its coordinates over time."""
 
 from __future__ import annotations
 
 import warnings
-from copy import copy
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, finite_array
-from ..closed_chain import ClosedChain
+from ..dynamics.quantities import Quantity
+from ..engine import Engine, Robot
 from ..errors import ClosureError, DescriptionWarning, InputError
 from ..loops.starts import placed
+from ..model.mechanism import Mechanism
 from ..model.named_positions import taken
 from ..summaries import listed
 from .samples import sample_times, spline
-from .trajectories import Trajectory
+from .trajectories import Trajectory, trajectory_of
 
 
 def coordinate_motion(
-    chain: ClosedChain, t: ArrayLike, x: ArrayLike, start: ArrayLike | None = None
+    chain: Robot, t: ArrayLike, x: ArrayLike, start: ArrayLike | None = None
 ) -> Trajectory:
     """The motion and the torques for given coordinates over time.
 
-    The other joints are computed from sample to sample, in steps short enough to stay in the same
-    assembly mode: never across a singular configuration. Rates are derivatives of splines of degree
-    five through the samples.
+    The other joints are computed from sample to sample, in the same assembly mode. Rates are
+    derivatives of splines of degree five through the samples.
 
     Args:
         chain: Any closed chain with revolute or prismatic coordinates.
         t: Times, increasing, shape (N,), N >= 3, [s].
         x: Coordinates, shape (N, n), [rad] or [m].
-        start: A configuration, shape (nq,), which selects the assembly: from there, if its loops
-            are closed, the coordinates are moved to the first sample; otherwise it is a guess of
-            all joints at t[0]. By default `home`, else the robot as it is drawn.
+        start: A configuration, shape (nq,), which selects the assembly mode. If its loops are
+            closed, the coordinates are moved from there to the first sample; otherwise it is a
+            guess of all joints at t[0]. By default `home`, else a configuration near zero.
 
     Warns:
-        DescriptionWarning: If the assembly at t[0] was chosen here, or an angle jumps by about a
-            full turn.
+        DescriptionWarning: If nothing selects the assembly mode at t[0], or an angle jumps by
+            about a full turn.
 
     Raises:
         InputError: For a wrong shape, or a coordinate that is neither an angle nor a length.
@@ -51,65 +51,78 @@ def coordinate_motion(
         >>> motion.q.shape, motion.tau.shape
         ((21, 3), (21, 1))
     """
-    chain, times = copy(chain), sample_times(t, 3)
-    values = finite_array("x", x, (len(chain.coordinates),))
-    if values.shape != (len(times), len(chain.coordinates)):
-        raise InputError(
-            "x", f"shape {values.shape}, expected {(len(times), len(chain.coordinates))}"
-        )
-    values = without_full_turns(chain, values)
-    _warn_of_full_turns(chain, values)
-    q = configurations_of(chain, values, start)
-    curve = spline(times, values)
-    return chain.trajectory(times, q, curve.derivative(1)(times), curve.derivative(2)(times))
+    return coordinate_trajectory(chain.engine, t, x, start)
 
 
-def _warn_of_full_turns(chain: ClosedChain, x: Array) -> None:
-    """Say which angles, shape (N, n), that change little else jump by about a full turn."""
+def coordinate_trajectory(
+    engine: Engine, t: ArrayLike, x: ArrayLike, start: ArrayLike | None
+) -> Trajectory:
+    """`coordinate_motion` by an engine."""
+    times = sample_times(t, 3)
+    shape = len(times), len(engine.mechanism.coordinates)
+    values = finite_array("x", x, shape[1:])
+    if values.shape != shape:
+        raise InputError("x", f"shape {values.shape}, expected {shape}")
+    values = without_full_turns(engine.mechanism, values)
+    _warn_of_full_turns(engine.mechanism, values)
+    return motion_along(engine, times, configurations_of(engine, values, start), values)
+
+
+def motion_along(engine: Engine, t: Array, q: Array, x: Array) -> Trajectory:
+    """The motion through configurations, shape (N, nq), with coordinates x, shape (N, n)."""
+    curve = spline(t, x)
+    va, aa = curve.derivative(1)(t), curve.derivative(2)(t)
+    tau = engine.compute(Quantity("torques"), q, va=va, aa=aa)
+    return trajectory_of(engine.mechanism, t, q, va, aa, tau)
+
+
+def _warn_of_full_turns(mechanism: Mechanism, x: Array) -> None:
+    """Warn of angles, shape (N, n), that change little and jump by about a full turn."""
     steps = np.abs(np.diff(x, axis=0))
     jumps = (steps > 1.5 * np.pi).any(axis=0) & (np.median(steps, axis=0) < np.pi / 2)
-    names = zip(chain.coordinates, chain.mechanism.coordinate_rate_units, jumps, strict=True)
-    if found := [name for name, unit, jump in names if unit == "rad" and jump]:
+    columns = zip(mechanism.coordinate_names, mechanism.coordinate_rate_units, jumps, strict=True)
+    if names := [name for name, unit, jump in columns if unit == "rad" and jump]:
         warnings.warn(
-            f"x: {listed(found)} jump by a full turn or more between samples, which takes large "
+            f"x: {listed(names)} jump by a full turn or more between samples, which takes large "
             "rates and torques; if they were measured modulo one turn, use numpy.unwrap",
             DescriptionWarning,
-            stacklevel=3,
+            stacklevel=4,
         )
 
 
-def coordinate_positions(chain: ClosedChain, q: Array) -> Array:
+def coordinate_positions(mechanism: Mechanism, q: Array) -> Array:
     """Positions of the coordinates along a motion q, shape (N, nq), without jumps, shape (N, n)."""
-    space = chain.mechanism.space
-    return without_full_turns(chain, taken(space, space.without_jumps(q), chain.coordinates))
+    x = taken(mechanism.space, mechanism.space.without_jumps(q), mechanism.coordinate_names)
+    return without_full_turns(mechanism, x)
 
 
-def positions_along(chain: ClosedChain, motion: Trajectory) -> Array:
-    """Positions of the coordinates along a motion, full turns as its rates tell, shape (N, n)."""
-    x = taken(chain.mechanism.space, motion.q, chain.coordinates)
-    turning = np.array([unit == "rad" for unit in chain.mechanism.coordinate_rate_units])
-    moved = np.diff(motion.t)[:, None] * (motion.va[1:] + motion.va[:-1]) / 2
-    turns = np.round((moved - np.diff(x, axis=0)) / (2 * np.pi)) * turning
+def positions_along(mechanism: Mechanism, motion: Trajectory) -> Array:
+    """Positions of the coordinates along a motion, with the full turns of its rates, (N, n)."""
+    x = taken(mechanism.space, motion.q, mechanism.coordinate_names)
+    turning = np.array([unit == "rad" for unit in mechanism.coordinate_rate_units])
+    steps = np.diff(motion.t)[:, None] * (motion.va[1:] + motion.va[:-1]) / 2
+    turns = np.round((steps - np.diff(x, axis=0)) / (2 * np.pi)) * turning
     x[1:] += 2 * np.pi * np.cumsum(turns, axis=0)
     return x
 
 
-def without_full_turns(chain: ClosedChain, x: Array) -> Array:
+def without_full_turns(mechanism: Mechanism, x: Array) -> Array:
     """Positions of the coordinates, shape (N, n); joints that turn without end do not jump."""
-    endless = [name not in chain.mechanism.space.position_names for name in chain.coordinates]
+    names = mechanism.coordinate_names
+    endless = [name not in mechanism.space.position_names for name in names]
     return np.where(endless, np.unwrap(x, axis=0), x)
 
 
-def configurations_of(chain: ClosedChain, x: Array, start: ArrayLike | None = None) -> Array:
+def configurations_of(engine: Engine, x: Array, start: ArrayLike | None = None) -> Array:
     """Configurations, shape (N, nq), for samples of the coordinates, shape (N, n), in one mode.
 
     `start` and errors are those of `coordinate_motion`.
     """
-    q = np.empty((len(x), len(chain.position_names)))
-    q[0] = placed(chain, dict(zip(chain.coordinates, x[0], strict=True)), start)
+    q = np.empty((len(x), engine.mechanism.model.nq))
+    q[0] = placed(engine, dict(zip(engine.mechanism.coordinate_names, x[0], strict=True)), start)
     for i in range(1, len(x)):
         try:
-            q[i] = chain.engine.reference.moved(q[i - 1], x[i] - x[i - 1])
+            q[i] = engine.moved(q[i - 1], x[i] - x[i - 1])
         except ClosureError as error:
             error.name_samples([(i,)], len(x))
             raise

@@ -1,26 +1,24 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Motions of any closed chain given by the motion of a frame: all joints follow."""
+"""Motions of any closed chain from poses of a frame over time."""
 
 from __future__ import annotations
-
-from copy import copy
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, as_array, finite_array, name_samples
-from ..closed_chain import ClosedChain
+from ..engine import Robot
 from ..errors import InputError, SSTError
 from ..loops.frame_guide import FrameGuide, pose_of, rotations
-from ..loops.starts import start_of
+from ..loops.starts import assemble, start_of
 from ..model.named_positions import taken
-from .coordinate_motions import without_full_turns
-from .samples import sample_times, spline
+from .coordinate_motions import motion_along, without_full_turns
+from .samples import sample_times
 from .trajectories import Trajectory
 
 
 def frame_motion(
-    chain: ClosedChain,
+    chain: Robot,
     t: ArrayLike,
     frame: str,
     poses: ArrayLike,
@@ -55,22 +53,21 @@ def frame_motion(
         >>> delta.platform_pose(motion.q[-1])[:3, 3].round(4)
         array([ 0.027 ,  0.0421, -0.25  ])
     """
-    chain, times = copy(chain), sample_times(t, 3)
+    engine, times = chain.engine, sample_times(t, 3)
+    mechanism, size = engine.mechanism, (engine.mechanism.model.nq,)
     targets = targets_of(poses, len(times))
-    kept = (targets[0][0] is not None, targets[0][1] is not None)
-    guide = FrameGuide(chain.mechanism, chain.generic_configuration(), frame, *kept)
-    size = (chain.mechanism.model.nq,)
-    guess = start_of(chain) if start is None else finite_array("start", start, size)
-    now, q = chain.assemble(guess), np.empty((len(times), *size))
+    kinds = (targets[0][0] is not None, targets[0][1] is not None)
+    guide = FrameGuide(mechanism, engine.example(), frame, *kinds)
+    guess = start_of(engine) if start is None else finite_array("start", start, size)
+    last, q = assemble(engine, guess), np.empty((len(times), *size))
     for i, (p, R) in enumerate(targets):
         try:
-            now = q[i] = guide.lead(now, pose_of(p, R))
+            last = q[i] = guide.lead(last, pose_of(p, R))
         except SSTError as error:
             name_samples(error, [i], (len(times),))
             raise
-    x = taken(chain.mechanism.space, q, chain.coordinates)  # Newton's method makes no full turns
-    curve = spline(times, without_full_turns(chain, x))
-    return chain.trajectory(times, q, curve.derivative(1)(times), curve.derivative(2)(times))
+    x = taken(mechanism.space, q, mechanism.coordinate_names)  # Newton's method makes no full turns
+    return motion_along(engine, times, q, without_full_turns(mechanism, x))
 
 
 def targets_of(poses: ArrayLike, count: int) -> list[tuple[Array | None, Array | None]]:

@@ -255,13 +255,13 @@ class Trajectory(Summary):
             columns = self._columns()
             if any(re.search(r"^\s|[,\"\r\n]", name) for name in columns):
                 raise OutputError(path, "a name contains a comma, quote or space; save it as .npz")
-            return table_writer(columns, self._table(as_path(path)).values)
+            return table_writer(columns, self.table(as_path(path)).values)
         arrays: dict[str, Any] = {
             name: np.asarray(getattr(self, name)) for name in (*_COMPARED, "stopped")
         }
         return lambda file: np.savez(file, **arrays)
 
-    def _table(self, path: Path) -> Table:
+    def table(self, path: Path) -> Table:
         """The columns of the motion's CSV; messages call them those of `path`."""
         values = np.column_stack([self.t, self.q, self.va, self.aa, self.tau])
         return Table(path, tuple(self._columns()), values, tuple(range(1, len(self.t) + 1)))

@@ -145,6 +145,12 @@ def home_orientation(geometry: Geometry) -> Array:
     return _orientation(geometry, s, n)
 
 
+def home_configuration(geometry: Geometry) -> Array:
+    """The joints at `home_orientation`, shape (9,)."""
+    legs = legs_of_orientation(geometry, home_orientation(geometry), (1, 1, 1))
+    return joints_of_legs(geometry, legs)
+
+
 def _orientation(geometry: Geometry, s: Array, n: Array) -> Array:
     """{E} in the base by the x and z axes of {3, 1}."""
     return np.stack([s, np.cross(n, s), n], axis=-1) @ geometry.R_E[0]

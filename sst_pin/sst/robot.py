@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from copy import copy
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -20,19 +20,17 @@ from ..description.folder import URDF_PATH, YAML_PATH, yaml_of
 from ..description.frames import MOTOR_NAMES
 from ..description.parameters import Parameters
 from ..description.urdf_writer import urdf_of
+from ..dynamics.quantities import Quantity
 from ..engine import Engine
-from ..errors import DescriptionError, FileFormatError, InputError, SSTError, WorkspaceError
-from ..files import Table
+from ..errors import DescriptionError, InputError, SingularConfigurationError, WorkspaceError
 from ..model.appearance import Appearance
 from ..model.closures import Closure
 from ..model.mechanism import Mechanism
 from ..model.tree import frame_named
 from ..reading import Described, Urdf, closed, parse_cuts, read_urdf
 from ..simulation.check import Verdict
-from ..simulation.samples import spline
 from . import arc_limits, direct_kinematics, kinematics, star_appearance
 from .kinematics import Geometry
-from .platform_motion import PlatformMotion, motion_in
 from .topology import CUTS, geometry_of, parameters_of
 
 #: Two frames in any order, and all that a weld holds.
@@ -57,44 +55,49 @@ class Singularities(NamedTuple):
     condition_number: Array
 
 
-#: Read once from what each robot computes, which never changes.
+#: The geometry of each engine.
 _GEOMETRIES: WeakKeyDictionary[Engine, Geometry] = WeakKeyDictionary()
 
 
-def _geometry(model: pin.Model) -> Geometry:
-    return geometry_of(model, f"model {model.name}")
+def _geometry_of(engine: Engine) -> Geometry:
+    if engine not in _GEOMETRIES:
+        model = engine.mechanism.model
+        _GEOMETRIES[engine] = geometry_of(model, f"model {model.name}")
+    return _GEOMETRIES[engine]
 
 
-def _described(parameters: Parameters) -> Described:
-    """What the files of parameters say."""
+def _description_of(parameters: Parameters) -> Described:
+    """The description that files of the parameters have."""
     urdf = Urdf(urdf_of(parameters), "URDF of the parameters")
     cuts = parse_cuts(yaml_of(parameters), "cuts of the parameters")
     shapes = partial(star_appearance.shapes_of, urdf.root, parameters)
     return closed(urdf, cuts)._replace(shapes=shapes)
 
 
-def _require_sst(found: Described) -> None:
-    """Refuse closures and motors that are not an SST's."""
-    problems, closures = list[str](), found.closures
+def _require_sst(description: Described) -> None:
+    """Refuse closures and motors that are not those of an SST."""
+    problems, closures = list[str](), description.closures
     welds = [c for c in closures if isinstance(c, Closure)]
     ends = {(frozenset((c.frame_a, c.frame_b)), c.held) for c in welds}
     if len(closures) != len(_WELDS) or ends != _WELDS:
-        told = ", ".join(f"{c} ({getattr(c, 'kind', 'no weld')})" for c in closures)
+        names = ", ".join(f"{c} ({getattr(c, 'kind', 'no weld')})" for c in closures)
         wanted = " and ".join(f"{a} - {b}" for a, b in sorted(CUTS))
-        told = f"closures or equalities {told or 'are missing'}"
-        problems.append(f"{told}; an SST has the welds (6d) {wanted}")
-    if tuple(found.actuated) != MOTOR_NAMES:
+        names = f"closures or equalities {names or 'are missing'}"
+        problems.append(f"{names}; an SST has the welds (6d) {wanted}")
+    if tuple(description.actuated) != MOTOR_NAMES:
         wanted = ", ".join(MOTOR_NAMES)
-        problems.append(f"motors {list(found.actuated)}; an SST has {wanted}")
+        problems.append(f"motors {list(description.actuated)}; an SST has {wanted}")
     if problems:
-        raise DescriptionError(found.source, problems)
+        raise DescriptionError(description.source, problems)
 
 
 class SST(ClosedChain):
     """A 3-RRP spherical parallel manipulator.
 
     Joint vectors q, shape (..., 9), [rad], are gamma_1, mu_1, beta_1, gamma_2, ...; the motors are
-    gamma_1..3. Orientations R of the star are those of {E} in the base, shape (..., 3, 3).
+    gamma_1..3. Orientations R of the star are those of {E} in the base, shape (..., 3, 3). A `near`
+    or `branch` selects one of several solutions. If the description names no configuration home,
+    `home` has s in the middle of the base triangle and R_1 in the middle of P1P2.
 
     Args:
         parameters: Geometry, masses, friction, gravity; by default those of the paper's robot.
@@ -105,15 +108,18 @@ class SST(ClosedChain):
         array([ 0.3  ,  4.475, -4.475])
     """
 
+    _platform = "beta_1"  # the star
+
     def __init__(self, parameters: Parameters | None = None) -> None:
         if parameters is None:
-            self._load(read_urdf(URDF_PATH, YAML_PATH))
+            description = read_urdf(URDF_PATH, YAML_PATH)
         elif not isinstance(parameters, Parameters):
             raise InputError(
                 "parameters", f"{parameters!r} is not Parameters; to read a file use SST.from_urdf"
             )
         else:
-            self._load(_described(parameters))
+            description = _description_of(parameters)
+        self._load(description)
 
     @classmethod
     def from_urdf(  # type: ignore[override]  # an SST has its motors and nothing to lock
@@ -130,88 +136,57 @@ class SST(ClosedChain):
             DescriptionError: If it is not a URDF of an SST; the message lists all problems.
 
         Warns:
-            DescriptionWarning: When the inertia of a link is one that no body has.
-
-        Example:
-            >>> robot = sst_pin.SST.from_urdf(sst_pin.URDF_PATH)
-            >>> robot.motor_names
-            ('gamma_1', 'gamma_2', 'gamma_3')
+            DescriptionWarning: When the inertia of a link is not physical.
         """
-        found = read_urdf(path, cuts, default=YAML_PATH)
-        return cls.from_description(found)
+        return cls.from_description(read_urdf(path, cuts, default=YAML_PATH))
 
     @classmethod
-    def from_description(cls, found: Described) -> SST:
-        """As `ClosedChain.from_description`."""
+    def from_description(cls, description: Described) -> SST:
+        """An SST from the content of its files; errors name the files."""
         robot = cls.__new__(cls)
-        robot._load(found)
+        robot._load(description)
         return robot
 
-    def _load(self, found: Described) -> None:
-        geometry_of(found.model, found.source)  # its complaints come first
-        _require_sst(found)
-        super().__init__(**found.arguments, coordinates=MOTOR_NAMES)
-        self._shapes = found.shapes
+    def _load(self, description: Described) -> None:
+        model = description.model
+        geometry = geometry_of(model, description.source)
+        _require_sst(description)
+        if "home" not in model.referenceConfigurations:
+            with suppress(SingularConfigurationError):
+                home = kinematics.home_configuration(geometry)
+                model.referenceConfigurations["home"] = home
+        super().__init__(**description.arguments, coordinates=MOTOR_NAMES)
+        self._shapes = description.shapes
 
-    def _fill(self, model: pin.Model, recipe: partial[Mechanism]) -> None:
-        _geometry(model)  # refuses what is no SST
-        super()._fill(model, recipe)
-
-    _platform = "beta_1"  # the star
+    def _fill(self, model: pin.Model, mechanism: partial[Mechanism]) -> None:
+        geometry_of(model, f"model {model.name}")  # an edited model may be no SST
+        super()._fill(model, mechanism)
 
     @property
     def geometry(self) -> Geometry:
-        """Geometry of the tree.
-
-        Example:
-            >>> robot.geometry.e[0]
-            array([0., 0., 1.])
-        """
-        engine = self._engine
-        if engine not in _GEOMETRIES:
-            _GEOMETRIES[engine] = _geometry(engine.mechanism.model)
-        return _GEOMETRIES[engine]
+        """Orientations of the frames fixed to the base and to the star."""
+        return _geometry_of(self._engine)
 
     @property
     def parameters(self) -> Parameters:
         """The parameters of `model`; `SST(robot.parameters)` is the same robot.
 
-        Raises:
-            DescriptionError: If an edited file has contents that `Parameters` do not describe.
-
-        Example:
-            >>> robot.parameters.star.mass
-            2.6
+        Edited files with contents that `Parameters` do not describe raise a `DescriptionError`.
         """
-        mechanism, geometry = self.mechanism, self.geometry
-        if self.forces or not mechanism.springs.none:
+        engine = self._engine
+        mechanism = engine.mechanism
+        if mechanism.lines.forces or not mechanism.springs.none:
             problems = ["it has springs or lines, which Parameters do not describe"]
             raise DescriptionError(f"model {mechanism.model.name}", problems)
-        return parameters_of(mechanism.model, geometry, mechanism.friction)
-
-    @property
-    def home(self) -> Array:
-        """The home pose, shape (9,): s in the middle of the base triangle, R_1 in that of P1P2.
-
-        That of the paper's robot is isotropic.
-
-        Example:
-            >>> np.degrees(robot.home).round(2)
-            array([45.  , 90.  , 35.26, 45.  , 90.  , 35.26, 45.  , 90.  , 35.26])
-        """
-        now = copy(self)
-        return now.inverse_kinematics(kinematics.home_orientation(now.geometry))
+        return parameters_of(mechanism.model, _geometry_of(engine), mechanism.friction)
 
     def inverse_kinematics(self, R: ArrayLike, branch: ArrayLike = (1, 1, 1)) -> Array:
-        """Inverse kinematics: the joint angles for an orientation of the star.
+        """Inverse kinematics: q in (-pi, pi], shape (..., 9), for orientations of the star.
 
         Args:
             R: {E} in the base, shape (..., 3, 3).
             branch: Sign of sin(mu_k) for each leg, shape (..., 3), broadcast against R; with
                 `R[..., None, :, :]`, `BRANCHES` gives all eight.
-
-        Returns:
-            q in (-pi, pi], shape (..., 9), [rad].
 
         Raises:
             InputError: If R is not a rotation matrix, or an entry of branch not +1 or -1.
@@ -223,71 +198,48 @@ class SST(ClosedChain):
             >>> robot.inverse_kinematics(R).round(3)
             array([0.862, 1.649, 0.673, 0.88 , 1.638, 0.579, 0.803, 1.691, 0.602])
         """
-        return copy(self)._inverse_kinematics(R, branch)[1]
-
-    def _inverse_kinematics(self, R: ArrayLike, branch: ArrayLike) -> tuple[kinematics.Legs, Array]:
-        R = finite_array("R", R, (3, 3))
-        kinematics.require_rotation(R)
-        signs = finite_array("branch", branch, (3,))
-        if not (np.abs(signs) == 1).all():
-            words = f"{np.asarray(branch).tolist()}: each entry must be +1 or -1"
-            raise InputError("branch", words)
-        legs = kinematics.legs_of_orientation(self.geometry, R, signs)
-        q = kinematics.joints_of_legs(self.geometry, legs)
-        self._require_limits(q)
-        return legs, q
+        return _joints(self._engine, R, branch)[1]
 
     def joint_motion(
         self, R: ArrayLike, omega: ArrayLike, alpha: ArrayLike, branch: ArrayLike = (1, 1, 1)
     ) -> tuple[Array, Array, Array]:
-        """Inverse kinematics of a motion: joint angles, motor rates and motor accelerations.
+        """Inverse kinematics of a motion: q, va, aa of shapes (..., 9), (..., 3), (..., 3).
 
         Args:
             R: {E} in the base, shape (..., 3, 3).
             omega: Angular velocity of the star, base axes, shape (..., 3), [rad/s].
             alpha: Its angular acceleration, base axes, shape (..., 3), [rad/s^2].
-            branch: As in `inverse_kinematics`.
-
-        Returns:
-            q, va, aa of shapes (..., 9), (..., 3), (..., 3).
-
-        Raises:
-            InputError, SingularConfigurationError, WorkspaceError: As `inverse_kinematics`.
+            branch: As in `inverse_kinematics`, which raises the same errors.
 
         Example:
             >>> q, va, aa = robot.joint_motion(*sst_pin.paper_circle(np.linspace(0, 0.5, 100)))
             >>> q.shape, va.shape, aa.shape
             ((100, 9), (100, 3), (100, 3))
         """
-        now = copy(self)
-        legs, q = now._inverse_kinematics(R, branch)
+        engine = self._engine
+        legs, q = _joints(engine, R, branch)
         omega, alpha = (
             np.broadcast_to(finite_array(name, value, (3,)), (*q.shape[:-1], 3))
             for name, value in (("omega", omega), ("alpha", alpha))
         )
         q_dot = kinematics.joint_rates(legs, omega)
-        q_ddot = kinematics.joint_accelerations(now.geometry, legs, q_dot, alpha)
+        q_ddot = kinematics.joint_accelerations(_geometry_of(engine), legs, q_dot, alpha)
         q_ddot = finite_array("alpha", q_ddot, (9,))  # omega may have been too large
         return q, q_dot[..., ::3], q_ddot[..., ::3]
 
     def forward_kinematics(self, gamma: ArrayLike, near: ArrayLike | None = None) -> Array:
-        """Direct kinematics: all assemblies for given motor angles, or the one closest to `near`.
+        """Direct kinematics: all assemblies q, shape (n, 9), n <= 8, sorted by s.
 
         Args:
             gamma: Motor angles, shape (3,), [rad].
-            near: Previous joint angles, shape (9,), [rad].
-
-        Returns:
-            All solutions, shape (n, 9), n <= 8, sorted by the components of s. With `near` one
-            solution, shape (9,), where mu and beta differ by at most pi from those of `near`.
+            near: Previous joint angles, shape (9,), [rad]. The result is then the closest assembly,
+                shape (9,), with mu and beta within pi of those of `near`.
 
         Raises:
             SingularConfigurationError: If the motor angles do not determine the star.
             WorkspaceError: With `near`, if there is no solution.
 
         Example:
-            >>> robot.forward_kinematics([np.pi / 4] * 3).shape  # all eight assemblies
-            (8, 9)
             >>> near = robot.forward_kinematics([0.8, 0.8, 0.8], near=robot.home)
             >>> near.round(3)
             array([0.8  , 1.591, 0.616, 0.8  , 1.591, 0.616, 0.8  , 1.591, 0.616])
@@ -307,44 +259,25 @@ class SST(ClosedChain):
         return q
 
     def platform_orientation(self, q: ArrayLike) -> Array:
-        """Orientation R of {E} in the base by leg 1, shape (..., 3, 3); its first column is s.
-
-        Example:
-            >>> robot.platform_orientation(robot.home)[:, 0].round(4)  # s
-            array([0.5774, 0.5774, 0.5774])
-        """
+        """Orientation R of {E} in the base by leg 1, shape (..., 3, 3); its first column is s."""
         return kinematics.orientation_of_joints(self.geometry, finite_array("q", q, (9,)))
 
     def platform_velocity(self, q: ArrayLike, va: ArrayLike) -> Array:
-        """Angular velocity of the star, base axes, shape (..., 3), [rad/s].
-
-        Example:
-            >>> robot.platform_velocity(robot.home, [1, 1, 1]).round(4)
-            array([1., 1., 1.])
-        """
-        now = copy(self)
-        legs = kinematics.legs_of_joints(now.geometry, finite_array("q", q, (9,)))
-        axes = now.geometry.e[0], legs.u[..., 0, :], legs.n[..., 0, :]
-        rates = now.joint_rates(q, va)[..., None]
+        """Angular velocity of the star, base axes, shape (..., 3), [rad/s]."""
+        engine = self._engine
+        geometry = _geometry_of(engine)
+        legs = kinematics.legs_of_joints(geometry, finite_array("q", q, (9,)))
+        axes = geometry.e[0], legs.u[..., 0, :], legs.n[..., 0, :]
+        rates = engine.compute(Quantity("rates"), q, va=va)[..., None]
         # Eq. (62) with plus signs
         return np.asarray(sum(rates[..., i, :] * axis for i, axis in enumerate(axes)))
 
     def branch(self, q: ArrayLike) -> NDArray[np.int_]:
-        """Sign of sin(mu_k) for each leg, shape (..., 3).
-
-        Example:
-            >>> robot.branch(robot.home)
-            array([1, 1, 1])
-        """
+        """Sign of sin(mu_k) for each leg, shape (..., 3)."""
         return np.where(np.sin(finite_array("q", q, (9,))[..., 1::3]) < 0, -1, 1)
 
     def singularities(self, q: ArrayLike) -> Singularities:
-        """Distance to the singularities of both kinds.
-
-        Example:
-            >>> print(round(float(robot.singularities(robot.home).condition_number), 6))
-            1.0
-        """
+        """Distance to the singularities of both kinds."""
         legs = kinematics.legs_of_joints(self.geometry, finite_array("q", q, (9,)))
         values = np.asarray(np.linalg.svd(legs.y_2, compute_uv=False), dtype=float)
         largest, smallest = values[..., 0], values[..., -1]
@@ -352,71 +285,61 @@ class SST(ClosedChain):
             return Singularities(np.abs(legs.sin_mu).min(axis=-1), smallest, largest / smallest)
 
     def singularity_measures(self, q: ArrayLike) -> dict[str, Array]:
-        """Condition number of A (second kind) and 1 / min |sin(mu_k)| (first kind).
-
-        Example:
-            >>> [value.round(2).item() for value in robot.singularity_measures(robot.home).values()]
-            [1.0, 1.0]
-        """
-        found = self.singularities(q)
+        """Condition number of A (second kind) and 1 / min |sin(mu_k)| (first kind)."""
+        distances = self.singularities(q)
         with np.errstate(divide="ignore"):
             return {
-                "singularity (second kind), cond A": found.condition_number,
-                "singularity (first kind), 1 / min |sin mu_k|": np.asarray(1 / found.first_kind),
+                "singularity (second kind), cond A": distances.condition_number,
+                "singularity (first kind), 1 / min |sin mu_k|": np.asarray(
+                    1 / distances.first_kind
+                ),
             }
 
     @property
     def star_radius(self) -> float:
-        """Distance OE, [m]; of a URDF without a frame E, that of the paper's robot.
-
-        Example:
-            >>> robot.star_radius
-            0.4
-        """
-        model = self._engine.mechanism.model
-        if not model.existFrame("E"):
-            return Parameters().star_radius
-        return float(np.linalg.norm(frame_named(model, "E").placement.translation))
+        """Distance OE, [m]; of a URDF without a frame E, that of the paper's robot."""
+        return _star_radius(self.mechanism.model)
 
     @property
     def appearance(self) -> Appearance:
-        """What pictures show: axes e_1..9, frames {0k}..{3k} and {E}, the path of E.
+        """What pictures show: axes e_1..9, frames {0k}..{3k} and {E}, the path of E."""
+        engine = self._engine
+        radius = _star_radius(engine.mechanism.model)
+        return star_appearance.appearance_of(_geometry_of(engine), radius)
 
-        Example:
-            >>> len(robot.appearance.frames)
-            13
-        """
-        now = copy(self)
-        return star_appearance.appearance_of(now.geometry, now.star_radius)
+    def _verdicts(self, engine: Engine, q: Array) -> Iterable[Verdict]:
+        return arc_limits.verdicts(engine.mechanism.model, _geometry_of(engine), q)
 
-    def _verdicts(self, q: Array) -> Iterable[Verdict]:
-        return arc_limits.verdicts(self.mechanism.model, self.geometry, q)
 
-    def _motion_in(self, table: Table) -> tuple[Array, Array, Array]:
-        given = motion_in(table)
-        if isinstance(given, PlatformMotion):
-            q, va, aa = self.joint_motion(*given)
-            return np.unwrap(q, axis=0), va, aa
-        assembled = [self.home]
-        for gamma, line in zip(given, table.lines, strict=True):
-            try:
-                assembled.append(self.forward_kinematics(gamma, near=assembled[-1]))
-            except SSTError as error:
-                raise FileFormatError(table.path, str(error), line) from None
-        t = table.column("t_s")
-        curve = spline(t, given)
-        q = np.unwrap(assembled[1:], axis=0)
-        return q, curve.derivative(1)(t), curve.derivative(2)(t)
+def _joints(engine: Engine, R: ArrayLike, branch: ArrayLike) -> tuple[kinematics.Legs, Array]:
+    """Legs and joint angles of orientations, within the limits."""
+    R = finite_array("R", R, (3, 3))
+    kinematics.require_rotation(R)
+    signs = finite_array("branch", branch, (3,))
+    if not (np.abs(signs) == 1).all():
+        problem = f"{np.asarray(branch).tolist()}: each entry must be +1 or -1"
+        raise InputError("branch", problem)
+    geometry = _geometry_of(engine)
+    legs = kinematics.legs_of_orientation(geometry, R, signs)
+    q = kinematics.joints_of_legs(geometry, legs)
+    _require_limits(engine.mechanism.model, q)
+    return legs, q
 
-    def _require_limits(self, q: Array) -> None:
-        model = self._engine.mechanism.model
-        lower, upper = model.lowerPositionLimit, model.upperPositionLimit
-        outside = (q < lower) | (q > upper)
-        if outside.any():
-            first = tuple(np.argwhere(outside)[0])
-            joint = first[-1]
-            problem = (
-                f"the orientation is out of reach: {self.joint_names[joint]} would be "
-                f"{q[first]:.4g} rad, its limits are {lower[joint]:.4g} and {upper[joint]:.4g} rad"
-            )
-            raise of_samples(WorkspaceError(problem), outside.any(axis=-1))
+
+def _require_limits(model: pin.Model, q: Array) -> None:
+    lower, upper = model.lowerPositionLimit, model.upperPositionLimit
+    outside = (q < lower) | (q > upper)
+    if outside.any():
+        first = tuple(np.argwhere(outside)[0])
+        joint = int(first[-1])
+        problem = (
+            f"the orientation is out of reach: {model.names[joint + 1]} would be "
+            f"{q[first]:.4g} rad, its limits are {lower[joint]:.4g} and {upper[joint]:.4g} rad"
+        )
+        raise of_samples(WorkspaceError(problem), outside.any(axis=-1))
+
+
+def _star_radius(model: pin.Model) -> float:
+    if not model.existFrame("E"):
+        return Parameters().star_radius
+    return float(np.linalg.norm(frame_named(model, "E").placement.translation))

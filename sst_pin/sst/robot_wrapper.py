@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The description as a `pin.RobotWrapper`, as example_robot_data has them; its named poses."""
 
+from contextlib import suppress
 from pathlib import Path
 
+import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array
 from ..description.folder import URDF_PATH, YAML_PATH
-from ..description.frames import base_orientations, star_orientations
 from ..description.parameters import Parameters
-from ..errors import DescriptionError, SingularConfigurationError
+from ..errors import DescriptionError, SingularConfigurationError, WorkspaceError
 from ..files import as_path
 from ..reading import read_urdf
-from . import kinematics
 from .platform_motion import paper_circle
 from .robot import SST
 
@@ -38,16 +38,15 @@ def load(urdf: str | Path = URDF_PATH) -> pin.RobotWrapper:
         9
     """
     path = as_path(urdf)
-    found = read_urdf(path, default=YAML_PATH)
-    sst = SST.from_description(found)
-    model, srdf = sst.model, found.srdf
+    description = read_urdf(path, default=YAML_PATH)
+    sst = SST.from_description(description)
+    model, srdf = sst.model, description.srdf
     if srdf is None:
         raise DescriptionError(
             str(path.with_suffix(".srdf")), ["the SRDF beside the URDF is missing"]
         )
-    visual, collision = (
-        found.shapes(model, kind) for kind in (pin.GeometryType.VISUAL, pin.GeometryType.COLLISION)
-    )
+    kinds = pin.GeometryType.VISUAL, pin.GeometryType.COLLISION
+    visual, collision = (description.shapes(model, kind) for kind in kinds)
     collision.addAllCollisionPairs()
     srdf.remove_pairs(model, collision)
     robot = pin.RobotWrapper(model, collision, visual)
@@ -56,18 +55,15 @@ def load(urdf: str | Path = URDF_PATH) -> pin.RobotWrapper:
 
 
 def configurations_of(parameters: Parameters) -> dict[str, Array]:
-    """Joint coordinates, shape (9,), of `SST.home` and of the start of the paper's circle, by name.
+    """Joint angles, shape (9,), of `SST.home` and of the start of the paper's circle, by name.
 
-    A pose in which a leg would lie flat on its arc is left out.
+    A pose where a leg is in the plane of its arc is left out.
     """
-    geometry = kinematics.Geometry(base_orientations(parameters), star_orientations(parameters))
-    poses = {"home": kinematics.home_orientation(geometry), "circle_start": paper_circle(0.0).R}
-    found = {}
-    for name, R in poses.items():
-        try:
-            legs = kinematics.legs_of_orientation(geometry, R, (1, 1, 1))
-        except SingularConfigurationError:
-            continue
-        # The last bit of an arctangent is the machine's own; files shall be the same everywhere.
-        found[name] = kinematics.joints_of_legs(geometry, legs).round(14)
-    return found
+    robot, configurations = SST(parameters), dict[str, Array]()
+    poses = robot.model.referenceConfigurations
+    if "home" in poses:
+        configurations["home"] = np.array(poses["home"])
+    with suppress(SingularConfigurationError, WorkspaceError):
+        configurations["circle_start"] = robot.inverse_kinematics(paper_circle(0.0).R)
+    # The last bit of an arctangent depends on the machine; files are the same everywhere.
+    return {name: q.round(14) for name, q in configurations.items()}

@@ -44,7 +44,7 @@ def show(
     elif ghost is not None:
         raise InputError("ghost", "only beside a motion")
     else:
-        viewer.show(start_of(robot) if what is None else what)
+        viewer.show(start_of(robot.engine) if what is None else what)
     viewer._functions  # noqa: B018  (or says what is missing)
     if open_browser and "ipykernel" not in sys.modules:
         viewer.open()

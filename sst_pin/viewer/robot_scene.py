@@ -49,7 +49,7 @@ class Scene:
         self.shapes = [shape for body in bodies.geometryObjects for shape in body_shapes(body)]
         bare = not self.shapes
         #: Configuration before one is asked for, shape (nq,).
-        self.start = start_of(robot, chosen=True)
+        self.start = start_of(robot.engine, chosen=True)
         #: The frame whose path is drawn, or None.
         self.point = robot.appearance.point if frame is None else drawn_frame(model, frame)
         lines = sketch.axes_of(model, self._data, self.start)

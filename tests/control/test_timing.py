@@ -125,7 +125,7 @@ def test_friction_of_all_kinds_counts(circle):
 
 def wave(chain, size=0.15):
     """Configurations along a curved path of the coordinates that does not turn back."""
-    first = coordinate_positions(chain, chain.home[None])[0]
+    first = coordinate_positions(chain.mechanism, chain.home[None])[0]
     k = np.arange(len(first))
     x = first + size * (np.sin((k + 1) * WAY + k) - np.sin(k))
     return sst_pin.coordinate_motion(chain, WAY[:, 0], x, chain.home).q

@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 import sst_pin
 from sst_pin.simulation.motion_files import read_motion
 from sst_pin.sst.paper import example_1
+from sst_pin.sst.star_tables import star_motion
 from tests.support import plain_reading
 from tests.support.mutations import changed_csv, changed_xml, changed_yaml
 
@@ -224,10 +225,14 @@ def trajectories(folder, text):
         assert np.array_equal(motion.tau[:, k], table[f"tau_{name}_{unit}"])
 
 
+def read_star(path):
+    return read_motion(ROBOT.engine, path, partial(star_motion, ROBOT))
+
+
 @fuzzed(25, changed_csv(STAR))
 def motions_of_the_star(folder, text):
     """Torques are found along the orientations that stand in the CSV, or refused."""
-    motion = read_or_refused(partial(read_motion, ROBOT), folder / "star.csv", text)
+    motion = read_or_refused(read_star, folder / "star.csv", text)
     if motion is None:
         return
     table = rows_of(text.removeprefix("\ufeff"))  # a byte order mark

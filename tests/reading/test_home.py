@@ -53,7 +53,7 @@ def test_the_shipped_descriptions_bring_the_home_of_the_closed_form(reader):
     file = {"urdf": sst_pin.URDF_PATH, "mjcf": sst_pin.MJCF_PATH}[reader]
     chain = getattr(sst_pin.ClosedChain, f"from_{reader}")(file)
     np.testing.assert_allclose(chain.home, sst_pin.SST().home, rtol=0, atol=1e-14)
-    np.testing.assert_array_equal(start_of(chain), chain.home)
+    np.testing.assert_array_equal(start_of(chain.engine), chain.home)
 
 
 def test_a_home_of_a_few_digits_is_closed_with_the_motors_held(folder):
@@ -79,7 +79,8 @@ def test_a_home_that_cannot_be_closed_is_told_by_its_reader_and_by_validate(fold
     chain = read(folder)
     with pytest.raises(sst_pin.ClosureError, match="cannot be closed"):
         chain.home  # noqa: B018
-    assert start_of(chain).tolist() == [-1.5708, 0, 1.5708, 0]  # shown open, as it was written
+    # shown open, as it was written
+    assert start_of(chain.engine).tolist() == [-1.5708, 0, 1.5708, 0]
     (problem,) = told(folder)
     assert problem.startswith("warning: home: cannot be closed")
 
@@ -89,7 +90,7 @@ def test_a_robot_without_a_home_says_how_to_give_it_one(folder):
     chain = read(folder)
     with pytest.raises(sst_pin.DescriptionError, match="no configuration is named home"):
         chain.home  # noqa: B018
-    assert np.abs(chain.residual(start_of(chain))).max() < 1e-9
+    assert np.abs(chain.residual(start_of(chain.engine))).max() < 1e-9
     chain.model.referenceConfigurations["home"] = sst_pin.SST().home
     chain.refresh()
     for same in (chain, copy.copy(chain), pickle.loads(pickle.dumps(chain))):

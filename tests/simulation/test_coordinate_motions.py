@@ -81,10 +81,10 @@ def test_a_motion_out_of_reach_names_its_sample():
 
 def test_a_start_is_chosen_by_the_joints_that_are_given():
     chain = sst_pin.robots.four_bar()
-    outwards = placed(chain, dict(zip(chain.position_names, chain.home, strict=True)))
+    outwards = placed(chain.engine, dict(zip(chain.position_names, chain.home, strict=True)))
     assert np.abs(outwards - chain.home).max() < 1e-9
     with pytest.raises(sst_pin.UnknownNameError, match="wheel"):
-        placed(chain, {"wheel": 1.0})
+        placed(chain.engine, {"wheel": 1.0})
 
 
 def columns(motion, names, endings):
@@ -103,7 +103,9 @@ def test_a_file_of_coordinates_is_the_motion(delta, stroke, endings):
     passive = [name for name in motion.joint_names if name not in delta.coordinates]
     revolute = [n for n in passive if motion.units[motion.joint_names.index(n)] == "rad"]
     names = (*delta.coordinates, *revolute)
-    read = read_motion(delta, stream(columns(motion, names, endings + ("_rad",) * len(revolute))))
+    read = read_motion(
+        delta.engine, stream(columns(motion, names, endings + ("_rad",) * len(revolute)))
+    )
     assert np.abs(read.q - motion.q).max() < 1e-9
     assert np.abs(read.tau - motion.tau).max() < 1e-6
 
@@ -115,8 +117,8 @@ def test_a_whole_file_is_taken_as_it_stands(delta, stroke, tmp_path):
     halved = delta.trajectory(*arrays, motion.tau / 2)
     for name in ("m.csv", "m.npz"):
         halved.save(tmp_path / name)
-        assert load_motion(delta, tmp_path / name) == halved
-    assert np.abs(read_motion(delta, tmp_path / "m.csv").tau - motion.tau).max() < 1e-12
+        assert load_motion(delta.engine, tmp_path / name) == halved
+    assert np.abs(read_motion(delta.engine, tmp_path / "m.csv").tau - motion.tau).max() < 1e-12
 
 
 @pytest.mark.parametrize(
@@ -132,7 +134,7 @@ def test_a_whole_file_is_taken_as_it_stands(delta, stroke, tmp_path):
 def test_a_file_that_is_no_motion_says_where(delta, text, words):
     file = stream(text.format(*delta.coordinates))
     with pytest.raises(sst_pin.FileFormatError, match=words):
-        read_motion(delta, file)
+        read_motion(delta.engine, file)
 
 
 @pytest.mark.parametrize("digits", [3, 16])
@@ -150,11 +152,11 @@ def test_dependent_joints_that_are_given_choose_the_assembly(digits):
     given = {name: round(float(q[name]), digits) for name in ("crank", names[slider])}
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = placed(chain, given)
+        found = placed(chain.engine, given)
     assert abs(found[slider] - other[slider]) < 2 * 10.0**-digits + 1e-9
     for far in (5.0, -5.0):
         with pytest.warns(sst_pin.DescriptionWarning, match=f"{names[slider]} at {far:g} "):
-            placed(chain, given | {names[slider]: far})
+            placed(chain.engine, given | {names[slider]: far})
 
 
 def test_a_column_is_of_one_joint_and_times_are_of_none():
@@ -168,11 +170,13 @@ def test_a_column_is_of_one_joint_and_times_are_of_none():
 
     bare = "t_s,crank,wheel_rad\n0,20,0\n1,20,0\n2,20,0\n"
     with pytest.raises(sst_pin.FileFormatError, match="no column of crank; a motion has the colu"):
-        read_motion(pair("crank", "wheel"), stream(bare))
+        read_motion(pair("crank", "wheel").engine, stream(bare))
     plain = "t_s,crank_deg_rad,crank_rad\n0,2,0\n1,2,0\n2,2,0\n"
-    assert np.array_equal(read_motion(pair("crank_deg", "crank"), stream(plain)).q[0], [2, 0])
+    assert np.array_equal(
+        read_motion(pair("crank_deg", "crank").engine, stream(plain)).q[0], [2, 0]
+    )
     with pytest.raises(sst_pin.FileFormatError, match="no column of t_s"):
-        read_motion(pair("t_s", "wheel"), stream("t_s,wheel_rad\n0,0\n1,0\n2,0\n"))
+        read_motion(pair("t_s", "wheel").engine, stream("t_s,wheel_rad\n0,0\n1,0\n2,0\n"))
 
 
 def test_a_floating_robot_says_which_columns_it_needs():
@@ -180,7 +184,7 @@ def test_a_floating_robot_says_which_columns_it_needs():
     model, closures, _, _ = carried_four_bar(pin.JointModelFreeFlyer())
     chain = sst_pin.ClosedChain(model, closures, ["crank"])
     with pytest.raises(sst_pin.FileFormatError, match=r"base_qw_1, .* and accelerations"):
-        read_motion(chain, stream("t_s,crank\n0,0\n1,0\n2,0\n"))
+        read_motion(chain.engine, stream("t_s,crank\n0,0\n1,0\n2,0\n"))
 
 
 def test_a_simulation_starts_where_names_or_the_first_row_say(delta, stroke):
@@ -189,18 +193,18 @@ def test_a_simulation_starts_where_names_or_the_first_row_say(delta, stroke):
     q = dict(zip(motion.joint_names, motion.q[0], strict=True))
     given = {name: value for name, value in q.items() if name in delta.coordinates}
     first = delta.coordinates[0]
-    q0, va0 = read_start(delta, table, given, {first: 2.0})
+    q0, va0 = read_start(delta.engine, table, given, {first: 2.0})
     assert va0.tolist() == [2, 0, 0]
     assert np.abs(delta.residual(q0)).max() < 1e-9
-    assert read_start(delta, table, given)[1].tolist() == [0, 0, 0]
+    assert read_start(delta.engine, table, given)[1].tolist() == [0, 0, 0]
     some = read_table(stream(f"t_s,tau_1_Nm,{first}_rad_s\n0,0,1\n"))
     for of, start in ((table, None), (some, given)):
         with pytest.raises(sst_pin.FileFormatError, match="give --va0"):
-            read_start(delta, of, start)
+            read_start(delta.engine, of, start)
     with pytest.raises(sst_pin.FileFormatError, match="give --q0"):
-        read_start(delta, table, None, {})
+        read_start(delta.engine, table, None, {})
     with pytest.raises(sst_pin.FileFormatError, match="no rate of a coordinate wheel"):
-        read_start(delta, table, given, {"wheel": 1.0})
+        read_start(delta.engine, table, given, {"wheel": 1.0})
 
 
 def test_joints_beyond_their_limits_are_named_with_their_worst_sample(delta, stroke):
@@ -243,7 +247,7 @@ def test_who_chooses_the_assembly_itself_says_so():
         warnings.simplefilter("error")
         coordinate_motion(chain, t, x)
         coordinate_motion(bare, t, x, home)
-        placed(bare, dict(zip(bare.position_names, home, strict=True)))
+        placed(bare.engine, dict(zip(bare.position_names, home, strict=True)))
 
 
 def test_angles_modulo_one_turn_are_told_and_those_of_endless_joints_go_on():

@@ -259,7 +259,7 @@ def test_a_tendon_over_sliding_joints_gives_newtons(tmp_path):
     for name in ("m.csv", "m.npz"):
         motion.save(tmp_path / name)
         assert sst_pin.Trajectory.load(tmp_path / name) == motion
-        assert load_motion(chain, tmp_path / name) == motion
+        assert load_motion(chain.engine, tmp_path / name) == motion
     with np.load(tmp_path / "m.npz") as file:
         older = {key: file[key] for key in file.files if key != "torque_units"}
     np.savez(tmp_path / "older.npz", **older)
@@ -294,9 +294,9 @@ def test_a_motion_with_other_motors_or_coordinates_is_refused_everywhere(what, t
             use()
     motion.save(tmp_path / "other.npz")
     with pytest.raises(sst_pin.FileFormatError, match=f"another robot, with {what}"):
-        load_motion(chain, tmp_path / "other.npz")
+        load_motion(chain.engine, tmp_path / "other.npz")
     motion.save(tmp_path / "other.csv")  # has names for all columns, or is refused
-    read = load_motion(chain, tmp_path / "other.csv")
+    read = load_motion(chain.engine, tmp_path / "other.csv")
     assert read.coordinates == chain.coordinates
     for name in chain.motor_names:
         ours, theirs = (m.tau[:, m.actuated.index(name)] for m in (read, motion))
@@ -339,17 +339,17 @@ def test_torques_of_motors_that_are_named_by_numbers_are_never_swapped(tmp_path)
     right, swapped = arm(["1", "2"]), arm(["1", "2"], ["2", "1"])
     path, motion = tmp_path / "m.csv", swung(right)
     motion.save(path)
-    assert sst_pin.Trajectory.load(path) == load_motion(right, path) == motion
-    assert np.array_equal(load_motion(swapped, path).tau, motion.tau[:, ::-1])
+    assert sst_pin.Trajectory.load(path) == load_motion(right.engine, path) == motion
+    assert np.array_equal(load_motion(swapped.engine, path).tau, motion.tau[:, ::-1])
     other = arm(["2", "3"])
     with pytest.raises(sst_pin.FileFormatError, match="torques of other motors, tau_1_Nm"):
-        read_torques(other, read_table(path))
+        read_torques(other.mechanism, read_table(path))
 
 
 def test_the_number_of_a_motor_may_stand_for_its_name(tmp_path):
     robot, path = arm(["a", "b"]), tmp_path / "m.csv"
     path.write_text("t_s,tau_2_Nm,tau_1_Nm\n0,2,1\n1,4,3\n")
-    assert read_torques(robot, read_table(path)).tolist() == [[1, 2], [3, 4]]
+    assert read_torques(robot.mechanism, read_table(path)).tolist() == [[1, 2], [3, 4]]
 
 
 def test_torques_in_a_table_of_positions_are_kept_or_refused(tmp_path):
@@ -357,17 +357,17 @@ def test_torques_in_a_table_of_positions_are_kept_or_refused(tmp_path):
     robot, path = arm(["a", "b"]), tmp_path / "m.csv"
     rows = "".join(f"{0.1 * k},{0.1 * k},0,{k},{-k}\n" for k in range(5))
     path.write_text(f"t_s,a_rad,b_rad,tau_a_Nm,tau_b_Nm\n{rows}")
-    assert np.array_equal(load_motion(robot, path).tau, np.outer(range(5), [1, -1]))
+    assert np.array_equal(load_motion(robot.engine, path).tau, np.outer(range(5), [1, -1]))
     one = arm(["a", "b"], ["a"])
     with pytest.raises(sst_pin.FileFormatError, match="torques of other motors, tau_b_Nm"):
-        load_motion(one, path)
+        load_motion(one.engine, path)
     swung(robot).save(path, force=True)
     with pytest.raises(sst_pin.FileFormatError, match="torques of other motors, tau_b_Nm"):
-        load_motion(one, path)
+        load_motion(one.engine, path)
 
 
 def test_a_position_in_the_unit_of_another_kind_of_joint_is_refused(tmp_path):
     path = tmp_path / "m.csv"
     path.write_text("t_s,a_rad,b_rad\n" + "".join(f"{0.1 * k},0,{0.1 * k}\n" for k in range(5)))
     with pytest.raises(sst_pin.FileFormatError, match="the joint a slides, in m"):
-        load_motion(arm(["a", "b"], joint=pin.JointModelPX), path)
+        load_motion(arm(["a", "b"], joint=pin.JointModelPX).engine, path)

@@ -2,6 +2,7 @@
 """Parameters, orientations and motions of the SST refuse what they cannot be."""
 
 import inspect
+from functools import partial
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import pytest
 import sst_pin
 from sst_pin.errors import SSTError
 from sst_pin.simulation.motion_files import read_motion
+from sst_pin.sst.star_tables import star_motion
 from tests.support.bad_calls import faults
 
 T = np.linspace(0, 0.1, 8)
@@ -91,4 +93,4 @@ TURNED[3, 1:] = (0.0, 1, 0, 0)
 def test_tables_that_hold_no_motion_of_the_star_are_refused(robot, here, header, rows):
     np.savetxt("a.csv", rows, "%r", ",", header=header, comments="")
     with pytest.raises(SSTError):
-        read_motion(robot, "a.csv")
+        read_motion(robot.engine, "a.csv", partial(star_motion, robot))

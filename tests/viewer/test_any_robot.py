@@ -361,7 +361,7 @@ def test_a_page_measures_open_loops_by_the_robots_length(scale):
 
 def test_who_shows_a_robot_without_home_is_told_that_its_mode_was_chosen(tmp_path):
     chain, q, _ = five_bar(tmp_path)
-    with pytest.warns(sst_pin.DescriptionWarning, match="assembly mode chosen here"):
+    with pytest.warns(sst_pin.DescriptionWarning, match="an assembly mode was chosen"):
         chain.show(open_browser=False)
     with warnings.catch_warnings():
         warnings.simplefilter("error", sst_pin.DescriptionWarning)
