@@ -13,6 +13,7 @@ from ..loops.continuity import TRAVEL
 from ..model.thresholds import AT_REST, BEND, CLOSURE_TOLERANCE
 from . import statements
 from .compiled_states import CHANGE, NEARBY
+from .kernel_checks import CLOSED
 from .kernels import SymbolicKernel
 from .open_numbers import SIGN_WIDTH
 
@@ -43,6 +44,25 @@ def part(name: str) -> str:
 def filled(name: str, values: Mapping[str, object]) -> str:
     """The text of a file with its blanks filled in."""
     return Template(part(name)).substitute(values)
+
+
+class Style(NamedTuple):
+    """Numbers of a precision in C."""
+
+    type: str
+    suffix: str
+    digits: int
+    head: str
+    closed: float  #: Open loops up to this, [m] or [rad], times the scale of the rows.
+    rounding: float  #: Relative.
+    angle: float  #: The largest.
+
+
+#: Angles that are rounded to 24 bits leave loops open by some 1e-6.
+STYLES = {
+    "double": Style("double", "", 17, "", CLOSED, 2.0**-52, 1e6),
+    "single": Style("float", "f", 9, "#define SINGLE\n", 1e-4, 2.0**-23, 1e3),
+}
 
 
 class KernelSource(NamedTuple):

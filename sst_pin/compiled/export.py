@@ -16,33 +16,15 @@ from ..files import Writer, as_path, text_writer
 from ..model.mechanism import Mechanism
 from ..model.tree import joint_id
 from . import c_code, kernels
+from .c_code import STYLES, Style
 from .compiled_backend import impossible
 from .equations import Equations
 from .generator_inputs import sample_configurations
-from .kernel_checks import CLOSED, Checks
+from .kernel_checks import Checks
 from .open_numbers import BODY, LINE, OpenNumbers
 
 #: Numbers of the exported C.
 Precision = Literal["double", "single"]
-
-
-class _Style(NamedTuple):
-    """Numbers of a precision in C."""
-
-    type: str
-    suffix: str
-    digits: int
-    head: str
-    closed: float  #: Open loops up to this, [m] or [rad], times the scale of the rows.
-    rounding: float  #: Relative.
-    angle: float  #: The largest.
-
-
-#: Angles that are rounded to 24 bits leave loops open by some 1e-6.
-_STYLES = {
-    "double": _Style("double", "", 17, "", CLOSED, 2.0**-52, 1e6),
-    "single": _Style("float", "f", 9, "#define SINGLE\n", 1e-4, 2.0**-23, 1e3),
-}
 
 
 class _Function(NamedTuple):
@@ -104,10 +86,10 @@ def c_files(
         >>> [path.name for path in c_files(sst_pin.robots.four_bar(), "controller")]
         ['robot.h', 'robot.c', 'main.c']
     """
-    if precision not in _STYLES:
-        raise InputError("precision", f"{precision!r} is not one of {', '.join(_STYLES)}")
+    if precision not in STYLES:
+        raise InputError("precision", f"{precision!r} is not one of {', '.join(STYLES)}")
     chain = copy(chain)
-    style, q = _STYLES[precision], chain.generic_configuration()
+    style, q = STYLES[precision], chain.generic_configuration()
     n, motors = chain.degrees_of_freedom, len(chain.motor_names)
     mechanism = chain.engine.mechanism
     samples = sample_configurations(chain.engine.reference, q)
@@ -163,7 +145,7 @@ def c_files(
     return {as_path(folder) / name: text_writer(text) for name, text in texts.items()}
 
 
-def _exported(name: str, kernel: kernels.SymbolicKernel, style: _Style) -> tuple[str, str]:
+def _exported(name: str, kernel: kernels.SymbolicKernel, style: Style) -> tuple[str, str]:
     """Declaration and definition of one of `_FUNCTIONS`, without arguments that are empty."""
     function, inputs, heads, copies = _FUNCTIONS[name], 0, [], []
     sizes = {x: symbols.numel() for x, symbols in kernel.inputs.items()}
@@ -194,7 +176,7 @@ def _exported(name: str, kernel: kernels.SymbolicKernel, style: _Style) -> tuple
     return f"/* {function.meaning} */\n{head};\n", text
 
 
-def _computed_torque(chain: ClosedChain, style: _Style) -> tuple[str, str]:
+def _computed_torque(chain: ClosedChain, style: Style) -> tuple[str, str]:
     """Declaration and definition of `ComputedTorque` in C."""
     mechanism, model = chain.mechanism, chain.mechanism.model
     joints = [model.joints[joint_id(model, name)] for name in chain.coordinates]
