@@ -68,8 +68,8 @@ STYLES = {
 class KernelSource(NamedTuple):
     """The C of a kernel."""
 
-    #: `void <name>(const real *x, const number *p, real *y)`, and before it
-    #: `void <name>_constants(number *p)`. x holds the inputs one after the other, p the open
+    #: `void <name>(const real *x, parameters p, real *y)`, and before it
+    #: `void <name>_constants(constants p)`. x holds the inputs one after the other, p the open
     #: parameters, then the constants that `<name>_constants` makes of them; y gets the output, then
     #: the checks, then what parts of the function hand on. Where the kernel has directions,
     #: `<name>_once` comes first, with the same arguments: it computes what does not depend on them.
@@ -87,7 +87,7 @@ def body(
     `size` is that of p before its constants, `suffix` that of numbers, "f" in single precision.
     """
     writer = written(kernel, size, suffix)
-    prepare = f"static void {kernel.name}_constants(number *p)"
+    prepare = f"static void {kernel.name}_constants(constants p)"
     texts = [statements.function(prepare, ["(void)p;", *writer.lines["number"]])]
     lines, room = writer.lines["real"], kernel.output.numel() + kernel.checks.numel()
     if len(lines) <= statements.LARGEST and not kernel.directions:
@@ -108,13 +108,13 @@ def body(
             name: [f"{kernel.name}_{next(numbers)}(x, p, y, y + {room});" for _ in own]
             for name, own in pieces.items()
         }
-        arguments = "const real *x, const number *p, real *restrict y, real *restrict w"
+        arguments = "const real *x, parameters p, real *restrict y, real *restrict w"
         for k, own in enumerate(parts):
             lines = ["(void)x, (void)p, (void)y, (void)w;", *own]
             texts.append(statements.function(f"PART {kernel.name}_{k}({arguments})", lines))
         room += handed_on
     for name, own in functions.items():
-        head = f"static void {name}(const real *x, const number *p, real *y)"
+        head = f"static void {name}(const real *x, parameters p, real *y)"
         texts.append(statements.function(head, own))
     return KernelSource("\n".join(texts), writer.size, room)
 
@@ -140,7 +140,7 @@ def written(kernel: SymbolicKernel, size: int | None = None, suffix: str = "") -
             writer.names[target] = (f"x[{i}]", "real") if array == 0 else (f"p[{i}]", "number")
         elif operation == ca.OP_OUTPUT:
             result = writer.use(writer.names[arguments[0]], "real")
-            writer.lines["real"].append(f"y[{place[0]}] = (real){{0}} + {result};")
+            writer.lines["real"].append(f"y[{place[0]}] = REAL({result});")
         else:
             operands = [writer.names[i] for i in arguments]
             writer.names[target] = writer.write(f"t{k}", operation, operands)

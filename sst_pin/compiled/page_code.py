@@ -39,12 +39,12 @@ _WORDS = [
         r"const s\1 = Math.sin(\2), c\1 = Math.cos(\2);",
     ),
     (re.compile(r"\bconst (?:real|number) "), "const "),
-    (re.compile(r"\(real\)\{0\} \+ "), ""),
     (re.compile(r"\bN\(([^()]*)\)"), r"\1"),
 ]
 #: What the statements call.
 _HELPERS = """\
 const AT_MOST = (x, y) => x <= y ? 1 : 0, ABSOLUTE = Math.abs, SQUARE_ROOT = Math.sqrt;
+const REAL = x => x;
 const tangent = Math.tanh, sign = (x, rest) => x > rest ? 1 : x < -rest ? -1 : 0;
 const direction = (x, width, rest) => width > 0 ? tangent(x / width) : sign(x, rest);
 const rubbing = (x, F, width, rest) => F === 0 ? 0 : F * direction(x, width, rest);

@@ -2,11 +2,6 @@
 /* Arithmetic on `real`: a number, or a vector of LANES of them, one for each sample. A number is a
  * double; with SINGLE defined, for one sample at once, a float. A `turn` is as many angles as are
  * taken at once: of one sample TURNS of them, or just one where LANES is not defined. */
-#ifndef REAL_H
-#define REAL_H
-
-#include <stdint.h>
-
 #ifndef LANES
 #define LANES 1
 #define TURNS 1
@@ -18,18 +13,23 @@
 
 #ifdef SINGLE
 typedef float number;
-typedef uint32_t bits;
+typedef unsigned int bits;
 #define N(x) x##f
 #define LAST_TO_FIRST 31
 #define SQUARE_ROOT(x) sqrtf(x)
 #define LARGEST_ANGLE 1e3f /* of sine_cosine */
 #else
 typedef double number;
-typedef uint64_t bits;
+typedef unsigned long long bits;
 #define N(x) x
 #define LAST_TO_FIRST 63
 #define SQUARE_ROOT(x) sqrt(x)
 #define LARGEST_ANGLE 1e6
+#endif
+
+#ifndef __cplusplus
+typedef const number *parameters;
+typedef number *constants; /* parameters, then what is computed from them alone */
 #endif
 
 #ifdef __GNUC__
@@ -44,6 +44,7 @@ typedef uint64_t bits;
 typedef number real;
 typedef int mask;
 #define LANE(x, l) (x)
+#define REAL(x) (x)
 #define SIGN(x) ((number)((x) > 0) - (number)((x) < 0))
 #define ABSOLUTE(x) ((x) < 0 ? -(x) : (x))
 #define AT_MOST(x, y) ((number)((x) <= (y)))
@@ -51,6 +52,7 @@ typedef int mask;
 typedef double real __attribute__((vector_size(8 * LANES), may_alias));
 typedef long long mask __attribute__((vector_size(8 * LANES), may_alias));
 #define LANE(x, l) (x)[l]
+#define REAL(x) ((real){0} + (x))
 #define SIGN(x) sign(x)
 #define ABSOLUTE(x) ((real)((mask)(x) & 0x7fffffffffffffffLL))
 #define AT_MOST(x, y) at_most((real){0} + (x), (real){0} + (y))
@@ -209,5 +211,3 @@ HELPER real rubbing(real x, number coulomb, number width, number rest)
         return zero;
     return coulomb * direction(x, width, rest);
 }
-
-#endif
