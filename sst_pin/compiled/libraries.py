@@ -37,8 +37,8 @@ _CODE = (
 _MOST_SIZES = 8
 _CURE = "set XDG_CACHE_HOME to another folder"
 _log = logging.getLogger(__name__)
-#: The libraries that this process has loaded, by folder and hash.
-_loaded: dict[tuple[Path, str], ctypes.CDLL] = {}
+#: The libraries that this process has loaded, by their places.
+_loaded: dict[Path, ctypes.CDLL] = {}
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,8 @@ def cache_folder() -> Path:
 def cached() -> list[CachedLibrary]:
     """All libraries in the cache, the last used first."""
     libraries = []
-    for path in cache_folder().glob("*.*.*.so"):
+    folder = cache_folder()
+    for path in [*folder.glob("*.*.*.so"), *folder.glob("*.*.*.py")]:
         robot, kernel, *_ = path.name.rsplit(".", 3)
         with suppress(FileNotFoundError):  # another process deletes it
             status = path.stat()
@@ -143,18 +144,40 @@ def load(
         source: Returns the C.
         options: More options of the compiler, the same for each kernel of this name.
     """
-    parts = [content, kernel.encode(), target.encode(), _version()]
-    key = hashlib.sha256(b"\0".join(parts)).hexdigest()[:32]
-    folder = cache_folder()
-    if (folder, key) not in _loaded:
-        path = folder / f"{_file_name(robot or 'robot')}.{_file_name(kernel)}.{key}.so"
+    path = _path(robot, kernel, content, target, ".so")
+    if path not in _loaded:
         library = _stored(path)
         if library is None:
             _announce(robot)
             _log.info("compiling %s of %s for %s; the cache keeps it", kernel, robot, target)
             library = _compiled(path, source(), (*TARGETS[target][1], *options))
-        _loaded[folder, key] = library
-    return _loaded[folder, key]
+        _loaded[path] = library
+    return _loaded[path]
+
+
+def text(robot: str, kernel: str, content: bytes, source: Callable[[], str]) -> Path:
+    """A file of the cache with the text of a kernel, for another compiler; arguments as `load`."""
+    path = _path(robot, kernel, content, "text", ".py")
+    if not path.is_file():
+        _stored_whole(path, lambda part: part.write_text(source(), "utf-8"))
+    return path
+
+
+def _path(robot: str, kernel: str, content: bytes, target: str, suffix: str) -> Path:
+    """The place of a kernel in the cache."""
+    parts = [content, kernel.encode(), target.encode(), _version()]
+    key = hashlib.sha256(b"\0".join(parts)).hexdigest()[:32]
+    return cache_folder() / f"{_file_name(robot or 'robot')}.{_file_name(kernel)}.{key}{suffix}"
+
+
+def _stored_whole(path: Path, write: Callable[[Path], object]) -> None:
+    """Store a file at its place when it is complete: others see the whole file or none."""
+    part = path.with_suffix(f".{os.getpid()}-{threading.get_ident()}")
+    try:
+        write(part)
+        part.replace(path)
+    except OSError as error:
+        raise _unusable(path.parent, error) from None
 
 
 @cache
@@ -176,15 +199,13 @@ def _stored(path: Path) -> ctypes.CDLL | None:
 
 def _compiled(path: Path, source: str, options: Sequence[str]) -> ctypes.CDLL:
     """A library that is compiled now and stored at a path."""
-    # Moved to its place when it is complete: another process sees the whole file or none.
-    part = path.with_suffix(f".{os.getpid()}-{threading.get_ident()}")
-    try:
+
+    def write(part: Path) -> None:
         with tempfile.TemporaryDirectory() as scratch:
             compile_library(source, Path(scratch, "kernel.so"), options)
             shutil.copyfile(Path(scratch, "kernel.so"), part)
-        part.replace(path)
-    except OSError as error:
-        raise _unusable(path.parent, error) from None
+
+    _stored_whole(path, write)
     try:
         library = ctypes.CDLL(str(path))
     except OSError as error:
