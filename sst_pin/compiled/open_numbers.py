@@ -70,6 +70,18 @@ class OpenNumbers:
         parts.append(mechanism.lines.numbers.T.ravel())
         return np.concatenate(parts)
 
+    def names(self, mechanism: Mechanism) -> tuple[str, ...]:
+        """Names of the numbers; a body has the name of its joint."""
+        space, moments = mechanism.space, ("mass", *"xyz", "xx", "xy", "xz", "yy", "yz", "zz")
+        names = [f"gravity.{axis}" for axis in "xyz"] + ["sign_width"]
+        names += [f"{mechanism.model.names[i]}.{x}" for i in self.bodies for x in moments]
+        for quantity, where in self.joints.items():
+            of = space.position_names if quantity == "spring_reference" else space.rate_names
+            names += [f"{of[k]}.{quantity}" for k in where]
+        of_lines = ("stiffness", "rest_length", "damping", "preload")
+        names += [f"{force}.{x}" for force in mechanism.lines.forces for x in of_lines]
+        return tuple(names)
+
     def by_parameters(self) -> list[Array]:
         """Derivatives by the dynamic parameters of bodies, rates (offsets left out) and lines."""
         own = np.eye(self.size)
