@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from typing_extensions import Unpack
 
     from .compiled.casadi_functions import CasadiFunctions
+    from .compiled.warp_batch import WarpBatch
     from .reading import Described
     from .simulation.bearing_loads import Loads
     from .simulation.check import Finding, Verdict
@@ -878,6 +879,33 @@ class ClosedChain(Summary):
         near = None if q is None else engine.single(q)
         width = positive_number("sign_width", sign_width)
         return CasadiFunctions(engine.reference, near, width, external_wrenches, compiled)
+
+    def warp(self, device: Any = None, dtype: str = "float64") -> WarpBatch:
+        """The dynamics of many samples on a GPU, by kernels of NVIDIA Warp.
+
+        The kernels check each sample, but hand none to the reference path: bad samples are NaN.
+        docs/gpu.md has examples.
+
+        Args:
+            device: A device of Warp, such as "cuda:0" or "cpu"; its preferred one by default.
+            dtype: "float64", or "float32" for six digits.
+
+        Returns:
+            `.torques`, `.accelerations`, `.step` and more, of `wp.array`s; see
+            `sst_pin.compiled.warp_batch.WarpBatch`.
+
+        Raises:
+            MissingExtraError: Without Warp and CasADi, `sst-pin[gpu]`.
+
+        Example:
+            >>> batch = robot.warp("cpu")  # doctest: +SKIP
+            >>> tau = batch.torques(q, va, aa)  # doctest: +SKIP
+        """
+        try:
+            from .compiled.warp_batch import WarpBatch
+        except ModuleNotFoundError as error:
+            raise MissingExtraError(str(error.name).partition(".")[0], "gpu") from None
+        return WarpBatch(self._engine.reference, device, dtype)
 
     def _page_functions(self, q: Array) -> tuple[str, Array]:
         """JavaScript of this robot for a page that starts at q, and the open numbers it takes."""

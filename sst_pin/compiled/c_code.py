@@ -56,12 +56,14 @@ class Style(NamedTuple):
     closed: float  #: Open loops up to this, [m] or [rad], times the scale of the rows.
     rounding: float  #: Relative.
     angle: float  #: The largest.
+    dtype: str
+    last_step: float  #: After a Newton step up to this length the loops are closed.
 
 
 #: Angles that are rounded to 24 bits leave loops open by some 1e-6.
 STYLES = {
-    "double": Style("double", "", 17, "", CLOSED, 2.0**-52, 1e6),
-    "single": Style("float", "f", 9, "#define SINGLE\n", 1e-4, 2.0**-23, 1e3),
+    "double": Style("double", "", 17, "", CLOSED, 2.0**-52, 1e6, "float64", 1e-8),
+    "single": Style("float", "f", 9, "#define SINGLE\n", 1e-4, 2.0**-23, 1e3, "float32", 1e-5),
 }
 
 

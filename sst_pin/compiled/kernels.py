@@ -90,10 +90,12 @@ def make(
     )
 
 
-def entry(equations: Equations, key: Quantity) -> list[SymbolicKernel]:
+def entry(
+    equations: Equations, key: Quantity, checks: Checks | None = None
+) -> list[SymbolicKernel]:
     """The kernels in the library of a key: one, or those of a rollout."""
     parts = ["closing", "state_rate"] if key.name == "rollout" else [key.name]
-    return [make(equations, part, frame=key.frame, along=key.along) for part in parts]
+    return [make(equations, part, checks, frame=key.frame, along=key.along) for part in parts]
 
 
 def _moving(e: Equations) -> dict[str, SX]:
@@ -243,11 +245,18 @@ def _drift(e: Equations, checks: Checks, frame: str) -> _Made:
     return _moving(e), drift, checks.of_rates + own
 
 
+def _placement(e: Equations, checks: Checks, frame: str) -> _Made:
+    """Position and orientation, row by row."""
+    point = e.kinematics.point(0, frame_named(e.mechanism.model, frame))
+    return {"q": e.q}, ca.vertcat(point.p, row_by_row(point.R)), []
+
+
 OF_FRAMES: dict[str, Callable[[Equations, Checks, str], _Made]] = {
     "frame_jacobian": _jacobian,
     "frame_jacobian_rate": _jacobian_rate,
     "frame_velocity_derivatives": _velocity_derivatives,
     "frame_drift": _drift,
+    "frame_placement": _placement,
 }
 
 

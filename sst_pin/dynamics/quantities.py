@@ -27,6 +27,7 @@ Name = Literal[
     "frame_jacobian_rate",
     "frame_velocity_derivatives",
     "frame_drift",
+    "frame_placement",
     "closing",
     "rollout",
 ]

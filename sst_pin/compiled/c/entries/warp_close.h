@@ -1,0 +1,23 @@
+/* Newton steps that start short and shrink fast lead to the one solution nearby. */
+static void run(int i, ${arrays}, const rows &p, const rows &out, int *status)
+{
+    const int nq = ${q};
+    const number units[] = {${units}};
+    real x[${inputs}], y[${room}], length = 1;
+    ${takes}
+    int bad = judge_numbers(x, nq, nq);
+#pragma unroll 1
+    for (int step = 0; step < 6 && length > LAST_STEP && !bad; step++) {
+        const real most = step == 0 ? ${near} : ${shrinks} * length + LAST_STEP;
+        ${name}(x, column(p, i), y);
+        length = longest(x, y, units, nq);
+        bad = length <= most ? 0 : OPEN;
+        for (int j = 0; j < nq; j++)
+            x[j] = y[j];
+    }
+    if (!bad)
+        bad = judge(x, nq, nq, y, nq, 0) ? NOT_FINITE : judge_checks(y + nq + 2, ${checks});
+    give(x, out, i, nq, bad);
+    if (status)
+        status[i] = bad;
+}

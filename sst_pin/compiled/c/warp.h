@@ -1,0 +1,85 @@
+/* SPDX-License-Identifier: BSD-2-Clause */
+/* Beside real.h in a class of a function of Warp, in C++: one thread computes one sample. */
+
+/* The parameters of a sample are `step` numbers apart, so that neighbours in memory are those of
+ * neighbouring samples. */
+struct strided {
+    number *data;
+    size_t step;
+    number &operator[](size_t k) const { return data[k * step]; }
+};
+typedef strided parameters;
+typedef strided constants;
+typedef wp::array_t<number> rows;
+
+/* Samples along the first axis of p; one column is for all of them. */
+HELPER strided column(const rows &p, int i)
+{
+    const size_t samples = p.shape[1];
+    return {p.data + (samples > 1 ? i : 0), samples};
+}
+
+HELPER number &at(const rows &a, int i, int j)
+{
+    return *(number *)((char *)a.data + i * (size_t)a.strides[0] + j * (size_t)a.strides[1]);
+}
+
+HELPER void take(real *x, const rows &from, int i, int size)
+{
+    for (int j = 0; j < size; j++)
+        x[j] = at(from, i, j);
+}
+
+/* Wrenches of bodies, six numbers each. */
+HELPER void take_wrenches(real *x, const rows &from, int i, int size)
+{
+    for (int j = 0; j < size; j++)
+        x[j] = *(number *)((char *)&at(from, i, j / 6) + (j % 6) * (size_t)from.strides[2]);
+}
+
+/* A bad sample is NaN. */
+HELPER void give(const real *y, const rows &to, int i, int size, int bad)
+{
+    for (int j = 0; j < size; j++)
+        at(to, i, j) = bad ? (number)NAN : y[j];
+}
+
+/* As in the exported C: 1 open, 2 singular, 3 not finite; and 4, a step that is too long. */
+enum { OPEN = 1, SINGULAR, NOT_FINITE, MODE };
+
+HELPER int judge_checks(const real *checks, int count)
+{
+    int bad = 0;
+    for (int j = 1; j < count; j++)
+        bad = checks[j] <= 1 ? bad : SINGULAR;
+    return checks[0] <= 1 ? bad : OPEN;
+}
+
+HELPER int judge_numbers(const real *x, int angles, int count)
+{
+    real squares = 0, zero = 0;
+    for (int j = 0; j < angles; j++)
+        squares += x[j] * x[j];
+    for (int j = angles; j < count; j++)
+        zero += x[j] * 0;
+    return squares < LARGEST_ANGLE * LARGEST_ANGLE && zero == 0 ? 0 : NOT_FINITE;
+}
+
+HELPER int judge(const real *x, int angles, int inputs, const real *y, int outputs, int checks)
+{
+    if (const int bad = judge_numbers(x, angles, inputs))
+        return bad;
+    const int bad = judge_checks(y + outputs, checks);
+    return bad ? bad : judge_numbers(y, 0, outputs);
+}
+
+/* The longest way of an entry of q, without units. */
+HELPER real longest(const real *from, const real *to, const number *units, int q)
+{
+    real length = 0;
+    for (int j = 0; j < q; j++) {
+        const real way = ABSOLUTE(to[j] - from[j]) * units[j];
+        length = way <= length ? length : way; /* NaN stays */
+    }
+    return length;
+}

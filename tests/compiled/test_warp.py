@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Kernels of NVIDIA Warp compute what the chain computes, and flag samples that they cannot."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from sst_pin import InputError, robots
+from sst_pin.compiled import extension, libraries
+from sst_pin.dynamics.quantities import Quantity
+from tests.gallery import EVERY_ROBOT
+from tests.support import any_chain
+
+wp = pytest.importorskip("warp", reason="needs the extra 'gpu'")
+
+from sst_pin.compiled.warp_batch import Status  # noqa: E402
+
+SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in EVERY_ROBOT if name != "four_bar"]
+DEVICES = ["cpu", pytest.param("cuda:0", marks=pytest.mark.gpu)]
+
+
+@pytest.fixture(params=DEVICES)
+def device(request):
+    if request.param != "cpu" and not wp.get_cuda_device_count():
+        pytest.skip("no CUDA device")
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def four_bar():
+    return robots.four_bar()
+
+
+def arrays(batch, *values):
+    return [wp.array(x, dtype=batch.dtype, device=batch.device) for x in values]
+
+
+def results(batch, chain, status):
+    """Each result of a batch, and that of the chain; `status` is that of the result."""
+    q, va, aa = any_chain.states(chain, 6, 0)
+    q, va, aa = (x.numpy().astype(float) for x in arrays(batch, q, va, aa))  # as they are rounded
+    tau = chain.compute_torques(q, va, aa)
+    near = pin.integrate(chain.model, q[0], 1e-4 * np.ones(chain.model.nv))
+    Q, VA, AA, TAU, NEAR = arrays(batch, q, va, aa, tau, np.tile(near, (6, 1)))
+    frame = chain.model.frames[-1].name
+    options = {"status": status}
+    yield "torques", batch.torques(Q, VA, AA, **options), tau
+    forces = chain.generalized_forces(q, va, aa)
+    yield "forces", batch.generalized_forces(Q, VA, AA, **options), forces
+    expected = chain.compute_accelerations(q, va, tau)
+    yield "accelerations", batch.accelerations(Q, VA, TAU, **options), expected
+    yield "rates", batch.rates(Q, VA, **options), chain.joint_rates(q, va)
+    yield "closed", batch.closed(NEAR, **options), np.tile(chain.assemble(near), (6, 1))
+    data, index = chain.model.createData(), chain.model.getFrameId(frame)
+    pin.framesForwardKinematics(chain.model, data, q[-1])
+    p, R = batch.frame_placement(Q, frame, **options)
+    yield "position", p[5:], data.oMf[index].translation
+    yield "orientation", R[5:], data.oMf[index].rotation
+    slopes = batch.torque_derivatives(Q, VA, AA, **options)
+    for part, expected in zip(slopes, chain.torque_derivatives(q, va, aa), strict=True):
+        yield "torque derivatives", part, expected
+    slopes = batch.acceleration_derivatives(Q, VA, TAU, **options)
+    for part, expected in zip(slopes, chain.acceleration_derivatives(q, va, tau), strict=True):
+        yield "acceleration derivatives", part, expected
+    state = batch.step((Q, VA), TAU, 2e-3, substeps=2, **options)
+    motion = chain.rollout(np.repeat(tau[:, None], 2, axis=1), q, va, 1e-3)
+    yield "q of a step", state.q, motion.q[:, -1]
+    yield "va of a step", state.va, motion.va[:, -1]
+
+
+@pytest.mark.parametrize("name", ["four_bar", *SLOW])
+def test_results_are_those_of_the_chain(name, device):
+    chain = EVERY_ROBOT[name]()
+    batch, status = chain.warp(device), wp.full(6, 9, dtype=wp.int32, device=device)
+    for result, found, expected in results(batch, chain, status):
+        error = np.abs(found.numpy() - expected).max() / max(np.abs(expected).max(), 1e-9)
+        assert error < 1e-12, result
+        assert not status.numpy().any(), result
+
+
+@pytest.mark.parametrize("name", SLOW)
+def test_results_in_single_precision_have_some_digits(name, device):
+    """Their rounding, 6e-8, times what the conditioning of the loops and of the inertia makes."""
+    chain = EVERY_ROBOT[name]()
+    batch, status = chain.warp(device, "float32"), wp.zeros(6, dtype=wp.int32, device=device)
+    for result, found, expected in results(batch, chain, status):
+        error = np.abs(found.numpy() - expected).max() / max(np.abs(expected).max(), 1e-9)
+        assert error < 1e-4, result
+        assert not status.numpy().any(), result
+
+
+def test_single_precision_has_five_digits(four_bar, device):
+    """The largest error of 250 samples is 3e-6: some fifty roundings."""
+    batch = four_bar.warp(device, "float32")
+    states = (x.astype(np.float32) for x in any_chain.states(four_bar, 6, 0))
+    q, va, aa = (x.astype(float) for x in states)
+    found, expected = batch.torques(*arrays(batch, q, va, aa)), four_bar.compute_torques(q, va, aa)
+    assert np.abs(found.numpy() - expected).max() < 1e-5 * np.abs(expected).max()
+
+
+def test_each_bad_sample_is_flagged_and_becomes_nan(four_bar, device):
+    batch, status = four_bar.warp(device), wp.zeros(6, dtype=wp.int32, device=device)
+    q, va, aa = (np.tile(x, (6, 1)) for x in (four_bar.home, [1.0], [0.5]))
+    q[1, 1] += 1e-3
+    q[2, 0], va[3], q[4, 0] = np.nan, np.inf, 2e6
+    expected = [Status.GOOD, Status.OPEN, *[Status.NOT_FINITE] * 3, Status.GOOD]
+    Q, VA, AA = arrays(batch, q, va, aa)
+    for result in (batch.torques(Q, VA, AA, status=status), *batch.step((Q, VA), AA, 1e-3)):
+        assert list(np.isnan(result.numpy()).any(axis=1)) == [x != 0 for x in expected]
+    assert list(status.numpy()) == expected
+    batch.step((Q, VA), AA, 1e-3, status=status)
+    assert list(status.numpy()) == expected
+
+
+def test_steps_that_are_good_are_those_of_the_rollout(four_bar, device):
+    """Fast motions with long steps pass singular configurations; none changes its mode unseen."""
+    batch, random, count = four_bar.warp(device), np.random.default_rng(1), 60
+    q, _, _ = any_chain.states(four_bar, count, 1)
+    va, tau = 20 * random.normal(size=(count, 1)), random.normal(size=(count, 1))
+    status = wp.zeros(count, dtype=wp.int32, device=device)
+    end = batch.step(arrays(batch, q, va), *arrays(batch, tau), 0.02, status=status)
+    motion = four_bar.rollout(tau[:, None], q, va, 0.02, on_error="nan")
+    good = status.numpy() == Status.GOOD
+    assert 10 < good.sum() < 50
+    assert np.abs(end.q.numpy() - motion.q[:, -1])[good].max() < 1e-12
+    assert np.isnan(motion.q[:, -1]).any()
+    assert set(status.numpy()) <= {Status.GOOD, Status.MODE}
+
+
+def test_arrays_of_any_strides_are_taken_without_copies(four_bar, device):
+    batch = four_bar.warp(device)
+    q, va, aa = any_chain.states(four_bar, 6, 0)
+    whole = wp.array(np.hstack([va, q, aa]), dtype=wp.float64, device=device)
+    row = wp.array(np.hstack([va, q, aa]).T.copy(), dtype=wp.float64, device=device)
+    expected, out = four_bar.compute_torques(q, va, aa), wp.zeros((6, 3), wp.float64, device=device)
+    for x in (whole, row.transpose((1, 0))):
+        result = batch.torques(x[:, 1:4], x[:, :1], x[:, 4:], out=out[:, 1:2])
+        assert result.ptr == out.ptr + 8
+        assert np.abs(out.numpy()[:, 1:2] - expected).max() < 1e-13 * np.abs(expected).max()
+    if device == "cpu":
+        assert batch.torques(q, va, aa).numpy() == pytest.approx(expected, rel=1e-12)
+
+
+def test_each_robot_may_have_its_own_parameters(four_bar, device):
+    batch, names = four_bar.warp(device), four_bar.warp(device).parameter_names
+    q, va, aa = any_chain.states(four_bar, 6, 0)
+    bodies = [i for i, name in enumerate(names) if name.startswith("crank.")]
+    assert [names[i] for i in bodies[:4]] == ["crank.mass", "crank.x", "crank.y", "crank.z"]
+    many = np.repeat(batch.parameters.numpy(), 6, axis=0)
+    many[:, bodies] *= np.linspace(1, 2, 6)[:, None]
+    many[3, names.index("gravity.z")] = -1.62
+    found = batch.with_parameters(many).torques(*arrays(batch, q, va, aa)).numpy()
+    for k, scale in enumerate(np.linspace(1, 2, 6)):
+        other = robots.four_bar()
+        body = other.model.inertias[index := other.model.getJointId("crank")]
+        other.model.inertias[index] = pin.Inertia(
+            scale * body.mass, body.lever, scale * body.inertia
+        )
+        if k == 3:
+            other.model.gravity.linear = np.array([0, 0, -1.62])
+        other.refresh()
+        assert found[k] == pytest.approx(other.compute_torques(q[k], va[k], aa[k]), rel=1e-12)
+    with pytest.raises(InputError, match=r"^q: 2 samples of 6 robots"):
+        batch.with_parameters(many).torques(*arrays(batch, q[:2], va[:2], aa[:2]))
+    with pytest.raises(InputError, match=r"^parameters: shape \(1, 2\), expected"):
+        batch.with_parameters([1.0, 2.0])
+
+
+def test_arguments_are_checked(four_bar):
+    batch = four_bar.warp("cpu")
+    q, va = np.tile(four_bar.home, (2, 1)), np.zeros((2, 1))
+    with pytest.raises(InputError, match=r"^va: shape \(2, 3\), expected \(N, 1\)"):
+        batch.torques(q, q, va)
+    with pytest.raises(InputError, match=r"^aa: 1 samples, but q has 2"):
+        batch.torques(q, va, va[:1])
+    with pytest.raises(InputError, match=r"^va: float32 on cpu, expected float64 on cpu"):
+        batch.torques(q, va.astype(np.float32), va)
+    with pytest.raises(InputError, match=r"^dtype: 'half' is not one of float64, float32"):
+        four_bar.warp("cpu", "half")
+
+
+def test_no_extension_module_is_needed(four_bar, monkeypatch):
+    def missing():
+        raise AssertionError("the extension module")
+
+    monkeypatch.setattr(extension, "binding", missing)
+    q, va, aa = any_chain.states(four_bar, 6, 0)
+    assert np.isfinite(four_bar.warp("cpu").torques(q, va, aa).numpy()).all()
+
+
+def test_modules_are_cached(four_bar, device, monkeypatch):
+    batch = four_bar.warp(device)
+    batch.module(Quantity("torques"))
+    monkeypatch.setattr("sst_pin.compiled.warp_code.module", None)
+    four_bar.warp(device).module(Quantity("torques"))
+    kernels = {library.kernel for library in libraries.cached()}
+    assert "warp_torques_float64" in kernels
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", EVERY_ROBOT)
+def test_machine_code_for_a_gpu_is_made_without_one(name, tmp_path):
+    batch = EVERY_ROBOT[name]().warp("cpu")
+    for quantity in ("torques", "accelerations", "rollout"):
+        module = batch.module(Quantity(quantity))
+        files = wp.compile_aot_module(module, arch=90, module_dir=tmp_path, use_ptx=False)
+        assert [file.suffix for file in files] == [".cubin"]
+        assert files[0].stat().st_size > 1000
