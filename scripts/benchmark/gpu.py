@@ -1,0 +1,269 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Measure the kernels for many robots on a GPU: samples per second, errors, resources.
+
+    python scripts/benchmark/gpu.py                             # on Warp's preferred device
+    python scripts/benchmark/gpu.py --robots ankle --out gpu.json
+    python scripts/benchmark/gpu.py --resources --arch 90       # no GPU: registers and code size
+    python scripts/benchmark/gpu.py --page gpu.json             # write the tables of docs/gpu.md
+
+The share of the arithmetic limit counts each operation of the equations as one; the limit counts a
+fused multiply-add as two, so that equations without any reach half of it.
+"""  # fmt: skip
+
+import argparse
+import json
+import struct
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+import warp as wp
+
+import sst_pin
+from sst_pin.compiled import kernels, warp_batch
+from sst_pin.dynamics.quantities import Quantity
+
+ROOT = Path(__file__).resolve().parents[2]
+ROBOTS = ("ankle", "five_bar", "delta", "sst")
+KERNELS = {name: Quantity(name) for name in ("torques", "accelerations")}
+KERNELS["steps"] = Quantity("rollout")
+#: Units of an SM for fused multiply-adds of doubles and floats, by architecture.
+UNITS = {70: (32, 64), 75: (2, 64), 80: (32, 64), 86: (2, 128), 89: (2, 128), 90: (64, 128)}
+#: Step of the simulations, [s], and their number.
+STEP, STEPS = 1e-3, 1000
+_FREE = {ca.OP_NEG, ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT}
+#: Tags of the numbers of registers and of bytes of the stack in a CUDA binary.
+_REGISTERS, _STACK = 0x2F, 0x11
+
+Row = dict[str, Any]
+
+
+def robot_of(name: str) -> sst_pin.ClosedChain:
+    return sst_pin.SST() if name == "sst" else getattr(sst_pin.robots, name)()
+
+
+# --- what a kernel needs ----------------------------------------------------------------------
+
+
+def operations(batch: warp_batch.WarpBatch, key: Quantity) -> int:
+    """Arithmetic operations of one sample; a step closes the loops four times."""
+    total = 0
+    for kernel in kernels.entry(batch._equations_of(False, False), key):
+        inputs = [ca.vertcat(*kernel.inputs.values()), kernel.parameters]
+        result = ca.vertcat(kernel.output, kernel.checks)
+        function = ca.Function("count", inputs, [ca.densify(result)], {"cse": True})
+        codes = [function.instruction_id(i) for i in range(function.n_instructions())]
+        times = 4 if key.name == "rollout" else 1
+        total += times * sum(code not in _FREE for code in codes)
+    return total
+
+
+def binary_numbers(binary: bytes, kernel: str) -> Row:
+    """Registers, bytes of the stack and bytes of code of a kernel in an ELF file for CUDA."""
+    start, size, count, names = (
+        *struct.unpack_from("<Q", binary, 40),
+        *struct.unpack_from("<3H", binary, 58),
+    )
+    headers = [struct.unpack_from("<IIQQQQIIQQ", binary, start + size * i) for i in range(count)]
+
+    def text(table: int, offset: int) -> str:
+        at = headers[table][4] + offset
+        return binary[at : binary.index(b"\0", at)].decode()
+
+    sections = {text(names, header[0]): header for header in headers}
+    symbols = next(header for header in headers if header[1] == 2)
+    result: Row = {}
+    for name, header in sections.items():
+        if name.startswith(f".text.{kernel}"):
+            result["code"] = header[5]
+    at, end = sections[".nv.info"][4], sum(sections[".nv.info"][4:6])
+    while at < end:
+        form, tag, length = struct.unpack_from("<BBH", binary, at)
+        if form == 4 and tag in (_REGISTERS, _STACK):
+            symbol, value = struct.unpack_from("<II", binary, at + 4)
+            (name_at,) = struct.unpack_from("<I", binary, symbols[4] + 24 * symbol)
+            if text(symbols[6], name_at).startswith(kernel):
+                result["registers" if tag == _REGISTERS else "stack"] = value
+        at += 4 + (length if form == 4 else 0)
+    return result
+
+
+def resources(name: str, dtype: str, arch: int) -> list[Row]:
+    """What the machine code of a robot's kernels needs, without a GPU."""
+    batch, rows = robot_of(name).warp("cpu", dtype), []
+    for label, key in KERNELS.items():
+        module, start = batch.module(key), perf_counter()
+        with tempfile.TemporaryDirectory() as folder:
+            wp.compile_aot_module(module, arch=arch, module_dir=folder, use_ptx=False)
+            seconds = perf_counter() - start
+            binary = next(Path(folder).glob("*.cubin")).read_bytes()
+        numbers = binary_numbers(binary, "run_")
+        about = {"robot": name, "kernel": label, "dtype": dtype, "arch": arch}
+        rows.append(about | numbers | {"compile": seconds, "operations": operations(batch, key)})
+    return rows
+
+
+# --- samples per second -----------------------------------------------------------------------
+
+
+def seconds_of(call: Callable[[], object], least: float) -> float:
+    """Seconds of a call on the device, the least of five turns of some length."""
+    call()
+    wp.synchronize()
+    start = perf_counter()
+    call()
+    wp.synchronize()
+    loops = max(1, round(least / (perf_counter() - start)))
+    turns = []
+    for _ in range(5):
+        start = perf_counter()
+        for _ in range(loops):
+            call()
+        wp.synchronize()
+        turns.append((perf_counter() - start) / loops)
+    return min(turns)
+
+
+def limit(device: Any, dtype: str) -> float:
+    """Operations per second of a device, a fused multiply-add counted as two; NaN if unknown."""
+    if device.is_cpu or device.arch not in UNITS:
+        return np.nan
+    command = ["nvidia-smi", "--query-gpu=clocks.max.sm", "--format=csv,noheader,nounits"]
+    clock = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()[0]
+    units = UNITS[device.arch][dtype == "float32"]
+    return 2.0 * units * device.sm_count * float(clock) * 1e6
+
+
+def samples(batch: warp_batch.WarpBatch, chain: sst_pin.ClosedChain) -> dict[str, np.ndarray]:
+    """Closed configurations, rates and accelerations of 64 samples near home."""
+    random, n = np.random.default_rng(0), chain.degrees_of_freedom
+    noise = 0.03 * random.normal(size=(256, chain.model.nv))
+    near = np.array([pin.integrate(chain.model, chain.home, x) for x in noise])
+    array = wp.array(near, dtype=batch.dtype, device=batch.device)
+    q = batch.closed(array).numpy()
+    q = q[np.isfinite(q).all(axis=1)][:64]
+    va, aa = random.normal(size=(2, len(q), n))
+    return {"q": q, "va": va, "aa": aa}
+
+
+def measure(name: str, dtype: str, options: argparse.Namespace) -> Row:
+    """Samples per second of a robot's kernels, and their errors."""
+    chain = robot_of(name)
+    batch = chain.warp(options.device, dtype)
+    device, start = batch.device, perf_counter()
+    states = samples(batch, chain)
+    few = {x: wp.array(value, dtype=batch.dtype, device=device) for x, value in states.items()}
+    exact = [x.numpy().astype(float) for x in few.values()]
+    tau = chain.compute_torques(*exact)
+    row: Row = {"robot": name, "dtype": dtype, "device": device.name, "samples": options.samples}
+    found = batch.torques(few["q"], few["va"], few["aa"]).numpy()
+    row["torque error"] = float(np.nanmax(np.abs(found - tau)) / np.abs(tau).max())
+    many = [np.resize(x, (options.samples, x.shape[1])) for x in (*exact, tau)]
+    q, va, aa, torque = (wp.array(x, dtype=batch.dtype, device=device) for x in many)
+    out, like_tau = wp.empty_like(va), wp.empty_like(torque)
+    state = wp.empty_like(q), wp.empty_like(va)
+    status = wp.zeros(options.samples, dtype=wp.int32, device=device)
+    calls = {
+        "torques": lambda: batch.torques(q, va, aa, out=like_tau, status=status),
+        "accelerations": lambda: batch.accelerations(q, va, torque, out=out, status=status),
+        "steps": lambda: batch.step((q, va), torque, STEP, out=state, status=status),
+    }
+    row["bad"] = {}
+    for label, call in calls.items():
+        row[label] = options.samples / seconds_of(call, options.seconds)
+        row["bad"][label] = int((status.numpy() != 0).sum())
+        row[f"{label}: share"] = (
+            row[label] * operations(batch, KERNELS[label]) / limit(device, dtype)
+        )
+    scales = np.random.default_rng(1).uniform(0.9, 1.1, size=(options.samples, 1))
+    each = batch.with_parameters(batch.parameters.numpy() * scales)
+    row["steps, own parameters"] = options.samples / seconds_of(
+        lambda: each.step((q, va), torque, STEP, out=state), options.seconds
+    )
+    rest = wp.zeros_like(few["va"]), wp.zeros((len(tau), tau.shape[1]), batch.dtype, device=device)
+    end = batch.step((few["q"], rest[0]), rest[1], STEP * STEPS, substeps=STEPS)
+    closed = end.q.numpy()[np.isfinite(end.q.numpy()).all(axis=1)].astype(float)
+    row["ended"] = len(tau) - len(closed)
+    row["gap"] = float(np.abs(chain.residual(closed)).max(initial=0))
+    return row | {"seconds": perf_counter() - start}
+
+
+# --- results ----------------------------------------------------------------------------------
+
+
+def table(rows: list[Row]) -> list[tuple[str, ...]]:
+    """Speeds and errors, in a form to read."""
+    head = ("robot", "numbers", "torques/s", "accelerations/s", "steps/s", "share of the limit")
+    lines = [(*head, "torque error", "open after 1000 steps")]
+    for row in rows:
+        speeds = (f"{row[x] / 1e6:.3g} M" for x in KERNELS)
+        shares = " / ".join(f"{100 * row[f'{x}: share']:.0f}%" for x in KERNELS)
+        errors = f"{row['torque error']:.0e}", f"{row['gap']:.0e}"
+        lines.append((row["robot"], row["dtype"], *speeds, shares.replace("nan%", "-"), *errors))
+    return lines
+
+
+def resource_table(rows: list[Row]) -> list[tuple[str, ...]]:
+    """Resources of machine code, in a form to read."""
+    lines = [("robot", "kernel", "numbers", "operations", "registers", "stack, bytes", "code, kB")]
+    for row in rows:
+        numbers = row["operations"], row["registers"], row["stack"], round(row["code"] / 1000)
+        lines.append((row["robot"], row["kernel"], row["dtype"], *map(str, numbers)))
+    return lines
+
+
+def write_page(results: dict[str, Any]) -> None:
+    """Write the tables of docs/gpu.md."""
+    sys.path.insert(0, str(ROOT / "scripts" / "pages"))
+    import markdown_tables
+
+    tables = {}
+    if results.get("speeds"):
+        tables["speeds"] = lambda _: table(results["speeds"])
+    if results.get("resources"):
+        tables["resources"] = lambda _: resource_table(results["resources"])
+    markdown_tables.rewrite(ROOT / "docs" / "gpu.md", tables)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--robots", nargs="+", default=ROBOTS)
+    parser.add_argument("--dtypes", nargs="+", default=["float64", "float32"])
+    parser.add_argument("--device", help="by default Warp's preferred one")
+    parser.add_argument("--samples", type=int, help="by default 262144, on a CPU 256")
+    parser.add_argument("--seconds", type=float, default=0.1, help="of a turn of a measurement")
+    parser.add_argument("--block", type=int, help="threads of a block")
+    parser.add_argument("--resources", action="store_true", help="of machine code; no speeds")
+    parser.add_argument("--arch", type=int, default=90)
+    parser.add_argument("--out", type=Path, help="a JSON file for the results")
+    parser.add_argument("--page", type=Path, help="write the tables of docs/gpu.md from this file")
+    options = parser.parse_args()
+    if options.page:
+        write_page(json.loads(options.page.read_text()))
+        return 0
+    if options.block:
+        warp_batch._BLOCK = options.block
+    options.samples = options.samples or (256 if wp.get_device(options.device).is_cpu else 2**18)
+    name, rows = "resources" if options.resources else "speeds", []
+    for robot in options.robots:
+        for dtype in options.dtypes:
+            if options.resources:
+                rows += resources(robot, dtype, options.arch)
+            else:
+                rows.append(measure(robot, dtype, options))
+            if options.out:
+                options.out.write_text(json.dumps({name: rows}, indent=1))
+    for line in (resource_table if options.resources else table)(rows):
+        print(*(f"{x:16}" for x in line))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
