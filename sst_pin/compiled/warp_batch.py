@@ -13,7 +13,7 @@ import warp as wp
 
 from ..arrays import positive_number, whole_number
 from ..dynamics.derivatives import AccelerationDerivatives, TorqueDerivatives
-from ..dynamics.quantities import Quantity
+from ..dynamics.quantities import Name, Quantity
 from ..dynamics.reference import Reference
 from ..errors import CompilationError, InputError
 from . import kernels, libraries, warp_code
@@ -135,8 +135,9 @@ class WarpBatch:
 
     def generalized_forces(self, q: Any, va: Any, aa: Any, **options: Any) -> Any:
         """Forces along the coordinates, shape (N, n); arguments as those of `torques`."""
-        name = "torques" if self._mechanism.driven_one_to_one else "generalized_forces"
-        return self._run(Quantity(name), {"q": q, "va": va, "aa": aa}, **options)
+        same = self._mechanism.driven_one_to_one
+        key = Quantity("torques" if same else "generalized_forces")
+        return self._run(key, {"q": q, "va": va, "aa": aa}, **options)
 
     def accelerations(self, q: Any, va: Any, tau: Any, **options: Any) -> Any:
         """Accelerations of the coordinates under torques, shape (N, n); see `torques`."""
@@ -248,9 +249,8 @@ class WarpBatch:
             key, inputs = key._replace(loaded=True), inputs | {kernels.WRENCHES: external_wrenches}
         arrays = {x: self._array(x, value, self._shape(x)) for x, value in inputs.items()}
         count = arrays["q"].shape[0]
-        names, stepping = [key.name], more is not None
-        if stepping:
-            names = ["q", "va"]
+        stepping = more is not None
+        names = ["q", "va"] if stepping else [str(key.name)]
         given = out if stepping else (out,)
         results = [
             wp.empty((count, *self._shape(x)), dtype=self.dtype, device=self.device)
@@ -301,7 +301,7 @@ class WarpBatch:
     def _module(self, key: Quantity) -> ModuleType:
         """A module from the cache, or generated now."""
         mechanism, name = self._mechanism, key.name
-        size = {"rollout": "accelerations", "frame_placement": "rates"}
+        size: dict[Name, Name] = {"rollout": "accelerations", "frame_placement": "rates"}
         if problem := impossible(mechanism, size.get(name, name)):
             raise CompilationError(problem)
         entry = {"rollout": "step", "closing": "close"}.get(name, "run")

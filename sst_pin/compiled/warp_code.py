@@ -11,13 +11,10 @@ from ..loops.continuity import TRAVEL
 from ..model.thresholds import BEND
 from . import c_code
 from .c_code import Style
+from .compiled_states import CHANGE, NEARBY
 from .kernels import WRENCHES, SymbolicKernel
 from .open_numbers import SIGN_WIDTH
 
-#: det Phi_u changes by no more than this factor in half a step that is sound.
-_CHANGE = 1.25
-#: Longest step that closes the middle of a sound step, in parts of `TRAVEL`.
-_NEARBY = 0.02
 #: The longest first Newton step onto the closures, [rad] or robot lengths, and the largest ratio of
 #: a step to the one before.
 _NEAR, _SHRINKS = 0.1, 0.1
@@ -80,8 +77,8 @@ def module(kernels: Sequence[SymbolicKernel], entry: str, style: Style) -> str:
         "checks": last.checks.numel(),
         "close_checks": kernels[0].checks.numel(),
         "units": ", ".join(map(repr, last.units)),
-        "change": f"N({_CHANGE})",
-        "nearby": _NEARBY * TRAVEL,
+        "change": f"N({CHANGE})",
+        "nearby": NEARBY * TRAVEL,
         "travel": TRAVEL,
         "bend": BEND,
         "near": _NEAR,

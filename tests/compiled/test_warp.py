@@ -51,11 +51,10 @@ def results(batch, chain, status):
     yield "accelerations", batch.accelerations(Q, VA, TAU, **options), expected
     yield "rates", batch.rates(Q, VA, **options), chain.joint_rates(q, va)
     yield "closed", batch.closed(NEAR, **options), np.tile(chain.assemble(near), (6, 1))
-    data, index = chain.model.createData(), chain.model.getFrameId(frame)
-    pin.framesForwardKinematics(chain.model, data, q[-1])
-    p, R = batch.frame_placement(Q, frame, **options)
-    yield "position", p[5:], data.oMf[index].translation
-    yield "orientation", R[5:], data.oMf[index].rotation
+    for part, expected in zip(
+        batch.frame_placement(Q, frame, **options), chain.frame_placement(q, frame), strict=True
+    ):
+        yield "frame placement", part, expected
     slopes = batch.torque_derivatives(Q, VA, AA, **options)
     for part, expected in zip(slopes, chain.torque_derivatives(q, va, aa), strict=True):
         yield "torque derivatives", part, expected
