@@ -51,8 +51,18 @@ def closures_of(closures: Sequence[Constraint | tuple[str, str]]) -> tuple[Const
         elif isinstance(closure, (tuple, list)) and len(closure) == 2:
             found.append(Closure(*closure))
         else:
-            raise InputError("closures", f"{closure!r} is neither a closure nor two frame names")
+            raise InputError("closures", _no_closure(closure))
     return tuple(found)
+
+
+def _no_closure(value: object) -> str:
+    """Why a value is no closure, and what to write instead."""
+    if not isinstance(value, pin.RigidConstraintModel):
+        return f"{value!r} is neither a closure nor two frame names"
+    kind = "6d" if value.type == pin.ContactType.CONTACT_6D else "3d"
+    frame = 'pin.Frame("a", c.joint1_id, c.joint1_placement, pin.FrameType.OP_FRAME)'
+    text = f"a RigidConstraintModel c does not name frames; write model.addFrame({frame})"
+    return f'{text}, "b" for joint2 alike, and Closure("a", "b", "{kind}")'
 
 
 def mechanism_of(
