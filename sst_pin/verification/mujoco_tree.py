@@ -132,6 +132,7 @@ class MujocoInverse(LagrangeMultipliers):
 def _add_bodies(mujoco: Any, spec: Any, model: pin.Model) -> list[Any]:
     """The body of each joint, the world first."""
     spec.option.gravity = model.gravity.linear
+    spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # sparse ones are wrong in MuJoCo 4.0.0
     bodies = [spec.worldbody]
     for i in range(1, model.njoints):
         at, inertia = model.jointPlacements[i], model.inertias[i]

@@ -13,6 +13,7 @@ import sst_pin
 from sst_pin.cli import main
 from sst_pin.errors import install_command
 from sst_pin.verification import verify
+from sst_pin.verification.mujoco_tree import MujocoTree
 
 DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
 NAMES = {"virtual work", "Lagrange multipliers", "MuJoCo mj_inverse"}
@@ -75,3 +76,14 @@ def test_a_referee_that_answers_nan_disagrees():
     row = judge.verdict()
     assert row.passed is False
     assert row.relative == np.inf
+
+
+def test_mujoco_takes_dense_jacobians_of_large_robots():
+    """MuJoCo 4.0.0 factorises sparse ones wrongly; by itself it takes them from 60 rates on."""
+    mujoco = pytest.importorskip("mujoco", reason="MuJoCo is missing (extra 'verify')")
+    model = pin.Model()
+    for k in range(70):
+        joint = model.addJoint(k, pin.JointModelRX(), pin.SE3.Identity(), f"joint_{k}")
+        model.appendBodyToJoint(joint, pin.Inertia.FromSphere(1, 0.1), pin.SE3.Identity())
+    tree = MujocoTree(sst_pin.ClosedChain(model, [], ["joint_0"]).mechanism, closed=1e4)
+    assert not mujoco.mj_isSparse(tree.mj)
