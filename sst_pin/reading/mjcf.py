@@ -55,6 +55,7 @@ def described(
         problems.append(f"{moving} moving joints; at most {MOST_JOINTS} are supported")
     if problems:
         raise DescriptionError(source, problems)
+    tree.add_home(closures)
     shapes = partial(mjcf_shapes, compiled.mj, tree.bodies)
     found = source, tree.model, closures, motors, shapes, stiffness, tree.rest
     return Described(

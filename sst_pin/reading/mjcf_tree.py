@@ -14,7 +14,11 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array
+from ..loops.loops import Loops
+from ..model.closures import Constraint
 from ..model.joint_series import SLIDES, TURNS, PartlyLocked, Series
+from ..model.loop_groups import longest_offset
+from ..model.thresholds import CLOSURE_TOLERANCE
 from .mjcf_compiled import BALL, FREE, HINGE, SLIDE, Compiled, pose_of
 
 
@@ -124,6 +128,18 @@ class MjcfTree:
             model.referenceConfigurations[name] = pin.normalize(model, self._configuration(qpos))
         self.rest = self._configuration(mj.qpos_spring)
         return np.asarray(mj.jnt_stiffness[joints] * (not compiled.disabled("spring")))
+
+    def add_home(self, closures: Sequence[Constraint]) -> None:
+        """Make `qpos0` home where no keyframe is, if it closes the loops."""
+        model = self.model
+        if not model.nv or "home" in model.referenceConfigurations:
+            return
+        q = pin.normalize(model, self._configuration(self._compiled.mj.qpos0))
+        loops = Loops(model, closures)
+        loops.evaluate(q)
+        length = longest_offset(model, range(1, model.njoints), closures, ground=False) or 1.0
+        if np.abs(loops.residual()).max(initial=0.0) <= CLOSURE_TOLERANCE * length:
+            model.referenceConfigurations["home"] = q
 
     def _configuration(self, qpos: Array) -> Array:
         """Our coordinates for MuJoCo's."""

@@ -213,6 +213,37 @@ def test_bodies_are_at_a_keyframe_where_mujoco_has_them(tmp_path, held, free):
         np.testing.assert_allclose(placed.rotation, R, atol=1e-12)
 
 
+BARS = """<mujoco><worldbody>
+<body name="a"><joint name="crank" axis="0 1 0"/><geom size=".1"/><site name="left" pos="{}"/>
+</body><body name="b" pos=".6 0 0"><joint name="rocker" axis="0 1 0" ref="20"/>
+<joint name="slide" type="slide" axis="0 0 1"/><geom size=".1"/><site name="right" pos="-.3 0 0"/>
+</body></worldbody><equality><connect site1="left" site2="right"/></equality>
+<actuator><motor joint="crank"/></actuator>{}</mujoco>"""
+
+
+@pytest.mark.parametrize("key", ["", '<keyframe><key name="high" qpos=".1 0 0"/></keyframe>'])
+def test_an_mjcf_without_home_starts_where_it_is_drawn(tmp_path, key):
+    """At MuJoCo's `qpos0`, which closes the loops."""
+    path = Path(tmp_path, "bars.xml")
+    path.write_text(BARS.format(".3 0 0", key))
+    home = sst_pin.ClosedChain.from_mjcf(path).home
+    np.testing.assert_allclose(home, [0, np.deg2rad(20), 0], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("place", "key", "home"),
+    [
+        (".3001 0 0", "", None),
+        (".3 0 0", '<keyframe><key name="home" qpos="0 .5 0"/></keyframe>', [0, 0.5, 0]),
+    ],
+)
+def test_qpos0_is_no_home_if_loops_are_open_or_a_keyframe_is(tmp_path, place, key, home):
+    path = Path(tmp_path, "bars.xml")
+    path.write_text(BARS.format(place, key))
+    poses = sst_pin.ClosedChain.from_mjcf(path).model.referenceConfigurations
+    assert (poses["home"].tolist() if "home" in poses else None) == home
+
+
 @pytest.mark.parametrize("shift", ["1 0 0", "0 0 0"])
 def test_a_keyframe_that_moves_the_base_is_refused(tmp_path, shift):
     """A mocap body is fixed here; what a keyframe says of locked joints is told."""
