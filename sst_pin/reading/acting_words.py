@@ -29,7 +29,7 @@ _WORDS = {
     "actuator": "@name @role drake:rotor_inertia drake:gear_ratio ...",
 }
 #: Springs of Gazebo, by what they are here.
-_SPRINGS = {"stiffness": "springStiffness", "reference": "springReference"}
+SPRINGS = {"stiffness": "springStiffness", "reference": "springReference"}
 #: Rotors and gears of Drake.
 _ROTORS = ("drake:rotor_inertia", "drake:gear_ratio")
 #: Plugins that move joints.
@@ -66,7 +66,7 @@ def _extension(element: ET.Element) -> Iterator[Problem]:
         if part.tag == "plugin" and _ACTING_PLUGIN.search(plugin):
             yield warning(where, f"{plugin} is not read")
         text = part.get("value", "") if part.tag in _ROTORS else part.text or ""
-        if part.tag in (*_ROTORS, *_SPRINGS.values()) and numbers(text, 1) is None:
+        if part.tag in (*_ROTORS, *SPRINGS.values()) and numbers(text, 1) is None:
             yield error(where, f"{part.tag} {text!r} is not a number")
 
 
@@ -76,7 +76,7 @@ def joint_numbers(root: ET.Element) -> JointNumbers:
     joints = [j.get("name") for j in root.findall("joint") if j.get("type") != "fixed"]
     for element in root.findall("gazebo"):
         name = element.get("reference", "")
-        for kind, tag in _SPRINGS.items() if name in joints else ():
+        for kind, tag in SPRINGS.items() if name in joints else ():
             value = numbers(element.findtext(tag, ""), 1)
             if value is not None:
                 values[kind][name] = float(value[0])

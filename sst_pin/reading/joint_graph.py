@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array
+from .acting_words import SPRINGS
 
 WORLD = "world"
 #: Limit from which a joint has none, [rad] or [m].
@@ -48,7 +49,7 @@ class JointGraph:
     """A URDF of bodies and joints; `add_link` adds the bodies.
 
     `own` has each link's frame in the URDF, in the frame that it has in the file; `balls` and
-    `gravity` are what a URDF does not have.
+    `gravity` are what a URDF does not have, `crosses` the links between two axes of a joint.
     """
 
     def __init__(
@@ -57,6 +58,7 @@ class JointGraph:
         """`rest` has for each body where it stands in the world while it floats at zero."""
         self.urdf, self.own = ET.Element("robot", name=name), {WORLD: pin.SE3.Identity()}
         self.balls, self.problems, left = list[str](), list[str](), list(joints)
+        self.crosses = list[str]()
         self.gravity = np.array([0, 0, -9.81])
         ET.SubElement(self.urdf, "link", name=WORLD)
         while free := [body for body in rest if body not in self.own]:
@@ -93,6 +95,7 @@ class JointGraph:
             link = child if name == steps[-1][0] else f"{joint.name}_cross"
             if link != child:
                 ET.SubElement(self.urdf, "link", name=link)
+                self.crosses.append(link)
             kind = "revolute" if joint.kind in ("universal", "ball") else joint.kind
             made = ET.SubElement(self.urdf, "joint", name=name, type=kind)
             ET.SubElement(made, "parent", link=parent)
@@ -102,6 +105,10 @@ class JointGraph:
                 ET.SubElement(made, "axis", xyz=text_of(sign * axis.direction))
             if kind not in ("fixed", "floating"):
                 _detail(made, axis, joint.kind != "ball")
+            if axis.dynamics.get("spring_stiffness"):  # as Gazebo has it in a URDF
+                spring = ET.SubElement(self.urdf, "gazebo", reference=name)
+                for key, tag in SPRINGS.items():
+                    ET.SubElement(spring, tag).text = repr(axis.dynamics[f"spring_{key}"])
             parent, at = link, pin.SE3.Identity()
 
     def _cut(self, joint: GraphJoint) -> None:
@@ -113,7 +120,8 @@ class JointGraph:
             ET.SubElement(cut, side, link=link)
             ET.SubElement(cut, f"{side}_origin", origin_of(self.own[link].actInv(place)))
             ET.SubElement(cut, f"{side}_axis", xyz=text_of(axis.direction))
-        told = [f"has {key}" for axis in joint.axes for key, x in axis.dynamics.items() if x]
+        acting = ("damping", "friction", "spring_stiffness")
+        told = [f"has {k}" for axis in joint.axes for k in acting if axis.dynamics.get(k)]
         told += ["has mimic"] * any(axis.mimic for axis in joint.axes)
         if joint.kind == "universal" and abs(first.direction @ last.direction) > 1e-9:
             told.append("its axes are not at a right angle")
@@ -141,7 +149,8 @@ def _detail(made: ET.Element, axis: Axis, may_be_endless: bool) -> None:
         value = axis.limit.get(key, 0.0)
         limit[key] = value if 0 < value < _WIDE else 0.0
     ET.SubElement(made, "limit", {key: repr(float(x)) for key, x in limit.items()})
-    ET.SubElement(made, "dynamics", {key: repr(x) for key, x in axis.dynamics.items()})
+    friction = {key: repr(x) for key, x in axis.dynamics.items() if not key.startswith("spring")}
+    ET.SubElement(made, "dynamics", friction)
     if axis.mimic:
         ET.SubElement(made, "mimic", dict(axis.mimic))
 

@@ -2,7 +2,7 @@
 """Checks of what links hold: inertias that a body can have, meshes that exist, other tools."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from os.path import isfile
 from pathlib import Path
 
@@ -21,8 +21,8 @@ _REFUSED = {
 }
 
 
-def check_inertias(root: ET.Element) -> Iterator[Problem]:
-    """Problems of a URDF's inertials."""
+def check_inertias(root: ET.Element, without: Collection[str] = ()) -> Iterator[Problem]:
+    """Problems of a URDF's inertials, but for some links that need none."""
     masses, moves = dict[str, float](), dict[str, bool]()
     for joint in root.findall("joint"):
         for child in joint.findall("child"):
@@ -36,6 +36,8 @@ def check_inertias(root: ET.Element) -> Iterator[Problem]:
                 yield from _body(*body, where, moves.get(name, False))
                 if moves.get(name) and body[0]:
                     masses[name] = body[0]
+        elif name in without:
+            continue
         elif moves.get(name):
             yield note(where, "moves without <inertial>: 1 kg in PyBullet, refused by MuJoCo")
         elif name in moves:

@@ -194,9 +194,7 @@ class _Reader:
         limit |= {key: value(f"limit/{key}") for key in ("effort", "velocity")}
         if limit["lower"] > limit["upper"]:
             self._told(joint, "its lower limit is above the upper one")
-        if value("dynamics/spring_stiffness"):
-            self._told(joint, "springs are not read; give stiffness= to ClosedChain")
-        dynamics = {key: value(f"dynamics/{key}") for key in _ACTING[:2]}
+        dynamics = {key: value(f"dynamics/{key}") for key in (*_ACTING, "spring_reference")}
         mimic, follows = axis.find("mimic"), dict[str, str]()
         if mimic is not None:
             factor = value("mimic/multiplier", 1.0)

@@ -46,15 +46,17 @@ class Urdf:
 
     `source` is its path, or what else messages call it; `root` its elements, not to be changed;
     `marks` what it says of loops beyond the tree; `numbers` springs and rotors of its joints;
-    `problems` what is wrong in names, tree and numbers.
+    `problems` what is wrong in names, tree and numbers; `crosses` links that no SDF has.
     """
 
     def __init__(self, text: str, source: str) -> None:
         self.source, self.root = source, parse_xml(text, source)
         self.gravity, self._balls = np.array([0, 0, -9.81]), list[str]()
+        self.crosses: list[str] = []
         if self.root.tag == "sdf":
             graph = sdf_graph(self.root, source)
             self.root, self.gravity, self._balls = graph.urdf, graph.gravity, graph.balls
+            self.crosses = graph.crosses
         if is_weightless(self.root):
             self.gravity = np.zeros(3)
         self.numbers = joint_numbers(self.root)

@@ -90,7 +90,10 @@ def _urdf(path: str | Path, cuts: Path | None) -> tuple[list[Problem], str]:
     if not any(problem.severity == "error" for problem in problems):  # Pinocchio needs a tree
         more, summary = _with_files(urdf, cuts)
         problems += more
-    problems += [*check_inertias(urdf.root), *check_shapes(urdf.root, Path(path).parent)]
+    problems += [
+        *check_inertias(urdf.root, urdf.crosses),
+        *check_shapes(urdf.root, Path(path).parent),
+    ]
     return problems, summary
 
 

@@ -152,6 +152,26 @@ def test_two_axes_are_two_joints_and_a_ball_has_a_quaternion(tmp_path):
     assert (chain.model.nq, chain.model.nv) == (6, 5)
 
 
+def test_what_the_reader_makes_of_two_axes_is_no_problem_of_the_file(tmp_path):
+    limit = "<limit><lower>-1</lower><upper>1</upper></limit>"
+    axes = axis("1 0 0", limit) + axis("0 1 0", limit, tag="axis2")
+    path = write(sdf(A, joint("u", "universal", "world", "a", axes)), tmp_path)
+    assert sst_pin.validate(path) == []
+
+
+@pytest.mark.parametrize("ends", [("world", "a"), ("a", "world")])
+def test_springs_act_about_the_axis_also_if_the_joint_is_reversed(tmp_path, ends):
+    """Torque k (q - reference) beside that of a robot without springs."""
+    spring = SPRING.replace("</dyn", "<spring_reference>0.2</spring_reference></dyn")
+    free, sprung = (
+        chain_of(sdf(A, joint("j", "revolute", *ends, axis("0 0.6 0.8", inside))), tmp_path, "j")
+        for inside in ("", spring)
+    )
+    q, v, a = np.array([[0.7], [-0.4], [1.3]])
+    more = sprung.compute_torques(q, v, a) - free.compute_torques(q, v, a)
+    np.testing.assert_allclose(more, [3 * (0.7 - 0.2)], rtol=1e-12)
+
+
 def test_a_model_that_nothing_holds_floats_and_gravity_is_the_worlds(tmp_path):
     text = sdf(A, world="<gravity>0 1.62 0</gravity>")
     chain = chain_of(text, tmp_path)
@@ -222,7 +242,10 @@ def turning(inside: str) -> list[str]:
             [*FIVE_BAR, joint("tip", "revolute", "left_rod", "right_rod", axis("0 1 0", FOLLOWS))],
             "joint tip: closes a loop and has mimic",
         ),
-        (turning(SPRING), "joint j: springs are not read"),
+        (
+            [*FIVE_BAR, joint("tip", "revolute", "left_rod", "right_rod", axis("0 1 0", SPRING))],
+            "joint tip: closes a loop and has spring_stiffness",
+        ),
         (turning(LIMITS), "joint j: its lower limit is above the upper one"),
     ],
 )
