@@ -2,7 +2,6 @@
 """A motion never changes its assembly mode unnoticed, on either path."""
 
 import warnings
-from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
@@ -81,42 +80,6 @@ def test_parallelograms_stop_before_they_are_flat(which, compiled):
         to_flat = (np.pi - start if rate > 0 else start) / abs(rate)
         assert to_flat - 1.001 * dt <= ends * dt <= to_flat
         assert off_mode(chain, q[: ends + 1]).max() < 1e-9
-
-
-@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_four_bars_do_not_step_over_a_gap(compiled):
-    """Next to change points: where the loop cannot be closed over a small angle of the crank."""
-    random = np.random.default_rng(1)
-    for gap in (1e-2, 1e-4, -1e-3):
-        # Longest and shortest together exceed the others by the gap: no full turn.
-        bars = {
-            "crank": ("", 0.0, 0.3, 1.0),
-            "coupler": ("crank", 0.3, 0.8 - gap, -1.0),
-            "rocker": ("", 0.8, 0.3, 1.0),
-        }
-        chain = linkage(None, bars, [("coupler", "rocker")], "crank")
-        home = chain.assemble(chain.home)
-        if compiled:
-            chain.compile(home)
-        forward = along(chain, home) @ chain.joint_rates(home, [1.0])
-        for _ in range(3):
-            rate, dt = random.uniform(1, 4), 10 ** random.uniform(-2, -1)
-            torques = np.zeros((int(6 / rate / dt), 1))
-            q, va = chain.rollout(torques, home, [rate], dt, on_error="nan")
-            held = q[np.isfinite(q[:, 0])]
-            # A step that is too long for the bend near the gap ends the motion.
-            energy = chain.kinetic_energy(held, va[: len(held)])
-            assert np.ptp(energy) < 0.3 * energy[0]
-            # The middle of the way between two states is not out of reach, and the motion goes
-            # one way along the curve of its mode, also where the crank turns back.
-            for a, b in pairwise(held):
-                middle = chain.assemble((a + b) / 2, fixed=[])
-                assert along(chain, middle) @ (b - a) * forward > 0
-
-
-def along(chain, q):
-    """The tangent of the planar loop's motions, which turns round only at singularities."""
-    return np.cross(*chain.Phi(q)[:2])
 
 
 FREE = pin.JointModelFreeFlyer(), pin.JointModelRZ
@@ -203,27 +166,6 @@ def test_loops_that_are_flat_one_after_the_other_turn_where_others_hold_them(whi
     assert np.abs(motion.q - turned).max() < 1e-9
 
 
-@pytest.mark.parametrize("size", [1e-2, 1e-4])
-def test_loops_of_other_sizes_do_not_count(size):
-    """A four-bar linkage and a small one like it on its crank: the condition is that of one."""
-    four_bar = {"crank": ("", 0.0, 0.2, START), "coupler": ("crank", 0.2, 0.6, 0.2)}
-    four_bar["rocker"] = ("", 0.55, 0.5, 1.5)
-    small = {
-        f"small_{name}": (f"small_{on}" if on else "crank", size * x + 0.1 * (not on), size * a, q)
-        for name, (on, x, a, q) in four_bar.items()
-    }
-    ends = [("coupler", "rocker"), ("small_coupler", "small_rocker")]
-    one = linkage(None, four_bar, ends[:1], "crank")
-    chain = linkage(None, four_bar | small, ends, "crank", ["crank", "small_crank"])
-    q = chain.assemble(chain.home)
-    assert chain.condition_number(q) == pytest.approx(one.condition_number(q[:3]), rel=1e-6)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        motion = chain.simulate([0], q, [3.0, 1.0], [0, 1, 2, 3], rtol=1e-6, atol=1e-6)
-    assert len(motion) == 4
-    assert not chain.check(motion)
-
-
 #: Crank, coupler, rocker and ground of linkages whose cranks turn fully, but only just.
 NEARLY_FLAT = (0.13, 0.52, 0.131, 0.53), (0.2, 0.5, 0.4, 0.301), (0.2, 0.5, 0.4, 0.30001)
 
@@ -296,22 +238,3 @@ def test_a_motion_starts_in_the_mode_of_home_however_far_its_first_sample_is(fir
     expected = np.array([true(each) for each in x])
     assert np.abs(np.exp(1j * motion.q) - np.exp(1j * expected)).max() < 1e-9
     assert np.abs(np.exp(1j * named) - np.exp(1j * true(first))).max() < 1e-9
-
-
-def test_positions_that_the_mode_of_home_does_not_reach_are_told():
-    """The rocker moves the crank: both of its modes meet where crank and coupler are in line."""
-    chain = nearly_flat(0.2, 0.5, 0.4, 0.301)
-    chain = sst_pin.ClosedChain(chain.model, chain.closures, ["crank"], coordinates=["rocker"])
-    rocker, coupler = (chain.position_names.index(name) for name in ("rocker", "coupler"))
-    side, reached = np.sign(np.sin(chain.home[coupler])), 0
-    for angle in np.linspace(-np.pi, np.pi, 25)[:-1]:
-        with warnings.catch_warnings(record=True) as told:
-            warnings.simplefilter("always")
-            try:
-                q = chain.assemble({"rocker": angle})
-            except sst_pin.ClosureError:
-                continue
-        assert abs(np.sin((q[rocker] - angle) / 2)) < 1e-9
-        assert told or np.sign(np.sin(q[coupler])) == side
-        reached += not told
-    assert reached

@@ -15,7 +15,6 @@ from sst_pin.simulation.coordinate_motions import coordinate_motion
 from sst_pin.simulation.motion_files import load_motion, read_motion, read_start
 from sst_pin.sst import paper
 from tests.support.by_hand import add, at
-from tests.support.derivative_cases import carried_four_bar
 
 
 def stream(text):
@@ -77,14 +76,6 @@ def test_a_motion_out_of_reach_names_its_sample():
     with pytest.raises(sst_pin.ClosureError, match="cannot be closed further") as caught:
         coordinate_motion(chain, np.arange(9.0), x, chain.home)
     assert len(caught.value.samples) == 1
-
-
-def test_a_start_is_chosen_by_the_joints_that_are_given():
-    chain = sst_pin.robots.four_bar()
-    outwards = placed(chain.engine, dict(zip(chain.position_names, chain.home, strict=True)))
-    assert np.abs(outwards - chain.home).max() < 1e-9
-    with pytest.raises(sst_pin.UnknownNameError, match="wheel"):
-        placed(chain.engine, {"wheel": 1.0})
 
 
 def columns(motion, names, endings):
@@ -159,34 +150,6 @@ def test_dependent_joints_that_are_given_choose_the_assembly(digits):
             placed(chain.engine, given | {names[slider]: far})
 
 
-def test_a_column_is_of_one_joint_and_times_are_of_none():
-    """A joint may be called as another one with its unit, or as the times."""
-
-    def pair(first, second):
-        model = pin.Model()
-        for name in (first, second):
-            add(model, 0, pin.JointModelRZ(), name, at(), pin.Inertia.Random())
-        return sst_pin.ClosedChain(model, [], [first, second])
-
-    bare = "t_s,crank,wheel_rad\n0,20,0\n1,20,0\n2,20,0\n"
-    with pytest.raises(sst_pin.FileFormatError, match="no column of crank; a motion has the colu"):
-        read_motion(pair("crank", "wheel").engine, stream(bare))
-    plain = "t_s,crank_deg_rad,crank_rad\n0,2,0\n1,2,0\n2,2,0\n"
-    assert np.array_equal(
-        read_motion(pair("crank_deg", "crank").engine, stream(plain)).q[0], [2, 0]
-    )
-    with pytest.raises(sst_pin.FileFormatError, match="no column of t_s"):
-        read_motion(pair("t_s", "wheel").engine, stream("t_s,wheel_rad\n0,0\n1,0\n2,0\n"))
-
-
-def test_a_floating_robot_says_which_columns_it_needs():
-    """Its first coordinates are no angles: positions, rates and accelerations of all."""
-    model, closures, _, _ = carried_four_bar(pin.JointModelFreeFlyer())
-    chain = sst_pin.ClosedChain(model, closures, ["crank"])
-    with pytest.raises(sst_pin.FileFormatError, match=r"base_qw_1, .* and accelerations"):
-        read_motion(chain.engine, stream("t_s,crank\n0,0\n1,0\n2,0\n"))
-
-
 def test_a_simulation_starts_where_names_or_the_first_row_say(delta, stroke):
     motion, _ = stroke
     table = read_table(stream("t_s,tau_1_Nm\n0,0\n"))
@@ -231,23 +194,6 @@ def test_a_parallelogram_does_not_go_on_through_its_flat_position():
         x = np.linspace(start, start + 2 * np.pi + 0.1, count)[:, None]
         with pytest.raises(sst_pin.ClosureError, match="singular"):
             coordinate_motion(chain, np.linspace(0, 1, count), x, chain.home)
-
-
-def test_who_chooses_the_assembly_itself_says_so():
-    """Without a home, and with the coordinates alone, a four-bar may start in either mode."""
-    chain = sst_pin.robots.four_bar()
-    home, t = chain.home, np.linspace(0, 1, 11)
-    x = home[0] + 0.1 * t[:, None]
-    bare = sst_pin.ClosedChain(chain.model.copy(), chain.closures, chain.motor_names)
-    del bare.model.referenceConfigurations["home"]
-    bare = sst_pin.ClosedChain(bare.model, chain.closures, chain.motor_names)
-    with pytest.warns(sst_pin.DescriptionWarning, match="named home"):
-        coordinate_motion(bare, t, x)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        coordinate_motion(chain, t, x)
-        coordinate_motion(bare, t, x, home)
-        placed(bare.engine, dict(zip(bare.position_names, home, strict=True)))
 
 
 def test_angles_modulo_one_turn_are_told_and_those_of_endless_joints_go_on():

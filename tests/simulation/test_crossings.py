@@ -110,34 +110,6 @@ def test_a_kite_passes_where_two_joints_meet(kind):
     assert [np.abs(crossing.q).max() < 1e-9 for crossing in motion.crossings] == [True]
 
 
-def test_singular_configurations_shortly_after_each_other_are_gone_through_one_by_one():
-    bars = []
-    for k in "ab":
-        bars.append((f"crank_{k}", "universe", 0.0, 0.5))
-        bars.append((f"coupler_{k}", f"crank_{k}", 0.5, 0.6))
-        bars.append((f"rocker_{k}", "universe", 0.6, 0.5))
-    closures = [sst_pin.Closure(f"coupler_{k}_end", f"rocker_{k}_end", "3d") for k in "ab"]
-    chain = sst_pin.ClosedChain(planar(bars), closures, ["crank_a", "crank_b"])
-    t, signs = np.linspace(0, 1, 11), np.array([1.0, -1.0, 1.0])
-    start = np.concatenate([1.0 * signs, 1.03 * signs])
-    motion = chain.simulate(
-        [0.0] * 2, start, [-5.0] * 2, t, rtol=1e-9, atol=1e-9, through_singularities=True
-    )
-    assert len(motion) == 11
-    assert np.abs(motion.q - start + 5 * t[:, None] * np.tile(signs, 2)).max() < 1e-7
-    flat = [1 / 5, 1.03 / 5, (1 + np.pi) / 5, (1.03 + np.pi) / 5]
-    assert [crossing.time for crossing in motion.crossings] == pytest.approx(flat, abs=1e-7)
-    assert [crossing.rank for crossing in motion.crossings] == [3] * 4
-
-
-def test_crossings_are_those_of_the_samples_chosen():
-    chain = n_four_bar(1)
-    motion = through(chain, np.linspace(0, 1.0, 11), -1.0, rtol=1e-9, atol=1e-9)
-    (crossing,) = motion.crossings
-    assert motion[motion.t < crossing.time].crossings == ()
-    assert motion[::5].crossings == (crossing,)
-
-
 def test_a_motion_may_start_next_to_a_singular_configuration():
     chain = parallelogram(0.4, 0.7)
     for start in (1e-3, 1e-2):
@@ -166,17 +138,3 @@ def test_a_motion_that_turns_round_goes_through_nothing(least):
         assert "singularity" in motion.stopped
         assert len(caught) == 1
     assert np.abs(motion.q[:, 0] + motion.q[:, 1]).max() < 1e-9
-
-
-@pytest.mark.parametrize("tolerance", [1e-9, 1e-6, 1e-3])
-def test_no_step_turns_round_behind_a_singular_configuration(tolerance):
-    """Long steps go through the flat position and back, so that they end on the side they left."""
-    chain, random = parallelogram(0.4, 0.7), np.random.default_rng(0)
-    for _ in range(3):
-        start, beyond = random.uniform(0.4, 0.6), 10 ** random.uniform(-4, -1.3)
-        push = 1 / 2 / (start + beyond)
-        q0 = chain.assemble(start * np.sign(chain.home))
-        tau, t = chain.compute_torques(q0, [0.0], [push]), np.linspace(0, 2 / push, 11)
-        with pytest.warns(sst_pin.SingularityWarning):
-            motion = chain.simulate(tau, q0, [-1.0], t, rtol=tolerance, atol=tolerance)
-        assert motion.t[-1] < (1 - np.sqrt(1 - 2 * push * start)) / push

@@ -7,7 +7,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import sst_pin
-from tests.support.by_hand import add, at, mark
 from tests.support.planar_bars import planar
 
 T = np.linspace(0, 1, 41)
@@ -67,19 +66,6 @@ def test_the_elbow_stays_on_its_side(elbow):
     assert np.abs(np.sin(x).sum(axis=1) - points[:, 1]).max() < 1e-9
 
 
-def test_a_motor_may_turn_by_more_than_half_a_turn_between_samples():
-    """A gear of ratio ten; the rates of splines through 41 samples are exact to a part of 1e-4."""
-    model = pin.Model()
-    for name in ("fast", "slow"):
-        add(model, 0, pin.JointModelRZ(), name, at(), pin.Inertia.Identity())
-    mark(model, 2, "hand", at())
-    gear = sst_pin.ClosedChain(model, [sst_pin.Coupling("fast", {"slow": (0, 10.0)})], ["fast"])
-    turns = Rotation.from_rotvec(np.outer(4 * np.sin(5 * T), [0, 0, 1])).as_matrix()
-    motion = sst_pin.frame_motion(gear, T, "hand", turns)
-    assert np.abs(np.diff(motion.q[:, 0])).max() > np.pi
-    assert np.abs(motion.va[:, 0] - 200 * np.cos(5 * T)).max() < 200 * 1e-4
-
-
 def test_a_pose_out_of_reach_is_named():
     delta = sst_pin.robots.delta()
     points = np.column_stack([0.05 * CIRCLE, np.full(41, -0.25)])
@@ -87,13 +73,6 @@ def test_a_pose_out_of_reach_is_named():
     with pytest.raises(sst_pin.WorkspaceError, match="platform does not reach") as error:
         sst_pin.frame_motion(delta, T, "platform", points)
     assert error.value.samples == ((17,),)
-
-
-def test_a_turn_that_a_delta_cannot_make_is_named():
-    delta = sst_pin.robots.delta()
-    turned = np.tile(Rotation.from_rotvec([0, 0, 0.1]).as_matrix(), (41, 1, 1))
-    with pytest.raises(sst_pin.WorkspaceError, match="too few freedoms"):
-        sst_pin.frame_motion(delta, T, "platform", turned)
 
 
 def test_a_path_of_orientations_goes_through_its_samples():
@@ -128,14 +107,3 @@ def test_a_path_of_orientations_goes_through_its_samples():
 def test_orientations_without_one_path_between_are_refused(R, word):
     with pytest.raises(sst_pin.InputError, match=word):
         sst_pin.orientation_path(R)
-
-
-def test_the_star_goes_through_samples_as_fast_as_its_motors_allow(robot):
-    pytest.importorskip("toppra")
-    R = sst_pin.orientation([0.6, 0.9, 0.8], [0.9, 0.8, 1.0])
-    path = robot.inverse_kinematics(sst_pin.orientation_path(R))
-    motion = sst_pin.time_optimal(robot, path, torques=20.0)
-    assert np.abs(motion.tau).max() <= 20
-    found = robot.platform_orientation(motion.q)
-    apart = np.abs(found[:, None] - R).max(axis=(2, 3)).min(axis=0)
-    assert apart.max() < 0.02  # between samples of the motion

@@ -4,7 +4,6 @@ import pytest
 
 import sst_pin
 from sst_pin import robots
-from sst_pin.compiled.compiled_states import CompiledStates
 from sst_pin.sst import paper
 from tests.gallery import n_four_bar
 from tests.support.sampling import random_parameters, random_states
@@ -48,18 +47,6 @@ def test_kernels_step_as_the_reference_path_does():
     assert np.abs(a.q - b.q).max() < 1e-11
     assert np.abs(a.va - b.va).max() < 1e-8
     assert np.abs(a.q[:, -1] - q).max() > 1e-4  # it did move
-
-
-def test_the_middles_of_steps_may_be_open_without_the_reference_path(robot, circle, monkeypatch):
-    """Steps of a millisecond: joints halfway are open by 1e-5, far above the tolerance."""
-
-    def asked(*_):
-        raise AssertionError("a step was left to the reference path")
-
-    monkeypatch.setattr(CompiledStates, "_suits", asked)
-    motion = ends(robot, circle, 500)
-    assert motion.q.shape[0] == 501
-    assert np.abs(robot.residual((motion.q[1:] + motion.q[:-1]) / 2)).max() > 2e-6
 
 
 def test_coarse_steps_leave_the_loops_closed_to_rounding():

@@ -73,17 +73,6 @@ def test_a_motion_is_that_of_constant_torques_one_after_the_other(compiled):
     assert np.abs(other.q[-1] - found.q[-1]).max() < 1e-12  # whatever the times of the output
 
 
-def test_short_periods_come_near_the_law_in_proportion():
-    chain, t = cart(1.0), np.linspace(0, 0.4, 5)
-    exact = chain.simulate(spring, [0.3], [0.0], t).q
-    errors = [
-        np.abs(chain.simulate(sst_pin.SampledTorque(spring, h), [0.3], [0.0], t).q - exact).max()
-        for h in (0.02, 0.01, 0.005)
-    ]
-    assert errors[0] / errors[1] == pytest.approx(2, rel=0.05)
-    assert errors[1] / errors[2] == pytest.approx(2, rel=0.05)
-
-
 def test_the_function_is_called_once_in_each_period_in_the_order_of_time():
     called = []
 
@@ -114,13 +103,3 @@ def test_adaptive_control_in_simulate_is_that_of_a_loop():
     assert found.q[-1, 0] == pytest.approx(x, abs=1e-12)
     assert np.abs(control.theta - again.theta).max() < 1e-12
     assert np.abs(control.theta - poor.dynamic_parameters.values).max() > 0.1  # it did learn
-
-
-def test_a_loop_of_ones_own_gets_what_simulate_takes():
-    chain, h = cart(2.0), 1e-3
-    motion = chain.simulate(
-        sst_pin.SampledTorque(spring, 0.02, delay=0.005), [0.3], [0.0], np.arange(101) * h
-    )
-    loop = sst_pin.SampledTorque(spring, 0.02, delay=0.005)
-    acting = [loop.torque(*state) for state in zip(motion.t, motion.q, motion.va, strict=True)]
-    assert np.abs(acting[:-1] - motion.tau[:-1]).max() < 1e-11

@@ -49,31 +49,6 @@ def test_any_finite_numbers_survive_the_files(tmp_path_factory, q, v, start):
         assert np.signbit(copy.q).tolist() == np.signbit(motion.q).tolist()
 
 
-def test_headers_carry_names_and_units(motion, tmp_path):
-    motion.save(tmp_path / "m.csv")
-    header = (tmp_path / "m.csv").read_text().splitlines()[0].split(",")
-    assert header[:4] == ["t_s", "gamma_1_rad", "mu_1_rad", "beta_1_rad"]
-    assert header[10:16] == [f"gamma_{k}_rad_{u}" for u in ("s", "s2") for k in (1, 2, 3)]
-    assert header[16:] == ["tau_gamma_1_Nm", "tau_gamma_2_Nm", "tau_gamma_3_Nm"]
-
-
-def test_forces_of_prismatic_motors_are_in_newtons(tmp_path):
-    q, two, units = np.zeros((2, 3)), np.zeros((2, 2)), ("rad", "rad", "m")
-    motion = sst_pin.Trajectory([0, 1], q, two, two, two, NAMES, ("slide", "mu_1"), units)
-    motion.save(tmp_path / "m.csv")
-    header = (tmp_path / "m.csv").read_text().splitlines()[0].split(",")
-    assert header[-2:] == ["tau_slide_N", "tau_mu_1_Nm"]
-    assert "slide_m_s" in header
-
-
-def test_a_motion_is_a_value(motion):
-    with pytest.raises(ValueError, match="read-only"):
-        motion.tau[0] = 0
-    assert motion != "a motion"
-    with pytest.raises(sst_pin.InputError, match="q: shape"):
-        sst_pin.Trajectory([0, 1], [[0]], [[0]], [[0]], [[0]], ["a"], ["a"])
-
-
 def test_torque_of_a_motion_passes_through_its_samples(motion):
     torque = motion.torque()
     assert np.abs([torque(t) for t in motion.t] - motion.tau).max() < 1e-12
@@ -113,28 +88,6 @@ def test_nothing_is_overwritten_without_force(motion, tmp_path):
     assert path.read_text() == "precious"
     motion.save(path, force=True)
     assert sst_pin.Trajectory.load(path) == motion
-
-
-def test_nothing_is_left_half_written(tmp_path):
-    path = tmp_path / "out.bin"
-    path.write_bytes(b"old")
-
-    def fail(file):
-        file.write(b"half")
-        raise OSError(28, "No space left on device")
-
-    with pytest.raises(sst_pin.OutputError, match="No space left on device"):
-        write_files({path: fail}, force=True)
-    assert path.read_bytes() == b"old"
-    assert list(tmp_path.iterdir()) == [path]
-
-
-def test_all_targets_are_looked_at_before_the_first_is_written(tmp_path):
-    (tmp_path / "b").write_text("in the way")
-    files = {tmp_path / name: lambda file: file.write(b"x") for name in "abc"}
-    with pytest.raises(sst_pin.OutputError):
-        write_files(files)
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["b"]
 
 
 def test_places_that_cannot_be_written_are_told(motion, tmp_path):
@@ -183,21 +136,6 @@ def test_tables_of_spreadsheets_are_read(tmp_path):
         table.select(["b", "a", "c"])
 
 
-def test_motors_that_are_no_coordinates_come_back_by_their_names(tmp_path):
-    """There may be as many motors as coordinates, but others; more; and fewer."""
-    for motors in (("rocker",), ("crank", "rocker"), ("0.5 crank + 1 rocker",)):
-        tau = np.arange(2.0 * len(motors)).reshape(2, -1)
-        q, va = np.arange(6.0).reshape(2, 3), np.ones((2, 1))
-        names = ("crank", "coupler", "rocker")
-        motion = sst_pin.Trajectory(
-            [0, 1], q, va, va, tau, names, motors, ("rad", "rad", "m"), coordinates=("crank",)
-        )
-        for ending in ("csv", "npz"):
-            path = tmp_path / f"{len(motors)}{motors[0][0]}.{ending}"
-            motion.save(path)
-            assert sst_pin.Trajectory.load(path) == motion
-
-
 @pytest.mark.parametrize(
     "samples", [slice(2, 5), slice(None, None, 3), [0, 4, 6], np.arange(7) > 3]
 )
@@ -217,14 +155,6 @@ def test_a_motion_between_two_times_holds_the_samples_at_both(motion):
         motion.between(2, 3)
     with pytest.raises(sst_pin.InputError, match="no sample from 1 to 0 s"):
         motion.between(1, 0)
-
-
-def test_a_table_of_pandas_is_the_csv(motion, tmp_path):
-    pd = pytest.importorskip("pandas", reason="extra `pandas` is not installed")
-    motion.save(tmp_path / "m.csv")
-    read = pd.read_csv(tmp_path / "m.csv", index_col="t_s")
-    # Its reader may be off in the last bit.
-    pd.testing.assert_frame_equal(motion.to_dataframe(), read, rtol=1e-15, atol=1e-30)
 
 
 def test_a_motion_prints_as_a_few_lines(motion):
@@ -315,14 +245,6 @@ def test_a_motion_belongs_to_robots_whose_joints_move_alike(tmp_path):
         arms[1].check(motion)
 
 
-def test_a_robot_without_motors_reads_its_motion_again(tmp_path):
-    four_bar = sst_pin.robots.four_bar()
-    chain = sst_pin.ClosedChain(four_bar.model, four_bar.closures, [])
-    motion = chain.simulate([], chain.home, [0], [0, 0.01, 0.02])
-    motion.save(tmp_path / "m.csv")
-    assert sst_pin.Trajectory.load(tmp_path / "m.csv") == motion
-
-
 def arm(names, motors=None, joint=pin.JointModelRY):
     """Joints in series that turn or slide, with these names."""
     bars = [(n, on, 0.4 * (on != "universe"), 0.4) for on, n in pairwise(["universe", *names])]
@@ -371,3 +293,25 @@ def test_a_position_in_the_unit_of_another_kind_of_joint_is_refused(tmp_path):
     path.write_text("t_s,a_rad,b_rad\n" + "".join(f"{0.1 * k},0,{0.1 * k}\n" for k in range(5)))
     with pytest.raises(sst_pin.FileFormatError, match="the joint a slides, in m"):
         load_motion(arm(["a", "b"], joint=pin.JointModelPX).engine, path)
+
+
+def test_nothing_is_left_half_written(tmp_path):
+    path = tmp_path / "out.bin"
+    path.write_bytes(b"old")
+
+    def fail(file):
+        file.write(b"half")
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(sst_pin.OutputError, match="No space left on device"):
+        write_files({path: fail}, force=True)
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_all_targets_are_looked_at_before_the_first_is_written(tmp_path):
+    (tmp_path / "b").write_text("in the way")
+    files = {tmp_path / name: lambda file: file.write(b"x") for name in "abc"}
+    with pytest.raises(sst_pin.OutputError):
+        write_files(files)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["b"]

@@ -5,7 +5,7 @@ In files their joints turn about or slide along one axis.
 """
 
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ import pinocchio as pin
 
 import sst_pin
 from sst_pin import ClosedChain, Closure, robots
-from tests.support.by_hand import add, at, mark
+from tests.support.by_hand import at
 from tests.support.planar_bars import planar
 
 
@@ -85,101 +85,18 @@ def rpy_of(M: pin.SE3, digits: int) -> pin.SE3:
     return pin.SE3(pin.rpy.rpyToMatrix(angles), M.translation.round(digits))
 
 
-def quaternion_of(M: pin.SE3, digits: int) -> pin.SE3:
-    """A placement whose quaternion has a few digits."""
-    q = pin.Quaternion(M.rotation).coeffs().round(digits)
-    return pin.SE3(pin.Quaternion(q / np.linalg.norm(q)), M.translation.round(digits))
-
-
-Rounding = Callable[[pin.SE3, int], pin.SE3]
-
-
-def rounded(plan: Plan, digits: int, rounding: Rounding = rpy_of) -> Plan:
+def rounded(plan: Plan, digits: int) -> Plan:
     """The robot whose placements have a few digits behind the point."""
     model = pin.Model(plan.model)
     for j in range(1, model.njoints):
-        model.jointPlacements[j] = rounding(model.jointPlacements[j], digits)
+        model.jointPlacements[j] = rpy_of(model.jointPlacements[j], digits)
     for frame in model.frames:
-        frame.placement = rounding(frame.placement, digits)
+        frame.placement = rpy_of(frame.placement, digits)
     return plan._replace(model=model)
 
 
 def _turn(axis: int, angle: float) -> np.ndarray:
     return pin.exp3(angle * np.eye(3)[axis])
-
-
-# --- loops that move for a reason -----------------------------------------------------------------
-
-
-def loop(axes: Sequence[tuple[np.ndarray, np.ndarray]], seed: int, kind: str, slide=()) -> Plan:
-    """A loop that is closed at zero, from points and directions of its axes in the world.
-
-    It is cut in the middle one; the link between the last axis and the first is the ground.
-    """
-    random, model, cut = np.random.default_rng(seed), pin.Model(), len(axes) // 2
-    places = []
-    for point, direction in axes:
-        z = pin.Quaternion.FromTwoVectors(np.eye(3)[2], direction).matrix()
-        places.append(pin.SE3(z @ _turn(2, random.uniform(-3, 3)), np.array(point)))
-    ends = []
-    for side in (range(cut), range(len(axes) - 1, cut, -1)):
-        bearer, before = 0, pin.SE3.Identity()
-        for k in side:
-            points = 0.1 * random.normal(size=(3, 3))
-            moments = points @ points.T
-            inertia = moments.trace() * np.eye(3) - moments
-            body = pin.Inertia(random.uniform(0.5, 2), 0.1 * random.normal(size=3), inertia)
-            joint = pin.JointModelPZ() if k in slide else pin.JointModelRZ()
-            bearer = add(model, bearer, joint, f"joint_{k}", before.actInv(places[k]), body)
-            before = places[k]
-        ends.append(f"end_{len(ends)}")
-        mark(model, bearer, ends[-1], before.actInv(places[cut]))
-    model.referenceConfigurations["home"] = np.zeros(model.nq)
-    return Plan(model, (Closure(*ends, kind),), ("joint_0",))
-
-
-def planar_loop(seed: int) -> Plan:
-    """Four or five hinges with parallel axes, some of them slides across these."""
-    random = np.random.default_rng(seed)
-    count, R = int(random.integers(4, 6)), pin.exp3(random.uniform(-1, 1, 3))
-    angles = np.sort(random.uniform(0, 2 * np.pi, count)) + 0.4 * np.arange(count)
-    axes = []
-    for angle in angles:
-        spot = random.uniform(0.15, 0.3) * np.array([np.cos(angle), np.sin(angle), 0.0])
-        spot[2] = random.uniform(-0.1, 0.1)
-        axes.append((R @ spot, R[:, 2]))
-    slide = (1,) if count == 5 else ()
-    for k in slide:
-        axes[k] = axes[k][0], R @ [np.cos(angles[k]), np.sin(angles[k]), 0.0]
-    return loop(axes, seed, ["3d", "hinge"][seed % 2], slide)
-
-
-def spherical_loop(seed: int) -> Plan:
-    """Four or five hinges whose axes meet in a point."""
-    random = np.random.default_rng(seed)
-    centre, count = random.uniform(-0.2, 0.2, 3), int(random.integers(4, 6))
-    axes = []
-    for angle in 2 * np.pi * (np.arange(count) + random.uniform(-0.3, 0.3, count)) / count:
-        direction = np.array([np.cos(angle), np.sin(angle), random.uniform(0.5, 1.5)])
-        direction /= np.linalg.norm(direction)
-        axes.append((centre + random.uniform(0.1, 0.3) * direction, direction))
-    return loop(axes, seed, "hinge")
-
-
-def bennett_loop(seed: int) -> Plan:
-    """Four skew hinges of G. T. Bennett's linkage: lengths as the sines of the twists."""
-    random = np.random.default_rng(seed)
-    a, b = random.uniform(0.4, 1.2), random.uniform(1.3, 2.2)
-    lengths = 0.3 * np.sin([a, b, a, b])
-    theta = random.uniform(0.8, 1.8)
-    phi = 2 * np.arctan(np.sin((b + a) / 2) / np.sin((b - a) / 2) / np.tan(theta / 2))
-    axes, place = [], pin.SE3.Identity()
-    for angle, length, twist in zip([theta, phi, -theta, -phi], lengths, [a, b, a, b], strict=True):
-        axes.append((place.translation.copy(), place.rotation[:, 2].copy()))
-        turn = pin.SE3(_turn(2, angle), np.zeros(3))
-        place = place * turn * pin.SE3(_turn(0, twist), np.array([length, 0, 0]))
-    assert place.isIdentity(1e-12)
-    return loop(axes, seed, "hinge")
 
 
 def bar(kind: str = "3d", across: float = 0.0, tilt: float = 0.0, tilted: str = "") -> Plan:
@@ -212,9 +129,6 @@ PLANS: dict[str, Callable[[], Plan]] = {
     "scissor": lambda: plan_of(robots.scissor_lift()),
     "SST": lambda: plan_of(sst_pin.SST()),
 }
-
-
-# --- files ----------------------------------------------------------------------------------------
 
 
 def _text(numbers: np.ndarray, digits: int) -> str:
@@ -257,39 +171,6 @@ def urdf_of(plan: Plan, digits: int) -> tuple[str, str]:
     gravity = _text(model.gravity.linear, 15).replace(" ", ", ")
     yaml = f"closed_loop: [{pairs}]\ntype: [{kinds}]\nname_mot: [{motors}]\ngravity: [{gravity}]\n"
     return ET.tostring(robot, encoding="unicode"), yaml
-
-
-def mjcf_of(plan: Plan, digits: int) -> str:
-    """MJCF of a robot, placements with so many digits; a hinge is two `connect` on its axis."""
-    model, robot = plan.model, ET.Element("mujoco", model="rounded")
-    ET.SubElement(robot, "compiler", angle="radian")
-    ET.SubElement(robot, "option", gravity=_text(model.gravity.linear, 15))
-    bodies = [ET.SubElement(robot, "worldbody")]
-    for j in range(1, model.njoints):
-        place, body, joint = model.jointPlacements[j], model.inertias[j], model.joints[j]
-        quat = pin.Quaternion(place.rotation).coeffs()[[3, 0, 1, 2]]
-        pos = {"pos": _text(place.translation, digits), "quat": _text(quat, digits)}
-        bodies.append(ET.SubElement(bodies[model.parents[j]], "body", name=model.names[j], **pos))
-        kind = "slide" if joint.shortname().startswith("JointModelP") else "hinge"
-        axis = _text(axis_of(joint), 15)
-        ET.SubElement(bodies[j], "joint", name=model.names[j], type=kind, axis=axis)
-        xx, xy, yy, xz, yz, zz = _lower(body.inertia)
-        number = {"mass": f"{body.mass:.17g}", "pos": _text(body.lever, 15)}
-        full = " ".join(f"{x:.17g}" for x in (xx, yy, zz, xy, xz, yz))
-        ET.SubElement(bodies[j], "inertial", number, fullinertia=full)
-    equality = ET.SubElement(robot, "equality")
-    for closure in plan.closures:
-        a, b = (model.frames[model.getFrameId(x)] for x in (closure.frame_a, closure.frame_b))
-        ends = {"body1": model.names[a.parentJoint], "body2": model.names[b.parentJoint]}
-        for along in [0.0] + [0.1] * (closure.kind == "hinge"):
-            anchor = a.placement.act(np.array([0.0, 0.0, along]))
-            ET.SubElement(equality, "connect", ends, anchor=_text(anchor, digits))
-    actuator = ET.SubElement(robot, "actuator")
-    for motor in plan.motors:
-        ET.SubElement(actuator, "motor", name=motor, joint=motor)
-    keyframe = ET.SubElement(robot, "keyframe")
-    ET.SubElement(keyframe, "key", name="home", qpos=_text(np.zeros(model.nq), 1))
-    return ET.tostring(robot, encoding="unicode")
 
 
 def _lower(matrix: np.ndarray) -> np.ndarray:
