@@ -136,9 +136,11 @@ def limit(device: Any, dtype: str) -> float:
     if device.is_cpu or device.arch not in UNITS:
         return np.nan
     command = ["nvidia-smi", "--query-gpu=clocks.max.sm", "--format=csv,noheader,nounits"]
-    clock = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()[0]
-    units = UNITS[device.arch][dtype == "float32"]
-    return 2.0 * units * device.sm_count * float(clock) * 1e6
+    try:
+        clock = float(subprocess.run(command, capture_output=True, check=True).stdout.split()[0])
+    except (OSError, subprocess.CalledProcessError, ValueError, IndexError):
+        return np.nan
+    return 2.0 * UNITS[device.arch][dtype == "float32"] * device.sm_count * clock * 1e6
 
 
 def samples(batch: warp_batch.WarpBatch, chain: sst_pin.ClosedChain) -> dict[str, np.ndarray]:
@@ -254,10 +256,13 @@ def main() -> int:
     name, rows = "resources" if options.resources else "speeds", []
     for robot in options.robots:
         for dtype in options.dtypes:
-            if options.resources:
-                rows += resources(robot, dtype, options.arch)
-            else:
-                rows.append(measure(robot, dtype, options))
+            try:
+                if options.resources:
+                    rows += resources(robot, dtype, options.arch)
+                else:
+                    rows.append(measure(robot, dtype, options))
+            except Exception as error:  # the time on a GPU is short: the other robots count
+                print(f"{robot}, {dtype}: {error!r}", file=sys.stderr)
             if options.out:
                 options.out.write_text(json.dumps({name: rows}, indent=1))
     for line in (resource_table if options.resources else table)(rows):
