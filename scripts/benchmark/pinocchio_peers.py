@@ -81,8 +81,3 @@ class Constrained:
     def accelerations(self, q: Array, v: Array, tau: Array) -> Array:
         """Accelerations of the tree."""
         return pin.constraintDynamics(*self.tree, q, v, tau, *self.closures, self.settings)
-
-    def derivatives(self) -> tuple[Array, Array]:
-        """Derivatives of the last accelerations by q and v."""
-        found = pin.computeConstraintDynamicsDerivatives(*self.tree, *self.closures, self.settings)
-        return np.array(found[0]), np.array(found[1])

@@ -105,33 +105,6 @@ def test_no_output_takes_the_name_of_another_kind_of_file(log, capsys, command, 
     assert {path: path.read_bytes() for path in log.parent.iterdir()} == before
 
 
-def test_a_log_is_read_from_the_npz_of_a_simulation(log, here, capsys):
-    """Torques and simulations read it too, as they read a CSV."""
-    arguments = "--robot", "five_bar"
-    log.write_text("\n".join(log.read_text().splitlines()[:151]))  # three seconds
-    assert run(capsys, "torques", log, "-o", "tau.npz", *arguments)[0] == 0
-    assert run(capsys, "torques", log, "-o", "tau.csv", *arguments)[0] == 0
-    for command in ("torques", "simulate"):
-        for kind in ("npz", "csv"):
-            output = f"{command}_{kind}.csv"
-            code, _, error = run(capsys, command, f"tau.{kind}", "-o", output, *arguments)
-            assert code == 0, error
-        assert Path(f"{command}_npz.csv").read_bytes() == Path(f"{command}_csv.csv").read_bytes()
-    code, out, error = run(capsys, "identify", "tau.npz", "-o", "-", "--cutoff", 10, *arguments)
-    assert (code, out[:20]) == (0, "# Dynamic parameters"), error
-
-
-def test_a_robot_that_cannot_move_is_told(here, capsys):
-    hinge = '<body name="a"><joint name="hinge"/><geom size="0.1"/></body>'
-    weld = '<equality><weld body1="a"/></equality>'
-    text = f'<mujoco model="rigid"><worldbody>{hinge}</worldbody>{weld}</mujoco>'
-    (here / "rigid.xml").write_text(text)
-    (here / "m.csv").write_text("t_s\n0\n1\n2\n3\n")
-    code, _, error = run(capsys, "torques", "m.csv", "-o", "x.csv", "--robot", "rigid.xml")
-    assert code == 2
-    assert error.splitlines()[-1].startswith("sst-pin: error: model rigid: no coordinates")
-
-
 @pytest.mark.parametrize(
     ("change", "told"),
     [("--cutoff 30", "cutoff"), ("--cutoff 0", "cutoff"), ("--cutoff 10 --which none", "none")],

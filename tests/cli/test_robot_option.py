@@ -120,13 +120,6 @@ def test_a_pipe_of_commands(here, capsysbinary, monkeypatch):
     assert figure[:8] == b"\x89PNG\r\n\x1a\n"
 
 
-def test_an_error_in_standard_input_names_it(capsysbinary, monkeypatch):
-    text = b"t_s,qw,qx,qy,qz\n0,1,0,0,zero\n"
-    code, out, err = through(capsysbinary, monkeypatch, text, "torques", "-", "-o", "-")
-    assert (code, out) == (2, b"")
-    assert "stdin>, line 2: qz: 'zero' is not a number" in err or "stream>, line 2" in err
-
-
 def test_the_bare_command_shows_its_help(capsys):
     code, out, err = run(capsys)
     assert (code, err) == (0, "")
@@ -159,18 +152,6 @@ def test_robots_lists_what_robot_takes(capsys):
     assert names == ["sst", *(name for name in sst_pin.robots.__all__ if name.islower())]
 
 
-@pytest.mark.parametrize(
-    ("robot", "mass"), [([], 3.68), (["delta"], 0.51), (["--robot", DELTA], 0.51)]
-)
-def test_validate_prints_the_mobility_and_the_moving_mass(capsys, robot, mass):
-    code, out, _ = run(capsys, "validate", *robot)
-    rows = dict(line.split("  ", 1) for line in out.splitlines()[1:])
-    assert code == 0
-    assert out.startswith("no problems found\n")
-    assert rows["degrees of freedom"].strip() == "3"
-    assert rows["moving mass"].strip() == f"{mass} kg"
-
-
 def test_all_missing_extras_are_named_at_once(here, capsys, monkeypatch):
     """`describe` needs two."""
     for name in ("matplotlib", "trimesh"):
@@ -186,16 +167,3 @@ COMMANDS = (
     f"simulate tau.csv -o b.csv {START}", f"plot {SAMPLE} -o c.svg --what torques",
     "compile --export-c d", "compile --list",
 )  # fmt: skip
-LONG_COMMANDS = (
-    f"compile --robot {sst_pin.URDF_PATH}", "describe -o e", "paper --samples 11 -o f",
-    "show --html g.html", f"verify --quick --robot {sst_pin.URDF_PATH}",
-)  # fmt: skip
-FAULTS = {
-    "a closed pipe": (BrokenPipeError(32, "Broken pipe"), 141, ""),
-    "a full disk": (OSError(28, "No space left on device"), 2, "No space left on device"),
-    "Ctrl-C": (KeyboardInterrupt(), 130, "sst-pin: interrupted"),
-}
-CASES = [
-    *((command, fault) for command in COMMANDS for fault in FAULTS),
-    *(pytest.param(x, "a closed pipe", marks=pytest.mark.slow) for x in LONG_COMMANDS),
-]

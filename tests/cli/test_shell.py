@@ -78,23 +78,6 @@ def test_a_reader_that_has_enough_ends_the_command_in_silence(arguments):
     assert process.returncode == 128 + signal.SIGPIPE
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
-def test_an_output_that_is_full_is_told_in_one_line():
-    with open("/dev/full", "w") as full:  # noqa: PTH123
-        process = start("validate", stdout=full)
-        _, err = process.communicate(timeout=60)
-    assert err == "sst-pin: error: No space left on device\n"
-    assert process.returncode == 2
-
-
-def test_a_name_that_is_no_text_is_told_in_one_line():
-    """Python has such bytes of a file's name as surrogates."""
-    process = start("torques", "\udcff.csv", "-o", "x.csv")
-    _, err = process.communicate(timeout=60)
-    assert err == "sst-pin: error: \\udcff.csv: cannot be read: No such file or directory\n"
-    assert process.returncode == 2
-
-
 def test_ctrl_c_while_the_packages_load_is_answered_in_one_line():
     code = (
         "import sys; from sst_pin.cli import main\n"
@@ -127,23 +110,6 @@ def test_sigterm_leaves_no_temporary_file(here):
     _, err = process.communicate(timeout=60)
     assert (process.returncode, err) == (128 + signal.SIGTERM, "")
     assert list(here.iterdir()) == []
-
-
-def test_numbers_of_an_option_may_begin_with_a_minus(here, capsys):
-    (here / "tau.csv").write_text("t_s,tau_1_Nm,tau_2_Nm,tau_3_Nm\n0,0,0,0\n0.001,0,0,0\n")
-    q0, va0 = "gamma_1=-0.1,gamma_2=0.2,gamma_3=0.3", "gamma_1=-.5,gamma_2=0,gamma_3=0"
-    start = "--q0", q0, "--va0", va0
-    code, _, _ = run(capsys, "simulate", "tau.csv", "-o", "out.csv", *start)
-    assert code == 0
-    motion = sst_pin.Trajectory.load("out.csv")
-    assert motion.q[0, ::3] == pytest.approx([-0.1, 0.2, 0.3], abs=1e-12)
-    assert list(motion.va[0]) == [-0.5, 0, 0]
-
-
-def test_a_name_as_long_as_the_file_system_takes_is_taken(here):
-    name = 251 * "x" + ".csv"
-    write_files({here / name: text_writer("whole")})
-    assert (here / name).read_text() == "whole"
 
 
 def test_force_keeps_links_and_modes(here):

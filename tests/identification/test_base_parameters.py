@@ -165,13 +165,6 @@ def test_outliers_count_less_in_a_robust_estimate():
     assert (np.abs(robust.values - true) < 5 * robust.deviations).all()
 
 
-def test_parameters_that_are_not_considered_keep_their_values():
-    chain, _, motion, tau = case("five_bar")
-    friction = base_parameters(chain, ["*.viscous"])
-    found = estimate(chain, friction, *motion, tau)
-    assert_allclose(found.values, friction.matrix @ chain.dynamic_parameters, atol=1e-9)
-
-
 def test_the_report_marks_what_the_data_do_not_support():
     chain, _, motion, tau = case("five_bar")
     base = base_parameters(chain, ["*.viscous", "shoulder_1.coulomb"])

@@ -134,17 +134,6 @@ def test_a_calibrated_urdf_is_the_calibrated_robot(tmp_path):
             assert mine.placement.isApprox(theirs.placement, 1e-12)
 
 
-def test_a_frame_called_as_its_joint_has_the_errors_of_the_joint():
-    delta, _, _, x = deltas()
-    model = pin.Model(delta.model)
-    model.addJointFrame(model.getJointId("motor_1"))
-    drawn = sst_pin.ClosedChain(model, delta.closures, delta.motor_names)
-    made = drawn.with_design({"motor_1.ry": 4e-3})
-    poses = poses_of(made, x[:4], "motor_1")
-    found = calibrate(drawn, "motor_1", x[:4], poses, which=["motor_1.r*"])
-    assert_allclose(found.values, [0, 4e-3, 0], atol=1e-11)
-
-
 def test_errors_that_do_not_settle_are_refused(monkeypatch):
     """A four-bar's noise of 24 mm and errors that the poses hardly tell apart: steps go on."""
     model = planar(DRAG_LINK)
@@ -190,10 +179,3 @@ def test_exact_orientations_beside_noisy_positions_do_not_spoil_the_errors():
     found = calibrate(drawn, "platform", x, poses)
     assert (np.abs(found.values) < 4 * found.deviations).all()
     assert found.noise[0] == pytest.approx(1e-5, rel=0.2)
-
-
-def test_a_robot_that_is_as_drawn_has_deviations_of_its_noise():
-    """Not those of the weights that the first step begins with."""
-    drawn, _, _, x = deltas()
-    found = calibrate(drawn, "platform", x[:8], poses_of(drawn, x[:8], "platform"), which=WHICH)
-    assert found.deviations.max() < 1e-9

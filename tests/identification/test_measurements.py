@@ -100,14 +100,6 @@ def test_a_run_of_wrong_positions_is_bridged_or_refused(cutoff, count):
         assert_allclose(motion.va, clean.va, atol=0.1)
 
 
-def test_a_log_with_so_many_outliers_that_they_bend_the_curve_is_refused():
-    rng, noisy = np.random.default_rng(0), X + 1e-4 * np.random.default_rng(1).normal(size=X.shape)
-    at = rng.choice(np.arange(100, 2900), 300, replace=False)
-    noisy[at] += 0.1 * rng.choice([-1, 1], (300, 1))
-    with pytest.raises(InputError, match=r"samples of \w+ are outliers"):
-        measured_motion(CHAIN, T, noisy, TAU, cutoff=10)
-
-
 BASE = base_parameters(CHAIN)
 LIMITS = {"rates": 2.0, "torques": 0.01, "harmonics": 3}
 
@@ -152,11 +144,3 @@ def test_a_start_that_nobody_chose_is_told():
     chain.refresh()
     with pytest.warns(DescriptionWarning, match="no configuration is named home"):
         excitation(chain, BASE, 3.0, tries=1, harmonics=2)
-
-
-@pytest.mark.slow
-def test_motions_that_meet_a_singular_configuration_between_the_samples_judged_are_left_out():
-    """With these numbers the best of those judged cannot be followed in short steps."""
-    motion = excitation(CHAIN, BASE, 5.0)
-    assert len(motion) == 501
-    assert np.abs(CHAIN.residual(motion.q)).max() < 1e-9

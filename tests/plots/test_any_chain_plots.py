@@ -47,13 +47,6 @@ def test_axes_have_the_units_of_their_joints():
         plots.joint_angles(page.axes[0], motion)
 
 
-def test_every_joint_is_drawn_once():
-    robot, motion = fallen("stewart")
-    page = plots.motion_page(robot, motion, ("joints",))
-    drawn = [text.get_text() for ax in page.axes for text in ax.get_legend().get_texts()]
-    assert sorted(drawn) == sorted(curves.label(name) for name in motion.joint_names)
-
-
 def test_an_endless_joint_is_drawn_as_an_angle():
     """Not as a cosine and a sine, and without jumps at half turns."""
     angle = np.linspace(0, 10, 101)
@@ -78,21 +71,6 @@ def test_any_name_has_its_entry_in_the_legend(name):
     FigureCanvasAgg(figure).draw()
     (text,) = ax.get_legend().get_texts()
     assert text.get_text().strip().replace("\\$", "$") == name
-
-
-def test_a_page_saved_from_python_is_that_of_the_command(tmp_path):
-    page = plots.motion_page(*fallen("four_bar"), ("torques", "energy"))
-    with (tmp_path / "writer.png").open("wb") as file:
-        plots.figure_writer(page, "writer.png")(file)
-    page.savefig(tmp_path / "python.png")
-    assert (tmp_path / "python.png").read_bytes() == (tmp_path / "writer.png").read_bytes()
-    assert page._repr_png_()[:4] == b"\x89PNG"
-
-
-def test_the_condition_number_of_a_chain_is_drawn():
-    robot, motion = fallen("five_bar")
-    (line,) = plots.condition_number(Figure().add_subplot(), robot, motion).get_lines()
-    assert np.array_equal(line.get_ydata(), robot.condition_number(motion.q))
 
 
 def test_a_page_of_a_robot_without_motors_has_no_torques_and_says_so_when_asked():
@@ -183,15 +161,6 @@ def test_a_map_shows_what_is_reached_and_what_ends_it(monkeypatch):
         plots.reach_map(ax, found, "q")
 
 
-def test_a_map_of_angles_is_in_degrees(robot):
-    angles = np.radians([-5, 0, 5])
-    found = sst_pin.reach_map(robot, "star_1", 20.0, roll=angles, pitch=angles)
-    ax = plots.reach_map(Figure().add_subplot(), found)
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("roll (deg)", "pitch (deg)")
-    assert ax.get_xlim() == pytest.approx((-7.5, 7.5))
-    assert ax.get_legend() is None
-
-
 def test_directions_are_drawn_with_equal_areas():
     """Uniform directions: a cap of height h fills a disc of area 2 pi h; up is up."""
     middle, random = np.array([1.0, -2.0, 0.5]), np.random.default_rng(0)
@@ -207,20 +176,6 @@ def test_directions_are_drawn_with_equal_areas():
     assert above[0] == pytest.approx(0, abs=1e-12)
     assert above[1] > 0
     assert aside[0] > 0 == pytest.approx(aside[1])
-
-
-def test_a_map_of_directions_has_no_ticks(robot):
-    angles = np.radians([-5, 0, 5])
-    poses = sst_pin.reach_map(robot, "E", 20.0, roll=angles, pitch=angles)
-    ax = plots.reach_map(Figure().add_subplot(), poses, axis="x")
-    assert not ax.axison
-    assert ax.get_aspect() == 1
-    field = ax.collections[0]
-    assert np.array_equal(field.get_array(), poses.condition)
-    centre = np.abs(field.get_coordinates().reshape(-1, 2)).max()
-    assert 0 < centre < np.radians(15)
-    with pytest.raises(sst_pin.InputError, match="axis"):
-        plots.reach_map(ax, poses, axis="E")
 
 
 def bars(ax):

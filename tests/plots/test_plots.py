@@ -2,8 +2,6 @@
 """Figures: what they show is right, and nothing in them is in the way of anything else."""
 
 import io
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -14,7 +12,6 @@ from sst_pin import plots
 from sst_pin.simulation.energy import energy_balance
 from sst_pin.sst import paper
 from tests.support.figure_texts import require_legible
-from tests.support.sampling import random_state
 
 
 @pytest.fixture(scope="module")
@@ -97,43 +94,8 @@ def test_energy_drawn_is_balanced(sticky, circle):
     assert np.abs(energy_balance(sticky.engine, wrong).error).max() > 0.1
 
 
-def test_condition_number_near_a_singularity_is_logarithmic(robot):
-    """Up to 20 on a linear scale, beyond it by powers of ten."""
-    motion = paper.example_1(robot, np.linspace(0, paper.PERIOD, 31))
-    assert plots.condition_number(axes(), robot, motion).get_yscale() == "linear"
-    q = robot.inverse_kinematics(sst_pin.orientation(np.linspace(0.5, 1.5, 201), 1.4, 1.3))
-    worst = robot.singularities(q).condition_number.argmax()
-    assert robot.singularities(q[worst]).condition_number > 20
-    zero = np.zeros((2, 3))
-    near = robot.trajectory((0, 1), q[[0, worst]], zero, zero, zero)
-    assert plots.condition_number(axes(), robot, near).get_yscale() == "log"
-
-
 def test_pages_are_legible(sticky, circle, monkeypatch):
     require_legible(plots.motion_page(sticky, circle, plots.SUBJECTS), monkeypatch)
-
-
-SLOW = [pytest.param(k, marks=pytest.mark.slow) for k in (1, 2, 3)]
-
-
-@pytest.mark.parametrize("odd", [0, *SLOW], indirect=True)
-def test_pages_of_odd_robots_are_legible(odd, monkeypatch):
-    R, _, _ = random_state(odd, np.random.default_rng(3))
-    start, t = (np.zeros(3), odd.inverse_kinematics(R), np.zeros(3)), np.linspace(0, 0.05, 21)
-    require_legible(plots.motion_page(odd, odd.simulate(*start, t, rtol=1e-8)), monkeypatch)
-
-
-@pytest.mark.slow
-def test_no_window_is_opened():
-    code = (
-        "import sys, numpy as np, sst_pin\n"
-        "from sst_pin import plots\n"
-        "from sst_pin.sst import paper\n"
-        "robot = sst_pin.SST()\n"
-        "motion = paper.example_1(robot, np.linspace(0, 0.1, 11))\n"
-        "plots.motion_page(robot, motion); assert 'matplotlib.pyplot' not in sys.modules"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 @pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
@@ -177,10 +139,3 @@ def test_a_page_says_what_the_machine_cannot_take(robot, monkeypatch):
     require_legible(figure, monkeypatch)
     within = robot.trajectory(t, q[[0] * 31], va, aa, 0 * va)
     assert plots.motion_page(robot, within, ("joints",)).get_supxlabel() == ""
-
-
-@pytest.mark.parametrize("radius", [0.4, 0.9])
-def test_a_path_alone_is_legible(radius, monkeypatch):
-    robot = sst_pin.SST(sst_pin.Parameters(star_radius=radius))
-    motion = paper.example_1(robot, np.linspace(0, paper.PERIOD, 21))
-    require_legible(plots.motion_page(robot, motion, ("path",)), monkeypatch)

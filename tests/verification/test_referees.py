@@ -11,7 +11,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import sst_pin
 from sst_pin.dynamics import dynamics, noc
-from sst_pin.errors import ClosureError, InputError
 from sst_pin.loops import loops
 from sst_pin.loops.loops import Loops
 from sst_pin.model.mechanism import Friction
@@ -93,23 +92,6 @@ def test_a_referee_agrees_in_random_states_under_loads(referee, friction):
                 close(judge.torques(*state, moment), tau)
             if referee in DIRECT:  # the condition number of the inertia comes in
                 close(judge.accelerations(R, omega, tau, moment), alpha, 1e-9)
-
-
-def test_exudyn_refuses_a_pose_that_its_own_frames_do_not_reach():
-    """The angles it is given are held against its own kinematics."""
-    judge = exudyn_engine.ExudynInstant(sst_pin.Parameters())
-    R, omega, alpha = sst_pin.paper_circle(0.1)
-    with pytest.raises(ClosureError, match="engine"):
-        judge.torques(R + 1e-6, omega, alpha)  # not quite a rotation
-
-
-def test_exudyns_stepping_says_that_it_knows_no_friction():
-    parameters = sst_pin.Parameters(viscous_friction=0.1)
-    R, omega, _ = sst_pin.paper_circle(0.0)
-    with pytest.raises(InputError, match="friction"):
-        exudyn_engine.stepped_torques(parameters, sst_pin.paper_circle, 0.1, 10)
-    with pytest.raises(InputError, match="friction"):
-        exudyn_engine.stepped_motion(parameters, R, omega, lambda t: np.zeros(3), 0.1, 10)
 
 
 def _flip_closure_rate(patch):

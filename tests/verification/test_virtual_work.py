@@ -9,7 +9,6 @@ import pytest
 from numpy.typing import NDArray
 
 import sst_pin
-from sst_pin.errors import SimulationError, SingularConfigurationError
 from tests.referees import virtual_work
 from tests.referees.virtual_work import VirtualWork
 from tests.support.sampling import random_parameters, random_states
@@ -80,19 +79,6 @@ def test_torques_and_accelerations_of_any_robot_agree(seed: int, friction: bool)
     assert relative_error(aa, wanted) < ROUNDING
 
 
-def test_batches_of_any_shape_equal_their_samples() -> None:
-    rng = np.random.default_rng(1)
-    parameters = random_parameters(rng)
-    robot, referee = sst_pin.SST(parameters), VirtualWork(parameters)
-    R, omega, alpha = random_states(robot, rng, 4)
-    tau = referee.torques(R[:, None], omega, alpha)  # each R with each motion
-    assert tau.shape == (4, 4, 3)
-    one = np.array(
-        [[referee.torques(R[i], omega[j], alpha[j]) for j in range(4)] for i in range(4)]
-    )
-    assert relative_error(tau, one) < 1e-13  # the same sums, perhaps in another order
-
-
 @pytest.mark.parametrize("seed", SEEDS)
 def test_assemblies_of_any_robot_are_those_of_forward_kinematics(seed: int) -> None:
     """Two conics in a plane and three quadrics in quaternions have the same real points."""
@@ -128,39 +114,3 @@ def test_paper_robot_has_the_known_number_of_assemblies(
     assert distance_of_sets(R, robot.platform_orientation(q)) < 1e-12
     assert np.abs(R @ R.swapaxes(-1, -2) - np.eye(3)).max() < 1e-13
     assert (np.linalg.det(R) > 0).all()
-
-
-@pytest.mark.slow
-def test_torques_of_example_1_bring_the_star_round_the_circle() -> None:
-    """Example 2: open loop over one period, from the exact initial state."""
-    referee = VirtualWork(sst_pin.Parameters())
-    t = np.linspace(0, PERIOD, 13)
-    path = sst_pin.paper_circle(t)
-
-    def torque(time: float, R: Array, omega: Array) -> Array:
-        return referee.torques(*sst_pin.paper_circle(time))
-
-    R, omega = referee.simulate(torque, path.R[0], path.omega[0], t)
-    # The open loop is unstable and magnifies the integrator's 1e-11.
-    assert np.abs(R - path.R).max() < 1e-9
-    assert np.abs(omega - path.omega).max() < 1e-8
-
-
-def test_flat_leg_is_a_singular_configuration_and_names_its_samples() -> None:
-    """At R = 1 arc 1 lies in the plane that leg 1 moves in."""
-    good, _, _ = sst_pin.paper_circle(0.0)
-    with pytest.raises(SingularConfigurationError, match="in the plane of its arc") as caught:
-        VirtualWork(sst_pin.Parameters()).torques(
-            np.stack([good, np.eye(3)]), np.zeros(3), np.zeros(3)
-        )
-    assert caught.value.samples == ((1,),)
-
-
-def test_simulation_into_a_singularity_stops_with_its_reason() -> None:
-    """A constant torque drives the star where the motors lose hold of it."""
-    path = sst_pin.paper_circle(0.0)
-    referee = VirtualWork(sst_pin.Parameters())
-    with pytest.raises(SimulationError, match="before a singularity") as caught:
-        referee.simulate(lambda *_: (20, 20, 20), path.R, np.zeros(3), (0, 3), tolerance=1e-4)
-    # 0.144424 s at any tolerance, where det J vanishes.
-    assert abs(caught.value.time - 0.14442) < 1e-4
