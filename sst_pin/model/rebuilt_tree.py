@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """A tree built again joint by joint, with some joints fixed or replaced by several in series."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import Any
 
@@ -55,17 +55,10 @@ def rebuilt(old: pin.Model, changes: Mapping[int, Series]) -> pin.Model:
         for part in each[i].parts:
             name = old.names[i] + part.suffix
             bearer = model.addJoint(bearer, part.joint, place * part.place, name)
-            model.addJointFrame(bearer)
             place = pin.SE3.Identity()
         bearers.append((bearer, place * each[i].place))
         model.appendBodyToJoint(bearer, old.inertias[i], bearers[i][1])
-    for frame in list(old.frames)[1:]:
-        kind, (bearer, place) = frame.type, bearers[frame.parentJoint]
-        if kind == pin.FrameType.JOINT:
-            if each[frame.parentJoint].parts:
-                continue
-            kind = pin.FrameType.FIXED_JOINT
-        model.addFrame(pin.Frame(frame.name, bearer, place * frame.placement, kind), False)
+    _copy_frames(old, model, bearers, [len(series.parts) for series in each])
     poses = {pair.key(): np.array(pair.data()) for pair in old.referenceConfigurations}
     moved = {name: pin.neutral(model) for name in poses}
     for i, whole in enumerate(list(old.joints)[1:], 1):
@@ -79,6 +72,26 @@ def rebuilt(old: pin.Model, changes: Mapping[int, Series]) -> pin.Model:
     for name, pose in moved.items():
         model.referenceConfigurations[name] = pose
     return model
+
+
+def _copy_frames(
+    old: pin.Model, model: pin.Model, bearers: Sequence[tuple[int, pin.SE3]], sizes: Sequence[int]
+) -> None:
+    """Copy the frames; joints whose old joint has a frame have one too, if it is fixed as well."""
+    numbers = {0: 0}  # of the new frames, by those of the old ones
+    for i, frame in enumerate(list(old.frames)[1:], 1):
+        joint, kind = frame.parentJoint, frame.type
+        bearer, place = bearers[joint]
+        bearing, place = numbers.get(frame.parentFrame, 0), place * frame.placement
+        if kind == pin.FrameType.JOINT and frame.name == old.names[joint]:
+            for k in range(bearer - sizes[joint] + 1, bearer + 1):
+                new = pin.Frame(model.names[k], k, bearing, pin.SE3.Identity(), kind)
+                numbers[i] = bearing = model.addFrame(new, False)
+            kind = pin.FrameType.FIXED_JOINT
+            if sizes[joint] or old.existFrame(frame.name, kind):
+                continue
+        new = pin.Frame(frame.name, bearer, bearing, place, kind)
+        numbers[i] = model.addFrame(new, False)
 
 
 def _copy_numbers(old: pin.Model, whole: Any, model: pin.Model, joint: Any, part: Part) -> None:
