@@ -17,12 +17,16 @@ from ..reading import Urdf
 from ..reading.urdf_checks import ENTRIES
 from ..summaries import listed
 
+#: Placements that differ by less do so by rounding.
+_ROUNDING = 1e-12
+
 
 def write_urdf(chain: ClosedChain, urdf: str | Path, path: str | Path, force: bool = False) -> None:
     """Write a URDF with the inertias and the friction of a robot, such as one identified.
 
     Links that move as one body, as those at fixed joints, get one inertia, in the first of them
-    that had one. Masses, mass centres, inertias, `damping` and `friction` change, nothing else.
+    that had one. Locked joints become fixed. Masses, mass centres, inertias, `damping` and
+    `friction` change, nothing else.
 
     Args:
         chain: The robot, as `with_parameters` gives it.
@@ -49,6 +53,7 @@ def write_urdf(chain: ClosedChain, urdf: str | Path, path: str | Path, force: bo
 def with_dynamics(chain: ClosedChain, urdf: str | Path) -> str:
     """The text that `write_urdf` writes."""
     root, model = Urdf.read(urdf).root, chain.mechanism.model
+    partly = [f"{name} (lock it again)" for name in _fix_locked(root, model)]
     links = {link.get("name"): link for link in root.findall("link")}
     bodies = [f for f in model.frames if f.type == pin.FrameType.BODY and f.name in links]
     for j, inertia in enumerate(list(model.inertias)[1:], 1):
@@ -76,7 +81,8 @@ def with_dynamics(chain: ClosedChain, urdf: str | Path) -> str:
     kept = {f"{model.names[j]}.{kind}" for j in written for kind in ("viscous", "coulomb")}
     theta, inertial = chain.dynamic_parameters, 10 * (model.njoints - 1)
     others = zip(theta.names[inertial:], theta.values[inertial:], strict=True)
-    if left := [name for name, value in others if value and name not in kept]:
+    left = partly + [name for name, value in others if value and name not in kept]
+    if left:
         problem = f"a URDF has no place for {listed(left)}"
         warnings.warn(f"{problem}; give them again when it is read", DescriptionWarning, 3)
     return ET.tostring(root, encoding="unicode", xml_declaration=True)
@@ -91,14 +97,47 @@ def with_origins(urdf: str | Path, moved: Mapping[str, pin.SE3]) -> str:
     for place, by in moved.items():
         if place not in joints:
             raise DescriptionError(str(urdf), [f"no joint bears {place}"])
-        origin = joints[place].find("origin")
-        if origin is None:
-            origin = ET.SubElement(joints[place], "origin")
-        xyz, rpy = (np.array(origin.get(k, "0 0 0").split(), float) for k in ("xyz", "rpy"))
-        new = pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz) * by
-        origin.set("xyz", _numbers(new.translation))
-        origin.set("rpy", _numbers(pin.rpy.matrixToRpy(new.rotation)))
+        _place(joints[place], _origin(joints[place]) * by)
     return ET.tostring(root, encoding="unicode", xml_declaration=True)
+
+
+def _fix_locked(root: ET.Element, model: pin.Model) -> list[str]:
+    """Make joints of a URDF fixed that are locked in the robot, where they are locked.
+
+    Returns the joints of which single rates are locked, which a URDF cannot say.
+    """
+    links = {f.name: f for f in model.frames if f.type == pin.FrameType.BODY}
+    partly = []
+    for joint in root.findall("joint"):
+        name = joint.get("name", "")
+        parts = [n for n in model.names if n.rpartition("_")[0] == name and n[-1] in "XYZxyzw"]
+        if parts and (len(parts) == 1 or parts[0][-1].islower()):
+            partly.append(name)
+        if parts or joint.get("type") == "fixed" or name in list(model.names):
+            continue
+        joint.set("type", "fixed")
+        joint[:] = [child for child in joint if child.tag in ("origin", "parent", "child")]
+        a, b = (links.get(joint.find(side).get("link")) for side in ("parent", "child"))  # type: ignore[union-attr]
+        if a is not None and b is not None:  # else it is the URDF of another robot
+            place = a.placement.actInv(b.placement)
+            if not _origin(joint).isApprox(place, _ROUNDING):
+                _place(joint, place)
+    return partly
+
+
+def _origin(joint: ET.Element) -> pin.SE3:
+    origin = joint.find("origin")
+    texts = ("0 0 0" if origin is None else origin.get(k, "0 0 0") for k in ("xyz", "rpy"))
+    xyz, rpy = (np.array(text.split(), float) for text in texts)
+    return pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
+
+
+def _place(joint: ET.Element, place: pin.SE3) -> None:
+    origin = joint.find("origin")
+    if origin is None:
+        origin = ET.SubElement(joint, "origin")
+    origin.set("xyz", _numbers(place.translation))
+    origin.set("rpy", _numbers(pin.rpy.matrixToRpy(place.rotation)))
 
 
 def _inertial(inertia: pin.Inertia) -> ET.Element:

@@ -118,8 +118,9 @@ def with_locked(robot: Described, urdf: Urdf, cuts: Cuts) -> Described:
     """The robot with the joints locked that the cuts name."""
     if not cuts.locked:
         return robot
+    fixed = {joint.get("name") for joint in urdf.root.iterfind("joint[@type='fixed']")}
     with naming(robot.source):
-        model = without_locked(robot.model, cuts.locked)
+        model = without_locked(robot.model, [n for n in cuts.locked if n not in fixed])
         numbers = urdf.numbers.updated(cuts.numbers)
         stiffness, reference = numbers.springs(model, _fixed(cuts))
     closures = tuple(_held(robot.closures, cuts.locked, robot.source))

@@ -37,12 +37,12 @@ ARM = """<robot name="arm">
 </robot>"""
 
 
-def read(path, text=None):
+def read(path, text=None, **options):
     if text is not None:
         path.write_text(text, encoding="utf-8")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sst_pin.DescriptionWarning)
-        return sst_pin.ClosedChain.from_urdf(path)
+        return sst_pin.ClosedChain.from_urdf(path, **options)
 
 
 def changed(chain):
@@ -84,6 +84,34 @@ def test_links_at_fixed_joints_get_one_inertia_and_the_base_keeps_its_own(tmp_pa
     text = (tmp_path / "found.urdf").read_text(encoding="utf-8")
     assert text.count("<inertial>") == 3
     assert '<mass value="7"' in text
+
+
+@pytest.mark.parametrize("locked", [{"turn": 0.0}, {"push": 0.0}, {"push": 0.4}, {"turn": -0.7}])
+def test_locked_joints_are_fixed_in_the_file(locked, tmp_path):
+    """The file alone is the robot; also if the joint is locked once more."""
+    source, found = tmp_path / "arm.urdf", tmp_path / "found.urdf"
+    arm = read(source, ARM)
+    (free,) = {"turn", "push"} - set(locked)
+    robot = sst_pin.ClosedChain(arm.model, [], [free], locked=locked)
+    write_urdf(robot, source, found)
+    q, v, a = np.array([[0.3], [-0.7], [1.1]])
+    for again in (read(found), read(found, locked=[*locked])):
+        assert again.joint_names == (free,)
+        assert_allclose(
+            again.compute_torques(q, v, a), robot.compute_torques(q, v, a), rtol=1e-12, atol=1e-12
+        )
+        assert_allclose(
+            again.frame_placement(q, "slide")[0], robot.frame_placement(q, "slide")[0], atol=1e-12
+        )
+
+
+def test_locked_rates_of_a_joint_are_told_by_name(tmp_path):
+    source = tmp_path / "arm.urdf"
+    source.write_text(ARM)
+    source.with_suffix(".yaml").write_text("name_mot: []\njoint_type: {turn: ball}")
+    robot = sst_pin.ClosedChain.from_urdf(source, locked=["turn_wx"])
+    with pytest.warns(sst_pin.DescriptionWarning, match=r"no place for turn \(lock it again\)"):
+        write_urdf(robot, source, tmp_path / "found.urdf")
 
 
 def test_what_a_urdf_cannot_have_is_told_by_name(tmp_path):
