@@ -7,7 +7,6 @@ import re
 import shutil
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -172,47 +171,6 @@ def test_a_ball_of_a_urdf_is_locked_about_one_axis(folder):
     np.testing.assert_allclose(R[:, 2], ball[:, 2], rtol=0, atol=1e-12)
 
 
-def test_home_leaves_out_locked_joints(folder):
-    put_home(folder, **named(sst_pin.SST().home, 9))
-    with pytest.warns(sst_pin.DescriptionWarning, match="mu_1 is fixed at zero, not at 1.57"):
-        chain = read(folder, locked=["mu_1"])
-    q = chain.model.referenceConfigurations["home"]
-    np.testing.assert_allclose(q, np.delete(sst_pin.SST().home, 1), rtol=0, atol=1e-8)
-
-
-@pytest.mark.parametrize(
-    ("held", "free"), [*((x, []) for x in ("", "X", "Y", "Z", "YZ")), ("", [1])]
-)
-def test_bodies_are_at_a_keyframe_where_mujoco_has_them(tmp_path, held, free):
-    """A free body with a ball and a hinge, at their references where they are locked."""
-    turn, pose = {"X": 0.4, "Y": -0.3, "Z": 1.1}, np.eye(3)
-    for axis, e in zip("XYZ", np.eye(3), strict=True):
-        pose = pose @ pin.exp3((axis not in held) * turn[axis] * e)
-    x, y, z, w = pin.Quaternion(pose).coeffs()
-    path = tmp_path / "chain.xml"
-    path.write_text(f"""<mujoco><worldbody>
-<body name="a" pos="1 2 3"><freejoint name="free"/><geom size=".1"/>
-<body name="b" pos="0 0 .5" euler="10 20 30"><joint name="ball" type="ball" pos=".1 .2 .3"/>
-<geom size=".1" pos="0 0 .1"/>
-<body name="c" pos="0 .3 0"><joint name="hinge" axis="0 1 0" ref="20"/><geom size=".1"/>
-</body></body></body></worldbody>
-<equality><connect body1="c" body2="world" anchor="0 0 0"/></equality>
-<keyframe><key name="home" qpos="1 2 3 .5 .5 -.5 .5 {w} {x} {y} {z} .4"/></keyframe></mujoco>""")
-    locked = [f"ball_w{axis.lower()}" for axis in held] + [f"free_v{'xyz'[k]}" for k in free]
-    model = sst_pin.ClosedChain.from_mjcf(path, locked=locked, actuated=["hinge"]).model
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, model.referenceConfigurations["home"])
-    theirs = mujoco.MjModel.from_xml_path(str(path))
-    state = mujoco.MjData(theirs)
-    mujoco.mj_resetDataKeyframe(theirs, state, 0)
-    mujoco.mj_kinematics(theirs, state)
-    for body in "abc":
-        placed = data.oMf[model.getFrameId(body, pin.FrameType.BODY)]
-        np.testing.assert_allclose(placed.translation, state.body(body).xpos, atol=1e-12)
-        R = state.body(body).xmat.reshape(3, 3)
-        np.testing.assert_allclose(placed.rotation, R, atol=1e-12)
-
-
 BARS = """<mujoco><worldbody>
 <body name="a"><joint name="crank" axis="0 1 0"/><geom size=".1"/><site name="left" pos="{}"/>
 </body><body name="b" pos=".6 0 0"><joint name="rocker" axis="0 1 0" ref="20"/>
@@ -242,22 +200,6 @@ def test_qpos0_is_no_home_if_loops_are_open_or_a_keyframe_is(tmp_path, place, ke
     path.write_text(BARS.format(place, key))
     poses = sst_pin.ClosedChain.from_mjcf(path).model.referenceConfigurations
     assert (poses["home"].tolist() if "home" in poses else None) == home
-
-
-@pytest.mark.parametrize("shift", ["1 0 0", "0 0 0"])
-def test_a_keyframe_that_moves_the_base_is_refused(tmp_path, shift):
-    """A mocap body is fixed here; what a keyframe says of locked joints is told."""
-    path = Path(tmp_path, "base.xml")
-    path.write_text(f"""<mujoco><worldbody><body name="cart" mocap="true" pos="0 0 0"/>
-<body><joint name="a"/><geom size=".1"/><body><joint name="b"/><geom size=".1"/></body></body>
-</worldbody><keyframe><key name="home" qpos="1 2" mpos="{shift}"/></keyframe></mujoco>""")
-    if shift != "0 0 0":
-        with pytest.raises(sst_pin.DescriptionError, match="key home: it moves the mocap body car"):
-            sst_pin.ClosedChain.from_mjcf(path)
-        return
-    with pytest.warns(sst_pin.DescriptionWarning, match="key home: b is locked elsewhere"):
-        chain = sst_pin.ClosedChain.from_mjcf(path, locked=["b"])
-    assert chain.model.referenceConfigurations["home"] == [1]
 
 
 def test_a_generic_configuration_lies_near_home():

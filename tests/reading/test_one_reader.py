@@ -3,14 +3,12 @@
 
 import pickle
 import shutil
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import sst_pin
-from sst_pin import ClosedChain
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -45,35 +43,6 @@ def test_an_unknown_name_is_told_with_the_file(delta, old, new, fault):
     with pytest.raises(sst_pin.UnknownNameError) as caught:
         sst_pin.ClosedChain.from_urdf(delta)
     assert all(text in str(caught.value) for text in (str(delta), str(file), fault))
-
-
-def test_a_frame_of_two_places_is_told_with_the_file(delta):
-    """The description has it twice: as a joint and as a link elsewhere."""
-    twice = (
-        '<link name="x"/><joint name="rod_2a_end" type="fixed"><origin xyz="1 0 0"/>'
-        '<parent link="base"/><child link="x"/></joint></robot>'
-    )
-    text = delta.read_text()
-    delta.write_text(text.replace("</robot>", twice))
-    with pytest.raises(sst_pin.DescriptionError, match="several frames have this name") as caught:
-        sst_pin.ClosedChain.from_urdf(delta)
-    assert str(delta) in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("read", "path"),
-    [(ClosedChain.from_urdf, EXAMPLES / "delta.urdf"), (ClosedChain.from_mjcf, sst_pin.MJCF_PATH)],
-)
-def test_an_unknown_joint_to_lock_is_told_with_the_file(read, path):
-    with pytest.raises(sst_pin.UnknownNameError, match="'knee'") as caught:
-        read(path, locked=["knee"])
-    assert str(path) in str(caught.value)
-
-
-def test_without_mujoco_from_mjcf_names_the_extra(monkeypatch):
-    monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(sst_pin.MissingExtraError, match=r"sst-pin\[mjcf\]"):
-        ClosedChain.from_mjcf(sst_pin.MJCF_PATH)
 
 
 def test_an_sst_brings_the_poses_of_its_files(shipped):

@@ -2,7 +2,6 @@
 """Loops as other tools write them: URDF+, Isaac Sim, Gazebo, urdfdom's proposal, sw2robot."""
 
 import re
-import warnings
 
 import numpy as np
 import pinocchio as pin
@@ -254,17 +253,6 @@ def test_a_coupling_counts_all_turns_along_its_two_paths(tmp_path):
     assert q[chain.joint_names.index("rocker")] == pytest.approx(-1.5 * 0.7, rel=1e-12)
 
 
-def test_joints_that_are_not_dependent_have_the_motors_of_a_urdf_plus(tmp_path):
-    path = tmp_path / "robot.urdf"
-    text = parallelogram(CUT, independent='independent="true"')
-    for name in ("coupler", "rocker"):
-        text = text.replace(f'name="{name}" ', f'name="{name}" independent="False" ')
-    path.write_text(text)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert sst_pin.ClosedChain.from_urdf(path).motor_names == ("crank",)
-
-
 @pytest.mark.parametrize(
     ("extra", "told"),
     [
@@ -326,13 +314,6 @@ def test_faults_of_loop_closures_are_told(change, told, tmp_path):
     with pytest.raises(sst_pin.DescriptionError, match=told):
         sst_pin.ClosedChain.from_urdf(path)
     assert any(re.search(told, str(problem)) for problem in sst_pin.validate(path))
-
-
-def test_a_gazebo_element_about_a_joint_closes_nothing(tmp_path):
-    path = tmp_path / "robot.urdf"
-    other = '<gazebo><joint name="crank"><physics/></joint></gazebo>'
-    path.write_text(parallelogram(CUT + other))
-    assert len(sst_pin.ClosedChain.from_urdf(path, actuated=["crank"]).closures) == 1
 
 
 def test_couplings_are_part_of_the_urdf_not_of_loop_closures(tmp_path):

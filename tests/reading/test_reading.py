@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """What is read is what the file says, or the file is refused."""
 
-import re
 from pathlib import Path
 
 import mujoco
@@ -73,15 +72,6 @@ def test_a_joint_of_the_laas_schema_turns_about_its_axes_in_turn(kind, names, q,
     for field in ("lowerPositionLimit", "upperPositionLimit", "effortLimit", "velocityLimit"):
         ours, theirs = getattr(model, field), getattr(plain, field)
         assert (ours[0], ours[-1]) == (theirs[0], theirs[-1])
-
-
-@pytest.mark.parametrize(("kind", "rates"), [("SPHERICAL", 3), ("UJOINT_ZX", 2)])
-def test_each_rate_of_a_joint_of_the_laas_schema_has_its_friction(kind, rates):
-    dynamics = '<dynamics damping="2" friction="0.5"/><limit'
-    urdf = Urdf(chain_urdf("revolute", "revolute").replace("<limit", dynamics, 1), "test")
-    model = urdf.tree({"j0": kind})
-    np.testing.assert_array_equal(model.damping, [2.0] * rates + [0])
-    np.testing.assert_array_equal(model.friction, [0.5] * rates + [0])
 
 
 def _about(axes, q):
@@ -234,15 +224,6 @@ def test_a_yaml_may_close_a_loop_in_any_way(tmp_path):
             sst_pin.ClosedChain.from_urdf(tmp_path / "robot.urdf")
 
 
-def test_a_missing_yaml_is_named(tmp_path):
-    """A warning tells where it may be missing: the robot is an open tree; else an error tells."""
-    (tmp_path / "robot.urdf").write_text(FIVE_BAR)
-    with pytest.warns(sst_pin.DescriptionWarning, match=r"no robot\.yaml with closures"):
-        sst_pin.ClosedChain.from_urdf(tmp_path / "robot.urdf")
-    with pytest.raises(sst_pin.DescriptionError, match=r"robot\.yaml:\s+the YAML of the cuts"):
-        sst_pin.ClosedChain.from_urdf(tmp_path / "robot.urdf", tmp_path / "robot.yaml")
-
-
 def test_an_sst_may_have_continuous_joints(tmp_path, robot):
     text = Path(sst_pin.URDF_PATH).read_text().replace('type="revolute"', 'type="continuous"')
     (tmp_path / "endless.urdf").write_text(text)
@@ -326,21 +307,6 @@ def test_the_tree_moves_as_in_mujoco(mjcf):
         np.testing.assert_allclose(inertia(read.model, q), M, atol=1e-12)
         nle = pin.nle(read.model, read.model.createData(), q, v)
         np.testing.assert_allclose(nle, data.qfrc_bias, atol=1e-12)
-
-
-def test_bodies_are_frames_as_the_links_of_a_urdf_are(mjcf):
-    """Where MuJoCo has them, on moving joints and on the base."""
-    mj, model = mujoco.MjModel.from_xml_path(str(mjcf)), read_mjcf(mjcf).model
-    data, theirs = model.createData(), mujoco.MjData(mj)
-    for q, _, qpos in states():
-        theirs.qpos = qpos
-        mujoco.mj_forward(mj, theirs)
-        pin.framesForwardKinematics(model, data, q)
-        for name in "abcd":
-            frame = data.oMf[model.getFrameId(name, pin.FrameType.BODY)]
-            np.testing.assert_allclose(frame.translation, theirs.body(name).xpos, atol=1e-12)
-            R = theirs.body(name).xmat.reshape(3, 3)
-            np.testing.assert_allclose(frame.rotation, R, atol=1e-12)
 
 
 def in_mujoco(R, q, v, dv):
@@ -551,38 +517,6 @@ def test_what_the_dynamics_would_overlook_is_refused(mjcf, old, new, word):
     assert str(mjcf) in str(caught.value)
 
 
-def with_flags(mjcf=MJCF, **flags):
-    text = " ".join(f'{flag}="disable"' for flag in flags)
-    return mjcf.replace("<equality>", f"<option><flag {text}/></option><equality>")
-
-
-#: Without closures, and what else does not act.
-OPEN = re.sub("<equality>.*</equality>", "<equality></equality>", MJCF, flags=re.S)
-WEIGHTLESS = MJCF.replace('gravity="0.5 -1 -9"', 'gravity="0 0 0"')
-OFF = MJCF.replace("<option ", '<option actuatorgroupdisable="3" ', 1)
-
-
-@pytest.mark.parametrize(
-    ("text", "locked", "actuated"),
-    [
-        (WEIGHTLESS.replace('name="a" pos', 'name="a" gravcomp="1" pos'), [], None),
-        (MJCF.replace('<body name="d"/>', '<body name="d" gravcomp="1"/>'), [], None),
-        (MJCF.replace('damping="0.3"', 'damping="0.3 1" stiffness="1 2"'), ["ja"], None),
-        (MJCF.replace('<position joint="ja"/>', '<motor joint="ja" damping="1"/>'), ["ja"], None),
-        (OFF.replace('<motor joint="jb"/>', '<motor site="s1" group="3"/>'), [], None),
-        (with_flags(actuation=True), [], ["ja"]),
-        (with_flags(OPEN, equality=True), [], None),
-        (with_flags(OPEN, constraint=True), [], None),
-    ],
-)
-def test_what_does_not_act_is_no_fault(mjcf, text, locked, actuated):
-    """Without weight, on locked joints, on bodies of the base, in groups that are disabled."""
-    assert text != MJCF
-    mjcf.write_text(text)
-    read = read_mjcf(mjcf, locked, actuated)
-    assert read.model.friction.any() == ("constraint=" not in text)  # which it is in MuJoCo
-
-
 def test_motors_that_are_named_count_in_the_place_of_the_files(mjcf):
     """They count where no motor of the file can be computed, too, as the error says."""
     text = MJCF.replace('<motor joint="jb"/>', '<motor joint="ball" gear="0 1 0"/>')
@@ -592,61 +526,3 @@ def test_motors_that_are_named_count_in_the_place_of_the_files(mjcf):
     read = read_mjcf(mjcf, actuated=["ja"])
     assert read.actuated == ("ja",)
     assert len(read.shapes.args[1]) == 5  # for pictures
-
-
-def test_what_a_flag_disables_is_not_read(mjcf):
-    """MuJoCo computes without it; what it does not use need not be refused either."""
-    mjcf.write_text(MJCF.replace('ref="30"', 'ref="30" range="-50 60"'))
-    assert read_mjcf(mjcf).model.upperPositionLimit[0] == np.radians(60)
-    text = with_flags(frictionloss=True, damper=True, limit=True, spring=True)
-    mjcf.write_text(text.replace('ref="30"', 'ref="30" range="-50 60" stiffness="3"'))
-    model = read_mjcf(mjcf).model
-    assert not model.friction.any()
-    assert not model.damping.any()
-    assert np.isinf(model.upperPositionLimit).all()
-    mjcf.write_text(OFF.replace('<position joint="ja"/>', '<position joint="ja" group="3"/>'))
-    assert read_mjcf(mjcf).actuated == ("jb",)
-
-
-SLIDES = "".join(f'<joint type="slide" axis="{x}"/>' for x in ("1 0 0", "0 1 0", "0 0 1"))
-#: A platform on three legs in a plane, its joint in the place of {}.
-PLATFORM = """
-<mujoco><worldbody>
-  <body name="leg_1" pos="-1 0 0"><joint name="j1" axis="0 0 1"/><geom size=".1" mass="1"/></body>
-  <body name="leg_2" pos="1 0 0"><joint name="j2" axis="0 0 1"/><geom size=".1" mass="1"/></body>
-  <body name="leg_3" pos="0 1 0"><joint name="j3" axis="0 0 1"/><geom size=".1" mass="1"/></body>
-  <body name="platform">{}<geom size=".1" mass="1"/></body>
-</worldbody>
-<equality>
-  <connect name="c1" body1="leg_1" body2="platform" anchor="1 .3 0"/>
-  <connect name="c2" body1="leg_2" body2="platform" anchor="-1 .3 0"/>
-  <connect name="c3" body1="leg_3" body2="platform" anchor=".3 -1 0"/>
-</equality>
-<actuator><motor joint="j1"/></actuator></mujoco>
-"""
-
-
-@pytest.mark.parametrize(
-    "joints", ['<freejoint name="float"/>', f'{SLIDES}<joint name="ball" type="ball"/>']
-)
-def test_a_platform_may_be_free_or_on_three_slides_and_a_ball(tmp_path, joints):
-    path = tmp_path / "platform.xml"
-    path.write_text(PLATFORM.format(joints))
-    chain = sst_pin.ClosedChain.from_mjcf(path)
-    report = chain.mobility()
-    assert (chain.model.nv, len(chain.closures), report.degrees_of_freedom) == (9, 3, 1)
-
-
-@pytest.mark.parametrize("field", ["stiffness", "frictionloss"])
-def test_a_ball_with_springs_or_friction_is_locked_as_a_whole(mjcf, field):
-    """MuJoCo has them about the axes of the body, not about those that are left."""
-    mjcf.write_text(MJCF.replace('type="ball"', f'type="ball" {field}="1"'))
-    assert read_mjcf(mjcf, ["ball"]).model.nv == 3
-    with pytest.raises(sst_pin.DescriptionError, match="it can only be locked as a whole"):
-        read_mjcf(mjcf, ["ball_wx"])
-
-
-def test_a_name_that_locks_two_joints_is_refused(mjcf):
-    mjcf.write_text(MJCF.replace('name="ja"', 'name="ball_wx"').replace('"ja"', '"ball_wx"'))
-    with pytest.raises(sst_pin.DescriptionError, match="ball_wx is a joint and a rate of another"):
-        read_mjcf(mjcf, ["ball_wx"])

@@ -128,20 +128,6 @@ def test_a_tendon_named_as_a_motor_is_a_line(mjcf):
     assert chain.motor_units == ("N", "Nm")
 
 
-def test_disabled_springs_and_dampers_are_not_read(mjcf):
-    flags = '<option><flag spring="disable" damper="disable"/></option><worldbody>'
-    mjcf.write_text(MJCF.replace("<worldbody>", flags))
-    chain = sst_pin.ClosedChain.from_mjcf(mjcf)
-    assert chain.forces == (LineForce("ceiling", "hand", name="cylinder"),)
-
-
-def test_a_cylinder_between_links_that_are_locked_is_no_motor(mjcf):
-    follow = '<joint joint1="right" joint2="left" polycoef="0.1 0.7 0 0 0"/>'
-    mjcf.write_text(MJCF.replace(follow, '<joint joint1="elbow" joint2="left"/>'))
-    chain = sst_pin.ClosedChain.from_mjcf(mjcf, actuated=None, locked=["right", "wrist", "spin"])
-    assert chain.motor_names == ("left", "elbow")
-
-
 DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
 LINES = """
 line_force:
@@ -193,38 +179,3 @@ def test_lines_that_cannot_be_used_are_refused(delta, lines, word):
         sst_pin.ClosedChain.from_urdf(path)
     assert word in str(caught.value)
     assert word.startswith("frame") or any(word in p.text for p in sst_pin.validate(path))
-
-
-def test_lines_of_an_sst_count(tmp_path, robot):
-    cuts = Path(sst_pin.YAML_PATH).read_text()
-    line = "line_force: [{frames: [universe, closedloop1_A], preload: 5}]"
-    (tmp_path / "sst.yaml").write_text(cuts + line)
-    lined = sst_pin.SST.from_urdf(sst_pin.URDF_PATH, tmp_path / "sst.yaml")
-    zero = np.zeros(3)
-    with pytest.raises(sst_pin.SingularConfigurationError, match="universe-closedloop1_A is not"):
-        lined.compute_torques(robot.home, zero, zero)
-
-
-def test_an_actuated_tendon_around_a_geom_is_refused_by_name(tmp_path):
-    path = tmp_path / "lines.xml"
-    geoms = 10 * '<geom size="0.01"/>' + '<geom name="drum" size="0.01"/>'  # more than sites
-    text = MJCF.replace("<worldbody>", f"<worldbody>{geoms}")
-    ends = '<site site="ceiling"/><site site="hand"/></spatial>'
-    wrapped = ends.replace("/><site", '/><geom geom="drum"/><site', 1)
-    path.write_text(text.replace(f'name="cylinder">{ends}', f'name="cylinder">{wrapped}'))
-    with pytest.raises(sst_pin.DescriptionError, match="tendon cylinder: a tendon with pulleys or"):
-        sst_pin.ClosedChain.from_mjcf(path)
-
-
-def test_a_site_may_have_the_name_of_a_joint(tmp_path):
-    """MJCF keeps the names of each kind apart; here the site's frame is called `NAME_site`."""
-    path, named = tmp_path / "lines.xml", tmp_path / "named.xml"
-    path.write_text(MJCF)
-    named.write_text(MJCF.replace('"tip"', '"elbow"'))
-    plain, chain = sst_pin.ClosedChain.from_mjcf(path), sst_pin.ClosedChain.from_mjcf(named)
-    q = chain.generic_configuration()
-    zero = np.zeros(chain.degrees_of_freedom)
-    assert chain.model.existFrame("elbow_site")
-    assert np.array_equal(
-        chain.compute_torques(q, zero, zero), plain.compute_torques(q, zero, zero)
-    )

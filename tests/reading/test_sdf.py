@@ -107,7 +107,6 @@ FIVE_BAR = [
     joint("m2", "revolute", "world", "right", axis("0 1 0")),
     joint("e2", "revolute", "right", "right_rod", axis("0 1 0")),
 ]
-TOP = 0.1 / np.tan(0.5)
 TIP = joint("tip", "{}", "left_rod", "right_rod", f"<pose>0 0 {0.1 / np.sin(0.5)} 0 0 0</pose>{{}}")
 
 
@@ -143,13 +142,6 @@ def test_the_order_of_joints_and_their_direction_do_not_count(tmp_path):
         assert q[k] == pytest.approx(p[m], abs=1e-12)
     tau = chain.compute_torques(q, [0.3, 0.2], [1, 2])
     np.testing.assert_allclose(again.compute_torques(p, [0.3, 0.2], [1, 2]), tau, rtol=1e-11)
-
-
-def test_two_axes_are_two_joints_and_a_ball_has_a_quaternion(tmp_path):
-    u = joint("u", "universal", "world", "a", axis("1 0 0") + axis("0 1 0", tag="axis2"))
-    chain = chain_of(sdf(A, B, u, joint("s", "ball", "a", "b")), tmp_path)
-    assert chain.joint_names == ("u_1", "u_2", "s")
-    assert (chain.model.nq, chain.model.nv) == (6, 5)
 
 
 def test_what_the_reader_makes_of_two_axes_is_no_problem_of_the_file(tmp_path):
@@ -254,13 +246,6 @@ def test_faults_are_told_with_the_element(parts, told, tmp_path):
     with pytest.raises(sst_pin.DescriptionError, match=told.replace("(", r"\(")):
         Urdf.read(path)
     assert any(told in str(problem) for problem in sst_pin.validate(path))
-
-
-@pytest.mark.parametrize("word", ["true", "True", "1"])
-def test_models_that_do_not_move_are_no_robots(tmp_path, word):
-    ground = f'<static>{word}</static><plugin name="water" filename="w"/>'
-    text = sdf(A, world=f'<model name="g">{ground}</model>')
-    assert Urdf.read(write(text, tmp_path)).joint_names == ["floating_base"]
 
 
 def test_axes_are_in_the_joints_frame_since_version_1_5(tmp_path):

@@ -149,54 +149,6 @@ def test_what_makers_add_to_the_dynamics_of_joints_is_told(files):
     assert f"warning: {text}" in map(str, sst_pin.validate(path))
 
 
-def test_all_faults_of_a_urdf_are_told_at_once(files):
-    kind, root, write = files
-    joint, link = moving(root)
-    link.find("inertial/mass").set("value", "0,3")
-    joint.find("axis").set("xyz", "0 0 0")
-    assert len(refused(kind, write())) == 2
-
-
-def test_blanks_around_numbers_change_nothing(files):
-    """Pinocchio's parser takes a number before a blank, or two with a tab between, for none."""
-    kind, root, write = files
-    tau = [torques(kind, write())]
-    for element in root.iter():
-        for key in ("value", "ixx", "ixy", "ixz", "iyy", "iyz", "izz", "xyz", "rpy", "lower"):
-            if key in element.attrib:
-                element.set(key, f" {element.get(key)} ".replace(" ", "\t\n "))
-    tau.append(torques(kind, write()))
-    assert (tau[0] == tau[1]).all()
-
-
-def torques(kind, path):
-    robot = kind.from_urdf(path)
-    guess = [0.3] * robot.model.nq if kind is sst_pin.ClosedChain else robot.home
-    q = robot.assemble(guess)
-    return robot.compute_torques(q, [1, 2, 3], [4, 5, 6])
-
-
-def test_what_only_pictures_need_does_not_keep_a_tree_from_being_read(files):
-    """Two materials of one name, a calibration that is no number: no part of the dynamics."""
-    kind, root, write = files
-    tau = torques(kind, write())
-    joint, _ = moving(root)
-    ET.SubElement(joint, "calibration", rising="soon")
-    for _ in range(2):
-        ET.SubElement(root, "material", name="steel")
-    assert (torques(kind, write()) == tau).all()
-
-
-def test_a_joint_of_the_laas_schema_takes_no_name_that_is_another_s(tmp_path):
-    """`elbow_1a` becomes `elbow_1a_X` and `elbow_1a_Y`."""
-    kind, source = ROBOTS["delta"]
-    path = tmp_path / "delta.urdf"
-    path.write_text(source.read_text().replace('"rod_1b_end_fixed"', '"elbow_1a_X"'))
-    path.with_suffix(".yaml").write_text(source.with_suffix(".yaml").read_text())
-    with pytest.raises(sst_pin.DescriptionError, match="joint elbow_1a_X: 2 have this name"):
-        kind.from_urdf(path)
-
-
 def large_urdf(links, kind):
     """Links one after the other."""
     unit = '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
@@ -239,15 +191,6 @@ def test_a_urdf_beyond_all_robots_is_refused_at_once(tmp_path, urdf, word):
     with at_once(urdf):
         problems = sst_pin.validate(path)
     assert word is None or any(word in str(problem) for problem in problems)
-
-
-def test_shapes_in_shapes_without_end_are_left_aside(tmp_path):
-    kind, source = ROBOTS["delta"]
-    deep = "<visual>" * 50_000 + "</visual>" * 50_000
-    path = tmp_path / "delta.urdf"
-    path.write_text(source.read_text().replace("<inertial>", deep + "<inertial>", 1))
-    cuts = source.with_suffix(".yaml")
-    assert kind.from_urdf(path, cuts).mobility().degrees_of_freedom == 3
 
 
 CUTS = "closed_loop: [[a, b]]\ntype: [6d]\nname_mot: [c]\n"
@@ -349,11 +292,3 @@ def test_a_file_that_is_no_text_is_named(tmp_path, content):
     for kind, _ in ROBOTS.values():
         with pytest.raises(sst_pin.DescriptionError, match=r"robot\.urdf:\s+the URDF cannot be"):
             kind.from_urdf(path)
-
-
-def test_a_robot_read_by_a_subclass_is_of_it(tmp_path):
-    class Own(sst_pin.ClosedChain):
-        pass
-
-    assert type(Own.from_urdf(EXAMPLES / "delta.urdf")) is Own
-    assert type(Own.from_mjcf(sst_pin.MJCF_PATH)) is Own

@@ -17,7 +17,6 @@ NUMBERS = (
     "true", "None", "9" * 400, "0." + "0" * 400 + "1", "pi", "1/2", "1e308", "4.9e-324", "\u22121",
 )  # fmt: skip
 _CHARACTERS = "<>\"'=/&;[]{}:,.-#!*|\n\t 09aeEnN\0\u00e9\ufeff"
-_COLUMNS = ("t", "time", "qw", "x", "theta", "t_s")
 _WORDS = ("", "x", "crank", "rocker", "end", "pivot", "revolute", "prismatic", "fixed", "0")
 
 
@@ -39,21 +38,21 @@ def broken_text(draw: st.DrawFn, text: str) -> str:
 
 
 @st.composite
-def changed_xml(draw: st.DrawFn, text: str, extra: tuple[tuple[str, str, str], ...] = ()) -> str:
+def changed_xml(draw: st.DrawFn, text: str) -> str:
     """One to three changes of elements or attributes, or of the text itself."""
     if draw(st.integers(0, 9)) == 0:
         return draw(broken_text(text))
     root = ET.fromstring(text)
     for _ in range(draw(st.integers(1, 3))):
-        _change(draw, root, extra)
+        _change(draw, root)
     return ET.tostring(root, encoding="unicode")
 
 
-def _change(draw: st.DrawFn, root: ET.Element, extra: tuple[tuple[str, str, str], ...]) -> None:
+def _change(draw: st.DrawFn, root: ET.Element) -> None:
     elements = list(root.iter())
     element = draw(st.sampled_from(elements))
     ways = ["number", "number", "number", "word", "remove", "double", "move", "rename", "key"]
-    way = draw(st.sampled_from([*ways, "extra", "extra"] if extra else ways))
+    way = draw(st.sampled_from(ways))
     numeric = [
         (e, key)
         for e in elements
@@ -64,12 +63,6 @@ def _change(draw: st.DrawFn, root: ET.Element, extra: tuple[tuple[str, str, str]
     if way == "number" and numeric:
         e, key = draw(st.sampled_from(numeric))
         e.set(key, draw(st.sampled_from(NUMBERS) | st.floats(-5, 5).map(repr)))
-    elif way == "extra":
-        tag, key, value = draw(st.sampled_from(extra))
-        for e in elements:
-            if e.tag == tag:
-                e.set(key, value)
-                break
     elif element.attrib and way in ("word", "key"):
         key = draw(st.sampled_from(sorted(element.attrib)))
         if way == "word":
@@ -124,32 +117,3 @@ def changed_yaml(draw: st.DrawFn, text: str) -> str:
             else:
                 content[key][i] = draw(st.sampled_from(_VALUES) | st.floats(-9, 9))
     return yaml.safe_dump(content)
-
-
-@st.composite
-def changed_csv(draw: st.DrawFn, text: str) -> str:
-    """One to three cells changed, lines doubled or left out, or the text broken."""
-    if draw(st.integers(0, 4)) == 0:
-        return draw(broken_text(text))
-    rows = [line.split(",") for line in text.splitlines()]
-    for _ in range(draw(st.integers(1, 3))):
-        i = draw(st.integers(0, len(rows) - 1))
-        j = draw(st.integers(0, max(len(rows[i]) - 1, 0)))
-        ways = ("cell", "cell", "cell", "row", "no row", "swap", "short", "name")
-        way = draw(st.sampled_from(ways))
-        if not rows[i]:
-            continue
-        if way == "cell":
-            rows[i][j] = draw(st.sampled_from(NUMBERS) | st.floats(-2, 2).map(repr))
-        elif way == "row":
-            rows.insert(i, list(rows[i]))
-        elif way == "no row" and len(rows) > 1:
-            del rows[i]
-        elif way == "swap":
-            k = draw(st.integers(0, len(rows) - 1))
-            rows[i], rows[k] = rows[k], rows[i]
-        elif way == "short":
-            del rows[i][j]
-        elif way == "name":
-            rows[0][j % len(rows[0])] = draw(st.sampled_from(_COLUMNS))
-    return "\n".join(map(",".join, rows)) + "\n"

@@ -8,7 +8,6 @@ import re
 import xml.etree.ElementTree as ET
 from typing import Any
 
-import mujoco
 import numpy as np
 import pinocchio as pin
 import yaml
@@ -147,45 +146,3 @@ def torques_of(
     closures = [sst_pin.Closure(a, b, kind.lower()) for (a, b), kind in pairs]
     own = sst_pin.ClosedChain(model, closures, motors)
     return LagrangeMultipliers(own).torques(q[order], va, aa)
-
-
-def torques_by_mujoco(
-    xml: str, chain: sst_pin.ClosedChain, q: np.ndarray, va: np.ndarray, aa: np.ndarray
-) -> np.ndarray:
-    """Torques of an MJCF of hinges and slides: its inverse dynamics and multipliers."""
-    model = mujoco.MjModel.from_xml_string(xml)
-    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    bodies = model.jnt_bodyid.tolist()  # a joint without a name is called like its body
-    names = [model.joint(j).name or model.body(b).name for j, b in enumerate(bodies)]
-    order = [chain.joint_names.index(name) for name in names]
-    if model.nv != len(order):
-        raise UnreadableError("joints of several coordinates")
-    q = q[order]
-    Phi = _equality_jacobian(model, q)
-    motors = np.eye(model.nv)[[names.index(chain.joint_names[i]) for i in chain.actuated]]
-    system = np.vstack([Phi, motors])
-
-    def solved(right: np.ndarray) -> np.ndarray:
-        return np.linalg.lstsq(system, right, rcond=1e-10)[0]
-
-    q_dot = solved(np.concatenate([np.zeros(len(Phi)), va]))
-    h = 1e-5
-    ahead, behind = (_equality_jacobian(model, q + s * q_dot) for s in (h, -h))
-    q_ddot = solved(np.concatenate([(behind - ahead) / (2 * h) @ q_dot, aa]))
-    friction = model.dof_frictionloss * np.sign(q_dot)
-    if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS:
-        friction = 0 * friction
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    data = mujoco.MjData(model)
-    data.qpos, data.qvel, data.qacc = q, q_dot, q_ddot
-    mujoco.mj_inverse(model, data)
-    need = data.qfrc_inverse + friction
-    return np.linalg.lstsq(system.T, need, rcond=1e-10)[0][-len(va) :]
-
-
-def _equality_jacobian(model: mujoco.MjModel, q: np.ndarray) -> np.ndarray:
-    data = mujoco.MjData(model)
-    data.qpos = q
-    mujoco.mj_forward(model, data)
-    rows = data.efc_J.reshape(-1, model.nv)[: data.nefc]
-    return rows[np.asarray(data.efc_type) == mujoco.mjtConstraint.mjCNSTR_EQUALITY].copy()
