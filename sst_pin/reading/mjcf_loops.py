@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Closures, motors and lines of an MJCF.
 
-Equalities are points, welds, and couplings of joints and fixed tendons; actuators are motors;
-spatial tendons are forces along lines.
+Equalities are points, welds, couplings of joints and fixed tendons, and rods, which are spatial
+tendons of constant length; actuators are motors; spatial tendons are forces along lines.
 """
 
 from collections.abc import Iterator, Sequence
@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from ..arrays import Array
 from ..loops.draft import Motor, tendon_of
-from ..model.closures import Closure, Constraint, Coupling
+from ..model.closures import Closure, Constraint, Coupling, Distance
 from ..model.lines import LineForce
 from .described import naming
 from .mjcf_compiled import HINGE, SLIDE, Compiled, pose_of
@@ -29,7 +29,9 @@ def closures_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Constraint]:
     for i in map(int, np.flatnonzero(mj.eq_active0)):
         name, kind = compiled.name("equality", i), kinds(mj.eq_type[i])
         ends, data = (int(mj.eq_obj1id[i]), int(mj.eq_obj2id[i])), mj.eq_data[i]
-        if kind in (kinds.mjEQ_JOINT, kinds.mjEQ_TENDON):
+        if kind == kinds.mjEQ_TENDON and ends[1] < 0 and compiled.is_spatial(ends[0]):
+            yield from _rod(compiled, name, ends[0], float(data[0]))
+        elif kind in (kinds.mjEQ_JOINT, kinds.mjEQ_TENDON):
             first, second = (_length(compiled, kind == kinds.mjEQ_TENDON, end) for end in ends)
             yield from _coupling(compiled, name, first, second, data[:5])
         elif kind not in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
@@ -48,6 +50,16 @@ def closures_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Constraint]:
                 for frame, body, place in zip(names, ends, places, strict=True):
                     tree.add_frame(frame, body, place)
             yield Closure(*names, "3d" if turns else "6d")
+
+
+def _rod(compiled: Compiled, name: str, tendon: int, longer: float) -> Iterator[Distance]:
+    """A spatial tendon that keeps the length it has at the reference, and a constant."""
+    if problem := _no_line(compiled, tendon):
+        compiled.problems.append(f"{name}: {problem}")
+        return
+    a, b = (compiled.name("site", k) for k in compiled.mj.wrap_objid[compiled.wraps(tendon)])
+    with naming(compiled.source):
+        yield Distance(a, b, float(compiled.mj.tendon_length0[tendon]) + longer)
 
 
 class _Length(NamedTuple):
