@@ -74,6 +74,7 @@ _INSTEAD = {
     "jacobian": "frame_jacobian(q, frame)",
     "forward_kinematics": "frame_placement(q, frame)",
     "inverse_kinematics": "frame_configuration(frame, position, rotation)",
+    "to_mjcf": "sst_pin.write_mjcf(chain, path)",
 }
 _Chain = TypeVar("_Chain", bound="ClosedChain")
 

@@ -16,10 +16,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Array, finite_array, in_one_turn, of_samples, single_array
 from ..closed_chain import ClosedChain
-from ..description.folder import URDF_PATH, YAML_PATH, yaml_of
+from ..description.folder import URDF_PATH, YAML_PATH
 from ..description.frames import MOTOR_NAMES
 from ..description.parameters import Parameters
-from ..description.urdf_writer import urdf_of
+from ..description.urdf_writer import urdf_of, yaml_of
 from ..dynamics.quantities import Quantity
 from ..engine import Engine
 from ..errors import DescriptionError, InputError, SingularConfigurationError, WorkspaceError

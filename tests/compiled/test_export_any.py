@@ -14,8 +14,7 @@ from sst_pin import ClosedChain, robots
 from sst_pin.cli import main
 from sst_pin.compiled import compiler
 from sst_pin.compiled.export import c_files
-from sst_pin.description.folder import yaml_of
-from sst_pin.description.urdf_writer import urdf_of
+from sst_pin.description.urdf_writer import urdf_of, yaml_of
 from sst_pin.files import write_files
 from tests.gallery import EVERY_ROBOT
 from tests.support import any_chain

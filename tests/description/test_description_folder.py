@@ -8,6 +8,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 import yaml
 
@@ -109,6 +110,10 @@ def test_all_files_name_the_same_things(folder):
         assert key.split() == values
 
 
+def floats(element, key):
+    return [float(x) for x in element.get(key, "").split()]
+
+
 def test_urdf_and_mjcf_carry_the_same_bodies(folder):
     urdf, mjcf = xml(folder, "sst.urdf"), xml(folder, "sst.xml")
     for body in mjcf.iterfind(".//body[inertial]"):
@@ -116,14 +121,19 @@ def test_urdf_and_mjcf_carry_the_same_bodies(folder):
         inertial, inertia = body.find("inertial"), given.find("inertia")
         assert inertial.get("mass") == given.find("mass").get("value")
         assert inertial.get("pos") == given.find("origin").get("xyz")
-        entries = [inertia.get(f"i{axes}") for axes in ("xx", "yy", "zz", "xy", "xz", "yz")]
-        assert inertial.get("fullinertia").split() == entries
+        entries = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+        xx, yy, zz, xy, xz, yz = (float(inertia.get(entry)) for entry in entries)
+        quaternion = floats(inertial, "quat") or [1.0, 0, 0, 0]
+        R = pin.Quaternion(*quaternion).matrix()
+        full = R @ np.diag(floats(inertial, "diaginertia")) @ R.T
+        wanted = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        assert full == pytest.approx(wanted, rel=0, abs=1e-13 * np.abs(wanted).max())  # 14 digits
         joint = body.find("joint")
         given = urdf.find(f"joint[@name='{joint.get('name')}']")
-        assert joint.get("axis") == given.find("axis").get("xyz")
-        assert joint.get("damping") == given.find("dynamics").get("damping")
-        assert joint.get("frictionloss") == given.find("dynamics").get("friction")
-        limits = mjcf.find("default/joint").get("range").split()
+        assert floats(joint, "axis") == floats(given.find("axis"), "xyz")
+        for ours, theirs in (("damping", "damping"), ("frictionloss", "friction")):
+            assert joint.get(ours, "0.0") == given.find("dynamics").get(theirs)
+        limits = joint.get("range").split()
         assert limits == [given.find("limit").get(end) for end in ("lower", "upper")]
     gravity = [float(x) for x in mjcf.find("option").get("gravity").split()]
     assert gravity == yaml.safe_load((folder / "sst.yaml").read_text())["gravity"]

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 import sst_pin
 from sst_pin.description.frames import JOINT_NAMES
-from sst_pin.description.mjcf_writer import mjcf_of
+from sst_pin.description.sst_mjcf import mjcf_of
 from sst_pin.sst.paper import PERIOD, example_1
 from sst_pin.sst.robot_wrapper import configurations_of
 from tests.support.sampling import random_parameters, random_state

@@ -12,9 +12,8 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
-from sst_pin.description.folder import yaml_of
-from sst_pin.description.mjcf_writer import mjcf_of
-from sst_pin.description.urdf_writer import urdf_of
+from sst_pin.description.sst_mjcf import mjcf_of
+from sst_pin.description.urdf_writer import urdf_of, yaml_of
 from sst_pin.dynamics.dynamics import Friction
 from sst_pin.sst.robot_wrapper import configurations_of
 from sst_pin.sst.topology import geometry_of, parameters_of
@@ -84,9 +83,9 @@ def test_parameters_survive_the_way_through_mjcf(p, tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('<weld name="closedloop2"', '<weld name="closedloop2" active="false"', "equalities"),
+        ('site2="closedloop2_B"', 'site2="closedloop2_B" active="false"', "equalities"),
         ('<motor name="gamma_3" joint="gamma_3"', '<motor name="gamma_3" joint="mu_3"', "mu_3"),
-        ('name="beta_2" axis="0 0 1"', 'name="beta_2" axis="0 1 0"', "beta_2"),
+        ('name="beta_2" type="hinge" axis="0', 'name="beta_2" type="hinge" axis="9', "beta_2"),
     ],
 )
 def test_an_mjcf_that_is_no_sst_is_refused_by_name(old, new, words, tmp_path):

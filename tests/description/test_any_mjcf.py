@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Any chain as MJCF: read back it is the same robot, and MuJoCo moves it as we do."""
+
+from functools import partial
+
+import coal
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import sst_pin
+from sst_pin import Coupling, LineForce
+from sst_pin.description.mjcf_writer import MjcfWriter
+from tests.support import any_chain
+from tests.support.by_hand import add, at, mark
+from tests.support.named_robots import robot_named
+from tests.support.planar_bars import planar
+
+
+def smooth(kind):
+    """A body on a ball or in space, without friction and rotors, which MuJoCo has not for it."""
+    chain = any_chain.with_joint(kind)
+    model = chain.model
+    model.armature[:6] = model.damping[:6] = model.friction[:6] = 0
+    names = [f"arm_{k}" for k in range(1, 7)]
+    actuated = names if kind == "free-flyer" else names[:3]
+    return sst_pin.ClosedChain(model, chain.closures, actuated, coordinates=["body"])
+
+
+def geared():
+    """Three joints in a row: one motor by a belt on two of them, and a spring in the third."""
+    links = [("a", "universe", 0.0, 1.0), ("b", "a", 1.0, 1.0), ("c", "b", 1.0, 1.0)]
+    model = planar(links)
+    model.armature = np.array([0.1, 0.2, 0.3])
+    model.lowerPositionLimit, model.upperPositionLimit = -np.ones(3), 2 * np.ones(3)
+    motors = ["a", {"a": -0.5, "b": 2.0}, "c"]
+    springs = {"stiffness": [0, 0, 3.0], "spring_reference": [0, 0, 0.4]}
+    return sst_pin.ClosedChain(model, [], motors, **springs)
+
+
+SUM = Coupling("arm_2", {"arm_1": (0.1, -0.5), "body": (0.0, 0.3, 0.2)}, 0.05)
+ROBOTS = {name: partial(robot_named, name) for name in ("five_bar", "delta", "knee", "sst")}
+ROBOTS |= {name: partial(robot_named, name) for name in ("rods", "line", "continuous")}
+ROBOTS |= {name: partial(robot_named, name) for name in ("translation", "composite")}
+ROBOTS |= {"ball": partial(smooth, "spherical"), "in space": partial(smooth, "free-flyer")}
+ROBOTS |= {"geared": geared, "sprung": partial(any_chain.sprung, "RY")}
+ROBOTS |= {"hinge": partial(any_chain.chain, kind="hinge")}
+ROBOTS |= {"coupled": partial(any_chain.chain, kind="3d", more=[SUM])}
+
+
+def read_back(chain, path):
+    """The robot from its file, in the same coordinates, and its q for a q of the first one."""
+    sst_pin.write_mjcf(chain, path)
+    joints, rates = MjcfWriter(chain.mechanism).joints, chain.mechanism.coordinate_rate_names
+    known = {joint.name for joint in joints}
+    coordinates = rates if known.issuperset(rates) else chain.coordinates
+
+    def q_there(q):
+        """MuJoCo's coordinates, but quaternions have their scalar last."""
+        entries = [(joint.kind in ("ball", "free"), joint.qpos(q)) for joint in joints]
+        return np.concatenate(
+            [np.append(x[:-4], np.roll(x[-4:], -1)) if k else x for k, x in entries]
+        )
+
+    return sst_pin.ClosedChain.from_mjcf(path).with_coordinates(coordinates), q_there
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_a_robot_read_back_is_the_same(name, tmp_path):
+    """Forces, and what motors do, to 1e-12 of the largest, at random closed states."""
+    chain = ROBOTS[name]()
+    again, q_there = read_back(chain, tmp_path / "robot.xml")
+    shapes, shapes_there = (x.visual_model.geometryObjects for x in (chain, again))
+    assert (again.motor_names, len(shapes_there)) == (chain.motor_names, len(shapes))
+    random, start = np.random.default_rng(0), chain.generic_configuration()
+    for _ in range(3):
+        way = 0.1 * random.normal(size=chain.mechanism.model.nv)
+        q = chain.assemble(pin.integrate(chain.mechanism.model, start, way), fixed=())
+        va, aa = random.normal(size=(2, chain.degrees_of_freedom))
+        forces = chain.generalized_forces(q, va, aa)
+        forces_there = again.generalized_forces(q_there(q), va, aa)
+        assert np.abs(forces_there - forces).max() < 1e-12 * np.abs(forces).max()
+        J = chain.actuator_jacobian(q)
+        assert np.abs(again.actuator_jacobian(q_there(q)) - J).max() < 1e-12 * np.abs(J).max()
+    if "home" in chain.model.referenceConfigurations:
+        assert np.abs(again.home - q_there(chain.home)).max() < 1e-14
+
+
+def test_limits_efforts_and_points_come_over(tmp_path):
+    chain = geared()
+    chain.model.upperEffortLimit = np.array([5.0, 0, 7])
+    chain = chain.with_model(chain.model)
+    sst_pin.write_mjcf(chain, tmp_path / "robot.xml")
+    mj = mujoco.MjModel.from_xml_path(str(tmp_path / "robot.xml"))
+    assert mj.jnt_range.tolist() == [[-1, 2]] * 3
+    assert mj.actuator_ctrlrange.tolist() == [[-5, 5], [0, 0], [-7, 7]]
+    assert {mj.site(k).name for k in range(mj.nsite)} == {"a_end", "b_end", "c_end"}
+    assert sst_pin.ClosedChain.from_mjcf(tmp_path / "robot.xml").motor_names == chain.motor_names
+
+
+@pytest.mark.parametrize("name", ["five_bar", "rods", "delta"])
+def test_mujoco_simulates_the_file(name, tmp_path):
+    """From home at rest under constant torques, for 0.05 s, as far as equalities give way.
+
+    They leave 1e-4 of the accelerations of the open tree, 1e3 rad/s^2 at most here, for their time
+    constant of 1e-3 s: 1e-7 rad, which the loops may enlarge by their condition numbers of ten.
+    """
+    chain = ROBOTS[name]()
+    model, none = chain.model, np.zeros(chain.model.nv)
+    model.referenceConfigurations["home"] = chain.generic_configuration()
+    chain = sst_pin.ClosedChain(model, chain.closures, chain.motor_names, coulomb_friction=none)
+    sst_pin.write_mjcf(chain, tmp_path / "robot.xml")
+    mj = mujoco.MjModel.from_xml_path(str(tmp_path / "robot.xml"))
+    mj.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    data, rest = mujoco.MjData(mj), np.zeros(chain.degrees_of_freedom)
+    mujoco.mj_resetDataKeyframe(mj, data, mj.key("home").id)
+    data.ctrl[:] = tau = np.full(len(chain.motor_names), 0.1)
+    mujoco.mj_forward(mj, data)
+    assert np.abs(data.efc_pos[: data.ne]).max() < 1e-12
+    mujoco.mj_step(mj, data, 100)
+    ours = chain.simulate(lambda *_: tau, chain.home, rest, [0, 0.05]).q
+    there = MjcfWriter(chain.mechanism).qpos(ours[-1])
+    assert np.abs(ours[-1] - ours[0]).max() > 0.01
+    assert np.abs(data.qpos - there).max() < 1e-6
+
+
+UNKNOWN = {
+    "no rolling": partial(any_chain.rolling, False),  # beside the joint that bears the plane
+    "no joint Planar": partial(any_chain.with_joint, "planar"),
+    "no joint HelicalUnaligned": partial(any_chain.with_joint, "helical"),
+    "no closure cylindrical": partial(any_chain.chain, kind="cylindrical"),
+    "no damping of single rates of a ball": partial(any_chain.with_joint, "spherical"),
+    "more than hinges and slides": partial(any_chain.with_joint, "free-flyer"),
+    "no constant force": partial(
+        any_chain.chain, forces=[LineForce("point_arm_2", "point_arm_5", preload=3)]
+    ),
+    "polynomials of one joint": partial(
+        any_chain.chain, more=[Coupling("arm_2", {"arm_1": (0, 1, 1), "body": (0, 1, 1)})]
+    ),
+}
+
+
+@pytest.mark.parametrize("words", UNKNOWN)
+def test_what_mjcf_cannot_say_is_named(words, tmp_path):
+    with pytest.raises(sst_pin.DescriptionError, match=words):
+        sst_pin.write_mjcf(UNKNOWN[words](), tmp_path / "robot.xml")
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_is_written_otherwise_is_told(tmp_path):
+    """A body without mass, such as the cross of a joint, and a shape that MuJoCo has not."""
+    model, body = pin.Model(), pin.Inertia.FromSphere(1.0, 0.1)
+    cross = add(model, 0, pin.JointModelRX(), "cross", at(), pin.Inertia.Zero())
+    add(model, cross, pin.JointModelRY(), "arm", at(0.1, 0.0), body)
+    mark(model, 2, "hand", at(0.0, 0.2))
+    chain = sst_pin.ClosedChain(model, [], ["cross", "arm"])
+    chain.visual_model = pin.GeometryModel()
+    cone = pin.GeometryObject("cone", 2, at(), coal.Cone(0.1, 0.2))
+    chain.visual_model.addGeometryObject(cone)
+    with pytest.warns(sst_pin.DescriptionWarning) as caught:
+        again, _ = read_back(chain, tmp_path / "robot.xml")
+    told = [str(warning.message) for warning in caught]
+    assert ["body cross: MuJoCo needs mass" in told[0], "shape cone" in told[1], len(told)] == [
+        1,
+        1,
+        2,
+    ]
+    state = [0.3, 0.4], [1.0, 2.0], [3.0, 4.0]
+    off = again.compute_torques(*state) - chain.compute_torques(*state)
+    assert np.abs(off).max() < 1e-10  # 1e-12 kg weigh 1e-11 N
