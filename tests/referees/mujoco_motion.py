@@ -42,7 +42,7 @@ def welded_motion(
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     q, va, _ = robot.joint_motion(R, omega, np.zeros(3))
     tree.move(q, robot.joint_rates(q, va))
-    motors = [model.joint(f"{name} 0").dofadr[0] for name in robot.motor_names]
+    motors = [model.joint(name).dofadr[0] for name in robot.motor_names]
 
     def control(_: Any, state: Any) -> None:  # called at each stage of a step
         state.qfrc_applied[motors] = torque(state.time)
