@@ -24,6 +24,8 @@ from .urdf_writer import numbers
 
 #: Runge-Kutta: on the paper's circle its error is 1e-5 rad where Euler's is 1e-2.
 _OPTION = {"timestep": "0.0005", "integrator": "RK4"}
+#: From so many rates on MuJoCo takes sparse Jacobians, which 4.0.0 factorises wrongly.
+_SPARSE = 60
 #: Critically damped with a time constant of two steps; MuJoCo lengthens it with a longer step.
 _EQUALITY = {"solref": "0.001 1", "solimp": "0.9999 0.9999 0.001"}
 #: The least that MuJoCo compiles, [kg], [kg m^2].
@@ -94,7 +96,9 @@ class MjcfWriter:
         self._mechanism, model = mechanism, mechanism.model
         self.root = ET.Element("mujoco", model=model.name)
         SubElement(self.root, "compiler", angle="radian", autolimits="true")
-        SubElement(self.root, "option", _OPTION, gravity=numbers(model.gravity.linear))
+        dense = {"jacobian": "dense"} if model.nv >= _SPARSE else {}
+        gravity = numbers(model.gravity.linear)
+        SubElement(self.root, "option", _OPTION | dense, gravity=gravity)
         SubElement(SubElement(self.root, "default"), "equality", _EQUALITY)
         self._world = base = SubElement(self.root, "worldbody")
         for frame in model.frames:
