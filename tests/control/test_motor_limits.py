@@ -105,23 +105,6 @@ def test_cables_hold_a_platform_where_a_linear_programme_finds_tensions():
     assert np.array_equal(within.all(axis=-1), holds)
 
 
-def test_a_fourth_leg_holds_what_the_least_torques_do_not():
-    """Motors of 0.08 N m against 0.5 N and 0.1 N m."""
-    chain, load = robots.planar_4rrr(), np.array([0.5, 0, 0, 0, 0, 0.1])
-    side, limits = np.linspace(-0.1, 0.1, 7), [[-0.08, 0.08]] * 4
-    found = sst_pin.reach_map(
-        chain, "platform", 0.08, x=side, y=side, yaw=0.0, wrench=np.roll(load, 3)
-    )
-    wanted = judged_by_programmes(chain, found, limits, load)
-    assert found.used[found.reached] == pytest.approx(wanted[found.reached], abs=1e-9)
-    A = chain.actuator_jacobian(found.q[found.reached])
-    least = np.einsum(
-        "imn,in->im", np.linalg.pinv(A.mT), np.einsum("imn,im->in", A, found.torque[found.reached])
-    )
-    helped = (np.abs(least).max(axis=1) > 0.08) & (found.used[found.reached] <= 1)
-    assert helped.any()
-
-
 @pytest.mark.parametrize("name", ["four legs", "six motors", "cables"])
 def test_the_corners_of_the_forces_are_where_a_linear_programme_ends(name):
     """The largest force in each direction, with any torques within the limits."""
@@ -142,17 +125,6 @@ def test_the_corners_of_the_forces_are_where_a_linear_programme_ends(name):
             bounds=[*map(tuple, limits), *free],
         )
         assert (corners @ direction).max() == pytest.approx(-found.fun, rel=1e-7)
-
-
-def test_squares_over_unlike_limits_sum_up_to_one_on_the_ellipsoid():
-    """The least such sum for a force on the surface, by another least-squares solution."""
-    chain, sizes = robots.planar_4rrr(), np.array([1.0, 2.0, 3.0, 4.0])
-    q = any_chain.states(chain, 1, 3)[0][0]
-    found = sst_pin.force_ellipsoid(chain, q, "platform", sizes)
-    A, J = chain.actuator_jacobian(q).T, chain.frame_jacobian(q, "platform")[:3]
-    for size, axis in zip(found.sizes[1:], found.axes[1:], strict=True):
-        parts = np.linalg.lstsq(A * sizes, J.T @ (size * axis))[0]
-        assert np.sum(parts**2) == pytest.approx(1, rel=1e-9)
 
 
 def test_surplus_motors_speed_a_cart_up_with_all_they_have():
@@ -192,17 +164,3 @@ def test_a_controller_takes_from_one_motor_what_the_other_cannot_give(wanted, ta
     for make, gain in ((sst_pin.ComputedTorque, wanted / 2), (sst_pin.GravityPD, wanted)):
         control = make(chain, motion, kp=gain, kd=0, limits=[12.0, 10.0])
         assert control.torque(0.0, np.array([-1.0]), np.zeros(1)) == pytest.approx(tau)
-
-
-def test_controllers_keep_cables_tight():
-    """Along a circle, on the exact model: tensions within their bounds, errors of rounding."""
-    robot, t = cables.cable_robot(), np.linspace(0, 1, 101)
-    circle = 0.1 * np.stack([0 * t, np.cos(6 * t), np.sin(6 * t)], axis=-1)
-    motion = sst_pin.coordinate_motion(
-        robot, t, circle[:, [("tilt", "x", "z").index(n) for n in robot.coordinates]]
-    )
-    control = sst_pin.ComputedTorque(robot, motion, kp=400, kd=40, limits=cables.TENSIONS)
-    run = robot.simulate(control.torque, motion.q[0], motion.va[0], t, rtol=1e-9)
-    assert np.abs(run.q - motion.q).max() < 1e-6
-    low, high = np.transpose(cables.TENSIONS)
-    assert ((low <= run.tau) & (run.tau <= high)).all()

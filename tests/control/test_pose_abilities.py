@@ -108,26 +108,6 @@ def test_a_five_bar_bears_what_leaves_its_plane():
     assert np.abs(sst_pin.force_polytope(lift, q, FRAME, limit)[:, 2]).max() < 1e-9
 
 
-def test_the_middle_of_a_star_stays_where_it_is(robot):
-    """No force on it takes a torque, no torque accelerates it."""
-    assert np.isinf(sst_pin.force_ellipsoid(robot, robot.home, "star_1", 1.0).sizes).all()
-    assert sst_pin.acceleration_ellipsoid(robot, robot.home, "star_1", 1.0).sizes.max() == 0
-    assert sst_pin.acceleration_polytope(robot, robot.home, "star_1", 1.0).shape == (1, 3)
-    with pytest.raises(sst_pin.InputError, match="star_1 cannot move so"):
-        sst_pin.force_polytope(robot, robot.home, "star_1", 30.0)
-
-
-def test_one_motor_pushes_between_two_ends():
-    bar = sst_pin.robots.four_bar()
-    ends = sst_pin.force_polytope(bar, bar.home, FRAME, [[-1.0, 3.0]])
-    assert ends.shape == (2, 3)
-    rest = np.zeros(1)
-    loads = np.array([wrenches_of(bar, bar.home, -f) for f in ends])
-    torques = bar.compute_torques([bar.home] * 2, rest, rest, external_wrenches=loads)
-    assert np.sort(np.ravel(torques)) == pytest.approx([-1, 3])
-    assert sst_pin.acceleration_polytope(bar, bar.home, FRAME, 1.0).shape == (2, 3)
-
-
 def test_a_batch_is_its_samples():
     chain = sst_pin.robots.delta()
     q = np.array([chain.assemble(chain.home + 0.05 * k) for k in range(4)]).reshape(2, 2, -1)
@@ -151,13 +131,3 @@ def test_forces_that_move_what_no_motor_holds_are_refused(turning):
     poor.refresh()
     with pytest.raises(sst_pin.ActuationError, match="no motor holds"):
         sst_pin.force_polytope(poor, poor.home, FRAME, 1.0, turning=turning)
-
-
-def test_forces_that_one_motor_of_two_bears_are_found():
-    """Forces on the first crank turn the first motor alone, whether or not there is a second."""
-    lift = sst_pin.robots.five_bar()
-    crank = pin.Frame("crank", 1, pin.SE3.Identity(), pin.FrameType.OP_FRAME)
-    lift.model.addFrame(crank)
-    poor = sst_pin.ClosedChain(lift.model, lift.closures, lift.motor_names[:1])
-    sizes = sst_pin.force_ellipsoid(poor, lift.home, "crank", 2.0, turning=True).sizes
-    assert sizes == pytest.approx([np.inf, np.inf, 2.0])

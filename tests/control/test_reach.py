@@ -79,26 +79,6 @@ def test_the_condition_number_is_that_of_the_jacobian_by_hand(mapped):
     assert np.isnan(found.condition[~found.reached]).all()
 
 
-def test_the_coordinates_do_not_count(mapped):
-    lift, found, _ = mapped
-    other = lift.with_coordinates(["elbow_1", "elbow_2"])
-    corner = {"x": found.values[0][4:13:2], "y": found.values[1][8::2]}
-    maps = [sst_pin.reach_map(chain, "platform", 2.0, **corner) for chain in (lift, other)]
-    assert (maps[0].why == maps[1].why).all()
-    assert 0 < maps[0].reached.sum() < 25
-    assert np.allclose(maps[0].condition, maps[1].condition, rtol=1e-6, equal_nan=True)
-
-
-def test_dead_points_of_the_coordinates_are_poses_like_others():
-    """On the line of the motors the elbows come to rest while the platform moves."""
-    lift = sst_pin.robots.five_bar(span=0.2, proximal=0.3, distal=0.35)
-    other = lift.with_coordinates(["elbow_1", "elbow_2"])
-    grid = {"x": [-0.45, 0.0, 0.45], "y": [0.0, 0.1, 0.2, 0.3, 0.4]}
-    found, same = (sst_pin.reach_map(chain, "platform", 2.0, **grid) for chain in (lift, other))
-    assert found.reached[:, 0].any()
-    assert np.allclose(found.torque, same.torque, rtol=1e-9, equal_nan=True)
-
-
 def arm(low=-np.inf):
     model = planar([("hinge_0", "universe", 0.0, 1.0), ("hinge_1", "hinge_0", 1.0, 0.6)])
     model.lowerPositionLimit = np.array([-np.inf, low])
@@ -189,22 +169,6 @@ def test_the_star_points_where_its_arcs_allow(robot, psi):
     assert (found.why == LIMITS).any()
     if psi == 0:
         assert np.array_equal(found.reached, (R[..., 0] > 0).all(axis=-1))
-
-
-def test_an_ankle_holds_the_ground_as_its_serial_view_says():
-    """From an upright start roll and pitch are its joints; the moment goes through J^-T."""
-    view = sst_pin.SerialView(sst_pin.robots.ankle(), ["ankle_pitch", "ankle_roll"])
-    angles, moment = np.linspace(-0.4, 0.4, 3), np.array([3.0, 40.0, 0, 0, 0, 0])
-    start = view.from_joints([0, 0])
-    given = {"roll": angles, "pitch": angles, "start": start}
-    found = sst_pin.reach_map(view.chain, "platform", wrench=moment, **given)
-    for i, j in np.ndindex(3, 3):
-        q = view.from_joints([angles[j], angles[i]])
-        assert np.abs(found.q[i, j] - q).max() < 1e-9
-        weight = view.chain.compute_torques(q, [0, 0], [0, 0])
-        about_roll = moment[0] * np.cos(angles[j])  # the axis of roll turns with the pitch
-        tau = weight - view.motor_torques(q, [moment[1], about_roll])
-        assert found.torque[i, j] == pytest.approx(tau, abs=1e-9)
 
 
 def test_a_file_has_a_row_for_each_pose(robot, tmp_path):

@@ -166,22 +166,6 @@ def test_inertia_is_that_of_the_serial_tree_and_of_what_it_lacks(leg):
     assert np.linalg.eigvalsh(added).min() > -1e-12
 
 
-def test_reflected_rotors_are_the_gear_ratio_squared():
-    """A rotor of 1 kg m^2 at the knee's crank, beside one without."""
-    knee, rates = robots.knee(), []
-    for rotor in (0.0, 1.0):
-        model = pin.Model(knee.model)
-        armature = np.zeros(3)
-        armature[knee.actuated] = rotor
-        model.armature = armature
-        chain = sst_pin.ClosedChain(model, knee.closures, ["motor_knee"])
-        view = sst_pin.SerialView(chain, ["knee"])
-        q = view.from_joints([1.3])
-        rates.append(view.reflected_inertia(q)[0, 0])
-    ratio = view.actuator_jacobian(q)[0, 0]
-    assert rates[1] - rates[0] == pytest.approx(ratio**2, abs=1e-13)
-
-
 def test_damping_takes_the_power_of_friction(leg):
     random = np.random.default_rng(3)
     q = leg.from_joints(leg.joint_positions(leg.chain.home) + random.uniform(-0.1, 0.1, (5, 4)))
@@ -245,20 +229,6 @@ def test_the_torque_polygon_is_what_the_motors_can_give(view):
         assert (inside @ direction).max() <= reach + 1e-12
         J = view.actuator_jacobian(q)
         assert reach == pytest.approx(np.abs(J @ direction) @ limits)  # its support function
-
-
-def test_polygons_of_a_batch_are_those_of_its_samples():
-    """One after the other from the same corner: they change continuously along a motion."""
-    ankle = sst_pin.SerialView(robots.ankle(), ["ankle_pitch", "ankle_roll"])
-    x = np.linspace(0, 1, 12)[:, None] * (0.4, -0.2)
-    q = ankle.from_joints(x).reshape(3, 4, -1)
-    corners = ankle.torque_polygon(q, [20.0, 30.0])
-    assert corners.shape == (3, 4, 4, 2)
-    for i, k in np.ndindex(3, 4):
-        assert_allclose(corners[i, k], ankle.torque_polygon(q[i, k], [20.0, 30.0]), atol=1e-12)
-    path = corners.reshape(12, 4, 2)
-    assert np.abs(np.diff(path, axis=0)).max() < 0.2 * np.abs(path).max()
-    assert ankle.torque_polygon(q[:0], [20.0, 30.0]).shape[0] == 0
 
 
 def test_limits_come_from_the_model():

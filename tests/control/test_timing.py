@@ -70,15 +70,6 @@ def test_viscous_friction_slows_a_cart_as_its_equation_says():
     assert motion.t[-1] == pytest.approx(duration, rel=CLOSE)
 
 
-def test_a_cart_creeps_where_weight_and_friction_leave_little():
-    """It gets to v = (F - m g - F_c) / D, a hundredth of F / D, in some m / D."""
-    m, F, D, dry, L = 2.0, 30.0, 5.0, 10.0, 1.5
-    motion = sst_pin.time_optimal(cart(m, 9.81, D, dry), L * WAY, torques=F, dt=0.01)
-    v = (F * (1 - 1e-4) - m * 9.81 - dry) / D
-    assert motion.t[-1] == pytest.approx(L / v + m / D, rel=1e-2)
-    assert motion.va.max() == pytest.approx(v, rel=1e-2)
-
-
 def test_rates_and_accelerations_make_a_trapezoid():
     """T = L / v + v / a."""
     L, v, a = 1.5, 0.5, 2.0
@@ -147,31 +138,6 @@ def test_a_path_takes_as_long_backwards(circle, name):
     there, back = (sst_pin.time_optimal(chain, q, torques=limit) for q in (path, path[::-1]))
     assert there.t[-1] == pytest.approx(back.t[-1], rel=1e-4)
     assert 0.995 * limit < np.abs(there.tau).max() <= limit
-
-
-@pytest.mark.slow
-def test_four_times_the_torque_halves_the_time_where_nothing_weighs():
-    chain = sst_pin.robots.five_bar()
-    chain.model.gravity.linear = np.zeros(3)
-    chain.refresh()
-    path = wave(chain)
-    once, four = (sst_pin.time_optimal(chain, path, torques=limit) for limit in (1.0, 4.0))
-    assert once.t[-1] == pytest.approx(2 * four.t[-1], rel=1e-6)
-
-
-def test_the_samples_times_do_not_matter(robot, circle):
-    """Half of the samples at other places: the same curve."""
-    places = np.sort(np.random.default_rng(0).choice(np.arange(1, 200), 120, replace=False))
-    other = circle[[0, *places, 200]]
-    full, some = (sst_pin.time_optimal(robot, q, torques=30.0).t[-1] for q in (circle, other))
-    assert some == pytest.approx(full, rel=1e-4)
-
-
-def test_full_turns_between_samples_are_no_motion(robot, circle):
-    jumping = circle.copy()
-    jumping[100:, 0] -= 2 * np.pi
-    motion = sst_pin.time_optimal(robot, jumping, torques=30.0)
-    assert motion.t[-1] == pytest.approx(0.4994, abs=2e-4)
 
 
 @pytest.mark.parametrize("step", [4.0, 5.9])

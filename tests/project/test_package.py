@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """What a stranger meets: the installed package, the README, the public names."""
 
-import inspect
 import json
 import os
 import re
@@ -14,6 +13,7 @@ import venv
 from pathlib import Path
 from zipfile import ZipFile
 
+import jedi
 import pytest
 
 import sst_pin
@@ -163,21 +163,6 @@ def test_public_names_resolve_and_say_what_they_are():
             assert not words.startswith(f"{name}(")  # what a dataclass says by itself
 
 
-def test_the_version_stands_in_one_place():
-    """The package's own word, from which the metadata and the command take it."""
-    metadata = (ROOT / "pyproject.toml").read_text()
-    assert 'version = { attr = "sst_pin.version.__version__" }' in metadata
-    assert f"\nversion: {sst_pin.__version__}\n" in (ROOT / "CITATION.cff").read_text()
-
-
-def test_dir_shows_what_a_user_needs_and_nothing_else():
-    """Public names, the rooms, the version; a star takes no room that needs an extra."""
-    shown = set(dir(sst_pin))
-    assert shown - set(sst_pin.__all__) == {"__version__", "plots", "viewer"}
-    rooms = {name for name in shown if inspect.ismodule(getattr(sst_pin, name))}
-    assert rooms == {"control", "errors", "identification", "plots", "robots", "viewer"}
-
-
 def test_a_user_who_imports_the_robots_loads_what_they_need_and_no_more():
     """Counted, not timed: SciPy alone would bring three hundred modules."""
     code = (
@@ -219,3 +204,14 @@ def test_every_file_of_code_names_its_licence():
     for folder in ("sst_pin", "scripts", "tests"):
         for path in (ROOT / folder).rglob("*.py"):
             assert path.read_text().startswith("# SPDX-License-Identifier: BSD-2-Clause\n"), path
+
+
+@pytest.mark.parametrize("line", ["sst_pin.", "sst_pin.robots.", "robot."])
+def test_jedi_completes_a_session(line):
+    robot = sst_pin.SST()
+    found = jedi.Interpreter(line, [{"sst_pin": sst_pin, "robot": robot}]).complete()
+    names = {completion.name for completion in found if completion.name[0] != "_"}
+    wanted = {"sst_pin.": set(sst_pin.__all__), "sst_pin.robots.": set(sst_pin.robots.__all__)}
+    assert wanted.get(line, {"compute_torques", "home"}) <= names
+    if line == "sst_pin.robots.":
+        assert names == wanted[line]

@@ -133,13 +133,6 @@ def test_every_body_has_a_physical_inertia_and_a_shape(robot):
         assert not all(name.startswith("joint_") for name in own)
 
 
-@pytest.mark.parametrize("build", [ladder, robots.scissor_lift])
-def test_long_chains_are_assembled_at_home(build):
-    long = build(20)
-    assert np.abs(long.residual(long.home)).max() < 1e-12
-    assert long.mobility(long.home).degrees_of_freedom == (20 if build is ladder else 1)
-
-
 def test_bennetts_linkage_moves_where_its_lengths_allow_it_only():
     """With other lengths than the sines' the four bars make a rigid frame."""
     moving = robots.bennett()
@@ -166,18 +159,6 @@ def test_the_home_of_the_agile_eye_is_isotropic(build):
     robot = build()
     turning = robot.frame_jacobian(robot.home, "platform")[3:]
     assert_allclose(turning @ turning.T, np.eye(3), rtol=0, atol=1e-14)  # rounding
-
-
-def test_hoeckens_linkage_draws_a_line():
-    """Over half a turn of the crank the point rises by a four-hundredth of its way at most."""
-    robot = robots.four_bar()
-    way = [robot.home]
-    for crank in np.radians(np.arange(60, 271, 5)):
-        way.append(robot.assemble([crank, *way[-1][1:]]))
-    x, y, z = robot.platform_pose(way[7:])[:, :3, 3].T  # from 90 to 270 degrees
-    assert np.ptp(x) == pytest.approx(0.4)  # four cranks
-    assert np.ptp(z) < np.ptp(x) / 400
-    assert_allclose(y, 0, atol=1e-15)
 
 
 def test_the_delta_of_the_examples_has_the_dimensions_of_the_gallery():
@@ -253,18 +234,3 @@ def test_dimensions_that_no_robot_has_are_refused_by_name(call, words):
 def test_dimensions_that_do_not_close_are_refused(call):
     with pytest.raises(WorkspaceError, match="do not close at home"):
         call()
-
-
-def test_a_pin_stays_on_its_axis_when_its_joint_turns(robot):
-    model, shapes = robot.model, robot.visual_model.geometryObjects
-    drawn = {s.name.split("_", 2)[2]: s for s in shapes if s.name.startswith("joint_")}
-    for joint in (j for j in list(model.joints)[1:] if j.shortname()[:11] == "JointModelR"):
-        pin_of, data, at = drawn[model.names[joint.id]], model.createData(), []
-        assert pin_of.parentJoint == joint.id
-        for angle in (0.0, 0.7):
-            q = pin.neutral(model)
-            q[joint.idx_q] = angle
-            pin.forwardKinematics(model, data, q)
-            at.append(data.oMi[joint.id] * pin_of.placement)
-        assert at[0].translation == pytest.approx(at[1].translation, abs=1e-12)
-        assert at[0].rotation[:, 2] == pytest.approx(at[1].rotation[:, 2], abs=1e-12)

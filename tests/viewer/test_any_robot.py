@@ -3,7 +3,6 @@
 
 import functools
 import warnings
-import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import mujoco
@@ -16,11 +15,8 @@ import sst_pin
 from sst_pin import errors
 from sst_pin.cli import main
 from sst_pin.description.colours import HUES
-from sst_pin.reading.shapes import urdf_shapes
 from sst_pin.viewer import Viewer
-from sst_pin.viewer.panel import curves_of
-from sst_pin.viewer.robot_scene import LAYERS, Scene
-from sst_pin.viewer.triangles import body_shapes
+from sst_pin.viewer.robot_scene import Scene
 from tests.support import any_chain
 from tests.support.files import load
 
@@ -209,29 +205,6 @@ def test_forces_along_lines_reach_from_frame_to_frame():
     assert lengths == pytest.approx(robot.line_lengths(bar.home))
 
 
-@pytest.mark.parametrize("name", ["delta", "delta.urdf", "rods"])
-def test_the_reach_holds_all_that_is_shown(name):
-    """In random directions nothing stands out by more than 2 % of the robot's size."""
-    robot, q = robot_of(name)
-    scene = Scene(robot, None)
-    reach = scene.reach(q[None], np.zeros((1, len(robot.motor_names))))
-    shown = [s for s in scene.shapes if scene.layers[s.layer]]
-    points = np.vstack([placed(scene, q, shape) for shape in shown])
-    directions = np.random.default_rng(0).normal(size=(200, 3))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    beyond = (points @ directions.T).max(axis=0) - (reach @ directions.T).max(axis=0)
-    assert beyond.max() < 0.02 * np.linalg.norm(np.ptp(points, axis=0))
-
-
-def test_layers_are_bodies_or_else_a_skeleton():
-    robot, _ = robot_of("stewart")
-    with_bodies, without = Scene(robot, None).layers, Scene(robot, BARE).layers
-    assert list(with_bodies) == list(LAYERS)
-    assert [name for name, there in with_bodies.items() if there] == ["bodies", "torques", "trail"]
-    shown = [name for name, there in without.items() if there]
-    assert shown == ["skeleton", "inertia", "torques", "trail"]
-
-
 def test_a_urdf_by_hand_brings_its_visuals(tmp_path):
     (tmp_path / "meshes").mkdir()
     trimesh.creation.box((0.1, 0.2, 0.3)).export(tmp_path / "meshes" / "block.stl")
@@ -310,16 +283,6 @@ def test_an_mjcf_is_drawn_as_mujoco_has_it(tmp_path):
     assert "bodies" in Viewer(chain)._panel["layers"]
 
 
-def test_a_chain_can_be_given_shapes_of_its_own():
-    robot, _ = robot_of("four_bar")
-    chain = sst_pin.ClosedChain(robot.model, robot.closures, robot.motor_names)
-    assert not chain.visual_model.geometryObjects
-    chain.visual_model = robot.visual_model
-    assert "bodies" in Viewer(chain)._panel["layers"]
-    with pytest.raises(errors.InputError, match=r"visual_model: a pinocchio\.GeometryModel is"):
-        chain.visual_model = "box"
-
-
 def test_a_configuration_has_no_torques_unless_they_are_given(tmp_path):
     """Zeros beside a robot that stands would be taken for what its motors hold."""
     chain, q, _ = five_bar(tmp_path)
@@ -348,17 +311,6 @@ def test_a_page_warns_of_open_loops_and_limits(tmp_path):
     assert " rad at t = 0 s" in viewer.warnings[0]
 
 
-@pytest.mark.parametrize("scale", [1e-3, 1e3])
-def test_a_page_measures_open_loops_by_the_robots_length(scale):
-    """A coupler that is turned by 1e-4 rad is told, one by 1e-8 is not, however long it is."""
-    sizes = {"crank": 0.1, "coupler": 0.25, "rocker": 0.25, "ground": 0.2, "point": 0.5}
-    chain = sst_pin.robots.four_bar(**{name: scale * size for name, size in sizes.items()})
-    viewer = Viewer(chain)
-    for turn in (1e-8, 1e-4):
-        viewer.show(chain.home + turn * np.eye(3)[1])
-        assert any("the loops are open" in line for line in viewer.warnings) == (turn == 1e-4)
-
-
 def test_who_shows_a_robot_without_home_is_told_that_its_mode_was_chosen(tmp_path):
     chain, q, _ = five_bar(tmp_path)
     with pytest.warns(sst_pin.DescriptionWarning, match="an assembly mode was chosen"):
@@ -366,66 +318,3 @@ def test_who_shows_a_robot_without_home_is_told_that_its_mode_was_chosen(tmp_pat
     with warnings.catch_warnings():
         warnings.simplefilter("error", sst_pin.DescriptionWarning)
         chain.show(q, open_browser=False)
-
-
-@pytest.mark.parametrize("name", ["stewart", "excavator", "planar_4rrr"])
-def test_powers_add_up_to_what_the_motion_takes(name):
-    """Without friction the motors' power is the rate of the energy, by differences over 1e-4 s."""
-    robot, q = robot_of(name)
-    h, n = 1e-4, robot.degrees_of_freedom
-    va = np.random.default_rng(1).uniform(-0.2, 0.2, n)
-    zero = np.zeros(n)
-    q_dot = robot.joint_rates(q, va)
-    near = [robot.assemble(pin.integrate(robot.model, q, s * h * q_dot)) for s in (-1, 1)]
-    motion = robot.trajectory([0, 1], [q, q], [va, va], [zero, zero])
-    energy = [robot.kinetic_energy(x, va) + robot.potential_energy(x) for x in near]
-    powers = np.array(curves_of(robot, motion)[3]["values"][0])
-    lost = np.sum(robot.friction_power(q, va))
-    gained = (energy[1] - energy[0]) / (2 * h)
-    assert powers.sum() + lost == pytest.approx(gained, rel=1e-4, abs=1e-5)
-
-
-def two_pieces(folder):
-    """A mesh file of a red and a green tetrahedron, side by side."""
-    corners = np.vstack([np.zeros(3), np.eye(3)])
-    faces = np.array([(1, 3, 2), (1, 2, 4), (1, 4, 3), (2, 3, 4)])
-    text = "mtllib two.mtl\n"
-    for k, colour in enumerate(("red", "green")):
-        text += f"o {colour}_one\n"
-        text += "".join("v {} {} {}\n".format(*x) for x in np.add(corners, (2 * k, 0, 0)))
-        text += f"usemtl {colour}\n"
-        text += "".join("f {} {} {}\n".format(*f) for f in faces + 4 * k)
-    (folder / "two.obj").write_text(text)
-    (folder / "two.mtl").write_text("newmtl red\nKd 1 0 0\nnewmtl green\nKd 0 1 0\n")
-    both = trimesh.load(folder / "two.obj", force="scene").dump()
-    for part in both:
-        part.visual.material = part.visual.material.to_pbr()  # what the writer of DAE knows
-    (folder / "two.dae").write_bytes(trimesh.exchange.dae.export_collada(both))
-
-
-@pytest.mark.parametrize("ending", ["obj", "dae"])
-@pytest.mark.parametrize("own", [True, False])
-def test_colours_in_mesh_files_are_shown_where_the_description_has_none(tmp_path, ending, own):
-    """Each triangle in its material's colour, where and as large as coal has it."""
-    two_pieces(tmp_path)
-    material = "" if own else '<material name="m"><color rgba="0 0 1 0.5"/></material>'
-    mesh = f'<mesh filename="two.{ending}" scale="0.1 0.2 0.3"/>'
-    urdf = (
-        f'<robot name="r"><link name="base"><visual><origin xyz="1 0 0"/>'
-        f"<geometry>{mesh}</geometry>{material}</visual></link></robot>"
-    )
-    shapes = urdf_shapes(ET.fromstring(urdf), tmp_path, pin.buildModelFromXML(urdf))
-    (body,) = shapes.geometryObjects
-    found = {shape.colour: shape for shape in body_shapes(body)}
-    if not own:
-        (blue,) = found.values()
-        assert (blue.colour, blue.opacity) == ("#0000FF", 0.5)
-        return
-    assert sorted(found) == ["#00FF00", "#FF0000"]
-    for colour, shift in (("#FF0000", 0), ("#00FF00", 0.2)):
-        shape = found[colour]
-        assert len(shape.mesh.faces) == 4
-        low, high = shape.mesh.vertices.min(axis=0), shape.mesh.vertices.max(axis=0)
-        assert np.abs(low - (shift, 0, 0)).max() < 1e-6
-        assert np.abs(high - (shift + 0.1, 0.2, 0.3)).max() < 1e-6
-        assert shape.at[0, 3] == 1

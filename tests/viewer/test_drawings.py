@@ -11,7 +11,6 @@ from sst_pin.cli import main
 from sst_pin.viewer import Viewer
 from sst_pin.viewer.robot_scene import Scene
 from sst_pin.viewer.sketch import pulls_of
-from tests.support import any_chain
 from tests.support.browser import visit
 
 FOOT = np.array((0.3, 0.0, -0.4))
@@ -82,15 +81,6 @@ def test_a_motion_under_other_loads_and_an_open_loop_have_no_arrows_in_silence()
     assert "No reactions: " in viewer.html
 
 
-@pytest.mark.parametrize("make", [any_chain.coupled, lambda: any_chain.rolling(False)])
-def test_couplings_and_wheels_have_pages_too(make):
-    chain = make()
-    count = len(list(pulls_of(chain, 1.0)))
-    couplings = sum(isinstance(c, sst_pin.Coupling) for c in chain.closures)
-    assert count == chain.model.njoints - 1 + len(chain.closures) - couplings
-    assert "<html" in Viewer(chain, reactions=True).html
-
-
 def test_the_command_shows_reactions(tmp_path):
     page = tmp_path / "delta.html"
     assert main(["show", "--robot", "delta", "--reactions", "--html", str(page)]) == 0
@@ -141,14 +131,3 @@ def test_digits_and_single_letters_alone_are_subscripts(chromium, tmp_path):
     with visit(chromium, path.as_uri()) as seen:
         told = seen.page.evaluate("['gamma_12', 'e_x', 'left_knee', 'rod_1a'].map(subscript)")
     assert told == ["gamma<sub>12</sub>", "e<sub>x</sub>", "left_knee", "rod_1a"]
-
-
-@pytest.mark.slow
-def test_a_low_chart_has_two_numbers_on_its_axis(chromium, tmp_path, robot):
-    t, path = np.linspace(0, 0.5, 40), tmp_path / "page.html"
-    viewer = Viewer(robot)
-    viewer.play(robot.trajectory(t, *robot.joint_motion(*sst_pin.paper_circle(t))))
-    viewer.save(path)
-    with visit(chromium, path.as_uri(), width=390, height=844) as seen:
-        numbers = "#chart text[text-anchor=end]"
-        assert seen.page.locator(numbers).count() >= 2

@@ -104,45 +104,6 @@ def test_every_body_and_every_extra_is_a_mesh_of_the_scene(page, robot):
     assert not found[FRAMES[0]]["visible"]
 
 
-@pytest.mark.slow
-def test_a_ghost_plays_a_second_motion_at_the_same_times(chromium, tmp_path):
-    """Sampled at other times, from before the start to half of the motion; then it stays."""
-    robot, lag = sst_pin.robots.five_bar(), 0.3
-    t, early = np.linspace(0, 1, 11), np.linspace(-0.1, 0.5, 8)
-
-    def at(t, lag):
-        return sst_pin.coordinate_motion(robot, t, robot.home[[0, 2]] + lag * np.sin(t)[:, None])
-
-    motion, planned = at(t, 0.0), at(early, lag)
-    viewer = robot.show(motion, ghost=planned, open_browser=False)
-    (tmp_path / "ghost.html").write_text(viewer.html, encoding="utf-8")
-    with visit(chromium, (tmp_path / "ghost.html").as_uri(), 320, 480) as shown:
-        page = shown.page
-        page.evaluate(COARSE)
-        for time, k in ((early[2], 2), (early[4], 4), (0.5, 7), (1.0, 7)):
-            page.evaluate("t => { panel.play(false); panel.seek(t); }", time)
-            drawn, found = poses(page)
-            for node, wanted in bodies(robot, planned.q[k]).items():
-                second = node.replace("robot/", "robot/ghost/ghost/")
-                assert node.startswith("robot/0/") or found[second]["mesh"], node
-                assert node.startswith("robot/0/") or np.abs(drawn[second] - wanted).max() < 1e-6
-        require_poses(page, robot, motion.q[-1])
-        meshes = [node for node in drawn if "/ghost/" in node and found[node]["mesh"]]
-        opacity = """path => viewer.scene_tree.find(["meshcat", ...path.split("/")])
-            .object.children[0].material.opacity"""
-        assert page.evaluate(opacity, meshes[0]) == pytest.approx(0.3)
-        assert all(found[node]["visible"] for node in meshes)
-        page.evaluate("document.querySelector('[data-layer=ghost]').click()")
-        _, found = poses(page)
-        hidden = [node for node in found if found[node]["mesh"] and not found[node]["visible"]]
-        assert set(meshes) <= set(hidden)
-        assert not set(hidden) & set(bodies(robot, robot.home))
-        assert shown.errors == []
-    viewer.play(motion)
-    assert "ghost" not in viewer._panel["layers"]
-    assert not any("ghost" in path for _, path, _ in viewer._drawing.buffer.commands)
-
-
 @pytest.mark.parametrize("sample", [0, 13, 37, 60])
 def test_bodies_are_where_pinocchio_has_them_and_so_are_extras(page, robot, motion, sample):
     """To 1e-6 (single precision): world poses, positions and rotations.
@@ -217,19 +178,6 @@ def test_the_cursor_stands_at_the_time_and_on_the_curves(page, motion, share):
 
 
 @pytest.mark.slow
-def test_it_plays_at_the_speed_that_was_asked_for(page, motion):
-    """A quarter of true speed, by the browser's own clock, within two slow frames."""
-    page.evaluate("panel.play(true)")
-    read = "() => new Promise(go => requestAnimationFrame(now => go([now / 1000, panel.time])))"
-    start, begun = page.evaluate(read)
-    page.wait_for_timeout(500)
-    end, reached = page.evaluate(read)
-    period = motion.t[-1] - motion.t[0]
-    advanced = (reached - begun) % period
-    assert advanced == pytest.approx(SPEED * (end - start) % period, abs=SPEED * 0.2)
-
-
-@pytest.mark.slow
 def test_a_person_plays_steps_drags_and_hides(page, motion):
     page.locator("#title").click()
     page.keyboard.press("Space")
@@ -280,19 +228,6 @@ def test_a_served_page_follows_the_program_and_outlives_it(chromium, robot, moti
     port = int(url.split(":")[-1].strip("/"))
     with socket.socket() as knock:
         assert knock.connect_ex(("127.0.0.1", port)) != 0
-
-
-@pytest.mark.slow
-def test_a_notebook_shows_the_page_in_its_cell(chromium, robot, motion):
-    viewer = Viewer(robot)
-    viewer.play(motion)
-    with visit(chromium, "about:blank", width=1000) as notebook:
-        notebook.page.set_content(viewer._repr_html_())
-        frame = notebook.page.frames[-1]
-        frame.wait_for_function("typeof panel === 'object'")
-        frame.evaluate("t => { panel.play(false); panel.seek(t) }", motion.t[9])
-        require_poses(frame, robot, motion.q[9])
-        assert notebook.errors == []
 
 
 @pytest.mark.slow

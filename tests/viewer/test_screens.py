@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The page on phones, tablets and desks: the robot fits, and hands find what they look for."""
 
-import coal
 import numpy as np
-import pinocchio as pin
 import pytest
 
 import sst_pin
 from sst_pin.sst import paper
 from sst_pin.viewer import Viewer
-from tests.support.browser import DESK, EXTENT, LYING, PHONE, TABLET, opened, pixels, with_slow
+from tests.support.browser import DESK, EXTENT, LYING, PHONE, TABLET, opened, with_slow
 
 
 def example(name):
@@ -50,29 +48,6 @@ def test_all_of_the_robot_is_in_the_picture(chromium, tmp_path, name, size):
                 assert high.max() < 1, (view, share)
                 spans.append(np.max(high - low) / 2)
             assert max(spans) > 0.45, view
-
-
-@pytest.mark.slow
-def test_a_window_that_changes_keeps_the_robot_in_the_picture(chromium, tmp_path):
-    """A phone that is turned; once the reader has moved the camera it is left alone."""
-    with opened(chromium, example("four_bar"), tmp_path / "page.html", PHONE) as page:
-        page.evaluate("panel.still(0)")
-        for width, height in (LYING, DESK, PHONE):
-            page.set_viewport_size({"width": width, "height": height})
-            page.wait_for_timeout(100)
-            low, high = np.array(page.evaluate(EXTENT, []))
-            assert low.min() > -1
-            assert high.max() < 1
-        box = page.locator("#pane").bounding_box()
-        middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-        page.mouse.move(*middle)
-        page.mouse.down()
-        page.mouse.move(middle[0] + 60, middle[1] + 20, steps=3)
-        page.mouse.up()
-        turned = page.evaluate("viewer.camera.position.toArray()")
-        page.set_viewport_size({"width": 500, "height": 844})
-        page.wait_for_timeout(100)
-        assert page.evaluate("viewer.camera.position.toArray()") == pytest.approx(turned)
 
 
 @pytest.mark.slow
@@ -118,23 +93,6 @@ def test_keys_work_after_a_click_and_curves_can_be_chosen(chromium, tmp_path):
         page.keyboard.press("Space")
         assert page.evaluate("panel.playing")
         assert "Meshcat" in page.locator("#credit").inner_text()
-
-
-@pytest.mark.slow
-def test_arrows_are_seen_through_the_bodies_that_hide_them(chromium, tmp_path):
-    """A four-bar within a ball: the picture changes when its arrows are hidden."""
-    chain = sst_pin.robots.four_bar()
-    shapes = pin.GeometryModel()
-    shapes.addGeometryObject(pin.GeometryObject("ball", 0, pin.SE3.Identity(), coal.Sphere(2.0)))
-    viewer = Viewer(chain, shapes)
-    viewer.show(chain.home, [1.0])
-    with opened(chromium, viewer, tmp_path / "page.html", (400, 400)) as page:
-        pictures = []
-        for _ in range(2):
-            page.evaluate("panel.still(0)")
-            pictures.append(pixels(page.locator("#pane").screenshot()))
-            page.evaluate("stage.showLayer('torques', false)")
-        assert (np.abs(pictures[0] - pictures[1]).max(axis=2) > 20).sum() > 30
 
 
 @pytest.mark.slow

@@ -2,9 +2,7 @@
 """The viewer without a browser: what it takes, writes, serves, to whom, and leaves behind."""
 
 import io
-import json
 import os
-import re
 import signal
 import socket
 import subprocess
@@ -23,10 +21,8 @@ import sst_pin
 from sst_pin import errors
 from sst_pin.cli import main
 from sst_pin.sst import paper
-from sst_pin.viewer import Viewer, pictures, triangles
-from sst_pin.viewer.server import is_ours, url_of
+from sst_pin.viewer import Viewer, pictures
 from tests.support.browser import needs_browser
-from tests.support.sampling import random_parameters
 
 
 @pytest.fixture(scope="module")
@@ -126,16 +122,6 @@ def test_robot_show_is_the_short_way(robot, motion, monkeypatch):
     assert "not served" in repr(robot.show(motion))  # the notebook displays it
 
 
-def test_parameters_bring_their_own_meshes():
-    parameters = random_parameters(np.random.default_rng(3))
-    robot = sst_pin.SST(parameters)
-    assert robot.star_radius == pytest.approx(parameters.star_radius, rel=1e-12)
-    bodies = robot.visual_model.geometryObjects
-    assert {"base", "link", "passive", "arc"} <= {Path(body.meshPath).stem for body in bodies}
-    assert not Path(bodies[0].meshPath).parent.exists()  # read, and gone
-    assert len(Viewer(robot).html) > 1e6
-
-
 def test_a_ghost_moves_at_the_times_of_the_motion():
     """Keys as they go to the page: samples between the ends of the motion and the next beside."""
     lift = sst_pin.robots.five_bar()
@@ -157,37 +143,6 @@ def test_a_ghost_moves_at_the_times_of_the_motion():
     half = planned.q[9:16, 0] / 2
     wanted = np.column_stack([0 * half, 0 * half, np.sin(half), np.cos(half)])
     assert np.abs(np.array([key["value"] for key in turn["keys"]]) - wanted).max() < 1e-12
-
-
-def test_a_long_motion_makes_no_long_page(robot):
-    long = paper.example_1(robot, np.linspace(0, paper.PERIOD, 2000))
-    viewer = Viewer(robot)
-    viewer.play(long)
-    times = viewer._panel["t"]
-    assert len(times) == 600
-    assert (times[0], times[-1]) == (long.t[0], long.t[-1])
-    assert len(viewer.html) < 5e6
-
-
-def test_showing_again_replaces_what_was_there(robot, motion):
-    """The page does not grow with every pose: a loop may run for hours."""
-    viewer = Viewer(robot)
-    before = len(viewer.html)
-    viewer.play(motion)
-    for angle in np.linspace(0, 0.2, 20):
-        viewer.show(robot.forward_kinematics(robot.home[::3] + angle, near=robot.home))
-    assert abs(len(viewer.html) - before) < 1000
-
-
-def test_a_tube_is_closed_and_as_long_as_its_line():
-    """Volume by the divergence theorem: that of a prism of as many sides."""
-    points = np.outer(np.linspace(0, 2, 5), (1, 2, 2)) / 3
-    vertices, faces = triangles.tube(points, 0.1, sides=12)
-    a, b, c = (vertices[faces[:, i]] for i in range(3))
-    volume = np.einsum("ij,ij->", a, np.cross(b, c)) / 6
-    assert volume == pytest.approx(2 * 6 * 0.1**2 * np.sin(np.pi / 6), rel=1e-12)
-    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
 
 
 @pytest.mark.parametrize(
@@ -237,25 +192,6 @@ def test_pictures_are_taken_without_a_person(robot, motion):
     assert ((frames[0] < 235).any(axis=-1)).mean() > 0.02
     for one, other in ((0, 1), (1, 2)):
         assert (np.abs(frames[one] - frames[other]).max(axis=-1) > 60).mean() > 0.01
-
-
-@pytest.mark.slow
-@needs_browser
-def test_show_writes_page_and_picture(tmp_path, monkeypatch, capsys):
-    sample = Path(__file__).parents[2] / "examples" / "figure_eight.csv"
-    monkeypatch.chdir(tmp_path)
-    assert main(["torques", str(sample), "-o", "torques.npz"]) == 0
-    assert main(["show", str(sample), "--html", "a.html", "--png", "a.png"]) == 0
-    assert "figure_eight.csv, 2 s -> a.html, a.png" in capsys.readouterr().out
-    assert main(["show", "torques.npz", "--html", "b.html"]) == 0
-    with Image.open("a.png") as picture:
-        assert picture.size == (2560, 1280)
-    panels = []
-    for name in ("a.html", "b.html"):
-        scene = re.search(r'id="scene">(.*?)</script>', Path(name).read_text(), re.DOTALL)
-        panels.append(json.loads(scene[1])["panel"])
-    assert [panel.pop("title") for panel in panels] == ["figure_eight.csv", "torques.npz"]
-    assert panels[0] == panels[1]
 
 
 def test_the_page_warns_of_what_the_machine_cannot_take(robot, motion):
@@ -318,20 +254,6 @@ def test_a_site_that_calls_itself_this_machine_is_not_answered(served):
 @pytest.mark.parametrize("origin", ["http://foreign.example", "http://127.0.0.1:1", "null"])
 def test_a_websocket_of_another_page_is_refused(served, origin):
     assert upgrade(served, Origin=origin) == 403
-
-
-def test_the_name_that_was_asked_for_is_ours_and_so_is_the_machines():
-    name = socket.gethostname()
-    assert is_ours("robot.lab", "Robot.lab:8080", None)
-    assert is_ours("0.0.0.0", f"{name}:8080", f"http://{name}:8080")
-    assert not is_ours("0.0.0.0", "foreign.example:8080", None)
-    for nonsense in (None, "", "[", "127.0.0.1.foreign.example"):
-        assert not is_ours("127.0.0.1", nonsense, None)
-
-
-def test_an_address_of_version_six_is_written_in_brackets():
-    assert url_of("::1", 80) == "http://[::1]:80/"
-    assert url_of("127.0.0.1", 80) == "http://127.0.0.1:80/"
 
 
 @pytest.mark.parametrize(
