@@ -61,8 +61,8 @@ if TYPE_CHECKING:
     from .simulation.bearing_loads import Loads
     from .simulation.check import Finding, Verdict
     from .simulation.crossings import Crossing
+    from .simulation.inputs import Load, Torque
     from .simulation.rollouts import Rollout
-    from .simulation.simulation import Load, Torque
     from .simulation.trajectories import Trajectory
     from .viewer import Viewer
 
@@ -994,24 +994,15 @@ class ClosedChain(Summary):
             InputError: Also for torques that end too early.
             SimulationError: If the integrator fails.
         """
+        from .simulation.inputs import Settings
         from .simulation.simulation import simulate
 
+        settings = Settings(
+            method, rtol, atol, max_condition_number, through_singularities, progress, max_step
+        )
+        engine = self._engine
         return simulate(
-            self._engine,
-            torque,
-            q0,
-            va0,
-            t,
-            platform_moment=platform_moment,
-            external_wrenches=external_wrenches,
-            method=method,
-            rtol=rtol,
-            atol=atol,
-            max_condition_number=max_condition_number,
-            through_singularities=through_singularities,
-            sign_width=sign_width,
-            progress=progress,
-            max_step=max_step,
+            engine, torque, q0, va0, t, platform_moment, external_wrenches, sign_width, settings
         )
 
     def rollout(
@@ -1052,19 +1043,9 @@ class ClosedChain(Summary):
         """
         from .simulation.rollouts import rollout
 
-        return rollout(
-            self._engine,
-            tau,
-            q0,
-            va0,
-            dt,
-            platform_moment=platform_moment,
-            external_wrenches=external_wrenches,
-            steps=steps,
-            sign_width=sign_width,
-            threads=threads,
-            on_error=on_error,
-        )
+        engine = self._engine
+        load = engine.wrenches(platform_moment, external_wrenches, "raise")
+        return rollout(engine, tau, q0, va0, dt, load, steps, sign_width, threads, on_error)
 
     def check(self, motion: Trajectory | ArrayLike) -> tuple[Finding, ...]:
         """Joints that leave their limits along a motion, and nearby singularities, with times.

@@ -15,9 +15,8 @@ from ..errors import ActuationError, InputError
 from ..loops.mobility import cure_of
 from ..model.named_positions import taken
 from ..simulation.coordinate_motions import positions_along
-from ..simulation.moving_robot import require_motion
 from ..simulation.samples import spline
-from ..simulation.trajectories import Trajectory
+from ..simulation.trajectories import Trajectory, require_motion
 from ..summaries import listed
 
 

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Array, Flags, finite_array, whole_number
 from ..closed_chain import ClosedChain
 from ..errors import InputError
-from ..simulation.moving_robot import require_motion
-from ..simulation.trajectories import Trajectory
+from ..simulation.trajectories import Trajectory, require_motion
 from ..summaries import Summary
 from .base_parameters import BaseParameters
 from .measurements import decimated

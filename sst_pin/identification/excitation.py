@@ -15,8 +15,7 @@ from ..errors import InputError, SSTError
 from ..loops.starts import placed
 from ..model.named_positions import taken
 from ..simulation.coordinate_motions import coordinate_motion
-from ..simulation.moving_robot import require_motion
-from ..simulation.trajectories import Trajectory
+from ..simulation.trajectories import Trajectory, require_motion
 from .base_parameters import BaseParameters, random_states
 
 #: Samples of a motion that is judged, for each harmonic.

@@ -16,8 +16,7 @@ import numpy as np
 from ..closed_chain import ClosedChain
 from ..simulation.energy import energy_balance as balance_of
 from ..simulation.energy import motor_powers
-from ..simulation.moving_robot import require_motion
-from ..simulation.trajectories import Trajectory
+from ..simulation.trajectories import Trajectory, require_motion
 from . import curves
 from .curves import Curves
 from .style import Axes

@@ -17,8 +17,7 @@ from ..description.colours import HUES
 from ..errors import InputError
 from ..model.appearance import PLATFORM
 from ..simulation.bearing_loads import Load, Loads
-from ..simulation.moving_robot import require_motion
-from ..simulation.trajectories import Trajectory
+from ..simulation.trajectories import Trajectory, require_motion
 from ..sst.robot import SST
 from .curves import label, legend_above, zero_line
 from .motions import CURVES, panels

@@ -17,8 +17,7 @@ from ..description.colours import LEG_COLOURS
 from ..errors import InputError
 from ..model.appearance import PLATFORM
 from ..model.tree import frame_id
-from ..simulation.moving_robot import require_motion
-from ..simulation.trajectories import Trajectory
+from ..simulation.trajectories import Trajectory, require_motion
 from ..sst.kinematics import legs_of_joints
 from ..sst.robot import SST
 from .curves import legend_above

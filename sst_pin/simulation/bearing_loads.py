@@ -17,8 +17,7 @@ from ..engine import Engine
 from ..errors import InputError, MissingExtraError
 from ..files import as_path, text_writer, write_files
 from ..summaries import Summary
-from .moving_robot import require_motion
-from .trajectories import Trajectory
+from .trajectories import Trajectory, require_motion
 
 if TYPE_CHECKING:
     import pandas as pd

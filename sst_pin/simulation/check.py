@@ -11,8 +11,7 @@ from ..arrays import Array, Flags, single_array
 from ..engine import Engine
 from ..model.mechanism import Mechanism
 from ..model.thresholds import CLOSURE_TOLERANCE
-from .moving_robot import require_motion
-from .trajectories import Trajectory
+from .trajectories import Trajectory, require_motion
 
 #: Condition number of the dependent joints from which a configuration is close to a singularity.
 LARGEST_CONDITION = 1e3

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The way of a smooth motion through a singular configuration of the mechanism.
+"""Smooth motions through a singular configuration of the mechanism.
 
-Several branches of motions meet there. The motion before it is continued by polynomials, which
-close the loops on one branch only. From there an implicit step over the configuration iterates, in
-which the equations of motion hold on both sides, but nowhere next to it.
+Several branches of motions meet there. Polynomials continue the motion before it, and close the
+loops on one branch only. From this guess an implicit step over the configuration iterates; its
+stages are on both sides, not next to the configuration.
 """
 
 from collections.abc import Callable, Sequence
@@ -50,11 +50,11 @@ class Crossing(NamedTuple):
     rank: int
 
 
-class Course:
-    """A motion continued smoothly from its last states, by polynomials of degree eleven or less.
+class Branch:
+    """Polynomials, of degree eleven or less, that continue a motion from its last states.
 
     The last of the states, at `times` (N,), comes first; v and v_dot are those of all joints,
-    (N, nv). `unit` is a time as long as what is continued, [s].
+    (N, nv). `unit` is about the time by which the motion is continued, [s].
     """
 
     def __init__(
@@ -84,33 +84,33 @@ class Course:
         return np.asarray(self._v.derivative((t - self._start) / self._unit)) / self._unit
 
 
-def crossing_of(states: States, course: Course, start: float, left: float) -> Crossing | str:
-    """The singular configuration on a course, about `left` after `start`; or why there is none."""
+def crossing_of(states: States, branch: Branch, start: float, left: float) -> Crossing | str:
+    """The singular configuration on a branch, about `left` after `start`; or why there is none."""
     from scipy.optimize import brentq
 
-    U, before, Vt = np.linalg.svd(states.Phi(course.q(start)))
+    U, before, Vt = np.linalg.svd(states.Phi(branch.q(start)))
     rank = Vt.shape[0] - len(states.coordinates)
-    rows, rates = U[:, :rank].T, Vt[:rank].T  # without what is zero on the whole way
+    rows, rates = U[:, :rank].T, Vt[:rank].T  # without directions that vanish everywhere
     at, until = start, start + _AHEAD * left
-    for _ in range(2):  # singular vectors turn a little on the way
-        left_vectors, _, right_vectors = np.linalg.svd(rows @ states.Phi(course.q(at)) @ rates)
+    for _ in range(2):  # singular vectors vary a little along the branch
+        left_vectors, _, right_vectors = np.linalg.svd(rows @ states.Phi(branch.q(at)) @ rates)
         u, w = left_vectors[:, -1] @ rows, rates @ right_vectors[-1]
 
         def signed(t: float, u: Array = u, w: Array = w) -> float:
-            return float(u @ states.Phi(course.q(t)) @ w)
+            return float(u @ states.Phi(branch.q(t)) @ w)
 
         if signed(start) * signed(until) > 0:
             return "the motion does not lead through it"
         at = float(brentq(signed, start, until, xtol=1e-15, rtol=1e-14))
-    there = np.linalg.svd(states.Phi(course.q(at)), compute_uv=False)[:rank]
+    there = np.linalg.svd(states.Phi(branch.q(at)), compute_uv=False)[:rank]
     lost = int(np.count_nonzero(there < _VANISHED * before[:rank]))
-    halfway = np.linalg.svd(states.Phi(course.q((start + at) / 2)), compute_uv=False)[rank - 1]
-    ends = [rows @ states.Phi(course.q(t)) @ rates for t in (start, 2 * at - start)]
+    halfway = np.linalg.svd(states.Phi(branch.q((start + at) / 2)), compute_uv=False)[rank - 1]
+    ends = [rows @ states.Phi(branch.q(t)) @ rates for t in (start, 2 * at - start)]
     if np.linalg.slogdet(np.array(ends)).sign.prod() != (-1) ** lost:
         return "another singular configuration is next to it"
     if not lost or not _HALFWAY[0] < halfway / before[rank - 1] < _HALFWAY[1]:
         return "branches are tangent to each other there"
-    return Crossing(at, course.q(at), rank, rank - lost)
+    return Crossing(at, branch.q(at), rank, rank - lost)
 
 
 def gauss_step(
@@ -119,7 +119,7 @@ def gauss_step(
     start: float,
     state: Array,
     end: float,
-    guess: Course,
+    guess: Branch,
 ) -> tuple[Array, Array]:
     """One step of Gauss' implicit method, order 16; times and states of start, stages and end."""
     x, powers = (1 + np.polynomial.legendre.leggauss(_STAGES)[0]) / 2, np.arange(_STAGES)
@@ -141,11 +141,11 @@ def gauss_step(
 
 
 def mismatch(
-    mechanism: Mechanism, course: Course, t: float, found: Sequence[Array], left: float
+    mechanism: Mechanism, branch: Branch, t: float, motion: Sequence[Array], left: float
 ) -> float:
-    """How far q and v at a time are from a course, relative to the motion in `left`."""
-    q, v, _ = found
+    """How far q and v at a time are from a branch, relative to the motion in `left`."""
+    q, v, _ = motion
     scale = mechanism.rate_scale
-    off = pin.difference(mechanism.model, course.q(t), q), left * (v - course.v(t))
-    moved = left * float(np.abs(v / scale).max())
-    return max(float(np.abs(x / scale).max()) for x in off) / max(moved, 1e-300)
+    off = pin.difference(mechanism.model, branch.q(t), q), left * (v - branch.v(t))
+    travel = left * float(np.abs(v / scale).max())
+    return max(float(np.abs(x / scale).max()) for x in off) / max(travel, 1e-300)

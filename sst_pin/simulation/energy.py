@@ -12,9 +12,8 @@ from ..arrays import Array, finite_array, for_each_sample
 from ..dynamics.quantities import Quantity
 from ..engine import Engine, Robot
 from ..errors import InputError
-from .moving_robot import require_motion
 from .samples import spline
-from .trajectories import Trajectory
+from .trajectories import Trajectory, require_motion
 
 
 class EnergyBalance(NamedTuple):

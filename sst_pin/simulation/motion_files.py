@@ -17,8 +17,7 @@ from ..model.mechanism import Mechanism
 from ..model.named_positions import angles_and_lengths
 from .coordinate_motions import coordinate_trajectory
 from .motion_columns import columns_in, columns_of
-from .moving_robot import require_motion
-from .trajectories import Trajectory, trajectory_of
+from .trajectories import Trajectory, require_motion, trajectory_of
 
 #: q, va, aa of a table whose columns are not joints; None if they are.
 TableReader = Callable[[Table], tuple[Array, Array, Array] | None]

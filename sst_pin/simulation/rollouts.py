@@ -50,9 +50,7 @@ def rollout(
     q0: ArrayLike,
     va0: ArrayLike,
     dt: float,
-    *,
-    platform_moment: ArrayLike | None,
-    external_wrenches: ArrayLike | None,
+    wrenches: Array | None,
     steps: int | None,
     sign_width: float,
     threads: int,
@@ -70,7 +68,6 @@ def rollout(
     start = as_array("q0", q0, (nq,))
     states, n = engine.states(sign_width), len(mechanism.coordinates)
     rates = as_array("va0", va0, (n,))
-    wrenches = engine.wrenches(platform_moment, external_wrenches, "raise")
     batch, flat = flattened((start, rates, torques, wrenches), (1, 1, 2, 2))
     q_0, va_0, tau_0 = (np.require(a, None, "A") for a in flat[:3])
     count = torques.shape[-2] if steps is None else steps

@@ -367,3 +367,22 @@ def trajectory_of(
         torque_units=mechanism.motor_units,
         crossings=crossings,
     )
+
+
+def require_motion(motion: Trajectory, mechanism: Mechanism, name: str = "motion") -> None:
+    """Check that an argument is a motion of a robot: its joints, coordinates, motors, units."""
+    if not isinstance(motion, Trajectory):
+        raise InputError(name, f"a Trajectory is needed, not {type(motion).__name__}")
+    for what, present, needed in (
+        ("joints", motion.joint_names, mechanism.space.position_names),
+        ("coordinates", motion.coordinates, mechanism.coordinate_rate_names),
+        ("motors", motion.actuated, mechanism.motor_names),
+        ("units of positions", motion.units, mechanism.space.position_units),
+        ("units of rates", motion.rate_units, mechanism.coordinate_rate_units),
+    ):
+        if present != tuple(needed):
+            raise InputError(
+                name,
+                f"belongs to another robot, with {what} {', '.join(x or '1' for x in present)}; "
+                f"this one has {', '.join(x or '1' for x in needed) or 'none'}",
+            )

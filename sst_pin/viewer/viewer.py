@@ -30,8 +30,7 @@ from ..errors import (
 )
 from ..files import Writer, as_path, require_ending, write_files
 from ..simulation.bearing_loads import reactions_along
-from ..simulation.moving_robot import require_motion
-from ..simulation.trajectories import Trajectory
+from ..simulation.trajectories import Trajectory, require_motion
 from ..summaries import listed
 from ..version import __version__
 from .meshcat_scene import MeshcatScene

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import sst_pin
 from sst_pin.simulation.energy import energy_balance
-from sst_pin.simulation.integration import Motion
+from sst_pin.simulation.state_equations import StateEquations
 from sst_pin.sst import paper
 from sst_pin.states import ReferenceStates
 from tests.gallery import EVERY_ROBOT, governor
@@ -37,13 +37,13 @@ def circle(robot):
 @pytest.fixture
 def count_rates(monkeypatch):
     """The times at which simulations ask for the rates of a state."""
-    times, rate = [], Motion.rate
+    times, rate = [], StateEquations.rate
 
     def counted(self, time, state):
         times.append(time)
         return rate(self, time, state)
 
-    monkeypatch.setattr(Motion, "rate", counted)
+    monkeypatch.setattr(StateEquations, "rate", counted)
     return times
 
 

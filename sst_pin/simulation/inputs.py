@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Arguments of a simulation: settings, and torques and loads in all their forms."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import factorial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..arrays import Array, as_array, positive_number, single_array
+from ..engine import Engine
+from ..errors import InputError
+from ..model.mechanism import Mechanism
+from .sampled_torques import SampledTorque, Sampling, require_distinct
+from .samples import spline
+from .trajectories import Trajectory, require_motion
+
+#: Motor torques: a function of (t, q, va), a constant of shape (motors,), samples of shape
+#: (N, motors) at the times of the simulation, the torques of a motion, or sampled ones.
+Torque = Callable[[float, Array, Array], ArrayLike] | ArrayLike | Trajectory | SampledTorque
+#: Loads: a function of (t, q, va), a constant, or none.
+Load = Callable[[float, Array, Array], ArrayLike] | ArrayLike | None
+
+#: Integrators of SciPy.
+IMPLICIT = ("Radau", "BDF")
+_METHODS = ("RK23", "RK45", "DOP853", *IMPLICIT)
+#: Torques are smooth between samples if a curve through these misses the others by this part.
+_SMOOTH = 1e-3
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a motion is integrated; `ClosedChain.simulate` describes the fields."""
+
+    method: str
+    rtol: float
+    atol: float
+    max_condition_number: float
+    through_singularities: bool
+    progress: Callable[[float], None] | None
+    max_step: float | None
+
+    def __post_init__(self) -> None:
+        if self.method not in _METHODS:
+            problem = f"{self.method!r} unknown; known: {', '.join(_METHODS)}"
+            raise InputError("method", problem)
+        positive_number("rtol", self.rtol)
+        positive_number("atol", self.atol)
+        positive_number("max_condition_number", self.max_condition_number)
+        step = self.max_step
+        if not (step is None or (isinstance(step, float) and step == np.inf)):
+            positive_number("max_step", step)
+        if self.progress is not None and not callable(self.progress):
+            raise InputError("progress", f"{self.progress!r} cannot be called")
+
+
+class Input(NamedTuple):
+    """A torque or load that acts on a robot in motion."""
+
+    #: Its value at a time; the second argument computes q and va.
+    at: Callable[[float, Callable[[], tuple[Array, Array]]], Array]
+    #: Its values at times (N,), for q (N, nq) and va (N, n).
+    along: Callable[[Array, Array, Array], Array]
+    #: The sampled torques, if it is constant from one time to the next.
+    sampling: Sampling | None = None
+    #: Times, shape (N,); a step that passes two of them may miss a change.
+    times: Array | None = None
+    #: Whether it is a function or samples, which a step may miss.
+    varies: bool = False
+    #: Whether it is a function.
+    callable: bool = False
+
+
+def torque_input(mechanism: Mechanism, torque: Torque, times: Array, *, watch: bool) -> Input:
+    """The motor torques; with `watch`, no step passes two times where a function may change."""
+    motors = len(mechanism.motor_names)
+    if isinstance(torque, Trajectory):
+        require_motion(torque, mechanism, "torque")
+        if times[0] < torque.t[0] or times[-1] > torque.t[-1]:
+            raise InputError(
+                "torque",
+                f"has samples from {torque.t[0]:g} to {torque.t[-1]:g} s, "
+                f"but the simulation is from {times[0]:g} to {times[-1]:g} s",
+            )
+        return _samples(torque.t, torque.tau)
+    if isinstance(torque, SampledTorque):
+        require_distinct(torque.period, times)
+        sampling = Sampling(torque, float(times[0]), motors)
+        return Input(
+            lambda t, state: sampling.now,
+            lambda t, q, va: np.broadcast_to(sampling.now, (len(t), motors)),
+            sampling,
+        )
+    if not callable(torque) and as_array("torque", torque, ()).ndim == 2:
+        return _samples(times, single_array("torque", torque, (len(times), motors)))
+    return _function_or_constant("torque", torque, (motors,), times if watch else None)
+
+
+def load_input(
+    engine: Engine, platform_moment: Load, external_wrenches: Load, times: Array, *, watch: bool
+) -> Input | None:
+    """Both loads as wrenches on all bodies; None without a load."""
+    wrenches = _wrenches(engine, platform_moment, external_wrenches)
+    if wrenches is None:
+        return None
+    shape = engine.mechanism.model.njoints - 1, 6
+    return _function_or_constant("external_wrenches", wrenches, shape, times if watch else None)
+
+
+def _wrenches(engine: Engine, platform_moment: Load, external_wrenches: Load) -> Load:
+    if not (callable(platform_moment) or callable(external_wrenches)):
+        return engine.wrenches(platform_moment, external_wrenches, "raise")
+    if platform_moment is None:
+        return external_wrenches
+
+    def wrenches(t: float, q: Array, va: Array) -> Array:
+        loads = (platform_moment, external_wrenches)
+        moment, others = (x(t, q, va) if callable(x) else x for x in loads)
+        if moment is None:
+            raise InputError("platform_moment(t, q, va)", "None: three numbers are needed")
+        return np.asarray(engine.wrenches(moment, others, "raise"))
+
+    return wrenches
+
+
+def _function_or_constant(
+    name: str,
+    value: Callable[[float, Array, Array], ArrayLike] | ArrayLike,
+    shape: tuple[int, ...],
+    times: Array | None,
+) -> Input:
+    if callable(value):
+
+        def one(t: float, q: Array, va: Array) -> Array:
+            result = value(t, q.copy(), va.copy())  # the function may change its arguments
+            return single_array(f"{name}(t, q, va)", result, shape)
+
+        return Input(
+            lambda t, state: one(t, *state()),
+            lambda t, q, va: np.array(list(map(one, t, q, va))),
+            times=times,
+            varies=True,
+            callable=True,
+        )
+    constant = single_array(name, value, shape)
+    return Input(
+        lambda t, state: constant, lambda t, q, va: np.broadcast_to(constant, (len(t), *shape))
+    )
+
+
+def _samples(times: Array, torques: Array) -> Input:
+    """A spline; single times use its polynomials, at a sixth of the cost of calling it."""
+    smooth = spline(times, torques)
+    starts = np.unique(smooth.t)[:-1]
+    taylor = [smooth(starts, j) / factorial(j) for j in range(smooth.k + 1)]
+    pieces = list(zip(starts.tolist(), np.stack(taylor, axis=1), strict=True))
+    inner, powers = starts[1:].tolist(), np.arange(smooth.k + 1.0)
+
+    def at(t: float, state: Callable[[], tuple[Array, Array]]) -> Array:
+        start, coefficients = pieces[bisect_right(inner, t)]
+        return ((t - start) ** powers).dot(coefficients)
+
+    changes = _changes(times, torques)
+    return Input(at, lambda t, q, va: np.asarray(smooth(t)), times=changes, varies=True)
+
+
+def _changes(times: Array, torques: Array) -> Array:
+    """The fewest samples, evenly chosen, through which a curve reproduces all of them.
+
+    A step that passes no two of them misses no push. Smooth torques need few.
+    """
+    scale, chosen = _SMOOTH * np.abs(torques).max(initial=0.0), times
+    while len(chosen) > 12:
+        fewer = np.append(chosen[:-1:2], chosen[-1])
+        curve = spline(fewer, torques[np.searchsorted(times, fewer)])
+        if np.abs(curve(times) - torques).max() > scale:
+            break
+        chosen = fewer
+    return chosen
