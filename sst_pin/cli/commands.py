@@ -106,12 +106,12 @@ COMMANDS = (
         ),
     ),
     Command(
-        "describe -o FOLDER",
+        "describe -o OUTPUT",
         "sst_commands",
-        "an SST as URDF, MJCF and meshes for other tools",
+        "any robot as MJCF; an SST also as URDF and meshes",
         (
             _ROBOT,
-            option("-o, --output FOLDER", "created if needed", Path, required=True),
+            option("-o, --output OUTPUT", "FILE.xml, or the folder of an SST", Path, required=True),
             _FORCE,
             option("--alpha A1,A2,A3", "angles between the arcs, degrees", numbers),
             option("--base-directions D", "'X,Y,Z X,Y,Z X,Y,Z': from O to each P_k", directions),
@@ -124,7 +124,7 @@ COMMANDS = (
             option("--coulomb-friction F", "of all nine joints, N m", float),
             option("--gravity X,Y,Z", "in base axes, m/s^2", numbers),
         ),
-        "The robot is the paper's, or that of --robot; options change its parameters.",
+        "FILE.xml is a closed MJCF for MuJoCo. Options change the parameters of an SST.",
     ),
     Command(
         "validate [ROBOT]",

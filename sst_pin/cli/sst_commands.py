@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`sst-pin paper` and `describe`, for an SST: its figures, its description folder."""
+"""`sst-pin paper` and `describe`: figures and folder of an SST, the MJCF of any robot."""
 
 import argparse
 import time
@@ -9,12 +9,21 @@ from pathlib import Path
 import numpy as np
 
 from ..description.folder import description_writers
+from ..description.frames import JOINT_NAMES
+from ..description.mjcf_writer import write_mjcf
 from ..description.parameters import Parameters, RigidBody
 from ..errors import InputError
 from ..files import Writer, write_files
 from ..sst.paper import PERIOD, compare, example_1, example_2
+from ..sst.robot import SST
 from ..sst.robot_wrapper import configurations_of
 from . import common
+
+#: Options that only an SST has.
+_OF_SST = (
+    *("alpha", "base_directions", "base_radius", "star_radius", "link_mass", "passive_mass"),
+    *("star_mass", "viscous_friction", "coulomb_friction", "gravity"),
+)
 
 
 def paper(arguments: argparse.Namespace) -> int:
@@ -67,15 +76,23 @@ def paper(arguments: argparse.Namespace) -> int:
 
 
 def describe(arguments: argparse.Namespace) -> None:
-    """A description folder, such as urdf/, for any SST."""
+    """Any robot as MJCF; a description folder, such as urdf/, for any SST."""
+    robot, output = common.robot_of(arguments), arguments.output
+    if output.suffix.lower() in (".xml", ".mjcf"):
+        if any(getattr(arguments, name) is not None for name in _OF_SST):
+            robot = SST(_changed(common.sst_of(arguments).parameters, arguments))
+        write_mjcf(robot, output, arguments.force)
+        print(f"{robot.mechanism.model.name or 'robot'} with closed loops -> {output}")
+        return
+    if not set(JOINT_NAMES) <= set(robot.joint_names):
+        raise InputError("--output", f"{output}: this robot is no SST; -o FILE.xml writes an MJCF")
     common.require_extras(mesh="trimesh", plot="matplotlib")
     from ..plots.paper_figures import picture_writers
 
     p = _changed(common.sst_of(arguments).parameters, arguments)
     files = description_writers(p, configurations_of(p)) | picture_writers(p)
-    folder = arguments.output
-    write_files({folder / n: write for n, write in files.items()}, arguments.force, folder=folder)
-    print(f"{len(files)} files -> {folder}")
+    write_files({output / n: write for n, write in files.items()}, arguments.force, folder=output)
+    print(f"{len(files)} files -> {output}")
 
 
 def _changed(p: Parameters, arguments: argparse.Namespace) -> Parameters:

@@ -152,6 +152,24 @@ def test_robots_lists_what_robot_takes(capsys):
     assert names == ["sst", *(name for name in sst_pin.robots.__all__ if name.islower())]
 
 
+def test_describe_writes_any_robot_as_a_closed_mjcf(here, capsys):
+    """Of an SST with the options; a folder, or options, of another robot are refused."""
+    pytest.importorskip("mujoco")
+    code, out, _ = run(capsys, "describe", "--robot", DELTA, "-o", "delta.xml")
+    assert (code, out) == (0, "delta with closed loops -> delta.xml\n")
+    chain = sst_pin.ClosedChain.from_urdf(DELTA)
+    again = sst_pin.ClosedChain.from_mjcf("delta.xml")
+    assert (again.degrees_of_freedom, again.motor_names) == (3, chain.motor_names)
+    assert run(capsys, "describe", "-o", "sst.xml", "--gravity", "0,0,-2")[0] == 0
+    assert sst_pin.ClosedChain.from_mjcf("sst.xml").model.gravity.linear[2] == -2
+    for arguments, words in (
+        ("describe --robot delta -o folder", "-o FILE.xml writes an MJCF"),
+        ("describe --robot delta -o other.xml --alpha 90,90,90", "not an SST"),
+    ):
+        code, _, err = run(capsys, *arguments.split())
+        assert (code, words in err) == (2, True)
+
+
 def test_all_missing_extras_are_named_at_once(here, capsys, monkeypatch):
     """`describe` needs two."""
     for name in ("matplotlib", "trimesh"):
