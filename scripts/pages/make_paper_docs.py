@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Measure every equation of the paper; write the numbers of docs/paper.md and its three figures.
+"""Write the tables of readings and referees in docs/paper.md, and its three figures.
 
-Tables stand between `<!-- table: name -->` and `<!-- end -->`; what is around them, and the words
-in those of equations and misprints, are written by hand. With --check nothing is written: tables
-must be what would be written now, residuals to two orders of magnitude.
+Tables stand between `<!-- table: name -->` and `<!-- end -->`; the others, and what is around them,
+are written by hand. With --check nothing is written: tables must be what would be written now.
 """
 
 import re
 import sys
 from collections.abc import Iterator
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +15,6 @@ from matplotlib.figure import Figure
 
 import markdown_tables
 import method_figures
-import paper_equations as equations
-import printed_forms as forms
 from markdown_tables import Table, Tables
 from method_figures import Method
 from sst_pin import SST, Parameters, RigidBody, Trajectory, paper_circle, plots
@@ -36,31 +32,6 @@ PAGE = DOCS / "paper.md"
 
 #: Time steps of Exudyn in one period, and stiffnesses of MuJoCo's welds: each the coarse one first.
 STEPS, STIFFNESSES = (700, 1400), (1e6, 1e7)
-
-
-# --- equations and misprints --------------------------------------------------------------------
-
-
-def equation_table(stands: Table) -> Table:
-    """The table as it stands, its last column measured."""
-    header, *rows = stands
-    return [header, *((*row[:-1], f"{equations.EQUATIONS[row[0]](_cases()):.0e}") for row in rows)]
-
-
-def misprint_table(stands: Table) -> Table:
-    """The table as it stands, its last two columns measured where they are no dashes."""
-    header, *rows = stands
-    return [header, *(row if row[-1] == "-" else _measured(row) for row in rows)]
-
-
-def _measured(row: tuple[str, ...]) -> tuple[str, ...]:
-    printed, ours = zip(*equations.MISPRINTS[row[0]](_cases()), strict=True)
-    return *row[:-2], f"{min(printed):.0e} to {max(printed):.0e}", f"{max(ours):.0e}"
-
-
-@cache
-def _cases() -> list[forms.Case]:
-    return forms.cases(equations.SEED, equations.STATES, equations.ROBOTS)
 
 
 # --- alternative readings -----------------------------------------------------------------------
@@ -234,8 +205,6 @@ def _paths(robot: SST, example: Trajectory) -> Iterator[tuple[str, float]]:
 # --- the page -----------------------------------------------------------------------------------
 
 TABLES: Tables = {
-    "equations": equation_table,
-    "misprints": misprint_table,
     "readings": reading_table,
 }
 SLOW: Tables = {"referees": compare_referees}
