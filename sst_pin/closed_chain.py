@@ -32,6 +32,7 @@ from .dynamics.derivatives import (
 from .dynamics.quantities import Quantity
 from .engine import DerivativeOptions, Engine, LoadOptions, Options
 from .errors import DescriptionError, InputError, MissingExtraError
+from .loops.assembly_modes import AssemblyModes, modes_of
 from .loops.draft import (
     Motor,
     closures_of,
@@ -416,6 +417,34 @@ class ClosedChain(Summary):
             np.float64(0.3)
         """
         return assemble(self._engine, q, fixed, tries, seed, limits)
+
+    def assembly_modes(
+        self, positions: Mapping[str, float], frame: str | None = None
+    ) -> AssemblyModes:
+        """Closed configurations with joints at these positions, one for each assembly mode.
+
+        Planar loops of hinges, and the SST, are solved in closed form. Others are searched from
+        many starts, which can miss modes.
+
+        Args:
+            positions: Positions by the names of joints, [rad] or [m].
+            frame: Configurations with one pose of this frame count as one mode. Without it, a
+                universal joint that flips makes another mode.
+
+        Raises:
+            InputError: If the positions leave a freedom.
+
+        Example:
+            >>> modes = chain.assembly_modes({"crank": 0.3})
+            >>> modes.q.shape, modes.branches.tolist(), modes.complete
+            ((2, 3), [[-1], [1]], True)
+        """
+        solutions = self._solutions(positions)
+        return modes_of(self._engine.assembly, positions, frame, solutions)
+
+    def _solutions(self, positions: Mapping[str, float]) -> Array | None:
+        """All modes, where there is a closed form for the whole robot."""
+        return None
 
     def generic_configuration(self) -> Array:
         """A closed configuration without symmetry, near `home` if there is one, shape (nq,)."""

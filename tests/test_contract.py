@@ -37,6 +37,7 @@ CLASSES = {
         "preload_directions": "q",
         "torque_regressor": "q va aa",
         "with_parameters": "theta",
+        "assembly_modes": "positions frame",
         "design_derivatives": "q va aa names frame",
         "simulate": "torque q0 va0 t through_singularities",
         "rollout": "tau q0 va0 dt",

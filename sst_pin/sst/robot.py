@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -257,6 +257,11 @@ class SST(ClosedChain):
         q: Array = before + turns[np.abs(turns).max(axis=1).argmin()]
         q[::3] = gamma
         return q
+
+    def _solutions(self, positions: Mapping[str, float]) -> Array | None:
+        if set(positions) != set(MOTOR_NAMES):
+            return None
+        return self.forward_kinematics([positions[name] for name in MOTOR_NAMES])
 
     def platform_orientation(self, q: ArrayLike) -> Array:
         """Orientation R of {E} in the base by leg 1, shape (..., 3, 3); its first column is s."""

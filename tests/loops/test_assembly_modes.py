@@ -1,0 +1,210 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""All assembly modes, against poses of the literature and closed forms."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.testing import assert_allclose
+
+import sst_pin
+from sst_pin import robots
+from tests.support.planar_bars import DRAG_LINK, planar
+
+#: P. Dietmaier, The Stewart-Gough platform of general geometry can have 40 real postures, 1998, in
+#: the numbers of the documentation of CuikSuite.
+BASE = [
+    (0, 0, 0),
+    (1.107915, 0, 0),
+    (0.549094, 0.756063, 0),
+    (0.735077, -0.223935, 0.525991),
+    (0.514188, -0.526063, -0.368418),
+    (0.590473, 0.094733, -0.205018),
+]
+PLATFORM = [
+    (0, 0, 0),
+    (0.542805, 0, 0),
+    (0.956919, -0.528915, 0),
+    (0.665885, -0.353482, 1.402538),
+    (0.478359, 1.158742, 0.107672),
+    (-0.137087, -0.235121, 0.353913),
+]
+LEGS = [1, 0.645275, 1.086284, 1.503439, 1.281933, 0.771071]
+#: Two planar 3-RPR: points of the base and of the platform, lengths of the legs, and poses (x, y of
+#: the first point of the platform, angle), found by elimination and bisection.
+SIX = (
+    [(0, 0), (15.91, 0), (0, 10)],
+    [(0, 0), (17.04, 0), (20.84 * np.cos(0.882603), 20.84 * np.sin(0.882603))],
+    [14.98, 15.38, 12],
+    [
+        (-8.726595049, 12.175669955, -0.986974258),
+        (-5.495663444, -13.935497239, -0.047331384),
+        (-14.896127525, 1.582967078, 0.245309383),
+        (-13.419935741, -6.656254555, 0.585673156),
+        (14.920133246, -1.337917758, 1.002038649),
+        (14.673943568, -3.012603554, 2.132904453),
+    ],
+)
+TWO = (
+    [(0, 0), (1.2, 0), (0.5, 0.9)],
+    [(0, 0), (0.5, 0), (0.2, 0.4)],
+    [0.75, 0.6, 0.55],
+    [(0.459420419, 0.592817745, -1.261919335), (0.748761867, 0.043077441, 1.263411424)],
+)
+
+
+def at(point, turn=0.0):
+    return pin.SE3(pin.utils.rotate("z", turn), np.array([*point, 0.0][:3], dtype=float))
+
+
+def body(model, parent, joint, name, place):
+    j = model.addJoint(parent, joint, place, name)
+    model.appendBodyToJoint(j, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    return j
+
+
+def gough():
+    """A free platform on six rods of fixed lengths."""
+    model = pin.Model()
+    platform = body(model, 0, pin.JointModelFreeFlyer(), "platform", pin.SE3.Identity())
+    for k, (a, b) in enumerate(zip(BASE, PLATFORM, strict=True)):
+        for name, joint, point in ((f"a{k}", 0, a), (f"b{k}", platform, b)):
+            place = pin.SE3(np.eye(3), np.array(point, dtype=float))
+            model.addFrame(pin.Frame(name, joint, place, pin.FrameType.OP_FRAME))
+    rods = [sst_pin.Distance(f"a{k}", f"b{k}", length) for k, length in enumerate(LEGS)]
+    return sst_pin.ClosedChain(model, rods, [])
+
+
+def three_rpr(base, platform):
+    """Legs of hinge, slide, hinge; the platform is on the first one."""
+    model = pin.Model()
+    for k, point in enumerate(base):
+        hinge = body(model, 0, pin.JointModelRZ(), f"hinge_{k}", at(point))
+        end = body(model, hinge, pin.JointModelPX(), f"leg_{k}", at((0, 0)))
+        if k == 0:
+            plate = body(model, end, pin.JointModelRZ(), "platform", at((0, 0)))
+            for name, corner in zip("abc", platform, strict=True):
+                model.addFrame(pin.Frame(name, plate, at(corner), pin.FrameType.OP_FRAME))
+        else:
+            model.addFrame(pin.Frame(f"tip_{k}", end, at((0, 0)), pin.FrameType.OP_FRAME))
+    closures = [sst_pin.Closure("b", "tip_1", "3d"), sst_pin.Closure("c", "tip_2", "3d")]
+    return sst_pin.ClosedChain(model, closures, ["leg_0", "leg_1", "leg_2"])
+
+
+def pose(chain, q, frame):
+    data = chain.model.createData()
+    pin.framesForwardKinematics(chain.model, data, q)
+    return data.oMf[chain.model.getFrameId(frame)]
+
+
+@pytest.mark.parametrize(("base", "platform", "lengths", "poses"), [SIX, TWO])
+def test_planar_3rpr_platforms_have_the_poses_of_elimination(base, platform, lengths, poses):
+    chain = three_rpr(base, platform)
+    modes = chain.assembly_modes({f"leg_{k}": x for k, x in enumerate(lengths)}, frame="a")
+    assert len(modes) == len(poses)
+    assert not modes.complete
+    places = [pose(chain, q, "a") for q in modes.q]
+    found = [(*p.translation[:2], np.arctan2(p.rotation[1, 0], p.rotation[0, 0])) for p in places]
+    assert_allclose(sorted(found), sorted(poses), atol=2e-9)  # nine digits
+    assert np.abs(chain.residual(modes.q)).max() < 1e-12 * max(1, chain.mechanism.length)
+
+
+@pytest.mark.slow
+def test_dietmaiers_platform_has_its_forty_poses():
+    chain = gough()
+    modes = chain.assembly_modes({})
+    assert len(modes) >= 38  # six digits may lose two that are almost one
+    assert not modes.complete
+    assert np.abs(chain.residual(modes.q)).max() < 1e-12
+    placements = [pose(chain, q, "b0") for q in modes.q]
+    gaps = [
+        np.abs(pin.log6(a.actInv(b)).vector).max()
+        for k, a in enumerate(placements)
+        for b in placements[:k]
+    ]
+    assert min(gaps) > 1e-4
+    for k, (a, b, length) in enumerate(zip(BASE, PLATFORM, LEGS, strict=True)):
+        ends = [p.act(np.array(b, dtype=float)) for p in placements]
+        assert_allclose(np.linalg.norm(ends - np.array(a), axis=1), length, atol=1e-12, err_msg=k)
+
+
+@pytest.mark.parametrize("angle", [0.3, 2.0, -1.2])
+def test_a_four_bar_has_both_intersections_of_two_circles(angle):
+    model = planar(DRAG_LINK)
+    closures = [sst_pin.Closure("coupler_end", "rocker_end", "3d")]
+    chain = sst_pin.ClosedChain(model, closures, ["crank"])
+    modes = chain.assembly_modes({"crank": angle})
+    assert modes.complete
+    assert modes.branches.tolist() == [[-1], [1]]
+    assert_allclose(modes.q[:, 0], angle)
+    assert np.abs(chain.residual(modes.q)).max() < 1e-12
+    data, ends = model.createData(), [pose(chain, q, "coupler_end").translation for q in modes.q]
+    pin.forwardKinematics(model, data, modes.q[0])
+    across, middle = ends[1] - ends[0], (ends[0] + ends[1]) / 2
+    assert np.linalg.norm(across) > 1e-3
+    for name in ("coupler", "rocker"):  # the centres of the circles are on the mirror
+        centre = data.oMi[model.getJointId(name)].translation
+        assert across @ (middle - centre) == pytest.approx(0, abs=1e-12)
+
+
+def test_dyads_behind_dyads_are_closed_in_order():
+    """An excavator: three cylinders and a four-bar behind one of them."""
+    chain = robots.excavator()
+    names = chain.position_names
+    held = {name: chain.home[names.index(name)] for name in chain.coordinates}
+    modes = chain.assembly_modes(held)
+    assert modes.complete
+    assert modes.q.shape[0] == 16
+    assert np.abs(chain.residual(modes.q)).max() < 1e-12
+    assert min(np.abs(np.angle(np.exp(1j * (q - chain.home)))).max() for q in modes.q) < 1e-9
+
+
+def test_out_of_reach_there_is_no_mode():
+    chain = robots.five_bar()
+    modes = chain.assembly_modes(dict(zip(chain.coordinates, [np.pi, 0.0], strict=True)))
+    assert modes.q.shape == (0, chain.model.nq)
+    assert modes.complete
+
+
+def test_an_sst_has_the_eight_assemblies_of_its_closed_form():
+    robot = sst_pin.SST()
+    gamma = [0.7, 0.8, 0.75]
+    modes = robot.assembly_modes(dict(zip(robot.coordinates, gamma, strict=True)))
+    solutions = robot.forward_kinematics(gamma)
+    assert len(modes) == len(solutions) == 8
+    assert modes.complete
+    for q in solutions:
+        assert np.abs(np.sin((modes.q - q) / 2)).max(axis=1).min() < 1e-12
+
+
+def test_modes_are_those_of_a_search_from_many_starts():
+    """The dyads' closed form against Newton's method from random starts."""
+    chain, random = robots.five_bar(), np.random.default_rng(0)
+    at = chain.home[[chain.position_names.index(name) for name in chain.coordinates]]
+    held = dict(zip(chain.coordinates, at + np.array([0.2, -0.1]), strict=True))
+    modes = chain.assembly_modes(held)
+    found = []
+    for _ in range(20):
+        guess = chain.home + random.uniform(-3, 3, chain.model.nq)
+        for name, value in held.items():
+            guess[chain.position_names.index(name)] = value
+        try:
+            found.append(chain.assemble(guess, fixed=list(held)))
+        except sst_pin.ClosureError:
+            continue
+    assert len(found) > 5
+    for q in found:
+        assert np.abs(np.sin((modes.q - q) / 2)).max(axis=1).min() < 1e-9
+
+
+@pytest.mark.parametrize("positions", [{}, {"shoulder_1": 0.5}, {"motor_1": 0.1}])
+def test_positions_that_leave_a_freedom_or_name_no_joint_are_refused(positions):
+    with pytest.raises((sst_pin.InputError, sst_pin.UnknownNameError)):
+        robots.five_bar().assembly_modes(positions)
+
+
+def test_modes_do_not_depend_on_calls_before():
+    chain, held = robots.slider_crank(), {"crank": 0.4}
+    first = chain.assembly_modes(held, frame="platform")
+    again = chain.assembly_modes(held, frame="platform")
+    assert_allclose(first.q, again.q, atol=0)
+    assert np.array_equal(first.branches, again.branches)
