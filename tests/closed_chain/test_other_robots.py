@@ -154,7 +154,7 @@ def test_energies_are_the_sums_over_the_bodies(robot, chain):
     [
         ("four-bar", []),
         ("planar 3-RRR", ["shoulder_1", "shoulder_2"]),
-        ("spherical 3-RRR, welded", ["first_0", "second_0"]),
+        ("spherical 3-RRR", ["first_0", "second_0"]),
     ],
 )
 def test_too_few_motors_leave_loose_joints(name, motors):

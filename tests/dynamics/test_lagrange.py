@@ -95,10 +95,8 @@ def hinged_by(joint):
 MORE_MOTORS = {
     "four-bar": "rocker",
     "planar 3-RRR": "elbow_2",
-    "planar 3-RRR, platform welded": "wrist_3",
     "6-UPS": "yaw_3",
-    "6-UPS, floating platform": "slide_z",
-    "spherical 3-RRR, aligned": "first_1",
+    "spherical 3-RRR": "first_1",
 }
 #: How to make them, and the tolerance of forces: rounding, times condition numbers up to 1e3 of the
 #: loop; those of the table are regular.

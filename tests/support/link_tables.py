@@ -30,7 +30,6 @@ class Link(NamedTuple):
     axis: np.ndarray
     prismatic: bool = False
     turned: np.ndarray = np.eye(3)
-    massless: bool = False
 
 
 class Frame(NamedTuple):
@@ -69,11 +68,10 @@ class Robot:
         names = [link.name for link in self.links]
         self.motors = [names.index(name) for name in self.actuated]
         self.parents = [names.index(link.parent) if link.parent else -1 for link in self.links]
-        has_mass = np.array([not link.massless for link in self.links])
-        self.masses = random.uniform(0.3, 2, m) * has_mass
-        self.levers = 0.1 * random.normal(size=(m, 3)) * has_mass[:, None]
+        self.masses = random.uniform(0.3, 2, m)
+        self.levers = 0.1 * random.normal(size=(m, 3))
         # The inertia of mass points is one that a body can have.
-        points = 0.1 * random.normal(size=(m, 3, 3)) * has_mass[:, None, None]
+        points = 0.1 * random.normal(size=(m, 3, 3))
         second_moments = points @ points.swapaxes(1, 2)
         traces = second_moments.trace(axis1=1, axis2=2)
         self.inertias = traces[:, None, None] * np.eye(3) - second_moments
@@ -344,14 +342,14 @@ def _legs_of_planar_platform(x):
         yield shoulder, elbow, phi - shoulder - elbow
 
 
-def _planar_legs(plane, wrists) -> list[Link]:
+def _planar_legs(plane) -> list[Link]:
     links = []
     for k, (base, lengths) in enumerate(zip(BASE_TRIANGLE, LEG_LENGTHS, strict=True), 1):
         links += [
             Link(f"shoulder_{k}", "", base @ plane[:2], plane[2]),
             Link(f"elbow_{k}", f"shoulder_{k}", lengths[0] * plane[0], plane[2]),
         ]
-        if k <= wrists:
+        if k == 1:
             links += [Link(f"wrist_{k}", f"elbow_{k}", lengths[1] * plane[0], plane[2])]
     return links
 
@@ -361,7 +359,7 @@ def planar_3rrr() -> Robot:
     plane = PLANE_YZ
     arms = (PLATFORM_TRIANGLE - PLATFORM_TRIANGLE[0]) @ plane[:2]
     return Robot(
-        links=_planar_legs(plane, wrists=1),
+        links=_planar_legs(plane),
         frames=[
             frame
             for k in (2, 3)
@@ -378,23 +376,6 @@ def planar_3rrr() -> Robot:
         ),
         x=np.array([0.7, 0.5, 0.2]),
         redundant_rows=2,
-    )
-
-
-def planar_3rrr_with_cut_platform() -> Robot:
-    """Three planar legs in a skew plane, each with its part of the platform, welded together."""
-    plane = SKEW_PLANE
-    return Robot(
-        links=_planar_legs(plane, wrists=3),
-        frames=[
-            Frame(f"E_{k}", f"wrist_{k}", -vertex @ plane[:2], SKEW)
-            for k, vertex in enumerate(PLATFORM_TRIANGLE, 1)
-        ],
-        closures=[Closure("E_1", f"E_{k}") for k in (2, 3)],
-        actuated=["shoulder_2", "shoulder_3", "shoulder_1"],  # in an order of its own
-        joints=lambda x: np.stack([q for leg in _legs_of_planar_platform(x) for q in leg], axis=-1),
-        x=np.array([0.7, 0.5, 0.2]),
-        redundant_rows=6,
     )
 
 
@@ -462,43 +443,13 @@ def hexapod() -> Robot:
     )
 
 
-def hexapod_with_floating_platform() -> Robot:
-    """A 6-UPS whose platform stands on three slides and three turns, none of them driven."""
-    return Robot(
-        links=[
-            Link("slide_x", "", np.zeros(3), X, prismatic=True, massless=True),
-            Link("slide_y", "slide_x", np.zeros(3), Y, prismatic=True, massless=True),
-            Link("slide_z", "slide_y", np.zeros(3), Z, prismatic=True, massless=True),
-            Link("turn_x", "slide_z", np.zeros(3), X, massless=True),
-            Link("turn_y", "turn_x", np.zeros(3), Y, massless=True),
-            Link("platform", "turn_y", np.zeros(3), Z),
-            *(link for k in range(6) for link in _universal_prismatic_leg(k)),
-        ],
-        frames=[
-            frame
-            for k in range(6)
-            for frame in (
-                Frame(f"A_{k}", f"stroke_{k}", SHORTEST * LEG_AXES[k][2]),
-                Frame(f"B_{k}", "platform", PLATFORM_POINTS[k]),
-            )
-        ],
-        closures=[Closure(f"A_{k}", f"B_{k}", "3d") for k in range(6)],
-        actuated=[f"stroke_{k}" for k in range(6)],
-        joints=lambda x: np.concatenate(
-            [x, *(np.stack(_hexapod_leg(x, k), axis=-1) for k in range(6))], axis=-1
-        ),
-        x=np.array([0.1, -0.05, 1.1, 0.15, -0.1, 0.2]),
-        redundant_rows=0,
-    )
-
-
 _NEARLY_NORMAL = np.eye(3) + np.random.default_rng(2).uniform(-0.35, 0.35, (3, 3, 3))
 #: Three axes for each leg, all through the centre.
 SPHERICAL_LEGS = _NEARLY_NORMAL / np.linalg.norm(_NEARLY_NORMAL, axis=-1, keepdims=True)
 CENTER = np.array([0.2, -0.3, 0.5])
 
 
-def spherical_3rrr(kind: str) -> Robot:
+def spherical_3rrr() -> Robot:
     """A spherical platform cut into its three legs' parts and closed again."""
     return Robot(
         links=[
@@ -511,13 +462,13 @@ def spherical_3rrr(kind: str) -> Robot:
             )
         ],
         frames=[Frame(f"E_{k}", f"third_{k}", np.array([0.1, 0.3, -0.2]), SKEW) for k in range(3)],
-        closures=[Closure("E_0", f"E_{k}", kind) for k in (1, 2)],
+        closures=[Closure("E_0", f"E_{k}") for k in (1, 2)],
         actuated=["first_0", "second_1", "third_2"],
         joints=lambda x: np.stack(
             [q for axes in SPHERICAL_LEGS for q in rotation_angles(axes, orientation(x))], axis=-1
         ),
         x=np.array([0.2, -0.3, 0.25]),
-        redundant_rows={"orientation": 0, "6d": 6}[kind],
+        redundant_rows=6,
     )
 
 
@@ -527,9 +478,6 @@ ROBOTS = {
     "four-bar, coupler welded": four_bar_with_cut_coupler("6d"),
     "four-bar, coupler aligned and pinned": four_bar_with_cut_coupler("orientation", "3d"),
     "planar 3-RRR": planar_3rrr(),
-    "planar 3-RRR, platform welded": planar_3rrr_with_cut_platform(),
     "6-UPS": hexapod(),
-    "6-UPS, floating platform": hexapod_with_floating_platform(),
-    "spherical 3-RRR, aligned": spherical_3rrr("orientation"),
-    "spherical 3-RRR, welded": spherical_3rrr("6d"),
+    "spherical 3-RRR": spherical_3rrr(),
 }
