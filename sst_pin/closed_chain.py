@@ -9,13 +9,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from .arrays import (
     Array,
-    Indices,
     finite_array,
     for_each_sample,
     positive_number,
@@ -46,10 +44,10 @@ from .loops.draft import (
 from .loops.frame_guide import frame_configurations
 from .loops.mobility import Mobility
 from .loops.starts import assemble, start_of
-from .model.appearance import Appearance, appearance_of
 from .model.closures import Constraint
 from .model.lines import LineForce
-from .model.mechanism import Friction, Mechanism, read_only
+from .model.mechanism import Mechanism, read_only
+from .model.robot_properties import RobotProperties
 from .simulation import energy
 from .summaries import Summary, listed
 
@@ -67,20 +65,10 @@ if TYPE_CHECKING:
     from .simulation.trajectories import Trajectory
     from .viewer import Viewer
 
-#: What to use for names that other packages have.
-_INSTEAD = {
-    "inverse_dynamics": "compute_torques(q, va, aa)",
-    "forward_dynamics": "compute_accelerations(q, va, tau)",
-    "mass_matrix": "reduced_terms(q, va).inertia",
-    "jacobian": "frame_jacobian(q, frame)",
-    "forward_kinematics": "frame_placement(q, frame)",
-    "inverse_kinematics": "frame_configuration(frame, position, rotation)",
-    "to_mjcf": "sst_pin.write_mjcf(chain, path)",
-}
 _Chain = TypeVar("_Chain", bound="ClosedChain")
 
 
-class ClosedChain(Summary):
+class ClosedChain(RobotProperties, Summary):
     """A robot with closed loops.
 
     Results depend on the robot and on the arguments, never on the calls before. Edits to `model`
@@ -210,16 +198,9 @@ class ClosedChain(Summary):
     def with_parameters(self: _Chain, theta: ArrayLike | Mapping[str, float]) -> _Chain:
         """A new robot with other dynamic parameters, of the same class and on the same path.
 
-        Args:
-            theta: All `dynamic_parameters`, shape (p,), or some of them by name.
-
-        Raises:
-            InputError: For a first moment without mass, an offset of a joint without a spring or of
-                a ball, an offset of a motor, a negative stiffness or damping of a line.
-            DescriptionError: For a spring that no joint can have.
-
-        Warns:
-            DescriptionWarning: For a mass alone; `dynamic_parameters.scale_mass` scales a body.
+        `theta` are all `dynamic_parameters`, shape (p,), or some of them by name. Values that no
+        robot can have, such as offsets of motors, raise an `InputError`. A mass alone is a
+        `DescriptionWarning`; `dynamic_parameters.scale_mass` scales a body.
         """
         chain = copy(self)
         model, numbers, forces = regressor.changed(chain.engine.mechanism, theta)
@@ -231,15 +212,6 @@ class ClosedChain(Summary):
         other = type(self).__new__(type(self))
         other.__dict__.update(self.__dict__)
         return other
-
-    if not TYPE_CHECKING:  # unknown names stay errors for mypy
-
-        def __getattr__(self, name: str) -> Any:
-            if name not in _INSTEAD:
-                return super().__getattribute__(name)  # Python's own error
-            kind = type(self).__name__
-            text = f"{kind} has no {name}; use {_INSTEAD[name]}"
-            raise AttributeError(text, name=name, obj=self)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         # Mimic joints of an unpickled model end the process.
@@ -261,76 +233,6 @@ class ClosedChain(Summary):
     def mechanism(self) -> Mechanism:
         """A copy of the tree, with closures, coordinates, motors and forces."""
         return self._engine.mechanism
-
-    @property
-    def closures(self) -> tuple[Constraint, ...]:
-        """The closures of the tree."""
-        return self.mechanism.closures
-
-    @property
-    def forces(self) -> tuple[LineForce, ...]:
-        """The forces along lines between two frames."""
-        return self.mechanism.lines.forces
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints, in the order of the tree."""
-        return self.mechanism.space.joint_names
-
-    @property
-    def position_names(self) -> tuple[str, ...]:
-        """Name of each entry of q: the name of the joint, with a suffix if it has several."""
-        return self.mechanism.space.position_names
-
-    @property
-    def joint_units(self) -> tuple[str, ...]:
-        """Unit of each entry of q: "rad", "m", or "" for quaternions, cosines and sines."""
-        return self.mechanism.space.position_units
-
-    @property
-    def rate_names(self) -> tuple[str, ...]:
-        """Name of each entry of v: the name of the joint, with a suffix if it has several."""
-        return self.mechanism.space.rate_names
-
-    @property
-    def rate_units(self) -> tuple[str, ...]:
-        """Unit of each entry of v, times a second: "rad" or "m"."""
-        return self.mechanism.space.rate_units
-
-    @property
-    def coordinates(self) -> tuple[str, ...]:
-        """Names of the independent joints, or of single rates of a joint."""
-        return self.mechanism.coordinate_names
-
-    @property
-    def degrees_of_freedom(self) -> int:
-        """Number n of the coordinates' rates."""
-        return len(self.mechanism.coordinates)
-
-    @property
-    def motor_names(self) -> tuple[str, ...]:
-        """Name of each motor, in the order of tau."""
-        return self.mechanism.motor_names
-
-    @property
-    def motor_units(self) -> tuple[str, ...]:
-        """Unit of each motor torque: "Nm" or "N", by the joints it acts on; "N" on a line."""
-        return self.mechanism.motor_units
-
-    @property
-    def actuated(self) -> Indices:
-        """Indices in v of the motors' joints, in the order of the motors, read-only."""
-        return self.mechanism.driven
-
-    @property
-    def actuation(self) -> Array:
-        """B, shape (nv, motors): joint forces are B tau; zero columns for motors on lines."""
-        return self.mechanism.motors
-
-    @property
-    def friction(self) -> Friction:
-        """Friction of all joints, read-only."""
-        return self.mechanism.friction
 
     @property
     def dynamic_parameters(self) -> regressor.DynamicParameters:
@@ -404,13 +306,8 @@ class ClosedChain(Summary):
                 home, in its assembly mode; without a home a `DescriptionWarning` says so.
             fixed: Names of joints that keep their position, () for none. By default the
                 coordinates; if q names joints that are no coordinates, the joints named.
-            tries: Number of starts: the guess, then random configurations around it.
-            seed: Seed of the random starts.
+            tries: Number of starts: the guess, then random configurations around it, by `seed`.
             limits: Whether joints with one coordinate must stay within the limits of the model.
-
-        Raises:
-            ClosureError: If the loops cannot be closed; the message lists the open loops and the
-                joints at their limits.
 
         Example:
             >>> chain.assemble({"crank": 0.3})[0].round(3)
@@ -469,14 +366,7 @@ class ClosedChain(Summary):
         return self._engine.compute(Quantity("joint_accelerations"), q, va=va, aa=aa)
 
     def frame_placement(self, q: ArrayLike, frame: str) -> tuple[Array, Array]:
-        """Position and orientation of a frame in the base, shapes (..., 3), [m], and (..., 3, 3).
-
-        Example:
-            >>> lift = sst_pin.robots.five_bar()
-            >>> p, R = lift.frame_placement(lift.home, "platform")
-            >>> p.round(3), R.shape
-            (array([0.   , 0.141, 0.   ]), (3, 3))
-        """
+        """Position, shape (..., 3), [m], and orientation, (..., 3, 3), of a frame in the base."""
         poses = self._engine.placements(q, frame)
         return poses[..., :3, 3], poses[..., :3, :3]
 
@@ -489,21 +379,18 @@ class ClosedChain(Summary):
     ) -> Array:
         """Inverse kinematics: configurations q that put a frame there, shape (..., nq).
 
-        The frame moves from the start straight to the pose, so that q is in the assembly and
-        working mode of the start. With more degrees of freedom than the pose needs, the joints move
-        least. Joint limits do not count; `check(q)` names joints beyond them.
+        The frame moves straight to the pose, in the assembly and working mode of the start. With
+        more degrees of freedom than the pose needs, the joints move least. Joint limits are
+        ignored; `check(q)` names joints beyond them.
 
         Args:
-            position: Of the frame's origin in the base, shape (..., 3), [m]; None if only the
-                orientation counts.
-            rotation: Orientation in the base, shape (..., 3, 3); by default it does not count.
-            start: Where to start, shape (..., nq); open loops are closed first. By default `home`,
-                or the robot as it is drawn.
+            position: Of the frame's origin in the base, shape (..., 3), [m]; None for any.
+            rotation: Orientation in the base, shape (..., 3, 3); None for any.
+            start: Shape (..., nq); open loops are closed first. By default `home`, else a
+                configuration near zero.
 
         Raises:
             WorkspaceError: If the pose is out of reach; the message says how far, in metres.
-            SingularConfigurationError: If the way to it ends at a singular configuration.
-            ClosureError: If the start cannot be assembled.
 
         Example:
             >>> lift = sst_pin.robots.five_bar()
@@ -844,17 +731,15 @@ class ClosedChain(Summary):
         derivatives: bool = False,
         all: bool = False,  # noqa: A002
     ) -> None:
-        """Generate and compile kernels for this robot; they compute its dynamics from then on.
+        """Generate and compile kernels that compute this robot's dynamics from then on.
 
         The C compiler of the system (or of the package ziglang) compiles them, and the user's cache
-        folder keeps them. They depend on the geometry, the closures, the motors, and on which
-        bodies have mass and which joints have friction, springs or rotors; the values of these can
-        change without a new compilation. The reference path computes samples that fail a kernel's
-        check. `path` says what computes.
+        folder keeps them. Masses, friction and springs that are not zero can change without a new
+        compilation. The reference path computes samples that fail a kernel's check.
 
         Args:
             q: Configuration on the closures, shape (nq,), around which the order of elimination is
-                chosen; a random one by default, around `home` for a robot of the gallery.
+                chosen; by default `generic_configuration()`.
             derivatives: Whether to compile the derivatives too. By default this is done at their
                 first use, as for all other methods that have kernels; docs/batches.md lists these.
             all: Whether to compile all kernels except those of frames.
@@ -864,20 +749,13 @@ class ClosedChain(Summary):
             MissingExtraError: Without CasADi, `sst-pin[compile]`.
             DescriptionError: For a joint without compiled equations.
         """
-        from .compiled.compiled_backend import DERIVATIVES, EVERY, FIRST, CompiledBackend
+        from .compiled.compiled_backend import compiled_engine
 
-        engine, keys = self._engine, FIRST + DERIVATIVES if derivatives else FIRST
-        near = None if q is None else engine.single(q)
-        if near is not None:
-            engine.reference.rates(near, np.zeros(len(engine.mechanism.coordinates)))
-        if derivatives and engine.reference.derivatives.axes_move:
-            keys = (*keys, Quantity("displacement_rates"))
-        make = partial(CompiledBackend, near=near, platform=self._platform)
-        kernels = make(engine.reference)
-        kernels.make(EVERY if all else keys)
+        engine = self._engine
+        compiled = compiled_engine(engine, q, derivatives=derivatives, every=all)
         if self._engine is not engine:  # refreshed meanwhile
             return self.compile(q, derivatives=derivatives, all=all)
-        self._engine = Engine(engine.mechanism, make, kernels, self._platform)
+        self._engine = compiled
         return None
 
     def casadi(
@@ -890,16 +768,13 @@ class ClosedChain(Summary):
     ) -> CasadiFunctions:
         """The dynamics as CasADi functions, `.torques` and more; they do not check their input.
 
+        Friction is smooth, as in derivatives. The functions need the extra `sst-pin[compile]`.
+
         Args:
             q: As in `compile`.
             external_wrenches: Whether the dynamics have them as their last input, shape (r, 6).
-            sign_width: Makes friction smooth, as in derivatives.
             compiled: Whether the functions are compiled C code with derivatives of first order,
-                compiled at their first use and cached as by `compile`. Otherwise they need no
-                compiler and have derivatives of every order.
-
-        Raises:
-            MissingExtraError: Without CasADi, `sst-pin[compile]`.
+                cached as by `compile`; else they have derivatives of every order.
         """
         try:
             from .compiled.casadi_functions import CasadiFunctions
@@ -936,14 +811,6 @@ class ClosedChain(Summary):
         except ModuleNotFoundError as error:
             raise MissingExtraError(str(error.name).partition(".")[0], "gpu") from None
         return WarpBatch(self._engine.reference, device, dtype)
-
-    def _page_functions(self, q: Array) -> tuple[str, Array]:
-        """JavaScript of this robot for a page that starts at q, and the open numbers it takes."""
-        try:
-            from .compiled.page_code import functions_of
-        except ModuleNotFoundError:
-            raise MissingExtraError("casadi", "viz") from None
-        return functions_of(self._engine.reference, q)
 
     # --- motions ----------------------------------------------------------------------------
 
@@ -989,9 +856,8 @@ class ClosedChain(Summary):
     ) -> Trajectory:
         """Simulate the motion for given torques, with closed loops at all times.
 
-        The result ends early before a singularity of the mechanism, with a `SingularityWarning`;
-        `stopped` says why. The integrator uses the rates of the coordinates; where these do not
-        determine the motion well, it uses those of other joints for a while.
+        The motion ends early before a singularity of the mechanism, with a `SingularityWarning`;
+        `stopped` says why. Where the coordinates do not determine it, other joints are integrated.
 
         Args:
             torque: A function (t, q, va) -> (motors,); a constant, shape (motors,); samples at t,
@@ -1002,9 +868,8 @@ class ClosedChain(Summary):
             t: Times of the output, increasing, shape (N,), N >= 2, [s].
             platform_moment: A function (t, q, va) -> (3,), or a constant.
             external_wrenches: A function (t, q, va) -> (r, 6), or a constant.
-            method: Integrator of SciPy: RK23, RK45, DOP853, Radau or BDF. The last two are for
-                stiff motions and take the exact derivatives of the dynamics, unless sign_width is
-                0, external_wrenches is a function, or wheels roll.
+            method: Integrator of SciPy: RK23, RK45, DOP853, Radau or BDF; the last two are for
+                stiff motions.
             rtol: Relative tolerance of the integrator.
             atol: Absolute tolerance of the integrator, [rad], [rad/s].
             max_condition_number: The motion stops where the condition number of the dependent
@@ -1012,8 +877,8 @@ class ClosedChain(Summary):
             through_singularities: Whether the motion goes on through singular configurations of the
                 mechanism, on the branch that continues it smoothly; `crossings` of the result lists
                 them. It stops where no branch is determined, as where it comes to rest.
-            sign_width: Coulomb friction uses tanh(x / sign_width) instead of sign(x), [rad/s],
-                because an integrator needs smooth forces. A joint that should stick moves slowly.
+            sign_width: Coulomb friction uses tanh(x / sign_width) instead of sign(x), [rad/s];
+                joints that should stick move slowly.
             progress: Function that is called with the time reached.
             max_step: Longest step of the integrator, [s]. By default, where torques or loads are
                 functions, steps are no longer than the distance of the output times: a shorter
@@ -1050,9 +915,9 @@ class ClosedChain(Summary):
     ) -> Rollout:
         """Simulate many motions with a fixed step; the error is of fourth order in dt.
 
-        The loops stay closed. Near dead points of the coordinates the rates of other joints are
-        integrated. A motion that reaches a singularity of the mechanism, diverges or opens its
-        loops (dt is too long) raises a `SimulationError` with the samples.
+        The loops stay closed, also through dead points of the coordinates. A motion that reaches a
+        singularity of the mechanism, diverges or opens its loops (dt is too long) raises a
+        `SimulationError`, or is NaN from there on. Loads are constant for each motion.
 
         Args:
             tau: Motor torques, shape (..., N, motors), constant in each step. For torques that
@@ -1061,11 +926,8 @@ class ClosedChain(Summary):
             q0: Initial configurations, on the closures, shape (..., nq).
             va0: Initial rates of the coordinates, shape (..., n).
             dt: Step, [s]; a negative step goes back in time.
-            platform_moment: Constant for each motion, shape (..., 3).
-            external_wrenches: Constant for each motion, shape (..., r, 6).
             steps: Number of steps N; by default the number of torques.
             sign_width: As in `simulate`.
-            on_error: "raise", or "nan" to set the states to NaN from the first bad state on.
 
         Returns:
             q of shape (..., N + 1, nq) and va of shape (..., N + 1, n).
@@ -1120,13 +982,11 @@ class ClosedChain(Summary):
 
         The YAML lists closures, motors, forces, springs, friction, couplings, gravity and joint
         types; docs/own_robot.md. Without closures there, those in the URDF count, such as the
-        frames `closing_NAME_1` and `closing_NAME_2`, else the robot is an open tree with a motor
-        at each joint. Mimic joints become couplings. An SRDF beside the file defines named
-        configurations, such as `home`.
+        frames `closing_NAME_1` and `closing_NAME_2`; without any the robot is an open tree with a
+        motor at each joint. An SRDF beside the file defines named configurations, such as `home`.
 
         Args:
-            path: The URDF, or an SDF; meshes are not needed. In an SDF, joints that make no tree
-                close the loops, and a robot without a joint to the world floats.
+            path: The URDF, or an SDF, whose loops are closed; meshes are not needed.
             cuts: The YAML; by default the file with the name of the URDF and the ending .yaml.
             actuated: The motors, as in the constructor; those of the YAML by default.
             locked: Names of joints or rates that are fixed at zero. A locked motor is removed.
@@ -1135,9 +995,8 @@ class ClosedChain(Summary):
             DescriptionError: If a file cannot be read; the message lists all problems.
 
         Warns:
-            DescriptionWarning: When an inertia is not physical, a pose of the SRDF moves a locked
-                joint, an element of Gazebo or Drake that acts is not read, or the YAML of an open
-                tree may be missing.
+            DescriptionWarning: When an inertia is not physical, a pose moves a locked joint, an
+                element that acts is not read, or the YAML of an open tree may be missing.
         """
         from .reading import read_urdf
 
@@ -1154,8 +1013,8 @@ class ClosedChain(Summary):
         """A robot from a MuJoCo file; its equalities close the loops; docs/existing_robots.md.
 
         The motors are the joints and tendons with an actuator; tau is the force in the joint or the
-        tendon. Positions are those of `qpos`, but the scalar of a quaternion is last and linear
-        rates are in body axes. Keyframes become `referenceConfigurations`, such as `home`.
+        tendon. In q the scalar of a quaternion is last, and linear rates of free joints are in body
+        axes. Keyframes become `referenceConfigurations`, such as `home`.
 
         Args:
             path: The MJCF.
@@ -1168,8 +1027,7 @@ class ClosedChain(Summary):
             DescriptionError: If the file cannot be used; the message lists all problems.
 
         Warns:
-            DescriptionWarning: When a tendon or a ball has limits, or a keyframe moves a locked
-                joint.
+            DescriptionWarning: When a limit is not read, or a keyframe moves a locked joint.
         """
         from .reading.mjcf import read_mjcf
 
@@ -1184,12 +1042,6 @@ class ClosedChain(Summary):
             chain = cls(**description.arguments)
         chain._shapes = description.shapes
         return chain
-
-    @property
-    def appearance(self) -> Appearance:
-        """What pictures of the robot show beside its bodies."""
-        mechanism = self.mechanism
-        return appearance_of(mechanism.model, mechanism.closures)
 
     @property
     def visual_model(self) -> pin.GeometryModel:
@@ -1220,7 +1072,7 @@ class ClosedChain(Summary):
             what: A motion, or a configuration, shape (nq,); by default the home pose.
             speed: Speed of the animation; 1 is real time.
             open_browser: Whether to serve the page and open the browser; never from Jupyter.
-            reactions: Whether arrows show the forces in joints and closures; stiffnesses, as in
+            reactions: Whether arrows show the forces in joints and closures; or stiffnesses, as in
                 `reactions`, where these are not unique.
             live: Whether the page also computes: the robot can be dragged, released and pushed,
                 without a server, in one file.
@@ -1231,9 +1083,8 @@ class ClosedChain(Summary):
 
         Raises:
             MissingExtraError: Without the extra `sst-pin[viz]`.
-            DescriptionError: If a mesh cannot be loaded, or for a live page of a robot without
-                compiled equations.
-            InputError: For the motion of another robot, or a ghost at other times than the motion.
+            DescriptionError: If a mesh cannot be loaded, or a live page cannot be compiled.
+            InputError: For the motion of another robot.
         """
         from .viewer import show
 

@@ -13,6 +13,9 @@ from functools import cache, cached_property, partial
 from math import inf
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from .. import engine
 from ..arrays import Array
 from ..dynamics.quantities import QUANTITIES, Name, Quantity
@@ -51,6 +54,22 @@ _TIMES = 2
 _LARGEST = {"": inf, "matrices": 100_000, "derivatives": 10_000}
 #: Kernels of derivatives that are kept, one for each width within which friction is smooth.
 _WIDTHS = 16
+
+
+def compiled_engine(
+    before: engine.Engine, q: ArrayLike | None, *, derivatives: bool, every: bool
+) -> engine.Engine:
+    """The engine of the same mechanism with kernels; see `ClosedChain.compile`."""
+    reference, keys = before.reference, FIRST + DERIVATIVES if derivatives else FIRST
+    near = None if q is None else before.single(q)
+    if near is not None:
+        reference.rates(near, np.zeros(len(before.mechanism.coordinates)))
+    if derivatives and reference.derivatives.axes_move:
+        keys = (*keys, Quantity("displacement_rates"))
+    make = partial(CompiledBackend, near=near, platform=before.platform)
+    kernels = make(reference)
+    kernels.make(EVERY if every else keys)
+    return engine.Engine(before.mechanism, make, kernels, before.platform)
 
 
 class CompiledBackend:

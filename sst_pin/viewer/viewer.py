@@ -26,6 +26,7 @@ from ..errors import (
     ClosureError,
     DescriptionError,
     InputError,
+    MissingExtraError,
     SingularConfigurationError,
 )
 from ..files import Writer, as_path, require_ending, write_files
@@ -304,7 +305,12 @@ class Viewer:
         """JavaScript of a live page, for the robot near the configuration shown; else nothing."""
         if not self._live:
             return ""
-        code, numbers = self._robot._page_functions(np.array(self._panel["live"]["q"]))
+        try:
+            from ..compiled.page_code import functions_of
+        except ModuleNotFoundError:
+            raise MissingExtraError("casadi", "viz") from None
+        q = np.array(self._panel["live"]["q"])
+        code, numbers = functions_of(self._robot.engine.reference, q)
         if not np.isfinite(numbers).all():
             raise DescriptionError("parameters of the robot", ["a number is not finite"])
         engine = (files("sst_pin.compiled") / "engine.js").read_text(encoding="utf-8")

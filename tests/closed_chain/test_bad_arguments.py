@@ -8,6 +8,7 @@ import pytest
 import sst_pin
 from sst_pin import ClosedChain, Closure
 from sst_pin.compiled.export import c_files
+from sst_pin.compiled.page_code import functions_of
 from sst_pin.errors import DescriptionError, InputError, SingularConfigurationError
 from tests.support import any_chain
 from tests.support.motor_cases import five_bar
@@ -94,7 +95,7 @@ def rigid() -> ClosedChain:
         lambda c, q: c.compile(all=True),
         lambda c, q: c.casadi(),
         lambda c, q: c_files(c, "x"),
-        lambda c, q: c._page_functions(q),
+        lambda c, q: functions_of(c.engine.reference, q),
     ],
 )
 def test_where_nothing_moves_there_are_no_dynamics(use):

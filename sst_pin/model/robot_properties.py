@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What a robot is: names, units and parts of its mechanism, as properties."""
+
+from abc import abstractmethod
+from typing import TYPE_CHECKING, Any
+
+from ..arrays import Array, Indices
+from .appearance import Appearance, appearance_of
+from .closures import Constraint
+from .lines import LineForce
+from .mechanism import Friction, Mechanism
+
+#: What to use for names that other packages have.
+_INSTEAD = {
+    "inverse_dynamics": "compute_torques(q, va, aa)",
+    "forward_dynamics": "compute_accelerations(q, va, tau)",
+    "mass_matrix": "reduced_terms(q, va).inertia",
+    "jacobian": "frame_jacobian(q, frame)",
+    "forward_kinematics": "frame_placement(q, frame)",
+    "inverse_kinematics": "frame_configuration(frame, position, rotation)",
+    "to_mjcf": "sst_pin.write_mjcf(chain, path)",
+}
+
+
+class RobotProperties:
+    """Names, units and parts of a robot, from its `mechanism`."""
+
+    @property
+    @abstractmethod
+    def mechanism(self) -> Mechanism:
+        """A copy of the tree, with closures, coordinates, motors and forces."""
+
+    @property
+    def closures(self) -> tuple[Constraint, ...]:
+        """The closures of the tree."""
+        return self.mechanism.closures
+
+    @property
+    def forces(self) -> tuple[LineForce, ...]:
+        """The forces along lines between two frames."""
+        return self.mechanism.lines.forces
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, in the order of the tree."""
+        return self.mechanism.space.joint_names
+
+    @property
+    def position_names(self) -> tuple[str, ...]:
+        """Name of each entry of q: the name of the joint, with a suffix if it has several."""
+        return self.mechanism.space.position_names
+
+    @property
+    def joint_units(self) -> tuple[str, ...]:
+        """Unit of each entry of q: "rad", "m", or "" for quaternions, cosines and sines."""
+        return self.mechanism.space.position_units
+
+    @property
+    def rate_names(self) -> tuple[str, ...]:
+        """Name of each entry of v: the name of the joint, with a suffix if it has several."""
+        return self.mechanism.space.rate_names
+
+    @property
+    def rate_units(self) -> tuple[str, ...]:
+        """Unit of each entry of v, times a second: "rad" or "m"."""
+        return self.mechanism.space.rate_units
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the independent joints, or of single rates of a joint."""
+        return self.mechanism.coordinate_names
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Number n of the coordinates' rates."""
+        return len(self.mechanism.coordinates)
+
+    @property
+    def motor_names(self) -> tuple[str, ...]:
+        """Name of each motor, in the order of tau."""
+        return self.mechanism.motor_names
+
+    @property
+    def motor_units(self) -> tuple[str, ...]:
+        """Unit of each motor torque: "Nm" or "N", by the joints it acts on; "N" on a line."""
+        return self.mechanism.motor_units
+
+    @property
+    def actuated(self) -> Indices:
+        """Indices in v of the motors' joints, in the order of the motors, read-only."""
+        return self.mechanism.driven
+
+    @property
+    def actuation(self) -> Array:
+        """B, shape (nv, motors): joint forces are B tau; zero columns for motors on lines."""
+        return self.mechanism.motors
+
+    @property
+    def friction(self) -> Friction:
+        """Friction of all joints, read-only."""
+        return self.mechanism.friction
+
+    @property
+    def appearance(self) -> Appearance:
+        """What pictures of the robot show beside its bodies."""
+        mechanism = self.mechanism
+        return appearance_of(mechanism.model, mechanism.closures)
+
+    if not TYPE_CHECKING:  # unknown names stay errors for mypy
+
+        def __getattr__(self, name: str) -> Any:
+            if name not in _INSTEAD:
+                return super().__getattribute__(name)  # Python's own error
+            kind = type(self).__name__
+            text = f"{kind} has no {name}; use {_INSTEAD[name]}"
+            raise AttributeError(text, name=name, obj=self)
