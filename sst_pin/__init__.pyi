@@ -31,8 +31,8 @@ from .sst.robot import SST as SST
 from .sst.robot_wrapper import load as load
 
 # Files of robots
+from .description.loop_closures_writer import write_loop_closures as write_loop_closures
 from .description.mjcf_writer import write_mjcf as write_mjcf
-from .reading.loop_closures import write_loop_closures as write_loop_closures
 from .reading.validate import Problem as Problem
 from .reading.validate import validate as validate
 
