@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Description files to what robots are made of: a tree, closures and motors."""
 
-from .closed_urdf import closed, cuts_beside, read_cuts, read_urdf, with_locked, with_poses
+from .closed_urdf import closed, cuts_beside, read_cuts, read_urdf
 from .cuts import parse_cuts
 from .described import Described
 from .text import is_mjcf
 from .urdf import Urdf
 
 __all__ = ["Described", "Urdf", "closed", "cuts_beside", "is_mjcf", "parse_cuts"]
-__all__ += ["read_cuts", "read_urdf", "with_locked", "with_poses"]
+__all__ += ["read_cuts", "read_urdf"]

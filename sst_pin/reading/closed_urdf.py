@@ -10,7 +10,7 @@ import pinocchio as pin
 from ..arrays import names
 from ..errors import DescriptionError
 from ..loops.draft import Motor, tendon_of, without_locked
-from ..model.closures import Constraint, Coupling, frames_of
+from ..model.closures import Coupling, frames_of
 from ..summaries import listed
 from .acting_words import unread
 from .cut_joints import Marks
@@ -35,9 +35,7 @@ def read_urdf(
     """Read a robot; see `ClosedChain.from_urdf`, whose caller a warning points to."""
     urdf = path if isinstance(path, Urdf) else Urdf.read(path)
     content = read_cuts(urdf, cuts, default)
-    locked = tuple(dict.fromkeys([*content.locked, *names("locked", locked)]))
-    content = content._replace(locked=locked)
-    robot = with_locked(with_poses(closed(urdf, content), urdf, locked), urdf, content)
+    robot = closed(urdf, content._replace(locked=(*content.locked, *names("locked", locked))))
     notes = [*robot.notes, *unread(urdf.root)]
     if actuated is not None:
         robot = robot._replace(actuated=actuated)
@@ -69,87 +67,54 @@ def cuts_beside(urdf: Path) -> Path | None:
     return next((path for path in paths if path.is_file()), None)
 
 
-def with_poses(robot: Described, urdf: Urdf, locked: Collection[str] = ()) -> Described:
-    """The robot with the named configurations of the SRDF beside its file."""
-    model, path = robot.model, Path(urdf.source).with_suffix(".srdf")
-    if not path.is_file():
-        return robot
-    srdf = Srdf(path)
-    notes = srdf.load_configurations(model, urdf.joint_names, locked)
-    more = (warning("srdf", text) for text in notes)
-    return robot._replace(srdf=srdf, notes=(*robot.notes, *more))
-
-
 def closed(urdf: Urdf, cuts: Cuts) -> Described:
     """The tree of a URDF, closed by its cuts, or else by its marks, and by its mimic joints.
 
-    Without cuts and marks it is an open tree. No joint is locked yet, see `with_locked`.
+    Without cuts and marks it is an open tree. An SRDF beside it names configurations.
     """
-    model, marks = urdf.tree(cuts.joints), urdf.marks
+    model, marks, fixed = urdf.tree(dict(cuts.joints)), urdf.marks, cuts.fixed
     model.gravity.linear = urdf.gravity if cuts.gravity is None else cuts.gravity
     source = f"{urdf.source} with {cuts.source}" if cuts.source else urdf.source
     unknown = [name for name in cuts.dependent if name not in list(model.names)[1:]]
     if unknown:
         raise DescriptionError(source, [f"dependent: no moving joint {name}" for name in unknown])
-    fixed, numbers = _fixed(cuts), urdf.numbers.updated(cuts.numbers)
-    loops, notes = cuts.closures, tuple(_unused(model, cuts, marks))
+    led = {*cuts.dependent, *(coupling.joint for coupling in cuts.couplings)}
+    followers = [mimic for mimic in urdf.mimics if mimic.joint not in led]
+    couplings = tuple(_held([*followers, *marks.gears, *cuts.couplings], fixed, source))
+    loops, notes = cuts.closures, [*_unused(model, cuts, marks)]
+    path, srdf = Path(urdf.source).with_suffix(".srdf"), None
     with naming(source):
         if not loops:
             joints = cuts.hinges or marks.joints
             loops = (*closing_frames(model), *(joint.closure(model) for joint in joints))
-        numbers.put(model, fixed)
-        springs = numbers.springs(model, fixed)
-    led = {*cuts.dependent, *(coupling.joint for coupling in cuts.couplings)}
-    followers = [mimic for mimic in urdf.mimics if mimic.joint not in led]
-    couplings = tuple(_held([*followers, *marks.gears, *cuts.couplings], fixed, source))
-    shapes = partial(urdf_shapes, urdf.root, Path(urdf.source).parent)
-    found = source, model, (*loops, *couplings), cuts.actuated, shapes, *springs
-    robot = Described(*found, forces=cuts.forces, notes=notes)
-    if cuts.source or cuts.actuated or loops:
-        return robot
-    led = {closure.joint for closure in couplings if isinstance(closure, Coupling)}
-    motors = tuple(name for name in list(model.names)[1:] if name not in led)
-    text = f"no {Path(urdf.source).with_suffix('.yaml').name} with closures and motors is beside it"
-    text += f"; each joint{' that mimics none' * bool(led)} has a motor; actuated= names the motors"
-    return robot._replace(actuated=motors, open_tree=text)
-
-
-def with_locked(robot: Described, urdf: Urdf, cuts: Cuts) -> Described:
-    """The robot with the joints locked that the cuts name."""
-    if not cuts.locked:
-        return robot
-    fixed = {joint.get("name") for joint in urdf.root.iterfind("joint[@type='fixed']")}
-    with naming(robot.source):
-        model = without_locked(robot.model, [n for n in cuts.locked if n not in fixed])
         numbers = urdf.numbers.updated(cuts.numbers)
-        stiffness, reference = numbers.springs(model, _fixed(cuts))
-    closures = tuple(_held(robot.closures, cuts.locked, robot.source))
-    motors = tuple(_free_motors(robot.actuated, cuts.locked))
-    return robot._replace(
-        model=model,
-        closures=closures,
-        actuated=motors,
-        stiffness=stiffness,
-        spring_reference=reference,
-    )
-
-
-def _fixed(cuts: Cuts) -> set[str]:
-    """Joints that do not move, by the type that the YAML gives them or because they are locked."""
-    return {name for name, kind in cuts.joints.items() if kind == "FIXED"}.union(cuts.locked)
+        numbers.put(model, fixed)
+    if path.is_file():
+        srdf = Srdf(path)
+        texts = srdf.load_configurations(model, urdf.joint_names, cuts.locked)
+        notes += [warning("srdf", text) for text in texts]
+    with naming(source):
+        locked = [name for name in dict.fromkeys(cuts.locked) if not urdf.is_fixed(name)]
+        model = without_locked(model, locked) if locked else model
+        stiffness, rest = numbers.springs(model, fixed)
+    closures, note, motors = (*loops, *couplings), "", tuple(_free_motors(cuts.actuated, fixed))
+    if not (cuts.source or cuts.actuated or loops):
+        led = {coupling.joint for coupling in couplings}
+        motors = tuple(name for name in list(model.names)[1:] if name not in led)
+        note = f"no {path.stem}.yaml with closures and motors is beside it; each joint"
+        note += f"{' that mimics none' * bool(led)} has a motor; actuated= names the motors"
+    shapes = partial(urdf_shapes, urdf.root, path.parent)
+    parts = source, model, closures, motors, shapes, stiffness, rest, srdf, cuts.forces
+    return Described(*parts, tuple(notes), note)
 
 
 def _unused(model: pin.Model, cuts: Cuts, marks: Marks) -> Iterator[Problem]:
     """Closures of the URDF in whose place those of the YAML count."""
-    if not (cuts.closures or cuts.hinges):
-        return
     names = [joint.name for joint in marks.joints]
-    ends = {name for closure in cuts.closures for name in frames_of(closure)}
-    if not cuts.hinges:
-        names += [
-            frame.name for frame in model.frames if is_closing(frame) and frame.name not in ends
-        ]
-    if names:
+    if cuts.closures:
+        ends = {name for closure in cuts.closures for name in frames_of(closure)}
+        names += [f.name for f in model.frames if is_closing(f) and f.name not in ends]
+    if names and (cuts.closures or cuts.hinges):
         text = f"the URDF also has {listed(names)}, not read because {cuts.source} has closures"
         yield warning("closures", text)
 
@@ -163,18 +128,15 @@ def _free_motors(motors: Sequence[Motor], locked: Collection[str]) -> Iterator[M
 
 
 def _held(
-    closures: Sequence[Constraint], locked: Collection[str], source: str
-) -> Iterator[Constraint]:
-    """Closures with some joints held at zero."""
-    for closure in closures:
-        if not isinstance(closure, Coupling):
-            yield closure
-            continue
-        free = {n: c for n, c in closure.polynomials.items() if n not in locked}
-        offset = closure.offset
-        offset += sum(c[0] for n, c in closure.polynomials.items() if n in locked)
-        if closure.joint not in locked:
-            yield Coupling(closure.joint, free, offset)
+    couplings: Sequence[Coupling], locked: Collection[str], source: str
+) -> Iterator[Coupling]:
+    """Couplings with some joints held at zero."""
+    for coupling in couplings:
+        free = {n: c for n, c in coupling.polynomials.items() if n not in locked}
+        offset = coupling.offset
+        offset += sum(c[0] for n, c in coupling.polynomials.items() if n in locked)
+        if coupling.joint not in locked:
+            yield Coupling(coupling.joint, free, offset)
         elif free or offset:
-            text = f"locked joint {closure.joint} mimics {', '.join(free) or 'with an offset'}: "
+            text = f"locked joint {coupling.joint} mimics {', '.join(free) or 'with an offset'}: "
             raise DescriptionError(source, [text + "lock both joints, at zero, or none"])

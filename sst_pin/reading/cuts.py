@@ -2,9 +2,7 @@
 """What a URDF cannot say: closures, motors, springs, joints of several axes, from a YAML file."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
 from functools import partial
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from ..arrays import Array
@@ -16,15 +14,13 @@ from .cut_joints import CutJoint
 from .joint_numbers import JointNumbers
 from .problems import numbers, telling, vector
 from .urdf import KINDS
-from .yaml_content import YamlContent, mapping_in, name_in, number_in, pair_in, shown
+from .yaml_content import YamlContent, mapping_in, name_in, number_in, numbers_in, pair_in, shown
 
 _KEYS = (
     *("closed_loop", "type", "name_mot", "line_force", "gravity", "joint_name", "joint_type"),
     *("joint_spring", "viscous_friction", "coulomb_friction", "armature", "coupling", "locked"),
 )
 _OF_LINES = ("name", "frames", "stiffness", "rest_length", "damping", "preload")
-_OF_ROTORS = ("rotor_inertia", "gear_ratio")
-_OF_SPRINGS = ("stiffness", "reference")
 _WITH_LENGTH = {"distance": Distance, "rolling": Rolling}
 
 
@@ -36,14 +32,17 @@ class Cuts(NamedTuple):
     couplings: tuple[Coupling, ...] = ()
     hinges: tuple[CutJoint, ...] = ()  #: Closures of other YAML files, by places of the joints.
     forces: tuple[LineForce, ...] = ()
-    joints: Mapping[str, str] = MappingProxyType(
-        {}
-    )  #: What joints are in truth, by name; see `Urdf.tree`.
+    joints: tuple[tuple[str, str], ...] = ()  #: Joints and what they are; see `Urdf.tree`.
     numbers: JointNumbers = JointNumbers()
     locked: tuple[str, ...] = ()
     dependent: tuple[str, ...] = ()  #: Joints that follow from the closures; they mimic none.
     gravity: Array | None = None  #: In base axes, shape (3,), [m/s^2]; that of the URDF if None.
     source: str = ""  #: The YAML, for messages; empty without one.
+
+    @property
+    def fixed(self) -> set[str]:
+        """Joints that do not move."""
+        return {*self.locked, *(name for name, kind in self.joints if kind == "FIXED")}
 
 
 def parse_cuts(text: str, source: str) -> Cuts:
@@ -60,13 +59,12 @@ def parse_cuts(text: str, source: str) -> Cuts:
             return Cuts(motors, hinges=hinges, dependent=dependent, source=source)
     content.require_known(_KEYS)
     pairs, kinds = content.entries("closed_loop", pair_in), content.entries("type", name_in)
-    joints = _joints(content)
     closures = list[Constraint]()
-    for pair, kind in _zipped(content, "closed_loop", pairs, "type", kinds):
+    for pair, kind in content.zipped("closed_loop", pairs, kinds):
         with telling(content.problems):
             closures.append(_closure(pair, kind))
-    gravity = vector(content.get("gravity", ["0"] * 3))
-    if gravity is None:
+    gravity = vector(content.get("gravity"))
+    if gravity is None and "gravity" in content:
         text = f"{shown(content['gravity'])} is not a list of three numbers"
         content.problems.append(f"gravity: {text}")
     cuts = Cuts(
@@ -74,39 +72,30 @@ def parse_cuts(text: str, source: str) -> Cuts:
         tuple(closures),
         tuple(content.entries("coupling", _coupling, dict)),
         forces=tuple(content.entries("line_force", _line)),
-        joints=joints,
+        joints=_joints(content),
         numbers=_numbers(content),
         locked=tuple(content.entries("locked", name_in)),
-        gravity=gravity if "gravity" in content else None,
+        gravity=gravity,
         source=source,
     )
     content.raise_problems()
     return cuts
 
 
-def _zipped(
-    content: YamlContent, first: str, names: Sequence[Any], second: str, kinds: Sequence[str]
-) -> list[tuple[Any, str]]:
-    if len(names) != len(kinds):
-        text = f"{first} has {len(names)} entries, {second} has {len(kinds)}"
-        content.problems.append(text)
-    return list(zip(names, kinds, strict=False))
-
-
-def _joints(content: YamlContent) -> dict[str, str]:
+def _joints(content: YamlContent) -> tuple[tuple[str, str], ...]:
     """Kinds of joints by name, from a mapping, or from the two lists of LAAS."""
     if isinstance(content.get("joint_type"), dict) and "joint_name" not in content:
         pairs = content.entries("joint_type", lambda *pair: (pair[0], name_in(pair[1])), dict)
     else:
         names = content.entries("joint_name", name_in)
         kinds = content.entries("joint_type", name_in)
-        pairs = _zipped(content, "joint_name", names, "joint_type", kinds)
+        pairs = content.zipped("joint_name", names, kinds)
     counts = Counter(name for name, _ in pairs)
     content.problems += [f"joint_name: {n} appears twice" for n, k in counts.items() if k > 1]
     unknown = sorted({kind for _, kind in pairs if kind.upper() not in KINDS})
     known = ", ".join(KINDS)
     content.problems += [f"joint_type: {kind!r} unknown; known: {known}" for kind in unknown]
-    return {name: kind.upper() for name, kind in pairs}
+    return tuple((name, kind.upper()) for name, kind in pairs)
 
 
 def _motor(value: Any) -> Motor:
@@ -154,25 +143,18 @@ def _numbers(content: YamlContent) -> JointNumbers:
     found = JointNumbers()
 
     def spring(joint: str, value: Any) -> None:
-        for key, number in mapping_in(value, _OF_SPRINGS).items():
-            found[key][joint] = number_in(number, key)
-        if "stiffness" not in value:
-            raise ValueError(f"{joint} has no stiffness")
+        stiffness, reference = numbers_in(value, stiffness=None, reference="0")
+        found["stiffness"][joint], found["reference"][joint] = stiffness, reference
 
     def rotor(joint: str, value: Any) -> None:
-        if not isinstance(value, dict):
-            found["armature"][joint] = number_in(value)
-            return
-        fields = {"gear_ratio": "1", **mapping_in(value, _OF_ROTORS)}
-        if "rotor_inertia" not in fields:
-            raise ValueError(f"{joint} has no rotor_inertia")
-        inertia, gear = (number_in(fields[key], key) for key in _OF_ROTORS)
+        fields = value if isinstance(value, dict) else {"rotor_inertia": value}
+        inertia, gear = numbers_in(fields, rotor_inertia=None, gear_ratio="1")
         found["armature"][joint] = inertia * gear**2
 
     def friction(kind: str, joint: str, value: Any) -> None:
-        if (number := number_in(value)) < 0:
+        found[kind][joint] = number_in(value)
+        if found[kind][joint] < 0:
             raise ValueError(f"{value} of {joint} is negative: it would accelerate the joint")
-        found[kind][joint] = number
 
     content.entries("joint_spring", spring, dict)
     content.entries("armature", rotor, dict)

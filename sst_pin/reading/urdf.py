@@ -73,6 +73,11 @@ class Urdf:
         """Names of all joints, in the order of the file."""
         return [joint.get("name", "") for joint in self.root.findall("joint")]
 
+    def is_fixed(self, joint: str) -> bool:
+        """Whether a joint has the type fixed."""
+        kinds = {each.get("name"): each.get("type") for each in self.root.findall("joint")}
+        return kinds.get(joint) == "fixed"
+
     def tree(self, joints: Mapping[str, str] | None = None) -> pin.Model:
         """The Pinocchio model; an error names every error of `problems`.
 

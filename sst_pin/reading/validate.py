@@ -99,24 +99,17 @@ def _urdf(path: str | Path, cuts: Path | None) -> tuple[list[Problem], str]:
 
 def _with_files(urdf: reading.Urdf, cuts: Path | None) -> tuple[list[Problem], str]:
     """Problems of the robot as a whole, of its YAML and its SRDF; its summary."""
-    where, problems = "cuts", list[Problem]()
+    where = "cuts"
     try:
         content = reading.read_cuts(urdf, cuts)
         where = "file"
         robot = reading.closed(urdf, content)
     except SSTError as caught:
-        return _errors_of(caught, where), ""
+        srdf = str(Path(urdf.source).with_suffix(".srdf"))
+        return _errors_of(caught, "srdf" if str(caught).startswith(srdf) else where), ""
     tree = f"open tree           {robot.open_tree}\n" if robot.open_tree else ""
-    try:
-        robot = reading.with_poses(robot, urdf, content.locked)
-    except SSTError as caught:
-        problems = _errors_of(caught, "srdf")
-    try:
-        robot = reading.with_locked(robot, urdf, content)
-    except SSTError as caught:
-        return _errors_of(caught, "locked"), ""
-    more, summary = _mechanism(robot)
-    return [*problems, *robot.notes, *more], tree + summary
+    problems, summary = _mechanism(robot)
+    return [*robot.notes, *problems], tree + summary
 
 
 def _mjcf(path: Path) -> tuple[list[Problem], str]:

@@ -2,8 +2,7 @@
 """Keys and values of a YAML; scalars are strings, as they stand there."""
 
 import reprlib
-from collections import Counter
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Sequence
 from itertools import accumulate
 from typing import Any, TypeVar
 
@@ -47,6 +46,14 @@ class YamlContent(dict[str, Any]):
                 parsed.append(parse(entry, value[entry]) if kind is dict else parse(entry))
         return parsed
 
+    def zipped(self, first: str, names: Sequence[_T], kinds: Sequence[str]) -> list[tuple[_T, str]]:
+        """Pairs of two lists, `type` of `first` or `joint_type` of `joint_name`, of one length."""
+        if len(names) != len(kinds):
+            second = "type" if first == "closed_loop" else "joint_type"
+            text = f"{first} has {len(names)} entries, {second} has {len(kinds)}"
+            self.problems.append(text)
+        return list(zip(names, kinds, strict=False))
+
     def raise_problems(self) -> None:
         """Raise an error that lists all problems, if there are any."""
         if self.problems:
@@ -85,6 +92,14 @@ def mapping_in(value: Any, keys: Collection[str] = ()) -> dict[str, Any]:
     return value
 
 
+def numbers_in(value: Any, **defaults: str | None) -> list[float]:
+    """Numbers of a mapping by their keys; a ValueError for others, or if one is missing."""
+    fields = {**defaults, **mapping_in(value, defaults)}
+    if missing := [key for key, number in fields.items() if number is None]:
+        raise ValueError(f"{shown(value)} has no {missing[0]}")
+    return [number_in(number, key) for key, number in fields.items()]
+
+
 def shown(value: Any) -> str:
     """A short form of a value; aliases can make a few lines of YAML a list of lists of lists."""
     short = reprlib.Repr()
@@ -92,35 +107,35 @@ def shown(value: Any) -> str:
     return short.repr(value)
 
 
+class _Loader(yaml.BaseLoader):
+    """Scalars are strings; a key that appears twice in a mapping is an error."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        keys = [key.value for key, _ in node.value]
+        for key in (key for key in keys if isinstance(key, str) and keys.count(key) > 1):
+            raise _TwiceError(key)
+        return super().construct_mapping(node, deep)
+
+
+class _TwiceError(Exception):
+    pass
+
+
 def _content(text: str, source: str) -> dict[str, Any]:
+    problem, content = "no keys; name_mot is needed", None
     if len(text) > _LONGEST:
-        raise DescriptionError(source, [f"more than {_LONGEST} characters"])
-    if max(accumulate(_BRACKETS.get(c, 0) for c in text), default=0) > _DEEPEST:  # slow to scan
-        raise DescriptionError(source, ["lists are nested too deeply"])
-    try:
-        loader = yaml.BaseLoader(text)
-        node = loader.get_single_node()
-        content = loader.construct_document(node) if node is not None else None
-    except yaml.YAMLError as error:
-        raise DescriptionError(source, [f"not YAML: {error}"]) from None
-    except RecursionError:
-        raise DescriptionError(source, ["lists are nested too deeply"]) from None
-    if not isinstance(node, yaml.MappingNode) or not content:
-        raise DescriptionError(source, ["no keys; name_mot is needed"])
-    if twice := list(_twice(node)):
-        raise DescriptionError(source, [f"{key}: appears twice" for key in twice])
-    return dict(content)
-
-
-def _twice(root: yaml.Node) -> Iterator[str]:
-    """Keys that a mapping has twice, at any depth."""
-    nodes, seen = [root], set[int]()
-    while nodes:
-        node = nodes.pop()
-        if id(node) in seen or isinstance(node, yaml.ScalarNode):
-            continue
-        seen.add(id(node))  # aliases lead to it again
-        pairs = node.value if isinstance(node, yaml.MappingNode) else []
-        counts = Counter(key.value for key, _ in pairs)
-        yield from (key for key, count in counts.items() if count > 1)
-        nodes += [value for _, value in pairs] or node.value
+        problem = f"more than {_LONGEST} characters"
+    elif max(accumulate(_BRACKETS.get(c, 0) for c in text), default=0) > _DEEPEST:  # slow to scan
+        problem = "lists are nested too deeply"
+    else:
+        try:
+            content = yaml.load(text, _Loader)
+        except _TwiceError as error:
+            problem = f"{error}: appears twice"
+        except yaml.YAMLError as error:
+            problem = f"not YAML: {error}"
+        except RecursionError:
+            problem = "lists are nested too deeply"
+    if not isinstance(content, dict) or not content:
+        raise DescriptionError(source, [problem])
+    return content
