@@ -3,6 +3,7 @@
 
 # Rooms
 from . import control as control
+from . import design as design
 from . import errors as errors
 from . import identification as identification
 from . import plots as plots

@@ -20,6 +20,7 @@ from .motions import (
 from .pages import SUBJECTS, loads_page, motion_page, torques_page
 from .pages import summary_of as summary_of  # with an alias: for the commands alone
 from .paper_figures import paper_figures as paper_figures
+from .shares import tolerance_shares
 from .space import frame_path, paths_on_sphere, robot_pose
 from .style import figure_writer as figure_writer
 from .style import picture_kind as picture_kind
@@ -42,5 +43,6 @@ __all__ = [
     "reach_map",
     "robot_pose",
     "style",
+    "tolerance_shares",
     "torques_page",
 ]

@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Shares of tolerances."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..design.tolerances import Tolerances
+from .style import Axes
+
+
+def tolerance_shares(ax: Axes, tolerances: Tolerances, most: int = 12) -> Axes:
+    """Bars of the parts of the variance that tolerances contribute, the largest first.
+
+    Args:
+        ax: The axes.
+        tolerances: Of `sst_pin.design.tolerances`.
+        most: Tolerances that are drawn at most.
+
+    Example:
+        >>> result = sst_pin.design.tolerances(chain, motion, {"*.length": 1e-4}, "platform")
+        >>> plots.tolerance_shares(ax, result).get_xlabel()
+        'part of the variance (%)'
+    """
+    table = 100 * np.array(list(tolerances.shares.values()))
+    order = np.argsort(-table.sum(axis=0), kind="stable")[:most]
+    height = 0.8 / len(table)
+    for k, (name, row) in enumerate(zip(tolerances.shares, table, strict=True)):
+        ax.barh(np.arange(len(order)) + k * height, row[order], height, label=name, align="edge")
+    ax.set_yticks(np.arange(len(order)) + 0.4, [tolerances.names[k] for k in order])
+    ax.invert_yaxis()
+    ax.set_xlabel("part of the variance (%)")
+    ax.legend(loc="lower right")
+    return ax
