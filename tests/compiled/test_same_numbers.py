@@ -19,7 +19,6 @@ from sst_pin.compiled import compiled_backend, libraries
 from sst_pin.dynamics.quantities import QUANTITIES
 from tests.gallery import EVERY_ROBOT
 from tests.support import any_chain, link_tables
-from tests.support.by_hand import add, at
 from tests.support.derivative_cases import WIDTH, floating_four_bar, of_gallery
 from tests.support.files import load
 
@@ -207,7 +206,6 @@ def test_kernels_compute_what_the_reference_path_computes(name, method, request,
         ("cart", "compute_accelerations"),
         ("four-bar", "torque_regressor"),
         *((name, "compute_accelerations") for name in BY_COLUMNS[:2]),
-        pytest.param("bennett", "reactions", marks=pytest.mark.slow),
     ],
 )
 def test_samples_at_fault_are_named_or_nan_and_the_others_are_as_they_were(name, method, request):
@@ -258,33 +256,6 @@ def test_gravity_inertias_and_friction_count_without_compiling_again(monkeypatch
     assert kernels.path.startswith("compiled")
 
 
-@pytest.mark.slow
-def test_a_rollout_rolls_as_on_the_reference_path():
-    """Wheels roll on while the loops are closed; friction smooth: the paths round differently.
-
-    The stages of a step lie off the closures by h^2, where each path solves other rows: one step of
-    1e-3 s differs by 3e-12, half of it by a 32nd of that, and steps of 2.5e-4 s by rounding.
-    """
-    (kernels, reference), given = pair("cart"), samples("cart")[0]
-    q, va = given["q"], given["va"]
-    tau = np.random.default_rng(0).normal(size=(3, 20, va.shape[1]))
-
-    def rolled(h, steps=20):
-        motions = tau[:, :steps], q[:3], 0.5 * va[:3], h
-        return [chain.rollout(*motions, sign_width=0.3) for chain in (kernels, reference)]
-
-    ours, theirs = rolled(2.5e-4)
-    same(ours.q, theirs.q)
-    same(ours.va, theirs.va, 1e-11)
-    step = reference.casadi(sign_width=0.3).step(q[0], 0.5 * va[0], tau[0, 0], 2.5e-4)
-    same(step[0].full().ravel(), theirs.q[0, 1])
-    same(step[1].full().ravel(), theirs.va[0, 1])
-    assert np.abs(ours.q[:, -1] - ours.q[:, 0]).max() > 1e-3
-    assert "rollout" not in kernels.path
-    one, half = (np.abs(a.va - b.va).max() for a, b in (rolled(2e-3, 1), rolled(1e-3, 1)))
-    assert one / half == pytest.approx(32, rel=0.1)
-
-
 def test_numbers_of_lines_change_without_a_new_compilation_and_ends_with_one():
     """Kernels hold the ends, not the numbers: both give what the reference path gives."""
     q, va, aa = any_chain.states(any_chain.lines(), 3, 0)
@@ -294,23 +265,6 @@ def test_numbers_of_lines_change_without_a_new_compilation_and_ends_with_one():
         robot, twin = any_chain.lines(where, forces), any_chain.lines(where, forces)
         robot.compile()
         same(robot.compute_torques(q, va, aa), twin.compute_torques(q, va, aa), 1e-12)
-
-
-@pytest.mark.parametrize("polynomial", [(0, 1256.6), (1e3, 1)])
-def test_screws_of_many_turns_are_assembled_on_both_paths(polynomial):
-    """The motor of the screw bears the weight of the slide by their ratio."""
-    model = pin.Model()
-    for name, joint in (("slide", pin.JointModelPZ()), ("screw", pin.JointModelRZ())):
-        add(model, 0, joint, name, at(), pin.Inertia(3.0, np.zeros(3), np.eye(3)))
-    screw = sst_pin.Coupling("screw", {"slide": polynomial})
-    for compiled in (False, True):
-        robot = ClosedChain(model, [screw], ["screw"], coordinates=["slide"])
-        if compiled:
-            robot.compile()
-        q = robot.assemble([0.4, 0])
-        np.testing.assert_allclose(q, [0.4, polynomial[0] + 0.4 * polynomial[1]], rtol=1e-12)
-        tau = robot.compute_torques(q, [0], [0])
-        np.testing.assert_allclose(tau, [3 * 9.81 / polynomial[1]], rtol=1e-12)
 
 
 @pytest.mark.parametrize("compiled", [False, True])

@@ -16,7 +16,7 @@ from sst_pin.errors import ActuationError, ClosureError, InputError, UnknownName
 from sst_pin.model.joint_series import Series
 from sst_pin.model.rebuilt_tree import rebuilt
 from tests.support.files import load
-from tests.support.planar_bars import DRAG_LINK, planar
+from tests.support.planar_bars import planar
 
 squat = load("examples/squat.py")
 read_table = load("scripts/pages/markdown_tables.py").read_table
@@ -56,19 +56,11 @@ VIEWS = {
     "ankle": (lambda: sst_pin.SerialView(robots.ankle(), LEG[2:]), 0.3),
     "knee": (lambda: sst_pin.SerialView(robots.knee(), ["knee"]), 0.6),
     "leg": (lambda: sst_pin.SerialView(leg_with_rotors(), LEG), 0.25),
-    "a part of the leg": (lambda: sst_pin.SerialView(robots.leg(), LEG[1:]), 0.25),
-    "excavator": (lambda: sst_pin.SerialView(robots.excavator(), ["boom", "arm", "bucket"]), 0.1),
     "cylinder": (lambda: sst_pin.SerialView(four_bar_on_a_cylinder(), ["crank"]), 0.2),
 }
 
 
-#: What the ankle, the knee and the whole leg show more shortly.
-LONG = ("a part of the leg", "excavator")
-
-
-@pytest.fixture(
-    scope="module", params=[pytest.param(x, marks=[pytest.mark.slow] * (x in LONG)) for x in VIEWS]
-)
+@pytest.fixture(scope="module", params=VIEWS)
 def view(request):
     return VIEWS[request.param][0]()
 
@@ -308,33 +300,12 @@ def test_a_crank_goes_all_round_past_the_dead_points_of_its_rocker():
     assert np.ptp(view.joint_positions(q)) > 0.3
 
 
-def test_motors_without_limits_go_on_past_half_a_turn():
-    """A four-bar of joints without limits whose crank and rocker turn round and round."""
-    model = planar(DRAG_LINK, pin.JointModelRUBZ)
-    closures = [sst_pin.Closure("coupler_end", "rocker_end", "3d")]
-    view = sst_pin.SerialView(sst_pin.ClosedChain(model, closures, ["rocker"]), ["crank"])
-    angles = np.array([2.0, -1.5, 1.5])
-    q = view.chain.assemble(np.column_stack([np.cos(angles), np.sin(angles)]).ravel())
-    for target in 1.5 + 0.9 * np.arange(8):
-        q = view.from_motors([target], start=q)
-        assert np.exp(1j * view.motor_positions(q)) == pytest.approx(np.exp(1j * target))
-
-
 def test_positions_out_of_reach_name_the_sample(leg):
     x = np.tile(leg.joint_positions(leg.chain.home), (3, 1))
     x[1, 3] = 2.0
     with pytest.raises(ClosureError) as caught:
         leg.from_joints(x)
     assert caught.value.samples == ((1,),)
-
-
-def test_kernels_give_what_the_reference_path_gives(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    slow, fast = (sst_pin.SerialView(robots.knee(), ["knee"]) for _ in range(2))
-    fast.compile()
-    q = slow.from_joints(np.random.default_rng(6).uniform(0.5, 1.5, (7, 1)))
-    for name in ("actuator_jacobian", "inertia", "reflected_inertia"):
-        assert_allclose(getattr(fast, name)(q), getattr(slow, name)(q), rtol=0, atol=1e-13)
 
 
 @pytest.mark.slow
