@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import InputError, SSTError
+from .progress import counted
 
 #: Real numbers, indices, and marks.
 Array = NDArray[np.float64]
@@ -103,7 +104,7 @@ def for_each_sample(
     if fast is not None:
         left = map(int, fast(flat, results.reshape(n, math.prod(result))))
     failures: dict[int, SSTError] = {}
-    for i in left:
+    for i in counted(left, "samples", n):
         try:
             results[i] = function(*(None if a is None else a[i] for a in flat))
         except SSTError as error:

@@ -24,6 +24,7 @@ from .model.thresholds import (
     MAX_CONDITION_NUMBER,
     WELL_CONDITIONED,
 )
+from .progress import counted
 
 #: Way of a joint on which coordinates are judged once, [rad] or of the robot's length.
 _LOOK = 0.05
@@ -268,7 +269,8 @@ class ReferenceStates:
         state that does not hold: open loops, a singularity, a number that is not finite. Gives how
         many states of each motion hold, shape (N,).
         """
-        return np.array([self._roll(motions, i)[0] for i in range(len(motions.q))], dtype=np.intp)
+        indices = counted(range(len(motions.q)), "rollout", len(motions.q))
+        return np.array([self._roll(motions, i)[0] for i in indices], dtype=np.intp)
 
     @np.errstate(over="ignore", invalid="ignore")  # a motion that diverges ends
     def _roll(self, motions: Motions, i: int, *, back: bool = False) -> tuple[int, bool]:

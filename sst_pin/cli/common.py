@@ -1,17 +1,14 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Robots, progress bar and output of several commands."""
+"""Robots and output of several commands."""
 
 import argparse
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import BinaryIO
-
-from tqdm import tqdm
 
 from .. import robots
 from ..closed_chain import ClosedChain
@@ -120,21 +117,3 @@ def save(motion: Trajectory, arguments: argparse.Namespace) -> None:
 def remark(motion: Trajectory) -> str:
     """The reason of a motion that ended early, for the end of a line; else nothing."""
     return f"\n  {motion.stopped}" if motion.stopped else ""
-
-
-@contextmanager
-def progress_bar(what: str, start: float, end: float) -> Iterator[Callable[[float], None]]:
-    """A bar over simulated time, shown when it takes more than two seconds."""
-    with tqdm(
-        total=round(end - start, 9),
-        desc=what,
-        unit="s",
-        delay=2,
-        leave=False,
-        bar_format="{desc} {percentage:3.0f}% |{bar}| {n:.3g}/{total:.3g} s of motion",
-    ) as bar:
-
-        def reach(t: float) -> None:
-            bar.update(max(t - start - bar.n, 0))
-
-        yield reach

@@ -14,6 +14,7 @@ from ..description.mjcf_writer import write_mjcf
 from ..description.parameters import Parameters, RigidBody
 from ..errors import InputError
 from ..files import Writer, write_files
+from ..progress import over_time
 from ..sst.paper import PERIOD, compare, example_1, example_2
 from ..sst.robot import SST
 from ..sst.robot_wrapper import configurations_of
@@ -43,7 +44,7 @@ def paper(arguments: argparse.Namespace) -> int:
     motions = {}
     for name, rounded in (("exact", False), ("printed", True)):
         began = clock()
-        with common.progress_bar(f"example 2, {name} start", t[0], t[-1]) as progress:
+        with over_time(f"example 2, {name} start", t[0], t[-1]) as progress:
             motions[name] = example_2(robot, example, rounded, progress)
         seconds.append(clock() - began)
 

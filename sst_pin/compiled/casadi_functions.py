@@ -11,6 +11,7 @@ from ..arrays import Array
 from ..dynamics.reference import Reference
 from ..dynamics.runge_kutta import runge_kutta_step
 from ..model.tree import frame_named
+from ..progress import announced
 from . import kernels, libraries
 from .elimination import Orthogonal
 from .equations import Equations
@@ -205,6 +206,7 @@ class CasadiFunctions:
 
     # --- inside -----------------------------------------------------------------------------
 
+    @announced("casadi: deriving the equations")
     def _function(self, kernel: str, *outputs: str) -> Function:
         """A kernel as a function; one of derivatives has three results, side by side."""
         made, derivatives = kernels.make(self._equations, kernel), len(outputs) > 1

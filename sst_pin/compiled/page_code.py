@@ -22,6 +22,7 @@ from ..loops.loops import Loops
 from ..loops.mobility import free_motions
 from ..model.mechanism import Mechanism
 from ..model.thresholds import WELL_CONDITIONED
+from ..progress import announced
 from ..states import ReferenceStates
 from . import c_code, kernels, statements
 from .compiled_backend import impossible
@@ -106,6 +107,7 @@ def choices(reference: Reference, q: Array) -> list[Equations]:
     return found
 
 
+@announced("live page: writing its equations")
 def page_code(found: Sequence[Equations]) -> str:
     """JavaScript of `sst_functions`, an object with what `engine.js` needs of a robot.
 

@@ -20,6 +20,7 @@ from ..files import as_path, table_writer, write_files
 from ..loops.frame_guide import FrameGuide
 from ..loops.starts import start_of
 from ..model.thresholds import RANK_TOLERANCE
+from ..progress import counted
 from ..simulation.motion_columns import columns_of
 from ..summaries import listed
 from .motor_limits import largest_part
@@ -271,8 +272,8 @@ def _flood(
     far = np.linalg.norm(np.indices(shape) - nearest[:, None, None], axis=0)
     first = np.argsort(far, axis=None, kind="stable")[:_FIRST]
     queue = deque((home, divmod(int(k), shape[1])) for k in first)
-    while queue:
-        before, point = queue.popleft()
+    left = iter(lambda: queue.popleft() if queue else None, None)
+    for before, point in counted(left, "reach_map, poses tried"):
         if why[point] == _REACHED:
             continue
         way = guide.follow(before, pin.SE3(poses[point]), _SHORTEST)

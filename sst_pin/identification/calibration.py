@@ -20,6 +20,7 @@ from ..loops.starts import placed
 from ..model import geometry
 from ..model.named_positions import put
 from ..model.tree import frame_id
+from ..progress import counted
 from ..simulation.coordinate_motions import configurations_of
 from ..simulation.frame_motions import targets_of
 from ..summaries import Summary, listed
@@ -199,7 +200,7 @@ def _found(
     q, data = [without_errors(large, each) for each in drawn], model.createData()
     size = np.array([length, 1.0])
     values, noise = np.zeros(len(errors)), size
-    for step_number in range(_STEPS):
+    for step_number in counted(range(_STEPS), "calibrate, steps of Newton's method"):
         held, rows, rests = dict(zip(errors, values, strict=True)), [], []
         for k, target in enumerate(measured):
             try:

@@ -14,6 +14,7 @@ from ..closed_chain import ClosedChain
 from ..errors import InputError, SSTError
 from ..loops.starts import placed
 from ..model.named_positions import taken
+from ..progress import counted
 from ..simulation.coordinate_motions import coordinate_motion
 from ..simulation.trajectories import Trajectory, require_motion
 from .base_parameters import BaseParameters, random_states
@@ -151,7 +152,7 @@ def excitation(
         return None
 
     best, kept, chosen = np.inf, np.zeros((rest.shape[1], n)), None
-    for k in range(tries):
+    for k in counted(range(tries), "excitation", tries):
         z = np.asarray(random.normal(size=kept.shape) / count)
         if k >= tries / 3 and np.isfinite(best):  # from the best one, ever shorter steps
             z = kept + 0.5 * np.abs(kept).max() * count * (1 - k / tries) * z

@@ -22,6 +22,7 @@ from ..model.mechanism import Friction, Mechanism, Springs, read_only
 from ..model.rebuilt_tree import JOINT_LISTS, POSITION_ARRAYS, RATE_ARRAYS, rebuilt
 from ..model.thresholds import RESTS
 from ..model.tree import frame_id, joint_id
+from ..progress import announced
 from ..summaries import listed
 from .assembly import Assembly
 from .coordinates import settle, without_mass
@@ -106,9 +107,10 @@ def mechanism_of(
             raise InputError("coordinates", "none are named; leave them out for a choice")
     none, on_joints = np.empty(0, dtype=np.intp), B[: model.nv]
     unsettled = Mechanism(model, closures, none, on_joints, names, friction, springs, lines)
-    unsettled = correct_geometry(unsettled)
-    assembly = Assembly(unsettled, Loops(unsettled.model, closures))
-    chosen, example = settle(assembly, wanted)
+    with announced(f"model {model.name}: checking its closures and choosing coordinates"):
+        unsettled = correct_geometry(unsettled)
+        assembly = Assembly(unsettled, Loops(unsettled.model, closures))
+        chosen, example = settle(assembly, wanted)
     sizes = None
     if example is not None:
         Phi = scaled_Phi(unsettled, assembly.loops, example)

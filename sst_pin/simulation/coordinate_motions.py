@@ -15,6 +15,7 @@ from ..errors import ClosureError, DescriptionWarning, InputError
 from ..loops.starts import placed
 from ..model.mechanism import Mechanism
 from ..model.named_positions import taken
+from ..progress import counted
 from ..summaries import listed
 from .samples import sample_times, spline
 from .trajectories import Trajectory, trajectory_of
@@ -120,7 +121,7 @@ def configurations_of(engine: Engine, x: Array, start: ArrayLike | None = None) 
     """
     q = np.empty((len(x), engine.mechanism.model.nq))
     q[0] = placed(engine, dict(zip(engine.mechanism.coordinate_names, x[0], strict=True)), start)
-    for i in range(1, len(x)):
+    for i in counted(range(1, len(x)), "coordinates of a motion", len(x)):
         try:
             q[i] = engine.moved(q[i - 1], x[i] - x[i - 1])
         except ClosureError as error:

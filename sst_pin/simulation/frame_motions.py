@@ -12,6 +12,7 @@ from ..errors import InputError, SSTError
 from ..loops.frame_guide import FrameGuide, pose_of, rotations
 from ..loops.starts import assemble, start_of
 from ..model.named_positions import taken
+from ..progress import counted
 from .coordinate_motions import motion_along, without_full_turns
 from .samples import sample_times
 from .trajectories import Trajectory
@@ -60,7 +61,7 @@ def frame_motion(
     guide = FrameGuide(mechanism, engine.example(), frame, *kinds)
     guess = start_of(engine) if start is None else finite_array("start", start, size)
     last, q = assemble(engine, guess), np.empty((len(times), *size))
-    for i, (p, R) in enumerate(targets):
+    for i, (p, R) in counted(enumerate(targets), "frame_motion", len(targets)):
         try:
             last = q[i] = guide.lead(last, pose_of(p, R))
         except SSTError as error:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import nullcontext
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +25,11 @@ from ..arrays import (
 from ..dynamics.quantities import Quantity
 from ..engine import Engine
 from ..errors import InputError, SimulationError
+from ..progress import announced
 from ..states import Motions
+
+#: Steps of all motions together from which a rollout may take seconds.
+_MANY = 10_000
 
 
 class Rollout(NamedTuple):
@@ -74,7 +79,8 @@ def rollout(
     samples = math.prod(batch)
     load = None if flat[3] is None else flat[3].reshape(samples, 6 * (mechanism.model.njoints - 1))
     q, va = empty((samples, count + 1, nq)), empty((samples, count + 1, n))
-    reached = states.rollout(Motions(step, q_0, va_0, tau_0, load, q, va), threads)
+    with nullcontext() if samples * count < _MANY else announced(f"rollout of {samples} motions"):
+        reached = states.rollout(Motions(step, q_0, va_0, tau_0, load, q, va), threads)
     stopped = np.flatnonzero(reached <= count)
     if len(stopped) and on_error == "raise":
         first = int(stopped[0])

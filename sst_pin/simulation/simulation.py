@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +14,7 @@ from ..dynamics.quantities import Quantity
 from ..engine import Engine
 from ..errors import InputError, SingularityWarning
 from ..model.closures import Rolling
+from ..progress import over_time
 from ..states import States
 from .inputs import Load, Settings, Torque, load_input, torque_input
 from .integration import Integration
@@ -20,6 +22,12 @@ from .sampled_torques import SampledTorque
 from .samples import sample_times
 from .state_equations import StateEquations
 from .trajectories import Trajectory, trajectory_of
+
+#: How many times as fast kernels compute accelerations of the SST as the reference path does; see
+#: docs/benchmark.json.
+FASTER = 300
+_HINT = "simulate is on the reference path; chain.compile() makes accelerations about "
+_HINT += f"{FASTER} times as fast"
 
 
 def simulate(
@@ -50,8 +58,11 @@ def simulate(
         and not (load is not None and load.callable)
         and not any(isinstance(closure, Rolling) for closure in mechanism.closures)
     )
-    integration = Integration(equations, mechanism, settings, exact=exact)
-    q, va, aa, tau = integration.integrate(times, start)
+    hint = _HINT if engine.make_kernels is None else ""
+    with over_time("simulating", times[0], times[-1], hint) as reach:
+        settings = replace(settings, progress=settings.progress or reach)
+        integration = Integration(equations, mechanism, settings, exact=exact)
+        q, va, aa, tau = integration.integrate(times, start)
     stopped, missed = integration.stopped, integration.missed
     if stopped:
         warnings.warn(stopped, SingularityWarning, stacklevel=3)

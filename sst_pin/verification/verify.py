@@ -9,11 +9,11 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 import pinocchio as pin
-from tqdm import tqdm
 
 from ..arrays import Array
 from ..closed_chain import ClosedChain
 from ..errors import ClosureError, SSTError
+from ..progress import counted
 from .lagrange import LagrangeMultipliers
 from .mujoco_tree import MujocoInverse
 from .virtual_work import VirtualWork
@@ -103,7 +103,7 @@ def verify_chain(
     rng, sufficient = np.random.default_rng(0), chain.mobility().sufficient
     what = (*["torques"] * sufficient, "forces along the coordinates", "accelerations")
     judges = [[Judge(referee.name, question) for question in what] for referee in referees]
-    states = tqdm(_states(chain, count, rng), total=count, delay=2, leave=False)
+    states = counted(_states(chain, count, rng), "verifying", count)
     for q, va, aa in states:
         tau = rng.normal(size=len(chain.motor_names))
         expected = [chain.generalized_forces(q, va, aa)]

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import BrowserError, MissingExtraError
+from ..progress import counted
 
 #: Programs that can take the pictures, the first that is there.
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
@@ -91,7 +92,7 @@ def _take(html: str, shares: list[float], size: tuple[int, int], scale: float) -
         page.set_default_timeout(1e3 * _PATIENCE)
         page.goto(file.as_uri())
         page.evaluate("panel.picture()")
-        for share in shares:
+        for share in counted(shares, "pictures", len(shares)):
             page.evaluate("share => panel.still(share)", share)
             pictures.append(page.screenshot())
     return pictures
