@@ -117,6 +117,11 @@ class Tree:
             shape.meshColor = _GREY
             self.visual_model.addGeometryObject(shape)
 
+    def limits(self, name: str, low: float, high: float) -> None:
+        """Limit the position of a joint with one rate, [rad] or [m]."""
+        i = self.model.joints[self.model.getJointId(name)].idx_q
+        self.model.lowerPositionLimit[i], self.model.upperPositionLimit[i] = low, high
+
     def hinge(
         self, name: str, solids: Solids, parent: str = "universe", at: pin.SE3 = HERE
     ) -> None:

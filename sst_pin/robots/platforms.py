@@ -204,6 +204,8 @@ def _add_struts(
         tree.joint(f"universal_{k}", pin.JointModelUniversal(_X, _Y), barrel, at=shift(foot))
         at = shift((0, 0, retracted))
         tree.joint(f"stroke_{k}", pin.JointModelPZ(), piston, f"universal_{k}", at)
+        # The piston stays in its barrel.
+        tree.limits(f"stroke_{k}", -0.2 * retracted, 0.4 * retracted)
         tree.frame(f"end_of_rod_{k}", f"stroke_{k}", (0, 0))
         tree.frame(f"ball_{k}", "platform", vertex)
         closures.append(Closure(f"ball_{k}", f"end_of_rod_{k}", "3d"))
