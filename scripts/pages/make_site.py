@@ -42,6 +42,9 @@ _CODE_OR_MATH = re.compile(
 )
 #: An object of the reference, with its options.
 _OBJECT = re.compile(r"^::: ([\w.]+)\n(?: {4}.*\n)*", re.MULTILINE)
+#: The picture of the first page, and what the site shows in its place.
+_PICTURE = re.compile(r"!\[[^\]]*\]\(motion\.gif\)")
+_LIVE_SST = '<iframe src="robots/sst_live.html" title="the SST, live" class="live"></iframe>'
 _LEAD = re.compile(r"^# (?P<title>[^\n]+)\n+(?P<sentence>(?:[A-Z].*?[.?](?=\s))?)", re.DOTALL)
 
 
@@ -73,7 +76,10 @@ def write_pages(folder: Path) -> None:
     for page, path in pages().items():
         (folder / page).parent.mkdir(parents=True, exist_ok=True)
         if page in text:
-            (folder / page).write_text(_with_equations(text[page]), encoding="utf-8")
+            content = _with_equations(text[page])
+            if page == "index.md":
+                content = _PICTURE.sub(_LIVE_SST, content)
+            (folder / page).write_text(content, encoding="utf-8")
         else:
             shutil.copyfile(path, folder / page)
     write_robot_pages(folder / "robots")

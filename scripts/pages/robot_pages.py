@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from make_robots_table import reference_torques
-from sst_pin import robots
+from sst_pin import SST, robots
 from sst_pin.model.closures import Closure, Coupling, Distance
 from sst_pin.robots.gallery_robot import GalleryRobot
 from sst_pin.viewer import Viewer
@@ -20,8 +20,9 @@ _KINDS = {"6d": "a weld", "3d": "a ball joint", "hinge": "a hinge", "orientation
 
 
 def write_robot_pages(folder: Path) -> None:
-    """Write NAME.md and the live page NAME_live.html of each robot."""
+    """Write NAME.md and the live page NAME_live.html of each robot, and that of the SST."""
     folder.mkdir(parents=True, exist_ok=True)
+    Viewer(SST(), live=True).save(folder / "sst_live.html", force=True)
     for name in NAMES:
         chain = getattr(robots, name)()
         Viewer(chain, live=True).save(folder / f"{name}_live.html", force=True)
