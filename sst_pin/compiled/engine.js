@@ -76,13 +76,21 @@ function engine(functions, d) {
   }
   const near = (x) => `close to a singularity, condition number ${Number(x.toPrecision(3))}`;
 
-  // Move the coordinates in small steps, as far as they lead within one assembly mode; says what ended it.
+  // The name of a joint that a step takes beyond its limits, further than it was.
+  function limited(before, after) {
+    const beyond = (q, { i, low, high }) => Math.max(low - q[i], q[i] - high, 0);
+    return d.bounds.find((bound) => bound.what === "limits" && beyond(after, bound) > beyond(before, bound) + 1e-12)?.name;
+  }
+
+  // Move the coordinates in small steps, as far as they lead within one assembly mode and the limits; says what ended it.
   function move(change) {
     const steps = Math.max(1, Math.ceil(largest(change) / STEP)), part = change.map((x) => x / steps);
     for (let k = 0, before = condition(), det = own.closing(r.q)[nq]; k < steps; k++) {
       const ahead = rates(own, r.q, part), guess = r.q.map((x, i) => x + ahead[i]), next = closed(guess);
       if (!next) return "the loops cannot be closed beyond this pose";
       if (next.some((x, i) => Math.abs(x - guess[i]) > JUMP * d.scales[i])) return "the assembly mode ends here";
+      const end = limited(r.q, next);
+      if (end) return `${end} is at its limit`;
       const after = condition(next), size = own.closing(next)[nq];
       if (!(size / det > 1 / CHANGE) || !(after <= d.condition || after < before)) return near(Math.max(before, after));
       [r.q, before, det] = [next, after, size];
@@ -114,13 +122,16 @@ function engine(functions, d) {
     }));
   }
 
-  // What a pose is that the machine cannot take.
-  function wrong(shown) {
+  // What a pose is that the machine cannot take, and which motors are beyond their largest efforts.
+  function wrong(shown, tau) {
     const words = d.bounds.filter(({ i, low, high, what }) => {
       const x = what === "arc" ? (low + high) / 2 + turned(r.q[i] - (low + high) / 2) : r.q[i];
       return x < low || x > high;
     }).map(({ name, unit, i, what, low, high }) => `${name} leaves its ${what} of ${shown(low, unit)} to ${shown(high, unit)}: ${shown(r.q[i], unit)}`);
-    const is = condition();
+    const { owners, units, limits } = d.motors, is = condition();
+    tau.forEach((x, k) => {
+      if (limits[k] !== null && Math.abs(x) > limits[k]) words.push(`${owners[k]} is beyond its effort limit of ${Number(limits[k].toPrecision(3))} ${units[k]}`);
+    });
     if (!(is <= d.condition)) words.push(near(is));
     if (r.holds && !r.torques(r.q, zeros(n), zeros(n)).every(Number.isFinite)) words.push("the motors do not hold this pose");
     if (!(own.closing(r.q)[own.checked] <= 1)) words.unshift("the loops are open");
@@ -217,6 +228,12 @@ function engine(functions, d) {
     return found.map((x) => Number.isFinite(x) ? x : 0);
   }
 
+  // Whether no acceleration is larger than rounding at rest, without a hand on the robot.
+  function rests() {
+    const aa = own.state_rate(r.q, zeros(n), r.way === "sliders" ? r.efforts : zeros(motors), rest).slice(nq, nq + n);
+    return r.way !== "hold" && aa.every((x, k) => Math.abs(x) < 1e-9 * d.fall / d.size * scale[k]);
+  }
+
   // --- the hand ------------------------------------------------------------------------------
 
   // A point of a body in a hand: what mass it feels, and a spring that pulls it.
@@ -237,7 +254,7 @@ function engine(functions, d) {
 
   start();
   return Object.assign(r, {
-    reset, move, value, condition, measure, follow, start, advance, goTo, gripped, push, wrong,
+    reset, move, value, condition, measure, follow, start, advance, goTo, gripped, push, rests, wrong,
     holds: Boolean(F.torques),
     torques,
     accelerations: (q, va, tau) => judged(own.state_rate(q, va, tau, rest), nq + n, nq),

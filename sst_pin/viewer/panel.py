@@ -26,9 +26,9 @@ _WORDS = {
     "m/s": "speeds",
     "W": "powers",
 }
-#: Limits of an angle that are as wide are none, [rad].
+#: Limits of an angle that are at least this wide are ignored, [rad].
 _TURN = 2 * np.pi
-#: Limits farther away are none.
+#: Limits beyond this are ignored.
 _FAR = 1e6
 
 
@@ -136,6 +136,8 @@ def live_data(robot: ClosedChain, scene: Scene, q: Array, va: Array) -> dict[str
     fall = float(np.linalg.norm(model.gravity.linear)) or 9.81
     weight = fall * sum(body.mass for body in model.inertias)
     motors = torques_of(robot, np.zeros((1, len(robot.motor_names))))
+    efforts = np.abs(mechanism.motors).T @ np.minimum(model.effortLimit, 10 * _FAR)
+    motors["limits"] = [x if 0 < x < _FAR else None for x in efforts.tolist()]
     return {
         "q": q.tolist(),
         "va": va.tolist(),

@@ -123,7 +123,8 @@ class Viewer:
             reactions = partial(self._robot.reactions, *rates, tau=tau, stiffness=self._stiffness)
             effort = self._with_forces(effort, reactions)
         self._drawing.place(q[0], effort[0])
-        reach = self._scene.reach(q, effort)
+        # The arrows of a live page may become as long as they can.
+        reach = self._scene.reach(q, np.ones_like(effort) if self._live else effort)
         self._describe("configuration", q[0], q[0], rest[0], reach, curves=curves)
 
     def play(

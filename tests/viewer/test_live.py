@@ -22,7 +22,7 @@ VALUES = """states => states.map(({q, va, aa, tau}) => {
   const r = engine(sst_functions, data);
   Object.assign(r, { q, va });
   return { torques: r.holds ? r.torques(q, va, aa) : [], accelerations: r.accelerations(q, va, tau),
-    energies: r.energies(), condition: r.condition(), wrong: r.wrong((x) => String(x)) };
+    energies: r.energies(), condition: r.condition(), wrong: r.wrong((x) => String(x), []) };
 })"""
 
 #: A motion in frames of 1/60 s, as the page computes them: times, states, energies, and its end.
@@ -207,3 +207,33 @@ def test_the_page_says_where_the_motors_do_not_hold_the_robot(chromium):
     assert held["torques"] == pytest.approx(chain.compute_torques(good, rest, rest), rel=1e-9)
     assert np.isnan(np.array(lost["torques"], dtype=float)).all()
     assert lost["wrong"] == ["the motors do not hold this pose"]
+
+
+def test_a_strut_of_the_page_stays_in_its_barrel(chromium):
+    chain = sst_pin.robots.stewart()
+    engine = Engine(chromium, chain)
+    script = "x => { const r = engine(sst_functions, data), said = r.move(x); return [r.q, said] }"
+    q, said = engine.page.evaluate(script, [1.0, 0, 0, 0, 0, 0])
+    assert said == "stroke_1 is at its limit"
+    place = chain.position_names.index("stroke_1")
+    least, most = chain.model.lowerPositionLimit[place], chain.model.upperPositionLimit[place]
+    assert least <= q[place] <= most + 1e-9
+    assert q[place] == pytest.approx(most, abs=0.05)  # a step of the page
+    engine.page.close()
+
+
+def test_the_page_names_a_motor_beyond_its_effort_limit_and_a_robot_that_rests(chromium):
+    chain = sst_pin.robots.five_bar()
+    weak = chain.model.copy()
+    weak.effortLimit[:] = 0.5
+    weak = sst_pin.ClosedChain(weak, chain.closures, chain.actuated)
+    words = "t => { const r = engine(sst_functions, data); return [r.wrong(String, t), r.rests()] }"
+    engine = Engine(chromium, weak, chain.home)
+    assert engine.page.evaluate(words, [0.4, -0.6]) == [
+        [f"{chain.actuated[1]} is beyond its effort limit of 0.5 N m"],
+        True,  # its plane is level
+    ]
+    engine.page.close()
+    engine = Engine(chromium, sst_pin.SST())
+    assert engine.page.evaluate(words, [9.0, 9.0, 9.0]) == [[], False]
+    engine.page.close()

@@ -3,12 +3,12 @@
 const live = (() => {
   const THREE = MeshCat.THREE, SHOWN = { rad: [180 / Math.PI, "deg"], m: [1000, "mm"] };
   const BUDGET = 12; // ms of a frame
-  let d, r, tau, most, running = false, pace = 1, reason = "", note = "", last = null, seen = 0, pressed = null;
+  let d, r, tau, most, running = false, resting = false, pace = 1, reason = "", note = "", last = null, seen = 0, pressed = null;
   const numbers = (id) => [...at(id).children].map((row) => row.children[1]);
   const listed = (words, kind) => words.map((textContent) => Object.assign(document.createElement("li"), { textContent, className: kind }));
 
   function run(on) {
-    [running, note, reason, last, pace] = [on, "", "", null, 1];
+    [running, note, reason, last, pace, resting] = [on, "", "", null, 1, on && r.rests()];
     if (!on) r.va = r.va.map(() => 0);
     r.start();
     at("go").textContent = on ? "Stop" : "Let go";
@@ -26,8 +26,8 @@ const live = (() => {
 
   function slider(name, low, high, oninput) {
     const row = Object.assign(document.createElement("label"), { className: "slider" });
-    row.append(Object.assign(document.createElement("span"), { textContent: name, title: name }),
-      Object.assign(document.createElement("input"), { type: "range", min: low, max: high, step: "any", value: 0 }), document.createElement("output"));
+    row.append(Object.assign(document.createElement("span"), { textContent: name }),
+      Object.assign(document.createElement("input"), { type: "range", min: low, max: high, step: "any", value: 0, ariaLabel: name }), document.createElement("output"));
     row.children[1].oninput = ({ target }) => oninput(Number(target.value));
     return row;
   }
@@ -91,14 +91,16 @@ const live = (() => {
   function shown(x, unit) { const [factor, text] = SHOWN[unit]; return `${chart.readable(factor * x, 1)} ${text}`; }
 
   function tell() {
-    const words = r.wrong(shown), well = [];
-    if (reason && !words.includes(reason)) words.unshift(`stopped: ${reason}`);
+    const singular = (text) => text.startsWith("close to a singularity"), words = r.wrong(shown, tau), well = [];
+    if (reason && !(singular(reason) && words.some(singular))) words.unshift(`stopped: ${reason}`);
     if (note) words.unshift(note);
     if (running) well.push(`t = ${r.time.toFixed(1)} s${pace < 0.9 ? `, at ${pace.toFixed(2)} of real time` : ""}`);
     else if (!r.holds) well.push(`${tau.length} motors do not hold ${r.va.length} coordinates: no torques at rest`);
     else if (!words.length) well.push("loops closed, not singular; below the torques that hold this pose");
+    const [kinetic, potential] = r.energies();
+    if (resting && !kinetic) well.push("no force moves this robot at rest: drag a part, or drive its motors");
     at("told").replaceChildren(...listed(words, ""), ...listed(well, "well"));
-    const [kinetic, potential] = r.energies(), digits = Math.max(0, 3 - Math.floor(Math.log10(Math.abs(kinetic) + Math.abs(potential) + 1e-3)));
+    const digits = Math.min(3, Math.max(0, 3 - Math.floor(Math.log10(Math.abs(kinetic) + Math.abs(potential) + 1e-3))));
     const [K, U, both] = [kinetic, potential, kinetic + potential].map((x) => chart.readable(x, digits));
     at("energy").textContent = `energy: kinetic ${K} + potential ${U} = ${both} J`;
     [...at("sliders").children].forEach(({ children: [, input, output] }, k) => {

@@ -172,6 +172,7 @@ const panel = (() => {
   window.addEventListener("click", (event) => { if (event.detail && event.target.tagName !== "SELECT") release(); });
   window.addEventListener("change", ({ target }) => { if (target.tagName === "SELECT") release(); });
   at("view").addEventListener("pointerdown", release);
+  at("pane").addEventListener("dblclick", () => stage.look("usual"));
   window.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const focus = event.target.tagName;
