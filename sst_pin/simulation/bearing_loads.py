@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Peak and mean loads of joints and closures along a motion, for the choice of bearings."""
+"""Peak and mean loads of joints and closures along a motion, to choose bearings."""
 
 from __future__ import annotations
 
@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+#: Accelerations by the torques of a motion differ from its own by less, relative.
+_DIFFERENCE = 1e-6
+
+
 class Load(NamedTuple):
     """Sizes of the force or the moment of a joint or closure along a motion.
 
@@ -30,12 +34,12 @@ class Load(NamedTuple):
         name: Name of the joint or closure.
         kind: "force" [N] or "moment" [N m].
         peak: Largest size; NaN where it is not unique.
-        time: When, [s].
-        x: Direction at the peak, a unit vector in the axes of the wrench.
-        y: Its second component.
-        z: Its third component.
-        rms: Root of the mean square of the size over the time, by trapezoids between samples.
-        determined: Whether it is unique in the rigid robot all along the motion.
+        time: Time of the peak, [s].
+        x: First component of the direction at the peak, a unit vector in the axes of the wrench.
+        y: Second component.
+        z: Third component.
+        rms: Root of the mean square of the size over time, by trapezoids between samples.
+        determined: Whether it is unique in the rigid robot at all samples.
     """
 
     name: str
@@ -54,7 +58,7 @@ class Loads(Summary):
     """A table of loads, two rows for each joint and closure.
 
     Attributes:
-        rows: Its rows, the forces and moments of one joint after the other.
+        rows: Force and moment of each joint, then of each closure.
 
     Example:
         >>> delta = sst_pin.robots.delta()
@@ -78,14 +82,10 @@ class Loads(Summary):
         ]
 
     def to_dataframe(self) -> pd.DataFrame:
-        """The table for pandas, a column for each attribute of a `Load`.
+        """The table for pandas, with a column for each attribute of a `Load`.
 
         Raises:
             MissingExtraError: Without pandas, `sst-pin[pandas]`.
-
-        Example:
-            >>> chain.loads(chain.simulate([0], chain.home, [0], [0, 0.1])).to_dataframe().shape
-            (8, 9)
         """
         try:
             import pandas as pd
@@ -95,29 +95,15 @@ class Loads(Summary):
 
     @property
     def csv(self) -> str:
-        """The table as text with commas.
-
-        Example:
-            >>> loads = chain.loads(chain.simulate([0], chain.home, [0], [0, 0.1]))
-            >>> loads.csv.splitlines()[0]
-            'name,kind,peak,time,x,y,z,rms,determined'
-        """
+        """The table as CSV."""
         lines = [",".join(map(str, row)) for row in self.rows]
         return "\n".join([",".join(Load._fields), *lines]) + "\n"
 
     def save(self, path: str | Path, force: bool = False) -> None:
-        """Write the table as CSV.
-
-        Args:
-            path: A file name.
-            force: Whether an existing file may be replaced.
+        """Write the table as CSV; an existing file is replaced only with `force`.
 
         Raises:
             OutputError: If the file cannot be written, or exists.
-
-        Example:
-            >>> loads = chain.loads(chain.simulate([0], chain.home, [0], [0, 0.1]))
-            >>> loads.save("loads.csv", force=True)
         """
         write_files({as_path(path): text_writer(self.csv)}, force)
 
@@ -125,13 +111,12 @@ class Loads(Summary):
 def reactions_along(
     engine: Engine, motion: Trajectory, stiffness: Mapping[str, ArrayLike] | None
 ) -> Reactions:
-    """Reactions along a motion under its torques and the weights; refuses one with other loads."""
+    """Reactions along a motion under its torques and the weights; other loads are an error."""
     require_motion(motion, engine.mechanism)
     q, va, tau = motion.q, motion.va, motion.tau
     w = engine.reactions(q, va, None, tau, stiffness)
     aa = engine.compute(Quantity("accelerations"), q, va=va, tau=tau)
-    off = np.abs(aa - motion.aa).max() / (1 + np.abs(motion.aa).max())
-    if off > 1e-6:
+    if np.abs(aa - motion.aa).max() > _DIFFERENCE * (1 + np.abs(motion.aa).max()):
         raise InputError("motion", "other forces than its torques and the weights act on it")
     return w
 
@@ -149,7 +134,7 @@ def loads(engine: Engine, motion: Trajectory, stiffness: Mapping[str, ArrayLike]
             vectors = wrenches[:, k, part]
             sizes = np.linalg.norm(vectors, axis=1)
             peak = float(sizes.max())  # NaN if any is
-            at = int(np.argmax(~(sizes < (1 - 1e-9) * peak)))  # the first of equal peaks
+            at = int(np.argmax(~(sizes < (1 - 1e-9) * peak)))  # first of equal peaks
             time, rms = float(motion.t[at]), np.sqrt(np.average(sizes**2, weights=weights))
             x, y, z = (vectors[at] / (peak or 1.0)).tolist()
             determined = bool(np.all(unique[k, part]))

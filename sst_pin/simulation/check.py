@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Where a motion leaves the joint limits of its robot or comes close to a singularity."""
+"""Where a motion leaves joint limits or comes close to a singularity."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -19,15 +19,15 @@ LARGEST_CONDITION = 1e3
 
 @dataclass(frozen=True, eq=False)
 class Finding:
-    """One thing that the machine cannot execute in a motion.
+    """A joint beyond its limits, or a singularity, along a motion.
 
     Attributes:
         problem: A sentence.
         joints: The joints concerned.
         times: Times of the samples concerned, shape (n,), [s]; NaN for a single configuration.
-        values: What is out of its limits there, shape (n,): the joint's position, [rad] or [m]; a
+        values: What is beyond its limits there, shape (n,): the joint's position, [rad] or [m]; a
             condition number; for a singularity of the first kind of an SST |sin(mu_k)|.
-        limits: The lower and the upper one.
+        limits: The lower and the upper limit.
         unit: Unit of the value in the text: "rad", "deg" or "m"; "" for a number.
         singular: Whether it is a singularity.
     """
@@ -55,7 +55,7 @@ class Finding:
         return f"{text} ({len(self.times)} samples from {first:.6g} to {last:.6g} s)"
 
 
-#: Problem, joints, values (N,), which of them are at fault, limits, unit, whether singular.
+#: Problem, joints, values (N,), which of them are beyond, limits, unit, whether singular.
 Verdict = tuple[str, tuple[str, ...], Array, Flags, tuple[float, float], str, bool]
 
 
@@ -69,7 +69,7 @@ def samples_of(mechanism: Mechanism, motion: Any) -> tuple[Array, Array]:
 
 
 def findings(t: Array, verdicts: Iterable[Verdict]) -> tuple[Finding, ...]:
-    """A finding for each verdict with samples at fault; t are the times of the samples."""
+    """A finding for each verdict with values beyond the limits; t are the times of the samples."""
     return tuple(
         Finding(problem, joints, t[out], values[out], limits, unit, singular)
         for problem, joints, values, out, limits, unit, singular in verdicts
@@ -78,7 +78,7 @@ def findings(t: Array, verdicts: Iterable[Verdict]) -> tuple[Finding, ...]:
 
 
 def over_limits(mechanism: Mechanism) -> Array:
-    """How far joints may pass their limits by rounding, shape (nq,), infinite for quaternions."""
+    """Tolerance of the limits for rounding, shape (nq,); infinite for quaternions."""
     sizes = {"rad": 1.0, "m": mechanism.length, "": np.inf}
     return CLOSURE_TOLERANCE * np.array([sizes[unit] for unit in mechanism.space.position_units])
 
@@ -107,7 +107,7 @@ def outside(
     low: Array,
     high: Array,
 ) -> Iterable[Verdict]:
-    """A verdict for each joint that has a unit, which leaves its ends where it is out."""
+    """A verdict for each joint with a unit; it leaves its ends where `out` is true."""
     for i, (name, unit) in enumerate(zip(names, units, strict=True)):
         if unit:
             limits = (float(low[i]), float(high[i]))

@@ -16,13 +16,13 @@ from ..arrays import Array
 from ..model.mechanism import Mechanism
 from ..states import States
 
-#: How far ahead a singular configuration is looked for, in units of the time expected.
+#: The search for a singular configuration ends after this many times the expected time.
 _AHEAD = 2.0
-#: A singular value that falls below this part of its size has vanished.
+#: A singular value below this part of its first size counts as zero.
 _VANISHED = 0.03
-#: What is left of it halfway, where it falls in proportion to the time.
+#: Halfway a singular value that falls linearly is between these parts of its first size.
 _HALFWAY = (0.3, 0.7)
-#: Stages of a step over it, an even number, so that none is in the middle; its iterations at most.
+#: Stages of a step over it, even so that none is in the middle; largest number of iterations.
 _STAGES, _ITERATIONS = 8, 20
 
 
@@ -30,10 +30,10 @@ class Crossing(NamedTuple):
     """A singular configuration that a motion went through.
 
     Attributes:
-        time: When, [s].
+        time: Time, [s].
         q: The configuration, shape (nq,).
         rank_before: Rank of the closures' Jacobian Phi next to it.
-        rank: Its rank there, smaller by the freedoms that the mechanism gains for an instant.
+        rank: Rank of Phi there, smaller by the degrees of freedom that the mechanism gains.
 
     Example:
         >>> bars = {"crank": 0.2, "rocker": 0.2, "coupler": 0.3, "ground": 0.3, "point": 0.3}
@@ -121,7 +121,7 @@ def gauss_step(
     end: float,
     guess: Branch,
 ) -> tuple[Array, Array]:
-    """One step of Gauss' implicit method, order 16; times and states of start, stages and end."""
+    """A step of Gauss' implicit method of order 16: times and states of start, stages and end."""
     x, powers = (1 + np.polynomial.legendre.leggauss(_STAGES)[0]) / 2, np.arange(_STAGES)
     weights = np.append(x, 1)[:, None] ** (powers + 1) / (powers + 1)
     weights = weights.dot(np.linalg.inv(x[:, None] ** powers))  # integrals to the stages and to 1
@@ -134,7 +134,7 @@ def gauss_step(
         rates = np.array([rate(t, y) for t, y in zip(times[:-1], states, strict=False)])
         before, states = states, state + (end - start) * weights.dot(rates)
         last, change = change, float(np.abs(states - before).max())
-        if not change < last / 2:  # what is left is rounding
+        if not change < last / 2:  # the rest is rounding
             break
     states[:, :nq] = space.closed(states)
     return np.append(start, times), np.vstack([state, states])

@@ -72,17 +72,17 @@ def frame_motion(
 
 
 def targets_of(poses: ArrayLike, count: int) -> list[tuple[Array | None, Array | None]]:
-    """Position and orientation of each sample, None where it does not matter."""
-    given = as_array("poses", poses, ())
-    if given.shape[1:] not in ((3,), (3, 3), (4, 4)) or len(given) != count:
+    """Position and orientation of each sample; None for what is free."""
+    array = as_array("poses", poses, ())
+    if array.shape[1:] not in ((3,), (3, 3), (4, 4)) or len(array) != count:
         shapes = f"({count}, 3), ({count}, 3, 3) or ({count}, 4, 4)"
-        raise InputError("poses", f"shape {given.shape}, expected {shapes}")
-    given = finite_array("poses", given, given.shape[1:])
-    if given.ndim == 2:
-        return [(p, None) for p in given]
-    R = rotations("poses", given[:, :3, :3])
-    if given.shape[1:] == (3, 3):
+        raise InputError("poses", f"shape {array.shape}, expected {shapes}")
+    array = finite_array("poses", array, array.shape[1:])
+    if array.ndim == 2:
+        return [(p, None) for p in array]
+    R = rotations("poses", array[:, :3, :3])
+    if array.shape[1:] == (3, 3):
         return [(None, each) for each in R]
-    if np.abs(given[:, 3] - (0, 0, 0, 1)).max() > 0:
+    if np.abs(array[:, 3] - (0, 0, 0, 1)).max() > 0:
         raise InputError("poses", "the last row of a homogeneous matrix is 0, 0, 0, 1")
-    return list(zip(given[:, :3, 3], R, strict=True))
+    return list(zip(array[:, :3, 3], R, strict=True))

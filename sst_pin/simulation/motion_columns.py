@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The columns of a motion: `t_s`, then names with their units, which are the whole format."""
+"""The columns of motion files: `t_s`, then names with units."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import FileFormatError
 from ..files import Table
 
-#: The unit that the ending of a position, a rate, an acceleration or a torque stands for.
+#: Units of the endings of positions, rates, accelerations and torques.
 _ENDINGS = {
     "q": {"_rad": "rad", "_m": "m", "_1": ""},
     "va": {"_rad_s": "rad", "_m_s": "m"},
@@ -19,7 +19,7 @@ _ENDINGS = {
 
 
 class Column(NamedTuple):
-    """A column, and the name and the unit of what stands in it."""
+    """A column, with the name and the unit of its values."""
 
     column: str
     name: str
@@ -45,7 +45,7 @@ def columns_in(table: Table, kind: str) -> list[Column]:
 
 
 def parts_of(table: Table) -> dict[str, Any]:
-    """What a CSV that `Trajectory.save` has written says, by the arguments of `Trajectory`."""
+    """Arguments of `Trajectory` from a CSV that `Trajectory.save` has written."""
     q, va, aa, tau = (columns_in(table, kind) for kind in _ENDINGS)
     if not q or not va:
         text = "not a motion: no columns like gamma_1_rad, gamma_1_rad_s"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Torques as a computer gives them: computed at times, acting later, held in between."""
+"""Torques of a digital controller: sampled, delayed and constant between samples."""
 
 from __future__ import annotations
 
@@ -13,17 +13,16 @@ from numpy.typing import ArrayLike
 from ..arrays import Array, finite_array, positive_number, single_array
 from ..errors import InputError
 
-#: Times that differ by less than this part of a period are the same.
+#: Times that differ by less than this part of a period are equal.
 _SAME = 1e-3
 
 
 class SampledTorque:
-    """A torque function that is called once in each period, and whose torques act later.
+    """A torque function that is called once in each period, with a delay until its torques act.
 
-    Torques act from `delay` after they were computed until the next ones do; before the first ones
-    the motors give none. `simulate` begins a new integration wherever the torques change, and calls
-    the function as a machine does, once for each period and in the order of time, so that it may
-    remember what it likes, as `Adaptive` does.
+    The torques act until the next ones do; before the first ones they are zero. `simulate` starts a
+    new integration where the torques change. It calls the function in the order of time, so that
+    the function may have a state, as `Adaptive` has.
 
     Args:
         function: (t, q, va) -> torques, shape (motors,), as the `torque` of a controller.
@@ -55,7 +54,7 @@ class SampledTorque:
         self._last = -np.inf
 
     def torque(self, t: float, q: Array, va: Array) -> Array:
-        """Torques that act at a time, shape (motors,), for loops of your own in which time goes on.
+        """Torques that act at a time, shape (motors,), for control loops of your own.
 
         Args:
             t: Time, [s], not less than in the last call; the first call begins the first period.
@@ -63,12 +62,7 @@ class SampledTorque:
             va: Rates of the coordinates, shape (n,).
 
         Raises:
-            InputError: If time goes back, or the function does not give finite numbers.
-
-        Example:
-            >>> torque = sst_pin.SampledTorque(lambda t, q, va: [1.0 + t], 0.01)
-            >>> [float(torque.torque(t, chain.home, [0])[0]) for t in (0.0, 0.009, 0.011)]
-            [1.0, 1.0, 1.011]
+            InputError: If time decreases, or the function returns numbers that are not finite.
         """
         t = float(single_array("t", t, ()))
         if self._loop is None:
@@ -82,14 +76,14 @@ class SampledTorque:
 
 
 def require_distinct(period: float, times: Array) -> None:
-    """Refuse a period that is lost in the rounding of times."""
+    """Refuse a period that is not larger than the rounding of times."""
     least = 4 / _SAME * float(np.spacing(np.abs(times).max()))
     if not period > least:
         raise InputError("period", f"{period:g} s; at these times at least {least:.2g} s")
 
 
 class Sampling:
-    """A sampled torque from a start on."""
+    """The torques of a `SampledTorque` from a start time."""
 
     def __init__(self, torque: SampledTorque, start: float, motors: int | None = None) -> None:
         self._torque, self._start, self._calls = torque, start, 0
@@ -99,23 +93,23 @@ class Sampling:
         self._motors = motors
 
     def until(self, times: Array) -> float:
-        """When the function is called next or other torques act: one of the times if it is next."""
+        """When the torques change or the function is called next; one of `times` if it is close."""
         called = self._start + self._calls * self._torque.period
         due = min(called, self._waiting[0][0]) if self._waiting else called
         near = float(times[np.abs(times - due).argmin()])
         return near if abs(near - due) < _SAME / 2 * self._torque.period else due
 
-    def reach(self, t: float, where: Callable[[], tuple[Array, Array]]) -> None:
-        """Do what is due at a time, where q and va are known."""
+    def reach(self, t: float, state: Callable[[], tuple[Array, Array]]) -> None:
+        """Call the function and change the torques if this is due; `state` computes q and va."""
         period, name = self._torque.period, "torque(t, q, va)"
         periods = floor((t - self._start) / period + _SAME)
         if periods >= self._calls:
-            found = finite_array(name, self._torque.function(t, *map(np.copy, where())), ())
+            tau = finite_array(name, self._torque.function(t, *map(np.copy, state())), ())
             if self._motors is None:
-                self._motors, self.now = len(found), np.zeros(len(found))
-            found = single_array(name, found, (self._motors,))
-            self._calls = periods + 1  # a loop that is late leaves out a period
+                self._motors, self.now = len(tau), np.zeros(len(tau))
+            tau = single_array(name, tau, (self._motors,))
+            self._calls = periods + 1  # a late loop skips periods
             at = self._start + periods * period + self._torque.delay
-            self._waiting.append((at, found.copy()))
+            self._waiting.append((at, tau.copy()))
         while self._waiting and self._waiting[0][0] <= t + _SAME * period:
             self.now = self._waiting.popleft()[1]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Samples of a motion: their times, and smooth curves through them."""
+"""Times of samples, and smooth curves through samples."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`Trajectory`: a motion of the robot as a value, and its files."""
+"""`Trajectory`: a motion of a robot with its torques, and its files."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-#: What makes two motions the same, and what a file holds.
+#: Fields that are compared and saved.
 _COMPARED = (
     *("t", "q", "va", "aa", "tau"),
     *("joint_names", "actuated", "units", "coordinates", "rate_units", "torque_units"),
@@ -109,17 +109,17 @@ class Trajectory(Summary):
         torque_units = _units("torque_units", torque_units, actuated, ("Nm", "N"))
         if not isinstance(stopped, str):
             raise InputError("stopped", f"{stopped!r} is not a text")
-        known = isinstance(crossings, (list, tuple))
-        if not known or not all(isinstance(crossing, Crossing) for crossing in crossings):
+        in_order = isinstance(crossings, (list, tuple))
+        if not in_order or not all(isinstance(crossing, Crossing) for crossing in crossings):
             raise InputError("crossings", f"{crossings!r} are no crossings of a simulation")
-        own = vars(self)  # the class is frozen
-        own |= {"t": times, "stopped": stopped, "crossings": tuple(crossings)}
-        own |= {"joint_names": joint_names, "actuated": actuated, "coordinates": coordinates}
-        own |= {"units": units, "rate_units": rate_units, "torque_units": torque_units}
+        fields = vars(self)  # the class is frozen
+        fields |= {"t": times, "stopped": stopped, "crossings": tuple(crossings)}
+        fields |= {"joint_names": joint_names, "actuated": actuated, "coordinates": coordinates}
+        fields |= {"units": units, "rate_units": rate_units, "torque_units": torque_units}
         arrays = ("q", q, joint_names), ("va", va, coordinates), ("aa", aa, coordinates)
         for name, value, columns in (*arrays, ("tau", tau, actuated)):
             shape = len(times), len(columns)
-            array = own[name] = finite_array(name, value, shape[1:]).copy()
+            array = fields[name] = finite_array(name, value, shape[1:]).copy()
             if array.shape != shape:
                 raise InputError(name, f"shape {array.shape}, expected {shape}")
             array.setflags(write=False)
@@ -135,14 +135,7 @@ class Trajectory(Summary):
     __hash__ = None  # type: ignore[assignment]
 
     def __getitem__(self, samples: slice | Sequence[int] | NDArray[Any]) -> Trajectory:
-        """Some of the samples, in their order.
-
-        Args:
-            samples: A slice, increasing indices, or True and False for each sample.
-
-        Raises:
-            InputError: For a single index, indices that are not increasing, or no samples.
-        """
+        """The samples of a slice, of increasing indices, or of a mask."""
         try:
             chosen = np.arange(len(self))[samples]
         except (IndexError, TypeError, ValueError) as error:
@@ -155,27 +148,16 @@ class Trajectory(Summary):
         if (np.diff(chosen) <= 0).any():
             raise InputError("samples", f"{samples!r} is not in the order of time")
         first, last = self.t[chosen[[0, -1]]]
-        kept: dict[str, Any] = {name: getattr(self, name)[chosen] for name in _COMPARED[:5]}
-        kept["crossings"] = tuple(c for c in self.crossings if first <= c.time <= last)
-        return replace(self, **kept, stopped=self.stopped if chosen[-1] == len(self) - 1 else "")
+        arrays = {name: getattr(self, name)[chosen] for name in _COMPARED[:5]}
+        crossings = tuple(c for c in self.crossings if first <= c.time <= last)
+        stopped = self.stopped if chosen[-1] == len(self) - 1 else ""
+        return replace(self, **arrays, crossings=crossings, stopped=stopped)
 
     def between(self, start: float, end: float) -> Trajectory:
-        """The samples from one time to another, both included.
-
-        Args:
-            start: Earliest time, [s].
-            end: Latest time, [s].
-
-        Returns:
-            A motion whose first sample is the first at `start` or later.
+        """The samples from a time to another, both included, [s].
 
         Raises:
             InputError: If there is no sample between these times.
-
-        Example:
-            >>> motion = chain.simulate([0], chain.home, [0], [0, 0.05, 0.1])
-            >>> motion.between(0.04, 0.2).t
-            array([0.05, 0.1 ])
         """
         first, last = (float(single_array("time", time, ())) for time in (start, end))
         chosen = (self.t >= first) & (self.t <= last)
@@ -185,18 +167,10 @@ class Trajectory(Summary):
         return self[chosen]
 
     def to_dataframe(self) -> pd.DataFrame:
-        """The motion as a pandas table with one row for each sample, indexed by `t_s`.
-
-        Returns:
-            A table with the columns of the CSV of `save`; their names contain the units.
+        """A pandas table with a row for each sample, indexed by `t_s`, and the columns of the CSV.
 
         Raises:
             MissingExtraError: Without pandas, `sst-pin[pandas]`.
-
-        Example:
-            >>> motion = chain.simulate([0], chain.home, [0], [0, 0.05, 0.1])
-            >>> list(motion.to_dataframe().columns)[:2]
-            ['crank_rad', 'coupler_rad']
         """
         try:
             import pandas as pd
@@ -207,11 +181,11 @@ class Trajectory(Summary):
         return pd.DataFrame(values, pd.Index(self.t, name=time), columns)
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
-        """What it is, and a row for each of its parts."""
+        """Title and rows of the printed motion."""
         count, peaks = len(self), np.abs(self.tau).max(axis=0)
         units = (unit.replace("Nm", "N m") for unit in self.torque_units)
-        found = zip(self.actuated, peaks, units, strict=True)
-        forces = [f"{name} {peak:.4g} {unit}" for name, peak, unit in found]
+        largest = zip(self.actuated, peaks, units, strict=True)
+        forces = [f"{name} {peak:.4g} {unit}" for name, peak, unit in largest]
         rows = [
             ("t", f"{self.t[0]:g} to {self.t[-1]:g} s"),
             ("q", f"{self.q.shape}: {listed(self.joint_names)}"),
@@ -245,41 +219,27 @@ class Trajectory(Summary):
 
         Raises:
             OutputError: If the ending is not .csv or .npz, or a CSV cannot contain a name.
-
-        Example:
-            >>> motion = chain.simulate([0], chain.home, [0], [0, 0.1])
-            >>> with open("motion.csv", "wb") as file:
-            ...     motion.writer("motion.csv")(file)
         """
         if require_ending(path, ".csv", ".npz") == ".csv":
             columns = self._columns()
             if any(re.search(r"^\s|[,\"\r\n]", name) for name in columns):
                 raise OutputError(path, "a name contains a comma, quote or space; save it as .npz")
             return table_writer(columns, self.table(as_path(path)).values)
-        arrays: dict[str, Any] = {
-            name: np.asarray(getattr(self, name)) for name in (*_COMPARED, "stopped")
-        }
+        fields = (*_COMPARED, "stopped")
+        arrays = {name: np.asarray(getattr(self, name)) for name in fields}
         return lambda file: np.savez(file, **arrays)
 
     def table(self, path: Path) -> Table:
-        """The columns of the motion's CSV; messages call them those of `path`."""
+        """The columns of the motion's CSV; errors name `path`."""
         values = np.column_stack([self.t, self.q, self.va, self.aa, self.tau])
         return Table(path, tuple(self._columns()), values, tuple(range(1, len(self.t) + 1)))
 
     @classmethod
     def load(cls, path: str | Path) -> Trajectory:
-        """Read a motion that `save` has written.
-
-        Args:
-            path: A file name that ends in .csv or .npz.
+        """Read a motion that `save` has written, from a .csv or .npz.
 
         Raises:
             FileFormatError: If the file has another format; the message names the wrong line.
-
-        Example:
-            >>> chain.simulate([0], chain.home, [0], [0, 0.1]).save("motion.npz", force=True)
-            >>> sst_pin.Trajectory.load("motion.npz").q.shape
-            (2, 3)
         """
         path = as_path(path)
         if path.suffix.lower() != ".npz":
@@ -288,7 +248,7 @@ class Trajectory(Summary):
             with np.load(path, allow_pickle=False) as file:
                 older = {"torque_units"} - set(file.files)
                 content = {n: file[n] for n in (*_COMPARED, "stopped") if n not in older}
-        except Exception as error:  # a wrong byte may meet anything in zipfile and NumPy
+        except Exception as error:  # zipfile and NumPy raise many kinds of errors
             raise FileFormatError(path, f"not a motion: {error}") from None
         words = {key: content.pop(key).tolist() for key in content.keys() - set(_COMPARED[:5])}
         try:
@@ -306,11 +266,9 @@ class Trajectory(Summary):
         ]
 
     def torque(self) -> Callable[[float], Array]:
-        """The torques as a smooth function of time; `simulate` also accepts the motion itself.
+        """The torques as a smooth function of time, a spline of degree five through the samples.
 
-        Returns:
-            A spline of degree five through the samples, of lower degree for fewer than six. Outside
-            the times of the motion it raises an `InputError`.
+        Times outside the motion raise an `InputError`. `simulate` also takes the motion itself.
 
         Example:
             >>> t = np.linspace(0, 0.1, 21)
@@ -324,7 +282,7 @@ class Trajectory(Summary):
 
 
 def _names(name: str, value: Sequence[str]) -> tuple[str, ...]:
-    """Names of joints, each of them once."""
+    """Names that differ."""
     words = names(name, value)
     if len(set(words)) < len(words):
         raise InputError(name, f"a name appears twice in {', '.join(words)}")

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Every real assembly of an SST for given motor angles.
 
-Motor angles fix the passive axes u_k = e_{k+3}; leg k asks that the normal of arc k stay at right
-angles to u_k: u_k . R m_k = 0 with m_k the normal in {E}. In the unit quaternion p of R these are
-three quadrics p^T A_k p = 0, which meet in eight points of projective space, complex ones
-included. All eight are found at once from the null space of the Macaulay matrix of degree four:
-there, multiplication by one linear form over another is an 8 x 8 matrix whose eigenvectors are
-the solutions. No start values, no search; Newton's method polishes the last digits.
+Motor angles fix the passive axes u_k = e_{k+3}. The normal of arc k is perpendicular to u_k:
+u_k . R m_k = 0 with m_k the normal in {E}. In the unit quaternion p of R these are three quadrics
+p^T A_k p = 0, which meet in eight points of projective space, complex ones included. The null space
+of the Macaulay matrix of degree four contains all eight: there, multiplication by a ratio of linear
+forms is an 8 x 8 matrix whose eigenvectors are the solutions. Newton's method polishes them.
 """
 
 import itertools
@@ -18,8 +17,8 @@ from ..arrays import Array
 from ..errors import SingularConfigurationError
 
 _N_SOLUTIONS = 8
-#: Imaginary part of a unit quaternion above which a solution is complex. Generous, since a pair
-#: about to merge is as inexact as the square root of rounding: the polish decides.
+#: Imaginary part of a unit quaternion above which a solution is complex. Two close solutions are
+#: exact to the square root of rounding only, so Newton's method decides.
 _IMAGINARY = 1e-4
 #: Largest residual of a polished solution.
 _POLISHED = 1e-13
@@ -42,8 +41,8 @@ _FORMS = np.random.default_rng(1).normal(size=(2, 4))
 def orientations(u: Array, m: Array) -> Array:
     """All rotations R with u_k . R m_k = 0 for k = 1, 2, 3, shape (n, 3, 3), n <= 8, in any order.
 
-    u are unit vectors in the base, m in the star, rows of (3, 3) arrays. Where a continuum of
-    orientations fits, the star moves while the motors stand: a singularity.
+    u are unit vectors in the base, m in the star, rows of (3, 3) arrays. If orientations are not
+    isolated, the star can move while the motors are fixed: a SingularConfigurationError.
     """
     from scipy.spatial.transform import Rotation
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Closed-form kinematics of the SST, vectorised over leading axes: Sects. 2 and 4.
 
-Leg k is Rot(z, gamma_k) Rot(x, mu_k) Rot(z, beta_k) from {0k} to {3k}, Eqs. (26)-(29). All that
-a leg sees of the star is the normal n_k = e_{k+6} of its arc's plane, the z axis of {3k}. The
-passive axis e_{k+3} is at right angles to e_k and to n_k, which leaves two antipodal points R_k:
-the sign of sin(mu_k), the branch of the leg.
+Leg k is Rot(z, gamma_k) Rot(x, mu_k) Rot(z, beta_k) from {0k} to {3k}, Eqs. (26)-(29). The leg
+depends only on the normal n_k = e_{k+6} of its arc's plane, the z axis of {3k}. The passive axis
+e_{k+3} is normal to e_k and n_k, so R_k is one of two antipodal points: the sign of sin(mu_k) is
+the branch of the leg.
 """
 
 import itertools
@@ -54,7 +54,7 @@ class Legs(NamedTuple):
     y_1: Array
     #: y axis of {2k}, n x u.
     y_2: Array
-    #: OE, the x axis of leg k's own {3k} turned by -beta_k.
+    #: OE, the x axis of {3k}.
     s: Array
     #: Shape (..., 3), as cos_mu.
     sin_mu: Array
@@ -117,7 +117,7 @@ def passive_axes(geometry: Geometry, gamma: Array) -> Array:
 
 
 def joints_of_actuated(geometry: Geometry, gamma: Array, R: Array) -> Array:
-    """q at orientations that assemble with given gamma_k, the branches being what they are."""
+    """q, shape (..., 9), for motor angles and orientations that fit them, in any branch."""
     u = passive_axes(geometry, gamma)
     R_3 = R[..., None, :, :] @ np.swapaxes(geometry.R_E, -1, -2)
     u, n = np.broadcast_arrays(u, R_3[..., 2])
@@ -133,7 +133,7 @@ def orientation_of_joints(geometry: Geometry, q: Array) -> Array:
 
 
 def home_orientation(geometry: Geometry) -> Array:
-    """{E} in the base, shape (3, 3): s amid the base triangle, R_1 amid its side P1P2."""
+    """{E} in the base, shape (3, 3): s in the middle of the base triangle, R_1 in that of P1P2."""
     v, e_1 = geometry.R_0[:, :, 0], geometry.e[0]
     s = v.sum(axis=0)
     s /= np.linalg.norm(s)
@@ -159,8 +159,8 @@ def _orientation(geometry: Geometry, s: Array, n: Array) -> Array:
 def joint_rates(legs: Legs, omega: Array) -> Array:
     """Rates of all joints from the star's angular velocity in base axes, shape (..., 9).
 
-    In the axes of {2k}, omega = (mu_dot, gamma_dot sin(mu), gamma_dot cos(mu) + beta_dot): no
-    inverse is needed, but sin(mu) must not vanish. omega may differ leg by leg, shape (..., 3, 3).
+    In the axes of {2k}, omega = (mu_dot, gamma_dot sin(mu), gamma_dot cos(mu) + beta_dot), where
+    sin(mu) must not be zero. omega may differ between the legs, shape (..., 3, 3).
     """
     w = omega[..., None, :] if omega.ndim < legs.u.ndim else omega
     gamma_dot = _dot(w, legs.y_2) / legs.sin_mu

@@ -33,7 +33,10 @@ def example_2(
     rounded: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
-    """Direct dynamics by the torques of example 1, from its state or that printed (Sect. 7.3)."""
+    """Direct dynamics with the torques of example 1, from its first state or the printed one.
+
+    Sect. 7.3.
+    """
     q0, va0 = example.q[0], example.va[0]
     if rounded:
         q0 = robot.forward_kinematics(ROUNDED_GAMMA, near=q0)
@@ -41,14 +44,14 @@ def example_2(
     return robot.simulate(example, q0, va0, example.t, progress=progress)
 
 
-class Returned(NamedTuple):
-    """Errors of example 2 against the path of example 1."""
+class Errors(NamedTuple):
+    """Errors of example 2 against example 1."""
 
     #: Largest angle between the axes s, [rad].
     path_error: float
     #: Largest closure residual, [rad] or [m].
     closure: float
-    #: Largest energy that is not accounted for, [J].
+    #: Largest error of the energy balance, [J].
     energy: float
 
 
@@ -61,9 +64,9 @@ def angles_off_path(robot: SST, example: Trajectory, motion: Trajectory) -> Arra
     return np.arctan2(sine, (s * s_wanted).sum(axis=1))
 
 
-def compare(robot: SST, example: Trajectory, motion: Trajectory) -> Returned:
-    """Measure example 2 against example 1."""
-    return Returned(
+def compare(robot: SST, example: Trajectory, motion: Trajectory) -> Errors:
+    """The errors of example 2."""
+    return Errors(
         float(angles_off_path(robot, example, motion).max()),
         float(np.abs(robot.residual(motion.q)).max()),
         float(np.abs(energy_error(robot, motion)).max()),

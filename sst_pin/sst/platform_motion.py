@@ -62,9 +62,9 @@ def orientation_motion(
     """`orientation` with its rates.
 
     Args:
-        theta: The angle, its rate and its acceleration, each of shape (...), [rad].
-        phi: The same.
-        psi: The same.
+        theta: Longitude, its rate and its acceleration, each of shape (...), [rad].
+        phi: Colatitude, its rate and its acceleration.
+        psi: Roll, its rate and its acceleration.
 
     Raises:
         InputError: If one is not three arrays of finite numbers, or shapes do not broadcast.
@@ -98,7 +98,7 @@ def orientation_motion(
     turn_z, turn_n, turn_s = t_1[..., None] * z, -p_1[..., None] * n, s_1[..., None] * s_axis
     omega = turn_z + turn_n + turn_s
     alpha = t_2[..., None] * z - p_2[..., None] * n + s_2[..., None] * s_axis
-    # The axes turn with those before them.
+    # Each axis turns with those before it.
     alpha = alpha + np.cross(turn_z, turn_n) + np.cross(turn_z + turn_n, turn_s)
     return PlatformMotion(R, omega, alpha)
 
@@ -160,7 +160,7 @@ def interpolate_orientations(t: ArrayLike, R: ArrayLike, at: ArrayLike) -> Platf
     from scipy.spatial.transform import Rotation
 
     times = sample_times(t, 3)
-    wanted, matrices = times_within("at", at, times), finite_array("R", R, (3, 3))
+    t_out, matrices = times_within("at", at, times), finite_array("R", R, (3, 3))
     if matrices.shape[:-2] != times.shape:
         raise InputError("R", f"shape {matrices.shape}, expected {(len(times), 3, 3)}")
     require_rotation(matrices)
@@ -174,10 +174,10 @@ def interpolate_orientations(t: ArrayLike, R: ArrayLike, at: ArrayLike) -> Platf
             f"{times[i + 1]:g} s, more than a quarter turn; use more samples",
         )
     curve = spline(times, without_sign_changes(samples.as_quat()))
-    p = curve(wanted)
+    p = curve(t_out)
     inverse = p * (-1, -1, -1, 1) / (p * p).sum(axis=-1, keepdims=True)
-    # p_dot / p holds omega / 2 and, as its scalar, the rate of ln |p|, which no rotation sees.
-    first, second = (_times(curve.derivative(i)(wanted), inverse) for i in (1, 2))
+    # The vector of p_dot / p is omega / 2; its scalar, the rate of ln |p|, does not turn the star.
+    first, second = (_times(curve.derivative(i)(t_out), inverse) for i in (1, 2))
     omega = 2 * first[..., :3]
     alpha = 2 * second[..., :3] - 2 * first[..., 3:] * omega
     return PlatformMotion(Rotation.from_quat(p).as_matrix(), omega, alpha)
@@ -186,19 +186,18 @@ def interpolate_orientations(t: ArrayLike, R: ArrayLike, at: ArrayLike) -> Platf
 def orientation_path(R: ArrayLike, count: int = 201) -> Array:
     """Orientations along a smooth path through a few, on the rotation group.
 
-    Angular velocity and acceleration along it are continuous (SciPy's `RotationSpline`); it takes
-    about as long between two samples as they are apart, whatever the axes.
-    `robot.inverse_kinematics` makes it a path for `time_optimal`.
+    Angular velocity and acceleration are continuous (SciPy's `RotationSpline`), and the speed is
+    about constant. `robot.inverse_kinematics` makes it a path for `time_optimal`.
 
     Args:
         R: {E} in the base on the way, shape (N, 3, 3), N >= 2, steps less than half a turn.
-        count: Number of samples of the path, evenly along it.
+        count: Number of samples of the path, evenly spaced.
 
     Returns:
-        Shape (count, 3, 3), the first and the last as given.
+        Orientations, shape (count, 3, 3), from the first R to the last.
 
     Raises:
-        InputError: For matrices that are not rotations, neighbours alike or half a turn apart.
+        InputError: For matrices that are not rotations, or neighbours equal or half a turn apart.
 
     Example:
         >>> R = sst_pin.orientation([0.7, 0.9, 0.8], [0.9, 0.8, 1.0])
@@ -211,13 +210,13 @@ def orientation_path(R: ArrayLike, count: int = 201) -> Array:
     if matrices.ndim != 3 or len(matrices) < 2:
         raise InputError("R", f"shape {matrices.shape}, expected (N, 3, 3) with N >= 2")
     require_rotation(matrices)
-    given = Rotation.from_matrix(matrices)
-    steps = (given[:-1].inv() * given[1:]).magnitude()
+    rotations = Rotation.from_matrix(matrices)
+    steps = (rotations[:-1].inv() * rotations[1:]).magnitude()
     for i, step in enumerate(steps):
         if not 1e-6 < step < np.pi - 1e-6:
             raise InputError("R", f"{np.degrees(step):.6g} degrees between samples {i} and {i + 1}")
     path, s = empty((samples, 3, 3)), np.append(0, np.cumsum(steps))
-    path[:] = RotationSpline(s, given)(np.linspace(0, s[-1], samples)).as_matrix()
+    path[:] = RotationSpline(s, rotations)(np.linspace(0, s[-1], samples)).as_matrix()
     return path
 
 

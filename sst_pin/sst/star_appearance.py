@@ -20,7 +20,7 @@ from .kinematics import Geometry
 
 
 def shapes_of(root: ET.Element, parameters: Parameters, model: pin.Model) -> pin.GeometryModel:
-    """Shapes for the eye of a tree, from its URDF whose meshes are made of its parameters."""
+    """Visual shapes of a tree, with meshes from its parameters."""
     with TemporaryDirectory() as name:
         folder = Path(name)
         files = mesh_writers(parameters)
@@ -39,7 +39,7 @@ def appearance_of(geometry: Geometry, radius: float) -> Appearance:
 
 
 def _frames(geometry: Geometry, r: float) -> Iterator[DrawnFrame]:
-    """Frames whose origins are all in O, each drawn on the part it belongs to."""
+    """The frames, whose origins are O, drawn on the parts that they belong to."""
     apart = ((1, 0, 0), (0.72, 0, 0), (1.16, 0, 0), (1.06 * np.cos(0.7), -1.06 * np.sin(0.7), 0))
     for k in range(3):
         for i, where in enumerate(apart):

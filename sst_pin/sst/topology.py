@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""From a tree to the geometry and the `Parameters` of an SST, or what keeps it from being one."""
+"""The geometry and the `Parameters` of an SST from its tree, or the problems of the tree."""
 
 from collections.abc import Iterator, Sequence
 
@@ -19,13 +19,13 @@ from .kinematics import Geometry
 CUTS = {("closedloop1_A", "closedloop1_B"), ("closedloop2_A", "closedloop2_B")}
 #: Frames of the cuts and the arc of the star that each is fixed to.
 _STAR_OF = {"closedloop1_A": 1, "closedloop2_A": 1, "closedloop1_B": 2, "closedloop2_B": 3}
-#: [m] and [rad]; what a person writes with ten digits is exact.
+#: Tolerance of positions and angles, [m] and [rad], for numbers written with ten digits.
 _EXACT = 1e-9
 
 
 def geometry_of(model: pin.Model, source: str) -> Geometry:
-    """Read {0k} and {E} in {3k} off a tree, or list all that keeps it from being an SST's."""
-    # Joints first, then their axes and frames: the one makes no sense without the other.
+    """{0k} and {E} in {3k} of a tree; the error lists all its problems as a tree of an SST."""
+    # Axes and frames can be checked only if the joints are right.
     if problems := list(_joint_problems(model)) or [*_axis_problems(model), *_cut_problems(model)]:
         raise DescriptionError(source, problems)
     R_0 = [model.jointPlacements[model.getJointId(f"gamma_{k}")].rotation for k in (1, 2, 3)]
@@ -54,13 +54,13 @@ def _axis_problems(model: pin.Model) -> Iterator[str]:
     for index, name in enumerate(JOINT_NAMES, start=1):
         joint = name.split("_")[0]
         placement, kind = model.jointPlacements[index], model.joints[index].shortname()
-        wanted = "JointModelRX" if joint == "mu" else "JointModelRZ"
+        expected = "JointModelRX" if joint == "mu" else "JointModelRZ"
         parent = 0 if joint == "gamma" else index - 1
-        if kind != wanted:
-            yield f"joint {name}: type {kind}, expected {wanted}"
+        if kind != expected:
+            yield f"joint {name}: type {kind}, expected {expected}"
         if model.parents[index] != parent:
-            expected, found = model.names[parent], model.names[model.parents[index]]
-            yield f"joint {name}: its parent is {found}, expected {expected}"
+            parents = model.names[model.parents[index]], model.names[parent]
+            yield f"joint {name}: its parent is {parents[0]}, expected {parents[1]}"
         if np.abs(placement.translation).max() > _EXACT:
             yield f"joint {name}: not in the centre O; origin xyz must be 0 0 0"
         if joint != "gamma" and np.abs(placement.rotation - np.eye(3)).max() > _EXACT:
@@ -84,7 +84,7 @@ def _cut_problems(model: pin.Model) -> Iterator[str]:
 
 
 def parameters_of(model: pin.Model, geometry: Geometry, friction: Friction) -> Parameters:
-    """The parameters that make a tree; the error lists all that it holds and parameters do not."""
+    """The parameters of a tree; the error lists all that parameters cannot describe."""
     frames = [name for name in ("E", "P_1", "P_2", "P_3") if not model.existFrame(name)]
     problems = [f"frame {name} is missing; its distance from O gives a radius" for name in frames]
     if problems := problems or list(_parameter_problems(model, geometry)):
@@ -121,7 +121,7 @@ def _body(inertia: pin.Inertia) -> RigidBody:
 
 
 def _rounded(value: ArrayLike) -> Array:
-    """To 16 digits of the largest entry: what comes back from sums and angles has no more."""
+    """Rounded to 16 digits of the largest entry, the precision of sums and angles."""
     value = np.asarray(value, dtype=float)
     digits = 16 - int(np.ceil(np.log10(max(np.abs(value).max(), 1e-300))))
     return value.round(digits)
