@@ -226,7 +226,7 @@ class Trajectory(Summary):
                 raise OutputError(path, "a name contains a comma, quote or space; save it as .npz")
             return table_writer(columns, self.table(as_path(path)).values)
         fields = (*_COMPARED, "stopped")
-        arrays = {name: np.asarray(getattr(self, name)) for name in fields}
+        arrays: dict[str, Any] = {name: np.asarray(getattr(self, name)) for name in fields}
         return lambda file: np.savez(file, **arrays)
 
     def table(self, path: Path) -> Table:
