@@ -31,7 +31,10 @@ from .dynamics.quantities import Quantity
 from .engine import DerivativeOptions, Engine, LoadOptions, Options
 from .errors import DescriptionError, InputError, MissingExtraError
 from .loops.assembly_modes import AssemblyModes, modes_of
-from .loops.draft import (
+from .loops.frame_guide import frame_configurations
+from .loops.mobility import Mobility
+from .loops.start import assemble, start_of
+from .model.checks import (
     Motor,
     closures_of,
     coordinates_of,
@@ -41,9 +44,6 @@ from .loops.draft import (
     motors_of,
     without_locked,
 )
-from .loops.frame_guide import frame_configurations
-from .loops.mobility import Mobility
-from .loops.starts import assemble, start_of
 from .model.closures import Constraint
 from .model.lines import LineForce
 from .model.mechanism import Mechanism, read_only

@@ -13,7 +13,7 @@ import pinocchio as pin
 from ..closed_chain import ClosedChain
 from ..errors import InputError, OutputError
 from ..files import write_files
-from ..loops.starts import start_of
+from ..loops.start import start_of
 from ..simulation.trajectories import Trajectory
 from ..sst.paper import PERIOD, example_1
 from ..sst.robot import SST

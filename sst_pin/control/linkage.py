@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Array, Indices, finite_array, for_each_sample, names, single_array
 from ..closed_chain import ClosedChain
 from ..errors import ActuationError, InputError, WorkspaceError
-from ..loops.starts import start_of
+from ..loops.start import start_of
 from ..model.named_positions import taken
 from ..model.thresholds import RANK_TOLERANCE
 

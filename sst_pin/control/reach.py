@@ -18,7 +18,7 @@ from ..dynamics.torque_sharing import finite_limits, within_limits
 from ..errors import InputError
 from ..files import as_path, table_writer, write_files
 from ..loops.frame_guide import FrameGuide
-from ..loops.starts import start_of
+from ..loops.start import start_of
 from ..model.thresholds import RANK_TOLERANCE
 from ..progress import counted
 from ..simulation.motion_columns import columns_of

@@ -17,11 +17,11 @@ import pinocchio as pin
 from ..arrays import Array
 from ..errors import InputError
 from ..loops.loops import Loops
+from ..loops.row_derivatives import Branches, FrameMotions, Partials, TreeMotion, partials
 from ..model.mechanism import Friction, Mechanism
+from ..model.normal_tree import PlainTree
 from ..model.vectors import brackets, cross_products, skew
 from .dynamics import Memory, applied_forces, direct_dynamics, motion_of_tree
-from .plain_tree import PlainTree
-from .row_derivatives import Branches, FrameMotions, Partials, TreeMotion, partials
 
 #: Wrenches on bodies: these, frames on them, the wrenches at the world's origin, their w_q.
 _Load = tuple[list[int], FrameMotions, Array, Array]

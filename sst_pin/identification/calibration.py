@@ -16,7 +16,7 @@ from ..closed_chain import ClosedChain
 from ..errors import ClosureError, InputError, SingularConfigurationError
 from ..files import as_path, text_writer, write_files
 from ..loops.frame_guide import pose_error
-from ..loops.starts import placed
+from ..loops.start import placed
 from ..model import geometry
 from ..model.named_positions import put
 from ..model.tree import frame_id

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Array, one_or_each, positive_number, whole_number
 from ..closed_chain import ClosedChain
 from ..errors import InputError, SSTError
-from ..loops.starts import placed
+from ..loops.start import placed
 from ..model.named_positions import taken
 from ..progress import counted
 from ..simulation.coordinate_motions import coordinate_motion

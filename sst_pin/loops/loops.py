@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Residual f(q) of the constraints, their Jacobian Phi and its rate, at one configuration.
 
-With the wrenches W of the closures' rows (`pair_rows`), Pinocchio's joint Jacobian J, and the
+With the wrenches W of the closures' rows (`rows`), Pinocchio's joint Jacobian J, and the
 supports S of 0 and 1 of the two frames of a closure, Phi = (W_B J) S_B - (W_A J) S_A; `tree` says
 what the columns of J are. Columns in both supports are left out: what moves both frames alike
 leaves a closed loop as it is. Phi_dot is W J_dot + W_dot J, and Phi_dot v is W times the
@@ -32,7 +32,7 @@ from ..model.tree import (
 )
 from ..model.vectors import carrying
 from .couplings import Coupled
-from .pair_rows import PairRows
+from .rows import PairRows
 
 
 class Loops:

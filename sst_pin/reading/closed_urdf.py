@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from ..arrays import names
 from ..errors import DescriptionError
-from ..loops.draft import Motor, tendon_of, without_locked
+from ..model.checks import Motor, tendon_of, without_locked
 from ..model.closures import Coupling, frames_of
 from ..summaries import listed
 from .acting_words import unread

@@ -6,7 +6,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from ..arrays import Array
-from ..loops.draft import Motor
+from ..model.checks import Motor
 from ..model.closures import Closure, Constraint, Coupling, Distance, Rolling
 from ..model.lines import LineForce
 from . import loop_closures

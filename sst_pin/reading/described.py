@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from ..arrays import Array
 from ..errors import DescriptionWarning, SSTError
-from ..loops.draft import Motor, copied, mechanism_of, motors_of
+from ..model.checks import Motor, copied, mechanism_of, motors_of
 from ..model.closures import Constraint
 from ..model.lines import LineForce
 from ..model.mechanism import Mechanism

@@ -13,7 +13,7 @@ from pathlib import Path
 from ..arrays import in_order, names
 from ..errors import DescriptionError, UnknownNameError
 from ..files import as_path
-from ..loops.draft import Motor
+from ..model.checks import Motor
 from .described import Described, naming, warned
 from .mjcf_compiled import Compiled
 from .mjcf_loops import closures_of, lines_of, motors_of, named_motors

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array
-from ..loops.draft import Motor, tendon_of
+from ..model.checks import Motor, tendon_of
 from ..model.closures import Closure, Constraint, Coupling, Distance
 from ..model.lines import LineForce
 from .described import naming

@@ -12,7 +12,7 @@ from ..arrays import Array, finite_array
 from ..dynamics.quantities import Quantity
 from ..engine import Engine, Robot
 from ..errors import ClosureError, DescriptionWarning, InputError
-from ..loops.starts import placed
+from ..loops.start import placed
 from ..model.mechanism import Mechanism
 from ..model.named_positions import taken
 from ..progress import counted

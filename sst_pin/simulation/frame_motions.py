@@ -10,7 +10,7 @@ from ..arrays import Array, as_array, finite_array, name_samples
 from ..engine import Robot
 from ..errors import InputError, SSTError
 from ..loops.frame_guide import FrameGuide, pose_of, rotations
-from ..loops.starts import assemble, start_of
+from ..loops.start import assemble, start_of
 from ..model.named_positions import taken
 from ..progress import counted
 from .coordinate_motions import motion_along, without_full_turns

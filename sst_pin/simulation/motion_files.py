@@ -12,7 +12,7 @@ from ..dynamics.quantities import Quantity
 from ..engine import Engine
 from ..errors import ClosureError, FileFormatError, InputError
 from ..files import Table, read_table
-from ..loops.starts import assemble, placed
+from ..loops.start import assemble, placed
 from ..model.mechanism import Mechanism
 from ..model.named_positions import angles_and_lengths
 from .coordinate_motions import coordinate_trajectory

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from ..closed_chain import ClosedChain
 from ..errors import InputError, MissingExtraError
-from ..loops.starts import start_of
+from ..loops.start import start_of
 from ..simulation.trajectories import Trajectory
 
 #: Packages of the extra `viz` that pages need, and their modules.

@@ -8,7 +8,7 @@ from ..arrays import Array
 from ..closed_chain import ClosedChain
 from ..description.colours import HUES
 from ..errors import InputError
-from ..loops.starts import start_of
+from ..loops.start import start_of
 from ..model.appearance import drawn_frame
 from . import sketch
 from .scene_parts import Arrow, Pull, Shape, moved

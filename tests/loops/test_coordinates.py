@@ -9,7 +9,7 @@ import pytest
 
 import sst_pin
 from sst_pin import ClosedChain, Closure
-from sst_pin.loops.draft import without_locked
+from sst_pin.model.checks import without_locked
 from tests.support import trees
 from tests.support.by_hand import add, at, mark
 from tests.support.planar_bars import rhombus

@@ -9,7 +9,7 @@ import pytest
 
 import sst_pin
 from sst_pin import ClosedChain, Closure
-from sst_pin.loops.draft import without_locked
+from sst_pin.model.checks import without_locked
 
 X, Y, Z = np.eye(3)
 SKEW = np.array([1.0, -2.0, 0.5]) / np.linalg.norm([1.0, -2.0, 0.5])

@@ -13,7 +13,7 @@ import pytest
 
 import sst_pin
 from sst_pin.compiled.generator_inputs import sample_configurations
-from sst_pin.loops.starts import start_of
+from sst_pin.loops.start import start_of
 
 ROOT = Path(__file__).resolve().parents[2]
 _SRDF = """<robot name="sst"><group_state name="home" group="all">

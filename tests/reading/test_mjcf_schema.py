@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
-from sst_pin.loops.draft import tendon_of
+from sst_pin.model.checks import tendon_of
 from sst_pin.model.mechanism import Springs
 from sst_pin.reading.mjcf import read_mjcf
 

@@ -10,7 +10,7 @@ import pytest
 
 import sst_pin
 from sst_pin.files import read_table
-from sst_pin.loops.starts import placed
+from sst_pin.loops.start import placed
 from sst_pin.simulation.coordinate_motions import coordinate_motion
 from sst_pin.simulation.motion_files import load_motion, read_motion, read_start
 from sst_pin.sst import paper

@@ -14,21 +14,21 @@ from numpy.typing import ArrayLike
 from ..arrays import Array, Indices, finite_array, in_order, single_array
 from ..arrays import names as names_of
 from ..errors import DescriptionError, DescriptionWarning, InputError
-from ..model.closures import Closure, Constraint, Coupling, Distance, Rolling
-from ..model.joint_series import PartlyLocked, Series
-from ..model.joint_space import JointSpace
-from ..model.lines import LineForce, Lines
-from ..model.mechanism import Friction, Mechanism, Springs, read_only
-from ..model.rebuilt_tree import JOINT_LISTS, POSITION_ARRAYS, RATE_ARRAYS, rebuilt
-from ..model.thresholds import RESTS
-from ..model.tree import frame_id, joint_id
+from ..loops.assembly import Assembly
+from ..loops.coordinates import settle, without_mass
+from ..loops.geometry_correction import correct_geometry
+from ..loops.loops import Loops
+from ..loops.mobility import free_motions, scaled_Phi
 from ..progress import announced
 from ..summaries import listed
-from .assembly import Assembly
-from .coordinates import settle, without_mass
-from .geometry_correction import correct_geometry
-from .loops import Loops
-from .mobility import free_motions, scaled_Phi
+from .closures import Closure, Constraint, Coupling, Distance, Rolling
+from .joint_series import PartlyLocked, Series
+from .joint_space import JointSpace
+from .lines import LineForce, Lines
+from .mechanism import Friction, Mechanism, Springs, read_only
+from .rebuilt_tree import JOINT_LISTS, POSITION_ARRAYS, RATE_ARRAYS, rebuilt
+from .thresholds import RESTS
+from .tree import frame_id, joint_id
 
 #: Mimic joints that Pinocchio computes rightly. It leaves out the pitch of helical ones.
 _MIMIC = re.compile(

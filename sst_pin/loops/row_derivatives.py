@@ -2,7 +2,7 @@
 """Partial derivatives on the tree of the closures' rows: of Phi v and of its rate.
 
 Derivatives by q are taken along each rate of the tree, as Pinocchio's are. Twists and the wrenches
-W of `pair_rows` run [linear; angular], in world axes, reduced at the world's origin.
+W of `rows` run [linear; angular], in world axes, reduced at the world's origin.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array
-from ..loops.loops import Loops
 from ..model.tree import of_rates, support
 from ..model.vectors import brackets, carrying, skew
+from .loops import Loops
 
 
 class FrameMotions:

@@ -15,9 +15,9 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array
-from ..model.closures import Coupling
-from ..model.mechanism import Friction, Mechanism, Springs
-from ..model.tree import series_of
+from .closures import Coupling
+from .mechanism import Friction, Mechanism, Springs
+from .tree import series_of
 
 
 class PlainTree:
