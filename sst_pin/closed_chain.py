@@ -268,7 +268,7 @@ class ClosedChain(RobotProperties, Summary):
 
     def Phi(self, q: ArrayLike) -> Array:
         """Constraint Jacobian with all rows, also redundant ones, Eqs. (3), (4); (rows, nv)."""
-        return self._engine.loops_at(q).Phi()
+        return self._engine.loops_at(q).Phi
 
     def Phi_dot(self, q: ArrayLike, q_dot: ArrayLike) -> Array:
         """Rate of `Phi` for rates of all joints that keep the loops closed, shape (rows, nv)."""

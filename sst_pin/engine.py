@@ -414,7 +414,7 @@ class Engine:
     def residuals(self, q: Array) -> Array:
         """f(q) of Eq. (2), shape (..., rows)."""
         rows = (sum(len(closure.rows) for closure in self.mechanism.closures),)
-        return for_each_sample(lambda q: self.loops_at(q).residual(), [q], (1,), rows)
+        return for_each_sample(lambda q: self.loops_at(q).f, [q], (1,), rows)
 
     def placements(self, q: ArrayLike, frame: str) -> Array:
         """Placement of a frame in the base where the loops are closed, shape (..., 4, 4)."""

@@ -15,10 +15,10 @@ import numpy as np
 from casadi import SX
 
 from ..arrays import Array
-from ..model.lines import LEAST_LENGTH
 from ..model.thresholds import (
     CLOSURE_TOLERANCE,
     INCONSISTENT,
+    LEAST_LENGTH,
     ROUNDING,
     UNSUPPLIED,
     WITHOUT_MASS,

@@ -8,7 +8,7 @@ import pinocchio as pin
 
 from ..arrays import Array
 from ..errors import DescriptionError
-from ..model.tree import series_of
+from ..model.normal_tree import series_of
 
 #: Kinds by how the joint's placement follows from its coordinates.
 _KINDS = {

@@ -17,11 +17,16 @@ import pinocchio as pin
 from ..arrays import Array
 from ..errors import InputError
 from ..loops.loops import Loops
-from ..loops.row_derivatives import Branches, FrameMotions, Partials, TreeMotion, partials
-from ..model.mechanism import Friction, Mechanism
-from ..model.normal_tree import PlainTree
-from ..model.vectors import brackets, cross_products, skew
-from .dynamics import Memory, applied_forces, direct_dynamics, motion_of_tree
+from ..loops.row_derivatives import (
+    ClosurePartials,
+    FrameMotions,
+    TreeMotion,
+    brackets,
+    partials,
+    skew,
+)
+from ..model.mechanism import Friction
+from .dynamics import Memory, applied_forces, direct_dynamics
 
 #: Wrenches on bodies: these, frames on them, the wrenches at the world's origin, their w_q.
 _Load = tuple[list[int], FrameMotions, Array, Array]
@@ -106,19 +111,15 @@ class Derivatives:
     Arguments are those of `dynamics.inverse_dynamics` and `dynamics.direct_dynamics`.
     """
 
-    def __init__(self, mechanism: Mechanism) -> None:
-        self._plain = PlainTree(mechanism)
-        self._mechanism = self._plain.mechanism
-        self._memory = Memory(self._mechanism)
-        self._branches = Branches(self._mechanism.model)
-        #: The tree with its last body at the world's origin.
-        self._near = pin.Model(self._mechanism.model)
+    def __init__(self, memory: Memory) -> None:
+        self._memory, self._mechanism = memory, memory.mechanism
+        #: The normal tree with its last body at the world's origin.
+        self._near = pin.Model(memory.tree.model)
 
     def torques(
         self, sign_width: float, q: Array, va: Array, aa: Array, wrenches: Array | None
     ) -> Array:
         """Derivatives of f by q, va and aa side by side, shape (n, 3 n)."""
-        q, wrenches = self._plain.configuration(q), self._plain.wrenches(wrenches)
         tau = np.zeros(self._mechanism.motors.shape[1])
         by_q, by_va, inertia, _ = self._forces(self._friction(sign_width), q, va, aa, tau, wrenches)
         return np.concatenate((by_q, by_va, inertia), axis=1)
@@ -127,7 +128,6 @@ class Derivatives:
         self, sign_width: float, q: Array, va: Array, tau: Array, wrenches: Array | None
     ) -> Array:
         """Derivatives of aa by q, va and tau side by side, shape (n, 2 n + motors)."""
-        q, wrenches = self._plain.configuration(q), self._plain.wrenches(wrenches)
         friction = self._friction(sign_width)
         aa, _ = direct_dynamics(self._memory, friction, q, va, tau, wrenches)
         by_q, by_va, inertia, L = self._forces(friction, q, va, aa, tau, wrenches)
@@ -137,61 +137,54 @@ class Derivatives:
     @property
     def axes_move(self) -> bool:
         """Whether a coordinate belongs to a joint whose rates have axes that it moves."""
-        several = np.zeros(self._mechanism.model.nv, dtype=bool)
-        for joint in list(self._mechanism.model.joints)[1:]:
-            several[joint.idx_v : joint.idx_v + joint.nv] = joint.nv > 1
-        return bool(several[self._mechanism.coordinates].any())
+        tree = self._memory.tree
+        several = [joint.nv > 1 for joint in list(tree.model.joints)[1:] for _ in range(joint.nv)]
+        return bool(tree.S[several][:, self._mechanism.coordinates].any())
 
     def displacement_rates(self, q: Array, va: Array) -> Array:
         """-S [v, L e_k]: rates of a displacement due to joints' axes that move, shape (n, n)."""
-        memory = self._memory
-        memory.evaluate(self._plain.configuration(q))
-        v, _ = motion_of_tree(memory, va, memory.steady)
-        L = memory.complement.L
+        memory, tree = self._memory, self._memory.tree
+        v, _ = memory.complement.motion(q, va, memory.steady)
+        v, L = tree.S.dot(v), tree.S.dot(memory.complement.L)
         rates = np.zeros_like(L)
-        for joint, data in zip(memory.model.joints, memory.data.joints, strict=True):
+        for joint, data in zip(tree.model.joints, memory.data.joints, strict=True):
             if joint.nv > 1:
                 k, S = slice(joint.idx_v, joint.idx_v + joint.nv), np.array(data.S)
-                rates[k] = S.T.dot(brackets(S.dot(v[k]), S.dot(L[k])))
-        return -rates[self._mechanism.coordinates]
+                rates[k] = S.T.dot(brackets(S.dot(v[k])[:, None], S.dot(L[k])))
+        return -tree.S.T.dot(rates)[self._mechanism.coordinates]
 
     def frame_velocity(self, q: Array, va: Array, frame: int) -> Array:
         """Derivatives of a frame's velocity by q and va side by side, shape (6, 2 n)."""
-        q = self._plain.configuration(q)
-        self._memory.evaluate(q)
-        v, v_dot = motion_of_tree(self._memory, va, self._memory.steady)
-        L = self._memory.complement.L
-        tree = TreeMotion(self._branches, self._memory.data, q, v, v_dot)
-        v_q = -self._memory.complement.inverse.dot(
-            partials(self._memory.loops, tree).velocity_q.dot(L)
-        )
-        moved = tree.frames_of([frame])
-        J = np.concatenate((moved.vectors_q[0, :, 0, :3].T, moved.J[0, 3:]))
-        by_q = np.concatenate((moved.vectors_tq[0, :, 0, :3].T, moved.twist_q[0, 3:]))
+        loops, complement = self._memory.loops, self._memory.complement
+        v, v_dot = complement.motion(q, va, self._memory.steady)
+        tree, L = TreeMotion(loops, v, v_dot), complement.L
+        v_q = -complement.inverse.dot(partials(loops, q, tree).velocity_q.dot(L))
+        motion = tree.frames_of([frame])
+        J = np.concatenate((motion.M_q[:, 0, :3, 3].T, motion.J[0, 3:]))
+        by_q = np.concatenate((motion.M_tq[:, 0, :3, 3].T, motion.twist_q[0, 3:]))
         return np.concatenate((by_q.dot(L) + J.dot(v_q), J.dot(L)), axis=1)
 
     def _forces(
         self, friction: Friction, q: Array, va: Array, aa: Array, tau: Array, wrenches: Array | None
     ) -> tuple[Array, Array, Array, Array]:
-        """Derivatives of f - L^T B tau by q, va and aa, and L, on the plain tree."""
+        """Derivatives of f - L^T B tau by q, va and aa, and L."""
         memory, mechanism = self._memory, self._mechanism
-        memory.evaluate(q)
-        v, v_dot = motion_of_tree(memory, va, aa)
-        L = memory.complement.L
-        tree = TreeMotion(self._branches, memory.data, q, v, v_dot)
-        rows, G = partials(memory.loops, tree), memory.complement.inverse
-        force = pin.rnea(memory.model, memory.data, q, v, v_dot)
+        v, v_dot = memory.complement.motion(q, va, aa)
+        L, G = memory.complement.L, memory.complement.inverse
+        tree = TreeMotion(memory.loops, v, v_dot)
+        rows = partials(memory.loops, q, tree)
+        force = memory.tree_forces(v, v_dot)
         force -= applied_forces(memory, friction, q, v, wrenches, tau)
         reactions, lines = G.T.dot(force), mechanism.lines
-        loads = [_on_frames(memory.loops, rows, reactions)]
+        loads = [_on_frames(closure, reactions) for closure in rows.closures]
         if not lines.none:
             lengths, J = memory.lines.evaluate(q)
-            along = partials(memory.lines.loops, tree)
+            along = partials(memory.lines.loops, q, tree)
             pulls = lines.tensions(lengths, J.dot(v), tau)
-            loads.append(_on_frames(memory.lines.loops, along, -pulls))
+            loads += [_on_frames(line, -pulls) for line in along.closures]
         if wrenches is not None and wrenches.any():
-            loads.append(_on_mass_centres(tree, memory.data, wrenches.reshape(-1, 6)))
-        force_q, force_v, M = self._tree_forces(tree, loads)
+            loads.append(_on_mass_centres(tree, memory.loops, wrenches.reshape(-1, 6)))
+        force_q, force_v, M = self._tree_forces(v, v_dot, loads)
         for row, k, second in rows.coupled:
             force_q[k, k] -= reactions[row] * second
         if not lines.none:
@@ -200,7 +193,7 @@ class Derivatives:
             force_v += (J.T * damping).dot(J)
         force_v += np.diag(-friction.slopes(v))
         if not mechanism.springs.none:
-            force_q -= mechanism.springs.slopes(memory.model, q)
+            force_q -= mechanism.springs.slopes(mechanism.model, q)
         v_q = -G.dot(rows.velocity_q.dot(L))
         v_dot_q = -G.dot(rows.acceleration_q.dot(L) + rows.acceleration_v.dot(v_q))
         v_dot_va = -G.dot(rows.acceleration_v.dot(L))
@@ -209,14 +202,16 @@ class Derivatives:
         inertia = L.T.dot(M).dot(L)
         return by_q, by_va, (inertia + inertia.T) / 2, L
 
-    def _tree_forces(self, tree: TreeMotion, loads: list[_Load]) -> tuple[Array, Array, Array]:
+    def _tree_forces(
+        self, v: Array, v_dot: Array, loads: list[_Load]
+    ) -> tuple[Array, Array, Array]:
         """Derivatives of RNEA less the forces of loads by q, v and v_dot.
 
         Pinocchio holds external wrenches in the bodies. What a wrench w does not turn with its body
         is its own derivative w_q less that of a wrench that does. It reduces inertias at the
         world's origin, which costs digits by the square of the distance: the tree is moved there.
         """
-        memory, model = self._memory, self._memory.model
+        memory, model, S = self._memory, self._memory.tree.model, self._memory.tree.S
         total = np.zeros((model.njoints, 6))
         for joints, _, w, _ in loads:
             np.add.at(total, joints, w)
@@ -229,10 +224,11 @@ class Derivatives:
             self._near.jointPlacements[root] = pin.SE3(
                 placement.rotation, placement.translation - there
             )
-        arguments = (self._near, memory.data, tree.q, tree.v, tree.v_dot, in_bodies)
-        force_q, force_v, M = (np.array(x) for x in pin.computeRNEADerivatives(*arguments))
+        arguments = (memory.loops.q, S.dot(v), S.dot(v_dot), in_bodies)
+        by = pin.computeRNEADerivatives(self._near, memory.data, *arguments)
+        force_q, force_v, M = (S.T.dot(x).dot(S) for x in by)
         for _, frames, w, w_q in loads:
-            turning = w_q - _carried(frames.J, w)
+            turning = w_q - _turning_along(frames.J, w)
             force_q -= np.tensordot(frames.J, turning, axes=((0, 1), (0, 1)))
         return force_q, force_v, M
 
@@ -240,29 +236,29 @@ class Derivatives:
         return replace(self._mechanism.friction, sign_width=sign_width)
 
 
-def _on_frames(loops: Loops, rows: Partials, reactions: Array) -> _Load:
-    """Forces along the rows of closures or lines, as wrenches on the frames that they connect."""
-    w, w_q = np.zeros((len(rows.frames.J), 6)), np.zeros_like(rows.frames.J)
-    np.add.at(w, loops.pairs.frames, reactions[:, None] * rows.W)
-    np.add.at(w_q, loops.pairs.frames, reactions[:, None, None] * rows.W_q)
-    joints = [loops.model.frames[frame].parentJoint for frame in loops.frames]
-    return joints, rows.frames, w, w_q
+def _on_frames(closure: ClosurePartials, reactions: Array) -> _Load:
+    """Forces along the rows of a closure or line, as wrenches on the frames that it connects."""
+    rows, forces = closure.rows, reactions[closure.at]
+    w = (rows.W.T @ forces).reshape(2, 6)
+    w_q = np.tensordot(forces, closure.W_q, axes=1).reshape(2, 6, -1)
+    return rows.bodies, closure.frames, w, w_q
 
 
-def _on_mass_centres(tree: TreeMotion, data: pin.Data, wrenches: Array) -> _Load:
+def _on_mass_centres(tree: TreeMotion, loops: Loops, wrenches: Array) -> _Load:
     """Constant wrenches at the mass centres: the bodies, the wrenches at the origin, their w_q."""
-    joints = [int(k) for k in np.flatnonzero(wrenches.any(axis=1)) + 1]
-    levers = [pin.SE3(np.eye(3), tree.model.inertias[joint].lever) for joint in joints]
-    placements = [data.oMi[j] * lever for j, lever in zip(joints, levers, strict=True)]
-    frames = tree.frames(joints, placements)
-    moments, forces = wrenches[wrenches.any(axis=1)].reshape(-1, 2, 3).swapaxes(0, 1)
-    w = np.hstack((forces, moments + cross_products(frames.vectors[:, 0, :3], forces)))
+    loaded = wrenches.any(axis=1)
+    joints = [j for j, load in zip(loops.tree.bodies[1:], loaded, strict=True) if load]
+    levers = [pin.SE3(np.eye(3), loops.tree.model.inertias[joint].lever) for joint in joints]
+    places = [loops.data.oMi[j] * lever for j, lever in zip(joints, levers, strict=True)]
+    frames = tree.frames(joints, [place.homogeneous for place in places])
+    moments, forces = wrenches[loaded].reshape(-1, 2, 3).swapaxes(0, 1)
+    w = np.hstack((forces, moments + np.cross(frames.M[:, :3, 3], forces)))
     w_q = np.zeros_like(frames.J)
-    w_q[:, 3:] = -skew(forces) @ frames.vectors_q[:, :, 0, :3].swapaxes(1, 2)
+    w_q[:, 3:] = -skew(forces) @ frames.M_q[..., :3, 3].transpose(1, 2, 0)
     return joints, frames, w, w_q
 
 
-def _carried(twists: Array, w: Array) -> Array:
+def _turning_along(twists: Array, w: Array) -> Array:
     """Derivatives of wrenches, shape (k, 6), that twists, shape (k, 6, nv), carry along."""
     force, moment = -skew(w[:, :3]), -skew(w[:, 3:])
     linear, omega = twists[:, :3], twists[:, 3:]

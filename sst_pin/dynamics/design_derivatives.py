@@ -189,8 +189,7 @@ class Design:
     def _kinematics(self, x: Array, n: int) -> tuple[Array, Array, Array, Array]:
         """Derivatives of q and L, A = L^T B and its derivatives, at x of the large mechanism."""
         memory = self._large.memory
-        memory.evaluate(x)
-        memory.complement.factorise(memory.loops.Phi(), memory.loops.residual())
+        memory.complement.evaluate(x)
         B, lines = memory.actuation(x), memory.mechanism.lines
         L, ways = np.split(memory.complement.L, [n], axis=1)
         by_L = np.zeros((*L.shape, len(self._moved)))

@@ -6,9 +6,6 @@ short form is the same equation with v = L va and v_dot = L aa + L_dot va put in
 inverse dynamics: f = L^T (RNEA(q, v, v_dot) - tau^f - tau^s - K^T w), tau^f and tau^s with the
 forces along lines. `pin.rnea` is the decoupled form K = N_l N_d of [5, 6] as recursions: N_d and
 N_l forward, N_l^T and N_d^T backward.
-
-Inertia matrices come from `pin.crba`. It is wrong for trees whose joints were not added
-depth-first; for these, and for mimic joints, they come from RNEA without gravity and velocity.
 """
 
 from __future__ import annotations
@@ -24,12 +21,11 @@ from ..arrays import Array
 from ..errors import SingularConfigurationError
 from ..loops.assembly import Assembly
 from ..loops.continuity import Continuity
+from ..loops.line_kinematics import LineKinematics
 from ..loops.loops import Loops
 from ..loops.mobility import independent_rows
-from ..model.lines import LineKinematics
 from ..model.mechanism import Friction, Mechanism
 from ..model.thresholds import CLOSURE_TOLERANCE, ROUNDING, WITHOUT_MASS
-from ..model.tree import depth_first
 from ..summaries import Summary, as_html, as_text
 from .noc import JointComplement, bodies, body_jacobians, decoupled, natural_complement
 
@@ -146,18 +142,13 @@ class Memory:
     """Memory for the computations of one mechanism in one thread."""
 
     def __init__(self, mechanism: Mechanism) -> None:
-        self.mechanism, self.model = mechanism, mechanism.model
+        self.mechanism = mechanism
         self.loops = Loops(mechanism.model, mechanism.closures)
-        self.data = self.loops.data
-        self.complement = JointComplement(mechanism, self.loops.touched)
-        self.lines = LineKinematics(self.model, mechanism.lines.forces, mechanism.length)
+        self.tree, self.data = self.loops.tree, self.loops.data
+        self.complement = JointComplement(mechanism, self.loops)
+        self.lines = LineKinematics(mechanism)
         self.assembly = Assembly(mechanism, self.loops)
         self.without_slip = Assembly(mechanism, self.loops, slipping=False)
-        self._weightless = pin.Model(mechanism.model)
-        self._weightless.gravity = pin.Motion.Zero()
-        mimic = list(mechanism.model.mimicking_joints)
-        self._composite_bodies = depth_first(mechanism.model) and not mimic
-        self.zero = np.zeros(mechanism.model.nv)
         self.whole_inertia = whole_inertia(mechanism)
         #: Accelerations of coordinates that have none.
         self.steady = np.zeros(len(mechanism.coordinates))
@@ -170,26 +161,22 @@ class Memory:
     def evaluate(self, q: Array, tolerance: float = CLOSURE_TOLERANCE) -> None:
         """Compute what depends on q, which must be on its manifold and close the loops."""
         self.mechanism.space.require_on_manifold(q)
-        self.loops.evaluate(q)
-        self.loops.require_closed(self.mechanism.row_scale, tolerance)
+        self.loops.evaluate_closed(q, self.mechanism.row_scale, tolerance)
 
     def actuation(self, q: Array) -> Array:
         """B with what motors on lines do at q: forces on the tree are B tau, shape (nv, motors)."""
         B, lines = self.mechanism.motors, self.mechanism.lines
         return B + self.lines.evaluate(q)[1].T.dot(lines.motors) if lines.motors.any() else B
 
-    def momentum_rate(self, q: Array, a: Array) -> Array:
-        """M a, generalised forces of rates a_k of the tree, shape (nv,), by N_l and N_l^T."""
-        return pin.rnea(self._weightless, self.data, q, self.zero, a)
+    def tree_forces(self, v: Array, v_dot: Array) -> Array:
+        """Inverse dynamics of the tree where the loops are, shape (nv,), by N_l and N_l^T."""
+        S = self.tree.S
+        return pin.rnea(self.tree.model, self.data, self.loops.q, S.dot(v), S.dot(v_dot)).dot(S)
 
-    def reduced_inertia(self, q: Array, L: Array) -> Array:
-        """L^T M L, shape (n, n), Eq. (93); M by composite bodies where that is right."""
-        if self._composite_bodies:
-            M_L = pin.crba(self.model, self.data, q).dot(L)
-        else:
-            columns = [self.momentum_rate(q, column) for column in np.ascontiguousarray(L.T)]
-            M_L = np.array(columns).T
-        return L.T.dot(M_L)
+    def tree_inertia(self) -> Array:
+        """Mass matrix of the tree where the loops are, shape (nv, nv)."""
+        S = self.tree.S
+        return S.T.dot(pin.crba(self.tree.model, self.data, self.loops.q)).dot(S)
 
 
 def whole_inertia(mechanism: Mechanism) -> float:
@@ -199,13 +186,6 @@ def whole_inertia(mechanism: Mechanism) -> float:
     traces = bodies[:, [4, 6, 9]].sum()  # about the joints' frames
     rotors = model.armature.dot(mechanism.rate_scale**2)
     return float(bodies[:, 0].sum() * length**2 + traces + rotors)
-
-
-def motion_of_tree(memory: Memory, va: Array, aa: Array) -> tuple[Array, Array]:
-    """v and v_dot of a motion of the coordinates at the configuration evaluated last."""
-    memory.complement.factorise(memory.loops.Phi(), memory.loops.residual())
-    v = memory.complement.L.dot(va)  # Eq. (16)
-    return v, memory.complement.accelerations(aa, memory.loops.drift(v))
 
 
 def applied_forces(
@@ -218,16 +198,16 @@ def applied_forces(
 ) -> Array:
     """Motors, friction, springs, lines, external wrenches as forces on the tree, shape (nv,)."""
     springs, lines = memory.mechanism.springs, memory.mechanism.lines
-    force = memory.zero if tau is None else memory.mechanism.motors.dot(tau)
+    force = np.zeros(len(v)) if tau is None else memory.mechanism.motors.dot(tau)
     if not friction.none:
         force = force + friction.forces(v)
     if not springs.none:
-        force = force + springs.forces(memory.model, q)
+        force = force + springs.forces(memory.mechanism.model, q)
     if not lines.none:
         lengths, J = memory.lines.evaluate(q)
         force = force - lines.tensions(lengths, J.dot(v), tau).dot(J)
     if wrenches is not None:
-        force = force + wrenches.ravel().dot(body_jacobians(memory.model, memory.data))
+        force = force + wrenches.ravel().dot(body_jacobians(memory.loops))
     return force
 
 
@@ -239,11 +219,9 @@ def inverse_dynamics(
     `pin.rnea` is N_l forward and N_l^T backward; it forms no K. `wrenches` are external [moment;
     force] on each body at its mass centre, base axes, shape (r, 6), or None.
     """
-    memory.evaluate(q)
-    v, v_dot = motion_of_tree(memory, va, aa)
-    tree = pin.rnea(memory.model, memory.data, q, v, v_dot)
-    tree = tree - applied_forces(memory, memory.mechanism.friction, q, v, wrenches)
-    return tree.dot(memory.complement.L)
+    v, v_dot = memory.complement.motion(q, va, aa)
+    applied = applied_forces(memory, memory.mechanism.friction, q, v, wrenches)
+    return (memory.tree_forces(v, v_dot) - applied).dot(memory.complement.L)
 
 
 def force_sizes(memory: Memory, q: Array, va: Array, aa: Array, wrenches: Array | None) -> Array:
@@ -252,11 +230,10 @@ def force_sizes(memory: Memory, q: Array, va: Array, aa: Array, wrenches: Array 
     They are an upper bound: directions are ignored, each turn moves mass centres by the length of
     the robot, and each body has at least its weight on Earth.
     """
-    memory.evaluate(q)
-    mechanism, model, r = memory.mechanism, memory.model, memory.model.njoints - 1
-    v, v_dot = motion_of_tree(memory, va, aa)
-    memory.loops.Phi_dot(v)  # brings J and its rate to v
-    K, K_dot, M, Omega, weights = bodies(model, memory.data, v)
+    mechanism, model = memory.mechanism, memory.mechanism.model
+    v, v_dot = memory.complement.motion(q, va, aa)
+    K, K_dot, M, Omega, weights = bodies(memory.loops, v)
+    r = model.njoints - 1
     parts = [M @ (K @ v_dot), M @ (K_dot @ v), Omega @ (M @ (K @ v)), weights]
     if wrenches is not None:
         parts.append(wrenches.ravel())
@@ -285,12 +262,10 @@ def direct_dynamics(
     Bias forces are a `pin.rnea`, N_l forward and N_l^T back. `friction` is taken instead of the
     mechanism's.
     """
-    memory.evaluate(q, tolerance)
-    v, bias = motion_of_tree(memory, va, memory.steady)
-    force = -pin.rnea(memory.model, memory.data, q, v, bias)
-    force += applied_forces(memory, friction, q, v, wrenches, tau)
+    v, bias = memory.complement.motion(q, va, memory.steady, tolerance)
+    force = applied_forces(memory, friction, q, v, wrenches, tau) - memory.tree_forces(v, bias)
     L = memory.complement.L
-    inertia = memory.reduced_inertia(q, L)
+    inertia = L.T.dot(memory.tree_inertia()).dot(L)  # Eq. (93)
     fastest = np.square(L / memory.mechanism.rate_scale[:, None]).sum(axis=0)
     aa = solved(inertia, force.dot(L), WITHOUT_MASS * memory.whole_inertia * fastest)
     if aa is None:
@@ -305,23 +280,24 @@ def direct_dynamics(
 
 def solved(inertia: Array, force: Array, least: Array | float = 0.0) -> Array | None:
     """Accelerations for forces; None where a pivot of the mass matrix is rounding, or `least`."""
-    from scipy.linalg.lapack import dposv
+    from scipy.linalg import cho_solve
 
-    factor, aa, info = dposv(inertia, force)
+    try:
+        factor = np.linalg.cholesky(inertia)
+    except np.linalg.LinAlgError:
+        return None
     sound = np.diag(factor) ** 2 > ROUNDING * np.diag(inertia) + least
-    return aa if not info and sound.all() else None
+    return cho_solve((factor, True), force, check_finite=False) if sound.all() else None
 
 
 def terms(memory: Memory, q: Array, va: Array) -> Terms:
     """All matrices of Eq. (92), long form; arguments as `inverse_dynamics`."""
-    memory.evaluate(q)
-    mechanism, model = memory.mechanism, memory.model
-    Phi = memory.loops.Phi()
-    memory.complement.factorise(Phi, memory.loops.residual())
-    L = memory.complement.L
+    memory.complement.evaluate(q)
+    mechanism, model = memory.mechanism, memory.mechanism.model
+    Phi, L = memory.loops.Phi, memory.complement.L
     v = L @ va  # Eq. (16)
     L_dot = memory.complement.L_dot(memory.loops.Phi_dot(v))
-    of_bodies = bodies(model, memory.data, v)
+    of_bodies = bodies(memory.loops, v)
     lengths, J = memory.lines.evaluate(q)
     at_rest = mechanism.lines.tensions(lengths, np.zeros(len(J)))
     damping = mechanism.lines.tensions(lengths, J @ v) - at_rest
@@ -329,7 +305,7 @@ def terms(memory: Memory, q: Array, va: Array) -> Terms:
     K, K_dot, M, Omega, w_g = of_bodies
     # Rotors geared to a joint (model.armature) are no bodies of the paper; RNEA counts them too.
     rotors = L.T * model.armature
-    N_l, N_d = decoupled(model, memory.data)
+    N_l, N_d = decoupled(memory.loops)
     scaled = Phi * mechanism.row_scale[:, None] * mechanism.rate_scale
     return Terms(
         Phi=Phi[independent_rows(scaled)],

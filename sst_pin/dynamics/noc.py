@@ -7,18 +7,18 @@ paper; Pinocchio's run [v; omega] at the frame's origin, and `body_jacobians` is
 crosses from one to the other.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from ..arrays import Array, Flags, Indices
+from ..arrays import Array, Indices
 from ..errors import SingularConfigurationError
-from ..loops.loops import connected
+from ..loops.loops import Loops, connected
 from ..loops.mobility import choose_coordinates, condition_number
 from ..model.mechanism import Mechanism
 from ..model.thresholds import CLOSURE_TOLERANCE, INCONSISTENT, MAX_CONDITION_NUMBER
-from ..model.tree import columns, of_rates, summed, support
 from ..summaries import listed
 
 
@@ -28,18 +28,12 @@ class _Block:
     Attributes:
         rows, rates: Indices of the rows, and of the dependent rates in v.
         scale: What makes Phi^u free of units, shape (rows, rates).
-        of_u, of_a: Where the block's Phi^u and Phi^a stand in Phi.
-        of_inverse: Where its inverse stands in that of all.
     """
 
-    def __init__(
-        self, mechanism: Mechanism, touched: Flags, rows: Indices, dependent: Indices
-    ) -> None:
+    def __init__(self, mechanism: Mechanism, rows: Indices, dependent: Indices) -> None:
         self.rows, self.rates = rows, mechanism.dependent[dependent]
-        column, nv = rows[:, None], mechanism.model.nv
-        self.scale = mechanism.row_scale[column] * mechanism.rate_scale[self.rates]
-        self.of_u, self.of_a = column * nv + self.rates, column * nv + mechanism.coordinates
-        self.of_inverse = self.rates[:, None] * len(touched) + rows
+        self.scale = mechanism.row_scale[rows, None] * mechanism.rate_scale[self.rates]
+        self.of_u, self.of_inverse = np.ix_(rows, self.rates), np.ix_(self.rates, rows)
 
 
 class JointComplement:
@@ -55,56 +49,59 @@ class JointComplement:
         inverse: G, shape (nv, rows): x = G c solves Phi x = c with coordinates at rest.
     """
 
-    def __init__(self, mechanism: Mechanism, touched: Flags) -> None:
-        from scipy.linalg import blas, lapack  # an import takes a microsecond at each call
-
-        self._mechanism, self._lapack, self._dtrsm = mechanism, lapack, blas.dtrsm
-        self._row_scale = mechanism.row_scale[:, None]
-        self._units = mechanism.rate_scale[:, None], mechanism.rate_scale[mechanism.coordinates]
+    def __init__(self, mechanism: Mechanism, loops: Loops) -> None:
+        self._mechanism, self._loops = mechanism, loops
+        self._S_a, self._row_scale = mechanism.selection.T, mechanism.row_scale
+        per_rate, per_coordinate = mechanism.rate_scale, mechanism.rate_scale[mechanism.coordinates]
+        #: What makes Phi L and L free of units.
+        self._of_Phi_L = mechanism.row_scale[:, None] * per_coordinate
+        self._of_L = per_coordinate / per_rate[:, None]
         self.blocks = [
-            _Block(mechanism, touched, *part) for part in connected(touched[:, mechanism.dependent])
+            _Block(mechanism, *part) for part in connected(loops.touched[:, mechanism.dependent])
         ]
-        self.inverse = np.zeros(touched.T.shape)
+        self.inverse = np.zeros(loops.touched.T.shape)
+
+    def evaluate(self, q: Array, tolerance: float = CLOSURE_TOLERANCE) -> None:
+        """Compute L where the loops are closed up to a tolerance."""
+        if not self._mechanism.space.euclidean:
+            self._mechanism.space.require_on_manifold(q)
+        self._loops.evaluate_closed(q, self._row_scale, tolerance)
+        self.factorise(self._loops.Phi, self._loops.f)
+
+    def motion(
+        self, q: Array, va: Array, aa: Array, tolerance: float = CLOSURE_TOLERANCE
+    ) -> tuple[Array, Array]:
+        """v and v_dot of the tree for a motion of the coordinates, shapes (nv,)."""
+        self.evaluate(q, tolerance)
+        v = self.L.dot(va)  # Eq. (16)
+        loops = self._loops
+        tree, data = loops.tree, loops.data
+        pin.computeJointJacobiansTimeVariation(tree.model, data, loops.q, tree.S.dot(v))
+        drift = [rows.Phi_dot(v, data).dot(v) for rows in loops.closures]
+        return v, self.accelerations(aa, np.concatenate([loops.f[:0], *drift]))
 
     def factorise(self, Phi: Array, f: Array | float = 0.0) -> None:
         """Compute L and the inverse; the error says which rates the closures do not fix.
 
         Redundant rows must hold too, but for what loops that are open by f, Eq. (2), explain.
         """
-        self.L: Array = self._mechanism.selection.T.copy()
-        smallest, largest = [], 1.0  # pivots of the coordinates are 1
+        smallest, largest = [], 1.0  # those of the coordinates are 1
         for block in self.blocks:
-            inverse, pivots = self._least_squares(Phi.take(block.of_u) * block.scale)
-            inverse *= block.scale.T
-            self.inverse.put(block.of_inverse, inverse)
-            self.L[block.rates] = -inverse.dot(Phi.take(block.of_a))  # Eqs. (7), (17)
-            largest = max(largest, pivots[0])
-            smallest.append(pivots[1])
-        if not all(pivot * MAX_CONDITION_NUMBER > largest for pivot in smallest):
+            inverse, sizes = _inverse(Phi[block.of_u] * block.scale)
+            self.inverse[block.of_inverse] = inverse * block.scale.T
+            largest = max(largest, sizes[0])
+            smallest.append(sizes[1])
+        if not all(size * MAX_CONDITION_NUMBER > largest for size in smallest):
             self._refuse(Phi, largest / MAX_CONDITION_NUMBER, smallest)
-        per_rate, per_coordinate = self._units
-        left = (self._row_scale * Phi.dot(self.L) * per_coordinate).ravel()  # Phi L = 0
+        self.L: Array = self._S_a - self.inverse.dot(Phi.dot(self._S_a))  # Eqs. (7), (17)
+        left = (Phi.dot(self.L) * self._of_Phi_L).ravel()  # Phi L = 0
         bound = INCONSISTENT * CLOSURE_TOLERANCE * largest
         if left.dot(left) <= bound**2:
             return  # the short way: no entry of L is as large as those of its coordinates, 1
-        gap = np.abs(self._row_scale.ravel() * f).max() * largest / min(smallest, default=1.0)
-        bound *= (1 + gap / CLOSURE_TOLERANCE) * np.abs(self.L / per_rate * per_coordinate).max()
+        gap = np.abs(self._row_scale * f).max() * largest / min(smallest, default=1.0)
+        bound *= (1 + gap / CLOSURE_TOLERANCE) * np.abs(self.L * self._of_L).max()
         if not np.abs(left).max() <= bound:
             self._refuse(Phi, 0.0, smallest)
-
-    def _least_squares(self, A: Array) -> tuple[Array, tuple[float, float]]:
-        """(A^T A)^-1 A^T by a QR decomposition with column pivoting; first and last pivot."""
-        m, d = A.shape
-        if m < d:
-            return np.zeros((d, m)), (0.0, 0.0)
-        QR, order, tau, _, _ = self._lapack.dgeqp3(A)
-        first, last = abs(QR[0, 0]), abs(QR[d - 1, d - 1])
-        if not last * MAX_CONDITION_NUMBER > first:
-            return np.zeros((d, m)), (first, last)  # the inverse could be infinite
-        inverse = np.empty((d, m))
-        Q, _, _ = self._lapack.dorgqr(QR, tau)
-        inverse[order - 1] = self._dtrsm(1.0, QR[:d], Q.T)  # dtrtrs starts threads, which wait long
-        return inverse, (first, last)
 
     def _refuse(self, Phi: Array, least: float, smallest: list[float]) -> None:
         mechanism = self._mechanism
@@ -145,6 +142,26 @@ class JointComplement:
         return -self.inverse.dot(Phi_dot.dot(self.L))  # Eq. (20)
 
 
+def _inverse(A: Array) -> tuple[Array, tuple[float, float]]:
+    """The pseudo-inverse of a matrix, and two sizes whose ratio is a condition number.
+
+    They are the largest and the smallest singular value, or Frobenius norms in their place: of a
+    square matrix, and 1 over that of its inverse. The smallest is 0 or NaN if there is no inverse.
+    """
+    rows, columns = A.shape
+    try:
+        if rows == columns:
+            inverse = np.linalg.inv(A)
+            return inverse, (np.linalg.norm(A), 1 / np.linalg.norm(inverse))
+        if rows > columns:
+            U, s, Vt = np.linalg.svd(A, full_matrices=False)
+            if s[-1] > 0:
+                return (Vt.T / s).dot(U.T), (s[0], s[-1])
+    except np.linalg.LinAlgError:
+        pass
+    return np.zeros((columns, rows)), (0.0, 0.0)
+
+
 class Bodies(NamedTuple):
     """Jacobians and inertias of all r bodies."""
 
@@ -160,27 +177,26 @@ class Bodies(NamedTuple):
     gravity: Array
 
 
-def body_jacobians(model: pin.Model, data: pin.Data) -> Array:
-    """K alone, shape (6 r, m), from joint Jacobians that are up to date."""
-    return _reduce_to_mass_centers(model, of_rates(data.J), mass_centers(model, data)).reshape(
-        -1, model.nv
-    )
+def body_jacobians(loops: Loops) -> Array:
+    """K alone, shape (6 r, nv), where the loops are."""
+    J = _of_bodies(loops, pin.getJointJacobian)
+    return _at_mass_centers(J, mass_centers(loops)).dot(loops.tree.S).reshape(-1, loops.model.nv)
 
 
-def bodies(model: pin.Model, data: pin.Data, q_dot: Array) -> Bodies:
-    """K, K_dot, M, Omega and w^g; joint Jacobians and their rates in `data` are up to date."""
-    c = mass_centers(model, data)
-    K = _reduce_to_mass_centers(model, of_rates(data.J), c)
+def bodies(loops: Loops, v: Array) -> Bodies:
+    """K, K_dot, M, Omega and w^g at rates v of the tree; rates of Jacobians are at v."""
+    model, S, c = loops.model, loops.tree.S, mass_centers(loops)
+    K = _at_mass_centers(_of_bodies(loops, pin.getJointJacobian), c).dot(S)
     # The reduction moves with the mass centre: d/dt (omega x c) has the term omega x c_dot.
-    K_dot = _reduce_to_mass_centers(model, of_rates(data.dJ), c)
-    c_dot = K[:, 3:] @ q_dot
+    K_dot = _at_mass_centers(_of_bodies(loops, pin.getJointJacobianTimeVariation), c).dot(S)
+    c_dot = K[:, 3:] @ v
     K_dot[:, 3:] += np.cross(K[:, :3], c_dot[:, :, None], axis=1)
-    omega = K[:, :3] @ q_dot
+    omega = K[:, :3] @ v
 
     r = model.njoints - 1
     M, Omega, weights = np.zeros((r, 6, r, 6)), np.zeros((r, 6, r, 6)), np.zeros((r, 6))
     for i, body in enumerate(list(model.inertias)[1:]):
-        R = data.oMi[i + 1].rotation
+        R = loops.data.oMi[loops.tree.bodies[i + 1]].rotation
         M[i, :3, i, :3] = R @ body.inertia @ R.T  # Eq. (67)
         M[i, 3:, i, 3:] = body.mass * np.eye(3)
         Omega[i, :3, i, :3] = pin.skew(omega[i])  # Eq. (67), as a cross-product matrix
@@ -201,38 +217,41 @@ def natural_complement(bodies: Bodies, L: Array, L_dot: Array) -> tuple[Array, A
     return T, T_dot
 
 
-def decoupled(model: pin.Model, data: pin.Data) -> tuple[Array, Array]:
+def decoupled(loops: Loops) -> tuple[Array, Array]:
     """N_l, shape (6 r, 6 r), and N_d, shape (6 r, nv), with K = N_l N_d, of the paper's [5, 6].
 
     N_d, block diagonal, holds the twists of each body that its own joint gives it; N_l, with unit
     blocks on the diagonal and zeros above, carries the twists of a body to all that it bears. The
     forward recursion of inverse dynamics is N_l, the backward one its transpose.
     """
-    c = mass_centers(model, data)
-    r = len(c)
-    N_l, N_d = np.zeros((r, 6, r, 6)), np.zeros((r, 6, model.nv))
+    model, c = loops.model, mass_centers(loops)
+    r, J = len(c), _of_bodies(loops, pin.getJointJacobian)
+    N_l, of_parents = np.zeros((r, 6, r, 6)), np.zeros_like(J)
     for i in range(r):
-        own = np.zeros(model.nvExtended)
-        own[columns(model, i + 1)] = 1
-        N_d[i] = _reduced(model, of_rates(data.J) * own, c[i])
         for bearer in list(model.supports[i + 1])[1:]:
-            carried = np.eye(6)
-            carried[3:, :3] = -pin.skew(c[i] - c[bearer - 1])  # v_i = v_j + omega x (c_i - c_j)
-            N_l[i, :, bearer - 1] = carried
+            transfer = np.eye(6)
+            transfer[3:, :3] = -pin.skew(c[i] - c[bearer - 1])  # v_i = v_j + omega x (c_i - c_j)
+            N_l[i, :, bearer - 1] = transfer
+        if model.parents[i + 1]:
+            of_parents[i] = J[model.parents[i + 1] - 1]
+    N_d = _at_mass_centers(J - of_parents, c).dot(loops.tree.S)
     return N_l.reshape(6 * r, 6 * r), N_d.reshape(6 * r, model.nv)
 
 
-def mass_centers(model: pin.Model, data: pin.Data) -> Array:
-    """Mass centres in base axes, shape (r, 3)."""
-    return np.array([data.oMi[j].act(model.inertias[j].lever) for j in range(1, model.njoints)])
+def mass_centers(loops: Loops) -> Array:
+    """Mass centres of the bodies in base axes, shape (r, 3)."""
+    pairs = list(zip(loops.tree.bodies, loops.model.inertias, strict=True))[1:]
+    return np.array([loops.data.oMi[joint].act(body.lever) for joint, body in pairs])
 
 
-def _reduce_to_mass_centers(model: pin.Model, J: Array, c: Array) -> Array:
-    """World Jacobian [v; omega] at the world's origin -> [omega; v] at each c, shape (r, 6, m)."""
-    supports = np.array([support(model, j) for j in range(1, model.njoints)])
-    return _reduced(model, supports[:, None, :] * J, c)
+def _of_bodies(loops: Loops, of_joint: Callable[..., Array]) -> Array:
+    """Jacobians [v; omega] of all bodies at the world's origin, shape (r, 6, normal rates)."""
+    model, data = loops.tree.model, loops.data
+    J = [of_joint(model, data, joint, pin.WORLD) for joint in loops.tree.bodies[1:]]
+    return np.array(J).reshape(len(J), 6, -1)
 
 
-def _reduced(model: pin.Model, twists: Array, c: Array) -> Array:
-    v, omega = np.split(summed(model, twists), 2, axis=-2)
-    return np.concatenate([omega, v + np.cross(omega, c[..., None], axis=-2)], axis=-2)
+def _at_mass_centers(J: Array, c: Array) -> Array:
+    """Jacobians [v; omega] at the world's origin -> [omega; v] at each c, shape (r, 6, rates)."""
+    v, omega = np.split(J, 2, axis=1)
+    return np.concatenate([omega, v + np.cross(omega, c[..., None], axis=1)], axis=1)

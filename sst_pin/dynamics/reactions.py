@@ -19,12 +19,11 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array, Flags, as_array
 from ..errors import IndeterminateError, InputError, UnknownNameError
-from ..model.closures import Coupling
+from ..loops.rows import CouplingRow
 from ..model.mechanism import Mechanism
 from ..model.thresholds import UNIQUE
-from ..model.tree import joint_id
 from ..summaries import Summary, listed
-from .dynamics import Memory, applied_forces, motion_of_tree
+from .dynamics import Memory, applied_forces
 from .noc import mass_centers
 
 #: Inner stresses that stiffnesses resist less than this, relative to the most, are left free.
@@ -150,10 +149,9 @@ def reactions(
     components, shape (r + closures, 6), or None. A code for each joint and closure has the bits of
     the components that are not unique. What compliances leave open is NaN.
     """
-    mechanism, model, data = memory.mechanism, memory.model, memory.data
-    memory.evaluate(q)
-    v, v_dot = motion_of_tree(memory, va, aa)
-    needed = pin.rnea(model, data, q, v, v_dot)
+    mechanism, tree, data = memory.mechanism, memory.tree, memory.data
+    v, v_dot = memory.complement.motion(q, va, aa)
+    needed = memory.tree_forces(v, v_dot)
     needed = needed - applied_forces(memory, mechanism.friction, q, v, wrenches, tau)
     if tau is None:
         tau = needed.dot(memory.complement.L)
@@ -167,16 +165,11 @@ def reactions(
         loads += memory.lines.loops.forces_on_bodies(-tensions[:, None])[..., 0]
     forces = map(pin.Force, loads)
     local = [place.actInv(load) for place, load in zip(data.oMi, forces, strict=True)]
-    pin.rnea(model, data, q, v, v_dot, pin.StdVec_Force(local))
-    borne = np.array([f.vector for f in data.f])[1:]
-    ground = sum(
-        (
-            data.oMi[j].act(data.f[j]).vector
-            for j in range(1, model.njoints)
-            if not model.parents[j]
-        ),
-        -loads[0],  # what lines take from it
-    )
+    S = tree.S
+    pin.rnea(tree.model, data, memory.loops.q, S @ v, S @ v_dot, pin.StdVec_Force(local))
+    borne = np.array([data.f[j].vector for j in tree.bodies[1:]])
+    on_ground = [data.oMi[j].act(data.f[j]).vector for j in tree.model.children[0]]
+    ground = sum(on_ground, -loads[0])  # less what lines take from it
 
     both = _wrenches(memory, Lambda)
     both[: len(borne), :, 0] += borne
@@ -195,41 +188,39 @@ def _multipliers(memory: Memory, needed: Array) -> Array:
     """The smallest lambda with Phi^T lambda = needed, then N, in columns, shape (rows, 1 + k)."""
     mechanism = memory.mechanism
     row, rate = mechanism.row_scale, mechanism.rate_scale
-    U, s, Vt = np.linalg.svd(memory.loops.Phi() * row[:, None] * rate)
+    U, s, Vt = np.linalg.svd(memory.loops.Phi * row[:, None] * rate)
     rank = mechanism.model.nv - len(mechanism.coordinates)
     smallest = U[:, :rank] @ ((Vt[:rank] @ (rate * needed)) / s[:rank])
     return row[:, None] * np.column_stack([smallest, U[:, rank:]])
 
 
 def _loads(memory: Memory, wrenches: Array | None) -> Array:
-    """[force; moment] on each body at the world's origin, base axes, shape (1 + r, 6)."""
-    loads = np.zeros((memory.model.njoints, 6))
+    """[force; moment] on the joints of the normal tree at the world's origin, shape (joints, 6)."""
+    loads = np.zeros((memory.tree.model.njoints, 6))
     if wrenches is not None:
         moment, force = wrenches[:, :3], wrenches[:, 3:]
-        loads[1:, :3] = force
-        loads[1:, 3:] = moment + np.cross(mass_centers(memory.model, memory.data), force)
+        at_origin = moment + np.cross(mass_centers(memory.loops), force)
+        loads[memory.tree.bodies[1:]] = np.hstack([force, at_origin])
     return loads
 
 
 def _wrenches(memory: Memory, Lambda: Array) -> Array:
     """[force; moment] in joints and closures from lambda, shape (r + closures, 6, columns)."""
-    model, data = memory.model, memory.data
-    on_bodies = memory.loops.forces_on_bodies(Lambda)
-    for j in range(model.njoints - 1, 0, -1):
-        on_bodies[model.parents[j]] += on_bodies[j]
-    found = [-data.oMi[j].toActionMatrix().T @ on_bodies[j] for j in range(1, model.njoints)]
-    for k, closure in enumerate(memory.mechanism.closures):
-        rows = memory.loops.slices[k]
-        if isinstance(closure, Coupling):
+    tree, data, loops = memory.tree, memory.data, memory.loops
+    on_bodies = loops.forces_on_bodies(Lambda)
+    for j in range(tree.model.njoints - 1, 0, -1):
+        on_bodies[tree.model.parents[j]] += on_bodies[j]
+    wrenches = [-data.oMi[j].toActionMatrix().T @ on_bodies[j] for j in tree.bodies[1:]]
+    for rows, at in zip(loops.closures, loops.slices, strict=True):
+        if isinstance(rows, CouplingRow):
             wrench = np.zeros((6, Lambda.shape[1]))
-            joint = model.joints[joint_id(model, closure.joint)]
-            slides = memory.mechanism.space.rate_units[joint.idx_v] == "m"
-            wrench[2 if slides else 5] = Lambda[rows][0]
-            found.append(wrench)
+            slides = memory.mechanism.space.rate_units[rows.rate] == "m"
+            wrench[2 if slides else 5] = Lambda[at][0]
         else:
-            at = data.oMf[memory.loops.frames[memory.loops.pairs.frames[0, rows.start]]]
-            found.append(at.toActionMatrix().T @ memory.loops.on_B(rows).T @ Lambda[rows])
-    return np.array(found).reshape(-1, 6, Lambda.shape[1])
+            frame_b = data.oMf[rows.frames[0]]
+            wrench = frame_b.toActionMatrix().T @ rows.W[:, :6].T @ Lambda[at]
+        wrenches.append(wrench)
+    return np.array(wrenches).reshape(-1, 6, Lambda.shape[1])
 
 
 def _relaxed(values: Array, stresses: Array, compliances: Array) -> tuple[Array, Array]:

@@ -16,11 +16,7 @@ from ..arrays import Array, finite_array
 from ..errors import ActuationError, ClosureError, InputError
 from ..loops.mobility import cure_of, idle_rates
 from ..model.mechanism import Mechanism
-from ..model.thresholds import (
-    MAX_CONDITION_NUMBER,
-    UNSUPPLIED,
-)
-from ..model.tree import of_rates, summed, support
+from ..model.thresholds import MAX_CONDITION_NUMBER, UNSUPPLIED
 from . import dynamics, reactions, regressor
 from .derivatives import Derivatives
 from .dynamics import Memory
@@ -72,7 +68,7 @@ class Reference(threading.local):
     @cached_property
     def derivatives(self) -> Derivatives:
         """This thread's memory for derivatives."""
-        return Derivatives(self.mechanism)
+        return Derivatives(self.memory)
 
     @cached_property
     def designs(self) -> dict[str, Any]:
@@ -117,7 +113,7 @@ class Reference(threading.local):
         missing = {names[k]: float(left[k]) for k in over}
         listed = ", ".join(f"{name} {x:.4g}" for name, x in list(missing.items())[:6])
         loops, scale = self.memory.loops, self.mechanism.row_scale[:, None]
-        idle = idle_rates(self.mechanism, loops, loops.Phi() * scale * self.mechanism.rate_scale)
+        idle = idle_rates(self.mechanism, loops, loops.Phi * scale * self.mechanism.rate_scale)
         raise ActuationError(
             f"the motors cannot produce this motion: no motor supplies the forces {listed} "
             "(N m or N); generalized_forces computes the forces that a motion needs, "
@@ -212,10 +208,8 @@ class Reference(threading.local):
 
     def _L(self, q: Array) -> Array:
         """L where the loops are closed, shape (nv, n), Eq. (17)."""
-        memory = self.memory
-        memory.evaluate(q)
-        memory.complement.factorise(memory.loops.Phi(), memory.loops.residual())
-        return memory.complement.L
+        self.memory.complement.evaluate(q)
+        return self.memory.complement.L
 
     @_finite
     def joint_accelerations(self, q: Array, va: Array, aa: Array) -> Array:
@@ -224,31 +218,19 @@ class Reference(threading.local):
 
     def joint_motion(self, q: Array, va: Array, aa: Array) -> tuple[Array, Array]:
         """v and v_dot, shapes (nv,), Eqs. (8), (16)."""
-        self.memory.evaluate(q)
-        return dynamics.motion_of_tree(self.memory, va, aa)
+        return self.memory.complement.motion(q, va, aa)
 
     def frame_jacobian(self, q: Array, frame: int) -> Array:
         """[linear; angular] of a frame, world axes at its origin, shape (6, n)."""
-        L, memory = self._L(q), self.memory
-        J = pin.getFrameJacobian(memory.model, memory.data, frame, pin.LOCAL_WORLD_ALIGNED)
-        return of_rates(J).dot(L)
+        L = self._L(q)
+        return self.memory.loops.frame_jacobian(frame).dot(L)
 
     @_finite
     def frame_jacobian_rate(self, q: Array, va: Array, frame: int) -> Array:
         """Rate of `frame_jacobian`, shape (6, n)."""
-        L, memory = self._L(q), self.memory
-        L_dot = memory.complement.L_dot(memory.loops.Phi_dot(L.dot(va)))
-        # Pinocchio's own rate is wrong for mimic joints.
-        moved_by = support(memory.model, memory.model.frames[frame].parentJoint)
-        J, J_dot = (
-            summed(memory.model, X * moved_by)
-            for X in map(of_rates, (memory.data.J, memory.data.dJ))
-        )
-        p, twist = memory.data.oMf[frame].translation, J.dot(L.dot(va))
-        p_dot = twist[:3] + np.cross(twist[3:], p)
-        J_dot[:3] += np.cross(J_dot[3:].T, p).T + np.cross(J[3:].T, p_dot).T
-        J[:3] += np.cross(J[3:].T, p).T
-        return J_dot.dot(L) + J.dot(L_dot)
+        L, loops = self._L(q), self.memory.loops
+        L_dot = self.memory.complement.L_dot(loops.Phi_dot(L.dot(va)))
+        return loops.frame_jacobian_rate(frame).dot(L) + loops.frame_jacobian(frame).dot(L_dot)
 
     @_finite
     def frame_velocity_derivatives(self, q: Array, va: Array, frame: int) -> Array:
@@ -258,13 +240,11 @@ class Reference(threading.local):
     @_finite
     def frame_drift(self, q: Array, va: Array, frame: int) -> Array:
         """[linear; angular] acceleration of a frame with aa = 0, shape (6,)."""
-        memory = self.memory
-        memory.evaluate(q)
-        v, v_dot = dynamics.motion_of_tree(memory, va, memory.steady)
-        pin.forwardKinematics(memory.model, memory.data, q, v, v_dot)
-        pin.updateFramePlacements(memory.model, memory.data)
-        where = pin.LOCAL_WORLD_ALIGNED
-        return pin.getFrameClassicalAcceleration(memory.model, memory.data, frame, where).vector
+        memory, tree, where = self.memory, self.memory.tree, pin.LOCAL_WORLD_ALIGNED
+        v, v_dot = memory.complement.motion(q, va, memory.steady)
+        arguments = memory.loops.q, tree.S.dot(v), tree.S.dot(v_dot)
+        pin.forwardKinematics(tree.model, memory.data, *arguments)
+        return pin.getFrameClassicalAcceleration(tree.model, memory.data, frame, where).vector
 
     @_finite
     def actuator_jacobian(self, q: Array) -> Array:
@@ -285,16 +265,16 @@ class Reference(threading.local):
     @_finite
     def kinetic_energy(self, q: Array, v: Array) -> Array:
         """Kinetic energy of all bodies and rotors at rates v of the tree, [J]."""
-        return np.asarray(v.dot(self.memory.momentum_rate(q, v)) / 2)
+        self.memory.loops.evaluate(q)
+        return np.asarray(v.dot(self.memory.tree_inertia()).dot(v) / 2)
 
     def potential_energy(self, q: Array) -> Array:
         """Potential energy of weights, zero with all masses at the origin, springs, lines, [J]."""
         memory, springs = self.memory, self.mechanism.springs
         self.mechanism.space.require_on_manifold(q)
         memory.loops.evaluate(q)
-        masses = np.array([body.mass for body in list(memory.model.inertias)[1:]])
-        energy = -masses.dot(mass_centers(memory.model, memory.data)).dot(
-            memory.model.gravity.linear
-        )
-        energy += 0 if springs.none else springs.energy(memory.model, q)
+        model = self.mechanism.model
+        masses = np.array([body.mass for body in list(model.inertias)[1:]])
+        energy = -masses.dot(mass_centers(memory.loops)).dot(model.gravity.linear)
+        energy += 0 if springs.none else springs.energy(model, q)
         return np.asarray(energy + self.mechanism.lines.energy(memory.lines.lengths(q)))

@@ -19,9 +19,8 @@ from ..arrays import Array, positive_number, single_array
 from ..errors import DescriptionWarning, InputError, UnknownNameError
 from ..model.lines import LineForce
 from ..model.mechanism import Friction, Mechanism, Springs, read_only
-from ..model.tree import of_rates, summed, support
 from ..summaries import Summary, listed
-from .dynamics import Memory, motion_of_tree
+from .dynamics import Memory
 
 #: Parameters of a body about the frame of its joint, as in `pin.Inertia.toDynamicParameters`.
 OF_BODY = ("mass", "mx", "my", "mz", "ixx", "ixy", "iyy", "ixz", "iyz", "izz")
@@ -132,10 +131,9 @@ def size_of(mechanism: Mechanism) -> int:
 
 def torque_regressor(memory: Memory, q: Array, va: Array, aa: Array) -> Array:
     """Y = L^T Y_tree, shape (n, p)."""
-    memory.evaluate(q)
-    v, v_dot = motion_of_tree(memory, va, aa)
-    model, mechanism, L = memory.model, memory.mechanism, memory.complement.L
-    one, none = np.ones(model.nv), memory.zero
+    v, v_dot = memory.complement.motion(q, va, aa)
+    mechanism, L = memory.mechanism, memory.complement.L
+    model, one, none = mechanism.model, np.ones(len(v)), np.zeros(len(v))
     sign = -Friction(none, one, mechanism.friction.sign_width).forces(v)
     drawn = pin.difference(model, mechanism.springs.reference, q)
     k = mechanism.sprung
@@ -144,23 +142,16 @@ def torque_regressor(memory: Memory, q: Array, va: Array, aa: Array) -> Array:
     pulls = [lengths - mechanism.lines.numbers[1], J.dot(v), np.ones(len(J))]
     lines = (J.dot(L).T[..., None] * np.array(pulls).T).reshape(len(va), -1)
     motors = L.T.dot(memory.actuation(q))
-    return np.hstack([_of_bodies(memory, q, v, v_dot), *rates, lines, motors])
+    return np.hstack([_of_bodies(memory, v, v_dot), *rates, lines, motors])
 
 
-def _of_bodies(memory: Memory, q: Array, v: Array, v_dot: Array) -> Array:
-    """Columns of the bodies, shape (n, 10 r).
-
-    `pin.computeJointTorqueRegressor` does the same for trees without mimic joints.
-    The joint Jacobians in the memory are up to date.
-    """
-    model, data, L = memory.model, memory.data, memory.complement.L
-    J, joints = of_rates(data.J).copy(), range(1, model.njoints)
-    pin.rnea(model, data, q, v, v_dot)  # velocities, and accelerations less gravity, of all bodies
-    moved_by = np.array([support(model, j) for j in joints])
-    twists = summed(model, moved_by[:, None, :] * J).dot(L)
-    own = [pin.bodyRegressor(data.v[j], data.a_gf[j]) for j in joints]
-    wrenches = np.array([data.oMi[j].toDualActionMatrix() for j in joints]) @ own
-    return (twists.swapaxes(1, 2) @ wrenches).swapaxes(0, 1).reshape(L.shape[1], -1)
+def _of_bodies(memory: Memory, v: Array, v_dot: Array) -> Array:
+    """Columns of the bodies, shape (n, 10 r)."""
+    tree, data, L = memory.tree, memory.data, memory.complement.L
+    q, S = memory.loops.q, tree.S
+    Y = pin.computeJointTorqueRegressor(tree.model, data, q, S.dot(v), S.dot(v_dot))
+    by_joint = S.dot(L).T.dot(Y).reshape(L.shape[1], -1, 10)
+    return by_joint[:, np.array(tree.bodies[1:]) - 1].reshape(L.shape[1], -1)
 
 
 def changed(

@@ -68,7 +68,7 @@ class Assembly:
         bounds.require_within(q)
         if len(open_rows):
             loops, mechanism = self.loops, self.mechanism
-            largest = float(np.abs(loops.residual())[open_rows].max())
+            largest = float(np.abs(loops.f)[open_rows].max())
             names = [
                 str(closure)
                 for closure, rows in zip(mechanism.closures, loops.slices, strict=True)
@@ -128,7 +128,7 @@ class Assembly:
 
         mechanism, loops = self.mechanism, self.loops
         loops.evaluate(q)
-        motions = null_space(loops.Phi() * self._scale, rcond=1e-8)
+        motions = null_space(loops.Phi * self._scale, rcond=1e-8)
         random = np.random.default_rng(seed)
         # A projection, so that the basis of the motions does not count.
         direction = motions @ (motions.T @ random.normal(size=len(motions)))
@@ -156,7 +156,7 @@ class Assembly:
             if not busy:
                 break
             before.append(sizes)
-            Phi = self.loops.Phi() * self._scale
+            Phi = self.loops.Phi * self._scale
             step = np.zeros(Phi.shape[1])
             for rows, of_loop in busy:
                 columns, part = bounds.project(q, of_loop, Phi[rows], -f[rows], tolerance)
@@ -171,7 +171,7 @@ class Assembly:
         """Which rows are open by more than rounding, shape (rows,); the loops are at q."""
         is_open = ~(np.abs(f) < _ASSEMBLED)
         if is_open.any():
-            is_open &= ~(np.abs(f) < self._rounding(q, self.loops.Phi() * self._scale))
+            is_open &= ~(np.abs(f) < self._rounding(q, self.loops.Phi * self._scale))
         return is_open
 
     def _rounding(self, q: Array, Phi: Array) -> Array:
@@ -212,7 +212,7 @@ class Assembly:
 
     def _residual(self, q: Array) -> Array:
         self.loops.evaluate(q)
-        return self.loops.residual() * self.mechanism.row_scale
+        return self.loops.f * self.mechanism.row_scale
 
     def _parts(self, free: Indices) -> Iterator[tuple[Indices, Indices]]:
         """Rows and free rates of loops that share none."""

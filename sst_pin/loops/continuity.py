@@ -73,7 +73,7 @@ class Continuity:
         the loops are redundant together: where one is singular, the others may hold its rates.
         """
         mechanism, loops = self._mechanism, self._loops
-        Phi, all_rows = np.zeros(loops.touched.shape), np.arange(loops.rows)
+        Phi, all_rows = np.zeros(loops.touched.shape), np.arange(len(loops.touched))
         if mechanism.example is not None:
             Phi = scaled_Phi(mechanism, loops, mechanism.example)
         for part_rows, part in connected(loops.touched[:, mechanism.dependent]):

@@ -16,14 +16,13 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array, Indices
-from ..dynamics.dynamics import Memory
-from ..dynamics.noc import body_jacobians
 from ..errors import ClosureError, DescriptionWarning
 from ..model.mechanism import Mechanism
 from ..model.thresholds import INDEPENDENT, MAX_CONDITION_NUMBER, RANK_TOLERANCE, RESTS
 from ..summaries import listed
 from .assembly import Assembly, displacement, home_of
 from .continuity import Continuity
+from .loops import Loops
 from .mobility import choose_coordinates, free_motions, motor_rates, scaled_Phi
 
 #: Widths of the random displacements from home or `pin.neutral`, [rad] or robot lengths.
@@ -160,27 +159,29 @@ def settle(assembly: Assembly, wanted: Indices | None) -> tuple[Indices, Array |
     return choose_coordinates(mechanism, Phi) if wanted is None else wanted, q
 
 
-def without_mass(mechanism: Mechanism) -> tuple[str, ...]:
+def without_mass(mechanism: Mechanism, loops: Loops) -> tuple[str, ...]:
     """Names of rates that move no mass, such as the spin of a thin rod between two balls.
 
-    They are coordinates, or where the caller's coordinates fail rates that describe the motion. The
-    mass matrix is singular there to rounding, at every configuration.
+    They are coordinates, or rates that describe the motion where the coordinates fail. The mass
+    matrix is singular there to rounding, at every configuration.
     """
-    if mechanism.example is None:
+    q, unit = mechanism.example, mechanism.rate_scale
+    if q is None:
         return ()
-    q, memory, unit = mechanism.example, Memory(mechanism), mechanism.rate_scale
-    Phi = scaled_Phi(mechanism, memory.loops, q)
+    Phi = scaled_Phi(mechanism, loops, q)
     chosen, motions = choose_coordinates(mechanism, Phi, [mechanism.coordinates]), free_motions(Phi)
     if not len(chosen):
         return ()
     L = unit[:, None] * motions @ np.linalg.inv(motions[chosen] * unit[chosen, None])
+    tree, L_tree = loops.tree.model, loops.tree.S @ L
+    inertia = L_tree.T @ pin.crba(tree, loops.data, loops.q) @ L_tree
     # What each coordinate would move if a body turned about its heaviest axis.
-    twists = (body_jacobians(memory.model, memory.data) @ L).reshape(-1, 2, 3, len(chosen))
-    inertias = list(memory.model.inertias)[1:]
-    sizes = np.array([(np.trace(body.inertia), body.mass) for body in inertias])
-    most = np.einsum("bp,bpin->n", sizes, twists**2) + memory.model.armature @ L**2
+    heaviest = pin.Model(tree)
+    for j, body in enumerate(tree.inertias):
+        moments = abs(np.trace(body.inertia)) * np.eye(3)
+        heaviest.inertias[j] = pin.Inertia(abs(body.mass), body.lever, moments)
+    most = (L_tree * (pin.crba(heaviest, loops.data, loops.q) @ L_tree)).sum(axis=0)
     scale = 1 / np.sqrt(np.maximum(np.abs(most), 1e-300))
-    inertia = scale[:, None] * memory.reduced_inertia(q, L) * scale
-    values, vectors = np.linalg.eigh(inertia)
+    values, vectors = np.linalg.eigh(scale[:, None] * inertia * scale)
     idle = np.abs(vectors[:, np.abs(values) < _NO_MASS]).max(axis=1, initial=0.0) > INDEPENDENT
     return tuple(np.array(mechanism.space.rate_names)[chosen[idle]].tolist())

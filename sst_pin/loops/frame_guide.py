@@ -19,7 +19,7 @@ from ..arrays import Array, finite_array, for_each_sample
 from ..errors import InputError, SingularConfigurationError, SSTError, WorkspaceError
 from ..model.mechanism import Mechanism
 from ..model.thresholds import CLOSURE_TOLERANCE, RANK_TOLERANCE
-from ..model.tree import frame_id, of_rates
+from ..model.tree import frame_id
 from .assembly import Assembly
 from .continuity import CHANGE
 from .loops import Loops
@@ -138,8 +138,7 @@ class FrameGuide:
     def _rows(self, q: Array) -> tuple[Array, Array, pin.SE3]:
         """Rows of the closures and of the frame, free of units, and the frame's pose."""
         Phi, data = scaled_Phi(self._mechanism, self._loops, q), self._loops.data
-        where = pin.LOCAL_WORLD_ALIGNED
-        J = of_rates(pin.getFrameJacobian(self._loops.model, data, self._frame, where))
+        J = self._loops.frame_jacobian(self._frame)
         J = J[self._kept] / self._unit[:, None] * self._mechanism.rate_scale
         return Phi, J, data.oMf[self._frame].copy()
 
@@ -152,7 +151,7 @@ class FrameGuide:
         before, mechanism = _LONGEST, self._mechanism
         for _ in range(_STEPS):
             Phi, J, pose = self._rows(q)
-            open_by = self._loops.residual() * mechanism.row_scale
+            open_by = self._loops.f * mechanism.row_scale
             f = np.concatenate([open_by, -self._error(pose, target)])
             step = np.linalg.lstsq(np.vstack([Phi, J]), -f, rcond=RANK_TOLERANCE)[0]
             size = float(np.abs(step).max())

@@ -92,7 +92,7 @@ class _Poses:
             left, right, closing = list[Array](), list[Array](), list[tuple[Array, Array, Array]]()
             for q in poses:
                 U, s, Vt = np.linalg.svd(scaled_Phi(mechanism, self.loops, q)[np.ix_(*part)])
-                f = self.loops.residual()[rows] * scale
+                f = self.loops.f[rows] * scale
                 F = self.loops.by_placements(joints, frames)[rows] * scale[:, None] * unit
                 left.append(U[:, rank:].T @ F)
                 right.append(U[:, rank:].T @ f)
@@ -135,13 +135,13 @@ def correct_geometry(mechanism: Mechanism) -> Mechanism:
     poses = [rounded.closest(start, rates, width) for width in _POSES[:_LOOKS]]
     parts = [p for p in parts if any(rounded.gap(q, p) or not rounded.rank(q, p) for q in poses)]
     poses += [rounded.closest(start, rates, width) for width in _POSES[_LOOKS:] if parts]
-    open_by = np.zeros(rounded.loops.rows)
+    open_by = np.zeros(len(rounded.loops.touched))
     for part in parts:
         trial = _Poses(replace(corrected, model=pin.Model(corrected.model)))
         for q in _corrected(rounded, trial, part, start, poses):
             rounded.loops.evaluate(q)
             own = np.isin(np.arange(len(open_by)), part[0])
-            open_by = np.maximum(open_by, own * np.abs(rounded.loops.residual()))
+            open_by = np.maximum(open_by, own * np.abs(rounded.loops.f))
             corrected = trial.mechanism
     if corrected is not mechanism:
         _warn(mechanism, corrected, open_by)

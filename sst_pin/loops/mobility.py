@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Array, Indices
-from ..model.lines import LineKinematics
 from ..model.mechanism import Mechanism
 from ..model.thresholds import INDEPENDENT, RANK_TOLERANCE, RESTS
 from ..summaries import as_html, listed
+from .line_kinematics import LineKinematics
 from .loops import Loops
 
 
@@ -133,7 +133,7 @@ def free_motions(Phi: Array) -> Array:
 def scaled_Phi(mechanism: Mechanism, loops: Loops, q: Array) -> Array:
     """Phi at one configuration, free of units, shape (rows, nv)."""
     loops.evaluate(q)
-    return loops.Phi() * mechanism.row_scale[:, None] * mechanism.rate_scale
+    return loops.Phi * mechanism.row_scale[:, None] * mechanism.rate_scale
 
 
 def choose_coordinates(mechanism: Mechanism, Phi: Array, wanted: Sequence[Indices] = ()) -> Indices:
@@ -236,9 +236,9 @@ def motor_rates(mechanism: Mechanism, q: Array, motions: Array) -> Array:
     """
     lines, B = mechanism.lines, mechanism.motors
     if lines.motors.any():
-        kinematics = LineKinematics(mechanism.model, lines.forces, mechanism.length)
+        kinematics = LineKinematics(mechanism)
         kinematics.lengths(q)
-        B = B + np.nan_to_num(kinematics.loops.Phi()).T @ lines.motors
+        B = B + np.nan_to_num(kinematics.loops.Phi).T @ lines.motors
     rows = B.T * mechanism.rate_scale
     lengths = np.linalg.norm(rows, axis=1, keepdims=True)
     return np.divide(rows, lengths, out=np.zeros_like(rows), where=lengths > 0) @ motions

@@ -1,108 +1,94 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Partial derivatives on the tree of the closures' rows: of Phi v and of its rate.
 
-Derivatives by q are taken along each rate of the tree, as Pinocchio's are. Twists and the wrenches
-W of `rows` run [linear; angular], in world axes, reduced at the world's origin.
+Derivatives by q are taken along each rate of the tree, as Pinocchio's are. Twists and wrenches run
+[linear; angular], in world axes, reduced at the world's origin.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array
-from ..model.tree import of_rates, support
-from ..model.vectors import brackets, carrying, skew
+from ..model.normal_tree import NormalTree
 from .loops import Loops
+from .rows import FrameRows
 
-
-class FrameMotions:
-    """Frames, their twists and the derivatives of their motions; the first index is the frame.
-
-    `supports` are 1 for the rates that move a frame, shape (k, nv), `vectors` its origin and axes
-    x, y, z in homogeneous coordinates, shape (k, 4, 4).
-
-    Attributes:
-        J: Twist per rate of the tree, shape (k, 6, nv).
-        twist, acceleration: Spatial, shape (k, 6).
-        twist_q, acceleration_q, acceleration_v: Their derivatives, shape (k, 6, nv).
-        vectors_t: Rates of the vectors, shape (k, 4, 4).
-        vectors_q, vectors_tq: Derivatives of both, shape (k, nv, 4, 4).
-    """
-
-    def __init__(self, tree: TreeMotion, supports: Array, vectors: Array) -> None:
-        moved = supports[:, None]
-        J, J_dot = tree.J * moved, tree.J_dot * moved
-        self.J, self.twist = J, J.dot(tree.v)
-        self.acceleration = J.dot(tree.v_dot) + J_dot.dot(tree.v)
-        # A rate turns all that moves between its joint and the frame.
-        at, at_2 = _bracket_matrix(self.twist), _bracket_matrix(self.acceleration)
-        borne = tree.borne * moved
-        self.twist_q = -at @ J - borne
-        self.acceleration_q = at @ borne - at_2 @ J - tree.borne_on * moved
-        self.acceleration_v = self.twist_q + J_dot
-        # Moved by each rate: by its twist J_k, and with the twists' derivatives.
-        k, nv = len(J), len(tree.v)
-        by_rate = carrying(J.swapaxes(1, 2).reshape(-1, 6)).reshape(k, nv, 4, 4)
-        by_twist_q = carrying(self.twist_q.swapaxes(1, 2).reshape(-1, 6)).reshape(k, nv, 4, 4)
-        by_twist = carrying(self.twist)
-        self.vectors, self.vectors_t = vectors, vectors @ by_twist
-        self.vectors_q = vectors[:, None] @ by_rate
-        self.vectors_tq = vectors[:, None] @ by_twist_q + self.vectors_q @ by_twist[:, None]
-
-
-class Branches:
-    """Which rates of a tree move what."""
-
-    def __init__(self, model: pin.Model) -> None:
-        self.model = model
-        #: For each joint 1 for the rates that move its body, shape (joints, nv).
-        self.supports = np.array([support(model, j) for j in range(model.njoints)])
-        joints = list(zip(model.parents, model.joints, strict=True))[1:]
-        bearers = [parent for parent, joint in joints for _ in range(joint.nv)]
-        #: Column k: those that move what bears the joint of rate k, shape (nv, nv).
-        self.before = self.supports[bearers].T
+#: In complex numbers M + i _STEP M_q the imaginary part of W is _STEP W_q, exact to rounding.
+_STEP = 1e-50
 
 
 class TreeMotion:
-    """The motion of a tree, its joints added depth-first with axes that keep their place.
+    """The motion of a tree at the configuration of its loops, with rates v and v_dot."""
 
-    `data` has the frames at q; joint Jacobians and their rates go there.
-    """
-
-    def __init__(
-        self, branches: Branches, data: pin.Data, q: Array, v: Array, v_dot: Array
-    ) -> None:
-        self._branches, self._data, self.model = branches, data, branches.model
-        self.q, self.v, self.v_dot = q, v, v_dot
-        pin.computeJointJacobiansTimeVariation(self.model, data, q, v)
-        self.J, self.J_dot = of_rates(np.array(data.J)), of_rates(np.array(data.dJ))
-        moved = branches.before * v[:, None]
-        twist, acceleration = self.J.dot(moved), self.J_dot.dot(moved)
-        acceleration += self.J.dot(branches.before * v_dot[:, None])
+    def __init__(self, loops: Loops, v: Array, v_dot: Array) -> None:
+        self._loops, self.v, self.v_dot = loops, v, v_dot
+        tree, data = loops.tree, loops.data
+        rates, accelerations = tree.S.dot(v), tree.S.dot(v_dot)
+        pin.computeJointJacobiansTimeVariation(tree.model, data, loops.q, rates)
+        self.J, self.J_dot = (np.array(x).reshape(6, -1) for x in (data.J, data.dJ))
+        before = tree.before * rates[:, None]
+        twist, acceleration = self.J.dot(before), self.J_dot.dot(before)
+        acceleration += self.J.dot(tree.before * accelerations[:, None])
         # With J_k, t, a of rate k, of what bears its joint: J_k x t, and J_k x a - (J_k x t) x t.
         self.borne = brackets(self.J, twist)
         self.borne_on = brackets(self.J, acceleration) - brackets(self.borne, twist)
 
-    def frames(self, joints: list[int], placements: list[pin.SE3]) -> FrameMotions:
-        """FrameMotions on bodies, where they are now."""
-        vectors = [M.homogeneous.T[[3, 0, 1, 2]] for M in placements]
-        return FrameMotions(self, self._branches.supports[joints], np.array(vectors))
+    def frames(self, joints: Sequence[int], places: Sequence[Array]) -> FrameMotions:
+        """Motions of frames at places, shapes (4, 4), on bodies of the normal tree."""
+        return FrameMotions(self, self._loops.tree, joints, np.array(places))
 
-    def frames_of(self, indices: list[int]) -> FrameMotions:
-        """FrameMotions of the model."""
-        joints = [self.model.frames[index].parentJoint for index in indices]
-        return self.frames(joints, [self._data.oMf[index] for index in indices])
+    def frames_of(self, indices: Sequence[int]) -> FrameMotions:
+        """Motions of frames of the model."""
+        frames = [self._loops.tree.model.frames[index] for index in indices]
+        places = [self._loops.data.oMf[index].homogeneous for index in indices]
+        return self.frames([frame.parentJoint for frame in frames], places)
 
 
-def _bracket_matrix(twist: Array) -> Array:
-    """The matrices that take another twist to the bracket of these with it, shape (k, 6, 6)."""
-    matrix = np.zeros((len(twist), 6, 6))
-    matrix[:, :3, :3] = matrix[:, 3:, 3:] = skew(twist[:, 3:])
-    matrix[:, :3, 3:] = skew(twist[:, :3])
-    return matrix
+class FrameMotions:
+    """Twists of k frames and the derivatives of their motions by the rates of the tree.
+
+    Attributes:
+        J: Twist per rate, shape (k, 6, nv).
+        twist, acceleration: Spatial, shape (k, 6).
+        twist_q, acceleration_q, acceleration_v: Their derivatives, shape (k, 6, nv).
+        M, M_t: Homogeneous matrices of the frames and their rates, shape (k, 4, 4).
+        M_q, M_tq: Derivatives of both, shape (nv, k, 4, 4).
+    """
+
+    def __init__(
+        self, motion: TreeMotion, tree: NormalTree, joints: Sequence[int], places: Array
+    ) -> None:
+        moves = tree.supports[list(joints), None]
+        J, J_dot, borne, borne_on = (
+            (x * moves).dot(tree.S) for x in (motion.J, motion.J_dot, motion.borne, motion.borne_on)
+        )
+        self.J, self.twist = J, J.dot(motion.v)
+        self.acceleration = J.dot(motion.v_dot) + J_dot.dot(motion.v)
+        # A rate turns all that moves between its joint and the frame.
+        at, at_2 = _bracket_matrix(self.twist), _bracket_matrix(self.acceleration)
+        self.twist_q = -at @ J - borne
+        self.acceleration_q = at @ borne - at_2 @ J - borne_on
+        self.acceleration_v = self.twist_q + J_dot
+        self.M, self.M_t = places, hat(self.twist) @ places
+        self.M_q = hat(np.moveaxis(J, -1, 0)) @ places
+        self.M_tq = hat(np.moveaxis(self.twist_q, -1, 0)) @ places + hat(self.twist) @ self.M_q
+
+
+class ClosurePartials(NamedTuple):
+    """What loads on the two frames of a closure depend on."""
+
+    #: Its rows, and where they are in Phi.
+    rows: FrameRows
+    at: slice
+    #: Motions of frame B and frame A.
+    frames: FrameMotions
+    #: Derivative of W, shape (rows, 12, nv).
+    W_q: Array
 
 
 class Partials(NamedTuple):
@@ -114,43 +100,72 @@ class Partials(NamedTuple):
     acceleration_q: Array
     #: Derivative of the acceleration by v, shape (rows, nv).
     acceleration_v: Array
-    #: The frames that the closures connect.
-    frames: FrameMotions
-    #: Wrenches of the rows on them, shape (2, rows, 6).
-    W: Array
-    #: Their derivatives, shape (2, rows, 6, nv).
-    W_q: Array
+    #: The closures of two frames.
+    closures: list[ClosurePartials]
     #: Row, index of a rate, and the second derivative of the coupling's polynomial.
     coupled: list[tuple[int, int, float]]
 
 
-def partials(loops: Loops, tree: TreeMotion) -> Partials:
+def partials(loops: Loops, q: Array, tree: TreeMotion) -> Partials:
     """Derivatives of the rows' velocities and accelerations, at a motion that the loops know."""
-    pairs, frames = loops.pairs, tree.frames_of(loops.frames)
-    x, x_t = frames.vectors, frames.vectors_t
-    x_q, x_tq = (y.swapaxes(0, 1) for y in (frames.vectors_q, frames.vectors_tq))
-    vectors = pairs.vectors(x)
-    W, W_t = pairs.wrenches(vectors), pairs.wrench_rates(vectors, pairs.vector_rates(x, x_t))
-    W_q, W_tq = (np.moveaxis(y, 0, -1) for y in pairs.derivatives(x, x_t, x_q, x_tq))
-
-    def both(wrenches: Array, twists: Array) -> Array:
-        """Sums over the two frames of wrenches times twists, one of them with derivatives."""
-        short, long = sorted((wrenches, twists[pairs.frames]), key=np.ndim)
-        return np.einsum("sri,srik->rk", short, long)
-
-    turned = both(W_q, frames.twist)
-    velocity_q = both(W, frames.twist_q) + turned
-    acceleration_q = both(W, frames.acceleration_q) + both(W_q, frames.acceleration)
-    acceleration_q += both(W_t, frames.twist_q) + both(W_tq, frames.twist)
-    acceleration_v = both(W, frames.acceleration_v) + both(W_t, frames.J) + turned
+    velocity_q, acceleration_q, acceleration_v = np.zeros((3, *loops.touched.shape))
+    closures: list[ClosurePartials] = []
+    for at, rows in loops.of_frames:
+        frames = tree.frames_of(rows.frames)
+        twist, acceleration = frames.twist.ravel(), frames.acceleration.ravel()
+        J, twist_q, of_q, of_v = (
+            x.reshape(12, -1)
+            for x in (frames.J, frames.twist_q, frames.acceleration_q, frames.acceleration_v)
+        )
+        W, W_t = rows.W, rows.wrench_rates(frames.M, frames.M_t)
+        W_q, W_tq = _wrench_derivatives(rows, frames)
+        turning = W_q.swapaxes(1, 2) @ twist
+        velocity_q[at] = W @ twist_q + turning
+        acceleration_q[at] = W @ of_q + W_q.swapaxes(1, 2) @ acceleration
+        acceleration_q[at] += W_t @ twist_q + W_tq.swapaxes(1, 2) @ twist
+        acceleration_v[at] = W @ of_v + W_t @ J + turning
+        closures.append(ClosurePartials(rows, at, frames, W_q))
     coupled: list[tuple[int, int, float]] = []
-    for rows, coupling in loops.couplings:
+    for at, coupling in loops.couplings:
         # The sum of P(q) has the rates P' v and P' v_dot + P'' v^2.
         for i, k, _, _, P_2 in coupling.terms:
-            row, q, v, v_dot = rows.start, tree.q[i], tree.v[k], tree.v_dot[k]
-            second = float(P_2(q))
+            row, v, v_dot, second = at.start, tree.v[k], tree.v_dot[k], float(P_2(q[i]))
             velocity_q[row, k] = second * v
-            acceleration_q[row, k] = second * v_dot + P_2.deriv()(q) * v**2
+            acceleration_q[row, k] = second * v_dot + P_2.deriv()(q[i]) * v**2
             acceleration_v[row, k] = 2 * second * v
             coupled.append((row, k, second))
-    return Partials(velocity_q, acceleration_q, acceleration_v, frames, W, W_q, coupled)
+    return Partials(velocity_q, acceleration_q, acceleration_v, closures, coupled)
+
+
+def _wrench_derivatives(rows: FrameRows, frames: FrameMotions) -> tuple[Array, Array]:
+    """Derivatives of W and of its rate by q, shapes (rows, 12, nv)."""
+    M, M_t = frames.M + 1j * _STEP * frames.M_q, frames.M_t + 1j * _STEP * frames.M_tq
+    W, W_t = rows.wrenches(M), rows.wrench_rates(M, M_t)
+    return np.moveaxis(W.imag, 0, -1) / _STEP, np.moveaxis(W_t.imag, 0, -1) / _STEP
+
+
+def skew(a: Array) -> Array:
+    """Cross-product matrices, shape (..., 3, 3), of vectors, shape (..., 3)."""
+    return np.cross(a[..., None, :], np.eye(3)).swapaxes(-1, -2)
+
+
+def hat(twists: Array) -> Array:
+    """Matrices, shape (..., 4, 4), that take homogeneous coordinates to their rates."""
+    matrix = np.zeros((*twists.shape[:-1], 4, 4))
+    matrix[..., :3, :3], matrix[..., :3, 3] = skew(twists[..., 3:]), twists[..., :3]
+    return matrix
+
+
+def brackets(a: Array, b: Array) -> Array:
+    """Lie brackets of twists [linear; angular] in columns, shape (6, k)."""
+    (v, w), (v_b, w_b) = (np.split(x, 2) for x in (a, b))
+    linear = np.cross(w, v_b, axis=0) + np.cross(v, w_b, axis=0)
+    return np.concatenate((linear, np.cross(w, w_b, axis=0)))
+
+
+def _bracket_matrix(twist: Array) -> Array:
+    """The matrices that take another twist to the bracket of these with it, shape (k, 6, 6)."""
+    matrix = np.zeros((len(twist), 6, 6))
+    matrix[:, :3, :3] = matrix[:, 3:, 3:] = skew(twist[:, 3:])
+    matrix[:, :3, 3:] = skew(twist[:, :3])
+    return matrix

@@ -1,225 +1,348 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Rows of the closures of two frames by vector formulas, all closures at once.
+"""The rows of one closure: its error f, its Jacobian Phi and the rate of Phi, by vector formulas.
 
-A row of Phi is a wrench W at frame B and another one at frame A, [force; moment] in world axes at
-the world's origin: Phi v = W_B . twist of B - W_A . twist of A. With homogeneous coordinates, an
-origin [p; 1] and an axis [p; 0], each W is made of a direction u and a vector [p; s], and is
-[s u; p x u]. There are two sorts of rows:
+A row of Phi is a wrench W on frame B and the opposite one on frame A, [force; moment] at the
+world's origin: Phi = W_B J_B - W_A J_A, with Pinocchio's frame Jacobians J in world axes. There are
+two sorts of rows:
 
-- velocity: along a direction u, of a point of B less that of a point of A;
-- turn: about the product p x u of two directions, of B less that of A.
+- a unit force along u at a point p of each frame: W = [u; p x u]; the row is the velocity along u
+  of the point of B relative to that of A;
+- a unit moment about n: W = [0; n]; the row is the rate at which B turns about n relative to A.
 
-The kinds of closures differ in their directions and points only:
-
-- "6d" and "3d": u are the axes of the world, the points both origins; a "6d" turns about the axes
-  of the world, too;
-- other kinds: u are the axes of A, the points both the origin of B; they turn about the axes of the
-  world if no turn is free, else about the normals of two axes that stay at a right angle;
-- a distance: u is the unit vector from A to B, the points are the origins;
-- a rolling wheel: u are the axes of the plane A, the points both the point of contact.
+The rate is Phi_dot = W_dot J + W J_dot. M are the homogeneous matrices of B and A, shape
+(..., 2, 4, 4), and M_t their rates. W is [W_B, -W_A], shape (..., rows, 12).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
+from numpy.polynomial import Polynomial
 
-from ..arrays import Array, Indices
-from ..model.closures import Closure, Distance, Rolling
-from ..model.vectors import cross_products
+from ..arrays import Array
+from ..errors import DescriptionError
+from ..model.closures import Closure, Constraint, Coupling, Distance, Rolling, frames_of
+from ..model.normal_tree import NormalTree
+from ..model.tree import frame_id, joint_id
 
-#: In complex numbers x + i _STEP x_q the imaginary part of f is _STEP f_q, exact to rounding.
-_STEP = 1e-50
+#: e_i x e_j.
+_CROSS = np.cross(np.eye(3)[:, None], np.eye(3))
+#: A point [p; 1] times this: wrenches of unit forces along x, y, z there.
+_FORCES = np.zeros((4, 3, 6))
+_FORCES[:3, :, 3:], _FORCES[3, :, :3] = _CROSS, np.eye(3)
+#: The same on B, and with the opposite sign on A: at one point, and at a point of each.
+_AT_ONE = np.concatenate((_FORCES, -_FORCES), axis=2).reshape(4, 36)
+_AT_TWO = np.zeros((2, 4, 3, 12))
+_AT_TWO[0, :, :, :6], _AT_TWO[1, :, :, 6:] = _FORCES, -_FORCES
+_AT_TWO = _AT_TWO.reshape(8, 36)
+#: Unit moments about x, y, z on B, and with the opposite sign on A.
+_MOMENTS = np.kron([0.0, 1.0, 0.0, -1.0], np.eye(3))
 
 
-def _map() -> Array:
-    """Products of (p, s) and u, one after the other, times this: [s u; p x u]."""
-    wrenches = np.zeros((4, 3, 6))
-    wrenches[3, :, :3] = np.eye(3)
-    wrenches[:3, :, 3:] = cross_products(np.eye(3)[:, None], np.eye(3))
-    return wrenches.reshape(12, 6)
+class _Part(Protocol):
+    """Rows of one sort."""
+
+    def error(self, M: Array) -> Array:
+        """f, shape (rows,), zero where the closure is closed; 0 for rows of rates."""
+
+    def W(self, M: Array) -> Array:
+        """The wrenches."""
+
+    def W_dot(self, M: Array, M_t: Array) -> Array:
+        """Their rates."""
 
 
-#: What B does, less what A does.
-_WRENCHES = np.stack((_map(), -_map()))
+class _WorldForces:
+    """Forces along axes of the world at the origins of B and A."""
+
+    def __init__(self, axes: Array) -> None:
+        self._axes = axes
+
+    def error(self, M: Array) -> Array:
+        return self._axes.dot(M[0, :3, 3] - M[1, :3, 3])
+
+    def W(self, M: Array) -> Array:
+        return self._axes @ _at_two_points(M)
+
+    def W_dot(self, M: Array, M_t: Array) -> Array:
+        return self._axes @ _at_two_points(M_t)
 
 
-class PairRows:
-    """The rows of all closures of two frames.
+class _AxisForces:
+    """Forces along axes of A at the origin of B."""
 
-    Frames are numbers x, shape (..., frames, 4, 4): origin and axes x, y, z in homogeneous
-    coordinates, the last number of an origin is 1, that of an axis 0. Frame 0 is the world. Rates
-    x_t of these numbers have the same shape, as have points and directions made of them: W is
-    bilinear in direction and point.
+    def __init__(self, axes: Array) -> None:
+        self._axes = axes
 
-    `closures` come with their first row and the numbers of their frames A and B. Rows of couplings
-    are counted in `rows`, and have wrenches of zero.
-    """
+    def error(self, M: Array) -> Array:
+        return self._along(M).dot(M[0, :3, 3] - M[1, :3, 3])
 
-    def __init__(
-        self,
-        closures: Sequence[tuple[Closure | Distance | Rolling, int, int, int]],
-        frames: int,
-        rows: int,
-    ) -> None:
-        #: Numbers of the frames B and A of each row.
-        self.frames = np.zeros((2, rows), dtype=np.intp)
-        #: For each row its direction, its points on B and on A, the ends of its gap.
-        self._table = np.zeros((5, rows), dtype=np.intp)
-        self._lengths = np.zeros(rows)
-        self._oriented: list[tuple[slice, int, int]] = []
-        self._aligned: list[tuple[int, int, int]] = []
-        # Vectors are origin and axes of each frame, then contacts, then rods.
-        wheels = [(b, a, c.radius, c.ball) for c, _, a, b in closures if isinstance(c, Rolling)]
-        rods = [(b, a) for c, _, a, b in closures if isinstance(c, Distance)]
-        contact, rod = 4 * frames, 4 * frames + len(wheels)
-        for closure, first, a, b in closures:
-            at_a, at_b = 4 * a, 4 * b
-            rows_of = slice(first, first + len(closure.rows))
-            self.frames[:, rows_of] = [[b], [a]]
-            if isinstance(closure, Distance):
-                self._table[:, first] = rod, at_b, at_a, at_b, at_a
-                self._lengths[first] = closure.distance
-                rod += 1
-            elif isinstance(closure, Rolling):
-                for k in range(3):  # only the height has a residual
-                    start = at_a if k == 2 else contact
-                    self._table[:, first + k] = at_a + 1 + k, contact, contact, contact, start
-                contact += 1
-            else:
-                self._table[:, rows_of] = np.transpose(self._joint(closure, first, a, b))
-        self._rods = _columns(np.array(rods).reshape(-1, 2))
-        wheel = np.array(wheels).reshape(-1, 4)
-        self._wheels = _columns(wheel[:, :2])
-        self._radii, self._discs = wheel[:, 2:3], 1.0 - wheel[:, 3:]
+    def W(self, M: Array) -> Array:
+        return self._along(M) @ _at_one_point(M[..., 0, :, 3])
 
-    def _joint(self, closure: Closure, first: int, a: int, b: int) -> list[list[int]]:
-        """Rows of the table for a massless joint."""
-        at_a, at_b, world = 4 * a, 4 * b, closure.kind in ("6d", "3d")
-        u, point = (0, at_a) if world else (at_a, at_b)
-        held = closure.held
-        rows = [[u + 1 + k, at_b, point, at_b, at_a] for k in range(3) if held[k]]
-        turns = [k for k in range(3) if held[3 + k]]
-        next_row = first + len(rows)
-        if len(turns) == 3:
-            self._oriented.append((slice(next_row, next_row + 3), a, b))
-            # An axis of the world is the product of the two others.
-            return rows + [[1 + (k + 2) % 3, *[1 + (k + 1) % 3] * 2, 0, 0] for k in range(3)]
-        if len(turns) == 2:
-            self._aligned.append((next_row, at_a + 4 - sum(turns), at_b + 4 - sum(turns)))
-        for i, j, about_a in _right_angles(turns):
-            of_a, of_b = at_a + 1 + i, at_b + 1 + j
-            # The gap is plus or minus the product of both axes; their products with 0 are zero.
-            rows.append([of_b, of_a, of_a, 0, of_a] if about_a else [of_a, of_b, of_b, of_b, 0])
-        return rows
+    def W_dot(self, M: Array, M_t: Array) -> Array:
+        p, p_t = M[..., 0, :, 3], M_t[..., 0, :, 3]
+        return self._along(M_t) @ _at_one_point(p) + self._along(M) @ _at_one_point(p_t)
 
-    def vectors(self, x: Array) -> Array:
-        """Direction, points b and a, and ends of the gap of each row, shape (..., 5, rows, 4)."""
-        return self._all(x).take(self._table, axis=-2)
+    def _along(self, M: Array) -> Array:
+        return self._axes @ _axes(M[..., 1, :, :])
 
-    def vector_rates(self, x: Array, x_t: Array) -> Array:
-        """Rates of `vectors`."""
-        return self._all_rates(x, x_t).take(self._table, axis=-2)
 
-    def residual(self, x: Array, vectors: Array) -> Array:
-        """f(q), shape (rows,), zero where the closures are closed; rows of rates have zero."""
-        f: Array = np.vecdot(vectors[0], vectors[3] - vectors[4]) - self._lengths
-        for rows, a, b in self._oriented:
-            f[rows] = pin.log3(x[b, 1:, :3].T.dot(x[a, 1:, :3]))
-        for row, axis_of_a, axis_of_b in self._aligned:
-            axes = x.reshape(-1, 4)
-            if axes[axis_of_a].dot(axes[axis_of_b]) < 0:
-                # The axes are opposed: lead on in the same direction, over the right angle.
-                two = f[row : row + 2]
-                size = np.sqrt(two.dot(two))
-                f[row : row + 2] -= 2 * (two / size if size else np.array([1.0, 0.0]))
+class _RodForce:
+    """A force along the unit vector from A to B at both origins."""
+
+    def __init__(self, length: float) -> None:
+        self._length = length
+
+    def error(self, M: Array) -> Array:
+        return _length(_rod(M))[0] - self._length
+
+    def W(self, M: Array) -> Array:
+        return _unit(_rod(M)) @ _at_two_points(M)
+
+    def W_dot(self, M: Array, M_t: Array) -> Array:
+        d, d_t = _rod(M), _rod(M_t)
+        return _unit_rate(d, d_t) @ _at_two_points(M) + _unit(d) @ _at_two_points(M_t)
+
+
+class _WheelForces:
+    """Forces along the axes of the plane A at the contact of a wheel or ball B."""
+
+    def __init__(self, closure: Rolling) -> None:
+        self._radius, self._ball = closure.radius, closure.ball
+
+    def error(self, M: Array) -> Array:
+        height = M[1, :, 2].dot(self._contact(M) - M[1, :, 3])
+        return np.array([0.0, 0.0, height])
+
+    def W(self, M: Array) -> Array:
+        return _axes(M[..., 1, :, :]) @ _at_one_point(self._contact(M))
+
+    def W_dot(self, M: Array, M_t: Array) -> Array:
+        z, n, z_t, n_t = M[..., 0, :, 2], M[..., 1, :, 2], M_t[..., 0, :, 2], M_t[..., 1, :, 2]
+        across_t = n_t
+        if not self._ball:
+            across_t = n_t - (_dot(n_t, z) + _dot(n, z_t)) * z - _dot(n, z) * z_t
+        contact_t = M_t[..., 0, :, 3] - self._radius * _unit_rate(self._across(M), across_t)
+        u, u_t = _axes(M[..., 1, :, :]), _axes(M_t[..., 1, :, :])
+        return u_t @ _at_one_point(self._contact(M)) + u @ _at_one_point(contact_t)
+
+    def _contact(self, M: Array) -> Array:
+        """[p; 1]."""
+        return np.asarray(M[..., 0, :, 3] - self._radius * _unit(self._across(M)))
+
+    def _across(self, M: Array) -> Array:
+        """[n; 0] with the normal n of the plane; for a disc, its part across the axle z."""
+        z, n = M[..., 0, :, 2], M[..., 1, :, 2]
+        return n if self._ball else n - _dot(n, z) * z
+
+
+class _WorldMoments:
+    """Moments about all axes of the world."""
+
+    def error(self, M: Array) -> Array:
+        return pin.log3(M[0, :3, :3].dot(M[1, :3, :3].T))
+
+    def W(self, M: Array) -> Array:
+        return M[..., 0, 3:, 3:] * _MOMENTS
+
+    def W_dot(self, M: Array, M_t: Array) -> Array:
+        return M_t[..., 0, 3:, 3:] * _MOMENTS  # zero
+
+
+class _RightAngles:
+    """One or two moments x x y; the axis x of A stays at a right angle to the axis y of B."""
+
+    def __init__(self, turns: list[int]) -> None:
+        self._x, self._y = np.zeros((2, len(turns), 3))
+        #: The axis that stays parallel, if two are at right angles.
+        self._parallel = 3 - sum(turns) if len(turns) == 2 else None
+        for row, turn in enumerate(turns):
+            y = (turn + 2) % 3 if self._parallel is None else self._parallel
+            x = 3 - turn - y
+            self._x[row, x] = 1.0 if x == (turn + 1) % 3 else -1.0
+            self._y[row, y] = 1.0
+
+    def error(self, M: Array) -> Array:
+        f: Array = -np.vecdot(*self._xy(M))
+        k = self._parallel
+        if k is not None and M[1, :3, k].dot(M[0, :3, k]) < 0:
+            # The axes are opposed: lead on in the same direction, over the right angle.
+            size = np.linalg.norm(f)
+            f -= 2 * (f / size if size else np.array([1.0, 0.0]))
         return f
 
-    def wrenches(self, vectors: Array) -> Array:
-        """W at B, and minus W at A, shape (..., 2, rows, 6)."""
-        return _products(vectors, vectors) @ _WRENCHES
+    def W(self, M: Array) -> Array:
+        x, y = self._xy(M)
+        return _cross(x, y) @ _MOMENTS
 
-    def wrench_rates(self, vectors: Array, rates: Array) -> Array:
-        """Rates of `wrenches`, from `vectors` and `vector_rates`."""
-        return (_products(rates, vectors) + _products(vectors, rates)) @ _WRENCHES
+    def W_dot(self, M: Array, M_t: Array) -> Array:
+        (x, y), (x_t, y_t) = self._xy(M), self._xy(M_t)
+        return (_cross(x_t, y) + _cross(x, y_t)) @ _MOMENTS
 
-    def derivatives(self, x: Array, x_t: Array, x_q: Array, x_tq: Array) -> tuple[Array, Array]:
-        """Derivatives of `wrenches` and of `wrench_rates`, shapes (k, 2, rows, 6).
-
-        They are taken along directions x_q of x and x_tq of x_t, shapes (k, frames, 4, 4).
-        """
-        moved, moved_t = x + 1j * _STEP * x_q, x_t + 1j * _STEP * x_tq
-        vectors = self.vectors(moved)
-        W_t = self.wrench_rates(vectors, self.vector_rates(moved, moved_t))
-        return self.wrenches(vectors).imag / _STEP, W_t.imag / _STEP
-
-    def _all(self, x: Array) -> Array:
-        """Origin and axes of each frame, contacts, rods, shape (..., vectors, 4)."""
-        parts = [x.reshape(*x.shape[:-3], -1, 4)]
-        if len(self._radii):
-            up = _unit(self._across(x))[0]
-            parts.append(x[..., self._wheels[0], 0, :] - self._radii * up)
-        if len(self._rods[0]):
-            b, a = self._rods
-            parts.append(_unit(x[..., b, 0, :] - x[..., a, 0, :])[0])
-        return np.concatenate(parts, axis=-2) if len(parts) > 1 else parts[0]
-
-    def _all_rates(self, x: Array, x_t: Array) -> Array:
-        parts = [x_t.reshape(*x_t.shape[:-3], -1, 4)]
-        if len(self._radii):
-            wheel, plane = self._wheels
-            (z, n), (z_t, n_t) = ((y[..., wheel, 3, :], y[..., plane, 3, :]) for y in (x, x_t))
-            along, along_t = _dot(n, z), _dot(n_t, z) + _dot(n, z_t)
-            up_t = _unit_rate(self._across(x), n_t - self._discs * (along_t * z + along * z_t))
-            parts.append(x_t[..., wheel, 0, :] - self._radii * up_t)
-        if len(self._rods[0]):
-            b, a = self._rods
-            parts.append(_unit_rate(*(y[..., b, 0, :] - y[..., a, 0, :] for y in (x, x_t))))
-        return np.concatenate(parts, axis=-2) if len(parts) > 1 else parts[0]
-
-    def _across(self, x: Array) -> Array:
-        """The plane's normal; of a disc, what of it is across the axle."""
-        wheel, plane = self._wheels
-        z, n = x[..., wheel, 3, :], x[..., plane, 3, :]
-        return n - self._discs * _dot(n, z) * z
+    def _xy(self, M: Array) -> tuple[Array, Array]:
+        return self._x @ _axes(M[..., 1, :, :]), self._y @ _axes(M[..., 0, :, :])
 
 
-def _products(points: Array, directions: Array) -> Array:
-    """Products of points b and a with the direction of their row, shape (..., 2, rows, 12)."""
-    products = points[..., 1:3, :, :, None] @ directions[..., :1, :, None, :3]
-    return np.asarray(products.reshape(*products.shape[:-2], 12))
+class FrameRows:
+    """The rows of a closure of two frames; `evaluate` computes what depends on q.
 
-
-def _columns(table: NDArray[np.generic]) -> list[Indices]:
-    return list(table.T.astype(np.intp))
-
-
-def _right_angles(held: list[int]) -> list[tuple[int, int, bool]]:
-    """Axes i of A and j of B that stay at a right angle, so that one or two turns are held.
-
-    The row is the turn about A_i x B_j, or else about B_j x A_i: about the axis that is held.
+    Attributes:
+        frames: Indices of frame B and frame A.
+        bodies: The joints of the normal tree that bear them.
+        f: Error of the closure, Eq. (2), shape (rows,), [m] and [rad].
+        W: [W_B, -W_A], shape (rows, 12).
+        Phi: Its Jacobian, Eq. (3), shape (rows, nv).
+        touched, curved: Which rates a row depends on, and by which it changes, shape (rows, nv).
     """
-    if len(held) == 1:
-        return [((held[0] + 1) % 3, (held[0] + 2) % 3, True)]
-    # The turn about i moves axis k of B against axis j of A, by minus its rate; about j against i.
-    k = 3 - sum(held)
-    i, j = (k + 1) % 3, (k + 2) % 3
-    angles = {i: (j, k, True), j: (i, k, False)}
-    return [angles[turn] for turn in held]
+
+    def __init__(self, tree: NormalTree, closure: Closure | Distance | Rolling) -> None:
+        frame_b, frame_a = (frame_id(tree.model, name) for name in frames_of(closure)[::-1])
+        self._model, self.frames, self._parts = tree.model, (frame_b, frame_a), _parts(closure)
+        self.bodies = [tree.model.frames[frame].parentJoint for frame in self.frames]
+        moves_b, moves_a = (tree.supports[body] for body in self.bodies)
+        # What moves both frames alike leaves the closure as it is.
+        self._S = (moves_b != moves_a)[:, None] * tree.S
+        self.touched = self.curved = np.tile(self._S.any(axis=0), (len(closure.rows), 1))
+
+    def evaluate(self, q: Array, data: pin.Data) -> None:
+        """f, W and Phi, from placements and Jacobians in `data`."""
+        self._M = np.array([data.oMf[frame].homogeneous for frame in self.frames])
+        self.f = _stacked([part.error(self._M) for part in self._parts])
+        self.W = self.wrenches(self._M)
+        self._J = self._jacobians(pin.getFrameJacobian, data)
+        self.Phi = self.W.dot(self._J).dot(self._S)  # Eqs. (3), (4)
+
+    def Phi_dot(self, v: Array, data: pin.Data) -> Array:
+        """Rate of Phi, shape (rows, nv); `data` has velocities and rates of Jacobians at v."""
+        twists = [pin.getFrameVelocity(self._model, data, k, pin.WORLD) for k in self.frames]
+        M_t = np.array([twist.homogeneous for twist in twists]) @ self._M
+        W_dot = self.wrench_rates(self._M, M_t)
+        J_dot = self._jacobians(pin.getFrameJacobianTimeVariation, data)
+        return (W_dot.dot(self._J) + self.W.dot(J_dot)).dot(self._S)
+
+    def wrenches(self, M: Array) -> Array:
+        """W, shape (..., rows, 12)."""
+        return _stacked([part.W(M) for part in self._parts])
+
+    def wrench_rates(self, M: Array, M_t: Array) -> Array:
+        """Rate of W, shape (..., rows, 12)."""
+        return _stacked([part.W_dot(M, M_t) for part in self._parts])
+
+    def _jacobians(self, of_frame: Callable[..., Array], data: pin.Data) -> Array:
+        """Jacobians of B and A, or their rates, shape (12, rates of the normal tree)."""
+        J = [of_frame(self._model, data, frame, pin.WORLD) for frame in self.frames]
+        return np.concatenate(J).reshape(12, -1)
+
+
+class CouplingRow:
+    """The row of a coupling of joints that have one coordinate each."""
+
+    def __init__(self, model: pin.Model, coupling: Coupling) -> None:
+        terms = [(coupling.joint, Polynomial([0.0, 1.0]), 1.0)]
+        terms += [(name, Polynomial(p), -1.0) for name, p in coupling.polynomials.items()]
+        self._offset = coupling.offset
+        #: For each joint its index in q and in v, the polynomial P of its coordinate with
+        #: sum P = offset, and the first and second derivative of P.
+        self.terms: list[tuple[int, int, Polynomial, Polynomial, Polynomial]] = []
+        self.touched, self.curved = np.zeros((2, 1, model.nv), dtype=bool)
+        for name, polynomial, sign in terms:
+            joint = model.joints[joint_id(model, name)]
+            if (joint.nq, joint.nv) != (1, 1):
+                problem = f"joint {name} has {joint.nq} coordinates; couplings take one"
+                raise DescriptionError(str(coupling), [problem])
+            P = sign * polynomial
+            self.terms.append((joint.idx_q, joint.idx_v, P, P.deriv(), P.deriv(2)))
+            self.touched[0, joint.idx_v] = True
+            self.curved[0, joint.idx_v] = P.deriv(2).coef.any()
+        #: Index in v of the dependent joint.
+        self.rate = self.terms[0][1]
+
+    def evaluate(self, q: Array, data: pin.Data) -> None:
+        """f and Phi at q."""
+        self._q, self.Phi = q, np.zeros(self.touched.shape)
+        self.f = np.array([sum(float(P(q[i])) for i, _, P, *_ in self.terms) - self._offset])
+        for i, k, _, P_1, _ in self.terms:
+            self.Phi[0, k] = P_1(q[i])
+
+    def Phi_dot(self, v: Array, data: pin.Data) -> Array:
+        """Rate of Phi, shape (1, nv)."""
+        Phi_dot = np.zeros(self.touched.shape)
+        for i, k, _, _, P_2 in self.terms:
+            Phi_dot[0, k] = P_2(self._q[i]) * v[k]
+        return Phi_dot
+
+
+def rows_of(model: pin.Model, tree: NormalTree, closure: Constraint) -> FrameRows | CouplingRow:
+    """The rows of a closure of a model with this normal tree."""
+    if isinstance(closure, Coupling):
+        return CouplingRow(model, closure)
+    return FrameRows(tree, closure)
+
+
+def _parts(closure: Closure | Distance | Rolling) -> list[_Part]:
+    if isinstance(closure, Distance):
+        return [_RodForce(closure.distance)]
+    if isinstance(closure, Rolling):
+        return [_WheelForces(closure)]
+    parts: list[_Part] = []
+    if any(closure.held[:3]):
+        axes = np.eye(3)[np.array(closure.held[:3])]
+        parts.append((_WorldForces if closure.kind in ("6d", "3d") else _AxisForces)(axes))
+    if turns := [k for k in range(3) if closure.held[3 + k]]:
+        parts.append(_WorldMoments() if len(turns) == 3 else _RightAngles(turns))
+    return parts
+
+
+def _stacked(arrays: list[Array]) -> Array:
+    if len(arrays) == 1:
+        return arrays[0]
+    return np.concatenate(arrays, axis=-min(arrays[0].ndim, 2))
+
+
+def _at_one_point(point: Array) -> Array:
+    """Unit forces at a point [p; 1] of B and A, or their rates, shape (..., 3, 12)."""
+    return np.asarray(point.dot(_AT_ONE).reshape(*point.shape[:-1], 3, 12))
+
+
+def _at_two_points(M: Array) -> Array:
+    """Unit forces at the origins of B and A, or their rates, shape (..., 3, 12)."""
+    batch = M.shape[:-3]
+    return np.asarray(M[..., 3].reshape(*batch, 8).dot(_AT_TWO).reshape(*batch, 3, 12))
+
+
+def _axes(frame: Array) -> Array:
+    """Axes of frames in rows, shape (..., 3, 3)."""
+    return frame[..., :3, :3].swapaxes(-1, -2)
+
+
+def _rod(M: Array) -> Array:
+    """The vector from A to B, shape (..., 1, 3)."""
+    return M[..., :1, :3, 3] - M[..., 1:, :3, 3]
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Cross products, shape (..., 3); `np.cross` takes ten times as long."""
+    products = a[..., :, None] * b[..., None, :]
+    return np.asarray(products.reshape(*products.shape[:-2], 9).dot(_CROSS.reshape(9, 3)))
 
 
 def _dot(a: Array, b: Array) -> Array:
     return (a * b).sum(axis=-1, keepdims=True)
 
 
-def _unit(d: Array) -> tuple[Array, Array]:
-    """Unit vectors and lengths; zero stays zero and has length one."""
-    length = np.sqrt(_dot(d, d))
-    length = length + (length == 0)
-    return d / length, length
+def _unit(d: Array) -> Array:
+    """Unit vectors; zero stays zero."""
+    return d / _length(d)
 
 
 def _unit_rate(d: Array, d_t: Array) -> Array:
-    u, length = _unit(d)
-    return (d_t - _dot(u, d_t) * u) / length
+    u = _unit(d)
+    return (d_t - _dot(u, d_t) * u) / _length(d)
+
+
+def _length(d: Array) -> Array:
+    """Lengths, shape (..., 1), also of complex vectors; 1 for zero."""
+    length = np.sqrt(_dot(d, d))
+    return length + (length == 0)

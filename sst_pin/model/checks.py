@@ -117,7 +117,7 @@ def mechanism_of(
         sizes = _row_sizes(assembly.loops, Phi)
         _warn_of_rigid_motors(unsettled, Phi)
     settled = replace(unsettled, coordinates=chosen, example=example, row_sizes=sizes)
-    return replace(settled, without_mass=without_mass(settled))
+    return replace(settled, without_mass=without_mass(settled, assembly.loops))
 
 
 def _warn_of_rigid_motors(mechanism: Mechanism, Phi: Array) -> None:

@@ -1,23 +1,13 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Forces along lines: springs, dampers and cylinders without mass between two frames.
+"""Forces along lines: springs, dampers and cylinders without mass between two frames."""
 
-A line is a `Distance` that nothing holds: its row of Phi gives the rate of its length.
-"""
-
-from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, fields
 from functools import cached_property
 
 import numpy as np
-import pinocchio as pin
 
 from ..arrays import Array, single_array
-from ..errors import InputError, SingularConfigurationError
-from ..loops.loops import Loops
-from .closures import Distance
-
-#: A line that is shorter has no direction, relative to the length of the robot.
-LEAST_LENGTH = 1e-9
+from ..errors import InputError
 
 
 @dataclass(frozen=True)
@@ -110,37 +100,3 @@ class Lines:
         """Potential energy, zero where all lines have their rest length, [J]."""
         stiffness, rest, _, preload = self.numbers
         return float((preload + stiffness * (lengths - rest) / 2).dot(lengths - rest))
-
-
-class LineKinematics:
-    """Lengths of lines on a tree of this length, and their rates; one object per thread."""
-
-    def __init__(self, model: pin.Model, forces: Sequence[LineForce], length: float) -> None:
-        self._model, self._forces, self._least = model, forces, LEAST_LENGTH * length
-
-    @cached_property
-    def loops(self) -> Loops:
-        """The lines as distances of 1 m that nothing holds."""
-        lines = self._forces
-        return Loops(self._model, [Distance(line.frame_a, line.frame_b, 1.0) for line in lines])
-
-    def lengths(self, q: Array) -> Array:
-        """Lengths of the lines, shape (lines,), [m]."""
-        if not self._forces:
-            return np.zeros(0)
-        self.loops.evaluate(q)
-        return self.loops.residual() + 1.0
-
-    def evaluate(self, q: Array) -> tuple[Array, Array]:
-        """Lengths, shape (lines,), and J, shape (lines, nv): the rates of the lengths are J v."""
-        lengths = self.lengths(q)
-        if short := [
-            x for x, size in zip(self._forces, lengths, strict=True) if size <= self._least
-        ]:
-            raise SingularConfigurationError(
-                f"the direction of the force on line {short[0]} is not determined: its ends "
-                f"{short[0].frame_a} and {short[0].frame_b} coincide; move away, or choose other "
-                "frames",
-                float("inf"),
-            )
-        return lengths, self.loops.Phi() if self._forces else np.zeros((0, self._model.nv))

@@ -1,94 +1,105 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""An equal tree whose derivatives Pinocchio computes rightly.
+"""A tree with the same motions for which every function of Pinocchio is right.
 
-`pin.computeRNEADerivatives` is wrong in silence for trees whose joints were not added depth-first,
-and for joints whose axes move in the joint: universal joints, Euler angles, composites. It refuses
-mimic joints. In the plain tree each joint stands before its subtree, and such a joint is a row of
-joints with bodies of no mass between them; a mimic joint is an ordinary one with a coupling, and
-has entries of its own in q and v. Otherwise these are the same numbers in another order.
+Some functions of Pinocchio are wrong in silence, or stop, for trees whose joints were not added
+depth-first, for joints whose axes move in the joint (universal joints, Euler angles, composites)
+and for mimic joints. In the normal tree each joint stands before its subtree, several joints in
+series replace a joint with moving axes, and an ordinary joint replaces a mimic joint.
 """
 
-from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from ..arrays import Array
-from .closures import Coupling
-from .mechanism import Friction, Mechanism, Springs
-from .tree import series_of
+from ..arrays import Array, Flags
 
 
-class PlainTree:
-    """A mechanism on its plain tree; coordinates and motors keep their order."""
+class NormalTree:
+    """The normal tree of a model; frames keep their indices.
 
-    def __init__(self, mechanism: Mechanism) -> None:
-        given, model = mechanism.model, pin.Model()
-        model.gravity = given.gravity
-        q: list[int] = []
-        v: list[int] = []
-        own: list[bool] = []  # not that of the joint that a mimic joint follows
-        couplings: list[Coupling] = []
-        scaling: list[tuple[int, float, float]] = []
-        # Pinocchio's mimicked_joints does not keep the order of mimicking_joints.
-        leaders = {o.idx_v: n for n, o in zip(given.names, given.joints, strict=True) if o.nv}
-        ids = [0] * given.njoints
-        waiting = list(given.children[0])[::-1]
+    Attributes:
+        model: The normal tree.
+        bodies: For each joint of the original model the joint that bears its body, 0 first.
+        entries, factors, offsets: q of the normal tree is factors * q[entries] + offsets.
+        S: Rates of the normal tree are S v, shape (rates of the normal tree, nv).
+    """
+
+    def __init__(self, original: pin.Model) -> None:
+        self.model, self.bodies = pin.Model(), [0] * original.njoints
+        self.model.name, self.model.gravity = original.name, original.gravity
+        q: list[tuple[int, float, float]] = []
+        v: list[tuple[int, float, float]] = []
+        waiting = list(original.children[0])[::-1]
         while waiting:
             j = waiting.pop()
-            joint, parent, placement = given.joints[j], ids[given.parents[j]], pin.SE3.Identity()
-            if joint.nv:
-                series = series_of(joint)
-            else:
+            joint, factor, offset, rotors = original.joints[j], 1.0, 0.0, 1.0
+            if not joint.nv:  # a mimic joint; the joint that it follows has the rotors of both
                 mimic = joint.extract()
-                series = [(_followed(joint), pin.SE3.Identity())]
-                terms = {leaders[joint.idx_v]: (0.0, mimic.scaling)}
-                couplings.append(Coupling(given.names[j], terms, mimic.offset))
-                scaling.append((len(q), mimic.scaling, mimic.offset))
-            for number, (part, offset) in enumerate(series):
-                name = f"{given.names[j]}/{number}" if len(series) > 1 else given.names[j]
-                placement = offset if number else given.jointPlacements[j] * offset
-                parent = model.addJoint(parent, part, placement, name)
-            ids[j] = parent
-            model.appendBodyToJoint(parent, given.inertias[j], pin.SE3.Identity())
-            q += range(joint.idx_q, joint.idx_q + (joint.nq or 1))
-            v += range(joint.idx_v, joint.idx_v + (joint.nv or 1))
-            own += [joint.nv > 0] * (joint.nv or 1)
-            waiting += list(given.children[j])[::-1]
-        for frame in map(pin.Frame, list(given.frames)[1:]):
-            frame.parentJoint = ids[frame.parentJoint]
-            model.addFrame(frame, False)
-        once = np.array(own, dtype=float)
-        model.armature = given.armature[v] * once
-        self._scale, self._offset = np.ones(len(q)), np.zeros(len(q))
-        for i, factor, offset in scaling:
-            self._scale[i], self._offset[i] = factor, offset
-        self._q, self._bodies = np.array(q), np.array(ids[1:]) - 1
-        friction, springs = mechanism.friction, mechanism.springs
-        self.mechanism = replace(
-            mechanism,
-            model=model,
-            closures=(*mechanism.closures, *couplings),
-            coordinates=np.flatnonzero(own)[np.argsort(np.array(v)[own])][mechanism.coordinates],
-            motors=mechanism.motors[v] * once[:, None],
-            friction=Friction(
-                friction.viscous[v] * once, friction.coulomb[v] * once, friction.sign_width
-            ),
-            springs=Springs(springs.stiffness[v] * once, springs.reference[q]),
-        )
+                factor, offset, rotors = mimic.scaling, mimic.offset, 0.0
+            self._add(original, j)
+            q += [(joint.idx_q + k, factor, offset) for k in range(joint.nq or 1)]
+            v += [(joint.idx_v + k, factor, rotors) for k in range(joint.nv or 1)]
+            waiting += list(original.children[j])[::-1]
+        for frame in map(pin.Frame, list(original.frames)[1:]):
+            frame.parentJoint = self.bodies[frame.parentJoint]
+            self.model.addFrame(frame, False)
+        entries, self.factors, self.offsets = np.array(q).reshape(-1, 3).T.copy()
+        rates, factors, rotors_of = np.array(v).reshape(-1, 3).T
+        self.entries, rates = entries.astype(np.intp), rates.astype(np.intp)
+        self.S = factors[:, None] * np.eye(original.nv)[rates]
+        self.model.armature = original.armature[rates] * rotors_of
 
     def configuration(self, q: Array) -> Array:
-        """q of the plain tree, shape (nq,)."""
-        return q[self._q] * self._scale + self._offset
+        """q of the normal tree, from that of the original one."""
+        return self.factors * q[self.entries] + self.offsets
 
-    def wrenches(self, wrenches: Array | None) -> Array | None:
-        """External wrenches on the bodies of the plain tree, shape (r', 6)."""
-        if wrenches is None:
-            return None
-        plain = np.zeros((self.mechanism.model.njoints - 1, 6))
-        plain[self._bodies] = wrenches
-        return plain
+    @cached_property
+    def supports(self) -> Flags:
+        """Which rates of the normal tree move the body of each joint, shape (joints, rates)."""
+        moves = np.zeros((self.model.njoints, self.model.nv), dtype=bool)
+        for joint in list(self.model.joints)[1:]:
+            bodies = list(self.model.subtrees[joint.id])
+            moves[bodies, joint.idx_v : joint.idx_v + joint.nv] = True
+        return moves
+
+    @cached_property
+    def before(self) -> Flags:
+        """Column k: which rates move what bears the joint of rate k, shape (rates, rates)."""
+        joints = list(zip(self.model.parents, self.model.joints, strict=True))[1:]
+        bearers = [parent for parent, joint in joints for _ in range(joint.nv)]
+        return np.asarray(self.supports[bearers].T)
+
+    def _add(self, original: pin.Model, j: int) -> None:
+        joint, parent = original.joints[j], self.bodies[original.parents[j]]
+        series = series_of(joint) if joint.nv else [(_followed(joint), pin.SE3.Identity())]
+        placement = original.jointPlacements[j]
+        for number, (part, offset) in enumerate(series):
+            name = f"{original.names[j]}/{number}" if len(series) > 1 else original.names[j]
+            parent = self.model.addJoint(parent, part, placement * offset, name)
+            placement = pin.SE3.Identity()
+        self.bodies[j] = parent
+        self.model.inertias[parent] = original.inertias[j]
+
+
+def series_of(joint: Any) -> list[tuple[Any, pin.SE3]]:
+    """The joints of one axis, or of fixed axes, that a joint consists of, with placements."""
+    short, here = joint.shortname(), pin.SE3.Identity()
+    if short == "JointModelSphericalZYX":
+        axes = (pin.JointModelRZ, pin.JointModelRY, pin.JointModelRX)
+        return [(axis(), here) for axis in axes]
+    if short not in ("JointModelUniversal", "JointModelComposite"):
+        return [(joint, here)]
+    joint = joint.extract() if hasattr(joint, "extract") else joint
+    if short == "JointModelUniversal":
+        both = (joint.axis1, joint.axis2)
+        return [(pin.JointModelRevoluteUnaligned(np.array(axis)), here) for axis in both]
+    series: list[tuple[Any, pin.SE3]] = []
+    for part, placement in zip(joint.joints, joint.jointPlacements, strict=True):
+        first, *rest = series_of(part)
+        series += [(first[0], placement * first[1]), *rest]
+    return series
 
 
 def _followed(joint: Any) -> Any:

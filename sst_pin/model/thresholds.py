@@ -32,6 +32,8 @@ WITHOUT_MASS = 1e-20
 #: A component of a reaction that inner stresses of size one change by less, free of units, is
 #: unique: loops that are open by their tolerance change it by about that.
 UNIQUE = 1e-5
+#: A line that is shorter has no direction, relative to the length of the robot.
+LEAST_LENGTH = 1e-9
 #: Joints that are slower are at rest, [rad/s] or [m/s]: the sign of their rate is rounding.
 AT_REST = 1e-12
 #: Condition number of the dependent joints below which coordinates are kept or taken up again, and

@@ -138,7 +138,7 @@ class MjcfTree:
         loops = Loops(model, closures)
         loops.evaluate(q)
         length = longest_offset(model, range(1, model.njoints), closures, ground=False) or 1.0
-        if np.abs(loops.residual()).max(initial=0.0) <= CLOSURE_TOLERANCE * length:
+        if np.abs(loops.f).max(initial=0.0) <= CLOSURE_TOLERANCE * length:
             model.referenceConfigurations["home"] = q
 
     def _configuration(self, qpos: Array) -> Array:

@@ -207,7 +207,7 @@ def _home(engine: Engine) -> Iterator[Problem]:
     mechanism = engine.mechanism
     if (q := home_of(mechanism)) is None or not len(mechanism.coordinates):
         return
-    gap = np.abs(engine.loops_at(q).residual()).max(initial=0.0)
+    gap = np.abs(engine.loops_at(q).f).max(initial=0.0)
     try:
         engine.home  # noqa: B018
     except ClosureError:

@@ -286,7 +286,7 @@ def test_andrews_multipliers_are_the_published_ones():
 
     memory = chain.engine.reference.memory
     memory.evaluate(q)
-    needed = pin.rnea(memory.model, memory.data, q, v, v_dot)
+    needed = memory.tree_forces(v, v_dot)
     needed -= dynamics.applied_forces(memory, chain.friction, q, v, None, np.array([0.033]))
     found = reactions._multipliers(memory, needed)[:, 0].reshape(3, 3)[:, :2]
     assert found == pytest.approx(-published, abs=1e-10 * 199)

@@ -79,7 +79,7 @@ def test_blocks_solve_what_all_loops_at_once_do(name):
     q = closed(chain, 0.9, 0.7) if name == "four-bars" else chain.generic_configuration()
     memory = Memory(chain.mechanism)
     memory.evaluate(q)
-    Phi = memory.loops.Phi()
+    Phi = memory.loops.Phi
     memory.complement.factorise(Phi)
     assert len(memory.complement.blocks) == count
     L, coordinates = memory.complement.L, memory.mechanism.coordinates
@@ -89,7 +89,7 @@ def test_blocks_solve_what_all_loops_at_once_do(name):
     expected[coordinates] += np.eye(len(coordinates))
     # Two ways with rounding of 1e-16 times condition numbers below 1e2.
     assert_allclose(L, expected, rtol=0, atol=1e-13 * np.abs(L).max())
-    right = Phi @ random.normal(size=(memory.model.nv, 3))
+    right = Phi @ random.normal(size=(chain.model.nv, 3))
     X = memory.complement.inverse @ right
     assert_allclose(X, whole(chain, Phi, right), rtol=0, atol=1e-13 * np.abs(X).max())
     assert not X[coordinates].any()

@@ -34,13 +34,13 @@ def at(loops, q):
 
 def assert_jacobian_and_rate(loops, q, random):
     model = loops.model
-    Phi = at(loops, q).Phi()
-    residuals = gradient(lambda q: at(loops, q).residual(), model, q, h=0.003)
+    Phi = at(loops, q).Phi
+    residuals = gradient(lambda q: at(loops, q).f, model, q, h=0.003)
     # Eighth-order differences over 0.003: a rod of 0.7 m leaves (0.003 * 4 / 0.7)^8 = 1e-14, the
     # rounding of numbers near 10 over the step 1e-12.
     assert_allclose(Phi[loops.holonomic], residuals[loops.holonomic], rtol=0, atol=1e-10)
     v = random.normal(size=model.nv)
-    rate = derivative(lambda s: at(loops, pin.integrate(model, q, s * v)).Phi(), 0.003)
+    rate = derivative(lambda s: at(loops, pin.integrate(model, q, s * v)).Phi, 0.003)
     Phi_dot = at(loops, q).Phi_dot(v)
     assert_allclose(Phi_dot, rate, rtol=0, atol=1e-8 * np.abs(Phi_dot).max())
 
@@ -58,7 +58,7 @@ def test_any_mask_holds_as_many_motions_as_it_names(mask):
     """Two free bodies: Phi is the residual's derivative, of full rank, for all 63 masks."""
     loops, q = loops_at(tree("", ["free"], ["free"], seed=4), Closure("A", "B", mask), seed=5)
     assert_jacobian_and_rate(loops, q, np.random.default_rng(6))
-    assert np.linalg.matrix_rank(at(loops, q).Phi()) == sum(mask) == len(loops.residual())
+    assert np.linalg.matrix_rank(at(loops, q).Phi) == sum(mask) == len(loops.f)
 
 
 @pytest.mark.parametrize("kind", Closure.KINDS)
@@ -80,7 +80,7 @@ def test_a_closure_holds_the_relative_twist_that_its_kind_names(kind):
         "planar": [(A.rotation[:, 0], 0), (A.rotation[:, 1], 0), (0, A.rotation[:, 2])],
     }[kind]
     J = pin.computeFrameJacobian(model, data, q, model.getFrameId("B"), pin.LOCAL_WORLD_ALIGNED)
-    Phi = at(loops, q).Phi()
+    Phi = at(loops, q).Phi
     for linear, angular in free:
         twist = np.concatenate([np.zeros(3) + linear, np.zeros(3) + angular])
         v = np.linalg.pinv(J) @ twist
@@ -114,7 +114,7 @@ def test_couplings_follow_their_polynomials():
     loops = Loops(model, [coupling, Coupling("RX", offset=-0.4)])
     q = random_q(model, random)
     expected = q[1] - 0.7 - (0.1 - 2 * q[0] + 0.3 * q[0] ** 3) - 0.5 * q[2] ** 2
-    assert_allclose(at(loops, q).residual(), [expected, q[0] + 0.4], atol=1e-14)
+    assert_allclose(at(loops, q).f, [expected, q[0] + 0.4], atol=1e-14)
     assert_jacobian_and_rate(loops, q, random)
 
 
@@ -138,7 +138,7 @@ def test_what_rolls_stands_still_at_the_contact(ball):
         return twist.linear + np.cross(twist.angular, contact)
 
     slip = A.rotation.T @ (velocity(wheel) - velocity(plane))
-    assert_allclose(at(loops, q).Phi() @ v, slip, atol=1e-12)
+    assert_allclose(at(loops, q).Phi @ v, slip, atol=1e-12)
 
 
 def test_every_joint_of_pinocchio_is_in_a_tree():

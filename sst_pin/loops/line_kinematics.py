@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Lengths of lines and their rates.
+
+A line is a `Distance` that nothing holds: its row of Phi gives the rate of its length.
+"""
+
+from functools import cached_property
+
+import numpy as np
+
+from ..arrays import Array
+from ..errors import SingularConfigurationError
+from ..model.closures import Distance
+from ..model.mechanism import Mechanism
+from ..model.thresholds import LEAST_LENGTH
+from .loops import Loops
+
+
+class LineKinematics:
+    """Lengths of the lines of a mechanism, and their rates; one object per thread."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self._mechanism, self._forces = mechanism, mechanism.lines.forces
+
+    @cached_property
+    def loops(self) -> Loops:
+        """The lines as distances of 1 m that nothing holds."""
+        lines = [Distance(line.frame_a, line.frame_b, 1.0) for line in self._forces]
+        return Loops(self._mechanism.model, lines)
+
+    def lengths(self, q: Array) -> Array:
+        """Lengths of the lines, shape (lines,), [m]."""
+        if not self._forces:
+            return np.zeros(0)
+        self.loops.evaluate(q)
+        return self.loops.f + 1.0
+
+    def evaluate(self, q: Array) -> tuple[Array, Array]:
+        """Lengths, shape (lines,), and J, shape (lines, nv): the rates of the lengths are J v."""
+        if not self._forces:
+            return np.zeros(0), np.zeros((0, self._mechanism.model.nv))
+        lengths = self.lengths(q)
+        for line, length in zip(self._forces, lengths, strict=True):
+            if length <= LEAST_LENGTH * self._mechanism.length:
+                raise SingularConfigurationError(
+                    f"the direction of the force on line {line} is not determined: its ends "
+                    f"{line.frame_a} and {line.frame_b} coincide; move away, or choose other "
+                    "frames",
+                    float("inf"),
+                )
+        return lengths, self.loops.Phi
