@@ -31,6 +31,7 @@ from .dynamics.quantities import Quantity
 from .engine import DerivativeOptions, Engine, LoadOptions, Options
 from .errors import DescriptionError, InputError, MissingExtraError
 from .loops.assembly_modes import AssemblyModes, modes_of
+from .loops.coordinates import settled
 from .loops.frame_guide import frame_configurations
 from .loops.mobility import Mobility
 from .loops.start import assemble, start_of
@@ -171,7 +172,8 @@ class ClosedChain(RobotProperties, Summary):
         """Take a model and the function that makes a mechanism of it; kernels are made again."""
         make_kernels = self._engine.make_kernels if hasattr(self, "_engine") else None
         self._model, self._mechanism_of = model, mechanism
-        self._engine = Engine(mechanism(copied(model)), make_kernels, platform=self._platform)
+        settled_mechanism = settled(mechanism(copied(model)))
+        self._engine = Engine(settled_mechanism, make_kernels, platform=self._platform)
 
     def refresh(self) -> None:
         """Apply all edits of `model` and choose the coordinates again, as the constructor does.

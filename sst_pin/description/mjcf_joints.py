@@ -9,7 +9,7 @@ import pinocchio as pin
 from ..arrays import Array
 from ..errors import DescriptionError
 from ..model.joint_space import JointSpace
-from ..model.tree import series_of
+from ..model.normal_tree import series_of
 
 _WHOLE = {"JointModelFreeFlyer": "free", "JointModelSpherical": "ball"}
 _CURES = {

@@ -246,7 +246,7 @@ def _on_frames(closure: ClosurePartials, reactions: Array) -> _Load:
 
 def _on_mass_centres(tree: TreeMotion, loops: Loops, wrenches: Array) -> _Load:
     """Constant wrenches at the mass centres: the bodies, the wrenches at the origin, their w_q."""
-    loaded = wrenches.any(axis=1)
+    loaded = np.asarray(wrenches.any(axis=1))
     joints = [j for j, load in zip(loops.tree.bodies[1:], loaded, strict=True) if load]
     levers = [pin.SE3(np.eye(3), loops.tree.model.inertias[joint].lever) for joint in joints]
     places = [loops.data.oMi[j] * lever for j, lever in zip(joints, levers, strict=True)]

@@ -151,8 +151,8 @@ def _inverse(A: Array) -> tuple[Array, tuple[float, float]]:
     rows, columns = A.shape
     try:
         if rows == columns:
-            inverse = np.linalg.inv(A)
-            return inverse, (np.linalg.norm(A), 1 / np.linalg.norm(inverse))
+            inverse = np.asarray(np.linalg.inv(A), dtype=float)
+            return inverse, (float(np.linalg.norm(A)), 1 / float(np.linalg.norm(inverse)))
         if rows > columns:
             U, s, Vt = np.linalg.svd(A, full_matrices=False)
             if s[-1] > 0:

@@ -20,7 +20,7 @@ from ..errors import InputError
 from ..model.closures import Closure, holds_points
 from ..model.named_positions import put
 from ..model.thresholds import CLOSURE_TOLERANCE, RANK_TOLERANCE
-from ..model.tree import frame_id, frame_named, of_rates, support
+from ..model.tree import frame_id
 from ..summaries import Summary, listed
 from .assembly import Assembly, home_of
 from .loops import connected
@@ -145,7 +145,7 @@ class _Search:
 
     def distinct(self, configurations: Iterable[Array]) -> list[Array]:
         """Configurations that differ, their angles in one turn where the loops allow it."""
-        modes, rows = _Distinct(self._key), np.arange(self._loops.rows)
+        modes, rows = _Distinct(self._key), np.arange(len(self._loops.touched))
         for q in configurations:
             turned = np.where(self._angles, in_one_turn(q), q)
             modes.add(q if self._assembly.gap(turned, rows) else turned)
@@ -153,9 +153,10 @@ class _Search:
 
     def _key(self, q: Array) -> Array:
         """Where all bodies are, or the frame: numbers free of units."""
-        data = self._loops.data
-        pin.framesForwardKinematics(self.model, data, q)
-        places = list(data.oMi)[1:] if self._frame is None else [data.oMf[self._frame]]
+        self._loops.evaluate(q)
+        data, bodies = self._loops.data, self._loops.tree.bodies[1:]
+        frame = self._frame
+        places = [data.oMi[j] for j in bodies] if frame is None else [data.oMf[frame]]
         columns = [(x.translation / self._mechanism.length, x.rotation) for x in places]
         return np.concatenate([np.column_stack(pair).ravel() for pair in columns])
 
@@ -200,7 +201,7 @@ class _Search:
     def _closed(self, q: Array, closure: int) -> bool:
         self._loops.evaluate(q)
         rows = self._loops.slices[closure]
-        f = self._loops.residual()[rows] * self._mechanism.row_scale[rows]
+        f = self._loops.f[rows] * self._mechanism.row_scale[rows]
         return bool(np.abs(f).max() < CLOSURE_TOLERANCE)
 
     def _dyad(self, q: Array, k: int, rates: list[int]) -> list[Array] | None:
@@ -212,7 +213,9 @@ class _Search:
         if not (isinstance(closure, Closure) and holds_points(closure) and one_each):
             return None
         self._loops.evaluate(q)
-        linear, (n, other) = np.split(of_rates(self._loops.data.J)[:, rates].T, 2, axis=1)
+        tree, data = self._loops.tree, self._loops.data
+        twists = np.array(data.J).reshape(6, -1).dot(tree.S)[:, rates].T
+        linear, (n, other) = np.split(twists, 2, axis=1)
         axes = np.array([n, other])
         slides = np.vecdot(linear, axes)  # of a screw, or of a slide, which has no axis
         if (
@@ -226,11 +229,10 @@ class _Search:
         def flat(point: Array) -> complex:
             return complex(*(plane @ point))
 
-        ends = [frame_named(model, name) for name in (closure.frame_a, closure.frame_b)]
-        points = [
-            flat((self._loops.data.oMi[x.parentJoint] * x.placement).translation) for x in ends
-        ]
-        first, second = (support(model, ends[1].parentJoint)[rates] > 0).astype(int)
+        end_a, end_b = (frame_id(model, x) for x in (closure.frame_a, closure.frame_b))
+        points = [flat(data.oMf[end].translation) for end in (end_a, end_b)]
+        moves_b = tree.supports[tree.model.frames[end_b].parentJoint]
+        first, second = (moves_b @ tree.S)[rates].astype(int)
         h, g = (flat(np.cross(*pair)) for pair in zip(axes, linear, strict=True))
         # e^(i x) (a + e^(i y) b) = c, with y relative to x where both hinges move one end.
         a, b, c = points[first] - h, g - points[second], g - h

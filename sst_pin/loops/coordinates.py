@@ -19,9 +19,11 @@ from ..arrays import Array, Indices
 from ..errors import ClosureError, DescriptionWarning
 from ..model.mechanism import Mechanism
 from ..model.thresholds import INDEPENDENT, MAX_CONDITION_NUMBER, RANK_TOLERANCE, RESTS
+from ..progress import announced
 from ..summaries import listed
 from .assembly import Assembly, displacement, home_of
 from .continuity import Continuity
+from .geometry_correction import correct_geometry
 from .loops import Loops
 from .mobility import choose_coordinates, free_motions, motor_rates, scaled_Phi
 
@@ -126,13 +128,37 @@ def _along(
     return assembly.near(pin.integrate(assembly.mechanism.model, home, high * way), held)
 
 
-def settle(assembly: Assembly, wanted: Indices | None) -> tuple[Indices, Array | None]:
+def settled(mechanism: Mechanism) -> Mechanism:
+    """The mechanism with its geometry corrected, its coordinates chosen, and an example.
+
+    The coordinates that it has are kept.
+
+    Warns:
+        DescriptionWarning: If placements have few digits, if home is singular, or if motors cannot
+            move.
+    """
+    wanted = mechanism.coordinates if len(mechanism.coordinates) else None
+    name = mechanism.model.name
+    with announced(f"model {name}: checking its closures and choosing coordinates"):
+        mechanism = correct_geometry(mechanism)
+        loops = Loops(mechanism.model, mechanism.closures)
+        coordinates, q = _choose(Assembly(mechanism, loops), wanted)
+    sizes = None
+    if q is not None:
+        Phi = scaled_Phi(mechanism, loops, q)
+        sizes = _row_sizes(loops, Phi)
+        _warn_of_rigid_motors(mechanism, Phi)
+    mechanism = replace(mechanism, coordinates=coordinates, example=q, row_sizes=sizes)
+    return replace(mechanism, without_mass=_without_mass(mechanism, loops))
+
+
+def _choose(assembly: Assembly, wanted: Indices | None) -> tuple[Indices, Array | None]:
     """Indices in v of the coordinates, and a configuration of their assembly mode, or None.
 
     The order of preference: the coordinates `wanted`; the motors' joints, as many as are
-    independent; other joints by rank. They are judged at home. Where there is none, or it is
-    singular, the configuration around it counts in which the motors hold most; where nothing can be
-    assembled, the motors' joints.
+    independent; other joints by rank. They are judged at home. If home is missing or singular,
+    nearby configurations are tried, and the one where the motors hold most degrees of freedom is
+    used. If nothing can be assembled, the coordinates are the motors' joints.
     """
     mechanism = assembly.mechanism
     asked = mechanism.driven if wanted is None else wanted
@@ -147,10 +173,10 @@ def settle(assembly: Assembly, wanted: Indices | None) -> tuple[Indices, Array |
             Phi = scaled_Phi(mechanism, assembly.loops, q)
             motions = free_motions(Phi)
             rates = motor_rates(mechanism, q, motions) if wanted is None else motions[wanted]
-            held, n = int(np.linalg.matrix_rank(rates, RESTS)), motions.shape[1]
-            if best is None or (n > 0, held - n, held) > best[0]:
-                best = (n > 0, held - n, held), Phi, q
-            if 0 < n == held:
+            controlled, n = int(np.linalg.matrix_rank(rates, RESTS)), motions.shape[1]
+            if best is None or (n > 0, controlled - n, controlled) > best[0]:
+                best = (n > 0, controlled - n, controlled), Phi, q
+            if 0 < n == controlled:
                 break
     except ClosureError:
         return asked, None
@@ -159,7 +185,27 @@ def settle(assembly: Assembly, wanted: Indices | None) -> tuple[Indices, Array |
     return choose_coordinates(mechanism, Phi) if wanted is None else wanted, q
 
 
-def without_mass(mechanism: Mechanism, loops: Loops) -> tuple[str, ...]:
+def _warn_of_rigid_motors(mechanism: Mechanism, Phi: Array) -> None:
+    moving = np.linalg.norm(free_motions(Phi), axis=1) > RESTS
+    names, B = mechanism.motor_names, mechanism.motors
+    if rigid := [x for x, b in zip(names, B.T, strict=True) if b.any() and not b[moving].any()]:
+        warnings.warn(
+            f"model {mechanism.model.name}: the closures hold the joints of the motors "
+            f"{listed(rigid)}, which cannot move; check kinds, axes and digits of the closures",
+            DescriptionWarning,
+            stacklevel=5,
+        )
+
+
+def _row_sizes(loops: Loops, Phi: Array) -> Array:
+    """Lengths of the rows of Phi, which is free of units; 0 for rows that are constant."""
+    sizes = np.linalg.norm(Phi, axis=1)
+    for row, coupled in loops.couplings:
+        sizes[row] *= coupled.curved.any()
+    return sizes
+
+
+def _without_mass(mechanism: Mechanism, loops: Loops) -> tuple[str, ...]:
     """Names of rates that move no mass, such as the spin of a thin rod between two balls.
 
     They are coordinates, or rates that describe the motion where the coordinates fail. The mass

@@ -49,8 +49,13 @@ class _Poses:
     """Poses of a mechanism, its loops closed as well as few digits allow."""
 
     def __init__(self, mechanism: Mechanism) -> None:
-        self.mechanism, self.loops = mechanism, Loops(mechanism.model, mechanism.closures)
-        self._assembly = Assembly(mechanism, self.loops)
+        self.mechanism = mechanism
+        self._take_geometry()
+
+    def _take_geometry(self) -> None:
+        """Take the placements of the model as they are now."""
+        self.loops = Loops(self.mechanism.model, self.mechanism.closures)
+        self._assembly = Assembly(self.mechanism, self.loops)
 
     def closest(self, q: Array, rates: Indices, width: float = 0.0) -> Array:
         """The pose next to q whose loops are open least, after a random displacement."""
@@ -110,6 +115,7 @@ class _Poses:
             for k, way in zip(frames, displaced[len(joints) :], strict=True):
                 for frame in [x for x in model.frames if x.name == model.frames[k].name]:
                     frame.placement = frame.placement * way
+            self._take_geometry()
 
     def _places(self, part: _Part) -> tuple[list[int], list[int]]:
         """Joints of a part, and frames that no other closure has."""

@@ -49,7 +49,8 @@ class Loops:
         none = np.zeros((0, model.nv), dtype=bool)
         self._none = np.zeros(0), np.zeros((0, model.nv))
         self.touched = np.vstack([none, *(rows.touched for rows in self.closures)])
-        self.curved = np.vstack([none, *(rows.curved for rows in self.closures)]).any(axis=0)
+        curved = np.vstack([none, *(rows.curved for rows in self.closures)])
+        self.curved: Flags = np.asarray(curved.any(axis=0))
         self._parts: dict[bytes, list[tuple[Indices, Indices]]] = {}
 
     @property

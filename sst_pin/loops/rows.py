@@ -33,9 +33,8 @@ _FORCES = np.zeros((4, 3, 6))
 _FORCES[:3, :, 3:], _FORCES[3, :, :3] = _CROSS, np.eye(3)
 #: The same on B, and with the opposite sign on A: at one point, and at a point of each.
 _AT_ONE = np.concatenate((_FORCES, -_FORCES), axis=2).reshape(4, 36)
-_AT_TWO = np.zeros((2, 4, 3, 12))
-_AT_TWO[0, :, :, :6], _AT_TWO[1, :, :, 6:] = _FORCES, -_FORCES
-_AT_TWO = _AT_TWO.reshape(8, 36)
+_AT_TWO = np.zeros((8, 36))
+_AT_TWO.reshape(8, 3, 12)[:4, :, :6], _AT_TWO.reshape(8, 3, 12)[4:, :, 6:] = _FORCES, -_FORCES
 #: Unit moments about x, y, z on B, and with the opposite sign on A.
 _MOMENTS = np.kron([0.0, 1.0, 0.0, -1.0], np.eye(3))
 

@@ -2,10 +2,8 @@
 """From a tree, names and numbers as a caller gives them to a `Mechanism`."""
 
 import re
-import warnings
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -13,21 +11,13 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array, Indices, finite_array, in_order, single_array
 from ..arrays import names as names_of
-from ..errors import DescriptionError, DescriptionWarning, InputError
-from ..loops.assembly import Assembly
-from ..loops.coordinates import settle, without_mass
-from ..loops.geometry_correction import correct_geometry
-from ..loops.loops import Loops
-from ..loops.mobility import free_motions, scaled_Phi
-from ..progress import announced
-from ..summaries import listed
+from ..errors import DescriptionError, InputError
 from .closures import Closure, Constraint, Coupling, Distance, Rolling
 from .joint_series import PartlyLocked, Series
 from .joint_space import JointSpace
 from .lines import LineForce, Lines
 from .mechanism import Friction, Mechanism, Springs, read_only
 from .rebuilt_tree import JOINT_LISTS, POSITION_ARRAYS, RATE_ARRAYS, rebuilt
-from .thresholds import RESTS
 from .tree import frame_id, joint_id
 
 #: Mimic joints that Pinocchio computes rightly. It leaves out the pitch of helical ones.
@@ -74,10 +64,10 @@ def mechanism_of(
     numbers: Mapping[str, ArrayLike | None],
     forces: tuple[LineForce, ...],
 ) -> Mechanism:
-    """A mechanism with its coordinates, from what the constructor of `ClosedChain` takes.
+    """A mechanism from what the constructor of `ClosedChain` takes; it keeps the tree.
 
-    The mechanism keeps the tree. `forces` act along lines. `numbers` has viscous_friction,
-    coulomb_friction, stiffness and spring_reference.
+    Its coordinates are those named; without names it has none until `loops.coordinates.settled`.
+    `numbers` has viscous_friction, coulomb_friction, stiffness and spring_reference.
     """
     _require_sound(model, closures)
     space = JointSpace(model)
@@ -87,8 +77,8 @@ def mechanism_of(
     lines = Lines(forces, read_only(B[model.nv :]))
 
     def of_rates(name: str, default: Array) -> Array:
-        given = numbers[name]
-        return single_array(name, default if given is None else given, (model.nv,))
+        value = numbers[name]
+        return single_array(name, default if value is None else value, (model.nv,))
 
     friction = Friction(
         of_rates("viscous_friction", model.damping),
@@ -100,44 +90,10 @@ def mechanism_of(
         space.require_on_manifold(rest, "spring_reference")
     springs = Springs(of_rates("stiffness", np.zeros(model.nv)), space.normalised(rest))
     springs.check(model)
-    wanted = None
-    if coordinates is not None:
-        wanted = space.rates_of(coordinates)
-        if not len(wanted):
-            raise InputError("coordinates", "none are named; leave them out for a choice")
-    none, on_joints = np.empty(0, dtype=np.intp), B[: model.nv]
-    unsettled = Mechanism(model, closures, none, on_joints, names, friction, springs, lines)
-    with announced(f"model {model.name}: checking its closures and choosing coordinates"):
-        unsettled = correct_geometry(unsettled)
-        assembly = Assembly(unsettled, Loops(unsettled.model, closures))
-        chosen, example = settle(assembly, wanted)
-    sizes = None
-    if example is not None:
-        Phi = scaled_Phi(unsettled, assembly.loops, example)
-        sizes = _row_sizes(assembly.loops, Phi)
-        _warn_of_rigid_motors(unsettled, Phi)
-    settled = replace(unsettled, coordinates=chosen, example=example, row_sizes=sizes)
-    return replace(settled, without_mass=without_mass(settled, assembly.loops))
-
-
-def _warn_of_rigid_motors(mechanism: Mechanism, Phi: Array) -> None:
-    moving = np.linalg.norm(free_motions(Phi), axis=1) > RESTS
-    names, B = mechanism.motor_names, mechanism.motors
-    if rigid := [x for x, b in zip(names, B.T, strict=True) if b.any() and not b[moving].any()]:
-        warnings.warn(
-            f"model {mechanism.model.name}: the closures hold the joints of the motors "
-            f"{listed(rigid)}, which cannot move; check kinds, axes and digits of the closures",
-            DescriptionWarning,
-            stacklevel=5,
-        )
-
-
-def _row_sizes(loops: Loops, Phi: Array) -> Array:
-    """Lengths of the rows of Phi, which is free of units; 0 for rows that are constant."""
-    sizes = np.linalg.norm(Phi, axis=1)
-    for row, coupled in loops.couplings:
-        sizes[row] *= coupled.curved.any()
-    return sizes
+    rates = space.rates_of(coordinates or ())
+    if coordinates is not None and not len(rates):
+        raise InputError("coordinates", "none are named; leave them out for a choice")
+    return Mechanism(model, closures, rates, B[: model.nv], names, friction, springs, lines)
 
 
 def without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]) -> pin.Model:

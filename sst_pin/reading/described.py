@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from ..arrays import Array
 from ..errors import DescriptionWarning, SSTError
+from ..loops.coordinates import settled
 from ..model.checks import Motor, copied, mechanism_of, motors_of
 from ..model.closures import Constraint
 from ..model.lines import LineForce
@@ -44,7 +45,7 @@ class Described(NamedTuple):
         names = ("viscous_friction", "coulomb_friction", "stiffness", "spring_reference")
         numbers = {name: getattr(self, name, None) for name in names}
         model, motors = copied(self.model), motors_of(self.actuated)
-        return mechanism_of(model, self.closures, motors, None, numbers, self.forces)
+        return settled(mechanism_of(model, self.closures, motors, None, numbers, self.forces))
 
 
 @contextmanager
