@@ -39,7 +39,7 @@ from .model.closures import Rolling
 from .model.mechanism import Friction, Mechanism
 from .model.thresholds import CLOSURE_TOLERANCE
 from .model.tree import body_of, frame_id
-from .states import ReferenceStates, States
+from .states import States
 from .summaries import listed
 
 D = TypeVar("D", TorqueDerivatives, AccelerationDerivatives)
@@ -187,7 +187,7 @@ class Engine:
         """The state space for an integrator, with the sign of Coulomb friction smoothed."""
         friction = replace(self.mechanism.friction, sign_width=sign_width)
         if self.kernels is None:
-            return ReferenceStates(self.reference, friction)
+            return States(self.reference, friction)
         return self.kernels.states(friction)
 
     def compute(

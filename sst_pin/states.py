@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -26,17 +26,17 @@ from .model.thresholds import (
 )
 from .progress import counted
 
-#: Way of a joint on which coordinates are judged once, [rad] or of the robot's length.
+#: Displacement of a joint after which coordinates are judged again, [rad] or robot lengths.
 _LOOK = 0.05
 
-#: Condition number above which a rollout leaves its coordinates for better ones. Its steps do not
-#: get shorter near a dead point: at 20, errors of a five-bar that often runs through dead points
-#: are almost three times as large; at 1 they are hardly smaller.
+#: Condition number above which a rollout changes its coordinates: its steps do not get shorter near
+#: a dead point. At 20, errors of a five-bar that often passes dead points are almost three times as
+#: large; at 1 they are hardly smaller.
 _FIXED_STEP = 10.0
 
 
-class Motions(NamedTuple):
-    """N motions with a fixed step.
+class RolloutArrays(NamedTuple):
+    """Arrays of N rollouts with a fixed step.
 
     Attributes:
         dt: Step, [s].
@@ -44,8 +44,8 @@ class Motions(NamedTuple):
         va0: Rates at the starts, shape (N, n).
         tau: Torques, shape (N, steps, motors), or at ends and middles, (N, 2 steps + 1, motors).
         load: Constant external wrenches, shape (N, 6 r), or None.
-        q: To be filled, shape (N, steps + 1, nq); NaN behind the end.
-        va: To be filled, shape (N, steps + 1, n).
+        q: Configurations to fill, shape (N, steps + 1, nq); NaN after the end.
+        va: Rates to fill, shape (N, steps + 1, n).
     """
 
     dt: float
@@ -58,78 +58,36 @@ class Motions(NamedTuple):
 
     @property
     def steps(self) -> int:
-        """How many there are."""
+        """Number of steps."""
         return self.q.shape[1] - 1
 
     @property
-    def held(self) -> bool:
+    def constant(self) -> bool:
         """Whether torques are constant in each step."""
         return self.tau.shape[1] == self.steps
 
     def torques(self, i: int, s: int) -> Array:
-        """Torques at the start, in the middle and at the end of step s of motion i."""
-        return self.tau[i, [s] * 3 if self.held else slice(2 * s, 2 * s + 3)]
+        """Torques at the start, in the middle and at the end of step s of rollout i."""
+        return self.tau[i, [s] * 3 if self.constant else slice(2 * s, 2 * s + 3)]
 
-    def rest(self, i: int, done: int) -> Motions:
-        """Motion i alone, from its state `done` on."""
+    def rest(self, i: int, done: int) -> RolloutArrays:
+        """Rollout i alone, from its state `done` on."""
         one = slice(i, i + 1)
         q0, va0 = (self.q[one, done], self.va[one, done]) if done else (self.q0[one], self.va0[one])
-        tau = self.tau[one, (1 if self.held else 2) * done :]
+        tau = self.tau[one, (1 if self.constant else 2) * done :]
         load = None if self.load is None else self.load[one]
         q, va = self.q[one, done:], self.va[one, done:]
-        return Motions(self.dt, q0.copy(), va0.copy(), tau, load, q, va)
+        return RolloutArrays(self.dt, q0.copy(), va0.copy(), tau, load, q, va)
 
 
-class States(Protocol):
-    """The state space (q, va) of one mechanism; states have shape (nq + n,) or (N, nq + n).
+class States:
+    """The state space (q, va) of one mechanism, by the reference path.
+
+    States are y = (q, va), shape (nq + n,) or (N, nq + n). Their dependent joints are near the
+    closures, and their quaternions near length one. `friction` replaces that of the mechanism.
 
     Attributes:
         coordinates: Indices in v of the rates va.
-    """
-
-    coordinates: Indices
-
-    def closed(self, states: Array) -> Array:
-        """q with the dependent joints moved onto the closures, shape (..., nq)."""
-
-    def rate(self, states: Array, tau: Array, wrenches: Array | None) -> Array:
-        """Rates of states, shape (..., nq + n)."""
-
-    def derivatives(self, state: Array, tau: Array, wrenches: Array | None) -> tuple[Array, Array]:
-        """Derivatives of `rate` by the state and by tau, shapes (nq + n, nq + n), (nq + n, motors).
-
-        Not where wheels roll: there the state has more freedoms than the coordinates.
-        """
-
-    def joint_rates(self, q: Array, va: Array) -> Array:
-        """v of one state whose loops are closed, shape (nv,)."""
-
-    def joint_motion(self, q: Array, va: Array, aa: Array) -> tuple[Array, Array]:
-        """v and v_dot of one state whose loops are closed, shapes (nv,)."""
-
-    def Phi(self, q: Array) -> Array:
-        """Jacobian of the closures, free of units, shape (rows, nv)."""
-
-    def condition_number(self, q: Array) -> float:
-        """Condition number of the dependent part of Phi, infinite if it is singular."""
-
-    def suited(self, q: Array) -> tuple[States, float]:
-        """These states if their condition is sound, or much better ones, and the condition."""
-
-    def follow(
-        self, start: Array, way: Way, limit: float, first: float = 1.0
-    ) -> tuple[float, Array]:
-        """How much of a step stays regular and in its assembly mode; see `Continuity.follow`."""
-
-    def rollout(self, motions: Motions, threads: int) -> Indices:
-        """Fill the states of motions; how many of each hold, shape (N,)."""
-
-
-class ReferenceStates:
-    """The state space (q, va) of one mechanism for an integrator, on the reference path.
-
-    States are y = (q, va), shape (nq + n,) or (N, nq + n); their dependent joints need only be near
-    the closures, their quaternions near length one. `friction` is taken instead of the mechanism's.
     """
 
     def __init__(self, reference: Reference, friction: Friction) -> None:
@@ -138,7 +96,7 @@ class ReferenceStates:
         self._reference, self._mechanism = reference, reference.mechanism
         self._friction, self._nq = friction, reference.mechanism.model.nq
         self.coordinates = reference.mechanism.coordinates
-        self._others = dict[bytes, ReferenceStates]()
+        self._others = dict[bytes, States]()
 
     def closed(self, states: Array) -> Array:
         """q with the dependent joints moved onto the closures, wheels rolling, shape (..., nq)."""
@@ -149,7 +107,7 @@ class ReferenceStates:
         return np.array([self.closed(state) for state in states])
 
     def rate(self, states: Array, tau: Array, wrenches: Array | None) -> Array:
-        """Eqs. (7) and (92): the rates of states, where the loops are closed."""
+        """Eqs. (7) and (92): rates of states whose loops are closed, shape (..., nq + n)."""
         if states.ndim == 2:
             loads = [None] * len(states) if wrenches is None else wrenches
             samples = zip(states, tau, loads, strict=True)
@@ -169,11 +127,12 @@ class ReferenceStates:
         """Derivatives of `rate` by the state and by tau, shapes (nq + n, nq + n), (nq + n, motors).
 
         The coordinates and their rates determine the state, so columns of other joints are zero.
+        Where wheels roll, the state has more degrees of freedom, and this does not hold.
         """
         reference, space, nq = self._reference, self._mechanism.space, self._nq
         q, va = self.closed(state), state[nq:]
         n, memory = len(va), reference.memory
-        by = self._acceleration_derivatives(q, va, tau, wrenches)
+        aa_by = self._acceleration_derivatives(q, va, tau, wrenches)
         L = reference._L(q)
         v, turns = L.dot(va), np.array([space.coordinate_rates(q, e) for e in np.eye(len(L))]).T
         v_q = np.transpose([memory.complement.L_dot(memory.loops.Phi_dot(e)).dot(va) for e in L.T])
@@ -183,10 +142,10 @@ class ReferenceStates:
             ends = [[space.coordinate_rates(q + s * d, v) for s in (1, -1)] for d in q_dot_va.T]
             rates_q += np.transpose([(ahead - behind) / 2 for ahead, behind in ends])
         by_state, by_tau = np.zeros((nq + n, nq + n)), np.zeros((nq + n, len(tau)))
-        moved = np.linalg.pinv(turns)[self._mechanism.coordinates]
-        by_state[:, :nq] = np.vstack((rates_q, by[:, :n])).dot(moved)
-        by_state[:, nq:] = np.vstack((q_dot_va, by[:, n : 2 * n]))
-        by_tau[nq:] = by[:, 2 * n :]
+        by_q = np.linalg.pinv(turns)[self._mechanism.coordinates]
+        by_state[:, :nq] = np.vstack((rates_q, aa_by[:, :n])).dot(by_q)
+        by_state[:, nq:] = np.vstack((q_dot_va, aa_by[:, n : 2 * n]))
+        by_tau[nq:] = aa_by[:, 2 * n :]
         return by_state, by_tau
 
     def _acceleration_derivatives(
@@ -212,10 +171,10 @@ class ReferenceStates:
         """Condition number of the dependent part of Phi, infinite if it is singular."""
         return self._continuity.condition_number(q)
 
-    def suited(self, q: Array, sound: float = WELL_CONDITIONED) -> tuple[ReferenceStates, float]:
-        """These states if their condition is sound, or much better ones, and the condition.
+    def suited(self, q: Array, sound: float = WELL_CONDITIONED) -> tuple[States, float]:
+        """These states if their condition is `sound`, else much better ones; and the condition.
 
-        The others are those in the independent rates that describe motions from q on best.
+        The better ones use the independent rates that describe motions at q best.
         """
         from scipy.linalg import qr
 
@@ -225,7 +184,7 @@ class ReferenceStates:
         Phi, n = self.Phi(q), len(self.coordinates)
         if not np.isfinite(Phi).all():
             return self, condition
-        # Those of the smallest singular values: near a singularity there are more free motions.
+        # Motions of the smallest singular values: near a singularity more than n are free.
         motions = np.linalg.svd(Phi)[2][len(Phi.T) - n :]
         _, order = qr(motions, pivoting=True, mode="r")
         chosen = np.sort(order[:n]).astype(np.intp)
@@ -239,7 +198,7 @@ class ReferenceStates:
         key = chosen.tobytes()
         if key not in self._others:
             mechanism = replace(self._mechanism, coordinates=chosen)
-            self._others[key] = ReferenceStates(Reference(mechanism), self._friction)
+            self._others[key] = States(Reference(mechanism), self._friction)
         return self._others[key], self._others[key].condition_number(q)
 
     def follow(
@@ -253,7 +212,7 @@ class ReferenceStates:
         return self._reference.memory.continuity
 
     def _continues(self, before: Array, after: Array) -> bool:
-        """Whether one state of a rollout leads to the next."""
+        """Whether a step stays regular and in its assembly mode."""
         model = self._mechanism.model
         ahead = pin.difference(model, before, after)
 
@@ -262,22 +221,21 @@ class ReferenceStates:
 
         return self.follow(before, way, MAX_CONDITION_NUMBER)[0] == 1
 
-    def rollout(self, motions: Motions, threads: int) -> Indices:
-        """The classical Runge-Kutta method with fixed steps, one motion after the other.
+    def rollout(self, motions: RolloutArrays, threads: int) -> Indices:
+        """Fill the states by the classical Runge-Kutta method; their numbers, shape (N,).
 
-        After each step the dependent joints are moved onto the closures. A motion ends at the first
-        state that does not hold: open loops, a singularity, a number that is not finite. Gives how
-        many states of each motion hold, shape (N,).
+        After each step the dependent joints are moved onto the closures. A motion ends where its
+        loops open, at a singularity, or where a number is not finite.
         """
         indices = counted(range(len(motions.q)), "rollout", len(motions.q))
         return np.array([self._roll(motions, i)[0] for i in indices], dtype=np.intp)
 
     @np.errstate(over="ignore", invalid="ignore")  # a motion that diverges ends
-    def _roll(self, motions: Motions, i: int, *, back: bool = False) -> tuple[int, bool]:
-        """How many states of motion i hold, and whether it goes on behind them.
+    def _roll(self, motions: RolloutArrays, i: int, *, back: bool = False) -> tuple[int, bool]:
+        """The number of valid states of motion i, and whether the motion can continue.
 
-        Its rates are those of other joints where these describe it better; with `back`, until the
-        coordinates do again.
+        Rates of other joints are integrated where these describe it better; with `back` it returns
+        where the coordinates do again.
         """
         states, q, va = self, motions.q[i], motions.va[i]
         q[:], va[:] = np.nan, np.nan
@@ -305,8 +263,8 @@ class ReferenceStates:
                 break
         return done, False
 
-    def _suited_ahead(self, q: Array, way: Array) -> ReferenceStates:
-        """These states, or others that are much better on the way of a fixed step from q."""
+    def _suited_ahead(self, q: Array, way: Array) -> States:
+        """These states, or much better ones for a fixed step from q by `way`, shape (nv,)."""
         longest = float(np.abs(way / self._mechanism.rate_scale).max(initial=0))
         parts = min(4, 1 + int(longest / _LOOK))
         for fraction in np.arange(1, parts + 1) / parts:
@@ -319,9 +277,9 @@ class ReferenceStates:
     def _step(
         self, state: Array, tau: Array, wrenches: Array | None, h: float
     ) -> tuple[Array, bool]:
-        """One step, and whether it is short enough for the bends of its way.
+        """The state after one step, and whether the step is short enough for its curvature.
 
-        Between the ends of the step q is off the closures by its square.
+        Without correction the end of the step is off the closures by the square of its length.
         """
         nq, model, space = self._nq, self._mechanism.model, self._mechanism.space
 
@@ -332,6 +290,6 @@ class ReferenceStates:
         end = runge_kutta_step(rate, state, h)
         q = self.closed(end)
         ways = [pin.difference(model, space.normalised(x[:nq]), q) for x in (end, state)]
-        opened, moved = np.abs(ways / self._mechanism.rate_scale).max(axis=1, initial=0)
-        short = bool(opened <= BEND * moved + CLOSURE_TOLERANCE)
+        correction, length = np.abs(ways / self._mechanism.rate_scale).max(axis=1, initial=0)
+        short = bool(correction <= BEND * length + CLOSURE_TOLERANCE)
         return np.concatenate([q, end[nq:]]), short

@@ -20,7 +20,7 @@ from ..dynamics.reference import Reference
 from ..engine import Kernel
 from ..errors import SSTError
 from ..model.mechanism import Friction, Mechanism
-from ..states import Motions, ReferenceStates
+from ..states import RolloutArrays, States
 
 if TYPE_CHECKING:
     from ._binding import Course
@@ -32,7 +32,7 @@ CHANGE = 1.25
 NEARBY = 0.02
 
 
-class CompiledStates(ReferenceStates):
+class CompiledStates(States):
     """The state space of a mechanism by kernels; samples that fail go to the reference path.
 
     `rate` and `course` give kernels of rates and rollouts, with or without loads. Where there are
@@ -98,7 +98,7 @@ class CompiledStates(ReferenceStates):
             return super()._acceleration_derivatives(q, va, tau, wrenches)
         return np.concatenate(parts, axis=1)
 
-    def rollout(self, motions: Motions, threads: int) -> Indices:
+    def rollout(self, motions: RolloutArrays, threads: int) -> Indices:
         """Fill the states of motions; the reference path goes on where the kernels stop."""
         course = self._course(motions.load is not None)
         if course is None or self._closing is None:
@@ -118,14 +118,14 @@ class CompiledStates(ReferenceStates):
                     reached[i] += held - 1
         return reached
 
-    def _run(self, course: "Course", motions: Motions, threads: int) -> Indices:
+    def _run(self, course: "Course", motions: RolloutArrays, threads: int) -> Indices:
         """Fill the states of motions as far as the kernels compute them well, and count them."""
         looks = np.empty((*motions.q.shape[:2], 2))
         reached = course.run(*motions, looks, min(threads, sys.maxsize))
         reached[~self._mechanism.space.on_manifold(motions.q0)] = 0  # kernels normalise on the way
         return self._continuous(motions, looks, reached)
 
-    def _continuous(self, motions: Motions, looks: Array, reached: Indices) -> Indices:
+    def _continuous(self, motions: RolloutArrays, looks: Array, reached: Indices) -> Indices:
         """How many states of each motion follow one another in one assembly mode, shape (N,).
 
         Between two modes, and near a singularity, a block of Phi_u is almost singular. So a short

@@ -23,7 +23,7 @@ from ..loops.mobility import free_motions
 from ..model.mechanism import Mechanism
 from ..model.thresholds import WELL_CONDITIONED
 from ..progress import announced
-from ..states import ReferenceStates
+from ..states import States
 from . import c_code, kernels, statements
 from .compiled_backend import impossible
 from .equations import Equations
@@ -73,7 +73,7 @@ def choices(reference: Reference, q: Array) -> list[Equations]:
     mechanism, random = reference.mechanism, np.random.default_rng(0)
     model, data, n = mechanism.model, mechanism.model.createData(), len(mechanism.coordinates)
     numbers = OpenNumbers(mechanism).pack(mechanism, mechanism.friction)
-    own, found, smallness = ReferenceStates(reference, mechanism.friction), [], []
+    own, found, smallness = States(reference, mechanism.friction), [], []
 
     def add(reference: Reference, q: Array) -> None:
         # Rounded, because legs are alike: the last digits must not choose the order.

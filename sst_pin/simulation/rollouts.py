@@ -26,7 +26,7 @@ from ..dynamics.quantities import Quantity
 from ..engine import Engine
 from ..errors import InputError, SimulationError
 from ..progress import announced
-from ..states import Motions
+from ..states import RolloutArrays
 
 #: Steps of all motions together from which a rollout may take seconds.
 _MANY = 10_000
@@ -80,7 +80,7 @@ def rollout(
     load = None if flat[3] is None else flat[3].reshape(samples, 6 * (mechanism.model.njoints - 1))
     q, va = empty((samples, count + 1, nq)), empty((samples, count + 1, n))
     with nullcontext() if samples * count < _MANY else announced(f"rollout of {samples} motions"):
-        reached = states.rollout(Motions(step, q_0, va_0, tau_0, load, q, va), threads)
+        reached = states.rollout(RolloutArrays(step, q_0, va_0, tau_0, load, q, va), threads)
     stopped = np.flatnonzero(reached <= count)
     if len(stopped) and on_error == "raise":
         first = int(stopped[0])

@@ -11,7 +11,7 @@ import sst_pin
 from sst_pin.simulation.energy import energy_balance
 from sst_pin.simulation.state_equations import StateEquations
 from sst_pin.sst import paper
-from sst_pin.states import ReferenceStates
+from sst_pin.states import States
 from tests.gallery import EVERY_ROBOT, governor
 from tests.referees.virtual_work import VirtualWork
 from tests.support import link_tables
@@ -218,13 +218,13 @@ def test_derivatives_of_states_are_those_of_their_rates(name, kernels):
 
 
 def test_implicit_methods_take_exact_derivatives_of_stiff_motions(monkeypatch):
-    chain, exact, calls = governor(), ReferenceStates.derivatives, []
+    chain, exact, calls = governor(), States.derivatives, []
 
     def counted(self, *arguments):
         calls.append(arguments)
         return exact(self, *arguments)
 
-    monkeypatch.setattr(ReferenceStates, "derivatives", counted)
+    monkeypatch.setattr(States, "derivatives", counted)
     ends = []
     for method in ("Radau", "BDF"):
         ends.append(
