@@ -226,7 +226,8 @@ def idle_rates(mechanism: Mechanism, loops: Loops, Phi: Array) -> tuple[str, ...
 
 def cure_of(idle: Sequence[str]) -> str:
     """What fixes idle rates."""
-    return f"ClosedChain(..., locked={list(idle)}) fixes them"
+    in_yaml = f"`locked: [{', '.join(idle)}]` in the YAML"
+    return f"ClosedChain(..., locked={list(idle)}), or {in_yaml}, fixes them"
 
 
 def motor_rates(mechanism: Mechanism, q: Array, motions: Array) -> Array:

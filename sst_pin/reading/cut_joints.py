@@ -42,8 +42,13 @@ _KINDS = {
 _ALONG = {"universal": np.eye(3)[:2]}
 _ENDS = [side for sides in _SIDES.values() for side in sides]
 _BALL = "drake:ball_constraint"
-#: What tells a body, and a point on it, of each side of Drake's balls.
-_OF_BALLS = [(f"{_BALL}_body_{a}", f"{_BALL}_p_{b}") for a, b in (("A", "AP"), ("B", "BQ"))]
+#: Elements of Drake's balls, and attributes of those of a `<constraint>` that say the same.
+_OF_BALLS = {
+    "body_A": ("name", "parent", "link"),
+    "p_AP": ("value", "parent_origin", "xyz"),
+    "body_B": ("name", "child", "link"),
+    "p_BQ": ("value", "child_origin", "xyz"),
+}
 _CUT = "@name @type {0} {1} {0}_origin {1}_origin {0}_axis {1}_axis axis limit dynamics"
 #: What these elements may hold. Limits are not enforced.
 _WORDS = {
@@ -54,7 +59,6 @@ _WORDS = {
     "dynamics": "*=0",
     "coupling": "@name @type predecessor successor ratio",
     "ratio": "@value",
-    _BALL: " ".join(word for side in _OF_BALLS for word in side),
 }
 _WORDS_OF_GAZEBO = {
     "joint": "@name @type parent child pose axis axis2 sensor+ physics",
@@ -151,8 +155,8 @@ class Marks:
                 self.problems.append(error(tag, "it stands in another element, not in <robot>"))
         for element in root.findall("gazebo/joint[parent]"):
             self._read(self._joint, element, _WORDS_OF_GAZEBO)
-        for element in root.iter(_BALL):
-            self._read(self._ball, element, _WORDS)
+        for k, element in enumerate(root.iter(_BALL), 1):
+            self._read(self._joint, _constraint_of(element, k), _WORDS)
         for element in root.findall("coupling"):
             self._read(self._gear, element, _WORDS)
 
@@ -177,21 +181,6 @@ class Marks:
         seen = (b, b) if gazebo else (a, b)
         name = _name(element, "name") or f"{a}_{b}"
         self.joints.append(cut_joint(name, given, (a, b), places, axes, seen))
-
-    def _ball(self, element: ET.Element) -> None:
-        """A ball joint of Drake."""
-        parts, links, places = {part.tag: part for part in element}, [], []
-        for body, point in _OF_BALLS:
-            if (link := parts.get(body)) is None or parts.get(point) is None:
-                raise ValueError(f"it has no <{body}> or no <{point}>")
-            position = numbers(parts[point].get("value", ""), 3)
-            if position is None:
-                raise ValueError(f"{point} is not three numbers")
-            self._require_link(body, link.get("name", ""))
-            links.append(link.get("name", ""))
-            places.append(pin.SE3(np.eye(3), position))
-        name, (a, b) = f"ball_constraint_{len(self.joints) + 1}", links
-        self.joints.append(cut_joint(name, "ball", (a, b), places, (), (a, b)))
 
     def _gear(self, element: ET.Element) -> None:
         paths, ratio = [], number(element.find("ratio"), "value")
@@ -223,6 +212,17 @@ class Marks:
             raise ValueError(f"{side} {link} is not a link of this file")
 
 
+def _constraint_of(ball: ET.Element, number: int) -> ET.Element:
+    """A ball joint of Drake as a `<constraint>`."""
+    constraint = ET.Element("constraint", name=f"ball_constraint_{number}", type="ball")
+    parts = {part.tag.removeprefix(f"{_BALL}_"): part for part in ball}
+    for tag, (key, there, attribute) in _OF_BALLS.items():
+        text = "" if tag not in parts else parts[tag].get(key, "")
+        ET.SubElement(constraint, there, {attribute: text})
+    constraint.extend(part for tag, part in parts.items() if tag not in _OF_BALLS)
+    return constraint
+
+
 #: A link, the place of the joint's frame on it, and the axis there.
 _Side = tuple[str, pin.SE3, Array]
 
@@ -231,16 +231,18 @@ def _side(element: ET.Element, side: str) -> _Side:
     found, origin = element.find(side), element.find(f"{side}_origin")
     if origin is None and found is not None:
         origin = found if found.find("origin") is None else found.find("origin")
-    vectors = []
-    for key in ("xyz", "rpy"):
-        text = "0 0 0" if origin is None else origin.get(key, "0 0 0")
-        vectors.append(numbers(text, 3))
-        if vectors[-1] is None:
-            raise ValueError(f"{key}={text!r} is not three numbers")
-    place = pin.SE3(pin.rpy.rpyToMatrix(vectors[1]), vectors[0])
+    xyz, rpy = (_vector(origin, key) for key in ("xyz", "rpy"))
+    place = pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
     axis = "axis" if element.find(f"{side}_axis") is None else f"{side}_axis"
     direction = _direction(_name(element, f"{axis}/xyz") or "1 0 0")
     return _name(element, f"{side}/link"), place, direction
+
+
+def _vector(origin: ET.Element | None, key: str) -> Array:
+    text = "0 0 0" if origin is None else origin.get(key, "0 0 0")
+    if (vector := numbers(text, 3)) is None:
+        raise ValueError(f"{key}={text!r} is not three numbers")
+    return vector
 
 
 def _side_of_gazebo(element: ET.Element, side: str) -> _Side:

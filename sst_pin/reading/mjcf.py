@@ -46,7 +46,7 @@ def described(
     if actuated is None:
         motors = tuple(motors_of(compiled, tree))
     else:
-        motors = tuple(named_motors(compiled, in_order("actuated", actuated)))
+        motors = named_motors(compiled, in_order("actuated", actuated))
     lines = tuple(lines_of(compiled, motors))
     tree.add_body_frames()
     stiffness = tree.add_numbers()

@@ -138,24 +138,19 @@ def actuators(compiled: Compiled) -> Iterator[Actuator]:
             yield Actuator(compiled.name("actuator", i), kind, target, int(controls[i]), gear)
 
 
-def fixed_tendon(compiled: Compiled, tendon: int) -> Motor:
+def _fixed_tendon(compiled: Compiled, tendon: int) -> Motor:
     """A fixed tendon as a motor with its name."""
     shares = compiled.shares(tendon)
-    factors = {compiled.joint(joint): share for joint, share in shares.items()}
-    return {compiled.name("tendon", tendon): factors}
+    return {compiled.name("tendon", tendon): {compiled.joint(j): x for j, x in shares.items()}}
 
 
-def named_motors(compiled: Compiled, motors: Sequence[Motor]) -> Iterator[Motor]:
+def named_motors(compiled: Compiled, motors: Sequence[Motor]) -> tuple[Motor, ...]:
     """Motors that a caller names, with fixed tendons in the place of their names."""
-    mj = compiled.mj
-    fixed = (i for i in range(mj.ntendon) if not compiled.is_spatial(i))
-    tendons = {compiled.name("tendon", i): i for i in fixed}
-    joints = [compiled.joint(joint) for joint in range(mj.njnt)]
-    for motor in motors:
-        if isinstance(motor, str) and motor in tendons and motor not in joints:
-            yield fixed_tendon(compiled, tendons[motor])
-        else:
-            yield motor
+    fixed = (i for i in range(compiled.mj.ntendon) if not compiled.is_spatial(i))
+    tendons = {compiled.name("tendon", i): _fixed_tendon(compiled, i) for i in fixed}
+    joints = {compiled.joint(joint): compiled.joint(joint) for joint in range(compiled.mj.njnt)}
+    known: dict[str, Motor] = {**tendons, **joints}
+    return tuple(known.get(m, m) if isinstance(m, str) else m for m in motors)
 
 
 def motors_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Motor]:
@@ -179,7 +174,7 @@ def motors_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Motor]:
             if len(bearers) != 1:  # `lines_of` says why there is no line
                 yield compiled.name("tendon", target)
         elif compiled.shares(target):
-            yield fixed_tendon(compiled, target)
+            yield _fixed_tendon(compiled, target)
         elif not mj.wrap_prm[compiled.wraps(target)].any():
             problem = "the coefficients of its tendon are 0"
         if problem:

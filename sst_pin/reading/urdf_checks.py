@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Checks of a URDF: names, tree, numbers that would be lost, inertias that no body has."""
+"""Checks of a URDF: names, tree, numbers that would be lost, inertias, meshes, other tools."""
 
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from os.path import isfile
+from pathlib import Path
 
 import numpy as np
 
@@ -45,6 +47,15 @@ _COUNTS = {
 _ROUNDING = 1e-9
 #: Links that a warning names.
 _NAMED = 5
+#: Heaviest over lightest moving link, beyond which half the digits are gone.
+_SPREAD = 1e8
+#: Tools that refuse a kind of file.
+_REFUSED = {
+    ".stl": "Drake",
+    ".dae": "MuJoCo and Drake",
+    ".glb": "MuJoCo and PyBullet",
+    ".gltf": "MuJoCo and PyBullet",
+}
 
 
 def check(root: ET.Element) -> Iterator[Problem]:
@@ -179,7 +190,8 @@ def _friction(joint: ET.Element, where: str, kind: str) -> Iterator[Problem]:
         text = _attribute(joint.find("dynamics"), key) or "0"
         value = 0.0 if (found := numbers(text, 1)) is None else found[0]
         if value and kind not in _ONE_AXIS:
-            yield error(where, f"{key} of a {kind} joint is not read; ClosedChain takes {name}=")
+            cure = f"write {name}: {{{joint.get('name')}: {value:g}}} in the YAML"
+            yield error(where, f"{key} of a {kind} joint is not read; {cure}")
         elif value < 0:
             text = f"dynamics {key}={text!r} is negative: it would accelerate the joint"
             yield error(where, text)
@@ -255,3 +267,77 @@ def inertia_notes(root: ET.Element) -> Iterator[str]:
         more = f" and {len(found) - _NAMED} more" * (len(found) > _NAMED)
         listed = "; ".join(found[:_NAMED])
         yield f"{listed}{more}. The dynamics are computed with these numbers"
+
+
+def check_inertias(root: ET.Element, without: Collection[str] = ()) -> Iterator[Problem]:
+    """Problems of a URDF's inertials, but for some links that need none."""
+    masses, moves = dict[str, float](), dict[str, bool]()
+    for joint in root.findall("joint"):
+        for child in joint.findall("child"):
+            moves[child.get("link", "")] = joint.get("type") != "fixed"
+    for link in root.findall("link"):
+        name, inertial = link.get("name", ""), link.find("inertial")
+        where = f"link {name}"
+        if inertial is not None:
+            body = mass_of(inertial)  # a missing number is told by the reader's checks
+            if body is not None and body[0] >= 0:
+                yield from _body(*body, where, moves.get(name, False))
+                if moves.get(name) and body[0]:
+                    masses[name] = body[0]
+        elif name in without:
+            continue
+        elif moves.get(name):
+            yield note(where, "moves without <inertial>: 1 kg in PyBullet, refused by MuJoCo")
+        elif name in moves:
+            text = "1 kg in PyBullet; add an <inertial> of zeros"
+            yield note(where, f"fixed link without <inertial>: {text}")
+    heavy, light = (end(masses, key=lambda n: masses[n], default="") for end in (max, min))
+    if masses and masses[heavy] > _SPREAD * masses[light]:
+        text = f"very different masses, {masses[heavy]:.3g} kg and {masses[light]:.3g} kg"
+        yield warning(f"links {heavy} and {light}", text)
+
+
+def _body(mass: float, inertia: Array, where: str, moves: bool) -> Iterator[Problem]:
+    if text := impossible(mass, inertia):
+        yield warning(where, text)
+    elif moves and mass == 0:
+        yield note(where, "moves without mass: refused by MuJoCo")
+    elif moves and not inertia.any():
+        yield note(where, "moves, has mass but no inertia: refused by MuJoCo")
+    elif mass and not inertia.any():
+        yield note(where, "has mass but no inertia")
+    elif moves and principal_moments(inertia)[0] <= 0:
+        yield note(where, "moves, a principal moment of its inertia is 0: refused by MuJoCo")
+
+
+def check_shapes(root: ET.Element, folder: Path) -> Iterator[Problem]:
+    """Problems of the shapes of a URDF in a folder."""
+    meshes: dict[str, str] = {}
+    for link in root.findall("link"):
+        where = f"link {link.get('name')}"
+        for shape in (*link.findall("visual"), *link.findall("collision")):
+            for part in (shape, *shape.findall("geometry")):  # Pinocchio drops such a shape
+                yield from no_numbers(part, where)
+        for shape in link.iterfind(".//geometry/*"):
+            if shape.tag == "capsule":
+                yield note(where, "<capsule>: not drawn by Pinocchio")
+            if shape.tag == "mesh":
+                meshes.setdefault(shape.get("filename", ""), where)
+    for name, where in meshes.items():  # once for each file
+        yield from _mesh(name, where, folder)
+
+
+def _mesh(name: str, where: str, folder: Path) -> Iterator[Problem]:
+    if name.startswith("package://"):
+        yield note(where, "meshes by package://: not resolved by MuJoCo; use relative paths")
+        package, _, rest = name.removeprefix("package://").partition("/")
+        places = [base / package / rest for base in (folder, *folder.resolve().parents)]
+    else:
+        places = [folder / name.removeprefix("file://")]
+        if Path(name.removeprefix("file://")).is_absolute():
+            yield warning(where, f"mesh {name}: an absolute path is valid on one machine only")
+    if not any(map(isfile, places)):  # which takes names of any length
+        yield error(where, f"mesh {name or '(no name)'}: not found")
+    kind = Path(name).suffix.lower()
+    if tools := _REFUSED.get(kind):
+        yield note(where, f"meshes {kind}: not read by {tools}")

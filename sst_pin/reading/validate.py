@@ -27,8 +27,8 @@ from ..model.closures import Constraint, frames_of
 from ..model.tree import frame_id
 from ..summaries import listed
 from .described import Described
-from .link_contents import check_inertias, check_shapes
 from .problems import SEVERITIES, Problem, error, merged, note, warning
+from .urdf_checks import check_inertias, check_shapes
 
 __all__ = ["Problem", "examine", "summary_of", "validate"]
 

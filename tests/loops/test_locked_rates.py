@@ -10,6 +10,7 @@ import pytest
 import sst_pin
 from sst_pin import ClosedChain, Closure
 from sst_pin.model.checks import without_locked
+from sst_pin.reading import parse_cuts
 
 X, Y, Z = np.eye(3)
 SKEW = np.array([1.0, -2.0, 0.5]) / np.linalg.norm([1.0, -2.0, 0.5])
@@ -171,6 +172,8 @@ def test_the_cure_that_messages_print_removes_the_spin_alone(rod):
     for message in (free.mobility(), refusal.value):
         locked = cure_in(message)
         assert len(locked) == 1
+        in_yaml = re.search("`(locked: .*?)`", str(message))[1]
+        assert parse_cuts(f"name_mot: []\n{in_yaml}", "cuts").locked == tuple(locked)
         assert locked[0].startswith("ball_w")
         cured = slider_crank(rod, locked)
         assert cured.degrees_of_freedom == 1
