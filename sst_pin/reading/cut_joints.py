@@ -87,12 +87,12 @@ class CutJoint(NamedTuple):
         data = model.createData()
         pin.framesForwardKinematics(model, data, pin.neutral(model))
         sides = zip(names, self.links, self.places, self.seen_from, strict=True)
-        for name, link, given, other in sides:
+        for name, link, offset, other in sides:
             if model.existFrame(name):
                 raise DescriptionError(self.name, [f"a frame {name} exists; rename this joint"])
             number, seen = self._frame(model, link), self._frame(model, other)
             body, there = model.frames[number], data.oMf[number].actInv(data.oMf[seen])
-            place = body.placement * (given if seen == number else there * given)
+            place = body.placement * (offset if seen == number else there * offset)
             kind = pin.FrameType.OP_FRAME
             model.addFrame(pin.Frame(name, body.parentJoint, number, place, kind))
         return Closure(*names, self.kind)
@@ -170,17 +170,17 @@ class Marks:
         self.problems += [error(where, text) for text in problems]
 
     def _joint(self, element: ET.Element) -> None:
-        given, gazebo = _name(element, "type"), element.tag == "joint"
+        kind, gazebo = _name(element, "type"), element.tag == "joint"
         sides = _SIDES["constraint" if gazebo else element.tag]
         read = _side_of_gazebo if gazebo else _side
         (a, b), places, axes = zip(*(read(element, side) for side in sides), strict=True)
         for side, link in zip(sides, (a, b), strict=True):
             self._require_link(side, link)
-        if given == "universal" and not gazebo and element.find("parent_axis") is None:
+        if kind == "universal" and not gazebo and element.find("parent_axis") is None:
             raise ValueError("a universal joint has two axes; write it as <constraint>")
         seen = (b, b) if gazebo else (a, b)
         name = _name(element, "name") or f"{a}_{b}"
-        self.joints.append(cut_joint(name, given, (a, b), places, axes, seen))
+        self.joints.append(cut_joint(name, kind, (a, b), places, axes, seen))
 
     def _gear(self, element: ET.Element) -> None:
         paths, ratio = [], number(element.find("ratio"), "value")
@@ -198,8 +198,8 @@ class Marks:
         names = [name for name in factors if name not in self.independent and factors[name]]
         if not names:
             raise ValueError("no joint between its links depends on others")
-        own = factors.pop(names[0])
-        self.gears.append(Coupling(names[0], {n: (0.0, -f / own) for n, f in factors.items()}))
+        slope = factors.pop(names[0])
+        self.gears.append(Coupling(names[0], {n: (0.0, -f / slope) for n, f in factors.items()}))
 
     def _path(self, link: str) -> Iterator[ET.Element]:
         """Joints from a link to the base."""
@@ -228,9 +228,9 @@ _Side = tuple[str, pin.SE3, Array]
 
 
 def _side(element: ET.Element, side: str) -> _Side:
-    found, origin = element.find(side), element.find(f"{side}_origin")
-    if origin is None and found is not None:
-        origin = found if found.find("origin") is None else found.find("origin")
+    end, origin = element.find(side), element.find(f"{side}_origin")
+    if origin is None and end is not None:
+        origin = end if end.find("origin") is None else end.find("origin")
     xyz, rpy = (_vector(origin, key) for key in ("xyz", "rpy"))
     place = pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
     axis = "axis" if element.find(f"{side}_axis") is None else f"{side}_axis"
@@ -269,8 +269,8 @@ def _independent(root: ET.Element) -> Iterator[str]:
 def _name(element: ET.Element, path: str) -> str:
     """An attribute of an element, or of one in it as `tag/attribute`; empty without it."""
     tag, _, key = path.rpartition("/")
-    found = element.find(tag) if tag else element
-    return "" if found is None else found.get(key, "")
+    holder = element.find(tag) if tag else element
+    return "" if holder is None else holder.get(key, "")
 
 
 def _direction(text: str) -> Array:

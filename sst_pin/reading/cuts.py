@@ -140,24 +140,24 @@ def _line(value: Any) -> LineForce:
 
 def _numbers(content: YamlContent) -> JointNumbers:
     """Springs, friction and rotors of joints."""
-    found = JointNumbers()
+    values = JointNumbers()
 
     def spring(joint: str, value: Any) -> None:
         stiffness, reference = numbers_in(value, stiffness=None, reference="0")
-        found["stiffness"][joint], found["reference"][joint] = stiffness, reference
+        values["stiffness"][joint], values["reference"][joint] = stiffness, reference
 
     def rotor(joint: str, value: Any) -> None:
         fields = value if isinstance(value, dict) else {"rotor_inertia": value}
         inertia, gear = numbers_in(fields, rotor_inertia=None, gear_ratio="1")
-        found["armature"][joint] = inertia * gear**2
+        values["armature"][joint] = inertia * gear**2
 
     def friction(kind: str, joint: str, value: Any) -> None:
-        found[kind][joint] = number_in(value)
-        if found[kind][joint] < 0:
+        values[kind][joint] = number_in(value)
+        if values[kind][joint] < 0:
             raise ValueError(f"{value} of {joint} is negative: it would accelerate the joint")
 
     content.entries("joint_spring", spring, dict)
     content.entries("armature", rotor, dict)
     for kind in ("viscous_friction", "coulomb_friction"):
         content.entries(kind, partial(friction, kind), dict)
-    return found
+    return values

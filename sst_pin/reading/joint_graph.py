@@ -48,7 +48,7 @@ class GraphJoint(NamedTuple):
 class JointGraph:
     """A URDF of bodies and joints; `add_link` adds the bodies.
 
-    `own` has each link's frame in the URDF, in the frame that it has in the file; `balls` and
+    `frames` has each link's frame in the URDF, in the frame that it has in the file; `balls` and
     `gravity` are what a URDF does not have, `crosses` the links between two axes of a joint.
     """
 
@@ -56,15 +56,15 @@ class JointGraph:
         self, name: str, joints: Sequence[GraphJoint], rest: Mapping[str, pin.SE3]
     ) -> None:
         """`rest` has for each body where it stands in the world while it floats at zero."""
-        self.urdf, self.own = ET.Element("robot", name=name), {WORLD: pin.SE3.Identity()}
+        self.urdf, self.frames = ET.Element("robot", name=name), {WORLD: pin.SE3.Identity()}
         self.balls, self.problems, left = list[str](), list[str](), list(joints)
         self.crosses = list[str]()
         self.gravity = np.array([0, 0, -9.81])
         ET.SubElement(self.urdf, "link", name=WORLD)
-        while free := [body for body in rest if body not in self.own]:
+        while free := [body for body in rest if body not in self.frames]:
             joint = next(self._next(left), None)
             if joint is None:  # nothing holds this body: it floats
-                called = "floating_base" if len(self.own) == 1 else f"{free[0]}_floats"
+                called = "floating_base" if len(self.frames) == 1 else f"{free[0]}_floats"
                 places = rest[free[0]], pin.SE3.Identity()
                 joint = GraphJoint(called, "floating", (WORLD, free[0]), places)
             else:
@@ -75,20 +75,20 @@ class JointGraph:
 
     def _next(self, joints: list[GraphJoint]) -> Iterator[GraphJoint]:
         """Joints that add a body to the tree, in the order of its bodies."""
-        for link in self.own:
+        for link in self.frames:
             for joint in joints:
                 a, b = joint.links
-                if link in (a, b) and (a in self.own) != (b in self.own):
+                if link in (a, b) and (a in self.frames) != (b in self.frames):
                     yield joint
 
     def _branch(self, joint: GraphJoint) -> None:
         """A joint of the tree; its positions are the same if it is reversed."""
         ((parent, child), (there, here)), swap = (joint.links, joint.places), False
-        if child in self.own:
+        if child in self.frames:
             parent, child, there, here, swap = child, parent, here, there, True
-        self.own[child] = here
+        self.frames[child] = here
         self.balls += [joint.name] * (joint.kind == "ball")
-        at, sign = self.own[parent].actInv(there), -1 if swap else 1
+        at, sign = self.frames[parent].actInv(there), -1 if swap else 1
         names = [joint.name] if len(joint.axes) == 1 else [f"{joint.name}_{k}" for k in (1, 2)]
         steps = list(zip(names, joint.axes, strict=True))[::sign]
         for name, axis in steps:
@@ -97,14 +97,14 @@ class JointGraph:
                 ET.SubElement(self.urdf, "link", name=link)
                 self.crosses.append(link)
             kind = "revolute" if joint.kind in ("universal", "ball") else joint.kind
-            made = ET.SubElement(self.urdf, "joint", name=name, type=kind)
-            ET.SubElement(made, "parent", link=parent)
-            ET.SubElement(made, "child", link=link)
-            ET.SubElement(made, "origin", origin_of(at))
+            element = ET.SubElement(self.urdf, "joint", name=name, type=kind)
+            ET.SubElement(element, "parent", link=parent)
+            ET.SubElement(element, "child", link=link)
+            ET.SubElement(element, "origin", origin_of(at))
             if kind != "floating":
-                ET.SubElement(made, "axis", xyz=text_of(sign * axis.direction))
+                ET.SubElement(element, "axis", xyz=text_of(sign * axis.direction))
             if kind not in ("fixed", "floating"):
-                _detail(made, axis, joint.kind != "ball")
+                _detail(element, axis, joint.kind != "ball")
             if axis.dynamics.get("spring_stiffness"):  # as Gazebo has it in a URDF
                 spring = ET.SubElement(self.urdf, "gazebo", reference=name)
                 for key, tag in SPRINGS.items():
@@ -118,41 +118,41 @@ class JointGraph:
         sides = zip(("parent", "child"), joint.links, joint.places, (first, last), strict=True)
         for side, link, place, axis in sides:
             ET.SubElement(cut, side, link=link)
-            ET.SubElement(cut, f"{side}_origin", origin_of(self.own[link].actInv(place)))
+            ET.SubElement(cut, f"{side}_origin", origin_of(self.frames[link].actInv(place)))
             ET.SubElement(cut, f"{side}_axis", xyz=text_of(axis.direction))
         acting = ("damping", "friction", "spring_stiffness")
-        told = [f"has {k}" for axis in joint.axes for k in acting if axis.dynamics.get(k)]
-        told += ["has mimic"] * any(axis.mimic for axis in joint.axes)
+        texts = [f"has {k}" for axis in joint.axes for k in acting if axis.dynamics.get(k)]
+        texts += ["has mimic"] * any(axis.mimic for axis in joint.axes)
         if joint.kind == "universal" and abs(first.direction @ last.direction) > 1e-9:
-            told.append("its axes are not at a right angle")
-        self.problems += [f"joint {joint.name}: closes a loop and {text}" for text in told]
+            texts.append("its axes are not at a right angle")
+        self.problems += [f"joint {joint.name}: closes a loop and {text}" for text in texts]
 
     def add_link(
         self, name: str, place: pin.SE3, mass: float, inertia: Mapping[str, float]
     ) -> ET.Element:
         """A link with its inertia, whose axes stand at a place in the frame of the file."""
-        made = ET.SubElement(self.urdf, "link", name=name)
-        part = ET.SubElement(made, "inertial")
-        ET.SubElement(part, "origin", origin_of(self.own[name].actInv(place)))
+        element = ET.SubElement(self.urdf, "link", name=name)
+        part = ET.SubElement(element, "inertial")
+        ET.SubElement(part, "origin", origin_of(self.frames[name].actInv(place)))
         ET.SubElement(part, "mass", value=repr(mass))
         ET.SubElement(part, "inertia", {key: repr(x) for key, x in inertia.items()})
-        return made
+        return element
 
 
-def _detail(made: ET.Element, axis: Axis, may_be_endless: bool) -> None:
+def _detail(element: ET.Element, axis: Axis, may_be_endless: bool) -> None:
     """Limits, friction and mimicry of an axis."""
     low, high = axis.limit["lower"], axis.limit["upper"]
-    if may_be_endless and made.get("type") == "revolute" and low <= -_WIDE and high >= _WIDE:
-        made.set("type", "continuous")
+    if may_be_endless and element.get("type") == "revolute" and low <= -_WIDE and high >= _WIDE:
+        element.set("type", "continuous")
     limit = {"lower": max(low, -_WIDE), "upper": min(high, _WIDE)}
     for key in ("effort", "velocity"):
         value = axis.limit.get(key, 0.0)
         limit[key] = value if 0 < value < _WIDE else 0.0
-    ET.SubElement(made, "limit", {key: repr(float(x)) for key, x in limit.items()})
+    ET.SubElement(element, "limit", {key: repr(float(x)) for key, x in limit.items()})
     friction = {key: repr(x) for key, x in axis.dynamics.items() if not key.startswith("spring")}
-    ET.SubElement(made, "dynamics", friction)
+    ET.SubElement(element, "dynamics", friction)
     if axis.mimic:
-        ET.SubElement(made, "mimic", dict(axis.mimic))
+        ET.SubElement(element, "mimic", dict(axis.mimic))
 
 
 def origin_of(place: pin.SE3) -> dict[str, Any]:

@@ -58,5 +58,5 @@ def unknown(element: ET.Element, table: Mapping[str, str], row: str = "") -> Ite
 def means(text: str, value: str) -> bool:
     """Whether a text is a number, several like numbers, or a word for yes or no."""
     text = {"true": "1", "false": "0"}.get(text.strip().lower(), text)
-    found = numbers(text, len(text.split()))
-    return found is not None and bool((found == float(value)).all())
+    values = numbers(text, len(text.split()))
+    return values is not None and bool((values == float(value)).all())

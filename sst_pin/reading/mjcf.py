@@ -57,9 +57,9 @@ def described(
         raise DescriptionError(source, problems)
     tree.add_home(closures)
     shapes = partial(mjcf_shapes, compiled.mj, tree.bodies)
-    found = source, tree.model, closures, motors, shapes, stiffness, tree.rest
+    parts = source, tree.model, closures, motors, shapes, stiffness, tree.rest
     return Described(
-        *found, forces=lines, notes=tuple(warning("file", text) for text in compiled.notes)
+        *parts, forces=lines, notes=tuple(warning("file", text) for text in compiled.notes)
     )
 
 
@@ -77,16 +77,16 @@ def _switched_off(compiled: Compiled, actuated: Sequence[Motor] | None) -> Itera
 def _names(compiled: Compiled) -> Iterator[str]:
     """Problems of names that mean several joints, or none."""
     joints = range(compiled.mj.njnt)
-    own = Counter(map(compiled.joint, joints))
-    known = own + Counter(name for joint in joints for name in compiled.rates(joint))
+    counts = Counter(map(compiled.joint, joints))
+    known = counts + Counter(name for joint in joints for name in compiled.rates(joint))
     with naming(compiled.source):
         for name in compiled.locked.difference(known):
             raise UnknownNameError("joint", name, known)
-    if twice := [name for name, count in own.items() if count > 1]:
+    if twice := [name for name, count in counts.items() if count > 1]:
         text = f"a joint without a name gets its body's name: several joints {', '.join(twice)}"
         yield text
     for name in sorted(compiled.locked):
-        if known[name] > own[name] > 0:
+        if known[name] > counts[name] > 0:
             yield f"locked: {name} is a joint and a rate of another one; rename the joint"
-    if "universe" in own:
+    if "universe" in counts:
         yield "joint universe: Pinocchio's base has this name; rename the joint"

@@ -77,7 +77,7 @@ class Compiled:
         """Indices of the rates of a ball or a free joint that are locked."""
         return [k for k, name in enumerate(self.rates(joint)) if name in self.locked]
 
-    def held(self, joint: int) -> bool:
+    def is_locked(self, joint: int) -> bool:
         """Whether a joint is locked as a whole."""
         return self.joint(joint) in self.locked
 
@@ -94,7 +94,7 @@ class Compiled:
     def shares(self, tendon: int) -> dict[int, float]:
         """Joints of a fixed tendon that are not held, and what each adds to its length."""
         parts = ((self.mj.wrap_objid[k], self.mj.wrap_prm[k]) for k in self.wraps(tendon))
-        return {int(j): float(share) for j, share in parts if share and not self.held(j)}
+        return {int(j): float(share) for j, share in parts if share and not self.is_locked(j)}
 
 
 def _first_element(path: Path) -> str:

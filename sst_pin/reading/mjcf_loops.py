@@ -77,7 +77,7 @@ def _length(compiled: Compiled, of_tendon: bool, index: int) -> _Length:
         compiled.problems.append(f"{compiled.name('tendon', index)}: {text}")
     elif of_tendon and index >= 0:
         shares = compiled.shares(index)
-    elif index >= 0 and not compiled.held(index):
+    elif index >= 0 and not compiled.is_locked(index):
         shares = {index: 1.0}
     start = sum(share * mj.qpos0[mj.jnt_qposadr[j]] for j, share in shares.items())
     return _Length({compiled.joint(j): share for j, share in shares.items()}, float(start))
@@ -100,15 +100,15 @@ def _coupling(
     if not row and not offset:
         return  # all joints that it couples are locked
     slopes = {joint: abs(c[1]) for joint, c in row.items() if not c[2:].any()}
-    own = max(first.shares or slopes, key=lambda joint: slopes.get(joint, 0.0), default="")
-    if not slopes.get(own) or (coefficients[2:].any() and second.shares and not alone):
+    joint = max(first.shares or slopes, key=lambda joint: slopes.get(joint, 0.0), default="")
+    if not slopes.get(joint) or (coefficients[2:].any() and second.shares and not alone):
         text = f"{name}: this equality cannot be solved for a joint: "
         text += "lock both sides or none, and use polynomials of one joint only"
         compiled.problems.append(text)
         return
-    start, slope = row.pop(own)[:2]
+    start, slope = row.pop(joint)[:2]
     others = {joint: tuple(np.trim_zeros(c, "b") / -slope) for joint, c in row.items()}
-    yield Coupling(own, others, float((offset + start) / -slope))
+    yield Coupling(joint, others, float((offset + start) / -slope))
 
 
 class Actuator(NamedTuple):
@@ -133,7 +133,7 @@ def actuators(compiled: Compiled) -> Iterator[Actuator]:
         kind = kinds(mj.actuator_trntype[i]).name.removeprefix("mjTRN_").lower()
         kind, target = kind.removesuffix("inparent"), int(mj.actuator_trnid[i, 0])
         off = mj.opt.disableactuator >> mj.actuator_group[i] & 1 or compiled.disabled("actuation")
-        if not off and not (kind == "joint" and compiled.held(target)):
+        if not off and not (kind == "joint" and compiled.is_locked(target)):
             gear = mj.actuator_gear[outputs[i], 0]
             yield Actuator(compiled.name("actuator", i), kind, target, int(controls[i]), gear)
 

@@ -51,7 +51,7 @@ class MjcfTree:
         placement = placement * pose_of(mj.body_pos[body], mj.body_quat[body])
         first = mj.body_jntadr[body]
         for joint in range(first, first + mj.body_jntnum[body]):
-            if not self._compiled.held(joint):
+            if not self._compiled.is_locked(joint):
                 parent, placement = self._add_joint(joint, parent, placement)
         self.bodies.append((parent, placement))
         center = mj.body_ipos[body]
@@ -164,10 +164,11 @@ class MjcfTree:
                 if not np.allclose(at, [*mj.body_pos[body], *mj.body_quat[body]]):
                     text = f"it moves the mocap body {compiled.name('body', body)}"
                     compiled.problems.append(f"{where}: {text}, which is fixed here")
-            for joint in filter(compiled.held, range(mj.njnt)):
+            for joint in filter(compiled.is_locked, range(mj.njnt)):
                 address = mj.jnt_qposadr[joint]
-                own = slice(address, address + {FREE: 7, BALL: 4}.get(int(mj.jnt_type[joint]), 1))
-                if not np.allclose(qpos[own], mj.qpos0[own]):
+                size = {FREE: 7, BALL: 4}.get(int(mj.jnt_type[joint]), 1)
+                entries = slice(address, address + size)
+                if not np.allclose(qpos[entries], mj.qpos0[entries]):
                     text = f"{compiled.joint(joint)} is locked elsewhere; its value is left out"
                     compiled.notes.append(f"{where}: {text}")
             yield mj.key(key).name, qpos

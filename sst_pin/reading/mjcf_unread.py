@@ -66,23 +66,23 @@ def impossible(compiled: Compiled) -> Iterator[str]:
 
 def unread(compiled: Compiled, tree: MjcfTree) -> list[str]:
     """Forces on joints that are not locked, and inertias of them, beside those that are read."""
-    mj, found = compiled.mj, [*_of_joints(compiled), *_of_fields(compiled, tree)]
+    mj, problems = compiled.mj, [*_of_joints(compiled), *_of_fields(compiled, tree)]
     if mj.opt.density or mj.opt.viscosity:
-        found.append("a medium (density, viscosity, wind) is not supported")
+        problems.append("a medium (density, viscosity, wind) is not supported")
     for body in map(int, np.flatnonzero(getattr(mj, "body_plugin", np.empty(0)) >= 0)):
         name, plugin = compiled.name("body", body), mj.plugin(mj.body_plugin[body]).name
         text = f"a plugin{f' {plugin}' * bool(plugin)} with forces is not supported"
-        found.append(f"body {name}: {text}")
+        problems.append(f"body {name}: {text}")
     for actuator in actuators(compiled):
         if not actuator.controls:
-            found.append(f"{actuator.name}: it acts without a control, which is not supported")
-    return found or list(_of_mujoco(compiled, tree))
+            problems.append(f"{actuator.name}: it acts without a control, which is not supported")
+    return problems or list(_of_mujoco(compiled, tree))
 
 
 def _of_joints(compiled: Compiled) -> Iterator[str]:
     """Free joints, and balls with a locked rate, with more than is read."""
     mj = compiled.mj
-    for joint in (joint for joint in range(mj.njnt) if not compiled.held(joint)):
+    for joint in (joint for joint in range(mj.njnt) if not compiled.is_locked(joint)):
         kind, dof, stiffness = mj.jnt_type[joint], mj.jnt_dofadr[joint], mj.jnt_stiffness[joint]
         spring = stiffness and not compiled.disabled("spring")
         friction = mj.dof_frictionloss[dof] and not compiled.disabled("frictionloss")
@@ -112,7 +112,7 @@ def _of_fields(compiled: Compiled, tree: MjcfTree) -> Iterator[str]:
         if kind == "tendon" and compiled.is_spatial(i):
             return field not in _OF_LINES
         if kind == "actuator" and mj.actuator_trntype[i] in on_joints:
-            return not compiled.held(mj.actuator_trnid[i, 0])
+            return not compiled.is_locked(mj.actuator_trnid[i, 0])
         return kind != "tendon" or bool(compiled.shares(i))
 
     for field, (what, flag) in _FORCES.items():

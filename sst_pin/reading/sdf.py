@@ -66,9 +66,9 @@ class _Reader:
         self._old, worlds = int(minor[1]) < 5, root.findall("world")
         models = [*root.findall("model"), *root.findall("world/model")]
         models = [model for model in models if not is_true(model.findtext("static"))]
-        for what, found in (("models that move", models), ("worlds", worlds)):
-            if len(found) > 1 or not models:
-                raise DescriptionError(source, [f"{len(found)} {what}; one is needed"])
+        for what, elements in (("models that move", models), ("worlds", worlds)):
+            if len(elements) > 1 or not models:
+                raise DescriptionError(source, [f"{len(elements)} {what}; one is needed"])
         (self._model,), self._problems = models, list[str]()
         self._links = {e.get("name", ""): e for e in self._model.findall("link")}
         frames = (e for tag in ("link", "frame", "joint") for e in self._model.findall(tag))
@@ -130,16 +130,16 @@ class _Reader:
                 self._problems.append(f"frame {name} is not in this model")
                 return pin.SE3.Identity()
             pose = element.find("pose")
-            given = "" if pose is None else pose.get("relative_to") or pose.get("frame", "")
-            if not given:
-                given = element.get("attached_to") or "__model__"
-                given = self._end(element, "child") if element.tag == "joint" else given
-            self._at[name] = self._place(given) * self._pose(element)
-        found = self._at[name]
-        if found is None:
+            base = "" if pose is None else pose.get("relative_to") or pose.get("frame", "")
+            if not base:
+                base = element.get("attached_to") or "__model__"
+                base = self._end(element, "child") if element.tag == "joint" else base
+            self._at[name] = self._place(base) * self._pose(element)
+        place = self._at[name]
+        if place is None:
             self._problems.append(f"frame {name}: its pose is relative to itself")
             return pin.SE3.Identity()
-        return found
+        return place
 
     def _end(self, joint: ET.Element, side: str) -> str:
         """The link, or the world, that a joint connects."""
@@ -168,9 +168,9 @@ class _Reader:
         for path in (f"{tag}/dynamics/{key}" for tag in tags[count:] for key in _ACTING):
             if self._number(joint, joint, path, 0.0):
                 self._told(joint, f"{kind}, and does not have the axis of its {path}")
-        found = GraphJoint(name, kind, (a, b), places)
+        graph_joint = GraphJoint(name, kind, (a, b), places)
         axes = tuple(self._axis(joint, tag) for tag in tags[:count])
-        return found._replace(axes=axes) if count else found
+        return graph_joint._replace(axes=axes) if count else graph_joint
 
     def _axis(self, joint: ET.Element, tag: str) -> Axis:
         """An axis, in the joint's frame."""
@@ -214,11 +214,11 @@ class _Reader:
         entries = _WORDS["inertia"].split()
         values = {key: self._number(link, inertial, f"inertia/{key}", 0.0) for key in entries}
         mass = self._number(link, inertial, "mass", 1.0)
-        made = graph.add_link(name, self._pose(inertial), mass, values)
+        element = graph.add_link(name, self._pose(inertial), mass, values)
         for tag in ("visual", "collision"):
             for shape in link.findall(tag):
-                place = graph.own[name].actInv(self._pose(shape))
-                made.extend(_shape(tag, shape, place, f"{name}_{len(made)}"))
+                place = graph.frames[name].actInv(self._pose(shape))
+                element.extend(_shape(tag, shape, place, f"{name}_{len(element)}"))
 
     def _number(self, of: ET.Element, inside: ET.Element, path: str, default: float) -> float:
         text = inside.findtext(path, "").strip() or repr(default)
@@ -250,10 +250,10 @@ def _shape(tag: str, shape: ET.Element, place: pin.SE3, name: str) -> Iterator[E
         return
     part = ET.Element(tag)
     ET.SubElement(part, "origin", origin_of(place))
-    given = {to: (kind.findtext(key) or "").strip() for key, to in _SHAPES[kind.tag].items()}
+    sizes = {to: (kind.findtext(key) or "").strip() for key, to in _SHAPES[kind.tag].items()}
     if kind.tag == "mesh":
-        given["scale"] = given["scale"] or "1 1 1"
-    ET.SubElement(ET.SubElement(part, "geometry"), kind.tag, given)
+        sizes["scale"] = sizes["scale"] or "1 1 1"
+    ET.SubElement(ET.SubElement(part, "geometry"), kind.tag, sizes)
     if colour := shape.findtext("material/diffuse", "").strip():
         ET.SubElement(ET.SubElement(part, "material", name=name), "color", rgba=colour)
     yield part

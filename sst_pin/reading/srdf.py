@@ -49,13 +49,13 @@ class Srdf:
                         if joint not in locked:
                             raise ValueError(text)
                         notes.append(where + text)
-        found = {name: configuration(model, pose) for name, pose in poses.items()}
-        for name, q in found.items():
+        configurations = {name: configuration(model, pose) for name, pose in poses.items()}
+        for name, q in configurations.items():
             if not pin.isNormalized(model, q, 1e-9):
                 problems.append(f"group_state {name}: a rotation in it has no direction")
         if problems:
             raise DescriptionError(self._source, problems)
-        for name, q in found.items():
+        for name, q in configurations.items():
             model.referenceConfigurations[name] = q
         return notes
 
@@ -90,6 +90,6 @@ def configuration(model: pin.Model, values: Mapping[str, ArrayLike]) -> Array:
     """The configuration with values of some joints, the others neutral."""
     q = pin.neutral(model)
     for joint in list(model.joints)[1:]:
-        own = slice(joint.idx_q, joint.idx_q + joint.nq)
-        q[own] = values.get(model.names[joint.id], q[own])
+        entries = slice(joint.idx_q, joint.idx_q + joint.nq)
+        q[entries] = values.get(model.names[joint.id], q[entries])
     return np.asarray(pin.normalize(model, q))

@@ -59,13 +59,13 @@ def parse_xml(text: str, source: str, what: str = "a URDF") -> ET.Element:
     return root
 
 
-def bare(root: ET.Element, kept: Mapping[str, Collection[str]]) -> ET.Element:
+def bare(root: ET.Element, words: Mapping[str, Collection[str]]) -> ET.Element:
     """Links, joints and others with some of their elements, one blank between numbers."""
-    found = ET.Element(root.tag, root.attrib)
-    for element in (element for element in root if element.tag in kept):
-        copy = ET.SubElement(found, element.tag, element.attrib)
-        copy.extend(deepcopy(child) for child in element if child.tag in kept[element.tag])
+    copies = ET.Element(root.tag, root.attrib)
+    for element in (element for element in root if element.tag in words):
+        copy = ET.SubElement(copies, element.tag, element.attrib)
+        copy.extend(deepcopy(child) for child in element if child.tag in words[element.tag])
         for part in (part for child in copy for part in child.iter()):
             for key in part.attrib.keys() - _NAMES:
                 part.set(key, " ".join(part.attrib[key].split()))
-    return found
+    return copies

@@ -112,18 +112,18 @@ class Urdf:
     def _split(self, model: pin.Model, parts: Mapping[str, Mapping[str, Any]]) -> pin.Model:
         """The tree with some joints replaced by several in series, each with their friction."""
         taken = {frame.name for frame in model.frames if frame.type != pin.FrameType.BODY}
-        for name in (name + suffix for name, own in parts.items() for suffix in own if suffix):
+        for name in (name + suffix for name, each in parts.items() for suffix in each if suffix):
             if name in taken:
                 text = f"joint {name}: 2 have this name, a part of {name[:-2]} is one of them"
                 raise DescriptionError(self.source, [text])
-        series = {model.getJointId(name): Series.named(own) for name, own in parts.items()}
-        found = rebuilt(model, series)
-        for name, suffix in ((name, suffix) for name, own in parts.items() for suffix in own):
+        series = {model.getJointId(name): Series.named(each) for name, each in parts.items()}
+        split = rebuilt(model, series)
+        for name, suffix in ((name, suffix) for name, each in parts.items() for suffix in each):
             old = model.joints[model.getJointId(name)].idx_v
-            part = found.joints[found.getJointId(name + suffix)]
+            part = split.joints[split.getJointId(name + suffix)]
             rates = slice(part.idx_v, part.idx_v + part.nv)
-            found.damping[rates], found.friction[rates] = model.damping[old], model.friction[old]
-        return found
+            split.damping[rates], split.friction[rates] = model.damping[old], model.friction[old]
+        return split
 
     @property
     def mimics(self) -> tuple[Coupling, ...]:
@@ -160,8 +160,8 @@ def closing_frames(model: pin.Model) -> Iterator[Closure]:
 
 def _dynamics(root: ET.Element, kinds: Mapping[str, str]) -> ET.Element:
     """Elements that the dynamics are made of, as urdfdom takes them; no joint is continuous."""
-    found = bare(root, {"link": ("inertial",), "joint": _OF_JOINTS})
-    for joint in found.findall("joint"):
+    copy = bare(root, {"link": ("inertial",), "joint": _OF_JOINTS})
+    for joint in copy.findall("joint"):
         for dynamics in joint.findall("dynamics"):  # urdfdom wants one of them
             dynamics.attrib.setdefault("damping", "0")
         if "fixed" in (joint.get("type"), kinds.get(joint.get("name", ""), "").lower()):
@@ -173,4 +173,4 @@ def _dynamics(root: ET.Element, kinds: Mapping[str, str]) -> ET.Element:
             if limit is None:
                 limit = ET.SubElement(joint, "limit", effort="0", velocity="0")
             limit.attrib.update(lower=f"-{_WIDE}", upper=_WIDE)
-    return found
+    return copy

@@ -187,13 +187,14 @@ def _axis(joint: ET.Element, where: str, kind: str) -> Iterator[Problem]:
 
 def _friction(joint: ET.Element, where: str, kind: str) -> Iterator[Problem]:
     for key, name in (("damping", "viscous_friction"), ("friction", "coulomb_friction")):
-        text = _attribute(joint.find("dynamics"), key) or "0"
-        value = 0.0 if (found := numbers(text, 1)) is None else found[0]
+        dynamics = joint.find("dynamics")
+        value = number(dynamics, key) or 0.0
         if value and kind not in _ONE_AXIS:
             cure = f"write {name}: {{{joint.get('name')}: {value:g}}} in the YAML"
             yield error(where, f"{key} of a {kind} joint is not read; {cure}")
         elif value < 0:
-            text = f"dynamics {key}={text!r} is negative: it would accelerate the joint"
+            text = f"dynamics {key}={_attribute(dynamics, key)!r} is negative"
+            text += ": it would accelerate the joint"
             yield error(where, text)
 
 
@@ -258,14 +259,14 @@ def impossible(mass: float, inertia: Array) -> str:
 
 def inertia_notes(root: ET.Element) -> Iterator[str]:
     """The links of a URDF with impossible inertias, which are computed as they stand."""
-    found = []
+    problems = []
     for link in root.findall("link[inertial]"):
         for body in filter(None, map(mass_of, link.findall("inertial"))):
             if text := impossible(*body):
-                found.append(f"link {link.get('name')}: {text}")
-    if found:
-        more = f" and {len(found) - _NAMED} more" * (len(found) > _NAMED)
-        listed = "; ".join(found[:_NAMED])
+                problems.append(f"link {link.get('name')}: {text}")
+    if problems:
+        more = f" and {len(problems) - _NAMED} more" * (len(problems) > _NAMED)
+        listed = "; ".join(problems[:_NAMED])
         yield f"{listed}{more}. The dynamics are computed with these numbers"
 
 

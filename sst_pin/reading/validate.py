@@ -141,7 +141,7 @@ def _mechanism(robot: Described) -> tuple[list[Problem], str]:
         with warnings.catch_warnings(record=True) as caught_warnings:
             warnings.simplefilter("always", DescriptionWarning)
             engine = Engine(robot.mechanism())
-        problems = [note("closures", str(told.message)) for told in caught_warnings]
+        problems = [note("closures", str(caught.message)) for caught in caught_warnings]
         problems += _home(engine)
         try:
             mobility = engine.mobility()

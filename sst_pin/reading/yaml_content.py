@@ -69,10 +69,10 @@ def name_in(value: Any) -> str:
 
 def number_in(value: Any, key: str = "") -> float:
     """A number; a ValueError for anything else, with the key of it."""
-    found = numbers(value, 1) if isinstance(value, str) else None
-    if found is None:
+    number = numbers(value, 1) if isinstance(value, str) else None
+    if number is None:
         raise ValueError(f"{key} {shown(value)} is not a number".lstrip())
-    return float(found[0])
+    return float(number[0])
 
 
 def pair_in(value: Any) -> tuple[str, str]:
