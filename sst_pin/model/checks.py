@@ -141,17 +141,20 @@ def coordinates_of(coordinates: Sequence[str]) -> tuple[str, ...]:
 
 def motors_of(motors: Sequence[Motor]) -> tuple[Motor, ...]:
     """Motors, with tendons of the caller copied."""
-    return tuple(
-        motor if not isinstance(motor, Mapping) else {name: dict(shares)} if name else dict(shares)
-        for motor in in_order("actuated", motors)
-        for name, shares in [tendon_of(motor)]
-    )
+
+    def copy_of(motor: Motor) -> Motor:
+        if not isinstance(motor, Mapping):
+            return motor
+        name, shares = tendon_of(motor)
+        return {name: dict(shares)} if name else dict(shares)
+
+    return tuple(map(copy_of, in_order("actuated", motors)))
 
 
 def tendon_of(motor: Motor) -> tuple[str, Mapping[str, float]]:
     """The name of a motor, empty for a tendon without one, and the factors of what it drives."""
     if not isinstance(motor, Mapping):
-        return motor, {motor: 1.0}
+        return motor, {motor: 1.0} if isinstance(motor, str) else {}  # which is refused later
     for name, shares in motor.items():
         if isinstance(shares, Mapping) and len(motor) == 1:
             return name, shares

@@ -53,7 +53,8 @@ def test_an_sst_brings_the_poses_of_its_files(shipped):
         read = [getattr(kind, reader)(file) for kind in (sst_pin.SST, sst_pin.ClosedChain)]
         poses = (chain.model.referenceConfigurations for chain in read)
         ours, theirs = ({pair.key(): pair.data().tolist() for pair in each} for each in poses)
-        assert ours == theirs != {}
+        assert {name: ours[name] for name in theirs} == theirs != {}
+        assert ours.keys() <= {"home", *theirs}  # an SST knows its own
     assert "shown" in ours
 
 

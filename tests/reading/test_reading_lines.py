@@ -86,7 +86,11 @@ def test_spatial_tendons_are_lines_as_in_mujoco(mjcf):
         (LEFT, f'{LEFT}{TIP}<pulley divisor="2"/>{TIP}', "tendon damper: a tendon with pulleys"),
         ('name="damper"', 'name="elbow"', "tendon elbow: a joint has this name too"),
         ('damping="7"', 'damping="7" frictionloss="1"', "friction of a tendon"),
-        ("<equality>", '<equality><tendon tendon1="idle"/>', "a spatial tendon in an equality"),
+        (
+            "<equality>",
+            '<equality><tendon tendon1="idle" tendon2="both"/>',
+            "a spatial tendon in an equality",
+        ),
         ('stiffness="40"', 'stiffness="-40"', "stiffness of line spring: -40 is negative"),
     ],
 )
