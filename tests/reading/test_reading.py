@@ -471,8 +471,6 @@ def test_locked_joints_stay_at_their_reference(mjcf):
 
 
 FREE = '<joint type="free" armature="1"/><geom size="1"/>'
-FIXED = '<tendon><fixed name="f"><joint joint="ja" coef="1"/></fixed></tendon>'
-SPATIAL = '<tendon><spatial name="s"><site site="s1"/><site site="s2"/></spatial></tendon>'
 FIXED = '<tendon><fixed {}="{}"><joint joint="ja" coef="{}"/></fixed></tendon><actuator>'
 ZERO = FIXED.format("name", "t", 0)
 DC = '<dcmotor joint="jb" motorconst=".5" resistance="1" input="none"/>'
@@ -487,11 +485,6 @@ MANY = 2000 * '<body><joint axis="1 0 0"/><geom size=".1"/></body>'
         ("<joint axis", '<joint name="jä" axis', "names that are not UTF-8"),
         ('<body name="d"/>', MANY, "2004 moving joints; at most"),  # data of 400 GB
         ('"d"/>', f'"d">{FREE}</body>', "joint d: a free joint with armature; use <freejoint>"),
-        (
-            "<equality>",
-            f'{SPATIAL}{FIXED}<equality><tendon tendon1="s" tendon2="f"/>',
-            "s: a spatial tendon",
-        ),
         ('<motor joint="jb"/>', '<motor site="s1" refsite="s2"/>', "an actuator on a site"),
         ('<motor joint="jb"/>', '<motor joint="ball" gear="1 0 0"/>', "an actuator on a ball"),
         ('name="a" pos', 'name="a" gravcomp="1" pos', "compensation of gravity is not"),
