@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from functools import cache
 from logging import getLogger
 from time import monotonic
@@ -17,19 +17,35 @@ PATIENCE = 2.0
 _log = getLogger("sst_pin")
 
 
+class _Bar:
+    """A bar of tqdm that appears when it is late."""
+
+    def __init__(self, hint: str = "", **how: Any) -> None:
+        self._bar: Any = None
+        self._how, self._hint, self._late = how, hint, monotonic() + PATIENCE
+
+    def reach(self, done: float) -> None:
+        """Show how much is done."""
+        if self._bar is None and monotonic() > self._late:
+            from tqdm import tqdm  # its import takes longer than most calls
+
+            say_once(self._hint)
+            self._bar = tqdm(leave=False, **self._how)
+        if self._bar is not None:
+            self._bar.update(max(done - self._bar.n, 0))
+
+    def close(self) -> None:
+        if self._bar is not None:
+            self._bar.close()
+
+
 def counted(things: Iterable[T], what: str, total: int | None = None) -> Iterator[T]:
     """Things one by one, with a bar once they take longer."""
-    bar, end = None, monotonic() + PATIENCE
-    try:
+    with closing(_Bar(desc=what, total=total)) as bar:
         for done, thing in enumerate(things):
-            if bar is not None:
-                bar.update()
-            elif done and monotonic() > end:
-                bar = _bar(desc=what, total=total, initial=done)
+            if done:
+                bar.reach(done)
             yield thing
-    finally:
-        if bar is not None:
-            bar.close()
 
 
 @contextmanager
@@ -37,22 +53,10 @@ def over_time(
     what: str, start: float, end: float, hint: str = ""
 ) -> Iterator[Callable[[float], None]]:
     """A function of the time reached, which shows a bar, and a hint once in a process."""
-    bar, late = None, monotonic() + PATIENCE
     form = "{desc} {percentage:3.0f}% |{bar}| {n:.3g}/{total:.3g} s of motion"
-
-    def reach(t: float) -> None:
-        nonlocal bar
-        if bar is None and monotonic() > late:
-            say_once(hint)
-            bar = _bar(desc=what, total=round(end - start, 9), unit="s", bar_format=form)
-        if bar is not None:
-            bar.update(max(t - start - bar.n, 0))
-
-    try:
-        yield reach
-    finally:
-        if bar is not None:
-            bar.close()
+    how = {"desc": what, "total": round(end - start, 9), "unit": "s", "bar_format": form}
+    with closing(_Bar(hint, **how)) as bar:
+        yield lambda t: bar.reach(t - start)
 
 
 @contextmanager
@@ -72,9 +76,3 @@ def say_once(text: str) -> None:
     """Log a line once in a process."""
     if text:
         _log.warning("sst-pin: %s", text)
-
-
-def _bar(**how: Any) -> Any:
-    from tqdm import tqdm  # its import takes longer than most calls
-
-    return tqdm(**how, leave=False)

@@ -6,7 +6,6 @@ import argparse
 import numpy as np
 
 from ..errors import FileFormatError
-from ..progress import over_time
 from ..simulation.motion_files import (
     motion_table,
     read_motion,
@@ -48,8 +47,7 @@ def simulate(arguments: argparse.Namespace) -> int:
     if len(t) < 2:
         raise FileFormatError(table.path, "one row; a simulation needs at least two times")
     q0, va0 = read_start(robot.engine, table, arguments.q0, arguments.va0)
-    with over_time("simulating", t[0], t[-1]) as progress:
-        motion = robot.simulate(tau, q0, va0, t, progress=progress)
+    motion = robot.simulate(tau, q0, va0, t)
     if common.refuses(robot, motion, arguments):
         return 1
     common.save(motion, arguments)

@@ -4,7 +4,6 @@
 import argparse
 import time
 from dataclasses import fields, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -13,8 +12,7 @@ from ..description.frames import JOINT_NAMES
 from ..description.mjcf_writer import write_mjcf
 from ..description.parameters import Parameters, RigidBody
 from ..errors import InputError
-from ..files import Writer, write_files
-from ..progress import over_time
+from ..files import write_files
 from ..sst.paper import PERIOD, compare, example_1, example_2
 from ..sst.robot import SST
 from ..sst.robot_wrapper import configurations_of
@@ -34,45 +32,33 @@ def paper(arguments: argparse.Namespace) -> int:
     if not 10 <= arguments.samples <= 10**7:
         raise InputError("--samples", f"{arguments.samples} is not from 10 to 10 million")
     robot, out = common.sst_of(arguments), arguments.output
-    t = np.linspace(0, PERIOD, arguments.samples)
-    clock = time.perf_counter
-    began = clock()
-    example = example_1(robot, t)
-    seconds = [clock() - began]
+    t, began = np.linspace(0, PERIOD, arguments.samples), time.perf_counter()
+    motions = {"example_1": (example := example_1(robot, t))}
+    seconds = time.perf_counter() - began
     if common.refuses(robot, example, arguments):
         return 1
-    motions = {}
+    peaks, means = np.abs(example.tau).max(axis=0), np.sqrt((example.tau**2).mean(axis=0))
+    lines = [
+        f"Example 1: inverse dynamics along the circle, {len(t)} samples, {seconds:.3f} s",
+        "                    tau_1      tau_2      tau_3",
+        " ".join(["peak |tau| (N m)", *(f"{value:10.4f}" for value in peaks)]),
+        " ".join(["RMS tau    (N m)", *(f"{value:10.4f}" for value in means)]),
+        "Example 2: direct dynamics with these torques, one period",
+        "start     path error   closures   energy error   time",
+    ]
     for name, rounded in (("exact", False), ("printed", True)):
-        began = clock()
-        with over_time(f"example 2, {name} start", t[0], t[-1]) as progress:
-            motions[name] = example_2(robot, example, rounded, progress)
-        seconds.append(clock() - began)
-
-    files: dict[Path, Writer] = {}
-    named = {"example_1": example} | {f"example_2_{name}_start": m for name, m in motions.items()}
-    for stem, motion in named.items():
-        for ending in (".csv", ".npz"):
-            files[out / f"{stem}{ending}"] = motion.writer(f"{stem}{ending}")
-    figures = plots.paper_figures(robot, example, motions["exact"], motions["printed"])
+        began = time.perf_counter()
+        motion = motions[f"example_2_{name}_start"] = example_2(robot, example, rounded)
+        seconds, returned = time.perf_counter() - began, compare(robot, example, motion)
+        lines.append(
+            f"{name:8}  {returned.path_error:.1e} rad  {returned.closure:.1e}    "
+            f"{returned.energy:.1e} J     {seconds:.2f} s{common.remark(motion)}"
+        )
+    files = {out / n: m.writer(n) for s, m in motions.items() for n in (f"{s}.csv", f"{s}.npz")}
+    figures = plots.paper_figures(robot, *motions.values())
     files |= {out / name: writer for name, writer in figures.items()}
     write_files(files, arguments.force, folder=out)
-
-    print(f"Example 1: inverse dynamics along the circle, {len(t)} samples, {seconds[0]:.3f} s")
-    print("                    tau_1      tau_2      tau_3")
-    for label, values in (
-        ("peak |tau| (N m)", np.abs(example.tau).max(axis=0)),
-        ("RMS tau    (N m)", np.sqrt((example.tau**2).mean(axis=0))),
-    ):
-        print(label, *(f"{value:10.4f}" for value in values))
-    print("Example 2: direct dynamics with these torques, one period")
-    print("start     path error   closures   energy error   time")
-    for (name, motion), elapsed in zip(motions.items(), seconds[1:], strict=True):
-        returned = compare(robot, example, motion)
-        print(
-            f"{name:8}  {returned.path_error:.1e} rad  {returned.closure:.1e}    "
-            f"{returned.energy:.1e} J     {elapsed:.2f} s{common.remark(motion)}"
-        )
-    print(f"{len(files)} files in {out}")
+    print(*lines, f"{len(files)} files in {out}", sep="\n")
     return 0
 
 

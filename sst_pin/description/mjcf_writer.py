@@ -18,14 +18,13 @@ from ..errors import DescriptionError, DescriptionWarning
 from ..files import require_ending, text_writer, write_files
 from ..model.closures import Closure, Constraint, Coupling, Distance, Rolling, frames_of
 from ..model.mechanism import Mechanism
-from ..model.tree import frame_named
+from ..model.tree import frame_id, frame_named
 from .mjcf_joints import MjcfJoint, joints_of, principal_axes
 from .urdf_writer import numbers
 
-#: Runge-Kutta: on the paper's circle its error is 1e-5 rad where Euler's is 1e-2.
-_OPTION = {"timestep": "0.0005", "integrator": "RK4"}
-#: From so many rates on MuJoCo takes sparse Jacobians, which 4.0.0 factorises wrongly.
-_SPARSE = 60
+#: Runge-Kutta: on the paper's circle its error is 1e-5 rad where Euler's is 1e-2. MuJoCo 4.0.0
+#: factorises the sparse Jacobians wrongly that it takes for large robots.
+_OPTION = {"timestep": "0.0005", "integrator": "RK4", "jacobian": "dense"}
 #: Critically damped with a time constant of two steps; MuJoCo lengthens it with a longer step.
 _EQUALITY = {"solref": "0.001 1", "solimp": "0.9999 0.9999 0.001"}
 #: The least that MuJoCo compiles, [kg], [kg m^2].
@@ -96,21 +95,17 @@ class MjcfWriter:
         self._mechanism, model = mechanism, mechanism.model
         self.root = ET.Element("mujoco", model=model.name)
         SubElement(self.root, "compiler", angle="radian", autolimits="true")
-        dense = {"jacobian": "dense"} if model.nv >= _SPARSE else {}
-        gravity = numbers(model.gravity.linear)
-        SubElement(self.root, "option", _OPTION | dense, gravity=gravity)
+        SubElement(self.root, "option", _OPTION, gravity=numbers(model.gravity.linear))
         SubElement(SubElement(self.root, "default"), "equality", _EQUALITY)
         self._world = base = SubElement(self.root, "worldbody")
-        for frame in model.frames:
-            if frame.type == _LINK and _is_world(frame) and frame.name not in _WORLDS:
-                base = SubElement(self._world, "body", name=frame.name)
-                break
+        self._names = dict(enumerate(model.names))
+        for frame in list(model.frames)[::-1]:  # the name of a link, if it is there
+            if frame.type == _LINK and frame.placement.isIdentity() and frame.name not in _WORLDS:
+                self._names[frame.parentJoint] = frame.name
+        if self._names[0] != "universe":
+            base = SubElement(self._world, "body", name=self._names[0])
         self.bodies, self.joints = [base] * model.njoints, list[MjcfJoint]()
         self._problems, self.notes, self._plain = list[str](), list[str](), plain
-        self._names = dict(enumerate(model.names))
-        for frame in reversed(list(model.frames)[1:]):  # the name of a link, if it is there
-            if frame.type == _LINK and frame.placement.isIdentity():
-                self._names[frame.parentJoint] = frame.name
         self._children(0)
         if not plain:
             self._add_sites()
@@ -219,18 +214,15 @@ class MjcfWriter:
                 f"body {name}: MuJoCo needs mass and inertia about all axes; it gets at least "
                 f"{_LEAST_MASS:g} kg and {_LEAST_INERTIA:g} kg m^2"
             )
-        moments = np.maximum(moments, _LEAST_INERTIA)
-        large, others = moments.argmax(), moments.sum() - moments.max()
-        if moments[large] > others * (1 + _ROUNDING):
-            self._problems.append(
-                f"body {name}: no body has the moments of inertia {moments.round(6)}: "
-                "the largest is more than the sum of the others"
-            )
-        moments[large] = min(moments[large], np.delete(moments, large).sum())
-        pose = _pose(pin.SE3(R, inertia.lever)) | {"pos": numbers(inertia.lever)}
-        mass = numbers([max(inertia.mass, _LEAST_MASS)])
-        body = self.bodies[index]
-        SubElement(body, "inertial", pose, mass=mass, diaginertia=numbers(moments))
+        moments, large = np.maximum(moments, _LEAST_INERTIA), moments.argmax()
+        most = np.delete(moments, large).sum()  # of a body; rounding may pass it
+        if moments[large] > most * (1 + _ROUNDING):
+            text = f"no body has the principal moments {moments.round(6)}"
+            self._problems.append(f"body {name}: {text}: one is more than the sum of the others")
+        moments[large] = min(moments[large], most)
+        attributes = {"pos": numbers(inertia.lever), "diaginertia": numbers(moments)}
+        attributes |= {"mass": numbers([max(inertia.mass, _LEAST_MASS)])}
+        SubElement(self.bodies[index], "inertial", _pose(pin.SE3(R, inertia.lever)) | attributes)
 
     def _add_sites(self) -> None:
         """Sites at frames that are no joints or bodies, and at all ends of closures and lines."""
@@ -239,7 +231,8 @@ class MjcfWriter:
         ends |= {name for x in mechanism.lines.forces for name in (x.frame_a, x.frame_b)}
         seen = set(self._names.values()) - ends
         for frame in model.frames:
-            plain = frame.type in _POINTS or (frame.type == _LINK and not _is_world(frame))
+            world = frame.parentJoint == 0 and frame.placement.isIdentity()
+            plain = frame.type in _POINTS or (frame.type == _LINK and not world)
             if frame.name in ends or (plain and frame.name not in seen):
                 self._site(frame.name, frame.parentJoint, frame.placement)
                 ends.discard(frame.name)
@@ -258,35 +251,32 @@ class MjcfWriter:
         elif isinstance(closure, Distance):
             self._rod(f"rod_{k}", closure)
         else:
-            kind = "weld" if closure.held == _FIXED else "connect"
-            self._connect(kind, closure.frame_a, closure.frame_b)
-            if closure.held[:3] == _BALL[:3] and closure.held.count(False) == 1:
-                self._connect("connect", *self._beside(k, closure))
-            elif closure.held not in (_FIXED, _BALL):
+            held = closure.held
+            self._connect("weld" if held == _FIXED else "connect", *frames_of(closure))
+            if held[:3] == _BALL[:3] and held.count(False) == 1:
+                self._connect("connect", *self._beside(k, closure, held.index(False) - 3))
+            elif held not in (_FIXED, _BALL):
                 kind = closure.kind if isinstance(closure.kind, str) else "of these directions"
                 self._problems.append(f"closure {closure}: MuJoCo has no closure {kind}")
 
     def _connect(self, kind: str, a: str, b: str) -> None:
-        sites = _site_name(a), _site_name(b)
-        where = {"name": f"{a}-{b}", "site1": sites[0], "site2": sites[1]}
+        where = {"name": f"{a}-{b}", "site1": _site_name(a), "site2": _site_name(b)}
         SubElement(self._section("equality"), kind, where)
 
-    def _beside(self, k: int, hinge: Closure) -> Iterator[str]:
+    def _beside(self, k: int, hinge: Closure, axis: int) -> Iterator[str]:
         """Sites on the axis of a hinge, which is two points."""
-        model, axis = self._mechanism.model, hinge.held.index(False) - 3
         aside = pin.SE3(np.eye(3), self._mechanism.length * np.eye(3)[axis])
-        for end in (hinge.frame_a, hinge.frame_b):
-            frame, name = frame_named(model, end), f"{end}_axis_{k}"
-            self._site(name, frame.parentJoint, frame.placement * aside)
-            yield name
+        for end in frames_of(hinge):
+            frame = frame_named(self._mechanism.model, end)
+            self._site(f"{end}_axis_{k}", frame.parentJoint, frame.placement * aside)
+            yield f"{end}_axis_{k}"
 
     def _rod(self, name: str, rod: Distance) -> None:
         """A tendon of constant length."""
-        model = self._mechanism.model
-        data, ends = model.createData(), (rod.frame_a, rod.frame_b)
+        model, data = self._mechanism.model, self._mechanism.model.createData()
         pin.framesForwardKinematics(model, data, pin.neutral(model))
-        a, b = (data.oMf[model.getFrameId(end)].translation for end in ends)
-        self._spatial({"name": name}, *ends)
+        a, b = (data.oMf[frame_id(model, end)].translation for end in frames_of(rod))
+        self._spatial({"name": name}, *frames_of(rod))
         length = numbers([rod.distance - np.linalg.norm(b - a), 0, 0, 0, 0])
         SubElement(self._section("equality"), "tendon", tendon1=name, polycoef=length)
 
@@ -363,10 +353,6 @@ class MjcfWriter:
 def _site_name(frame: str) -> str:
     """MuJoCo's reader of the base would take a second frame of its name for a fault."""
     return "universe_site" if frame == "universe" else frame
-
-
-def _is_world(frame: pin.Frame) -> bool:
-    return frame.parentJoint == 0 and frame.placement.isIdentity()
 
 
 def _pose(at: pin.SE3) -> dict[str, str]:

@@ -3,6 +3,7 @@
 
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from xml.etree.ElementTree import SubElement
 
 import numpy as np
@@ -30,31 +31,8 @@ _GEOMS = {
     "collision": {"mass": "0", "group": "3", "contype": "0", "conaffinity": "1"},
 }
 
-_SCENE = """\
-<mujoco model="sst scene">
-  <include file="sst.xml"/>
-  <statistic center="0 0 0" extent="{extent}"/>
-  <visual>
-    <headlight diffuse="0.25 0.25 0.25" ambient="0.4 0.4 0.4" specular="0 0 0"/>
-    <rgba haze="1 1 1 1"/>
-    <global azimuth="-158" elevation="-23" offwidth="1600" offheight="1200"/>
-    <quality shadowsize="8192"/>
-  </visual>
-  <asset>
-    <texture name="sky" type="skybox" builtin="gradient" rgb1="1 1 1" rgb2="0.92 0.94 0.97"
-      width="256" height="1536"/>
-    <texture name="floor" type="2d" builtin="checker" rgb1="1 1 1" rgb2="0.94 0.94 0.94"
-      width="300" height="300"/>
-    <material name="floor" texture="floor" texrepeat="4 4" texuniform="true"/>
-  </asset>
-  <worldbody>
-    <light pos="{light}" dir="-0.3 0.1 -1" directional="true"
-      diffuse="0.5 0.5 0.5" specular="0.2 0.2 0.2"/>
-    <geom name="floor" type="plane" size="0 0 0.05" pos="0 0 {floor}" material="floor"/>
-    <camera name="front" pos="{camera}" xyaxes="-0.369 0.929 0 -0.397 -0.157 0.904" fovy="38"/>
-  </worldbody>
-</mujoco>
-"""
+#: A scene around `sst.xml`.
+_SCENE = Path(__file__).with_name("scene.xml")
 
 
 def mjcf_of(p: Parameters, configurations: Mapping[str, Array]) -> str:
@@ -125,7 +103,7 @@ def scene_of(p: Parameters) -> str:
             tilt = np.sqrt(max(1 - axis[2] ** 2, 0))
             for point, size in ((solid.start, solid.radius), (solid.end, solid.end_radius)):
                 lowest = min(lowest, float(point[2] - size * tilt))
-    return _SCENE.format(
+    return _SCENE.read_text(encoding="utf-8").format(
         extent=rounded(2.5 * radius),
         light=rounded(radius * np.array((1.2, -0.4, 4))),
         floor=rounded(lowest),

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The two examples of Sect. 7."""
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -27,12 +26,7 @@ def example_1(robot: SST, t: ArrayLike) -> Trajectory:
     return Trajectory(t, np.unwrap(q, axis=0), va, aa, tau, robot.joint_names, robot.motor_names)
 
 
-def example_2(
-    robot: SST,
-    example: Trajectory,
-    rounded: bool = False,
-    progress: Callable[[float], None] | None = None,
-) -> Trajectory:
+def example_2(robot: SST, example: Trajectory, rounded: bool = False) -> Trajectory:
     """Direct dynamics with the torques of example 1, from its first state or the printed one.
 
     Sect. 7.3.
@@ -41,7 +35,7 @@ def example_2(
     if rounded:
         q0 = robot.forward_kinematics(ROUNDED_GAMMA, near=q0)
         va0 = np.array(ROUNDED_GAMMA_DOT)
-    return robot.simulate(example, q0, va0, example.t, progress=progress)
+    return robot.simulate(example, q0, va0, example.t)
 
 
 class Errors(NamedTuple):
