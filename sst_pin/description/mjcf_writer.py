@@ -84,11 +84,8 @@ def write_mjcf(chain: ClosedChain, path: str | Path, force: bool = False) -> Non
 class MjcfWriter:
     """An MJCF in the making; `plain`: the bodies and their joints alone.
 
-    Attributes:
-        root: The element `mujoco`.
-        bodies: The element of the body of each joint, the world's first.
-        joints: MuJoCo's joints, in its order.
-        notes: What is written otherwise than it is, or left out.
+    `bodies` has the element of the body of each joint, `joints` MuJoCo's joints in its order,
+    `notes` what is written otherwise than it is, or left out.
     """
 
     def __init__(self, mechanism: Mechanism, plain: bool = False) -> None:
@@ -190,10 +187,10 @@ class MjcfWriter:
             ("armature", model.armature),
             ("stiffness", springs.stiffness),
         ):
-            value = of_rates[joint.v]
-            if np.ptp(value) or (joint.kind == "free" and name != "damping" and value.any()):
-                text = f"no {name} of single rates of a {joint.kind} joint"
-                self._problems.append(f"joint {joint.name}: {text}")
+            value, kind = of_rates[joint.v], joint.kind
+            if np.ptp(value) or (kind == "free" and name != "damping" and value.any()):
+                text = f"joint {joint.name}: no {name} of single rates of a {kind} joint"
+                self._problems.append(text)
             attributes |= {name: numbers(value[:1])} if value.any() else {}
         if "stiffness" in attributes:
             rest = joint.qpos(springs.reference)

@@ -125,7 +125,14 @@ def test_mujoco_simulates_the_file(name, tmp_path):
     assert np.abs(data.qpos - there).max() < 1e-6
 
 
+def heavy_about_one_axis():
+    model = planar([("a", "universe", 0.0, 1.0)])
+    model.inertias[1] = pin.Inertia(1.0, np.zeros(3), np.diag([1.0, 1.0, 3.0]))
+    return sst_pin.ClosedChain(model, [], ["a"])
+
+
 UNKNOWN = {
+    "body a: no body has the principal moments": heavy_about_one_axis,
     "no rolling": partial(any_chain.rolling, False),  # beside the joint that bears the plane
     "no joint Planar": partial(any_chain.with_joint, "planar"),
     "no joint HelicalUnaligned": partial(any_chain.with_joint, "helical"),
