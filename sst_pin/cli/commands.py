@@ -156,8 +156,10 @@ COMMANDS = (
             option("-o, --output FILE", "Markdown, a picture beside it", Path, required=True),
             _FORCE,
             option("--cutoff HZ", "up to which the log is kept", float, required=True),
-            option("--which NAMES", f"patterns with commas (default: {_WHICH})", default=_WHICH),
-            option("--decimate N", "use one of N samples, after a filter", int, default=1),
+            option("--which NAMES", f"patterns with commas (default: {_WHICH}, and lines)"),
+            option(
+                "--decimate N", "filter both sides, and use one of N samples (default: 10)", int
+            ),
             option("--robust", "let outliers count less"),
             option("--urdf FILE", "write the URDF of --robot with the parameters found", Path),
         ),

@@ -5,12 +5,16 @@ import argparse
 from pathlib import Path
 
 from .. import identification
+from ..closed_chain import ClosedChain
 from ..errors import InputError
 from ..files import Writer, require_ending, text_writer
 from ..identification.urdf_numbers import with_dynamics
 from ..reading import cuts_beside, is_mjcf
 from ..simulation.motion_files import read_log
 from . import common
+
+#: Samples of a motion in a period of the cut-off frequency.
+_EVERY = 10
 
 
 def identify(arguments: argparse.Namespace) -> int:
@@ -24,14 +28,21 @@ def identify(arguments: argparse.Namespace) -> int:
         require_ending(arguments.urdf, ".urdf")
     robot, source = common.robot_of(arguments), common.source_of(arguments.log)
     t, x, tau, start = read_log(robot.engine, source)
-    motion = identification.measured_motion(robot, t, x, tau, cutoff=arguments.cutoff, start=start)
+    cutoff, every = arguments.cutoff, arguments.decimate
+    if every is None:  # as many as the log has
+        every = (
+            max(1, min(_EVERY, int((len(t) - 1) / (t[-1] - t[0]) / cutoff))) if cutoff > 0 else 1
+        )
+    motion = identification.measured_motion(
+        robot, t, x, tau, cutoff=cutoff, decimate=every, start=start
+    )
     cut = 2 * len(motion) // 3
     seen, unseen = motion[:cut], motion[cut:]
-    base = identification.base_parameters(robot, arguments.which.split(","))
-    options = {"robust": arguments.robust, "decimate": arguments.decimate}
-    found = identification.estimate(robot, base, seen.q, seen.va, seen.aa, seen.tau, **options)
-    theta = identification.consistent_parameters(robot, found)
-    text, files = identification.report(robot, found, theta, unseen), dict[Path, Writer]()
+    base = identification.base_parameters(robot, _parameters(robot, arguments.which))
+    options = {"robust": arguments.robust, "decimate": every}
+    estimate = identification.estimate(robot, base, seen.q, seen.va, seen.aa, seen.tau, **options)
+    theta = identification.consistent_parameters(robot, estimate)
+    text, files = identification.report(robot, estimate, theta, unseen), dict[Path, Writer]()
     if pictures:
         from .. import plots
 
@@ -43,9 +54,22 @@ def identify(arguments: argparse.Namespace) -> int:
         made = with_dynamics(robot.with_parameters(theta), urdf)
         files |= _with_closures(made, urdf, arguments.urdf)
     common.write({output: text_writer(text), **files}, arguments)
-    told = f"{len(base)} combinations, {int(found.supported.sum())} supported"
-    common.say(f"{len(motion)} samples, {told} -> {output}", arguments)
+    result = f"{len(base)} combinations, {int(estimate.supported.sum())} supported"
+    common.say(f"{len(motion)} samples, {result} -> {output}", arguments)
     return 0
+
+
+def _parameters(robot: ClosedChain, which: str | None) -> list[str]:
+    """Patterns of the parameters considered: bodies, friction and lines by default.
+
+    A line that is a motor has its damping alone: its force is the motor's.
+    """
+    if which:
+        return which.split(",")
+    motors = set(robot.motor_names)
+    words = ("damping",), ("stiffness", "damping", "preload")
+    lines = [f"{x}.{word}" for x in map(str, robot.forces) for word in words[x not in motors]]
+    return ["*.m*", "*.i*", "*.viscous", "*.coulomb", *lines]
 
 
 def _urdf_of(arguments: argparse.Namespace) -> Path:

@@ -6,13 +6,14 @@ from .calibration import Calibration, calibrate
 from .consistency import consistent_parameters
 from .estimation import Estimate, estimate, predicted_torques, report
 from .excitation import condition_number, excitation
-from .measurements import measured_motion
+from .measurements import MeasuredMotion, measured_motion
 from .urdf_numbers import write_urdf
 
 __all__ = [
     "BaseParameters",
     "Calibration",
     "Estimate",
+    "MeasuredMotion",
     "base_parameters",
     "calibrate",
     "condition_number",

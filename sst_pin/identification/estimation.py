@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,7 @@ from ..errors import InputError
 from ..simulation.trajectories import Trajectory, require_motion
 from ..summaries import Summary
 from .base_parameters import BaseParameters
-from .measurements import decimated
+from .measurements import decimated, noise_correlations
 
 #: Residuals up to so many standard deviations count in full (P. J. Huber).
 _HUBER = 1.345
@@ -30,8 +31,8 @@ class Estimate(Summary):
     Attributes:
         base: The combinations.
         values: Their values, shape (b,).
-        covariance: Their covariance, shape (b, b), for noise that is independent from sample to
-            sample.
+        covariance: Their covariance, shape (b, b), for torques whose noise is independent from
+            sample to sample before the filter of `decimate`.
         noise: Standard deviation of each motor's torque from the model, shape (motors,); the same
             for all where there are more motors than freedoms.
         decimate: One sample of this many was used, after a filter.
@@ -79,10 +80,10 @@ def estimate(
 ) -> Estimate:
     """Base parameters from measurements by weighted least squares, with their covariance.
 
-    Each motor is weighted by its own noise, which the residuals tell; motors more than freedoms
-    have the same noise. Parameters that `base` does not consider keep the values of the chain.
-    With `decimate` both sides of the equations are filtered alike, and so is friction that jumps
-    (M. Gautier, ICRA 1997): the motion may then be filtered little.
+    Each motor is weighted by its own noise, which the residuals show; with more motors than degrees
+    of freedom all have the same noise. Parameters that `base` does not consider keep the values of
+    the chain. With `decimate` both sides of the equations are filtered alike, so friction that
+    jumps has no bias (M. Gautier, ICRA 1997); the torques must not be filtered before.
 
     Args:
         chain: The robot.
@@ -92,8 +93,8 @@ def estimate(
         aa: Accelerations of the coordinates, shape (N, n).
         tau: Measured torques of the motors, shape (N, motors).
         robust: Whether large residuals count less, by Huber's function.
-        decimate: One sample of this many, evenly spaced in time, is used, after a filter
-            forwards and backwards that lets through what these can show.
+        decimate: One sample of this many, evenly spaced in time, is used, after a low-pass filter
+            forwards and backwards. As in `measured_motion`.
 
     Raises:
         InputError: For wrong shapes, fewer motors than coordinates, too few samples, or a motion
@@ -119,43 +120,87 @@ def estimate(
         raise InputError("chain", f"{motors} motors do not tell the forces of {n} coordinates")
     if len(Y) // whole_number("decimate", decimate, 1) * n <= b:
         raise InputError("q", f"{len(Y)} samples are too few for {b} base parameters")
+    if decimate > 1:
+        dry = [
+            k for k, name in enumerate(chain.dynamic_parameters.names) if name.endswith(".coulomb")
+        ]
+        Y[..., dry] *= _mean_signs(chain.joint_rates(q, va))[:, None]
     J = chain.actuator_jacobian(q)
     known = np.array(chain.dynamic_parameters)
     known[base.considered] = 0
     right = (measured[:, None, :] @ J)[:, 0] - Y @ known  # J^T tau
     left, right = decimated(Y[..., base.columns], decimate), decimated(right, decimate)
-    J, surplus = J[::decimate], motors / n
+    J, correlations = J[::decimate], noise_correlations(decimate)
     noise, weights = np.ones(motors), np.ones(right.shape)
     for _ in range(_ITERATIONS):
-        try:
-            spread = np.linalg.cholesky((J.swapaxes(-1, -2) * noise**2) @ J)
-        except np.linalg.LinAlgError:
-            problem = "the motors do not act on all coordinates in all samples"
-            raise InputError("q", problem) from None
-        A = np.asarray(np.linalg.solve(spread, left), float)
-        z = np.asarray(np.linalg.solve(spread, right[..., None])[..., 0], float)
+        A, z, errors = _weighted(J, noise, left, right)
         values, inverse = solved(A * weights[..., None], z * weights)
+        root, used = _deviations(A * weights[..., None], inverse, correlations)
         z = z - A @ values
-        back = np.linalg.solve(spread.swapaxes(-1, -2), z[..., None])
-        errors = noise**2 * (J @ back)[..., 0]  # the smallest torques that explain the rest
-        freedoms = surplus * z.size / (z.size - b)
+        residuals = errors(z)
         if robust:
-            scale = np.median(np.abs(errors), axis=0) / 0.6745
+            scale = np.median(np.abs(residuals), axis=0) / 0.6745
             weights = np.sqrt(np.minimum(1, _HUBER / np.maximum(np.abs(z), 1e-300)))
         else:
-            scale = np.sqrt(np.mean(errors**2, axis=0))
+            scale = np.sqrt(np.mean(residuals**2, axis=0))
         if motors > n:  # the shares of single motors are not seen
             scale = np.full(motors, np.sqrt(np.mean(scale**2)))
-        scale *= np.sqrt(freedoms)
+        scale *= np.sqrt(motors / n * z.size / (z.size - used))
         settled = np.allclose(scale, noise, rtol=1e-6, atol=0)
         noise = np.maximum(scale, 1e-14 * np.abs(measured).max() + 1e-150)
         if settled:
             break
     if robust:
-        _, inverse = solved(A, z)
+        root, _ = _deviations(A, solved(A, z)[1], correlations)
         inside = np.abs(z) < _HUBER
-        inverse *= np.sqrt(np.mean(np.clip(z, -_HUBER, _HUBER) ** 2)) / inside.mean()
-    return Estimate(base, values, inverse @ inverse.T, noise, decimate)
+        root *= np.sqrt(np.mean(np.clip(z, -_HUBER, _HUBER) ** 2)) / inside.mean()
+    return Estimate(base, values, root @ root.T, noise, decimate)
+
+
+def _mean_signs(v: Array) -> Array:
+    """The mean sign of rates, (N, nv), half a sample before and after each, over the sign there.
+
+    A sign changes between samples; filtered friction shows when.
+    """
+    means = (v[1:] + v[:-1]) / 2
+    ends = np.concatenate([v[:1], means]), np.concatenate([means, v[-1:]])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        halves = [(np.abs(end) - np.abs(v)) / (end - v) * np.sign(v) for end in ends]
+    return np.mean([np.where(np.isfinite(half), half, 1.0) for half in halves], axis=0)
+
+
+def _weighted(
+    J: Array, noise: Array, left: Array, right: Array
+) -> tuple[Array, Array, Callable[[Array], Array]]:
+    """Both sides in units of their noise, and the torques of the motors that explain residuals."""
+    try:
+        spread = np.linalg.cholesky((J.swapaxes(-1, -2) * noise**2) @ J)
+    except np.linalg.LinAlgError:
+        problem = "the motors do not act on all coordinates in all samples"
+        raise InputError("q", problem) from None
+    A = np.asarray(np.linalg.solve(spread, left), float)
+    z = np.asarray(np.linalg.solve(spread, right[..., None])[..., 0], float)
+
+    def errors(z: Array) -> Array:
+        """The smallest torques."""
+        back = np.linalg.solve(spread.swapaxes(-1, -2), z[..., None])
+        return np.asarray(noise**2 * (J @ back)[..., 0])
+
+    return A, z, errors
+
+
+def _deviations(A: Array, inverse: Array, correlations: Array) -> tuple[Array, float]:
+    """A root of the covariance of the values, and how many freedoms of the noise they use.
+
+    `inverse` is R^-1 of A = Q R; the noise of samples j + 1 apart correlates by correlations[j].
+    """
+    B = A @ inverse
+    S = np.eye(B.shape[-1])
+    for j, correlation in enumerate(correlations[: len(B) - 1], 1):
+        pairs = correlation * np.tensordot(B[:-j], B[j:], axes=((0, 1), (0, 1)))
+        S = S + pairs + pairs.T
+    sizes, vectors = np.linalg.eigh(S)
+    return inverse @ (vectors * np.sqrt(np.maximum(sizes, 0))), float(np.trace(S))
 
 
 def predicted_torques(chain: ClosedChain, theta: ArrayLike, motion: Trajectory) -> Array:
@@ -226,7 +271,10 @@ def report(chain: ClosedChain, found: Estimate, theta: ArrayLike, unseen: Trajec
         told = "" if ok else "not supported"
         lines.append(f"| {name} | {value:.5g} | {3 * deviation:.2g} | {told} |")
     if found.base.unseen:
-        lines += ["", f"Seen in no motion: {', '.join(found.base.unseen)}."]
+        lines += ["", f"Not identifiable from any motion: {', '.join(found.base.unseen)}."]
+    if replaced := getattr(unseen, "replaced", {}):
+        counts = ", ".join(f"{name} {count}" for name, count in replaced.items())
+        lines += ["", f"Outliers of the log that were replaced: {counts}."]
     return "\n".join([*lines, ""])
 
 

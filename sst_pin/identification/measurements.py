@@ -1,12 +1,17 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Measured positions and torques as a motion: filtered without phase, differentiated, decimated."""
+"""A log of positions and torques as a motion: filtered, differentiated, decimated."""
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import ArrayLike
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from types import MappingProxyType
+from typing import Any
 
-from ..arrays import Array, Flags, finite_array, positive_number
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..arrays import Array, Flags, finite_array, positive_number, whole_number
 from ..closed_chain import ClosedChain
 from ..errors import InputError
 from ..simulation.coordinate_motions import configurations_of, without_full_turns
@@ -14,14 +19,36 @@ from ..simulation.samples import sample_times, spline
 from ..simulation.trajectories import Trajectory
 
 _ORDER = 4
+#: What names of torques begin with; a cut-off in periods per sample that is above this is none.
+_TORQUE, _OPEN = "torque of ", 0.45
 #: How far an outlier is from the smooth curve, over the median of so many periods and samples:
 #: an outlier moves the curve by more than a period.
 _OUTLIER, _PERIODS, _USUAL = 8.0, 10, 141
 #: Of so many samples one outlier is replaced in each of so many passes; positions may be replaced
 #: for this part of a period.
 _AROUND, _PASSES, _BRIDGED = 7, 60, 0.25
+#: A torque is held against the median of so many samples: a peak of three of them is no outlier.
+_NEAR = 5
+#: The filter of `decimated` has forgotten a sample after so many of its samples.
+_MEMORY = 20
 #: Part of the samples that may be outliers: more spoil the curve that they are held against.
 _MOST = 0.05
+
+
+class MeasuredMotion(Trajectory):
+    """A motion from a log.
+
+    Attributes:
+        replaced: How many samples of the log were replaced as outliers, by the name of the
+            coordinate, or "torque of" the motor; those without any are left out.
+    """
+
+    replaced: Mapping[str, int] = MappingProxyType({})
+
+    def __getitem__(self, samples: slice | Sequence[int] | NDArray[Any]) -> MeasuredMotion:
+        part = super().__getitem__(samples)
+        vars(part)["replaced"] = self.replaced
+        return part  # type: ignore[return-value]
 
 
 def measured_motion(
@@ -31,16 +58,22 @@ def measured_motion(
     tau: ArrayLike,
     *,
     cutoff: float,
+    decimate: int = 1,
     start: ArrayLike | None = None,
-) -> Trajectory:
-    """A log of positions and torques as a motion of the robot, with the filtered torques.
+) -> MeasuredMotion:
+    """A log of positions and torques as a motion of the robot.
 
-    A Butterworth filter of order four, forwards and backwards, smooths positions and torques alike;
-    outliers are replaced by the smooth curve around them, positions for less than a quarter of a
-    period of the cut-off frequency. Rates and accelerations are derivatives of splines of degree
-    five. Of the filtered samples as many are kept as the cut-off frequency needs, two in its
-    period, without the first and the last two periods. Joints without a sensor follow by assembly,
-    from sample to sample in one assembly mode.
+    A Butterworth filter of order four, forwards and backwards, smooths the positions. Rates and
+    accelerations are derivatives of splines of degree five. Joints without a sensor follow by
+    assembly, from sample to sample in one assembly mode. The first and the last two periods of the
+    cut-off frequency are left out.
+
+    With `decimate` = 1 the torques are filtered like the positions, and two samples are kept in a
+    period: friction that jumps is then smooth in the torques and not in the regressor. With more,
+    `decimate` samples are kept, and `estimate(decimate=)` filters both sides alike.
+
+    Outliers are samples far from the smooth curve, and torques also far from their neighbours, so
+    that jumps stay. They are replaced: positions by the curve, torques by the median.
 
     Args:
         chain: The robot; each coordinate turns about an axis or slides.
@@ -50,12 +83,13 @@ def measured_motion(
             without end may jump by full turns.
         tau: Torques of the motors, shape (N, motors).
         cutoff: Frequency where the two passes together let half of the amplitude through, [Hz].
+        decimate: The same as in `estimate`; 8 to 20 for robots with dry friction.
         start: A guess of all joints at the start, as in `coordinate_motion`.
 
     Raises:
-        InputError: For wrong shapes, a gap in the log, too many outliers, or too many in a row, or
-            a cut-off frequency that is not below half of the sampling rate, or needs more time than
-            the log has.
+        InputError: For wrong shapes, a gap in the log, more than 5 % of outliers, or outliers for
+            more than a quarter of a period, a cut-off frequency that is not below half of the
+            sampling rate or needs more time than the log has, or more samples than the log has.
         ClosureError: If the loops cannot be closed along the motion.
 
     Example:
@@ -66,71 +100,116 @@ def measured_motion(
         >>> bool(np.abs(motion.va[:, 0] - 0.9 * np.cos(3 * motion.t)).max() < 1e-3)
         True
     """
+    even, values, rate = _even_samples(chain, t, x, tau, cutoff)
+    period, count = 1 / cutoff, whole_number("decimate", decimate, 1)
+    per_period = 2 if count == 1 else count
+    if per_period * cutoff > rate * (1 + 1e-9):
+        problem = (
+            f"{per_period} samples in a period of {cutoff:g} Hz; the log has {rate:.4g} in 1 s"
+        )
+        raise InputError("decimate", f"{problem}: at most {int(rate / cutoff)}")
+    n = len(chain.coordinates)
+    values, smooth, replaced = _without_outliers(values, n, cutoff / rate)
+    first, last = even[0] + 2 * period, even[-1] - 2 * period
+    inside = (first <= even) & (even <= last)
+    names = [*chain.coordinates, *(_TORQUE + name for name in chain.motor_names)]
+    _require_bridged(names, even[inside], replaced[inside], _BRIDGED * period)
+    times = np.linspace(first, last, int((last - first) * per_period / period) + 1)
+    curve, torques = spline(even, smooth[:, :n]), smooth[:, n:]
+    if count > 1:  # only against frequencies that the samples cannot show
+        wide = count * cutoff / 2 / rate
+        torques = lowpass(values[:, n:], wide) if wide < _OPEN else values[:, n:]
+    va, aa = (curve.derivative(k)(times) for k in (1, 2))
+    q = configurations_of(chain.engine, curve(times), start)
+    motion = chain.trajectory(times, q, va, aa, spline(even, torques)(times))
+    result = MeasuredMotion(**{field.name: getattr(motion, field.name) for field in fields(motion)})
+    counts = dict(zip(names, replaced.sum(axis=0).tolist(), strict=True))
+    vars(result)["replaced"] = {name: k for name, k in counts.items() if k}
+    return result
+
+
+def _even_samples(
+    chain: ClosedChain, t: ArrayLike, x: ArrayLike, tau: ArrayLike, cutoff: float
+) -> tuple[Array, Array, float]:
+    """Even times, positions beside torques there, and their rate, [Hz]."""
     times = sample_times(t, 3)
-    values = finite_array("x", x, (len(chain.coordinates),))
+    positions = finite_array("x", x, (len(chain.coordinates),))
     torques = finite_array("tau", tau, (len(chain.motor_names),))
-    for name, array in (("x", values), ("tau", torques)):
+    for name, array in (("x", positions), ("tau", torques)):
         if array.ndim != 2 or len(array) != len(times):
             raise InputError(name, f"shape {array.shape}, expected {len(times)} rows")
-    values = without_full_turns(chain.mechanism, values)
-    period = 1 / positive_number("cutoff", cutoff)
+    period, duration = 1 / positive_number("cutoff", cutoff), times[-1] - times[0]
     even = np.linspace(times[0], times[-1], len(times))
     rate = 1 / (even[1] - even[0])
-    if not (cutoff < rate / 2 and even[-1] - even[0] > 8 * period):
-        told = f"{cutoff:g} Hz, of {even[-1] - even[0]:g} s at {rate:g} Hz"
-        low, high = 8 / (even[-1] - even[0]), rate / 2
-        raise InputError("cutoff", f"{told}; needed: more than {low:.3g} and less than {high:.3g}")
+    if not (cutoff < rate / 2 and duration > 8 * period):
+        problem = f"{cutoff:g} Hz, of {duration:g} s at {rate:g} Hz"
+        low, high = 8 / duration, rate / 2
+        needed = f"more than {low:.3g} and less than {high:.3g}"
+        raise InputError("cutoff", f"{problem}; needed: {needed}")
     gap = int(np.diff(times).argmax())
     if (missing := times[gap + 1] - times[gap]) > period / 2:
         problem = f"no samples for {missing:.3g} s from {times[gap]:.6g} s on"
         raise InputError("t", f"{problem}: more than half a period of {cutoff:g} Hz; split the log")
-    both = np.array([np.interp(even, times, column) for column in np.hstack([values, torques]).T]).T
-    smooth, replaced = _smoothed(both, cutoff / rate)
-    curve = spline(even, smooth[:, : values.shape[1]])
-    first, last = even[0] + 2 * period, even[-1] - 2 * period
-    inside = (first <= even) & (even <= last)
-    _require_bridged(chain, even[inside], replaced[inside], _BRIDGED * period)
-    kept = np.linspace(first, last, int((last - first) * 2 / period) + 1)
-    q = configurations_of(chain.engine, curve(kept), start)
-    held = spline(even, smooth[:, values.shape[1] :])(kept)
-    va, aa = (curve.derivative(k)(kept) for k in (1, 2))
-    return chain.trajectory(kept, q, va, aa, held)
+    columns = np.hstack([without_full_turns(chain.mechanism, positions), torques]).T
+    return even, np.array([np.interp(even, times, column) for column in columns]).T, float(rate)
 
 
-def lowpass(values: Array, cutoff: float) -> Array:
-    """Filtered forwards and backwards along the first axis, the cut-off in periods per sample."""
+def lowpass(values: Array, cutoff: float, ends: str = "odd") -> Array:
+    """Filtered forwards and backwards along the first axis, the cut-off in periods per sample.
+
+    `ends` says how the values go on beyond their ends: "odd", about the last value, or "even".
+    """
     from scipy.signal import butter, sosfiltfilt
 
     beyond = min(int(3 / cutoff), len(values) - 1)  # where the ends are continued
     sections = butter(_ORDER, cutoff, fs=1.0, output="sos")
-    return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=beyond))
+    return np.asarray(sosfiltfilt(sections, values, axis=0, padtype=ends, padlen=beyond))
 
 
 def decimated(values: Array, every: int) -> Array:
-    """One of so many samples, after a filter that lets through what these can show."""
-    return values if every == 1 else lowpass(values, 0.4 / every)[::every]
+    """One of so many samples, after a filter that lets through what these can show.
+
+    Beyond their ends the values are mirrored: about the last value its noise would stay.
+    """
+    return values if every == 1 else lowpass(values, 0.4 / every, "even")[::every]
 
 
-def _require_bridged(chain: ClosedChain, t: Array, replaced: Flags, longest: float) -> None:
-    """Check that few positions are replaced, and for short times only."""
-    for name, column in zip(chain.coordinates, replaced.T, strict=False):
+def noise_correlations(every: int) -> Array:
+    """Correlations of filtered noise in samples of `decimated` that are 1, 2, ... apart."""
+    if every == 1:
+        return np.empty(0)
+    impulse = np.zeros(2 * _MEMORY * every + 1)
+    impulse[_MEMORY * every] = 1.0
+    response = lowpass(impulse, 0.4 / every)
+    lags = (response[k * every :] @ response[: len(response) - k * every] for k in range(_MEMORY))
+    all_lags = np.array([*lags])
+    return np.asarray(all_lags[1:] / all_lags[0])
+
+
+def _require_bridged(names: Sequence[str], t: Array, replaced: Flags, longest: float) -> None:
+    """Check that few samples are replaced, and for short times only."""
+    for name, column in zip(names, replaced.T, strict=True):
+        argument = "tau" if name.startswith(_TORQUE) else "x"
         edges = np.flatnonzero(np.diff(np.concatenate([[False], column, [False]]).astype(int)))
         first, behind = edges[::2], edges[1::2]
         at = t[first[t[behind - 1] - t[first] >= longest]]
         if len(at):
             problem = f"{name} jumps, or is faster than the cut-off frequency, at {at[0]:.6g} s"
-            raise InputError("x", f"{problem}; clean the log or split it there")
+            raise InputError(argument, f"{problem}; clean the log or split it there")
         if (count := int(column.sum())) > _MOST * len(t):
             problem = f"{count} of {len(t)} samples of {name} are outliers"
-            raise InputError("x", f"{problem}: clean the log, or choose a higher cut-off frequency")
+            raise InputError(
+                argument, f"{problem}: clean the log, or choose a higher cut-off frequency"
+            )
 
 
-def _smoothed(values: Array, cutoff: float) -> tuple[Array, Flags]:
-    """Smooth curves through samples, and which samples are outliers, which give way one by one.
+def _without_outliers(values: Array, positions: int, cutoff: float) -> tuple[Array, Array, Flags]:
+    """Samples and smooth curves without outliers, and which they are; they give way one by one.
 
-    An outlier is the sample farthest from the curve around it, by far more than is usual there.
+    An outlier is the sample farthest from the curve around it, by far more than is usual there. A
+    torque is only one if it is also far from the median of its neighbours.
     """
-    from scipy.ndimage import maximum_filter1d
+    from scipy.ndimage import maximum_filter1d, median_filter
 
     values, replaced = values.copy(), np.zeros(values.shape, bool)
     parts = max(1, int(len(values) / max(_USUAL, _PERIODS / cutoff)))
@@ -138,10 +217,13 @@ def _smoothed(values: Array, cutoff: float) -> tuple[Array, Flags]:
         curve = lowpass(values, cutoff)
         away = np.abs(values - curve)
         usual = 1.4826 * np.vstack([0 * a + np.median(a, 0) for a in np.array_split(away, parts)])
+        calm = curve.copy()
+        calm[:, positions:] = median_filter(values[:, positions:], (_NEAR, 1), mode="nearest")
+        away = np.minimum(away, np.abs(values - calm))
         far = away > _OUTLIER * np.maximum(usual, 1e-3 * np.ptp(curve, axis=0))
         far &= away >= maximum_filter1d(away, _AROUND, axis=0)
         if not far.any():
             break
-        values[far] = curve[far]
+        values[far] = calm[far]
         replaced |= far
-    return curve, replaced
+    return values, curve, replaced

@@ -50,6 +50,41 @@ def test_a_report_has_the_friction_of_the_robot_and_the_errors_of_unseen_samples
     assert out.startswith("# Dynamic parameters of five_bar")
 
 
+def test_intervals_have_the_dry_friction_of_the_robot(here, capsys):
+    """Torques and regressor pass the same filter; lines are among the parameters."""
+    spring = sst_pin.LineForce(
+        "universe", "platform", stiffness=5.0, rest_length=0.1, name="spring"
+    )
+    model = CHAIN.model
+    drawn = sst_pin.ClosedChain(model, CHAIN.closures, CHAIN.motor_names, forces=[spring])
+    words = {"viscous": 0.05, "coulomb": 0.1}
+    real = {f"{m}.{word}": x for m in CHAIN.motor_names for word, x in words.items()}
+    true = drawn.with_parameters(real | {"spring.stiffness": 6.0, "spring.damping": 0.2})
+    t = np.arange(0, 10, 0.005)
+    phase = np.outer(t, [3, 4]) + np.sin(np.outer(t, [1, 2]))
+    x = np.array(CHAIN.home)[[0, 2]] + np.array([0.3, 0.2]) * np.sin(phase)
+    motion = sst_pin.coordinate_motion(true, t, x, CHAIN.home)
+    tau = motion.tau + 0.01 * np.random.default_rng(0).normal(size=motion.tau.shape)
+    head = ["t_s", *(f"{m}_rad" for m in CHAIN.motor_names)]
+    head += [f"tau_{m}_Nm" for m in CHAIN.motor_names]
+    table = np.column_stack([t, x, tau])
+    np.savetxt(here / "log.csv", table, "%.9g", ",", header=",".join(head), comments="")
+    sst_pin.write_mjcf(drawn, here / "robot.xml")
+    options = "--robot", "robot.xml", "--cutoff", 8, "-o", "-"
+    code, out, error = run(capsys, "identify", "log.csv", *options)
+    assert code == 0, error
+    base = sst_pin.identification.base_parameters(
+        drawn, ["*.m*", "*.i*", "*.viscous", "*.coulomb", "spring.*"]
+    )
+    values = dict(zip(base.names, base.matrix @ true.dynamic_parameters, strict=True))
+    rows = [line.split("|") for line in out.splitlines() if line.count("|") == 5]
+    shown = {row[1].strip(): row for row in rows if row[1].strip() in values}
+    assert {"spring.stiffness", "spring.damping", "shoulder_1.coulomb"} <= shown.keys()
+    away = [abs(float(row[2]) - values[name]) / float(row[3]) for name, row in shown.items()]
+    assert len(away) >= 12
+    assert max(away) < 1.2  # of three standard deviations, of which so many values may use more
+
+
 @pytest.mark.filterwarnings("ignore::sst_pin.DescriptionWarning")
 def test_the_urdf_gets_the_parameters_found(here, capsys):
     delta = sst_pin.ClosedChain.from_urdf(DELTA)

@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 import sst_pin
 from sst_pin import ClosedChain, InputError, identification, robots
 from sst_pin.identification import base_parameters, estimate, random_states
+from sst_pin.model.named_positions import taken
 from tests.support import any_chain
 
 BODIES = [f"*.{word}" for word in ("mass", "m[xyz]", "i[xyz][xyz]")]
@@ -89,6 +90,7 @@ def test_a_motion_shows_less_than_random_states():
 
 
 MAKE = {"five_bar": robots.five_bar, "more motors than freedoms": robots.planar_4rrr}
+MAKE_MORE = {name: getattr(robots, name) for name in ("four_bar", "delta", "planar_3rrr")}
 
 
 @cache
@@ -141,6 +143,55 @@ def test_values_are_within_their_standard_deviations(name, options):
         missed.append(np.abs(found.values - true) / found.deviations)
     assert 0.58 < np.mean(np.array(missed) < 1) < 0.78
     assert np.mean(np.array(missed) < 3) > 0.98
+
+
+@cache
+def dry(name):
+    """A robot with dry friction in its motors, base parameters, a log at 100 Hz, its matrices."""
+    chain = (MAKE | MAKE_MORE | {"sst": sst_pin.SST})[name]()
+    words = {"viscous": 0.05, "coulomb": 0.1}
+    friction = {f"{m}.{word}": x for m in chain.motor_names for word, x in words.items()}
+    true = chain.with_parameters(friction)
+    t, n = np.arange(0, 8, 0.01), chain.degrees_of_freedom
+    rates = np.random.default_rng(5).uniform(2, 5, n)
+    phase = np.outer(t, rates) + np.sin(np.outer(t, rates / 2))
+    x = taken(chain.mechanism.space, chain.home, chain.coordinates) + 0.15 * np.sin(phase)
+    motion = sst_pin.coordinate_motion(true, t, x, chain.home)
+    base = base_parameters(chain, [*BODIES, *friction])
+    state = motion.q, motion.va
+    arrays = {
+        "torque_regressor": true.torque_regressor(*state, motion.aa),
+        "actuator_jacobian": true.actuator_jacobian(motion.q),
+        "joint_rates": true.joint_rates(*state),
+    }
+    return true, base, motion, arrays
+
+
+def coverage(name, decimate, repetitions, monkeypatch):
+    """Part of the 95 % intervals that have the true value."""
+    chain, base, motion, arrays = dry(name)
+    true, away = base.matrix @ chain.dynamic_parameters, []
+    for method, array in arrays.items():  # computed once
+        monkeypatch.setattr(ClosedChain, method, lambda *_, array=array: array.copy())
+    for seed in range(repetitions):
+        noise = 0.02 * np.random.default_rng(seed).normal(size=motion.tau.shape)
+        found = estimate(
+            chain, base, motion.q, motion.va, motion.aa, motion.tau + noise, decimate=decimate
+        )
+        away.append((found.values - true) / found.deviations)
+    return np.mean(np.abs(away) < 1.96)
+
+
+def test_intervals_of_a_decimated_log_cover_the_truth(monkeypatch):
+    """95 % of them; the standard error of 40 repetitions of 11 values is about 2 %."""
+    assert 0.91 < coverage("five_bar", 10, 40, monkeypatch) < 0.985
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("decimate", [2, 5, 20])
+@pytest.mark.parametrize("name", ["five_bar", "four_bar", "delta", "planar_3rrr", "sst"])
+def test_intervals_of_five_robots_cover_the_truth(name, decimate, monkeypatch):
+    assert 0.93 < coverage(name, decimate, 200, monkeypatch) < 0.97
 
 
 def test_friction_that_depends_on_the_direction_is_found():

@@ -43,6 +43,39 @@ def test_encoder_steps_noise_jitter_and_outliers_leave_the_motion():
     assert_allclose(motion.tau, np.cos(RATE * at), atol=0.03)
 
 
+@pytest.mark.parametrize("decimate", [1, 10])
+def test_torques_that_jump_are_no_outliers_and_those_replaced_are_counted(decimate):
+    """Dry friction reverses five times a second; two readings of the sensor are wrong."""
+    friction = np.sign(np.sin(10 * np.pi * T))[:, None] * [1.0, 2.0]
+    tau = friction + 0.02 * np.random.default_rng(2).normal(size=TAU.shape)
+    peak = 5 * np.exp(-(((T - 3.21) / 0.01) ** 2))
+    tau[:, 1] += peak
+    log = {"t": T, "x": X, "cutoff": 15, "decimate": decimate}
+    good = measured_motion(CHAIN, tau=tau, **log)
+    assert good.replaced == {}
+    bad, x = tau.copy(), X.copy()
+    bad[[900, 2000], 1] -= 30.0
+    x[1500] += 1.0
+    motion = measured_motion(CHAIN, tau=bad, **log | {"x": x})
+    assert motion.replaced == motion[10:20].replaced
+    assert motion.replaced.keys() == {*CHAIN.coordinates, "torque of shoulder_2"}
+    assert motion.replaced["torque of shoulder_2"] == 2
+    assert_allclose(motion.tau, good.tau, atol=0.1)
+
+
+def test_a_log_with_many_wrong_torques_is_refused_as_one_with_many_wrong_positions():
+    random, tau = np.random.default_rng(0), TAU.copy()
+    at = random.choice(np.arange(100, 2900), 300, replace=False)
+    tau[at, 0] += 9.0 * random.choice([-1, 1], 300)
+    with pytest.raises(InputError, match=r"^tau: \d+ of \d+ samples of torque of shoulder_1 are"):
+        measured_motion(CHAIN, T, X, tau, cutoff=10)
+
+
+def test_more_samples_than_the_log_has_are_refused():
+    with pytest.raises(InputError, match=r"the log has 500 in 1 s: at most 33"):
+        measured_motion(CHAIN, T, X, TAU, cutoff=15, decimate=34)
+
+
 def test_an_encoder_that_begins_anew_at_each_turn_gives_the_same_motion():
     model = pin.Model()
     for k, joint in enumerate((pin.JointModelRUBZ(), pin.JointModelRX())):
