@@ -60,7 +60,7 @@ def test_intervals_have_the_dry_friction_of_the_robot(here, capsys):
     words = {"viscous": 0.05, "coulomb": 0.1}
     real = {f"{m}.{word}": x for m in CHAIN.motor_names for word, x in words.items()}
     true = drawn.with_parameters(real | {"spring.stiffness": 6.0, "spring.damping": 0.2})
-    t = np.arange(0, 10, 0.005)
+    t = np.arange(0, 6, 0.01)
     phase = np.outer(t, [3, 4]) + np.sin(np.outer(t, [1, 2]))
     x = np.array(CHAIN.home)[[0, 2]] + np.array([0.3, 0.2]) * np.sin(phase)
     motion = sst_pin.coordinate_motion(true, t, x, CHAIN.home)
