@@ -35,19 +35,10 @@ from .loops.coordinates import settled
 from .loops.frame_guide import frame_configurations
 from .loops.mobility import Mobility
 from .loops.start import assemble, start_of
-from .model.checks import (
-    Motor,
-    closures_of,
-    coordinates_of,
-    copied,
-    forces_of,
-    mechanism_of,
-    motors_of,
-    without_locked,
-)
+from .model.checks import Motor, coordinates_of, copied, recipe_of, without_locked
 from .model.closures import Constraint
 from .model.lines import LineForce
-from .model.mechanism import Mechanism, read_only
+from .model.mechanism import Mechanism
 from .model.robot_properties import RobotProperties
 from .simulation import energy
 from .summaries import Summary, listed
@@ -148,23 +139,15 @@ class ClosedChain(RobotProperties, Summary):
     ) -> None:
         if not isinstance(model, pin.Model):
             raise InputError("model", f"a pinocchio.Model is needed, not {type(model).__name__}")
-        arrays = {
-            "viscous_friction": viscous_friction,
-            "coulomb_friction": coulomb_friction,
-            "stiffness": stiffness,
-            "spring_reference": spring_reference,
-        }
-        numbers = {
-            name: None if value is None else read_only(finite_array(name, value, ()))
-            for name, value in arrays.items()
-        }
-        mechanism: partial[Mechanism] = partial(
-            mechanism_of,
-            closures=closures_of(closures),
-            motors=motors_of(actuated),
-            coordinates=None if coordinates is None else coordinates_of(coordinates),
-            numbers=numbers,
-            forces=forces_of(forces),
+        mechanism = recipe_of(
+            closures,
+            actuated,
+            coordinates,
+            forces,
+            viscous_friction=viscous_friction,
+            coulomb_friction=coulomb_friction,
+            stiffness=stiffness,
+            spring_reference=spring_reference,
         )
         self._fill(without_locked(model, locked) if locked else model, mechanism)
 

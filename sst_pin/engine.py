@@ -15,14 +15,12 @@ from numpy.typing import ArrayLike
 
 from .arrays import (
     Array,
-    Flags,
     Indices,
     as_array,
     finite_array,
     for_each_sample,
     positive_number,
     require_policy,
-    single_array,
     whole_number,
 )
 from .dynamics.derivatives import AccelerationDerivatives, TorqueDerivatives
@@ -31,13 +29,8 @@ from .dynamics.reactions import Reactions, compliances_of, unpacked
 from .dynamics.reference import Reference
 from .dynamics.torque_sharing import preload_directions
 from .errors import ClosureError, InputError, SingularConfigurationError, SSTError
-from .loops.assembly import Assembly, home_of
-from .loops.coordinates import examples
-from .loops.loops import Loops
-from .loops.mobility import Mobility, condition_number, judge, scaled_Phi
-from .model.closures import Rolling
+from .loops.closed_loops import ClosedLoops
 from .model.mechanism import Friction, Mechanism
-from .model.thresholds import CLOSURE_TOLERANCE
 from .model.tree import body_of, frame_id
 from .states import States
 from .summaries import listed
@@ -48,13 +41,10 @@ _DERIVATIVES: dict[type, tuple[Name, str]] = {
     TorqueDerivatives: ("torque_derivatives", "aa"),
     AccelerationDerivatives: ("acceleration_derivatives", "tau"),
 }
-#: The longest first Newton step of an assembly by kernels, [rad] or robot lengths; the largest
-#: ratio of a step to the one before; a step after which the next one is rounding; and rounding.
-_NEAR, _SHRINKS, _LAST, _ROUNDING = 0.1, 0.1, 1e-9, 1e-14
 
 
 class Options(TypedDict, total=False):
-    """How samples are computed: result array, threads of kernels, "raise" or "nan"."""
+    """How samples are computed."""
 
     out: Array | None
     threads: int
@@ -79,13 +69,10 @@ class Kernel(Protocol):
     """Compiled code of one quantity."""
 
     def answer(self, a: Any, b: Any, c: Any, load: Any, out: Any, threads: Any, /) -> Array | None:
-        """The result for arguments as the caller gave them, for one sample or a batch.
-
-        None if the arguments must be checked first, or if a sample fails the checks.
-        """
+        """The result for unchecked arguments; None if these or a sample need a check."""
 
     def derivatives(self, kind: Any, a: Any, b: Any, c: Any, threads: Any, /) -> Any:
-        """Derivatives by a, b and c as a named tuple of this kind, or None as `answer`."""
+        """Derivatives by a, b and c as a named tuple of this kind; None where `answer` is None."""
 
     def many(self, arrays: tuple[Array, ...], out: Array, threads: int = 1, /) -> Indices:
         """Fill results of N samples, shape (N, size); indices of those that fail the checks.
@@ -95,11 +82,10 @@ class Kernel(Protocol):
 
 
 class Kernels(Protocol):
-    """Compiled kernels of one mechanism.
+    """Compiled kernels of one mechanism, with the results of `Reference`.
 
-    Results are those of the functions of `Reference`. Samples that fail a check (an open loop, a
-    singular configuration, a number that is not finite) are computed by the reference path, which
-    raises the error where there is no result.
+    The reference path computes samples that fail a check: an open loop, a singular configuration,
+    or a number that is not finite.
     """
 
     def __str__(self) -> str:
@@ -108,19 +94,21 @@ class Kernels(Protocol):
     def kernel(self, key: Quantity, /) -> Kernel | None:
         """The kernel of a quantity, made at its first use; None if it cannot be compiled."""
 
+    def closed(self, q: Array, /) -> Array | None:
+        """The closed configuration near q with the coordinates fixed; None if it is not near."""
+
     def states(self, friction: Friction) -> States:
         """The state space with this friction instead of the mechanism's."""
 
 
 class Robot(Protocol):
-    """A robot, as public functions of the lower rooms take it: they only use its engine."""
+    """What public functions of lower rooms take: they use the engine only."""
 
     @property
-    def engine(self) -> Engine:
-        """The engine that computes."""
+    def engine(self) -> Engine: ...  # noqa: D102
 
 
-class Engine:
+class Engine(ClosedLoops):
     """Computes the quantities of one mechanism. An engine never changes.
 
     Args:
@@ -137,12 +125,13 @@ class Engine:
         kernels: Kernels | None = None,
         platform: str = "platform",
     ) -> None:
-        self.mechanism, self.make_kernels, self.platform = mechanism, make_kernels, platform
+        super().__init__(mechanism)
+        self.make_kernels, self.platform = make_kernels, platform
         self.reference = Reference(mechanism)
         if kernels is not None:
             self._kernels = kernels
 
-    def __reduce__(self) -> tuple[Callable[..., Engine], tuple[object, ...]]:
+    def __reduce__(self) -> tuple[Any, ...]:
         return _unpickled, (self.mechanism, self.make_kernels, self.platform)
 
     # --- what computes ----------------------------------------------------------------------
@@ -164,7 +153,7 @@ class Engine:
 
     @property
     def path(self) -> str:
-        """What computes, and why."""
+        """What computes, in words."""
         return f"the reference path: {self._kernels}" if self.kernels is None else str(self.kernels)
 
     def kernel(self, key: Quantity) -> Kernel | None:
@@ -174,14 +163,12 @@ class Engine:
     @cached_property
     def torques(self) -> Callable[..., Array | None] | None:
         """`Kernel.answer` of inverse dynamics, for control loops."""
-        kernel = self.kernel(Quantity("torques"))
-        return None if kernel is None else kernel.answer
+        return getattr(self.kernel(Quantity("torques")), "answer", None)
 
     @cached_property
     def accelerations(self) -> Callable[..., Array | None] | None:
         """`Kernel.answer` of direct dynamics, for control loops."""
-        kernel = self.kernel(Quantity("accelerations"))
-        return None if kernel is None else kernel.answer
+        return getattr(self.kernel(Quantity("accelerations")), "answer", None)
 
     def states(self, sign_width: float) -> States:
         """The state space for an integrator, with the sign of Coulomb friction smoothed."""
@@ -203,21 +190,10 @@ class Engine:
         on_error: str = "raise",
         **arguments: Any,
     ) -> Array:
-        """A quantity, for one sample or a batch; `ClosedChain` describes the arguments.
+        """A quantity of one sample or a batch, behind the leading axes of the arguments.
 
-        Args:
-            key: The quantity.
-            q: Configurations, shape (..., nq).
-            platform_moment: Moment on the platform, shape (..., 3).
-            external_wrenches: Wrenches on all bodies, shape (..., r, 6).
-            extra: Arguments of the reference path for which there are no kernels.
-            out: Array for the result.
-            threads: Number of threads of kernels.
-            on_error: "raise", or "nan" to set the results of bad samples to NaN.
-            arguments: The arguments after q by name, in the order of the quantity's function.
-
-        Returns:
-            The shape of the quantity, behind the leading axes of the arguments.
+        `ClosedChain` describes the arguments. Those after q come by name, in the order of the
+        quantity's function; `extra` are arguments that only the reference path has.
         """
         kind = key.properties
         if on_error == "raise" and external_wrenches is None and extra is None:
@@ -244,7 +220,7 @@ class Engine:
         if self.kernels is None and out is None and on_error == "raise":
             pairs = zip(arrays, axes, strict=True)
             if all(array is None or array.ndim == core for array, core in pairs):
-                return function(*arrays)  # the short way for one sample
+                return function(*arrays)  # one sample
 
         def fill(flat: list[Array | None], result: Array) -> Indices:
             rows = [np.require(a, float, "A") for a in flat if a is not None]
@@ -369,10 +345,6 @@ class Engine:
                 raise
         return arrays
 
-    def configurations(self, q: ArrayLike) -> Array:
-        """One or many configurations, shape (..., nq)."""
-        return as_array("q", q, (self.mechanism.model.nq,))
-
     def wrenches(
         self, platform_moment: ArrayLike | None, external_wrenches: ArrayLike | None, on_error: str
     ) -> Array | None:
@@ -387,124 +359,23 @@ class Engine:
             return wrenches
         body = body_of(self.mechanism.model, self.platform)
         if body is None:
-            raise InputError(
-                "platform_moment",
-                f'the robot has no body with a frame "{self.platform}"; use external_wrenches=',
-            )
+            cure = f'the robot has no body with a frame "{self.platform}"; use external_wrenches='
+            raise InputError("platform_moment", cure)
         moment = _loads("platform_moment", platform_moment, (3,), on_error)
         on_platform = np.zeros((*moment.shape[:-1], *shape))
         on_platform[..., body, :3] = moment
         return on_platform if wrenches is None else on_platform + wrenches
 
-    def single(self, q: ArrayLike) -> Array:
-        """One configuration on the manifold, shape (nq,)."""
-        array = single_array("q", q, (self.mechanism.model.nq,))
-        self.mechanism.space.require_on_manifold(array)
-        return array
-
     # --- configurations ---------------------------------------------------------------------
-
-    def loops_at(self, q: ArrayLike) -> Loops:
-        """This thread's loops, evaluated at one configuration."""
-        array = self.single(q)
-        loops = self.reference.memory.loops
-        loops.evaluate(array)
-        return loops
-
-    def residuals(self, q: Array) -> Array:
-        """f(q) of Eq. (2), shape (..., rows)."""
-        rows = (sum(len(closure.rows) for closure in self.mechanism.closures),)
-        return for_each_sample(lambda q: self.loops_at(q).f, [q], (1,), rows)
-
-    def placements(self, q: ArrayLike, frame: str) -> Array:
-        """Placement of a frame in the base where the loops are closed, shape (..., 4, 4)."""
-        index, scale = frame_id(self.mechanism.model, frame), self.mechanism.row_scale
-
-        def one(q: Array) -> Array:
-            loops = self.loops_at(q)
-            loops.require_closed(scale)
-            return np.asarray(loops.data.oMf[index].homogeneous)
-
-        return for_each_sample(one, [self.configurations(q)], (1,), (4, 4))
-
-    def are_closed(self, q: Array) -> Flags:
-        """Whether the loops are closed as far as the dynamics asks, shape (...)."""
-        gaps = np.abs(self.residuals(q) * self.mechanism.row_scale)
-        return np.asarray(gaps.max(axis=-1, initial=0.0) <= CLOSURE_TOLERANCE)
-
-    def condition_numbers(self, q: Array) -> Array:
-        """Condition numbers of the dependent part of Phi, shape (...)."""
-        mechanism, loops = self.mechanism, self.reference.memory.loops
-        parts = loops.parts(mechanism.coordinates)
-
-        def one(q: Array) -> Array:
-            Phi = scaled_Phi(mechanism, loops, self.single(q))
-            return np.asarray(condition_number(mechanism, Phi, parts))
-
-        return for_each_sample(one, [q], (1,), ())
-
-    def closed_near(self, q: Array) -> Array | None:
-        """The closed configuration near q with the coordinates held, by kernels; None if not near.
-
-        Newton steps that start short and shrink fast lead to the one solution nearby, which is that
-        of the reference path too.
-        """
-        mechanism, kernel = self.mechanism, self.kernel(Quantity("closing"))
-        rolling = any(isinstance(closure, Rolling) for closure in mechanism.closures)
-        if kernel is None or rolling or mechanism.held_in_part:  # the path to the solution counts
-            return None
-        result, before = np.full((1, len(q) + 2), np.nan), _NEAR / _SHRINKS
-        while True:
-            failures = kernel.many((q[None],), result)
-            step = pin.difference(mechanism.model, q, result[0, :-2]) / mechanism.rate_scale
-            length = float(np.abs(step).max(initial=0.0))
-            if not length <= _SHRINKS * before:
-                return None
-            if not length < _ROUNDING:  # a closed configuration stays as it is
-                q, before = result[0, :-2].copy(), length
-            if length < _LAST:
-                return None if len(failures) else q
 
     def closed(self, q: Array) -> Array:
         """The closed configuration near q with the coordinates fixed, shape (nq,)."""
-        configuration = self.closed_near(q)
-        if configuration is None:
-            configuration = self.assembly.assemble(q, self.mechanism.dependent)
-        return configuration
-
-    @property
-    def assembly(self) -> Assembly:
-        """Newton's method on the closures, of this thread."""
-        return self.reference.memory.assembly
+        configuration = None if self.kernels is None else self.kernels.closed(q)
+        return super().closed(q) if configuration is None else configuration
 
     def moved(self, q: Array, step: Array) -> Array:
         """The configuration where the coordinates are a step further, in the same assembly mode."""
         return self.reference.moved(q, step)
-
-    @cached_property
-    def home(self) -> Array | None:
-        """The home of the model with closed loops, shape (nq,); None without one."""
-        mechanism = self.mechanism
-        q = home_of(mechanism)
-        if q is None:
-            return None
-        try:
-            self.loops_at(q).require_closed(mechanism.row_scale)
-        except ClosureError:
-            return self.assembly.assemble(q, mechanism.dependent)
-        return q
-
-    def example(self) -> Array:
-        """A configuration with closed loops and without symmetry, shape (nq,)."""
-        if self.mechanism.example is None:
-            return next(examples(self.assembly))
-        return self.mechanism.example.copy()
-
-    def mobility(self, q: ArrayLike | None = None) -> Mobility:
-        """Degrees of freedom and motors; see `ClosedChain.mobility`."""
-        where = "a random assembled configuration" if q is None else "the configuration given"
-        at = self.example() if q is None else self.single(q)
-        return judge(self.mechanism, self.reference.memory.loops, at, where)
 
 
 def _loads(name: str, value: ArrayLike, shape: tuple[int, ...], on_error: str) -> Array:
@@ -519,9 +390,9 @@ def _loads(name: str, value: ArrayLike, shape: tuple[int, ...], on_error: str) -
 def _unpickled(
     mechanism: Mechanism, make_kernels: Callable[..., Kernels] | None, platform: str
 ) -> Engine:
-    """An engine with a copy of the model: mimic joints of an unpickled model end the process.
+    """An engine with read-only arrays and a copy of the model.
 
-    Arrays are read-only again.
+    Mimic joints of an unpickled model end the process.
     """
     parts = {name: replace(getattr(mechanism, name)) for name in ("friction", "springs")}
     mechanism = replace(mechanism, model=pin.Model(mechanism.model), **parts)

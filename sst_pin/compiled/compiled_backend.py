@@ -14,6 +14,7 @@ from math import inf
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from .. import engine
@@ -22,6 +23,7 @@ from ..dynamics.quantities import QUANTITIES, Name, Quantity
 from ..dynamics.reference import Reference
 from ..dynamics.regressor import with_springs
 from ..errors import ActuationError, CompilationError, MissingExtraError, SSTError
+from ..model.closures import Rolling
 from ..model.mechanism import Friction, Mechanism
 from ..model.tree import body_of, frame_named
 from . import libraries
@@ -70,6 +72,11 @@ def compiled_engine(
     kernels = make(reference)
     kernels.make(EVERY if every else keys)
     return engine.Engine(before.mechanism, make, kernels, before.platform)
+
+
+#: The longest first step of Newton's method that stays near, [rad] or robot lengths; the largest
+#: ratio of a step to the one before; a step after which the next one is rounding; and rounding.
+_NEAR, _SHRINKS, _LAST, _ROUNDING = 0.1, 0.1, 1e-9, 1e-14
 
 
 class CompiledBackend:
@@ -136,6 +143,28 @@ class CompiledBackend:
         columns = self._by_columns() if key.name == "accelerations" else None
         kernel = self._kernels[key] = columns or self._kernel(key)
         return kernel
+
+    def closed(self, q: Array) -> Array | None:
+        """The closed configuration near q with the coordinates fixed; None if it is not near.
+
+        Newton steps that start short and shrink fast lead to the same solution as the reference
+        path.
+        """
+        mechanism, kernel = self._mechanism, self.kernel(Quantity("closing"))
+        rolling = any(isinstance(closure, Rolling) for closure in mechanism.closures)
+        if kernel is None or rolling or mechanism.held_in_part:  # the path to the solution counts
+            return None
+        result, before = np.full((1, len(q) + 2), np.nan), _NEAR / _SHRINKS
+        while True:
+            failures = kernel.many((q[None],), result)
+            step = pin.difference(mechanism.model, q, result[0, :-2]) / mechanism.rate_scale
+            length = float(np.abs(step).max(initial=0.0))
+            if not length <= _SHRINKS * before:
+                return None
+            if not length < _ROUNDING:  # a closed configuration stays as it is
+                q, before = result[0, :-2].copy(), length
+            if length < _LAST:
+                return None if len(failures) else q
 
     def states(self, friction: Friction) -> CompiledStates:
         """The state space with this friction instead of the mechanism's."""

@@ -5,7 +5,6 @@ import math
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -13,7 +12,6 @@ from numpy.typing import ArrayLike
 
 from ..arrays import (
     Array,
-    Flags,
     Indices,
     as_array,
     finite_array,
@@ -26,43 +24,23 @@ from ..errors import ClosureError, DescriptionWarning
 from ..model.mechanism import Mechanism
 from ..model.named_positions import angles_and_lengths, put, taken
 from ..summaries import listed
-from .assembly import Assembly, home_of
+from .assembly import home_of
+from .closed_loops import ClosedLoops
 
 #: A joint is at another position if it is off by more than this, [rad] or of the robot's length.
 _FAR = 0.05
 
 
-class _Engine(Protocol):
-    """What these functions need of an engine."""
-
-    @property
-    def mechanism(self) -> Mechanism: ...
-
-    @property
-    def assembly(self) -> Assembly: ...
-
-    @property
-    def home(self) -> Array | None: ...
-
-    def are_closed(self, q: Array) -> Flags: ...
-
-    def closed(self, q: Array) -> Array: ...
-
-    def moved(self, q: Array, step: Array) -> Array: ...
-
-    def example(self) -> Array: ...
-
-
-def _pose(engine: _Engine) -> Array:
+def _pose(loops: ClosedLoops) -> Array:
     """Home, open if its loops cannot be closed; `pin.neutral` without one, shape (nq,)."""
     try:
-        home = engine.home
+        home = loops.home
     except ClosureError:
-        home = home_of(engine.mechanism)
-    return pin.neutral(engine.mechanism.model) if home is None else home
+        home = home_of(loops.mechanism)
+    return pin.neutral(loops.mechanism.model) if home is None else home
 
 
-def start_of(engine: _Engine, *, chosen: bool = False) -> Array:
+def start_of(loops: ClosedLoops, *, chosen: bool = False) -> Array:
     """The configuration where a robot starts, shape (nq,): home, else one near zero.
 
     Without a home the loops are closed near zero, or else a generic configuration is used. If no
@@ -72,19 +50,19 @@ def start_of(engine: _Engine, *, chosen: bool = False) -> Array:
         DescriptionWarning: If neither the description nor, by `chosen`, the caller chooses the
             assembly mode.
     """
-    q, model = _pose(engine), engine.mechanism.model
-    if engine.are_closed(q) or "home" in model.referenceConfigurations:
+    q, model = _pose(loops), loops.mechanism.model
+    if loops.are_closed(q) or "home" in model.referenceConfigurations:
         return q
     try:
-        q = engine.assembly.assemble(q, np.arange(model.nv))
+        q = loops.assembly.assemble(q, np.arange(model.nv))
     except ClosureError:
         try:
-            q = engine.example()
+            q = loops.example()
         except ClosureError:
             return q
     if not chosen:
         _warn(
-            engine,
+            loops,
             "no configuration is named home",
             "name a configuration home (an SRDF beside the URDF, a keyframe of an MJCF, or "
             'model.referenceConfigurations["home"]), or give positions of dependent joints too',
@@ -93,7 +71,7 @@ def start_of(engine: _Engine, *, chosen: bool = False) -> Array:
 
 
 def assemble(
-    engine: _Engine,
+    loops: ClosedLoops,
     q: ArrayLike | Mapping[str, float],
     fixed: Sequence[str] | None = None,
     tries: int = 1,
@@ -102,15 +80,15 @@ def assemble(
 ) -> Array:
     """Configurations with closed loops near a guess; see `ClosedChain.assemble`."""
     tries, seed = whole_number("tries", tries, 1), whole_number("seed", seed, 0)
-    mechanism = engine.mechanism
+    mechanism = loops.mechanism
     model, space = mechanism.model, mechanism.space
     if isinstance(q, Mapping):
         by_coordinates = set(q) <= set(mechanism.coordinate_names)
         if by_coordinates and fixed is None and tries == 1 and not limits:
-            return placed(engine, q)
+            return placed(loops, q)
         if fixed is None and not by_coordinates:
             fixed = list(q)
-        guess = put(space, _pose(engine), q)
+        guess = put(space, _pose(loops), q)
     else:
         guess = as_array("q", q, ())
     free = mechanism.dependent if fixed is None else _others(mechanism, names("fixed", fixed))
@@ -121,8 +99,8 @@ def assemble(
             guess = pin.integrate(model, pin.neutral(model), step)
         start = space.normalised(single_array("q", guess, (model.nq,)))
         if tries == 1 and not limits and np.array_equal(free, mechanism.dependent):
-            return engine.closed(start)
-        return engine.assembly.try_starts(start, free, tries, seed, limits=limits)
+            return loops.closed(start)
+        return loops.assembly.try_starts(start, free, tries, seed, limits=limits)
 
     if guess.ndim > 1 and guess.shape[-1] in (model.nq, model.nv):
         return for_each_sample(one, [guess], (1,), (model.nq,))
@@ -130,7 +108,7 @@ def assemble(
 
 
 def placed(
-    engine: _Engine, positions: Mapping[str, float], guess: ArrayLike | None = None
+    loops: ClosedLoops, positions: Mapping[str, float], guess: ArrayLike | None = None
 ) -> Array:
     """A configuration with closed loops where some joints have given positions, shape (nq,).
 
@@ -144,42 +122,42 @@ def placed(
             the coordinates cannot be moved there without leaving it, or if a dependent joint ends
             at another position.
     """
-    mechanism, space = engine.mechanism, engine.mechanism.space
+    mechanism, space = loops.mechanism, loops.mechanism.space
     if guess is None:
-        start = start_of(engine, chosen=angles_and_lengths(space).keys() <= positions.keys())
+        start = start_of(loops, chosen=angles_and_lengths(space).keys() <= positions.keys())
     else:
         start = finite_array("start", guess, (mechanism.model.nq,))
     follows = set(positions) <= set(mechanism.coordinate_rate_names) and bool(
-        engine.are_closed(start)
+        loops.are_closed(start)
     )
     if follows:
         try:
-            return engine.closed(put(space, _moved(engine, start, positions), positions))
+            return loops.closed(put(space, _moved(loops, start, positions), positions))
         except ClosureError as error:
             moved = ", ".join(positions)
             why = f"{moved} cannot be moved from the start to their positions ({error})"
     try:
-        q = _assembled(engine, start, positions)
+        q = _assembled(loops, start, positions)
         far = _far(mechanism, q, positions)
     except ClosureError:
         if guess is not None:
             raise
-        q = _assembled(engine, engine.example(), positions)
+        q = _assembled(loops, loops.example(), positions)
         far = _far(mechanism, q, positions)
     if far and guess is None:
         with suppress(ClosureError):
-            other = _assembled(engine, engine.example(), positions)
+            other = _assembled(loops, loops.example(), positions)
             if not _far(mechanism, other, positions):
                 return other
     if follows:
         _warn(
-            engine,
+            loops,
             why,
             "give a configuration near them as start, or positions of dependent joints too",
         )
     elif far:
         _warn(
-            engine,
+            loops,
             f"no assembly was found with {listed(far)} at these coordinates",
             "correct these positions, or give those of other dependent joints",
         )
@@ -191,10 +169,10 @@ def _others(mechanism: Mechanism, fixed: Iterable[str]) -> Indices:
     return np.setdiff1d(np.arange(mechanism.model.nv), mechanism.space.rates_of(list(fixed)))
 
 
-def _assembled(engine: _Engine, start: Array, positions: Mapping[str, float]) -> Array:
+def _assembled(loops: ClosedLoops, start: Array, positions: Mapping[str, float]) -> Array:
     """The assembly nearest to the start in which joints are at positions, or near these."""
-    guess = put(engine.mechanism.space, start, positions)
-    return engine.closed(engine.assembly.closer(guess, _others(engine.mechanism, positions)))
+    guess = put(loops.mechanism.space, start, positions)
+    return loops.closed(loops.assembly.closer(guess, _others(loops.mechanism, positions)))
 
 
 def _far(mechanism: Mechanism, q: Array, positions: Mapping[str, float]) -> list[str]:
@@ -210,9 +188,9 @@ def _far(mechanism: Mechanism, q: Array, positions: Mapping[str, float]) -> list
     return far
 
 
-def _moved(engine: _Engine, start: Array, positions: Mapping[str, float]) -> Array:
+def _moved(loops: ClosedLoops, start: Array, positions: Mapping[str, float]) -> Array:
     """The configuration, in the assembly mode of the start, where coordinates are at positions."""
-    mechanism, coordinates = engine.mechanism, list(positions)
+    mechanism, coordinates = loops.mechanism, list(positions)
     step = np.zeros(len(mechanism.coordinates))
     before = taken(mechanism.space, start, coordinates)
     ways = np.array([positions[name] for name in coordinates]) - before
@@ -220,12 +198,12 @@ def _moved(engine: _Engine, start: Array, positions: Mapping[str, float]) -> Arr
         endless = name not in mechanism.space.position_names
         turns = np.round(way / (2 * np.pi)) if endless else 0.0
         step[mechanism.coordinate_rate_names.index(name)] = way - 2 * np.pi * turns
-    return engine.moved(start, step)
+    return loops.moved(start, step)
 
 
-def _warn(engine: _Engine, why: str, cure: str) -> None:
+def _warn(loops: ClosedLoops, why: str, cure: str) -> None:
     warnings.warn(
-        f"model {engine.mechanism.model.name}: {why}, so an assembly mode was chosen. Other modes "
+        f"model {loops.mechanism.model.name}: {why}, so an assembly mode was chosen. Other modes "
         f"need other torques. Check the start; to choose it, {cure}",
         DescriptionWarning,
         stacklevel=5,

@@ -4,6 +4,7 @@
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
@@ -54,6 +55,30 @@ def _no_closure(value: object) -> str:
     frame = 'pin.Frame("a", c.joint1_id, c.joint1_placement, pin.FrameType.OP_FRAME)'
     text = f"a RigidConstraintModel c does not name frames; write model.addFrame({frame})"
     return f'{text}, "b" for joint2 alike, and Closure("a", "b", "{kind}")'
+
+
+def recipe_of(
+    closures: Sequence[Constraint | tuple[str, str]],
+    actuated: Sequence[Motor],
+    coordinates: Sequence[str] | None,
+    forces: Sequence[LineForce],
+    **numbers: ArrayLike | None,
+) -> partial[Mechanism]:
+    """`mechanism_of` with checked arguments of the constructor of `ClosedChain`, but for the tree.
+
+    `numbers` are viscous_friction, coulomb_friction, stiffness and spring_reference.
+    """
+    return partial(
+        mechanism_of,
+        closures=closures_of(closures),
+        motors=motors_of(actuated),
+        coordinates=None if coordinates is None else coordinates_of(coordinates),
+        numbers={
+            name: None if value is None else read_only(finite_array(name, value, ()))
+            for name, value in numbers.items()
+        },
+        forces=forces_of(forces),
+    )
 
 
 def mechanism_of(

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""`ClosedLoops`: configurations of a mechanism, and those that close its loops."""
+
+import threading
+from abc import ABC, abstractmethod
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..arrays import Array, Flags, as_array, for_each_sample, single_array
+from ..errors import ClosureError
+from ..model.mechanism import Mechanism
+from ..model.thresholds import CLOSURE_TOLERANCE
+from ..model.tree import frame_id
+from .assembly import Assembly, home_of
+from .coordinates import examples
+from .loops import Loops
+from .mobility import Mobility, condition_number, judge, scaled_Phi
+
+
+class ClosedLoops(ABC):
+    """The loops of one mechanism at any configurations, from any thread."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.mechanism, self._thread = mechanism, threading.local()
+
+    @property
+    def assembly(self) -> Assembly:
+        """Newton's method on the closures, of this thread."""
+        if not hasattr(self._thread, "assembly"):
+            loops = Loops(self.mechanism.model, self.mechanism.closures)
+            self._thread.assembly = Assembly(self.mechanism, loops)
+        assembly: Assembly = self._thread.assembly
+        return assembly
+
+    def configurations(self, q: ArrayLike) -> Array:
+        """One or many configurations, shape (..., nq)."""
+        return as_array("q", q, (self.mechanism.model.nq,))
+
+    def single(self, q: ArrayLike) -> Array:
+        """One configuration on the manifold, shape (nq,)."""
+        array = single_array("q", q, (self.mechanism.model.nq,))
+        self.mechanism.space.require_on_manifold(array)
+        return array
+
+    # --- at configurations ------------------------------------------------------------------
+
+    def loops_at(self, q: ArrayLike) -> Loops:
+        """This thread's loops, evaluated at one configuration."""
+        array, loops = self.single(q), self.assembly.loops
+        loops.evaluate(array)
+        return loops
+
+    def residuals(self, q: Array) -> Array:
+        """f(q) of Eq. (2), shape (..., rows)."""
+        rows = (sum(len(closure.rows) for closure in self.mechanism.closures),)
+        return for_each_sample(lambda q: self.loops_at(q).f, [q], (1,), rows)
+
+    def are_closed(self, q: Array) -> Flags:
+        """Whether the loops are closed as far as the dynamics needs, shape (...)."""
+        gaps = np.abs(self.residuals(q) * self.mechanism.row_scale)
+        return np.asarray(gaps.max(axis=-1, initial=0.0) <= CLOSURE_TOLERANCE)
+
+    def placements(self, q: ArrayLike, frame: str) -> Array:
+        """Placement of a frame in the base where the loops are closed, shape (..., 4, 4)."""
+        index, scale = frame_id(self.mechanism.model, frame), self.mechanism.row_scale
+
+        def one(q: Array) -> Array:
+            loops = self.loops_at(q)
+            loops.require_closed(scale)
+            return np.asarray(loops.data.oMf[index].homogeneous)
+
+        return for_each_sample(one, [self.configurations(q)], (1,), (4, 4))
+
+    def condition_numbers(self, q: Array) -> Array:
+        """Condition numbers of the dependent part of Phi, shape (...)."""
+        mechanism, loops = self.mechanism, self.assembly.loops
+        parts = loops.parts(mechanism.coordinates)
+
+        def one(q: Array) -> Array:
+            Phi = scaled_Phi(mechanism, loops, self.single(q))
+            return np.asarray(condition_number(mechanism, Phi, parts))
+
+        return for_each_sample(one, [q], (1,), ())
+
+    def mobility(self, q: ArrayLike | None = None) -> Mobility:
+        """Degrees of freedom and motors; see `ClosedChain.mobility`."""
+        where = "a random assembled configuration" if q is None else "the configuration given"
+        at = self.example() if q is None else self.single(q)
+        return judge(self.mechanism, self.assembly.loops, at, where)
+
+    # --- closed configurations --------------------------------------------------------------
+
+    @cached_property
+    def home(self) -> Array | None:
+        """The home of the model with closed loops, shape (nq,); None without one."""
+        mechanism = self.mechanism
+        q = home_of(mechanism)
+        if q is None:
+            return None
+        try:
+            self.loops_at(q).require_closed(mechanism.row_scale)
+        except ClosureError:
+            return self.assembly.assemble(q, mechanism.dependent)
+        return q
+
+    def example(self) -> Array:
+        """A configuration with closed loops and without symmetry, shape (nq,)."""
+        if self.mechanism.example is None:
+            return next(examples(self.assembly))
+        return self.mechanism.example.copy()
+
+    def closed(self, q: Array) -> Array:
+        """The closed configuration near q with the coordinates fixed, shape (nq,)."""
+        return self.assembly.assemble(q, self.mechanism.dependent)
+
+    @abstractmethod
+    def moved(self, q: Array, step: Array) -> Array:
+        """The configuration where the coordinates are a step further, in the same assembly mode."""
