@@ -476,7 +476,7 @@ class ClosedChain(RobotProperties, Summary):
             aa=aa,
             platform_moment=platform_moment,
             external_wrenches=external_wrenches,
-            extra=torque_sharing.weights_of(engine.mechanism, weights),
+            extra=None if weights is None else torque_sharing.weights_of(engine.mechanism, weights),
             out=None if share else out,
             threads=threads,
             on_error=on_error,

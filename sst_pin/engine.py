@@ -24,7 +24,7 @@ from .arrays import (
     whole_number,
 )
 from .dynamics.derivatives import AccelerationDerivatives, TorqueDerivatives
-from .dynamics.quantities import Name, Quantity
+from .dynamics.quantities import QUANTITIES, Name, Quantity
 from .dynamics.reactions import Reactions, compliances_of, unpacked
 from .dynamics.reference import Reference
 from .dynamics.torque_sharing import preload_directions
@@ -195,7 +195,7 @@ class Engine(ClosedLoops):
         `ClosedChain` describes the arguments. Those after q come by name, in the order of the
         quantity's function; `extra` are arguments that only the reference path has.
         """
-        kind = key.properties
+        kind = QUANTITIES[key.name]
         if on_error == "raise" and external_wrenches is None and extra is None:
             result = self._answer(key, q, arguments, platform_moment, out, threads)
             if result is not None:
@@ -246,9 +246,11 @@ class Engine(ClosedLoops):
         threads: int,
     ) -> Array | None:
         """`Kernel.answer` in the shape of the quantity."""
+        if self.kernels is None:
+            return None
         shape = key.properties.shape(self.mechanism)
         unsupported = len(arguments) > 2 or (out is not None and len(shape) > 1)
-        if self.kernels is None or unsupported or not isinstance(key.frame, str | None):
+        if unsupported or not isinstance(key.frame, str | None):
             return None
         kernel = self.kernels.kernel(key)
         if kernel is None:
@@ -329,8 +331,9 @@ class Engine(ClosedLoops):
     def arguments(self, q: ArrayLike, **others: ArrayLike) -> list[Array]:
         """Arguments as arrays of the mechanism's shapes, q first, the others by name."""
         mechanism = self.mechanism
-        mechanism.require_freedom()
         n, motors = len(mechanism.coordinates), mechanism.motors.shape[1]
+        if not n:
+            mechanism.require_freedom()
         arrays = [self.configurations(q)]
         for name, value in others.items():
             try:

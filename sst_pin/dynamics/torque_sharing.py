@@ -114,10 +114,8 @@ def shared_torques(
     return for_each_sample(one, arrays, axes, (motors,), on_error=on_error, out=out)
 
 
-def weights_of(mechanism: Mechanism, weights: ArrayLike | None) -> dict[str, Array] | None:
+def weights_of(mechanism: Mechanism, weights: ArrayLike) -> dict[str, Array]:
     """Weights of the squared torques, positive, shape (motors,), by the name of the argument."""
-    if weights is None:
-        return None
     array = single_array("weights", weights, (mechanism.motors.shape[1],))
     if not (array > 0).all():
         raise InputError("weights", "must be positive")

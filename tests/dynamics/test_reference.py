@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The reference path is short: files in one order, none entered twice."""
+
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sst_pin
+
+ROOT = Path(sst_pin.__file__).parent
+#: Checks and errors that any file may call.
+NOT_COUNTED = {"arrays", "errors"}
+
+
+def files_entered(chain):
+    """Files of the package in the order in which calls from other files enter them."""
+    n = len(chain.coordinates)
+    motion = chain.home, np.full(n, 0.1), np.full(n, 0.2)
+    chain.compute_torques(*motion)  # computes what is computed once
+    files = []
+
+    def note(frame, event, _):
+        path, caller = frame.f_code.co_filename, frame.f_back and frame.f_back.f_code.co_filename
+        if event == "call" and path.startswith(str(ROOT)) and path != caller:
+            name = Path(path).relative_to(ROOT).with_suffix("").as_posix()
+            if name not in NOT_COUNTED and files[-1:] != [name]:
+                files.append(name)
+
+    sys.setprofile(note)
+    try:
+        chain.compute_torques(*motion)
+    finally:
+        sys.setprofile(None)
+    return files
+
+
+def test_the_page_lists_the_files_from_the_call_to_the_dynamics():
+    page = (ROOT.parent / "docs" / "architecture.md").read_text(encoding="utf-8")
+    _, listed = page.split("<!-- files of the reference path -->")
+    names = re.findall(r"^\d\. `([\w/]+)`", listed, re.MULTILINE)
+    assert names == files_entered(sst_pin.SST())
+
+
+@pytest.mark.parametrize("name", ["four_bar", "delta"])
+def test_the_reference_path_enters_at_most_eight_files_and_none_twice(name):
+    """The delta has quaternions."""
+    files = files_entered(getattr(sst_pin.robots, name)())
+    assert len(files) <= 8
+    assert len(set(files)) == len(files)
+
+
+def test_a_robot_with_friction_adds_one_file():
+    plain = sst_pin.robots.four_bar()
+    friction = sst_pin.ClosedChain(
+        plain.model, plain.closures, ["crank"], viscous_friction=np.full(3, 0.1)
+    )
+    assert files_entered(friction) == [*files_entered(plain), "model/mechanism"]
