@@ -16,8 +16,10 @@ import pinocchio as pin
 from ..arrays import Array, Flags, Indices
 from ..errors import ClosureError, InputError
 from ..model.closures import Constraint
+from ..model.geometry import bearer_of, placement_of
 from ..model.normal_tree import NormalTree
 from ..model.thresholds import CLOSURE_TOLERANCE
+from ..model.tree import frame_id
 from .rows import CouplingRow, FrameRows, rows_of
 
 
@@ -143,24 +145,25 @@ class Loops:
                 forces[body] += force
         return forces
 
-    def by_placements(self, joints: Sequence[int], frames: Sequence[int]) -> Array:
-        """Derivatives of f by displacements of placements, shape (rows, 6 (joints + frames)).
-
-        A displacement is [linear; angular] in the axes of the joint or frame that it moves.
-        """
-        model, data, normal = self.model, self.data, self.tree.bodies
-        by = np.zeros((len(self.touched), len(joints) + len(frames), 6))
-        places = [data.oMi[normal[model.parents[j]]] * model.jointPlacements[j] for j in joints]
-        places += [data.oMf[k] for k in frames]
-        for at, rows in self.of_frames:
-            bodies = [model.frames[frame].parentJoint for frame in rows.frames]
-            for column, place in enumerate(places):
-                if column < len(joints):
-                    moves = [joints[column] in list(model.supports[body]) for body in bodies]
+    def by_displacements(self, places: Sequence[str]) -> Array:
+        """Derivatives of f by displacements of places, see `geometry`, shape (rows, 6 places)."""
+        model, data, bodies = self.model, self.data, self.tree.bodies
+        by = np.zeros((len(self.touched), len(places), 6))
+        for k, place in enumerate(places):
+            joint = model.getJointId(place) if model.existJointName(place) else 0
+            frame = 0 if joint else frame_id(model, place)
+            bearer = data.oMi[bodies[bearer_of(model, place)]]
+            # Linear along the axes of the bearer, angular about those of the place.
+            twists = (bearer * placement_of(model, place)).action
+            twists[:3, :3] = bearer.rotation
+            for at, rows in self.of_frames:
+                if joint:
+                    bearers = [model.frames[x].parentJoint for x in rows.frames]
+                    on_b, on_a = (joint in list(model.supports[body]) for body in bearers)
                 else:
-                    moves = [frames[column - len(joints)] == frame for frame in rows.frames]
-                alone = np.repeat([moves[0] > moves[1], moves[1] > moves[0]], 6)
-                by[at, column] = (rows.W * alone).reshape(-1, 2, 6).sum(axis=1) @ place.action
+                    on_b, on_a = (x == frame for x in rows.frames)
+                W_b, W_a = np.split(rows.W, 2, axis=1)
+                by[at, k] = (W_b * (on_b > on_a) + W_a * (on_a > on_b)) @ twists
         return by.reshape(len(by), -1)
 
 

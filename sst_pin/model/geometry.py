@@ -67,7 +67,7 @@ def _lengths(mechanism: Mechanism) -> dict[str, Displacements]:
     model, places = mechanism.model, places_of(mechanism)
     ends: dict[int, Displacements] = {}
     for place in places:
-        ends.setdefault(_bearer(model, place), {})[place] = placement_of(model, place).translation
+        ends.setdefault(bearer_of(model, place), {})[place] = placement_of(model, place).translation
     found: dict[str, Displacements] = {}
     for joint, points in ends.items():
         far = {place: p for place, p in points.items() if p.any()}
@@ -90,7 +90,8 @@ def placement_of(model: pin.Model, place: str) -> pin.SE3:
     return model.frames[frame_id(model, place)].placement
 
 
-def _bearer(model: pin.Model, place: str) -> int:
+def bearer_of(model: pin.Model, place: str) -> int:
+    """The joint whose body bears a joint or frame."""
     if model.existJointName(place):
         return int(model.parents[model.getJointId(place)])
     return int(model.frames[frame_id(model, place)].parentJoint)
