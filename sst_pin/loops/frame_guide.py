@@ -27,6 +27,8 @@ from .mobility import scaled_Phi
 
 #: Newton's method: steps; the longest one, [rad] or of the robot's length, and the last one.
 _STEPS, _LONGEST, _LAST = 12, 0.5, 1e-9
+#: The same of a pose that is only approached, and how much more closures count there.
+_NEAR, _HEAVY = 1e-5, 1e4
 
 
 class Way(NamedTuple):
@@ -78,10 +80,13 @@ class FrameGuide:
         """Where the frame is."""
         return self._rows(q)[2]
 
-    def follow(self, q: Array, target: pin.SE3, shortest: float = 2**-10) -> Way:
+    def follow(
+        self, q: Array, target: pin.SE3, shortest: float = 2**-10, nearby: bool = False
+    ) -> Way:
         """The way from a configuration with closed loops straight on to a pose of the frame.
 
-        It ends where steps would be shorter than a part of it.
+        It ends where steps would be shorter than a part of it. With `nearby` the poses in between
+        need only be approached, by frames that cannot move in all directions.
         """
         here, done, step, singular = self._place(q), 0.0, 1.0, False
         start, turn = here.pose, pin.log3(here.pose.rotation.T @ target.rotation)
@@ -89,7 +94,8 @@ class FrameGuide:
         while done < 1 and step >= shortest:
             part = min(1.0, done + step)
             p = start.translation + part * (target.translation - start.translation)
-            found = self._solved(here.q, pin.SE3(start.rotation @ pin.exp3(part * turn), p))
+            pose = pin.SE3(start.rotation @ pin.exp3(part * turn), p)
+            found = self._solved(here.q, pose, part == 1 or not nearby)
             task, drives = 2 * CHANGE, 0.0
             if found is not None:
                 pairs = zip(inverses, here.M, found.M, strict=True)
@@ -104,7 +110,7 @@ class FrameGuide:
 
     def lead(self, q: Array, target: pin.SE3) -> Array:
         """The configuration at the end of the way to a pose; an error if the frame misses it."""
-        way = self.follow(q, target)
+        way = self.follow(q, target, nearby=True)
         if way.missed:
             raise self._unreached(way, target)
         return way.q
@@ -146,21 +152,28 @@ class FrameGuide:
         error = pose_error(at, target.translation, target.rotation)
         return np.asarray(error[self._kept] / self._unit)
 
-    def _solved(self, q: Array, target: pin.SE3) -> _Place | None:
-        """The configuration next to q where loops are closed and the frame is at its target."""
-        before, mechanism = _LONGEST, self._mechanism
+    def _solved(self, q: Array, target: pin.SE3, exact: bool) -> _Place | None:
+        """The configuration next to q where loops are closed and the frame is at its target.
+
+        Unless it is `exact`, the frame is as near to its target as it can be.
+        """
+        before, mechanism, rows = _LONGEST, self._mechanism, len(self._mechanism.row_scale)
+        weights = np.ones(rows + len(self._unit))
+        weights[:rows] = 1.0 if exact else _HEAVY
         for _ in range(_STEPS):
             Phi, J, pose = self._rows(q)
             open_by = self._loops.f * mechanism.row_scale
             f = np.concatenate([open_by, -self._error(pose, target)])
-            step = np.linalg.lstsq(np.vstack([Phi, J]), -f, rcond=RANK_TOLERANCE)[0]
+            M = np.vstack([Phi, J]) * weights[:, None]
+            step = np.linalg.lstsq(M, -f * weights, rcond=RANK_TOLERANCE)[0]
             size = float(np.abs(step).max())
             if not size <= before:
                 break
             q = pin.integrate(mechanism.model, q, step * mechanism.rate_scale)
             before = size
-            if size <= _LAST:
-                return self._place(q) if np.abs(f).max() <= CLOSURE_TOLERANCE else None
+            if size <= (_LAST if exact else _NEAR):
+                gap = np.abs(f if exact else f[:rows]).max(initial=0.0)
+                return self._place(q) if gap <= CLOSURE_TOLERANCE else None
         return None
 
     def _inverses(self, place: _Place) -> list[Array | None]:

@@ -81,3 +81,14 @@ def test_arguments_are_checked():
         robot.frame_configuration("platform", None)
     with pytest.raises(sst_pin.InputError, match="rotation"):
         robot.frame_configuration("platform", [0, 0.14, 0], np.ones((3, 3)))
+
+
+@pytest.mark.parametrize("name", ["five_bar", "leg"])
+def test_a_frame_with_few_freedoms_takes_the_poses_that_it_has(name):
+    """Those on the straight way to them it has not."""
+    robot = getattr(sst_pin.robots, name)()
+    mechanism = robot.mechanism
+    step = 0.3 * np.random.default_rng(1).normal(size=robot.degrees_of_freedom)
+    q = robot.engine.reference.moved(robot.home, step * mechanism.rate_scale[mechanism.coordinates])
+    pose = robot.frame_placement(q, "platform")
+    assert np.abs(robot.frame_configuration("platform", *pose) - q).max() < LAST
