@@ -11,6 +11,7 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
+from sst_pin.loops.loops import Loops
 from sst_pin.model.checks import tendon_of
 from sst_pin.model.mechanism import Springs
 from sst_pin.reading.mjcf import read_mjcf
@@ -135,7 +136,55 @@ def test_every_attribute_is_read_as_mujoco_reads_it_or_refused(tmp_path, name):
                 continue  # MuJoCo does not take it
             assert found != "differs", (attribute, value)
             taken += 1
-    assert taken or not schema()[name]
+    assert taken or set(schema()[name]) <= {"class"}
+
+
+EQUALITIES = [name for name in ELEMENTS if name.startswith("equality/")]
+
+
+def equality_disagreements(path, text):
+    """Whether MuJoCo's equalities at `qpos0` hold what our closures do, as far as they are read."""
+    path.write_text(text)
+    mj = mujoco.MjModel.from_xml_path(str(path))
+    try:
+        read = read_mjcf(path)
+    except sst_pin.DescriptionError:
+        return "refused"
+    mj.opt.jacobian, data = mujoco.mjtJacobian.mjJAC_DENSE, mujoco.MjData(mj)
+    mujoco.mj_forward(mj, data)
+    rows = data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+    theirs = data.efc_J[: data.nefc * mj.nv].reshape(-1, mj.nv)[rows]
+    loops = Loops(read.model, read.closures)
+    loops.evaluate(np.array(data.qpos))
+    closed = np.abs(data.efc_pos[rows]).max(initial=0) < 1e-9
+    if closed != (np.abs(loops.f).max(initial=0) < 1e-9):
+        return "differs"
+    Phi = loops.Phi
+    ranks = {np.linalg.matrix_rank(A) for A in (Phi, theirs, np.vstack([Phi, theirs]))}
+    return "differs" if closed and len(ranks) > 1 else "read"
+
+
+@pytest.mark.parametrize("name", EQUALITIES)
+def test_every_attribute_of_an_equality_closes_loops_as_in_mujoco_or_is_refused(tmp_path, name):
+    """With each kind alone: the same motions are free, and the loops are open or closed alike."""
+    root = ET.fromstring(BASE)
+    root.remove(root.find("actuator"))
+    equalities = root.find("equality")
+    for element in [e for e in equalities if e is not elements(root)[name][0]]:
+        equalities.remove(element)
+    assert equality_disagreements(tmp_path / "r.xml", ET.tostring(root, "unicode")) == "read"
+    outcomes = set()
+    for attribute in schema()[name]:
+        for value in (*TRIALS, "0", "0 2", "1 2 3 1 0 0 0", "at_a", "d"):
+            changed = deepcopy(root)
+            elements(changed)[name][0].set(attribute, value)
+            try:
+                text = ET.tostring(changed, "unicode")
+                outcomes.add(equality_disagreements(tmp_path / "r.xml", text))
+            except ValueError:
+                continue  # MuJoCo does not take it
+            assert "differs" not in outcomes, (attribute, value)
+    assert "read" in outcomes
 
 
 @pytest.mark.parametrize(
