@@ -72,7 +72,7 @@ def _extension(element: ET.Element) -> Iterator[Problem]:
 
 def joint_numbers(root: ET.Element) -> JointNumbers:
     """Springs of Gazebo, and rotors of Drake as the joints feel them, of joints that move."""
-    values = JointNumbers()
+    values: dict[str, dict[str, float]] = {kind: {} for kind in (*SPRINGS, "armature")}
     joints = [j.get("name") for j in root.findall("joint") if j.get("type") != "fixed"]
     for element in root.findall("gazebo"):
         name = element.get("reference", "")

@@ -16,6 +16,7 @@ from .acting_words import unread
 from .cut_joints import Marks
 from .cuts import Cuts, parse_cuts
 from .described import Described, naming, warned
+from .joint_numbers import put_numbers, springs_of, updated
 from .problems import Problem, warning
 from .shapes import urdf_shapes
 from .srdf import Srdf
@@ -87,8 +88,8 @@ def closed(urdf: Urdf, cuts: Cuts) -> Described:
         if not loops:
             joints = cuts.hinges or marks.joints
             loops = (*closing_frames(model), *(joint.closure(model) for joint in joints))
-        numbers = urdf.numbers.updated(cuts.numbers)
-        numbers.put(model, fixed)
+        numbers = updated(urdf.numbers, cuts.numbers, fixed)
+        put_numbers(model, numbers)
     if path.is_file():
         srdf = Srdf(path)
         texts = srdf.load_configurations(model, urdf.joint_names, cuts.locked)
@@ -96,7 +97,7 @@ def closed(urdf: Urdf, cuts: Cuts) -> Described:
     with naming(source):
         locked = [name for name in dict.fromkeys(cuts.locked) if not urdf.is_fixed(name)]
         model = without_locked(model, locked) if locked else model
-        stiffness, rest = numbers.springs(model, fixed)
+        stiffness, rest = springs_of(model, numbers)
     closures, note, motors = (*loops, *couplings), "", tuple(_free_motors(cuts.actuated, fixed))
     if not (cuts.source or cuts.actuated or loops):
         led = {coupling.joint for coupling in couplings}

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """What a URDF cannot say: closures, motors, springs, joints of several axes, from a YAML file."""
 
-from collections import Counter
-from functools import partial
+from collections.abc import Callable
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from ..arrays import Array
@@ -14,12 +14,17 @@ from .cut_joints import CutJoint
 from .joint_numbers import JointNumbers
 from .problems import numbers, telling, vector
 from .urdf import KINDS
-from .yaml_content import YamlContent, mapping_in, name_in, number_in, numbers_in, pair_in, shown
-
-_KEYS = (
-    *("closed_loop", "type", "name_mot", "line_force", "gravity", "joint_name", "joint_type"),
-    *("joint_spring", "viscous_friction", "coulomb_friction", "armature", "coupling", "locked"),
+from .yaml_content import (
+    YamlContent,
+    mapping_in,
+    name_in,
+    number_in,
+    numbers_in,
+    pair_in,
+    repeated,
+    shown,
 )
+
 _OF_LINES = ("name", "frames", "stiffness", "rest_length", "damping", "preload")
 _WITH_LENGTH = {"distance": Distance, "rolling": Rolling}
 
@@ -33,7 +38,7 @@ class Cuts(NamedTuple):
     hinges: tuple[CutJoint, ...] = ()  #: Closures of other YAML files, by places of the joints.
     forces: tuple[LineForce, ...] = ()
     joints: tuple[tuple[str, str], ...] = ()  #: Joints and what they are; see `Urdf.tree`.
-    numbers: JointNumbers = JointNumbers()
+    numbers: JointNumbers = MappingProxyType({})
     locked: tuple[str, ...] = ()
     dependent: tuple[str, ...] = ()  #: Joints that follow from the closures; they mimic none.
     gravity: Array | None = None  #: In base axes, shape (3,), [m/s^2]; that of the URDF if None.
@@ -57,45 +62,31 @@ def parse_cuts(text: str, source: str) -> Cuts:
             hinges, dependent, motors = parse(content)
             content.raise_problems()
             return Cuts(motors, hinges=hinges, dependent=dependent, source=source)
-    content.require_known(_KEYS)
-    pairs, kinds = content.entries("closed_loop", pair_in), content.entries("type", name_in)
+    content.require_known((*_LISTS, *_TABLES, "gravity"))
+    content.setdefault("name_mot", None)
+    if isinstance(table := content.get("joint_type"), dict) and "joint_name" not in content:
+        content |= {"joint_name": [*table], "joint_type": [*table.values()]}
+    lists = {key: content.entries(key, parse) for key, parse in _LISTS.items()}
+    tables = {key: content.entries(key, parse, dict) for key, parse in _TABLES.items()}
+    joints = content.zipped(lists, "joint_name", "joint_type")
+    content.problems += [f"joint_name: {j} appears twice" for j in repeated(j for j, _ in joints)]
     closures = list[Constraint]()
-    for pair, kind in content.zipped("closed_loop", pairs, kinds):
+    for pair, kind in content.zipped(lists, "closed_loop", "type"):
         with telling(content.problems):
             closures.append(_closure(pair, kind))
     gravity = vector(content.get("gravity"))
     if gravity is None and "gravity" in content:
         text = f"{shown(content['gravity'])} is not a list of three numbers"
         content.problems.append(f"gravity: {text}")
-    cuts = Cuts(
-        tuple(content.entries("name_mot", _motor, required=True)),
-        tuple(closures),
-        tuple(content.entries("coupling", _coupling, dict)),
-        forces=tuple(content.entries("line_force", _line)),
-        joints=_joints(content),
-        numbers=_numbers(content),
-        locked=tuple(content.entries("locked", name_in)),
-        gravity=gravity,
-        source=source,
-    )
     content.raise_problems()
-    return cuts
-
-
-def _joints(content: YamlContent) -> tuple[tuple[str, str], ...]:
-    """Kinds of joints by name, from a mapping, or from the two lists of LAAS."""
-    if isinstance(content.get("joint_type"), dict) and "joint_name" not in content:
-        pairs = content.entries("joint_type", lambda *pair: (pair[0], name_in(pair[1])), dict)
-    else:
-        names = content.entries("joint_name", name_in)
-        kinds = content.entries("joint_type", name_in)
-        pairs = content.zipped("joint_name", names, kinds)
-    counts = Counter(name for name, _ in pairs)
-    content.problems += [f"joint_name: {n} appears twice" for n, k in counts.items() if k > 1]
-    unknown = sorted({kind for _, kind in pairs if kind.upper() not in KINDS})
-    known = ", ".join(KINDS)
-    content.problems += [f"joint_type: {kind!r} unknown; known: {known}" for kind in unknown]
-    return tuple((name, kind.upper()) for name, kind in pairs)
+    springs = dict(tables.pop("joint_spring"))
+    couplings = tuple(tables.pop("coupling"))
+    numbers = {key: dict(pairs) for key, pairs in tables.items()}
+    for k, key in enumerate(("stiffness", "reference")):
+        numbers[key] = {joint: spring[k] for joint, spring in springs.items()}
+    motors, forces, locked = (tuple(lists[key]) for key in ("name_mot", "line_force", "locked"))
+    parts = motors, tuple(closures), couplings, (), forces, tuple(joints), numbers, locked
+    return Cuts(*parts, gravity=gravity, source=source)
 
 
 def _motor(value: Any) -> Motor:
@@ -138,26 +129,36 @@ def _line(value: Any) -> LineForce:
     return LineForce(a, b, name=name_in(fields.get("name", f"{a}-{b}")), **numbers)
 
 
-def _numbers(content: YamlContent) -> JointNumbers:
-    """Springs, friction and rotors of joints."""
-    values = JointNumbers()
+def _spring(joint: str, value: Any) -> tuple[str, list[float]]:
+    return joint, numbers_in(value, stiffness=None, reference="0")
 
-    def spring(joint: str, value: Any) -> None:
-        stiffness, reference = numbers_in(value, stiffness=None, reference="0")
-        values["stiffness"][joint], values["reference"][joint] = stiffness, reference
 
-    def rotor(joint: str, value: Any) -> None:
-        fields = value if isinstance(value, dict) else {"rotor_inertia": value}
-        inertia, gear = numbers_in(fields, rotor_inertia=None, gear_ratio="1")
-        values["armature"][joint] = inertia * gear**2
+def _rotor(joint: str, value: Any) -> tuple[str, float]:
+    """A rotor as the joint feels it."""
+    fields = value if isinstance(value, dict) else {"rotor_inertia": value}
+    inertia, gear = numbers_in(fields, rotor_inertia=None, gear_ratio="1")
+    return joint, inertia * gear**2
 
-    def friction(kind: str, joint: str, value: Any) -> None:
-        values[kind][joint] = number_in(value)
-        if values[kind][joint] < 0:
-            raise ValueError(f"{value} of {joint} is negative: it would accelerate the joint")
 
-    content.entries("joint_spring", spring, dict)
-    content.entries("armature", rotor, dict)
-    for kind in ("viscous_friction", "coulomb_friction"):
-        content.entries(kind, partial(friction, kind), dict)
-    return values
+def _friction(joint: str, value: Any) -> tuple[str, float]:
+    if (number := number_in(value)) < 0:
+        raise ValueError(f"{value} of {joint} is negative: it would accelerate the joint")
+    return joint, number
+
+
+def _kind(value: Any) -> str:
+    """What a joint is in truth."""
+    if (kind := name_in(value).upper()) not in KINDS:
+        raise ValueError(f"{value!r} unknown; known: {', '.join(KINDS)}")
+    return kind
+
+
+#: Parsers of the entries of lists, and of tables below names of joints, by key.
+_LISTS: dict[str, Callable[[Any], Any]] = {
+    **{"closed_loop": pair_in, "type": name_in, "name_mot": _motor, "line_force": _line},
+    **{"joint_name": name_in, "joint_type": _kind, "locked": name_in},
+}
+_TABLES: dict[str, Callable[[str, Any], Any]] = {
+    **{"joint_spring": _spring, "viscous_friction": _friction, "coulomb_friction": _friction},
+    **{"armature": _rotor, "coupling": _coupling},
+}

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Springs, friction and rotors of joints, as files give them by the names of joints."""
 
-from collections import defaultdict
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
 import numpy as np
 import pinocchio as pin
@@ -11,42 +10,36 @@ from ..arrays import Array
 from ..model.joint_space import JointSpace
 from ..model.named_positions import put
 
+#: Numbers of joints, or of single rates, by name, for each of these kinds: "stiffness" and
+#: "reference" of springs, "viscous_friction", "coulomb_friction", "armature".
+JointNumbers = Mapping[str, Mapping[str, float]]
 
-class JointNumbers(defaultdict[str, dict[str, float]]):
-    """Numbers of joints, or of single rates, by name, for each of these kinds.
 
-    "stiffness" and "reference" of springs, "viscous_friction", "coulomb_friction", "armature".
-    """
+def updated(numbers: JointNumbers, others: JointNumbers, without: Collection[str]) -> JointNumbers:
+    """Numbers with others in their place where both have one, without some joints."""
+    both = {kind: {**numbers.get(kind, {}), **others.get(kind, {})} for kind in (*numbers, *others)}
+    return {k: {n: x for n, x in of.items() if n not in without} for k, of in both.items()}
 
-    def __init__(self) -> None:
-        super().__init__(dict)
 
-    def updated(self, other: "JointNumbers") -> "JointNumbers":
-        """These numbers, with others in their place where both have one."""
-        both = JointNumbers()
-        for numbers in (self, other):
-            for kind, values in numbers.items():
-                both[kind].update(values)
-        return both
+def put_numbers(model: pin.Model, numbers: JointNumbers) -> None:
+    """Write friction and rotors into a model."""
+    arrays = {
+        "viscous_friction": model.damping,
+        "coulomb_friction": model.friction,
+        "armature": model.armature,
+    }
+    for kind, array in arrays.items():
+        _fill(array, model, numbers.get(kind, {}))
 
-    def put(self, model: pin.Model, fixed: Collection[str]) -> None:
-        """Write friction and rotors into a model, but of joints that are fixed."""
-        arrays = {
-            "viscous_friction": model.damping,
-            "coulomb_friction": model.friction,
-            "armature": model.armature,
-        }
-        for kind, array in arrays.items():
-            self._fill(kind, array, model, fixed)
 
-    def springs(self, model: pin.Model, fixed: Collection[str]) -> tuple[Array, Array]:
-        """Stiffness of the joints' springs, shape (nv,), and where they rest, shape (nq,)."""
-        stiffness, rest = np.zeros(model.nv), pin.neutral(model)
-        self._fill("stiffness", stiffness, model, fixed)
-        positions = {name: x for name, x in self["reference"].items() if name not in fixed and x}
-        return stiffness, put(JointSpace(model), rest, positions) if positions else rest
+def springs_of(model: pin.Model, numbers: JointNumbers) -> tuple[Array, Array]:
+    """Stiffness of the joints' springs, shape (nv,), and where they rest, shape (nq,)."""
+    stiffness, rest = np.zeros(model.nv), pin.neutral(model)
+    _fill(stiffness, model, numbers.get("stiffness", {}))
+    positions = {name: x for name, x in numbers.get("reference", {}).items() if x}
+    return stiffness, put(JointSpace(model), rest, positions) if positions else rest
 
-    def _fill(self, kind: str, array: Array, model: pin.Model, fixed: Collection[str]) -> None:
-        for name, value in self[kind].items():
-            if name not in fixed:
-                array[JointSpace(model).rates_of([name])] = value
+
+def _fill(array: Array, model: pin.Model, values: Mapping[str, float]) -> None:
+    for name, value in values.items():
+        array[JointSpace(model).rates_of([name])] = value

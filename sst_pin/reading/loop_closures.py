@@ -5,7 +5,6 @@ These are `loop_closures.yaml` of sw2robot and scikit-robot, and `robot_data.yam
 All loops are closed at q = 0.
 """
 
-from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -15,7 +14,7 @@ import pinocchio as pin
 from ..arrays import Array
 from .cut_joints import CutJoint, cut_joint
 from .problems import vector
-from .yaml_content import YamlContent, mapping_in, name_in, shown
+from .yaml_content import YamlContent, mapping_in, name_in, repeated, shown
 
 #: Keys of a hinge of scikit-robot.
 OF_HINGE = ("link_a", "link_b", "point", "axis")
@@ -29,10 +28,9 @@ def _of_scikit_robot(content: YamlContent) -> _Parts:
     hinges = content.entries("closures", _hinge)
     if not content["closures"]:
         content.problems.append("closures: a list of hinges is needed")
-    dependent = content.entries("dependent", name_in, required=True)
-    independent = content.entries("independent", name_in, required=True)
-    counts = Counter(dependent + independent)
-    content.problems += [f"{name}: named twice" for name, count in counts.items() if count > 1]
+    content.update({key: content.get(key) for key in ("dependent", "independent")})
+    dependent, independent = (content.entries(k, name_in) for k in ("dependent", "independent"))
+    content.problems += [f"{name}: named twice" for name in repeated(dependent + independent)]
     names = (f"loop_closure_{k}" for k in range(1, len(hinges) + 1))
     joints = (hinge._replace(name=name) for hinge, name in zip(hinges, names, strict=True))
     return tuple(joints), tuple(dependent), tuple(independent)

@@ -2,7 +2,8 @@
 """Keys and values of a YAML; scalars are strings, as they stand there."""
 
 import reprlib
-from collections.abc import Callable, Collection, Sequence
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Mapping
 from itertools import accumulate
 from typing import Any, TypeVar
 
@@ -32,11 +33,9 @@ class YamlContent(dict[str, Any]):
         known = ", ".join(keys)
         self.problems += [f"{key}: unknown; known: {known}" for key in self if key not in keys]
 
-    def entries(
-        self, key: str, parse: Callable[..., _T], kind: type[Any] = list, *, required: bool = False
-    ) -> list[_T]:
+    def entries(self, key: str, parse: Callable[..., _T], kind: type[Any] = list) -> list[_T]:
         """The entries of a list, or the names and values of a mapping, each parsed."""
-        value, parsed = self.get(key, None if required else kind()), list[_T]()
+        value, parsed = self.get(key, kind()), list[_T]()
         if not isinstance(value, kind):
             what = "list" if kind is list else "mapping from names"
             self.problems.append(f"{key}: a {what} is needed")
@@ -46,18 +45,21 @@ class YamlContent(dict[str, Any]):
                 parsed.append(parse(entry, value[entry]) if kind is dict else parse(entry))
         return parsed
 
-    def zipped(self, first: str, names: Sequence[_T], kinds: Sequence[str]) -> list[tuple[_T, str]]:
-        """Pairs of two lists, `type` of `first` or `joint_type` of `joint_name`, of one length."""
-        if len(names) != len(kinds):
-            second = "type" if first == "closed_loop" else "joint_type"
-            text = f"{first} has {len(names)} entries, {second} has {len(kinds)}"
-            self.problems.append(text)
-        return list(zip(names, kinds, strict=False))
+    def zipped(self, lists: Mapping[str, list[Any]], first: str, second: str) -> list[Any]:
+        """Pairs of the entries of two lists, which have one length."""
+        if (m := len(self.get(first, ()))) != (n := len(self.get(second, ()))):
+            self.problems.append(f"{first} has {m} entries, {second} has {n}")
+        return list(zip(lists[first], lists[second], strict=False))
 
     def raise_problems(self) -> None:
         """Raise an error that lists all problems, if there are any."""
         if self.problems:
             raise DescriptionError(self._source, self.problems)
+
+
+def repeated(names: Iterable[str]) -> list[str]:
+    """Names that appear more than once."""
+    return [name for name, count in Counter(names).items() if count > 1]
 
 
 def name_in(value: Any) -> str:
@@ -112,7 +114,7 @@ class _Loader(yaml.BaseLoader):
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         keys = [key.value for key, _ in node.value]
-        for key in (key for key in keys if isinstance(key, str) and keys.count(key) > 1):
+        for key in repeated(key for key in keys if isinstance(key, str)):
             raise _TwiceError(key)
         return super().construct_mapping(node, deep)
 
