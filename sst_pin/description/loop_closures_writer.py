@@ -16,7 +16,7 @@ from ..files import as_path, require_ending, text_writer, write_files
 from ..model.closures import Closure, Coupling
 from ..model.thresholds import RANK_TOLERANCE
 from ..model.tree import frame_id
-from ..reading.loop_closures import OF_HINGE
+from ..reading.cuts import OF_HINGE
 
 
 def write_loop_closures(chain: ClosedChain, path: str | Path, force: bool = False) -> None:
