@@ -136,7 +136,7 @@ def without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]
     space, q = JointSpace(model), pin.neutral(model)
     owners = {k: name for name, rates in space.rates.items() for k in rates}
     rates, series = dict[str, dict[int, float]](), dict[int, Series]()
-    for name in names_of("locked", tuple(locked)):
+    for name in names_of("locked", list(locked) if isinstance(locked, Mapping) else locked):
         found, value = space.rates_of([name]).tolist(), 0.0
         owner, joint = owners[found[0]], model.joints[joint_id(model, owners[found[0]])]
         if isinstance(locked, Mapping):
