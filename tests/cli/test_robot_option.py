@@ -177,11 +177,3 @@ def test_all_missing_extras_are_named_at_once(here, capsys, monkeypatch):
     code, _, err = run(capsys, "describe", "-o", "d")
     assert code == 2
     assert f"trimesh, matplotlib are not installed; run: {install_command('mesh,plot')}" in err
-
-
-START = "--q0 gamma_1=1,gamma_2=1,gamma_3=1 --va0 gamma_1=0,gamma_2=0,gamma_3=0"
-COMMANDS = (
-    "", f"validate {DELTA}", f"torques motors.csv -o a.csv --robot {DELTA}",
-    f"simulate tau.csv -o b.csv {START}", f"plot {SAMPLE} -o c.svg --what torques",
-    "compile --export-c d", "compile --list",
-)  # fmt: skip

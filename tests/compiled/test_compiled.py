@@ -19,24 +19,6 @@ from tests.support.files import ROOT
 from tests.support.sampling import random_states
 
 
-def made(name):
-    if name == "floating":
-        return any_chain.with_joint("free-flyer", kind="hinge")
-    return link_tables.four_bar(link_tables.SKEW_PLANE).chain()
-
-
-@pytest.fixture(
-    scope="module", params=["four-bar", pytest.param("floating", marks=pytest.mark.slow)]
-)
-def small(request):
-    """A small robot by kernels, and by the reference path."""
-    kernels, reference = made(request.param), made(request.param)
-    for chain in (kernels, reference):
-        chain.generic_configuration()
-    kernels.compile()
-    return kernels, reference
-
-
 @pytest.fixture(scope="module")
 def four_bar():
     chain = link_tables.four_bar(link_tables.SKEW_PLANE).chain()
@@ -60,7 +42,7 @@ def left(chain, q, va, aa):
     return count
 
 
-@pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 31, 32, 33, 1000, 5003])
+@pytest.mark.parametrize("count", [1, 5, 33, 5003])
 def test_every_sample_has_the_same_bits_alone_and_in_any_batch(four_bar, count):
     rng = np.random.default_rng(count)
     states = moving(four_bar, 10)
@@ -85,15 +67,14 @@ def test_samples_at_fault_are_found_wherever_they_stand(four_bar, threads):
     assert np.array_equal(found, tau, equal_nan=True)
 
 
-def test_closures_are_judged_as_on_the_reference_path(small):
+def test_closures_are_judged_as_on_the_reference_path(four_bar):
     """Gaps from far below to far above the tolerance, in each joint: the same samples pass."""
-    kernels, _ = small
-    q = kernels.generic_configuration()
+    reference = link_tables.four_bar(link_tables.SKEW_PLANE).chain()
+    q = four_bar.generic_configuration()
     q = np.tile(q, (len(q), 40, 1))
     for joint in range(len(q)):
         q[joint, :, joint] += np.geomspace(1e-8, 1e-4, 40)
-    zero = np.zeros(kernels.degrees_of_freedom)
-    fast, slow = (r.generalized_forces(q, zero, zero, on_error="nan") for r in small)
+    fast, slow = (r.generalized_forces(q, [0], [0], on_error="nan") for r in (four_bar, reference))
     assert np.array_equal(np.isnan(fast), np.isnan(slow))
     assert 0 < np.isnan(fast).mean() < 1
 
@@ -109,7 +90,7 @@ def test_angles_of_many_turns_are_angles(four_bar):
         assert np.abs(found - tau).max() < (1e-12 + 1e-14 * abs(away)) * np.abs(tau).max()
 
 
-@pytest.mark.parametrize("count", [1, 2, 64, 65, 150])
+@pytest.mark.parametrize("count", [1, 65])
 def test_a_moment_on_the_platform_alone_is_that_of_the_wrenches_of_all_bodies(
     compiled_robot, count
 ):
@@ -164,8 +145,6 @@ def test_no_samples_have_no_results(four_bar):
     (q, va, aa), bodies = moving(four_bar, 1), four_bar.model.njoints - 1
     loads = {"external_wrenches": np.empty((0, bodies, 6))}
     assert four_bar.compute_torques(q[:0], va[:0], aa[:0], **loads).shape == (0, 1)
-    motion = four_bar.rollout(np.empty((0, 5, 1)), q[:0], va[:0], 0.01, **loads)
-    assert motion.q.shape == (0, 6, 3)
 
 
 def test_a_sample_that_is_almost_closed_is_handed_over(four_bar):
@@ -174,21 +153,6 @@ def test_a_sample_that_is_almost_closed_is_handed_over(four_bar):
     q[2] += 0.8e-6
     assert left(four_bar, q[None], va, aa) == 2
     assert np.isfinite(four_bar.compute_torques(q, va[0], aa[0])).all()
-
-
-def test_a_dead_centre_is_handed_over(four_bar):
-    """At full reach the crank does not move the rest: |pivot| tends to zero."""
-    chain = sst_pin.ClosedChain(
-        four_bar.model, four_bar.closures, ["rocker"], coordinates=["rocker"]
-    )
-    chain.compile()
-    c, k, r, g = link_tables.CRANK, link_tables.COUPLER, link_tables.ROCKER, link_tables.GROUND
-    angle = np.arccos(((c + k) ** 2 + g**2 - r**2) / (2 * (c + k) * g))
-    guess = np.array([angle, 0.0, np.pi - np.arccos((r**2 + g**2 - (c + k) ** 2) / (2 * r * g))])
-    q = chain.assemble(guess, fixed=())
-    assert left(chain, q[None], np.ones((1, 1)), np.zeros((1, 1))) == 2
-    with pytest.raises(sst_pin.SingularConfigurationError):
-        chain.compute_torques(q, [1.0], [0.0])
 
 
 @pytest.mark.parametrize("numbers", [list, tuple, lambda x: np.array(x, dtype=np.int32)])

@@ -45,8 +45,9 @@ def held(chain, q, steps=9):
     return chain.trajectory(np.arange(steps) / 100, np.tile(q, (steps, 1)), rest, rest)
 
 
-def test_computed_torque_on_the_exact_model_follows_the_circle(robot, circle):
+def test_computed_torque_on_the_exact_model_follows_the_circle(compiled_robot, circle):
     """To 1e-6 rad; the splines between the samples err by some 1e-8."""
+    robot = compiled_robot
     control = sst_pin.ComputedTorque(robot, circle, kp=400, kd=40)
     found = robot.simulate(control.torque, circle.q[0], circle.va[0], circle.t, rtol=1e-9)
     assert np.abs(found.q - circle.q).max() < 1e-6
@@ -92,7 +93,8 @@ def test_the_regulator_of_a_held_pose_is_the_stationary_one(robot):
     assert_allclose(control.gains, np.broadcast_to(expected, (9, 3, 6)), rtol=1e-7)
 
 
-def test_the_regulator_brings_the_robot_back_to_the_circle(robot, circle):
+def test_the_regulator_brings_the_robot_back_to_the_circle(compiled_robot, circle):
+    robot = compiled_robot
     control = sst_pin.TrackingLQR(robot, circle, Q=[1000] * 3 + [1] * 3, R=[0.01] * 3)
     gamma = dict(zip(robot.motor_names, circle.q[0, robot.actuated] + 0.03, strict=True))
     start = robot.assemble(gamma), circle.va[0]

@@ -40,13 +40,7 @@ def circle(robot):
     return robot.inverse_kinematics(sst_pin.paper_circle(np.linspace(0, np.pi / 6, 201)).R)
 
 
-LOADS = [(0, 0), (9.81, 3.0)]
-MORE = ((9.81, 0), (0, 3.0), (-9.81, 1.0))
-
-
-@pytest.mark.parametrize(
-    ("gravity", "coulomb"), [*LOADS, *(pytest.param(*x, marks=pytest.mark.slow) for x in MORE)]
-)
+@pytest.mark.parametrize(("gravity", "coulomb"), [(0, 0), (9.81, 3.0)])
 def test_a_cart_speeds_up_and_brakes_at_its_limit(gravity, coulomb):
     """m a = F - m g - F_c, then m b = F + m g + F_c: T^2 = 2 L (1 / a + 1 / b)."""
     m, F, L = 2.0, 40.0, 1.5
@@ -98,9 +92,9 @@ def test_the_circle_of_example_1_with_30_N_m(robot, circle):
 
 
 def test_limits_hold_between_the_samples(robot, circle):
-    """The torques of constant path accelerations between the samples, forty times as many."""
+    """The torques of constant path accelerations between the samples, ten times as many."""
     coarse = sst_pin.time_optimal(robot, circle, torques=30.0, dt=0.01)
-    fine = sst_pin.time_optimal(robot, circle, torques=30.0, dt=2.5e-4)
+    fine = sst_pin.time_optimal(robot, circle, torques=30.0, dt=1e-3)
     assert coarse.t[-1] == fine.t[-1]
     assert np.abs(fine.tau).max() <= 30.0
 
@@ -108,7 +102,7 @@ def test_limits_hold_between_the_samples(robot, circle):
 def test_friction_of_all_kinds_counts(circle):
     """That of mu_1 counts too, which this circle leaves at rest: it may act either way."""
     slow = sst_pin.SST(sst_pin.Parameters(viscous_friction=0.3, coulomb_friction=0.4))
-    motion = sst_pin.time_optimal(slow, circle, torques=30.0)
+    motion = sst_pin.time_optimal(slow, circle[::4], torques=30.0)
     assert np.abs(motion.tau).max() <= 30.0
     assert np.abs(motion.tau).max() > 0.99 * 30
     assert motion.t[-1] > 0.502
@@ -122,17 +116,13 @@ def wave(chain, size=0.15):
     return sst_pin.coordinate_motion(chain, WAY[:, 0], x, chain.home).q
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["sst", *(pytest.param(x, marks=pytest.mark.slow) for x in ("delta", "planar_4rrr", "leg"))],
-)
-def test_a_path_takes_as_long_backwards(circle, name):
+def test_a_path_takes_as_long_backwards():
     """Without friction a film of the motion, shown backwards, needs the same torques.
 
-    With as many motors as freedoms and with more, of any chain.
+    With more motors than freedoms, of any chain.
     """
-    chain = sst_pin.SST() if name == "sst" else getattr(sst_pin.robots, name)()
-    path = circle[:140] if name == "sst" else wave(chain)
+    chain = sst_pin.robots.planar_4rrr()
+    path = wave(chain)
     rest = np.zeros(chain.degrees_of_freedom)
     limit = 2 * np.abs(chain.compute_torques(path[0], rest, rest)).max() + 5
     there, back = (sst_pin.time_optimal(chain, q, torques=limit) for q in (path, path[::-1]))
@@ -140,9 +130,9 @@ def test_a_path_takes_as_long_backwards(circle, name):
     assert 0.995 * limit < np.abs(there.tau).max() <= limit
 
 
-@pytest.mark.parametrize("step", [4.0, 5.9])
-def test_steps_of_more_than_half_a_turn_are_refused(step):
+def test_steps_of_more_than_half_a_turn_are_refused():
     """They look like shorter ones the other way."""
+    step = 5.9
     wheel = sst_pin.ClosedChain(one_body(pin.JointModelRZ()), [], ["joint"])
     with pytest.raises(sst_pin.InputError, match="half a turn between samples"):
         sst_pin.time_optimal(wheel, step * np.arange(11)[:, None], torques=5.0)

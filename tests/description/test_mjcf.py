@@ -215,11 +215,13 @@ def test_mujoco_under_our_torques_follows_example_1_as_closely_as_its_welds_hold
     assert f"to {size * 1e7:.1f}e-7 rad" in page
 
 
-def test_fall_under_gravity_is_that_of_simulate(robot):
+def test_fall_under_gravity_is_that_of_simulate(compiled_robot):
     """Motors free, from home through 87 degrees, up to what the welds give way.
 
     At 0.43 s the robot falls through a singularity, where nobody's motion means anything.
     """
+
+    robot = compiled_robot
 
     def off(model):
         q_dot, torque = np.zeros(9), lambda _: np.zeros(3)

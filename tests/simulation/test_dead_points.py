@@ -32,44 +32,34 @@ def idle_linkages(random):
     planar = robots.four_bar(crank=crank, rocker=rocker)
     return {
         "four-bar by its rocker": by(planar, planar.joint_names[-1]),
-        "slider-crank by its slider": by(robots.slider_crank(), "slider"),
         "five-bar by its elbows": by(robots.five_bar(), "elbow_1", "elbow_2"),
         "Bennett's linkage": by(robots.bennett(), robots.bennett().joint_names[1]),
         "Bricard's linkage by hinge 2": by(robots.bricard(), "hinge_2"),
     }
 
 
-def swing(chain, seconds, random, compiled):
+NAMES = (
+    "four-bar by its rocker",
+    "five-bar by its elbows",
+    "Bennett's linkage",
+    "Bricard's linkage by hinge 2",
+)
+
+
+@pytest.mark.parametrize("which", NAMES)
+def test_idle_linkages_swing_through_their_dead_points(which):
     """A free motion from home at random rates, without any warning."""
-    if compiled:
-        chain.compile()
+    random = np.random.default_rng(3)
+    chain = idle_linkages(random)[which]
     va = random.uniform(0.5, 1, chain.degrees_of_freedom)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        return chain.simulate(
-            np.zeros(len(chain.motor_names)), chain.home, va, np.linspace(0, seconds, 101)
+        motion = chain.simulate(
+            np.zeros(len(chain.motor_names)), chain.home, va, np.linspace(0, 1, 101)
         )
-
-
-LINKAGES = idle_linkages(np.random.default_rng(0))
-CASES = [
-    pytest.param(which, compiled, marks=[pytest.mark.slow] * (compiled or "slider" in which))
-    for which in LINKAGES
-    for compiled in (False, True)
-]
-
-
-@pytest.mark.parametrize(("which", "compiled"), CASES)
-def test_idle_linkages_swing_through_their_dead_points(which, compiled):
-    """The first two take a second for each second: their cranks turn four times in it."""
-    random = np.random.default_rng(3)
-    seconds = 1 if not compiled else 10 if "by its" in which and "elbows" not in which else 100
-    chain = idle_linkages(random)[which]
-    motion = swing(chain, seconds, random, compiled)
     assert not motion.stopped
     assert len(motion) == 101
-    energy = kinetic_energy(chain, motion)
-    assert np.ptp(energy) < 1e-8
+    assert np.ptp(kinetic_energy(chain, motion)) < 1e-8
 
 
 def test_results_and_torques_are_in_the_coordinates_of_the_robot():
@@ -128,8 +118,7 @@ def rod(kind, motor):
     return sst_pin.ClosedChain(model, [sst_pin.Distance("crank_pin", f"{kind}_pin", 0.5)], [motor])
 
 
-@pytest.mark.parametrize("compiled", [False, True])
-@pytest.mark.parametrize("rtol", [1e-3, 1e-9])
+@pytest.mark.parametrize(("rtol", "compiled"), [(1e-3, False), (1e-9, True)])
 def test_a_loop_of_one_row_runs_through_dead_points_of_its_coordinate(rtol, compiled):
     """With one dependent rate there is one singular value, whose size tells how near they are."""
     chain, by_crank = rod("slider", "slider"), rod("slider", "crank")
@@ -153,8 +142,8 @@ def test_a_loop_of_one_row_keeps_its_mode_where_its_row_vanishes(through, compil
     if compiled:
         chain.compile()
     t = np.linspace(0, 1.2, 13)
-    for speed in np.linspace(-5, -3, 9):
-        for tolerance in (1e-3, 1e-6, 1e-12):
+    for speed in (-5.0, -3.7, -3.0):
+        for tolerance in (1e-3, 1e-12):
             options = {"rtol": tolerance, "atol": tolerance, "through_singularities": through}
             with warnings.catch_warnings(record=True) as told:
                 warnings.simplefilter("always")

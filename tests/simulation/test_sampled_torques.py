@@ -51,12 +51,9 @@ def test_a_cart_moves_as_constant_forces_move_it_by_hand(delay):
     assert np.abs(motion.tau[:-1, 0] - forces).max() < 1e-11
 
 
-@pytest.mark.parametrize("compiled", [False, True])
-def test_a_motion_is_that_of_constant_torques_one_after_the_other(compiled):
+def test_a_motion_is_that_of_constant_torques_one_after_the_other():
     """The SST under computed torque; rates of 40 rad/s and torques of 40 N m."""
     robot = sst_pin.SST(sst_pin.Parameters(viscous_friction=0.1))
-    if compiled:
-        robot.compile(robot.home)
     t = np.linspace(0, 0.03, 16)
     motion = robot.trajectory(t, *robot.joint_motion(*sst_pin.paper_circle(t)))
     control = sst_pin.ComputedTorque(robot, motion, kp=400, kd=40, limits=30.0)
