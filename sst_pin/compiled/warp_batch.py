@@ -305,6 +305,9 @@ class WarpBatch:
         if problem := impossible(mechanism, size.get(name, name)):
             raise CompilationError(problem)
         entry = {"rollout": "step", "closing": "close"}.get(name, "run")
+        motors = mechanism.motors.shape[1]
+        if name == "torque_derivatives" or (name, motors) == ("acceleration_derivatives", self._n):
+            entry, key = "along", key._replace(along=True)
 
         def source() -> str:
             equations = self._equations_of(key.loaded, name.endswith("derivatives"))

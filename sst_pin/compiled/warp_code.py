@@ -54,7 +54,7 @@ def module(kernels: Sequence[SymbolicKernel], entry: str, style: Style) -> str:
 
     Args:
         kernels: The kernel, for steps the one of closing before it.
-        entry: "run", "close" or "step".
+        entry: "run", "along", "close" or "step".
         style: Numbers of its precision.
     """
     size, room, texts = None, 0, []
@@ -63,12 +63,13 @@ def module(kernels: Sequence[SymbolicKernel], entry: str, style: Style) -> str:
         size, room = source.size, max(room, source.room)
         texts.append(source.text)
     last, sizes = kernels[-1], {x: s.numel() for x, s in kernels[-1].inputs.items()}
-    inputs = [x for x, n in sizes.items() if n]
+    arrays = [x for x, n in sizes.items() if n and x != "direction"]
     blanks = {
         "name": last.name,
         "close": kernels[0].name,
-        "arrays": ", ".join(f"const rows &{x}" for x in inputs),
+        "arrays": ", ".join(f"const rows &{x}" for x in arrays),
         "takes": "\n    ".join(_takes(sizes)),
+        "directions": last.directions,
         "q": sizes["q"],
         "states": last.output.numel(),
         "inputs": sum(sizes.values()),
@@ -91,7 +92,7 @@ def module(kernels: Sequence[SymbolicKernel], entry: str, style: Style) -> str:
     functions = "\n".join(texts)
     results = ["q_next", "va_next"] if entry == "step" else ["out"]
     scalars = ["h", "steps"] if entry == "step" else []
-    arrays = [*inputs, "p", *results]
+    arrays += ["p", *results]
     types = dict.fromkeys(arrays, "rows") | {"h": "real", "steps": "int"}
     types |= {WRENCHES: f"wp.array3d(dtype=wp.{style.dtype})", "status": "wp.array1d(dtype=int)"}
     names = [*arrays, *scalars, "status"]
@@ -124,7 +125,7 @@ def _native(
 def _takes(sizes: dict[str, int]) -> Iterable[str]:
     at = 0
     for name, size in sizes.items():
-        if size:
+        if size and name != "direction":
             take = "take_wrenches" if name == WRENCHES else "take"
             yield f"{take}(x + {at}, {name}, i, {size});"
         at += size
