@@ -230,7 +230,8 @@ def write_page(results: dict[str, Any]) -> None:
     if results.get("speeds"):
         tables["speeds"] = lambda _: table(results["speeds"])
     if results.get("resources"):
-        tables["resources"] = lambda _: resource_table(results["resources"])
+        rows = [row for row in results["resources"] if row["kernel"] != "accelerations"]
+        tables["resources"] = lambda _: resource_table(rows)
     markdown_tables.rewrite(ROOT / "docs" / "gpu.md", tables)
 
 

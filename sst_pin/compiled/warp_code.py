@@ -21,10 +21,11 @@ _NEAR, _SHRINKS = 0.1, 0.1
 
 _MODULE = '''\
 """A kernel of sst_pin for Warp."""
+import sys
 import warp as wp
 
 real, rows = wp.{dtype}, wp.array2d(dtype=wp.{dtype})
-wp.set_module_options({{"enable_backward": False}})
+wp.set_module_options({{"enable_backward": False}}, sys.modules[__name__])
 
 
 @wp.func_native({prepare!r})
