@@ -12,21 +12,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from .arrays import (
-    Array,
-    finite_array,
-    for_each_sample,
-    positive_number,
-    single_array,
-)
+from .arrays import Array, finite_array, for_each_sample, positive_number, single_array
 from .dynamics import derivatives as slopes
 from .dynamics import design_derivatives as design
 from .dynamics import dynamics, reactions, regressor, torque_sharing
-from .dynamics.derivatives import (
-    AccelerationDerivatives,
-    FrameVelocityDerivatives,
-    TorqueDerivatives,
-)
 from .dynamics.quantities import Quantity
 from .engine import DerivativeOptions, Engine, LoadOptions, Options
 from .errors import DescriptionError, InputError, MissingExtraError
@@ -82,13 +71,10 @@ class ClosedChain(RobotProperties, Summary):
       uses one.
     - `on_error`: "raise" (default), or "nan" to set the results of bad samples to NaN.
 
-    They raise these errors, on both paths; in a batch the error names the samples:
-
-    - `InputError`: a wrong shape or a number that is not finite.
-    - `ClosureError`: the loops are open at q.
-    - `SingularConfigurationError`: the coordinates do not determine the motion at q.
-    - `ActuationError`: the motors cannot produce the motion.
-    - `UnknownNameError`: a joint or frame that is not in the model.
+    They raise `InputError` (a wrong shape, a number that is not finite), `ClosureError` (the loops
+    are open at q), `SingularConfigurationError` (the coordinates do not determine the motion at q),
+    `ActuationError` (the motors cannot produce it) and `UnknownNameError`, on both paths. In a
+    batch the error names the samples.
 
     Args:
         model: The tree. The chain computes with a copy.
@@ -263,9 +249,9 @@ class ClosedChain(RobotProperties, Summary):
     def condition_number(self, q: ArrayLike) -> Array:
         """Condition number of the columns of Phi for the dependent joints, shape (...).
 
-        It is free of units, and infinite if the coordinates do not determine the motion. Of loops
-        that share no dependent joint, the worst one counts. For a single dependent rate it is the
-        size of its column at an assembled configuration over that at q.
+        It is free of units, and infinite if the coordinates do not determine the motion. The worst
+        loop counts. For one dependent rate it compares the sizes of its column at q and at a
+        generic configuration.
         """
         return self._engine.condition_numbers(self._engine.configurations(q))
 
@@ -305,16 +291,13 @@ class ClosedChain(RobotProperties, Summary):
     ) -> AssemblyModes:
         """Closed configurations with joints at these positions, one for each assembly mode.
 
-        Planar loops of hinges, and the SST, are solved in closed form. Others are searched from
-        many starts, which can miss modes.
+        The positions must leave no degree of freedom. Planar loops of hinges and the SST have
+        closed forms. Other robots are searched from many starts, which can miss modes.
 
         Args:
             positions: Positions by the names of joints, [rad] or [m].
             frame: Configurations with one pose of this frame count as one mode. Without it, a
                 universal joint that flips makes another mode.
-
-        Raises:
-            InputError: If the positions leave a freedom.
 
         Example:
             >>> modes = chain.assembly_modes({"crank": 0.3})
@@ -405,15 +388,15 @@ class ClosedChain(RobotProperties, Summary):
 
     def frame_velocity_derivatives(
         self, q: ArrayLike, va: ArrayLike, frame: str, **options: Unpack[Options]
-    ) -> FrameVelocityDerivatives:
-        """Derivatives of a frame's velocity J va along the motions that keep the loops closed.
+    ) -> slopes.FrameVelocityDerivatives:
+        """Derivatives of a frame's velocity J va: `.dq` and `.dva`, shapes (..., 6, n).
 
-        `.dq` and `.dva` have shapes (..., 6, n); `out` has both side by side, (..., 6, 2 n).
+        They are taken as in `torque_derivatives`; `out` has both side by side, (..., 6, 2 n).
         """
         quantity = Quantity("frame_velocity_derivatives", frame)
         rows = self._engine.compute(quantity, q, va=va, **options)
         n = rows.shape[-1] // 2
-        return FrameVelocityDerivatives(rows[..., :n], rows[..., n:])
+        return slopes.FrameVelocityDerivatives(rows[..., :n], rows[..., n:])
 
     def motor_rates(self, q: ArrayLike, va: ArrayLike) -> Array:
         """Rates of the motors, shape (..., motors)."""
@@ -554,17 +537,15 @@ class ClosedChain(RobotProperties, Summary):
     ) -> reactions.Reactions:
         """Wrenches in all joints and closures; components that are not unique are NaN.
 
-        `platform_moment` and `external_wrenches` may act.
-
         Args:
             aa: If absent, the accelerations follow from tau.
             tau: If absent, the torques are the smallest for the motion.
             stiffness: Makes reactions of an overconstrained robot unique: by the name of a joint or
                 closure, stiffnesses about x, y, z [N m/rad] and along x, y, z [N/m] in the axes of
                 its wrench, infinite where it is rigid. Joints without one are rigid.
-            options: `out` has shape (..., 7 (r + closures) + 6 + motors): wrenches of joints,
-                closures and the ground, the torques, then for each joint and closure the sum of 2^k
-                of its components k that are not unique, k from 0 to 5.
+            options: Loads, and `out` of shape (..., 7 (r + closures) + 6 + motors): wrenches of
+                joints, closures and the ground, the torques, then for each joint and closure the
+                sum of 2^k of its components k that are not unique, k from 0 to 5.
         """
         return self._engine.reactions(q, va, aa, tau, stiffness, **options)
 
@@ -580,8 +561,7 @@ class ClosedChain(RobotProperties, Summary):
     ) -> Array:
         """Y, shape (..., n, p): `generalized_forces` are Y times the `dynamic_parameters`.
 
-        References of springs and rest lengths of lines are those of this robot. Columns of torque
-        offsets are errors of measured motor torques, as forces along the coordinates.
+        References of springs and rest lengths of lines are those of this robot.
         """
         return self._engine.compute(Quantity("torque_regressor"), q, va=va, aa=aa, **options)
 
@@ -604,24 +584,24 @@ class ClosedChain(RobotProperties, Summary):
 
     def torque_derivatives(
         self, q: ArrayLike, va: ArrayLike, aa: ArrayLike, **options: Unpack[DerivativeOptions]
-    ) -> TorqueDerivatives:
+    ) -> slopes.TorqueDerivatives:
         """Derivatives of `generalized_forces`; of the torques if motor k is coordinate k.
 
         They are taken along the motions that keep the loops closed, with friction smoothed by
         `sign_width`; docs/derivatives.md. `.dq`, `.dva`, `.daa` have shapes (..., n, n); column k
         of dq: q moves by L e_k. `out` has them side by side, shape (..., n, 3 n).
         """
-        return self._engine.derivatives(TorqueDerivatives, q, va, aa, **options)
+        return self._engine.derivatives(slopes.TorqueDerivatives, q, va, aa, **options)
 
     def acceleration_derivatives(
         self, q: ArrayLike, va: ArrayLike, tau: ArrayLike, **options: Unpack[DerivativeOptions]
-    ) -> AccelerationDerivatives:
+    ) -> slopes.AccelerationDerivatives:
         """Derivatives of `compute_accelerations`, taken as `torque_derivatives`.
 
         `.dq`, `.dva` have shapes (..., n, n), `.dtau` has (..., n, motors); `out` has them side by
         side, shape (..., n, 2 n + motors).
         """
-        return self._engine.derivatives(AccelerationDerivatives, q, va, tau, **options)
+        return self._engine.derivatives(slopes.AccelerationDerivatives, q, va, tau, **options)
 
     def linearize(
         self,
@@ -641,7 +621,7 @@ class ClosedChain(RobotProperties, Summary):
                 exponential, exact for the linear system. None for the continuous system.
         """
         engine = self._engine
-        d = engine.derivatives(AccelerationDerivatives, q, va, tau, **options)
+        d = engine.derivatives(slopes.AccelerationDerivatives, q, va, tau, **options)
         rates = None
         if engine.reference.derivatives.axes_move:
             rates = engine.compute(Quantity("displacement_rates"), q, va=va, on_error="nan")
@@ -652,21 +632,20 @@ class ClosedChain(RobotProperties, Summary):
 
     @property
     def design_parameters(self) -> tuple[str, ...]:
-        """Names of what a designer changes: lengths, placements, masses and mass centres.
+        """Names of lengths, placements, masses and mass centres that a designer can change.
 
         - `<joint>.length`: the length of the link behind this joint, if it ends at one point.
-        - `<place>.x`, `.y`, `.z`, `.rx`, `.ry`, `.rz`: displacements of a joint with all that it
-          bears, or of a frame of a closure or line: along the axes of the link that bears it, [m],
-          and about its own axes, [rad].
+        - `<place>.x`, `.y`, `.z`, `.rx`, `.ry`, `.rz`: displacements of a joint with all behind
+          it, or of a frame of a closure or line: along the axes of its link, [m], and about its
+          own axes, [rad].
         - `dynamic_parameters`, such as `<joint>.mass`.
         """
         return design.names_of(self.mechanism)
 
     def with_design(self, changes: Mapping[str, float]) -> ClosedChain:
-        """This robot with some `design_parameters` changed, on the reference path.
+        """This robot with `changes` added to `design_parameters`, on the reference path.
 
-        Args:
-            changes: What is added to parameters, by their names or by patterns of names.
+        The changes are by names, or by patterns of names.
         """
         model, theta = design.changed(self.mechanism, changes)
         chain = self._rebuilt(model, coordinates=self.coordinates)
@@ -685,15 +664,12 @@ class ClosedChain(RobotProperties, Summary):
     ) -> design.DesignDerivatives:
         """Derivatives of q, torques, L and a frame's pose by `design_parameters`.
 
-        The loops stay closed; positions of the coordinates, va and aa are held; external wrenches
-        keep their places on the bodies.
+        The loops stay closed; each parameter alone must allow this. The coordinates, va, aa and
+        the places of external wrenches on the bodies are constant.
 
         Args:
             names: Parameters, or patterns of names that change together, such as "rod*.length".
                 Several names in a list, or a mapping to factors, are one parameter.
-
-        Raises:
-            InputError: If the loops do not close with a parameter changed alone.
 
         Example:
             >>> d = chain.design_derivatives(chain.home, [1], [0], ["coupler.length"])
@@ -701,10 +677,8 @@ class ClosedChain(RobotProperties, Summary):
             ((3, 1), (1, 1), (3, 1, 1))
         """
         engine, width = self._engine, positive_number("sign_width", sign_width)
-        arrays = [
-            *engine.arguments(q, va=va, aa=aa),
-            engine.wrenches(None, external_wrenches, "raise"),
-        ]
+        load = engine.wrenches(None, external_wrenches, "raise")
+        arrays = [*engine.arguments(q, va=va, aa=aa), load]
         return design.design_derivatives(engine.reference, names, arrays, frame, width)
 
     # --- compiled kernels -------------------------------------------------------------------
@@ -753,7 +727,7 @@ class ClosedChain(RobotProperties, Summary):
     ) -> CasadiFunctions:
         """The dynamics as CasADi functions, `.torques` and more; they do not check their input.
 
-        Friction is smooth, as in derivatives. The functions need the extra `sst-pin[compile]`.
+        Friction is smooth, as in derivatives. It needs the extra `sst-pin[compile]`.
 
         Args:
             q: As in `compile`.
@@ -771,25 +745,16 @@ class ClosedChain(RobotProperties, Summary):
         return CasadiFunctions(engine.reference, near, width, external_wrenches, compiled)
 
     def warp(self, device: Any = None, dtype: str = "float64") -> WarpBatch:
-        """The dynamics of many samples on a GPU, by kernels of NVIDIA Warp.
+        """The dynamics of many samples on a GPU, by kernels of NVIDIA Warp; docs/gpu.md.
 
         The kernels check each sample, but hand none to the reference path: bad samples are NaN.
-        docs/gpu.md has examples.
 
         Args:
             device: A device of Warp, such as "cuda:0" or "cpu"; its preferred one by default.
             dtype: "float64", or "float32" for six digits.
 
-        Returns:
-            `.torques`, `.accelerations`, `.step` and more, of `wp.array`s; see
-            `sst_pin.compiled.warp_batch.WarpBatch`.
-
         Raises:
             MissingExtraError: Without Warp and CasADi, `sst-pin[gpu]`.
-
-        Example:
-            >>> batch = robot.warp("cpu")  # doctest: +SKIP
-            >>> tau = batch.torques(q, va, aa)  # doctest: +SKIP
         """
         try:
             from .compiled.warp_batch import WarpBatch
@@ -859,18 +824,17 @@ class ClosedChain(RobotProperties, Summary):
             atol: Absolute tolerance of the integrator, [rad], [rad/s].
             max_condition_number: The motion stops where the condition number of the dependent
                 columns of Phi reaches this value, whichever joints are independent.
-            through_singularities: Whether the motion goes on through singular configurations of the
-                mechanism, on the branch that continues it smoothly; `crossings` of the result lists
-                them. It stops where no branch is determined, as where it comes to rest.
+            through_singularities: Whether the motion continues smoothly through singular
+                configurations, which `crossings` of the result lists. It stops where no branch is
+                determined, as where it comes to rest.
             sign_width: Coulomb friction uses tanh(x / sign_width) instead of sign(x), [rad/s];
                 joints that should stick move slowly.
             progress: Function that is called with the time reached.
             max_step: Longest step of the integrator, [s]. By default, where torques or loads are
-                functions, steps are no longer than the distance of the output times: a shorter
-                push can be missed, and a RuntimeWarning says so where it shows.
+                functions, steps are no longer than the distance of the output times. A shorter
+                push can be missed; a RuntimeWarning says so if it is noticed.
 
         Raises:
-            InputError: Also for torques that end too early.
             SimulationError: If the integrator fails.
         """
         from .simulation.inputs import Settings
@@ -900,9 +864,10 @@ class ClosedChain(RobotProperties, Summary):
     ) -> Rollout:
         """Simulate many motions with a fixed step; the error is of fourth order in dt.
 
-        The loops stay closed, also through dead points of the coordinates. A motion that reaches a
-        singularity of the mechanism, diverges or opens its loops (dt is too long) raises a
-        `SimulationError`, or is NaN from there on. Loads are constant for each motion.
+        It returns q, shape (..., N + 1, nq), and va, shape (..., N + 1, n). The loops stay closed,
+        also through dead points of the coordinates. A motion that reaches a singularity of the
+        mechanism, diverges or opens its loops (dt is too long) raises a `SimulationError`, or is
+        NaN from there on. Loads are constant for each motion.
 
         Args:
             tau: Motor torques, shape (..., N, motors), constant in each step. For torques that
@@ -913,9 +878,6 @@ class ClosedChain(RobotProperties, Summary):
             dt: Step, [s]; a negative step goes back in time.
             steps: Number of steps N; by default the number of torques.
             sign_width: As in `simulate`.
-
-        Returns:
-            q of shape (..., N + 1, nq) and va of shape (..., N + 1, n).
         """
         from .simulation.rollouts import rollout
 
@@ -945,8 +907,8 @@ class ClosedChain(RobotProperties, Summary):
     ) -> Loads:
         """Peaks, their times and means of the forces and moments in joints and closures.
 
-        The motion is one under weights and its own torques; `stiffness` as in `reactions`. The
-        table has `to_dataframe` and `save`; sizes that are not unique are NaN.
+        The motion is one under weights and its own torques; `stiffness` as in `reactions`. Sizes
+        that are not unique are NaN.
         """
         from .simulation.bearing_loads import loads
 
@@ -965,14 +927,14 @@ class ClosedChain(RobotProperties, Summary):
     ) -> _Chain:
         """A robot from a URDF or SDF and a YAML file, the "extended URDF" of LAAS.
 
-        The YAML lists closures, motors, forces, springs, friction, couplings, gravity and joint
-        types; docs/own_robot.md. Without closures there, those in the URDF count, such as the
-        frames `closing_NAME_1` and `closing_NAME_2`; without any the robot is an open tree with a
-        motor at each joint. An SRDF beside the file defines named configurations, such as `home`.
+        The YAML lists closures, motors, forces, springs and more; docs/own_robot.md. Without
+        closures there, frames `closing_NAME_1` and `closing_NAME_2` of the URDF close loops;
+        without any the robot is an open tree with a motor at each joint. An SRDF beside the file
+        defines named configurations, such as `home`.
 
         Args:
             path: The URDF, or an SDF, whose loops are closed; meshes are not needed.
-            cuts: The YAML; by default the file with the name of the URDF and the ending .yaml.
+            cuts: The YAML; by default the file beside the URDF with the ending .yaml.
             actuated: The motors, as in the constructor; those of the YAML by default.
             locked: Names of joints or rates that are fixed at zero. A locked motor is removed.
 
@@ -1010,9 +972,6 @@ class ClosedChain(RobotProperties, Summary):
         Raises:
             MissingExtraError: Without MuJoCo, `sst-pin[mjcf]`.
             DescriptionError: If the file cannot be used; the message lists all problems.
-
-        Warns:
-            DescriptionWarning: When a limit is not read, or a keyframe moves a locked joint.
         """
         from .reading.mjcf import read_mjcf
 
@@ -1053,6 +1012,8 @@ class ClosedChain(RobotProperties, Summary):
     ) -> Viewer:
         """Show a motion or a configuration in the browser, or in a Jupyter notebook.
 
+        The viewer's `save` writes a page, a picture or an animation; `close` stops its server.
+
         Args:
             what: A motion, or a configuration, shape (nq,); by default the home pose.
             speed: Speed of the animation; 1 is real time.
@@ -1063,13 +1024,9 @@ class ClosedChain(RobotProperties, Summary):
                 without a server, in one file.
             ghost: A second motion, which a translucent robot plays at the same times.
 
-        Returns:
-            The viewer. `save` writes a page, a picture or an animation; `close` stops the server.
-
         Raises:
             MissingExtraError: Without the extra `sst-pin[viz]`.
             DescriptionError: If a mesh cannot be loaded, or a live page cannot be compiled.
-            InputError: For the motion of another robot.
         """
         from .viewer import show
 
