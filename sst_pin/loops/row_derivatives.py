@@ -117,7 +117,7 @@ def partials(loops: Loops, q: Array, tree: TreeMotion) -> Partials:
             x.reshape(12, -1)
             for x in (frames.J, frames.twist_q, frames.acceleration_q, frames.acceleration_v)
         )
-        W, W_t = rows.W, rows.wrench_rates(frames.M, frames.M_t)
+        W, W_t = rows.W, rows.formulas.W_dot(frames.M, frames.M_t)
         W_q, W_tq = _wrench_derivatives(rows, frames)
         turning = W_q.swapaxes(1, 2) @ twist
         velocity_q[at] = W @ twist_q + turning
@@ -140,7 +140,7 @@ def partials(loops: Loops, q: Array, tree: TreeMotion) -> Partials:
 def _wrench_derivatives(rows: FrameRows, frames: FrameMotions) -> tuple[Array, Array]:
     """Derivatives of W and of its rate by q, shapes (rows, 12, nv)."""
     M, M_t = frames.M + 1j * _STEP * frames.M_q, frames.M_t + 1j * _STEP * frames.M_tq
-    W, W_t = rows.wrenches(M), rows.wrench_rates(M, M_t)
+    W, W_t = rows.formulas.W(M), rows.formulas.W_dot(M, M_t)
     return np.moveaxis(W.imag, 0, -1) / _STEP, np.moveaxis(W_t.imag, 0, -1) / _STEP
 
 

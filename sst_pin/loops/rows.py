@@ -39,8 +39,8 @@ _AT_TWO.reshape(8, 3, 12)[:4, :, :6], _AT_TWO.reshape(8, 3, 12)[4:, :, 6:] = _FO
 _MOMENTS = np.kron([0.0, 1.0, 0.0, -1.0], np.eye(3))
 
 
-class _Part(Protocol):
-    """Rows of one sort."""
+class Formulas(Protocol):
+    """f and W of rows, and the rate of W."""
 
     def error(self, M: Array) -> Array:
         """f, shape (rows,), zero where the closure is closed; 0 for rows of rates."""
@@ -184,10 +184,27 @@ class _RightAngles:
         return self._x @ _axes(M[..., 1, :, :]), self._y @ _axes(M[..., 0, :, :])
 
 
+class _Stacked:
+    """Forces, then moments."""
+
+    def __init__(self, *parts: Formulas) -> None:
+        self._parts = parts
+
+    def error(self, M: Array) -> Array:
+        return np.concatenate([part.error(M) for part in self._parts])
+
+    def W(self, M: Array) -> Array:
+        return np.concatenate([part.W(M) for part in self._parts], axis=-2)
+
+    def W_dot(self, M: Array, M_t: Array) -> Array:
+        return np.concatenate([part.W_dot(M, M_t) for part in self._parts], axis=-2)
+
+
 class FrameRows:
     """The rows of a closure of two frames; `evaluate` computes what depends on q.
 
     Attributes:
+        formulas: f, W and its rate for any two frames.
         frames: Indices of frame B and frame A.
         bodies: The joints of the normal tree that bear them.
         f: Error of the closure, Eq. (2), shape (rows,), [m] and [rad].
@@ -198,7 +215,7 @@ class FrameRows:
 
     def __init__(self, tree: NormalTree, closure: Closure | Distance | Rolling) -> None:
         frame_b, frame_a = (frame_id(tree.model, name) for name in frames_of(closure)[::-1])
-        self._model, self.frames, self._parts = tree.model, (frame_b, frame_a), _parts(closure)
+        self._model, self.frames, self.formulas = tree.model, (frame_b, frame_a), _formulas(closure)
         self.bodies = [tree.model.frames[frame].parentJoint for frame in self.frames]
         moves_b, moves_a = (tree.supports[body] for body in self.bodies)
         # What moves both frames alike leaves the closure as it is.
@@ -208,8 +225,7 @@ class FrameRows:
     def evaluate(self, q: Array, data: pin.Data) -> None:
         """f, W and Phi, from placements and Jacobians in `data`."""
         self._M = np.array([data.oMf[frame].homogeneous for frame in self.frames])
-        self.f = _stacked([part.error(self._M) for part in self._parts])
-        self.W = self.wrenches(self._M)
+        self.f, self.W = self.formulas.error(self._M), self.formulas.W(self._M)
         self._J = self._jacobians(pin.getFrameJacobian, data)
         self.Phi = self.W.dot(self._J).dot(self._S)  # Eqs. (3), (4)
 
@@ -217,17 +233,9 @@ class FrameRows:
         """Rate of Phi, shape (rows, nv); `data` has velocities and rates of Jacobians at v."""
         twists = [pin.getFrameVelocity(self._model, data, k, pin.WORLD) for k in self.frames]
         M_t = np.array([twist.homogeneous for twist in twists]) @ self._M
-        W_dot = self.wrench_rates(self._M, M_t)
+        W_dot = self.formulas.W_dot(self._M, M_t)
         J_dot = self._jacobians(pin.getFrameJacobianTimeVariation, data)
         return (W_dot.dot(self._J) + self.W.dot(J_dot)).dot(self._S)
-
-    def wrenches(self, M: Array) -> Array:
-        """W, shape (..., rows, 12)."""
-        return _stacked([part.W(M) for part in self._parts])
-
-    def wrench_rates(self, M: Array, M_t: Array) -> Array:
-        """Rate of W, shape (..., rows, 12)."""
-        return _stacked([part.W_dot(M, M_t) for part in self._parts])
 
     def _jacobians(self, of_frame: Callable[..., Array], data: pin.Data) -> Array:
         """Jacobians of B and A, or their rates, shape (12, rates of the normal tree)."""
@@ -280,24 +288,18 @@ def rows_of(model: pin.Model, tree: NormalTree, closure: Constraint) -> FrameRow
     return FrameRows(tree, closure)
 
 
-def _parts(closure: Closure | Distance | Rolling) -> list[_Part]:
+def _formulas(closure: Closure | Distance | Rolling) -> Formulas:
     if isinstance(closure, Distance):
-        return [_RodForce(closure.distance)]
+        return _RodForce(closure.distance)
     if isinstance(closure, Rolling):
-        return [_WheelForces(closure)]
-    parts: list[_Part] = []
-    if any(closure.held[:3]):
-        axes = np.eye(3)[np.array(closure.held[:3])]
-        parts.append((_WorldForces if closure.kind in ("6d", "3d") else _AxisForces)(axes))
-    if turns := [k for k in range(3) if closure.held[3 + k]]:
-        parts.append(_WorldMoments() if len(turns) == 3 else _RightAngles(turns))
-    return parts
-
-
-def _stacked(arrays: list[Array]) -> Array:
-    if len(arrays) == 1:
-        return arrays[0]
-    return np.concatenate(arrays, axis=-min(arrays[0].ndim, 2))
+        return _WheelForces(closure)
+    axes = np.eye(3)[np.array(closure.held[:3])]
+    turns = [k for k in range(3) if closure.held[3 + k]]
+    forces = (_WorldForces if closure.kind in ("6d", "3d") else _AxisForces)(axes)
+    if not turns:
+        return forces
+    moments = _WorldMoments() if len(turns) == 3 else _RightAngles(turns)
+    return _Stacked(forces, moments) if len(axes) else moments
 
 
 def _at_one_point(point: Array) -> Array:
