@@ -135,9 +135,9 @@ def torque_regressor(memory: Memory, q: Array, va: Array, aa: Array) -> Array:
     mechanism, L = memory.mechanism, memory.complement.L
     model, one, none = mechanism.model, np.ones(len(v)), np.zeros(len(v))
     sign = -Friction(none, one, mechanism.friction.sign_width).forces(v)
-    drawn = pin.difference(model, mechanism.springs.reference, q)
+    deflections = pin.difference(model, mechanism.springs.reference, q)
     k = mechanism.sprung
-    rates = [L.T * v, L.T * sign, L.T * v_dot, (L.T * drawn)[:, k], L.T]
+    rates = [L.T * v, L.T * sign, L.T * v_dot, (L.T * deflections)[:, k], L.T]
     lengths, J = memory.lines.evaluate(q)
     pulls = [lengths - mechanism.lines.numbers[1], J.dot(v), np.ones(len(J))]
     lines = (J.dot(L).T[..., None] * np.array(pulls).T).reshape(len(va), -1)
@@ -158,19 +158,12 @@ def changed(
     mechanism: Mechanism, theta: ArrayLike | Mapping[str, float]
 ) -> tuple[pin.Model, dict[str, ArrayLike | None], tuple[LineForce, ...]]:
     """The tree with its friction and rotors, numbers of `mechanism_of`, and lines, by theta."""
-    now = parameters_of(mechanism)
-    values = now.values.copy()
-    if isinstance(theta, Mapping):
-        for name, value in theta.items():
-            now[name]  # refuses an unknown one
-            values[now.names.index(name)] = single_array(name, value, ())
-        _warn_of_masses(now, theta)
-    else:
-        values = single_array("theta", theta, values.shape)
-    model, springs, nv = pin.Model(mechanism.model), mechanism.springs, mechanism.model.nv
+    model, nv = pin.Model(mechanism.model), mechanism.model.nv
     k, r = mechanism.sprung, model.njoints - 1
     ends = np.cumsum([10 * r, nv, nv, nv, len(k), nv, 3 * len(mechanism.lines.forces)])
-    bodies, viscous, coulomb, armature, stiff, offset, lines, motors = np.split(values, ends)
+    bodies, viscous, coulomb, armature, stiff, offset, lines, motors = np.split(
+        _values(mechanism, theta), ends
+    )
     if motors.any():
         raise InputError(
             "theta", "a chain has no torque offsets of motors; subtract them from the torques"
@@ -180,32 +173,51 @@ def changed(
     model.damping, model.friction, model.armature = viscous, coulomb, armature
     stiffness = np.zeros(nv)
     stiffness[k] = stiff
-    if lost := [mechanism.space.rate_names[i] for i in np.flatnonzero(offset * (stiffness == 0))]:
-        raise InputError(
-            "theta", f"offset of {listed(lost)}: a chain has offsets only of springs with stiffness"
-        )
-    balls = [j for j in model.joints if j.shortname() == "JointModelSpherical"]
-    turning = [k for j in balls for k in range(j.idx_v, j.idx_v + 3)]
-    if lost := [mechanism.space.rate_names[k] for k in turning if offset[k]]:
-        raise InputError(
-            "theta", f"offset of {listed(lost)}: in a ball it depends on where its spring is"
-        )
-    shift = np.divide(offset, stiffness, out=np.zeros(nv), where=stiffness != 0)
-    reference = (
-        pin.integrate(model, springs.reference, -shift) if shift.any() else springs.reference
-    )
-    plain = np.array_equal(reference, pin.neutral(model))
+    reference = _spring_reference(mechanism, stiffness, offset)
+    at_neutral = np.array_equal(reference, pin.neutral(model))
     numbers: dict[str, ArrayLike | None] = {
         "viscous_friction": None,  # those of the model
         "coulomb_friction": None,
         "stiffness": read_only(stiffness) if stiffness.any() else None,
-        "spring_reference": None if plain else read_only(reference),
+        "spring_reference": None if at_neutral else read_only(reference),
     }
     forces = tuple(
         replace(line, stiffness=of[0], damping=of[1], preload=of[2])
         for line, of in zip(mechanism.lines.forces, lines.reshape(-1, 3), strict=True)
     )
     return model, numbers, forces
+
+
+def _values(mechanism: Mechanism, theta: ArrayLike | Mapping[str, float]) -> Array:
+    """The values of all parameters, of which theta may name some."""
+    now = parameters_of(mechanism)
+    if not isinstance(theta, Mapping):
+        return single_array("theta", theta, now.values.shape)
+    values = now.values.copy()
+    for name, value in theta.items():
+        now[name]  # refuses an unknown one
+        values[now.names.index(name)] = single_array(name, value, ())
+    _warn_of_masses(now, theta)
+    return values
+
+
+def _spring_reference(mechanism: Mechanism, stiffness: Array, offset: Array) -> Array:
+    """The configuration without force of springs with constant forces beside them, shape (nq,)."""
+    names, reference = mechanism.space.rate_names, mechanism.springs.reference
+    if lost := [names[i] for i in np.flatnonzero(offset * (stiffness == 0))]:
+        raise InputError(
+            "theta", f"offset of {listed(lost)}: a chain has offsets only of springs with stiffness"
+        )
+    balls = [j for j in mechanism.model.joints if j.shortname() == "JointModelSpherical"]
+    turning = [k for j in balls for k in range(j.idx_v, j.idx_v + 3)]
+    if lost := [names[k] for k in turning if offset[k]]:
+        raise InputError(
+            "theta", f"offset of {listed(lost)}: in a ball it depends on where its spring is"
+        )
+    if not offset.any():
+        return reference
+    shift = np.divide(offset, stiffness, out=np.zeros(len(offset)), where=stiffness != 0)
+    return np.asarray(pin.integrate(mechanism.model, reference, -shift))
 
 
 def _warn_of_masses(now: DynamicParameters, theta: Mapping[str, float]) -> None:
@@ -221,7 +233,7 @@ def _warn_of_masses(now: DynamicParameters, theta: Mapping[str, float]) -> None:
                 f"with_parameters(chain.dynamic_parameters.scale_mass({body!r}, {factor:.9g})) "
                 "scales all of them",
                 DescriptionWarning,
-                stacklevel=4,
+                stacklevel=5,
             )
 
 
