@@ -233,20 +233,20 @@ def _relaxed(values: Array, stresses: Array, compliances: Array) -> tuple[Array,
 
 
 def compliances_of(mechanism: Mechanism, stiffness: Mapping[str, ArrayLike]) -> Array:
-    """Compliance of each component of the wrenches, zero where no stiffness is given."""
+    """Compliance of each component of the wrenches, zero for those without a stiffness."""
     names = names_of(mechanism)
     if not isinstance(stiffness, Mapping):
         raise InputError("stiffness", f"{stiffness!r} is not a dict of six numbers by name")
-    found = np.zeros((len(names), 6))
-    for name, given in stiffness.items():
+    compliances = np.zeros((len(names), 6))
+    for name, values in stiffness.items():
         if name not in names:
             raise UnknownNameError("joint or closure", name, names)
-        numbers = as_array("stiffness", given, ())
+        numbers = as_array("stiffness", values, ())
         if numbers.shape != (6,) or not (numbers > 0).all():
             problem = f"of {name}: {numbers.tolist()}, expected six positive numbers"
             raise InputError("stiffness", problem)
-        found[names.index(name)] = 1 / numbers
-    return found
+        compliances[names.index(name)] = 1 / numbers
+    return compliances
 
 
 def unpacked(mechanism: Mechanism, rows: Array, relaxed: bool) -> Reactions:

@@ -198,13 +198,13 @@ class Reference(threading.local):
 
         if not step.any():
             return q
-        reached, found = self.memory.continuity.follow(q, way, MAX_CONDITION_NUMBER)
+        reached, configuration = self.memory.continuity.follow(q, way, MAX_CONDITION_NUMBER)
         if reached < 1:
             problem = (
                 "the loops cannot be closed further along the motion: out of reach, or singular"
             )
             raise ClosureError(problem, 0.0)
-        return found
+        return configuration
 
     def _L(self, q: Array) -> Array:
         """L where the loops are closed, shape (nv, n), Eq. (17)."""

@@ -114,11 +114,11 @@ class Assembly:
         f = self._residual(q)
         return float(np.abs(f[rows]).max()) if self._open(q, f)[rows].any() else 0.0
 
-    def near(self, q: Array, held: Indices) -> Array:
-        """The configuration next to q with closed loops, with these rates held if it exists."""
+    def near(self, q: Array, fixed: Indices) -> Array:
+        """The configuration next to q with closed loops, with these rates fixed if it exists."""
         rates = np.arange(self.mechanism.model.nv)
         try:
-            return self.assemble(q, np.setdiff1d(rates, held))
+            return self.assemble(q, np.setdiff1d(rates, fixed))
         except ClosureError:
             return self.assemble(q, rates)
 
@@ -133,8 +133,8 @@ class Assembly:
         # A projection, so that the basis of the motions does not count.
         direction = motions @ (motions.T @ random.normal(size=len(motions)))
         step = _ASIDE * direction / max(float(np.abs(direction).max(initial=0.0)), 1e-300)
-        moved = pin.integrate(mechanism.model, q, step * mechanism.rate_scale)
-        return self.assemble(moved, np.arange(mechanism.model.nv))
+        guess = pin.integrate(mechanism.model, q, step * mechanism.rate_scale)
+        return self.assemble(guess, np.arange(mechanism.model.nv))
 
     def _newton(
         self, q: Array, free: Indices, bounds: _Limits, tolerance: float = _NO_RANK

@@ -195,7 +195,7 @@ class _Search:
             if both is not None:
                 others = [x for x in closures if x != k]
                 each = [self._by_dyads(x, free - rates, others) for x in both if self._closed(x, k)]
-                return None if None in each else [x for found in each for x in found or ()]
+                return None if None in each else [x for modes in each for x in modes or ()]
         return None
 
     def _closed(self, q: Array, closure: int) -> bool:

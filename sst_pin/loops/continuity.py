@@ -84,10 +84,13 @@ class Continuity:
             for _ in range(len(ranks) * (sum(ranks.values()) == len(rates))):
                 for k, rank in ranks.items():
                     loop = loops.slices[k]
-                    own = rates[loops.touched[loop, rates].any(axis=0)]
-                    if 0 < len(own) == rank:
-                        yield all_rows[loop], own
-                        rates, rows = np.setdiff1d(rates, own), np.setdiff1d(rows, all_rows[loop])
+                    loop_rates = rates[loops.touched[loop, rates].any(axis=0)]
+                    if 0 < len(loop_rates) == rank:
+                        yield all_rows[loop], loop_rates
+                        rates, rows = (
+                            np.setdiff1d(rates, loop_rates),
+                            np.setdiff1d(rows, all_rows[loop]),
+                        )
                         del ranks[k]
                         break
             if len(rates):
@@ -118,11 +121,11 @@ class Continuity:
                     0.0,
                 )
             count += 1
-            found: Array | None = None
+            configuration: Array | None = None
             with suppress(SSTError):
-                found = way(q, low, high)
-            if found is not None and self._near(q, found, limit):
-                q, low, high = found, high, min(1.0, high + 2 * (high - low))
+                configuration = way(q, low, high)
+            if configuration is not None and self._near(q, configuration, limit):
+                q, low, high = configuration, high, min(1.0, high + 2 * (high - low))
             else:
                 high = (low + high) / 2
         return low, q

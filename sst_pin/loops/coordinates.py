@@ -52,37 +52,37 @@ def examples(assembly: Assembly) -> Iterator[Array]:
     starts = [(pin.neutral(model), width) for width in _AROUND_NEUTRAL]
     if home is not None:
         starts = [(home, width) for width in _AROUND_HOME] + starts
-    failures, found = [], False
+    failures, any_example = [], False
     for start, width in starts:
-        if found and home is not None and start is not home:
+        if any_example and home is not None and start is not home:
             return
-        moved = pin.integrate(model, start, displacement(mechanism, width))
+        guess = pin.integrate(model, start, displacement(mechanism, width))
         try:  # motors that stay where they are lead to assemblies in which they hold the robot
-            q = assembly.near(moved, mechanism.driven)
+            q = assembly.near(guess, mechanism.driven)
         except ClosureError as error:
             failures.append(error)
         else:
-            found = True
+            any_example = True
             yield q
-    if not found:
+    if not any_example:
         nearest = min(failures, key=lambda error: error.residual)
         open_by, _, _ = nearest.args[0].partition(";")
         raise ClosureError(f"{open_by}; {_GIVE_ONE}", nearest.residual)
 
 
-def _home(assembly: Assembly, held: Indices) -> Array | None:
+def _home(assembly: Assembly, fixed: Indices) -> Array | None:
     """Home with closed loops; None without one, or where closures lose their rank there."""
     mechanism, loops = assembly.mechanism, assembly.loops
     q = home_of(mechanism)
     if q is None:
         return None
     try:
-        q = assembly.near(q, held)
+        q = assembly.near(q, fixed)
     except ClosureError:
         return None
     try:
-        moved = pin.integrate(mechanism.model, q, displacement(mechanism, _BESIDE))
-        beside = assembly.near(moved, held)
+        guess = pin.integrate(mechanism.model, q, displacement(mechanism, _BESIDE))
+        beside = assembly.near(guess, fixed)
     except ClosureError:
         return q
     there = np.linalg.svd(scaled_Phi(mechanism, loops, beside), compute_uv=False)
@@ -110,8 +110,8 @@ def _warn_of_singular_home(mechanism: Mechanism, motions: Array) -> None:
 def _without_symmetry(assembly: Assembly, home: Array, coordinates: Indices) -> Array:
     """A configuration near home in its assembly mode, or home where coordinates fail on the way."""
     mechanism = replace(assembly.mechanism, coordinates=coordinates)
-    for width, held in product(_AROUND_HOME, (mechanism.driven, coordinates)):
-        along = partial(_along, assembly, home, displacement(mechanism, width), held)
+    for width, fixed in product(_AROUND_HOME, (mechanism.driven, coordinates)):
+        along = partial(_along, assembly, home, displacement(mechanism, width), fixed)
         continuity = Continuity(mechanism, assembly.loops)
         poor = min(_POORER * continuity.condition_number(home), MAX_CONDITION_NUMBER)
         with suppress(ClosureError):
@@ -122,10 +122,10 @@ def _without_symmetry(assembly: Assembly, home: Array, coordinates: Indices) -> 
 
 
 def _along(
-    assembly: Assembly, home: Array, way: Array, held: Indices, q: Array, low: float, high: float
+    assembly: Assembly, home: Array, way: Array, fixed: Indices, q: Array, low: float, high: float
 ) -> Array:
     """A `Way` of assembled configurations from home."""
-    return assembly.near(pin.integrate(assembly.mechanism.model, home, high * way), held)
+    return assembly.near(pin.integrate(assembly.mechanism.model, home, high * way), fixed)
 
 
 def settled(mechanism: Mechanism) -> Mechanism:
@@ -161,8 +161,8 @@ def _choose(assembly: Assembly, wanted: Indices | None) -> tuple[Indices, Array 
     used. If nothing can be assembled, the coordinates are the motors' joints.
     """
     mechanism = assembly.mechanism
-    asked = mechanism.driven if wanted is None else wanted
-    home = _home(assembly, asked)
+    preferred = mechanism.driven if wanted is None else wanted
+    home = _home(assembly, preferred)
     if home is not None:
         Phi = scaled_Phi(mechanism, assembly.loops, home)
         chosen = choose_coordinates(mechanism, Phi) if wanted is None else wanted
@@ -179,7 +179,7 @@ def _choose(assembly: Assembly, wanted: Indices | None) -> tuple[Indices, Array 
             if 0 < n == controlled:
                 break
     except ClosureError:
-        return asked, None
+        return preferred, None
     assert best is not None
     _, Phi, q = best
     return choose_coordinates(mechanism, Phi) if wanted is None else wanted, q

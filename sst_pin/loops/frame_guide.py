@@ -95,14 +95,14 @@ class FrameGuide:
             part = min(1.0, done + step)
             p = start.translation + part * (target.translation - start.translation)
             pose = pin.SE3(start.rotation @ pin.exp3(part * turn), p)
-            found = self._solved(here.q, pose, part == 1 or not nearby)
+            place = self._solved(here.q, pose, part == 1 or not nearby)
             task, drives = 2 * CHANGE, 0.0
-            if found is not None:
-                pairs = zip(inverses, here.M, found.M, strict=True)
+            if place is not None:
+                pairs = zip(inverses, here.M, place.M, strict=True)
                 task, drives = (_change(inverse, b - a) for inverse, a, b in pairs)
             singular = task <= CHANGE < drives
-            if found is not None and max(task, drives) <= CHANGE:
-                here, inverses, done = found, self._inverses(found), part
+            if place is not None and max(task, drives) <= CHANGE:
+                here, inverses, done = place, self._inverses(place), part
             step *= min(2.0, 0.8 * CHANGE / max(task, drives, 0.1))
         if done == 1:
             return Way(here.q, 0.0, False)

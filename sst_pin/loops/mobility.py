@@ -180,12 +180,12 @@ def choose_coordinates(mechanism: Mechanism, Phi: Array, wanted: Sequence[Indice
 
 
 def judge(mechanism: Mechanism, loops: Loops, q: Array, where: str) -> Mobility:
-    """Count motions at a closed q, in the mechanism's own coordinates if these describe them."""
+    """Count motions at a closed q, in the mechanism's coordinates if these describe them."""
     Phi = scaled_Phi(mechanism, loops, q)
     loops.require_closed(mechanism.row_scale)
     space = mechanism.space
-    own = [space.rates_of([name]) for name in space.names_of(mechanism.coordinates.tolist())]
-    coordinates = choose_coordinates(mechanism, Phi, own)
+    groups = [space.rates_of([name]) for name in space.names_of(mechanism.coordinates.tolist())]
+    coordinates = choose_coordinates(mechanism, Phi, groups)
     motions = free_motions(Phi)
     _, sizes, ways = np.linalg.svd(motor_rates(mechanism, q, motions))
     held = int(np.count_nonzero(sizes > RESTS))

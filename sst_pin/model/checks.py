@@ -36,15 +36,15 @@ Motor = str | Mapping[str, float] | Mapping[str, Mapping[str, float]]
 
 def closures_of(closures: Sequence[Constraint | tuple[str, str]]) -> tuple[Constraint, ...]:
     """Closures, with pairs of names for frames that must coincide."""
-    found: list[Constraint] = []
+    result: list[Constraint] = []
     for closure in in_order("closures", closures, "closures"):
         if isinstance(closure, (Closure, Distance, Coupling, Rolling)):
-            found.append(closure)
+            result.append(closure)
         elif isinstance(closure, (tuple, list)) and len(closure) == 2:
-            found.append(Closure(*closure))
+            result.append(Closure(*closure))
         else:
             raise InputError("closures", _no_closure(closure))
-    return tuple(found)
+    return tuple(result)
 
 
 def _no_closure(value: object) -> str:
@@ -137,18 +137,18 @@ def without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]
     owners = {k: name for name, rates in space.rates.items() for k in rates}
     rates, series = dict[str, dict[int, float]](), dict[int, Series]()
     for name in names_of("locked", list(locked) if isinstance(locked, Mapping) else locked):
-        found, value = space.rates_of([name]).tolist(), 0.0
-        owner, joint = owners[found[0]], model.joints[joint_id(model, owners[found[0]])]
+        indices, value = space.rates_of([name]).tolist(), 0.0
+        owner, joint = owners[indices[0]], model.joints[joint_id(model, owners[indices[0]])]
         if isinstance(locked, Mapping):
             value = float(single_array("locked", locked[name], ()))
-            if len(found) > 1 or (joint.nq, joint.nv) == (2, 1):
+            if len(indices) > 1 or (joint.nq, joint.nv) == (2, 1):
                 cure = (
                     f"; name {', '.join(space.names_by_joint['rate'][name])}"
                     if joint.nv > 1
                     else ""
                 )
                 raise InputError("locked", f"joint {name} has several coordinates{cure}")
-        rates.setdefault(owner, {}).update({k - joint.idx_v: value for k in found})
+        rates.setdefault(owner, {}).update({k - joint.idx_v: value for k in indices})
         if joint.nq == 1:
             q[joint.idx_q] = value
     for name, fixed in rates.items():
@@ -188,14 +188,14 @@ def tendon_of(motor: Motor) -> tuple[str, Mapping[str, float]]:
 
 def forces_of(forces: Sequence[LineForce]) -> tuple[LineForce, ...]:
     """Forces along lines, each with a name of its own."""
-    found = in_order("forces", forces, "LineForce")
-    for force in found:
+    lines = in_order("forces", forces, "LineForce")
+    for force in lines:
         if not isinstance(force, LineForce):
             raise InputError("forces", f"{force!r} is not a LineForce")
-    twice = [name for name, k in Counter(map(str, found)).items() if k > 1]
+    twice = [name for name, k in Counter(map(str, lines)).items() if k > 1]
     if twice:
         raise InputError("forces", f"several lines have the name {', '.join(twice)}; give name=")
-    return found
+    return lines
 
 
 def _motors(
@@ -208,8 +208,8 @@ def _motors(
     size = len(space.rate_names) + len(lines)
 
     def rows(names: list[str]) -> Indices:
-        found = [[lines[name]] if name in lines else space.rates_of([name]) for name in names]
-        if len(set(rows := [int(k) for part in found for k in part])) != len(rows):
+        parts = [[lines[name]] if name in lines else space.rates_of([name]) for name in names]
+        if len(set(rows := [int(k) for indices in parts for k in indices])) != len(rows):
             raise InputError("names", f"a joint appears twice in {names}")
         return np.array(rows, dtype=np.intp)
 

@@ -54,8 +54,8 @@ def displacements(mechanism: Mechanism, changes: Mapping[str, float]) -> Displac
         place, _, axis = name.rpartition(".")
         is_length = axis == _LENGTH
         moves = lengths[place] if is_length else {place: np.eye(6)[AXES.index(axis)]}
-        for moved, direction in moves.items():
-            total[moved] = total.get(moved, 0) + change * direction
+        for end, direction in moves.items():
+            total[end] = total.get(end, 0) + change * direction
     return total
 
 
@@ -68,7 +68,7 @@ def _lengths(mechanism: Mechanism) -> dict[str, Displacements]:
     ends: dict[int, Displacements] = {}
     for place in places:
         ends.setdefault(bearer_of(model, place), {})[place] = placement_of(model, place).translation
-    found: dict[str, Displacements] = {}
+    lengths: dict[str, Displacements] = {}
     for joint, points in ends.items():
         far = {place: p for place, p in points.items() if p.any()}
         if not joint or not far:
@@ -79,8 +79,8 @@ def _lengths(mechanism: Mechanism) -> dict[str, Displacements]:
             others = [f for f in model.frames if f.parentJoint == joint and f.name not in far]
             names = [f.name for f in others if np.allclose(f.placement.translation, end, 1e-9)]
             along = np.append(end / size, np.zeros(3))
-            found[model.names[joint]] = dict.fromkeys([*far, *names], along)
-    return found
+            lengths[model.names[joint]] = dict.fromkeys([*far, *names], along)
+    return lengths
 
 
 def placement_of(model: pin.Model, place: str) -> pin.SE3:

@@ -103,21 +103,21 @@ class JointSpace:
 
     def rates_of(self, names: Sequence[str]) -> Indices:
         """Indices in v of joints, or of single rates, by name."""
-        found: list[int] = []
+        indices: list[int] = []
         for name in names:
             if name in self.joint_names and name not in self.rates:
                 raise InputError(
                     "names", f"{name} is a mimic joint; name the joint that it follows"
                 )
             if name in self.rates:
-                found.extend(self.rates[name])
+                indices.extend(self.rates[name])
             elif name in self.rate_names:
-                found.append(self.rate_names.index(name))
+                indices.append(self.rate_names.index(name))
             else:
                 raise UnknownNameError("joint", name, self.joint_names)
-        if len(set(found)) != len(found):
+        if len(set(indices)) != len(indices):
             raise InputError("names", f"a joint appears twice in {list(names)}")
-        return np.array(found, dtype=np.intp)
+        return np.array(indices, dtype=np.intp)
 
     def names_of(self, rates: Sequence[int]) -> tuple[str, ...]:
         """Names that `rates_of` leads back: of whole joints where all their rates are there."""

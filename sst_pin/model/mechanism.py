@@ -210,8 +210,8 @@ class Mechanism:
         What it means to hold such a coordinate depends on the way to a configuration.
         """
         joints = [joint for joint in list(self.model.joints)[1:] if joint.nq != joint.nv > 1]
-        held = [np.isin(range(j.idx_v, j.idx_v + j.nv), self.coordinates) for j in joints]
-        return any(of_joint.any() and not of_joint.all() for of_joint in held)
+        coordinates = [np.isin(range(j.idx_v, j.idx_v + j.nv), self.coordinates) for j in joints]
+        return any(of_joint.any() and not of_joint.all() for of_joint in coordinates)
 
     @cached_property
     def motor_units(self) -> tuple[str, ...]:

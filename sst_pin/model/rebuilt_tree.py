@@ -60,7 +60,7 @@ def rebuilt(old: pin.Model, changes: Mapping[int, Series]) -> pin.Model:
         model.appendBodyToJoint(bearer, old.inertias[i], bearers[i][1])
     _copy_frames(old, model, bearers, [len(series.parts) for series in each])
     poses = {pair.key(): np.array(pair.data()) for pair in old.referenceConfigurations}
-    moved = {name: pin.neutral(model) for name in poses}
+    new_poses = {name: pin.neutral(model) for name in poses}
     for i, whole in enumerate(list(old.joints)[1:], 1):
         first = bearers[i][0] - len(each[i].parts) + 1
         for k, part in enumerate(each[i].parts):
@@ -68,8 +68,8 @@ def rebuilt(old: pin.Model, changes: Mapping[int, Series]) -> pin.Model:
             _copy_numbers(old, whole, model, joint, part)
             for name, pose in poses.items():
                 positions = each[i].positions(pose[whole.idx_q : whole.idx_q + whole.nq])[k]
-                moved[name][joint.idx_q : joint.idx_q + positions.size] = positions
-    for name, pose in moved.items():
+                new_poses[name][joint.idx_q : joint.idx_q + positions.size] = positions
+    for name, pose in new_poses.items():
         model.referenceConfigurations[name] = pose
     return model
 
