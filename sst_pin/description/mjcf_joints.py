@@ -33,6 +33,10 @@ class MjcfJoint(NamedTuple):
     v: slice
     at: pin.SE3
 
+    def seen_from(self, at: pin.SE3) -> "MjcfJoint":
+        """The same joint in the axes of a body that lies there in its own."""
+        return self._replace(axis=at.rotation.T @ self.axis, point=at.actInv(self.point))
+
     def qpos(self, q: Array) -> Array:
         """MuJoCo's coordinates of the joint for a configuration, shape (nq,)."""
         numbers = q[self.q]

@@ -3,7 +3,7 @@
 
 import warnings
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import SubElement
@@ -34,7 +34,7 @@ _ROUNDING = 1e-9
 #: A limit farther away is none.
 _FAR = 1e9
 _FIXED, _BALL = Closure.KINDS["6d"], Closure.KINDS["3d"]
-_WORLDS = ("universe", "world")
+_HERE, _WORLDS = pin.SE3.Identity(), ("universe", "world")
 _SINGLE = ("hinge", "slide")
 _POINTS, _LINK = (pin.FrameType.OP_FRAME, pin.FrameType.SENSOR), pin.FrameType.BODY
 #: Types of geoms, and what gives their sizes.
@@ -103,6 +103,8 @@ class MjcfWriter:
             base = SubElement(self._world, "body", name=self._names[0])
         self.bodies, self.joints = [base] * model.njoints, list[MjcfJoint]()
         self._problems, self.notes, self._plain = list[str](), list[str](), plain
+        self._ends = {name for closure in mechanism.closures for name in frames_of(closure)}
+        self._ends |= {x for line in mechanism.lines.forces for x in (line.frame_a, line.frame_b)}
         self._children(0)
         if not plain:
             self._add_sites()
@@ -154,7 +156,10 @@ class MjcfWriter:
 
     # --- bodies -----------------------------------------------------------------------------
 
-    def _children(self, parent: int) -> None:
+    def _children(
+        self, parent: int, before: Sequence[MjcfJoint] = (), start: pin.SE3 = _HERE
+    ) -> None:
+        """Bodies on a joint; if it bears nothing of its own, they get its joints, `before`."""
         model = self._mechanism.model
         for index in (i for i in range(1, model.njoints) if model.parents[i] == parent):
             joints, at = list[MjcfJoint](), model.jointPlacements[index]
@@ -162,15 +167,29 @@ class MjcfWriter:
                 joints, at = joints_of(model, index)
             except DescriptionError as error:
                 self._problems += error.problems
+            joints = [joint.seen_from(at) for joint in before] + joints
             free = any(joint.kind == "free" for joint in joints)
             bearer = self._world if free else self.bodies[parent]
-            body = SubElement(bearer, "body", {"name": self._names[index]} | _pose(at))
-            self.bodies[index] = body
+            if self._is_empty(index) and all(joint.kind in _SINGLE for joint in joints):
+                self.bodies[index] = bearer
+                self._children(index, joints, start * at)
+                self.bodies[index] = self.bodies[list(model.parents).index(index)]
+                continue
+            name = {"name": self._names[index]}
+            self.bodies[index] = body = SubElement(bearer, "body", name | _pose(start * at))
             self.joints += joints
             for joint in joints:
                 SubElement(body, "joint", self._joint(joint))
             self._add_inertia(index)
             self._children(index)
+
+    def _is_empty(self, index: int) -> bool:
+        """Whether a joint bears one other joint only, such as the first axis of a universal one."""
+        model, kind = self._mechanism.model, pin.FrameType.JOINT
+        frames = [frame for frame in model.frames if frame.parentJoint == index]
+        bare = all(frame.type == kind and frame.name not in self._ends for frame in frames)
+        empty = model.inertias[index] == pin.Inertia.Zero()
+        return bool(bare and empty and list(model.parents).count(index) == 1)
 
     def _joint(self, joint: MjcfJoint) -> dict[str, str]:
         attributes, single = {"name": joint.name, "type": joint.kind}, joint.kind in _SINGLE
@@ -223,9 +242,7 @@ class MjcfWriter:
 
     def _add_sites(self) -> None:
         """Sites at frames that are no joints or bodies, and at all ends of closures and lines."""
-        mechanism, model = self._mechanism, self._mechanism.model
-        ends = {name for closure in mechanism.closures for name in frames_of(closure)}
-        ends |= {name for x in mechanism.lines.forces for name in (x.frame_a, x.frame_b)}
+        model, ends = self._mechanism.model, set(self._ends)
         seen = set(self._names.values()) - ends
         for frame in model.frames:
             world = frame.parentJoint == 0 and frame.placement.isIdentity()

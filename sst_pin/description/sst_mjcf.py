@@ -96,13 +96,9 @@ def _collision(primitive: Primitive) -> dict[str, str]:
 def scene_of(p: Parameters) -> str:
     """XML of a scene around `sst.xml`, as large as the robot: floor, light, a camera."""
     radius = max(p.base_radius, p.star_radius)
-    lowest = -1.25 * radius  # below the reach of the star; the foot that the robot stands on
-    for solid in parts_of(p)["base"]:
-        if isinstance(solid, Cylinder):
-            axis = (solid.end - solid.start) / np.linalg.norm(solid.end - solid.start)
-            tilt = np.sqrt(max(1 - axis[2] ** 2, 0))
-            for point, size in ((solid.start, solid.radius), (solid.end, solid.end_radius)):
-                lowest = min(lowest, float(point[2] - size * tilt))
+    # Below the reach of the star, and under the foot that the robot stands on.
+    ends = [float(solid.loops()[..., 2].min()) for solid in parts_of(p)["base"]]
+    lowest = min(-1.25 * radius, *ends)
     return _SCENE.read_text(encoding="utf-8").format(
         extent=rounded(2.5 * radius),
         light=rounded(radius * np.array((1.2, -0.4, 4))),
