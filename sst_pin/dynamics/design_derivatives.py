@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from fnmatch import fnmatchcase
+from fnmatch import filter as fitting
 from typing import NamedTuple
 
 import numpy as np
@@ -25,12 +25,13 @@ from ..model.mechanism import Friction, Mechanism, Springs
 from ..model.tree import frame_id
 from ..summaries import listed
 from . import regressor
+from .dynamics import Memory
 from .reference import Reference
 
 #: A parameter, a pattern of names, several that change together, or their factors.
 Parameter = str | Sequence[str] | Mapping[str, float]
-#: Names that change together, and their factors.
-Group = dict[str, float]
+#: A label, the names that change together, and their factors.
+Group = tuple[str, dict[str, float]]
 #: The slide and the turn of a displacement.
 _HALVES = np.kron(np.eye(2), np.ones(3))
 
@@ -60,19 +61,19 @@ def names_of(mechanism: Mechanism) -> tuple[str, ...]:
     return (*parameter_names(mechanism), *(x for x in dynamic if not x.endswith("offset")))
 
 
-def groups_of(mechanism: Mechanism, parameters: Iterable[Parameter]) -> list[tuple[str, Group]]:
-    """For each parameter its label, the names that change with it, and their factors."""
-    known, groups = names_of(mechanism), list[tuple[str, Group]]()
+def groups_of(mechanism: Mechanism, parameters: Iterable[Parameter]) -> list[Group]:
+    """The names that change with each parameter."""
+    known, groups = names_of(mechanism), list[Group]()
     for parameter in parameters:
         words = (parameter,) if isinstance(parameter, str) else parameter
         factors = words if isinstance(words, Mapping) else dict.fromkeys(words, 1.0)
-        group = Group()
+        groups.append((" + ".join(map(str, factors)), {}))
         for pattern, factor in factors.items():
-            fitting = [x for x in known if pattern == x or fnmatchcase(x, str(pattern))]
-            if not fitting:
+            names = [pattern] if pattern in known else fitting(known, str(pattern))
+            if not names:
                 raise UnknownNameError("design parameter", str(pattern), list(known))
-            group |= {name: group.get(name, 0.0) + float(factor) for name in fitting}
-        groups.append((" + ".join(map(str, factors)), group))
+            for name in names:
+                groups[-1][1][name] = groups[-1][1].get(name, 0.0) + float(factor)
     return groups
 
 
@@ -90,38 +91,33 @@ def changed(
 class Design:
     """A mechanism with a joint at rest for each change of its geometry; one object per thread."""
 
-    def __init__(self, reference: Reference, groups: Sequence[tuple[str, Group]]) -> None:
+    def __init__(self, reference: Reference, groups: Sequence[Group]) -> None:
         self._small, self._groups = reference, groups
-        self.names = tuple(name for name, _ in groups)
-        mechanism = reference.mechanism
+        mechanism, errors, couplings = reference.mechanism, list[Error](), list[Coupling]()
         theta, geometry = regressor.names_of(mechanism), parameter_names(mechanism)
-        #: Changes of the dynamic parameters, shape (p, names).
+        #: Changes of the dynamic parameters, and of the joints that lead, a column for each group.
         self._theta = np.array([[g.get(x, 0.0) for _, g in groups] for x in theta])
-        errors: list[Error] = []
-        couplings: list[Coupling] = []
-        #: The parameters that change the geometry, and how far they move the first of their joints.
-        self._moved, leaders, sizes = list[int](), list[str](), list[float]()
+        leaders, ways = list[str](), list[Array]()
         for k, (_, group) in enumerate(groups):
             moves = displacements(mechanism, {x: f for x, f in group.items() if x in geometry})
-            ways = [
-                (f"{place} {kind}{k}", place, way, float(np.linalg.norm(way)))
+            own = [
+                (f"{place} {kind}{k}", place, way)
                 for place, displacement in moves.items()
                 for kind, way in zip("xr", displacement * _HALVES, strict=True)
                 if way.any()
             ]
-            errors += [(joint, place, way / size) for joint, place, way, size in ways]
-            for leader, _, _, first in ways[:1]:
-                self._moved.append(k)
+            errors += own
+            sizes = {joint: float(np.linalg.norm(way)) for joint, _, way in own}
+            for leader in list(sizes)[:1]:
+                first = sizes.pop(leader)
                 leaders.append(leader)
-                sizes.append(first)
-                couplings += [
-                    Coupling(x, {leader: (0.0, size / first)}) for x, *_, size in ways[1:]
-                ]
-        self._sizes = np.array(sizes)
+                ways.append(first * np.eye(len(groups))[k])
+                couplings += [Coupling(x, {leader: (0.0, s / first)}) for x, s in sizes.items()]
+        self._ways = np.array(ways).reshape(-1, len(groups))
         self._large = Reference(self._enlarged(errors, couplings, leaders))
 
     def _enlarged(
-        self, errors: Sequence[Error], couplings: Sequence[Coupling], leaders: Sequence[str]
+        self, errors: list[Error], couplings: list[Coupling], leaders: list[str]
     ) -> Mechanism:
         """The mechanism with joints at rest, of which those that lead are coordinates too."""
         mechanism = self._small.mechanism
@@ -131,28 +127,30 @@ class Design:
         self._q = np.concatenate([j.idx_q + np.arange(i.nq) for i, j in pairs])
         self._v = np.concatenate([j.idx_v + np.arange(i.nv) for i, j in pairs])
         self._bodies, self._neutral = np.array(ids) - 1, pin.neutral(model)
-
-        def of_rates(numbers: Array) -> Array:
-            return _scattered(numbers, self._v, model.nv)
-
-        friction, springs = mechanism.friction, mechanism.springs
+        friction, springs, rates = mechanism.friction, mechanism.springs, np.zeros(model.nv)
         at_rest = [model.joints[model.getJointId(name)].idx_v for name in leaders]
         return replace(
             mechanism,
             model=model,
             closures=(*mechanism.closures, *couplings),
-            coordinates=np.append(self._v[mechanism.coordinates], at_rest).astype(np.intp),
-            motors=of_rates(mechanism.motors),
-            friction=Friction(of_rates(friction.viscous), of_rates(friction.coulomb)),
-            springs=Springs(of_rates(springs.stiffness), self._configuration(springs.reference)),
+            coordinates=np.array([*self._v[mechanism.coordinates], *at_rest], dtype=np.intp),
+            motors=_put(np.zeros((model.nv, mechanism.motors.shape[1])), self._v, mechanism.motors),
+            friction=Friction(
+                _put(rates, self._v, friction.viscous), _put(rates, self._v, friction.coulomb)
+            ),
+            springs=Springs(
+                _put(rates, self._v, springs.stiffness),
+                _put(self._neutral, self._q, springs.reference),
+            ),
             example=None,
             row_sizes=None,
         )
 
-    def _configuration(self, q: Array) -> Array:
-        large = self._neutral.copy()
-        large[self._q] = q
-        return large
+    def at(self, q: Array) -> tuple[Array, Memory]:
+        """The configuration of the large mechanism, and its loops and L there."""
+        x, memory = _put(self._neutral, self._q, q), self._large.memory
+        memory.complement.evaluate(x)
+        return x, memory
 
     def row(
         self,
@@ -164,70 +162,50 @@ class Design:
         sign_width: float,
     ) -> Array:
         """Derivatives of q, torques, L and the pose of one sample, side by side."""
-        tau, n = self._small.torques(q, va, aa, wrenches), len(va)
-        if wrenches is not None:
-            bodies = self._large.mechanism.model.njoints - 1
-            wrenches = _scattered(wrenches, self._bodies, bodies)
-        x, rest = self._configuration(q), np.zeros(len(self._moved))
-        motion = x, np.append(va, rest), np.append(aa, rest), wrenches
+        tau, n, ways = self._small.torques(q, va, aa, wrenches), len(va), self._ways
         try:
-            slopes = self._large.torque_derivatives(*motion, sign_width)[:n, n : n + len(rest)]
+            x, memory = self.at(q)
         except SingularConfigurationError:
-            self._require_closing(q)
-            raise
-        by_f = self._columns(slopes * self._sizes)
+            names = listed([group[0] for group in self._groups if self._opens(group, q)])
+            cure = "leave them out, or change several together, as [{first: 1, second: -1}]"
+            raise InputError("names", f"changes of {names} alone open the loops; {cure}") from None
+        L, along = np.split(memory.complement.L, [n], axis=1)
+        B, lines = memory.actuation(x), memory.mechanism.lines
+        by_L, by_A = np.zeros((len(ways), *L.shape)), np.zeros((len(ways), n, len(tau)))
+        for k, way in enumerate(along.T):
+            by_L[k] = memory.complement.L_dot(memory.loops.Phi_dot(way))[:, :n]
+            by_A[k] = by_L[k].T @ B
+            if lines.motors.any():
+                by_A[k] += L.T @ memory.lines.loops.Phi_dot(way).T @ lines.motors
+        if wrenches is not None:
+            bodies = np.zeros((memory.mechanism.model.njoints - 1, 6))
+            wrenches = _put(bodies, self._bodies, wrenches)
+        rest = np.zeros(len(ways))
+        motion = x, np.append(va, rest), np.append(aa, rest), wrenches, sign_width
+        by_f = self._large.torque_derivatives(*motion)[:n, n : n + len(ways)] @ ways
         if self._theta.any():
             by_f += self._small.torque_regressor(q, va, aa) @ self._theta
-        by_q, by_L, A, by_A = self._kinematics(x, n)
-        one_to_one = self._small.mechanism.driven_one_to_one
-        parts = [by_q, by_f if one_to_one else _least(by_f, A, by_A, tau), by_L]
+        if not self._small.mechanism.driven_one_to_one:
+            by_f = _least(by_f, L.T @ B, np.tensordot(by_A, ways, (0, 0)), tau)
+        parts = [along[self._v] @ ways, by_f, np.tensordot(by_L[:, self._v], ways, (0, 0))]
         if frame is not None:
-            J = self._large.frame_jacobian(x, frame_id(self._large.mechanism.model, frame))
-            parts.append(self._columns(J[:, n:] * self._sizes))
+            index = frame_id(memory.mechanism.model, frame)
+            parts.append(self._large.frame_jacobian(x, index)[:, n:] @ ways)
         return np.concatenate([part.ravel() for part in parts])
 
-    def _kinematics(self, x: Array, n: int) -> tuple[Array, Array, Array, Array]:
-        """Derivatives of q and L, A = L^T B and its derivatives, at x of the large mechanism."""
-        memory = self._large.memory
-        memory.complement.evaluate(x)
-        B, lines = memory.actuation(x), memory.mechanism.lines
-        L, ways = np.split(memory.complement.L, [n], axis=1)
-        by_L = np.zeros((*L.shape, len(self._moved)))
-        by_A = np.zeros((n, B.shape[1], len(self._moved)))
-        ways = ways * self._sizes
-        for k, way in enumerate(ways.T):
-            by_L[..., k] = memory.complement.L_dot(memory.loops.Phi_dot(way))[:, :n]
-            by_A[..., k] = by_L[..., k].T @ B
-            if lines.motors.any():
-                by_A[..., k] += L.T @ memory.lines.loops.Phi_dot(way).T @ lines.motors
-        by_q, by_L = ways[self._v], by_L[self._v]
-        return self._columns(by_q), self._columns(by_L), L.T @ B, self._columns(by_A)
-
-    def _columns(self, array: Array) -> Array:
-        """Derivatives by all parameters, from those by the ones that change the geometry."""
-        result = np.zeros((*array.shape[:-1], len(self._groups)))
-        result[..., self._moved] = array
-        return result
-
-    def _require_closing(self, q: Array) -> None:
-        """Refuse parameters with which the loops do not close."""
-        opening, n = [], len(self._small.mechanism.coordinates)
-        for group in self._groups:
-            alone = Design(self._small, [group])
-            try:
-                alone._kinematics(alone._configuration(q), n)
-            except SingularConfigurationError:
-                opening.append(group[0])
-        names = listed(opening or list(self.names))
-        cure = "leave them out, or change several together, as [{first: 1, second: -1}]"
-        raise InputError("names", f"changes of {names} alone open the loops; {cure}")
+    def _opens(self, group: Group, q: Array) -> bool:
+        try:
+            Design(self._small, [group]).at(q)
+        except SingularConfigurationError:
+            return True
+        return len(self._groups) == 1
 
 
-def _scattered(rows: Array, at: Array, count: int) -> Array:
-    """So many rows, zero but for some."""
-    result = np.zeros((count, *rows.shape[1:]))
-    result[at] = rows
-    return result
+def _put(array: Array, at: Array, values: Array) -> Array:
+    """A copy of an array with some values."""
+    array = array.copy()
+    array[at] = values
+    return array
 
 
 def _least(by_f: Array, A: Array, by_A: Array, tau: Array) -> Array:
@@ -247,25 +225,22 @@ def design_derivatives(
 ) -> DesignDerivatives:
     """Derivatives for samples of q, va, aa and wrenches."""
     mechanism, wanted = reference.mechanism, in_order("names", parameters)
-    if frame is not None:
-        frame_id(mechanism.model, frame)
     key = repr(wanted)
+    groups = groups_of(mechanism, wanted)
     if key not in reference.designs:
-        design = Design(reference, groups_of(mechanism, wanted))
         reference.designs.clear()  # one is enough for a loop
-        reference.designs[key] = design
-    design = reference.designs[key]
+        reference.designs[key] = Design(reference, groups)
     nv, motors = mechanism.motors.shape
-    n = len(mechanism.coordinates)
-    shapes = [(nv,), (motors,), (nv, n), (6 if frame is not None else 0,)]
+    pose = () if frame is None else (frame_id(mechanism.model, frame),)
+    shapes = [(nv,), (motors,), (nv, len(mechanism.coordinates)), (6 * len(pose),)]
     ends = np.cumsum([math.prod(shape) * len(wanted) for shape in shapes])
 
-    def row(q: Array, va: Array, aa: Array, wrenches: Array | None) -> Array:
-        return design.row(q, va, aa, wrenches, frame, sign_width)
+    def row(*sample: Array) -> Array:
+        return reference.designs[key].row(*sample, frame, sign_width)
 
     rows = for_each_sample(row, arrays, (1, 1, 1, 2), (int(ends[-1]),))
-    shaped = [
+    q, torques, L, along = (
         part.reshape(*rows.shape[:-1], *shape, len(wanted))
         for part, shape in zip(np.split(rows, ends[:-1], axis=-1), shapes, strict=True)
-    ]
-    return DesignDerivatives(design.names, *shaped)
+    )
+    return DesignDerivatives(tuple(name for name, _ in groups), q, torques, L, along)

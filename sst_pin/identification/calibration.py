@@ -95,7 +95,7 @@ class Calibration(Summary):
         errors = dict(zip(self.names, self.values, strict=True))
         for place, way in geometry.displacements(mechanism, errors).items():
             turn = geometry.relative(pin.SE3.Identity(), way).rotation
-            calibrated = geometry.placement_of(mechanism.model, place).rotation
+            calibrated = geometry.place_of(mechanism.model, place)[1].rotation
             drawn = pin.SE3(calibrated @ turn.T, np.zeros(3))
             places[place] = geometry.relative(drawn, way)
         return with_origins(urdf, places)

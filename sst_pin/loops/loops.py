@@ -16,7 +16,7 @@ import pinocchio as pin
 from ..arrays import Array, Flags, Indices
 from ..errors import ClosureError, InputError
 from ..model.closures import Constraint
-from ..model.geometry import bearer_of, placement_of
+from ..model.geometry import place_of
 from ..model.normal_tree import NormalTree
 from ..model.thresholds import CLOSURE_TOLERANCE
 from ..model.tree import frame_id
@@ -152,9 +152,10 @@ class Loops:
         for k, place in enumerate(places):
             joint = model.getJointId(place) if model.existJointName(place) else 0
             frame = 0 if joint else frame_id(model, place)
-            bearer = data.oMi[bodies[bearer_of(model, place)]]
+            body, placement = place_of(model, place)
+            bearer = data.oMi[bodies[body]]
             # Linear along the axes of the bearer, angular about those of the place.
-            twists = (bearer * placement_of(model, place)).action
+            twists = (bearer * placement).action
             twists[:3, :3] = bearer.rotation
             for at, rows in self.of_frames:
                 if joint:

@@ -6,7 +6,8 @@ displacement is [linear; angular], shape (6,): linear along the axes of the body
 place, angular about the axes of the place itself.
 """
 
-from collections.abc import Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -18,14 +19,12 @@ from .closures import frames_of
 from .joint_series import Series
 from .mechanism import Mechanism
 from .rebuilt_tree import rebuilt
-from .tree import frame_id
+from .tree import frame_named
 
 #: Displacements of a place: along x, y, z and about them.
 AXES = ("x", "y", "z", "rx", "ry", "rz")
-_LENGTH = "length"
-#: Places of one link that are closer, relative to its length, are one.
+#: Ends of one link that are closer, relative to its length, are one.
 _SAME_POINT = 1e-9
-
 #: Displacements of places by their names.
 Displacements = dict[str, Array]
 #: A joint at rest: its name, its place, and a displacement, which is a slide or a turn.
@@ -42,9 +41,8 @@ def places_of(mechanism: Mechanism) -> list[str]:
 
 def parameter_names(mechanism: Mechanism) -> tuple[str, ...]:
     """Names of the lengths of links, then those of all displacements of places."""
-    lengths = [f"{link}.{_LENGTH}" for link in _lengths(mechanism)]
-    places = places_of(mechanism)
-    return (*lengths, *(f"{place}.{axis}" for place in places for axis in AXES))
+    places = [f"{place}.{axis}" for place in places_of(mechanism) for axis in AXES]
+    return (*(f"{link}.length" for link in _lengths(mechanism)), *places)
 
 
 def displacements(mechanism: Mechanism, changes: Mapping[str, float]) -> Displacements:
@@ -52,7 +50,7 @@ def displacements(mechanism: Mechanism, changes: Mapping[str, float]) -> Displac
     lengths, total = _lengths(mechanism), Displacements()
     for name, change in changes.items():
         place, _, axis = name.rpartition(".")
-        is_length = axis == _LENGTH
+        is_length = axis == "length"
         moves = lengths[place] if is_length else {place: np.eye(6)[AXES.index(axis)]}
         for end, direction in moves.items():
             total[end] = total.get(end, 0) + change * direction
@@ -60,48 +58,38 @@ def displacements(mechanism: Mechanism, changes: Mapping[str, float]) -> Displac
 
 
 def _lengths(mechanism: Mechanism) -> dict[str, Displacements]:
-    """For each link of one length the displacements that make it longer by one, by its joint.
-
-    Such a link bears all its places at its origin or at one other point.
-    """
-    model, places = mechanism.model, places_of(mechanism)
-    ends: dict[int, Displacements] = {}
-    for place in places:
-        ends.setdefault(bearer_of(model, place), {})[place] = placement_of(model, place).translation
-    lengths: dict[str, Displacements] = {}
-    for joint, points in ends.items():
-        far = {place: p for place, p in points.items() if p.any()}
-        if not joint or not far:
-            continue
-        end = next(iter(far.values()))
+    """For each link with one end off its joint: the displacements that make it longer by one."""
+    model, lengths = mechanism.model, dict[str, Displacements]()
+    ends: dict[int, Displacements] = defaultdict(dict)
+    for place in places_of(mechanism):
+        bearer, at = place_of(model, place)
+        if bearer and at.translation.any():
+            ends[bearer][place] = at.translation
+    for bearer, points in ends.items():
+        end = next(iter(points.values()))
         size = float(np.linalg.norm(end))
-        if all(np.linalg.norm(p - end) <= _SAME_POINT * size for p in far.values()):
-            others = [f for f in model.frames if f.parentJoint == joint and f.name not in far]
-            names = [f.name for f in others if np.allclose(f.placement.translation, end, 1e-9)]
+        here = [(f.name, f.placement.translation) for f in model.frames if f.parentJoint == bearer]
+        near = {name for name, p in here if np.linalg.norm(p - end) <= _SAME_POINT * size}
+        if all(np.linalg.norm(p - end) <= _SAME_POINT * size for p in points.values()):
             along = np.append(end / size, np.zeros(3))
-            lengths[model.names[joint]] = dict.fromkeys([*far, *names], along)
+            lengths[model.names[bearer]] = dict.fromkeys([*points, *sorted(near)], along)
     return lengths
 
 
-def placement_of(model: pin.Model, place: str) -> pin.SE3:
-    """Placement of a joint or frame on the body that bears it."""
+def place_of(model: pin.Model, place: str) -> tuple[int, pin.SE3]:
+    """The joint whose body bears a joint or frame, and its placement there."""
     if model.existJointName(place):
-        return model.jointPlacements[model.getJointId(place)]
-    return model.frames[frame_id(model, place)].placement
-
-
-def bearer_of(model: pin.Model, place: str) -> int:
-    """The joint whose body bears a joint or frame."""
-    if model.existJointName(place):
-        return int(model.parents[model.getJointId(place)])
-    return int(model.frames[frame_id(model, place)].parentJoint)
+        joint = model.getJointId(place)
+        return int(model.parents[joint]), model.jointPlacements[joint]
+    frame = frame_named(model, place)
+    return int(frame.parentJoint), frame.placement
 
 
 def relative(placement: pin.SE3, displacement: Array) -> pin.SE3:
     """What a displacement is in the axes of the place: it comes behind the placement."""
     turn = np.eye(3)
-    for axis, angle in zip(np.eye(3), displacement[3:], strict=True):
-        turn = turn @ pin.exp3(angle * axis)
+    for way in np.diag(displacement[3:]):
+        turn = turn @ pin.exp3(way)
     return pin.SE3(turn, placement.rotation.T @ displacement[:3])
 
 
@@ -109,17 +97,18 @@ def displaced(model: pin.Model, changes: Displacements) -> pin.Model:
     """The tree with its joints and frames displaced."""
     model = pin.Model(model)
     for place, displacement in changes.items():
-        placement = placement_of(model, place)
+        _, placement = place_of(model, place)
         placement = placement * relative(placement, displacement)
         if model.existJointName(place):
             model.jointPlacements[model.getJointId(place)] = placement
-        else:
-            for frame in (frame for frame in model.frames if frame.name == place):
-                frame.placement = placement
+        for frame in [
+            x for x in model.frames if x.name == place and not model.existJointName(place)
+        ]:
+            frame.placement = placement
     return model
 
 
-def enlarged(model: pin.Model, errors: Sequence[Error]) -> pin.Model:
+def enlarged(model: pin.Model, errors: Iterable[Error]) -> pin.Model:
     """The tree with a joint at rest for each error, in series from the body to the place.
 
     The derivative by a change of the geometry is that by the position of such a joint. The tree has
@@ -127,23 +116,25 @@ def enlarged(model: pin.Model, errors: Sequence[Error]) -> pin.Model:
     """
     if list(model.mimicking_joints):
         raise InputError("model", "has mimic joints; use ordinary ones with a Coupling")
-    by_place: dict[str, dict[str, Any]] = {}
+    joints: dict[str, dict[str, Any]] = defaultdict(dict)
     for name, place, way in errors:
-        by_place.setdefault(place, {})[name.removeprefix(place)] = _joint(model, place, way)
-    joints = {place: model.getJointId(place) for place in by_place if model.existJointName(place)}
-    large = rebuilt(
-        model,
-        {
-            j: Series(
-                [*Series.named(by_place.pop(place)).parts, *Series.whole(model.joints[j]).parts]
-            )
-            for place, j in joints.items()
-        },
-    )
-    for place, own in by_place.items():
+        slide, turn = np.split(way / np.linalg.norm(way), 2)
+        inside = place_of(model, place)[1].rotation.T @ slide
+        joints[place][name.removeprefix(place)] = (
+            pin.JointModelRevoluteUnaligned(turn)
+            if turn.any()
+            else pin.JointModelPrismaticUnaligned(inside)
+        )
+    changes = {
+        j: Series([*Series.named(joints.pop(name)).parts, *Series.whole(model.joints[j]).parts])
+        for j, name in enumerate(model.names)
+        if name in joints
+    }
+    large = rebuilt(model, changes)
+    for place, series in joints.items():
         frames = [frame for frame in large.frames if frame.name == place]
         bearer, at = frames[0].parentJoint, frames[0].placement.copy()
-        for suffix, joint in own.items():
+        for suffix, joint in series.items():
             bearer = large.addJoint(bearer, joint, at, place + suffix)
             at = pin.SE3.Identity()
         for frame in frames:
@@ -151,9 +142,3 @@ def enlarged(model: pin.Model, errors: Sequence[Error]) -> pin.Model:
     for pose in list(large.referenceConfigurations):
         del large.referenceConfigurations[pose.key()]
     return large
-
-
-def _joint(model: pin.Model, place: str, way: Array) -> pin.JointModel:
-    if way[3:].any():
-        return pin.JointModelRevoluteUnaligned(way[3:])
-    return pin.JointModelPrismaticUnaligned(placement_of(model, place).rotation.T @ way[:3])
