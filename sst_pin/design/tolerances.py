@@ -14,6 +14,8 @@ from ..errors import UnknownNameError
 from ..simulation.trajectories import Trajectory
 from ..summaries import Summary
 
+_SUBJECTS = ("position", "orientation", "torques", "clearance")
+
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Tolerances(Summary):
@@ -37,15 +39,12 @@ class Tolerances(Summary):
     shares: Mapping[str, Array]
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
-        def row(numbers: list[str]) -> str:
-            return "".join(f"{x:>13}" for x in numbers)
-
         parts = self.pose[:, :3], self.pose[:, 3:], self.torques, self.clearance
-        largest = row([f"{np.max(x, initial=0.0):.3g}" for x in parts])
-        rows = [("", row(list(self.shares))), ("largest deviation", largest)]
-        for name, each in zip(self.names, zip(*self.shares.values(), strict=True), strict=True):
-            rows.append((name, row([f"{100 * x:.1f} %" for x in each])))
-        return f"{len(self.names)} tolerances, parts of the variance", rows
+        rows = [("", list(_SUBJECTS)), ("largest deviation", [f"{x.max():.3g}" for x in parts])]
+        for k, name in enumerate(self.names):
+            rows.append((name, [f"{100 * share[k]:.1f} %" for share in self.shares.values()]))
+        table = [(name, "".join(f"{x:>13}" for x in cells)) for name, cells in rows]
+        return f"{len(self.names)} tolerances, parts of the variance", table
 
 
 def tolerances(
@@ -73,29 +72,30 @@ def tolerances(
         >>> result.shares["position"].round(2)
         array([0.33, 0.26, 0.42])
     """
-    sizes: dict[str, float] = {}
+    sizes, known = dict[str, float](), chain.design_parameters
     for pattern, value in deviations.items():
-        known = chain.design_parameters
         names = [pattern] if pattern in known else fitting(known, pattern)
         if not names:
             raise UnknownNameError("design parameter", pattern, list(known))
         sizes |= dict.fromkeys(names, positive_number(pattern, value, or_zero=True))
     d = chain.design_derivatives(motion.q, motion.va, motion.aa, list(sizes), frame=frame)
-    s = np.array(list(sizes.values()))
-    _, slopes = _clearance(chain, motion.q, d.L)
-    parts = {
-        "position": d.pose[:, :3] * s,
-        "orientation": d.pose[:, 3:] * s,
-        "torques": d.torques * s,
-        "clearance": slopes[:, None] * s,
-    }
-    variances = {name: (part**2).sum(axis=(0, 1)) for name, part in parts.items()}
-    shares = {name: x / (x.sum() or 1.0) for name, x in variances.items()}
-    position, orientation, torques, clear = (
-        np.linalg.norm(part, axis=-1) for part in parts.values()
+    L, units = _free_of_units(chain, motion.q)
+    U, size, Vt = np.linalg.svd(L)
+    by_size = np.einsum("tv,tvnp,tn->tp", U[..., 0], d.L / units[..., None], Vt[..., 0, :])
+    by_clearance = by_size / size[:, :1] ** 2
+    slopes = d.pose[:, :3], d.pose[:, 3:], d.torques, by_clearance[:, None]
+    parts = [slope * np.array(list(sizes.values())) for slope in slopes]
+    variances = [(part**2).sum(axis=(0, 1)) for part in parts]
+    shares = [x / (x.sum() or 1.0) for x in variances]
+    position, orientation, torques, clear = (np.linalg.norm(part, axis=-1) for part in parts)
+    return Tolerances(
+        tuple(sizes),
+        motion.t,
+        np.hstack([position, orientation]),
+        torques,
+        clear[:, 0],
+        dict(zip(_SUBJECTS, shares, strict=True)),
     )
-    pose = np.hstack([position, orientation])
-    return Tolerances(tuple(sizes), motion.t, pose, torques, clear[:, 0], shares)
 
 
 def clearance(chain: ClosedChain, q: ArrayLike) -> Array:
@@ -103,18 +103,13 @@ def clearance(chain: ClosedChain, q: ArrayLike) -> Array:
 
     It is 1 over the largest singular value of L, free of units: 0 at a singularity, at most 1.
     """
-    return _clearance(chain, np.asarray(q, dtype=float), None)[0]
+    L, _ = _free_of_units(chain, np.asarray(q, dtype=float))
+    return np.asarray(1 / np.linalg.norm(L, 2, axis=(-2, -1)))
 
 
-def _clearance(chain: ClosedChain, q: Array, by_L: Array | None) -> tuple[Array, Array]:
-    """The clearance, and its derivatives from those of L, shape (..., nv, n, names)."""
-    units = chain.mechanism.rate_scale
-    of_coordinates = units[chain.mechanism.coordinates]
-    rates = chain.joint_rates(q[..., None, :], np.diag(of_coordinates))
-    U, size, Vt = np.linalg.svd(np.swapaxes(rates, -1, -2) / units[:, None])
-    slopes = np.zeros((*size.shape[:-1], 0))
-    if by_L is not None:
-        left, right = U[..., 0] / units, Vt[..., 0, :] * of_coordinates
-        rise = np.einsum("...v,...vnp,...n->...p", left, by_L, right)
-        slopes = -rise / size[..., :1] ** 2
-    return 1 / size[..., 0], slopes
+def _free_of_units(chain: ClosedChain, q: Array) -> tuple[Array, Array]:
+    """L without units, shape (..., nv, n), and the units of its entries, shape (nv, n)."""
+    rates = chain.mechanism.rate_scale
+    units = rates[:, None] / rates[chain.mechanism.coordinates]
+    L = np.swapaxes(chain.joint_rates(q[..., None, :], np.eye(units.shape[1])), -1, -2)
+    return L / units, units

@@ -10,12 +10,7 @@ from .style import Axes
 
 
 def tolerance_shares(ax: Axes, tolerances: Tolerances, most: int = 12) -> Axes:
-    """Bars of the parts of the variance that tolerances contribute, the largest first.
-
-    Args:
-        ax: The axes.
-        tolerances: Of `sst_pin.design.tolerances`.
-        most: Tolerances that are drawn at most.
+    """Bars of the parts of the variance that the largest tolerances contribute, `most` of them.
 
     Example:
         >>> result = sst_pin.design.tolerances(chain, motion, {"*.length": 1e-4}, "platform")
