@@ -59,7 +59,7 @@ class LoadOptions(Options, total=False):
 
 
 class DerivativeOptions(Options, total=False):
-    """What derivatives depend on besides the state, and how samples are computed."""
+    """Loads and the smoothing of friction, and how samples are computed."""
 
     external_wrenches: ArrayLike | None
     sign_width: float
@@ -393,10 +393,7 @@ def _loads(name: str, value: ArrayLike, shape: tuple[int, ...], on_error: str) -
 def _unpickled(
     mechanism: Mechanism, make_kernels: Callable[..., Kernels] | None, platform: str
 ) -> Engine:
-    """An engine with read-only arrays and a copy of the model.
-
-    Mimic joints of an unpickled model end the process.
-    """
+    """An engine with read-only arrays and a copy of the model, whose mimic joints would crash."""
     parts = {name: replace(getattr(mechanism, name)) for name in ("friction", "springs")}
     mechanism = replace(mechanism, model=pin.Model(mechanism.model), **parts)
     return Engine(mechanism, make_kernels, platform=platform)

@@ -23,11 +23,6 @@ class PlatformMotion(NamedTuple):
         R: {E} in the base, shape (N, 3, 3).
         omega: Angular velocity, base axes, shape (N, 3), [rad/s].
         alpha: Angular acceleration, base axes, shape (N, 3), [rad/s^2].
-
-    Example:
-        >>> R, omega, alpha = sst_pin.paper_circle([0, 0.1])
-        >>> R.shape, omega.shape
-        ((2, 3, 3), (2, 3))
     """
 
     R: Array
@@ -68,11 +63,6 @@ def orientation_motion(
 
     Raises:
         InputError: If one is not three arrays of finite numbers, or shapes do not broadcast.
-
-    Example:
-        >>> R, omega, alpha = sst_pin.orientation_motion([0.8, 1, 0], [0.9, 0, 0], [0, 0, 0])
-        >>> omega.round(3)  # theta turns about z_0
-        array([0., 0., 1.])
     """
     angles = []
     for name, value in (("theta", theta), ("phi", phi), ("psi", psi)):
@@ -198,11 +188,6 @@ def orientation_path(R: ArrayLike, count: int = 201) -> Array:
 
     Raises:
         InputError: For matrices that are not rotations, or neighbours equal or half a turn apart.
-
-    Example:
-        >>> R = sst_pin.orientation([0.7, 0.9, 0.8], [0.9, 0.8, 1.0])
-        >>> sst_pin.orientation_path(R, 101).shape
-        (101, 3, 3)
     """
     from scipy.spatial.transform import Rotation, RotationSpline
 

@@ -31,7 +31,7 @@ from ..reading import Described, Urdf, closed, parse_cuts, read_urdf
 from ..simulation.check import Verdict
 from . import arc_limits, direct_kinematics, kinematics, star_appearance
 from .kinematics import Geometry
-from .topology import CUTS, geometry_of, parameters_of
+from .topology import CUTS, differences, geometry_of, parameters_of
 
 #: Two frames in any order, and all that a weld holds.
 _WELDS = {(frozenset(pair), Closure.KINDS["6d"]) for pair in CUTS}
@@ -178,7 +178,12 @@ class SST(ClosedChain):
         if mechanism.lines.forces or not mechanism.springs.none:
             problems = ["it has springs or lines, which Parameters do not describe"]
             raise DescriptionError(f"model {mechanism.model.name}", problems)
-        return parameters_of(mechanism.model, _geometry_of(engine), mechanism.friction)
+        parameters = parameters_of(mechanism.model, _geometry_of(engine), mechanism.friction)
+        written = _description_of(parameters).model
+        if problems := list(differences(mechanism.model, written)):
+            source = f"model {mechanism.model.name} cannot be described by Parameters"
+            raise DescriptionError(source, problems)
+        return parameters
 
     def inverse_kinematics(self, R: ArrayLike, branch: ArrayLike = (1, 1, 1)) -> Array:
         """Inverse kinematics: q in (-pi, pi], shape (..., 9), for orientations of the star.

@@ -31,11 +31,6 @@ def load(urdf: str | Path = URDF_PATH) -> pin.RobotWrapper:
 
     Raises:
         DescriptionError: If it is not a URDF of an SST, or a mesh or its SRDF is missing.
-
-    Example:
-        >>> wrapper = sst_pin.load()
-        >>> wrapper.model.nq
-        9
     """
     path = as_path(urdf)
     description = read_urdf(path, default=YAML_PATH)

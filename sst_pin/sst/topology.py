@@ -8,7 +8,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from ..arrays import Array
-from ..description.frames import JOINT_NAMES, base_orientations
+from ..description.frames import JOINT_NAMES
 from ..description.parameters import Parameters, RigidBody
 from ..errors import DescriptionError
 from ..model.mechanism import Friction, read_only
@@ -19,6 +19,8 @@ from .kinematics import Geometry
 CUTS = {("closedloop1_A", "closedloop1_B"), ("closedloop2_A", "closedloop2_B")}
 #: Frames of the cuts and the arc of the star that each is fixed to.
 _STAR_OF = {"closedloop1_A": 1, "closedloop2_A": 1, "closedloop1_B": 2, "closedloop2_B": 3}
+#: Points whose distances from O are the radii.
+_POINTS = ("E", "P_1", "P_2", "P_3")
 #: Tolerance of positions and angles, [m] and [rad], for numbers written with ten digits.
 _EXACT = 1e-9
 
@@ -84,10 +86,10 @@ def _cut_problems(model: pin.Model) -> Iterator[str]:
 
 
 def parameters_of(model: pin.Model, geometry: Geometry, friction: Friction) -> Parameters:
-    """The parameters of a tree; the error lists all that parameters cannot describe."""
-    frames = [name for name in ("E", "P_1", "P_2", "P_3") if not model.existFrame(name)]
+    """The parameters of a tree; see `differences` for what they do not describe."""
+    frames = [name for name in _POINTS if not model.existFrame(name)]
     problems = [f"frame {name} is missing; its distance from O gives a radius" for name in frames]
-    if problems := problems or list(_parameter_problems(model, geometry)):
+    if problems:
         raise DescriptionError(f"model {model.name} cannot be described by Parameters", problems)
     bodies = [_body(inertia) for inertia in list(model.inertias)[1:]]
     arcs = [
@@ -131,29 +133,32 @@ def _one_or_three(bodies: Sequence[RigidBody]) -> RigidBody | Sequence[RigidBody
     return bodies[0] if all(body == bodies[0] for body in bodies) else bodies
 
 
-def _parameter_problems(model: pin.Model, geometry: Geometry) -> Iterator[str]:
-    v, one = geometry.R_0[:, :, 0], np.eye(3)
-    radius = _radius(model, "P_1")
-    for k, wanted in enumerate(base_orientations(Parameters(base_directions=v))):
-        if np.abs(geometry.R_0[k] - wanted).max() > _EXACT:
-            yield f"joint gamma_{k + 1}: z must be normal to x of this leg and of the next"
-        name = f"P_{k + 1}"
-        frame = frame_named(model, name)
-        at_P = np.abs(frame.placement.translation - radius * v[k]).max() < _EXACT
-        if frame.parentJoint != 0 or not at_P:
-            yield f"frame {name}: must be fixed to base on v_{k + 1}, at the same radius as P_1"
-    if np.abs(geometry.R_E[0] - one).max() > _EXACT:
-        yield "frame closedloop1_A: {E} must have the orientation of star_1"
-    for k in (2, 3):
-        if np.abs(geometry.R_E[k - 1, 0] - one[0]).max() > _EXACT:
-            yield f"frame closedloop{k - 1}_B: {{E}} may be rotated about x of star_{k} only"
-    E = frame_named(model, "E")
-    on_x = E.placement.isApprox(pin.SE3(one, _radius(model, "E") * one[0]), _EXACT)
-    if E.parentJoint != model.getJointId("beta_1") or not on_x:
-        yield "frame E: must be fixed to star_1 with origin xyz r 0 0, rpy 0 0 0"
+def differences(model: pin.Model, written: pin.Model) -> Iterator[str]:
+    """How a tree differs from the one that its parameters write."""
+    for name in (*JOINT_NAMES, *_STAR_OF, *_POINTS):
+        (joint, place), expected = _place(model, name), _place(written, name)
+        if joint != expected[0]:
+            yield f"{name}: on joint {model.names[joint]}, expected {model.names[expected[0]]}"
+        elif np.abs(place.homogeneous - expected[1].homogeneous).max() > _EXACT:
+            yield f"{name}: origin {_origin(place)}, expected {_origin(expected[1])}"
     for i, name in enumerate(JOINT_NAMES):
         limits = model.lowerPositionLimit[i], model.upperPositionLimit[i]
         if np.abs(limits - 2 * np.pi * np.array((-1, 1))).max() > _EXACT:
-            yield f"joint {name}: limits {limits[0]:g} and {limits[1]:g} rad must be -2 pi and 2 pi"
+            yield f"{name}: limits {limits[0]:g} and {limits[1]:g} rad, expected -2 pi and 2 pi"
         if model.armature[i] != 0:
-            yield f"joint {name}: armature {model.armature[i]:g} kg m^2 must be 0"
+            yield f"{name}: armature {model.armature[i]:g} kg m^2, expected 0"
+
+
+def _place(model: pin.Model, name: str) -> tuple[int, pin.SE3]:
+    """The parent joint of a joint or frame, and where it is on it."""
+    if model.existJointName(name):
+        joint = model.getJointId(name)
+        return model.parents[joint], model.jointPlacements[joint]
+    frame = frame_named(model, name)
+    return frame.parentJoint, frame.placement
+
+
+def _origin(place: pin.SE3) -> str:
+    numbers = (place.translation, pin.rpy.matrixToRpy(place.rotation))
+    xyz, rpy = (" ".join(f"{x:.9g}" for x in vector + 0.0) for vector in numbers)
+    return f"xyz {xyz} rpy {rpy}"
