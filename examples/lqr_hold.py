@@ -106,7 +106,10 @@ def main() -> None:
     left.set_title("starts at rest that come back (dark)")
     some = starts(robot, np.array([-0.4, 0.0, 0.4])).reshape(-1, 9)
     errors = np.degrees(swing(robot, control, some, 1.5))
-    right.semilogy(STEP * np.arange(len(errors)), errors + 1e-6)
+    turns = [f"{x:+.0f}, {y:+.0f}" for x in (-23, 0, 23) for y in (-23, 0, 23)]
+    for error, turn, look in zip(errors.T, turns, ("-", "--", ":") * 3, strict=True):
+        right.semilogy(STEP * np.arange(len(error)), error + 1e-6, look, label=turn)
+    right.legend(title="start (deg)", fontsize="x-small", ncols=3)
     right.set(xlabel="time (s)", ylabel="largest error of a motor (deg)", ylim=(1e-3, 100))
     right.set_title(f"from starts within 0.4 rad, torques within {LIMIT:g} N m")
     path = Path("lqr_hold.png")

@@ -8,13 +8,20 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pinocchio as pin
-from PIL import Image
+from PIL import Image, ImageDraw, ImageFont
 
 from sst_pin import PACKAGE_PATH, SST, ClosedChain, GravityPD, Trajectory, frame_motion, robots
 from sst_pin.sst.paper import PERIOD, example_1
 from sst_pin.viewer import Viewer, pictures
 
 ROOT = Path(__file__).resolve().parents[2]
+
+
+#: Style of a page that shows nothing but the robot.
+_ROBOT_ALONE = """\
+aside, #views, #labels { display: none !important; }
+#view { flex: 1 0 100% !important; } #pane { top: 0 !important; }
+"""
 
 
 def sway(robot: ClosedChain, q: np.ndarray, size: float) -> Trajectory:
@@ -106,6 +113,33 @@ def reactions() -> Image.Image:
     return Image.open(io.BytesIO(pictures.png(viewer.html))).reduce(2)
 
 
+def robots_at_home() -> Image.Image:
+    """The robots of the gallery and the SST, which has two cells, at home."""
+    names = ["sst", *(name for name in robots.__all__ if name.islower())]
+    columns, width, height, edge = 5, 300, 280, 34
+    rows = -(-(len(names) + 1) // columns)
+    picture = Image.new("RGB", (columns * width, rows * height), "white")
+    draw, font = ImageDraw.Draw(picture), ImageFont.load_default(24)
+    with pictures.browser() as chromium:
+        for k, name in enumerate(names):
+            cells = 2 if k == 0 else 1
+            row, column = divmod(k + (k > 0), columns)
+            robot = SST() if name == "sst" else getattr(robots, name)()
+            page = chromium.new_page(
+                viewport={"width": cells * width, "height": height - edge}, color_scheme="light"
+            )
+            page.set_content(Viewer(robot).html)
+            page.add_style_tag(content=_ROBOT_ALONE)
+            page.evaluate("stage.showLayer('floor', false); stage.resize()")
+            page.wait_for_timeout(400)
+            shot = Image.open(io.BytesIO(page.screenshot()))
+            page.close()
+            picture.paste(shot, (column * width, row * height + edge))
+            middle = column * width + cells * width / 2
+            draw.text((middle, row * height + 6), name, "black", font, anchor="ma")
+    return picture
+
+
 def scene() -> Image.Image:
     """The MJCF of the package; without a screen set MUJOCO_GL=egl."""
     model = mujoco.MjModel.from_xml_path(f"{PACKAGE_PATH}/scene.xml")
@@ -118,9 +152,7 @@ def scene() -> Image.Image:
 
 
 PICTURES = {
-    f.__name__: f
-    for f in (
-        *(screens_phone, screens_tablet, screens_desk, screens_ghost),
-        *(live_phone, reactions, scene),
-    )
+    **{f.__name__: f for f in (screens_phone, screens_tablet, screens_desk, screens_ghost)},
+    **{f.__name__: f for f in (live_phone, reactions, scene)},
+    "robots": robots_at_home,
 }

@@ -4,13 +4,9 @@
 import argparse
 import io
 from pathlib import Path
-from typing import Any
 
-import coal
 import numpy as np
-import pinocchio as pin
 from matplotlib.figure import Figure
-from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from PIL import Image
 
 import browser_pictures
@@ -19,8 +15,6 @@ from sst_pin import robots as gallery
 from sst_pin.description.colours import LEG_COLOURS
 from sst_pin.files import Writer, write_files
 from sst_pin.sst.paper import PERIOD, example_1
-from sst_pin.viewer.scene_parts import Mesh
-from sst_pin.viewer.triangles import ellipsoid, tube
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 
@@ -80,17 +74,6 @@ def reach() -> Figure:
     return figure
 
 
-def robots() -> Figure:
-    """The gallery at home, flat robots from above."""
-    names = [name for name in gallery.__all__ if name.islower()]
-    with plots.style():
-        figure = Figure(figsize=(7.5, 4.4), layout="constrained")
-        for k, name in enumerate(names, 1):
-            axes = figure.add_subplot(3, 6, k, projection="3d", title=name)
-            _draw_bodies(axes, getattr(gallery, name)())
-    return figure
-
-
 def bearings() -> Figure:
     """Loads of the SST's bearings on the circle of the paper, its joints equally stiff."""
     robot = SST()
@@ -136,42 +119,7 @@ def who_acts() -> Figure:
     return figure
 
 
-def _draw_bodies(axes: Any, chain: gallery.GalleryRobot) -> None:
-    model, data = chain.model, chain.model.createData()
-    pin.forwardKinematics(model, data, chain.home)
-    everything = []
-    for body in chain.visual_model.geometryObjects:
-        at = data.oMi[body.parentJoint] * body.placement
-        mesh = _mesh(body.geometry)
-        vertices = mesh.vertices @ at.rotation.T + at.translation
-        colours = [tuple(body.meshColor)] * len(mesh.faces)
-        axes.add_collection3d(
-            Poly3DCollection(vertices[mesh.faces], facecolors=colours, shade=True)
-        )
-        everything.append(vertices)
-    low, high = (reach(np.vstack(everything), axis=0) for reach in (np.min, np.max))
-    size = high - low
-    middle, half = (low + high) / 2, max(size.max(), 0.75 * np.linalg.norm(size)) / 2
-    axes.set(**{f"{x}lim": (m - half, m + half) for x, m in zip("xyz", middle, strict=True)})
-    axes.set_box_aspect((1, 1, 1), zoom=1.5)
-    axes.set_axis_off()
-    flat = high[2] - low[2] < 0.2 * half
-    axes.view_init(*((90, -90) if flat else (20, -70)))
-
-
-def _mesh(shape: coal.ShapeBase) -> Mesh:
-    """A cylinder as a tube; a box as one of four sides, made as wide and deep as the box."""
-    if isinstance(shape, coal.Cylinder):
-        return tube([(0, 0, -shape.halfLength), (0, 0, shape.halfLength)], shape.radius)
-    if isinstance(shape, coal.Sphere):
-        return ellipsoid([shape.radius] * 3, 1)
-    x, y, z = shape.halfSide
-    square = tube([(0, 0, -z), (0, 0, z)], np.sqrt(2), sides=4)
-    turn = pin.rpy.rpyToMatrix(0.0, 0.0, np.pi / 4)
-    return square._replace(vertices=square.vertices @ turn.T * (x, y, 1))
-
-
-FIGURES = {f.__name__: f for f in (robot, summary, workspace, reach, robots, bearings, who_acts)}
+FIGURES = {f.__name__: f for f in (robot, summary, workspace, reach, bearings, who_acts)}
 
 
 def drawn(figure: Figure) -> Image.Image:
@@ -185,7 +133,7 @@ def drawn(figure: Figure) -> Image.Image:
 def writers(name: str) -> dict[Path, Writer]:
     """Writers of the files of a picture; a PNG has 256 colours: enough for lines and flat areas."""
     if name == "motion":
-        return {DOCS / "motion.gif": browser_pictures.circle(181, axes=True).writer("motion.gif")}
+        return {DOCS / "motion.gif": browser_pictures.circle(181).writer("motion.gif")}
     image = drawn(FIGURES[name]()) if name in FIGURES else browser_pictures.PICTURES[name]()
     image = image.convert("RGB").quantize(256, kmeans=1, dither=Image.Dither.NONE)
     path = Path(PACKAGE_PATH, "sst.png") if name == "scene" else DOCS / f"{name}.png"

@@ -14,7 +14,7 @@ from ..errors import InputError, UnknownNameError
 from .style import DASHES, Axes
 
 #: Curves in one pair of axes, at most.
-MOST = 9
+MOST = 6
 _HUES = (*HUES, "#000000", "#7F7F7F", "#8C510A")
 _MARKS = ("", "o", "s")
 
@@ -54,11 +54,20 @@ class Curves(NamedTuple):
         return kinds[0]
 
     def panels(self) -> Iterator[tuple[str, ...]]:
-        """Names of the curves in each pair of axes: one unit, at most `MOST` curves."""
+        """Names of the curves in each pair of axes: one unit, at most `MOST` curves.
+
+        More than that are divided: gamma_1, mu_1, gamma_2 by their letters, others evenly.
+        """
         for unit in dict.fromkeys(self.units):
             names = [name for name, u in zip(self.names, self.units, strict=True) if u == unit]
-            count = -(-len(names) // MOST)
-            yield from (tuple(share) for share in np.array_split(names, count))
+            groups: dict[str, list[str]] = {}
+            for name in names:
+                letter = _LETTER.fullmatch(name)
+                groups.setdefault(letter[1] if letter and len(names) > MOST else "", []).append(
+                    name
+                )
+            for group in groups.values():
+                yield from map(tuple, np.array_split(group, -(-len(group) // MOST)))
 
 
 def draw(

@@ -39,7 +39,7 @@ def motion_page(
 ) -> Figure:
     """A page about a motion, two axes in a row, lettered; below them what `check` finds.
 
-    A subject takes several axes where units differ or more than nine curves would share them.
+    A subject takes several axes where units differ or more than six curves would share them.
 
     Args:
         robot: Any closed chain.

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Array
+from ..arrays import Array, Flags
 from ..closed_chain import ClosedChain
 from ..simulation.check import LARGEST_CONDITION, over_limits, samples_of
 from ..simulation.energy import motor_powers
@@ -92,6 +92,13 @@ def joints_of(robot: ClosedChain, q: Array) -> dict[str, Any]:
     places = [i for i, unit in enumerate(units) if unit]
     names = [robot.position_names[i] for i in places]
     return _set("joints", "joint ", names, names, [units[i] for i in places], q[:, places])
+
+
+def forces_of(names: Sequence[str], forces: Array, unique: Flags) -> dict[str, Any]:
+    """The set of sizes of the unique forces in joints and closures, for shape (n, count, 3)."""
+    shown = [name for name, known in zip(names, unique, strict=True) if known]
+    sizes = np.linalg.norm(forces[:, unique], axis=2)
+    return _set("reactions", "joint and closure ", shown, shown, ["N"] * len(shown), sizes)
 
 
 def _set(

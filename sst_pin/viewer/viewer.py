@@ -35,7 +35,7 @@ from ..simulation.trajectories import Trajectory, require_motion
 from ..summaries import listed
 from ..version import __version__
 from .meshcat_scene import MeshcatScene
-from .panel import curves_of, joints_of, live_data, page, torques_of, warnings_of
+from .panel import curves_of, forces_of, joints_of, live_data, page, torques_of, warnings_of
 from .pictures import gif, png
 from .robot_scene import TRAIL_SIDES, Scene
 from .server import Message, Server
@@ -121,7 +121,8 @@ class Viewer:
         if self._loaded:
             rates = q, rest, rest if tau is None else None
             reactions = partial(self._robot.reactions, *rates, tau=tau, stiffness=self._stiffness)
-            effort = self._with_forces(effort, reactions)
+            effort, forces = self._with_forces(effort, reactions)
+            curves = forces + curves
         self._drawing.place(q[0], effort[0])
         # The arrows of a live page may become as long as they can.
         reach = self._scene.reach(q, np.ones_like(effort) if self._live else effort)
@@ -167,17 +168,18 @@ class Viewer:
             self.show(motion.q[0], motion.tau[0])
             return
         known, effort = _thinned(motion), self._shares(_thinned(motion).tau)
+        curves = curves_of(self._robot, known)
         if self._loaded:
             reactions = partial(reactions_along, self._robot.engine, known, self._stiffness)
-            effort = self._with_forces(effort, reactions)
+            effort, forces = self._with_forces(effort, reactions)
+            curves += forces
         reference = _thinned(wanted or motion).q
         self._drawing.animate(known, effort, reference, ghost)
         reach, layers = self._scene.reach(known.q, effort, reference), self._scene.layers
         if ghost is not None:
             reach = np.vstack([reach, self._scene.reach(ghost.q, 0 * effort[:1])])
             layers = layers | {"ghost": True}
-        curves, t = curves_of(self._robot, known), known.t.tolist()
-        playing = {"t": t, "speed": speed, "layers": layers, "curves": curves}
+        playing = {"t": known.t.tolist(), "speed": speed, "layers": layers, "curves": curves}
         self._describe(title, motion, motion.q[0], motion.va[0], reach, **playing)
 
     @property
@@ -325,10 +327,12 @@ class Viewer:
             shares[:, alike] = tau[:, alike] / (np.abs(tau[:, alike]).max(initial=0.0) or 1.0)
         return shares
 
-    def _with_forces(self, effort: Array, reactions: Callable[[], Reactions]) -> Array:
-        """Torques, then forces of joints and closures that are known, as shares of the largest."""
+    def _with_forces(
+        self, effort: Array, reactions: Callable[[], Reactions]
+    ) -> tuple[Array, list[dict[str, Any]]]:
+        """Torques, then unique forces of joints and closures, as shares of the largest; curves."""
         count = len(self._robot.mechanism.model.names) - 1 + len(self._robot.closures)
-        forces = np.zeros((len(effort), count, 3))
+        forces, curves = np.zeros((len(effort), count, 3)), []
         try:
             w = reactions()
         except (ActuationError, ClosureError, SingularConfigurationError) as error:
@@ -339,10 +343,14 @@ class Viewer:
             most = float(np.linalg.norm(wrenches[:, ~free], axis=2).max(initial=0.0)) or 1.0
             forces[:, ~free] = wrenches[:, ~free] / most
             names = [name for name, not_unique in zip(w.names, free, strict=True) if not_unique]
-            drawn = f"Dark arrows: forces of joints on what they bear; the largest is {most:.3g} N."
+            if not free.all():
+                curves.append(forces_of(w.names, wrenches, ~free))
+            drawn = (
+                f"Dark arrows: forces of joints on what they bear; the largest is {most:.3g}\xa0N."
+            )
             missing = f"Not unique, so not drawn: {listed(names)}."
             self._note = " ".join([*[drawn] * (not free.all()), *[missing] * bool(names)])
-        return np.hstack([effort, forces.reshape(len(effort), -1)])
+        return np.hstack([effort, forces.reshape(len(effort), -1)]), curves
 
     def _describe(
         self, title: str, shown: Trajectory | Array, q: Array, va: Array, reach: Array, **panel: Any
