@@ -51,31 +51,6 @@ def test_cassie_has_one_motor_for_each_freedom_once_its_springs_are_stiff(cassie
     assert report.sufficient
 
 
-def test_a_rod_between_two_balls_spins_idly(floating_cassie):
-    """Not held, the spin of each Achilles rod is a freedom that no motor has."""
-    held = [name for name in cassie.HELD if not name.endswith("_wx")]
-    chain = sst_pin.ClosedChain.from_mjcf(floating_cassie, locked=held)
-    report = chain.mobility()
-    assert report.degrees_of_freedom - report.held == 2
-    rods = ("left-pitch-rod-joint", "right-pitch-rod-joint")
-    assert {name.rpartition("_")[0] for name in report.loose_joints} == set(rods)
-    assert report.idle_joints == tuple(f"{rod}_wx" for rod in rods)
-    assert chain.degrees_of_freedom == 12
-    q = chain.assemble(pin.neutral(chain.model))
-    with pytest.raises(sst_pin.ActuationError, match="no motor supplies"):
-        chain.compute_torques(q, np.ones(12), np.ones(12))
-
-
-def test_cassie_floats_on_its_springs(floating_cassie):
-    """10 motors; 6 freedoms of the pelvis; per leg two springs and the spin of a rod have none."""
-    chain = sst_pin.ClosedChain.from_mjcf(floating_cassie)
-    report = chain.mobility()
-    assert report.actuated == tuple(cassie.MOTORS)
-    assert report.degrees_of_freedom == 10 + 6 + 2 * (2 + 1)
-    assert report.degrees_of_freedom - report.held == 12
-    assert (chain.model.nq, chain.model.nv) == (35, 32)
-
-
 def test_the_platform_of_a_delta_does_not_turn_and_obeys_three_spheres(delta):
     """Each arm's end is a rod's length from the platform: the direct kinematics of Clavel."""
     data, names = delta.model.createData(), delta.position_names
@@ -122,22 +97,3 @@ def test_under_its_torques_and_forces_the_robot_stays_at_rest(standing):
     assert np.abs(aa).max() < 1e-6
     tau = chain.compute_torques(q, rest, rest, external_wrenches=wrenches)
     np.testing.assert_allclose(tau, torques, atol=1e-6)
-
-
-def test_no_other_forces_on_the_ground_need_less(standing):
-    """Forces that only press the feet against one another, a little of them, cost torques."""
-    chain, q, (torques, forces) = standing
-    rest = np.zeros(chain.degrees_of_freedom)
-    inner = np.zeros((4, 3))
-    inner[:, 1] = [1, 1, -1, -1]  # the feet outwards, moments balanced
-    data = chain.model.createData()
-    pin.framesForwardKinematics(chain.model, data, q)
-
-    def cost(forces):
-        wrenches = example.contact_wrenches(chain, q, forces)
-        tau = chain.compute_torques(q, rest, rest, external_wrenches=wrenches)
-        return tau @ tau + example.OF_FORCES * (forces**2).sum()
-
-    least = torques @ torques + example.OF_FORCES * (forces**2).sum()
-    for push in (-0.1, 0.1):
-        assert cost(forces + push * inner) > least

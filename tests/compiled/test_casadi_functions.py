@@ -173,44 +173,8 @@ def test_wrenches_are_an_input_where_they_are_asked_for():
         close(functions.step(q, slow, tau, 1e-5, wrenches)[0], motion.q[1], 1e-12)
 
 
-def program(functions, start):
-    """The pose near a start in which a robot needs the least torques."""
-    opti = ca.Opti()
-    q, rest = opti.variable(functions.nq), [0.0] * functions.n
-    opti.minimize(ca.sumsqr(functions.torques(q, rest, rest)))
-    opti.subject_to(functions.residual(q) == 0)
-    opti.subject_to(ca.sumsqr(q - start) <= 0.01)
-    opti.set_initial(q, start)
-    return opti, q
-
-
-def least_torques(functions, start, options, **more):
-    """The pose of the smallest torques, found by IPOPT."""
-    opti, q = program(functions, start)
-    opti.solver("ipopt", {"print_time": False, **more}, {"print_level": 0, "sb": "yes", **options})
-    return opti.solve().value(q)
-
-
-def test_a_nonlinear_program_with_closed_loops_is_solved_by_ipopt():
-    """The pose in which a planar 3-RRR needs the least torques, against many poses tried."""
-    robot = link_tables.planar_3rrr()
-    chain, start = robot.chain(), robot.joints(robot.x).real
-    functions, n = chain.casadi(start), chain.degrees_of_freedom
-    best = least_torques(functions, start, {"tol": 1e-10})
-    closed = chain.assemble(best)
-    assert np.abs(closed - best).max() < 1e-8
-    random, least = np.random.default_rng(0), np.inf
-    for _ in range(300):
-        pose = chain.assemble(start + random.uniform(-0.1, 0.1, functions.nq))
-        if np.sum((pose - start) ** 2) <= 0.01:
-            least = min(least, np.sum(chain.compute_torques(pose, [0.0] * n, [0.0] * n) ** 2))
-    found = np.sum(chain.compute_torques(closed, [0.0] * n, [0.0] * n) ** 2)
-    assert found < least
-    assert found < 0.999 * np.sum(chain.compute_torques(start, [0.0] * n, [0.0] * n) ** 2)
-
-
 def test_compiled_functions_are_the_plain_ones_with_their_first_derivatives():
-    """Values and Jacobians to rounding; IPOPT finds the same pose with them.
+    """Values and Jacobians to rounding; there are no second derivatives.
 
     Rows of one number, those of a four-bar, a matrix library may take for columns.
     """
@@ -224,16 +188,6 @@ def test_compiled_functions_are_the_plain_ones_with_their_first_derivatives():
                 jacobians = [h.jacobian().call([*arguments, 0]) for h in (g, f)]
                 for block, expected in zip(*jacobians, strict=True):
                     close(block, expected, 1e-12)
-    start = chain.generic_configuration()
-    best = least_torques(plain, start, {"tol": 1e-10})
-    by_gradients = {"hessian_approximation": "limited-memory", "tol": 1e-9}
-    close(least_torques(ours, start, by_gradients), best, 1e-6)
-    same, _ = program(plain, start)
-    exact = ca.nlpsol("exact", "ipopt", {"x": same.x, "f": same.f, "g": same.g})
-    hessian = exact.get_function("nlp_hess_l")
-    close(least_torques(ours, start, {"tol": 1e-10}, hess_lag=hessian), best, 1e-9)
-    with pytest.raises(RuntimeError, match="Derivatives cannot be calculated for jac_"):
-        least_torques(ours, start, {})
     with pytest.raises(RuntimeError, match="Derivatives cannot be calculated for jac_torques"):
         ours.torques.jacobian().jacobian()
 
@@ -269,4 +223,4 @@ def test_what_there_is_not_has_its_error():
 
 
 def test_without_casadi_the_extra_is_named():
-    assert "sst-pin[compile]" in said_without("casadi", "sst_pin.robots.four_bar().casadi()")
+    assert "[compile]" in said_without("casadi", "sst_pin.robots.four_bar().casadi()")

@@ -12,12 +12,9 @@ from sst_pin.compiled.compiled_backend import DERIVATIVES, CompiledBackend
 from sst_pin.compiled.equations import Equations
 from sst_pin.compiled.generator_inputs import sample_configurations
 from sst_pin.dynamics.quantities import Quantity
-from sst_pin.errors import InputError, UnknownNameError
 from sst_pin.model.mechanism import Friction
 from tests.support.derivative_cases import (
     CASES,
-    CONSTRAINTS,
-    TREES,
     WIDTH,
     Case,
     assert_frames_move_as_differences_say,
@@ -25,7 +22,6 @@ from tests.support.derivative_cases import (
     close,
     floating_four_bar,
     of_gallery,
-    of_tree,
 )
 
 #: Kernels for many samples, and for one.
@@ -100,18 +96,6 @@ def test_derivatives_are_those_of_the_reference_path_and_casadis_own(name):
     assert_all_ways_agree(make(*arguments), 20)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", CONSTRAINTS)
-@pytest.mark.parametrize("name", TREES)
-def test_derivatives_through_every_closure_and_every_joint(name, kind):
-    """Moving axes, closures of every kind, rolling ones too.
-
-    Those of accelerations are solved from those of forces: every closure on one of the trees.
-    """
-    keys = ALL if name == "floating" else DERIVATIVES[:1]
-    assert_all_ways_agree(of_tree(name, kind), 2, keys)
-
-
 def test_a_turn_of_the_base_about_the_vertical_changes_nothing():
     """The yaw column of a four-bar on a yaw joint is zero, by every kernel."""
     model, closures, motors, start = carried_four_bar(pin.JointModelRZ())
@@ -176,30 +160,3 @@ def test_the_reference_path_computes_a_frame_that_no_kernel_vouches_for(compiled
         one = np.stack(getattr(ours, name)(q[2], va[2], frame))
         many = got[:, 2] if name == "frame_velocity_derivatives" else got[2]
         assert np.array_equal(one, many)
-
-
-@pytest.mark.parametrize("name", ["torque_derivatives", "frame_jacobian", *OF_FRAMES])
-def test_out_and_threads_change_nothing(compiled, name):
-    """The options are those of `compute_torques`; what is refused: test_refusals.py."""
-    chain, states = compiled[0].chain, list(zip(*compiled[0].states(6), strict=True))
-    states = {"torque_derivatives": states[:3], "frame_jacobian": states[:1]}.get(name, states[:2])
-    frame = () if name == "torque_derivatives" else (chain.model.frames[-1].name,)
-    motions, many = [np.array(x) for x in states], np.arange(1200) % 6
-
-    def call(*motions, **options):
-        rows = getattr(chain, name)(*motions, *frame, **options)
-        return rows if isinstance(rows, np.ndarray) else np.concatenate(rows, axis=-1)
-
-    alone = call(*(x[many] for x in motions))
-    out = np.empty_like(alone)
-    shared = call(*(x[many] for x in motions), out=out, threads=3)
-    assert np.array_equal(out, alone)
-    assert np.shares_memory(shared, out) or np.array_equal(shared, alone)
-    for wrong in (out, np.empty((6, *out.shape[1:-1], out.shape[-1] + 1))):
-        with pytest.raises(InputError, match="out"):
-            call(*motions, out=wrong)
-    assert call(*(x[:0] for x in motions)).shape == (0, *out.shape[1:])
-    if frame:
-        with pytest.raises(UnknownNameError, match="nowhere"):
-            getattr(chain, name)(*(x[0] for x in motions), "nowhere")
-        assert "nowhere" not in chain.path

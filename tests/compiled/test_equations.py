@@ -203,17 +203,3 @@ def test_what_depends_on_parameters_alone_is_computed_once(name):
     assert "x[" not in prepare
     assert "const number t" not in run
     assert not re.search(r"= p\[\d+\] [-+*/] p\[\d+\];", run)
-
-
-@pytest.mark.slow
-def test_operations_per_joint_of_a_ladder_do_not_depend_on_its_length():
-    """Ladders of 4 to 96 four-bars differ by less than a tenth."""
-    counts = []
-    for bars in (4, 16, 96):
-        chain = ladder(bars)
-        q = chain.generic_configuration()
-        samples = sample_configurations(chain.engine.reference, q)
-        kernel = kernels.make(Equations(chain.mechanism, samples), "torques")
-        text = c_code.body(kernel).text
-        counts.append(text.count("const real t") / chain.model.nv)
-    assert max(counts) < 1.1 * min(counts)

@@ -116,27 +116,3 @@ def test_kernels_give_the_numbers_of_the_reference_path_or_leave_the_state_to_it
         assert far[k] < max(2 * rounding, allowed[i] * of_parts(forces_of, q[i], va[i], aa[i]))
     for indices in (left, also_left):
         assert (conditions[indices] < ILL).sum() <= HANDED_OVER * len(q)
-
-
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=[pytest.mark.slow] * (n not in QUICK)) for n in NAMES]
-)
-def test_loops_close_by_kernels_as_on_the_reference_path(name):
-    """From guesses up to half a radian off; where no step is short, both take the same way."""
-    kernels, reference = twins(name)
-    random, by_kernels = np.random.default_rng(4), 0
-    home = reference.home
-    for size in (0, 1e-9, 1e-4, 0.01, 0.05, 0.2, 0.5):
-        for _ in range(5):
-            guess = pin.integrate(
-                reference.model, home, size * random.normal(size=reference.model.nv)
-            )
-            try:
-                expected = reference.assemble(guess)
-            except ClosureError:
-                with pytest.raises(ClosureError):
-                    kernels.assemble(guess)
-                continue
-            assert np.abs(kernels.assemble(guess) - expected).max() < 1e-12
-            by_kernels += kernels.engine.kernels.closed(guess) is not None
-    assert by_kernels >= 10

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Any robot as C99, compiled strictly by two compilers, gives what the package gives."""
+"""Any robot as C99, compiled strictly, gives what the package gives."""
 
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,6 @@ import pytest
 import sst_pin
 from sst_pin import ClosedChain, robots
 from sst_pin.cli import main
-from sst_pin.compiled import compiler
 from sst_pin.compiled.export import c_files
 from sst_pin.description.urdf_writer import urdf_of, yaml_of
 from sst_pin.files import write_files
@@ -22,10 +20,6 @@ from tests.support.exported_c import STRICT, TYPES, Exported
 from tests.support.sampling import random_parameters
 
 DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
-ZIG = [sys.executable, "-m", "ziglang", "cc"]
-needs_ziglang = pytest.mark.skipif(
-    not compiler.find_spec("ziglang"), reason="needs ziglang, extra 'compiler'"
-)
 OPEN, SINGULAR, NOT_FINITE = 1, 2, 3
 ROBOTS = EVERY_ROBOT | {"cart": any_chain.cart, "lines": any_chain.lines}
 QUICK = ("four_bar", "planar_4rrr", "cart", "lines")
@@ -34,12 +28,6 @@ LISTED = {
     "cart": "spring reference of ball_qw",  # by the coordinates that they are
     "lines": "line gas: stiffness, rest length, damping, preload",
 }
-
-
-@pytest.fixture(autouse=True)
-def keep_what_zig_has_built(monkeypatch):
-    """Its own routines for another machine take it some seconds."""
-    monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", str(Path.home() / ".cache" / "zig"))
 
 
 def worst(got, expected):
@@ -161,33 +149,11 @@ def described(request, tmp_path):
     return DELTA if request.param == "delta" else Path(sst_pin.URDF_PATH)
 
 
-@pytest.mark.parametrize(
-    ("compiler", "precision"),
-    [
-        (["cc"], "double"),
-        *(
-            pytest.param(ZIG, precision, marks=[pytest.mark.slow, needs_ziglang])
-            for precision in TYPES
-        ),
-    ],
-    ids=lambda x: x if isinstance(x, str) else x[-1],
-)
-def test_the_exported_example_computes_the_torques_of_motions(
-    described, compiler, precision, tmp_path
-):
+def test_the_exported_example_computes_the_torques_of_motions(described, tmp_path):
     chain, folder = ClosedChain.from_urdf(described), str(tmp_path / "c")
-    arguments = [
-        "compile",
-        "--robot",
-        str(described),
-        "--export-c",
-        folder,
-        "--precision",
-        precision,
-    ]
-    assert main(arguments) == 0
-    tau, expected = run(chain, Path(folder), [*compiler, *STRICT])
-    assert worst(tau, expected) < (1e-11 if precision == "double" else 1e-4)  # a thousand roundings
+    assert main(["compile", "--robot", str(described), "--export-c", folder]) == 0
+    tau, expected = run(chain, Path(folder), ["cc", *STRICT])
+    assert worst(tau, expected) < 1e-11
 
 
 def run(chain, folder, command):
@@ -200,25 +166,6 @@ def run(chain, folder, command):
     result = subprocess.run([str(program)], input=lines, capture_output=True, text=True, check=True)
     tau = np.array([line.split() for line in result.stdout.splitlines()], dtype=float)
     return tau, chain.compute_torques(q, va, aa)
-
-
-@pytest.mark.slow
-@needs_ziglang
-@pytest.mark.parametrize("precision", TYPES)
-def test_a_microcontroller_needs_no_library(precision, tmp_path):
-    """A Cortex-M4 without a C library.
-
-    With its floating-point unit for singles nothing is left undefined in the object file; in double
-    the routines of the compiler itself.
-    """
-    write_files(c_files(robots.delta(), tmp_path, precision))
-    target = ["-target", "thumb-freestanding-eabihf", "-mcpu=cortex_m4+vfp4d16sp"]
-    source, made = str(tmp_path / "robot.c"), str(tmp_path / "robot.o")
-    subprocess.run([*ZIG, *target, *STRICT, "-c", source, "-o", made], check=True)
-    symbols = subprocess.run(["nm", "-u", made], capture_output=True, text=True, check=True).stdout
-    missing = {word for word in symbols.split() if word != "U"} - {"__aeabi_unwind_cpp_pr1"}
-    assert all(word.startswith(("__aeabi_d", "__aeabi_i2d")) for word in missing)
-    assert bool(missing) == (precision == "double")
 
 
 def test_the_exported_example_tells_what_it_cannot_compute(tmp_path):

@@ -85,29 +85,6 @@ def arm(low=-np.inf):
     return sst_pin.ClosedChain(model, [], ["hinge_0", "hinge_1"])
 
 
-@pytest.mark.parametrize(
-    ("low", "outer", "points"),
-    [
-        (1.0, np.sqrt(1.36 + 1.2 * np.cos(1.0)), 9),
-        pytest.param(1.0, np.sqrt(1.36 + 1.2 * np.cos(1.0)), 25, marks=pytest.mark.slow),
-        pytest.param(-np.inf, 1.6, 25, marks=pytest.mark.slow),
-    ],
-)
-def test_an_arm_reaches_a_ring_and_with_a_stop_a_narrower_one(low, outer, points):
-    """Links of 1 m and 0.6 m; the stop keeps the elbow bent by 1 rad or more."""
-    side = np.linspace(-1.65, 1.65, points)
-    r = np.hypot(*np.meshgrid(side, side, indexing="ij"))
-    found = sst_pin.reach_map(arm(low), "hinge_1_end", x=side, y=side, start=[0.1, 1.4])
-    ring = (r > 0.4) & (r < outer)
-    assert not (found.reached & ~ring).any()
-    assert (ring & ~found.reached).sum() <= 0.02 * ring.sum()
-    assert (found.q[found.reached][:, 1] > max(low, 0) - 1e-6).all()
-    assert (found.why == LIMITS).any() == (low == 1.0)
-    # A cell more or less along the circles.
-    cell = 3.3 / (points - 1)
-    assert found.area == pytest.approx(np.pi * (outer**2 - 0.16), abs=np.pi * (outer + 0.4) * cell)
-
-
 @pytest.mark.parametrize("name", ["delta", "stewart"])
 def test_torques_hold_the_pose_against_its_wrench(name):
     """Inverse dynamics with the wrench on the body's mass centre; also as parts of limits."""

@@ -17,7 +17,6 @@ from scipy.spatial.transform import Rotation
 import sst_pin
 from sst_pin.description.frames import JOINT_NAMES
 from sst_pin.description.sst_mjcf import mjcf_of
-from sst_pin.sst.paper import PERIOD, example_1
 from sst_pin.sst.robot_wrapper import configurations_of
 from tests.support.sampling import random_parameters, random_state
 
@@ -137,7 +136,6 @@ def test_parts_of_the_robot_meet_the_world_but_not_one_another(closed, scene):
     assert (scene.geom("floor").contype & scene.geom_conaffinity[scene.geom_group == 3]).all()
 
 
-ROOT = Path(__file__).resolve().parents[2]
 #: Softness of the welds as the file has them.
 TIME_CONSTANT, IMPEDANCE = 1e-3, 0.9999
 
@@ -175,44 +173,6 @@ def stepped(model, q, q_dot, torque, duration):
     finally:
         mujoco.set_mjcb_control(None)
     return np.arange(steps + 1) * model.opt.timestep, R, gaps
-
-
-@pytest.fixture(scope="module")
-def example(robot):
-    """Example 1, densely."""
-    return example_1(robot, np.linspace(0, PERIOD, 1001))
-
-
-def all_rates(robot, q, va, aa):
-    """Rates and accelerations of all nine joints."""
-    terms = robot.noc(q, va)
-    return terms.L @ va, terms.L @ aa + terms.L_dot @ va
-
-
-def off_circle(robot, example, model, duration):
-    """Times, rotation from our star to MuJoCo's under our torques, and gaps."""
-    q_dot, _ = all_rates(robot, example.q[0], example.va[0], example.aa[0])
-    t, R, gaps = stepped(model, example.q[0], q_dot, example.torque(), duration)
-    wanted = Rotation.from_matrix(sst_pin.paper_circle(t).R)
-    return t, (wanted.inv() * Rotation.from_matrix(R)).as_rotvec(), gaps
-
-
-@pytest.mark.slow
-def test_mujoco_under_our_torques_follows_example_1_as_closely_as_its_welds_hold(robot, example):
-    """Welds 4 times as stiff, or 10 times as soft: a quarter and ten times of the same deviation.
-
-    The lag of the welds, c w, is what keeps the quarter from being exact, 1 - d the ten times.
-    """
-    _, deviation, _ = off_circle(robot, example, load(), PERIOD)
-    _, stiffer, _ = off_circle(robot, example, load(TIME_CONSTANT / 2), PERIOD)
-    soft = load(impedance=1 - 10 * (1 - IMPEDANCE))
-    _, softer, _ = off_circle(robot, example, soft, PERIOD)
-    size = np.abs(deviation).max()
-    stiffer = stiffer[::2][: len(deviation)]
-    assert np.abs(4 * stiffer - deviation[: len(stiffer)]).max() < 0.1 * size
-    assert np.abs(softer / 10 - deviation).max() < 1e-3 * size
-    page = (ROOT / "docs" / "evidence.md").read_text(encoding="utf-8")
-    assert f"to {size * 1e7:.1f}e-7 rad" in page
 
 
 def test_fall_under_gravity_is_that_of_simulate(compiled_robot):

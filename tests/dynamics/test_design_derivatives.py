@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Derivatives by the design are those of robots that are built with other numbers."""
 
-import time
 from functools import partial
 
 import numpy as np
@@ -195,20 +194,3 @@ def test_names_that_are_none_are_refused(names):
     chain = robots.four_bar()
     with pytest.raises((sst_pin.UnknownNameError, sst_pin.InputError)):
         chain.design_derivatives(chain.home, [0], [0], names)
-
-
-@pytest.mark.slow
-def test_ten_parameters_cost_less_than_three_torque_derivatives():
-    chain = robots.ankle()
-    places = ("motor", "rod", "end", "lever")
-    names = [f"{place}_{side}.x" for place in places for side in ("left", "right")]
-    names += ["rod_left.length", "rod_right.length"]
-    q, va = np.broadcast_to(chain.home, (100, len(chain.home))), np.ones((100, 2))
-    ratios = []
-    for _ in range(5):
-        start = time.perf_counter()
-        chain.design_derivatives(q, va, va, names)
-        middle = time.perf_counter()
-        chain.torque_derivatives(q, va, va)
-        ratios.append((middle - start) / (time.perf_counter() - middle))
-    assert min(ratios) < 3

@@ -2,18 +2,10 @@
 """Loops that share no dependent joints are solved apart, and the whole is the same."""
 
 import numpy as np
-import pinocchio as pin
 import pytest
-from numpy.testing import assert_allclose
-from scipy.sparse.csgraph import connected_components
 
-import sst_pin
-from sst_pin import ClosedChain, Closure, Coupling
-from sst_pin.dynamics.dynamics import Memory
+from sst_pin import ClosedChain, Closure
 from sst_pin.errors import SingularConfigurationError
-from sst_pin.loops.loops import connected
-from sst_pin.model.mechanism import Friction, Mechanism, Springs
-from tests.gallery import ladder
 from tests.support.link_tables import two_link_angles
 from tests.support.planar_bars import planar
 
@@ -63,41 +55,6 @@ def whole(chain, Phi, right):
     return np.linalg.lstsq(system, np.concatenate((right, zeros)), rcond=None)[0]
 
 
-ROBOTS = {
-    "four-bars": (four_bars, 3),
-    "ladder": (lambda: ladder(7), 7),
-    "stewart": (sst_pin.robots.stewart, 1),
-    "SST": (sst_pin.SST, 1),
-}
-
-
-@pytest.mark.parametrize("name", ROBOTS)
-def test_blocks_solve_what_all_loops_at_once_do(name):
-    """L, and what closures need, against least squares over all rows; by how many blocks."""
-    build, count = ROBOTS[name]
-    chain, random = build(), np.random.default_rng(1)
-    q = closed(chain, 0.9, 0.7) if name == "four-bars" else chain.generic_configuration()
-    memory = Memory(chain.mechanism)
-    memory.evaluate(q)
-    Phi = memory.loops.Phi
-    memory.complement.factorise(Phi)
-    assert len(memory.complement.blocks) == count
-    L, coordinates = memory.complement.L, memory.mechanism.coordinates
-    assert np.array_equal(L[coordinates], np.eye(len(coordinates)))
-    moved = -Phi[:, coordinates]
-    expected = whole(chain, Phi, moved)
-    expected[coordinates] += np.eye(len(coordinates))
-    # Two ways with rounding of 1e-16 times condition numbers below 1e2.
-    assert_allclose(L, expected, rtol=0, atol=1e-13 * np.abs(L).max())
-    right = Phi @ random.normal(size=(chain.model.nv, 3))
-    X = memory.complement.inverse @ right
-    assert_allclose(X, whole(chain, Phi, right), rtol=0, atol=1e-13 * np.abs(X).max())
-    assert not X[coordinates].any()
-    va = random.normal(size=len(coordinates))
-    x = memory.complement.accelerations(va, right[:, 0])
-    assert_allclose(x, L @ va - X[:, 0], rtol=0, atol=1e-13 * np.abs(x).max())
-
-
 def test_a_loop_does_not_notice_what_the_others_do():
     """To the last bit: no number of another loop enters its equations."""
     chain, random = four_bars(), np.random.default_rng(2)
@@ -123,32 +80,3 @@ def test_a_singular_loop_is_named_and_no_other(angles, named):
     with pytest.raises(SingularConfigurationError, match=rf"dependent joints {named};") as caught:
         chain.compute_torques(closed(chain, *angles), np.zeros(2), np.zeros(2))
     assert caught.value.condition_number > 1e7
-
-
-def test_connected_parts_are_those_of_the_graph():
-    """Random rows, also empty ones, and rates that are in no row."""
-    random = np.random.default_rng(3)
-    for _ in range(50):
-        touched = random.random(size=random.integers(0, 12, size=2)) < 0.15
-        n, m = touched.shape
-        graph = np.block([[np.zeros((n, n)), touched], [touched.T, np.zeros((m, m))]])
-        _, label = connected_components(graph, directed=False)
-        parts = {
-            (tuple(np.flatnonzero(label[:n] == k)), tuple(np.flatnonzero(label[n:] == k)))
-            for k in set(label[n:].tolist())
-        }
-        found = [(tuple(rows), tuple(rates)) for rows, rates in connected(touched)]
-        assert set(found) == parts
-        assert len(found) == len(parts)
-
-
-def hinges(count):
-    """A chain of joints about z without coordinates, each held by a coupling."""
-    model = pin.Model()
-    for k in range(count):
-        model.addJoint(k, pin.JointModelRZ(), pin.SE3.Identity(), f"joint_{k}")
-    closures = tuple(Coupling(f"joint_{k}") for k in range(count))
-    none = Friction(np.zeros(count), np.zeros(count))
-    springs = Springs(np.zeros(count), np.zeros(count))
-    nothing = np.empty(0, dtype=np.intp)
-    return Mechanism(model, closures, nothing, np.empty((count, 0)), (), none, springs)

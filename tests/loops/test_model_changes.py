@@ -13,7 +13,6 @@ import pytest
 import sst_pin
 from sst_pin import ClosedChain, Closure
 from tests.support import any_chain
-from tests.support.planar_bars import planar
 from tests.support.trees import tree
 
 MOTORS = ["a0_RX", "b0_RZ"]
@@ -175,77 +174,6 @@ def test_an_sst_in_other_coordinates_has_its_platform():
     rest = robot.home, np.zeros(3), np.zeros(3)
     tau = robot.compute_torques(*rest, **how)
     np.testing.assert_allclose(other.compute_torques(*rest, **how), tau, atol=1e-11)
-
-
-class Interrupting:
-    """An array that refreshes a chain when it is read for the `when`-th time."""
-
-    def __init__(self, array, chain, when):
-        self.array, self.chain, self.left = np.asarray(array, float), chain, when
-
-    def __array__(self, dtype=None, copy=None):
-        self.left -= 1
-        if not self.left:
-            self.chain.refresh()
-        return self.array.copy()
-
-
-MOTORS_2 = ["crank", "rocker"]
-ANSWERS = {
-    "kinetic_energy": lambda c, q: c.kinetic_energy(q, [1.0]),
-    "friction_power": lambda c, q: c.friction_power(q, [1.0]),
-    "motor_rates": lambda c, q: c.motor_rates(q, [1.0]),
-    "linearize": lambda c, q: c.linearize(q, [1.0], [1.0, 2.0])[0],
-    "limits": lambda c, q: c.compute_torques(q, [1.0], [1.0], limits=[50.0, 50.0]),
-    "preload": lambda c, q: c.compute_torques(q, [1.0], [1.0], preload=[1.0]),
-    "reactions": lambda c, q: np.nan_to_num(c.reactions(q, [1.0], tau=[1.0, 2.0]).closures),
-    "trajectory": lambda c, q: c.trajectory([0.0], q, [[1.0]], [[1.0]]).tau,
-    "simulate": lambda c, q: c.simulate([0.0, 0.0], q, [1.0], [0, 0.01]).q[-1],
-    "rollout": lambda c, q: c.rollout(np.zeros((2, 2)), q, [1.0], 1e-3).q,
-    "coordinate_motion": lambda c, q: (
-        sst_pin.coordinate_motion(c, [0, 0.1, 0.2], [[0.7], [0.71], [0.73]], q).tau
-    ),
-}
-
-
-def four_bar_with_angles(coupler, mass, q=(0.7, -0.4, 1.9)):
-    """A four-bar that is closed at these angles, for any length of its coupler."""
-    x = np.array([q[0], q[0] + q[1], q[2]])
-    rocker = (0.2 * np.sin(x[0]) + coupler * np.sin(x[1])) / np.sin(x[2])
-    base = 0.2 * np.cos(x[0]) + coupler * np.cos(x[1]) - rocker * np.cos(x[2])
-    crank, coupler = ("crank", "universe", 0.0, 0.2), ("coupler", "crank", 0.2, coupler)
-    model = planar([crank, coupler, ("rocker", "universe", base, rocker)])
-    for k in range(1, 4):
-        model.inertias[k].mass = mass
-    model.damping, model.gravity.linear = np.full(3, mass), np.array([0, -9.81, 0])
-    model.referenceConfigurations["home"] = np.array(q)
-    return model
-
-
-@pytest.mark.parametrize("name", ANSWERS)
-def test_a_call_computes_from_one_robot_whenever_another_thread_refreshes(name):
-    """The old one or the new one; here the refresh comes when the call reads its arguments."""
-    states = (0.5, 1.0), (0.45, 3.0)
-
-    def made(state):
-        return ClosedChain(
-            four_bar_with_angles(*state), [Closure("coupler_end", "rocker_end", "3d")], MOTORS_2
-        )
-
-    q = made(states[0]).home
-    q = q[None] if name == "trajectory" else q
-    old, new = (ANSWERS[name](made(state), q) for state in states)
-    assert not np.allclose(old, new)
-    for when in (1, 2, 3, 4):
-        chain, other = made(states[0]), four_bar_with_angles(*states[1])
-        for word in ("jointPlacements", "inertias"):
-            for k in range(1, 4):
-                getattr(chain.model, word)[k] = getattr(other, word)[k]
-        for k, frame in enumerate(other.frames):
-            chain.model.frames[k].placement = frame.placement
-        chain.model.damping = other.damping
-        found = ANSWERS[name](chain, Interrupting(q, chain, when))
-        assert any(np.allclose(found, x, rtol=1e-9, atol=1e-12) for x in (old, new))
 
 
 @pytest.mark.parametrize(

@@ -11,27 +11,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 import sst_pin
-from sst_pin import ClosedChain, ClosureError, DescriptionWarning, SSTError, robots
+from sst_pin import ClosedChain, ClosureError, DescriptionWarning, SSTError
 from tests.support import rounded_robots as rr
 
 #: How far torques of a robot may be off, relative to the largest, in units of its last digit.
 EXPLAINED = 300
-#: Robots with redundant rows; the loops of the others close with any digits.
-OVERCONSTRAINED = [
-    "SST",
-    "agile_eye",
-    "agile_wrist",
-    "bennett",
-    "bricard",
-    "excavator",
-    "five_bar",
-    "four_bar",
-    "knee",
-    "leg",
-    "planar_3rrr",
-    "planar_4rrr",
-    "scissor_lift",
-]
 
 
 def with_warnings(make, *arguments, **options):
@@ -89,77 +73,6 @@ def test_a_rounded_robot_moves_as_the_exact_one(name, digits):
     chain, told = with_warnings(rr.rounded(plan, digits).chain)
     assert len(told) == 1
     compare(plan.chain(), chain, digits)
-
-
-def by_least_squares(model, closures, coordinates, q, va, aa):
-    """Forces along the coordinates by the numbers as they are, all rows by least squares."""
-    data, steady = model.createData(), np.zeros(model.nv)
-    a = [model.joints[model.getJointId(name)].idx_v for name in coordinates]
-    u = np.setdiff1d(np.arange(model.nv), a)
-    here = pin.LOCAL_WORLD_ALIGNED
-
-    def rows(q, v):
-        pin.forwardKinematics(model, data, q, v, steady)
-        pin.computeJointJacobians(model, data, q)
-        pin.updateFramePlacements(model, data)
-        Phi, drift, gap = [], [], []
-        for closure in closures:
-            k, m = (model.getFrameId(x) for x in (closure.frame_a, closure.frame_b))
-            (R, p), (S, r) = ((data.oMf[x].rotation, data.oMf[x].translation) for x in (k, m))
-            J, K = (pin.getFrameJacobian(model, data, x, here) for x in (k, m))
-            c, d = (pin.getFrameClassicalAcceleration(model, data, x, here) for x in (k, m))
-            turns = {"3d": 0, "hinge": 2, "6d": 3}[closure.kind]
-            E, omega = R[:, :turns].T, J[3:] @ v
-            Phi += [K[:3] - J[:3], E @ (K[3:] - J[3:])]
-            turning = np.cross(omega, E) @ (K[3:] @ v - omega)
-            drift += [d.linear - c.linear, E @ (d.angular - c.angular) + turning]
-            gap += [r - p, E @ (R @ pin.log3(R.T @ S))]
-        return np.vstack(Phi), np.concatenate(drift), np.concatenate(gap)
-
-    def solved(Phi, right):
-        return np.linalg.lstsq(Phi[:, u], right, rcond=None)[0]
-
-    for _ in range(30):
-        Phi, _, gap = rows(q, steady)
-        q = q.copy()
-        q[u] -= solved(Phi, gap)
-    L = np.eye(model.nv)[:, a]
-    L[u] = -solved(Phi, Phi[:, a])
-    Phi, drift, _ = rows(q, L @ va)
-    v_dot = L @ aa
-    v_dot[u] -= solved(Phi, drift)
-    return L.T @ (pin.rnea(model, data, q, L @ va, v_dot) - np.array(model.damping) * (L @ va))
-
-
-def near_least_squares(chain, plan, digits):
-    """Torques are those that least squares over all rows find with the numbers as written."""
-    q, va, aa = motions(chain)
-    f = chain.generalized_forces(q, va, aa)
-    sizes, names = np.abs(f).max(), chain.coordinates
-    for arguments, force in zip(zip(q, va, aa, strict=True), f, strict=True):
-        other = by_least_squares(plan.model, plan.closures, names, *arguments)
-        assert np.abs(force - other).max() < 100 * 10.0**-digits * sizes
-
-
-@pytest.mark.parametrize("name", ["four-bar", "four-bar with hinge", "spherical 3-RRR", "SST"])
-def test_the_corrected_robot_differs_from_the_written_one_by_its_digits(name):
-    plan = rr.rounded(rr.drawn_by_cad(rr.PLANS[name](), seed=1), 5)
-    chain, _ = with_warnings(plan.chain)
-    near_least_squares(chain, plan, 5)
-
-
-@pytest.mark.parametrize(
-    "name", ["four-bar with hinge", pytest.param("SST", marks=pytest.mark.slow)]
-)
-def test_kernels_compute_with_the_same_geometry(name):
-    plan = rr.rounded(rr.drawn_by_cad(rr.PLANS[name](), seed=0), 4)
-    chain, _ = with_warnings(plan.chain)
-    q, va, aa = motions(chain)
-    f = chain.compute_torques(q, va, aa)
-    chain.compile()
-    compiled = chain.compute_torques(q, va, aa)
-    assert "reference" not in chain.path
-    assert_allclose(compiled, f, rtol=1e-10, atol=1e-12 * np.abs(f).max())
 
 
 def read(plan, digits, folder):
@@ -239,16 +152,6 @@ def test_validate_notes_few_digits_and_finds_no_error(tmp_path):
     assert not told
     assert {p.severity for p in problems} == {"note"}
     assert sum("few digits" in p.text for p in problems) == 1
-
-
-@pytest.mark.parametrize("name", [n for n in robots.__all__ if n.islower()] + ["SST"])
-def test_a_robot_of_exact_numbers_stays_as_it_is(name):
-    chain = sst_pin.SST() if name == "SST" else getattr(robots, name)()
-    assert (name in OVERCONSTRAINED) == (chain.mobility().redundant_rows > 0)
-    model = chain.mechanism.model
-    again, told = with_warnings(ClosedChain, model, chain.closures, chain.motor_names)
-    assert not told
-    assert again.mechanism.model == model
 
 
 @pytest.mark.parametrize("kind", ["3d", "hinge"])

@@ -2,9 +2,7 @@
 """What a stranger meets: the installed package, the README, the public names."""
 
 import json
-import os
 import re
-import shutil
 import subprocess
 import sys
 import sysconfig
@@ -81,30 +79,6 @@ def test_wheel_of_the_source_archive_brings_the_robot_into_an_empty_environment(
     assert torques == str(sst_pin.SST().compute_torques(home, [0] * 3, [0] * 3))
     typed = Path(module).with_name("py.typed")
     assert typed.is_file()
-
-
-@pytest.mark.slow
-def test_a_machine_without_a_compiler_gets_the_reference_path(tmp_path):
-    """Installation succeeds, torques come out, and the reason is told."""
-    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "-o", tmp_path / "dist"]
-    copy = tmp_path / "source"
-    skipped = shutil.ignore_patterns(".*", "*.so", "build", "*.egg-info", "node_modules")
-    shutil.copytree(ROOT, copy, ignore=skipped)
-    environment = os.environ | {"CC": "/nowhere/cc", "LDSHARED": "/nowhere/cc"}
-    subprocess.run([*build, copy], env=environment, check=True, capture_output=True)
-    (wheel,) = (tmp_path / "dist").glob("*.whl")
-    shutil.unpack_archive(wheel, tmp_path / "site", format="zip")
-    code = (
-        "import sst_pin; robot = sst_pin.SST(); print(sst_pin.__file__); "
-        "print(robot.compute_torques(robot.home, [0]*3, [0]*3))\n"
-        "try:\n    robot.compile()\nexcept sst_pin.CompilationError as error:\n    print(error)"
-    )
-    printed = run_python(code, cwd=tmp_path / "site", env=environment)
-    module, torques, refused = printed.splitlines()
-    assert Path(module).is_relative_to(tmp_path)
-    assert refused.startswith("the extension module is not compiled")
-    reference = sst_pin.SST()
-    assert torques == str(reference.compute_torques(reference.home, [0] * 3, [0] * 3))
 
 
 def test_the_benchmark_tables_are_the_measured_ones():

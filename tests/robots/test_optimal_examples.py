@@ -2,7 +2,6 @@
 """Examples: a pick and place of least energy, and the SST held where it would fall over."""
 
 import numpy as np
-import pytest
 
 from tests.support.files import load
 
@@ -15,30 +14,10 @@ least_energy = load("examples/least_energy.py")
 PICK = least_energy.PICK
 PLACE = least_energy.PLACE
 energy = least_energy.energy
-energy_of_held = least_energy.energy_of_held
 ground = least_energy.ground
 least = least_energy.least
 plain = least_energy.plain
 robot = least_energy.robot
-simulated = least_energy.simulated
-DEGREE = load("examples/collocation.py").DEGREE
-
-
-@pytest.mark.slow
-def test_least_energy_is_less_than_the_plain_motions_and_its_work_is_potential_energy():
-    """Rest to rest without friction: the mechanical work is the change of potential energy."""
-    chain = robot()
-    solution = least(chain, 8)
-    motion = simulated(chain, solution, 10)
-    total, copper = energy_of_held(chain, solution)
-    before, lost = energy(plain(chain, np.linspace(0, 1, 201)))
-    assert total < 0.5 * before
-    ends = chain.potential_energy(solution.q[[0, -1]])
-    # To what the collocation, or Simpson's rule, makes of some 0.3 J that go to and fro.
-    assert total - copper == pytest.approx(ends[1] - ends[0], abs=1e-5)
-    assert before - lost == pytest.approx(ends[1] - ends[0], abs=1e-5)
-    assert np.abs(motion.q[10::10] - solution.q[DEGREE::DEGREE]).max() < 1e-3
-    assert np.abs([chain.residual(q) for q in solution.q]).max() < 1e-7
 
 
 def test_the_plain_motion_clears_the_ground_and_comes_to_rest():

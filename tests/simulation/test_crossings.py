@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 
 import sst_pin
-from tests.gallery import n_four_bar
-from tests.gallery import standard_referees as referees
 from tests.support.planar_bars import planar
 
 
@@ -17,36 +15,6 @@ def through(chain, t, va, **options):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         return chain.simulate([0.0], chain.home, [va], t, through_singularities=True, **options)
-
-
-@pytest.mark.parametrize(
-    ("loops", "seconds"),
-    [
-        (1, 3.0),
-        (2, 3.0),
-        pytest.param(2, 20.0, marks=pytest.mark.slow),
-        pytest.param(40, 20.0, marks=pytest.mark.slow),
-    ],
-)
-def test_the_row_of_four_bars_turns_as_one_pendulum(loops, seconds):
-    """A02: where all bars lie on one line, the closures lose a rank for each loop."""
-    chain, t = n_four_bar(loops), np.linspace(0, seconds, 31)
-    if seconds > 3:
-        chain.compile()
-    motion = through(chain, t, -1.0)
-    ends = np.stack([np.cos(motion.q[:, 0]), np.sin(motion.q[:, 0])], axis=1)
-    # An error of a passage grows by a factor of about 50 each time the bars pass the upright.
-    assert np.abs(ends - referees.n_four_bar(loops, t)).max() < 1e-8
-    regular = chain.condition_number(motion.q) < 500
-    q, va = motion.q[regular], motion.va[regular]
-    energy = chain.kinetic_energy(q, va) + chain.potential_energy(q)
-    assert np.ptp(energy) < 1e-8 * energy[0]
-    assert len(motion.crossings) >= 3
-    for crossing in motion.crossings:
-        assert (crossing.rank_before, crossing.rank) == (2 * loops, loops)
-        assert abs(np.sin(crossing.q[0])) < 1e-9
-        place = referees.n_four_bar(loops, np.array([0, crossing.time]))[-1]
-        assert abs(place[1]) < 1e-7
 
 
 def parallelogram(crank, *grounds):
@@ -61,29 +29,6 @@ def parallelogram(crank, *grounds):
     model.gravity.linear = np.zeros(3)
     model.referenceConfigurations["home"] = np.array(starts)
     return sst_pin.ClosedChain(model, closures, ["crank"])
-
-
-@pytest.mark.parametrize("count", [3, pytest.param(100, marks=pytest.mark.slow)])
-def test_parallelograms_stay_what_they_are_from_any_start_with_any_tolerance(count):
-    """All loops are flat at once; couplers keep their directions, and the crank turns evenly."""
-    random, stops = np.random.default_rng(0), 0
-    for _ in range(count):
-        loops = random.integers(1, 5)
-        chain = parallelogram(*random.uniform(0.2, 1.0, 1 + loops))
-        start, rate = random.uniform(0.3, 2.8), random.uniform(0.5, 4) * random.choice([-1, 1])
-        tolerance, t = 10 ** random.uniform(-12, -6), np.linspace(0, 2 * np.pi / abs(rate), 9)
-        q0 = chain.assemble(start * np.sign(chain.home))
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always")
-            motion = chain.simulate(
-                [0], q0, [rate], t, rtol=tolerance, atol=tolerance, through_singularities=True
-            )
-        stops += bool(caught)
-        assert [x.rank for x in motion.crossings] == [loops, loops] or motion.stopped
-        turn = start + rate * motion.t[:, None]
-        # Even motions are integrated exactly, but for rounding next to the flat position.
-        assert np.abs(motion.q - turn * np.sign(chain.home)).max() < 1e-9
-    assert stops <= count / 10  # it says so where the branch is not clear enough
 
 
 @pytest.mark.parametrize("kind", ["3d", "hinge"])  # one redundant row, or three

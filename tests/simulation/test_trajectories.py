@@ -274,20 +274,6 @@ def test_the_number_of_a_motor_may_stand_for_its_name(tmp_path):
     assert read_torques(robot.mechanism, read_table(path)).tolist() == [[1, 2], [3, 4]]
 
 
-def test_torques_in_a_table_of_positions_are_kept_or_refused(tmp_path):
-    """Those of other motors are refused, whatever else the table holds."""
-    robot, path = arm(["a", "b"]), tmp_path / "m.csv"
-    rows = "".join(f"{0.1 * k},{0.1 * k},0,{k},{-k}\n" for k in range(5))
-    path.write_text(f"t_s,a_rad,b_rad,tau_a_Nm,tau_b_Nm\n{rows}")
-    assert np.array_equal(load_motion(robot.engine, path).tau, np.outer(range(5), [1, -1]))
-    one = arm(["a", "b"], ["a"])
-    with pytest.raises(sst_pin.FileFormatError, match="torques of other motors, tau_b_Nm"):
-        load_motion(one.engine, path)
-    swung(robot).save(path, force=True)
-    with pytest.raises(sst_pin.FileFormatError, match="torques of other motors, tau_b_Nm"):
-        load_motion(one.engine, path)
-
-
 def test_a_position_in_the_unit_of_another_kind_of_joint_is_refused(tmp_path):
     path = tmp_path / "m.csv"
     path.write_text("t_s,a_rad,b_rad\n" + "".join(f"{0.1 * k},0,{0.1 * k}\n" for k in range(5)))
@@ -307,11 +293,3 @@ def test_nothing_is_left_half_written(tmp_path):
         write_files({path: fail}, force=True)
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]
-
-
-def test_all_targets_are_looked_at_before_the_first_is_written(tmp_path):
-    (tmp_path / "b").write_text("in the way")
-    files = {tmp_path / name: lambda file: file.write(b"x") for name in "abc"}
-    with pytest.raises(sst_pin.OutputError):
-        write_files(files)
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["b"]

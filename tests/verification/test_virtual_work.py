@@ -12,7 +12,6 @@ import sst_pin
 from tests.referees import virtual_work
 from tests.referees.virtual_work import VirtualWork
 from tests.support.sampling import random_parameters, random_states
-from tests.support.star_assemblies import orientations
 
 Array = NDArray[np.float64]
 
@@ -28,16 +27,6 @@ def relative_error(values: Array, reference: Array) -> float:
     """The largest error of any sample, by the size of that sample."""
     error = np.linalg.norm(values - reference, axis=-1)
     return float((error / np.linalg.norm(reference, axis=-1)).max())
-
-
-def distance_of_sets(a: Array, b: Array) -> float:
-    """How far the worst member of one set of matrices is from the other set."""
-    if len(a) != len(b):
-        return np.inf
-    if not len(a):
-        return 0.0
-    apart = np.abs(a[:, None] - b[None]).max(axis=(-1, -2))
-    return float(max(apart.min(axis=0).max(), apart.min(axis=1).max()))
 
 
 def test_referee_imports_nothing_of_what_it_judges() -> None:
@@ -77,40 +66,3 @@ def test_torques_and_accelerations_of_any_robot_agree(seed: int, friction: bool)
     q, va, aa = robot.joint_motion(R, omega, alpha, branch=branch)
     wanted = robot.compute_accelerations(q, va, given, platform_moment=moment)
     assert relative_error(aa, wanted) < ROUNDING
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-def test_assemblies_of_any_robot_are_those_of_forward_kinematics(seed: int) -> None:
-    """Two conics in a plane and three quadrics in quaternions have the same real points."""
-    rng = np.random.default_rng(400 + seed)
-    parameters = random_parameters(rng, friction=False)
-    robot = sst_pin.SST(parameters)
-    for gamma in rng.uniform(-np.pi, np.pi, (15, 3)):
-        # Polished to rounding, but a pair about to merge magnifies it.
-        found = robot.platform_orientation(robot.forward_kinematics(gamma))
-        assert distance_of_sets(orientations(parameters, gamma), found) < 1e-9
-
-
-@pytest.mark.parametrize(
-    ("gamma", "count"),
-    [
-        ((np.pi / 4,) * 3, 8),
-        ((0.3, 1.2, 0.8), 4),
-        ((np.pi / 2, 0, 0.3), 4),  # the three passive axes in one plane
-        ((np.pi / 2, 0, 0.4), 4),
-        ((0, np.pi / 2, 0), 4),
-    ],
-)
-def test_paper_robot_has_the_known_number_of_assemblies(
-    gamma: tuple[float, float, float], count: int
-) -> None:
-    """Eight, four, and the case that no inverse of the passive axes can treat."""
-    R = orientations(sst_pin.Parameters(), np.array(gamma))
-    assert len(R) == count
-    # Polished to rounding; none of these is near a double one.
-    robot = sst_pin.SST()
-    q = robot.forward_kinematics(gamma)
-    assert np.abs(robot.residual(q)).max() < 1e-10
-    assert distance_of_sets(R, robot.platform_orientation(q)) < 1e-12
-    assert np.abs(R @ R.swapaxes(-1, -2) - np.eye(3)).max() < 1e-13
-    assert (np.linalg.det(R) > 0).all()
