@@ -334,7 +334,7 @@ class Engine(ClosedLoops):
         n, motors = len(mechanism.coordinates), mechanism.motors.shape[1]
         if not n:
             mechanism.require_freedom()
-        arrays = [self.configurations(q)]
+        arrays = [as_array("q", q, (mechanism.model.nq,))]
         for name, value in others.items():
             try:
                 arrays.append(as_array(name, value, (motors if name == "tau" else n,)))
