@@ -47,7 +47,7 @@ def test_arrows_are_the_forces_of_the_reactions(name):
     large = sizes > 0.01 * sizes.max()  # arrows have a smallest size
     factor = np.linalg.norm(ways, axis=1).max() / sizes.max()
     assert ways[large] == pytest.approx(factor * forces[large], abs=1e-9 * factor)
-    assert f"the largest is {sizes.max():.3g}\xa0N" in viewer.html
+    assert f"the largest is {sizes.max():.3g}\\u00a0N" in viewer.html
 
 
 def test_forces_that_are_not_unique_are_named_and_drawn_with_stiffnesses_only():
