@@ -23,8 +23,8 @@ from ..loops.row_derivatives import (
     TreeMotion,
     brackets,
     partials,
-    skew,
 )
+from ..loops.rows import cross, skew
 from ..model.mechanism import Friction
 from .dynamics import Memory, applied_forces, direct_dynamics
 
@@ -252,7 +252,7 @@ def _on_mass_centres(tree: TreeMotion, loops: Loops, wrenches: Array) -> _Load:
     places = [loops.data.oMi[j] * lever for j, lever in zip(joints, levers, strict=True)]
     frames = tree.frames(joints, [place.homogeneous for place in places])
     moments, forces = wrenches[loaded].reshape(-1, 2, 3).swapaxes(0, 1)
-    w = np.hstack((forces, moments + np.cross(frames.M[:, :3, 3], forces)))
+    w = np.hstack((forces, moments + cross(frames.M[:, :3, 3], forces)))
     w_q = np.zeros_like(frames.J)
     w_q[:, 3:] = -skew(forces) @ frames.M_q[..., :3, 3].transpose(1, 2, 0)
     return joints, frames, w, w_q

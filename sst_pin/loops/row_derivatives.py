@@ -16,7 +16,7 @@ import pinocchio as pin
 from ..arrays import Array
 from ..model.normal_tree import NormalTree
 from .loops import Loops
-from .rows import FrameRows
+from .rows import FrameRows, cross, skew
 
 #: In complex numbers M + i _STEP M_q the imaginary part of W is _STEP W_q, exact to rounding.
 _STEP = 1e-50
@@ -144,11 +144,6 @@ def _wrench_derivatives(rows: FrameRows, frames: FrameMotions) -> tuple[Array, A
     return np.moveaxis(W.imag, 0, -1) / _STEP, np.moveaxis(W_t.imag, 0, -1) / _STEP
 
 
-def skew(a: Array) -> Array:
-    """Cross-product matrices, shape (..., 3, 3), of vectors, shape (..., 3)."""
-    return np.cross(a[..., None, :], np.eye(3)).swapaxes(-1, -2)
-
-
 def hat(twists: Array) -> Array:
     """Matrices, shape (..., 4, 4), that take homogeneous coordinates to their rates."""
     matrix = np.zeros((*twists.shape[:-1], 4, 4))
@@ -158,9 +153,8 @@ def hat(twists: Array) -> Array:
 
 def brackets(a: Array, b: Array) -> Array:
     """Lie brackets of twists [linear; angular] in columns, shape (6, k)."""
-    (v, w), (v_b, w_b) = (np.split(x, 2) for x in (a, b))
-    linear = np.cross(w, v_b, axis=0) + np.cross(v, w_b, axis=0)
-    return np.concatenate((linear, np.cross(w, w_b, axis=0)))
+    (v, w), (v_b, w_b) = (np.split(x.T, 2, axis=1) for x in (a, b))
+    return np.concatenate((cross(w, v_b) + cross(v, w_b), cross(w, w_b)), axis=1).T
 
 
 def _bracket_matrix(twist: Array) -> Array:

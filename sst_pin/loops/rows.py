@@ -174,11 +174,11 @@ class _RightAngles:
 
     def W(self, M: Array) -> Array:
         x, y = self._xy(M)
-        return _cross(x, y) @ _MOMENTS
+        return cross(x, y) @ _MOMENTS
 
     def W_dot(self, M: Array, M_t: Array) -> Array:
         (x, y), (x_t, y_t) = self._xy(M), self._xy(M_t)
-        return (_cross(x_t, y) + _cross(x, y_t)) @ _MOMENTS
+        return (cross(x_t, y) + cross(x, y_t)) @ _MOMENTS
 
     def _xy(self, M: Array) -> tuple[Array, Array]:
         return self._x @ _axes(M[..., 1, :, :]), self._y @ _axes(M[..., 0, :, :])
@@ -323,7 +323,12 @@ def _rod(M: Array) -> Array:
     return M[..., :1, :3, 3] - M[..., 1:, :3, 3]
 
 
-def _cross(a: Array, b: Array) -> Array:
+def skew(a: Array) -> Array:
+    """Cross-product matrices, shape (..., 3, 3), of vectors, shape (..., 3)."""
+    return a.dot(_CROSS.swapaxes(1, 2).reshape(3, 9)).reshape(*a.shape, 3)
+
+
+def cross(a: Array, b: Array) -> Array:
     """Cross products, shape (..., 3); `np.cross` takes ten times as long."""
     products = a[..., :, None] * b[..., None, :]
     return np.asarray(products.reshape(*products.shape[:-2], 9).dot(_CROSS.reshape(9, 3)))
