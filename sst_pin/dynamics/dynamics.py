@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Equations of motion in the coordinates, Eqs. (63)-(96), one configuration: the reference path.
 
-The long form assembles every term of Eq. (92) from K, T, M and Omega, to be seen and tested. The
-short form is the same equation with v = L va and v_dot = L aa + L_dot va put into the tree's
-inverse dynamics: f = L^T (RNEA(q, v, v_dot) - tau^f - tau^s - K^T w), tau^f and tau^s with the
-forces along lines. `pin.rnea` is the decoupled form K = N_l N_d of [5, 6] as recursions: N_d and
-N_l forward, N_l^T and N_d^T backward.
+The long form assembles every term of Eq. (92) from K, T, M and Omega. The short form is the same
+equation with v = L va and v_dot = L aa + L_dot va in the inverse dynamics of the tree:
+f = L^T (RNEA(q, v, v_dot) - tau^f - tau^s - K^T w), where tau^f and tau^s include the forces along
+lines. `pin.rnea` is the decoupled form K = N_l N_d of [5, 6] as recursions: N_d and N_l forward,
+N_l^T and N_d^T backward.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from ..model.thresholds import CLOSURE_TOLERANCE, ROUNDING, WITHOUT_MASS
 from ..summaries import Summary, as_html, as_text
 from .noc import JointComplement, bodies, body_jacobians, decoupled, natural_complement
 
-#: Gravity by which bodies without weight count there, [m/s^2].
+#: Gravity by which each body contributes at least its weight, [m/s^2].
 _EARTH = 9.81
 
 
@@ -164,7 +164,7 @@ class Memory:
         self.loops.evaluate_closed(q, self.mechanism.row_scale, tolerance)
 
     def actuation(self, q: Array) -> Array:
-        """B with what motors on lines do at q: forces on the tree are B tau, shape (nv, motors)."""
+        """B at q, motors on lines included: forces on the tree are B tau, shape (nv, motors)."""
         B, lines = self.mechanism.motors, self.mechanism.lines
         return B + self.lines.evaluate(q)[1].T.dot(lines.motors) if lines.motors.any() else B
 
@@ -180,7 +180,7 @@ class Memory:
 
 
 def whole_inertia(mechanism: Mechanism) -> float:
-    """Inertia of all bodies and rotors where each is as far off as the robot is long, [kg m^2]."""
+    """Inertia of all bodies and rotors, each at the distance of the robot's length, [kg m^2]."""
     model, length = mechanism.model, mechanism.length
     bodies = np.array([body.toDynamicParameters() for body in list(model.inertias)[1:]])
     traces = bodies[:, [4, 6, 9]].sum()  # about the joints' frames
@@ -214,7 +214,7 @@ def applied_forces(
 def inverse_dynamics(
     memory: Memory, q: Array, va: Array, aa: Array, wrenches: Array | None
 ) -> Array:
-    """What a motion needs along the coordinates, f of shape (n,), Eq. (92), short form.
+    """Generalised forces f of a motion, shape (n,), by the short form of Eq. (92).
 
     `pin.rnea` is N_l forward and N_l^T backward; it forms no K. `wrenches` are external [moment;
     force] on each body at its mass centre, base axes, shape (r, 6), or None.
@@ -279,7 +279,7 @@ def direct_dynamics(
 
 
 def solved(inertia: Array, force: Array, least: Array | float = 0.0) -> Array | None:
-    """Accelerations for forces; None where a pivot of the mass matrix is rounding, or `least`."""
+    """Accelerations for forces; None if a pivot of the mass matrix is rounding or below `least`."""
     from scipy.linalg import cho_solve
 
     try:

@@ -3,8 +3,7 @@
 
 Sect. 3 of the paper with its letters. Joints keep the order of the tree instead of being sorted
 into actuated and unactuated. Twists are [omega; v] at the mass centres in base axes, as in the
-paper; Pinocchio's run [v; omega] at the frame's origin, and `body_jacobians` is the one place that
-crosses from one to the other.
+paper. Pinocchio's are [v; omega] at the frame's origin; `body_jacobians` converts them.
 """
 
 from collections.abc import Callable
@@ -39,9 +38,9 @@ class _Block:
 class JointComplement:
     """L and the inverse of Phi^u at one configuration; one object per thread.
 
-    Redundant rows of Phi stay in: they are consistent, so that least squares over all rows equals
+    Phi keeps its redundant rows. They are consistent, so that least squares over all rows equals
     the inverse over independent ones. Rows and rates are made free of units first. Loops that share
-    no dependent joint are inverted apart, so that the cost is linear in their number.
+    no dependent joint are inverted separately, so that the cost is linear in their number.
 
     Attributes:
         blocks: The parts of Phi^u that share no dependent rate.
@@ -81,9 +80,9 @@ class JointComplement:
         return v, self.accelerations(aa, np.concatenate([loops.f[:0], *drift]))
 
     def factorise(self, Phi: Array, f: Array | float = 0.0) -> None:
-        """Compute L and the inverse; the error says which rates the closures do not fix.
+        """Compute L and the inverse; the error names the rates that the closures do not determine.
 
-        Redundant rows must hold too, but for what loops that are open by f, Eq. (2), explain.
+        Redundant rows must hold too, up to the errors f of the loops, Eq. (2).
         """
         smallest, largest = [], 1.0  # those of the coordinates are 1
         for block in self.blocks:
@@ -220,8 +219,8 @@ def natural_complement(bodies: Bodies, L: Array, L_dot: Array) -> tuple[Array, A
 def decoupled(loops: Loops) -> tuple[Array, Array]:
     """N_l, shape (6 r, 6 r), and N_d, shape (6 r, nv), with K = N_l N_d, of the paper's [5, 6].
 
-    N_d, block diagonal, holds the twists of each body that its own joint gives it; N_l, with unit
-    blocks on the diagonal and zeros above, carries the twists of a body to all that it bears. The
+    N_d is block diagonal and has the twist of each body relative to its parent. N_l has unit blocks
+    on the diagonal and zeros above; it adds the twists of a body to those of all that it bears. The
     forward recursion of inverse dynamics is N_l, the backward one its transpose.
     """
     model, c = loops.model, mass_centers(loops)

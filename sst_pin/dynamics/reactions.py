@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Reactions: the wrenches in joints and closures, and which of them are unique.
 
-The forces of the closures on the tree are Phi^T lambda, what the tree needs less what motors,
-friction, springs and loads supply. Where rows of Phi are redundant, lambda is free along
-N = null(Phi^T), the states of inner stress. A joint gives to all that it bears what the recursion
-of Newton and Euler needs, less what closures give to it, X lambda: a component of its wrench is
-unique exactly where its row of X N is zero (Wojtyra 2005; Fraczek and Wojtyra 2011). Rows are
-free of units, so that the verdict does not depend on them.
+The forces of the closures on the tree are Phi^T lambda: the forces of the motion minus those of
+motors, friction, springs and loads. If rows of Phi are redundant, lambda is not unique: the null
+space N of Phi^T has the states of inner stress. The wrench of a joint is that of the recursion of
+Newton and Euler minus X lambda, what closures give to the bodies beyond the joint. A component is
+unique exactly if its row of X N is zero (Wojtyra 2005; Fraczek and Wojtyra 2011). Rows are free of
+units, so that the verdict does not depend on them.
 """
 
 from collections.abc import Mapping
@@ -26,10 +26,10 @@ from ..summaries import Summary, listed
 from .dynamics import Memory, applied_forces
 from .noc import mass_centers
 
-#: Inner stresses that stiffnesses resist less than this, relative to the most, are left free.
+#: Inner stresses with a smaller stiffness, relative to the largest, are not determined.
 _RESISTED = 1e-9
 _MOMENT_FIRST = [3, 4, 5, 0, 1, 2]
-#: In the code of a joint or closure, of its six components where they are not unique.
+#: Bits of the components that are not unique, in the code of a joint or closure.
 BITS = 2.0 ** np.arange(6)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Putting a closed chain together: Newton's method on the closures, loop by loop."""
+"""Assembly of a closed chain: Newton's method on the closures, loop by loop."""
 
 from __future__ import annotations
 
@@ -18,32 +18,31 @@ from ..summaries import listed
 from .loops import Loops, connected
 
 _STEPS = 100
-#: Scaled residual that an assembled configuration stays below.
+#: Largest scaled error of an assembled configuration.
 _ASSEMBLED = 1e-11
-#: A loop that closes by less than a tenth in so many steps does not close.
+#: A loop does not close if its error falls by less than a tenth in so many steps.
 _PATIENCE = 10
-#: Longest stride, [rad] or of the loop's length: the closures are far from linear beyond it.
-#: Joints that linear couplings alone hold, such as motors behind gears, need none.
+#: Longest step, [rad] or of the loop's length: closures are far from linear beyond it. Joints that
+#: only linear couplings hold, such as motors behind gears, have no limit.
 _STRIDE = 0.5
-#: A step that does not close its loop better after so many halvings leads nowhere.
+#: A step is rejected if the error does not fall after so many halvings.
 _HALVINGS = 20
-#: A joint this near to its limit, scaled, is at it: rounding of the step that led there.
+#: Joints nearer to a limit, scaled, are at the limit.
 _AT_LIMIT = 1e-12
-#: What rounding leaves of a position, relative to it.
+#: Relative rounding of a position.
 _ROUNDING = float(np.finfo(float).eps)
 #: Smaller singular values count as zero, relative to the largest.
 _NO_RANK = 1e-10
 #: Loops that stay open by less may close with other digits, free of units.
 _NEARLY = 10 * FEW_DIGITS
-#: How far a configuration next to another one lies, [rad] or robot lengths.
+#: Distance of a configuration beside another one, [rad] or robot lengths.
 _ASIDE = 0.2
 
 
 class Assembly:
     """Newton's method on the closures of one mechanism; one object per thread.
 
-    Loops that share no joints are solved apart: each comes as near as it can, whatever the others
-    do. Unless `slipping`, wheels roll on the way.
+    Loops that share no joints are solved separately. Unless `slipping`, wheels roll on the way.
     """
 
     def __init__(self, mechanism: Mechanism, loops: Loops, *, slipping: bool = True) -> None:
@@ -53,16 +52,16 @@ class Assembly:
         self._known_parts: dict[bytes, list[tuple[Indices, Indices]]] = {}
 
     def assemble(self, q: Array, free: Indices, *, limits: bool = False) -> Array:
-        """The configuration next to q with closed loops; only the rates `free` move.
+        """The nearest configuration with closed loops; only the rates `free` move.
 
-        With `limits` joints of one coordinate stay within their limits. The error says which loops
-        stay open, by how much, and which joints are at their limits.
+        With `limits` joints of one coordinate stay within their limits. The error names the loops
+        that stay open, the largest gap, and the joints at their limits.
         """
         bounds = _Limits(self.mechanism, free, limits)
         start = bounds.clipped(q)
         q, open_rows = self._newton(start, free, bounds)
         if len(open_rows) and np.abs(self._residual(q)).max() < _NEARLY:
-            # Rows that contradict each other a little may have led away from the best pose.
+            # Rows that contradict each other a little may lead away from the best pose.
             q, open_rows = self._newton(start, free, bounds, FEW_DIGITS)
         q = bounds.clipped(q)
         bounds.require_within(q)
@@ -86,7 +85,7 @@ class Assembly:
     def try_starts(
         self, q: Array, free: Indices, tries: int, seed: int, *, limits: bool = False
     ) -> Array:
-        """The first success from q and from random configurations around it, or the best error."""
+        """The first assembly from q and random starts around it; the error is that of the best."""
         if tries == 1:
             return self.assemble(q, free, limits=limits)
         random = np.random.default_rng(seed)
@@ -103,19 +102,19 @@ class Assembly:
         raise min(failures, key=lambda error: error.residual)
 
     def closer(self, q: Array, free: Indices, tolerance: float = _NO_RANK) -> Array:
-        """The configuration next to q whose loops are open least; only the rates `free` move.
+        """The nearest configuration with the smallest error; only the rates `free` move.
 
         Singular values of Phi below `tolerance` times the largest of their loop count as zero.
         """
         return self._newton(q, free, _Limits(self.mechanism, free, wanted=False), tolerance)[0]
 
     def gap(self, q: Array, rows: Indices) -> float:
-        """How far some rows are open at q, free of units; 0 if rounding explains it."""
+        """Largest error of some rows at q, free of units; 0 if it is rounding."""
         f = self._residual(q)
         return float(np.abs(f[rows]).max()) if self._open(q, f)[rows].any() else 0.0
 
     def near(self, q: Array, fixed: Indices) -> Array:
-        """The configuration next to q with closed loops, with these rates fixed if it exists."""
+        """The nearest configuration with closed loops, with these rates fixed if there is one."""
         rates = np.arange(self.mechanism.model.nv)
         try:
             return self.assemble(q, np.setdiff1d(rates, fixed))
@@ -130,7 +129,7 @@ class Assembly:
         loops.evaluate(q)
         motions = null_space(loops.Phi * self._scale, rcond=1e-8)
         random = np.random.default_rng(seed)
-        # A projection, so that the basis of the motions does not count.
+        # A projection does not depend on the basis of the motions.
         direction = motions @ (motions.T @ random.normal(size=len(motions)))
         step = _ASIDE * direction / max(float(np.abs(direction).max(initial=0.0)), 1e-300)
         guess = pin.integrate(mechanism.model, q, step * mechanism.rate_scale)
@@ -175,7 +174,7 @@ class Assembly:
         return is_open
 
     def _rounding(self, q: Array, Phi: Array) -> Array:
-        """What rounding of q leaves of the residual, shape (rows,), for Phi without units.
+        """Rounding of f, shape (rows,), for Phi without units.
 
         It grows with turns of the joints and with the distance of the loops from the origin.
         """
@@ -230,7 +229,7 @@ def _size(f: Array) -> float:
 
 
 class _Limits:
-    """Limits of the joints of one coordinate among the rates `free`; none if not `wanted`."""
+    """Limits of joints of one coordinate among the rates `free`; none if not `wanted`."""
 
     def __init__(self, mechanism: Mechanism, free: Indices, wanted: bool) -> None:
         model, self._mechanism = mechanism.model, mechanism
@@ -249,7 +248,7 @@ class _Limits:
     def project(
         self, q: Array, columns: Indices, Phi: Array, right: Array, rcond: float
     ) -> tuple[Indices, Array]:
-        """Newton's step along the rates that do not lead outward from a limit."""
+        """Newton's step without the rates that lead beyond a limit."""
         while True:
             part = np.asarray(np.linalg.lstsq(Phi[:, columns], right, rcond=rcond)[0], dtype=float)
             if not len(self._v):
@@ -261,7 +260,7 @@ class _Limits:
             columns = columns[~outward]
 
     def reach(self, q: Array, columns: Indices, step: Array) -> float:
-        """How much of a step leads to the first limit, at most 1."""
+        """The part of a step that reaches the first limit, at most 1."""
         if not len(self._v):
             return 1.0
         down, up = self._room(q)[:, columns]
@@ -269,7 +268,7 @@ class _Limits:
         return float((room / np.maximum(np.abs(step), 1e-300)).min(initial=1.0))
 
     def require_within(self, q: Array) -> None:
-        """Refuse joints held outside their limits, and limits that exclude each other."""
+        """Raise an error for joints outside their limits, and for empty ranges."""
         if not len(self._v):
             return
         room = self._room(q).min(axis=0)
@@ -288,7 +287,7 @@ class _Limits:
         return f" within the joint limits ({self._names(at) or 'none'} at a limit)"
 
     def _room(self, q: Array) -> Array:
-        """How far each rate can go down and up, scaled, shape (2, nv)."""
+        """Distances to the lower and upper limits, scaled, shape (2, nv)."""
         room = np.full((2, self._mechanism.model.nv), np.inf)
         k = self._q
         room[:, self._v] = q[k] - self._lower[k], self._upper[k] - q[k]
@@ -308,7 +307,7 @@ def displacement(mechanism: Mechanism, width: float) -> Array:
 
 
 def home_of(mechanism: Mechanism) -> Array | None:
-    """What the model calls home, shape (nq,), its loops as open as they are there; or None."""
+    """The configuration named home, shape (nq,), even if its loops are open; or None."""
     model = mechanism.model
     known = model.referenceConfigurations
     if "home" not in known:

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Whether a motion stays in its assembly mode, judged in each block of loops.
+"""Whether a motion stays in its assembly mode, for each block of loops.
 
 Between two configurations a and b of one mode there is a shortest way along which a block's
 dependent part of Phi stays near Phi_a. If a and b lie in different modes, or a singular
 configuration lies between them, the mean of Phi over that way is singular, so that
-|Phi_a^+ (Phi_b - Phi_a)| is about 2 or more. A step counts as continuous below 1/2; a longer one
-is divided. Units of rows do not matter for this measure. One determinant of all loops would not
-do: it keeps its sign where two blocks become singular at once.
+|Phi_a^+ (Phi_b - Phi_a)| is about 2 or more. A step is continuous below 1/2; a longer one is
+divided. This measure does not depend on the units of rows. The determinant of all loops is no
+measure: it keeps its sign if two blocks become singular at once.
 """
 
 from collections.abc import Callable, Iterator
@@ -30,7 +30,7 @@ Way = Callable[[Array, float, float], Array]
 CHANGE = 0.5
 #: Largest motion of a joint between them, [rad] or of the robot's length.
 TRAVEL = 0.5
-#: Configurations that are looked at between two of a motion, at most: about forty turns.
+#: Most configurations between two of a motion: about forty turns.
 LOOKS = 2000
 #: Smaller singular values of a loop count as zero, relative to its largest.
 _INDEPENDENT = 1e-6
@@ -109,8 +109,8 @@ class Continuity:
         """How much of a step is continuous and regular, 1 for all, and the configuration there.
 
         `way` gives configurations at fractions of the step, 1 for its end; `limit` is that of the
-        condition number. A step that turns round at a fraction `first` is looked at there, too. A
-        step that needs more than `looks` configurations is refused.
+        condition number. A step that turns round at a fraction `first` is checked there, too. A
+        step that needs more than `looks` configurations raises an error.
         """
         q, low, high, count = start, 0.0, first, 0
         while low < 1 and high - low >= _SHORTEST:

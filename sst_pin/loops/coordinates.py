@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The choice of the coordinates, made once, when a robot is made.
+"""The choice of the coordinates, when a robot is made.
 
-It depends on the robot alone: random displacements are drawn for each joint by its name, and ties
-are decided by names, so that neither the order of the joints nor the units count.
+It does not depend on the order of the joints or on units: the random displacement of a joint
+depends on its name, and names decide ties.
 """
 
 import warnings
@@ -29,23 +29,24 @@ from .mobility import choose_coordinates, free_motions, motor_rates, scaled_Phi
 
 #: Widths of the random displacements from home or `pin.neutral`, [rad] or robot lengths.
 _AROUND_HOME, _AROUND_NEUTRAL = (0.1, 0.03, 0.01), np.linspace(0.1, 2.0, 20)
-#: How much worse than home a configuration near it may be conditioned.
+#: Largest condition number near home, in multiples of that at home.
 _POORER = 10.0
-#: A way from home that needs more configurations than this is not taken.
+#: Most configurations on the way from home.
 _LOOKS = 30
-#: Home is singular if a singular value of Phi is this much smaller there than so far beside it.
+#: Home is singular if a singular value of Phi is below this part of its value beside home, at
+#: this distance.
 _VANISHES, _BESIDE = 1e-2, 1e-3
-#: What helps where no guess can be assembled.
+#: The cure if no guess can be assembled.
 _GIVE_ONE = 'give q, a closed configuration, or make it model.referenceConfigurations["home"]'
-#: A smaller part of the inertia that its bodies have is none: accelerations would be noise.
+#: A coordinate with a smaller part of the inertia of its bodies moves no mass.
 _NO_MASS = 1e-8
 
 
 def examples(assembly: Assembly) -> Iterator[Array]:
     """Assembled configurations without symmetry, the same at each call.
 
-    They lie around `home` if the robot has one, otherwise around `pin.neutral`. The error is that
-    of the guess that came nearest.
+    They are near `home` if the robot has one, otherwise near `pin.neutral`. The error is that of
+    the best guess.
     """
     mechanism = assembly.mechanism
     model, home = mechanism.model, home_of(mechanism)
@@ -57,7 +58,7 @@ def examples(assembly: Assembly) -> Iterator[Array]:
         if any_example and home is not None and start is not home:
             return
         guess = pin.integrate(model, start, displacement(mechanism, width))
-        try:  # motors that stay where they are lead to assemblies in which they hold the robot
+        try:  # with the motors fixed, assemblies are found in which they hold the robot
             q = assembly.near(guess, mechanism.driven)
         except ClosureError as error:
             failures.append(error)
@@ -71,7 +72,7 @@ def examples(assembly: Assembly) -> Iterator[Array]:
 
 
 def _home(assembly: Assembly, fixed: Indices) -> Array | None:
-    """Home with closed loops; None without one, or where closures lose their rank there."""
+    """Home with closed loops; None without one, or if Phi loses rank there."""
     mechanism, loops = assembly.mechanism, assembly.loops
     q = home_of(mechanism)
     if q is None:
@@ -95,7 +96,7 @@ def _home(assembly: Assembly, fixed: Indices) -> Array | None:
 
 
 def _warn_of_singular_home(mechanism: Mechanism, motions: Array) -> None:
-    """Name the joints that can move at home only, by motions of shape (k, nv)."""
+    """Name the joints that can move only at home, by motions of shape (k, nv)."""
     moving = np.flatnonzero(np.abs(motions).max(axis=0) > INDEPENDENT)
     names = listed([mechanism.space.rate_names[k] for k in moving])
     warnings.warn(
@@ -108,7 +109,7 @@ def _warn_of_singular_home(mechanism: Mechanism, motions: Array) -> None:
 
 
 def _without_symmetry(assembly: Assembly, home: Array, coordinates: Indices) -> Array:
-    """A configuration near home in its assembly mode, or home where coordinates fail on the way."""
+    """A configuration near home in the same assembly mode, or home if there is none."""
     mechanism = replace(assembly.mechanism, coordinates=coordinates)
     for width, fixed in product(_AROUND_HOME, (mechanism.driven, coordinates)):
         along = partial(_along, assembly, home, displacement(mechanism, width), fixed)

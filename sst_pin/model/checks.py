@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""From a tree, names and numbers as a caller gives them to a `Mechanism`."""
+"""Checks the arguments of `ClosedChain` and makes a `Mechanism` of them."""
 
 import re
 from collections import Counter

@@ -91,7 +91,7 @@ class Lines:
         return np.array(rows).reshape(-1, 4).T
 
     def tensions(self, lengths: Array, rates: Array, tau: Array | None = None) -> Array:
-        """What pulls the ends together, motors included, shape (..., lines), [N]."""
+        """Tensions of the lines, motors included, shape (..., lines), [N]."""
         stiffness, rest, damping, preload = self.numbers
         passive = preload + stiffness * (lengths - rest) + damping * rates
         return np.asarray(passive if tau is None else passive - self.motors.dot(tau))

@@ -10,7 +10,7 @@ from ..arrays import Array
 from .closures import Constraint, Distance, Rolling, frames_of, holds_points
 from .tree import frame_named
 
-#: Offsets that are smaller beside the bodies are zeros that rounding has changed.
+#: Offsets that are smaller, relative to the bodies, are rounding of zero.
 _SMALL = 1e-6
 
 

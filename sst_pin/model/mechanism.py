@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`Mechanism`: all that the dynamics of a closed chain is computed from, fixed once and for all."""
+"""`Mechanism`: the data from which the dynamics of a closed chain is computed."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -51,7 +51,7 @@ class Friction:
 
     @cached_property
     def none(self) -> bool:
-        """Whether no joint has any."""
+        """Whether no joint has friction."""
         return not (self.viscous.any() or self.coulomb.any())
 
     def forces(self, q_dot: Array) -> Array:
@@ -83,7 +83,7 @@ class Springs:
 
     @cached_property
     def none(self) -> bool:
-        """Whether no joint has one."""
+        """Whether no joint has a spring."""
         return not self.stiffness.any()
 
     def forces(self, model: pin.Model, q: Array) -> Array:
@@ -115,9 +115,9 @@ class Springs:
 
 @dataclass(frozen=True)
 class Mechanism:
-    """A tree, what closes it, what drives it. Everything computed comes from here."""
+    """A tree with closures, motors, friction and springs; it never changes."""
 
-    #: A copy of its own, which nobody changes.
+    #: A copy, which never changes.
     model: pin.Model
     closures: tuple[Constraint, ...]
     #: Indices in v of the independent rates, shape (n,).
