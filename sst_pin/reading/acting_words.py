@@ -21,7 +21,8 @@ _WORDS = {
     "mu fdir1 slip1 slip2 kp kd maxVel max_vel minDepth min_depth maxContacts max_contacts "
     "selfCollide self_collide laserRetro laser_retro rollingFriction gravity turnGravityOff "
     "springStiffness springReference dampingFactor=0 static=0 stopCfm stopErp cfmDamping "
-    "implicitSpringDamper fudgeFactor provideFeedback disableFixedJointLumping preserveFixedJoint",
+    "implicitSpringDamper fudgeFactor provideFeedback disableFixedJointLumping preserveFixedJoint "
+    "canonicalBody",
     "transmission": "@name @type type joint+ actuator+ leftActuator rightActuator flexJoint "
     "rollJoint gap_joint+ passive_joint+ use_simulated_gripper_joint mechanicalReduction "
     "robotNamespace hardwareInterface+ motorTorqueConstant param+",

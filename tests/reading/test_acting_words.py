@@ -67,7 +67,7 @@ def test_what_acts_and_is_not_read_is_named(tmp_path, element, word):
     [
         '<gazebo reference="arm"><material>Blue</material><gravity>true</gravity></gazebo>',
         '<gazebo><plugin name="control" filename="libgazebo_ros2_control.so"/></gazebo>',
-        '<sensor name="s"><parent link="arm"/></sensor>',
+        '<sensor name="s" gz:type="camera"><gz:parent link="arm"/></sensor>',
         '<ros2_control name="c"><joint name="hinge"/></ros2_control>',
     ],
 )
