@@ -744,14 +744,17 @@ class ClosedChain(RobotProperties, Summary):
         width = positive_number("sign_width", sign_width)
         return CasadiFunctions(engine.reference, near, width, external_wrenches, compiled)
 
-    def warp(self, device: Any = None, dtype: str = "float64") -> WarpBatch:
+    def warp(
+        self, device: Any = None, dtype: str = "float64", *, q: ArrayLike | None = None
+    ) -> WarpBatch:
         """The dynamics of many samples on a GPU, by kernels of NVIDIA Warp; docs/gpu.md.
 
         The kernels check each sample, but hand none to the reference path: bad samples are NaN.
 
         Args:
             device: A device of Warp, such as "cuda:0" or "cpu"; its preferred one by default.
-            dtype: "float64", or "float32" for six digits.
+            dtype: "float64", or "float32" for five digits.
+            q: As in `compile`.
 
         Raises:
             MissingExtraError: Without Warp and CasADi, `sst-pin[gpu]`.
@@ -760,7 +763,8 @@ class ClosedChain(RobotProperties, Summary):
             from .compiled.warp_batch import WarpBatch
         except ModuleNotFoundError as error:
             raise MissingExtraError(str(error.name).partition(".")[0], "gpu") from None
-        return WarpBatch(self._engine.reference, device, dtype)
+        near = None if q is None else self._engine.single(q)
+        return WarpBatch(self._engine.reference, near, device, dtype)
 
     # --- motions ----------------------------------------------------------------------------
 

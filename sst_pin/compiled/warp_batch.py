@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import warp as wp
 
-from ..arrays import positive_number, whole_number
+from ..arrays import Array, positive_number, whole_number
 from ..dynamics.derivatives import AccelerationDerivatives, TorqueDerivatives
 from ..dynamics.quantities import Name, Quantity
 from ..dynamics.reference import Reference
@@ -66,14 +66,15 @@ class WarpBatch:
 
     Args:
         reference: Reference path of the robot.
+        near: Configuration near which the order of elimination is chosen.
         device: Name of a device of Warp; by default its preferred one.
         dtype: "float64" or "float32".
     """
 
-    def __init__(self, reference: Reference, device: Any, dtype: str) -> None:
+    def __init__(self, reference: Reference, near: Array | None, device: Any, dtype: str) -> None:
         if dtype not in _PRECISIONS:
             raise InputError("dtype", f"{dtype!r} is not one of {', '.join(_PRECISIONS)}")
-        self._reference, self._mechanism = reference, reference.mechanism
+        self._reference, self._mechanism, self._near = reference, reference.mechanism, near
         self._mechanism.require_freedom()
         self.device, self.dtype = wp.get_device(device), getattr(wp, dtype)
         self._style, self._open = _PRECISIONS[dtype], OpenNumbers(self._mechanism)
@@ -113,11 +114,8 @@ class WarpBatch:
             parameters = wp.array(parameters, dtype=self.dtype, device=self.device)
         if parameters.ndim == 1:
             parameters = parameters.reshape((1, -1))
-        if parameters.ndim != 2 or parameters.shape[1] != self._open.size:
-            expected = f"(N, {self._open.size}) or ({self._open.size},)"
-            raise InputError("parameters", f"shape {parameters.shape}, expected {expected}")
         #: Shape (N, p), or (1, p) where all robots have the same.
-        self.parameters = wp.clone(parameters)
+        self.parameters = wp.clone(self._array("parameters", parameters, (self._open.size,), None))
         self._prepared: dict[tuple[Quantity, float], Any] = {}
 
     # --- quantities -------------------------------------------------------------------------
@@ -247,43 +245,48 @@ class WarpBatch:
         """Launch the kernel of a quantity."""
         if external_wrenches is not None:
             key, inputs = key._replace(loaded=True), inputs | {kernels.WRENCHES: external_wrenches}
-        arrays = {x: self._array(x, value, self._shape(x)) for x, value in inputs.items()}
-        count = arrays["q"].shape[0]
-        stepping = more is not None
-        names = ["q", "va"] if stepping else [str(key.name)]
-        given = out if stepping else (out,)
-        results = [
-            wp.empty((count, *self._shape(x)), dtype=self.dtype, device=self.device)
-            if array is None
-            else self._array("out", array, self._shape(x))
-            for x, array in zip(names, given, strict=True)
-        ]
-        for x, array in [*arrays.items(), *(("out", result) for result in results)]:
-            if array.shape[0] != count:
-                raise InputError(x, f"{array.shape[0]} samples, but q has {count}")
+        count, arrays = None, []
+        for name, value in inputs.items():
+            arrays.append(self._array(name, value, self._shape(name), count))
+            count = arrays[0].shape[0]
         if self.parameters.shape[0] not in (1, count):
             raise InputError("q", f"{count} samples of {self.parameters.shape[0]} robots")
-        if status is not None and (status.dtype != wp.int32 or status.shape != (count,)):
-            raise InputError(
-                "status", f"{status.dtype}, {status.shape}; expected int32, ({count},)"
-            )
+        if status is not None:
+            status = self._array("status", status, (), count, wp.int32)
+        stepping = more is not None
+        results = []
+        names = ["q", "va"] if stepping else [str(key.name)]
+        for name, array in zip(names, out if stepping else [out], strict=True):
+            shape = self._shape(name)
+            if array is None:
+                results.append(wp.empty((count, *shape), dtype=self.dtype, device=self.device))
+            else:
+                results.append(self._array("out", array, shape, count))
         module, p = self._prepare(key)
-        flat = [x if x.ndim == 2 else x.reshape((count, -1)) for x in results]
-        arguments = [x for x in arrays.values() if x.shape[1]]
-        arguments += [p, *flat, *(more or {}).values(), status]
+        arguments = [x for x in arrays if x.shape[1]]  # there may be no motors
+        arguments += [p, *(x if x.ndim == 2 else x.reshape((count, -1)) for x in results)]
+        arguments += [*(more or {}).values(), status]
         wp.launch(module.run, count, inputs=arguments, device=self.device, block_dim=_BLOCK)
         return State(*results) if stepping else results[0]
 
-    def _array(self, name: str, value: Any, shape: tuple[int, ...]) -> Any:
-        """An argument as an array of Warp, without a copy."""
-        array = value if isinstance(value, wp.array) else wp.from_dlpack(value)
-        if array.shape[1:] != shape:
-            expected = ", ".join(map(str, ("N", *shape)))
-            raise InputError(name, f"shape {array.shape}, expected ({expected})")
-        if array.dtype != self.dtype or array.device != self.device:
-            expected = f"{self._style.dtype} on {self.device}"
-            raise InputError(name, f"{array.dtype.__name__} on {array.device}, expected {expected}")
-        return array
+    def _array(
+        self, name: str, value: Any, shape: tuple[int, ...], count: int | None, dtype: Any = None
+    ) -> Any:
+        """An argument as an array of Warp, without a copy; its first axis has `count` samples."""
+        dtype = dtype or self.dtype
+        if not isinstance(value, wp.array):
+            if not hasattr(value, "__dlpack__"):
+                raise InputError(name, "not an array of Warp, and none that DLPack can share")
+            value = wp.from_dlpack(value)
+        if value.shape[1:] != shape or count not in (None, value.shape[0]):
+            expected = ", ".join(map(str, ("N" if count is None else count, *shape)))
+            raise InputError(name, f"shape {value.shape}, expected ({expected})")
+        if value.dtype != dtype or value.device != self.device:
+            here = f"{value.dtype.__name__} on {value.device}"
+            raise InputError(name, f"{here}, expected {dtype.__name__} on {self.device}")
+        if value.ndim == 3 and name == "out" and not value.is_contiguous:
+            raise InputError(name, "not contiguous")
+        return value
 
     def _prepare(self, key: Quantity) -> tuple[ModuleType, Any]:
         """The kernels of a quantity, and the parameters with the constants computed from them."""
@@ -294,7 +297,7 @@ class WarpBatch:
             robots = self.parameters.shape[0]
             p = wp.empty((module.size, robots), dtype=self.dtype, device=self.device)
             arguments = [self.parameters, width, p]
-            wp.launch(module.prepare, robots, inputs=arguments, device=self.device)
+            wp.launch(module.prepare, robots, arguments, device=self.device, block_dim=_BLOCK)
             self._prepared[plain, width] = p
         return module, self._prepared[plain, width]
 
@@ -314,13 +317,13 @@ class WarpBatch:
             checks = Checks(equations, self._style.closed, self._style.rounding)
             return warp_code.module(kernels.entry(equations, key, checks), entry, self._style)
 
-        content = fingerprint(mechanism, self._open, None, key.frame)
+        content = fingerprint(mechanism, self._open, self._near, key.frame)
         label = f"warp {key} {self._style.dtype}"
         return _imported(libraries.text(mechanism.model.name, label, content, source))
 
     def _equations_of(self, loaded: bool, smooth: bool) -> Equations:
         if (loaded, smooth) not in self._equations:
-            samples = sample_configurations(self._reference)
+            samples = sample_configurations(self._reference, self._near)
             self._equations[loaded, smooth] = Equations(self._mechanism, samples, loaded, smooth)
         return self._equations[loaded, smooth]
 

@@ -5,7 +5,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from sst_pin import InputError, robots
+from sst_pin import InputError, SingularConfigurationError, robots
 from sst_pin.compiled import extension, libraries
 from sst_pin.dynamics.quantities import Quantity
 from tests.gallery import EVERY_ROBOT
@@ -73,18 +73,19 @@ def test_results_are_those_of_the_chain(name, device):
     batch, status = chain.warp(device), wp.full(6, 9, dtype=wp.int32, device=device)
     for result, found, expected in results(batch, chain, status):
         error = np.abs(found.numpy() - expected).max() / max(np.abs(expected).max(), 1e-9)
-        assert error < 1e-12, result
+        assert error < (1e-11 if "step" in result else 1e-12), result  # two steps, each closed
         assert not status.numpy().any(), result
 
 
 @pytest.mark.parametrize("name", SLOW)
 def test_results_in_single_precision_have_some_digits(name, device):
-    """Their rounding, 6e-8, times what the conditioning of the loops and of the inertia makes."""
+    """Roundings of 6e-8 grow with the conditioning of the loops, and of the inertia up to 1e5."""
     chain = EVERY_ROBOT[name]()
     batch, status = chain.warp(device, "float32"), wp.zeros(6, dtype=wp.int32, device=device)
     for result, found, expected in results(batch, chain, status):
+        by_inertia = "acceleration" in result or result == "va of a step"
         error = np.abs(found.numpy() - expected).max() / max(np.abs(expected).max(), 1e-9)
-        assert error < 1e-4, result
+        assert error < (2e-2 if by_inertia else 1e-4), result
         assert not status.numpy().any(), result
 
 
@@ -168,14 +169,41 @@ def test_each_robot_may_have_its_own_parameters(four_bar, device):
 def test_arguments_are_checked(four_bar):
     batch = four_bar.warp("cpu")
     q, va = np.tile(four_bar.home, (2, 1)), np.zeros((2, 1))
-    with pytest.raises(InputError, match=r"^va: shape \(2, 3\), expected \(N, 1\)"):
+    with pytest.raises(InputError, match=r"^va: shape \(2, 3\), expected \(2, 1\)"):
         batch.torques(q, q, va)
-    with pytest.raises(InputError, match=r"^aa: 1 samples, but q has 2"):
+    with pytest.raises(InputError, match=r"^aa: shape \(1, 1\), expected \(2, 1\)"):
         batch.torques(q, va, va[:1])
+    with pytest.raises(InputError, match=r"^aa: not an array of Warp"):
+        batch.torques(q, va, [0.0, 0.0])
+    with pytest.raises(InputError, match=r"^status: float64 on cpu, expected int32 on cpu"):
+        batch.torques(q, va, va, status=np.zeros(2))
     with pytest.raises(InputError, match=r"^va: float32 on cpu, expected float64 on cpu"):
         batch.torques(q, va.astype(np.float32), va)
     with pytest.raises(InputError, match=r"^dtype: 'half' is not one of float64, float32"):
         four_bar.warp("cpu", "half")
+
+
+def test_wrenches_act_as_on_the_chain(four_bar, device):
+    batch, load = four_bar.warp(device), np.random.default_rng(0).normal(size=(6, 3, 6))
+    q, va, aa = any_chain.states(four_bar, 6, 0)
+    expected = four_bar.compute_torques(q, va, aa, external_wrenches=load)
+    *motion, wrenches = arrays(batch, q, va, aa, load)
+    found = batch.torques(*motion, external_wrenches=wrenches).numpy()
+    assert np.abs(found - expected).max() < 1e-13 * np.abs(expected).max()
+
+
+def test_a_singular_configuration_is_flagged(device):
+    """Coupler and rocker stretched: the crank is at the end of its range."""
+    chain = robots.four_bar(coupler=0.13, rocker=0.12)
+    crank = np.arccos(-0.3125)  # its tip is 0.25 m from the foot of the rocker
+    way = np.arctan2(-0.1 * np.sin(crank), 0.2 - 0.1 * np.cos(crank))
+    q = np.array([crank, way - crank, way + np.pi])
+    with pytest.raises(SingularConfigurationError):
+        chain.compute_torques(q, [1.0], [0.0])
+    batch, status = chain.warp(device), wp.zeros(1, dtype=wp.int32, device=device)
+    tau = batch.torques(*arrays(batch, [q], [[1.0]], [[0.0]]), status=status)
+    assert status.numpy()[0] == Status.SINGULAR
+    assert np.isnan(tau.numpy()).all()
 
 
 def test_no_extension_module_is_needed(four_bar, monkeypatch):
@@ -194,6 +222,21 @@ def test_modules_are_cached(four_bar, device, monkeypatch):
     four_bar.warp(device).module(Quantity("torques"))
     kernels = {library.kernel for library in libraries.cached()}
     assert "warp_torques_float64" in kernels
+
+
+@pytest.mark.gpu
+def test_steps_are_captured_in_a_cuda_graph(four_bar):
+    if not wp.get_cuda_device_count():
+        pytest.skip("no CUDA device")
+    batch = four_bar.warp("cuda:0")
+    q, va, tau = arrays(batch, *any_chain.states(four_bar, 6, 0))
+    state = batch.step((q, va), tau, 1e-3)
+    expected = batch.step(state, tau, 1e-3).q.numpy()
+    with wp.ScopedCapture("cuda:0") as capture:
+        batch.step((q, va), tau, 1e-3, out=(q, va))
+    for _ in range(2):
+        wp.capture_launch(capture.graph)
+    assert np.abs(q.numpy() - expected).max() < 1e-15
 
 
 @pytest.mark.slow
