@@ -6,8 +6,10 @@
     python scripts/benchmark/gpu.py --resources --arch 90       # no GPU: registers and code size
     python scripts/benchmark/gpu.py --page gpu.json             # write the tables of docs/gpu.md
 
-The share of the arithmetic limit counts each operation of the equations as one; the limit counts a
-fused multiply-add as two, so that equations without any reach half of it.
+Motions start from 64 states near home with the torques that hold the robot there; `ended` counts
+those that reach a singularity. The share of the arithmetic limit counts each operation of the
+equations as one; the limit counts a fused multiply-add as two, so that equations without any reach
+half of it.
 """  # fmt: skip
 
 import argparse
@@ -189,11 +191,13 @@ def measure(name: str, dtype: str, options: argparse.Namespace) -> Row:
     row["steps, own parameters"] = options.samples / seconds_of(
         lambda: each.step((q, va), torque, STEP, out=state), options.seconds
     )
-    rest = wp.zeros_like(few["va"]), wp.zeros((len(tau), tau.shape[1]), batch.dtype, device=device)
-    end = batch.step((few["q"], rest[0]), rest[1], STEP * STEPS, substeps=STEPS)
-    closed = end.q.numpy()[np.isfinite(end.q.numpy()).all(axis=1)].astype(float)
-    row["ended"] = len(tau) - len(closed)
-    row["gap"] = float(np.abs(chain.residual(closed)).max(initial=0))
+    still = np.zeros_like(exact[1])
+    held = batch.torques(few["q"], *(wp.array(still, batch.dtype, device=device) for _ in range(2)))
+    slow = wp.array(0.1 * exact[1], dtype=batch.dtype, device=device)
+    end = batch.step((few["q"], slow), held, STEP * STEPS, substeps=STEPS).q.numpy()
+    closed = end[np.isfinite(end).all(axis=1)].astype(float)
+    row["ended"] = len(end) - len(closed)
+    row["gap"] = float(np.abs(chain.residual(closed)).max(initial=0)) if len(closed) else np.nan
     return row | {"seconds": perf_counter() - start}
 
 
@@ -240,9 +244,10 @@ def main() -> int:
     parser.add_argument("--robots", nargs="+", default=ROBOTS)
     parser.add_argument("--dtypes", nargs="+", default=["float64", "float32"])
     parser.add_argument("--device", help="by default Warp's preferred one")
-    parser.add_argument("--samples", type=int, help="by default 262144, on a CPU 256")
+    parser.add_argument("--samples", type=int, help="by default 4194304, on a CPU 256")
     parser.add_argument("--seconds", type=float, default=0.1, help="of a turn of a measurement")
     parser.add_argument("--block", type=int, help="threads of a block")
+    parser.add_argument("--blocks", type=int, help="blocks at the same time on each SM")
     parser.add_argument("--resources", action="store_true", help="of machine code; no speeds")
     parser.add_argument("--arch", type=int, default=90)
     parser.add_argument("--out", type=Path, help="a JSON file for the results")
@@ -253,7 +258,9 @@ def main() -> int:
         return 0
     if options.block:
         warp_batch._BLOCK = options.block
-    options.samples = options.samples or (256 if wp.get_device(options.device).is_cpu else 2**18)
+    if options.blocks:
+        warp_batch._BLOCKS = options.blocks * wp.get_device(options.device).sm_count
+    options.samples = options.samples or (256 if wp.get_device(options.device).is_cpu else 2**22)
     name, rows = "resources" if options.resources else "speeds", []
     for robot in options.robots:
         for dtype in options.dtypes:

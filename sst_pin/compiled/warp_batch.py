@@ -26,8 +26,9 @@ from .open_numbers import OpenNumbers
 
 #: Precisions of the C by Warp's types of numbers.
 _PRECISIONS = {style.dtype: style for style in STYLES.values()}
-#: Threads of a block: few, because a thread needs many registers.
-_BLOCK = 64
+#: Threads of a block: few, because a thread needs many registers; blocks at the same time, 0 for
+#: any number.
+_BLOCK, _BLOCKS = 64, 0
 
 
 class Status(IntEnum):
@@ -266,7 +267,8 @@ class WarpBatch:
         arguments = [x for x in arrays if x.shape[1]]  # there may be no motors
         arguments += [p, *(x if x.ndim == 2 else x.reshape((count, -1)) for x in results)]
         arguments += [*(more or {}).values(), status]
-        wp.launch(module.run, count, inputs=arguments, device=self.device, block_dim=_BLOCK)
+        options = {"device": self.device, "block_dim": _BLOCK, "max_blocks": _BLOCKS}
+        wp.launch(module.run, count, inputs=arguments, **options)
         return State(*results) if stepping else results[0]
 
     def _array(
