@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from .simulation.bearing_loads import Loads
     from .simulation.check import Finding, Verdict
     from .simulation.crossings import Crossing
-    from .simulation.inputs import Load, Torque
+    from .simulation.inputs import ExternalLoad, Torque
     from .simulation.rollouts import Rollout
     from .simulation.trajectories import Trajectory
     from .viewer import Viewer
@@ -797,8 +797,8 @@ class ClosedChain(RobotProperties, Summary):
         va0: ArrayLike,
         t: ArrayLike,
         *,
-        platform_moment: Load = None,
-        external_wrenches: Load = None,
+        platform_moment: ExternalLoad = None,
+        external_wrenches: ExternalLoad = None,
         method: str = "DOP853",
         rtol: float = 1e-12,
         atol: float = 1e-12,

@@ -28,8 +28,8 @@ def frame_motion(
     """The motion and the torques for given poses of a frame over time.
 
     The joints are computed from sample to sample by Newton's method, in steps short enough to stay
-    in the same assembly and working mode. With more freedoms than the task needs, the joints move
-    least. Rates are derivatives of splines of degree five through the coordinates.
+    in the same assembly and working mode. With more degrees of freedom than the task needs,
+    the joints move least. Rates are derivatives of splines of degree five through the coordinates.
 
     Args:
         chain: Any closed chain with revolute or prismatic coordinates.

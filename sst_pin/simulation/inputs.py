@@ -24,7 +24,7 @@ from .trajectories import Trajectory, require_motion
 #: (N, motors) at the times of the simulation, the torques of a motion, or sampled ones.
 Torque = Callable[[float, Array, Array], ArrayLike] | ArrayLike | Trajectory | SampledTorque
 #: Loads: a function of (t, q, va), a constant, or none.
-Load = Callable[[float, Array, Array], ArrayLike] | ArrayLike | None
+ExternalLoad = Callable[[float, Array, Array], ArrayLike] | ArrayLike | None
 
 #: Integrators of SciPy.
 IMPLICIT = ("Radau", "BDF")
@@ -102,7 +102,12 @@ def torque_input(mechanism: Mechanism, torque: Torque, times: Array, *, watch: b
 
 
 def load_input(
-    engine: Engine, platform_moment: Load, external_wrenches: Load, times: Array, *, watch: bool
+    engine: Engine,
+    platform_moment: ExternalLoad,
+    external_wrenches: ExternalLoad,
+    times: Array,
+    *,
+    watch: bool,
 ) -> Input | None:
     """Both loads as wrenches on all bodies; None without a load."""
     wrenches = _wrenches(engine, platform_moment, external_wrenches)
@@ -112,7 +117,9 @@ def load_input(
     return _function_or_constant("external_wrenches", wrenches, shape, times if watch else None)
 
 
-def _wrenches(engine: Engine, platform_moment: Load, external_wrenches: Load) -> Load:
+def _wrenches(
+    engine: Engine, platform_moment: ExternalLoad, external_wrenches: ExternalLoad
+) -> ExternalLoad:
     if not (callable(platform_moment) or callable(external_wrenches)):
         return engine.wrenches(platform_moment, external_wrenches, "raise")
     if platform_moment is None:

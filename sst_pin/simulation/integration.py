@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The integration of a motion, in coordinates that change where they do not determine it well."""
+"""Integrates a motion in coordinates that change where they do not determine it well."""
 
 from __future__ import annotations
 

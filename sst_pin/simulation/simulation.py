@@ -16,7 +16,7 @@ from ..errors import InputError, SingularityWarning
 from ..model.closures import Rolling
 from ..progress import over_time
 from ..states import States
-from .inputs import Load, Settings, Torque, load_input, torque_input
+from .inputs import ExternalLoad, Settings, Torque, load_input, torque_input
 from .integration import Integration
 from .sampled_torques import SampledTorque
 from .samples import sample_times
@@ -36,8 +36,8 @@ def simulate(
     q0: ArrayLike,
     va0: ArrayLike,
     t: ArrayLike,
-    platform_moment: Load,
-    external_wrenches: Load,
+    platform_moment: ExternalLoad,
+    external_wrenches: ExternalLoad,
     sign_width: float,
     settings: Settings,
 ) -> Trajectory:

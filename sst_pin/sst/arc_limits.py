@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Poses that satisfy the equations but that the machine cannot reach.
+"""Poses that the equations allow and the machine does not.
 
-The passive slider of leg k runs on a quarter circle of the star, 0 <= beta_k <= 90 deg, the arc
-whose mass centre Eq. (54) gives, and R_k stays on the side P_k P_{k+1} of the base triangle,
-0 <= gamma_k <= angle(v_k, v_{k+1}). Every joint has the limits of the URDF besides, and close to a
-singularity torques or motions grow without bound.
+The passive slider of leg k runs on a quarter circle of the star, 0 <= beta_k <= 90 deg, the arc of
+Eq. (54). R_k stays on the side P_k P_{k+1} of the base triangle, 0 <= gamma_k <= angle(v_k,
+v_{k+1}). Every joint also has the limits of the URDF. Close to a singularity torques or motions
+grow without bound.
 """
 
 from collections.abc import Iterator
@@ -16,9 +16,9 @@ from ..arrays import Array, in_one_turn
 from ..simulation.check import Verdict, outside
 from . import kinematics
 
-#: Where a pose counts as close to a singularity: |sin(mu_k)|, and the condition number of A.
+#: A pose is close to a singularity below this |sin(mu_k)|, or above this condition number of A.
 SMALLEST_SINE, LARGEST_CONDITION = 0.05, 50.0
-#: The ends of the arcs belong to them, rounding included; [rad].
+#: Tolerance of the ends of the arcs for rounding, [rad].
 _END = 1e-9
 
 
