@@ -51,8 +51,8 @@ def identify(arguments: argparse.Namespace) -> int:
         files[name] = plots.figure_writer(page, name)
         text += f"\n![Measured and predicted torques of the unseen motion](<{name.name}>)\n"
     if urdf:
-        made = with_dynamics(robot.with_parameters(theta), urdf)
-        files |= _with_closures(made, urdf, arguments.urdf)
+        new = with_dynamics(robot.with_parameters(theta), urdf, Path(arguments.urdf).parent)
+        files |= _with_closures(new, urdf, arguments.urdf)
     common.write({output: text_writer(text), **files}, arguments)
     result = f"{len(base)} combinations, {int(estimate.supported.sum())} supported"
     common.say(f"{len(motion)} samples, {result} -> {output}", arguments)

@@ -118,7 +118,7 @@ def estimate(
         raise InputError("tau", f"shape {measured.shape}, expected {(len(Y), motors)}")
     if motors < n:
         raise InputError("chain", f"{motors} motors do not tell the forces of {n} coordinates")
-    if len(Y) // whole_number("decimate", decimate, 1) * n <= b:
+    if (len(Y) // whole_number("decimate", decimate, 1) - 2 * (decimate > 1)) * n <= b:
         raise InputError("q", f"{len(Y)} samples are too few for {b} base parameters")
     if decimate > 1:
         dry = [
@@ -130,7 +130,7 @@ def estimate(
     known[base.considered] = 0
     right = (measured[:, None, :] @ J)[:, 0] - Y @ known  # J^T tau
     left, right = decimated(Y[..., base.columns], decimate), decimated(right, decimate)
-    J, correlations = J[::decimate], noise_correlations(decimate)
+    J, correlations = J if decimate == 1 else J[::decimate][1:-1], noise_correlations(decimate)
     noise, weights = np.ones(motors), np.ones(right.shape)
     for _ in range(_ITERATIONS):
         A, z, errors = _weighted(J, noise, left, right)

@@ -169,9 +169,10 @@ def lowpass(values: Array, cutoff: float, ends: str = "odd") -> Array:
 def decimated(values: Array, every: int) -> Array:
     """One of so many samples, after a filter that lets through what these can show.
 
-    Beyond their ends the values are mirrored: about the last value its noise would stay.
+    Beyond their ends the values are mirrored. Without the first and the last sample, whose noise is
+    larger.
     """
-    return values if every == 1 else lowpass(values, 0.4 / every, "even")[::every]
+    return values if every == 1 else lowpass(values, 0.4 / every, "even")[::every][1:-1]
 
 
 def noise_correlations(every: int) -> Array:

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Numbers found by measurements, in the URDF that a robot was read from."""
 
+import os
 import warnings
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,14 +12,17 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from ..closed_chain import ClosedChain
+from ..dynamics.regressor import OF_BODY
 from ..errors import DescriptionError, DescriptionWarning
 from ..files import as_path, text_writer, write_files
-from ..reading import Urdf
+from ..reading import Urdf, read_urdf
 from ..reading.urdf_checks import ENTRIES
 from ..summaries import listed
 
 #: Placements that differ by less do so by rounding.
 _ROUNDING = 1e-12
+#: Parameters read back differ by less, relative to the largest of their kind.
+_EQUAL = 1e-9
 
 
 def write_urdf(chain: ClosedChain, urdf: str | Path, path: str | Path, force: bool = False) -> None:
@@ -39,52 +43,93 @@ def write_urdf(chain: ClosedChain, urdf: str | Path, path: str | Path, force: bo
         OutputError: If the file cannot be written, or exists.
 
     Warns:
-        DescriptionWarning: For parameters that a URDF cannot have: rotors, springs, forces along
-            lines, friction of joints with several freedoms.
+        DescriptionWarning: For parameters that differ when the file is read again, with the YAML of
+            the first: rotors, springs, forces along lines, different friction in one joint.
 
     Example:
         >>> chain = sst_pin.ClosedChain.from_urdf(sst_pin.URDF_PATH)
         >>> rubbing = chain.with_parameters({"mu_1.viscous": 0.3})
         >>> sst_pin.identification.write_urdf(rubbing, sst_pin.URDF_PATH, "found.urdf")
     """
-    write_files({as_path(path): text_writer(with_dynamics(chain, urdf))}, force)
+    folder = as_path(path).parent
+    write_files({as_path(path): text_writer(with_dynamics(chain, urdf, folder))}, force)
 
 
-def with_dynamics(chain: ClosedChain, urdf: str | Path) -> str:
-    """The text that `write_urdf` writes."""
-    root, model = Urdf.read(urdf).root, chain.mechanism.model
-    partly = [f"{name} (lock it again)" for name in _fix_locked(root, model)]
+def with_dynamics(chain: ClosedChain, urdf: str | Path, folder: Path) -> str:
+    """The text that `write_urdf` writes to a folder, read back and compared."""
+    source = Urdf.read(urdf)
+    root, model = source.root, chain.mechanism.model
+    partly = _fix_locked(root, model)
+    _put_bodies(root, model, str(urdf))
+    _put_friction(root, chain)
+    text = ET.tostring(root, encoding="unicode", xml_declaration=True)
+    lost = [f"{name} (lock it again)" for name in partly]
+    lost += _differences(chain, Urdf(text, str(urdf)), partly)
+    if lost:
+        cure = f"write them into {Path(urdf).stem}.yaml beside it"
+        warnings.warn(f"a URDF cannot store {listed(lost)}; {cure}", DescriptionWarning, 3)
+    return _with_meshes(root, Path(urdf).resolve().parent, folder.resolve())
+
+
+def _put_bodies(root: ET.Element, model: pin.Model, urdf: str) -> None:
+    """Give each body of the model to the first link with an inertia that moves with it."""
     links = {link.get("name"): link for link in root.findall("link")}
     bodies = [f for f in model.frames if f.type == pin.FrameType.BODY and f.name in links]
     for j, inertia in enumerate(list(model.inertias)[1:], 1):
-        moved = [frame for frame in bodies if frame.parentJoint == j]
-        if not moved and inertia.mass:
-            raise DescriptionError(str(urdf), [f"no link is moved by joint {model.names[j]}"])
-        heavy = [frame for frame in moved if links[frame.name].find("inertial") is not None]
+        moving = [frame for frame in bodies if frame.parentJoint == j]
+        if not moving and inertia.mass:
+            raise DescriptionError(urdf, [f"no link is moved by joint {model.names[j]}"])
+        heavy = [frame for frame in moving if links[frame.name].find("inertial") is not None]
         for frame in heavy:
             links[frame.name].remove(links[frame.name].find("inertial"))  # type: ignore[arg-type]
         if inertia.mass:
-            bearer = (heavy or moved)[0]
+            bearer = (heavy or moving)[0]
             links[bearer.name].append(_inertial(bearer.placement.actInv(inertia)))
-    joints = {joint.get("name"): joint for joint in root.findall("joint")}
-    alone = [j for j in range(1, model.njoints) if model.joints[j].nv == 1]
-    written = [j for j in alone if model.names[j] in joints]
-    friction = chain.mechanism.friction
-    for j in written:
-        joint, k = joints[model.names[j]], model.joints[j].idx_v
-        numbers = {"damping": friction.viscous[k], "friction": friction.coulomb[k]}
+
+
+def _put_friction(root: ET.Element, chain: ClosedChain) -> None:
+    """Give each joint its friction; none where the rates of a joint have different friction."""
+    friction, space = chain.mechanism.friction, chain.mechanism.space
+    for joint in root.findall("joint"):
+        name = joint.get("name", "")
+        parts = [name, *(f"{name}_{axis}" for axis in "XYZ")]  # of a universal joint in the YAML
+        rates = [k for part in parts for k in space.rates.get(part, ())]
+        pairs = {"damping": friction.viscous[rates], "friction": friction.coulomb[rates]}
+        numbers = {key: x[0] if np.ptp(x) == 0 else 0.0 for key, x in pairs.items() if len(x)}
         dynamics = joint.find("dynamics")
         if dynamics is None and any(numbers.values()):
             dynamics = ET.SubElement(joint, "dynamics")
         if dynamics is not None:
             dynamics.attrib.update({key: repr(float(x)) for key, x in numbers.items()})
-    kept = {f"{model.names[j]}.{kind}" for j in written for kind in ("viscous", "coulomb")}
-    theta, inertial = chain.dynamic_parameters, 10 * (model.njoints - 1)
-    others = zip(theta.names[inertial:], theta.values[inertial:], strict=True)
-    left = partly + [name for name, value in others if value and name not in kept]
-    if left:
-        problem = f"a URDF has no place for {listed(left)}"
-        warnings.warn(f"{problem}; give them again when it is read", DescriptionWarning, 3)
+
+
+def _differences(chain: ClosedChain, urdf: Urdf, partly: Sequence[str]) -> list[str]:
+    """Names of the parameters that a URDF, with the YAML beside it, gives other values."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DescriptionWarning)
+        again = ClosedChain.from_description(read_urdf(urdf)).dynamic_parameters
+    values, theta = dict(zip(again.names, again.values, strict=True)), chain.dynamic_parameters
+    sizes = dict.fromkeys((name.rpartition(".")[2] for name in theta.names), 0.0)
+    for name, value in zip(theta.names, theta.values, strict=True):
+        word = name.rpartition(".")[2]
+        sizes[word] = max(sizes[word], abs(value))
+    lost = []
+    for name, value in zip(theta.names, theta.values, strict=True):
+        place, _, word = name.rpartition(".")
+        known = place.rpartition("_")[0] not in partly
+        if known and abs(values.get(name, 0.0) - value) > _EQUAL * sizes[word]:
+            lost.append(name)
+    if bodies := [name for name in lost if name.rpartition(".")[2] in OF_BODY]:
+        raise DescriptionError(urdf.source, [f"it is another robot: {listed(bodies)} differ"])
+    return lost
+
+
+def _with_meshes(root: ET.Element, source: Path, folder: Path) -> str:
+    """The text of a URDF for another folder: relative paths of meshes lead to the same files."""
+    for element in [*root.iter("mesh"), *root.iter("texture")]:
+        name = element.get("filename", "")
+        if name and "://" not in name and not Path(name).is_absolute() and source != folder:
+            element.set("filename", Path(os.path.relpath(source / name, folder)).as_posix())
     return ET.tostring(root, encoding="unicode", xml_declaration=True)
 
 

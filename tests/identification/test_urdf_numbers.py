@@ -2,6 +2,7 @@
 """URDFs with the numbers of a robot: read again, they give this robot."""
 
 import warnings
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
@@ -110,15 +111,62 @@ def test_locked_rates_of_a_joint_are_told_by_name(tmp_path):
     source.write_text(ARM)
     source.with_suffix(".yaml").write_text("name_mot: []\njoint_type: {turn: ball}")
     robot = sst_pin.ClosedChain.from_urdf(source, locked=["turn_wx"])
-    with pytest.warns(sst_pin.DescriptionWarning, match=r"no place for turn \(lock it again\)"):
+    with pytest.warns(sst_pin.DescriptionWarning, match=r"cannot store turn \(lock it again\)"):
         write_urdf(robot, source, tmp_path / "found.urdf")
 
 
 def test_what_a_urdf_cannot_have_is_told_by_name(tmp_path):
     source = tmp_path / "arm.urdf"
     robot = read(source, ARM).with_parameters({"turn.armature": 0.2, "push.stiffness": 3.0})
-    with pytest.warns(sst_pin.DescriptionWarning, match=r"no place for .*turn\.armature.*push\.st"):
+    with pytest.warns(sst_pin.DescriptionWarning, match=r"cannot store .*turn\.armature.*push\.st"):
         write_urdf(robot, source, tmp_path / "found.urdf")
+
+
+def test_friction_of_a_universal_joint_replaces_that_of_the_file(tmp_path):
+    """Equal friction of both hinges is written, other friction is told, none stays."""
+    source, found = tmp_path / "arm.urdf", tmp_path / "found.urdf"
+    source.with_suffix(".yaml").write_text("name_mot: []\njoint_type: {turn: UJOINT_XY}")
+    robot = read(source, ARM.replace('velocity="5"/>', 'velocity="5"/><dynamics damping="2"/>', 1))
+    assert_allclose(robot.friction.viscous[:2], 2)
+    equal = robot.with_parameters({"turn_X.viscous": 0.3, "turn_Y.viscous": 0.3})
+    write_urdf(equal, source, found)
+    found.with_suffix(".yaml").write_bytes(source.with_suffix(".yaml").read_bytes())
+    assert_allclose(read(found).friction.viscous, equal.friction.viscous)
+    other = robot.with_parameters({"turn_X.viscous": 0.3, "turn_Y.viscous": 0.1})
+    with pytest.warns(sst_pin.DescriptionWarning, match=r"store turn_X\.viscous, turn_Y\.viscous;"):
+        write_urdf(other, source, found, force=True)
+    assert_allclose(read(found).friction.viscous[:2], 0)
+
+
+def test_the_yaml_stores_what_a_urdf_cannot(tmp_path):
+    """Parameters that it gives are no loss; others are told, with the file that stores them."""
+    source, found = tmp_path / "arm.urdf", tmp_path / "found.urdf"
+    line = "{frames: [base, slide], name: gas, stiffness: 40}"
+    source.with_suffix(".yaml").write_text(f"name_mot: [turn]\nline_force: [{line}]")
+    robot = read(source, ARM)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        write_urdf(robot, source, found)
+    stiffer = robot.with_parameters({"gas.stiffness": 50.0})
+    text = r"a URDF cannot store gas\.stiffness; write them into arm\.yaml beside it"
+    with pytest.warns(sst_pin.DescriptionWarning, match=text):
+        write_urdf(stiffer, source, found, force=True)
+
+
+def test_meshes_are_at_the_same_files_from_another_folder(tmp_path):
+    mesh = '<visual><geometry><mesh filename="{}"/></geometry></visual>'
+    urdf = ARM.replace('<link name="crank"/>', f'<link name="crank">{mesh}</link>')
+    (tmp_path / "a" / "meshes").mkdir(parents=True)
+    source = tmp_path / "a" / "arm.urdf"
+    for name, moves in (("meshes/x.stl", True), ("package://p/x.stl", False), ("/x.stl", False)):
+        (tmp_path / "b").mkdir(exist_ok=True)
+        write_urdf(read(source, urdf.format(name)), source, tmp_path / "b" / "f.urdf", force=True)
+        root = ET.parse(tmp_path / "b" / "f.urdf").getroot()
+        written = next(root.iter("mesh")).get("filename")
+        if moves:
+            assert (tmp_path / "b" / written).resolve() == (source.parent / name).resolve()
+        else:
+            assert written == name
 
 
 def test_files_of_other_robots_are_refused(tmp_path):
