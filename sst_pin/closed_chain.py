@@ -816,7 +816,7 @@ class ClosedChain(RobotProperties, Summary):
         Args:
             torque: A function (t, q, va) -> (motors,); a constant, shape (motors,); samples at t,
                 shape (N, motors), or a `Trajectory` with its own times, both interpolated by a
-                smooth spline; or a `SampledTorque`. Pass torques with jumps as a function.
+                smooth spline; a controller; or a `SampledTorque`. Pass jumps as a function.
             q0: Configuration at t[0], on the closures, shape (nq,).
             va0: Rates of the coordinates at t[0], shape (n,).
             t: Times of the output, increasing, shape (N,), N >= 2, [s].

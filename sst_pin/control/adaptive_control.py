@@ -21,9 +21,9 @@ class Adaptive(Controller):
     to the motion; its Coriolis matrix C makes M_dot - 2 C skew. J.-J. Slotine and W. Li, On the
     adaptive control of robot manipulators, Int. J. Robotics Research 6(3), 1987.
 
-    It learns from call to call, so it is for loops in which time goes on; `simulate` takes it as a
-    `SampledTorque`. It does not learn while its torques pass the limits. The other arguments are
-    those of `Controller`; the chain is the model to begin with.
+    It learns from call to call, so it is for loops in which time goes on: `simulate` takes it as a
+    `SampledTorque` only. It does not learn while its torques pass the limits. The other arguments
+    are those of `Controller`; the chain is the model to begin with.
 
     Args:
         stiffness: How fast errors die out where s is 0, () or shape (n,), [1/s].
@@ -40,6 +40,8 @@ class Adaptive(Controller):
         >>> control.torque(0.0, chain.home, np.zeros(1)).round(2)
         array([0.16])
     """
+
+    sampled_only = True
 
     def __init__(
         self,

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable
 from contextlib import suppress
 
@@ -23,6 +24,8 @@ from .base_parameters import BaseParameters, random_states
 _SAMPLES = 12
 #: Most samples of a period.
 _MOST = 100_000
+#: At this condition number noise of 0.1 % of the torques hides the parameter that is shown least.
+_POOR = 1e3
 #: Parts of an amplitude that are tried before another motion.
 _PARTS = 0.7 ** np.arange(9)
 
@@ -99,6 +102,7 @@ def excitation(
         InputError: If no motion is possible within the limits, or the limits are not positive.
 
     Warns:
+        RuntimeWarning: If the condition number is large, so that noise hides some parameters.
         DescriptionWarning: If neither `home` nor `start` chooses the assembly mode.
 
     Example:
@@ -162,9 +166,15 @@ def excitation(
         # In short steps a little smaller, if it passes a limit between the others.
         if value < best and (followed := possible(found[0], 0.97 ** np.arange(10), fine)):
             best, kept, chosen = value, found[0], followed[1]
-    if chosen is not None:
-        return chosen
-    raise InputError("start", "no motion about it stays within the limits")
+    if chosen is None:
+        raise InputError("start", "no motion about it stays within the limits")
+    if best > _POOR:
+        problem = f"the motion shows the parameters poorly: condition number {best:.3g}"
+        cure = (
+            "allow larger rates or torques, more tries or harmonics, or consider fewer parameters"
+        )
+        warnings.warn(f"{problem}; {cure}", RuntimeWarning, stacklevel=2)
+    return chosen
 
 
 def _limits(name: str, given: ArrayLike | None, model: Array) -> Array:

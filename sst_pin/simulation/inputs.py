@@ -7,7 +7,7 @@ from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import factorial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,13 +16,26 @@ from ..arrays import Array, as_array, positive_number, single_array
 from ..engine import Engine
 from ..errors import InputError
 from ..model.mechanism import Mechanism
-from .sampled_torques import SampledTorque, Sampling, require_distinct
+from .sampled_torques import (
+    SampledTorque,
+    Sampling,
+    TorqueSource,
+    require_distinct,
+    torque_function,
+)
 from .samples import spline
 from .trajectories import Trajectory, require_motion
 
 #: Motor torques: a function of (t, q, va), a constant of shape (motors,), samples of shape
-#: (N, motors) at the times of the simulation, the torques of a motion, or sampled ones.
-Torque = Callable[[float, Array, Array], ArrayLike] | ArrayLike | Trajectory | SampledTorque
+#: (N, motors) at the times of the simulation, the torques of a motion, sampled ones, or those of a
+#: controller.
+Torque = (
+    Callable[[float, Array, Array], ArrayLike]
+    | ArrayLike
+    | Trajectory
+    | SampledTorque
+    | TorqueSource
+)
 #: Loads: a function of (t, q, va), a constant, or none.
 ExternalLoad = Callable[[float, Array, Array], ArrayLike] | ArrayLike | None
 
@@ -96,9 +109,15 @@ def torque_input(mechanism: Mechanism, torque: Torque, times: Array, *, watch: b
             lambda t, q, va: np.broadcast_to(sampling.now, (len(t), motors)),
             sampling,
         )
-    if not callable(torque) and as_array("torque", torque, ()).ndim == 2:
-        return _samples(times, single_array("torque", torque, (len(times), motors)))
-    return _function_or_constant("torque", torque, (motors,), times if watch else None)
+    values: Any = torque_function(torque)
+    source = getattr(values, "__self__", None)
+    if getattr(source, "sampled_only", False):
+        name = type(source).__name__
+        problem = f"{name} depends on the calls before, so it is sampled only"
+        raise InputError("torque", f"{problem}; pass SampledTorque(controller, period)")
+    if not callable(values) and as_array("torque", values, ()).ndim == 2:
+        return _samples(times, single_array("torque", values, (len(times), motors)))
+    return _function_or_constant("torque", values, (motors,), times if watch else None)
 
 
 def load_input(

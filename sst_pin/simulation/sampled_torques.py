@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from math import floor
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +18,19 @@ from ..errors import InputError
 _SAME = 1e-3
 
 
+class TorqueSource(Protocol):
+    """A controller: an object with a torque function."""
+
+    def torque(self, t: float, q: Array, va: Array) -> ArrayLike:
+        """Torques of the motors, shape (motors,)."""
+
+
+def torque_function(source: Any) -> Any:
+    """The torque function of a controller; other values as they are."""
+    method = getattr(source, "torque", None)
+    return method if callable(method) else source
+
+
 class SampledTorque:
     """A torque function that is called once in each period, with a delay until its torques act.
 
@@ -25,7 +39,7 @@ class SampledTorque:
     the function may have a state, as `Adaptive` has.
 
     Args:
-        function: (t, q, va) -> torques, shape (motors,), as the `torque` of a controller.
+        function: (t, q, va) -> torques, shape (motors,), or a controller.
         period: Time between two calls, [s].
         delay: Time from a call until its torques act, [s]; it may be longer than a period.
 
@@ -39,16 +53,20 @@ class SampledTorque:
         array([ 0.   ,  0.   , -0.3  ,  0.386])
     """
 
+    #: `torque` depends on the calls before, so an integrator cannot call it at will.
+    sampled_only = True
+
     def __init__(
         self,
-        function: Callable[[float, Array, Array], ArrayLike],
+        function: Callable[[float, Array, Array], ArrayLike] | TorqueSource,
         period: float,
         *,
         delay: float = 0.0,
     ) -> None:
-        if not callable(function):
+        calls = torque_function(function)
+        if not callable(calls):
             raise InputError("function", f"{function!r} cannot be called")
-        self.function, self.period = function, positive_number("period", period)
+        self.function, self.period = calls, positive_number("period", period)
         self.delay = positive_number("delay", delay, or_zero=True)
         self._loop: Sampling | None = None
         self._last = -np.inf

@@ -120,6 +120,24 @@ def test_the_coriolis_matrix_of_the_adaptive_controller_is_skew_with_the_inertia
         assert abs(power) < 1e-8 * np.abs(ahead).max() / step**0.5
 
 
+def test_simulate_takes_a_controller_and_refuses_one_that_depends_on_its_calls(five_bar, sway):
+    """Adaptive learns from call to call; as sampled torques it is simulated."""
+    gains = {"kp": 400, "kd": 40}
+    control = sst_pin.ComputedTorque(five_bar, sway, **gains)
+    start = sway.q[0], sway.va[0], sway.t[:3]
+    by_object, by_method = (five_bar.simulate(x, *start) for x in (control, control.torque))
+    assert by_object == by_method
+
+    def adaptive():
+        return sst_pin.Adaptive(five_bar, sway, stiffness=20, damping=1, learning=1)
+
+    for torque in (adaptive(), adaptive().torque):
+        with pytest.raises(InputError, match=r"Adaptive depends on the calls.*SampledTorque"):
+            five_bar.simulate(torque, *start)
+    sampled = [sst_pin.SampledTorque(x, 0.01) for x in (adaptive(), adaptive().torque)]
+    assert five_bar.simulate(sampled[0], *start) == five_bar.simulate(sampled[1], *start)
+
+
 def test_a_motor_without_ends_has_no_error_of_full_turns():
     """A crank that turns for ever is taken at the nearest turn."""
     bar = sst_pin.robots.four_bar()

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Motions that show parameters, within their limits, and logs as motions, as they were."""
 
+import warnings
 from contextlib import nullcontext, suppress
 
 import numpy as np
@@ -161,6 +162,16 @@ def test_it_shows_parameters_better_than_sines_of_the_same_rates(motion):
     x = np.array(CHAIN.home)[[0, 2]] + 0.12 * np.sin(2 * np.pi / 3 * np.outer(t, [1, 2]))
     sines = coordinate_motion(CHAIN, t, x)
     assert condition_number(CHAIN, BASE, motion) < condition_number(CHAIN, BASE, sines)
+
+
+def test_a_motion_that_shows_little_is_told():
+    """Small limits leave a base regressor of a large condition number."""
+    with pytest.warns(RuntimeWarning, match=r"shows the parameters poorly: condition number \d"):
+        excitation(CHAIN, BASE, 3.0, tries=1, **LIMITS)
+    pair = base_parameters(CHAIN, ["shoulder_*.viscous"])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        excitation(CHAIN, pair, 3.0, tries=1, **LIMITS)
 
 
 def test_limits_that_nothing_keeps_are_refused():
