@@ -6,32 +6,32 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from ..arrays import Array
+from ..arrays import Array, Indices
 from ..errors import DescriptionError
 from ..model.joint_space import JointSpace
-from ..model.normal_tree import series_of
+from ..model.normal_tree import NormalTree
 
 _WHOLE = {"JointModelFreeFlyer": "free", "JointModelSpherical": "ball"}
-_CURES = {
-    "JointModelPlanar": "; use two slides and a hinge",
-    "JointModelMimic": "; use a Coupling",
-}
 
 
 class MjcfJoint(NamedTuple):
-    """A joint of MuJoCo, in the place of one of ours or of one of several in series.
+    """A joint of MuJoCo: "hinge", "slide", "ball" or "free".
 
-    Its name; "hinge", "slide", "ball" or "free"; its axis and a point of it in axes of its body;
-    its entries of q and v. `at` is where a free joint starts.
+    It turns about an axis through a point, or slides along it, in axes of its body; a free joint
+    starts `at` a place. Its coordinates are factor * q[entries] + offset, its rates factor *
+    v[rates] of the chain's; one that mimics another joint has no rates of its own.
     """
 
     name: str
     kind: str
     axis: Array
     point: Array
-    q: slice
-    v: slice
     at: pin.SE3
+    entries: Indices
+    rates: Indices
+    factor: float
+    offset: float
+    mimics: bool
 
     def seen_from(self, at: pin.SE3) -> "MjcfJoint":
         """The same joint in the axes of a body that lies there in its own."""
@@ -39,48 +39,43 @@ class MjcfJoint(NamedTuple):
 
     def qpos(self, q: Array) -> Array:
         """MuJoCo's coordinates of the joint for a configuration, shape (nq,)."""
-        numbers = q[self.q]
+        x = self.factor * q[self.entries] + self.offset
         if self.kind == "free":
-            numbers = pin.SE3ToXYZQUAT(self.at * pin.XYZQUATToSE3(numbers))
+            x = pin.SE3ToXYZQUAT(self.at * pin.XYZQUATToSE3(x))
         if self.kind in ("free", "ball"):
-            return np.append(numbers[:-4], np.roll(numbers[-4:], 1))  # the scalar first
-        return np.arctan2(numbers[1:], numbers[:1]) if len(numbers) == 2 else numbers
+            return np.append(x[:-4], np.roll(x[-4:], -3))  # the scalar first
+        return np.arctan2(x[1:], x[:1]) if len(x) == 2 else x
 
 
-def joints_of(model: pin.Model, index: int) -> tuple[list[MjcfJoint], pin.SE3]:
-    """MuJoCo's joints for a joint, and their body's placement on the parent with all at zero.
+def joints_of(original: pin.Model, tree: NormalTree, index: int) -> list[MjcfJoint]:
+    """MuJoCo's joints for a joint of a normal tree.
 
     Raises:
         DescriptionError: For a joint that MuJoCo does not have.
     """
+    model = tree.model
     joint, name, at = model.joints[index], model.names[index], model.jointPlacements[index]
-    q, v, short = joint.idx_q, joint.idx_v, joint.shortname()
-    whole = slice(q, q + joint.nq), slice(v, v + joint.nv)
+    short, k, rows = joint.shortname(), joint.idx_q, tree.S[joint.idx_v : joint.idx_v + joint.nv]
+    entries, rates = tree.entries[k : k + joint.nq], np.abs(rows).argmax(axis=1)
+    factor, offset = float(rows[0, rates[0]]), float(tree.offsets[k])
+    mimics = index in tree.bodies and not original.joints[tree.bodies.index(index)].nv
+    more, zero = (factor, offset, mimics), np.zeros(3)
     if short in _WHOLE and not (_WHOLE[short] == "free" and model.parents[index]):
-        return [MjcfJoint(name, _WHOLE[short], np.eye(3)[2], np.zeros(3), *whole, at)], at
+        return [MjcfJoint(name, _WHOLE[short], np.eye(3)[2], zero, at, entries, rates, *more)]
+    words = JointSpace(original).rate_names
     if short == "JointModelTranslation":
-        slides = (pin.JointModelPX(), pin.JointModelPY(), pin.JointModelPZ())
-        series = [(slide, pin.SE3.Identity()) for slide in slides]
-    else:
-        series = series_of(joint)
-    names, end, parts = JointSpace(model).rate_names, pin.SE3.Identity(), []
-    for one, step in series:
-        end = end * step
-        data = one.createData()
-        one.calc(data, np.eye(one.nq)[0])
-        S = np.reshape(data.S, (6, -1))[:, 0]
-        if one.nv != 1 or (S[:3].any() and S[3:].any()) or short in _CURES:
-            problem = f"joint {name}: MuJoCo has no joint {short[10:]}{_CURES.get(short, '')}"
-            raise DescriptionError(f"model {model.name}", [problem])
-        parts.append((S, end, slice(q, q + one.nq), slice(v, v + 1)))
-        q, v = q + one.nq, v + 1
-    joints = []
-    for S, here, of_q, of_v in parts:
-        there, kind = end.actInv(here), "hinge" if S[3:].any() else "slide"
-        axis = there.rotation @ (S[3:] if kind == "hinge" else S[:3])
-        word = name if len(parts) == 1 else names[of_v.start]
-        joints.append(MjcfJoint(word, kind, axis, there.translation, of_q, of_v, at))
-    return joints, at * end
+        each = zip(np.eye(3), entries[:, None], rates[:, None], strict=True)
+        return [MjcfJoint(words[v[0]], "slide", e, zero, at, q, v, *more) for e, q, v in each]
+    data = joint.createData()
+    joint.calc(data, np.eye(model.nq)[k])
+    S = np.reshape(data.S, (6, -1))[:, 0]
+    if joint.nv != 1 or (S[:3].any() and S[3:].any()):
+        cure = "; use two slides and a hinge" if short == "JointModelPlanar" else ""
+        problem = f"joint {name}: MuJoCo has no joint {short[10:]}{cure}"
+        raise DescriptionError(f"model {original.name}", [problem])
+    kind, axis = ("hinge", S[3:]) if S[3:].any() else ("slide", S[:3])
+    word = name if mimics else words[rates[0]]
+    return [MjcfJoint(word, kind, axis, zero, at, entries, rates, *more)]
 
 
 def principal_axes(inertia: Array) -> tuple[Array, Array]:

@@ -18,6 +18,7 @@ from ..errors import DescriptionError, DescriptionWarning
 from ..files import require_ending, text_writer, write_files
 from ..model.closures import Closure, Constraint, Coupling, Distance, Rolling, frames_of
 from ..model.mechanism import Mechanism
+from ..model.normal_tree import NormalTree
 from ..model.tree import frame_id, frame_named
 from .mjcf_joints import MjcfJoint, joints_of, principal_axes
 from .urdf_writer import numbers
@@ -89,7 +90,8 @@ class MjcfWriter:
     """
 
     def __init__(self, mechanism: Mechanism, plain: bool = False) -> None:
-        self._mechanism, model = mechanism, mechanism.model
+        self._mechanism, self._tree = mechanism, NormalTree(mechanism.model)
+        self._model = model = self._tree.model
         self.root = ET.Element("mujoco", model=model.name)
         SubElement(self.root, "compiler", angle="radian", autolimits="true")
         SubElement(self.root, "option", _OPTION, gravity=numbers(model.gravity.linear))
@@ -101,16 +103,18 @@ class MjcfWriter:
                 self._names[frame.parentJoint] = frame.name
         if self._names[0] != "universe":
             base = SubElement(self._world, "body", name=self._names[0])
-        self.bodies, self.joints = [base] * model.njoints, list[MjcfJoint]()
+        self._bodies, self.joints = [base] * model.njoints, list[MjcfJoint]()
         self._problems, self.notes, self._plain = list[str](), list[str](), plain
         self._ends = {name for closure in mechanism.closures for name in frames_of(closure)}
         self._ends |= {x for line in mechanism.lines.forces for x in (line.frame_a, line.frame_b)}
         self._children(0)
+        self.bodies = [self._bodies[index] for index in self._tree.bodies]
         if not plain:
             self._add_sites()
             self._add_forces_and_motors()
             for k, closure in enumerate(mechanism.closures):
                 self._close(k, closure)
+            self._add_mimics()
 
     def text(self) -> str:
         """The file; an error if there is something that it cannot say."""
@@ -160,23 +164,23 @@ class MjcfWriter:
         self, parent: int, before: Sequence[MjcfJoint] = (), start: pin.SE3 = _HERE
     ) -> None:
         """Bodies on a joint; if it bears nothing of its own, they get its joints, `before`."""
-        model = self._mechanism.model
-        for index in (i for i in range(1, model.njoints) if model.parents[i] == parent):
+        model = self._model
+        for index in model.children[parent]:
             joints, at = list[MjcfJoint](), model.jointPlacements[index]
             try:
-                joints, at = joints_of(model, index)
+                joints = joints_of(self._mechanism.model, self._tree, index)
             except DescriptionError as error:
                 self._problems += error.problems
             joints = [joint.seen_from(at) for joint in before] + joints
             free = any(joint.kind == "free" for joint in joints)
-            bearer = self._world if free else self.bodies[parent]
+            bearer = self._world if free else self._bodies[parent]
             if self._is_empty(index) and all(joint.kind in _SINGLE for joint in joints):
-                self.bodies[index] = bearer
+                self._bodies[index] = bearer
                 self._children(index, joints, start * at)
-                self.bodies[index] = self.bodies[list(model.parents).index(index)]
+                self._bodies[index] = self._bodies[model.children[index][0]]
                 continue
             name = {"name": self._names[index]}
-            self.bodies[index] = body = SubElement(bearer, "body", name | _pose(start * at))
+            self._bodies[index] = body = SubElement(bearer, "body", name | _pose(start * at))
             self.joints += joints
             for joint in joints:
                 SubElement(body, "joint", self._joint(joint))
@@ -185,18 +189,18 @@ class MjcfWriter:
 
     def _is_empty(self, index: int) -> bool:
         """Whether a joint bears one other joint only, such as the first axis of a universal one."""
-        model, kind = self._mechanism.model, pin.FrameType.JOINT
+        model, kind = self._model, pin.FrameType.JOINT
         frames = [frame for frame in model.frames if frame.parentJoint == index]
         bare = all(frame.type == kind and frame.name not in self._ends for frame in frames)
         empty = model.inertias[index] == pin.Inertia.Zero()
-        return bool(bare and empty and list(model.parents).count(index) == 1)
+        return bool(bare and empty and len(model.children[index]) == 1)
 
     def _joint(self, joint: MjcfJoint) -> dict[str, str]:
         attributes, single = {"name": joint.name, "type": joint.kind}, joint.kind in _SINGLE
         if single:
             attributes |= {"axis": numbers(joint.axis)}
             attributes |= {"pos": numbers(joint.point)} if joint.point.any() else {}
-        if self._plain:
+        if self._plain or joint.mimics:
             return attributes
         mechanism, model = self._mechanism, self._mechanism.model
         friction, springs = mechanism.friction, mechanism.springs
@@ -206,7 +210,7 @@ class MjcfWriter:
             ("armature", model.armature),
             ("stiffness", springs.stiffness),
         ):
-            value, kind = of_rates[joint.v], joint.kind
+            value, kind = of_rates[joint.rates], joint.kind
             if np.ptp(value) or (kind == "free" and name != "damping" and value.any()):
                 text = f"joint {joint.name}: no {name} of single rates of a {kind} joint"
                 self._problems.append(text)
@@ -217,13 +221,13 @@ class MjcfWriter:
                 attributes["springref"] = numbers(rest)
             elif np.abs(rest - np.eye(4)[0]).max() > 1e-12:
                 self._problems.append(f"joint {joint.name}: a spring of a ball rests at zero only")
-        ends = np.array([model.lowerPositionLimit, model.upperPositionLimit])[:, joint.q]
+        ends = np.array([model.lowerPositionLimit, model.upperPositionLimit])[:, joint.entries]
         if single and ends.size == 2 and (np.abs(ends) < _FAR).any():
             attributes["range"] = numbers(ends.clip(-_FAR, _FAR).ravel())
         return attributes
 
     def _add_inertia(self, index: int) -> None:
-        inertia, name = self._mechanism.model.inertias[index], self._names[index]
+        inertia, name = self._model.inertias[index], self._names[index]
         moments, R = principal_axes(inertia.inertia)
         if inertia.mass < _LEAST_MASS or moments.min() < _LEAST_INERTIA:
             self.notes.append(
@@ -238,13 +242,13 @@ class MjcfWriter:
         moments[large] = min(moments[large], most)
         attributes = {"pos": numbers(inertia.lever), "diaginertia": numbers(moments)}
         attributes |= {"mass": numbers([max(inertia.mass, _LEAST_MASS)])}
-        SubElement(self.bodies[index], "inertial", _pose(pin.SE3(R, inertia.lever)) | attributes)
+        SubElement(self._bodies[index], "inertial", _pose(pin.SE3(R, inertia.lever)) | attributes)
 
     def _add_sites(self) -> None:
         """Sites at frames that are no joints or bodies, and at all ends of closures and lines."""
-        model, ends = self._mechanism.model, set(self._ends)
+        ends = set(self._ends)
         seen = set(self._names.values()) - ends
-        for frame in model.frames:
+        for frame in self._model.frames:
             world = frame.parentJoint == 0 and frame.placement.isIdentity()
             plain = frame.type in _POINTS or (frame.type == _LINK and not world)
             if frame.name in ends or (plain and frame.name not in seen):
@@ -253,7 +257,7 @@ class MjcfWriter:
             seen.add(frame.name)
 
     def _site(self, name: str, joint: int, at: pin.SE3) -> None:
-        SubElement(self.bodies[joint], "site", {"name": _site_name(name)} | _pose(at))
+        SubElement(self._bodies[joint], "site", {"name": _site_name(name)} | _pose(at))
 
     # --- what closes and drives them --------------------------------------------------------
 
@@ -281,7 +285,7 @@ class MjcfWriter:
         """Sites on the axis of a hinge, which is two points."""
         aside = pin.SE3(np.eye(3), self._mechanism.length * np.eye(3)[axis])
         for end in frames_of(hinge):
-            frame = frame_named(self._mechanism.model, end)
+            frame = frame_named(self._model, end)
             self._site(f"{end}_axis_{k}", frame.parentJoint, frame.placement * aside)
             yield f"{end}_axis_{k}"
 
@@ -329,6 +333,19 @@ class MjcfWriter:
         names = {f"{kind}{i}": side for i, side in enumerate(sides, 1)}
         SubElement(self._section("equality"), kind, names, polycoef=numbers(polynomial))
 
+    def _add_mimics(self) -> None:
+        leaders = self._by_rate()
+        for joint in self.joints:
+            if joint.mimics:
+                names = {"joint1": joint.name, "joint2": leaders[int(joint.rates[0])]}
+                polynomial = numbers([joint.offset, joint.factor, 0, 0, 0])
+                SubElement(self._section("equality"), "joint", names, polycoef=polynomial)
+
+    def _by_rate(self) -> dict[int, str]:
+        """Names of hinges and slides by the rate that they have alone."""
+        single = (j for j in self.joints if j.kind in _SINGLE and not j.mimics)
+        return {int(joint.rates[0]): joint.name for joint in single}
+
     def _add_forces_and_motors(self) -> None:
         mechanism = self._mechanism
         for line in mechanism.lines.forces:
@@ -347,7 +364,7 @@ class MjcfWriter:
 
     def _add_motor(self, name: str, on_rates: Array, on_lines: Array) -> None:
         forces, effort = self._mechanism.lines.forces, self._mechanism.model.upperEffortLimit
-        single = {j.v.start: j.name for j in self.joints if j.kind in _SINGLE}
+        single = self._by_rate()
         rates, lines = np.flatnonzero(on_rates), np.flatnonzero(on_lines)
         motor = {"name": name}
         if not len(rates) and on_lines[lines].tolist() == [1]:
@@ -356,11 +373,11 @@ class MjcfWriter:
             text = "it acts on more than hinges and slides, or one line"
             self._problems.append(f"motor {name}: {text}")
         elif on_rates[rates].tolist() == [1]:
-            motor["joint"] = single[rates[0]]
+            motor["joint"] = single[int(rates[0])]
             if 0 < (limit := float(effort[rates[0]])) < _FAR:
                 motor["ctrlrange"] = numbers([-limit, limit])
         else:
-            motor["tendon"] = self._fixed(name, {single[k]: on_rates[k] for k in rates})
+            motor["tendon"] = self._fixed(name, {single[int(k)]: on_rates[k] for k in rates})
         SubElement(self._section("actuator"), "motor", motor)
 
 

@@ -55,13 +55,14 @@ class MujocoTree:
         # origin in base axes.
         self._S, self._S_dot_v = np.zeros((mj.nv, self._model.nv)), np.zeros(mj.nv)
         for joint in self._joints:
-            there, numbers, rates = mj.joint(joint.name), joint.qpos(q), v[joint.v]
+            there, numbers, rates = mj.joint(joint.name), joint.qpos(q), v[joint.rates]
             first, position = there.dofadr[0], there.qposadr[0]
             data.qpos[position : position + len(numbers)] = numbers
-            self._S[first : first + len(rates), joint.v] = np.eye(len(rates))
+            rows = self._S[first : first + len(rates)]
+            rows[:, joint.rates] = joint.factor * np.eye(len(rates))
             if joint.kind == "free":
                 R = pin.Quaternion(*numbers[3:]).matrix()
-                self._S[first : first + 3, joint.v][:, :3] = R
+                rows[:3, joint.rates[:3]] = R
                 self._S_dot_v[first : first + 3] = R @ np.cross(rates[3:], rates[:3])
         data.qvel[:] = self._S @ v
         self._mujoco.mj_fwdPosition(mj, data)

@@ -39,6 +39,16 @@ def geared():
     return sst_pin.ClosedChain(model, [], motors, **springs)
 
 
+def mimicking():
+    """Four joints in a row; the last one follows the first, with rotors, friction and a motor."""
+    links = [("a", "universe", 0.0, 1.0), ("b", "a", 1.0, 1.0), ("c", "b", 1.0, 1.0)]
+    model = planar([*links, ("d", "c", 1.0, 1.0)])
+    model.armature, model.damping = np.array([[0.1, 0.2, 0.3, 0.4], [1.0, 2.0, 3.0, 4.0]])
+    leader, follower = model.getJointId("a"), model.getJointId("d")
+    model = pin.transformJointIntoMimic(model, leader, follower, -0.5, 0.2)
+    return sst_pin.ClosedChain(model, [], ["a", "b", "c"])
+
+
 def crossed():
     """An arm on two hinges with a cross without mass between them."""
     model, body = pin.Model(), pin.Inertia.FromSphere(1.0, 0.1)
@@ -54,7 +64,12 @@ ROBOTS = {name: partial(robot_named, name) for name in ("five_bar", "delta", "kn
 ROBOTS |= {name: partial(robot_named, name) for name in ("rods", "line", "continuous")}
 ROBOTS |= {name: partial(robot_named, name) for name in ("translation", "composite")}
 ROBOTS |= {"ball": partial(smooth, "spherical"), "in space": partial(smooth, "free-flyer")}
-ROBOTS |= {"geared": geared, "crossed": crossed, "sprung": partial(any_chain.sprung, "RY")}
+ROBOTS |= {
+    "geared": geared,
+    "crossed": crossed,
+    "mimicking": mimicking,
+    "sprung": partial(any_chain.sprung, "RY"),
+}
 ROBOTS |= {"hinge": partial(any_chain.chain, kind="hinge")}
 ROBOTS |= {"coupled": partial(any_chain.chain, kind="3d", more=[SUM])}
 
