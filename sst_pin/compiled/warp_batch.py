@@ -201,10 +201,9 @@ class WarpBatch:
         """
         steps = whole_number("substeps", substeps, 1)
         width = positive_number("sign_width", sign_width)
-        inputs = {"q": state[0], "va": state[1], "tau": tau}
-        more = {"h": float(dt) / steps, "steps": steps}
-        out = (None, None) if out is None else out
-        return self._run(Quantity("rollout", sign_width=width), inputs, out, more=more, **options)
+        key, (q, va) = Quantity("rollout", sign_width=width), state
+        out, h = out or (None, None), float(dt) / steps
+        return self._run(key, {"q": q, "va": va, "tau": tau}, out, h=h, steps=steps, **options)
 
     def module(self, key: Quantity) -> ModuleType:
         """Warp's kernels of a quantity, for `wp.compile_aot_module`; "rollout" makes steps."""
@@ -241,7 +240,8 @@ class WarpBatch:
         *,
         external_wrenches: Any = None,
         status: Any = None,
-        more: dict[str, float] | None = None,
+        h: float = 0.0,
+        steps: int = 0,
     ) -> Any:
         """Launch the kernel of a quantity."""
         if external_wrenches is not None:
@@ -254,22 +254,22 @@ class WarpBatch:
             raise InputError("q", f"{count} samples of {self.parameters.shape[0]} robots")
         if status is not None:
             status = self._array("status", status, (), count, wp.int32)
-        stepping = more is not None
         results = []
-        names = ["q", "va"] if stepping else [str(key.name)]
-        for name, array in zip(names, out if stepping else [out], strict=True):
+        names = ["q", "va"] if steps else [str(key.name)]
+        for name, array in zip(names, out if steps else [out], strict=True):
             shape = self._shape(name)
             if array is None:
                 results.append(wp.empty((count, *shape), dtype=self.dtype, device=self.device))
             else:
                 results.append(self._array("out", array, shape, count))
         module, p = self._prepare(key)
-        arguments = [x for x in arrays if x.shape[1]]  # there may be no motors
-        arguments += [p, *(x if x.ndim == 2 else x.reshape((count, -1)) for x in results)]
-        arguments += [*(more or {}).values(), status]
+        given = [x if x.shape[1] else None for x in arrays]  # there may be no motors
+        loads = [given.pop() if key.loaded else None]
+        flat = [x if x.ndim == 2 else x.reshape((count, -1)) for x in results]
+        arguments = [*_filled(given, 3), *loads, p, *_filled(flat, 2), h, steps, status]
         options = {"device": self.device, "block_dim": _BLOCK, "max_blocks": _BLOCKS}
-        wp.launch(module.run, count, inputs=arguments, **options)
-        return State(*results) if stepping else results[0]
+        wp.launch(module.run, count, arguments, **options)
+        return State(*results) if steps else results[0]
 
     def _array(
         self, name: str, value: Any, shape: tuple[int, ...], count: int | None, dtype: Any = None
@@ -312,7 +312,7 @@ class WarpBatch:
         entry = {"rollout": "step", "closing": "close"}.get(name, "run")
         motors = mechanism.motors.shape[1]
         if name == "torque_derivatives" or (name, motors) == ("acceleration_derivatives", self._n):
-            entry, key = "along", key._replace(along=True)
+            key = key._replace(along=True)
 
         def source() -> str:
             equations = self._equations_of(key.loaded, name.endswith("derivatives"))
@@ -328,6 +328,11 @@ class WarpBatch:
             samples = sample_configurations(self._reference, self._near)
             self._equations[loaded, smooth] = Equations(self._mechanism, samples, loaded, smooth)
         return self._equations[loaded, smooth]
+
+
+def _filled(arrays: list[Any], count: int) -> list[Any]:
+    """So many arrays, None where there are fewer."""
+    return arrays + [None] * (count - len(arrays))
 
 
 @cache

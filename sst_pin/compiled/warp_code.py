@@ -5,7 +5,7 @@ A thread computes one sample. The statements are those of the C, in a class of a
 C++ allows no function in a function.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from ..loops.continuity import TRAVEL
 from ..model.thresholds import BEND
@@ -18,36 +18,31 @@ from .open_numbers import SIGN_WIDTH
 #: The longest first Newton step onto the closures, [rad] or robot lengths, and the largest ratio of
 #: a step to the one before.
 _NEAR, _SHRINKS = 0.1, 0.1
-
-_MODULE = '''\
-"""A kernel of sst_pin for Warp."""
+#: Arguments of the kernels; arrays that a quantity does not need are None.
+_PREPARE = {"numbers": "rows", "width": "real", "p": "rows"}
+_RUN = dict.fromkeys(("q", "va", "last"), "rows") | {WRENCHES: "loads"}
+_RUN |= dict.fromkeys(("p", "out", "va_out"), "rows")
+_RUN |= {"h": "real", "steps": "int", "status": "flags"}
+_HEAD = '''\
+"""Kernels of sst_pin for Warp."""
 import sys
 import warp as wp
 
 real, rows = wp.{dtype}, wp.array2d(dtype=wp.{dtype})
+loads, flags = wp.array3d(dtype=real), wp.array1d(dtype=int)
 wp.set_module_options({{"enable_backward": False}}, sys.modules[__name__])
-
-
-@wp.func_native({prepare!r})
-def prepare_sample(i: int, numbers: rows, width: real, p: rows): ...
-
-
-@wp.kernel
-def prepare(numbers: rows, width: real, p: rows):
-    prepare_sample(wp.tid(), numbers, width, p)
-
-
-@wp.func_native({run!r})
-def run_sample(i: int, {typed}): ...
-
-
-@wp.kernel
-def run({typed}):
-    run_sample(wp.tid(), {names})
-
-
 size = {size}
 '''
+_KERNEL = """
+
+@wp.func_native({body!r})
+def {name}_sample(i: int, {arguments}): ...
+
+
+@wp.kernel
+def {name}({arguments}):
+    {name}_sample(wp.tid(), {names})
+"""
 
 
 def module(kernels: Sequence[SymbolicKernel], entry: str, style: Style) -> str:
@@ -55,7 +50,7 @@ def module(kernels: Sequence[SymbolicKernel], entry: str, style: Style) -> str:
 
     Args:
         kernels: The kernel, for steps the one of closing before it.
-        entry: "run", "along", "close" or "step".
+        entry: "run", "close" or "step".
         style: Numbers of its precision.
     """
     size, room, texts = None, 0, []
@@ -63,26 +58,49 @@ def module(kernels: Sequence[SymbolicKernel], entry: str, style: Style) -> str:
         source = c_code.body(kernel, size, style.suffix)
         size, room = source.size, max(room, source.room)
         texts.append(source.text)
-    last, sizes = kernels[-1], {x: s.numel() for x, s in kernels[-1].inputs.items()}
-    arrays = [x for x, n in sizes.items() if n and x != "direction"]
-    blanks = {
+    blanks = _blanks(kernels, style) | {"room": room}
+    parts = [_HEAD.format(dtype=style.dtype, size=size)]
+    for name, arguments, file in (("prepare", _PREPARE, "prepare"), ("run", _RUN, entry)):
+        names = ", ".join(arguments)
+        body = [
+            f"#undef LANES\n#undef TURNS\n#define restrict __restrict__\n{style.head}",
+            f"#define LAST_STEP N({style.last_step})\nstruct kernel {{",
+            *(c_code.part("real.h"), c_code.part("warp.h"), *texts),
+            c_code.filled(f"entries/warp_{file}.h", blanks),
+            f"}};\nkernel::run(i, {names});",
+        ]
+        typed = ", ".join(f"{x}: {kind}" for x, kind in arguments.items())
+        values = {"body": "\n".join(body), "name": name, "arguments": typed, "names": names}
+        parts.append(_KERNEL.format(**values))
+    return "".join(parts)
+
+
+def _blanks(kernels: Sequence[SymbolicKernel], style: Style) -> dict[str, object]:
+    """What stands in the blanks of the entries."""
+    first, last = kernels[0], kernels[-1]
+    at, takes = 0, []
+    for array, (name, symbols) in zip(_RUN, last.inputs.items(), strict=False):
+        if name == WRENCHES:
+            takes.append(f"take_wrenches(x + {at}, {name}, i, {symbols.numel()});")
+        elif name != "direction":
+            takes.append(f"take(x + {at}, {array}, i, {symbols.numel()});")
+        at += symbols.numel()
+    return {
         "name": last.name,
-        "close": kernels[0].name,
-        "arrays": ", ".join(f"const rows &{x}" for x in arrays),
-        "takes": "\n    ".join(_takes(sizes)),
-        "directions": last.directions,
-        "q": sizes["q"],
-        "states": last.output.numel(),
-        "inputs": sum(sizes.values()),
+        "once": f"{last.name}_once(x, own, y);" if last.directions else "",
+        "close": first.name,
+        "takes": "\n    ".join(takes),
+        "q": last.inputs["q"].numel(),
+        "inputs": at,
         "outputs": last.output.numel(),
-        "room": room,
+        "directions": last.directions,
         "checks": last.checks.numel(),
-        "close_checks": kernels[0].checks.numel(),
+        "close_checks": first.checks.numel(),
         "units": ", ".join(map(repr, last.units)),
-        "change": f"N({CHANGE})",
-        "nearby": NEARBY * TRAVEL,
-        "travel": TRAVEL,
         "bend": BEND,
+        "travel": TRAVEL,
+        "nearby": NEARBY * TRAVEL,
+        "change": f"N({CHANGE})",
         "near": _NEAR,
         "shrinks": _SHRINKS,
         "tolerance": 2 * style.closed,
@@ -90,43 +108,3 @@ def module(kernels: Sequence[SymbolicKernel], entry: str, style: Style) -> str:
         "sign_width": SIGN_WIDTH,
         "constants": "\n    ".join(f"{kernel.name}_constants(own);" for kernel in kernels),
     }
-    functions = "\n".join(texts)
-    results = ["q_next", "va_next"] if entry == "step" else ["out"]
-    scalars = ["h", "steps"] if entry == "step" else []
-    arrays += ["p", *results]
-    types = dict.fromkeys(arrays, "rows") | {"h": "real", "steps": "int"}
-    types |= {WRENCHES: f"wp.array3d(dtype=wp.{style.dtype})", "status": "wp.array1d(dtype=int)"}
-    names = [*arrays, *scalars, "status"]
-    return _MODULE.format(
-        dtype=style.dtype,
-        prepare=_native("prepare", ["numbers", "width", "p"], functions, style, blanks),
-        run=_native(entry, names, functions, style, blanks),
-        typed=", ".join(f"{name}: {types[name]}" for name in names),
-        names=", ".join(names),
-        size=size,
-    )
-
-
-def _native(
-    entry: str, names: Sequence[str], functions: str, style: Style, blanks: dict[str, object]
-) -> str:
-    """The body of a native function."""
-    parts = [
-        "#undef LANES\n#undef TURNS\n#define restrict __restrict__",
-        f"{style.head}#define LAST_STEP N({style.last_step})\nstruct kernel {{",
-        c_code.part("real.h"),
-        c_code.part("warp.h"),
-        functions,
-        c_code.filled(f"entries/warp_{entry}.h", blanks),
-        f"}};\nkernel::run(i, {', '.join(names)});".replace("status", "status.data"),
-    ]
-    return "\n".join(parts)
-
-
-def _takes(sizes: dict[str, int]) -> Iterable[str]:
-    at = 0
-    for name, size in sizes.items():
-        if size and name != "direction":
-            take = "take_wrenches" if name == WRENCHES else "take"
-            yield f"{take}(x + {at}, {name}, i, {size});"
-        at += size

@@ -11,6 +11,12 @@ struct strided {
 typedef strided parameters;
 typedef strided constants;
 typedef wp::array_t<number> rows;
+typedef wp::array_t<int> flags;
+
+#define RUN \
+    static void run(int i, const rows &q, const rows &va, const rows &last, \
+        const rows &external_wrenches, const rows &p, const rows &out, const rows &va_out, \
+        number h, int steps, const flags &status)
 
 /* Samples along the first axis of p; one column is for all of them. */
 HELPER strided column(const rows &p, int i)
@@ -42,6 +48,12 @@ HELPER void give(const real *y, const rows &to, int i, int size, int bad)
 {
     for (int j = 0; j < size; j++)
         at(to, i, j) = bad ? (number)NAN : y[j];
+}
+
+HELPER void tell(const flags &status, int i, int bad)
+{
+    if (status.data)
+        *(int *)((char *)status.data + i * (size_t)status.strides[0]) = bad;
 }
 
 /* As in the exported C: 1 open, 2 singular, 3 not finite; and 4, a step that is too long. */

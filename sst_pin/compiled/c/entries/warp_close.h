@@ -1,5 +1,5 @@
 /* Newton steps that start short and shrink fast lead to the one solution nearby. */
-static void run(int i, ${arrays}, const rows &p, const rows &out, int *status)
+RUN
 {
     const int nq = ${q};
     const number units[] = {${units}};
@@ -18,6 +18,5 @@ static void run(int i, ${arrays}, const rows &p, const rows &out, int *status)
     if (!bad)
         bad = judge(x, nq, nq, y, nq, 0) ? NOT_FINITE : judge_checks(y + nq + 2, ${checks});
     give(x, out, i, nq, bad);
-    if (status)
-        status[i] = bad;
+    tell(status, i, bad);
 }

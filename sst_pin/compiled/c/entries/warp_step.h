@@ -1,10 +1,9 @@
 /* The classical Runge-Kutta method with constant torques, and Newton's method onto the closures
  * after each step, as in driver.h. Between two assembly modes, and near a singularity, a block of
  * Phi_u is almost singular: so det Phi_u may change little to the middle of a step and to its end. */
-static void run(int i, ${arrays}, const rows &p, const rows &q_next, const rows &va_next,
-    number h, int steps, int *status)
+RUN
 {
-    const int nq = ${q}, states = ${states}, outputs = nq + 2;
+    const int nq = ${q}, states = ${outputs}, outputs = nq + 2;
     const number units[] = {${units}};
     const parameters own = column(p, i);
     real x[${inputs}], y[${room}], start[states], sum[states];
@@ -51,8 +50,7 @@ static void run(int i, ${arrays}, const rows &p, const rows &q_next, const rows 
         if (!bad && (bad = judge_checks(y + outputs, ${close_checks})) != SINGULAR)
             bad = bad || !sound ? MODE : 0;
     }
-    give(x, q_next, i, nq, bad);
-    give(x + nq, va_next, i, states - nq, bad);
-    if (status)
-        status[i] = bad;
+    give(x, out, i, nq, bad);
+    give(x + nq, va_out, i, states - nq, bad);
+    tell(status, i, bad);
 }
