@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 import pinocchio as pin
@@ -65,13 +64,14 @@ def modes_of(
     assembly: Assembly,
     positions: Mapping[str, float],
     frame: str | None,
-    solutions: Array | None = None,
+    solutions: Sequence[Array] | Array | None,
 ) -> AssemblyModes:
     """All modes, in closed form or by search; or `solutions`, if these are all."""
-    search = _Search(assembly, positions, frame)
-    candidates, complete = (solutions, True) if solutions is not None else search.all_modes()
+    search, complete = _Search(assembly, positions, frame), True
+    if solutions is None:
+        solutions, complete = search.all_modes()
     modes = _Distinct(search.key)
-    for q in candidates:
+    for q in solutions:
         modes.add(search.in_one_turn(q))
     branches = search.branches(modes.q)
     order = sorted(range(len(branches)), key=lambda k: (*branches[k], *modes.q[k].round(6)))
@@ -104,7 +104,9 @@ class _Search:
         self._mechanism = mechanism = assembly.mechanism
         self._model, self._space = mechanism.model, mechanism.space
         self._frame = None if frame is None else frame_id(self._model, frame)
-        free = np.setdiff1d(np.arange(self._model.nv), self._space.rates_of(list(positions)))
+        held = self._space.rates_of(list(positions))
+        self._free = free = np.setdiff1d(np.arange(self._model.nv), held)
+        self._rows = np.flatnonzero(self._loops.holonomic)
         self._touched = self._loops.touched & self._loops.holonomic[:, None]
         self._parts = [(rows, free[k]) for rows, k in connected(self._touched[:, free])]
         home = home_of(mechanism)
@@ -119,34 +121,34 @@ class _Search:
 
     def all_modes(self) -> tuple[list[Array], bool]:
         """Configurations, and whether these are all."""
-        of_parts: list[list[Array]] = []
-        complete = True
-        for rows, rates in self._parts:
-            closures = [k for k, s in enumerate(self._loops.slices) if s.start in rows]
-            modes = self._by_dyads(self._start, set(rates.tolist()), closures)
-            complete &= modes is not None
-            modes = self._by_starts(rows, rates) if modes is None else modes
-            closer = [self._assembly.closer(q, rates) for q in modes]
-            of_parts.append([q for q in closer if not self._assembly.gap(q, rows)])
-        return [self._combined(parts) for parts in product(*of_parts)], complete
+        closures = [k for k, s in enumerate(self._loops.slices) if self._loops.holonomic[s].all()]
+        modes, complete = self._solve(self._start, self._free, closures)
+        closer = [self._assembly.closer(q, self._free) for q in modes]
+        return [q for q in closer if not self._assembly.gap(q, self._rows)], complete
 
-    def _combined(self, configurations: Sequence[Array]) -> Array:
-        """The configuration with the free joints of each part from another one."""
-        way = np.zeros(self._model.nv)
-        for q, (_, rates) in zip(configurations, self._parts, strict=True):
-            way[rates] = pin.difference(self._model, self._start, q)[rates]
-        return np.asarray(pin.integrate(self._model, self._start, way))
+    def _solve(self, q: Array, free: Indices, closures: list[int]) -> tuple[list[Array], bool]:
+        """Loops that are dyads one after the other, then the others from random starts."""
+        for k in closures:
+            rows = np.arange(self._loops.slices[k].start, self._loops.slices[k].stop)
+            rates = free[self._touched[np.ix_(rows, free)].any(axis=0)]
+            both = self._dyad(q, k, rates) if len(rates) == 2 else None
+            if both is not None:
+                others = [x for x in closures if x != k]
+                closed = [x for x in both if self._assembly.gap(x, rows) < CLOSURE_TOLERANCE]
+                each = [self._solve(x, np.setdiff1d(free, rates), others) for x in closed]
+                return [x for modes, _ in each for x in modes], all(proof for _, proof in each)
+        return self._by_starts(q, free) if len(free) else [q], not len(free)
 
-    def _by_starts(self, rows: Indices, rates: Indices) -> list[Array]:
-        """Modes of a part from random starts."""
+    def _by_starts(self, start: Array, free: Indices) -> list[Array]:
         random, modes, idle = np.random.default_rng(0), _Distinct(self.key), 0
         turns = np.array(self._space.rate_units) == "rad"
         width = np.where(turns, _TURN, _SLIDE) * self._mechanism.rate_scale
+        rows = np.flatnonzero(self._touched[:, free].any(axis=1))
         for _ in range(_MOST_STARTS):
             way = np.zeros(self._model.nv)
-            way[rates] = width[rates] * random.uniform(-1, 1, len(rates))
-            q = pin.integrate(self._model, self._start, way * turns)
-            q = self._assembly.closer(pin.integrate(self._model, q, way * ~turns), rates)
+            way[free] = width[free] * random.uniform(-1, 1, len(free))
+            q = pin.integrate(self._model, start, way * turns)
+            q = self._assembly.closer(pin.integrate(self._model, q, way * ~turns), free)
             idle = 0 if not self._assembly.gap(q, rows) and modes.add(q) else idle + 1
             if idle > _STARTS + _STARTS_PER_MODE * len(modes.q):
                 break
@@ -156,7 +158,7 @@ class _Search:
         """The same configuration with angles in [-pi, pi), unless couplings count turns."""
         turned = np.where(np.array(self._space.position_units) == "rad", in_one_turn(q), q)
         turned = put(self._space, turned, self._positions)
-        return q if self._assembly.gap(turned, np.arange(len(self._touched))) else turned
+        return q if self._assembly.gap(turned, self._rows) else turned
 
     def key(self, q: Array) -> Array:
         """Where all bodies are, or the frame: numbers free of units."""
@@ -179,25 +181,7 @@ class _Search:
                 signs[:, k] = np.sign(np.linalg.det([x[rows] for x in blocks])) * regular
         return signs
 
-    def _by_dyads(self, q: Array, free: set[int], closures: list[int]) -> list[Array] | None:
-        """All configurations of loops that are dyads one after the other; None for others."""
-        slices = {k: np.arange(s.start, s.stop) for k, s in enumerate(self._loops.slices)}
-
-        def closed(q: Array, k: int) -> bool:
-            return self._assembly.gap(q, slices[k]) < CLOSURE_TOLERANCE
-
-        if not free:
-            return [q] if all(closed(q, k) for k in closures) else []
-        for k in closures:
-            rates = free.intersection(np.flatnonzero(self._touched[slices[k]].any(axis=0)))
-            both = self._dyad(q, k, sorted(rates)) if len(rates) == 2 else None
-            if both is not None:
-                others = [x for x in closures if x != k]
-                each = [self._by_dyads(x, free - rates, others) for x in both if closed(x, k)]
-                return None if None in each else [x for modes in each for x in modes or ()]
-        return None
-
-    def _dyad(self, q: Array, k: int, rates: list[int]) -> list[Array] | None:
+    def _dyad(self, q: Array, k: int, rates: Indices) -> list[Array] | None:
         """Both configurations of two parallel hinges that close a point; None if it is no dyad."""
         closure, model = self._mechanism.closures[k], self._model
         joints = [joint for joint in list(model.joints)[1:] if joint.idx_v in rates]
