@@ -93,6 +93,7 @@ class Design:
 
     def __init__(self, reference: Reference, groups: Sequence[Group]) -> None:
         self._small, self._groups = reference, groups
+        self.names = tuple(name for name, _ in groups)
         mechanism, errors, couplings = reference.mechanism, list[Error](), list[Coupling]()
         theta, geometry = regressor.names_of(mechanism), parameter_names(mechanism)
         #: Changes of the dynamic parameters, and of the joints that lead, a column for each group.
@@ -113,7 +114,7 @@ class Design:
                 leaders.append(leader)
                 ways.append(first * np.eye(len(groups))[k])
                 couplings += [Coupling(x, {leader: (0.0, s / first)}) for x, s in sizes.items()]
-        self._ways = np.array(ways).reshape(-1, len(groups))
+        self._ways = np.array(ways).reshape(len(ways), len(groups))
         self._large = Reference(self._enlarged(errors, couplings, leaders))
 
     def _enlarged(
@@ -226,21 +227,21 @@ def design_derivatives(
     """Derivatives for samples of q, va, aa and wrenches."""
     mechanism, wanted = reference.mechanism, in_order("names", parameters)
     key = repr(wanted)
-    groups = groups_of(mechanism, wanted)
     if key not in reference.designs:
         reference.designs.clear()  # one is enough for a loop
-        reference.designs[key] = Design(reference, groups)
+        reference.designs[key] = Design(reference, groups_of(mechanism, wanted))
+    design = reference.designs[key]
     nv, motors = mechanism.motors.shape
     pose = () if frame is None else (frame_id(mechanism.model, frame),)
     shapes = [(nv,), (motors,), (nv, len(mechanism.coordinates)), (6 * len(pose),)]
     ends = np.cumsum([math.prod(shape) * len(wanted) for shape in shapes])
 
     def row(*sample: Array) -> Array:
-        return reference.designs[key].row(*sample, frame, sign_width)
+        return design.row(*sample, frame, sign_width)
 
     rows = for_each_sample(row, arrays, (1, 1, 1, 2), (int(ends[-1]),))
     q, torques, L, along = (
         part.reshape(*rows.shape[:-1], *shape, len(wanted))
         for part, shape in zip(np.split(rows, ends[:-1], axis=-1), shapes, strict=True)
     )
-    return DesignDerivatives(tuple(name for name, _ in groups), q, torques, L, along)
+    return DesignDerivatives(design.names, q, torques, L, along)

@@ -178,6 +178,13 @@ def test_a_batch_is_its_samples():
         assert_allclose(many[1], single, atol=1e-13)
 
 
+def test_no_parameters_have_no_derivatives():
+    chain = robots.four_bar()
+    d = chain.design_derivatives(chain.home, [1], [0], [])
+    assert d.names == ()
+    assert (d.q.shape, d.torques.shape, d.L.shape) == ((3, 0), (1, 0), (3, 1, 0))
+
+
 def test_parameters_that_open_the_loops_alone_are_named_and_close_together():
     chain = robots.four_bar()
     names = ["crank.length", "coupler.z", "rocker.y"]  # both across the plane of the bars
