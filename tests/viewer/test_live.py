@@ -193,7 +193,7 @@ def test_what_a_page_cannot_compute_is_named(monkeypatch):
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "casadi", None)
     for robot in (sst_pin.robots.five_bar(), sst_pin.SST()):
-        with pytest.raises(MissingExtraError, match=r"casadi.*sst-pin\[viz\]"):
+        with pytest.raises(MissingExtraError, match=r"casadi.*\[viz\]"):
             robot.show(live=True, open_browser=False)
 
 
@@ -226,11 +226,11 @@ def test_the_page_names_a_motor_beyond_its_effort_limit_and_a_robot_that_rests(c
     chain = sst_pin.robots.five_bar()
     weak = chain.model.copy()
     weak.effortLimit[:] = 0.5
-    weak = sst_pin.ClosedChain(weak, chain.closures, chain.actuated)
+    weak = sst_pin.ClosedChain(weak, chain.closures, chain.motor_names)
     words = "t => { const r = engine(sst_functions, data); return [r.wrong(String, t), r.rests()] }"
     engine = Engine(chromium, weak, chain.home)
     assert engine.page.evaluate(words, [0.4, -0.6]) == [
-        [f"{chain.actuated[1]} is beyond its effort limit of 0.5 N m"],
+        [f"{chain.motor_names[1]} is beyond its effort limit of 0.5 N m"],
         True,  # its plane is level
     ]
     engine.page.close()
