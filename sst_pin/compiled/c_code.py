@@ -93,10 +93,10 @@ def body(
     texts = [statements.function(prepare, ["(void)p;", *writer.lines["number"]])]
     lines, room = writer.lines["real"], kernel.output.numel() + kernel.checks.numel()
     if len(lines) <= statements.LARGEST and not kernel.directions:
-        own = statements.together(lines)
+        body_lines = statements.together(lines)
         if one:
-            own = statements.with_short_addresses(own)
-        functions = {kernel.name: ["(void)p;", *own]}
+            body_lines = statements.with_short_addresses(body_lines)
+        functions = {kernel.name: ["(void)p;", *body_lines]}
     else:
         whole = {kernel.name: lines}
         if kernel.directions:
@@ -107,17 +107,17 @@ def body(
         parts, handed_on = statements.in_parts(list(pieces.values()))
         numbers = iter(range(len(parts)))
         functions = {
-            name: [f"{kernel.name}_{next(numbers)}(x, p, y, y + {room});" for _ in own]
-            for name, own in pieces.items()
+            name: [f"{kernel.name}_{next(numbers)}(x, p, y, y + {room});" for _ in pieces_of_one]
+            for name, pieces_of_one in pieces.items()
         }
         arguments = "const real *x, parameters p, real *restrict y, real *restrict w"
-        for k, own in enumerate(parts):
-            lines = ["(void)x, (void)p, (void)y, (void)w;", *own]
+        for k, piece in enumerate(parts):
+            lines = ["(void)x, (void)p, (void)y, (void)w;", *piece]
             texts.append(statements.function(f"PART {kernel.name}_{k}({arguments})", lines))
         room += handed_on
-    for name, own in functions.items():
+    for name, statements_of in functions.items():
         head = f"static void {name}(const real *x, parameters p, real *y)"
-        texts.append(statements.function(head, own))
+        texts.append(statements.function(head, statements_of))
     return KernelSource("\n".join(texts), writer.size, room)
 
 
@@ -175,16 +175,18 @@ class Writer:
 
     def use(self, name: _Name, kind: str) -> str:
         """A name in a statement of a type; `prepare` leaves constants in p for samples."""
-        text, own = name
+        text, type_name = name
         if text in self._directions:
             of = self._directions.pop(text)
-            self.lines[own].append(f"const {own} {text} = direction({of}, {_OF_SIGNS});")
-        if kind == own or text[0] != "t":
+            self.lines[type_name].append(
+                f"const {type_name} {text} = direction({of}, {_OF_SIGNS});"
+            )
+        if kind == type_name or text[0] != "t":
             return text
         if text not in self._constants:
             self._constants[text] = f"p[{self.size}]"
             self.size += 1
-            self.lines[own].append(f"{self._constants[text]} = {text};")
+            self.lines[type_name].append(f"{self._constants[text]} = {text};")
         return self._constants[text]
 
     def write(self, name: str, operation: int, operands: list[_Name]) -> _Name:

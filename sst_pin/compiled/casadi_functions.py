@@ -126,8 +126,8 @@ class CasadiFunctions:
         combined: list[SX] = []
         for part in e.factors.parts:
             if isinstance(part, Orthogonal):
-                own = part.solve({i: left.pop(i) for i in part.rows if i in left})
-                combined += own.values()
+                combination = part.solve({i: left.pop(i) for i in part.rows if i in left})
+                combined += combination.values()
         gaps = [*left.values(), *combined, *e.kinematics.unit_gaps]
         return self._made("residual", {"q": e.q}, {"r": ca.vertcat(*gaps)})
 
@@ -139,10 +139,10 @@ class CasadiFunctions:
         elimination was chosen, next to a singularity, or the motors hardly hold the robot, so that
         its `torques` cannot be trusted.
         """
-        checks, own = Checks(self._equations, CLOSED), []
+        checks, of_motors = Checks(self._equations, CLOSED), []
         if self._equations.driven:
-            own = checks.of_motors
-        verdicts = ca.vertcat(*checks.of_state, *checks.of_complement, *own)
+            of_motors = checks.of_motors
+        verdicts = ca.vertcat(*checks.of_state, *checks.of_complement, *of_motors)
         return self._made("check", {"q": self._equations.q}, {"c": ca.mmax(verdicts)})
 
     @cached_property
@@ -155,8 +155,8 @@ class CasadiFunctions:
         Raises:
             ActuationError: As `torques`.
         """
-        made = kernels.make(self._equations, "torques")
-        return self._made("torques_check", made.inputs, {"c": ca.mmax(made.checks)})
+        kernel = kernels.make(self._equations, "torques")
+        return self._made("torques_check", kernel.inputs, {"c": ca.mmax(kernel.checks)})
 
     @cached_property
     def torque_derivatives(self) -> Function:
@@ -188,9 +188,9 @@ class CasadiFunctions:
             return rate(x[:nq], x[nq:], tau, *loads)
 
         x = runge_kutta_step(of_state, ca.vertcat(q, va), dt)
-        given = [q, va, tau, dt, *loads]
-        names = [symbol.name() for symbol in given], ["q_next", "va_next"]
-        return Function("step", given, [closed(x[:nq]), x[nq:]], *names)
+        arguments = [q, va, tau, dt, *loads]
+        names = [symbol.name() for symbol in arguments], ["q_next", "va_next"]
+        return Function("step", arguments, [closed(x[:nq]), x[nq:]], *names)
 
     def frame_placement(self, frame: str) -> Function:
         """Q -> p, shape (3,), and R, shape (3, 3): a frame, by its name, in the base."""
@@ -209,13 +209,13 @@ class CasadiFunctions:
     @announced("casadi: deriving the equations")
     def _function(self, kernel: str, *outputs: str) -> Function:
         """A kernel as a function; one of derivatives has three results, side by side."""
-        made, derivatives = kernels.make(self._equations, kernel), len(outputs) > 1
-        parts = [made.output]
+        expression, derivatives = kernels.make(self._equations, kernel), len(outputs) > 1
+        parts = [expression.output]
         if derivatives:
-            rows = ca.reshape(made.output, -1, self.n).T
+            rows = ca.reshape(expression.output, -1, self.n).T
             parts = ca.horzsplit(rows, [0, self.n, 2 * self.n, rows.shape[1]])
         results = dict(zip(outputs, parts, strict=True))
-        return self._made(kernel, made.inputs, results, order=0 if derivatives else 1)
+        return self._made(kernel, expression.inputs, results, order=0 if derivatives else 1)
 
     def _made(
         self, name: str, inputs: dict[str, SX], outputs: dict[str, SX], order: int = 1
@@ -227,14 +227,14 @@ class CasadiFunctions:
         symbols = [*inputs.values(), self._equations.p]
         results = [ca.densify(x) for x in outputs.values()]
         open_numbers = Function(name, symbols, results, _OPTIONS)
-        given = dict(inputs)
+        arguments = dict(inputs)
         values: list[SX] = list(inputs.values())
         if WRENCHES in inputs:
-            given[WRENCHES] = SX.sym(WRENCHES, self._bodies, 6)
-            values[-1] = ca.vec(given[WRENCHES].T)
+            arguments[WRENCHES] = SX.sym(WRENCHES, self._bodies, 6)
+            values[-1] = ca.vec(arguments[WRENCHES].T)
         results = open_numbers.call([*values, SX(self._numbers)])
-        names = list(given), list(outputs)
-        function = Function(name, list(given.values()), results, *names, _OPTIONS)
+        names = list(arguments), list(outputs)
+        function = Function(name, list(arguments.values()), results, *names, _OPTIONS)
         if not self._compiled:
             return function
         return _compiled(self._mechanism.model.name, function, order)

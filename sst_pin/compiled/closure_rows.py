@@ -44,7 +44,7 @@ def closure_rows(kinematics: Kinematics, model: pin.Model, closure: Constraint) 
     pair = _Pair(kinematics, model, closure.frame_a, closure.frame_b)
     if isinstance(closure, Distance):
         return [pair.distance(closure.distance)]
-    return pair.held(closure.held)
+    return pair.rows_along(closure.held)
 
 
 def by_twists(rows: Sequence[Row], v: Sparse) -> tuple[list[SX], dict[int, SX]]:
@@ -52,8 +52,8 @@ def by_twists(rows: Sequence[Row], v: Sparse) -> tuple[list[SX], dict[int, SX]]:
     twists: dict[int, SX] = {}
 
     def twist(_: int, link: int) -> tuple[SX, SX]:
-        own = twists.setdefault(link, SX.sym("twist", 6))
-        return own[:3], own[3:]
+        twist = twists.setdefault(link, SX.sym("twist", 6))
+        return twist[:3], twist[3:]
 
     return [SX(row.velocity(v, twist)) for row in rows], twists
 
@@ -117,13 +117,13 @@ class _Pair:
 
         return {k: entry for k, entry in row.items() if not entry.is_zero()}, velocity
 
-    def held(self, held: tuple[bool, ...]) -> Iterator[Row]:
+    def rows_along(self, directions: tuple[bool, ...]) -> Iterator[Row]:
         """Motions of B in the axes of A that are held."""
-        if all(held[:3]):
+        if all(directions[:3]):
             yield from map(self._coincide, range(3))
         else:
-            yield from (self._slide(k) for k in range(3) if held[k])
-        turns = [k for k in range(3) if held[3 + k]]
+            yield from (self._slide(k) for k in range(3) if directions[k])
+        turns = [k for k in range(3) if directions[3 + k]]
         if len(turns) == 3:
             yield from self._turned_alike()
         elif len(turns) == 2:
@@ -207,8 +207,8 @@ class _Pair:
             i, j = (row + 1) % 3, (row + 2) % 3
             residual = (apart[j, i] - apart[i, j]) / 2
             Phi = {k: turn[row] for k, turn in turns.items() if not is_zero(turn[row])}
-            own = partial(velocity, row=row), partial(acceleration, row=row)
-            yield Row(Phi, *own, residual, gap if row == 0 else SX(0))
+            changes = partial(velocity, row=row), partial(acceleration, row=row)
+            yield Row(Phi, *changes, residual, gap if row == 0 else SX(0))
 
     def _angle(self, i: int, j: int, sign: float, gap: SX) -> Row:
         """Axis i of A stays at a right angle to axis j of B."""

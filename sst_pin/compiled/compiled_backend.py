@@ -114,8 +114,8 @@ class CompiledBackend:
         """Have kernels ready, those in the cache or compiled now."""
         from concurrent.futures import ThreadPoolExecutor  # slow to import
 
-        own = dict.fromkeys(map(self._own, keys))
-        wanted = [key for key in own if not impossible(self._mechanism, key.name)]
+        shared = dict.fromkeys(map(self._own, keys))
+        wanted = [key for key in shared if not impossible(self._mechanism, key.name)]
         variants = [variant for key in wanted for variant in self._variants(key)]
 
         def prepare(variant: tuple[Quantity, str]) -> None:
@@ -295,8 +295,8 @@ class CompiledBackend:
             with self._lock:  # equations are made once, and CasADi is not for several threads
                 if self._given_up:
                     raise CompilationError("given up")
-                made = kernels.entry(self._equations_of(key), key)
-                return c_code.library(key.entry, made, TARGETS[target][0])
+                expressions = kernels.entry(self._equations_of(key), key)
+                return c_code.library(key.entry, expressions, TARGETS[target][0])
 
         options = LONG if smooth else ()
         library = libraries.load(self._robot, str(key), content, target, source, options)

@@ -83,10 +83,10 @@ class CompiledStates(States):
     def _rate(
         self, q: Array, va: Array, tau: Array, wrenches: Array | None, tolerance: float
     ) -> Array:
-        found = None
+        rates = None
         if self._by_columns is not None:
-            found = self._by_columns.state_rate(q, va, tau, wrenches)
-        return super()._rate(q, va, tau, wrenches, tolerance) if found is None else found
+            rates = self._by_columns.state_rate(q, va, tau, wrenches)
+        return super()._rate(q, va, tau, wrenches, tolerance) if rates is None else rates
 
     def _acceleration_derivatives(
         self, q: Array, va: Array, tau: Array, wrenches: Array | None
@@ -112,10 +112,10 @@ class CompiledStates(States):
                 reached[i] = done + more
                 if goes_on and reached[i] <= motions.steps:
                     rest = motions.rest(i, done + more - 1)
-                    held = int(self._run(course, rest, 1)[0])
-                    if not held:  # only the reference path goes on from there
-                        rest.q[0, 0], rest.va[0, 0], held = rest.q0[0], rest.va0[0], 1
-                    reached[i] += held - 1
+                    count = int(self._run(course, rest, 1)[0])
+                    if not count:  # only the reference path goes on from there
+                        rest.q[0, 0], rest.va[0, 0], count = rest.q0[0], rest.va0[0], 1
+                    reached[i] += count - 1
         return reached
 
     def _run(self, course: "Course", motions: RolloutArrays, threads: int) -> Indices:
@@ -207,8 +207,8 @@ class ByColumns:
         for i in np.flatnonzero(~left):
             inertia = np.empty(self._unit.shape)  # Eq. (93), symmetric
             failed = self._inertial.many((q[i], None, self._unit), inertia, threads)
-            given = tau[i] if self._mechanism.driven_one_to_one else self._given(q[i], tau[i])
-            aa = solved(inertia, given - f[i])
+            supplied = tau[i] if self._mechanism.driven_one_to_one else self._given(q[i], tau[i])
+            aa = solved(inertia, supplied - f[i])
             left[i] = len(failed) or aa is None or not np.isfinite(aa).all()
             out[i] = np.nan if aa is None else aa
         return np.flatnonzero(left)

@@ -234,12 +234,14 @@ class Blocks:
     def changed(self) -> tuple[list[int], list[int]]:
         """Rows and columns with elements that elimination changes."""
         both = [part.changed for part in self.parts]
-        return [i for rows, _ in both for i in rows], sorted(j for _, own in both for j in own)
+        return [i for rows, _ in both for i in rows], sorted(
+            j for _, part_columns in both for j in part_columns
+        )
 
     def solve(self, right: Mapping[int, Any]) -> dict[int, Any]:
         """x by column, each part by its own solution."""
-        own = ({i: b for i, b in right.items() if i in part.rows} for part in self.parts)
-        pairs = zip(self.parts, own, strict=True)
+        sides = ({i: b for i, b in right.items() if i in part.rows} for part in self.parts)
+        pairs = zip(self.parts, sides, strict=True)
         return {j: x for part, b in pairs for j, x in part.solve(b).items()}
 
     def solve_transposed(self, right: Mapping[int, Any]) -> dict[int, Any]:

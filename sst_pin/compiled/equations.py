@@ -94,8 +94,8 @@ class Equations:
     @cached_property
     def rows(self) -> list[Row]:
         """All rows of the closures, Eqs. (2)-(5)."""
-        own = partial(closure_rows, self.kinematics, self.mechanism.model)
-        return [row for closure in self.mechanism.closures for row in own(closure)]
+        rows_of = partial(closure_rows, self.kinematics, self.mechanism.model)
+        return [row for closure in self.mechanism.closures for row in rows_of(closure)]
 
     @cached_property
     def pivots(self) -> Pivots:
@@ -112,8 +112,8 @@ class Equations:
                 rates = [self._dependent[k] for k in columns]
                 parts.append(self._orthogonal(Phi, numbers, rates))
             else:
-                own = pattern[np.ix_(rows, columns)], values[:, rows][:, :, columns]
-                order, sizes = pivot_order(*own)
+                block = pattern[np.ix_(rows, columns)], values[:, rows][:, :, columns]
+                order, sizes = pivot_order(*block)
                 chosen = rows[[i for i, _ in order]]
                 # The sizes of pivots of the rows as they are, not as they are scaled.
                 rates = [self._dependent[columns[k]] for _, k in order]
@@ -316,8 +316,8 @@ class Equations:
         """The least torques that bring f about, refined once, by motor."""
         factors, _ = self.motor_factors
         tau = factors.solve_transposed(dict(enumerate(ca.vertsplit(f))))
-        given = self.motor_matrix @ column(tau, range(len(self.motor_columns)))
-        left = dict(enumerate(ca.vertsplit(f - given)))
+        supplied = self.motor_matrix @ column(tau, range(len(self.motor_columns)))
+        left = dict(enumerate(ca.vertsplit(f - supplied)))
         return add(tau, factors.solve_transposed(left))
 
     @cached_property
@@ -359,5 +359,5 @@ class Equations:
     def accelerations(self) -> tuple[SX, list[Any]]:
         """aa under motor torques from Eq. (92), and one over each pivot of the inertia matrix."""
         without = self.forces(self.at_rest)
-        given = self.project(self.motor_forces(self.tau))
-        return solve_symmetric(self.inertia, given - self.project(without))
+        supplied = self.project(self.motor_forces(self.tau))
+        return solve_symmetric(self.inertia, supplied - self.project(without))

@@ -23,7 +23,7 @@ _SAMPLES = 8
 def sample_configurations(reference: Reference, near: Array | None = None) -> Array:
     """Assembled configurations, the same at each call, shape (samples, nq), `near` the first."""
     reference.mechanism.require_freedom()
-    assembly, own = reference.memory.assembly, near is None
+    assembly, anywhere = reference.memory.assembly, near is None
     if near is None:
         near = reference.mechanism.example
     if near is None:
@@ -31,7 +31,7 @@ def sample_configurations(reference: Reference, near: Array | None = None) -> Ar
     try:
         reference.rates(near, np.zeros(len(reference.mechanism.coordinates)))
     except SingularConfigurationError as error:
-        if own:
+        if anywhere:
             error.args = (
                 f"{error.args[0]}; in another assembly mode give q: compile(q), casadi(q)",
             )

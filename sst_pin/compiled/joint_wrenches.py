@@ -27,7 +27,7 @@ def on_links(rows: Sequence[Row], v: Sparse) -> list[dict[int, SX]]:
     """Wrenches on links of a unit of each row: [force; moment] about their origins, their axes."""
     velocities, twists = by_twists(rows, v)
     wrenches = ({i: ca.gradient(u, x) for i, x in twists.items()} for u in velocities)
-    return [{i: x for i, x in found.items() if not x.is_zero()} for found in wrenches]
+    return [{i: x for i, x in each.items() if not x.is_zero()} for each in wrenches]
 
 
 def reactions(e: Equations, checks: Checks) -> tuple[dict[str, SX], SX, list[Any]]:
@@ -84,13 +84,13 @@ def _wrenches(
 ) -> tuple[SX, SX]:
     """[moment; force] of joints, then closures, and of the ground, from multipliers of the rows."""
     mechanism, model, tree = e.mechanism, e.mechanism.model, e.kinematics.tree
-    given = [SX(6, 1) for _ in tree.links]
+    supplied = [SX(6, 1) for _ in tree.links]
     for i, x in Lambda.items():
         for link, unit in units[i].items():
-            given[link] += x * unit
-    pairs = zip(needed or [SX(6, 1)] * len(given), given, strict=True)
+            supplied[link] += x * unit
+    pairs = zip(needed or [SX(6, 1)] * len(supplied), supplied, strict=True)
     borne = e.kinematics.borne([x - y for x, y in pairs])
-    found = [borne[tree.link_of[j]] for j in range(1, model.njoints)]
+    wrenches = [borne[tree.link_of[j]] for j in range(1, model.njoints)]
     starts = 0
     for closure in mechanism.closures:
         rows = range(starts, starts + len(closure.rows))
@@ -99,7 +99,7 @@ def _wrenches(
             joint = model.joints[joint_id(model, closure.joint)]
             force = Lambda.get(rows[0], SX(1, 1))
             slides = mechanism.space.rate_units[joint.idx_v] == "m"
-            found.append(column({2 if slides else 5: force}, range(6)))
+            wrenches.append(column({2 if slides else 5: force}, range(6)))
             continue
         frame = frame_named(model, frames_of(closure)[1])
         on_b, link = SX(6, 1), tree.link_of[frame.parentJoint]
@@ -108,6 +108,6 @@ def _wrenches(
                 on_b += Lambda[i] * units[i][link]
         R, p = sx(frame.placement.rotation), sx(frame.placement.translation)
         F, N = on_b[:3], on_b[3:]
-        found.append(ca.vertcat(R.T @ F, R.T @ (N - ca.cross(p, F))))
-    values = ca.vertcat(*(ca.vertcat(x[3:], x[:3]) for x in found))
+        wrenches.append(ca.vertcat(R.T @ F, R.T @ (N - ca.cross(p, F))))
+    values = ca.vertcat(*(ca.vertcat(x[3:], x[:3]) for x in wrenches))
     return values, ca.vertcat(borne[0][3:], borne[0][:3])

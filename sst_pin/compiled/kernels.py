@@ -69,13 +69,13 @@ def make(
     checks = checks or Checks(equations)
     directions = len(equations.mechanism.coordinates) if along else 0
     if frame is not None:
-        inputs, output, own = OF_FRAMES[quantity](equations, checks, frame)
+        inputs, output, more = OF_FRAMES[quantity](equations, checks, frame)
     elif along:
         way = SX.sym("direction", directions)
-        inputs, output, own = ALONG[quantity](equations, checks, way)
+        inputs, output, more = ALONG[quantity](equations, checks, way)
         inputs["direction"] = way
     else:
-        inputs, output, own = KERNELS[quantity](equations, checks)
+        inputs, output, more = KERNELS[quantity](equations, checks)
     loaded = WRENCHES in inputs and inputs[WRENCHES].numel() > 0
     mechanism = equations.mechanism
     of_length = {"m": 1 / mechanism.length}
@@ -84,7 +84,7 @@ def make(
         {name: x for name, x in inputs.items() if loaded or name != WRENCHES},
         equations.p,
         ca.densify(output),
-        ca.vertcat(*(SX(check) for check in [*checks.of_state, *own])),
+        ca.vertcat(*(SX(check) for check in [*checks.of_state, *more])),
         directions,
         tuple(of_length.get(unit, 1.0) for unit in mechanism.space.position_units),
     )
@@ -116,12 +116,12 @@ def _forces(e: Equations, checks: Checks) -> _Made:
 
 def _torques(e: Equations, checks: Checks) -> _Made:
     """The smallest torques that produce the motion."""
-    inputs, f, own = _forces(e, checks)
+    inputs, f, more = _forces(e, checks)
     if e.mechanism.driven_one_to_one:
-        return inputs, f, own
+        return inputs, f, more
     tau = e.smallest_torques(f)
-    own = [*own, *checks.of_motors, *checks.unsupplied(tau, f)]
-    return inputs, column(tau, range(len(e.mechanism.motor_names))), own
+    more = [*more, *checks.of_motors, *checks.unsupplied(tau, f)]
+    return inputs, column(tau, range(len(e.mechanism.motor_names))), more
 
 
 def _accelerations(e: Equations, checks: Checks) -> _Made:
@@ -131,14 +131,14 @@ def _accelerations(e: Equations, checks: Checks) -> _Made:
 
 def _torque_derivatives(e: Equations, checks: Checks, way: SX | None = None) -> _Made:
     """Derivatives of f by q, va and aa side by side, row by row."""
-    derivatives, own = symbolic_derivatives.of_torques(e, checks, way)
-    return _motion(e), row_by_row(derivatives), checks.of_forces + own
+    derivatives, more = symbolic_derivatives.of_torques(e, checks, way)
+    return _motion(e), row_by_row(derivatives), checks.of_forces + more
 
 
 def _acceleration_derivatives(e: Equations, checks: Checks, way: SX | None = None) -> _Made:
     """Derivatives of aa by q, va and tau side by side, row by row."""
-    derivatives, own = symbolic_derivatives.of_accelerations(e, checks, way)
-    return _driven(e), row_by_row(derivatives), checks.of_accelerations + own
+    derivatives, more = symbolic_derivatives.of_accelerations(e, checks, way)
+    return _driven(e), row_by_row(derivatives), checks.of_accelerations + more
 
 
 def _displacement_rates(e: Equations, checks: Checks) -> _Made:
@@ -157,9 +157,9 @@ def _torque_regressor(e: Equations, checks: Checks) -> _Made:
     nv, by_numbers = e.mechanism.model.nv, ca.jacobian(e.project(e.tree_forces), e.p)
     *blocks, lines = (by_numbers @ ca.sparsify(ca.DM(x)) for x in e.parameters.by_parameters())
     offsets = (e.project({i: 1.0}) for i in range(nv))
-    own = checks.of_rates + checks.unsolved(e.dv, e.drift) + checks.of_complement
+    more = checks.of_rates + checks.unsolved(e.dv, e.drift) + checks.of_complement
     Y = row_by_row(*blocks, *offsets, lines, *map(e.project, e.motor_columns))
-    return _moving(e) | {"aa": e.aa}, Y, own
+    return _moving(e) | {"aa": e.aa}, Y, more
 
 
 def _rates(e: Equations, checks: Checks) -> _Made:
@@ -167,19 +167,19 @@ def _rates(e: Equations, checks: Checks) -> _Made:
 
 
 def _joint_accelerations(e: Equations, checks: Checks) -> _Made:
-    own = checks.of_rates + checks.unsolved(e.dv, e.drift)
-    return _moving(e) | {"aa": e.aa}, column(e.dv, range(e.mechanism.model.nv)), own
+    more = checks.of_rates + checks.unsolved(e.dv, e.drift)
+    return _moving(e) | {"aa": e.aa}, column(e.dv, range(e.mechanism.model.nv)), more
 
 
 def _actuator_jacobian(e: Equations, checks: Checks) -> _Made:
-    own = [check for forces in e.motor_columns for check in checks.unbalanced(forces)]
-    return {"q": e.q}, ca.vec(e.motor_matrix), own
+    more = [check for forces in e.motor_columns for check in checks.unbalanced(forces)]
+    return {"q": e.q}, ca.vec(e.motor_matrix), more
 
 
 def _state_rate(e: Equations, checks: Checks) -> _Made:
     """Rates of q and va under motor torques."""
-    inputs, aa, own = _accelerations(e, checks)
-    return inputs, ca.vertcat(e.kinematics.q_rates(e.v), aa), own
+    inputs, aa, more = _accelerations(e, checks)
+    return inputs, ca.vertcat(e.kinematics.q_rates(e.v), aa), more
 
 
 def _closing(e: Equations, checks: Checks) -> _Made:
@@ -228,21 +228,21 @@ def _jacobian(e: Equations, checks: Checks, frame: str) -> _Made:
 
 def _jacobian_rate(e: Equations, checks: Checks, frame: str) -> _Made:
     Phi_dot = e.Phi_change(e.v)
-    changes, own = _changes(e, checks, frame, ((L, e.v, *e.held(L, Phi_dot)) for L in e.L))
-    return _moving(e), row_by_row(*changes), checks.of_rates + checks.of_complement + own
+    changes, more = _changes(e, checks, frame, ((L, e.v, *e.held(L, Phi_dot)) for L in e.L))
+    return _moving(e), row_by_row(*changes), checks.of_rates + checks.of_complement + more
 
 
 def _velocity_derivatives(e: Equations, checks: Checks, frame: str) -> _Made:
     """Derivatives of the velocity by q and va side by side."""
     motions = ((e.v, L, *e.held(e.v, e.Phi_change(L))) for L in e.L)
-    changes, own = _changes(e, checks, frame, motions)
-    own = checks.of_rates + checks.of_complement + own
-    return _moving(e), row_by_row(*changes, *_columns(e, frame)), own
+    changes, more = _changes(e, checks, frame, motions)
+    more = checks.of_rates + checks.of_complement + more
+    return _moving(e), row_by_row(*changes, *_columns(e, frame)), more
 
 
 def _drift(e: Equations, checks: Checks, frame: str) -> _Made:
-    (drift,), own = _changes(e, checks, frame, [(e.v, e.v, e.at_rest, e.drift)])
-    return _moving(e), drift, checks.of_rates + own
+    (drift,), more = _changes(e, checks, frame, [(e.v, e.v, e.at_rest, e.drift)])
+    return _moving(e), drift, checks.of_rates + more
 
 
 def _placement(e: Equations, checks: Checks, frame: str) -> _Made:
@@ -283,10 +283,10 @@ def _changes(
     kinematics, place = e.kinematics, frame_named(e.mechanism.model, frame)
     link = kinematics.tree.link_of[place.parentJoint]
     R, _ = kinematics.pose(0, link)
-    changes, own = [], []
+    changes, more = [], []
     for of, along, change, right in motions:
         x = kinematics.motions(along, change, v_k=of)[link]
         linear = x.a + x.U @ sx(place.placement.translation)
         changes.append(ca.vertcat(R @ linear, R @ x.alpha))
-        own += checks.unsolved(change, right)
-    return changes, own
+        more += checks.unsolved(change, right)
+    return changes, more

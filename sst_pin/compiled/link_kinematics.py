@@ -225,20 +225,20 @@ class Kinematics:
         q, rates = self.q, SX(self.q.numel(), 1)
         for link in self.tree.links[1:]:
             first, last = link.q.start, link.q.stop
-            own = column(v, link.v)
+            link_rates = column(v, link.v)
             if link.kind not in _UNIT:
-                rates[first:last] = own
+                rates[first:last] = link_rates
             elif link.kind in ("unbounded", "planar"):
                 c, s = q[last - 2], q[last - 1]
-                rates[last - 2 : last] = ca.vertcat(-s, c) * own[-1]
+                rates[last - 2 : last] = ca.vertcat(-s, c) * link_rates[-1]
             else:
-                vector, w, omega = q[last - 4 : last - 1], q[last - 1], own[-3:]
+                vector, w, omega = q[last - 4 : last - 1], q[last - 1], link_rates[-3:]
                 turned = w * omega + ca.cross(vector, omega)
                 rates[last - 4 : last] = ca.vertcat(turned, -ca.dot(vector, omega)) / 2
             if link.kind in ("planar", "free"):
                 R, _ = _joint_placement(link, [q[i] for i in link.q])
                 size = len(link.q) - _UNIT[link.kind]
-                rates[first : first + size] = R[:size, :size] @ own[:size]
+                rates[first : first + size] = R[:size, :size] @ link_rates[:size]
         return rates
 
     @property

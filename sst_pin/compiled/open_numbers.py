@@ -84,15 +84,15 @@ class OpenNumbers:
 
     def by_parameters(self) -> list[Array]:
         """Derivatives by the dynamic parameters of bodies, rates (offsets left out) and lines."""
-        own = np.eye(self.size)
+        units = np.eye(self.size)
         first, count = 4, BODY * len(self.bodies)
-        bodies = own[:, first : first + count].reshape(self.size, -1, BODY).copy()
+        bodies = units[:, first : first + count].reshape(self.size, -1, BODY).copy()
         bodies[..., 4:] = bodies[..., 4:] @ _SECOND
         blocks = [bodies.reshape(self.size, count)]
         for name in ("viscous", "coulomb", "armature", "stiffness"):
-            blocks.append(own[:, self._starts[name] :][:, : len(self.joints[name])])
+            blocks.append(units[:, self._starts[name] :][:, : len(self.joints[name])])
         start, count = self._lines
-        of_lines = own[:, start : start + LINE * count].reshape(self.size, -1, LINE)
+        of_lines = units[:, start : start + LINE * count].reshape(self.size, -1, LINE)
         blocks.append(of_lines[..., [0, 2, 3]].reshape(self.size, -1))
         return blocks
 
@@ -136,10 +136,10 @@ def _of_joints(mechanism: Mechanism) -> dict[str, Array]:
 
 def _ends_of_springs(mechanism: Mechanism) -> tuple[int, ...]:
     """Entries of q of joints with springs: of a ball or an unbounded joint all."""
-    stiff, found = mechanism.springs.stiffness, []
+    stiff, places = mechanism.springs.stiffness, []
     for joint in list(mechanism.model.joints)[1:]:
         of_rates = stiff[joint.idx_v : joint.idx_v + joint.nv]
         one_each = joint.nq == joint.nv
         drawn = of_rates if one_each else np.full(joint.nq, of_rates.any())
-        found += [joint.idx_q + int(k) for k in np.flatnonzero(drawn)]
-    return tuple(found)
+        places += [joint.idx_q + int(k) for k in np.flatnonzero(drawn)]
+    return tuple(places)

@@ -60,8 +60,8 @@ _LARGEST = 600
 
 def functions_of(reference: Reference, q: Array) -> tuple[str, Array]:
     """`page_code` of a robot that starts at q, and its open numbers."""
-    mechanism, found = reference.mechanism, choices(reference, q)
-    return page_code(found), found[0].parameters.pack(mechanism, mechanism.friction)
+    mechanism, equations = reference.mechanism, choices(reference, q)
+    return page_code(equations), equations[0].parameters.pack(mechanism, mechanism.friction)
 
 
 def choices(reference: Reference, q: Array) -> list[Equations]:
@@ -73,59 +73,59 @@ def choices(reference: Reference, q: Array) -> list[Equations]:
     mechanism, random = reference.mechanism, np.random.default_rng(0)
     model, data, n = mechanism.model, mechanism.model.createData(), len(mechanism.coordinates)
     numbers = OpenNumbers(mechanism).pack(mechanism, mechanism.friction)
-    own, found, smallness = States(reference, mechanism.friction), [], []
+    states, equations, smallness = States(reference, mechanism.friction), [], []
 
     def add(reference: Reference, q: Array) -> None:
         # Rounded, because legs are alike: the last digits must not choose the order.
         samples = sample_configurations(reference, q).round(9)
-        found.append(Equations(reference.mechanism, samples, loaded=True))
-        small = Checks(found[-1]).of_state[1]
-        smallness.append(ca.Function("small", [found[-1].q, found[-1].p], [small]))
+        equations.append(Equations(reference.mechanism, samples, loaded=True))
+        small = Checks(equations[-1]).of_state[1]
+        smallness.append(ca.Function("small", [equations[-1].q, equations[-1].p], [small]))
 
     add(reference, q)
     way = random.standard_normal(model.nv)
     start = q
     for k in range(_WALKS * _STEPS if len(mechanism.dependent) and n else 0):
         q = q if k % _STEPS else start
-        motions = free_motions(own.Phi(q))
+        motions = free_motions(states.Phi(q))
         fall = -pin.computeGeneralizedGravity(model, data, q) * mechanism.rate_scale
         way = way / np.linalg.norm(way) + 0.1 * random.standard_normal(model.nv)
         way = motions @ (motions.T @ (way + 0.3 * fall / (np.linalg.norm(fall) + 1e-9)))
         step = 0.1 * way / np.linalg.norm(way) * mechanism.rate_scale
         try:
-            q = own.suited(q)[0].closed(
+            q = states.suited(q)[0].closed(
                 np.concatenate([pin.integrate(model, q, step), np.zeros(n)])
             )
         except ClosureError:
             way = random.standard_normal(model.nv)
             continue
-        best, condition = own.suited(q)
+        best, condition = states.suited(q)
         if condition < WELL_CONDITIONED and min(float(f(q, numbers)) for f in smallness) > _SMALL:
             add(Reference(replace(mechanism, coordinates=best.coordinates)), q)
-        if len(found) == _MOST:
+        if len(equations) == _MOST:
             break
-    return found
+    return equations
 
 
 @announced("live page: writing its equations")
-def page_code(found: Sequence[Equations]) -> str:
+def page_code(equations: Sequence[Equations]) -> str:
     """JavaScript of `sst_functions`, an object with what `engine.js` needs of a robot.
 
     A function has the sizes of its arrays, `constants(p)`, which completes the open numbers, and
     `parts`, functions of x, p, y, w that run one after the other. `sets` have the dynamics by each
     of the choices. Without motors that act on all coordinates there are no torques.
     """
-    own = found[0]
-    if problem := impossible(own.mechanism, "accelerations"):
+    first = equations[0]
+    if problem := impossible(first.mechanism, "accelerations"):
         raise DescriptionError("a page that answers", [problem])
-    common = list(_common(own))
-    if own.driven:
-        common.append(replace(kernels.make(own, "torques"), name="torques"))
+    common = list(_common(first))
+    if first.driven:
+        common.append(replace(kernels.make(first, "torques"), name="torques"))
     sets, texts, listed = [common], [], []
-    for e in found:
-        made = [replace(kernels.make(e, x), name=x) for x in ("state_rate", "closing")]
+    for e in equations:
+        dynamics = [replace(kernels.make(e, x), name=x) for x in ("state_rate", "closing")]
         results = e.kinematics.q_rates(e.v), column(e.v, range(e.mechanism.model.nv))
-        sets.append([*made, _kernel(e, "rates", {"q": e.q, "va": e.va}, *results)])
+        sets.append([*dynamics, _kernel(e, "rates", {"q": e.q, "va": e.va}, *results)])
     for i, own_kernels in enumerate(sets):
         written = [_function(kernel, f"f{i}_{kernel.name}") for kernel in own_kernels]
         texts += [text for text, _ in written]
@@ -133,7 +133,7 @@ def page_code(found: Sequence[Equations]) -> str:
     rows = [
         f"{{coordinates: {e.mechanism.coordinates.tolist()}, parts: {_parts(e.mechanism)}, "
         f"kernels: {described}}}"
-        for e, described in zip(found, listed[1:], strict=True)
+        for e, described in zip(equations, listed[1:], strict=True)
     ]
     functions = f"{{common: {listed[0]}, sets: [{', '.join(rows)}]}}"
     return (
@@ -173,11 +173,14 @@ def _kernel(e: Equations, name: str, inputs: dict[str, SX], *results: Any) -> Sy
 def _function(kernel: SymbolicKernel, name: str) -> tuple[str, str]:
     """The functions of a kernel by names that begin with `name`, and what describes them."""
     writer = c_code.written(kernel)
-    lines = {kind: list(map(_in_javascript, own)) for kind, own in writer.lines.items()}
+    lines = {
+        kind: list(map(_in_javascript, statements_of))
+        for kind, statements_of in writer.lines.items()
+    }
     parts, room = statements.in_parts([statements.pieces(lines["real"], _LARGEST)])
     texts = [statements.function(f"function {name}_constants(p)", lines["number"])]
-    for k, own in enumerate(parts):
-        texts.append(statements.function(f"function {name}_{k}(x, p, y, w)", own))
+    for k, part in enumerate(parts):
+        texts.append(statements.function(f"function {name}_{k}(x, p, y, w)", part))
     sizes = {
         "inputs": [symbols.numel() for symbols in kernel.inputs.values()],
         "output": kernel.output.numel(),

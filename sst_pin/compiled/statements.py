@@ -32,9 +32,9 @@ def together(lines: Sequence[str]) -> list[str]:
     """Statements with the sines and cosines of all inputs before them, several at once."""
     names: dict[str, str] = {}
     angles: list[str] = []
-    for found in filter(None, map(_TURN.match, lines)):
-        names |= {f"{x}{found[1]}": f"{x}[{len(angles)}]" for x in "sc"}
-        angles.append(found[2])
+    for match in filter(None, map(_TURN.match, lines)):
+        names |= {f"{x}{match[1]}": f"{x}[{len(angles)}]" for x in "sc"}
+        angles.append(match[2])
     rest = [_renamed(line, names) for line in lines if not _TURN.match(line)]
     if not angles:
         return rest
@@ -123,8 +123,8 @@ def in_parts(groups: Sequence[Sequence[Sequence[str]]]) -> tuple[list[list[str]]
     last = {result: k for k, part in enumerate(parts) for line in part for result in _used(line)}
     for part in groups[0] if len(groups) > 1 else []:
         for line in part:
-            kept = (result for result in _used(line) if last[result] >= len(groups[0]))
-            last.update(dict.fromkeys(kept, len(parts)))
+            later = (result for result in _used(line) if last[result] >= len(groups[0]))
+            last.update(dict.fromkeys(later, len(parts)))
     places: dict[str, int] = {}
     free: list[int] = []
     handed_on, bodies = 0, []
@@ -132,8 +132,8 @@ def in_parts(groups: Sequence[Sequence[Sequence[str]]]) -> tuple[list[list[str]]
         at = {result: f"w[{place}]" for result, place in places.items()}
         body = [_renamed(line, at) for line in part]
         free += [places.pop(result) for result in at if last[result] == k]
-        made = {result for line in part for result in _used(line)} - at.keys()
-        for result in sorted(made):
+        results = {result for line in part for result in _used(line)} - at.keys()
+        for result in sorted(results):
             if last[result] > k:
                 if not free:
                     free.append(handed_on)
@@ -146,7 +146,7 @@ def in_parts(groups: Sequence[Sequence[Sequence[str]]]) -> tuple[list[list[str]]
 
 def _renamed(line: str, names: Mapping[str, str]) -> str:
     """A statement with other names for some results."""
-    return _RESULT.sub(lambda found: names.get(found[0], found[0]), line)
+    return _RESULT.sub(lambda match: names.get(match[0], match[0]), line)
 
 
 def _used(line: str) -> list[str]:

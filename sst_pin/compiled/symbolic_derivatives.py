@@ -28,11 +28,11 @@ def of_torques(e: Equations, checks: Checks, way: SX | None = None) -> tuple[SX,
 def of_accelerations(e: Equations, checks: Checks, way: SX | None = None) -> tuple[SX, list[Any]]:
     """Derivatives of aa by q, va and tau side by side, or times a direction, and checks."""
     aa, inverses = e.accelerations
-    by_motion, own = _of_forces(e, checks, _OnTree(e, aa, e.tau), way)
+    by_motion, residual_checks = _of_forces(e, checks, _OnTree(e, aa, e.tau), way)
     n = by_motion.shape[1] // 3
     driven = e.motor_matrix if way is None else e.project(e.motor_forces(way))
     aa_x, _ = solve_symmetric(e.inertia, ca.horzcat(-by_motion[:, : 2 * n], driven))
-    return aa_x, own + checks.massless(inverses)
+    return aa_x, residual_checks + checks.massless(inverses)
 
 
 def of_displacements(e: Equations) -> SX:
@@ -78,8 +78,8 @@ class _OnTree:
         forces = add(_forces(twin, v, a, rows, ca.vertsplit(R)), twin.motor_forces(-twin.tau))
         self.forces = column(forces, range(nv))
         self._symbols = [twin.q, self.q, self.v, self.v_dot, R, twin.p, twin.loads, twin.tau]
-        held = column(e.multipliers(force), e.factors.rows)
-        now = [column(e.v, range(nv)), column(of_v_dot, range(nv)), held]
+        lambda_ = column(e.multipliers(force), e.factors.rows)
+        now = [column(e.v, range(nv)), column(of_v_dot, range(nv)), lambda_]
         self._values = [e.q, SX(nv, 1), *now, e.p, e.loads, tau]
 
     def by(self, *pairs: tuple[SX, SX]) -> list[SX]:
@@ -108,34 +108,36 @@ def _of_forces(e: Equations, checks: Checks, tree: _OnTree, way: SX | None) -> t
     L, M = e.L_matrix, symmetric(e.tree.inertia, nv)
     inertial = [sparse(range(nv), ca.vec(row)) for row in ca.vertsplit(L.T @ M)]
     g = ca.vertcat(*(column(e.multipliers(x), rows).T for x in inertial))
-    own = [check for x in inertial for check in checks.unbalanced(x)]
+    residual_checks = [check for x in inertial for check in checks.unbalanced(x)]
     by_q, by_v = L.T @ force_q - g @ c_q, L.T @ force_v - g @ c_v
     lost = [sparse(rows, -x) for x in ca.horzsplit(_phi_dot_v(e, slip_q @ L, c_v @ L))]
     v_q = [e.factors.solve(x) for x in lost]
-    own += [c for x, right in zip(v_q, lost, strict=True) for c in checks.unsolved(x, right)]
+    residual_checks += [
+        c for x, right in zip(v_q, lost, strict=True) for c in checks.unsolved(x, right)
+    ]
     of_q = by_q @ L + by_v @ ca.horzcat(*(column(x, range(nv)) for x in v_q))
-    return ca.horzcat(of_q, by_v @ L, e.inertia), own
+    return ca.horzcat(of_q, by_v @ L, e.inertia), residual_checks
 
 
 def _of_forces_along(e: Equations, checks: Checks, tree: _OnTree, way: SX) -> tuple[SX, list[Any]]:
     """`_of_forces` times a direction of the coordinates."""
-    rows, held = e.factors.rows, [0.0] * way.numel()
+    rows, zero = e.factors.rows, [0.0] * way.numel()
     step = e.complete(ca.vertsplit(way), {})
     c_v = tree.along(tree.c, {}, step, {})
     slips = tree.along(tree.slips, step, {}, {})
     lost = sparse(rows, -_phi_dot_v(e, slips, c_v, [step]))
-    v_q = e.complete(held, lost)
+    v_q = e.complete(zero, lost)
     c_q = sparse(rows, -tree.along(tree.c, step, v_q, {}))
     c_va = sparse(rows, -c_v)
-    v_dot_q, v_dot_va = e.complete(held, c_q), e.complete(held, c_va)
+    v_dot_q, v_dot_va = e.complete(zero, c_q), e.complete(zero, c_va)
     none: Sparse = {}
     changes = (step, v_q, v_dot_q), (none, step, v_dot_va), (none, none, step)
     columns = [tree.along(tree.forces, *change) for change in changes]
     forces = [sparse(range(e.mechanism.model.nv), x) for x in columns]
     solved = (step, none), (v_q, lost), (v_dot_q, c_q), (v_dot_va, c_va)
-    own = [check for x, right in solved for check in checks.unsolved(x, right)]
-    own += [check for x in forces for check in checks.unbalanced(x)]
-    return ca.horzcat(*map(e.reduced, forces)), own
+    residual_checks = [check for x, right in solved for check in checks.unsolved(x, right)]
+    residual_checks += [check for x in forces for check in checks.unbalanced(x)]
+    return ca.horzcat(*map(e.reduced, forces)), residual_checks
 
 
 def _phi_dot_v(e: Equations, slip_q: SX, c_v: SX, steps: Sequence[Sparse] | None = None) -> SX:

@@ -78,9 +78,9 @@ class TreeDynamics:
         model = self._mechanism.model
         bodies = [Body()] * model.njoints
         for i in range(1, model.njoints):
-            found = self._parameters.body(self._p, i)
-            if found is not None:
-                mass, c, J = found
+            numbers = self._parameters.body(self._p, i)
+            if numbers is not None:
+                mass, c, J = numbers
                 bodies[i] = Body(mass, c, J, ca.sumsqr(c) / mass)
         for closure in self._mechanism.closures if self._welded else ():
             if isinstance(closure, Closure) and all(closure.held):
@@ -104,8 +104,8 @@ class TreeDynamics:
     ) -> Sparse:
         """tau by Newton and Euler without friction and springs; closures take `reactions`."""
         wrenches = self.wrenches(v, dv, loads=loads)
-        for i, own in (reactions or {}).items():
-            wrenches[i] = wrenches[i] + own
+        for i, wrench in (reactions or {}).items():
+            wrenches[i] = wrenches[i] + wrench
         return add(self._kinematics.transmitted(wrenches), self._rotors(dv))
 
     def wrenches(self, v: Sparse, dv: Sparse, *, loads: bool = True) -> list[SX]:
@@ -129,10 +129,10 @@ class TreeDynamics:
         """External force and moment about the origin of a link, axes of the link."""
         moment, force = ca.vertsplit(self._loads[6 * body - 6 : 6 * body], 3)
         R, _ = self._kinematics.pose(0, self._kinematics.tree.link_of[body])
-        found, force = self._parameters.body(self._p, body), R.T @ force
+        numbers, force = self._parameters.body(self._p, body), R.T @ force
         lever = sx(self._mechanism.model.inertias[body].lever)
-        if found is not None:
-            lever = found[1] / found[0]
+        if numbers is not None:
+            lever = numbers[1] / numbers[0]
         return ca.vertcat(force, R.T @ moment + ca.cross(lever, force))
 
     def friction(self, v: Sparse) -> Sparse:
@@ -184,7 +184,9 @@ class TreeDynamics:
         model, forces = self._mechanism.model, self._mechanism.lines.forces
         places = (line(self._kinematics, model, x.frame_a, x.frame_b) for x in forces)
         numbers = self._parameters.of_lines(self._p)
-        return [Line(*place, *own) for place, own in zip(places, numbers, strict=True)]
+        return [
+            Line(*place, *parameters) for place, parameters in zip(places, numbers, strict=True)
+        ]
 
     def kinetic_energy(self, v: Sparse) -> Any:
         """Kinetic energy of all bodies and rotors."""
@@ -212,8 +214,8 @@ class TreeDynamics:
     def whole_inertia(self) -> Any:
         """Inertia of all bodies and rotors, as `dynamics.whole_inertia`."""
         length, scale = self._mechanism.length, self._mechanism.rate_scale
-        found = [self._parameters.body(self._p, i) for i in self._parameters.bodies]
-        terms = [mass * length**2 + 2 * ca.trace(J) for mass, _, J in filter(None, found)]
+        bodies = [self._parameters.body(self._p, i) for i in self._parameters.bodies]
+        terms = [mass * length**2 + 2 * ca.trace(J) for mass, _, J in filter(None, bodies)]
         rotors = self._parameters.of_joints("armature", self._p)
         return total([*terms, *(x * float(scale[i] ** 2) for i, x in rotors.items())])
 
@@ -234,24 +236,26 @@ class TreeDynamics:
         forces: list[Sparse] = [{} for _ in links]  # wrenches by rate
         M: dict[tuple[int, int], Any] = {}
         for i in range(len(links) - 1, 0, -1):
-            (mass, c, inertia), link, behind, own = composite[i], links[i], forces[i], Sparse()
+            (mass, c, inertia), link, behind, of_link = composite[i], links[i], forces[i], Sparse()
             for rate, row in following.get(i, {}).items():
                 wrench = behind.pop(rate, SX(6, 1))
                 behind = add(behind, {k: factor * wrench for k, factor in row.items()})
             for k, S in zip(link.v, link.S.T, strict=True):
                 u, turn = sx(S[:3]), sx(S[3:])
-                own[k] = ca.vertcat(mass * u + ca.cross(turn, c), inertia @ turn + ca.cross(c, u))
+                of_link[k] = ca.vertcat(
+                    mass * u + ca.cross(turn, c), inertia @ turn + ca.cross(c, u)
+                )
             for j, S in zip(link.v, link.S.T, strict=True):
                 # Twice: a mimic joint behind its own.
                 pairs = [(k, wrench, 1 + (j == k)) for k, wrench in behind.items()]
-                pairs += [(k, wrench, 1) for k, wrench in own.items() if j <= k]
+                pairs += [(k, wrench, 1) for k, wrench in of_link.items() if j <= k]
                 for k, wrench, times in pairs:
                     value = times * ca.dot(sx(S), wrench)
                     if not is_zero(value):
                         pair = min(j, k), max(j, k)
                         M[pair] = M.get(pair, 0) + value
             R, p = placements[i]
-            for k, wrench in add(behind, own).items() if link.parent else ():
+            for k, wrench in add(behind, of_link).items() if link.parent else ():
                 F, N = R @ wrench[:3], R @ wrench[3:]
                 at_parent = ca.vertcat(F, N + ca.cross(p, F))
                 forces[link.parent] = add(forces[link.parent], {k: at_parent})

@@ -147,12 +147,14 @@ def joint_shapes(
 ) -> list[pin.GeometryObject]:
     """Pins, balls and sleeves for the joints and closures, and feet on the ground, without mass."""
     model, shapes = tree.model, tree.visual_model
-    found: list[pin.GeometryObject] = []
+    joint_bodies: list[pin.GeometryObject] = []
     home, thick = model.referenceConfigurations["home"], _thicknesses(shapes, model.njoints)
 
     def add(name: str, joint: int, at: pin.SE3, shape: coal.ShapeBase, colour: Array) -> None:
-        found.append(pin.GeometryObject(f"joint_{len(found)}_{name}", joint, at, shape))
-        found[-1].meshColor = colour
+        joint_bodies.append(
+            pin.GeometryObject(f"joint_{len(joint_bodies)}_{name}", joint, at, shape)
+        )
+        joint_bodies[-1].meshColor = colour
 
     for number, joint in list(enumerate(model.joints))[1:]:
         name, parent, at = model.names[number], model.parents[number], model.jointPlacements[number]
@@ -181,7 +183,7 @@ def joint_shapes(
             r = thick[frame.parentJoint]
             shape = coal.Sphere(1.7 * r) if is_ball else coal.Cylinder(1.3 * r, 5 * r)
             add(closure.frame_a, frame.parentJoint, frame.placement, shape, _STEEL)
-    return found
+    return joint_bodies
 
 
 def _thicknesses(shapes: pin.GeometryModel, joints: int) -> Array:

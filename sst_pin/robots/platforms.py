@@ -118,8 +118,8 @@ def ups_pu(
 def _ups_pu_joints(
     post: float, base: Array, vertices: Array, retracted: float, pose: pin.SE3
 ) -> Joints:
-    own = {"post": pose.translation[2] - post, "platform": universal(pose.rotation[:, 2])}
-    return own | _strut_joints(base, vertices, retracted, pose)
+    post_joints = {"post": pose.translation[2] - post, "platform": universal(pose.rotation[:, 2])}
+    return post_joints | _strut_joints(base, vertices, retracted, pose)
 
 
 @of_dimensions

@@ -64,10 +64,10 @@ def _relative(
     elif isinstance(closure, Rolling):
         G, G_dot = _rolling(closure, R[:, 2], np.cross(w, R[:, 2]))
     else:
-        held = np.array(closure.held)
-        G, G_dot = np.eye(6)[held], np.zeros((held.sum(), 6))
-        if held[3:].sum() == 1:  # one axis of A and one of B stay at a right angle
-            k = int(np.flatnonzero(held[3:])[0])
+        fixed = np.array(closure.held)
+        G, G_dot = np.eye(6)[fixed], np.zeros((fixed.sum(), 6))
+        if fixed[3:].sum() == 1:  # one axis of A and one of B stay at a right angle
+            k = int(np.flatnonzero(fixed[3:])[0])
             a, b = _EYE[(k + 1) % 3], R[:, (k + 2) % 3]
             G[-1, 3:], G_dot[-1, 3:] = np.cross(a, b), np.cross(a, np.cross(w, b))
     return G @ J, G @ drift + G_dot @ np.concatenate([r_dot, w])

@@ -89,10 +89,10 @@ class MovingRobot:
             self.B = self.B + np.outer(row, shares)
         self.applied = force
 
-    def completed(self, own: Array, closing: Array) -> Array:
+    def completed(self, rates: Array, closing: Array) -> Array:
         """What all joints do if the coordinates do `own`, and Phi times it is `closing`."""
         system = np.vstack([self.Phi, self.mechanism.selection])
-        return consistent(system, np.concatenate([closing, own]))
+        return consistent(system, np.concatenate([closing, rates]))
 
 
 def consistent(system: Array, right: Array) -> Array:

@@ -127,15 +127,15 @@ def _states(
     """Assembled configurations away from singularities, with a motion of the coordinates."""
     start, model = chain.generic_configuration(), chain.mechanism.model
     n, limit = chain.degrees_of_freedom, max(1e3, float(chain.condition_number(start)))
-    found = 0
+    samples = 0
     for _ in range(100 * count):
         guess = pin.integrate(model, start, rng.normal(scale=0.3, size=model.nv))
         with suppress(ClosureError):
             q = chain.assemble(guess, fixed=())
             if chain.condition_number(q) < limit:
                 yield q, rng.normal(size=n), rng.normal(size=n)
-                found += 1
-        if found == count:
+                samples += 1
+        if samples == count:
             return
     raise ClosureError("no configurations away from singularities were found", np.inf)
 
