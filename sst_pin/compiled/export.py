@@ -2,15 +2,14 @@
 """Any robot as C99 for its own controller: no allocation, no library."""
 
 from collections.abc import Iterator
-from copy import copy
 from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from ..arrays import Array
-from ..closed_chain import ClosedChain
 from ..dynamics.quantities import Name
+from ..engine import Robot
 from ..errors import DescriptionError, InputError
 from ..files import Writer, as_path, text_writer
 from ..model.mechanism import Mechanism
@@ -59,7 +58,7 @@ _FUNCTIONS = {
 
 
 def c_files(
-    chain: ClosedChain, folder: str | Path, precision: Precision = "double"
+    chain: Robot, folder: str | Path, precision: Precision = "double"
 ) -> dict[Path, Writer]:
     """The files that compute a robot's dynamics without Python.
 
@@ -88,26 +87,12 @@ def c_files(
     """
     if precision not in STYLES:
         raise InputError("precision", f"{precision!r} is not one of {', '.join(STYLES)}")
-    chain = copy(chain)
-    style, q = STYLES[precision], chain.generic_configuration()
-    n, motors = chain.degrees_of_freedom, len(chain.motor_names)
-    mechanism = chain.engine.mechanism
-    samples = sample_configurations(chain.engine.reference, q)
-    equations = Equations(mechanism, samples)
-    checks = Checks(equations, style.closed, style.rounding)
+    engine, style = chain.engine, STYLES[precision]
+    mechanism, q = engine.mechanism, engine.example()
+    equations = Equations(mechanism, sample_configurations(engine.reference, q))
     numbers = equations.parameters.pack(mechanism, mechanism.friction)
     dynamics = "torques" if equations.driven else "forces"
-    functions = []
-    for name in (dynamics, "accelerations", "actuator_jacobian", "assembly_step"):
-        try:
-            if problem := impossible(mechanism, _FUNCTIONS[name].kernel):
-                raise DescriptionError("compiled kernels", [problem])
-            kernel = kernels.make(equations, _FUNCTIONS[name].kernel, checks)
-            functions.append(_exported(name, kernel, style))
-        except DescriptionError as error:
-            functions.append((f"/* There is no robot_{name}: {_comment(str(error))} */\n", ""))
-    if dynamics == "torques":
-        functions.append(_computed_torque(chain, style))
+    functions = list(_functions(equations, dynamics, style))
     code = "\n".join(definition for _, definition in functions if definition)
     listed = "\n".join(_listed(equations.parameters, mechanism, numbers, style.suffix))
     source = [
@@ -117,8 +102,38 @@ def c_files(
         f"{style.type} robot_parameters[{len(numbers)}] = {{\n{listed}\n}};\n",
         code,
     ]
+    about = _about(mechanism, q, dynamics, style)
+    about["size"] = len(numbers)
+    about["functions"] = "\n".join(declaration for declaration, _ in functions)
+    texts = {
+        "robot.h": c_code.filled("export/robot.h", about),
+        "robot.c": "\n".join(source),
+        "main.c": c_code.filled("export/main.c", about),
+    }
+    return {as_path(folder) / name: text_writer(text) for name, text in texts.items()}
+
+
+def _functions(equations: Equations, dynamics: str, style: Style) -> Iterator[tuple[str, str]]:
+    """Declarations and definitions of all functions."""
+    mechanism = equations.mechanism
+    checks = Checks(equations, style.closed, style.rounding)
+    for name in (dynamics, "accelerations", "actuator_jacobian", "assembly_step"):
+        try:
+            if problem := impossible(mechanism, _FUNCTIONS[name].kernel):
+                raise DescriptionError("compiled kernels", [problem])
+            kernel = kernels.make(equations, _FUNCTIONS[name].kernel, checks)
+            yield _exported(name, kernel, style)
+        except DescriptionError as error:
+            yield f"/* There is no robot_{name}: {_comment(str(error))} */\n", ""
+    if dynamics == "torques":
+        yield _computed_torque(mechanism, style)
+
+
+def _about(mechanism: Mechanism, q: Array, dynamics: str, style: Style) -> dict[str, object]:
+    """Words and numbers of the header and the example."""
+    n, motors = len(mechanism.coordinates), len(mechanism.motor_names)
     at_rest = [*np.asarray(q).tolist(), *[0] * (2 * n)]
-    about = {
+    return {
         **style._asdict(),
         "closed": f"{style.closed:g}",
         "angle": f"{style.angle:g}",
@@ -126,23 +141,15 @@ def c_files(
         "nq": len(q),
         "n": n,
         "motors": motors,
-        "q_names": _comment(", ".join(chain.position_names)),
+        "q_names": _comment(", ".join(mechanism.space.position_names)),
         "coordinates": _comment(", ".join(mechanism.coordinate_rate_names)),
-        "motor_names": _comment(", ".join(chain.motor_names)),
-        "size": len(numbers),
-        "functions": "\n".join(declaration for declaration, _ in functions),
+        "motor_names": _comment(", ".join(mechanism.motor_names)),
         "meaning": _FUNCTIONS[dynamics].meaning.split(",")[0].removesuffix("."),
         "name": dynamics,
         "inputs": len(at_rest),
         "outputs": motors if dynamics == "torques" else n,
         "example": " ".join(map(repr, at_rest)),
     }
-    texts = {
-        "robot.h": c_code.filled("export/robot.h", about),
-        "robot.c": "\n".join(source),
-        "main.c": c_code.filled("export/main.c", about),
-    }
-    return {as_path(folder) / name: text_writer(text) for name, text in texts.items()}
 
 
 def _exported(name: str, kernel: kernels.SymbolicKernel, style: Style) -> tuple[str, str]:
@@ -176,14 +183,14 @@ def _exported(name: str, kernel: kernels.SymbolicKernel, style: Style) -> tuple[
     return f"/* {function.meaning} */\n{head};\n", text
 
 
-def _computed_torque(chain: ClosedChain, style: Style) -> tuple[str, str]:
+def _computed_torque(mechanism: Mechanism, style: Style) -> tuple[str, str]:
     """Declaration and definition of `ComputedTorque` in C."""
-    mechanism, model = chain.mechanism, chain.mechanism.model
-    joints = [model.joints[joint_id(model, name)] for name in chain.coordinates]
+    model = mechanism.model
+    joints = [model.joints[joint_id(model, name)] for name in mechanism.coordinate_names]
     if any((joint.nq, joint.nv) != (1, 1) for joint in joints):
         why = "a coordinate is no single number of q"
         return f"/* There is no robot_computed_torque: {why} */\n", ""
-    n, motors = len(joints), len(chain.motor_names)
+    n, motors = len(joints), len(mechanism.motor_names)
     arrays = [("q", model.nq), *((name, n) for name in ("va", "x", "v", "a", "kp", "kd"))]
     arrays.append(("limits", motors))
     inputs = ", ".join(f"const {style.type} {x}[{size}]" for x, size in arrays)

@@ -73,7 +73,7 @@ class WarpBatch:
     """
 
     def __init__(self, reference: Reference, near: Array | None, device: Any, dtype: str) -> None:
-        if dtype not in _PRECISIONS:
+        if not isinstance(dtype, str) or dtype not in _PRECISIONS:
             raise InputError("dtype", f"{dtype!r} is not one of {', '.join(_PRECISIONS)}")
         self._reference, self._mechanism, self._near = reference, reference.mechanism, near
         self._mechanism.require_freedom()

@@ -47,7 +47,9 @@ def good_arguments(name):
     good |= {"external_wrenches": np.zeros((chain.model.njoints - 1, 6)), "q_dot": 0 * q}
     good |= {"coordinates": chain.coordinates, "theta": chain.dynamic_parameters, "limits": motors}
     good |= {"near": q, "gamma": motors, "branch": np.ones(3), "pose": np.eye(3), "R": np.eye(3)}
-    good |= {"omega": x, "alpha": x, "platform_moment": x}
+    good |= {"omega": x, "alpha": x, "platform_moment": x, "start": q, "rotation": np.eye(3)}
+    good |= {"position": np.zeros(3), "positions": dict.fromkeys(chain.coordinates, 0.1)}
+    good |= {"names": chain.design_parameters[:1], "changes": {chain.design_parameters[0]: 1e-3}}
     good |= {"position": chain.frame_placement(q, good["frame"])[0]}
     special = {"rollout": {"tau": m.tau}}
     special["trajectory"] = {name: getattr(m, name) for name in ("t", "q", "va", "aa", "tau")}
