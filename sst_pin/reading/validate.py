@@ -23,6 +23,7 @@ from ..errors import (
 from ..files import as_path
 from ..loops.assembly import home_of
 from ..loops.mobility import Mobility
+from ..model.checks import tendon_of
 from ..model.closures import Constraint, frames_of
 from ..model.tree import frame_id
 from ..summaries import listed
@@ -90,11 +91,8 @@ def _urdf(path: str | Path, cuts: Path | None) -> tuple[list[Problem], str]:
     if not any(problem.severity == "error" for problem in problems):  # Pinocchio needs a tree
         more, summary = _with_files(urdf, cuts)
         problems += more
-    problems += [
-        *check_inertias(urdf.root, urdf.crosses),
-        *check_shapes(urdf.root, Path(path).parent),
-    ]
-    return problems, summary
+    problems += check_inertias(urdf.root, urdf.crosses)
+    return [*problems, *check_shapes(urdf.root, Path(path).parent)], summary
 
 
 def _with_files(urdf: reading.Urdf, cuts: Path | None) -> tuple[list[Problem], str]:
@@ -169,9 +167,9 @@ def _unknown(robot: Described) -> Iterator[Problem]:
         except SSTError:
             yield error(where, f"no frame {frame} in the URDF")
     known = [*list(model.names)[1:], *map(str, robot.forces)]
-    for motor in robot.actuated:
-        if isinstance(motor, str) and motor not in known:
-            yield error(f"motor {motor}", "no moving joint of this name in the URDF")
+    for joint in (name for motor in robot.actuated for name in tendon_of(motor)[1]):
+        if joint not in known:
+            yield error(f"motor {joint}", "no moving joint of this name in the URDF")
 
 
 def _open(robot: Described) -> Iterator[Problem]:
