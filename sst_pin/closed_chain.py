@@ -515,7 +515,7 @@ class ClosedChain(RobotProperties, Summary):
         """All matrices of the paper at one state, with f = I aa + C va - tau^g - tau^f."""
         engine = self._engine
         rates = single_array("va", va, (len(engine.mechanism.coordinates),))
-        return dynamics.terms(engine.reference.memory, engine.single(q), rates)
+        return dynamics.terms(engine.reference.context, engine.single(q), rates)
 
     def reduced_terms(
         self, q: ArrayLike, va: ArrayLike, **options: Unpack[Options]

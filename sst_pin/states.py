@@ -102,7 +102,7 @@ class States:
         """q with the dependent joints moved onto the closures, wheels rolling, shape (..., nq)."""
         if states.ndim == 1:
             q = self._mechanism.space.normalised(states[: self._nq])
-            assembly = self._reference.memory.without_slip
+            assembly = self._reference.context.without_slip
             return assembly.assemble(q, self._mechanism.dependent)
         return np.array([self.closed(state) for state in states])
 
@@ -118,8 +118,8 @@ class States:
     def _rate(
         self, q: Array, va: Array, tau: Array, wrenches: Array | None, tolerance: float
     ) -> Array:
-        memory = self._reference.memory
-        arguments = (memory, self._friction, q, va, tau, wrenches, tolerance)
+        context = self._reference.context
+        arguments = (context, self._friction, q, va, tau, wrenches, tolerance)
         aa, v = dynamics.direct_dynamics(*arguments)
         return np.concatenate([self._mechanism.space.coordinate_rates(q, v), aa])
 
@@ -131,11 +131,12 @@ class States:
         """
         reference, space, nq = self._reference, self._mechanism.space, self._nq
         q, va = self.closed(state), state[nq:]
-        n, memory = len(va), reference.memory
+        n, loops = len(va), reference.context.loops
         aa_by = self._acceleration_derivatives(q, va, tau, wrenches)
-        L = reference._L(q)
+        L = reference.L(q)
         v, turns = L.dot(va), np.array([space.coordinate_rates(q, e) for e in np.eye(len(L))]).T
-        v_q = np.transpose([memory.complement.L_dot(memory.loops.Phi_dot(e)).dot(va) for e in L.T])
+        L_dot = reference.context.complement.L_dot
+        v_q = np.transpose([L_dot(loops.Phi_dot(e)).dot(va) for e in L.T])
         rates_q, q_dot_va = turns.dot(v_q), turns.dot(L)
         if not space.euclidean:
             # Rates of positions are quadratic in q, so central differences are exact.
@@ -165,7 +166,7 @@ class States:
 
     def Phi(self, q: Array) -> Array:
         """Jacobian of the closures, free of units, shape (rows, nv)."""
-        return scaled_Phi(self._mechanism, self._reference.memory.loops, q)
+        return scaled_Phi(self._mechanism, self._reference.context.loops, q)
 
     def condition_number(self, q: Array) -> float:
         """Condition number of the dependent part of Phi, infinite if it is singular."""
@@ -188,7 +189,7 @@ class States:
         motions = np.linalg.svd(Phi)[2][len(Phi.T) - n :]
         _, order = qr(motions, pivoting=True, mode="r")
         chosen = np.sort(order[:n]).astype(np.intp)
-        parts = self._reference.memory.loops.parts
+        parts = self._reference.context.loops.parts
         best, now = (
             condition_number(self._mechanism, Phi, parts(each))
             for each in (chosen, self.coordinates)
@@ -209,7 +210,7 @@ class States:
 
     @property
     def _continuity(self) -> Continuity:
-        return self._reference.memory.continuity
+        return self._reference.context.continuity
 
     def _continues(self, before: Array, after: Array) -> bool:
         """Whether a step stays regular and in its assembly mode."""
@@ -245,7 +246,7 @@ class States:
         for s in range(motions.steps + 1):
             q_s, rates = np.split(state, [self._nq])
             try:
-                self._reference.memory.evaluate(q_s)
+                self._reference.context.evaluate(q_s)
                 if not (np.isfinite(state).all() and (s == 0 or states._continues(before, q_s))):
                     break
                 v = states.joint_rates(q_s, rates)

@@ -321,7 +321,7 @@ def _closed(reference: Reference, q: Array | None) -> bool:
     if q is None or len(q) != reference.mechanism.model.nq:
         return False
     try:
-        reference.memory.evaluate(q)
+        reference.context.evaluate(q)
     except SSTError:
         return False
     return True

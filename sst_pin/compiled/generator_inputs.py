@@ -23,7 +23,7 @@ _SAMPLES = 8
 def sample_configurations(reference: Reference, near: Array | None = None) -> Array:
     """Assembled configurations, the same at each call, shape (samples, nq), `near` the first."""
     reference.mechanism.require_freedom()
-    assembly, anywhere = reference.memory.assembly, near is None
+    assembly, anywhere = reference.context.assembly, near is None
     if near is None:
         near = reference.mechanism.example
     if near is None:

@@ -26,7 +26,7 @@ from ..loops.row_derivatives import (
 )
 from ..loops.rows import cross, skew
 from ..model.mechanism import Friction
-from .dynamics import Memory, applied_forces, direct_dynamics
+from .dynamics import Context, applied_forces, direct_dynamics
 
 #: Wrenches on bodies: these, frames on them, the wrenches at the world's origin, their w_q.
 _Load = tuple[list[int], FrameMotions, Array, Array]
@@ -111,10 +111,10 @@ class Derivatives:
     Arguments are those of `dynamics.inverse_dynamics` and `dynamics.direct_dynamics`.
     """
 
-    def __init__(self, memory: Memory) -> None:
-        self._memory, self._mechanism = memory, memory.mechanism
+    def __init__(self, context: Context) -> None:
+        self._memory, self._mechanism = context, context.mechanism
         #: The normal tree with its last body at the world's origin.
-        self._near = pin.Model(memory.tree.model)
+        self._near = pin.Model(context.tree.model)
 
     def torques(
         self, sign_width: float, q: Array, va: Array, aa: Array, wrenches: Array | None
@@ -143,11 +143,11 @@ class Derivatives:
 
     def displacement_rates(self, q: Array, va: Array) -> Array:
         """-S [v, L e_k]: rates of a displacement due to joints' axes that move, shape (n, n)."""
-        memory, tree = self._memory, self._memory.tree
-        v, _ = memory.complement.motion(q, va, memory.steady)
-        v, L = tree.S.dot(v), tree.S.dot(memory.complement.L)
+        context, tree = self._memory, self._memory.tree
+        v, _ = context.complement.motion(q, va, context.steady)
+        v, L = tree.S.dot(v), tree.S.dot(context.complement.L)
         rates = np.zeros_like(L)
-        for joint, data in zip(tree.model.joints, memory.data.joints, strict=True):
+        for joint, data in zip(tree.model.joints, context.data.joints, strict=True):
             if joint.nv > 1:
                 k, S = slice(joint.idx_v, joint.idx_v + joint.nv), np.array(data.S)
                 rates[k] = S.T.dot(brackets(S.dot(v[k])[:, None], S.dot(L[k])))
@@ -168,22 +168,22 @@ class Derivatives:
         self, friction: Friction, q: Array, va: Array, aa: Array, tau: Array, wrenches: Array | None
     ) -> tuple[Array, Array, Array, Array]:
         """Derivatives of f - L^T B tau by q, va and aa, and L."""
-        memory, mechanism = self._memory, self._mechanism
-        v, v_dot = memory.complement.motion(q, va, aa)
-        L, G = memory.complement.L, memory.complement.inverse
-        tree = TreeMotion(memory.loops, v, v_dot)
-        rows = partials(memory.loops, q, tree)
-        force = memory.tree_forces(v, v_dot)
-        force -= applied_forces(memory, friction, q, v, wrenches, tau)
+        context, mechanism = self._memory, self._mechanism
+        v, v_dot = context.complement.motion(q, va, aa)
+        L, G = context.complement.L, context.complement.inverse
+        tree = TreeMotion(context.loops, v, v_dot)
+        rows = partials(context.loops, q, tree)
+        force = context.tree_forces(v, v_dot)
+        force -= applied_forces(context, friction, q, v, wrenches, tau)
         reactions, lines = G.T.dot(force), mechanism.lines
         loads = [_on_frames(closure, reactions) for closure in rows.closures]
         if not lines.none:
-            lengths, J = memory.lines.evaluate(q)
-            along = partials(memory.lines.loops, q, tree)
+            lengths, J = context.lines.evaluate(q)
+            along = partials(context.lines.loops, q, tree)
             pulls = lines.tensions(lengths, J.dot(v), tau)
             loads += [_on_frames(line, -pulls) for line in along.closures]
         if wrenches is not None and wrenches.any():
-            loads.append(_on_mass_centres(tree, memory.loops, wrenches.reshape(-1, 6)))
+            loads.append(_on_mass_centres(tree, context.loops, wrenches.reshape(-1, 6)))
         force_q, force_v, M = self._tree_forces(v, v_dot, loads)
         for row, k, second in rows.coupled:
             force_q[k, k] -= reactions[row] * second
@@ -211,21 +211,21 @@ class Derivatives:
         is its own derivative w_q less that of a wrench that does. It reduces inertias at the
         world's origin, which costs digits by the square of the distance: the tree is moved there.
         """
-        memory, model, S = self._memory, self._memory.tree.model, self._memory.tree.S
+        context, model, S = self._memory, self._memory.tree.model, self._memory.tree.S
         total = np.zeros((model.njoints, 6))
         for joints, _, w, _ in loads:
             np.add.at(total, joints, w)
         in_bodies = pin.StdVec_Force()
-        for placement, of_body in zip(memory.data.oMi, total, strict=True):
+        for placement, of_body in zip(context.data.oMi, total, strict=True):
             in_bodies.append(placement.actInv(pin.Force(of_body)))
-        there = memory.data.oMi[model.njoints - 1].translation.copy()
+        there = context.data.oMi[model.njoints - 1].translation.copy()
         for root in model.children[0]:
             placement = model.jointPlacements[root]
             self._near.jointPlacements[root] = pin.SE3(
                 placement.rotation, placement.translation - there
             )
-        arguments = (memory.loops.q, S.dot(v), S.dot(v_dot), in_bodies)
-        by = pin.computeRNEADerivatives(self._near, memory.data, *arguments)
+        arguments = (context.loops.q, S.dot(v), S.dot(v_dot), in_bodies)
+        by = pin.computeRNEADerivatives(self._near, context.data, *arguments)
         force_q, force_v, M = (S.T.dot(x).dot(S) for x in by)
         for _, frames, w, w_q in loads:
             turning = w_q - _turning_along(frames.J, w)

@@ -25,7 +25,7 @@ from ..model.mechanism import Friction, Mechanism, Springs
 from ..model.tree import frame_id
 from ..summaries import listed
 from . import regressor
-from .dynamics import Memory
+from .dynamics import Context
 from .reference import Reference
 
 #: A parameter, a pattern of names, several that change together, or their factors.
@@ -147,11 +147,11 @@ class Design:
             row_sizes=None,
         )
 
-    def at(self, q: Array) -> tuple[Array, Memory]:
+    def at(self, q: Array) -> tuple[Array, Context]:
         """The configuration of the large mechanism, and its loops and L there."""
-        x, memory = _put(self._neutral, self._q, q), self._large.memory
-        memory.complement.evaluate(x)
-        return x, memory
+        x, context = _put(self._neutral, self._q, q), self._large.context
+        context.complement.evaluate(x)
+        return x, context
 
     def row(
         self,
@@ -165,21 +165,21 @@ class Design:
         """Derivatives of q, torques, L and the pose of one sample, side by side."""
         tau, n, ways = self._small.torques(q, va, aa, wrenches), len(va), self._ways
         try:
-            x, memory = self.at(q)
+            x, context = self.at(q)
         except SingularConfigurationError:
             names = listed([group[0] for group in self._groups if self._opens(group, q)])
             cure = "leave them out, or change several together, as [{first: 1, second: -1}]"
             raise InputError("names", f"changes of {names} alone open the loops; {cure}") from None
-        L, along = np.split(memory.complement.L, [n], axis=1)
-        B, lines = memory.actuation(x), memory.mechanism.lines
+        L, along = np.split(context.complement.L, [n], axis=1)
+        B, lines = context.actuation(x), context.mechanism.lines
         by_L, by_A = np.zeros((len(ways), *L.shape)), np.zeros((len(ways), n, len(tau)))
         for k, way in enumerate(along.T):
-            by_L[k] = memory.complement.L_dot(memory.loops.Phi_dot(way))[:, :n]
+            by_L[k] = context.complement.L_dot(context.loops.Phi_dot(way))[:, :n]
             by_A[k] = by_L[k].T @ B
             if lines.motors.any():
-                by_A[k] += L.T @ memory.lines.loops.Phi_dot(way).T @ lines.motors
+                by_A[k] += L.T @ context.lines.loops.Phi_dot(way).T @ lines.motors
         if wrenches is not None:
-            bodies = np.zeros((memory.mechanism.model.njoints - 1, 6))
+            bodies = np.zeros((context.mechanism.model.njoints - 1, 6))
             wrenches = _put(bodies, self._bodies, wrenches)
         rest = np.zeros(len(ways))
         motion = x, np.append(va, rest), np.append(aa, rest), wrenches, sign_width
@@ -190,7 +190,7 @@ class Design:
             by_f = _least(by_f, L.T @ B, np.tensordot(by_A, ways, (0, 0)), tau)
         parts = [along[self._v] @ ways, by_f, np.tensordot(by_L[:, self._v], ways, (0, 0))]
         if frame is not None:
-            index = frame_id(memory.mechanism.model, frame)
+            index = frame_id(context.mechanism.model, frame)
             parts.append(self._large.frame_jacobian(x, index)[:, n:] @ ways)
         return np.concatenate([part.ravel() for part in parts])
 

@@ -138,8 +138,8 @@ def _shapes(terms: Terms | ReducedTerms, names: str) -> str:
     return ", ".join(f"{name} {getattr(terms, name).shape}" for name in names.split())
 
 
-class Memory:
-    """Memory for the computations of one mechanism in one thread."""
+class Context:
+    """Loops, L and Pinocchio data of one mechanism; one object per thread."""
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
@@ -189,7 +189,7 @@ def whole_inertia(mechanism: Mechanism) -> float:
 
 
 def applied_forces(
-    memory: Memory,
+    context: Context,
     friction: Friction,
     q: Array,
     v: Array,
@@ -197,42 +197,42 @@ def applied_forces(
     tau: Array | None = None,
 ) -> Array:
     """Motors, friction, springs, lines, external wrenches as forces on the tree, shape (nv,)."""
-    springs, lines = memory.mechanism.springs, memory.mechanism.lines
-    force = np.zeros(len(v)) if tau is None else memory.mechanism.motors.dot(tau)
+    springs, lines = context.mechanism.springs, context.mechanism.lines
+    force = np.zeros(len(v)) if tau is None else context.mechanism.motors.dot(tau)
     if not friction.none:
         force = force + friction.forces(v)
     if not springs.none:
-        force = force + springs.forces(memory.mechanism.model, q)
+        force = force + springs.forces(context.mechanism.model, q)
     if not lines.none:
-        lengths, J = memory.lines.evaluate(q)
+        lengths, J = context.lines.evaluate(q)
         force = force - lines.tensions(lengths, J.dot(v), tau).dot(J)
     if wrenches is not None:
-        force = force + wrenches.ravel().dot(body_jacobians(memory.loops))
+        force = force + wrenches.ravel().dot(body_jacobians(context.loops))
     return force
 
 
 def inverse_dynamics(
-    memory: Memory, q: Array, va: Array, aa: Array, wrenches: Array | None
+    context: Context, q: Array, va: Array, aa: Array, wrenches: Array | None
 ) -> Array:
     """Generalised forces f of a motion, shape (n,), by the short form of Eq. (92).
 
     `pin.rnea` is N_l forward and N_l^T backward; it forms no K. `wrenches` are external [moment;
     force] on each body at its mass centre, base axes, shape (r, 6), or None.
     """
-    v, v_dot = memory.complement.motion(q, va, aa)
-    applied = applied_forces(memory, memory.mechanism.friction, q, v, wrenches)
-    return (memory.tree_forces(v, v_dot) - applied).dot(memory.complement.L)
+    v, v_dot = context.complement.motion(q, va, aa)
+    applied = applied_forces(context, context.mechanism.friction, q, v, wrenches)
+    return (context.tree_forces(v, v_dot) - applied).dot(context.complement.L)
 
 
-def force_sizes(memory: Memory, q: Array, va: Array, aa: Array, wrenches: Array | None) -> Array:
+def force_sizes(context: Context, q: Array, va: Array, aa: Array, wrenches: Array | None) -> Array:
     """Sizes of all forces that meet in each coordinate, shape (n,).
 
     They are an upper bound: directions are ignored, each turn moves mass centres by the length of
     the robot, and each body has at least its weight on Earth.
     """
-    mechanism, model = memory.mechanism, memory.mechanism.model
-    v, v_dot = memory.complement.motion(q, va, aa)
-    K, K_dot, M, Omega, weights = bodies(memory.loops, v)
+    mechanism, model = context.mechanism, context.mechanism.model
+    v, v_dot = context.complement.motion(q, va, aa)
+    K, K_dot, M, Omega, weights = bodies(context.loops, v)
     r = model.njoints - 1
     parts = [M @ (K @ v_dot), M @ (K_dot @ v), Omega @ (M @ (K @ v)), weights]
     if wrenches is not None:
@@ -241,15 +241,15 @@ def force_sizes(memory: Memory, q: Array, va: Array, aa: Array, wrenches: Array 
     on_bodies[1::2] += _EARTH * np.abs([body.mass for body in list(model.inertias)[1:]])
     lengths = np.linalg.norm(K.reshape(2 * r, 3, -1), axis=1)
     lengths[1::2] += mechanism.length * lengths[::2]
-    line_lengths, J = memory.lines.evaluate(q)
+    line_lengths, J = context.lines.evaluate(q)
     pulls = mechanism.lines.tensions(line_lengths, J.dot(v))[:, None] * J
     friction, springs = mechanism.friction.forces(v), mechanism.springs.forces(model, q)
     on_joints = np.abs([friction, springs, model.armature * v_dot, *pulls]).sum(axis=0)
-    return np.abs(memory.complement.L).T @ (lengths.T @ on_bodies + on_joints)
+    return np.abs(context.complement.L).T @ (lengths.T @ on_bodies + on_joints)
 
 
 def direct_dynamics(
-    memory: Memory,
+    context: Context,
     friction: Friction,
     q: Array,
     va: Array,
@@ -262,12 +262,12 @@ def direct_dynamics(
     Bias forces are a `pin.rnea`, N_l forward and N_l^T back. `friction` is taken instead of the
     mechanism's.
     """
-    v, bias = memory.complement.motion(q, va, memory.steady, tolerance)
-    force = applied_forces(memory, friction, q, v, wrenches, tau) - memory.tree_forces(v, bias)
-    L = memory.complement.L
-    inertia = L.T.dot(memory.tree_inertia()).dot(L)  # Eq. (93)
-    fastest = np.square(L / memory.mechanism.rate_scale[:, None]).sum(axis=0)
-    aa = solved(inertia, force.dot(L), WITHOUT_MASS * memory.whole_inertia * fastest)
+    v, bias = context.complement.motion(q, va, context.steady, tolerance)
+    force = applied_forces(context, friction, q, v, wrenches, tau) - context.tree_forces(v, bias)
+    L = context.complement.L
+    inertia = L.T.dot(context.tree_inertia()).dot(L)  # Eq. (93)
+    fastest = np.square(L / context.mechanism.rate_scale[:, None]).sum(axis=0)
+    aa = solved(inertia, force.dot(L), WITHOUT_MASS * context.whole_inertia * fastest)
     if aa is None:
         values = np.linalg.eigvalsh(inertia)
         why = "a coordinate moves no mass at this configuration"
@@ -290,22 +290,22 @@ def solved(inertia: Array, force: Array, least: Array | float = 0.0) -> Array | 
     return cho_solve((factor, True), force, check_finite=False) if sound.all() else None
 
 
-def terms(memory: Memory, q: Array, va: Array) -> Terms:
+def terms(context: Context, q: Array, va: Array) -> Terms:
     """All matrices of Eq. (92), long form; arguments as `inverse_dynamics`."""
-    memory.complement.evaluate(q)
-    mechanism, model = memory.mechanism, memory.mechanism.model
-    Phi, L = memory.loops.Phi, memory.complement.L
+    context.complement.evaluate(q)
+    mechanism, model = context.mechanism, context.mechanism.model
+    Phi, L = context.loops.Phi, context.complement.L
     v = L @ va  # Eq. (16)
-    L_dot = memory.complement.L_dot(memory.loops.Phi_dot(v))
-    of_bodies = bodies(memory.loops, v)
-    lengths, J = memory.lines.evaluate(q)
+    L_dot = context.complement.L_dot(context.loops.Phi_dot(v))
+    of_bodies = bodies(context.loops, v)
+    lengths, J = context.lines.evaluate(q)
     at_rest = mechanism.lines.tensions(lengths, np.zeros(len(J)))
     damping = mechanism.lines.tensions(lengths, J @ v) - at_rest
     T, T_dot = natural_complement(of_bodies, L, L_dot)
     K, K_dot, M, Omega, w_g = of_bodies
     # Rotors geared to a joint (model.armature) are no bodies of the paper; RNEA counts them too.
     rotors = L.T * model.armature
-    N_l, N_d = decoupled(memory.loops)
+    N_l, N_d = decoupled(context.loops)
     scaled = Phi * mechanism.row_scale[:, None] * mechanism.rate_scale
     return Terms(
         Phi=Phi[independent_rows(scaled)],

@@ -65,7 +65,7 @@ class JointComplement:
         if not self._mechanism.space.euclidean:
             self._mechanism.space.require_on_manifold(q)
         self._loops.evaluate_closed(q, self._row_scale, tolerance)
-        self.factorise(self._loops.Phi, self._loops.f)
+        self._factorise(self._loops.Phi, self._loops.f)
 
     def motion(
         self, q: Array, va: Array, aa: Array, tolerance: float = CLOSURE_TOLERANCE
@@ -79,7 +79,7 @@ class JointComplement:
         drift = [rows.Phi_dot(v, data).dot(v) for rows in loops.closures]
         return v, self.accelerations(aa, np.concatenate([loops.f[:0], *drift]))
 
-    def factorise(self, Phi: Array, f: Array | float = 0.0) -> None:
+    def _factorise(self, Phi: Array, f: Array) -> None:
         """Compute L and the inverse; the error names the rates that the closures do not determine.
 
         Redundant rows must hold too, up to the errors f of the loops, Eq. (2).

@@ -23,7 +23,7 @@ from ..loops.rows import CouplingRow
 from ..model.mechanism import Mechanism
 from ..model.thresholds import UNIQUE
 from ..summaries import Summary, listed
-from .dynamics import Memory, applied_forces
+from .dynamics import Context, applied_forces
 from .noc import mass_centers
 
 #: Inner stresses with a smaller stiffness, relative to the largest, are not determined.
@@ -135,7 +135,7 @@ def size_of(mechanism: Mechanism) -> int:
 
 
 def reactions(
-    memory: Memory,
+    context: Context,
     q: Array,
     va: Array,
     aa: Array,
@@ -149,29 +149,29 @@ def reactions(
     components, shape (r + closures, 6), or None. A code for each joint and closure has the bits of
     the components that are not unique. What compliances leave open is NaN.
     """
-    mechanism, tree, data = memory.mechanism, memory.tree, memory.data
-    v, v_dot = memory.complement.motion(q, va, aa)
-    needed = memory.tree_forces(v, v_dot)
-    needed = needed - applied_forces(memory, mechanism.friction, q, v, wrenches, tau)
+    mechanism, tree, data = context.mechanism, context.tree, context.data
+    v, v_dot = context.complement.motion(q, va, aa)
+    needed = context.tree_forces(v, v_dot)
+    needed = needed - applied_forces(context, mechanism.friction, q, v, wrenches, tau)
     if tau is None:
-        tau = needed.dot(memory.complement.L)
+        tau = needed.dot(context.complement.L)
         needed -= mechanism.motors.dot(tau)
-    Lambda = _multipliers(memory, needed)
+    Lambda = _multipliers(context, needed)
 
-    loads = _loads(memory, wrenches)
+    loads = _loads(context, wrenches)
     if not mechanism.lines.none:
-        lengths, J = memory.lines.evaluate(q)
+        lengths, J = context.lines.evaluate(q)
         tensions = mechanism.lines.tensions(lengths, J.dot(v), tau)
-        loads += memory.lines.loops.forces_on_bodies(-tensions[:, None])[..., 0]
+        loads += context.lines.loops.forces_on_bodies(-tensions[:, None])[..., 0]
     forces = map(pin.Force, loads)
     local = [place.actInv(load) for place, load in zip(data.oMi, forces, strict=True)]
     S = tree.S
-    pin.rnea(tree.model, data, memory.loops.q, S @ v, S @ v_dot, pin.StdVec_Force(local))
+    pin.rnea(tree.model, data, context.loops.q, S @ v, S @ v_dot, pin.StdVec_Force(local))
     borne = np.array([data.f[j].vector for j in tree.bodies[1:]])
     on_ground = [data.oMi[j].act(data.f[j]).vector for j in tree.model.children[0]]
     ground = sum(on_ground, -loads[0])  # less what lines take from it
 
-    both = _wrenches(memory, Lambda)
+    both = _wrenches(context, Lambda)
     both[: len(borne), :, 0] += borne
     both = both[:, _MOMENT_FIRST]
     values, stresses = both[..., 0], both[..., 1:]
@@ -184,29 +184,29 @@ def reactions(
     return np.concatenate([values.ravel(), ground[_MOMENT_FIRST], tau, codes])
 
 
-def _multipliers(memory: Memory, needed: Array) -> Array:
+def _multipliers(context: Context, needed: Array) -> Array:
     """The smallest lambda with Phi^T lambda = needed, then N, in columns, shape (rows, 1 + k)."""
-    mechanism = memory.mechanism
+    mechanism = context.mechanism
     row, rate = mechanism.row_scale, mechanism.rate_scale
-    U, s, Vt = np.linalg.svd(memory.loops.Phi * row[:, None] * rate)
+    U, s, Vt = np.linalg.svd(context.loops.Phi * row[:, None] * rate)
     rank = mechanism.model.nv - len(mechanism.coordinates)
     smallest = U[:, :rank] @ ((Vt[:rank] @ (rate * needed)) / s[:rank])
     return row[:, None] * np.column_stack([smallest, U[:, rank:]])
 
 
-def _loads(memory: Memory, wrenches: Array | None) -> Array:
+def _loads(context: Context, wrenches: Array | None) -> Array:
     """[force; moment] on the joints of the normal tree at the world's origin, shape (joints, 6)."""
-    loads = np.zeros((memory.tree.model.njoints, 6))
+    loads = np.zeros((context.tree.model.njoints, 6))
     if wrenches is not None:
         moment, force = wrenches[:, :3], wrenches[:, 3:]
-        at_origin = moment + np.cross(mass_centers(memory.loops), force)
-        loads[memory.tree.bodies[1:]] = np.hstack([force, at_origin])
+        at_origin = moment + np.cross(mass_centers(context.loops), force)
+        loads[context.tree.bodies[1:]] = np.hstack([force, at_origin])
     return loads
 
 
-def _wrenches(memory: Memory, Lambda: Array) -> Array:
+def _wrenches(context: Context, Lambda: Array) -> Array:
     """[force; moment] in joints and closures from lambda, shape (r + closures, 6, columns)."""
-    tree, data, loops = memory.tree, memory.data, memory.loops
+    tree, data, loops = context.tree, context.data, context.loops
     on_bodies = loops.forces_on_bodies(Lambda)
     for j in range(tree.model.njoints - 1, 0, -1):
         on_bodies[tree.model.parents[j]] += on_bodies[j]
@@ -214,7 +214,7 @@ def _wrenches(memory: Memory, Lambda: Array) -> Array:
     for rows, at in zip(loops.closures, loops.slices, strict=True):
         if isinstance(rows, CouplingRow):
             wrench = np.zeros((6, Lambda.shape[1]))
-            slides = memory.mechanism.space.rate_units[rows.rate] == "m"
+            slides = context.mechanism.space.rate_units[rows.rate] == "m"
             wrench[2 if slides else 5] = Lambda[at][0]
         else:
             frame_b = data.oMf[rows.frames[0]]

@@ -19,7 +19,7 @@ from ..model.mechanism import Mechanism
 from ..model.thresholds import MAX_CONDITION_NUMBER, UNSUPPLIED
 from . import dynamics, reactions, regressor
 from .derivatives import Derivatives
-from .dynamics import Memory
+from .dynamics import Context
 from .noc import mass_centers
 from .torque_sharing import least_torques
 
@@ -52,7 +52,7 @@ def _require_finite(result: Array, names: Iterable[str], arguments: Iterable[Any
 
 
 class Reference(threading.local):
-    """All dynamics of one mechanism, sample by sample; each thread has memory of its own."""
+    """All dynamics of one mechanism, sample by sample; each thread has its own context."""
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
@@ -61,18 +61,18 @@ class Reference(threading.local):
         return Reference, (self.mechanism,)
 
     @cached_property
-    def memory(self) -> Memory:
-        """This thread's memory."""
-        return Memory(self.mechanism)
+    def context(self) -> Context:
+        """The context of this thread."""
+        return Context(self.mechanism)
 
     @cached_property
     def derivatives(self) -> Derivatives:
-        """This thread's memory for derivatives."""
-        return Derivatives(self.memory)
+        """Derivatives of this thread."""
+        return Derivatives(self.context)
 
     @cached_property
     def designs(self) -> dict[str, Any]:
-        """This thread's memory for derivatives by the design."""
+        """Designs of this thread, by their parameters."""
         return {}
 
     @_finite
@@ -80,7 +80,7 @@ class Reference(threading.local):
         self, q: Array, va: Array, aa: Array, external_wrenches: Array | None
     ) -> Array:
         """f, shape (n,)."""
-        return dynamics.inverse_dynamics(self.memory, q, va, aa, external_wrenches)
+        return dynamics.inverse_dynamics(self.context, q, va, aa, external_wrenches)
 
     def torques(
         self,
@@ -94,12 +94,12 @@ class Reference(threading.local):
         f = self.generalized_forces(q, va, aa, external_wrenches)
         if self.mechanism.driven_one_to_one:
             return f
-        A = self.memory.complement.L.T @ self.memory.actuation(q)
+        A = self.context.complement.L.T @ self.context.actuation(q)
         with np.errstate(over="ignore", invalid="ignore"):
             tau = least_torques(self.mechanism, A, f, weights)
             left, sizes = f - A @ tau, np.abs(A) @ np.abs(tau)
             if not (np.abs(left) <= UNSUPPLIED * sizes).all():
-                sizes += dynamics.force_sizes(self.memory, q, va, aa, external_wrenches)
+                sizes += dynamics.force_sizes(self.context, q, va, aa, external_wrenches)
                 _require_finite(np.append(tau, sizes), (), ())
                 self._require_supplied(left, sizes)
         return tau
@@ -112,7 +112,7 @@ class Reference(threading.local):
         names = self.mechanism.coordinate_rate_names
         missing = {names[k]: float(left[k]) for k in over}
         listed = ", ".join(f"{name} {x:.4g}" for name, x in list(missing.items())[:6])
-        loops, scale = self.memory.loops, self.mechanism.row_scale[:, None]
+        loops, scale = self.context.loops, self.mechanism.row_scale[:, None]
         idle = idle_rates(self.mechanism, loops, loops.Phi * scale * self.mechanism.rate_scale)
         raise ActuationError(
             f"the motors cannot produce this motion: no motor supplies the forces {listed} "
@@ -130,13 +130,13 @@ class Reference(threading.local):
         """aa, shape (n,)."""
         self.mechanism.require_mass()
         friction = self.mechanism.friction
-        aa, _ = dynamics.direct_dynamics(self.memory, friction, q, va, tau, external_wrenches)
+        aa, _ = dynamics.direct_dynamics(self.context, friction, q, va, tau, external_wrenches)
         return aa
 
     @_finite
     def reduced_terms(self, q: Array, va: Array) -> Array:
         """Inertia, coriolis, gravity, friction in a row, shape (2 n (n + 1),)."""
-        terms = dynamics.terms(self.memory, q, va)
+        terms = dynamics.terms(self.context, q, va)
         gravity = terms.gravity + terms.springs
         matrices = terms.inertia.ravel(), terms.coriolis.ravel()
         return np.concatenate([*matrices, gravity, terms.friction])
@@ -144,7 +144,7 @@ class Reference(threading.local):
     @_finite
     def torque_regressor(self, q: Array, va: Array, aa: Array) -> Array:
         """Y, shape (n, p): f = Y theta."""
-        return regressor.torque_regressor(self.memory, q, va, aa)
+        return regressor.torque_regressor(self.context, q, va, aa)
 
     @_finite
     def torque_derivatives(
@@ -176,7 +176,7 @@ class Reference(threading.local):
     ) -> Array:
         """Wrenches of joints, closures and ground, torques, and codes of verdicts, in a row."""
         with np.errstate(over="ignore", invalid="ignore"):
-            row = reactions.reactions(self.memory, q, va, aa, tau, wrenches, compliances)
+            row = reactions.reactions(self.context, q, va, aa, tau, wrenches, compliances)
         n = len(reactions.names_of(self.mechanism))
         names = "q", "va", "aa", "tau", "external_wrenches"
         _require_finite(row[6 * n : -n], names, (q, va, aa, tau, wrenches))  # ground and torques
@@ -185,12 +185,12 @@ class Reference(threading.local):
     @_finite
     def rates(self, q: Array, va: Array) -> Array:
         """v = L va, shape (nv,), Eq. (16)."""
-        return self._L(q).dot(va)  # Eq. (16)
+        return self.L(q).dot(va)  # Eq. (16)
 
     def moved(self, q: Array, step: Array) -> Array:
         """The configuration where the coordinates are a step further, in the same assembly mode."""
         model, dependent = self.mechanism.model, self.mechanism.dependent
-        assembly = self.memory.assembly
+        assembly = self.context.assembly
 
         def way(q: Array, low: float, high: float) -> Array:
             ahead = pin.integrate(model, q, self.rates(q, (high - low) * step))
@@ -198,7 +198,7 @@ class Reference(threading.local):
 
         if not step.any():
             return q
-        reached, configuration = self.memory.continuity.follow(q, way, MAX_CONDITION_NUMBER)
+        reached, configuration = self.context.continuity.follow(q, way, MAX_CONDITION_NUMBER)
         if reached < 1:
             problem = (
                 "the loops cannot be closed further along the motion: out of reach, or singular"
@@ -206,10 +206,10 @@ class Reference(threading.local):
             raise ClosureError(problem, 0.0)
         return configuration
 
-    def _L(self, q: Array) -> Array:
+    def L(self, q: Array) -> Array:
         """L where the loops are closed, shape (nv, n), Eq. (17)."""
-        self.memory.complement.evaluate(q)
-        return self.memory.complement.L
+        self.context.complement.evaluate(q)
+        return self.context.complement.L
 
     @_finite
     def joint_accelerations(self, q: Array, va: Array, aa: Array) -> Array:
@@ -218,18 +218,18 @@ class Reference(threading.local):
 
     def joint_motion(self, q: Array, va: Array, aa: Array) -> tuple[Array, Array]:
         """v and v_dot, shapes (nv,), Eqs. (8), (16)."""
-        return self.memory.complement.motion(q, va, aa)
+        return self.context.complement.motion(q, va, aa)
 
     def frame_jacobian(self, q: Array, frame: int) -> Array:
         """[linear; angular] of a frame, world axes at its origin, shape (6, n)."""
-        L = self._L(q)
-        return self.memory.loops.frame_jacobian(frame).dot(L)
+        L = self.L(q)
+        return self.context.loops.frame_jacobian(frame).dot(L)
 
     @_finite
     def frame_jacobian_rate(self, q: Array, va: Array, frame: int) -> Array:
         """Rate of `frame_jacobian`, shape (6, n)."""
-        L, loops = self._L(q), self.memory.loops
-        L_dot = self.memory.complement.L_dot(loops.Phi_dot(L.dot(va)))
+        L, loops = self.L(q), self.context.loops
+        L_dot = self.context.complement.L_dot(loops.Phi_dot(L.dot(va)))
         return loops.frame_jacobian_rate(frame).dot(L) + loops.frame_jacobian(frame).dot(L_dot)
 
     @_finite
@@ -240,41 +240,41 @@ class Reference(threading.local):
     @_finite
     def frame_drift(self, q: Array, va: Array, frame: int) -> Array:
         """[linear; angular] acceleration of a frame with aa = 0, shape (6,)."""
-        memory, tree, where = self.memory, self.memory.tree, pin.LOCAL_WORLD_ALIGNED
-        v, v_dot = memory.complement.motion(q, va, memory.steady)
-        arguments = memory.loops.q, tree.S.dot(v), tree.S.dot(v_dot)
-        pin.forwardKinematics(tree.model, memory.data, *arguments)
-        return pin.getFrameClassicalAcceleration(tree.model, memory.data, frame, where).vector
+        context, tree, where = self.context, self.context.tree, pin.LOCAL_WORLD_ALIGNED
+        v, v_dot = context.complement.motion(q, va, context.steady)
+        arguments = context.loops.q, tree.S.dot(v), tree.S.dot(v_dot)
+        pin.forwardKinematics(tree.model, context.data, *arguments)
+        return pin.getFrameClassicalAcceleration(tree.model, context.data, frame, where).vector
 
     @_finite
     def actuator_jacobian(self, q: Array) -> Array:
         """J, shape (motors, n): the rates of the motors are J va."""
-        L = self._L(q)
-        return self.memory.actuation(q).T.dot(L)
+        L = self.L(q)
+        return self.context.actuation(q).T.dot(L)
 
     def line_lengths(self, q: Array) -> Array:
         """Lengths of the lines, shape (lines,)."""
         self.mechanism.space.require_on_manifold(q)
-        return self.memory.lines.lengths(q)
+        return self.context.lines.lengths(q)
 
     @_finite
     def line_rates(self, q: Array, v: Array) -> Array:
         """Rates of the lengths at rates v of the tree, shape (lines,)."""
-        return self.memory.lines.evaluate(q)[1].dot(v)
+        return self.context.lines.evaluate(q)[1].dot(v)
 
     @_finite
     def kinetic_energy(self, q: Array, v: Array) -> Array:
         """Kinetic energy of all bodies and rotors at rates v of the tree, [J]."""
-        self.memory.loops.evaluate(q)
-        return np.asarray(v.dot(self.memory.tree_inertia()).dot(v) / 2)
+        self.context.loops.evaluate(q)
+        return np.asarray(v.dot(self.context.tree_inertia()).dot(v) / 2)
 
     def potential_energy(self, q: Array) -> Array:
         """Potential energy of weights, zero with all masses at the origin, springs, lines, [J]."""
-        memory, springs = self.memory, self.mechanism.springs
+        context, springs = self.context, self.mechanism.springs
         self.mechanism.space.require_on_manifold(q)
-        memory.loops.evaluate(q)
+        context.loops.evaluate(q)
         model = self.mechanism.model
         masses = np.array([body.mass for body in list(model.inertias)[1:]])
-        energy = -masses.dot(mass_centers(memory.loops)).dot(model.gravity.linear)
+        energy = -masses.dot(mass_centers(context.loops)).dot(model.gravity.linear)
         energy += 0 if springs.none else springs.energy(model, q)
-        return np.asarray(energy + self.mechanism.lines.energy(memory.lines.lengths(q)))
+        return np.asarray(energy + self.mechanism.lines.energy(context.lines.lengths(q)))

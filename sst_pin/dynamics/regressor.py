@@ -20,7 +20,7 @@ from ..errors import DescriptionWarning, InputError, UnknownNameError
 from ..model.lines import LineForce
 from ..model.mechanism import Friction, Mechanism, Springs, read_only
 from ..summaries import Summary, listed
-from .dynamics import Memory
+from .dynamics import Context
 
 #: Parameters of a body about the frame of its joint, as in `pin.Inertia.toDynamicParameters`.
 OF_BODY = ("mass", "mx", "my", "mz", "ixx", "ixy", "iyy", "ixz", "iyz", "izz")
@@ -129,26 +129,26 @@ def size_of(mechanism: Mechanism) -> int:
     return 10 * bodies + 4 * rates + len(mechanism.sprung) + 3 * lines + motors
 
 
-def torque_regressor(memory: Memory, q: Array, va: Array, aa: Array) -> Array:
+def torque_regressor(context: Context, q: Array, va: Array, aa: Array) -> Array:
     """Y = L^T Y_tree, shape (n, p)."""
-    v, v_dot = memory.complement.motion(q, va, aa)
-    mechanism, L = memory.mechanism, memory.complement.L
+    v, v_dot = context.complement.motion(q, va, aa)
+    mechanism, L = context.mechanism, context.complement.L
     model, one, none = mechanism.model, np.ones(len(v)), np.zeros(len(v))
     sign = -Friction(none, one, mechanism.friction.sign_width).forces(v)
     deflections = pin.difference(model, mechanism.springs.reference, q)
     k = mechanism.sprung
     rates = [L.T * v, L.T * sign, L.T * v_dot, (L.T * deflections)[:, k], L.T]
-    lengths, J = memory.lines.evaluate(q)
+    lengths, J = context.lines.evaluate(q)
     pulls = [lengths - mechanism.lines.numbers[1], J.dot(v), np.ones(len(J))]
     lines = (J.dot(L).T[..., None] * np.array(pulls).T).reshape(len(va), -1)
-    motors = L.T.dot(memory.actuation(q))
-    return np.hstack([_of_bodies(memory, v, v_dot), *rates, lines, motors])
+    motors = L.T.dot(context.actuation(q))
+    return np.hstack([_of_bodies(context, v, v_dot), *rates, lines, motors])
 
 
-def _of_bodies(memory: Memory, v: Array, v_dot: Array) -> Array:
+def _of_bodies(context: Context, v: Array, v_dot: Array) -> Array:
     """Columns of the bodies, shape (n, 10 r)."""
-    tree, data, L = memory.tree, memory.data, memory.complement.L
-    q, S = memory.loops.q, tree.S
+    tree, data, L = context.tree, context.data, context.complement.L
+    q, S = context.loops.q, tree.S
     Y = pin.computeJointTorqueRegressor(tree.model, data, q, S.dot(v), S.dot(v_dot))
     by_joint = S.dot(L).T.dot(Y).reshape(L.shape[1], -1, 10)
     return by_joint[:, np.array(tree.bodies[1:]) - 1].reshape(L.shape[1], -1)

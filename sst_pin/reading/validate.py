@@ -194,7 +194,7 @@ def _gap(robot: Described, closures: Sequence[Constraint]) -> float:
     except ClosureError as caught:
         model = engine.mechanism.model
         try:
-            assembly = engine.reference.memory.assembly
+            assembly = engine.reference.context.assembly
             assembly.assemble(pin.neutral(model), np.arange(model.nv))
         except ClosureError:
             return caught.residual

@@ -284,11 +284,11 @@ def test_andrews_multipliers_are_the_published_ones():
     R = data.oMf[chain.model.getFrameId("tip_of_theta")].rotation[:2, :2]
     assert w.closures[:, 3:5] @ R.T == pytest.approx(-published, abs=1e-7 * 199)
 
-    memory = chain.engine.reference.memory
-    memory.evaluate(q)
-    needed = memory.tree_forces(v, v_dot)
-    needed -= dynamics.applied_forces(memory, chain.friction, q, v, None, np.array([0.033]))
-    found = reactions._multipliers(memory, needed)[:, 0].reshape(3, 3)[:, :2]
+    context = chain.engine.reference.context
+    context.evaluate(q)
+    needed = context.tree_forces(v, v_dot)
+    needed -= dynamics.applied_forces(context, chain.friction, q, v, None, np.array([0.033]))
+    found = reactions._multipliers(context, needed)[:, 0].reshape(3, 3)[:, :2]
     assert found == pytest.approx(-published, abs=1e-10 * 199)
 
 
