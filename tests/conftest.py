@@ -22,7 +22,7 @@ def compiled_robot(cache_of_the_run):
     return robot
 
 
-@pytest.fixture(scope="session", params=range(4))
+@pytest.fixture(scope="session", params=range(2))
 def odd(request):
     """An SST far from the paper's, friction in all joints."""
     return sst_pin.SST(random_parameters(np.random.default_rng(request.param)))

@@ -77,10 +77,8 @@ COMMANDS = [
     (f"torques {SAMPLE} -o there.csv", "use force (--force)"),
     (f"plot {SAMPLE} -o there.png", "use force (--force)"),
     (f"torques {SAMPLE} -o there.csv/out.csv", "cannot be written"),
-    ("paper --out there.csv", "cannot be written"),
     (f"torques {SAMPLE} -o {LONG}.csv", "File name too long"),
     (f"compile --export-c {LONG}", "File name too long"),
-    (f"paper --samples 10 --out {LONG}", "File name too long"),
     (f"torques {SAMPLE} -o device.csv --force", "is a device, not a file"),
 ]
 FLAT = "{},0,1.5707963267948966,1.5707963267948966"

@@ -13,6 +13,8 @@ from tests.support.bad_calls import faults
 
 #: Methods that compile, show, read files, or take nothing.
 OTHERS = {"from_description", "with_model"}
+#: Methods whose own tests refuse what is no name of a parameter or a joint, and no device.
+OTHERS |= {"assembly_modes", "design_derivatives", "warp", "with_design"}
 OTHERS |= {
     "casadi",
     "compile",
@@ -59,7 +61,6 @@ def good_arguments(name):
 METHODS = [
     (name, method)
     for name, kind in (
-        ("four-bar", ClosedChain),
         ("compiled four-bar", ClosedChain),
         ("SST", sst_pin.SST),
     )

@@ -75,7 +75,7 @@ def of_parts(forces_of, q, va, aa):
 
 @pytest.mark.parametrize(
     ("name", "configurations"),
-    [(name, 60) for name in QUICK] + [pytest.param(n, 400, marks=pytest.mark.slow) for n in NAMES],
+    [(name, 20) for name in QUICK] + [pytest.param(n, 400, marks=pytest.mark.slow) for n in NAMES],
 )
 def test_kernels_give_the_numbers_of_the_reference_path_or_leave_the_state_to_it(
     name, configurations

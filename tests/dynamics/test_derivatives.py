@@ -41,10 +41,10 @@ SOME = [
 
 @pytest.mark.parametrize("name", SOME)
 def test_derivatives_of_robots_are_those_of_differences(name):
-    """8 states; friction, springs and wrenches everywhere; also daa is the inertia."""
+    """4 states; friction, springs and wrenches everywhere; also daa is the inertia."""
     make, *arguments = CASES[name]
     some, random = make(*arguments), np.random.default_rng(1)
-    for state in some.states(8):
+    for state in some.states(4):
         assert_derivatives_are_those_of_differences(some, *state, random)
         assert_daa_is_the_inertia_and_dtau_its_inverse(some, *state)
 

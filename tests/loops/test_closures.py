@@ -16,7 +16,7 @@ from tests.support import by_hand, trees
 from tests.support.trees import CONSTRAINTS, JOINTS, add_joint, derivative, gradient, random_q, tree
 
 TREES = trees.TREES | {"to the ground": ("", [], ["free", "ball", "RX"])}
-MASKS = [mask for mask in itertools.product([False, True], repeat=6) if any(mask)]
+MASKS = list(itertools.product([False, True], repeat=6))[1::4]
 
 
 def loops_at(model, constraint, seed):

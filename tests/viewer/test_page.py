@@ -102,7 +102,7 @@ def test_every_body_and_every_extra_is_a_mesh_of_the_scene(page, robot):
     assert not found[FRAMES[0]]["visible"]
 
 
-@pytest.mark.parametrize("sample", [0, 13, 37, 60])
+@pytest.mark.parametrize("sample", [13, 60])
 def test_bodies_are_where_pinocchio_has_them_and_so_are_extras(page, robot, motion, sample):
     """To 1e-6 (single precision): world poses, positions and rotations.
 
@@ -149,7 +149,7 @@ def test_the_canvas_shows_the_robot_and_it_moves(page):
     assert (np.abs(first - second).max(axis=-1) > 60).mean() > 0.02
 
 
-@pytest.mark.parametrize("share", [0.0, 0.31, 0.77, 1.0])
+@pytest.mark.parametrize("share", [0.31, 1.0])
 def test_the_cursor_stands_at_the_time_and_on_the_curves(page, motion, share):
     """Read off the labels of the axes as a person would: time, torques, and the clock."""
     page.evaluate("share => panel.still(share)", share)
