@@ -54,7 +54,7 @@ def off_mode(chain, q):
 
 
 @pytest.mark.parametrize(
-    ("which", "compiled"), zip(PARALLELOGRAMS, (True, False, True), strict=True)
+    ("which", "compiled"), list(zip(PARALLELOGRAMS, (True, False, True), strict=True))
 )
 def test_parallelograms_stop_before_they_are_flat(which, compiled):
     """However many loops become singular at once, with any tolerance, start, rate and step."""
