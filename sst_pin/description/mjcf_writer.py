@@ -21,7 +21,7 @@ from ..model.mechanism import Mechanism
 from ..model.normal_tree import NormalTree
 from ..model.tree import frame_id, frame_named
 from .mjcf_joints import MjcfJoint, joints_of, principal_axes
-from .urdf_writer import numbers
+from .urdf_writer import numbers, rounded
 
 #: Runge-Kutta: on the paper's circle its error is 1e-5 rad where Euler's is 1e-2. MuJoCo 4.0.0
 #: factorises the sparse Jacobians wrongly that it takes for large robots.
@@ -38,6 +38,7 @@ _FIXED, _BALL = Closure.KINDS["6d"], Closure.KINDS["3d"]
 _HERE, _WORLDS = pin.SE3.Identity(), ("universe", "world")
 _SINGLE = ("hinge", "slide")
 _POINTS, _LINK = (pin.FrameType.OP_FRAME, pin.FrameType.SENSOR), pin.FrameType.BODY
+_LOOK = {"mass": "0", "group": "2", "contype": "0", "conaffinity": "0"}
 #: Types of geoms, and what gives their sizes.
 _SHAPES: dict[type, tuple[str, Callable[[Any], Iterable[float]]]] = {
     coal.Sphere: ("sphere", lambda s: [s.radius]),
@@ -132,20 +133,19 @@ class MjcfWriter:
         for name, q in configurations.items():
             SubElement(self._section("keyframe"), "key", name=name, qpos=numbers(self.qpos(q)))
 
-    def add_shapes(self, shapes: pin.GeometryModel) -> None:
-        """Add shapes for the eye: they weigh nothing and touch nothing."""
-        look = {"mass": "0", "group": "2", "contype": "0", "conaffinity": "0"}
+    def add_shapes(self, shapes: pin.GeometryModel, **how: str) -> None:
+        """Add shapes, by default for the eye: they weigh nothing and touch nothing."""
         for k, shape in enumerate(shapes.geometryObjects):
-            geometry, pose = shape.geometry, _pose(shape.placement)
-            attributes = {**look, **pose, "rgba": numbers(shape.meshColor.round(6))}
+            geometry, look = shape.geometry, how or {**_LOOK, "rgba": rounded(shape.meshColor)}
+            attributes = look | _pose(shape.placement, rounded)
             if type(geometry) in _SHAPES:
                 kind, size = _SHAPES[type(geometry)]
-                attributes |= {"type": kind, "size": numbers(size(geometry))}
+                attributes |= {"type": kind, "size": rounded(list(size(geometry)))}
             elif isinstance(geometry, coal.BVHModelBase):
                 mesh = self._section("asset"), "mesh", {"name": f"shape_{k}", "inertia": "shell"}
                 faces = (geometry.tri_indices(i) for i in range(geometry.num_tris))
                 corners = " ".join(str(face[i]) for face in faces for i in range(3))
-                points = numbers(geometry.vertices().round(6).ravel())
+                points = rounded(geometry.vertices().ravel())
                 SubElement(*mesh, vertex=points, face=corners)
                 attributes |= {"type": "mesh", "mesh": f"shape_{k}"}
             else:
@@ -386,12 +386,12 @@ def _site_name(frame: str) -> str:
     return "universe_site" if frame == "universe" else frame
 
 
-def _pose(at: pin.SE3) -> dict[str, str]:
+def _pose(at: pin.SE3, write: Callable[[Any], str] = numbers) -> dict[str, str]:
     """Position and orientation, where they are not zero."""
     from scipy.spatial.transform import Rotation
 
-    pose = {"pos": numbers(at.translation)} if at.translation.any() else {}
+    pose = {"pos": write(at.translation)} if at.translation.any() else {}
     if not np.array_equal(at.rotation, np.eye(3)):
         w = Rotation.from_matrix(at.rotation).as_quat(canonical=True)[[3, 0, 1, 2]]
-        pose["quat"] = numbers(w)
+        pose["quat"] = write(w)
     return pose

@@ -2,20 +2,21 @@
 """An SST as MJCF, with its parts and sensors, and a scene around it."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from xml.etree.ElementTree import SubElement
 
 import numpy as np
+import pinocchio as pin
 
 from ..arrays import Array
 from ..reading import Urdf, closed, parse_cuts
+from ..reading.shapes import urdf_shapes
 from .colours import COLOURS, PART_COLOURS
 from .frames import MOTOR_NAMES
 from .mjcf_writer import MjcfWriter
 from .parameters import Parameters
 from .parts import parts_of
-from .solids import Ball, Cylinder, Primitive, Solid
 from .urdf_writer import numbers, rounded, urdf_of, yaml_of
 
 _HEADER = """
@@ -38,7 +39,8 @@ _SCENE = Path(__file__).with_name("scene.xml")
 def mjcf_of(p: Parameters, configurations: Mapping[str, Array]) -> str:
     """XML of an SST: the closed robot with its parts and sensors, keyframes q by name."""
     urdf, cuts = Urdf(urdf_of(p), "URDF"), parse_cuts(yaml_of(p), "cuts")
-    writer, parts = MjcfWriter(closed(urdf, cuts).mechanism()), parts_of(p)
+    described = closed(urdf, cuts)
+    writer = MjcfWriter(described.mechanism())
     writer.add_keyframes(configurations)
     robot, asset = writer.root, ET.Element("asset")
     robot.insert(0, ET.Comment(_HEADER))
@@ -47,10 +49,11 @@ def mjcf_of(p: Parameters, configurations: Mapping[str, Array]) -> str:
     robot.insert(4, asset)
     for name, rgba in COLOURS.items():
         SubElement(asset, "material", name=name, rgba=rgba)
-    for name in parts:
+    for name in parts_of(p):
         SubElement(asset, "mesh", name=name, file=f"meshes/{name}.obj")
     for body in robot.iter("body"):
-        _add_shapes(body, parts)
+        for name, colour in PART_COLOURS[body.get("name", "")].items():
+            SubElement(body, "geom", {"class": "visual"}, mesh=name, material=colour)
     sensor = SubElement(robot, "sensor")
     for kind, place, what in (
         ("jointpos", "joint", "position"),
@@ -64,33 +67,11 @@ def mjcf_of(p: Parameters, configurations: Mapping[str, Array]) -> str:
     for element in robot.iter():  # the last digits are the machine's own
         for key in {"quat", "diaginertia"}.intersection(element.keys()):
             values = np.array(element.get(key, "").split(), float)
-            places = 14 - np.floor(np.log10(values.max())).astype(int)
+            places = 14 - np.floor(np.log10(np.abs(values).max())).astype(int)
             element.set(key, numbers(values.round(places)))
+    solids = urdf_shapes(urdf.root, Path(), described.model, pin.GeometryType.COLLISION)
+    writer.add_shapes(solids, **{"class": "collision"})
     return writer.text()
-
-
-def _add_shapes(body: ET.Element, parts: Mapping[str, Sequence[Solid]]) -> None:
-    colours = PART_COLOURS[body.get("name", "")]
-    for name, colour in colours.items():
-        SubElement(body, "geom", {"class": "visual"}, mesh=name, material=colour)
-    for solid in (solid for name in colours for solid in parts[name]):
-        for primitive in solid.primitives():
-            SubElement(body, "geom", {"class": "collision"} | _collision(primitive))
-
-
-def _collision(primitive: Primitive) -> dict[str, str]:
-    if isinstance(primitive, Ball):
-        sizes = {"pos": rounded(primitive.center), "size": rounded(primitive.radius)}
-        return {"type": "sphere"} | sizes
-    if isinstance(primitive, Cylinder):
-        ends = rounded((*primitive.start, *primitive.end))
-        return {"type": "cylinder", "fromto": ends, "size": rounded(primitive.radius)}
-    return {
-        "type": "box",
-        "pos": rounded(primitive.center),
-        "xyaxes": rounded(primitive.axes[:, :2].T.ravel()),
-        "size": rounded(primitive.size / 2),
-    }
 
 
 def scene_of(p: Parameters) -> str:
