@@ -15,6 +15,7 @@ from sst_pin import robots as gallery
 from sst_pin.description.colours import LEG_COLOURS
 from sst_pin.files import Writer, write_files
 from sst_pin.sst.paper import PERIOD, example_1
+from tests.gallery import adams_spherical_3rrr
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 
@@ -119,7 +120,24 @@ def who_acts() -> Figure:
     return figure
 
 
-FIGURES = {f.__name__: f for f in (robot, summary, workspace, reach, bearings, who_acts)}
+def adams() -> Figure:
+    """Sizes of the torques of a spherical 3-RRR: ours as lines, those of ADAMS as marks."""
+    t, theirs = adams_spherical_3rrr.DATA["t"], np.abs(adams_spherical_3rrr.DATA["tau"])
+    ours = np.abs(adams_spherical_3rrr.torques())
+    with plots.style():
+        figure = Figure(figsize=(7.5, 2.8), layout="constrained")
+        left, right = figure.subplots(1, 2)
+        for k, colour in enumerate(LEG_COLOURS[:3]):
+            left.plot(t, ours[:, k], color=colour, label=f"motor {k + 1}")
+            left.plot(t[::8], theirs[::8, k], "o", color=colour, markersize=3, fillstyle="none")
+            right.plot(t, 1e3 * (ours - theirs)[:, k], color=colour)
+        left.set(xlabel="time (s)", ylabel="motor torque (N m)")
+        left.legend(title="lines: sst_pin; marks: ADAMS", ncols=3, fontsize="small")
+        right.set(xlabel="time (s)", ylabel="difference (mN m)")
+    return figure
+
+
+FIGURES = {f.__name__: f for f in (robot, summary, workspace, reach, bearings, who_acts, adams)}
 
 
 def drawn(figure: Figure) -> Image.Image:
