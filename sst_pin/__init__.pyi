@@ -32,6 +32,7 @@ from .sst.robot import SST as SST
 from .sst.robot_wrapper import load as load
 
 # Files of robots
+from .compiled.export import write_c as write_c
 from .description.loop_closures_writer import write_loop_closures as write_loop_closures
 from .description.mjcf_writer import write_mjcf as write_mjcf
 from .reading.validate import Problem as Problem

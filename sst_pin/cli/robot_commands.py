@@ -7,8 +7,7 @@ import time
 from collections import Counter
 
 from ..compiled import libraries
-from ..errors import InputError, MissingExtraError
-from ..files import write_files
+from ..errors import InputError
 from . import common
 from .parser import gallery
 
@@ -81,14 +80,11 @@ def _list() -> None:
 
 
 def _export(arguments: argparse.Namespace) -> None:
-    try:
-        from ..compiled import export
-    except ImportError:
-        raise MissingExtraError("casadi", "compile") from None
+    from ..compiled.export import write_c
+
     folder = arguments.export_c
-    files = export.c_files(common.robot_of(arguments), folder, arguments.precision)
-    write_files(files, arguments.force, folder=folder)
-    print(f"{', '.join(path.name for path in files)} in {folder}")
+    write_c(common.robot_of(arguments), folder, arguments.precision, force=arguments.force)
+    print(f"robot.h, robot.c, main.c in {folder}")
 
 
 def robots(arguments: argparse.Namespace) -> None:

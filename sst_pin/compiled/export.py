@@ -10,11 +10,15 @@ import numpy as np
 from ..arrays import Array
 from ..dynamics.quantities import Name
 from ..engine import Robot
-from ..errors import DescriptionError, InputError
-from ..files import Writer, as_path, text_writer
+from ..errors import DescriptionError, InputError, MissingExtraError
+from ..files import Writer, as_path, text_writer, write_files
 from ..model.mechanism import Mechanism
 from ..model.tree import joint_id
-from . import c_code, kernels
+
+try:
+    from . import c_code, kernels
+except ImportError:
+    raise MissingExtraError("casadi", "compile") from None
 from .c_code import STYLES, Style
 from .compiled_backend import impossible
 from .equations import Equations
@@ -57,34 +61,40 @@ _FUNCTIONS = {
 }
 
 
-def c_files(
-    chain: Robot, folder: str | Path, precision: Precision = "double"
-) -> dict[Path, Writer]:
-    """The files that compute a robot's dynamics without Python.
+def write_c(
+    chain: Robot, folder: str | Path, precision: Precision = "double", *, force: bool = False
+) -> None:
+    """Write C99 code that computes a robot's dynamics without Python: robot.h, robot.c, main.c.
 
     robot.h declares `robot_torques` and `robot_computed_torque` (`robot_forces` where the motors do
     not hold all coordinates), `robot_accelerations`, `robot_actuator_jacobian` and
-    `robot_assembly_step`, as far as the robot has them.
+    `robot_assembly_step`, as far as the robot has them. main.c is an example.
 
     Args:
         chain: The robot.
-        folder: Where they go.
+        folder: Where the files go.
         precision: "double", or "single": seven digits, loops closed within 1e-4.
-
-    Returns:
-        Writers of robot.h, robot.c and main.c, an example.
+        force: Whether existing files may be replaced.
 
     Raises:
         DescriptionError: For a joint without compiled equations.
         ClosureError: When no configuration can be assembled, by which to choose pivots.
         InputError: For another precision.
+        MissingExtraError: Without CasADi, `sst-pin[compile]`.
+        OutputError: If a file cannot be written, or exists.
 
     Example:
-        >>> import sst_pin
-        >>> from sst_pin.compiled.export import c_files
-        >>> [path.name for path in c_files(sst_pin.robots.four_bar(), "controller")]
-        ['robot.h', 'robot.c', 'main.c']
+        >>> sst_pin.write_c(sst_pin.robots.four_bar(), "controller")
+        >>> sorted(path.name for path in Path("controller").iterdir())
+        ['main.c', 'robot.c', 'robot.h']
     """
+    write_files(c_files(chain, folder, precision), force, folder=as_path(folder))
+
+
+def c_files(
+    chain: Robot, folder: str | Path, precision: Precision = "double"
+) -> dict[Path, Writer]:
+    """Writers of the files of `write_c`."""
     if precision not in STYLES:
         raise InputError("precision", f"{precision!r} is not one of {', '.join(STYLES)}")
     engine, style = chain.engine, STYLES[precision]

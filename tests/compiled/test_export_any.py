@@ -11,9 +11,7 @@ import pytest
 import sst_pin
 from sst_pin import ClosedChain, robots
 from sst_pin.cli import main
-from sst_pin.compiled.export import c_files
 from sst_pin.description.urdf_writer import urdf_of, yaml_of
-from sst_pin.files import write_files
 from tests.gallery import EVERY_ROBOT
 from tests.support import any_chain
 from tests.support.exported_c import STRICT, TYPES, Exported
@@ -99,7 +97,10 @@ def test_exported_computed_torque_is_that_of_the_package(precision, tmp_path):
 
 
 def test_coordinates_that_are_no_single_number_have_no_computed_torque_in_c(tmp_path):
-    write_files(c_files(any_chain.with_joint("universal"), tmp_path))
+    chain = any_chain.with_joint("universal")
+    sst_pin.write_c(chain, tmp_path)
+    with pytest.raises(sst_pin.OutputError, match="exists"):
+        sst_pin.write_c(chain, tmp_path)
     header = (tmp_path / "robot.h").read_text(encoding="utf-8")
     assert "int robot_torques(" in header
     assert "There is no robot_computed_torque" in header
