@@ -291,7 +291,7 @@ class ClosedChain(RobotProperties, Summary):
     ) -> AssemblyModes:
         """Closed configurations with joints at these positions, one for each assembly mode.
 
-        The positions must leave no degree of freedom. Planar loops of hinges and the SST have
+        The positions must leave no degree of freedom. Planar dyads and the SST have
         closed forms. Other robots are searched from many starts, which can miss modes.
 
         Args:

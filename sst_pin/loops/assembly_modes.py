@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """All assembly modes: the configurations with closed loops where some joints are held.
 
-Loops that share no free joint are solved apart. A loop that two parallel hinges close, a planar
-dyad, is a triangle with two solutions; after it others may be dyads too. The rest is searched from
-random starts by Newton's method.
+A loop that two joints of a plane close, a dyad of hinges or of a hinge and a slide, has two
+solutions in closed form; after it others may be dyads too. The rest is searched from random starts
+by Newton's method.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -182,7 +183,7 @@ class _Search:
         return signs
 
     def _dyad(self, q: Array, k: int, rates: Indices) -> list[Array] | None:
-        """Both configurations of two parallel hinges that close a point; None if it is no dyad."""
+        """Both ways in which two joints of a plane close a point; None if this is no dyad."""
         closure, model = self._mechanism.closures[k], self._model
         joints = [joint for joint in list(model.joints)[1:] if joint.idx_v in rates]
         one_each = [(joint.nq, joint.nv) for joint in joints] == [(1, 1)] * 2
@@ -191,34 +192,60 @@ class _Search:
         self._loops.evaluate(q)
         tree, data = self._loops.tree, self._loops.data
         linear, axes = np.split((data.J.reshape(6, -1) @ tree.S)[:, rates].T, 2, axis=1)
-        n, other = axes
-        slides = np.vecdot(linear, axes)  # of a screw, or of a slide, which has no axis
-        off = [*(np.linalg.norm(axes, axis=1) - 1), *slides, *np.cross(n, other)]
-        if np.abs(off).max() > _EQUAL:
+        plane = _plane(linear, axes)
+        if plane is None:
             return None
-        plane = np.linalg.svd(n[None])[2][1:]
-        plane[1] *= np.linalg.det([n, *plane])
-
-        def flat(point: Array) -> complex:
-            return complex(*(plane @ point))
-
-        ends = [frame_id(model, x) for x in (closure.frame_a, closure.frame_b)]
-        points = [flat(data.oMf[end].translation) for end in ends]
-        moves_b = tree.supports[tree.model.frames[ends[1]].parentJoint]
-        first, second = (moves_b @ tree.S)[rates].astype(int)
-        h, g = (flat(np.cross(*pair)) for pair in zip(axes, linear, strict=True))
-        # e^(i x) (a + e^(i y) b) = c, with y relative to x.
-        a, b, c = points[first] - h, g - points[second], g - h
-        if first == second:  # both hinges move one end
-            a, b, c = g - h, points[first] - g, points[1 - first] - h
-        if min(map(abs, (a, b, c))) <= _EQUAL * self._mechanism.length:
+        x = int(not axes[0].any())  # a hinge, and the other joint
+        y, slides = 1 - x, not axes[1 - x].any()
+        ends = [frame_id(model, name) for name in (closure.frame_a, closure.frame_b)]
+        moves_b = tree.supports[tree.model.frames[ends[1]].parentJoint] @ tree.S
+        first, other = moves_b[rates[[x, y]]].astype(int)
+        points = [data.oMf[ends[first]].translation, data.oMf[ends[1 - first]].translation]
+        points += [*np.cross(axes, linear)[[x, y]], linear[y]]
+        near, far, h, g, d = (complex(*(plane @ point)) for point in points)
+        # y moves `near` about h, or `far`; where it bears x, it moves `far` the other way.
+        after = first == other and y > x
+        moved, fixed = (near, far) if after else (far, near)
+        meetings = _meetings(moved - h, abs(fixed - h), None if slides else g - h, d)
+        if meetings is None:
             return None
-        cosine = (abs(c) ** 2 - abs(a) ** 2 - abs(b) ** 2) / (2 * abs(a) * abs(b))
-        both = list[Array]()
-        for sign in (-1, 1) if abs(cosine) <= 1 + _EQUAL else ():
-            y = sign * np.arccos(np.clip(cosine, -1, 1)) - np.angle(b / a)
-            x = np.angle(c / (a + np.exp(1j * y) * b))
-            turns = np.array([x, (y if first == second else x + y) * np.sign(n @ other)])
-            both.append(q.copy())
-            both[-1][[joint.idx_q for joint in joints]] += turns
+        way = (-1 if first == other and not after else 1) * (1 if slides else axes[x] @ axes[y])
+        both = [q.copy() for _ in meetings]
+        for configuration, (move, point) in zip(both, meetings, strict=True):
+            turn = np.angle((fixed - h) / point if after else point / (fixed - h))
+            configuration[[joints[x].idx_q, joints[y].idx_q]] += turn, way * move
         return both
+
+
+def _plane(linear: Array, axes: Array) -> Array | None:
+    """The plane, shape (2, 3), in which joints with these twists move, one or both of them hinges.
+
+    A turn about the first hinge is one from its first to its second direction.
+    """
+    turns = np.linalg.norm(axes, axis=1)
+    n = axes[int(not turns[0])]
+    along = np.where(turns > 0, np.vecdot(linear, axes), linear @ n)  # of screws, and of slides
+    off = np.abs([*(turns - turns.round()), *along, *np.cross(n, axes).ravel()]).max()
+    if not n.any() or off > _EQUAL:
+        return None
+    plane = np.linalg.svd(n[None])[2][1:]
+    plane[1] *= np.linalg.det([n, *plane])
+    return np.asarray(plane)
+
+
+def _meetings(p: complex, r: float, g: complex | None, d: complex) -> list[Any] | None:
+    """Turns about g, or ways along d, that bring p to a distance r of the origin, and where to."""
+    if r <= _EQUAL * abs(p):
+        return None
+    if g is None:
+        way = -(p * d.conjugate()).real
+        square = r * r - abs(p + way * d) ** 2
+        ways = [way + sign * np.sqrt(max(square, 0.0)) for sign in (-1, 1)]
+        return [(x, p + x * d) for x in ways] if square >= -_EQUAL * r * r else []
+    arm = p - g
+    if min(abs(arm), abs(g)) <= _EQUAL * r:
+        return None
+    cosine = (r * r - abs(g) ** 2 - abs(arm) ** 2) / (2 * abs(g) * abs(arm))
+    corner = np.arccos(np.clip(cosine, -1, 1))
+    turns = [sign * corner - np.angle(arm / g) for sign in (-1, 1)]
+    return [(x, g + np.exp(1j * x) * arm) for x in turns] if abs(cosine) <= 1 + _EQUAL else []

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """All assembly modes, against poses of the literature and closed forms."""
 
+from contextlib import suppress
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -144,6 +146,54 @@ def test_a_four_bar_has_both_intersections_of_two_circles(angle):
     for name in ("coupler", "rocker"):  # the centres of the circles are on the mirror
         centre = data.oMi[model.getJointId(name)].translation
         assert across @ (middle - centre) == pytest.approx(0, abs=1e-12)
+
+
+def slider_crank(kind):
+    """A crank, and beside it a hinge and a slide in the order of this kind."""
+    model = pin.Model()
+    crank = body(model, 0, pin.JointModelRZ(), "crank", at((0, 0)))
+    tip, place = crank, at((0.3, 0))
+    if kind == "opposite":
+        tip = body(model, crank, pin.JointModelRZ(), "hinge", place)
+        place = at((0.8, 0.1))
+        end = body(model, 0, pin.JointModelPX(), "slide", at((0.2, 0.1), 0.3))
+        end_place = at((0.05, 0.02))
+    elif kind == "hinge, slide":
+        bearer = body(model, 0, pin.JointModelRZ(), "hinge", at((0.6, 0.1)))
+        end, end_place = (
+            body(model, bearer, pin.JointModelPY(), "slide", at((0.1, 0), 0.2)),
+            at((0, 0)),
+        )
+    else:
+        bearer = body(model, 0, pin.JointModelPX(), "slide", at((0.1, -0.1), -0.2))
+        end, end_place = (
+            body(model, bearer, pin.JointModelRZ(), "hinge", at((0, 0.1))),
+            at((0.7, 0)),
+        )
+    model.addFrame(pin.Frame("tip", tip, place, pin.FrameType.OP_FRAME))
+    model.addFrame(pin.Frame("end", end, end_place, pin.FrameType.OP_FRAME))
+    return sst_pin.ClosedChain(model, [sst_pin.Closure("tip", "end", "3d")], ["crank"])
+
+
+@pytest.mark.parametrize("kind", ["opposite", "hinge, slide", "slide, hinge"])
+@pytest.mark.parametrize("angle", [0.4, -2.0])
+def test_hinge_and_slide_close_in_the_two_ways_that_newtons_method_finds(kind, angle):
+    chain, random, searched = slider_crank(kind), np.random.default_rng(1), []
+    modes = chain.assembly_modes({"crank": angle})
+    assert modes.complete
+    assert len(modes) == 2
+    assert np.abs(chain.residual(modes.q)).max() < 1e-12
+    for _ in range(20):
+        guess = random.uniform(-2, 2, 3)
+        guess[chain.position_names.index("crank")] = angle
+        with suppress(sst_pin.ClosureError):  # a dead end
+            searched.append(chain.assemble(guess, fixed=["crank"]))
+    assert len(searched) > 5
+    turns = np.array(chain.joint_units) == "rad"
+    ways = modes.q[:, None] - np.array(searched)
+    gaps = np.abs(np.where(turns, np.sin(ways / 2), ways)).max(axis=-1)
+    assert gaps.min(axis=0).max() < 1e-9  # each is one of the two
+    assert gaps.min(axis=1).max() < 1e-9  # and both are there
 
 
 def test_dyads_behind_dyads_are_closed_in_order():
