@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import closing, contextmanager
 from functools import cache
 from logging import getLogger
@@ -17,8 +17,8 @@ PATIENCE = 2.0
 _log = getLogger("sst_pin")
 
 
-class _Bar:
-    """A bar of tqdm that appears when it is late."""
+class Bar:
+    """A bar of tqdm, with these options, that appears when it is late, and a hint with it."""
 
     def __init__(self, hint: str = "", **how: Any) -> None:
         self._bar: Any = None
@@ -35,28 +35,18 @@ class _Bar:
             self._bar.update(max(done - self._bar.n, 0))
 
     def close(self) -> None:
+        """Remove it."""
         if self._bar is not None:
             self._bar.close()
 
 
 def counted(things: Iterable[T], what: str, total: int | None = None) -> Iterator[T]:
     """Things one by one, with a bar once they take longer."""
-    with closing(_Bar(desc=what, total=total)) as bar:
+    with closing(Bar(desc=what, total=total)) as bar:
         for done, thing in enumerate(things):
             if done:
                 bar.reach(done)
             yield thing
-
-
-@contextmanager
-def over_time(
-    what: str, start: float, end: float, hint: str = ""
-) -> Iterator[Callable[[float], None]]:
-    """A function of the time reached, which shows a bar, and a hint once in a process."""
-    form = "{desc} {percentage:3.0f}% |{bar}| {n:.3g}/{total:.3g} s of motion"
-    how = {"desc": what, "total": round(end - start, 9), "unit": "s", "bar_format": form}
-    with closing(_Bar(hint, **how)) as bar:
-        yield lambda t: bar.reach(t - start)
 
 
 @contextmanager

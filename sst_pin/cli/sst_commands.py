@@ -18,11 +18,8 @@ from ..sst.robot import SST
 from ..sst.robot_wrapper import configurations_of
 from . import common
 
-#: Options that only an SST has.
-_OF_SST = (
-    *("alpha", "base_directions", "base_radius", "star_radius", "link_mass", "passive_mass"),
-    *("star_mass", "viscous_friction", "coulomb_friction", "gravity"),
-)
+#: Options of `describe` that every robot has.
+_COMMON = {"command", "robot", "output", "force"}
 
 
 def paper(arguments: argparse.Namespace) -> int:
@@ -66,7 +63,7 @@ def describe(arguments: argparse.Namespace) -> None:
     """Any robot as MJCF; a description folder, such as urdf/, for any SST."""
     robot, output = common.robot_of(arguments), arguments.output
     if output.suffix.lower() in (".xml", ".mjcf"):
-        if any(getattr(arguments, name) is not None for name in _OF_SST):
+        if any(value is not None for name, value in vars(arguments).items() if name not in _COMMON):
             robot = SST(_changed(common.sst_of(arguments).parameters, arguments))
         write_mjcf(robot, output, arguments.force)
         print(f"{robot.mechanism.model.name or 'robot'} with closed loops -> {output}")
@@ -88,10 +85,9 @@ def _changed(p: Parameters, arguments: argparse.Namespace) -> Parameters:
     changes = {f.name: given[f.name] for f in fields(Parameters) if f.name in given}
     if "alpha" in given:
         changes["arc_angles"] = np.radians(given["alpha"])
-    if "link_mass" in given:
-        changes["link"] = [_weighing(given["link_mass"], body) for body in p.links]
-    if "passive_mass" in given:
-        changes["passive_link"] = [_weighing(given["passive_mass"], b) for b in p.passive_links]
+    for name, bodies in (("link", p.links), ("passive_link", p.passive_links)):
+        if (mass := given.get(name.removesuffix("_link") + "_mass")) is not None:
+            changes[name] = [_weighing(mass, body) for body in bodies]
     if "star_mass" in given:
         changes["star"] = _weighing(given["star_mass"], p.star)
     return replace(p, **changes)

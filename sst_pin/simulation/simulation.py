@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import warnings
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from ..dynamics.quantities import Quantity
 from ..engine import Engine
 from ..errors import InputError, SingularityWarning
 from ..model.closures import Rolling
-from ..progress import over_time
+from ..progress import Bar
 from ..states import States
 from .inputs import ExternalLoad, Settings, Torque, load_input, torque_input
 from .integration import Integration
@@ -28,6 +29,8 @@ from .trajectories import Trajectory, trajectory_of
 FASTER = 300
 _HINT = "simulate is on the reference path; in Python, chain.compile() makes accelerations about "
 _HINT += f"{FASTER} times as fast"
+
+_BAR = "{desc} {percentage:3.0f}% |{bar}| {n:.3g}/{total:.3g} s of motion"
 
 
 def simulate(
@@ -59,8 +62,9 @@ def simulate(
         and not any(isinstance(closure, Rolling) for closure in mechanism.closures)
     )
     hint = _HINT if engine.make_kernels is None else ""
-    with over_time("simulating", times[0], times[-1], hint) as reach:
-        settings = replace(settings, progress=settings.progress or reach)
+    with closing(Bar(hint, desc="simulating", total=np.ptp(times), bar_format=_BAR)) as bar:
+        shown = settings.progress or (lambda t: bar.reach(t - times[0]))
+        settings = replace(settings, progress=shown)
         integration = Integration(equations, mechanism, settings, exact=exact)
         q, va, aa, tau = integration.integrate(times, start)
     stopped, missed = integration.stopped, integration.missed
