@@ -87,10 +87,11 @@ class Calibration(Summary):
             DescriptionError: If the URDF cannot be read, or has no joint at a calibrated place.
             OutputError: If the file cannot be written, or exists.
         """
-        write_files({as_path(path): text_writer(self._urdf(urdf))}, force)
+        folder = as_path(path).parent
+        write_files({as_path(path): text_writer(self._urdf(urdf, folder))}, force)
 
-    def _urdf(self, urdf: str | Path) -> str:
-        """The URDF that the robot was read from, with calibrated origins."""
+    def _urdf(self, urdf: str | Path, folder: Path) -> str:
+        """The URDF that the robot was read from, for a folder, with calibrated origins."""
         mechanism, places = self.chain.mechanism, dict[str, pin.SE3]()
         errors = dict(zip(self.names, self.values, strict=True))
         for place, way in geometry.displacements(mechanism, errors).items():
@@ -98,7 +99,7 @@ class Calibration(Summary):
             calibrated = geometry.place_of(mechanism.model, place)[1].rotation
             drawn = pin.SE3(calibrated @ turn.T, np.zeros(3))
             places[place] = geometry.relative(drawn, way)
-        return with_origins(urdf, places)
+        return with_origins(urdf, mechanism.model, places, folder)
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         triples = zip(self.names, self.values, 3 * self.deviations, strict=True)
@@ -114,6 +115,7 @@ def calibrate(
     poses: ArrayLike,
     *,
     which: Sequence[str] | None = None,
+    urdf: str | Path | None = None,
     start: ArrayLike | None = None,
 ) -> Calibration:
     """The geometry of a robot from measured poses of a frame and positions of the motors.
@@ -129,14 +131,17 @@ def calibrate(
         which: The errors considered: names, or patterns such as "motor_*.r*", of joints that move,
             of frames of closures, and of `frame`; by default those of all joints and closures. An
             error that alone opens loops of an overconstrained robot is left out.
+        urdf: The URDF that `write_urdf` of the result takes: by default only errors that it can
+            store are considered.
         start: A guess of all joints in the first pose, shape (nq,), as in `coordinate_motion`, from
             which the others are followed; or in each pose, shape (N, nq).
 
     Raises:
         UnknownNameError: For an unknown frame, or a pattern that fits no error.
         InputError: For wrong shapes, matrices that are not rotations, fewer equations than errors
-            that they could show, errors of `which` that alone open the loops, poses ten lengths of
-            the robot away, or poses from which Newton's method does not settle.
+            that they could show, errors of `which` that alone open the loops or that the URDF
+            cannot store, poses ten lengths of the robot away, or poses from which Newton's method
+            does not settle.
         ClosureError: If a pose cannot be assembled.
 
     Example:
@@ -154,8 +159,8 @@ def calibrate(
     measured = targets_of(poses, len(angles))
     if any(position is None for position, _ in measured):
         raise InputError("poses", "orientations alone; expected shapes (N, 3) or (N, 4, 4)")
+    large, errors = enlarged(chain, frame, which, urdf)
     drawn = _configurations(chain, angles, start)
-    large, errors = enlarged(chain, frame, which)
     every = [x for x in large.mechanism.model.names if not chain.mechanism.model.existJointName(x)]
     if alone := opening(large, every, drawn):
         if which is not None:

@@ -7,6 +7,7 @@ closed loops.
 
 from collections.abc import Mapping, Sequence
 from fnmatch import fnmatchcase
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -17,25 +18,38 @@ from ..errors import InputError, UnknownNameError
 from ..model import geometry
 from ..model.thresholds import RANK_TOLERANCE
 from ..model.tree import frame_id
+from ..reading import Urdf
 from ..summaries import listed
+from .urdf_numbers import bearers_of
 
 #: What the joints do not close of an error, free of units, counts as none below this.
 _CLOSED = 1e-6
 
 
 def enlarged(
-    chain: ClosedChain, frame: str, which: Sequence[str] | None
+    chain: ClosedChain,
+    frame: str,
+    which: Sequence[str] | None,
+    urdf: str | Path | None = None,
 ) -> tuple[ClosedChain, list[str]]:
-    """The robot whose geometry can err, and the names of the errors that are independent."""
+    """The robot whose geometry can err, and the names of the errors that are independent.
+
+    With a URDF, they are errors that it can store.
+    """
     mechanism = chain.mechanism
     frame_id(mechanism.model, frame)
     places = list(dict.fromkeys([*geometry.places_of(mechanism), frame]))
     names = [f"{place}.{axis}" for place in places for axis in geometry.AXES]
-    patterns = [f"{place}.*" for place in places if place != frame] if which is None else which
+    stored = places if urdf is None else bearers_of(Urdf.read(urdf).root, mechanism.model)
+    by_default = [f"{place}.*" for place in places if place != frame and place in stored]
+    patterns = by_default if which is None else which
     for pattern in patterns:
         if not any(fnmatchcase(name, pattern) for name in names):
             raise UnknownNameError("error of the geometry", pattern, names)
     errors = [name for name in names if any(fnmatchcase(name, p) for p in patterns)]
+    if others := [name for name in errors if name.rpartition(".")[0] not in stored]:
+        problem = f"{urdf} cannot store {listed(others)}: no joint of it is there; leave them out"
+        raise InputError("which", problem)
     ways = [geometry.displacements(mechanism, {name: 1.0}) for name in errors]
     joints = [(name, *pair) for name, way in zip(errors, ways, strict=True) for pair in way.items()]
     model = geometry.enlarged(mechanism.model, joints)

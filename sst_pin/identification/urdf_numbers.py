@@ -15,7 +15,7 @@ from ..closed_chain import ClosedChain
 from ..dynamics.regressor import OF_BODY
 from ..errors import DescriptionError, DescriptionWarning
 from ..files import as_path, text_writer, write_files
-from ..reading import Urdf, read_urdf
+from ..reading import Described, Urdf, read_urdf
 from ..reading.urdf_checks import ENTRIES
 from ..summaries import listed
 
@@ -105,9 +105,7 @@ def _put_friction(root: ET.Element, chain: ClosedChain) -> None:
 
 def _differences(chain: ClosedChain, urdf: Urdf, partly: Sequence[str]) -> list[str]:
     """Names of the parameters that a URDF, with the YAML beside it, gives other values."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DescriptionWarning)
-        again = ClosedChain.from_description(read_urdf(urdf)).dynamic_parameters
+    again = ClosedChain.from_description(_read_again(urdf)).dynamic_parameters
     values, theta = dict(zip(again.names, again.values, strict=True)), chain.dynamic_parameters
     sizes = dict.fromkeys((name.rpartition(".")[2] for name in theta.names), 0.0)
     for name, value in zip(theta.names, theta.values, strict=True):
@@ -133,17 +131,42 @@ def _with_meshes(root: ET.Element, source: Path, folder: Path) -> str:
     return ET.tostring(root, encoding="unicode", xml_declaration=True)
 
 
-def with_origins(urdf: str | Path, moved: Mapping[str, pin.SE3]) -> str:
-    """The text of a URDF in which joints, by the name of the joint or its child, are moved."""
-    root = Urdf.read(urdf).root
-    joints = {joint.get("name"): joint for joint in root.findall("joint")}
+def bearers_of(root: ET.Element, model: pin.Model) -> dict[str, ET.Element]:
+    """Joints of a URDF by the joints and links whose placements in the model they store."""
+    joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
     for joint in root.findall("joint[child]"):
-        joints.setdefault(joint.find("child").get("link"), joint)  # type: ignore[union-attr]
+        joints.setdefault(joint.find("child").get("link", ""), joint)  # type: ignore[union-attr]
+    for name, parent in zip(model.names, model.parents, strict=True):
+        whole, _, axis = name.rpartition("_")  # a part of a universal joint in the YAML
+        first = model.names[parent].rpartition("_")[0] != whole
+        if name not in joints and whole in joints and axis in ("X", "Y", "Z") and first:
+            joints[name] = joints[whole]
+    return joints
+
+
+def with_origins(
+    urdf: str | Path, model: pin.Model, moved: Mapping[str, pin.SE3], folder: Path
+) -> str:
+    """The text of a URDF for a folder in which places of a model are moved, read back, compared."""
+    root = Urdf.read(urdf).root
+    joints = bearers_of(root, model)
+    if lost := [place for place in moved if place not in joints]:
+        problem = f"no joint bears {listed(lost)}; calibrate(..., urdf=) leaves out such errors"
+        raise DescriptionError(str(urdf), [problem])
     for place, by in moved.items():
-        if place not in joints:
-            raise DescriptionError(str(urdf), [f"no joint bears {place}"])
         _place(joints[place], _origin(joints[place]) * by)
-    return ET.tostring(root, encoding="unicode", xml_declaration=True)
+    again = _read_again(Urdf(ET.tostring(root, encoding="unicode"), str(urdf))).model
+    places = zip(model.names, model.jointPlacements, strict=True)
+    theirs = dict(zip(again.names, again.jointPlacements, strict=True))
+    if lost := [x for x, place in places if not theirs.get(x, place).isApprox(place, _EQUAL)]:
+        raise DescriptionError(str(urdf), [f"it is another robot: {listed(lost)} are elsewhere"])
+    return _with_meshes(root, Path(urdf).resolve().parent, folder.resolve())
+
+
+def _read_again(urdf: Urdf) -> Described:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DescriptionWarning)
+        return read_urdf(urdf)
 
 
 def _fix_locked(root: ET.Element, model: pin.Model) -> list[str]:

@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 
 import sst_pin
 from sst_pin.identification import calibrate
+from sst_pin.identification.geometry_errors import enlarged
 from tests.support.planar_bars import DRAG_LINK, planar
 
 ROOT = Path(__file__).parents[2]
@@ -108,7 +109,7 @@ def test_a_calibrated_urdf_is_the_calibrated_robot(tmp_path):
     urdf = ROOT / "examples" / "delta.urdf"
     drawn = sst_pin.ClosedChain.from_urdf(urdf)
     rng = np.random.default_rng(1)
-    joints = [name for name in drawn.joint_names if name in drawn.coordinates]
+    joints = [name for name in drawn.joint_names if name in drawn.coordinates] + ["elbow_1a_X"]
     frame = drawn.closures[0].frame_a
     names = [f"{joint}.{axis}" for joint in joints for axis in ("x", "ry")] + [f"{frame}.y"]
     made = drawn.with_design({name: 1e-3 * rng.normal() for name in names})
@@ -121,7 +122,7 @@ def test_a_calibrated_urdf_is_the_calibrated_robot(tmp_path):
     drawn.refresh()
     made.refresh()
     poses = poses_of(made, x, measured)
-    found = calibrate(drawn, measured, x, poses, which=names)
+    found = calibrate(drawn, measured, x, poses, which=names, urdf=urdf)
     found.write_urdf(urdf, tmp_path / "delta.urdf")
     (tmp_path / "delta.yaml").write_bytes(urdf.with_suffix(".yaml").read_bytes())
     again = sst_pin.ClosedChain.from_urdf(tmp_path / "delta.urdf")
@@ -132,6 +133,22 @@ def test_a_calibrated_urdf_is_the_calibrated_robot(tmp_path):
         theirs = again.model.frames[again.model.getFrameId(mine.name, mine.type)]
         if mine.name == frame or mine.type == pin.FrameType.OP_FRAME:
             assert mine.placement.isApprox(theirs.placement, 1e-12)
+
+
+def test_errors_that_a_urdf_cannot_store_are_known_before():
+    """No joint of the file stands between both axes of a universal joint."""
+    urdf = ROOT / "examples" / "delta.urdf"
+    drawn = sst_pin.ClosedChain.from_urdf(urdf)
+    measured = next(n.name for n in drawn.model.frames if "platform" in n.name)
+    x, poses = np.zeros((2, 3)), np.zeros((2, 3))
+    with pytest.raises(
+        sst_pin.InputError, match=r"delta\.urdf cannot store elbow_1a_Y\.x: no joint"
+    ):
+        calibrate(drawn, measured, x, poses, which=["elbow_1a_[XY].x"], urdf=urdf)
+    _, errors = enlarged(drawn, measured, None, urdf)
+    places = {name.rpartition(".")[0] for name in errors}
+    assert "motor_1" in places
+    assert not [name for name in places if name.endswith("_Y")]
 
 
 def test_errors_that_do_not_settle_are_refused(monkeypatch):
