@@ -98,8 +98,7 @@ class ClosedChain(RobotProperties, Summary):
         DescriptionError: If two joints have one name, or if nothing can move.
 
     Example:
-        >>> crank = sst_pin.ClosedChain(chain.model, chain.closures, ["crank"])
-        >>> crank.degrees_of_freedom
+        >>> sst_pin.ClosedChain(chain.model, chain.closures, ["crank"]).degrees_of_freedom
         1
     """
 
@@ -169,9 +168,8 @@ class ClosedChain(RobotProperties, Summary):
     def with_parameters(self: _Chain, theta: ArrayLike | Mapping[str, float]) -> _Chain:
         """A new robot with other dynamic parameters, of the same class and on the same path.
 
-        `theta` are all `dynamic_parameters`, shape (p,), or some of them by name. Values that no
-        robot can have, such as offsets of motors, raise an `InputError`. A mass alone is a
-        `DescriptionWarning`; `dynamic_parameters.scale_mass` scales a body.
+        `theta` are all `dynamic_parameters`, shape (p,), or some by name. Impossible values are an
+        `InputError`, a mass alone is a `DescriptionWarning`; see `dynamic_parameters.scale_mass`.
         """
         chain = copy(self)
         model, numbers, forces = regressor.changed(chain.engine.mechanism, theta)
@@ -318,8 +316,7 @@ class ClosedChain(RobotProperties, Summary):
     def mobility(self, q: ArrayLike | None = None) -> Mobility:
         """Degrees of freedom, redundant closure constraints, and whether the motors suffice.
 
-        `print` shows the report as text. It holds at q, shape (nq,), by default at a
-        `generic_configuration`: the mobility may depend on the assembly mode.
+        The report is about q, shape (nq,), or `generic_configuration()`; `print` shows it as text.
         """
         return self._engine.mobility(q)
 
@@ -474,11 +471,13 @@ class ClosedChain(RobotProperties, Summary):
     def generalized_forces(
         self, q: ArrayLike, va: ArrayLike, aa: ArrayLike, **options: Unpack[LoadOptions]
     ) -> Array:
-        """f, shape (..., n): L^T times the joint forces that a motion needs, whoever supplies them.
-
-        With `platform_moment`, `external_wrenches`, `out`, `threads`, `on_error`; [N m] or [N].
-        """
-        return self._engine.compute(Quantity("generalized_forces"), q, va=va, aa=aa, **options)
+        """f, shape (..., n): L^T times the joint forces that a motion needs, [N m] or [N]."""
+        engine = self._engine
+        if not options and engine.forces is not None:
+            f = engine.forces(q, va, aa, None, None, 1)
+            if f is not None:
+                return f
+        return engine.compute(Quantity("generalized_forces"), q, va=va, aa=aa, **options)
 
     def compute_accelerations(
         self,
@@ -739,9 +738,8 @@ class ClosedChain(RobotProperties, Summary):
             from .compiled.casadi_functions import CasadiFunctions
         except ModuleNotFoundError:
             raise MissingExtraError("casadi", "compile") from None
-        engine = self._engine
+        engine, width = self._engine, positive_number("sign_width", sign_width)
         near = None if q is None else engine.single(q)
-        width = positive_number("sign_width", sign_width)
         return CasadiFunctions(engine.reference, near, width, external_wrenches, compiled)
 
     def warp(

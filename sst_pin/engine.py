@@ -128,6 +128,7 @@ class Engine(ClosedLoops):
         super().__init__(mechanism)
         self.make_kernels, self.platform = make_kernels, platform
         self.reference = Reference(mechanism)
+        self._answers = dict[Quantity, tuple[Kernel | None, tuple[int, ...]]]()
         if kernels is not None:
             self._kernels = kernels
 
@@ -166,16 +167,19 @@ class Engine(ClosedLoops):
         return getattr(self.kernel(Quantity("torques")), "answer", None)
 
     @cached_property
+    def forces(self) -> Callable[..., Array | None] | None:
+        """`Kernel.answer` of generalized forces."""
+        return getattr(self.kernel(Quantity("generalized_forces")), "answer", None)
+
+    @cached_property
     def accelerations(self) -> Callable[..., Array | None] | None:
         """`Kernel.answer` of direct dynamics, for control loops."""
         return getattr(self.kernel(Quantity("accelerations")), "answer", None)
 
     def states(self, sign_width: float) -> States:
         """The state space for an integrator, with the sign of Coulomb friction smoothed."""
-        friction = replace(self.mechanism.friction, sign_width=sign_width)
-        if self.kernels is None:
-            return States(self.reference, friction)
-        return self.kernels.states(friction)
+        friction, kernels = replace(self.mechanism.friction, sign_width=sign_width), self.kernels
+        return States(self.reference, friction) if kernels is None else kernels.states(friction)
 
     def compute(
         self,
@@ -195,11 +199,12 @@ class Engine(ClosedLoops):
         `ClosedChain` describes the arguments. Those after q come by name, in the order of the
         quantity's function; `extra` are arguments that only the reference path has.
         """
-        kind = QUANTITIES[key.name]
-        if on_error == "raise" and external_wrenches is None and extra is None:
+        plain = on_error == "raise" and external_wrenches is None and extra is None
+        if plain and self.kernels is not None and isinstance(key.frame, (str, type(None))):
             result = self._answer(key, q, arguments, platform_moment, out, threads)
             if result is not None:
                 return result
+        kind = QUANTITIES[key.name]
         load = self.wrenches(platform_moment, external_wrenches, on_error)
         absent = [None for value in arguments.values() if value is None and kind.tau_optional]
         if absent:
@@ -246,18 +251,15 @@ class Engine(ClosedLoops):
         threads: int,
     ) -> Array | None:
         """`Kernel.answer` in the shape of the quantity."""
-        if self.kernels is None:
-            return None
-        shape = key.properties.shape(self.mechanism)
-        unsupported = len(arguments) > 2 or (out is not None and len(shape) > 1)
-        if unsupported or not isinstance(key.frame, str | None):
-            return None
-        kernel = self.kernels.kernel(key)
-        if kernel is None:
+        if key not in self._answers:
+            self._answers[key] = self.kernel(key), QUANTITIES[key.name].shape(self.mechanism)
+        kernel, shape = self._answers[key]
+        matrix = len(shape) > 1
+        if kernel is None or len(arguments) > 2 or (matrix and out is not None):
             return None
         a, b, *_ = *arguments.values(), None, None
         result = kernel.answer(q, a, b, moment, out, threads)
-        if result is not None and len(shape) > 1:
+        if result is not None and matrix:
             result.shape = (*result.shape[:-1], *shape)
         return result
 
@@ -368,8 +370,6 @@ class Engine(ClosedLoops):
         on_platform = np.zeros((*moment.shape[:-1], *shape))
         on_platform[..., body, :3] = moment
         return on_platform if wrenches is None else on_platform + wrenches
-
-    # --- configurations ---------------------------------------------------------------------
 
     def closed(self, q: Array) -> Array:
         """The closed configuration near q with the coordinates fixed, shape (nq,)."""
