@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     from .compiled.casadi_functions import CasadiFunctions
     from .compiled.warp_batch import WarpBatch
-    from .reading import Described
+    from .reading import RobotFile
     from .simulation.bearing_loads import Loads
     from .simulation.check import Finding, Verdict
     from .simulation.crossings import Crossing
@@ -980,9 +980,9 @@ class ClosedChain(RobotProperties, Summary):
         return cls.from_description(read_mjcf(path, locked, actuated))
 
     @classmethod
-    def from_description(cls: type[_Chain], description: Described) -> _Chain:
+    def from_description(cls: type[_Chain], description: RobotFile) -> _Chain:
         """A robot from the content of its files; errors name the files."""
-        from .reading.described import naming
+        from .reading.robot_file import naming
 
         with naming(description.source):
             chain = cls(**description.arguments)

@@ -387,7 +387,7 @@ cdef class Kernel:
 
 
 @cython.final
-cdef class Course:
+cdef class RolloutKernel:
     """A compiled rollout: many states with a fixed step.
 
     Args:

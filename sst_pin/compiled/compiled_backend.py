@@ -35,7 +35,7 @@ from .libraries import Code
 from .open_numbers import OpenNumbers
 
 if TYPE_CHECKING:
-    from ._binding import Course, Kernel
+    from ._binding import Kernel, RolloutKernel
     from .equations import Equations
 
 
@@ -241,7 +241,7 @@ class CompiledBackend:
         """Rates of the states next to those given whose loops are closed."""
         return self._kernel(Quantity("rollout", loaded=loaded), "rate", friction)
 
-    def _course(self, friction: Friction, loaded: bool) -> "Course | None":
+    def _course(self, friction: Friction, loaded: bool) -> "RolloutKernel | None":
         """The kernel of a rollout; None where there is none."""
         codes = self._found(Quantity("rollout", loaded=loaded))
         if not codes:
@@ -250,7 +250,7 @@ class CompiledBackend:
         numbers = self._parameters.pack(self._mechanism, friction)
         _, _, q, va, tau, *load = code.sizes("run")
         sizes = (q, va, tau, sum(load))
-        return self._binding.Course(code.address("run"), sizes, code.prepared(numbers), code)
+        return self._binding.RolloutKernel(code.address("run"), sizes, code.prepared(numbers), code)
 
     def _found(self, key: Quantity) -> list[Code]:
         """A kernel's code for single samples, then for batches; none where there is none."""

@@ -23,8 +23,8 @@ from ..model.mechanism import Friction, Mechanism
 from ..states import RolloutArrays, States
 
 if TYPE_CHECKING:
-    from ._binding import Course
     from ._binding import Kernel as BoundKernel
+    from ._binding import RolloutKernel
 
 #: det Phi_u changes by no more than this factor in half a step that is sound.
 CHANGE = 1.25
@@ -46,7 +46,7 @@ class CompiledStates(States):
         closing: Kernel | None,
         slopes: Callable[[], Kernel | None],
         rate: Callable[[bool], Kernel | None],
-        course: "Callable[[bool], Course | None]",
+        course: "Callable[[bool], RolloutKernel | None]",
         by_columns: "ByColumns | None",
     ) -> None:
         super().__init__(reference, friction)
@@ -118,7 +118,7 @@ class CompiledStates(States):
                     reached[i] += count - 1
         return reached
 
-    def _run(self, course: "Course", motions: RolloutArrays, threads: int) -> Indices:
+    def _run(self, course: "RolloutKernel", motions: RolloutArrays, threads: int) -> Indices:
         """Fill the states of motions as far as the kernels compute them well, and count them."""
         looks = np.empty((*motions.q.shape[:2], 2))
         reached = course.run(*motions, looks, min(threads, sys.maxsize))

@@ -39,8 +39,8 @@ _SCENE = Path(__file__).with_name("scene.xml")
 def mjcf_of(p: Parameters, configurations: Mapping[str, Array]) -> str:
     """XML of an SST: the closed robot with its parts and sensors, keyframes q by name."""
     urdf, cuts = Urdf(urdf_of(p), "URDF"), parse_cuts(yaml_of(p), "cuts")
-    described = closed(urdf, cuts)
-    writer = MjcfWriter(described.mechanism())
+    sst = closed(urdf, cuts)
+    writer = MjcfWriter(sst.mechanism())
     writer.add_keyframes(configurations)
     robot, asset = writer.root, ET.Element("asset")
     robot.insert(0, ET.Comment(_HEADER))
@@ -69,7 +69,7 @@ def mjcf_of(p: Parameters, configurations: Mapping[str, Array]) -> str:
             values = np.array(element.get(key, "").split(), float)
             places = 14 - np.floor(np.log10(np.abs(values).max())).astype(int)
             element.set(key, numbers(values.round(places)))
-    solids = urdf_shapes(urdf.root, Path(), described.model, pin.GeometryType.COLLISION)
+    solids = urdf_shapes(urdf.root, Path(), sst.model, pin.GeometryType.COLLISION)
     writer.add_shapes(solids, **{"class": "collision"})
     return writer.text()
 

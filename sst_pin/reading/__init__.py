@@ -3,9 +3,9 @@
 
 from .closed_urdf import closed, cuts_beside, read_cuts, read_urdf
 from .cuts import parse_cuts
-from .described import Described
+from .robot_file import RobotFile
 from .text import is_mjcf
 from .urdf import Urdf
 
-__all__ = ["Described", "Urdf", "closed", "cuts_beside", "is_mjcf", "parse_cuts"]
+__all__ = ["RobotFile", "Urdf", "closed", "cuts_beside", "is_mjcf", "parse_cuts"]
 __all__ += ["read_cuts", "read_urdf"]

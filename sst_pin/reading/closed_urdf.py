@@ -15,9 +15,9 @@ from ..summaries import listed
 from .acting_words import unread
 from .cut_joints import Marks
 from .cuts import Cuts, parse_cuts
-from .described import Described, naming, warned
 from .joint_numbers import put_numbers, springs_of, updated
 from .problems import Problem, warning
+from .robot_file import RobotFile, naming, warned
 from .shapes import urdf_shapes
 from .srdf import Srdf
 from .text import read_text
@@ -32,7 +32,7 @@ def read_urdf(
     actuated: Sequence[Motor] | None = None,
     *,
     default: str | Path | None = None,
-) -> Described:
+) -> RobotFile:
     """Read a robot; see `ClosedChain.from_urdf`, whose caller a warning points to."""
     urdf = path if isinstance(path, Urdf) else Urdf.read(path)
     content = read_cuts(urdf, cuts, default)
@@ -68,7 +68,7 @@ def cuts_beside(urdf: Path) -> Path | None:
     return next((path for path in paths if path.is_file()), None)
 
 
-def closed(urdf: Urdf, cuts: Cuts) -> Described:
+def closed(urdf: Urdf, cuts: Cuts) -> RobotFile:
     """The tree of a URDF, closed by its cuts, or else by its marks, and by its mimic joints.
 
     Without cuts and marks it is an open tree. An SRDF beside it names configurations.
@@ -106,7 +106,7 @@ def closed(urdf: Urdf, cuts: Cuts) -> Described:
         note += f"{' that mimics none' * bool(led)} has a motor; actuated= names the motors"
     shapes = partial(urdf_shapes, urdf.root, path.parent)
     parts = source, model, closures, motors, shapes, stiffness, rest, srdf, cuts.forces
-    return Described(*parts, tuple(notes), note)
+    return RobotFile(*parts, tuple(notes), note)
 
 
 def _unused(model: pin.Model, cuts: Cuts, marks: Marks) -> Iterator[Problem]:

@@ -14,27 +14,27 @@ from ..arrays import in_order, names
 from ..errors import DescriptionError, UnknownNameError
 from ..files import as_path
 from ..model.checks import Motor
-from .described import Described, naming, warned
 from .mjcf_compiled import Compiled
 from .mjcf_loops import closures_of, lines_of, motors_of, named_motors
 from .mjcf_tree import MjcfTree
 from .mjcf_unread import impossible, unread
 from .problems import warning
+from .robot_file import RobotFile, naming, warned
 from .shapes import mjcf_shapes
 from .urdf import MOST_JOINTS
 
 
 def read_mjcf(
     path: str | Path, locked: Sequence[str] = (), actuated: Sequence[Motor] | None = None
-) -> Described:
+) -> RobotFile:
     """Read a robot; see `ClosedChain.from_mjcf`, whose caller a warning points to."""
-    robot = described(path, locked, actuated)
+    robot = robot_file_of(path, locked, actuated)
     return warned(robot, (problem.text for problem in robot.notes), robot.source)
 
 
-def described(
+def robot_file_of(
     path: str | Path, locked: Sequence[str] = (), actuated: Sequence[Motor] | None = None
-) -> Described:
+) -> RobotFile:
     """Tree, closures, motors; given ones replace those of the file."""
     compiled = Compiled(as_path(path), names("locked", locked))
     source, problems = compiled.source, compiled.problems
@@ -58,7 +58,7 @@ def described(
     tree.add_home(closures)
     shapes = partial(mjcf_shapes, compiled.mj, tree.bodies)
     parts = source, tree.model, closures, motors, shapes, stiffness, tree.rest
-    return Described(
+    return RobotFile(
         *parts, forces=lines, notes=tuple(warning("file", text) for text in compiled.notes)
     )
 

@@ -15,9 +15,9 @@ from ..arrays import Array
 from ..model.checks import Motor, tendon_of
 from ..model.closures import Closure, Constraint, Coupling, Distance
 from ..model.lines import LineForce
-from .described import naming
 from .mjcf_compiled import HINGE, SLIDE, Compiled, pose_of
 from .mjcf_tree import MjcfTree
+from .robot_file import naming
 
 #: Index of a weld's scale of torque in `eq_data`; with 0 it lets the bodies turn.
 _TORQUESCALE = 10

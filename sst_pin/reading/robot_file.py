@@ -19,7 +19,7 @@ from .problems import Problem
 from .srdf import Srdf
 
 
-class Described(NamedTuple):
+class RobotFile(NamedTuple):
     """A robot as its files describe it; what a robot is made of."""
 
     source: str  #: The files, for messages.
@@ -58,7 +58,7 @@ def naming(source: str) -> Iterator[None]:
         raise
 
 
-def warned(robot: Described, notes: Iterable[str], source: str) -> Described:
+def warned(robot: RobotFile, notes: Iterable[str], source: str) -> RobotFile:
     """Warn of each note, at the caller of the reader's caller; returns the robot."""
     for note in dict.fromkeys(notes):
         warnings.warn(f"{source}: {note}", DescriptionWarning, stacklevel=4)

@@ -27,8 +27,8 @@ from ..model.checks import tendon_of
 from ..model.closures import Constraint, frames_of
 from ..model.tree import frame_id
 from ..summaries import listed
-from .described import Described
 from .problems import SEVERITIES, Problem, error, merged, note, warning
+from .robot_file import RobotFile
 from .urdf_checks import check_inertias, check_shapes
 
 __all__ = ["Problem", "examine", "summary_of", "validate"]
@@ -112,10 +112,10 @@ def _with_files(urdf: reading.Urdf, cuts: Path | None) -> tuple[list[Problem], s
 
 def _mjcf(path: Path) -> tuple[list[Problem], str]:
     """Problems of an MJCF that MuJoCo does not report, and the robot's summary."""
-    from .mjcf import described
+    from .mjcf import robot_file_of
 
     try:
-        robot = described(path)
+        robot = robot_file_of(path)
     except MissingExtraError:
         raise
     except SSTError as caught:
@@ -130,7 +130,7 @@ def _errors_of(caught: SSTError, where: str) -> list[Problem]:
     return [error(where, re.sub("^not (a URDF|an MJCF): ", "", text)) for text in texts]
 
 
-def _mechanism(robot: Described) -> tuple[list[Problem], str]:
+def _mechanism(robot: RobotFile) -> tuple[list[Problem], str]:
     """Problems of the mechanism, and its summary."""
     try:
         problems = list(_unknown(robot)) or list(_open(robot))
@@ -152,7 +152,7 @@ def _mechanism(robot: Described) -> tuple[list[Problem], str]:
         return _errors_of(caught, where), ""
 
 
-def _unknown(robot: Described) -> Iterator[Problem]:
+def _unknown(robot: RobotFile) -> Iterator[Problem]:
     """Names of no frame and no joint."""
     model = robot.model
     if not model.nv:
@@ -172,7 +172,7 @@ def _unknown(robot: Described) -> Iterator[Problem]:
             yield error(f"motor {joint}", "no moving joint of this name in the URDF")
 
 
-def _open(robot: Described) -> Iterator[Problem]:
+def _open(robot: RobotFile) -> Iterator[Problem]:
     """Closures that Newton's method cannot close from any of its starts."""
     alone = {closure: _gap(robot, [closure]) for closure in robot.closures}
     for closure, gap in alone.items():
@@ -183,7 +183,7 @@ def _open(robot: Described) -> Iterator[Problem]:
         yield error("closures", text)
 
 
-def _gap(robot: Described, closures: Sequence[Constraint]) -> float:
+def _gap(robot: RobotFile, closures: Sequence[Constraint]) -> float:
     """Smallest residual of the closures, 0 if the loops can be closed."""
     bare = robot._replace(closures=tuple(closures), actuated=(), forces=())
     with warnings.catch_warnings():

@@ -27,7 +27,7 @@ from ..model.appearance import Appearance
 from ..model.closures import Closure
 from ..model.mechanism import Mechanism
 from ..model.tree import frame_named
-from ..reading import Described, Urdf, closed, parse_cuts, read_urdf
+from ..reading import RobotFile, Urdf, closed, parse_cuts, read_urdf
 from ..simulation.check import Verdict
 from . import arc_limits, direct_kinematics, kinematics, star_appearance
 from .kinematics import Geometry
@@ -66,7 +66,7 @@ def _geometry_of(engine: Engine) -> Geometry:
     return _GEOMETRIES[engine]
 
 
-def _description_of(parameters: Parameters) -> Described:
+def _description_of(parameters: Parameters) -> RobotFile:
     """The description that files of the parameters have."""
     urdf = Urdf(urdf_of(parameters), "URDF of the parameters")
     cuts = parse_cuts(yaml_of(parameters), "cuts of the parameters")
@@ -74,7 +74,7 @@ def _description_of(parameters: Parameters) -> Described:
     return closed(urdf, cuts)._replace(shapes=shapes)
 
 
-def _require_sst(description: Described) -> None:
+def _require_sst(description: RobotFile) -> None:
     """Refuse closures and motors that are not those of an SST."""
     problems, closures = list[str](), description.closures
     welds = [c for c in closures if isinstance(c, Closure)]
@@ -141,13 +141,13 @@ class SST(ClosedChain):
         return cls.from_description(read_urdf(path, cuts, default=YAML_PATH))
 
     @classmethod
-    def from_description(cls, description: Described) -> SST:
+    def from_description(cls, description: RobotFile) -> SST:
         """An SST from the content of its files; errors name the files."""
         robot = cls.__new__(cls)
         robot._load(description)
         return robot
 
-    def _load(self, description: Described) -> None:
+    def _load(self, description: RobotFile) -> None:
         model = description.model
         geometry = geometry_of(model, description.source)
         _require_sst(description)
