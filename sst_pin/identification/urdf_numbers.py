@@ -15,7 +15,7 @@ from ..closed_chain import ClosedChain
 from ..dynamics.regressor import OF_BODY
 from ..errors import DescriptionError, DescriptionWarning
 from ..files import as_path, text_writer, write_files
-from ..reading import Described, Urdf, read_urdf
+from ..reading import RobotFile, Urdf, read_urdf
 from ..reading.urdf_checks import ENTRIES
 from ..summaries import listed
 
@@ -163,7 +163,7 @@ def with_origins(
     return _with_meshes(root, Path(urdf).resolve().parent, folder.resolve())
 
 
-def _read_again(urdf: Urdf) -> Described:
+def _read_again(urdf: Urdf) -> RobotFile:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DescriptionWarning)
         return read_urdf(urdf)
