@@ -6,6 +6,7 @@ into actuated and unactuated. Twists are [omega; v] at the mass centres in base 
 paper. Pinocchio's are [v; omega] at the frame's origin; `body_jacobians` converts them.
 """
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -27,12 +28,15 @@ class _Block:
     Attributes:
         rows, rates: Indices of the rows, and of the dependent rates in v.
         scale: What makes Phi^u free of units, shape (rows, rates).
+        of_u, of_inverse: Where Phi^u and its inverse are in those of all blocks.
+        twice: Twice the identity, shape (rows, rows).
     """
 
     def __init__(self, mechanism: Mechanism, rows: Indices, dependent: Indices) -> None:
         self.rows, self.rates = rows, mechanism.dependent[dependent]
         self.scale = mechanism.row_scale[rows, None] * mechanism.rate_scale[self.rates]
         self.of_u, self.of_inverse = np.ix_(rows, self.rates), np.ix_(self.rates, rows)
+        self.twice = 2 * np.eye(len(rows))
 
 
 class JointComplement:
@@ -86,7 +90,9 @@ class JointComplement:
         """
         smallest, largest = [], 1.0  # those of the coordinates are 1
         for block in self.blocks:
-            inverse, sizes = _inverse(Phi[block.of_u] * block.scale)
+            A = Phi[block.of_u] * block.scale
+            inverse, sizes = _inverse(A)
+            inverse = inverse.dot(block.twice - A.dot(inverse))  # Newton's step: less rounding
             self.inverse[block.of_inverse] = inverse * block.scale.T
             largest = max(largest, sizes[0])
             smallest.append(sizes[1])
@@ -141,6 +147,11 @@ class JointComplement:
         return -self.inverse.dot(Phi_dot.dot(self.L))  # Eq. (20)
 
 
+def _norm(A: Array) -> float:
+    entries = A.ravel()
+    return math.sqrt(entries.dot(entries))
+
+
 def _inverse(A: Array) -> tuple[Array, tuple[float, float]]:
     """The pseudo-inverse of a matrix, and two sizes whose ratio is a condition number.
 
@@ -151,7 +162,7 @@ def _inverse(A: Array) -> tuple[Array, tuple[float, float]]:
     try:
         if rows == columns:
             inverse = np.asarray(np.linalg.inv(A), dtype=float)
-            return inverse, (float(np.linalg.norm(A)), 1 / float(np.linalg.norm(inverse)))
+            return inverse, (_norm(A), 1 / _norm(inverse))
         if rows > columns:
             U, s, Vt = np.linalg.svd(A, full_matrices=False)
             if s[-1] > 0:

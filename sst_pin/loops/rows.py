@@ -95,7 +95,8 @@ class _RodForce:
         self._length = length
 
     def error(self, M: Array) -> Array:
-        return _length(_rod(M))[0] - self._length
+        d = _rod(M)
+        return np.sqrt(np.vecdot(d, d)) - self._length
 
     def W(self, M: Array) -> Array:
         return _unit(_rod(M)) @ _at_two_points(M)
@@ -224,23 +225,27 @@ class FrameRows:
 
     def evaluate(self, q: Array, data: pin.Data) -> None:
         """f, W and Phi, from placements and Jacobians in `data`."""
-        self._M = np.array([data.oMf[frame].homogeneous for frame in self.frames])
+        places = data.oMf
+        self._M = np.array([places[frame].homogeneous for frame in self.frames])
         self.f, self.W = self.formulas.error(self._M), self.formulas.W(self._M)
         self._J = self._jacobians(pin.getFrameJacobian, data)
         self.Phi = self.W.dot(self._J).dot(self._S)  # Eqs. (3), (4)
 
     def Phi_dot(self, v: Array, data: pin.Data) -> Array:
         """Rate of Phi, shape (rows, nv); `data` has velocities and rates of Jacobians at v."""
-        twists = [pin.getFrameVelocity(self._model, data, k, pin.WORLD) for k in self.frames]
-        M_t = np.array([twist.homogeneous for twist in twists]) @ self._M
+        model, where = self._model, pin.WORLD
+        twists = [pin.getFrameVelocity(model, data, k, where).homogeneous for k in self.frames]
+        M_t = np.array(twists) @ self._M
         W_dot = self.formulas.W_dot(self._M, M_t)
         J_dot = self._jacobians(pin.getFrameJacobianTimeVariation, data)
         return (W_dot.dot(self._J) + self.W.dot(J_dot)).dot(self._S)
 
     def _jacobians(self, of_frame: Callable[..., Array], data: pin.Data) -> Array:
         """Jacobians of B and A, or their rates, shape (12, rates of the normal tree)."""
-        J = [of_frame(self._model, data, frame, pin.WORLD) for frame in self.frames]
-        return np.concatenate(J).reshape(12, -1)
+        model, where = self._model, pin.WORLD
+        return np.concatenate([of_frame(model, data, k, where) for k in self.frames]).reshape(
+            12, -1
+        )
 
 
 class CouplingRow:
