@@ -642,10 +642,7 @@ class ClosedChain(RobotProperties, Summary):
         return design.names_of(self.mechanism)
 
     def with_design(self, changes: Mapping[str, float]) -> ClosedChain:
-        """This robot with `changes` added to `design_parameters`, on the reference path.
-
-        The changes are by names, or by patterns of names.
-        """
+        """This robot with changes added to `design_parameters`, by names or patterns of these."""
         model, theta = design.changed(self.mechanism, changes)
         chain = self._rebuilt(model, coordinates=self.coordinates)
         return chain.with_parameters(theta) if theta else chain

@@ -101,14 +101,14 @@ class Design:
         leaders, ways = list[str](), list[Array]()
         for k, (_, group) in enumerate(groups):
             moves = displacements(mechanism, {x: f for x, f in group.items() if x in geometry})
-            own = [
+            joints = [
                 (f"{place} {kind}{k}", place, way)
                 for place, displacement in moves.items()
                 for kind, way in zip("xr", displacement * _HALVES, strict=True)
                 if way.any()
             ]
-            errors += own
-            sizes = {joint: float(np.linalg.norm(way)) for joint, _, way in own}
+            errors += joints
+            sizes = {joint: float(np.linalg.norm(way)) for joint, _, way in joints}
             for leader in list(sizes)[:1]:
                 first = sizes.pop(leader)
                 leaders.append(leader)

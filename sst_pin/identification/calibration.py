@@ -19,7 +19,6 @@ from ..loops.frame_guide import pose_error
 from ..loops.start import placed
 from ..model import geometry
 from ..model.named_positions import put
-from ..model.tree import frame_id
 from ..progress import counted
 from ..simulation.coordinate_motions import configurations_of
 from ..simulation.frame_motions import targets_of
@@ -200,11 +199,11 @@ def _found(
     tolerance depends on them.
     """
     columns = [large.coordinates.index(name) for name in errors]
-    length, model = large.mechanism.length, large.mechanism.model
+    length = large.mechanism.length
     units = np.where([".r" in name[-3:] for name in errors], 1.0, length)
-    q, data = [without_errors(large, each) for each in drawn], model.createData()
-    size = np.array([length, 1.0])
-    values, noise = np.zeros(len(errors)), size
+    q = [without_errors(large, each) for each in drawn]
+    noise = size = np.array([length, 1.0])
+    values = np.zeros(len(errors))
     for step_number in counted(range(_STEPS), "calibrate, steps of Newton's method"):
         held, rows, rests = dict(zip(errors, values, strict=True)), [], []
         for k, target in enumerate(measured):
@@ -214,8 +213,8 @@ def _found(
                 if step_number == 0:
                     raise
                 raise _UnsettledError(_TOO_LARGE) from None
-            pin.framesForwardKinematics(model, data, q[k])
-            rests.append(pose_error(data.oMf[frame_id(model, frame)], *target))
+            position, rotation = large.frame_placement(q[k], frame)
+            rests.append(pose_error(pin.SE3(rotation, position), *target))
             rows.append(large.frame_jacobian(q[k], frame)[: len(rests[k]), columns])
         weights = np.repeat(1 / noise, 3)[: len(rests[0])]
         A = np.array(rows) * weights[:, None] * units

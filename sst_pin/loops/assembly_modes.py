@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""All assembly modes: the configurations with closed loops where some joints are held.
+"""All assembly modes: the configurations with closed loops for positions of some joints.
 
 A loop that two joints of a plane close, a dyad of hinges or of a hinge and a slide, has two
 solutions in closed form; after it others may be dyads too. The rest is searched from random starts
@@ -105,8 +105,8 @@ class _Search:
         self._mechanism = mechanism = assembly.mechanism
         self._model, self._space = mechanism.model, mechanism.space
         self._frame = None if frame is None else frame_id(self._model, frame)
-        held = self._space.rates_of(list(positions))
-        self._free = free = np.setdiff1d(np.arange(self._model.nv), held)
+        named = self._space.rates_of(list(positions))
+        self._free = free = np.setdiff1d(np.arange(self._model.nv), named)
         self._rows = np.flatnonzero(self._loops.holonomic)
         self._touched = self._loops.touched & self._loops.holonomic[:, None]
         self._parts = [(rows, free[k]) for rows, k in connected(self._touched[:, free])]
