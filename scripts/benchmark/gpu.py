@@ -97,9 +97,9 @@ def binary_numbers(binary: bytes, kernel: str) -> Row:
     return result
 
 
-def resources(name: str, dtype: str, arch: int) -> list[Row]:
+def resources(name: str, batch: warp_batch.WarpBatch, arch: int) -> list[Row]:
     """What the machine code of a robot's kernels needs, without a GPU."""
-    batch, rows = robot_of(name).warp("cpu", dtype), []
+    rows = []
     for label, key in KERNELS.items():
         module, start = batch.module(key), perf_counter()
         with tempfile.TemporaryDirectory() as folder:
@@ -107,7 +107,7 @@ def resources(name: str, dtype: str, arch: int) -> list[Row]:
             seconds = perf_counter() - start
             binary = next(Path(folder).glob("*.cubin")).read_bytes()
         numbers = binary_numbers(binary, "run_")
-        about = {"robot": name, "kernel": label, "dtype": dtype, "arch": arch}
+        about = {"robot": name, "kernel": label, "dtype": batch.dtype.__name__, "arch": arch}
         rows.append(about | numbers | {"compile": seconds, "operations": operations(batch, key)})
     return rows
 
@@ -206,8 +206,8 @@ def measure(name: str, dtype: str, options: argparse.Namespace) -> Row:
 
 def table(rows: list[Row]) -> list[tuple[str, ...]]:
     """Speeds and errors, in a form to read."""
-    head = ("robot", "numbers", "torques/s", "accelerations/s", "steps/s", "share of the limit")
-    lines = [(*head, "torque error", "open after 1000 steps")]
+    head = ("numbers", "torques/s", "accelerations/s", "steps/s", "share of the limit")
+    lines = [(rows[0]["device"], *head, "torque error", "open after 1000 steps")]
     for row in rows:
         speeds = (f"{row[x] / 1e6:.3g} M" for x in KERNELS)
         shares = " / ".join(f"{100 * row[f'{x}: share']:.0f}%" for x in KERNELS)
@@ -234,7 +234,7 @@ def write_page(results: dict[str, Any]) -> None:
     if results.get("speeds"):
         tables["speeds"] = lambda _: table(results["speeds"])
     if results.get("resources"):
-        rows = [row for row in results["resources"] if row["kernel"] != "accelerations"]
+        rows = [row for row in results["resources"] if row["kernel"] == "steps"]
         tables["resources"] = lambda _: resource_table(rows)
     markdown_tables.rewrite(ROOT / "docs" / "gpu.md", tables)
 
@@ -266,7 +266,7 @@ def main() -> int:
         for dtype in options.dtypes:
             try:
                 if options.resources:
-                    rows += resources(robot, dtype, options.arch)
+                    rows += resources(robot, robot_of(robot).warp("cpu", dtype), options.arch)
                 else:
                     rows.append(measure(robot, dtype, options))
             except Exception as error:  # the time on a GPU is short: the other robots count

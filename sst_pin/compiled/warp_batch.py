@@ -63,7 +63,10 @@ class WarpBatch:
 
     Each method checks every sample. Results of bad samples are NaN. `status`, an array of int32,
     shape (N,), gets the reason for each sample, a `Status`; `out` gets the result. With both a call
-    allocates no memory, as a CUDA graph needs it.
+    allocates no memory, as a CUDA graph needs it. `out` of derivatives has all of them side by
+    side, shape (N, n, 3 n); that of a placement, (N, 4, 3), has the position and three rows of R.
+
+    A batch keeps the robot as it was: after `ClosedChain.refresh` make another one.
 
     Args:
         reference: Reference path of the robot.
