@@ -39,7 +39,7 @@ KERNELS["steps"] = Quantity("rollout")
 #: Units of an SM for fused multiply-adds of doubles and floats, by architecture.
 UNITS = {70: (32, 64), 75: (2, 64), 80: (32, 64), 86: (2, 128), 89: (2, 128), 90: (64, 128)}
 #: Step of the simulations, [s], and their number.
-STEP, STEPS = 1e-3, 1000
+STEP, STEPS = 1e-4, 1000
 _FREE = {ca.OP_NEG, ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT}
 #: Tags of the numbers of registers and of bytes of the stack in a CUDA binary.
 _REGISTERS, _STACK = 0x2F, 0x11
