@@ -24,7 +24,6 @@ from sst_pin.verification.lagrange import LagrangeMultipliers
 from sst_pin.verification.mujoco_tree import MujocoInverse
 from tests.referees import exudyn_engine
 from tests.referees.mujoco_motion import welded_motion
-from tests.referees.symbolic import SymbolicLagrange
 from tests.referees.virtual_work import VirtualWork
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -128,7 +127,6 @@ def _torques(robot: SST, example: Trajectory) -> Iterator[tuple[str, float]]:
     judges = (
         ("virtual work", VirtualWork(parameters), states, 1),
         ("Lagrange multipliers", LagrangeMultipliers(robot), motion, None),
-        ("Lagrange, CasADi", SymbolicLagrange(parameters), states, None),
         ("MuJoCo, mj_inverse", MujocoInverse(robot), motion, 2),
         ("Exudyn, one instant", exudyn_engine.ExudynInstant(parameters), states, 3),
     )

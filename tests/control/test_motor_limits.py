@@ -105,28 +105,6 @@ def test_cables_hold_a_platform_where_a_linear_programme_finds_tensions():
     assert np.array_equal(within.all(axis=-1), holds)
 
 
-@pytest.mark.parametrize("name", ["four legs", "six motors", "cables"])
-def test_the_corners_of_the_forces_are_where_a_linear_programme_ends(name):
-    """The largest force in each direction, with any torques within the limits."""
-    chain, limits = CHAINS[name](), 3 * np.array(LIMITS[name])
-    q = any_chain.states(chain, 1, 3)[0][0]
-    corners = sst_pin.force_polytope(chain, q, "platform", limits)
-    rest = np.zeros(chain.degrees_of_freedom)
-    A, f = chain.actuator_jacobian(q).T, chain.generalized_forces(q, rest, rest)
-    J = chain.frame_jacobian(q, "platform")[:3]
-    moving = np.abs(J).max(axis=1) > 1e-9
-    for direction in np.random.default_rng(0).normal(size=(20, 3)) * moving:
-        # tau and a force w in the directions of motion: A tau = f + J^T w.
-        free = [(None, None) if moves else (0, 0) for moves in moving]
-        found = linprog(
-            np.append(np.zeros(len(limits)), -direction),
-            A_eq=np.hstack([A, -J.T]),
-            b_eq=f,
-            bounds=[*map(tuple, limits), *free],
-        )
-        assert (corners @ direction).max() == pytest.approx(-found.fun, rel=1e-7)
-
-
 def test_surplus_motors_speed_a_cart_up_with_all_they_have():
     """10 N and twice 20 N on 2 kg: T^2 = 4 L m / F; the least torques would end at 10 + 40 N."""
     pytest.importorskip("toppra", reason="toppra is not installed (extra 'timing')")

@@ -67,18 +67,6 @@ def test_a_five_bar_reaches_what_its_circles_and_singular_curves_leave(mapped):
     assert found.area == pytest.approx(found.reached.sum() * cell, rel=1e-9)
 
 
-def test_the_condition_number_is_that_of_the_jacobian_by_hand(mapped):
-    """l_k . p_dot = (l_k x u_k) gamma_dot_k for the distal link l_k and the proximal one u_k."""
-    _, found, points = mapped
-    _, links = five_bar(points[found.reached])
-    A = np.stack([lower for _, lower in links], axis=-2)
-    B = np.stack([cross(upper, lower) for upper, lower in links], axis=-1)
-    J = np.linalg.solve(A, B[..., None] * np.eye(2))
-    wanted = np.linalg.cond(J)
-    assert np.abs(found.condition[found.reached] / wanted - 1).max() < 1e-6
-    assert np.isnan(found.condition[~found.reached]).all()
-
-
 def arm(low=-np.inf):
     model = planar([("hinge_0", "universe", 0.0, 1.0), ("hinge_1", "hinge_0", 1.0, 0.6)])
     model.lowerPositionLimit = np.array([-np.inf, low])
@@ -104,20 +92,6 @@ def test_torques_hold_the_pose_against_its_wrench(name):
         assert np.abs(found.torque[place] - tau).max() < 1e-8 * np.abs(tau).max()
         part = np.abs(tau - limits.mean(axis=1)) / (limits[:, 1] - limits[:, 0]) * 2
         assert found.used[place] == pytest.approx(part.max())
-
-
-def test_the_star_turns_as_its_angles_say(robot):
-    """Orientations on the grid; the condition number is that of omega by the motors' rates."""
-    angles = np.linspace(-0.3, 0.3, 3)
-    found = sst_pin.reach_map(robot, "star_1", 20.0, roll=angles, yaw=angles, pitch=0.2)
-    home = robot.platform_orientation(robot.home)
-    assert found.axes == ("roll", "yaw")
-    assert found.reached.all()
-    for i, j in np.ndindex(3, 3):
-        R = pin.rpy.rpyToMatrix(angles[i], 0.2, angles[j]) @ home
-        assert np.abs(robot.platform_orientation(found.q[i, j]) - R).max() < 1e-9
-        J = robot.frame_jacobian(found.q[i, j], "star_1")[3:]
-        assert found.condition[i, j] == pytest.approx(np.linalg.cond(J))
 
 
 @pytest.mark.parametrize("psi", [0.0, 0.5])

@@ -2,7 +2,6 @@
 """Parallel joints seen as serial ones: maps, torques, inertia, gains."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -15,11 +14,7 @@ from sst_pin import robots
 from sst_pin.errors import ActuationError, ClosureError, InputError, UnknownNameError
 from sst_pin.model.joint_series import Series
 from sst_pin.model.rebuilt_tree import rebuilt
-from tests.support.files import load
 from tests.support.planar_bars import planar
-
-squat = load("examples/squat.py")
-read_table = load("scripts/pages/markdown_tables.py").read_table
 
 LEG = ("hip", "knee", "ankle_pitch", "ankle_roll")
 
@@ -223,20 +218,6 @@ def test_the_torque_polygon_is_what_the_motors_can_give(view):
         assert reach == pytest.approx(np.abs(J @ direction) @ limits)  # its support function
 
 
-def test_limits_come_from_the_model():
-    knee = robots.knee()
-    with pytest.raises(InputError, match="limits"):
-        sst_pin.SerialView(knee, ["knee"]).torque_polygon(knee.home)
-    model = pin.Model(knee.model)
-    model.effortLimit = np.full(3, 40.0)
-    view = sst_pin.SerialView(sst_pin.ClosedChain(model, knee.closures, ["motor_knee"]), ["knee"])
-    q = view.from_joints([1.0])
-    ratio = view.actuator_jacobian(q)[0, 0]
-    assert_allclose(view.torque_polygon(q).ravel(), [-40 * ratio, 40 * ratio])
-    lopsided = view.torque_polygon(q, [[-10, 40]])
-    assert_allclose(lopsided.ravel(), [-10 * ratio, 40 * ratio])
-
-
 def test_more_motors_than_joints_share_the_torque():
     """4-RRR: the smallest torques; positions of four motors that fit no pose are refused."""
     chain = robots.planar_4rrr()
@@ -306,18 +287,3 @@ def test_positions_out_of_reach_name_the_sample(leg):
     with pytest.raises(ClosureError) as caught:
         leg.from_joints(x)
     assert caught.value.samples == ((1,),)
-
-
-@pytest.mark.slow
-def test_the_table_of_shortcuts_is_current():
-    """The page's percentages are those of the example; each step to the full matrix helps."""
-    page = (Path(__file__).parents[2] / "docs" / "serial_view.md").read_text(encoding="utf-8")
-    rows = {name: cells for name, *cells in read_table(page, "squat")[1:]}
-    found = squat.errors()
-    assert list(rows) == list(found)
-    for name, cells in rows.items():
-        printed = [float(cell.rstrip("%")) for cell in cells]
-        assert_allclose(printed, 100 * found[name], rtol=0, atol=0.06)
-    assert found["all terms"].max() < 1e-12
-    assert found["Jacobian, full matrix"][1] < found["Jacobian, constant armature"][1]
-    assert found["Jacobian, constant armature"][1] < found["Jacobian"][1]

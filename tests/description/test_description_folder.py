@@ -8,7 +8,6 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 import yaml
 
@@ -108,50 +107,6 @@ def test_all_files_name_the_same_things(folder):
         values = names(srdf, f"group_state[@name='{pose}']/joint", "value")
         (key,) = names(mjcf, f"keyframe/key[@name='{pose}']", "qpos")
         assert key.split() == values
-
-
-def floats(element, key):
-    return [float(x) for x in element.get(key, "").split()]
-
-
-def test_urdf_and_mjcf_carry_the_same_bodies(folder):
-    urdf, mjcf = xml(folder, "sst.urdf"), xml(folder, "sst.xml")
-    for body in mjcf.iterfind(".//body[inertial]"):
-        given = urdf.find(f"link[@name='{body.get('name')}']/inertial")
-        inertial, inertia = body.find("inertial"), given.find("inertia")
-        assert inertial.get("mass") == given.find("mass").get("value")
-        assert inertial.get("pos") == given.find("origin").get("xyz")
-        entries = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-        xx, yy, zz, xy, xz, yz = (float(inertia.get(entry)) for entry in entries)
-        quaternion = floats(inertial, "quat") or [1.0, 0, 0, 0]
-        R = pin.Quaternion(*quaternion).matrix()
-        full = R @ np.diag(floats(inertial, "diaginertia")) @ R.T
-        wanted = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        assert full == pytest.approx(wanted, rel=0, abs=1e-13 * np.abs(wanted).max())  # 14 digits
-        joint = body.find("joint")
-        given = urdf.find(f"joint[@name='{joint.get('name')}']")
-        assert floats(joint, "axis") == floats(given.find("axis"), "xyz")
-        for ours, theirs in (("damping", "damping"), ("frictionloss", "friction")):
-            assert joint.get(ours, "0.0") == given.find("dynamics").get(theirs)
-        limits = joint.get("range").split()
-        assert limits == [given.find("limit").get(end) for end in ("lower", "upper")]
-    gravity = [float(x) for x in mjcf.find("option").get("gravity").split()]
-    assert gravity == yaml.safe_load((folder / "sst.yaml").read_text())["gravity"]
-
-
-def test_urdf_and_mjcf_wear_the_same_parts(folder):
-    urdf, mjcf = xml(folder, "sst.urdf"), xml(folder, "sst.xml")
-    seen = 0
-    for body in mjcf.iterfind(".//body"):
-        link = urdf.find(f"link[@name='{body.get('name')}']")
-        files, skins = (link.iterfind(f"visual/{x}") for x in ("geometry/mesh", "material"))
-        worn = [(f.get("filename"), s.get("name")) for f, s in zip(files, skins, strict=True)]
-        geoms = body.findall("geom[@class='visual']")
-        assert [(f"meshes/{g.get('mesh')}.obj", g.get("material")) for g in geoms] == worn
-        solids = [c.find("geometry")[0].tag for c in link.iterfind("collision")]
-        assert [g.get("type") for g in body.findall("geom[@class='collision']")] == solids
-        seen += len(worn)
-    assert seen == 12
 
 
 def test_check_urdf_has_no_objection(folder):

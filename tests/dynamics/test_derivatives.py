@@ -1,15 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Derivatives along the motions that keep the loops closed."""
 
-import pickle
-
 import numpy as np
 import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 from scipy.linalg import expm
 
-import sst_pin
 from sst_pin import robots
 from sst_pin.errors import InputError
 from tests.support.derivative_cases import (
@@ -20,7 +17,6 @@ from tests.support.derivative_cases import (
     assert_daa_is_the_inertia_and_dtau_its_inverse,
     assert_derivatives_are_those_of_differences,
     assert_frames_move_as_differences_say,
-    carried_four_bar,
     close,
     derivative,
     floating_four_bar,
@@ -96,51 +92,6 @@ def test_direct_and_inverse_dynamics_have_the_same_derivatives():
     close(df.daa @ da.dtau, np.eye(6), 1e-10)
 
 
-def on_the_ground(place):
-    """A four-bar with a closure at the ground, which stands at a place."""
-    robot = ROBOTS["four-bar, closed at the ground"]
-    model = robot.model()
-    for root in model.children[0]:
-        model.jointPlacements[root].translation += place
-    for frame in list(model.frames)[1:]:
-        if frame.parentJoint == 0:
-            frame.placement.translation += place
-    return sst_pin.ClosedChain(model, robot.closures, robot.actuated), robot.joints(robot.x).real
-
-
-def afloat(place):
-    """A four-bar on a base that floats, at a place."""
-    model, closures, motors, q = carried_four_bar(pin.JointModelFreeFlyer())
-    q[:3] = place
-    return sst_pin.ClosedChain(model, closures, motors), q
-
-
-def on_rails(place):
-    """A four-bar whose base turns and slides along two rails, at a place."""
-    carrier = pin.JointModelComposite()
-    for joint in (pin.JointModelPX(), pin.JointModelPY(), pin.JointModelRZ()):
-        carrier.addJoint(joint)
-    model, closures, motors, q = carried_four_bar(carrier)
-    q[:2] = place[:2]
-    return sst_pin.ClosedChain(model, closures, motors), q
-
-
-@pytest.mark.parametrize("stand", [on_the_ground, afloat, on_rails])
-def test_derivatives_are_the_same_a_thousand_kilometres_away(stand):
-    """To 1e-8: places there are rounded to 1e-10 m, a part of 1e-9 of a short link."""
-    found = []
-    for place in np.zeros(3), np.array([1e6, -7e5, 3e5]):
-        chain, q = stand(place)
-        random = np.random.default_rng(3)
-        va, aa = random.uniform(-1, 1, (2, chain.degrees_of_freedom))
-        tau = random.uniform(-1, 1, len(chain.motor_names))
-        wrenches = {"external_wrenches": random.uniform(-5, 5, (chain.model.njoints - 1, 6))}
-        df = chain.torque_derivatives(q, va, aa, **wrenches)
-        found.append([*df, *chain.acceleration_derivatives(q, va, tau, **wrenches)])
-    for near, far in zip(*found, strict=True):
-        close(far, near, 1e-8)
-
-
 def test_friction_slopes_are_those_of_the_width():
     """At rest every joint's Coulomb friction adds F_c / width to viscous friction."""
     chain = ROBOTS["four-bar"].chain()
@@ -211,22 +162,6 @@ def test_a_step_is_a_positive_number_and_a_number_has_no_index(dt):
     said = "is not above 0" if np.isfinite(dt) else "is not finite"
     with pytest.raises(InputError, match=f"dt: {dt} {said}"):
         robot.linearize(robot.home, [0.0], [0.0], dt=dt)
-
-
-def test_linearize_goes_along_a_trajectory():
-    """Batches broadcast and equal single states; what is refused: test_refusals.py."""
-    robot = robots.four_bar()
-    t = np.linspace(0, 0.2, 5)
-    motion = robot.simulate(lambda t, q, va: [0.3], robot.home, [0.5], t)
-    A, B = robot.linearize(motion.q, motion.va, motion.tau)
-    assert (A.shape, B.shape) == ((5, 2, 2), (5, 2, 1))
-    A_all, B_all = robot.linearize(motion.q, motion.va, motion.tau, dt=0.01)
-    for k in range(5):
-        A_k, B_k = robot.linearize(motion.q[k], motion.va[k], motion.tau[k], dt=0.01)
-        assert_allclose(A_all[k], A_k, rtol=1e-14)
-        assert_allclose(B_all[k], B_k, rtol=1e-14)
-    again = pickle.loads(pickle.dumps(robot)).linearize(motion.q, motion.va, motion.tau)
-    assert np.array_equal(again[0], A)
 
 
 @pytest.mark.parametrize(

@@ -67,20 +67,6 @@ def test_a_moment_on_the_star_is_carried_by_the_motors(odd):
     assert np.abs((extra * va).sum(axis=1) + (m * omega).sum(axis=1)).max() < 1e-10
 
 
-def test_friction_of_every_joint_reaches_the_motors(robot):
-    """tau - tau_frictionless = L^T (D q_dot + F_c sign q_dot), joint after joint."""
-    q, va, aa = robot.joint_motion(*random_state(robot, np.random.default_rng(2)))
-    L = robot.noc(q, va).L
-    bare = robot.compute_torques(q, va, aa)
-    for joint in range(9):
-        D, F = np.zeros(9), np.zeros(9)
-        D[joint], F[joint] = 0.7, 0.4
-        rubbing = sst_pin.SST(sst_pin.Parameters(viscous_friction=D, coulomb_friction=F))
-        q_dot = rubbing.joint_rates(q, va)
-        expected = L.T @ (D * q_dot + F * np.sign(q_dot))
-        assert np.abs(rubbing.compute_torques(q, va, aa) - bare - expected).max() < 1e-12
-
-
 def test_smoothed_coulomb_friction_tends_to_the_sign():
     """tanh(x / width): odd, 76 % at the width, the sign far beyond."""
     smooth = Friction(np.zeros(3), np.ones(3), sign_width=1e-3)
@@ -136,3 +122,17 @@ def test_the_factors_are_lower_triangular_and_diagonal(chain):
         joint = chain.model.joints[i + 1]
         own = np.arange(joint.idx_v, joint.idx_v + joint.nv)
         assert not np.delete(terms.N_d[6 * i : 6 * i + 6], own, axis=1).any()
+
+
+def test_friction_of_every_joint_reaches_the_motors(robot):
+    """tau - tau_frictionless = L^T (D q_dot + F_c sign q_dot), joint after joint."""
+    q, va, aa = robot.joint_motion(*random_state(robot, np.random.default_rng(2)))
+    L = robot.noc(q, va).L
+    bare = robot.compute_torques(q, va, aa)
+    for joint in range(9):
+        D, F = np.zeros(9), np.zeros(9)
+        D[joint], F[joint] = 0.7, 0.4
+        rubbing = sst_pin.SST(sst_pin.Parameters(viscous_friction=D, coulomb_friction=F))
+        q_dot = rubbing.joint_rates(q, va)
+        expected = L.T @ (D * q_dot + F * np.sign(q_dot))
+        assert np.abs(rubbing.compute_torques(q, va, aa) - bare - expected).max() < 1e-12

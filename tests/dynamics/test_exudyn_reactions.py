@@ -178,20 +178,6 @@ def test_unique_wrenches_and_verdicts_are_those_of_exudyn(name):
     assert found[unique] == pytest.approx(wanted[unique], abs=1e-10 * np.abs(wanted).max())
 
 
-def test_the_cut_of_the_sst_changes_nothing():
-    robot, other = sst_pin.SST(), whole_star()
-    q, random = robot.generic_configuration(), np.random.default_rng(2)
-    va, aa = random.uniform(-1, 1, (2, 3))
-    w = robot.reactions(q, va, aa)
-    hinges = [robot.joint_names.index(name) for name in other.joint_names]
-    w_other = other.reactions(q[hinges], va, aa)
-    hinges += [robot.joint_names.index(name) for name in ("beta_2", "beta_3")]
-    assert np.array_equal(np.concatenate(w_other.determined), w.determined.joints[hinges])
-    assert np.concatenate([w_other.joints, w_other.closures]) == pytest.approx(
-        w.joints[hinges], abs=1e-10, nan_ok=True
-    )
-
-
 def sprung(chain, q, stiffness):
     """Wrenches [moment; force] of springs in the pose to which the weight brings the robot."""
     twin = Twin(chain, q, stiffness)

@@ -5,11 +5,9 @@ from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
-import pinocchio as pin
 import pytest
 import qpsolvers
 from numpy.testing import assert_allclose
-from scipy.linalg import qr
 
 from sst_pin import ClosedChain, Closure, Coupling
 from sst_pin.errors import ActuationError
@@ -17,7 +15,7 @@ from sst_pin.verification.lagrange import LagrangeMultipliers
 from sst_pin.verification.verify import verify_chain
 from tests.support.any_chain import states
 from tests.support.link_tables import ROBOTS
-from tests.support.trees import CONSTRAINTS, JOINTS, derivative, random_q, tree
+from tests.support.trees import CONSTRAINTS, JOINTS, random_q, tree
 
 
 @dataclass
@@ -124,37 +122,6 @@ def test_dynamics_are_those_of_every_referee(name):
         assert row.relative < (1e-9 if row.compared == "accelerations" else tolerance), row
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_energy_changes_by_the_power_of_the_motors_and_friction(name):
-    """d/dt (kinetic + potential) = tau . B^T v + friction . v, springs included.
-
-    The motion keeps the loops closed, and its torques are those given.
-    """
-    chain = CASES[name].build()
-    model = chain.model
-    random = np.random.default_rng(0)
-    for q, va, _ in zip(*states(chain, 5, 0), strict=True):
-        tau = 10 * random.normal(size=len(chain.motor_units))
-        aa = chain.compute_accelerations(q, va, tau)
-        v, a = chain.joint_rates(q, va), chain.joint_accelerations(q, va, aa)
-        close(chain.Phi(q) @ v, 0.0)
-        close(chain.Phi(q) @ a, -chain.Phi_dot(q, v) @ v)
-        if not name.startswith("more motors"):
-            close(chain.compute_torques(q, va, aa), tau)
-
-        def energy(t, q=q, v=v, a=a, va=va, aa=aa, model=model):
-            moved = pin.integrate(model, q, v * t + a * t * t / 2)
-            moved = chain.assemble(moved, fixed=())
-            return chain.kinetic_energy(moved, va + aa * t) + chain.potential_energy(moved)
-
-        # Rates of 10 rad/s near a singular pose: the series of the energy ends after some 1e-3 s.
-        rate = derivative(energy, 5e-5)
-        power = tau @ chain.mechanism.motors.T @ v + chain.friction_power(q, va)
-        scale = abs(energy(0)) * (1 + np.abs(v).max()) + 1
-        # Rounding of the energy, and 1e-11 of the assembly, over 5e-5 s; measured: 1e-8.
-        assert abs(rate - power) < 1e-7 * scale
-
-
 @pytest.mark.parametrize("weighted", [False, True])
 @pytest.mark.parametrize("name", [name for name in CASES if name.startswith("more")])
 def test_with_more_motors_the_torques_are_the_least(name, weighted):
@@ -184,34 +151,3 @@ def test_forces_that_nobody_supplies_are_named():
     expected = {n: x for n, x in zip(names, f, strict=True) if n not in driven}
     assert set(caught.value.missing) == set(expected)
     close([caught.value.missing[n] for n in expected], list(expected.values()))
-
-
-def test_a_free_fall_needs_no_torques():
-    """Where all forces cancel nothing is missing: rounding is no force."""
-    chain = Case(FLOATING, "6d", ["a0_RX", "b0_RZ"]).build()
-    model = chain.model
-    model.armature = np.zeros(model.nv)
-    for q, va, _ in zip(*states(chain, 5, 0), strict=True):
-        for rates in (0 * va, va):
-            aa = chain.compute_accelerations(q, rates, np.zeros(2))
-            assert_allclose(chain.compute_torques(q, rates, aa), 0, atol=1e-10)
-
-
-def test_coordinates_are_what_the_caller_names():
-    """For one motion in two sets of coordinates, forces transform by L^T, accelerations by L."""
-    case = Case(ARM, "6d", ["a0_RZ", "a1_revolute", "a2_RX", "a3_PZ"])
-    chain = case.build()
-    n = chain.degrees_of_freedom
-    for q, va, aa in zip(*states(chain, 10, 0), strict=True):
-        v, v_dot = chain.joint_rates(q, va), chain.joint_accelerations(q, va, aa)
-        L = chain.noc(q, va).L
-        # Other independent joints, by a pivoted QR.
-        pivots = qr(L[4:].T, pivoting=True)[2][:n] + 4
-        names = chain.rate_names
-        wanted = [names[k] for k in sorted(pivots)]
-        other = ClosedChain(chain.model, chain.closures, case.motors, coordinates=wanted)
-        k = sorted(pivots)
-        close(other.joint_accelerations(q, v[k], v_dot[k]), v_dot)
-        f = chain.generalized_forces(q, va, aa)
-        close(other.generalized_forces(q, v[k], v_dot[k]) @ L[k], f)
-        close(other.compute_torques(q, v[k], v_dot[k]), chain.compute_torques(q, va, aa))

@@ -9,9 +9,9 @@ import qpsolvers
 
 import sst_pin
 from sst_pin import robots
-from sst_pin.errors import ActuationError, SSTError
+from sst_pin.errors import ActuationError
 from tests.support import any_chain
-from tests.support.motor_cases import elbows, five_bar, held_not, lift, telescope
+from tests.support.motor_cases import lift, telescope
 
 
 def motors_everywhere():
@@ -34,20 +34,6 @@ def motion(chain):
     return any_chain.states(chain, 6, 1)
 
 
-def swing(chain, count=100):
-    """A path on which the coordinates swing, with its rates and accelerations."""
-    n = chain.degrees_of_freedom
-    start = any_chain.states(chain, 1, 1)[0][0]
-    index = [chain.joint_names.index(name) for name in chain.coordinates]
-    phases = np.linspace(0, 2 * np.pi, count)[:, None] + np.arange(n)
-    amplitude, q = np.linspace(0.03, 0.04, n), [start]
-    for way in amplitude * (np.sin(phases) - np.sin(phases[0])):
-        guess = q[-1].copy()
-        guess[index] = start[index] + way
-        q.append(chain.assemble(guess))
-    return np.array(q[1:]), amplitude * np.cos(phases), -amplitude * np.sin(phases)
-
-
 def test_there_are_as_many_directions_as_motors_too_many(chain):
     stresses = chain.mobility().inner_stresses
     assert stresses == len(chain.motor_names) - chain.degrees_of_freedom
@@ -68,16 +54,6 @@ def test_preload_makes_no_motion(chain, motion):
     assert np.einsum("imk,im->ik", basis, tau - least) == pytest.approx(amounts, abs=1e-12)
     moved = chain.compute_accelerations(q, va, tau) - chain.compute_accelerations(q, va, least)
     assert np.abs(moved).max() < 1e-10
-
-
-def test_directions_are_continuous_along_a_path(chain):
-    """Each step changes them by no more than a step of the subspace does; no signs, no order."""
-    q, _, _ = swing(chain)
-    basis = chain.preload_directions(q)
-    projectors = basis @ np.swapaxes(basis, -1, -2)
-    steps = np.linalg.norm(np.diff(basis, axis=0), axis=(1, 2))
-    of_subspace = np.linalg.norm(np.diff(projectors, axis=0), axis=(1, 2))
-    assert (steps < 1.1 * of_subspace + 1e-12).all()
 
 
 def least_peak(chain, *state):
@@ -146,23 +122,6 @@ def test_bad_limits_and_preloads_are_refused(arguments, problem):
         arm.compute_torques(arm.home, np.zeros(3), np.zeros(3), **arguments)
 
 
-def test_least_torques_apply_to_a_robot_that_needs_none():
-    """Without weight all torques are zero; limits as those of cables ask for more."""
-    for chain, answer in ((robots.planar_4rrr(), True), (robots.five_bar(), False)):
-        chain.model.gravity.linear = np.zeros(3)
-        chain.refresh()
-        rest, motors = np.zeros(chain.degrees_of_freedom), len(chain.motor_names)
-        limits = np.tile([-5.0, 5.0], (motors, 1))
-        limits[0] = 0.1, 5.0
-        if answer:
-            tau = chain.compute_torques(chain.home, rest, rest, limits=limits)
-            B = chain.preload_directions(chain.home)[:, 0]
-            assert tau == pytest.approx(0.1 * B / B[0], abs=1e-12)
-        else:
-            with pytest.raises(sst_pin.ActuationError, match=f"{chain.motor_names[0]} by 0.1 "):
-                chain.compute_torques(chain.home, rest, rest, limits=limits)
-
-
 def test_samples_at_fault_stay_out_of_the_others():
     arm = robots.planar_4rrr()
     q, va, aa = any_chain.states(arm, 3, 1)
@@ -188,17 +147,6 @@ def test_a_light_freedom_is_refused_though_its_coordinates_move_a_heavy_body(mas
     needed = masses[0] * (1 + 9.81)  # what moves the lower stage alone
     missing = caught.value.missing
     assert missing["lower"] - missing["upper"] == pytest.approx(needed, rel=1e-5)
-
-
-@pytest.mark.parametrize("loop", [False, True], ids=["tree", "with a loop"])
-def test_a_light_freedom_that_falls_freely_needs_no_motor(loop):
-    chain = telescope(0.1, 1e5, loop)
-    n = chain.degrees_of_freedom
-    aa = np.array([-9.81, 9.81, *np.zeros(n - 2)])
-    q = chain.generic_configuration()
-    tau = chain.compute_torques(q, np.zeros(n), aa)
-    f = chain.generalized_forces(q, np.zeros(n), aa)
-    assert np.allclose(chain.actuator_jacobian(q).T @ tau, f, rtol=1e-9, atol=1e-6)
 
 
 #: Ways to ask for torques, from the smallest ones and the forces that are needed.
@@ -227,27 +175,3 @@ def test_torques_bring_about_the_forces_of_each_freedom_or_are_refused(masses, c
         with suppress(ActuationError):
             tau = chain.compute_torques(q, va, AA, **option(least, f))
             assert (np.abs(A @ tau - f) < 2e-6 * np.abs(f)).all()
-
-
-@pytest.mark.parametrize("option", [{"limits": [1e6, 1e6]}, {"preload": []}])
-def test_samples_that_the_motors_do_not_hold_are_nan_and_the_others_right(option):
-    chain = elbows()
-    bad, good = held_not(chain)
-    q, va, aa = np.array([good, bad, good]), np.zeros(2), np.ones(2)
-    tau = chain.compute_torques(q, va, aa, on_error="nan", **option)
-    assert np.isnan(tau[1]).all()
-    assert tau[[0, 2]] == pytest.approx(chain.compute_torques(q[[0, 2]], va, aa), rel=1e-12)
-    with pytest.raises(SSTError, match="1 of 3 samples"):
-        chain.compute_torques(q, va, aa, **option)
-
-
-def test_leading_axes_of_a_preload_broadcast():
-    chain = five_bar(["a1", "a2", "b1", "b2"])
-    q, va, aa = chain.generic_configuration(), np.zeros(2), np.ones(2)
-    amounts = np.arange(10.0).reshape(5, 2)
-    tau = chain.compute_torques(q, va, aa, preload=amounts)
-    alone = [chain.compute_torques(q, va, aa, preload=row) for row in amounts]
-    assert np.array_equal(tau, alone)
-    assert chain.compute_torques([q] * 3, va, aa, preload=amounts[:, None]).shape == (5, 3, 4)
-    with pytest.raises(sst_pin.InputError, match="do not broadcast"):
-        chain.compute_torques([q] * 3, va, aa, preload=amounts)

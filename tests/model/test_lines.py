@@ -8,8 +8,6 @@ from numpy.testing import assert_allclose
 
 import sst_pin
 from sst_pin import ClosedChain, Closure, LineForce
-from sst_pin.simulation.energy import energy_balance
-from sst_pin.verification.verify import verify_chain
 from tests.support.any_chain import chain as arm
 from tests.support.any_chain import mimicking, states, with_joint
 from tests.support.by_hand import at, mark
@@ -77,28 +75,6 @@ def test_terms_hold_springs_and_dampers_of_lines():
             line.damping * row * (row @ va) for line, row in zip(STRUTS, rates, strict=True)
         )
         close(bare.noc(q, va).friction - terms.friction, damped, 1e-12)
-
-
-def test_direct_dynamics_is_the_inverse_with_motors_on_lines():
-    """Both are those of Lagrange multipliers, which take rows from the frames' Jacobians."""
-    motors = ["body", STRUTS[0].name, {STRUTS[1].name: 2.0, "arm_3": -0.5}]
-    robot = with_joint("universal")
-    chain = ClosedChain(robot.model, robot.closures, motors, forces=STRUTS)
-    assert chain.motor_names[2:] == (STRUTS[0].name, f"2 {STRUTS[1].name} - 0.5 arm_3")
-    assert chain.motor_units == ("Nm", "Nm", "N", "Nm")
-    assert max(line.relative for line in verify_chain(chain, 5)) < 1e-9
-    for q, va, aa in random_states(chain):
-        tau = chain.compute_torques(q, va, aa)
-        f, J = chain.generalized_forces(q, va, aa), chain.actuator_jacobian(q)
-        close(J.T @ tau, f, 1e-10)
-        # Judged by the forces that they take: free of the conditioning of the mass matrix.
-        found = chain.compute_accelerations(q, va, tau)
-        close(chain.generalized_forces(q, va, found), f, 1e-12)
-        rows = [tension_and_row(chain, line, q, va)[2] for line in STRUTS]
-        own = chain.joint_rates(q, np.eye(2))
-        third = 2 * rows[1] - 0.5 * own[:, chain.model.getJointId("arm_3")]
-        assert_allclose(J[2:], [rows[0], third], atol=1e-12)
-        assert_allclose(chain.motor_rates(q, va), J @ va, atol=1e-12)
 
 
 def test_a_motor_on_a_line_is_a_cylinder_without_mass():
@@ -169,18 +145,6 @@ def test_reactions_are_those_under_wrenches_that_pull_as_the_lines_do():
         for name in ("joints", "closures", "motors"):
             close(getattr(pulled, name), getattr(same, name), 1e-10)
         close(pulled.ground, same.ground + by_ground, 1e-11)
-
-
-def test_energy_of_a_damped_swing_goes_where_it_says():
-    """A four-bar swings on a gas spring with a damper; the balance closes to 1e-9 of its parts."""
-    bar = sst_pin.robots.four_bar()
-    gas = LineForce("universe", "platform", stiffness=60, rest_length=0.4, damping=80, preload=-8)
-    chain = ClosedChain(bar.model, bar.closures, ["crank"], forces=[gas])
-    motion = chain.simulate([0.0], bar.home, [1.0], np.linspace(0, 0.3, 601))
-    assert len(motion) == 601
-    balance = energy_balance(chain.engine, motion)
-    assert balance.friction[-1] < -2e-3
-    assert np.abs(balance.error).max() < 1e-8 * np.abs(balance.potential).max()
 
 
 def test_both_ends_in_one_place_have_no_direction():

@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Each loop is judged by its own length; what rounding has put beside zero is no length."""
 
-import warnings
-
 import numpy as np
 import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 
-from sst_pin import ClosedChain, Closure, ClosureError, DescriptionWarning, robots
+from sst_pin import ClosedChain, Closure, ClosureError
 from tests.support.by_hand import at, mark
 from tests.support.planar_bars import planar
 
@@ -57,24 +55,6 @@ def test_a_gripper_on_a_crane_is_judged_as_the_gripper_alone():
     q[2] += 1e-3  # a hair of the crane, much of the gripper
     with pytest.raises(ClosureError):
         crane.compute_torques([0.3, 0.2, *q], np.zeros(3), np.zeros(3))
-
-
-@pytest.mark.parametrize("offset", [5.55e-17, 1e-12, 1e-9])
-def test_offsets_beside_zero_are_zero(offset):
-    """A spherical robot whose joints are that far from its centre, as exporters write zero."""
-    exact = robots.agile_eye()
-    model, random = pin.Model(exact.model), np.random.default_rng(0)
-    for j in range(1, model.njoints):
-        place = model.jointPlacements[j]
-        model.jointPlacements[j] = pin.SE3(
-            place.rotation, place.translation + offset * random.choice([-1.0, 1.0], 3)
-        )
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DescriptionWarning)  # 1e-9 m are few digits
-        chain = ClosedChain(model, exact.closures, exact.motor_names)
-    assert chain.degrees_of_freedom == exact.degrees_of_freedom
-    tau = chain.compute_torques(chain.home, np.ones(3), np.ones(3))
-    assert_allclose(tau, exact.compute_torques(exact.home, np.ones(3), np.ones(3)), rtol=1e-6)
 
 
 def test_where_a_robot_stands_does_not_count():

@@ -10,9 +10,7 @@ from numpy.testing import assert_allclose
 
 import sst_pin
 from sst_pin import ClosedChain
-from tests.support import trees
-from tests.support.derivative_cases import assert_derivatives_are_those_of_differences, case
-from tests.support.trees import JOINTS, add_frame, add_joint, random_q, tree
+from tests.support.trees import JOINTS, add_frame, add_joint, random_q
 
 #: Names of joints, each on the one before or on the one whose number stands behind it.
 TREES = {
@@ -131,37 +129,6 @@ def test_a_free_motion_keeps_its_energy_and_obeys_pinocchio(chain, states, metho
     # simulate: tolerance 1e-12 per step; rollout: the step to the fourth power, 1e-12, times
     # derivatives of fifth order, at rates up to 10 rad/s.
     assert np.ptp(energy) < {"simulate": 1e-9, "rollout": 1e-6}[method]
-
-
-def test_mobility_assembly_and_reactions_need_no_closures(chain, states):
-    """All rates are coordinates; any configuration is assembled; joints bear the weight."""
-    q = states[0][0]
-    report = chain.mobility(q)
-    assert report.degrees_of_freedom == chain.model.nv == chain.degrees_of_freedom
-    assert report.sufficient
-    assert (report.rows, report.redundant_rows, report.condition_number) == ((), 0, 1.0)
-    assert_allclose(pin.difference(chain.model, q, chain.assemble(q)), 0, atol=1e-14)
-    assert chain.residual(q).shape == (0,)
-    assert chain.Phi(q).shape == (0, chain.model.nv)
-    zero = np.zeros(chain.model.nv)
-    assert_allclose(chain.noc(q, zero).L, np.eye(chain.model.nv), atol=0)
-    assert chain.reactions(q, zero, zero).determined.joints.all()
-
-
-@pytest.mark.parametrize("name", trees.TREES)
-def test_every_kind_of_joint_with_friction_and_springs(name):
-    """Joints added breadth-first; derivatives against differences."""
-    model = tree(*trees.TREES[name])
-    some = case(model, [], [model.names[k] for k in range(1, model.njoints)])
-    random = np.random.default_rng(1)
-    for state in some.states(2):
-        assert_derivatives_are_those_of_differences(some, *state, random)
-    plain = ClosedChain(model, [], [], viscous_friction=np.zeros(model.nv))
-    q, v, a = state[0], *random.normal(size=(2, model.nv))
-    order = list(plain.mechanism.coordinates)
-    expected = pin.rnea(model, model.createData(), q, v, a)
-    found = plain.generalized_forces(q, v[order], a[order])
-    assert_allclose(found, expected[order], rtol=0, atol=1e-11)
 
 
 def test_too_few_motors_and_coordinates_are_refused_as_in_any_robot():

@@ -123,27 +123,6 @@ def test_a_page_with_a_path_in_space_is_legible(monkeypatch):
         plots.frame_path(page.axes[1], robot, motion)
 
 
-def test_convex_sets_are_drawn_in_a_plane_and_as_bodies():
-    cube = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
-    ball = sst_pin.Ellipsoid(np.zeros(3), np.array([1.0, 0.5, 0.5]), np.eye(3))
-    ax = Figure().add_subplot()
-    for shape in (cube, ball):
-        plots.convex_set(ax, shape, at=(5, 0, 0), scale=2.0, plane=(0, 2))
-    square, ellipse = (patch.get_xy() for patch in ax.patches)
-    assert np.abs(np.sort(np.unique(square, axis=0), axis=0)).max() == 7
-    assert {tuple(x) for x in square} == {(3, -2), (3, 2), (7, -2), (7, 2)}
-    assert np.abs(ellipse[:, 0] - 5).max() == pytest.approx(2, rel=1e-2)
-    assert np.abs(ellipse[:, 1]).max() == pytest.approx(1, rel=1e-2)
-    space = Figure().add_subplot(projection="3d")
-    plots.convex_set(space, cube)
-    assert len(space.collections) == 1
-    for flat in (cube[:1], np.zeros((8, 3)), cube * (1, 0, 1)):
-        with pytest.raises(sst_pin.InputError, match="flat"):
-            plots.convex_set(Figure().add_subplot(), flat)
-    with pytest.raises(sst_pin.InputError, match="entry"):
-        plots.convex_set(ax, np.full((8, 3), np.nan))
-
-
 def test_a_map_shows_what_is_reached_and_what_ends_it(monkeypatch):
     lift = sst_pin.robots.five_bar()
     side = np.linspace(-0.15, 0.15, 7)
@@ -159,23 +138,6 @@ def test_a_map_shows_what_is_reached_and_what_ends_it(monkeypatch):
     require_legible(figure, monkeypatch)
     with pytest.raises(sst_pin.InputError, match="'q' unknown; known: condition, used"):
         plots.reach_map(ax, found, "q")
-
-
-def test_directions_are_drawn_with_equal_areas():
-    """Uniform directions: a cap of height h fills a disc of area 2 pi h; up is up."""
-    middle, random = np.array([1.0, -2.0, 0.5]), np.random.default_rng(0)
-    s = random.normal(size=(100_000, 3))
-    s /= np.linalg.norm(s, axis=1, keepdims=True)
-    points = plots.equal_area(s, middle)
-    for height in (0.1, 0.5, 1.0):
-        cap = s @ middle / np.linalg.norm(middle) > 1 - height
-        radius = np.linalg.norm(points[cap], axis=1).max()
-        assert np.pi * radius**2 == pytest.approx(2 * np.pi * height, rel=1e-3)
-    beside = np.array([[0, 0, 1], np.cross([0, 0, 1], middle)])
-    above, aside = plots.equal_area(middle + beside, middle)
-    assert above[0] == pytest.approx(0, abs=1e-12)
-    assert above[1] > 0
-    assert aside[0] > 0 == pytest.approx(aside[1])
 
 
 def bars(ax):

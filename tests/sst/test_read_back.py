@@ -1,10 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Parameters through files and back; the conventions of other people's loaders."""
 
-import sys
-import types
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -169,24 +166,3 @@ def test_load_is_a_robot_wrapper_with_geometry_and_poses(robot):
     for name, q in (("home", robot.home), ("circle_start", start)):
         assert poses[name] == pytest.approx(q, abs=1e-14)  # files have 14 decimals
         assert np.abs(robot.residual(poses[name])).max() < 1e-14
-
-
-@pytest.mark.parametrize("tool", ["pinocchio", "mujoco", "yourdfpy"])
-def test_loaders_of_robot_descriptions_take_our_paths(tool, monkeypatch):
-    module = types.ModuleType("robot_descriptions.sst_description")
-    names = ("REPOSITORY_PATH", "PACKAGE_PATH", "URDF_PATH", "MJCF_PATH", "SRDF_PATH")
-    vars(module).update({name: getattr(sst_pin, name) for name in names})
-    assert all(isinstance(vars(module)[name], str) for name in names)
-    monkeypatch.setitem(sys.modules, module.__name__, module)
-    loader = import_module(f"robot_descriptions.loaders.{tool}")
-    loaded = loader.load_robot_description("sst_description")
-    if tool == "pinocchio":
-        assert loaded.visual_model.ngeoms == 12
-        assert loaded.model.nq == 9
-    elif tool == "mujoco":
-        assert (loaded.nq, loaded.neq) == (9, 2)
-        scene = loader.load_robot_description("sst_description", variant="scene")
-        assert scene.geom("floor").id >= 0
-    else:
-        assert len(loaded.actuated_joint_names) == 9
-        assert len(loaded.scene.geometry) == 12

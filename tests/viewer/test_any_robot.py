@@ -283,19 +283,6 @@ def test_an_mjcf_is_drawn_as_mujoco_has_it(tmp_path):
     assert "bodies" in Viewer(chain)._panel["layers"]
 
 
-def test_a_configuration_has_no_torques_unless_they_are_given(tmp_path):
-    """Zeros beside a robot that stands would be taken for what its motors hold."""
-    chain, q, _ = five_bar(tmp_path)
-    viewer = Viewer(chain)
-    viewer.show(q)
-    (joints,) = viewer._panel["curves"]
-    assert (joints["called"], joints["names"]) == ("joints", list(chain.position_names))
-    np.testing.assert_array_equal(joints["values"], [q])
-    viewer.show(q, [1.0, -2.0])
-    torques, joints = viewer._panel["curves"]
-    assert (torques["called"], torques["values"]) == ("torques", [[1.0, -2.0]])
-
-
 def test_a_page_warns_of_open_loops_and_limits(tmp_path):
     chain, q, _ = five_bar(tmp_path)
     viewer = Viewer(chain)

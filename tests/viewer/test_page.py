@@ -5,7 +5,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-import sst_pin
 from sst_pin.sst import paper
 from sst_pin.viewer import Viewer
 from tests.support.browser import COARSE, pixels, visit
@@ -198,18 +197,3 @@ def test_a_person_plays_steps_drags_and_hides(page, motion):
     page.locator("[data-layer=torques]").check()
     assert poses(page)[1][TORQUES[0]]["visible"]
     assert not page.locator(".dg.main").is_visible()  # Meshcat's own controls
-
-
-@pytest.mark.slow
-def test_warnings_stand_on_the_page_and_are_text(chromium, robot):
-    off = robot.inverse_kinematics(sst_pin.orientation(np.radians(20), np.radians(170)))
-    viewer = Viewer(robot)
-    for q, count in ((robot.home, 0), (off, 3)):
-        viewer.show(q)
-        with visit(chromium, "about:blank") as shown:  # a page cannot be set twice
-            shown.page.set_content(viewer.html)
-            shown.page.wait_for_function("typeof panel === 'object'")
-            lines = shown.page.locator("#warnings li").all_text_contents()
-            assert shown.page.locator("#warnings").is_visible() == bool(count)
-            assert lines == viewer._panel["warnings"]
-            assert len(lines) == count

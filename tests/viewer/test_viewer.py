@@ -14,7 +14,6 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
-import umsgpack
 from PIL import Image, ImageSequence
 
 import sst_pin
@@ -120,29 +119,6 @@ def test_robot_show_is_the_short_way(robot, motion, monkeypatch):
     assert len(opened) == 1
     monkeypatch.setitem(sys.modules, "ipykernel", sys)
     assert "not served" in repr(robot.show(motion))  # the notebook displays it
-
-
-def test_a_ghost_moves_at_the_times_of_the_motion():
-    """Keys as they go to the page: samples between the ends of the motion and the next beside."""
-    lift = sst_pin.robots.five_bar()
-
-    def swing(t, size):
-        return sst_pin.coordinate_motion(lift, t, lift.home[[0, 2]] + size * np.sin(t)[:, None])
-
-    motion, planned = swing(np.linspace(2, 3, 6), 0.1), swing(np.linspace(0.1, 4.1, 21), 0.3)
-    viewer = lift.show(motion, ghost=planned, open_browser=False)
-    assert viewer._panel["layers"]["ghost"]
-    commands = viewer._drawing.buffer.commands
-    nodes = [path for kind, path, _ in commands if kind == "set_object"]
-    moved = [n for n in nodes if "robot/ghost/ghost/" in n]
-    assert len(moved) == sum(b.parentJoint > 0 for b in lift.visual_model.geometryObjects)
-    (packed,) = (c for (kind, _, _), c in commands.items() if kind == "set_animation")
-    tracks = {a["path"]: a["clip"]["tracks"] for a in umsgpack.unpackb(packed)["animations"]}
-    (turn,) = (t for t in tracks["/meshcat/robot/ghost/ghost/1"] if "quaternion" in t["name"])
-    assert [key["time"] for key in turn["keys"]] == pytest.approx(planned.t[9:16] - 2)
-    half = planned.q[9:16, 0] / 2
-    wanted = np.column_stack([0 * half, 0 * half, np.sin(half), np.cos(half)])
-    assert np.abs(np.array([key["value"] for key in turn["keys"]]) - wanted).max() < 1e-12
 
 
 @pytest.mark.parametrize(
