@@ -155,7 +155,7 @@ def dry(name):
     t, n = np.arange(0, 8, 0.01), chain.degrees_of_freedom
     rates = np.random.default_rng(5).uniform(2, 5, n)
     phase = np.outer(t, rates) + np.sin(np.outer(t, rates / 2))
-    x = taken(chain.mechanism.space, chain.home, chain.coordinates) + 0.15 * np.sin(phase)
+    x = taken(chain.mechanism.space, chain.home, chain.coordinates) + 0.1 * np.sin(phase)
     motion = sst_pin.coordinate_motion(true, t, x, chain.home)
     base = base_parameters(chain, [*BODIES, *friction])
     state = motion.q, motion.va
@@ -173,8 +173,9 @@ def coverage(name, decimate, repetitions, monkeypatch):
     true, away = base.matrix @ chain.dynamic_parameters, []
     for method, array in arrays.items():  # computed once
         monkeypatch.setattr(ClosedChain, method, lambda *_, array=array: array.copy())
-    for seed in range(repetitions):
-        noise = 0.02 * np.random.default_rng(seed).normal(size=motion.tau.shape)
+    random = np.random.default_rng(0)
+    for _ in range(repetitions):
+        noise = 0.02 * random.normal(size=motion.tau.shape)
         found = estimate(
             chain, base, motion.q, motion.va, motion.aa, motion.tau + noise, decimate=decimate
         )
@@ -188,7 +189,7 @@ def test_intervals_of_a_decimated_log_cover_the_truth(monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("decimate", [2, 5, 20])
+@pytest.mark.parametrize("decimate", [2, 10])
 @pytest.mark.parametrize("name", ["five_bar", "four_bar", "delta", "planar_3rrr", "sst"])
 def test_intervals_of_five_robots_cover_the_truth(name, decimate, monkeypatch):
     assert 0.93 < coverage(name, decimate, 200, monkeypatch) < 0.97
