@@ -158,8 +158,8 @@ def reach_map(
     if not np.isin(chain.mechanism.coordinates, chain.mechanism.driven).all():
         # its coordinates may have dead points where motors have none
         chain = chain.with_coordinates(None)
-    mechanism, motors = chain.mechanism, chain.motor_names
-    limits = finite_limits(torques, len(motors), "torques")
+    mechanism = chain.mechanism
+    limits = finite_limits(torques, len(chain.motor_names), "torques")
     push = single_array("wrench", np.zeros(6) if wrench is None else wrench, (6,))
     guess = start_of(chain.engine) if start is None else start
     home = chain.assemble(single_array("start", guess, (mechanism.model.nq,)))
@@ -188,13 +188,16 @@ def reach_map(
         return grid
 
     condition = on_grid(_conditions(A[:, counted] * ratio))
-    used = on_grid(largest_part(tau, directions, limits))
-    columns = (
-        *(f"tau_{name}_{unit}" for name, unit in zip(motors, chain.motor_units, strict=True)),
-        *columns_of("q", chain.position_names, chain.joint_units),
-    )
+    used, columns = on_grid(largest_part(tau, directions, limits)), _columns(chain)
     values = named[axes[0]], named[axes[1]]
     return ReachMap(axes, values, poses, why, q, condition, on_grid(holding), used, columns)
+
+
+def _columns(chain: ClosedChain) -> tuple[str, ...]:
+    """Columns of torques and positions in a file."""
+    motors = zip(chain.motor_names, chain.motor_units, strict=True)
+    names = columns_of("q", chain.position_names, chain.joint_units)
+    return *(f"tau_{name}_{unit}" for name, unit in motors), *names
 
 
 def _grid_axes(named: dict[str, Array]) -> tuple[str, str]:

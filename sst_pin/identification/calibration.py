@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -205,14 +206,10 @@ def _found(
     noise = size = np.array([length, 1.0])
     values = np.zeros(len(errors))
     for step_number in counted(range(_STEPS), "calibrate, steps of Newton's method"):
-        held, rows, rests = dict(zip(errors, values, strict=True)), [], []
+        errors_now, rows, rests = dict(zip(errors, values, strict=True)), [], []
         for k, target in enumerate(measured):
-            try:
-                q[k] = large.assemble(put(large.mechanism.space, q[k], held))
-            except (ClosureError, SingularConfigurationError):
-                if step_number == 0:
-                    raise
-                raise _UnsettledError(_TOO_LARGE) from None
+            with _unsettled_after(step_number):
+                q[k] = large.assemble(put(large.mechanism.space, q[k], errors_now))
             position, rotation = large.frame_placement(q[k], frame)
             rests.append(pose_error(pin.SE3(rotation, position), *target))
             rows.append(large.frame_jacobian(q[k], frame)[: len(rests[k]), columns])
@@ -241,6 +238,17 @@ def _found(
             problem = f"the errors do not settle in {_STEPS} steps; give which= or better poses"
             raise _UnsettledError(problem)
     return found, values[found], root * units[found][:, None], noise
+
+
+@contextmanager
+def _unsettled_after(steps: int) -> Iterator[None]:
+    """After some steps a pose that cannot be assembled means that the errors are too large."""
+    try:
+        yield
+    except (ClosureError, SingularConfigurationError):
+        if steps == 0:
+            raise
+        raise _UnsettledError(_TOO_LARGE) from None
 
 
 def _require_near(away: Array, length: float) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Array, positive_number
+from ..arrays import Array, Indices, positive_number
 from ..closed_chain import ClosedChain
 from ..dynamics.regressor import DynamicParameters
 from ..errors import InputError, MissingExtraError
@@ -68,14 +68,47 @@ def consistent_parameters(
         raise MissingExtraError("clarabel", "identification") from None
     from scipy.linalg import block_diag, solve_triangular
 
-    cad, weight = np.asarray(chain.dynamic_parameters), np.sqrt(positive_number("prior", prior))
-    end = 10 * (chain.mechanism.model.njoints - 1)
-    varied = np.zeros(cad.size, dtype=bool)
-    varied[found.base.considered] = True
-    masses = cad[:end:10]
+    cad, weight = np.asarray(chain.dynamic_parameters), positive_number("prior", prior)
+    end, varied = 10 * (chain.mechanism.model.njoints - 1), np.zeros(cad.size, dtype=bool)
+    varied[found.base.considered], masses = True, cad[:end:10]
     free = np.flatnonzero(varied[:end].reshape(-1, 10).any(axis=1) & (masses > 0))
     others = np.flatnonzero(varied[end:]) + end
     columns = np.concatenate([(10 * free[:, None] + np.arange(10)).ravel(), others])
+    # Unknowns in units of the bodies' masses and the robot's length; others of what is seen.
+    of_length = chain.mechanism.length ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
+    of_bodies = np.outer(masses[free], of_length).ravel()
+    units, R, best = _least_squares(found, cad, columns, of_bodies, float(np.sqrt(weight)))
+
+    names = chain.dynamic_parameters.names
+    positive = [k for k, i in enumerate(others) if names[i].endswith(_POSITIVE)]
+    one = (pseudo_inertias(np.eye(10))[:, _ROWS, _COLUMNS] * _FACTORS).T
+    walls = [block_diag(*[one] * free.size, np.eye(others.size)[positive])]
+    floor = [np.tile(_LEAST * (_ROWS == _COLUMNS), free.size), np.zeros(len(positive))]
+    cones = [clarabel.PSDTriangleConeT(4)] * free.size + [clarabel.NonnegativeConeT(len(positive))]
+    if total_mass is not None:
+        rest = positive_number("total_mass", total_mass) - np.delete(masses, free).sum()
+        if rest <= 0 or not free.size:
+            raise InputError("total_mass", f"{total_mass:g} kg is less than others have: {rest:g}")
+        sums = np.append(np.kron(masses[free], np.eye(10)[0]), np.zeros(others.size))
+        walls.insert(0, sums[None])
+        floor.insert(0, np.array([rest]))
+        cones.insert(0, clarabel.ZeroConeT(1))
+    wall = np.vstack(walls)
+    y, status = _nearest(np.linalg.solve(R.T, wall.T).T, wall @ best - np.concatenate(floor), cones)
+    best += solve_triangular(R, y)
+    _require_bodies(best[: 10 * free.size].reshape(-1, 10), status)
+    theta = cad.copy()
+    theta[columns] = best * units
+    # The solver passes walls by its tolerance.
+    theta[others[positive]] = np.maximum(theta[others[positive]], 0)
+    return DynamicParameters(names, theta)
+
+
+def _least_squares(
+    found: Estimate, cad: Array, columns: Indices, of_bodies: Array, weight: float
+) -> tuple[Array, Array, Array]:
+    """Units of the unknowns, R of their least squares with the prior, and their solution."""
+    from scipy.linalg import solve_triangular
 
     try:
         root = np.linalg.cholesky(found.covariance)
@@ -85,41 +118,17 @@ def consistent_parameters(
     rows = solve_triangular(root, found.base.matrix, lower=True)
     # Deviations from the prior keep their digits beside what is known a million times better.
     seen = solve_triangular(root, found.values - found.base.matrix @ cad, lower=True)
-    # unknowns in units of the bodies' masses and the robot's length, others of what is seen of them
-    of_length = chain.mechanism.length ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
-    sizes = np.linalg.norm(rows[:, others], axis=0)
-    units = np.concatenate([np.outer(masses[free], of_length).ravel(), 1 / np.maximum(sizes, 1e-9)])
-    near = np.where(np.arange(units.size) < 10 * free.size, weight, _WEAK)
+    sizes = np.linalg.norm(rows[:, columns[of_bodies.size :]], axis=0)
+    units = np.concatenate([of_bodies, 1 / np.maximum(sizes, 1e-9)])
+    near = np.where(np.arange(units.size) < of_bodies.size, weight, _WEAK)
     Q, R = np.linalg.qr(np.vstack([rows[:, columns] * units, np.diag(near)]))
-    best = cad[columns] / units + solve_triangular(R, Q[: seen.size].T @ seen)
+    return units, R, cad[columns] / units + solve_triangular(R, Q[: seen.size].T @ seen)
 
-    positive = [
-        k for k, i in enumerate(others) if chain.dynamic_parameters.names[i].endswith(_POSITIVE)
-    ]
-    one = (pseudo_inertias(np.eye(10))[:, _ROWS, _COLUMNS] * _FACTORS).T
-    walls = [block_diag(*[one] * free.size, np.eye(others.size)[positive])]
-    floor = [np.tile(_LEAST * (_ROWS == _COLUMNS), free.size), np.zeros(len(positive))]
-    cones = [clarabel.PSDTriangleConeT(4)] * free.size + [clarabel.NonnegativeConeT(len(positive))]
-    if total_mass is not None:
-        left = positive_number("total_mass", total_mass) - np.delete(masses, free).sum()
-        if left <= 0 or not free.size:
-            raise InputError("total_mass", f"{total_mass:g} kg is less than others have: {left:g}")
-        walls.insert(0, np.where(np.arange(units.size) % 10 == 0, units, 0.0)[None])
-        walls[0][:, 10 * free.size :] = 0
-        floor.insert(0, np.array([left]))
-        cones.insert(0, clarabel.ZeroConeT(1))
-    wall = np.vstack(walls)
-    y, status = _nearest(np.linalg.solve(R.T, wall.T).T, wall @ best - np.concatenate(floor), cones)
-    best += solve_triangular(R, y)
-    bodies = pseudo_inertias(best[: 10 * free.size].reshape(-1, 10))
-    least = np.linalg.eigvalsh(bodies).min(initial=1.0)
+
+def _require_bodies(ten: Array, status: str) -> None:
+    least = np.linalg.eigvalsh(pseudo_inertias(ten)).min(initial=1.0)
     if status not in ("Solved", "AlmostSolved") or not least > 0:
         raise InputError("found", f"no bodies were found near it: {status}; a larger prior helps")
-    theta = cad.copy()
-    theta[columns] = best * units
-    # The solver passes walls by its tolerance.
-    theta[others[positive]] = np.maximum(theta[others[positive]], 0)
-    return DynamicParameters(chain.dynamic_parameters.names, theta)
 
 
 def _nearest(reach: Array, room: Array, cones: list[Any]) -> tuple[Array, str]:

@@ -111,15 +111,10 @@ def estimate(
         >>> found.noise.round(2), bool(away.max() < 3)
         (array([0.01]), True)
     """
-    n, motors, b = chain.degrees_of_freedom, len(chain.motor_names), len(base)
+    n, motors = chain.degrees_of_freedom, len(chain.motor_names)
     measured = finite_array("tau", tau, (motors,))
     Y = chain.torque_regressor(q, va, aa)
-    if measured.shape[:-1] != Y.shape[:-2] or Y.ndim != 3:
-        raise InputError("tau", f"shape {measured.shape}, expected {(len(Y), motors)}")
-    if motors < n:
-        raise InputError("chain", f"{motors} motors do not tell the forces of {n} coordinates")
-    if (len(Y) // whole_number("decimate", decimate, 1) - 2 * (decimate > 1)) * n <= b:
-        raise InputError("q", f"{len(Y)} samples are too few for {b} base parameters")
+    _require_enough(Y, measured, n, len(base), whole_number("decimate", decimate, 1))
     if decimate > 1:
         dry = [
             k for k, name in enumerate(chain.dynamic_parameters.names) if name.endswith(".coulomb")
@@ -155,6 +150,17 @@ def estimate(
         inside = np.abs(z) < _HUBER
         root *= np.sqrt(np.mean(np.clip(z, -_HUBER, _HUBER) ** 2)) / inside.mean()
     return Estimate(base, values, root @ root.T, noise, decimate)
+
+
+def _require_enough(Y: Array, measured: Array, n: int, b: int, decimate: int) -> None:
+    """Check that there are torques for each sample, and more equations than parameters."""
+    motors = measured.shape[-1]
+    if measured.shape[:-1] != Y.shape[:-2] or Y.ndim != 3:
+        raise InputError("tau", f"shape {measured.shape}, expected {(len(Y), motors)}")
+    if motors < n:
+        raise InputError("chain", f"{motors} motors do not tell the forces of {n} coordinates")
+    if (len(Y) // decimate - 2 * (decimate > 1)) * n <= b:
+        raise InputError("q", f"{len(Y)} samples are too few for {b} base parameters")
 
 
 def _mean_signs(v: Array) -> Array:

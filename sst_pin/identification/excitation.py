@@ -112,73 +112,91 @@ def excitation(
         >>> bool(np.abs(motion.va[[0, -1]]).max() < 1e-3)
         True
     """
-    from scipy.linalg import null_space  # takes as long to import as all else
-
     period, n = positive_number("duration", duration), len(chain.coordinates)
     fine = positive_number("dt", dt)
     if period > _MOST * fine:
         problem = f"{period:g} s have more than {_MOST:g} samples of {fine:g} s"
         raise InputError("duration", problem)
     count, tries = whole_number("harmonics", harmonics, 2), whole_number("tries", tries, 1)
-    mechanism, random = chain.mechanism, np.random.default_rng(whole_number("seed", seed, 0))
-    model, space = mechanism.model, mechanism.space
-    fastest = _limits("rates", rates, model.velocityLimit[mechanism.coordinates])
-    effort = np.abs(mechanism.motors).T @ np.minimum(model.effortLimit, np.finfo(float).max / 10)
-    strongest = _limits("torques", torques, effort)
-    first = placed(chain.engine, {}, start)
-    x0 = taken(space, first, chain.coordinates)
+    random = np.random.default_rng(whole_number("seed", seed, 0))
+    series = _Series(chain, period, count, placed(chain.engine, {}, start), rates, torques)
     sizes = _sizes(chain, base)
-    units = mechanism.rate_scale[mechanism.coordinates]
+    best, center, result = np.inf, np.zeros((2 * count - 3, n)), None
+    for k in counted(range(tries), "excitation", tries):
+        z = np.asarray(random.normal(size=center.shape) / count)
+        if k >= tries / 3 and np.isfinite(best):  # from the best one, ever shorter steps
+            z = center + 0.5 * np.abs(center).max() * count * (1 - k / tries) * z
+        if (judged := series.possible(z, _PARTS, period / (_SAMPLES * count))) is None:
+            continue
+        value = _condition(chain, base, sizes, judged[1])
+        # In short steps a little smaller, if it passes a limit between the others.
+        if value < best and (motion := series.possible(judged[0], 0.97 ** np.arange(10), fine)):
+            best, center, result = value, judged[0], motion[1]
+    if result is None:
+        raise InputError("start", "no motion about it stays within the limits")
+    if best > _POOR:
+        cure = "allow larger rates or torques, more tries or harmonics, or fewer parameters"
+        problem = f"the motion shows the parameters poorly: condition number {best:.3g}"
+        warnings.warn(f"{problem}; {cure}", RuntimeWarning, stacklevel=2)
+    return result
 
-    orders = 2 * np.pi * np.arange(1, count + 1) / period
-    zero, one = np.zeros(count), np.ones(count)
-    ends = np.array([[*zero, *one], [*orders, *zero], [*zero, *orders**2]])  # rest at the start
-    rest = null_space(ends / np.abs(ends).max(axis=1, keepdims=True))
 
-    def sampled(z: Array, step: float) -> Trajectory:
-        t = np.linspace(0, period, max(round(period / step), 3) + 1)
-        waves = np.hstack([np.sin(np.outer(t, orders)), np.cos(np.outer(t, orders))])
-        return coordinate_motion(chain, t, x0 + (waves @ rest @ z) * units, first)
+class _Series:
+    """Fourier series of the coordinates that begin and end at rest at the first configuration."""
 
-    def allowed(motion: Trajectory) -> bool:
-        low, high = model.lowerPositionLimit, model.upperPositionLimit
-        within = (low <= motion.q) & (motion.q <= high) | (low >= high)  # these are none
-        small = (np.abs(motion.va) <= fastest).all() and (np.abs(motion.tau) <= strongest).all()
-        return bool(within.all() and small)
+    def __init__(
+        self,
+        chain: ClosedChain,
+        period: float,
+        count: int,
+        first: Array,
+        rates: ArrayLike | None,
+        torques: ArrayLike | None,
+    ) -> None:
+        from scipy.linalg import null_space  # takes as long to import as all else
 
-    def possible(z: Array, parts: Iterable[float], step: float) -> tuple[Array, Trajectory] | None:
+        mechanism, model = chain.mechanism, chain.mechanism.model
+        self._chain, self._period, self._first = chain, period, first
+        self._orders = 2 * np.pi * np.arange(1, count + 1) / period
+        zero, one = np.zeros(count), np.ones(count)
+        ends = np.array([[*zero, *one], [*self._orders, *zero], [*zero, *self._orders**2]])
+        self._rest = null_space(ends / np.abs(ends).max(axis=1, keepdims=True))
+        self._units = mechanism.rate_scale[mechanism.coordinates]
+        self._start = taken(mechanism.space, first, chain.coordinates)
+        self._fastest = _limits("rates", rates, model.velocityLimit[mechanism.coordinates])
+        largest = np.minimum(model.effortLimit, np.finfo(float).max / 10)
+        self._strongest = _limits("torques", torques, np.abs(mechanism.motors).T @ largest)
+
+    def possible(
+        self, z: Array, parts: Iterable[float], step: float
+    ) -> tuple[Array, Trajectory] | None:
         """Coefficients and motion of the first of these parts that is possible."""
         for part in parts:
             with suppress(SSTError):
-                motion = sampled(part * z, step)
-                if allowed(motion):
+                motion = self._sampled(part * z, step)
+                if self._allows(motion):
                     return part * z, motion
         return None
 
-    best, kept, chosen = np.inf, np.zeros((rest.shape[1], n)), None
-    for k in counted(range(tries), "excitation", tries):
-        z = np.asarray(random.normal(size=kept.shape) / count)
-        if k >= tries / 3 and np.isfinite(best):  # from the best one, ever shorter steps
-            z = kept + 0.5 * np.abs(kept).max() * count * (1 - k / tries) * z
-        if (found := possible(z, _PARTS, period / (_SAMPLES * count))) is None:
-            continue
-        value = _condition(chain, base, sizes, found[1])
-        # In short steps a little smaller, if it passes a limit between the others.
-        if value < best and (followed := possible(found[0], 0.97 ** np.arange(10), fine)):
-            best, kept, chosen = value, found[0], followed[1]
-    if chosen is None:
-        raise InputError("start", "no motion about it stays within the limits")
-    if best > _POOR:
-        problem = f"the motion shows the parameters poorly: condition number {best:.3g}"
-        cure = (
-            "allow larger rates or torques, more tries or harmonics, or consider fewer parameters"
+    def _sampled(self, z: Array, step: float) -> Trajectory:
+        t = np.linspace(0, self._period, max(round(self._period / step), 3) + 1)
+        phases = np.outer(t, self._orders)
+        waves = np.hstack([np.sin(phases), np.cos(phases)])
+        x = self._start + (waves @ self._rest @ z) * self._units
+        return coordinate_motion(self._chain, t, x, self._first)
+
+    def _allows(self, motion: Trajectory) -> bool:
+        model = self._chain.mechanism.model
+        low, high = model.lowerPositionLimit, model.upperPositionLimit
+        within = (low <= motion.q) & (motion.q <= high) | (low >= high)  # these are none
+        rates, torques = np.abs(motion.va), np.abs(motion.tau)
+        return bool(
+            within.all() and (rates <= self._fastest).all() and (torques <= self._strongest).all()
         )
-        warnings.warn(f"{problem}; {cure}", RuntimeWarning, stacklevel=2)
-    return chosen
 
 
-def _limits(name: str, given: ArrayLike | None, model: Array) -> Array:
+def _limits(name: str, values: ArrayLike | None, model: Array) -> Array:
     """Largest values, one or each; a limit of the model that is 0 is unknown."""
-    if given is None:
+    if values is None:
         return np.where(model > 0, model, np.inf)
-    return one_or_each(name, given, len(model))
+    return one_or_each(name, values, len(model))
