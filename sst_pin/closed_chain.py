@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from .compiled.warp_batch import WarpBatch
     from .reading import RobotFile
     from .simulation.bearing_loads import Loads
-    from .simulation.check import Finding, Verdict
+    from .simulation.check import Finding
     from .simulation.crossings import Crossing
     from .simulation.inputs import ExternalLoad, Torque
     from .simulation.rollouts import Rollout
@@ -889,17 +889,16 @@ class ClosedChain(RobotProperties, Summary):
 
         The motion may be one configuration, shape (nq,). An SST has arcs as limits too.
         """
-        from .simulation.check import findings, samples_of
+        from .simulation.check import samples_of
 
         engine = self._engine
-        t, q = samples_of(engine.mechanism, motion)
-        return findings(t, self._verdicts(engine, q))
+        return tuple(self._findings(engine, *samples_of(engine.mechanism, motion)))
 
-    def _verdicts(self, engine: Engine, q: Array) -> Iterable[Verdict]:
-        """What `check` finds at configurations of shape (N, nq)."""
-        from .simulation.check import verdicts
+    def _findings(self, engine: Engine, t: Array, q: Array) -> Iterable[Finding]:
+        """What `check` finds at configurations of shape (N, nq) at times t."""
+        from .simulation.check import findings
 
-        return verdicts(engine, q)
+        return findings(engine, t, q)
 
     def loads(
         self, motion: Trajectory, *, stiffness: Mapping[str, ArrayLike] | None = None

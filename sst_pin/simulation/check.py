@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Where a motion leaves joint limits or comes close to a singularity."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -55,10 +55,6 @@ class Finding:
         return f"{text} ({len(self.times)} samples from {first:.6g} to {last:.6g} s)"
 
 
-#: Problem, joints, values (N,), which of them are beyond, limits, unit, whether singular.
-Verdict = tuple[str, tuple[str, ...], Array, Flags, tuple[float, float], str, bool]
-
-
 def samples_of(mechanism: Mechanism, motion: Any) -> tuple[Array, Array]:
     """Times and configurations of a motion, shapes (N,) and (N, nq); NaN for the time of one q."""
     if isinstance(motion, Trajectory):
@@ -68,49 +64,53 @@ def samples_of(mechanism: Mechanism, motion: Any) -> tuple[Array, Array]:
     return np.array([np.nan]), q[None]
 
 
-def findings(t: Array, verdicts: Iterable[Verdict]) -> tuple[Finding, ...]:
-    """A finding for each verdict with values beyond the limits; t are the times of the samples."""
-    return tuple(
-        Finding(problem, joints, t[out], values[out], limits, unit, singular)
-        for problem, joints, values, out, limits, unit, singular in verdicts
-        if out.any()
-    )
-
-
 def over_limits(mechanism: Mechanism) -> Array:
     """Tolerance of the limits for rounding, shape (nq,); infinite for quaternions."""
     sizes = {"rad": 1.0, "m": mechanism.length, "": np.inf}
     return CLOSURE_TOLERANCE * np.array([sizes[unit] for unit in mechanism.space.position_units])
 
 
-def verdicts(engine: Engine, q: Array) -> Iterable[Verdict]:
+def findings(engine: Engine, t: Array, q: Array) -> Iterator[Finding]:
     """Joint limits and singularities of any closed chain at configurations, shape (N, nq)."""
     mechanism = engine.mechanism
     model, space = mechanism.model, mechanism.space
-    low, high = model.lowerPositionLimit, model.upperPositionLimit
-    out = np.maximum(low - q, q - high) > over_limits(mechanism)
-    yield from outside("limits", space.position_names, space.position_units, q, out, low, high)
+    ends = model.lowerPositionLimit, model.upperPositionLimit
+    out = np.maximum(ends[0] - q, q - ends[1]) > over_limits(mechanism)
+    yield from outside("limits", space.position_names, space.position_units, t, q, out, ends)
     closed = engine.are_closed(q)
     condition = np.ones(len(q))
     condition[closed] = engine.condition_numbers(q[closed])
     problem = f"close to a singularity, condition number > {LARGEST_CONDITION:g}"
     far, limits = condition > LARGEST_CONDITION, (-np.inf, LARGEST_CONDITION)
-    yield problem, mechanism.coordinate_names, condition, far, limits, "", True
+    yield from singular(problem, mechanism.coordinate_names, t, condition, far, limits)
+
+
+def singular(
+    problem: str,
+    joints: tuple[str, ...],
+    t: Array,
+    values: Array,
+    out: Flags,
+    limits: tuple[float, float],
+) -> Iterator[Finding]:
+    """The singularity where `out` is true, if it is anywhere."""
+    if out.any():
+        yield Finding(problem, joints, t[out], values[out], limits, singular=True)
 
 
 def outside(
-    ends: str,
+    what: str,
     names: Sequence[str],
     units: Sequence[str],
+    t: Array,
     q: Array,
     out: Flags,
-    low: Array,
-    high: Array,
-) -> Iterable[Verdict]:
-    """A verdict for each joint with a unit; it leaves its ends where `out` is true."""
+    ends: tuple[Array, Array],
+) -> Iterator[Finding]:
+    """A finding for each joint with a unit that leaves its ends, where `out` is true."""
     for i, (name, unit) in enumerate(zip(names, units, strict=True)):
-        if unit:
-            limits = (float(low[i]), float(high[i]))
+        if unit and out[:, i].any():
+            limits = (float(ends[0][i]), float(ends[1][i]))
             first, last = np.degrees(limits) if unit == "deg" else limits
-            problem = f"{name} leaves its {ends} of {first:.4g} to {last:.4g} {unit}"
-            yield problem, (name,), q[:, i], out[:, i], limits, unit, False
+            problem = f"{name} leaves its {what} of {first:.4g} to {last:.4g} {unit}"
+            yield Finding(problem, (name,), t[out[:, i]], q[out[:, i], i], limits, unit)

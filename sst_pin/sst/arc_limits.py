@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array, in_one_turn
-from ..simulation.check import Verdict, outside
+from ..simulation.check import Finding, outside, singular
 from . import kinematics
 
 #: A pose is close to a singularity below this |sin(mu_k)|, or above this condition number of A.
@@ -38,21 +38,24 @@ def arc_margins(geometry: kinematics.Geometry, q: Array) -> Array:
     return np.asarray(np.minimum(q - low, high - q) + _END)
 
 
-def verdicts(model: pin.Model, geometry: kinematics.Geometry, q: Array) -> Iterator[Verdict]:
-    """Verdicts about arcs, joint limits and singularities at closed q of shape (n, 9)."""
+def findings(
+    model: pin.Model, geometry: kinematics.Geometry, t: Array, q: Array
+) -> Iterator[Finding]:
+    """Arcs, joint limits and singularities at closed configurations, shape (N, 9)."""
     names, (low, high) = tuple(model.names)[1:], arc_ends(geometry)
     units = ["deg"] * len(names)
     middle = np.where(np.isfinite(low), high / 2, 0)
     turned = middle + in_one_turn(q - middle)  # a whole turn leads to the same place
-    yield from outside("arc", names, units, turned, arc_margins(geometry, turned) < 0, low, high)
+    beyond = arc_margins(geometry, turned) < 0
+    yield from outside("arc", names, units, t, turned, beyond, (low, high))
     low, high = model.lowerPositionLimit, model.upperPositionLimit
-    yield from outside("limits", names, units, q, (q < low) | (q > high), low, high)
+    yield from outside("limits", names, units, t, q, (q < low) | (q > high), (low, high))
     legs = kinematics.legs_of_joints(geometry, q)
     for k, sine in enumerate(np.abs(legs.sin_mu).T, 1):
         problem = f"leg {k} is close to the plane of its arc, |sin mu_{k}| < {SMALLEST_SINE}"
         out, limits = sine < SMALLEST_SINE, (SMALLEST_SINE, np.inf)
-        yield problem, (names[3 * k - 2],), sine, out, limits, "", True
+        yield from singular(problem, (names[3 * k - 2],), t, sine, out, limits)
     condition = np.linalg.cond(legs.y_2)
     problem = f"close to a singularity (second kind), condition number > {LARGEST_CONDITION:g}"
     out, limits = condition > LARGEST_CONDITION, (-np.inf, LARGEST_CONDITION)
-    yield problem, names[::3], condition, out, limits, "", True
+    yield from singular(problem, names[::3], t, condition, out, limits)

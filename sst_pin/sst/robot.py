@@ -28,7 +28,7 @@ from ..model.closures import Closure
 from ..model.mechanism import Mechanism
 from ..model.tree import frame_named
 from ..reading import RobotFile, Urdf, closed, parse_cuts, read_urdf
-from ..simulation.check import Verdict
+from ..simulation.check import Finding
 from . import arc_limits, direct_kinematics, kinematics, star_appearance
 from .kinematics import Geometry
 from .topology import CUTS, differences, geometry_of, parameters_of
@@ -317,8 +317,8 @@ class SST(ClosedChain):
         radius = _star_radius(engine.mechanism.model)
         return star_appearance.appearance_of(_geometry_of(engine), radius)
 
-    def _verdicts(self, engine: Engine, q: Array) -> Iterable[Verdict]:
-        return arc_limits.verdicts(engine.mechanism.model, _geometry_of(engine), q)
+    def _findings(self, engine: Engine, t: Array, q: Array) -> Iterable[Finding]:
+        return arc_limits.findings(engine.mechanism.model, _geometry_of(engine), t, q)
 
 
 def _joints(engine: Engine, R: ArrayLike, branch: ArrayLike) -> tuple[kinematics.Legs, Array]:
