@@ -28,7 +28,7 @@ _EXACT = 1e-9
 def geometry_of(model: pin.Model, source: str) -> Geometry:
     """{0k} and {E} in {3k} of a tree; the error lists all its problems as a tree of an SST."""
     # Axes and frames can be checked only if the joints are right.
-    if problems := list(_joint_problems(model)) or [*_axis_problems(model), *_cut_problems(model)]:
+    if problems := _joint_problems(model) or [*_axis_problems(model), *_cut_problems(model)]:
         raise DescriptionError(source, problems)
     R_0 = [model.jointPlacements[model.getJointId(f"gamma_{k}")].rotation for k in (1, 2, 3)]
     ends = ("closedloop1_A", "closedloop1_B", "closedloop2_B")
@@ -36,20 +36,15 @@ def geometry_of(model: pin.Model, source: str) -> Geometry:
     return Geometry(read_only(np.array(R_0)), read_only(np.array(R_E)))
 
 
-def _joint_problems(model: pin.Model) -> Iterator[str]:
-    names = list(model.names)[1:]
-    if tuple(names) == JOINT_NAMES:
-        return
-    missing = [name for name in JOINT_NAMES if name not in names]
-    for name in missing:
-        yield f"joint {name} is missing"
-    for name in names:
-        if name not in JOINT_NAMES:
-            yield f"joint {name}: an SST has no such joint"
-    if missing or len(names) != len(JOINT_NAMES):
-        yield "an SST has nine joints gamma_k, mu_k, beta_k"
-    else:
-        yield f"joints {', '.join(names)}; their order must be gamma_k, mu_k, beta_k of each leg"
+def _joint_problems(model: pin.Model) -> list[str]:
+    names = tuple(model.names)[1:]
+    problems = [f"joint {name} is missing" for name in JOINT_NAMES if name not in names]
+    others = [name for name in names if name not in JOINT_NAMES]
+    problems += [f"joint {name}: an SST has no such joint" for name in others]
+    if names != JOINT_NAMES and not problems:
+        order = "their order must be gamma_k, mu_k, beta_k of each leg"
+        problems = [f"joints {', '.join(names)}; {order}"]
+    return problems
 
 
 def _axis_problems(model: pin.Model) -> Iterator[str]:
