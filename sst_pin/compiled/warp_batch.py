@@ -266,10 +266,10 @@ class WarpBatch:
             else:
                 results.append(self._array("out", array, shape, count))
         module, p = self._prepare(key)
-        given = [x if x.shape[1] else None for x in arrays]  # there may be no motors
-        loads = [given.pop() if key.loaded else None]
+        arrays = [x if x.shape[1] else None for x in arrays]  # there may be no motors
+        loads = [arrays.pop() if key.loaded else None]
         flat = [x if x.ndim == 2 else x.reshape((count, -1)) for x in results]
-        arguments = [*_filled(given, 3), *loads, p, *_filled(flat, 2), h, steps, status]
+        arguments = [*_filled(arrays, 3), *loads, p, *_filled(flat, 2), h, steps, status]
         options = {"device": self.device, "block_dim": _BLOCK, "max_blocks": _BLOCKS}
         wp.launch(module.run, count, arguments, **options)
         return State(*results) if steps else results[0]
