@@ -211,13 +211,12 @@ class Engine(ClosedLoops):
             del arguments["tau"]
         arrays: list[Array | None] = [*self.arguments(q, **arguments), *absent]
         axes = [1] * len(arrays)
-        function: Callable[..., Array] = partial(kind.reference, self.reference)
+        constants: dict[str, object] = dict(extra or {})
         if kind.of_frame:
-            function = partial(function, frame=frame_id(self.mechanism.model, key.frame))
+            constants["frame"] = frame_id(self.mechanism.model, key.frame)
         if kind.smooth:
-            function = partial(function, sign_width=key.sign_width)
-        if extra:
-            function = partial(function, **extra)
+            constants["sign_width"] = key.sign_width
+        function: Callable[..., Array] = partial(kind.reference, self.reference, **constants)
         if kind.loadable:
             arrays, axes = [*arrays, load], [*axes, 2]
         require_policy(on_error)
