@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pinocchio as pin
 import pytest
+import scipy.signal
 from numpy.testing import assert_allclose
 
 import sst_pin
@@ -147,16 +148,22 @@ def test_values_are_within_their_standard_deviations(name, options):
 
 @cache
 def dry(name):
-    """A robot with dry friction in its motors, base parameters, a log at 100 Hz, its matrices."""
+    """A robot with dry friction in its motors, base parameters, a log at 100 Hz, its matrices.
+
+    The sensor filters torques that jump between its samples.
+    """
     chain = (MAKE | MAKE_MORE | {"sst": sst_pin.SST})[name]()
     words = {"viscous": 0.05, "coulomb": 0.1}
     friction = {f"{m}.{word}": x for m in chain.motor_names for word, x in words.items()}
     true = chain.with_parameters(friction)
-    t, n = np.arange(0, 8, 0.01), chain.degrees_of_freedom
+    t, n = np.arange(0, 8, 0.0025), chain.degrees_of_freedom
     rates = np.random.default_rng(5).uniform(2, 5, n)
     phase = np.outer(t, rates) + np.sin(np.outer(t, rates / 2))
     x = taken(chain.mechanism.space, chain.home, chain.coordinates) + 0.1 * np.sin(phase)
     motion = sst_pin.coordinate_motion(true, t, x, chain.home)
+    tau = scipy.signal.decimate(motion.tau, 4, ftype="fir", axis=0)
+    motion = motion[::4]
+    motion = chain.trajectory(motion.t, motion.q, motion.va, motion.aa, tau)
     base = base_parameters(chain, [*BODIES, *friction])
     state = motion.q, motion.va
     arrays = {
