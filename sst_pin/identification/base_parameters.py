@@ -23,7 +23,7 @@ from ..dynamics.regressor import OF_BODY
 from ..errors import ClosureError, InputError, SingularConfigurationError, UnknownNameError
 from ..summaries import Summary, listed
 
-#: A column whose part that the others do not explain is smaller, relative to it, depends on them.
+#: A column depends on others if they explain all but this part of it.
 _DEPENDENT = 1e-9
 #: States for each unknown force, so that chance makes no column depend on others.
 _ROWS = 2.5
@@ -116,7 +116,7 @@ def base_parameters(
     factors = np.linalg.lstsq(scaled[:, first], scaled, rcond=None)[0]
     ratios = sizes[seen] / sizes[seen[first], None]
     matrix = np.zeros((int(first.sum()), len(theta)))
-    # What is rounding, in the units of the columns, is none.
+    # Smaller factors, in the units of the columns, are rounding.
     matrix[:, considered[seen]] = np.where(np.abs(factors) > _DEPENDENT, factors * ratios, 0.0)
     hidden = np.setdiff1d(np.arange(len(considered)), seen)
     return BaseParameters(
@@ -146,7 +146,7 @@ def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array,
     random, mechanism = np.random.default_rng(whole_number("seed", seed, 0)), chain.mechanism
     model, count = mechanism.model, whole_number("count", count, 1)
     units = mechanism.rate_scale[mechanism.coordinates]
-    generic, found = chain.generic_configuration(), list[Array]()
+    generic, configurations = chain.generic_configuration(), list[Array]()
     for _ in range(20 * count):
         q, step = generic, 0.1 * random.normal(size=len(units)) * units
         try:
@@ -155,30 +155,30 @@ def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array,
         except (ClosureError, SingularConfigurationError):
             continue
         if chain.condition_number(q) < _REGULAR:
-            found.append(q)
-        if len(found) == count:
+            configurations.append(q)
+        if len(configurations) == count:
             break
     else:
-        problem = f"only {len(found)} of {count} random configurations could be assembled"
+        problem = f"only {len(configurations)} of {count} random configurations could be assembled"
         raise ClosureError(f"{problem}; give motion=", float("inf"))
     va, aa = random.normal(size=(2, count, len(units))) * units
     faster = 9.81 / mechanism.length
-    return np.array(found), va * np.sqrt(faster), aa * faster
+    return np.array(configurations), va * np.sqrt(faster), aa * faster
 
 
 def _considered(names: Sequence[str], values: Array, which: Sequence[str] | None) -> Indices:
-    """Indices of the parameters that are meant."""
+    """Indices of the parameters considered."""
     if which is None:
         of_bodies = np.array([name.rpartition(".")[2] in OF_BODY for name in names])
         return np.flatnonzero(of_bodies | (values != 0))
     patterns = (which,) if isinstance(which, str) else arrays.names("which", which)
-    found: set[int] = set()
+    indices: set[int] = set()
     for pattern in patterns:
         fits = {k for k, name in enumerate(names) if fnmatchcase(name, pattern)}
         if not fits:
             raise UnknownNameError("parameter", pattern, list(names))
-        found |= fits
-    return np.array(sorted(found), dtype=np.intp)
+        indices |= fits
+    return np.array(sorted(indices), dtype=np.intp)
 
 
 def _combination(row: Array, names: Sequence[str]) -> str:
@@ -192,7 +192,7 @@ def _combination(row: Array, names: Sequence[str]) -> str:
 
 
 def independent(A: Array, tolerance: float) -> Indices:
-    """Columns that do not depend on columns before them; a part below the tolerance is none."""
+    """Columns that columns before them do not explain up to the tolerance."""
     sizes = np.linalg.norm(A, axis=0)
     seen = np.flatnonzero(sizes > tolerance * sizes.max(initial=0.0))
     missing = np.zeros((max(0, seen.size - len(A)), seen.size))

@@ -274,8 +274,8 @@ def report(chain: ClosedChain, found: Estimate, theta: ArrayLike, unseen: Trajec
     ]
     rows = zip(found.base.names, found.values, found.deviations, found.supported, strict=True)
     for name, value, deviation, ok in rows:
-        told = "" if ok else "not supported"
-        lines.append(f"| {name} | {value:.5g} | {3 * deviation:.2g} | {told} |")
+        remark = "" if ok else "not supported"
+        lines.append(f"| {name} | {value:.5g} | {3 * deviation:.2g} | {remark} |")
     if found.base.unseen:
         lines += ["", f"Not identifiable from any motion: {', '.join(found.base.unseen)}."]
     if replaced := getattr(unseen, "replaced", {}):
