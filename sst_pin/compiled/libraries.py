@@ -160,6 +160,8 @@ def text(robot: str, kernel: str, content: bytes, source: Callable[[], str]) -> 
     path = _path(robot, kernel, content, "text", ".py")
     if not path.is_file():
         _stored_whole(path, lambda part: part.write_text(source(), "utf-8"))
+    with suppress(OSError):  # a cache may be read-only
+        os.utime(path)
     return path
 
 
