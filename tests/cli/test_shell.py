@@ -78,23 +78,6 @@ def test_a_reader_that_has_enough_ends_the_command_in_silence(arguments):
     assert process.returncode == 128 + signal.SIGPIPE
 
 
-def test_ctrl_c_while_the_packages_load_is_answered_in_one_line():
-    code = (
-        "import sys; from sst_pin.cli import main\n"
-        "class Announcer:\n"
-        "    def find_spec(self, name, *_):\n"
-        "        name == 'pinocchio' and print('loading', flush=True)\n"
-        "sys.meta_path.insert(0, Announcer())\n"
-        "raise SystemExit(main())"
-    )
-    process = start("validate", code=code)
-    assert process.stdout.readline() == "loading\n"
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=60)
-    assert err == "sst-pin: interrupted\n"
-    assert process.returncode in (128 + signal.SIGINT, -signal.SIGINT)  # both are 130 to a shell
-
-
 def test_sigterm_leaves_no_temporary_file(here):
     code = (
         "import sys, time; from sst_pin.cli import main; from sst_pin import Trajectory\n"

@@ -224,24 +224,6 @@ def test_a_name_of_two_rates_is_refused(kind, other):
         ClosedChain(model, [Closure("a", "b", "3d")], ["foot"])
 
 
-@pytest.mark.parametrize("distance", [0.0, 1e3, 1e5])
-def test_where_the_robot_stands_does_not_count(distance):
-    """Loops open by 0.1 mm are open, assembled ones are closed, at any distance to the origin."""
-    model, closures, _ = rhombus()
-    moved = pin.Model(model)
-    for joint in (1, 3):
-        moved.jointPlacements[joint].translation += distance * np.array([0.6, 0.0, 0.8])
-    chain = ClosedChain(moved, closures, ["rocker"])
-    here = ClosedChain(model, closures, ["rocker"])
-    q = chain.assemble([0.7, -0.7, 0.7])
-    np.testing.assert_allclose(q, here.assemble([0.7, -0.7, 0.7]), atol=1e-9)
-    # At 100 km the places of joints are rounded to 1.5e-11 m.
-    tau = here.compute_torques(q, [1.0], [1.0])
-    np.testing.assert_allclose(chain.compute_torques(q, [1.0], [1.0]), tau, rtol=1e-8)
-    with pytest.raises(sst_pin.ClosureError):
-        chain.compute_torques(np.add(q, [0, 3e-4, 0]), [1.0], [1.0])
-
-
 def rod_between_two_balls(spin):
     """A crank and a rocker joined by a rod on two balls; `spin` is its inertia about itself."""
     model = pin.Model()
@@ -270,19 +252,6 @@ def test_a_rod_without_spin_inertia_between_two_balls_is_named(spin):
             ask()
     assert np.isfinite(thin.generalized_forces(q, np.zeros(n), np.ones(n))).all()
     assert np.isfinite(thick.compute_accelerations(*state)).all()
-
-
-def test_a_rod_without_spin_inertia_needs_no_motor_to_spin():
-    """Rounding of where its axis passes is no force; a thick rod's spin needs one."""
-    thin, thick = rod_between_two_balls(0.0), rod_between_two_balls(1e-3)
-    random, q = np.random.default_rng(0), thin.generic_configuration()
-    n, crank = thin.degrees_of_freedom, thin.mechanism.coordinate_rate_names.index("crank")
-    at_rest = np.zeros((1, 2, n))
-    for va, aa in [*at_rest, *random.normal(size=(10, 2, n))]:
-        f = thin.generalized_forces(q, va, aa)
-        np.testing.assert_allclose(thin.compute_torques(q, va, aa), [f[crank]], rtol=1e-9)
-    with pytest.raises(sst_pin.ActuationError, match="no motor supplies the forces rod_w"):
-        thick.compute_torques(q, va, aa)
 
 
 @pytest.mark.parametrize("frames", [False, True])

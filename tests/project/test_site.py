@@ -105,18 +105,3 @@ def test_a_page_of_a_robot_is_alive(site, chromium):
         live.wait_for_function("typeof live === 'object'")
         assert len(live.evaluate("Array.from(live.robot.q)")) == 3
         assert visited.requests_elsewhere(site.as_uri()) == []
-
-
-@needs_browser
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("width", [390, 1440])
-def test_browser_stays_here_and_pages_fit(site, chromium, width, scheme):
-    for name in ("index", "theory", "reference/sst", "paper"):
-        url = (site / f"{name}.html").as_uri()
-        with visit(chromium, url, width, 844) as visited:
-            visited.page.emulate_media(color_scheme=scheme)
-            visited.page.reload()
-            assert visited.page.evaluate("document.documentElement.scrollWidth <= innerWidth")
-            colour = visited.page.evaluate("getComputedStyle(document.body).backgroundColor")
-            assert (max(map(int, re.findall(r"\d+", colour)[:3])) < 100) == (scheme == "dark")
-            assert visited.requests_elsewhere(site.as_uri()) == []

@@ -159,18 +159,6 @@ def write_arm(folder):
     (folder / "sst.yaml").write_text("name_mot: [left_knee]\n" + types)
 
 
-def test_a_ball_of_a_urdf_is_locked_about_one_axis(folder):
-    """Its pose keeps the direction of this axis in the ball."""
-    write_arm(folder)
-    put_home(folder, ball="0.1 0.2 0.3 0.9")
-    model = sst_pin.ClosedChain.from_urdf(folder / "sst.urdf", locked=["ball_wz"]).model
-    assert [name for name in model.names if "ball" in name] == ["ball_wx", "ball_wy"]
-    first, second = model.referenceConfigurations["home"][1:3]
-    R = pin.exp3(np.array([first, 0, 0])) @ pin.exp3(np.array([0, second, 0]))
-    ball = pin.Quaternion(np.array([0.1, 0.2, 0.3, 0.9])).normalized().matrix()
-    np.testing.assert_allclose(R[:, 2], ball[:, 2], rtol=0, atol=1e-12)
-
-
 BARS = """<mujoco><worldbody>
 <body name="a"><joint name="crank" axis="0 1 0"/><geom size=".1"/><site name="left" pos="{}"/>
 </body><body name="b" pos=".6 0 0"><joint name="rocker" axis="0 1 0" ref="20"/>

@@ -55,22 +55,18 @@ OF_THE_JOINT = [
     ('<parent link="base"/>', "", "error: joint motor_2: no <parent"),
     ('"arm_2"', '"arm_1"', "link arm_1 is already the child of joint motor_1"),
     ('"arm_2"', '"arm_1"', "error: tree: 2 links without a parent"),
-    ('"base"', '"rod_2a"', "error: tree: links that are not connected to the base"),
     ('"revolute"', '"floating"', "motor_2: floating: q has one more"),
     ('"revolute"', '"continuous"', "note: joint motor_2: continuous: two coordinates"),
-    ("0 1 0", "0 1", "joint motor_2: axis xyz='0 1' is not three"),
     ("0 1 0", "0 2 0", "warning: joint motor_2: its axis has length"),
     ('lower="-3.2" upper="3.2" ', "", "note: joint motor_2: limits"),
     (' effort="10"', "", "error: joint motor_2: limit without effort"),
     ("<limit", "<!--  --><a", "revolute without <limit>"),
     ("<axis", '<mimic joint="motr_1"/><axis', "mimics motr_1"),
     ('"revolute"', '"fixed"', "error: motor motor_2: no moving joint of this name"),
-    ("<axis", '<mimic joint="elbow_1a"/><axis', "joint 'elbow_1a' not in the model"),
 ]
 #: What is changed in the link arm_2.
 OF_THE_LINK = [
     ('value="0.08"', 'value="0"', "warning: link arm_2: inertia without mass"),
-    ('value="0.08"', 'value="1e9"', "very different masses, 1e+09 kg and 0.02 kg"),
     (' ixy="0"', "", "link arm_2: its inertia has no number ixy"),
     ("2e-05", "-2e-05", "link arm_2: inertia not positive definite"),
     ("2e-05", "0.001", "link arm_2: impossible inertia"),
@@ -85,15 +81,12 @@ OF_THE_LINK = [
 #: What the link arm_2 gets besides.
 SHAPES = [
     (MESH.format("a.stl"), "a.stl: not found"),
-    (MESH.format(""), "(no name): not found"),
     (MESH.format("a.dae"), "note: link arm_2: meshes .dae: not read by MuJoCo and Drake"),
     (
         MESH.format("package://p/a.obj"),
         "note: link arm_2: meshes by package://: not resolved by MuJoCo",
     ),
     (MESH.format("/a.obj"), "warning: link arm_2: mesh /a.obj: an absolute path"),
-    (MESH.format("x" * 5000), "xxx: not found"),
-    (SPHERE.format("1 0", "0,1"), "arm_2: origin xyz='1 0' is not three numbers"),
     (SPHERE.format("1 0 0", "0,1"), "arm_2: sphere radius='0,1' is not a number"),
     (
         "<visual><geometry><capsule/></geometry></visual>",

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The gallery against the literature's mobility; test_reference.py holds its dynamics."""
 
-import inspect
 import pickle
 from functools import partial
 from pathlib import Path
@@ -176,27 +175,6 @@ def test_the_delta_of_the_examples_has_the_dimensions_of_the_gallery():
         places.append(data.oMf[chain.model.getFrameId(frame)].translation)
     # The file writes its numbers with twelve digits.
     assert_allclose(*places, rtol=0, atol=1e-10)
-
-
-@pytest.mark.parametrize(
-    "name", sorted(set(MOBILITY) - {"andrews", "excavator", "governor", "slider_crank"})
-)
-def test_static_torques_scale_with_lengths_and_masses(name):
-    """Twice as long and three times as heavy: six times the torques, three times the forces."""
-    build = EVERY_ROBOT[name]
-    scaled = {}
-    for key, parameter in inspect.signature(build).parameters.items():
-        if key == "rails":
-            scaled[key] = tuple(2 * y for y in parameter.default)
-        elif key not in ("cells", "loops") and not key.endswith(("twist", "spread")):
-            factor = {"linear_density": 3 / 2}.get(key, 3 if key.endswith("mass") else 2)
-            scaled[key] = factor * parameter.default
-    small, large = build(), build(**scaled)
-    rest = np.zeros(small.degrees_of_freedom)
-    tau, tau_of_large = (robot.compute_torques(robot.home, rest, rest) for robot in (small, large))
-    sliding = [small.joint_units[small.position_names.index(m)] == "m" for m in small.motor_names]
-    # Rounding times a condition number below 100, of torques that may be zero by symmetry.
-    assert_allclose(tau_of_large, tau * np.where(sliding, 3, 6), rtol=1e-11, atol=1e-12)
 
 
 @pytest.mark.parametrize(
