@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Checks of a URDF: names, tree, numbers that would be lost, inertias, meshes, other tools."""
 
+import math
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -49,6 +50,9 @@ _ROUNDING = 1e-9
 _NAMED = 5
 #: Heaviest over lightest moving link, beyond which half the digits are gone.
 _SPREAD = 1e8
+#: Size of a link over its radius of gyration, 3.5 for a rod, or its inverse: a thousand times
+#: larger if lengths or moments are in millimetres.
+_SIZES = 100
 #: Tools that refuse a kind of file.
 _REFUSED = {
     ".stl": "Drake",
@@ -296,6 +300,27 @@ def check_inertias(root: ET.Element, without: Collection[str] = ()) -> Iterator[
     if masses and masses[heavy] > _SPREAD * masses[light]:
         text = f"very different masses, {masses[heavy]:.3g} kg and {masses[light]:.3g} kg"
         yield warning(f"links {heavy} and {light}", text)
+    yield from _sizes(root)
+
+
+def _sizes(root: ET.Element) -> Iterator[Problem]:
+    """Links whose lengths and inertias are in different units."""
+    sizes = dict[str, float]()
+    for joint in root.findall("joint"):
+        for parent, origin in zip(joint.findall("parent"), joint.findall("origin"), strict=False):
+            if (place := numbers(origin.get("xyz", "0 0 0"), 3)) is not None:
+                name = parent.get("link", "")
+                sizes[name] = max(sizes.get(name, 0.0), float(np.linalg.norm(place)))
+    largest = max(sizes.values(), default=0.0)
+    for link in root.findall("link[inertial]"):
+        size = sizes.get(link.get("name", ""), 0.0)
+        mass, inertia = next(filter(None, map(mass_of, link.findall("inertial"))), (0.0, None))
+        if inertia is None or not mass > 0:
+            continue
+        radius = math.sqrt(max(principal_moments(inertia)[2] / mass, 0.0))
+        if radius and (size > _SIZES * radius or radius > _SIZES * largest > 0):
+            text = f"joints {size:.3g} m apart, but a radius of gyration of {radius:.3g} m; URDF "
+            yield warning(f"link {link.get('name')}", text + "needs m, kg and kg m^2")
 
 
 def _body(mass: float, inertia: Array, where: str, moves: bool) -> Iterator[Problem]:

@@ -207,13 +207,16 @@ def _home(engine: Engine) -> Iterator[Problem]:
         return
     gap = np.abs(engine.loops_at(q).f).max(initial=0.0)
     try:
-        engine.home  # noqa: B018
+        change = pin.difference(mechanism.model, q, engine.home)
     except ClosureError:
         yield warning("home", f"cannot be closed: open by {gap:.3g} (m or rad); correct the pose")
     else:
         if gap > _WRITTEN:
-            text = f"the loops are open by {gap:.3g} (m or rad); `chain.home` closes them"
-            yield warning("home", text)
+            k, space = int(np.abs(change).argmax()), mechanism.space
+            text = f"the loops are open by {gap:.3g} (m or rad); `chain.home` closes them with "
+            text += f"{', '.join(mechanism.coordinate_names)} fixed and moves "
+            text += f"{space.rate_names[k]} by {change[k]:.3g} {space.rate_units[k]}; if the pose "
+            yield warning("home", text + "is right, a length or a frame is wrong")
 
 
 def _actuation(engine: Engine, mobility: Mobility) -> Iterator[Problem]:

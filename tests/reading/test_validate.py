@@ -234,6 +234,7 @@ OFF = '<flag actuation="disable"/>'
             ["note: actuation: 2 motors for 1 degree of freedom; the smallest"],
         ),
         ("-0.9443 -0.9443", "2 9", ["warning: home"]),
+        ("-0.9443 -0.9443", "-0.9443 -0.9", ["rad; if the pose is right, a length"]),
     ],
 )
 def test_an_mjcf_is_judged_too(tmp_path, capsys, old, new, told):
