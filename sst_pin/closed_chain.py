@@ -222,11 +222,10 @@ class ClosedChain(RobotProperties, Summary):
         """
         q = self._engine.home
         if q is None:
-            cure = 'set model.referenceConfigurations["home"] = q and call refresh()'
-            raise DescriptionError(
-                f"model {self.mechanism.model.name}",
-                [f"no configuration is named home; {cure}; assemble(guess) computes a q"],
-            )
+            cure = "write group_state home in an SRDF beside the URDF, or assemble(guess) q, set "
+            cure += 'model.referenceConfigurations["home"] = q and call refresh()'
+            problems = [f"no configuration is named home; {cure}"]
+            raise DescriptionError(f"model {self.mechanism.model.name}", problems)
         return q.copy()
 
     # --- closing the loops ------------------------------------------------------------------

@@ -114,7 +114,8 @@ class JointSpace:
             elif name in self.rate_names:
                 indices.append(self.rate_names.index(name))
             else:
-                raise UnknownNameError("joint", name, self.joint_names)
+                known = dict.fromkeys((*self.joint_names, *self.rate_names))
+                raise UnknownNameError("joint", name, known)
         if len(set(indices)) != len(indices):
             raise InputError("names", f"a joint appears twice in {list(names)}")
         return np.array(indices, dtype=np.intp)

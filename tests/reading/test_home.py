@@ -87,7 +87,7 @@ def test_a_home_that_cannot_be_closed_is_told_by_its_reader_and_by_validate(fold
 def test_a_robot_without_a_home_says_how_to_give_it_one(folder):
     """Pinocchio's own place for configurations takes it; copies and pickles keep it."""
     chain = read(folder)
-    with pytest.raises(sst_pin.DescriptionError, match="no configuration is named home"):
+    with pytest.raises(sst_pin.DescriptionError, match="home; write group_state home in an SRDF"):
         chain.home  # noqa: B018
     assert np.abs(chain.residual(start_of(chain.engine))).max() < 1e-9
     chain.model.referenceConfigurations["home"] = sst_pin.SST().home

@@ -153,6 +153,7 @@ def test_a_ball_joint_closes_a_loop(kind):
         ("coupling: {wrist: {wrist: 2}}", "coupling: wrist is coupled to itself"),
         ("coupling: {wrist: {elbow: [a]}}", "coupling: 'a' is not a number"),
         ("locked: [knee]", "joint 'knee' not in the model"),
+        ("joint_type: {elbow: ball}\nlocked: [elbow_z]", "known: shoulder, elbow, wrist, elbow_wx"),
     ],
 )
 def test_values_that_cannot_be_meant_are_refused(read, cuts, told):
