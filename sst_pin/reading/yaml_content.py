@@ -135,7 +135,8 @@ def _content(text: str, source: str) -> dict[str, Any]:
         except _TwiceError as error:
             problem = f"{error}: appears twice"
         except yaml.YAMLError as error:
-            problem = f"not YAML: {error}"
+            text = " ".join(str(error).split())
+            problem = "not YAML: " + text.replace('in "<unicode string>", ', "at ")
         except RecursionError:
             problem = "lists are nested too deeply"
     if not isinstance(content, dict) or not content:

@@ -222,6 +222,7 @@ CUTS = "closed_loop: [[a, b]]\ntype: [6d]\nname_mot: [c]\n"
         ("[a, b]", "no keys"),
         ("", "no keys"),
         (CUTS + "---\n" + CUTS, "not YAML"),
+        ("a b\nc: d", "not YAML: mapping values are not allowed here at line 2, column 2"),
         ("? [a]\n: b", "not YAML"),
         ("a: &a [*a]", "not YAML"),
         ("[" * 20_000, "too deep"),
