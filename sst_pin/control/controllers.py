@@ -23,7 +23,7 @@ from ..summaries import listed
 class Controller(ABC):
     """A robot's model, the motion to follow and limits of torques: the base of all controllers.
 
-    Before and after the motion its first and last configuration are held.
+    Before and after the motion, its first and last configurations are held.
 
     Args:
         chain: The model of the robot; its motors must hold all coordinates, each of which turns
@@ -33,7 +33,7 @@ class Controller(ABC):
             shape (motors, 2); none by default.
 
     Raises:
-        InputError: For a motion of another robot, limits that are none, or a coordinate that is a
+        InputError: For a motion of another robot, wrong limits, or a coordinate that is a
             ball joint or a free body.
         ActuationError: If the motors do not hold all coordinates.
     """
@@ -60,8 +60,8 @@ class Controller(ABC):
     def torque(self, t: float, q: Array, va: Array) -> Array:
         """Torques of the motors, within the limits, shape (motors,).
 
-        Surplus motors take over what others cannot give. Where all together cannot, the torques
-        end at the limits. Usable as `torque=` of `simulate`.
+        Surplus motors supply what others cannot. Where all together cannot, the torques are
+        clipped. Usable as `torque=` of `simulate`.
 
         Args:
             t: Time, [s].
@@ -85,15 +85,15 @@ class Controller(ABC):
         low, high = (-np.inf, np.inf) if self.limits is None else self.limits.T
         return bool((low <= tau).all() and (tau <= high).all())
 
-    def _wanted(self, t: float) -> tuple[Array, Array, Array]:
+    def _desired(self, t: float) -> tuple[Array, Array, Array]:
         """Positions, rates and accelerations of the coordinates at a time, shape (n,) each."""
         inside = min(max(t, self.motion.t[0]), self.motion.t[-1])
         x, rates, accelerations = (curve(inside) for curve in self._curves)
         return (x, rates, accelerations) if t == inside else (x, 0 * rates, 0 * accelerations)
 
     def _errors(self, t: float, q: Array, va: Array) -> tuple[Array, Array, Array]:
-        """Errors of positions, where full turns are none, and of rates; wanted accelerations."""
-        x, rates, accelerations = self._wanted(t)
+        """Errors of positions, without full turns, and of rates; desired accelerations."""
+        x, rates, accelerations = self._desired(t)
         error = x - taken(self.chain.mechanism.space, q, self.chain.coordinates)
         error[self._turns] = in_one_turn(error[self._turns])
         return error, rates - va, accelerations
@@ -124,7 +124,7 @@ class _Feedback(Controller):
 
 
 class ComputedTorque(_Feedback):
-    """Inverse dynamics of the wanted accelerations plus feedback: errors die out alike everywhere.
+    """Inverse dynamics of the desired accelerations with feedback: errors decay alike everywhere.
 
     The errors e of the coordinates obey e'' + kd e' + kp e = 0 for the model. The other arguments
     are those of `Controller`.
@@ -142,15 +142,15 @@ class ComputedTorque(_Feedback):
     """
 
     def _torque(self, t: float, q: Array, va: Array) -> Array:
-        error, rate, wanted = self._errors(t, q, va)
-        aa = wanted + self.kd * rate + self.kp * error
+        error, rate, desired = self._errors(t, q, va)
+        aa = desired + self.kd * rate + self.kp * error
         return self.chain.compute_torques(q, va, aa)
 
 
 class GravityPD(_Feedback):
-    """Springs and dampers to the wanted motion, and the torques that hold the weight.
+    """Springs and dampers to the desired motion, and the torques that hold the weight.
 
-    Only weights and springs of the model count. The other arguments are those of `Controller`.
+    Of the model it uses weights and springs only. The other arguments are those of `Controller`.
 
     Args:
         kp: Position gains, () or shape (n,), [N m/rad] or [N/m].

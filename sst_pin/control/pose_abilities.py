@@ -95,7 +95,7 @@ def force_polytope(
     Raises:
         ActuationError: If the motors have nothing to spare at q, or a force of the frame moves a
             coordinate that no motor holds.
-        InputError: For limits that are none, or a frame that cannot move so.
+        InputError: For wrong limits, or a frame that cannot move so.
         SingularConfigurationError: Where a motor needs no torque for a force.
 
     Example:
@@ -180,7 +180,7 @@ def acceleration_polytope(
         Shape (corners, 3), in base axes, [m/s^2] or [rad/s^2]; in a plane one after the other.
 
     Raises:
-        InputError: For limits that are none.
+        InputError: For wrong limits.
 
     Example:
         >>> lift = sst_pin.robots.five_bar()

@@ -43,8 +43,8 @@ def time_optimal(
 ) -> Trajectory:
     """The fastest motion along a path, from rest to rest, within limits of the motors.
 
-    The path is the smooth curve through configurations, whatever the times at which they were
-    taken. All of the dynamics counts, friction too. Limits also hold between the points of the
+    The path is the smooth curve through configurations; when they were taken does not matter. The
+    limits account for all of the dynamics, with friction. They also hold between the points of the
     grid, which is refined until they do. Surplus motors help with any preload within the limits.
     Method: H. Pham and Q.-C. Pham, IEEE Trans. Robotics 34(3), 2018.
 
@@ -58,7 +58,7 @@ def time_optimal(
         dt: Longest step between samples of the motion, [s].
 
     Raises:
-        InputError: For a path that does not move or jumps, limits that are none, or a coordinate
+        InputError: For a path that does not move or jumps, wrong limits, or a coordinate
             that is a ball joint or a free body.
         ActuationError: If the motors cannot hold the robot at the ends of the path, or cannot
             follow the path within the limits.

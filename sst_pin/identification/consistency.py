@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Dynamic parameters that bodies can have, nearest to what was measured.
+"""Dynamic parameters that bodies can have, nearest to the measured ones.
 
 A body can have ten parameters if its pseudo-inertia is positive definite (P. M. Wensing, S. Kim,
 J.-J. E. Slotine, IEEE RA-L 3(1), 2018). The parameters are linear in it, so that the nearest ones
@@ -41,8 +41,8 @@ def consistent_parameters(
         chain: The robot whose parameters are the prior, such as those of CAD.
         found: The estimate, of this robot.
         prior: Weight of the prior, above 0: the parameters of a body have standard deviations of
-            1/sqrt(prior) times mass, mass times length, and mass times length squared of the body,
-            with the length of the robot.
+            1/sqrt(prior) times m, m l, m l^2, with the mass m of the body and the length l of the
+            robot.
         total_mass: Sum of the masses of all bodies, [kg], if it is to be held.
 
     Raises:

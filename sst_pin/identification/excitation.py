@@ -31,10 +31,10 @@ _PARTS = 0.7 ** np.arange(9)
 
 
 def condition_number(chain: ClosedChain, base: BaseParameters, motion: Trajectory) -> float:
-    """Condition number of the base regressor along a motion; the smaller, the better it is shown.
+    """Condition number of the base regressor along a motion; small ones show all parameters.
 
-    Each column is in units of its mean square at random states of the robot, so that units of
-    parameters do not count.
+    Each column is in units of its mean square at random states of the robot, so that units
+    of parameters do not matter.
 
     Args:
         chain: The robot.
@@ -83,7 +83,7 @@ def excitation(
 
     Each coordinate is a Fourier series about its position at the start, where the motion begins and
     ends at rest. Random series are scaled down until no limit is passed and no singular
-    configuration is met; the best one is bettered by random steps. Positions of joints stay within
+    configuration is met; the best one is improved by random steps. Positions of joints stay within
     the limits of the model.
 
     Args:
@@ -188,7 +188,7 @@ class _Series:
     def _allows(self, motion: Trajectory) -> bool:
         model = self._chain.mechanism.model
         low, high = model.lowerPositionLimit, model.upperPositionLimit
-        within = (low <= motion.q) & (motion.q <= high) | (low >= high)  # these are none
+        within = (low <= motion.q) & (motion.q <= high) | (low >= high)  # no limits
         rates, torques = np.abs(motion.va), np.abs(motion.tau)
         return bool(
             within.all() and (rates <= self._fastest).all() and (torques <= self._strongest).all()
