@@ -25,19 +25,14 @@ from .urdf_writer import urdf_of, yaml_of
 _INSTALLED = Path(str(files("sst_pin"))) / "urdf"
 _SHIPPED = _INSTALLED if _INSTALLED.is_dir() else _INSTALLED.parents[1] / "urdf"
 
-# Paths are strings, for the loaders of other tools.
-#: Folder of the shipped description; relative names of meshes start here.
-PACKAGE_PATH = str(_SHIPPED)
-#: The folder that holds it.
-REPOSITORY_PATH = str(_SHIPPED.parent)
-#: The paper's robot.
-URDF_PATH = str(_SHIPPED / "sst.urdf")
-#: Its loop closures, motors and gravity.
-YAML_PATH = str(_SHIPPED / "sst.yaml")
-#: Its named poses and collision pairs.
-SRDF_PATH = str(_SHIPPED / "sst.srdf")
-#: The robot with closed loops, for MuJoCo.
-MJCF_PATH = str(_SHIPPED / "sst.xml")
+#: Folder of the shipped description, where relative names of meshes start, and its parent; paths
+#: are strings, for the loaders of other tools.
+PACKAGE_PATH, REPOSITORY_PATH = str(_SHIPPED), str(_SHIPPED.parent)
+#: The paper's robot: the tree; its closures, motors and gravity; poses and collision pairs; the
+#: robot with closed loops, for MuJoCo.
+URDF_PATH, YAML_PATH, SRDF_PATH, MJCF_PATH = (
+    str(_SHIPPED / f"sst.{ending}") for ending in ("urdf", "yaml", "srdf", "xml")
+)
 
 #: Files that no parameter changes.
 _CONSTANT = ("LICENSE", "package.xml", "CMakeLists.txt")

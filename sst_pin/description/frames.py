@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Joints and frames of an SST, by its parameters."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from ..arrays import Array
@@ -38,26 +36,3 @@ def star_arcs(parameters: Parameters) -> tuple[RigidBody, ...]:
         RigidBody(star.mass / 3, R @ star.center_of_mass, R @ star.inertia @ R.T / 3)
         for R in star_orientations(parameters)
     )
-
-
-class LegBody(NamedTuple):
-    """A moving body of the tree and the joint that bears it; names and the axis as in a file."""
-
-    name: str
-    parent: str
-    joint: str
-    axis: str
-    friction: tuple[float, float]  #: Viscous, [N m s/rad], and Coulomb, [N m].
-    body: RigidBody
-
-
-def leg_bodies(p: Parameters) -> tuple[tuple[LegBody, ...], ...]:
-    """The three bodies of each leg, from the base on."""
-    friction = iter(zip(p.viscous_friction, p.coulomb_friction, strict=True))
-    legs = []
-    for k, bodies in enumerate(zip(p.links, p.passive_links, star_arcs(p), strict=True), start=1):
-        names = [f"{name}_{k}" for name in ("link", "passive", "star")]
-        joints, axes = JOINT_NAMES[3 * k - 3 : 3 * k], ("0 0 1", "1 0 0", "0 0 1")
-        rows = zip(names, ["base", *names], joints, axes, friction, bodies, strict=False)
-        legs.append(tuple(LegBody(*row) for row in rows))
-    return tuple(legs)

@@ -52,15 +52,15 @@ def write_loop_closures(chain: ClosedChain, path: str | Path, force: bool = Fals
     for closure in chain.closures:
         if isinstance(closure, Coupling):
             continue
-        found = list(_hinges(chain, closure)) if isinstance(closure, Closure) else []
-        if not found:
+        more = list(_hinges(chain, closure)) if isinstance(closure, Closure) else []
+        if not more:
             problems.append(f"closure {closure}: neither a hinge nor a weld")
-        hinges += found
+        hinges += more
     if problems:
         raise DescriptionError(str(path), problems)
-    dependent = [name for name in list(model.names)[1:] if name not in chain.coordinates]
-    joints = {"dependent": dependent, "independent": list(chain.coordinates)}
-    content = {"closures": hinges, **joints}
+    independent = list(chain.coordinates)
+    dependent = [name for name in list(model.names)[1:] if name not in independent]
+    content = {"closures": hinges, "dependent": dependent, "independent": independent}
     text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
     write_files({as_path(path): text_writer(text)}, force)
 
@@ -71,16 +71,15 @@ def _hinges(chain: ClosedChain, closure: Closure) -> Iterator[dict[str, Any]]:
     data = model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
     ids = [frame_id(model, name) for name in (closure.frame_a, closure.frame_b)]
-    (x, _, z), held, place = np.eye(3), closure.held, data.oMf[ids[0]]
-    axes = {Closure.KINDS["6d"]: [x, z], Closure.KINDS["hinge"]: [z]}.get(held, [])
-    for axis in _only_axis(chain, closure) if held == Closure.KINDS["3d"] else axes:
+    (x, _, z), kinds, place = np.eye(3), Closure.KINDS, data.oMf[ids[0]]
+    axes = {kinds["6d"]: [x, z], kinds["hinge"]: [z]}.get(closure.held, [])
+    for axis in _only_axis(chain, closure) if closure.held == kinds["3d"] else axes:
         links = (model.frames[_link(model, number)].name for number in ids)
         hinge = (*links, place.translation.tolist(), (place.rotation @ axis).tolist())
         yield dict(zip(OF_HINGE, hinge, strict=True))
 
 
 def _link(model: pin.Model, frame: int) -> int:
-    """The link of a frame."""
     while frame and model.frames[frame].type != pin.FrameType.BODY:
         frame = model.frames[frame].parentFrame
     return frame

@@ -155,10 +155,8 @@ class MjcfWriter:
 
     def _section(self, name: str) -> ET.Element:
         """A section of the file, which is made at its first use."""
-        found = self.root.find(name)
-        return SubElement(self.root, name) if found is None else found
-
-    # --- bodies -----------------------------------------------------------------------------
+        section = self.root.find(name)
+        return SubElement(self.root, name) if section is None else section
 
     def _children(
         self, parent: int, before: Sequence[MjcfJoint] = (), start: pin.SE3 = _HERE
@@ -203,14 +201,11 @@ class MjcfWriter:
         if self._plain or joint.mimics:
             return attributes
         mechanism, model = self._mechanism, self._mechanism.model
-        friction, springs = mechanism.friction, mechanism.springs
-        for name, of_rates in (
-            ("damping", friction.viscous),
-            ("frictionloss", friction.coulomb),
-            ("armature", model.armature),
-            ("stiffness", springs.stiffness),
-        ):
-            value, kind = of_rates[joint.rates], joint.kind
+        friction, springs, kind = mechanism.friction, mechanism.springs, joint.kind
+        numbers_of = {"damping": friction.viscous, "frictionloss": friction.coulomb}
+        numbers_of |= {"armature": model.armature, "stiffness": springs.stiffness}
+        for name, of_rates in numbers_of.items():
+            value = of_rates[joint.rates]
             if np.ptp(value) or (kind == "free" and name != "damping" and value.any()):
                 text = f"joint {joint.name}: no {name} of single rates of a {kind} joint"
                 self._problems.append(text)
@@ -230,10 +225,9 @@ class MjcfWriter:
         inertia, name = self._model.inertias[index], self._names[index]
         moments, R = principal_axes(inertia.inertia)
         if inertia.mass < _LEAST_MASS or moments.min() < _LEAST_INERTIA:
-            self.notes.append(
-                f"body {name}: MuJoCo needs mass and inertia about all axes; it gets at least "
-                f"{_LEAST_MASS:g} kg and {_LEAST_INERTIA:g} kg m^2"
-            )
+            text = f"at least {_LEAST_MASS:g} kg and {_LEAST_INERTIA:g} kg m^2"
+            needs = "MuJoCo needs mass and inertia about all axes"
+            self.notes.append(f"body {name}: {needs}; it gets {text}")
         moments, large = np.maximum(moments, _LEAST_INERTIA), moments.argmax()
         most = np.delete(moments, large).sum()  # of a body; rounding may pass it
         if moments[large] > most * (1 + _ROUNDING):
@@ -241,7 +235,7 @@ class MjcfWriter:
             self._problems.append(f"body {name}: {text}: one is more than the sum of the others")
         moments[large] = min(moments[large], most)
         attributes = {"pos": numbers(inertia.lever), "diaginertia": numbers(moments)}
-        attributes |= {"mass": numbers([max(inertia.mass, _LEAST_MASS)])}
+        attributes["mass"] = numbers([max(inertia.mass, _LEAST_MASS)])
         SubElement(self._bodies[index], "inertial", _pose(pin.SE3(R, inertia.lever)) | attributes)
 
     def _add_sites(self) -> None:
@@ -259,8 +253,6 @@ class MjcfWriter:
     def _site(self, name: str, joint: int, at: pin.SE3) -> None:
         SubElement(self._bodies[joint], "site", {"name": _site_name(name)} | _pose(at))
 
-    # --- what closes and drives them --------------------------------------------------------
-
     def _close(self, k: int, closure: Constraint) -> None:
         if isinstance(closure, Coupling):
             self._couple(closure)
@@ -269,11 +261,11 @@ class MjcfWriter:
         elif isinstance(closure, Distance):
             self._rod(f"rod_{k}", closure)
         else:
-            held = closure.held
-            self._connect("weld" if held == _FIXED else "connect", *frames_of(closure))
-            if held[:3] == _BALL[:3] and held.count(False) == 1:
-                self._connect("connect", *self._beside(k, closure, held.index(False) - 3))
-            elif held not in (_FIXED, _BALL):
+            rows = closure.held
+            self._connect("weld" if rows == _FIXED else "connect", *frames_of(closure))
+            if rows[:3] == _BALL[:3] and rows.count(False) == 1:
+                self._connect("connect", *self._beside(k, closure, rows.index(False) - 3))
+            elif rows not in (_FIXED, _BALL):
                 kind = closure.kind if isinstance(closure.kind, str) else "of these directions"
                 self._problems.append(f"closure {closure}: MuJoCo has no closure {kind}")
 

@@ -224,19 +224,22 @@ class Parameters(_Values):
         for name in ("viscous_friction", "coulomb_friction"):
             if not values[name].ndim:
                 values[name] = _frozen(np.full(9, values[name]), name)
-        values |= {"link": _bodies(link), "passive_link": _bodies(passive_link), "star": star}
+        for name, body in (("link", link), ("passive_link", passive_link)):
+            values[name] = tuple(body) if isinstance(body, Iterable) else body
+        values["star"] = star
         values["base_radius"] = _number(base_radius, "base_radius")
         values["star_radius"] = _number(star_radius, "star_radius")
         if problems := list(self._problems()):
             raise ParametersError(problems)
         v = self.base_directions
-        directions = v / np.linalg.norm(v, axis=1)[:, None]
-        values["base_directions"] = _frozen(directions, "base_directions")
+        values["base_directions"] = _frozen(v / np.linalg.norm(v, axis=1)[:, None], "")
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         angles = _numbers(np.degrees(self.arc_angles))
         directions = ", ".join(_numbers(v) for v in self.base_directions)
-        links, passive, star = map(_masses, (self.links, self.passive_links, [self.star]))
+        groups = self.links, self.passive_links, (self.star,)
+        masses = (dict.fromkeys(f"{body.mass:g}" for body in bodies) for bodies in groups)
+        links, passive, star = (f"{', '.join(each)} kg" for each in masses)
         viscous, coulomb = _range(self.viscous_friction), _range(self.coulomb_friction)
         return "Parameters of an SST", [
             ("base", f"radius {self.base_radius:g} m, directions {directions}"),
@@ -272,8 +275,8 @@ class Parameters(_Values):
     @property
     def passive_links(self) -> tuple[RigidBody, ...]:
         """The passive links of legs 1 to 3."""
-        passive = self.passive_link
-        return passive if isinstance(passive, tuple) else (passive,) * 3
+        links = self.passive_link
+        return links if isinstance(links, tuple) else (links,) * 3
 
     @property
     def actuated_axes(self) -> Array:
@@ -282,10 +285,8 @@ class Parameters(_Values):
         return e / np.linalg.norm(e, axis=1)[:, None]
 
     def _problems(self) -> Iterator[str]:
-        wrong = {
-            name: _shape_problems(name, getattr(self, name), shape)
-            for name, shape in _SHAPES.items()
-        }
+        sizes = _SHAPES.items()
+        wrong = {name: _shape_problems(name, getattr(self, name), size) for name, size in sizes}
         yield from itertools.chain(*wrong.values())
         if not wrong["base_directions"]:
             yield from _direction_problems(self.base_directions)
@@ -295,15 +296,15 @@ class Parameters(_Values):
             value = getattr(self, name)
             if not wrong[name] and (value < 0).any():
                 yield f"{name}: negative for joint number {int(np.argmin(value)) + 1} of 9"
+        each = dict[str, object]()
         for name, bodies in (("link", self.links), ("passive_link", self.passive_links)):
             if len(bodies) != 3:
                 yield f"{name}: {len(bodies)} bodies, expected one or three"
-            if isinstance(getattr(self, name), RigidBody):
-                yield from _body_problems(name, bodies[0])
-            else:
-                for k, body in enumerate(bodies):
-                    yield from _body_problems(f"{name}[{k}]", body)
-        yield from _body_problems("star", self.star)
+            single = isinstance(getattr(self, name), RigidBody)
+            each |= {name if single else f"{name}[{k}]": body for k, body in enumerate(bodies)}
+        for name, body in {**each, "star": self.star}.items():
+            needed = f"{name}: a RigidBody is needed, not {type(body).__name__}"
+            yield from body.problems(name) if isinstance(body, RigidBody) else [needed]
         for name in ("base_radius", "star_radius"):
             radius = getattr(self, name)
             if not (np.isfinite(radius) and radius > 0):
@@ -317,20 +318,10 @@ def _numbers(values: Array) -> str:
     return f"({', '.join(f'{value:.4g}' for value in values)})"
 
 
-def _masses(bodies: Sequence[RigidBody]) -> str:
-    masses = list(dict.fromkeys(f"{body.mass:g}" for body in bodies))
-    return f"{', '.join(masses)} kg"
-
-
 def _range(values: Array) -> str:
     """One number where all are the same."""
     low, high = values.min(), values.max()
     return f"{low:g}" if low == high else f"{low:g} to {high:g}"
-
-
-def _bodies(value: RigidBody | Iterable[RigidBody]) -> RigidBody | tuple[RigidBody, ...]:
-    """One body for all legs, or one for each; `_problems` judges what is neither."""
-    return tuple(value) if isinstance(value, Iterable) else value
 
 
 def _direction_problems(v: Array) -> Iterator[str]:
@@ -348,9 +339,3 @@ def _angle_problems(alpha: Array) -> Iterator[str]:
     if abs(total - 2 * np.pi) > _SLACK:
         text = "the star does not close (are these degrees?)"
         yield f"arc_angles: they add up to {total:.12g} rad, not to 2 pi: {text}"
-
-
-def _body_problems(name: str, body: object) -> list[str]:
-    if not isinstance(body, RigidBody):
-        return [f"{name}: a RigidBody is needed, not {type(body).__name__}"]
-    return body.problems(name)

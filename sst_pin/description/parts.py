@@ -6,6 +6,7 @@ keep clear of each other: base frame and links inside, carriages on them, the st
 """
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -23,6 +24,11 @@ _HUB = 0.125  # of an actuator link, from O along the axis of its motor
 _WIDTH = 0.024  # of the link's arm
 _RAIL = (0.020, 0.024)  # section of the star's arcs: with the hub the paper's 2.6 kg in aluminium
 _ROLLER = 0.007
+#: Options of trimesh for the files of meshes.
+_EXPORT: dict[str, dict[str, Any]] = {
+    "stl": {},
+    "obj": {"include_normals": False, "digits": 6, "header": None},
+}
 
 
 def parts_of(p: Parameters) -> dict[str, tuple[Solid, ...]]:
@@ -58,20 +64,13 @@ def meshes_of(p: Parameters) -> dict[str, Any]:
 
 def mesh_writers(p: Parameters) -> dict[str, Writer]:
     """Writers of the meshes as STL and OBJ, by the file's name from the URDF on."""
-    obj = {"include_normals": False, "digits": 6, "header": None}
 
-    def writer(mesh: Any, kind: str, **options: Any) -> Writer:
-        def write(file: BinaryIO) -> None:
-            content = mesh.export(file_type=kind, **options)
-            file.write(content if isinstance(content, bytes) else content.encode())
+    def write(mesh: Any, kind: str, file: BinaryIO) -> None:
+        content = mesh.export(file_type=kind, **_EXPORT[kind])
+        file.write(content if isinstance(content, bytes) else content.encode())
 
-        return write
-
-    writers = {}
-    for name, mesh in meshes_of(p).items():
-        writers[f"meshes/{name}.stl"] = writer(mesh, "stl")
-        writers[f"meshes/{name}.obj"] = writer(mesh, "obj", **obj)
-    return writers
+    meshes = meshes_of(p).items()
+    return {f"meshes/{n}.{k}": partial(write, mesh, k) for n, mesh in meshes for k in _EXPORT}
 
 
 def _gap(p: Parameters) -> float:

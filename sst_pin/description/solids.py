@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Plain solids: their surfaces, and the primitives that enclose them.
+"""Plain solids and their surfaces.
 
 Meshes and collision geometry both come from these solids, so they agree. A surface connects the
 `loops` of its solid: convex polygons, shape (loops, points, 3), [m], each counterclockwise when
@@ -8,7 +8,7 @@ seen from the last one.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -40,10 +40,6 @@ class Box(NamedTuple):
         wide, narrow = (_rectangle(width - inset, depth - inset, bevel) for inset in (0, 2 * bevel))
         return self.center + _stack(heights, [narrow, wide, wide, narrow]) @ self.axes.T
 
-    def primitives(self) -> Iterable[Primitive]:
-        """The solid itself."""
-        return (self,)
-
 
 class Cylinder(NamedTuple):
     """A round solid between two points; a cone when its radii at the ends differ, [m]."""
@@ -65,10 +61,6 @@ class Cylinder(NamedTuple):
         circle = _circle(radii.max()) / radii.max()
         return self.start + _stack(heights, [r * circle for r in radii]) @ np.stack([z, x, y])
 
-    def primitives(self) -> Iterable[Primitive]:
-        """The cylinder around a cone."""
-        return (rod(self.start, self.end, max(self.radius, self.end_radius)),)
-
 
 class Ball(NamedTuple):
     """A sphere, by its centre of shape (3,) and its radius [m]."""
@@ -83,10 +75,6 @@ class Ball(NamedTuple):
         sections = [np.cos(latitude) * circle for latitude in latitudes]
         return self.center + _stack(self.radius * np.sin(latitudes), sections)
 
-    def primitives(self) -> Iterable[Primitive]:
-        """The solid itself."""
-        return (self,)
-
 
 class Arc(NamedTuple):
     """A bar bent about O, from the first column of its axes towards the second."""
@@ -100,8 +88,8 @@ class Arc(NamedTuple):
     def loops(self) -> Array:
         """Its sections, from one end to the other."""
         depth, width = self.section
-        bevel = _BEVEL * min(self.section)
-        section = _circle(depth / 2) if self.round else _rectangle(depth, width, bevel)
+        bevelled = _rectangle(depth, width, _BEVEL * min(self.section))
+        section = _circle(depth / 2) if self.round else bevelled
         angles = np.linspace(0, self.angle, int(np.ceil(self.angle / _STEP - 1e-9)) + 1)
         radial = np.outer(np.cos(angles), self.radius + section[:, 0])
         along = np.outer(np.sin(angles), self.radius + section[:, 0])
@@ -109,8 +97,8 @@ class Arc(NamedTuple):
         # Counterclockwise in (radial, axial) is clockwise from where the arc goes.
         return local[:, ::-1] @ self.axes.T
 
-    def primitives(self) -> Iterator[Primitive]:
-        """Straight pieces."""
+    def pieces(self) -> Iterator[Primitive]:
+        """Straight bars that enclose it."""
         count = int(np.ceil(self.angle / _PIECE - 1e-9))
         half = self.angle / count / 2
         depth, width = self.section

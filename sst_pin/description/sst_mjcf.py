@@ -55,13 +55,10 @@ def mjcf_of(p: Parameters, configurations: Mapping[str, Array]) -> str:
         for name, colour in PART_COLOURS[body.get("name", "")].items():
             SubElement(body, "geom", {"class": "visual"}, mesh=name, material=colour)
     sensor = SubElement(robot, "sensor")
-    for kind, place, what in (
-        ("jointpos", "joint", "position"),
-        ("jointvel", "joint", "velocity"),
-        ("actuatorfrc", "actuator", "torque"),
-    ):
+    for kind, what in (("pos", "position"), ("vel", "velocity"), ("frc", "torque")):
+        place = "actuator" if kind == "frc" else "joint"
         for motor in MOTOR_NAMES:
-            SubElement(sensor, kind, {"name": f"{motor}_{what}", place: motor})
+            SubElement(sensor, place + kind, {"name": f"{motor}_{what}", place: motor})
     for kind, what in (("framequat", "orientation"), ("frameangvel", "angular_velocity")):
         SubElement(sensor, kind, name=f"star_{what}", objtype="site", objname="E")
     for element in robot.iter():  # the last digits are the machine's own

@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array
 from .colours import COLOURS, PART_COLOURS
-from .frames import base_orientations, leg_bodies, star_orientations
+from .frames import JOINT_NAMES, base_orientations, star_arcs, star_orientations
 from .parameters import Parameters, RigidBody
 from .parts import parts_of
-from .solids import Ball, Box, Primitive, Solid, axes_along
+from .solids import Arc, Ball, Box, Primitive, Solid, axes_along
 
 #: The paper limits no joint; a bounded joint keeps nq == nv (a continuous one has two coordinates).
 _TURN = {"lower": repr(-2 * np.pi), "upper": repr(2 * np.pi)}
@@ -26,6 +26,8 @@ _HEADER = """
   closedloop1_A/B and closedloop2_A/B coincide when the loops are closed (sst.yaml).
   Where each number comes from: README.md beside this file.
 """
+#: Bodies of a leg from the base on, and the axes of their joints.
+_BODIES, _AXES = ("link", "passive", "star"), ("0 0 1", "1 0 0", "0 0 1")
 _O, _I = np.zeros(3), np.eye(3)
 
 
@@ -41,20 +43,23 @@ def urdf_of(p: Parameters) -> str:
     base = _frame(robot, "base", "world")
     parts, R_0, R_E = parts_of(p), base_orientations(p), star_orientations(p)
     _add_shapes(base, parts)
-    for k, leg in enumerate(leg_bodies(p)):
+    joints = zip(JOINT_NAMES, p.viscous_friction, p.coulomb_friction, strict=True)
+    for k, bodies in enumerate(zip(p.links, p.passive_links, star_arcs(p), strict=True)):
         robot.append(ET.Comment(f" leg {k + 1} "))
-        for each in leg:
-            joint = SubElement(robot, "joint", name=each.joint, type="revolute")
-            _origin(joint, R=R_0[k] if each.parent == "base" else _I)
-            SubElement(joint, "parent", link=each.parent)
-            SubElement(joint, "child", link=each.name)
-            SubElement(joint, "axis", xyz=each.axis)
+        parent, R = "base", R_0[k]
+        for kind, axis, body in zip(_BODIES, _AXES, bodies, strict=True):
+            name, damping, dry = next(joints)
+            joint, child = SubElement(robot, "joint", name=name, type="revolute"), f"{kind}_{k + 1}"
+            _origin(joint, R=R)
+            SubElement(joint, "parent", link=parent)
+            SubElement(joint, "child", link=child)
+            SubElement(joint, "axis", xyz=axis)
             SubElement(joint, "limit", _TURN, effort="1000.0", velocity="1000.0")
-            damping, dry = (numbers([x]) for x in each.friction)
-            SubElement(joint, "dynamics", damping=damping, friction=dry)
-            link = SubElement(robot, "link", name=each.name)
-            _inertial(link, each.body)
+            SubElement(joint, "dynamics", damping=numbers([damping]), friction=numbers([dry]))
+            link = SubElement(robot, "link", name=child)
+            _inertial(link, body)
             _add_shapes(link, parts)
+            parent, R = child, _I
     robot.append(ET.Comment(" frames of the cuts: {E} as each arc of the star sees it "))
     for loop, k in ((1, 1), (2, 2)):
         _frame(robot, f"closedloop{loop}_A", "star_1", R=R_E[0])
@@ -128,7 +133,7 @@ def _add_shapes(link: ET.Element, parts: Mapping[str, Sequence[Solid]]) -> None:
         material = SubElement(visual, "material", name=colour)
         SubElement(material, "color", rgba=COLOURS[colour])
     for solid in (s for name in colours for s in parts[name]):
-        for primitive in solid.primitives():
+        for primitive in solid.pieces() if isinstance(solid, Arc) else (solid,):
             _collision(link, primitive)
 
 
@@ -143,7 +148,8 @@ def _collision(link: ET.Element, primitive: Primitive) -> None:
     else:
         axis = primitive.end - primitive.start
         kind, center, R = "cylinder", (primitive.start + primitive.end) / 2, axes_along(axis)
-        sizes = {"radius": primitive.radius, "length": np.linalg.norm(axis)}
+        radius = max(primitive.radius, primitive.end_radius)  # around a cone
+        sizes = {"radius": radius, "length": np.linalg.norm(axis)}
     collision = SubElement(link, "collision")
     rpy = _rpy(R.round(12) + 0.0)  # a zero must not be -1e-17: that is -pi
     SubElement(collision, "origin", xyz=rounded(center), rpy=rounded(rpy))
