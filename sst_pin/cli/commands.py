@@ -24,42 +24,36 @@ COMMANDS = (
         "paper",
         "sst_commands",
         "both examples of the paper and their figures",
-        (
-            _ROBOT,
-            option("-o, --output, --out FOLDER", "(default: paper)", Path, default=Path("paper")),
-            _FORCE,
-            option("--samples N", "samples per period (default: 1001)", int, default=1001),
-            _STRICT,
-        ),
+        _ROBOT,
+        option("-o, --output, --out FOLDER", "(default: paper)", Path, default=Path("paper")),
+        _FORCE,
+        option("--samples N", "samples per period (default: 1001)", int, default=1001),
+        _STRICT,
     ),
     Command(
         "torques MOTION.csv -o TORQUES.csv",
         "motion_commands",
         "motor torques of a motion (inverse dynamics)",
-        (
-            option("motion MOTION.csv", "the motion; - means standard input", Path),
-            _ROBOT,
-            _TABLE,
-            _FORCE,
-            _STRICT,
-        ),
-        "The columns are t_s and one for each coordinate, such as crank_rad, crank_deg,\n"
+        option("motion MOTION.csv", "the motion; - means standard input", Path),
+        _ROBOT,
+        _TABLE,
+        _FORCE,
+        _STRICT,
+        more="The columns are t_s and one for each coordinate, such as crank_rad, crank_deg,\n"
         "slide_m; of an SST also qw, qx, qy, qz, or theta, phi, psi with _rad or _deg.",
     ),
     Command(
         "simulate TORQUES.csv -o MOTION.csv",
         "motion_commands",
         "motion for given torques (direct dynamics)",
-        (
-            option("torques TORQUES.csv", "the torques; - means standard input", Path),
-            _ROBOT,
-            _TABLE,
-            _FORCE,
-            option("--q0 JOINT=X,..", "positions at the start, rad or m", named_numbers),
-            option("--va0 JOINT=V,..", "rates of the coordinates there", named_numbers),
-            _STRICT,
-        ),
-        "The columns are t_s and one for each motor, such as tau_crank_Nm, or by number,\n"
+        option("torques TORQUES.csv", "the torques; - means standard input", Path),
+        _ROBOT,
+        _TABLE,
+        _FORCE,
+        option("--q0 JOINT=X,..", "positions at the start, rad or m", named_numbers),
+        option("--va0 JOINT=V,..", "rates of the coordinates there", named_numbers),
+        _STRICT,
+        more="The columns are t_s and one for each motor, such as tau_crank_Nm, or by number,\n"
         "tau_1_Nm (N for a force). The motion starts at the state in the first row, if\n"
         "the file has it (crank_rad, crank_rad_s), else at --q0 and --va0.\n"
         "Exit code 3: the simulation stopped before a singularity.",
@@ -68,119 +62,103 @@ COMMANDS = (
         "plot MOTION -o FIGURE",
         "motion_commands",
         "figures of a motion",
-        (
-            option("motion MOTION", "what `torques` reads, it or `simulate` writes", Path),
-            _ROBOT,
-            option("-o, --output FILE", ".png, .svg or .pdf; - writes PNG", Path, required=True),
-            _FORCE,
-            option("--what WHAT", "what is drawn", words),
-            option("--frame NAME", "the frame of the path (default: platform)"),
-            _STRICT,
-        ),
-        "WHAT is one or more of path, torques, joints, rates, power, energy, condition,\n"
+        option("motion MOTION", "what `torques` reads, it or `simulate` writes", Path),
+        _ROBOT,
+        option("-o, --output FILE", ".png, .svg or .pdf; - writes PNG", Path, required=True),
+        _FORCE,
+        option("--what WHAT", "what is drawn", words),
+        option("--frame NAME", "the frame of the path (default: platform)"),
+        _STRICT,
+        more="WHAT is one or more of path, torques, joints, rates, power, energy, condition,\n"
         "with commas between (default: all but power; path needs --frame or an SST).",
     ),
     Command(
         "show [MOTION]",
         "show",
         "a motion in the browser, or as a page or a picture",
-        (
-            option("motion MOTION", "default: example 1, or home of ROBOT", Path, nargs="?"),
-            _ROBOT,
-            option("--ghost FILE", "a second motion, of a translucent robot", Path),
-            option("--speed S", "1 is real time (default: 1; 0.1 of example 1)", float),
-            option("--html FILE", "write one page that needs no network", Path),
-            option("--png FILE", "write a picture; needs Chromium", Path),
-            option("--gif FILE", "write an animation; needs Chromium", Path),
-            option("--axes", "show the axes of the joints"),
-            option("--frame NAME", "draw the path of this frame (default: platform)"),
-            option("--frames", "show the frames of closures; of an SST {0k}..{3k}, {E}"),
-            option("--reactions", "show the forces in joints and closures"),
-            option("--skeleton", "draw joints, lines and masses instead of shapes"),
-            option("--live", "a page that computes: drag, push, simulate; needs CasADi"),
-            option("--no-open", "print the URL, open no browser"),
-            option("--host HOST", "of the server (default: this machine)", default="127.0.0.1"),
-            option("--port PORT", "of the server (default: any free port)", int, default=0),
-            _FORCE,
-            _STRICT,
-        ),
+        option("motion MOTION", "default: example 1, or home of ROBOT", Path, nargs="?"),
+        _ROBOT,
+        option("--ghost FILE", "a second motion, of a translucent robot", Path),
+        option("--speed S", "1 is real time (default: 1; 0.1 of example 1)", float),
+        option("--html FILE", "write one page that needs no network", Path),
+        option("--png FILE", "write a picture; needs Chromium", Path),
+        option("--gif FILE", "write an animation; needs Chromium", Path),
+        option("--axes", "show the axes of the joints"),
+        option("--frame NAME", "draw the path of this frame (default: platform)"),
+        option("--frames", "show the frames of closures; of an SST {0k}..{3k}, {E}"),
+        option("--reactions", "show the forces in joints and closures"),
+        option("--skeleton", "draw joints, lines and masses instead of shapes"),
+        option("--live", "a page that computes: drag, push, simulate; needs CasADi"),
+        option("--no-open", "print the URL, open no browser"),
+        option("--host HOST", "of the server (default: this machine)", default="127.0.0.1"),
+        option("--port PORT", "of the server (default: any free port)", int, default=0),
+        _FORCE,
+        _STRICT,
     ),
     Command(
         "describe -o OUTPUT",
         "sst_commands",
         "any robot as MJCF; an SST also as URDF and meshes",
-        (
-            _ROBOT,
-            option("-o, --output OUTPUT", "FILE.xml, or the folder of an SST", Path, required=True),
-            _FORCE,
-            option("--alpha A1,A2,A3", "angles between the arcs, degrees", numbers),
-            option("--base-directions D", "'X,Y,Z X,Y,Z X,Y,Z': from O to each P_k", directions),
-            option("--base-radius M", "radius of the base, m", float),
-            option("--star-radius M", "radius of the star, m", float),
-            option("--link-mass KG", "of each actuator link; scales its inertia too", float),
-            option("--passive-mass KG", "of each passive link; scales its inertia too", float),
-            option("--star-mass KG", "of the star; scales its inertia too", float),
-            option("--viscous-friction D", "of all nine joints, N m s/rad", float),
-            option("--coulomb-friction F", "of all nine joints, N m", float),
-            option("--gravity X,Y,Z", "in base axes, m/s^2", numbers),
-        ),
-        "FILE.xml is a closed MJCF for MuJoCo. Options change the parameters of an SST.",
+        _ROBOT,
+        option("-o, --output OUTPUT", "FILE.xml, or the folder of an SST", Path, required=True),
+        _FORCE,
+        option("--alpha A1,A2,A3", "angles between the arcs, degrees", numbers),
+        option("--base-directions D", "'X,Y,Z X,Y,Z X,Y,Z': from O to each P_k", directions),
+        option("--base-radius M", "radius of the base, m", float),
+        option("--star-radius M", "radius of the star, m", float),
+        option("--link-mass KG", "of each actuator link; scales its inertia too", float),
+        option("--passive-mass KG", "of each passive link; scales its inertia too", float),
+        option("--star-mass KG", "of the star; scales its inertia too", float),
+        option("--viscous-friction D", "of all nine joints, N m s/rad", float),
+        option("--coulomb-friction F", "of all nine joints, N m", float),
+        option("--gravity X,Y,Z", "in base axes, m/s^2", numbers),
+        more="FILE.xml is a closed MJCF for MuJoCo. Options change the parameters of an SST.",
     ),
     Command(
         "validate [ROBOT]",
         "robot_commands",
         "all problems of a robot's files, its mobility and its moving mass",
-        (
-            option("file ROBOT", _FILES, nargs="?"),
-            option("--robot ROBOT", "the same"),
-            option("--cuts YAML", "its closures and motors (default: YAML of its name)", Path),
-        ),
+        option("file ROBOT", _FILES, nargs="?"),
+        option("--robot ROBOT", "the same"),
+        option("--cuts YAML", "its closures and motors (default: YAML of its name)", Path),
     ),
     Command(
         "verify",
         "robot_commands",
         "comparison of the torques with every installed referee",
-        (
-            _ROBOT,
-            option("--quick", "fewer cases"),
-            option("--json", "print the table as JSON"),
-        ),
+        _ROBOT,
+        option("--quick", "fewer cases"),
+        option("--json", "print the table as JSON"),
     ),
     Command(
         "identify LOG.csv -o REPORT.md --cutoff HZ",
         "identify",
         "masses, inertias and friction from measured torques",
-        (
-            option("log LOG.csv", "the log; - means standard input", Path),
-            _ROBOT,
-            option("-o, --output FILE", "Markdown, a picture beside it", Path, required=True),
-            _FORCE,
-            option("--cutoff HZ", "up to which the log is kept", float, required=True),
-            option("--which NAMES", f"patterns with commas (default: {_WHICH}, and lines)"),
-            option(
-                "--decimate N", "filter both sides, and use one of N samples (default: 10)", int
-            ),
-            option("--robust", "let outliers count less"),
-            option("--urdf FILE", "write the URDF of --robot with the parameters found", Path),
-        ),
-        "The log has the columns of a motion and of its torques, as `torques` writes\n"
+        option("log LOG.csv", "the log; - means standard input", Path),
+        _ROBOT,
+        option("-o, --output FILE", "Markdown, a picture beside it", Path, required=True),
+        _FORCE,
+        option("--cutoff HZ", "up to which the log is kept", float, required=True),
+        option("--which NAMES", f"patterns with commas (default: {_WHICH}, and lines)"),
+        option("--decimate N", "filter both sides, and use one of N samples (default: 10)", int),
+        option("--robust", "let outliers count less"),
+        option("--urdf FILE", "write the URDF of --robot with the parameters found", Path),
+        more="The log has the columns of a motion and of its torques, as `torques` writes\n"
         "them. Its last third is kept apart for validation.",
     ),
     Command(
         "compile",
         "robot_commands",
         "compiled kernels of a robot, or C code for a controller",
-        (
-            _ROBOT,
-            option("--all", "all kernels, not only torques and accelerations"),
-            option("--list", "list the kernels in the cache"),
-            option("--clear", "delete all kernels in the cache"),
-            option("--export-c FOLDER", "write the dynamics as C code with an example", Path),
-            option("--precision P", "of the C code: double (default) or single", default="double"),
-            _FORCE,
-        ),
+        _ROBOT,
+        option("--all", "all kernels, not only torques and accelerations"),
+        option("--list", "list the kernels in the cache"),
+        option("--clear", "delete all kernels in the cache"),
+        option("--export-c FOLDER", "write the dynamics as C code with an example", Path),
+        option("--precision P", "of the C code: double (default) or single", default="double"),
+        _FORCE,
     ),
-    Command("robots", "robot_commands", "the names of the gallery, for --robot", ()),
+    Command("robots", "robot_commands", "the names of the gallery, for --robot"),
 )
 #: What people also call commands, and what stands in the place of former ones.
 _MEANT = {
@@ -198,24 +176,24 @@ _MEANT = {
 
 def run(argv: Sequence[str] | None) -> int:
     """Run the command that the arguments ask for; see `main`."""
-    given = sys.argv[1:] if argv is None else list(argv)
+    typed = sys.argv[1:] if argv is None else list(argv)
     text = "Dynamics of closed-chain robots: torques, simulation, figures, checks."
     parser = Parser(prog="sst-pin", usage="sst-pin COMMAND [OPTIONS]", description=text)
     parser.epilog = "`sst-pin COMMAND --help` shows the options of a command."
     parser.add([(["--version"], {"action": "version", "version": __version__})])
     parser.add_commands(COMMANDS)
-    name = next((word for word in given if not word.startswith("-")), None)
+    name = next((word for word in typed if not word.startswith("-")), None)
     names = [command.name for command in COMMANDS]
     if name is not None and name not in names:
         parser.exit(2, f"sst-pin: error: no command {name!r}; {_meant(name, names)}\n")
-    arguments = parser.parse_args(given)
+    arguments = parser.parse_args(typed)
     if name is None:
         print(parser.format_help(), end="")
         return 0
     module = import_module(f".{arguments.command.module}", __package__)
     try:
         with warnings.catch_warnings():
-            # A motion that stops early is told on standard output, once.
+            # A line on standard output says already that a motion stops early.
             warnings.simplefilter("ignore", SingularityWarning)
             warnings.simplefilter("always", DescriptionWarning)  # each command says it again
             warnings.showwarning = lambda message, *_, **__: tell("warning", message)

@@ -33,9 +33,8 @@ def robot_of(arguments: argparse.Namespace) -> ClosedChain:
     path = Path(name)
     if not path.suffix and not path.exists():
         near = "".join(f"; did you mean {x}?" for x in get_close_matches(name.lower(), names, 1))
-        raise InputError(
-            "--robot", f"{name!r} is neither a file nor one of {', '.join(names)}{near}"
-        )
+        text = f"{name!r} is neither a file nor one of {', '.join(names)}{near}"
+        raise InputError("--robot", text)
     if is_mjcf(path):
         return ClosedChain.from_mjcf(path)
     urdf = Urdf.read(path)
@@ -78,12 +77,7 @@ def require_extras(**packages: str) -> None:
         raise MissingExtraError(", ".join(missing.values()), ",".join(missing))
 
 
-def refuses(robot: ClosedChain, motion: Trajectory, arguments: argparse.Namespace) -> bool:
-    """Print where the machine cannot execute a motion; whether this ends the command."""
-    return told(robot.check(motion), arguments)
-
-
-def told(findings: Sequence[object], arguments: argparse.Namespace) -> bool:
+def refuses(findings: Sequence[object], arguments: argparse.Namespace) -> bool:
     """Print what speaks against a motion; whether this ends the command."""
     for finding in findings:
         tell("error" if arguments.strict else "warning", finding)

@@ -30,17 +30,17 @@ def identify(arguments: argparse.Namespace) -> int:
     t, x, tau, start = read_log(robot.engine, source)
     cutoff, every = arguments.cutoff, arguments.decimate
     if every is None:  # as many as the log has
-        every = (
-            max(1, min(_EVERY, int((len(t) - 1) / (t[-1] - t[0]) / cutoff))) if cutoff > 0 else 1
-        )
-    motion = identification.measured_motion(
-        robot, t, x, tau, cutoff=cutoff, decimate=every, start=start
-    )
+        in_period = (len(t) - 1) / (t[-1] - t[0]) / cutoff if cutoff > 0 else 1
+        every = max(1, min(_EVERY, int(in_period)))
+    options = {"cutoff": cutoff, "decimate": every, "start": start}
+    motion = identification.measured_motion(robot, t, x, tau, **options)
     cut = 2 * len(motion) // 3
-    seen, unseen = motion[:cut], motion[cut:]
+    first, unseen = motion[:cut], motion[cut:]
     base = identification.base_parameters(robot, _parameters(robot, arguments.which))
     options = {"robust": arguments.robust, "decimate": every}
-    estimate = identification.estimate(robot, base, seen.q, seen.va, seen.aa, seen.tau, **options)
+    estimate = identification.estimate(
+        robot, base, first.q, first.va, first.aa, first.tau, **options
+    )
     theta = identification.consistent_parameters(robot, estimate)
     text, files = identification.report(robot, estimate, theta, unseen), dict[Path, Writer]()
     if pictures:

@@ -6,12 +6,7 @@ import argparse
 import numpy as np
 
 from ..errors import FileFormatError
-from ..simulation.motion_files import (
-    motion_table,
-    read_motion,
-    read_start,
-    read_torques,
-)
+from ..simulation.motion_files import motion_table, read_motion, read_start, read_torques
 from ..summaries import listed
 from . import common
 
@@ -23,7 +18,7 @@ def torques(arguments: argparse.Namespace) -> int:
     """Inverse dynamics of a motion file."""
     robot, source = common.robot_of(arguments), common.source_of(arguments.motion)
     motion = read_motion(robot.engine, source, common.table_reader(robot))
-    if common.refuses(robot, motion, arguments):
+    if common.refuses(robot.check(motion), arguments):
         return 1
     common.save(motion, arguments)
     peaks = np.abs(motion.tau).max(axis=0)
@@ -48,11 +43,11 @@ def simulate(arguments: argparse.Namespace) -> int:
         raise FileFormatError(table.path, "one row; a simulation needs at least two times")
     q0, va0 = read_start(robot.engine, table, arguments.q0, arguments.va0)
     motion = robot.simulate(tau, q0, va0, t)
-    if common.refuses(robot, motion, arguments):
+    if common.refuses(robot.check(motion), arguments):
         return 1
     common.save(motion, arguments)
-    reached = f"{len(motion)} samples to t = {motion.t[-1]:g} s -> {arguments.output}"
-    common.say(reached + common.remark(motion), arguments)
+    text = f"{len(motion)} samples to t = {motion.t[-1]:g} s -> {arguments.output}"
+    common.say(text + common.remark(motion), arguments)
     return CUT_SHORT if motion.stopped else 0
 
 
@@ -66,7 +61,7 @@ def plot(arguments: argparse.Namespace) -> int:
     motion = common.motion_of(robot, arguments.motion)
     if len(motion) < 2:
         raise FileFormatError(arguments.motion, "has one sample; a curve needs at least two")
-    if common.refuses(robot, motion, arguments):
+    if common.refuses(robot.check(motion), arguments):
         return 1
     figure = plots.motion_page(robot, motion, arguments.what, arguments.frame)
     common.write({arguments.output: plots.figure_writer(figure, name)}, arguments)

@@ -6,25 +6,20 @@ import re
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn, TypeAlias
+from typing import Any, NoReturn, TypeAlias
 
 #: Arguments of `argparse.ArgumentParser.add_argument`.
 Option: TypeAlias = tuple[list[str], dict[str, Any]]
 
 
-class Command(NamedTuple):
+class Command:
     """A command: how it is called, the module whose function of its name runs it, help, options."""
 
-    usage: str
-    module: str
-    text: str
-    options: Sequence[Option]
-    more: str = ""
-
-    @property
-    def name(self) -> str:
-        """The first word of the usage."""
-        return self.usage.partition(" ")[0]
+    def __init__(
+        self, usage: str, module: str, text: str, *options: Option, more: str = ""
+    ) -> None:
+        self.name, self.usage, self.module = usage.partition(" ")[0], usage, module
+        self.text, self.options, self.more = text, options, more
 
 
 def option(spec: str, text: str, kind: Callable[[str], Any] = str, **how: Any) -> Option:

@@ -27,8 +27,8 @@ def validate(arguments: argparse.Namespace) -> int:
     for problem in problems:
         print(problem)
     counts = Counter(problem.severity for problem in problems)
-    found = [f"{n} {severity}{'s' * (n > 1)}" for severity, n in counts.items()]
-    print(", ".join(found) or "no problems found")
+    texts = [f"{n} {severity}{'s' * (n > 1)}" for severity, n in counts.items()]
+    print(", ".join(texts) or "no problems found")
     if counts["error"]:
         return 1
     print(summary)
@@ -59,8 +59,11 @@ def compile(arguments: argparse.Namespace) -> None:  # noqa: A001
         print(f"{libraries.delete()} kernels deleted from {libraries.cache_folder()}")
     elif arguments.list:
         _list()
-    elif arguments.export_c is not None:
-        _export(arguments)
+    elif (folder := arguments.export_c) is not None:
+        from ..compiled.export import write_c
+
+        write_c(common.robot_of(arguments), folder, arguments.precision, force=arguments.force)
+        print(f"robot.h, robot.c, main.c in {folder}")
     else:
         chain = common.robot_of(arguments)
         start = time.perf_counter()
@@ -77,14 +80,6 @@ def _list() -> None:
         names = f"{entry.robot:{robot}}  {entry.kernel:{kernel}}"
         print(f"{names} {entry.size / 1e3:6.0f} kB  used {when}")
     print(f"{len(entries)} kernels, {sum(e.size for e in entries) / 1e6:.1f} MB in {folder}")
-
-
-def _export(arguments: argparse.Namespace) -> None:
-    from ..compiled.export import write_c
-
-    folder = arguments.export_c
-    write_c(common.robot_of(arguments), folder, arguments.precision, force=arguments.force)
-    print(f"robot.h, robot.c, main.c in {folder}")
 
 
 def robots(arguments: argparse.Namespace) -> None:

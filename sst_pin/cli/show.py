@@ -27,28 +27,24 @@ def show(arguments: argparse.Namespace) -> int:
     from ..viewer import Viewer  # needs the extra `viz`
 
     robot, motion, speed, title = _asked_for(arguments)
-    wanted = [(f".{kind}", getattr(arguments, kind)) for kind in ("html", "png", "gif")]
-    for ending, path in wanted:
-        if path is not None and path.suffix.lower() != ending:
+    kinds = (kind for kind in ("html", "png", "gif") if getattr(arguments, kind) is not None)
+    outputs = {f".{kind}": getattr(arguments, kind) for kind in kinds}
+    for ending, path in outputs.items():
+        if path.suffix.lower() != ending:
             raise OutputError(path, f"the ending should be {ending}")
     looks |= {name: getattr(arguments, name) for name in ("frame", "reactions", "live")}
     if arguments.ghost is not None and motion is None:
         raise InputError("--ghost", "only beside a motion")
     ghost = arguments.ghost and common.motion_of(robot, arguments.ghost)
+    speed = speed if arguments.speed is None else arguments.speed
     with Viewer(robot, **looks) as viewer:
         if motion is None:
             viewer.show(start_of(robot.engine))
         else:
-            viewer.play(
-                motion,
-                speed=speed if arguments.speed is None else arguments.speed,
-                ghost=ghost,
-                title=title,
-            )
-        if common.told(viewer.warnings, arguments):
+            viewer.play(motion, speed=speed, ghost=ghost, title=title)
+        if common.refuses(viewer.warnings, arguments):
             return 1
-        files = {path: viewer.writer(path) for _, path in wanted if path is not None}
-        if files:
+        if files := {path: viewer.writer(path) for path in outputs.values()}:
             write_files(files, arguments.force)
             length = "" if motion is None else f", {motion.t[-1] - motion.t[0]:g} s"
             print(f"{title}{length} -> {', '.join(map(str, files))}")
@@ -63,7 +59,6 @@ def show(arguments: argparse.Namespace) -> int:
 
 
 def _asked_for(arguments: argparse.Namespace) -> tuple[ClosedChain, Trajectory | None, float, str]:
-    """Robot, motion, speed and title."""
     path, robot = arguments.motion, common.robot_of(arguments)
     if path is not None:
         return robot, common.motion_of(robot, path), 1.0, path.name

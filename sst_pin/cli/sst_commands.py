@@ -32,7 +32,7 @@ def paper(arguments: argparse.Namespace) -> int:
     t, began = np.linspace(0, PERIOD, arguments.samples), time.perf_counter()
     motions = {"example_1": (example := example_1(robot, t))}
     seconds = time.perf_counter() - began
-    if common.refuses(robot, example, arguments):
+    if common.refuses(robot.check(example), arguments):
         return 1
     peaks, means = np.abs(example.tau).max(axis=0), np.sqrt((example.tau**2).mean(axis=0))
     lines = [
@@ -46,11 +46,10 @@ def paper(arguments: argparse.Namespace) -> int:
     for name, rounded in (("exact", False), ("printed", True)):
         began = time.perf_counter()
         motion = motions[f"example_2_{name}_start"] = example_2(robot, example, rounded)
-        seconds, returned = time.perf_counter() - began, compare(robot, example, motion)
-        lines.append(
-            f"{name:8}  {returned.path_error:.1e} rad  {returned.closure:.1e}    "
-            f"{returned.energy:.1e} J     {seconds:.2f} s{common.remark(motion)}"
-        )
+        seconds, errors = time.perf_counter() - began, compare(robot, example, motion)
+        text = f"{name:8}  {errors.path_error:.1e} rad  {errors.closure:.1e}    "
+        text += f"{errors.energy:.1e} J     {seconds:.2f} s{common.remark(motion)}"
+        lines.append(text)
     files = {out / n: m.writer(n) for s, m in motions.items() for n in (f"{s}.csv", f"{s}.npz")}
     figures = plots.paper_figures(robot, *motions.values())
     files |= {out / name: writer for name, writer in figures.items()}
@@ -81,15 +80,15 @@ def describe(arguments: argparse.Namespace) -> None:
 
 def _changed(p: Parameters, arguments: argparse.Namespace) -> Parameters:
     """The parameters with what the options say in place."""
-    given = {name: value for name, value in vars(arguments).items() if value is not None}
-    changes = {f.name: given[f.name] for f in fields(Parameters) if f.name in given}
-    if "alpha" in given:
-        changes["arc_angles"] = np.radians(given["alpha"])
+    options = {name: value for name, value in vars(arguments).items() if value is not None}
+    changes = {f.name: options[f.name] for f in fields(Parameters) if f.name in options}
+    if "alpha" in options:
+        changes["arc_angles"] = np.radians(options["alpha"])
     for name, bodies in (("link", p.links), ("passive_link", p.passive_links)):
-        if (mass := given.get(name.removesuffix("_link") + "_mass")) is not None:
+        if (mass := options.get(name.removesuffix("_link") + "_mass")) is not None:
             changes[name] = [_weighing(mass, body) for body in bodies]
-    if "star_mass" in given:
-        changes["star"] = _weighing(given["star_mass"], p.star)
+    if "star_mass" in options:
+        changes["star"] = _weighing(options["star_mass"], p.star)
     return replace(p, **changes)
 
 
