@@ -81,7 +81,7 @@ def closed(urdf: Urdf, cuts: Cuts) -> RobotFile:
         raise DescriptionError(source, [f"dependent: no moving joint {name}" for name in unknown])
     led = {*cuts.dependent, *(coupling.joint for coupling in cuts.couplings)}
     followers = [mimic for mimic in urdf.mimics if mimic.joint not in led]
-    couplings = tuple(_held([*followers, *marks.gears, *cuts.couplings], fixed, source))
+    couplings = tuple(_unlocked([*followers, *marks.gears, *cuts.couplings], fixed, source))
     loops, notes = cuts.closures, [*_unused(model, cuts, marks)]
     path, srdf = Path(urdf.source).with_suffix(".srdf"), None
     with naming(source):
@@ -95,7 +95,8 @@ def closed(urdf: Urdf, cuts: Cuts) -> RobotFile:
         texts = srdf.load_configurations(model, urdf.joint_names, cuts.locked)
         notes += [warning("srdf", text) for text in texts]
     with naming(source):
-        locked = [name for name in dict.fromkeys(cuts.locked) if not urdf.is_fixed(name)]
+        fixed_joints = {j.get("name") for j in urdf.root.iterfind("joint[@type='fixed']")}
+        locked = [name for name in dict.fromkeys(cuts.locked) if name not in fixed_joints]
         model = without_locked(model, locked) if locked else model
         stiffness, rest = springs_of(model, numbers)
     closures, note, motors = (*loops, *couplings), "", tuple(_free_motors(cuts.actuated, fixed))
@@ -128,10 +129,10 @@ def _free_motors(motors: Sequence[Motor], locked: Collection[str]) -> Iterator[M
             yield motor if isinstance(motor, str) else {name: free}
 
 
-def _held(
+def _unlocked(
     couplings: Sequence[Coupling], locked: Collection[str], source: str
 ) -> Iterator[Coupling]:
-    """Couplings with some joints held at zero."""
+    """Couplings where some joints are locked at zero."""
     for coupling in couplings:
         free = {n: c for n, c in coupling.polynomials.items() if n not in locked}
         offset = coupling.offset

@@ -17,7 +17,7 @@ from ..arrays import Array
 from ..errors import DescriptionError
 from ..model.closures import Closure, Coupling
 from .known_words import unknown
-from .problems import Problem, error, number, numbers, telling
+from .problems import Problem, attribute, direction, error, number, numbers, placement, telling
 
 #: The two sides of a joint that closes a loop, by element; in `<gazebo>` a joint.
 _SIDES = {
@@ -146,8 +146,8 @@ class Marks:
         self.gears: list[Coupling] = []
         self.problems: list[Problem] = []
         self.independent = tuple(_independent(root))
-        self._bearers = {_name(joint, "child/link"): joint for joint in root.findall("joint")}
-        self._links = {_name(link, "name") for link in root.findall("link")}
+        self._bearers = {attribute(joint, "child/link"): joint for joint in root.findall("joint")}
+        self._links = {attribute(link, "name") for link in root.findall("link")}
         for tag, (side, _) in _SIDES.items():
             for element in root.findall(tag):
                 self._read(self._joint, element, _WORDS)
@@ -163,14 +163,13 @@ class Marks:
     def _read(
         self, reader: Callable[[ET.Element], None], element: ET.Element, words: Mapping[str, str]
     ) -> None:
-        problems = list(unknown(element, words))
+        problems, where = list(unknown(element, words)), f"{element.tag} {element.get('name')}"
         with telling(problems):
             reader(element)
-        where = f"{element.tag} {element.get('name')}"
         self.problems += [error(where, text) for text in problems]
 
     def _joint(self, element: ET.Element) -> None:
-        kind, gazebo = _name(element, "type"), element.tag == "joint"
+        kind, gazebo = attribute(element, "type"), element.tag == "joint"
         sides = _SIDES["constraint" if gazebo else element.tag]
         read = _side_of_gazebo if gazebo else _side
         (a, b), places, axes = zip(*(read(element, side) for side in sides), strict=True)
@@ -179,18 +178,18 @@ class Marks:
         if kind == "universal" and not gazebo and element.find("parent_axis") is None:
             raise ValueError("a universal joint has two axes; write it as <constraint>")
         seen = (b, b) if gazebo else (a, b)
-        name = _name(element, "name") or f"{a}_{b}"
+        name = attribute(element, "name") or f"{a}_{b}"
         self.joints.append(cut_joint(name, kind, (a, b), places, axes, seen))
 
     def _gear(self, element: ET.Element) -> None:
         paths, ratio = [], number(element.find("ratio"), "value")
         for side in ("predecessor", "successor"):
-            self._require_link(side, link := _name(element, f"{side}/link"))
+            self._require_link(side, link := attribute(element, f"{side}/link"))
             paths.append(list(self._path(link)))
         if ratio is None:
             raise ValueError("its ratio is not a number")
         factors = {
-            _name(joint, "name"): factor
+            attribute(joint, "name"): factor
             for path, factor, other in zip(paths[::-1], (-1.0, ratio), paths, strict=True)
             for joint in path
             if joint not in other and joint.get("type") != "fixed"
@@ -205,7 +204,7 @@ class Marks:
         """Joints from a link to the base."""
         while (joint := self._bearers.get(link)) is not None:
             yield joint
-            link = _name(joint, "parent/link")
+            link = attribute(joint, "parent/link")
 
     def _require_link(self, side: str, link: str) -> None:
         if link not in self._links:
@@ -216,9 +215,9 @@ def _constraint_of(ball: ET.Element, number: int) -> ET.Element:
     """A ball joint of Drake as a `<constraint>`."""
     constraint = ET.Element("constraint", name=f"ball_constraint_{number}", type="ball")
     parts = {part.tag.removeprefix(f"{_BALL}_"): part for part in ball}
-    for tag, (key, there, attribute) in _OF_BALLS.items():
+    for tag, (key, there, word) in _OF_BALLS.items():
         text = "" if tag not in parts else parts[tag].get(key, "")
-        ET.SubElement(constraint, there, {attribute: text})
+        ET.SubElement(constraint, there, {word: text})
     constraint.extend(part for tag, part in parts.items() if tag not in _OF_BALLS)
     return constraint
 
@@ -231,18 +230,15 @@ def _side(element: ET.Element, side: str) -> _Side:
     end, origin = element.find(side), element.find(f"{side}_origin")
     if origin is None and end is not None:
         origin = end if end.find("origin") is None else end.find("origin")
-    xyz, rpy = (_vector(origin, key) for key in ("xyz", "rpy"))
-    place = pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
-    axis = "axis" if element.find(f"{side}_axis") is None else f"{side}_axis"
-    direction = _direction(_name(element, f"{axis}/xyz") or "1 0 0")
-    return _name(element, f"{side}/link"), place, direction
-
-
-def _vector(origin: ET.Element | None, key: str) -> Array:
-    text = "0 0 0" if origin is None else origin.get(key, "0 0 0")
-    if (vector := numbers(text, 3)) is None:
-        raise ValueError(f"{key}={text!r} is not three numbers")
-    return vector
+    vectors = []
+    for key in ("xyz", "rpy"):
+        text = "0 0 0" if origin is None else origin.get(key, "0 0 0")
+        if (vector := numbers(text, 3)) is None:
+            raise ValueError(f"{key}={text!r} is not three numbers")
+        vectors.append(vector)
+    tag = "axis" if element.find(f"{side}_axis") is None else f"{side}_axis"
+    axis = direction(attribute(element, f"{tag}/xyz") or "1 0 0")
+    return attribute(element, f"{side}/link"), placement(*vectors), axis
 
 
 def _side_of_gazebo(element: ET.Element, side: str) -> _Side:
@@ -250,9 +246,8 @@ def _side_of_gazebo(element: ET.Element, side: str) -> _Side:
     if pose is None:
         raise ValueError("its pose is not six numbers")
     second = side == "child" and element.get("type") == "universal"
-    axis = element.findtext("axis2/xyz" if second else "axis/xyz", "0 0 1")
-    place = pin.SE3(pin.rpy.rpyToMatrix(pose[3:]), pose[:3])
-    return element.findtext(side, "").strip(), place, _direction(axis)
+    axis = direction(element.findtext("axis2/xyz" if second else "axis/xyz", "0 0 1"))
+    return element.findtext(side, "").strip(), placement(pose[:3], pose[3:]), axis
 
 
 def _independent(root: ET.Element) -> Iterator[str]:
@@ -263,18 +258,4 @@ def _independent(root: ET.Element) -> Iterator[str]:
         for joint, mark in zip(joints, marks, strict=True):
             free = joint.get("type") not in ("fixed", "floating") and joint.find("mimic") is None
             if free and (mark or "true").lower() not in ("false", "0"):
-                yield _name(joint, "name")
-
-
-def _name(element: ET.Element, path: str) -> str:
-    """An attribute of an element, or of one in it as `tag/attribute`; empty without it."""
-    tag, _, key = path.rpartition("/")
-    holder = element.find(tag) if tag else element
-    return "" if holder is None else holder.get(key, "")
-
-
-def _direction(text: str) -> Array:
-    axis = numbers(text, 3)
-    if axis is None or not np.linalg.norm(axis) > 1e-100:
-        raise ValueError(f"axis {text!r} is not a direction")
-    return axis / np.linalg.norm(axis)
+                yield attribute(joint, "name")

@@ -14,7 +14,7 @@ from ..model.closures import Closure, Constraint, Coupling, Distance, Rolling
 from ..model.lines import LineForce
 from .cut_joints import CutJoint, cut_joint
 from .joint_numbers import JointNumbers
-from .problems import numbers, telling, vector
+from .problems import numbers, placement, telling, vector
 from .urdf import KINDS
 from .yaml_content import (
     YamlContent,
@@ -61,9 +61,9 @@ def parse_cuts(text: str, source: str) -> Cuts:
     content = YamlContent(text, source)
     for key, parse in _PARSERS.items():
         if key in content:
-            hinges, dependent, motors = parse(content)
+            cuts = parse(content)
             content.raise_problems()
-            return Cuts(motors, hinges=hinges, dependent=dependent, source=source)
+            return cuts._replace(source=source)
     content.require_known((*_LISTS, *_TABLES, "gravity"))
     content.setdefault("name_mot", None)
     if isinstance(table := content.get("joint_type"), dict) and "joint_name" not in content:
@@ -78,8 +78,8 @@ def parse_cuts(text: str, source: str) -> Cuts:
             closures.append(_closure(pair, kind))
     gravity = vector(content.get("gravity"))
     if gravity is None and "gravity" in content:
-        text = f"{shown(content['gravity'])} is not a list of three numbers"
-        content.problems.append(f"gravity: {text}")
+        text = f"gravity: {shown(content['gravity'])} is not a list of three numbers"
+        content.problems.append(text)
     content.raise_problems()
     springs = dict(tables.pop("joint_spring"))
     couplings = tuple(tables.pop("coupling"))
@@ -149,7 +149,6 @@ def _friction(joint: str, value: Any) -> tuple[str, float]:
 
 
 def _kind(value: Any) -> str:
-    """What a joint is in truth."""
     if (kind := name_in(value).upper()) not in KINDS:
         raise ValueError(f"{value!r} unknown; known: {', '.join(KINDS)}")
     return kind
@@ -175,11 +174,9 @@ _TABLES: dict[str, Callable[[str, Any], Any]] = {
 }
 #: Keys of a hinge of scikit-robot.
 OF_HINGE = ("link_a", "link_b", "point", "axis")
-#: Closing joints, dependent joints, and those with the motors.
-_Parts = tuple[tuple[CutJoint, ...], tuple[str, ...], tuple[str, ...]]
 
 
-def _of_scikit_robot(content: YamlContent) -> _Parts:
+def _of_scikit_robot(content: YamlContent) -> Cuts:
     """A `loop_closures.yaml`: hinges, by point and axis in base axes at q = 0."""
     content.require_known(("closures", "dependent", "independent"))
     hinges = content.entries("closures", _hinge)
@@ -188,9 +185,8 @@ def _of_scikit_robot(content: YamlContent) -> _Parts:
     content.update({key: content.get(key) for key in ("dependent", "independent")})
     dependent, independent = (content.entries(k, name_in) for k in ("dependent", "independent"))
     content.problems += [f"{name}: named twice" for name in repeated(dependent + independent)]
-    names = (f"loop_closure_{k}" for k in range(1, len(hinges) + 1))
-    joints = (hinge._replace(name=name) for hinge, name in zip(hinges, names, strict=True))
-    return tuple(joints), tuple(dependent), tuple(independent)
+    joints = (hinge._replace(name=f"loop_closure_{k}") for k, hinge in enumerate(hinges, 1))
+    return Cuts(tuple(independent), hinges=tuple(joints), dependent=tuple(dependent))
 
 
 def _hinge(value: Any) -> CutJoint:
@@ -203,7 +199,7 @@ def _hinge(value: Any) -> CutJoint:
     return cut_joint("", "revolute", links, (place, place), (axis, axis), base)
 
 
-def _of_fusion(content: YamlContent) -> _Parts:
+def _of_fusion(content: YamlContent) -> Cuts:
     """A `robot_data.yaml` of fusion2URDF: joints whose origins are seen from their parents."""
 
     def is_motor(name: str, value: Any) -> str:
@@ -211,14 +207,14 @@ def _of_fusion(content: YamlContent) -> _Parts:
         return name * (fields.get("passive") == "false" and fields.get("type") != "fixed")
 
     motors = filter(None, content.entries("joints", is_motor, dict))
-    return tuple(content.entries("closing_joints", _closing_joint)), (), tuple(motors)
+    return Cuts(tuple(motors), hinges=tuple(content.entries("closing_joints", _closing_joint)))
 
 
 def _closing_joint(value: Any) -> CutJoint:
     fields = mapping_in(value)
     name, kind, a, b = (_text(fields, key) for key in ("name", "type", "parent", "child"))
     xyz, rpy, axis = (_vector(fields, k) for k in ("origin_xyz_m", "origin_rpy_rad", "axis"))
-    place = pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
+    place = placement(xyz, rpy)
     return cut_joint(name, kind, (a, b), (place, place), (axis, axis), (a, a))
 
 
@@ -236,7 +232,7 @@ def _vector(fields: Mapping[str, Any], key: str) -> Array:
 
 
 #: Readers of other YAML files, by a key that these have.
-_PARSERS: dict[str, Callable[[YamlContent], _Parts]] = {
+_PARSERS: dict[str, Callable[[YamlContent], Cuts]] = {
     "closures": _of_scikit_robot,
     "closing_joints": _of_fusion,
 }

@@ -23,13 +23,9 @@ def updated(numbers: JointNumbers, others: JointNumbers, without: Collection[str
 
 def put_numbers(model: pin.Model, numbers: JointNumbers) -> None:
     """Write friction and rotors into a model."""
-    arrays = {
-        "viscous_friction": model.damping,
-        "coulomb_friction": model.friction,
-        "armature": model.armature,
-    }
-    for kind, array in arrays.items():
-        _fill(array, model, numbers.get(kind, {}))
+    _fill(model.damping, model, numbers.get("viscous_friction", {}))
+    _fill(model.friction, model, numbers.get("coulomb_friction", {}))
+    _fill(model.armature, model, numbers.get("armature", {}))
 
 
 def springs_of(model: pin.Model, numbers: JointNumbers) -> tuple[Array, Array]:

@@ -35,7 +35,7 @@ def read_mjcf(
 def robot_file_of(
     path: str | Path, locked: Sequence[str] = (), actuated: Sequence[Motor] | None = None
 ) -> RobotFile:
-    """Tree, closures, motors; given ones replace those of the file."""
+    """Tree, closures and motors; `actuated` replaces the motors of the file."""
     compiled = Compiled(as_path(path), names("locked", locked))
     source, problems = compiled.source, compiled.problems
     problems += [*impossible(compiled), *_switched_off(compiled, actuated)] or _names(compiled)
@@ -58,9 +58,8 @@ def robot_file_of(
     tree.add_home(closures)
     shapes = partial(mjcf_shapes, compiled.mj, tree.bodies)
     parts = source, tree.model, closures, motors, shapes, stiffness, tree.rest
-    return RobotFile(
-        *parts, forces=lines, notes=tuple(warning("file", text) for text in compiled.notes)
-    )
+    notes = tuple(warning("file", text) for text in compiled.notes)
+    return RobotFile(*parts, forces=lines, notes=notes)
 
 
 def _switched_off(compiled: Compiled, actuated: Sequence[Motor] | None) -> Iterator[str]:
@@ -68,9 +67,8 @@ def _switched_off(compiled: Compiled, actuated: Sequence[Motor] | None) -> Itera
     closes, drives = compiled.mj.eq_active0.any(), compiled.mj.nu and actuated is None
     for flag, what in (("constraint", closes), ("equality", closes), ("actuation", drives)):
         if what and compiled.disabled(flag):
-            missing = (
-                "motor then; name some by actuated=" if flag == "actuation" else "closure then"
-            )
+            motor = "motor then; name some by actuated="
+            missing = motor if flag == "actuation" else "closure then"
             yield f'<flag {flag}="disable">: there is no {missing}'
 
 
@@ -83,8 +81,7 @@ def _names(compiled: Compiled) -> Iterator[str]:
         for name in compiled.locked.difference(known):
             raise UnknownNameError("joint", name, known)
     if twice := [name for name, count in counts.items() if count > 1]:
-        text = f"a joint without a name gets its body's name: several joints {', '.join(twice)}"
-        yield text
+        yield f"a joint without a name gets its body's name: several joints {', '.join(twice)}"
     for name in sorted(compiled.locked):
         if known[name] > counts[name] > 0:
             yield f"locked: {name} is a joint and a rate of another one; rename the joint"

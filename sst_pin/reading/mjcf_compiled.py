@@ -4,7 +4,6 @@
 import xml.etree.ElementTree as ET
 from collections.abc import Collection
 from contextlib import suppress
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -40,11 +39,7 @@ class Compiled:
             self.mj.names.decode()
         except UnicodeDecodeError as error:
             raise DescriptionError(self.source, [f"names that are not UTF-8: {error}"]) from None
-
-    @cached_property
-    def _joints(self) -> set[str]:
-        """Names of the joints."""
-        return {self.joint(joint) for joint in range(self.mj.njnt)}
+        self._joints = {self.joint(joint) for joint in range(self.mj.njnt)}
 
     def disabled(self, flag: str) -> bool:
         """Whether a flag of the options is "disable"; not every MuJoCo has every flag."""

@@ -62,11 +62,8 @@ def _rod(compiled: Compiled, name: str, tendon: int, longer: float) -> Iterator[
         yield Distance(a, b, float(compiled.mj.tendon_length0[tendon]) + longer)
 
 
-class _Length(NamedTuple):
-    """A sum of joints by name, and its value with all joints at their reference."""
-
-    shares: dict[str, float]
-    start: float
+#: A sum of joints by name, and its value with all joints at their reference.
+_Length = tuple[dict[str, float], float]
 
 
 def _length(compiled: Compiled, of_tendon: bool, index: int) -> _Length:
@@ -80,35 +77,36 @@ def _length(compiled: Compiled, of_tendon: bool, index: int) -> _Length:
     elif index >= 0 and not compiled.is_locked(index):
         shares = {index: 1.0}
     start = sum(share * mj.qpos0[mj.jnt_qposadr[j]] for j, share in shares.items())
-    return _Length({compiled.joint(j): share for j, share in shares.items()}, float(start))
+    return {compiled.joint(j): share for j, share in shares.items()}, float(start)
 
 
 def _coupling(
     compiled: Compiled, name: str, first: _Length, second: _Length, coefficients: Array
 ) -> Iterator[Coupling]:
     """The coupling that makes first - start a polynomial of second - start."""
-    offset, polynomial = first.start, np.polynomial.Polynomial(coefficients)
-    row = {joint: np.array([0.0, -share]) for joint, share in first.shares.items()}
-    if alone := len(second.shares) == 1:
-        ((other, share),) = second.shares.items()
-        moved = polynomial(np.polynomial.Polynomial([-second.start, share])).coef
-        row[other] = np.polynomial.polynomial.polyadd(row.get(other, np.zeros(2)), moved)
+    (shares, offset), (others, start) = first, second
+    polynomial = np.polynomial.Polynomial(coefficients)
+    row = {joint: np.array([0.0, -share]) for joint, share in shares.items()}
+    if alone := len(others) == 1:
+        ((other, share),) = others.items()
+        powers = polynomial(np.polynomial.Polynomial([-start, share])).coef
+        row[other] = np.polynomial.polynomial.polyadd(row.get(other, np.zeros(2)), powers)
     else:
-        offset += polynomial(-second.start)
-        for joint, share in second.shares.items():
+        offset += polynomial(-start)
+        for joint, share in others.items():
             row[joint] = row.get(joint, np.zeros(2)) + np.array([0.0, coefficients[1] * share])
     if not row and not offset:
         return  # all joints that it couples are locked
     slopes = {joint: abs(c[1]) for joint, c in row.items() if not c[2:].any()}
-    joint = max(first.shares or slopes, key=lambda joint: slopes.get(joint, 0.0), default="")
-    if not slopes.get(joint) or (coefficients[2:].any() and second.shares and not alone):
+    joint = max(shares or slopes, key=lambda joint: slopes.get(joint, 0.0), default="")
+    if not slopes.get(joint) or (coefficients[2:].any() and others and not alone):
         text = f"{name}: this equality cannot be solved for a joint: "
         text += "lock both sides or none, and use polynomials of one joint only"
         compiled.problems.append(text)
         return
     start, slope = row.pop(joint)[:2]
-    others = {joint: tuple(np.trim_zeros(c, "b") / -slope) for joint, c in row.items()}
-    yield Coupling(joint, others, float((offset + start) / -slope))
+    polynomials = {joint: tuple(np.trim_zeros(c, "b") / -slope) for joint, c in row.items()}
+    yield Coupling(joint, polynomials, float((offset + start) / -slope))
 
 
 class Actuator(NamedTuple):
@@ -139,7 +137,6 @@ def actuators(compiled: Compiled) -> Iterator[Actuator]:
 
 
 def _fixed_tendon(compiled: Compiled, tendon: int) -> Motor:
-    """A fixed tendon as a motor with its name."""
     shares = compiled.shares(tendon)
     return {compiled.name("tendon", tendon): {compiled.joint(j): x for j, x in shares.items()}}
 

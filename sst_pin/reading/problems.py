@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+import pinocchio as pin
 
 from ..arrays import Array
 from ..errors import DescriptionError
@@ -93,3 +94,23 @@ def number(element: ET.Element | None, key: str) -> float | None:
     """An attribute that is one finite number, or None."""
     value = None if element is None else numbers(element.get(key, ""), 1)
     return None if value is None else float(value[0])
+
+
+def attribute(element: ET.Element, path: str) -> str:
+    """An attribute of an element, or of one in it as `tag/attribute`; empty without it."""
+    tag, _, key = path.rpartition("/")
+    holder = element.find(tag) if tag else element
+    return "" if holder is None else holder.get(key, "")
+
+
+def direction(text: str) -> Array:
+    """A unit vector, shape (3,); a ValueError for anything else."""
+    axis = numbers(text, 3)
+    if axis is None or not np.linalg.norm(axis) > 1e-100:
+        raise ValueError(f"axis {text!r} is not a direction")
+    return axis / np.linalg.norm(axis)
+
+
+def placement(xyz: Array, rpy: Array) -> pin.SE3:
+    """A frame by its origin and its roll, pitch and yaw."""
+    return pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)

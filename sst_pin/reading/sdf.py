@@ -11,7 +11,7 @@ import pinocchio as pin
 from ..errors import DescriptionError
 from .joint_graph import WORLD, Axis, GraphJoint, JointGraph, origin_of
 from .known_words import is_true, unknown
-from .problems import numbers
+from .problems import numbers, placement
 
 #: Types of joints, by the number of their axes.
 _AXES = {"revolute": 1, "continuous": 1, "prismatic": 1, "universal": 2, "revolute2": 2}
@@ -52,12 +52,9 @@ _FORCELESS = re.compile(
 )
 
 
-def sdf_graph(root: ET.Element, source: str) -> JointGraph:
-    """The model of an SDF, its base the world of the SDF; all problems in one DescriptionError."""
-    return _Reader(root, source).graph()
+class Sdf:
+    """The model of an SDF, its base the world of the SDF."""
 
-
-class _Reader:
     def __init__(self, root: ET.Element, source: str) -> None:
         self._source, version = source, root.get("version", "1.7").strip()
         minor = re.fullmatch(r"1\.(\d+)(\.\d+)?", version)
@@ -84,7 +81,7 @@ class _Reader:
         self._at[WORLD] = placed * self._pose(self._model).inverse()
 
     def graph(self) -> JointGraph:
-        """The robot as joints between bodies."""
+        """The robot as joints between bodies; all problems in one DescriptionError."""
         joints = [j for e in self._model.findall("joint") if (j := self._joint(e)) is not None]
         world = self._place(WORLD)
         rest = {name: world.actInv(self._place(name)) for name in self._links}
@@ -97,7 +94,6 @@ class _Reader:
         return graph
 
     def _require_known(self, worlds: list[ET.Element]) -> None:
-        """Refuse what stands there and is not read."""
         self._problems += [f"model: {text}" for text in unknown(self._model, _WORDS)]
         table = {tag: row for tag, row in _WORDS.items() if tag != "model"}  # others are static
         self._problems += [f"world: {text}" for world in worlds for text in unknown(world, table)]
@@ -113,13 +109,13 @@ class _Reader:
         text = "" if pose is None else pose.text or ""
         values = numbers(text or "0 0 0 0 0 0", 7 if len(text.split()) == 7 else 6)
         if values is None:
-            self._told(element, f"its pose {text!r} is not six or seven numbers")
+            self._refuse(element, f"its pose {text!r} is not six or seven numbers")
             return pin.SE3.Identity()
         if len(values) == 7:
             return pin.SE3(pin.Quaternion(values[3:]).normalized().matrix(), values[:3])
         if pose is not None and is_true(pose.get("degrees")):
             values[3:] = np.deg2rad(values[3:])
-        return pin.SE3(pin.rpy.rpyToMatrix(values[3:]), values[:3])
+        return placement(values[:3], values[3:])
 
     def _place(self, name: str) -> pin.SE3:
         """A frame in the frame of the model."""
@@ -151,14 +147,14 @@ class _Reader:
             attached = element.get("attached_to") or self._model.get("canonical_link", "")
             name = attached or next(iter(self._links), "")
         if name not in self._links and name != WORLD:
-            self._told(joint, f"its {side} {name!r} is not a link of this model")
+            self._refuse(joint, f"its {side} {name!r} is not a link of this model")
         return name
 
     def _joint(self, joint: ET.Element) -> GraphJoint | None:
         name, kind = joint.get("name", ""), joint.get("type", "")
         a, b = (self._end(joint, side) for side in ("parent", "child"))
         if kind not in _KINDS:
-            self._told(joint, f"type {kind!r} is not supported; supported: {', '.join(_KINDS)}")
+            self._refuse(joint, f"type {kind!r} is not supported; supported: {', '.join(_KINDS)}")
         if kind not in _KINDS or not {a, b} <= {WORLD, *self._links}:
             return None
         place = self._place(name)
@@ -167,7 +163,7 @@ class _Reader:
         tags, count = ("axis", "axis2"), _AXES.get(kind, 0)
         for path in (f"{tag}/dynamics/{key}" for tag in tags[count:] for key in _ACTING):
             if self._number(joint, joint, path, 0.0):
-                self._told(joint, f"{kind}, and does not have the axis of its {path}")
+                self._refuse(joint, f"{kind}, and does not have the axis of its {path}")
         graph_joint = GraphJoint(name, kind, (a, b), places)
         axes = tuple(self._axis(joint, tag) for tag in tags[:count])
         return graph_joint._replace(axes=axes) if count else graph_joint
@@ -179,7 +175,7 @@ class _Reader:
         xyz = axis.find("xyz")
         direction = numbers("0 0 1" if xyz is None else xyz.text or "", 3)
         if direction is None or not np.linalg.norm(direction) > 1e-100:
-            self._told(joint, f"its <{tag}> is not a direction")
+            self._refuse(joint, f"its <{tag}> is not a direction")
             direction = np.array([0.0, 0.0, 1.0])
         of_model = is_true(axis.findtext("use_parent_model_frame", str(self._old)))
         frame = "" if xyz is None else xyz.get("expressed_in", "")
@@ -193,7 +189,7 @@ class _Reader:
         limit = {"lower": value("limit/lower", -np.inf), "upper": value("limit/upper", np.inf)}
         limit |= {key: value(f"limit/{key}") for key in ("effort", "velocity")}
         if limit["lower"] > limit["upper"]:
-            self._told(joint, "its lower limit is above the upper one")
+            self._refuse(joint, "its lower limit is above the upper one")
         dynamics = {key: value(f"dynamics/{key}") for key in (*_ACTING, "spring_reference")}
         mimic, follows = axis.find("mimic"), dict[str, str]()
         if mimic is not None:
@@ -202,7 +198,7 @@ class _Reader:
             follows = {"joint": mimic.get("joint", ""), "multiplier": repr(factor)}
             follows["offset"] = repr(offset)
             if mimic.get("axis", "axis") != "axis":
-                self._told(joint, "mimics the second axis of a joint, which is not supported")
+                self._refuse(joint, "mimics the second axis of a joint, which is not supported")
         return Axis(direction / np.linalg.norm(direction), limit, dynamics, follows)
 
     def _link(self, graph: JointGraph, name: str, link: ET.Element) -> None:
@@ -210,7 +206,7 @@ class _Reader:
         inertial = ET.Element("inertial") if inertial is None else inertial
         needed = ("mass", *(f"inertia/{key}" for key in ("ixx", "iyy", "izz")))
         if missing := ", ".join(key for key in needed if inertial.find(key) is None):
-            self._told(link, f"no {missing}, for which SDF has 1; write it")
+            self._refuse(link, f"no {missing}, for which SDF has 1; write it")
         entries = _WORDS["inertia"].split()
         values = {key: self._number(link, inertial, f"inertia/{key}", 0.0) for key in entries}
         mass = self._number(link, inertial, "mass", 1.0)
@@ -226,10 +222,10 @@ class _Reader:
             return float(text)
         value = numbers(text, 1)
         if value is None:
-            self._told(of, f"{path} {text!r} is not a number")
+            self._refuse(of, f"{path} {text!r} is not a number")
         return default if value is None else float(value[0])
 
-    def _told(self, element: ET.Element, text: str) -> None:
+    def _refuse(self, element: ET.Element, text: str) -> None:
         self._problems.append(f"{element.tag} {element.get('name')}: {text}")
 
 

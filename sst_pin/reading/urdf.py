@@ -18,7 +18,7 @@ from ..model.joint_series import Series
 from ..model.rebuilt_tree import rebuilt
 from .acting_words import is_weightless, joint_numbers
 from .cut_joints import Marks
-from .sdf import sdf_graph
+from .sdf import Sdf
 from .text import bare, parse_xml, read_text
 from .urdf_checks import check
 
@@ -54,7 +54,7 @@ class Urdf:
         self.gravity, self._balls = np.array([0, 0, -9.81]), list[str]()
         self.crosses: list[str] = []
         if self.root.tag == "sdf":
-            graph = sdf_graph(self.root, source)
+            graph = Sdf(self.root, source).graph()
             self.root, self.gravity, self._balls = graph.urdf, graph.gravity, graph.balls
             self.crosses = graph.crosses
         if is_weightless(self.root):
@@ -72,11 +72,6 @@ class Urdf:
     def joint_names(self) -> list[str]:
         """Names of all joints, in the order of the file."""
         return [joint.get("name", "") for joint in self.root.findall("joint")]
-
-    def is_fixed(self, joint: str) -> bool:
-        """Whether a joint has the type fixed."""
-        kinds = {each.get("name"): each.get("type") for each in self.root.findall("joint")}
-        return kinds.get(joint) == "fixed"
 
     def tree(self, joints: Mapping[str, str] | None = None) -> pin.Model:
         """The Pinocchio model; an error names every error of `problems`.
@@ -111,9 +106,9 @@ class Urdf:
 
     def _split(self, model: pin.Model, parts: Mapping[str, Mapping[str, Any]]) -> pin.Model:
         """The tree with some joints replaced by several in series, each with their friction."""
-        taken = {frame.name for frame in model.frames if frame.type != pin.FrameType.BODY}
+        names = {frame.name for frame in model.frames if frame.type != pin.FrameType.BODY}
         for name in (name + suffix for name, each in parts.items() for suffix in each if suffix):
-            if name in taken:
+            if name in names:
                 text = f"joint {name}: 2 have this name, a part of {name[:-2]} is one of them"
                 raise DescriptionError(self.source, [text])
         series = {model.getJointId(name): Series.named(each) for name, each in parts.items()}

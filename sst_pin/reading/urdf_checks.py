@@ -13,7 +13,7 @@ import numpy as np
 from ..arrays import Array
 from .acting_words import unread
 from .known_words import unknown
-from .problems import Problem, error, note, number, numbers, warning
+from .problems import Problem, attribute, error, note, number, numbers, warning
 
 #: Entries of an inertia.
 ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -95,15 +95,14 @@ def _connections(links: Sequence[str], joints: Sequence[ET.Element]) -> Iterator
     known, bearers, children = set(links), dict[str, str](), dict[str, list[str]]()
     for joint in joints:
         name = joint.get("name", "")
-        ends = [_attribute(joint.find(role), "link") for role in ("parent", "child")]
-        for role, link in zip(("parent", "child"), ends, strict=True):
-            if link is None:
+        parent, child = (attribute(joint, f"{role}/link") for role in ("parent", "child"))
+        for role, link in (("parent", parent), ("child", child)):
+            if not link:
                 yield error(f"joint {name}", f"no <{role} link=...>")
             elif link not in known:
                 yield error(f"joint {name}", f"{role} {link} is not a link of this file")
-        if None in ends:
+        if not (parent and child):
             continue
-        parent, child = map(str, ends)
         if child in bearers:
             text = f"link {child} is already the child of joint {bearers[child]}; a URDF is a tree"
             text += ": cut the loop here and add a closure to the YAML of the cuts"
@@ -111,13 +110,13 @@ def _connections(links: Sequence[str], joints: Sequence[ET.Element]) -> Iterator
         else:
             bearers[child] = name
             children.setdefault(parent, []).append(child)
-    reached = [link for link in dict.fromkeys(links) if link not in bearers]
-    if len(reached) > 1:
-        text = f"{len(reached)} links without a parent: {', '.join(reached)}"
+    branches = [link for link in dict.fromkeys(links) if link not in bearers]
+    if len(branches) > 1:
+        text = f"{len(branches)} links without a parent: {', '.join(branches)}"
         yield error("tree", f"{text}; only the base may have none")
     lost = dict.fromkeys(links)
-    for link in reached:  # which grows
-        reached += children.get(link, [])
+    for link in branches:  # which grows
+        branches += children.get(link, [])
         lost.pop(link, None)
     if lost:
         yield error("tree", f"links that are not connected to the base: {', '.join(lost)}")
@@ -197,9 +196,8 @@ def _friction(joint: ET.Element, where: str, kind: str) -> Iterator[Problem]:
             cure = f"write {name}: {{{joint.get('name')}: {value:g}}} in the YAML"
             yield error(where, f"{key} of a {kind} joint is not read; {cure}")
         elif value < 0:
-            text = f"dynamics {key}={_attribute(dynamics, key)!r} is negative"
-            text += ": it would accelerate the joint"
-            yield error(where, text)
+            text = f"dynamics {key}={attribute(joint, f'dynamics/{key}')!r} is negative"
+            yield error(where, f"{text}: it would accelerate the joint")
 
 
 def _limits(joint: ET.Element, where: str, kind: str) -> Iterator[Problem]:
@@ -223,12 +221,9 @@ def _limits(joint: ET.Element, where: str, kind: str) -> Iterator[Problem]:
         yield note(where, text)
 
 
-def _attribute(element: ET.Element | None, key: str) -> str | None:
-    return None if element is None else element.get(key)
-
-
-def mass_of(inertial: ET.Element) -> tuple[float, Array] | None:
+def mass_of(inertial: ET.Element | None) -> tuple[float, Array] | None:
     """Mass, and moments of inertia of shape (3, 3), [kg m^2]; None if a number is missing."""
+    inertial = ET.Element("inertial") if inertial is None else inertial
     mass = number(inertial.find("mass"), "value")
     entries = [number(inertial.find("inertia"), key) for key in ENTRIES]
     if mass is None or None in entries:
@@ -263,12 +258,9 @@ def impossible(mass: float, inertia: Array) -> str:
 
 def inertia_notes(root: ET.Element) -> Iterator[str]:
     """The links of a URDF with impossible inertias, which are computed as they stand."""
-    problems = []
-    for link in root.findall("link[inertial]"):
-        for body in filter(None, map(mass_of, link.findall("inertial"))):
-            if text := impossible(*body):
-                problems.append(f"link {link.get('name')}: {text}")
-    if problems:
+    bodies = ((link.get("name"), mass_of(link.find("inertial"))) for link in root.findall("link"))
+    reasons = ((name, impossible(*body)) for name, body in bodies if body is not None)
+    if problems := [f"link {name}: {text}" for name, text in reasons if text]:
         more = f" and {len(problems) - _NAMED} more" * (len(problems) > _NAMED)
         listed = "; ".join(problems[:_NAMED])
         yield f"{listed}{more}. The dynamics are computed with these numbers"
@@ -284,7 +276,7 @@ def check_inertias(root: ET.Element, without: Collection[str] = ()) -> Iterator[
         name, inertial = link.get("name", ""), link.find("inertial")
         where = f"link {name}"
         if inertial is not None:
-            body = mass_of(inertial)  # a missing number is told by the reader's checks
+            body = mass_of(inertial)  # the reader's checks name a missing number
             if body is not None and body[0] >= 0:
                 yield from _body(*body, where, moves.get(name, False))
                 if moves.get(name) and body[0]:

@@ -125,13 +125,11 @@ def _mjcf(path: Path) -> tuple[list[Problem], str]:
 
 
 def _errors_of(caught: SSTError, where: str) -> list[Problem]:
-    """An error as problems."""
     texts = caught.problems if isinstance(caught, DescriptionError) else [str(caught)]
     return [error(where, re.sub("^not (a URDF|an MJCF): ", "", text)) for text in texts]
 
 
 def _mechanism(robot: RobotFile) -> tuple[list[Problem], str]:
-    """Problems of the mechanism, and its summary."""
     try:
         problems = list(_unknown(robot)) or list(_open(robot))
         if problems:

@@ -35,15 +35,15 @@ class YamlContent(dict[str, Any]):
 
     def entries(self, key: str, parse: Callable[..., _T], kind: type[Any] = list) -> list[_T]:
         """The entries of a list, or the names and values of a mapping, each parsed."""
-        value, parsed = self.get(key, kind()), list[_T]()
+        value, results = self.get(key, kind()), list[_T]()
         if not isinstance(value, kind):
             what = "list" if kind is list else "mapping from names"
             self.problems.append(f"{key}: a {what} is needed")
-            return parsed
+            return results
         for entry in value:
             with telling(self.problems, f"{key}: "):
-                parsed.append(parse(entry, value[entry]) if kind is dict else parse(entry))
-        return parsed
+                results.append(parse(entry, value[entry]) if kind is dict else parse(entry))
+        return results
 
     def zipped(self, lists: Mapping[str, list[Any]], first: str, second: str) -> list[Any]:
         """Pairs of the entries of two lists, which have one length."""
@@ -115,12 +115,8 @@ class _Loader(yaml.BaseLoader):
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         keys = [key.value for key, _ in node.value]
         for key in repeated(key for key in keys if isinstance(key, str)):
-            raise _TwiceError(key)
+            raise ValueError(f"{key}: appears twice")
         return super().construct_mapping(node, deep)
-
-
-class _TwiceError(Exception):
-    pass
 
 
 def _content(text: str, source: str) -> dict[str, Any]:
@@ -132,11 +128,11 @@ def _content(text: str, source: str) -> dict[str, Any]:
     else:
         try:
             content = yaml.load(text, _Loader)
-        except _TwiceError as error:
-            problem = f"{error}: appears twice"
         except yaml.YAMLError as error:
             text = " ".join(str(error).split())
             problem = "not YAML: " + text.replace('in "<unicode string>", ', "at ")
+        except ValueError as error:
+            problem = str(error)
         except RecursionError:
             problem = "lists are nested too deeply"
     if not isinstance(content, dict) or not content:
