@@ -76,20 +76,6 @@ def test_L_is_an_orthogonal_complement_of_Phi(robot, chain):
         close(chain.joint_rates(motion.q, motion.va), motion.q_dot, 1e-13)
 
 
-@pytest.mark.parametrize("name", ["L", "K", "T"])
-def test_the_rates_of_the_complement_are_its_derivatives(robot, chain, name):
-    x, x_dot, *_ = random_state(robot, 0)
-    q, q_dot, _ = derivatives(robot.joints, x, x_dot)
-
-    def matrix(t):
-        q = robot.joints(x + x_dot * t).real
-        return getattr(chain.noc(q, np.zeros(len(x))), name)
-
-    rate = getattr(chain.noc(q, q_dot[robot.motors]), name + "_dot")
-    # The differences' truncation.
-    close(rate, derivative(matrix), 1e-9)
-
-
 def test_torques_obey_the_principle_of_virtual_work(robot, chain):
     """With weight, inertia, rotors, friction in all joints and a wrench on every body."""
     for motion, wrenches in states(robot):
@@ -116,24 +102,6 @@ def test_accelerations_invert_the_torques(robot, chain):
         )
         # As for the torques, times the condition number of the inertia matrix, below 10.
         close(aa, motion.aa, 1e-11)
-
-
-def test_a_batch_equals_a_loop(robot, chain):
-    motions, wrenches = zip(*states(robot), strict=True)
-    q, va, aa = (
-        np.stack([getattr(motion, name) for motion in motions]).reshape(2, 2, -1)
-        for name in ("q", "va", "aa")
-    )
-    loads = np.stack(wrenches).reshape(2, 2, -1, 6)
-    tau = chain.compute_torques(q, va, aa, external_wrenches=loads)
-    back = chain.compute_accelerations(q, va, tau, external_wrenches=loads)
-    held = chain.compute_torques(q[0, 0], va, aa[0])
-    for i in np.ndindex(2, 2):
-        options = {"external_wrenches": loads[i]}
-        # The same operations on the same numbers, in an order that is free.
-        close(tau[i], chain.compute_torques(q[i], va[i], aa[i], **options), 1e-12)
-        close(back[i], chain.compute_accelerations(q[i], va[i], tau[i], **options), 1e-12)
-        close(held[i], chain.compute_torques(q[0, 0], va[i], aa[0, i[1]]), 1e-12)
 
 
 def test_energies_are_the_sums_over_the_bodies(robot, chain):
@@ -216,3 +184,17 @@ def test_a_stretched_four_bar_is_singular_for_a_motor_at_the_rocker(name):
             compute(stretched, [0], [0])
         assert caught.value.condition_number > 1e10
     robot.chain().compute_torques(stretched, [0], [0])  # for the crank's motor it is not
+
+
+@pytest.mark.parametrize("name", ["L", "K", "T"])
+def test_the_rates_of_the_complement_are_its_derivatives(robot, chain, name):
+    x, x_dot, *_ = random_state(robot, 0)
+    q, q_dot, _ = derivatives(robot.joints, x, x_dot)
+
+    def matrix(t):
+        q = robot.joints(x + x_dot * t).real
+        return getattr(chain.noc(q, np.zeros(len(x))), name)
+
+    rate = getattr(chain.noc(q, q_dot[robot.motors]), name + "_dot")
+    # The differences' truncation.
+    close(rate, derivative(matrix), 1e-9)

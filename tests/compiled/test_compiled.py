@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import sst_pin
-from sst_pin.compiled import compiled_backend, compiler, libraries
+from sst_pin.compiled import compiled_backend, compiler
 from sst_pin.dynamics.derivatives import TorqueDerivatives
 from sst_pin.dynamics.quantities import Quantity
 from sst_pin.engine import Engine
@@ -166,24 +166,6 @@ def test_whole_numbers_and_lists_are_answered_by_the_kernel_at_once(four_bar, nu
     assert slopes.derivatives(TorqueDerivatives, q, numbers([2]), numbers([-3]), 1) is not None
     for no_number in ([True], ["2"], [2j], [np.ma.masked], [10**400], np.array([True]), [None]):
         assert kernel.answer(q, no_number, aa * 1.0, None, None, 1) is None
-
-
-def test_ctrl_c_ends_all_compilation(tmp_path, monkeypatch):
-    begun = []
-
-    def interrupted(*_):
-        begun.append(1)
-        raise KeyboardInterrupt
-
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr(libraries, "compile_library", interrupted)
-    chain = sst_pin.robots.four_bar()
-    tau = chain.compute_torques(chain.home, [1.0], [1.0])
-    with pytest.raises(KeyboardInterrupt):
-        chain.compile(all=True)
-    assert len(begun) < 20  # of about thirty; those that other threads have begun end
-    assert chain.path.startswith("the reference path")
-    assert np.array_equal(chain.compute_torques(chain.home, [1.0], [1.0]), tau)
 
 
 def test_the_path_says_in_plain_words_what_has_no_kernel():

@@ -1,14 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The equations on symbols, held against the reference path by numbers put in."""
 
-import re
-
 import casadi as ca
 import numpy as np
-import pinocchio as pin
 import pytest
 
-from sst_pin.compiled import c_code, kernels
+from sst_pin.compiled import kernels
 from sst_pin.compiled.elimination import Factors, pivot_order
 from sst_pin.compiled.equations import Equations
 from sst_pin.compiled.generator_inputs import sample_configurations
@@ -127,27 +124,6 @@ def test_motors_other_than_the_coordinates_give_the_smallest_torques(motors):
         assert relative(numbers("torques", q, va, aa), chain.compute_torques(q, va, aa)) < 1e-11
 
 
-@pytest.mark.parametrize("name", ["joint spherical", "joint planar", "closure hinge", "rods"])
-def test_a_step_of_closing_squares_the_gap(name):
-    """Newton's method: the gap is squared, times the curvature, down to rounding."""
-    chain = CHAINS[name]()
-    numbers = Numbers(chain)
-    q = chain.generic_configuration()
-    step = 1e-4 * np.random.default_rng(0).normal(size=chain.model.nv)
-    q = pin.integrate(chain.model, q, step)
-    function = numbers.equations
-    kernel = kernels.make(function, "closing")
-    close = ca.Function("close", [*kernel.inputs.values(), kernel.parameters], [kernel.output])
-    p = function.parameters.pack(numbers.mechanism, numbers.mechanism.friction)
-    gaps = []
-    for _ in range(6):
-        gaps.append(np.abs(chain.residual(q)).max())
-        q = close(q, p).full().ravel()[: chain.model.nq]
-    assert gaps[0] > 1e-5
-    assert gaps[1] < 1e3 * gaps[0] ** 2
-    assert gaps[-1] < 1e-13
-
-
 def test_pivots_avoid_elements_that_vanish_in_a_sample():
     """The first entry is the sparsest pivot but vanishes in the second sample."""
     values = np.array([[[1.0, 0.0], [1.0, 1.0]], [[1e-9, 0.0], [1.0, 1.0]]])
@@ -169,36 +145,3 @@ def test_rows_that_follow_from_others_get_no_pivot_and_solutions_hold():
     assert np.allclose(used @ [x[j] for j in range(4)], b, rtol=1e-13)
     y = factors.solve_transposed(dict(enumerate(b)))
     assert np.allclose(used.T @ [y[i] for i in factors.rows], b, rtol=1e-13)
-
-
-@pytest.mark.parametrize("core", [[[0.0, 2.0], [3.0, 1.0]], [[1.0, 2.0], [3.0, 0.0]]])
-def test_either_of_the_last_two_pivots_may_vanish(core):
-    """Their 2 x 2 matrix is inverted as one: it may be regular all the same."""
-    A = np.array([[2.0, 1.0, 1.0], [0.0, *core[0]], [0.0, *core[1]]])
-    rows = [
-        {0: 2.0, 1: 1.0, 2: 1.0},
-        {1: core[0][0], 2: core[0][1]},
-        {1: core[1][0], 2: core[1][1]},
-    ]
-    factors, b = Factors(rows, [(0, 0), (1, 1), (2, 2)]), np.array([1.0, 2.0, 3.0])
-    x = factors.solve(dict(enumerate(b)))
-    assert np.allclose(A @ [x[j] for j in range(3)], b, rtol=1e-14)
-    y = factors.solve_transposed(dict(enumerate(b)))
-    assert np.allclose(A.T @ [y[i] for i in range(3)], b, rtol=1e-14)
-    assert np.prod(factors.pivots) == pytest.approx(np.linalg.det(A))
-
-
-@pytest.mark.parametrize("name", ["torques", "accelerations", "reduced_terms"])
-def test_what_depends_on_parameters_alone_is_computed_once(name):
-    """No sine, no division by a mass and no product of two parameters is left for the samples."""
-    chain = any_chain.chain(kind="6d")
-    chain.generic_configuration()
-    samples = sample_configurations(chain.engine.reference)
-    body = c_code.body(kernels.make(Equations(chain.mechanism, samples), name))
-    prepare, run = re.split(rf"(?:PART|static void) {name}(?:_\d+)?\(", body.text, maxsplit=1)
-    parameters = Equations(chain.mechanism, samples).parameters.size
-    assert body.size > parameters
-    assert f"p[{parameters}] = " in prepare
-    assert "x[" not in prepare
-    assert "const number t" not in run
-    assert not re.search(r"= p\[\d+\] [-+*/] p\[\d+\];", run)

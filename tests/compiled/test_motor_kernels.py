@@ -6,7 +6,6 @@ import pytest
 
 from sst_pin import InputError, robots
 from sst_pin.errors import SingularConfigurationError
-from tests.support import any_chain
 from tests.support.exported_c import Exported
 from tests.support.motor_cases import (
     at_angle,
@@ -72,31 +71,6 @@ def test_small_shares_of_motors_that_pull_at_heavy_and_light_joints_count(export
         assert A @ tau == pytest.approx(f, rel=1e-12)
 
 
-@pytest.mark.parametrize("name", ["planar_4rrr", "lift", "elbows", "five_bar"])
-def test_no_check_of_motors_is_a_false_alarm(name):
-    """At rest too, and where no force is needed along a coordinate."""
-    made = {
-        "planar_4rrr": robots.planar_4rrr,
-        "lift": lambda: lift(1e3, 1e-2),
-        "elbows": elbows,
-        "five_bar": lambda: five_bar(["a1", "a2", "b1", "b2"]),
-    }[name]
-    chain = made()
-    functions, n = chain.casadi(), chain.degrees_of_freedom
-    for q, va, aa in zip(*any_chain.states(chain, 10, 0), strict=True):
-        for rates, wanted in (
-            (va, aa),
-            (0 * va, 0 * aa),
-            (1e3 * va, 0 * aa),
-            (0 * va, np.eye(n)[0]),
-        ):
-            tau = chain.compute_torques(q, rates, wanted)
-            if chain.condition_number(q) < 50:
-                assert float(functions.torques_check(q, rates, wanted)) <= 1
-                found = functions.torques(q, rates, wanted).full().ravel()
-                assert found == pytest.approx(tau, rel=1e-9, abs=1e-9 * np.abs(tau).max())
-
-
 def test_casadi_tells_where_the_motors_do_not_hold_the_robot(exported):
     chain = elbows()
     bad, good = held_not(chain)
@@ -150,20 +124,3 @@ def test_a_robot_without_motors_has_all_kernels_of_direct_dynamics():
         found = made.acceleration_derivatives(q, va, [])
         for ours, expected in zip(found[:2], by[:2], strict=True):
             assert np.array(ours) == pytest.approx(expected, rel=1e-9)
-
-
-def test_results_go_into_any_kind_of_array_of_numpy(tmp_path):
-    chain = five_bar(["a1", "b1"])
-    chain.compile()
-    q, va, aa = any_chain.states(chain, 5, 0)
-    expected = chain.compute_torques(q, va, aa)
-    kept = np.memmap(tmp_path / "tau", dtype=float, mode="w+", shape=(5, 2))
-    for out in (kept, np.asmatrix(np.zeros((5, 2)))):
-        assert chain.compute_torques(q, va, aa, out=out) is out
-        assert np.array_equal(np.asarray(out), expected)
-    out = np.asmatrix(np.zeros((5, 7 * 5 + 6 + 2)))
-    found = chain.reactions(q, va, aa, out=out)
-    assert found.motors == pytest.approx(expected)
-    out = np.asmatrix(np.zeros((2, 6)))
-    chain.torque_derivatives(q[0], va[0], aa[0], out=out)
-    assert np.asarray(out)[:, 4:] == pytest.approx(chain.reduced_terms(q[0], va[0]).inertia)

@@ -212,3 +212,12 @@ def test_angles_modulo_one_turn_are_told_and_those_of_endless_joints_go_on():
         coordinate_motion(four_bar, t, x)
         turning = coordinate_motion(wheel, t, wrapped)
     assert np.abs(turning.va - np.pi).max() < 1e-9
+
+
+def test_a_jump_of_a_thousand_turns_is_refused_and_says_so():
+    chain = sst_pin.robots.four_bar()
+    x = chain.home[0] + np.array([[0.0], [0.0], [2e3 * np.pi], [2e3 * np.pi]])
+    with pytest.warns(match="full turn"), pytest.raises(sst_pin.ClosureError) as caught:
+        coordinate_motion(chain, range(4), x, chain.home)
+    assert "index 2" in str(caught.value)
+    assert "give poses in between" in str(caught.value)
