@@ -31,9 +31,7 @@ _WORDS = {
 }
 #: Springs of Gazebo, by what they are here.
 SPRINGS = {"stiffness": "springStiffness", "reference": "springReference"}
-#: Rotors and gears of Drake.
 _ROTORS = ("drake:rotor_inertia", "drake:gear_ratio")
-#: Plugins that move joints.
 _ACTING_PLUGIN = re.compile("mimic|attach|coupl|closed_?loop", re.I)
 
 
@@ -78,14 +76,11 @@ def joint_numbers(root: ET.Element) -> JointNumbers:
     for element in root.findall("gazebo"):
         name = element.get("reference", "")
         for kind, tag in SPRINGS.items() if name in joints else ():
-            value = numbers(element.findtext(tag, ""), 1)
-            if value is not None:
+            if (value := numbers(element.findtext(tag, ""), 1)) is not None:
                 values[kind][name] = float(value[0])
     for element in root.findall("transmission"):
         parts = {part.tag: number(part, "value") for part in element.iter()}
-        rotor, gear = (
-            parts.get(tag, default) for tag, default in zip(_ROTORS, (0.0, 1.0), strict=True)
-        )
+        rotor, gear = parts.get(_ROTORS[0], 0.0), parts.get(_ROTORS[1], 1.0)
         for name in (joint.get("name", "") for joint in element.findall("joint")):
             if rotor and gear and name in joints:
                 values["armature"][name] = rotor * gear**2

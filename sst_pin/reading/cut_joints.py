@@ -27,17 +27,9 @@ _SIDES = {
     "constraint": ("parent", "child"),
 }
 #: Kind of the closure of a joint.
-_KINDS = {
-    "fixed": "6d",
-    "revolute": "hinge",
-    "continuous": "hinge",
-    "prismatic": "prismatic",
-    "spherical": "3d",
-    "ball": "3d",
-    "universal": "universal",
-    "cylindrical": "cylindrical",
-    "planar": "planar",
-}
+_KINDS = {"fixed": "6d", **dict.fromkeys(("spherical", "ball"), "3d")}
+_KINDS |= dict.fromkeys(("revolute", "continuous"), "hinge")
+_KINDS |= {kind: kind for kind in ("prismatic", "universal", "cylindrical", "planar")}
 #: Axes of both frames that lie along the axes of the joint; z where a kind is not here.
 _ALONG = {"universal": np.eye(3)[:2]}
 _ENDS = [side for sides in _SIDES.values() for side in sides]
@@ -131,8 +123,7 @@ def cut_joint(
 
 def _turned(place: pin.SE3, axis: Array, along: Array) -> pin.SE3:
     """A frame turned until its axis `along` is `axis`, both in axes of the frame."""
-    turn = pin.Quaternion.FromTwoVectors(along, axis).matrix()
-    return place * pin.SE3(turn, np.zeros(3))
+    return place * pin.SE3(pin.Quaternion.FromTwoVectors(along, axis).matrix(), np.zeros(3))
 
 
 class Marks:

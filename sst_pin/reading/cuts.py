@@ -154,7 +154,7 @@ def _kind(value: Any) -> str:
     return kind
 
 
-#: Parsers of the entries of lists, by key.
+#: Parsers of the entries of lists, and of tables below names of joints, by key.
 _LISTS: dict[str, Callable[[Any], Any]] = {
     "closed_loop": pair_in,
     "type": name_in,
@@ -164,7 +164,6 @@ _LISTS: dict[str, Callable[[Any], Any]] = {
     "joint_type": _kind,
     "locked": name_in,
 }
-#: Parsers of the entries of tables below names of joints, by key.
 _TABLES: dict[str, Callable[[str, Any], Any]] = {
     "joint_spring": _spring,
     "viscous_friction": _friction,
@@ -172,7 +171,6 @@ _TABLES: dict[str, Callable[[str, Any], Any]] = {
     "armature": _rotor,
     "coupling": _coupling,
 }
-#: Keys of a hinge of scikit-robot.
 OF_HINGE = ("link_a", "link_b", "point", "axis")
 
 

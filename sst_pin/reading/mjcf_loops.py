@@ -143,11 +143,11 @@ def _fixed_tendon(compiled: Compiled, tendon: int) -> Motor:
 
 def named_motors(compiled: Compiled, motors: Sequence[Motor]) -> tuple[Motor, ...]:
     """Motors that a caller names, with fixed tendons in the place of their names."""
+    joints = {compiled.joint(joint) for joint in range(compiled.mj.njnt)}
     fixed = (i for i in range(compiled.mj.ntendon) if not compiled.is_spatial(i))
     tendons = {compiled.name("tendon", i): _fixed_tendon(compiled, i) for i in fixed}
-    joints = {compiled.joint(joint): compiled.joint(joint) for joint in range(compiled.mj.njnt)}
-    known: dict[str, Motor] = {**tendons, **joints}
-    return tuple(known.get(m, m) if isinstance(m, str) else m for m in motors)
+    alone = tendons.keys() - joints
+    return tuple(tendons[m] if isinstance(m, str) and m in alone else m for m in motors)
 
 
 def motors_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Motor]:

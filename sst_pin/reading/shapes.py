@@ -24,7 +24,6 @@ _SHAPES = {
     6: (coal.Box, (2, 2, 2)),
 }
 _MESH = 7
-#: What to do without the shapes.
 _CURE = "an empty pinocchio.GeometryModel() as visual_model (show --skeleton) does without"
 
 

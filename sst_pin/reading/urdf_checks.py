@@ -15,7 +15,6 @@ from .acting_words import unread
 from .known_words import unknown
 from .problems import Problem, attribute, error, note, number, numbers, warning
 
-#: Entries of an inertia.
 ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _ONE_AXIS = ("revolute", "prismatic", "continuous")
 _KINDS = (*_ONE_AXIS, "fixed", "floating", "planar")
@@ -268,10 +267,8 @@ def inertia_notes(root: ET.Element) -> Iterator[str]:
 
 def check_inertias(root: ET.Element, without: Collection[str] = ()) -> Iterator[Problem]:
     """Problems of a URDF's inertials, but for some links that need none."""
-    masses, moves = dict[str, float](), dict[str, bool]()
-    for joint in root.findall("joint"):
-        for child in joint.findall("child"):
-            moves[child.get("link", "")] = joint.get("type") != "fixed"
+    joints, masses = root.findall("joint"), dict[str, float]()
+    moves = {attribute(joint, "child/link"): joint.get("type") != "fixed" for joint in joints}
     for link in root.findall("link"):
         name, inertial = link.get("name", ""), link.find("inertial")
         where = f"link {name}"
