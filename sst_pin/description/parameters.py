@@ -289,7 +289,11 @@ class Parameters(_Values):
         wrong = {name: _shape_problems(name, getattr(self, name), size) for name, size in sizes}
         yield from itertools.chain(*wrong.values())
         if not wrong["base_directions"]:
-            yield from _direction_problems(self.base_directions)
+            lengths = np.linalg.norm(v := self.base_directions, axis=1)
+            if not lengths.all():
+                yield f"base_directions: v_{int(np.argmin(lengths)) + 1} is zero"
+            elif abs(np.linalg.det(v / lengths[:, None])) < _SMALLEST_TRIPLE:
+                yield "base_directions: v_1, v_2, v_3 lie in one plane"
         if not wrong["arc_angles"]:
             yield from _angle_problems(self.arc_angles)
         for name in ("viscous_friction", "coulomb_friction"):
@@ -322,14 +326,6 @@ def _range(values: Array) -> str:
     """One number where all are the same."""
     low, high = values.min(), values.max()
     return f"{low:g}" if low == high else f"{low:g} to {high:g}"
-
-
-def _direction_problems(v: Array) -> Iterator[str]:
-    lengths = np.linalg.norm(v, axis=1)
-    if not lengths.all():
-        yield f"base_directions: v_{int(np.argmin(lengths)) + 1} is zero"
-    elif abs(np.linalg.det(v / lengths[:, None])) < _SMALLEST_TRIPLE:
-        yield "base_directions: v_1, v_2, v_3 lie in one plane"
 
 
 def _angle_problems(alpha: Array) -> Iterator[str]:

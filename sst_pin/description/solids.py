@@ -51,13 +51,12 @@ class Cylinder(NamedTuple):
 
     def loops(self) -> Array:
         """Four circles, bevelled."""
-        axis = self.end - self.start
+        axis, (r_0, r_1) = self.end - self.start, self[2:]
         length = float(np.linalg.norm(axis))
         x, y, z = axes_along(axis).T
-        bevel = _BEVEL * min(self.radius, self.end_radius, length)
+        bevel = _BEVEL * min(r_0, r_1, length)
         heights = np.array((0, bevel, length - bevel, length))
-        radii = np.array((self.radius - bevel, self.radius, self.end_radius))
-        radii = np.append(radii, self.end_radius - bevel)
+        radii = np.array((r_0 - bevel, r_0, r_1, r_1 - bevel))
         circle = _circle(radii.max()) / radii.max()
         return self.start + _stack(heights, [r * circle for r in radii]) @ np.stack([z, x, y])
 

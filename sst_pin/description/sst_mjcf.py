@@ -31,8 +31,6 @@ _GEOMS = {
     "visual": {"type": "mesh", "mass": "0", "group": "2", "contype": "0", "conaffinity": "0"},
     "collision": {"mass": "0", "group": "3", "contype": "0", "conaffinity": "1"},
 }
-
-#: A scene around `sst.xml`.
 _SCENE = Path(__file__).with_name("scene.xml")
 
 
