@@ -23,8 +23,10 @@ def identify(arguments: argparse.Namespace) -> int:
     require_ending(common.output_name(output, ".md"), ".md")
     pictures = {} if str(output) == "-" else {"plot": "matplotlib"}
     common.require_extras(identification="clarabel", **pictures)
-    urdf = _urdf_of(arguments) if arguments.urdf else None
+    urdf = Path(arguments.robot or "") if arguments.urdf else None
     if urdf:
+        if not urdf.is_file() or is_mjcf(urdf):
+            raise InputError("--robot", "needed: a URDF, which is written with the numbers found")
         require_ending(arguments.urdf, ".urdf")
     robot, source = common.robot_of(arguments), common.source_of(arguments.log)
     t, x, tau, start = read_log(robot.engine, source)
@@ -70,14 +72,6 @@ def _parameters(robot: ClosedChain, which: str | None) -> list[str]:
     words = ("damping",), ("stiffness", "damping", "preload")
     lines = [f"{x}.{word}" for x in map(str, robot.forces) for word in words[x not in motors]]
     return ["*.m*", "*.i*", "*.viscous", "*.coulomb", *lines]
-
-
-def _urdf_of(arguments: argparse.Namespace) -> Path:
-    """The URDF of the robot, which is written again with other numbers."""
-    urdf = Path(arguments.robot or "")
-    if not urdf.is_file() or is_mjcf(urdf):
-        raise InputError("--robot", "needed: a URDF, which is written with the numbers found")
-    return urdf
 
 
 def _with_closures(text: str, urdf: Path, output: Path) -> dict[Path, Writer]:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn, TypeAlias
 
-#: Arguments of `argparse.ArgumentParser.add_argument`.
+#: Arguments of `ArgumentParser.add_argument`.
 Option: TypeAlias = tuple[list[str], dict[str, Any]]
 
 
