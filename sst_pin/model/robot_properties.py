@@ -2,7 +2,6 @@
 """What a robot is: names, units and parts of its mechanism, as properties."""
 
 from abc import abstractmethod
-from typing import TYPE_CHECKING, Any
 
 from ..arrays import Array, Indices
 from .appearance import Appearance, appearance_of
@@ -106,11 +105,23 @@ class RobotProperties:
         mechanism = self.mechanism
         return appearance_of(mechanism.model, mechanism.closures)
 
-    if not TYPE_CHECKING:  # unknown names stay errors for mypy
+    def __dir__(self) -> list[str]:
+        return [name for name in super().__dir__() if name not in _INSTEAD]
 
-        def __getattr__(self, name: str) -> Any:
-            if name not in _INSTEAD:
-                return super().__getattribute__(name)  # Python's own error
-            kind = type(self).__name__
-            text = f"{kind} has no {name}; use {_INSTEAD[name]}"
-            raise AttributeError(text, name=name, obj=self)
+
+class _Instead:
+    """An attribute that is missing, and whose error says what to use.
+
+    `__getattr__` would do, but with it Python looks up every attribute more slowly.
+    """
+
+    def __init__(self, name: str, cure: str) -> None:
+        self._name, self._cure = name, cure
+
+    def __get__(self, robot: object, kind: type) -> None:
+        text = f"{kind.__name__} has no {self._name}; use {self._cure}"
+        raise AttributeError(text, name=self._name, obj=robot)
+
+
+for _name, _cure in _INSTEAD.items():
+    setattr(RobotProperties, _name, _Instead(_name, _cure))

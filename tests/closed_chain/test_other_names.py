@@ -22,6 +22,7 @@ def test_a_name_of_another_package_leads_to_ours(guess, name):
     chain = lift.with_coordinates(None)
     with pytest.raises(AttributeError, match=rf"ClosedChain has no {guess}; use {name}\("):
         getattr(chain, guess)
+    assert guess not in dir(chain)
     owner = sst_pin if name.startswith("sst_pin.") else chain
     assert callable(getattr(owner, name.removeprefix("sst_pin.")))
 
