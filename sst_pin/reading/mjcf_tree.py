@@ -64,8 +64,8 @@ class MjcfTree:
         compiled, mj = self._compiled, self._compiled.mj
         kind, axis, address = mj.jnt_type[joint], mj.jnt_axis[joint], mj.jnt_qposadr[joint]
         anchor = pin.SE3(np.eye(3), mj.jnt_pos[joint])
-        reference, addresses = mj.qpos0[address], [address]
-        zero, locked, start = pin.SE3.Identity(), compiled.locked_rates(joint), None
+        reference, addresses, start = mj.qpos0[address], [address], None
+        zero, locked = pin.SE3.Identity(), compiled.locked_rates(joint)
         if kind == FREE:
             model, placement = pin.JointModelFreeFlyer(), pin.SE3.Identity()
             addresses = [*range(address, address + 3), *_scalar_last(address + 3)]
@@ -96,9 +96,8 @@ class MjcfTree:
             text = "two frames (sites, ends of equalities) have this name"
             self._compiled.problems.append(f"frame {name}: {text}")
             return
-        parent, placement = self.bodies[body]
-        kind = pin.FrameType.OP_FRAME
-        self.model.addFrame(pin.Frame(name, parent, placement * place, kind))
+        parent, at = self.bodies[body]
+        self.model.addFrame(pin.Frame(name, parent, at * place, pin.FrameType.OP_FRAME))
 
     def add_body_frames(self) -> None:
         """Make frames of the bodies; a joint or site with the name of a body keeps the name."""
@@ -152,7 +151,7 @@ class MjcfTree:
         return np.concatenate(parts)
 
     def _poses(self) -> Iterator[tuple[str, Array]]:
-        """Named keyframes; what they say of joints that are held is told."""
+        """Named keyframes; a note says where they move a locked joint."""
         compiled, mj = self._compiled, self._compiled.mj
         for key in range(mj.nkey):
             where, qpos = f"key {mj.key(key).name}", mj.key_qpos[key]

@@ -73,9 +73,8 @@ def unread(compiled: Compiled, tree: MjcfTree) -> list[str]:
         name, plugin = compiled.name("body", body), mj.plugin(mj.body_plugin[body]).name
         text = f"a plugin{f' {plugin}' * bool(plugin)} with forces is not supported"
         problems.append(f"body {name}: {text}")
-    for actuator in actuators(compiled):
-        if not actuator.controls:
-            problems.append(f"{actuator.name}: it acts without a control, which is not supported")
+    free = (actuator.name for actuator in actuators(compiled) if not actuator.controls)
+    problems += [f"{name}: it acts without a control, which is not supported" for name in free]
     return problems or list(_of_mujoco(compiled, tree))
 
 

@@ -50,9 +50,8 @@ class Srdf:
                             raise ValueError(text)
                         notes.append(where + text)
         configurations = {name: configuration(model, pose) for name, pose in poses.items()}
-        for name, q in configurations.items():
-            if not pin.isNormalized(model, q, 1e-9):
-                problems.append(f"group_state {name}: a rotation in it has no direction")
+        odd = (name for name, q in configurations.items() if not pin.isNormalized(model, q, 1e-9))
+        problems += [f"group_state {name}: a rotation in it has no direction" for name in odd]
         if problems:
             raise DescriptionError(self._source, problems)
         for name, q in configurations.items():
@@ -63,8 +62,8 @@ class Srdf:
         """Leave out the pairs of links that need no check; unknown links are refused."""
         pairs = self._root.findall("disable_collisions")
         links = [pair.get(key, "") for pair in pairs for key in ("link1", "link2")]
-        if unknown := [link for link in links if not model.existBodyName(link)]:
-            problems = [f"disable_collisions: no link {link} in the URDF" for link in unknown]
+        unknown = [link for link in links if not model.existBodyName(link)]
+        if problems := [f"disable_collisions: no link {link} in the URDF" for link in unknown]:
             raise DescriptionError(self._source, problems)
         text = ET.tostring(self._root, encoding="unicode")
         pin.removeCollisionPairsFromXML(model, collision, text, False)
@@ -81,8 +80,8 @@ def _value(model: pin.Model, joints: Collection[str], joint: str, text: str) -> 
     size = model.joints[model.getJointId(joint)].nq if moves else 1
     value = numbers(text, size)
     if value is None:
-        wanted = "a number" if size == 1 else f"{size} numbers"
-        raise ValueError(f"{joint} value={text!r} is not {wanted}")
+        need = "a number" if size == 1 else f"{size} numbers"
+        raise ValueError(f"{joint} value={text!r} is not {need}")
     return value
 
 

@@ -125,13 +125,11 @@ def _link(link: ET.Element, where: str) -> Iterator[Problem]:
     yield from (error(where, text) for text in unknown(link, _WORDS))
     for inertial in link.findall("inertial"):
         yield from no_numbers(inertial, where)
-        mass = number(inertial.find("mass"), "value")
-        if mass is None:
+        if (mass := number(inertial.find("mass"), "value")) is None:
             yield error(where, "its mass is not a number")
         elif mass < 0:
             yield error(where, f"its mass is negative, {mass:g} kg")
-        missing = [key for key in ENTRIES if number(inertial.find("inertia"), key) is None]
-        if missing:
+        if missing := [key for key in ENTRIES if number(inertial.find("inertia"), key) is None]:
             yield error(where, f"its inertia has no number {', '.join(missing)}")
 
 
@@ -168,8 +166,8 @@ def no_numbers(parent: ET.Element, where: str) -> Iterator[Problem]:
     for element in parent:
         for key, count in _COUNTS.get(element.tag, {}).items():
             if key in element.attrib and numbers(text := element.attrib[key], count) is None:
-                wanted = "a number" if count == 1 else "three numbers"
-                yield error(where, f"{element.tag} {key}={text!r} is not {wanted}")
+                need = "a number" if count == 1 else "three numbers"
+                yield error(where, f"{element.tag} {key}={text!r} is not {need}")
 
 
 def _axis(joint: ET.Element, where: str, kind: str) -> Iterator[Problem]:

@@ -131,8 +131,7 @@ def _errors_of(caught: SSTError, where: str) -> list[Problem]:
 
 def _mechanism(robot: RobotFile) -> tuple[list[Problem], str]:
     try:
-        problems = list(_unknown(robot)) or list(_open(robot))
-        if problems:
+        if problems := list(_unknown(robot)) or list(_open(robot)):
             return problems, ""
         with warnings.catch_warnings(record=True) as caught_warnings:
             warnings.simplefilter("always", DescriptionWarning)
