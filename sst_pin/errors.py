@@ -76,13 +76,6 @@ class ParametersError(SSTError, ValueError):
 
     Attributes:
         problems: All problems, one sentence each.
-
-    Example:
-        >>> sst_pin.Parameters(star=sst_pin.RigidBody(-1.0, (0, 0, 0), np.eye(3)))
-        Traceback (most recent call last):
-            ...
-        sst_pin.errors.ParametersError: impossible parameters:
-          star.mass: -1 kg is not positive
     """
 
     def __init__(self, problems: Iterable[str]) -> None:
@@ -95,13 +88,6 @@ class DescriptionError(SSTError):
 
     Attributes:
         problems: All problems, one sentence each.
-
-    Example:
-        >>> sst_pin.Closure("a", "b", "4d")
-        Traceback (most recent call last):
-            ...
-        sst_pin.errors.DescriptionError: closure of a and b:
-          kind '4d' unknown; known: 6d, 3d, orientation, hinge, universal, cylindric...
     """
 
     def __init__(self, source: str, problems: Iterable[str]) -> None:
@@ -115,12 +101,6 @@ class UnknownNameError(SSTError, KeyError):
     Attributes:
         name: The unknown name.
         known: The known names.
-
-    Example:
-        >>> chain.frame_jacobian(chain.home, "foot")
-        Traceback (most recent call last):
-            ...
-        sst_pin.errors.UnknownNameError: frame 'foot' not in the model; known: ...
     """
 
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
@@ -157,12 +137,6 @@ class IndeterminateError(SSTError):
     Attributes:
         name: Name of the joint or closure.
         components: Those of its wrench that are not unique.
-
-    Example:
-        >>> chain.reactions(chain.home, [0], [0]).of("rocker")
-        Traceback (most recent call last):
-            ...
-        sst_pin.errors.IndeterminateError: rocker: ... are not unique: ...
     """
 
     def __init__(self, name: str, components: Sequence[str]) -> None:
@@ -176,12 +150,6 @@ class ClosureError(SSTError):
 
     Attributes:
         residual: Largest entry of the residual, [m] or [rad].
-
-    Example:
-        >>> chain.compute_torques(chain.home + 0.1, [0], [0])
-        Traceback (most recent call last):
-            ...
-        sst_pin.errors.ClosureError: the loops are open by 0.0366 (m or rad), more than ...
     """
 
     def __init__(self, problem: str, residual: float) -> None:
@@ -209,14 +177,7 @@ class SingularConfigurationError(SSTError):
 
 
 class WorkspaceError(SSTError):
-    """A pose that the robot cannot reach.
-
-    Example:
-        >>> chain.inverse_kinematics(pin.SE3(np.eye(3), np.array([9.0, 0, 0])))
-        Traceback (most recent call last):
-            ...
-        sst_pin.errors.WorkspaceError: the platform cannot reach this pose: its error ...
-    """
+    """A pose that the robot cannot reach."""
 
 
 class SimulationError(SSTError):
@@ -224,14 +185,6 @@ class SimulationError(SSTError):
 
     Attributes:
         time: Time at which it stopped, [s].
-
-    Example:
-        >>> bars = {"crank": 0.2, "rocker": 0.2, "coupler": 0.3, "ground": 0.3, "point": 0.3}
-        >>> chain = sst_pin.robots.four_bar(**bars)  # a parallelogram, flat after 0.2 s
-        >>> chain.rollout(np.zeros((500, 1)), chain.home, [-1], dt=2e-3)
-        Traceback (most recent call last):
-            ...
-        sst_pin.errors.SimulationError: the motion reached a singularity, diverged, or ...
     """
 
     def __init__(self, problem: str, time: float) -> None:
@@ -245,14 +198,6 @@ class FileFormatError(SSTError):
     Attributes:
         path: The file.
         line: Number of the wrong line, starting with 1 for the header; None for the whole file.
-
-    Example:
-        >>> with open("empty.csv", "w") as file:
-        ...     _ = file.write("t_s")
-        >>> sst_pin.Trajectory.load("empty.csv")
-        Traceback (most recent call last):
-            ...
-        sst_pin.errors.FileFormatError: empty.csv: no rows below the header
     """
 
     def __init__(self, path: str | Path, problem: str, line: int | None = None) -> None:
@@ -265,13 +210,6 @@ class OutputError(SSTError):
 
     Attributes:
         path: The file or folder.
-
-    Example:
-        >>> motion = chain.simulate([0], chain.home, [0], [0, 0.1])
-        >>> motion.save("motion.txt")
-        Traceback (most recent call last):
-            ...
-        sst_pin.errors.OutputError: motion.txt: ending '.txt' unknown; known: .csv, .npz
     """
 
     def __init__(self, path: str | Path, problem: str) -> None:
@@ -285,12 +223,6 @@ class MissingExtraError(SSTError, ImportError):
     Attributes:
         package: The missing package; several are separated by commas.
         extra: The extra of `sst_pin` that installs it; several are separated by commas.
-
-    Example:
-        >>> raise sst_pin.MissingExtraError("meshcat", "viz")
-        Traceback (most recent call last):
-            ...
-        sst_pin.errors.MissingExtraError: meshcat is not installed; run: ... -m pip install ...
     """
 
     def __init__(self, package: str, extra: str) -> None:
@@ -300,14 +232,7 @@ class MissingExtraError(SSTError, ImportError):
 
 
 class CompilationError(SSTError):
-    """Kernels cannot be compiled or loaded.
-
-    Example:
-        >>> raise sst_pin.CompilationError("no C compiler found; install one ...")
-        Traceback (most recent call last):
-            ...
-        sst_pin.errors.CompilationError: no C compiler found; install one ...
-    """
+    """Kernels cannot be compiled or loaded."""
 
 
 class BrowserError(SSTError):
@@ -333,15 +258,4 @@ class SingularityWarning(UserWarning):
 
 
 class DescriptionWarning(UserWarning):
-    """A description has inertias that no body has, too few digits, or no place for something.
-
-    Example:
-        >>> import warnings
-        >>> from pathlib import Path
-        >>> urdf = Path(sst_pin.URDF_PATH).read_text().replace('ixx="', 'ixx="9')
-        >>> _ = Path("robot.urdf").write_text(urdf)
-        >>> with warnings.catch_warnings(record=True) as caught:
-        ...     chain = sst_pin.ClosedChain.from_urdf("robot.urdf", sst_pin.YAML_PATH)
-        >>> caught[0].category.__name__, str(caught[0].message)[:21]
-        ('DescriptionWarning', 'robot.urdf: link base')
-    """
+    """A description has inertias that no body has, too few digits, or no place for something."""
