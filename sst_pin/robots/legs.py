@@ -84,11 +84,6 @@ def ankle(
         rod_mass: Mass of each rod, [kg].
         crank_mass: Mass of each crank, [kg].
         foot_mass: [kg].
-
-    Example:
-        >>> chain = sst_pin.robots.ankle()
-        >>> chain.compute_torques(chain.home, [0] * 2, [0] * 2).round(2)
-        array([-0.09, -0.11])
     """
     tree = Tree("ankle")
     drives = _ankle_drives(width, lever, (upper, lower))
@@ -122,11 +117,6 @@ def knee(
         lever: Length of the shank's lever, [m].
         link_mass: Mass of the shank, [kg].
         rod_mass: Mass of rod and crank each, [kg].
-
-    Example:
-        >>> chain = sst_pin.robots.knee()
-        >>> chain.compute_torques(chain.home, [0], [0]).round(2)
-        array([3.65])
     """
     tree = Tree("knee")
     drive, at = _knee_drive(height, crank, lever), shift((0, 0, -thigh))
@@ -162,11 +152,6 @@ def leg(
         shank_mass: [kg].
         foot_mass: [kg].
         rod_mass: Mass of each rod and crank of the ankle, [kg]; those of the knee weigh twice that.
-
-    Example:
-        >>> chain = sst_pin.robots.leg()
-        >>> chain.compute_torques(chain.home, [0] * 4, [0] * 4).round(2)
-        array([-6.92,  4.51, -0.09, -0.1 ])
     """
     tree = Tree("leg")
     knee_drive = _knee_drive(0.6 * thigh, lever, 0.8 * lever)

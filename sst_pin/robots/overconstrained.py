@@ -38,11 +38,6 @@ def agile_eye(
         distal_mass: Mass of each of the other links, [kg].
         platform_mass: Without the camera, [kg].
         camera_mass: [kg].
-
-    Example:
-        >>> chain = sst_pin.robots.agile_eye()
-        >>> chain.compute_torques(chain.home, [0] * 3, [0] * 3).round(2)
-        array([0.06, 0.06, 0.06])
     """
     masses = proximal_mass, distal_mass, platform_mass
     return _spherical_3rrr("agile_eye", radius, masses, box(camera_mass, (0.03, 0.03, 0.05)))
@@ -70,11 +65,6 @@ def agile_wrist(
         platform_mass: Without the tool, [kg].
         tool_mass: [kg].
         tool: Length of the tool, along the platform's z axis, [m].
-
-    Example:
-        >>> chain = sst_pin.robots.agile_wrist()
-        >>> chain.compute_torques(chain.home, [0] * 3, [0] * 3).round(2)
-        array([0.8, 0.8, 0.8])
     """
     masses = proximal_mass, distal_mass, platform_mass
     return _spherical_3rrr("agile_wrist", radius, masses, rod(tool_mass, (0, 0, tool), 0.015))
@@ -161,11 +151,6 @@ def bennett(
         coupler_twist: That of the coupler and of the base, [rad].
         linear_density: Mass of a bar per length, [kg/m].
         radius: Radius of the bars, [m].
-
-    Example:
-        >>> chain = sst_pin.robots.bennett()
-        >>> chain.compute_torques(chain.home, [0], [0]).round(2)
-        array([1.42])
     """
     coupler = crank * np.sin(coupler_twist) / np.sin(twist)
     over_crank = shift((crank, 0)) * turned_x(twist)

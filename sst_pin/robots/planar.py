@@ -95,11 +95,6 @@ def five_bar(
         distal: Length of the others, [m].
         linear_density: Mass of a link per length, [kg/m].
         radius: Radius of the links, [m].
-
-    Example:
-        >>> chain = sst_pin.robots.five_bar()
-        >>> chain.compute_torques(chain.home, [0] * 2, [0] * 2).round(2)
-        array([0., 0.])
     """
     tree, lengths = Tree("five_bar"), (proximal, distal)
     links = [bar(linear_density * length, length, radius) for length in lengths]
@@ -148,18 +143,10 @@ def planar_3rrr(
         platform_mass: [kg].
         linear_density: Mass of a link per length, [kg/m].
         radius: Radius of the links, [m].
-
-    Example:
-        >>> chain = sst_pin.robots.planar_3rrr()
-        >>> chain.compute_torques(chain.home, [0] * 3, [0] * 3).round(2)
-        array([0., 0., 0.])
     """
     angles = np.pi / 2 + 2 * np.pi / 3 * np.arange(3)
-    base, vertices = circle(base_radius, angles), circle(platform_radius, angles)
-    plate = star(platform_mass, vertices - vertices[0], radius)
-    lengths = proximal, distal
-    links = [bar(linear_density * length, length, radius) for length in lengths]
-    return _planar_platform("planar_3rrr", base, vertices, plate, lengths, links)
+    radii, masses = (base_radius, platform_radius, radius), (platform_mass, linear_density)
+    return _planar_platform("planar_3rrr", angles, radii, masses, (proximal, distal))
 
 
 @of_dimensions
@@ -178,24 +165,23 @@ def planar_4rrr(
     Redundant actuation removes singularities and allows preload against backlash (A. Müller,
     Internal preload control of redundantly actuated parallel manipulators, IEEE Trans. Robotics 21
     (2005)). Arguments as `planar_3rrr`.
-
-    Example:
-        >>> chain = sst_pin.robots.planar_4rrr()
-        >>> chain.compute_torques(chain.home, [0] * 3, [0] * 3).round(2)
-        array([0., 0., 0., 0.])
     """
     angles = np.pi / 4 + np.pi / 2 * np.arange(4)
-    base, vertices = circle(base_radius, angles), circle(platform_radius, angles)
-    plate = star(platform_mass, vertices - vertices[0], radius)
-    lengths = proximal, distal
-    links = [bar(linear_density * length, length, radius) for length in lengths]
-    return _planar_platform("planar_4rrr", base, vertices, plate, lengths, links)
+    radii, masses = (base_radius, platform_radius, radius), (platform_mass, linear_density)
+    return _planar_platform("planar_4rrr", angles, radii, masses, (proximal, distal))
 
 
 def _planar_platform(
-    name: str, base: Array, vertices: Array, plate: Solids, lengths: _Lengths, links: list[Solids]
+    name: str,
+    angles: Array,
+    radii: tuple[float, float, float],
+    masses: tuple[float, float],
+    lengths: _Lengths,
 ) -> GalleryRobot:
     """A platform in the horizontal plane that leg 1 bears and the other legs are pinned to."""
+    base, vertices = (circle(radius, angles) for radius in radii[:2])
+    plate = star(masses[0], vertices - vertices[0], radii[2])
+    links = [bar(masses[1] * length, length, radii[2]) for length in lengths]
     tree, legs = Tree(name), range(1, len(base) + 1)
     for k in legs:
         _add_arm(tree, k, base[k - 1], lengths, links)

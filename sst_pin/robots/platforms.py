@@ -48,11 +48,6 @@ def stewart(
         platform_mass: [kg].
         barrel_mass: Mass of the part of each strut at the base, [kg].
         rod_mass: Mass of the part of each strut at the platform, [kg].
-
-    Example:
-        >>> chain = sst_pin.robots.stewart()
-        >>> chain.compute_torques(chain.home, [0] * 6, [0] * 6).round(2)
-        array([32.25, 32.25, 32.25, 32.25, 32.25, 32.25])
     """
     tree = Tree("stewart")
     base = circle(base_radius, _pairs(base_spread))
@@ -96,11 +91,6 @@ def ups_pu(
         post_mass: [kg].
         barrel_mass: Mass of the part of each strut at the base, [kg].
         rod_mass: Mass of the part of each strut at the platform, [kg].
-
-    Example:
-        >>> chain = sst_pin.robots.ups_pu()
-        >>> chain.compute_torques(chain.home, [0] * 3, [0] * 3).round(2)
-        array([42.27, 42.27, 42.27])
     """
     tree = Tree("ups_pu")
     angles = 2 * np.pi / 3 * np.arange(3)
@@ -147,11 +137,6 @@ def hexaglide(
         platform_mass: [kg].
         carriage_mass: Mass of each carriage, [kg].
         strut_mass: Mass of each strut, [kg].
-
-    Example:
-        >>> chain = sst_pin.robots.hexaglide()
-        >>> chain.compute_torques(chain.home, [0] * 6, [0] * 6).round(2)
-        array([  8.22, -15.65,   9.14,  -9.71,  15.11,  -7.11])
     """
     rails = single_array("rails", rails, (6,))
     tree = Tree("hexaglide")
@@ -249,11 +234,6 @@ def delta(
         arm_mass: Mass of each arm, [kg].
         rod_mass: Mass of each of the six rods, [kg].
         platform_mass: [kg].
-
-    Example:
-        >>> chain = sst_pin.robots.delta()
-        >>> chain.compute_torques(chain.home, [0] * 3, [0] * 3).round(2)
-        array([-0.19, -0.19, -0.19])
     """
     tree, closures = Tree("delta"), []
     first, end = np.array([platform_radius, spacing / 2, 0]), (0, 0, -forearm)

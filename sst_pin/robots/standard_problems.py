@@ -32,11 +32,6 @@ def bricard(*, length: float = 1.0, mass: float = 1.0, thickness: float = 0.1) -
         length: Length of the rods, [m].
         mass: Mass of each rod, [kg].
         thickness: Side of their square section, [m].
-
-    Example:
-        >>> chain = sst_pin.robots.bricard()
-        >>> chain.compute_torques(chain.home, [0.0], [0.0]).round(2)
-        array([-9.81])
     """
     tree = Tree("bricard")
     tree.model.gravity.linear = _ALONG_Y
@@ -80,11 +75,6 @@ def slider_crank() -> GalleryRobot:
     Mechanical Systems, 1989): the crank turns about x, the slider moves along x, weight along -z.
     At home the crank is upright. The platform is the rod, its frame at the ball, x towards the
     slider. The motor drives the crank.
-
-    Example:
-        >>> chain = sst_pin.robots.slider_crank()
-        >>> chain.home[1:].round(4)
-        array([ 0.2   , -0.4636,  0.8411])
     """
     tree = Tree("slider_crank")
     tip, end = np.array([0.0, 0.0, 0.08]), np.array([-0.3, 0.0, 0.0])

@@ -40,11 +40,6 @@ def scissor_lift(
 
     Raises:
         InputError: For no cells.
-
-    Example:
-        >>> chain = sst_pin.robots.scissor_lift()
-        >>> chain.compute_torques(chain.home, [0], [0]).round(2)
-        array([-2154.85])
     """
     cells = whole_number("cells", cells, 1)
     tree = Tree("scissor_lift")
@@ -146,11 +141,6 @@ def excavator(
         bucket_mass: [kg].
         link_mass: Mass of link and rocker each, [kg].
         cylinder_mass: Mass of each barrel; a rod weighs half as much, [kg].
-
-    Example:
-        >>> chain = sst_pin.robots.excavator()
-        >>> chain.compute_torques(chain.home, [0] * 4, [0] * 4).round(2)
-        array([    0.  , 17590.55, -1772.63,   849.25])
     """
     foot, pivot, bucket_pin = (0.3, 0.5), (arm - 0.3, 0.0), (0.08, 0.25)
     cylinders = (
