@@ -63,11 +63,10 @@ class Curves(NamedTuple):
             groups: dict[str, list[str]] = {}
             for name in names:
                 letter = _LETTER.fullmatch(name)
-                groups.setdefault(letter[1] if letter and len(names) > MOST else "", []).append(
-                    name
-                )
-            for group in groups.values():
-                yield from map(tuple, np.array_split(group, -(-len(group) // MOST)))
+                group = letter[1] if letter and len(names) > MOST else ""
+                groups.setdefault(group, []).append(name)
+            for members in groups.values():
+                yield from map(tuple, np.array_split(members, -(-len(members) // MOST)))
 
 
 def draw(
@@ -79,10 +78,7 @@ def draw(
     *others: tuple[Array, str, Mapping[str, Any]],
     zero: bool = False,
 ) -> Axes:
-    """Curves with a look for each, `others` with their labels and looks, axes, a legend.
-
-    With `zero` a thin line is drawn at 0.
-    """
+    """Curves, `others` with labels and looks of their own, axes, a legend; `zero`: a line at 0."""
     for look, values, label in zip(looks(curves.names), curves.values.T, labels, strict=True):
         ax.plot(t, values, label=label, **look)
     for values, label, style in others:
@@ -177,17 +173,10 @@ def legend_above(ax: Axes) -> None:
     spec = ax.get_subplotspec()
     share = 1 / spec.get_gridspec().ncols if spec else ax.get_position().width
     width = 72 * ax.figure.get_figwidth() * share - 55  # [pt], roughly
-    ax.legend(
-        handles,
-        labels,
-        ncols=int(np.clip(width // entry, 1, 3)),
-        loc="lower left",
-        bbox_to_anchor=(0.0, 1.0),
-        borderaxespad=0.3,
-        handlelength=2.8,
-        columnspacing=1.2,
-        fontsize=size,
-    )
+    columns = int(np.clip(width // entry, 1, 3))
+    place = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.3}
+    look = {"handlelength": 2.8, "columnspacing": 1.2, "fontsize": size}
+    ax.legend(handles, labels, ncols=columns, **place, **look)
 
 
 def _letters(text: str) -> int:

@@ -3,7 +3,7 @@
 
 `ax` are 2-D axes, `robot` is any closed chain, `motion` is a motion of it, `motors` and `joints`
 name the curves to draw, by default all. All functions raise InputError for the motion of another
-robot and for curves of several units, UnknownNameError for an unknown name.
+robot and for curves of several units, UnknownNameError for an unknown name. `style` has an example.
 """
 
 from __future__ import annotations
@@ -26,12 +26,7 @@ _FRICTION: dict[str, Any] = {"color": "#CC79A7", "linestyle": (0, (3, 1, 1, 1)),
 
 
 def motor_torques(ax: Axes, motion: Trajectory, motors: Sequence[str] | None = None) -> Axes:
-    """Torques or forces of the motors over time (Fig. 10).
-
-    Example:
-        >>> plots.motor_torques(ax, motion).get_ylabel()
-        'motor torque (N m)'
-    """
+    """Torques or forces of the motors over time (Fig. 10)."""
     shown = _torques(motion).pick(motors)
     digits = [curves.digits_of(name) for name in shown.names]
     if all(digits) and len(set(digits)) == len(digits):
@@ -45,10 +40,6 @@ def joint_angles(ax: Axes, motion: Trajectory, joints: Sequence[str] | None = No
     """Positions of joints over time: angles in degrees, or displacements in metres.
 
     A continuous joint, which is a cosine and a sine in q, is drawn as one angle.
-
-    Example:
-        >>> plots.joint_angles(ax, motion, ["crank", "rocker"]).get_ylabel()
-        'joint angle (deg)'
     """
     shown = _positions(motion).pick(joints)
     labels = [curves.label(name) for name in shown.names]
@@ -58,12 +49,7 @@ def joint_angles(ax: Axes, motion: Trajectory, joints: Sequence[str] | None = No
 def joint_rates(
     ax: Axes, robot: ClosedChain, motion: Trajectory, joints: Sequence[str] | None = None
 ) -> Axes:
-    """Rates of joints over time.
-
-    Example:
-        >>> plots.joint_rates(ax, chain, motion).get_ylabel()
-        'joint rate (rad/s)'
-    """
+    """Rates of joints over time."""
     shown = _rates(robot, motion).pick(joints)
     labels = [curves.label(name, r"\dot") for name in shown.names]
     return curves.draw(ax, motion.t, shown, labels, curves.RATE[shown.unit()], zero=True)
@@ -72,12 +58,7 @@ def joint_rates(
 def powers(
     ax: Axes, robot: ClosedChain, motion: Trajectory, motors: Sequence[str] | None = None
 ) -> Axes:
-    """Power of each motor, of all motors together, and of friction, over time.
-
-    Example:
-        >>> plots.powers(ax, chain, motion).get_ylabel()
-        'power (W)'
-    """
+    """Power of each motor, of all motors together, and of friction, over time."""
     every = _powers(robot, motion)
     shown = every.pick(motors)
     labels = [
@@ -91,12 +72,7 @@ def powers(
 
 
 def energy_balance(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
-    """Change of the energies, work, and their difference (residual) since the start, over time.
-
-    Example:
-        >>> plots.energy_balance(ax, chain, motion).get_ylabel()
-        'energy since start (J)'
-    """
+    """Change of the energies, work, and their difference (residual) since the start, over time."""
     balance = balance_of(robot.engine, motion)
     names = ("kinetic", "potential", "work of motors")
     values = np.stack([balance.kinetic, balance.potential, balance.motors], axis=1)
@@ -114,10 +90,6 @@ def condition_number(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
     The curves are those of `robot.singularity_measures`. For any closed chain, it is the condition
     number of the columns of Phi for the dependent joints, without units. For an SST there are two:
     the condition number of A (second kind) and 1 / min |sin(mu_k)| (first kind).
-
-    Example:
-        >>> plots.condition_number(ax, chain, motion).get_ylabel()
-        'condition number (1)'
     """
     require_motion(motion, robot.mechanism)
     measures = robot.singularity_measures(motion.q)
@@ -134,9 +106,8 @@ def _torques(motion: Trajectory) -> Curves:
 
 def _powers(robot: ClosedChain, motion: Trajectory) -> Curves:
     require_motion(motion, robot.mechanism)
-    return Curves(
-        motion.actuated, ("W",) * len(motion.actuated), motor_powers(robot.engine, motion)
-    )
+    units = ("W",) * len(motion.actuated)
+    return Curves(motion.actuated, units, motor_powers(robot.engine, motion))
 
 
 def _positions(motion: Trajectory) -> Curves:

@@ -109,8 +109,7 @@ def _parts(
         return
     if frame is None and appearance.point is None:
         known = ", ".join(dict.fromkeys(f.name for f in robot.mechanism.model.frames))
-        problem = f"name the frame whose path is drawn: frame= (--frame) one of {known}"
-        raise InputError("frame", problem)
+        raise InputError("frame", f"name the frame of the path: frame= (--frame) one of {known}")
     name = frame or PLATFORM
     flat = plane_of(origins_of(robot, motion, name)) is not None
     yield None if flat else "3d", lambda ax: frame_path(ax, robot, motion, name)
@@ -137,11 +136,6 @@ def loads_page(loads: Loads) -> Figure:
 
     Raises:
         InputError: For anything else.
-
-    Example:
-        >>> page = plots.loads_page(chain.loads(motion))
-        >>> page.axes[1].get_xlabel()
-        'moment (N m)'
     """
     if not isinstance(loads, Loads):
         raise InputError("loads", f"a table of loads is needed, not {type(loads).__name__}")
@@ -186,11 +180,6 @@ def torques_page(motion: Trajectory, predicted: ArrayLike) -> Figure:
 
     Raises:
         InputError: If the shapes differ, or for a motion without motors.
-
-    Example:
-        >>> page = plots.torques_page(motion, 0.9 * motion.tau)
-        >>> len(page.axes) == motion.tau.shape[1]
-        True
     """
     tau = finite_array("predicted", predicted, (motion.tau.shape[1],))
     if tau.shape != motion.tau.shape:

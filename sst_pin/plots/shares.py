@@ -10,13 +10,7 @@ from .style import Axes
 
 
 def tolerance_shares(ax: Axes, tolerances: Tolerances, most: int = 12) -> Axes:
-    """Bars of the parts of the variance that the largest tolerances contribute, `most` of them.
-
-    Example:
-        >>> result = sst_pin.design.tolerances(chain, motion, {"*.length": 1e-4}, "platform")
-        >>> plots.tolerance_shares(ax, result).get_xlabel()
-        'part of the variance (%)'
-    """
+    """Bars of the parts of the variance that the largest tolerances contribute, `most` of them."""
     table = 100 * np.array(list(tolerances.shares.values()))
     order = np.argsort(-table.sum(axis=0), kind="stable")[:most]
     height = 0.8 / len(table)

@@ -154,8 +154,7 @@ def robot_pose(ax: Axes, robot: SST, q: Array, radii: tuple[float, float] | None
     base, star = radii or (7 / 8 * robot.star_radius, robot.star_radius)
     _patch(ax, robot, base, "P")
     legs = legs_of_joints(robot.geometry, single_array("q", q, (9,)))
-    for k in range(3):
-        colour = LEG_COLOURS[k]
+    for k, colour in enumerate(LEG_COLOURS):
         carriage = np.outer((base, star), legs.u[k])
         ax.plot(*np.vstack([np.zeros(3), carriage[0]]).T, color=colour, linewidth=2.5)
         ax.plot(*carriage.T, color=colour, linewidth=6, solid_capstyle="butt")
@@ -176,19 +175,15 @@ def robot_pose(ax: Axes, robot: SST, q: Array, radii: tuple[float, float] | None
     return ax
 
 
-def great_arc(start: Array, end: Array) -> Array:
-    """Unit vectors along the shorter great circle between two, shape (60, 3)."""
-    return np.asarray(geometric_slerp(start, end, np.linspace(0, 1, 60)))
-
-
 def _patch(ax: Axes, robot: SST, radius: float, letter: str) -> None:
     """The base triangle on a sphere about O, with a fine net that shows its curvature."""
-    v = robot.geometry.R_0[:, :, 0]
+    v, share = robot.geometry.R_0[:, :, 0], np.linspace(0, 1, 60)
     for k in range(3):
         here, there, opposite = v[k], v[(k + 1) % 3], v[(k + 2) % 3]
-        side = great_arc(here, there)
+        side = geometric_slerp(here, there, share)
         for point in side[10:-5:10]:
-            ax.plot(*(radius * great_arc(point, opposite)).T, color="0.88", linewidth=0.4)
+            thread = radius * geometric_slerp(point, opposite, share)
+            ax.plot(*thread.T, color="0.88", linewidth=0.4)
         ax.plot(*(radius * side).T, color="0.35", linewidth=1.0)
         ax.plot(*np.vstack([np.zeros(3), radius * here]).T, color="0.75", linewidth=0.5)
         name = rf"$\mathbf{{v}}_{k + 1}$" if letter == "v" else f"${letter}_{k + 1}$"
