@@ -36,8 +36,7 @@ class CommandBuffer:
         kind, path = lowered["type"], lowered.get("path", "")
         packed = umsgpack.packb(lowered)
         if kind == "delete":
-            gone = [key for key in self.commands if f"{key[1]}/".startswith(f"{path}/")]
-            for key in gone:
+            for key in [key for key in self.commands if f"{key[1]}/".startswith(f"{path}/")]:
                 del self.commands[key]
         else:
             key = (kind, path, lowered.get("property", ""))

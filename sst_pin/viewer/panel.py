@@ -35,11 +35,12 @@ _FAR = 1e6
 def page(
     commands: Iterable[bytes], panel: dict[str, Any], functions: str = "", served: bool = False
 ) -> str:
-    """HTML that needs nothing from outside.
+    """HTML that needs nothing from outside, with packed commands of Meshcat and the panel.
 
-    It shows packed commands of Meshcat and the panel: title, times, curves, layers, how to play.
     `functions` is JavaScript for a page that computes; a served page asks its server for more.
     """
+    packed = [base64.b64encode(command).decode() for command in commands]
+    scene = json.dumps({"served": served, "commands": packed, "panel": panel})
     parts = {
         "MESHCAT": (files("meshcat") / "viewer/dist/main.min.js").read_text(encoding="utf-8"),
         "STYLE": _asset("panel.css"),
@@ -47,13 +48,7 @@ def page(
         "CHART": _asset("chart.js"),
         "PANEL": _asset("panel.js"),
         "LIVE": functions + _asset("live.js") if functions else "const live = null;",
-        "SCENE": json.dumps(
-            {
-                "served": served,
-                "commands": [base64.b64encode(command).decode() for command in commands],
-                "panel": panel,
-            }
-        ).replace("</", "<\\/"),
+        "SCENE": scene.replace("</", "<\\/"),
     }
     html = _asset("panel.html")
     for name, text in parts.items():
@@ -67,10 +62,8 @@ def _asset(name: str) -> str:
 
 def curves_of(robot: ClosedChain, motion: Trajectory) -> list[dict[str, Any]]:
     """Sets of curves: torques, angles, rates and powers, see `_set`."""
-    rates = [f"{unit}/s" for unit in motion.rate_units]
-    motors = robot.motor_names
-    symbols = [f"P_{k + 1}" for k in range(len(motors))]
-    watts = ["W"] * len(motors)
+    rates, motors = [f"{unit}/s" for unit in motion.rate_units], robot.motor_names
+    symbols, watts = [f"P_{k + 1}" for k in range(len(motors))], ["W"] * len(motors)
     return [
         torques_of(robot, motion.tau),
         joints_of(robot, motion.q),
@@ -195,24 +188,15 @@ def _coordinates(robot: ClosedChain, q: Array, size: float) -> Iterator[dict[str
             low, high = min(low, q[i]), max(high, q[i])
         elif (joint.nq, joint.nv) == (2, 1):
             kind = "angle"
-        yield {
-            "name": space.rate_names[k],
-            "unit": unit,
-            "kind": kind,
-            "i": i,
-            "low": float(low),
-            "high": float(high),
-            "scale": size if unit == "m" else 1.0,
-        }
+        slider = {"name": space.rate_names[k], "unit": unit, "kind": kind, "i": i}
+        scale = size if unit == "m" else 1.0
+        yield slider | {"low": float(low), "high": float(high), "scale": scale}
 
 
 def _bounds(robot: ClosedChain) -> Iterator[dict[str, Any]]:
     """Limits of the joints' positions, and arcs that they run on."""
-    model, arcs, over = (
-        robot.mechanism.model,
-        robot.appearance.arcs,
-        over_limits(robot.mechanism).tolist(),
-    )
+    model, arcs = robot.mechanism.model, robot.appearance.arcs
+    over = over_limits(robot.mechanism).tolist()
     ends = [("limits", model.lowerPositionLimit, model.upperPositionLimit)]
     ends += [] if arcs is None else [("arc", *arcs)]
     for what, low, high in ends:

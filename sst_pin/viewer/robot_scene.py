@@ -135,13 +135,9 @@ class Scene:
         if (size := robot.appearance.size) is not None:
             return size
         poses = self._joints(self.start)
-        placed = [
-            moved(moved(x.mesh.vertices, x.at), poses[int(x.mover)]) for x in self.shapes
-        ] or [
-            moved(np.array(points), at)
-            for points, at in zip(sketch.joined_points(robot), poses, strict=True)
-            if points
-        ]
+        placed = [moved(moved(x.mesh.vertices, x.at), poses[int(x.mover)]) for x in self.shapes]
+        pairs = zip(sketch.joined_points(robot), poses, strict=True)
+        placed = placed or [moved(np.array(points), at) for points, at in pairs if points]
         return float(np.linalg.norm(np.ptp(np.vstack(placed), axis=0))) / 4 or 1.0
 
 

@@ -117,10 +117,9 @@ def url_of(host: str, port: int) -> str:
 
 
 def is_ours(host: str, asked: str | None, origin: str | None) -> bool:
-    """Whether a request asks this machine by its own name, and comes from its own page.
+    """Whether a request asks this machine by its own name or a number, from its own page.
 
-    `asked` is the header `Host`; addresses in numbers pass: no site has their name. `origin` is the
-    header `Origin`; programs that are no browser send none.
+    `asked` is the header `Host`, `origin` is `Origin`, which only browsers send.
     """
     try:
         name = urlsplit(f"//{asked or ''}").hostname or ""

@@ -235,9 +235,7 @@ def labelled(
     robot: ClosedChain, axes: Sequence[Axis], point: DrawnFrame | None, size: float
 ) -> tuple[list[Shape], list[Label]]:
     """Axes of the joints and frames, with their labels; the path of `point` is drawn."""
-    shapes: list[Shape] = []
-    labels: list[Label] = []
-    appearance = robot.appearance
+    shapes, labels, appearance = list[Shape](), list[Label](), robot.appearance
     length = appearance.axis_length * size
     line = arrow(np.outer((0, 0.95, 1), (0, 0, length)), 0.007 * size)
     for i, (axis, (name, colour)) in enumerate(zip(axes, appearance.axes, strict=True)):

@@ -154,13 +154,11 @@ class Viewer:
         Example:
             >>> viewer.play(motion, speed=0.1, title="falling")
         """
-        require_motion(motion, self._robot.mechanism)
-        if ghost is not None:
-            require_motion(ghost, self._robot.mechanism, "ghost")
-            ghost = _during(motion, ghost)
+        for name, each in (("motion", motion), ("ghost", ghost), ("wanted", wanted)):
+            if each is not None:
+                require_motion(each, self._robot.mechanism, name)
+        ghost = None if ghost is None else _during(motion, ghost)
         wanted = ghost if wanted is None else wanted
-        if wanted is not None:
-            require_motion(wanted, self._robot.mechanism, "wanted")
         speed = positive_number("speed", speed)
         if wanted is not None and len(wanted) == 1:
             raise InputError("wanted", "one sample, which is no path")
@@ -195,12 +193,7 @@ class Viewer:
 
     @property
     def html(self) -> str:
-        """The page as text; it needs no network.
-
-        Example:
-            >>> "<html" in viewer.html
-            True
-        """
+        """The page as text; it needs no network."""
         return page(self._drawing.buffer.commands.values(), self._panel, self._functions)
 
     def save(self, path: str | Path, force: bool = False) -> None:
@@ -214,9 +207,6 @@ class Viewer:
             OutputError: If the file cannot be written, or exists.
             MissingExtraError: For a picture without Playwright.
             BrowserError: For a picture without Chromium.
-
-        Example:
-            >>> viewer.save("four_bar.html", force=True)
         """
         write_files({as_path(path): self.writer(path)}, force)
 
@@ -225,10 +215,6 @@ class Viewer:
 
         Raises:
             OutputError: For another ending than .html, .png or .gif.
-
-        Example:
-            >>> with open("four_bar.html", "wb") as file:
-            ...     viewer.writer("four_bar.html")(file)
         """
         kinds: dict[str, Callable[[str], bytes]] = {".html": str.encode, ".png": png, ".gif": gif}
         kind = require_ending(path, *kinds)
@@ -270,20 +256,12 @@ class Viewer:
 
         Returns:
             Whether the page is loaded; then it plays even after this process has ended.
-
-        Example:
-            >>> came = viewer.open(wait=20)  # doctest: +SKIP
         """
         url, server = self.serve(), self._server
         return server is not None and webbrowser.open(url) and server.visited.wait(wait)
 
     def close(self) -> None:
-        """Stop the server.
-
-        Example:
-            >>> url = viewer.serve()
-            >>> viewer.close()
-        """
+        """Stop the server."""
         if self._server is not None:
             self._server.close()
             self._server = None
