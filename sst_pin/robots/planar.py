@@ -173,7 +173,7 @@ def planar_4rrr(
 
 def _planar_platform(
     name: str,
-    angles: Array,
+    angles: ArrayLike,
     radii: tuple[float, float, float],
     masses: tuple[float, float],
     lengths: _Lengths,
