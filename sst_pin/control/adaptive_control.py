@@ -32,13 +32,6 @@ class Adaptive(Controller):
 
     Attributes:
         theta: The parameters learned so far, in the order of `chain.dynamic_parameters`.
-
-    Example:
-        >>> x = np.full((3, 1), chain.home[0])
-        >>> motion = sst_pin.coordinate_motion(chain, [0, 0.5, 1.0], x)
-        >>> control = sst_pin.Adaptive(chain, motion, stiffness=20, damping=1, learning=1)
-        >>> control.torque(0.0, chain.home, np.zeros(1)).round(2)
-        array([0.16])
     """
 
     sampled_only = True
@@ -58,8 +51,7 @@ class Adaptive(Controller):
         self.damping = self._gains("damping", damping)
         mechanism, parameters = chain.mechanism, chain.dynamic_parameters
         mass = sum(body.mass for body in mechanism.model.inertias) / len(chain.joint_names)
-        length = mechanism.length
-        inertia = mass * length**2
+        length, inertia = mechanism.length, mass * mechanism.length**2
         sizes = dict(zip(OF_BODY, [mass, *[mass * length] * 3, *[inertia] * 6], strict=True))
         sizes |= {"viscous": inertia, "coulomb": inertia}
         words = [name.rpartition(".")[2] for name in parameters.names]

@@ -52,8 +52,7 @@ class Controller(ABC):
             raise ActuationError(problem + cure)
         motors = len(chain.motor_names)
         self.limits = None if limits is None else finite_limits(limits, motors, "limits")
-        mechanism = chain.mechanism
-        self._turns = np.array([unit == "rad" for unit in mechanism.coordinate_rate_units])
+        self._turns = np.array(chain.mechanism.coordinate_rate_units) == "rad"
         path = spline(motion.t, positions_along(chain.mechanism, motion))
         self._curves = path, path.derivative(1), path.derivative(2)
 
@@ -155,13 +154,6 @@ class GravityPD(_Feedback):
     Args:
         kp: Position gains, () or shape (n,), [N m/rad] or [N/m].
         kd: Rate gains, () or shape (n,), [N m s/rad] or [N s/m].
-
-    Example:
-        >>> x = np.full((3, 1), chain.home[0])
-        >>> motion = sst_pin.coordinate_motion(chain, [0, 0.5, 1.0], x)
-        >>> control = sst_pin.GravityPD(chain, motion, kp=20, kd=2)
-        >>> control.torque(0.0, chain.home, np.array([0.1])).round(2)
-        array([-0.04])
     """
 
     def _torque(self, t: float, q: Array, va: Array) -> Array:
@@ -187,13 +179,6 @@ class TrackingLQR(Controller):
 
     Raises:
         InputError: For steps that differ, or weights that are not positive.
-
-    Example:
-        >>> x = np.full((9, 1), chain.home[0])
-        >>> motion = sst_pin.coordinate_motion(chain, np.arange(9) / 100, x)
-        >>> control = sst_pin.TrackingLQR(chain, motion, Q=[100, 1], R=[1])
-        >>> control.gains.shape
-        (9, 1, 2)
     """
 
     def __init__(

@@ -32,10 +32,7 @@ class _Driven(NamedTuple):
 
 
 class Linkage:
-    """Positions of some joints and of their motors, and J: motor rates = J joint rates.
-
-    `SerialView` has an example.
-    """
+    """Positions of some joints and of their motors, and J: motor rates = J joint rates."""
 
     def __init__(self, chain: ClosedChain, joints: Sequence[str]) -> None:
         self.joints = tuple(names("joints", joints))
@@ -196,10 +193,9 @@ class Linkage:
         return np.asarray(error - self._turns * turns)
 
     def __repr__(self) -> str:
-        return (
-            f"{type(self).__name__} of {self.chain.mechanism.model.name}: "
-            f"joints {', '.join(self.joints)}; motors {', '.join(self.motors)}"
-        )
+        joints, motors = ", ".join(self.joints), ", ".join(self.motors)
+        name = f"{type(self).__name__} of {self.chain.mechanism.model.name}"
+        return f"{name}: joints {joints}; motors {motors}"
 
 
 def _others(chain: ClosedChain, rates: Indices) -> list[str]:

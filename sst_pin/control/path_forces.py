@@ -147,9 +147,8 @@ class MotorLimits:
         motors, n = len(chain.motor_names), chain.degrees_of_freedom
         parts = np.zeros((len(q), kinds * motors, len(sizes)))
         if self.torques is not None and sizes.any():
-            J_T, L_T = (
-                rates(q[:, None], np.eye(n)) for rates in (chain.motor_rates, chain.joint_rates)
-            )
+            motions = q[:, None], np.eye(n)
+            J_T, L_T = chain.motor_rates(*motions), chain.joint_rates(*motions)
             half = np.ptp(self.torques, axis=1)[:, None] / 2
             parts[:, :motors] = np.linalg.pinv(J_T) @ L_T * sizes / half
         return parts
@@ -201,11 +200,8 @@ class PathForces:
 
         c, ahead, back = at(0.0), at(_FAST), at(-_FAST)
         rates = limits.chain.joint_rates(q, first) / limits.chain.mechanism.rate_scale
-        self._factors = spline(nodes, factors)
-        self._rates, self._dry = (
-            spline(nodes, rates),
-            spline(nodes, factors @ limits.dry_friction(q)),
-        )
+        self._factors, self._rates = spline(nodes, factors), spline(nodes, rates)
+        self._dry = spline(nodes, factors @ limits.dry_friction(q))
         low, high = self._coulomb(nodes)
         a, b = at(0.0, 1.0) - c, (ahead + back) / 2 - c
         d = (ahead - back) / 2 - (low + high) / 2

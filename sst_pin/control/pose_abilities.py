@@ -33,9 +33,6 @@ class Ellipsoid(NamedTuple):
         sizes: Half of its length along each axis, the largest first, shape (..., 3); infinite where
             the structure bears all forces, 0 where the frame cannot accelerate.
         axes: Orthonormal directions, in rows, shape (..., 3, 3).
-
-    Example:
-        See `force_ellipsoid`.
     """
 
     center: Array
@@ -68,8 +65,8 @@ def force_ellipsoid(
 
     Example:
         >>> lift = sst_pin.robots.five_bar()
-        >>> found = sst_pin.force_ellipsoid(lift, lift.home, "platform", 1.0)
-        >>> found.sizes.round(2), found.axes.shape
+        >>> ellipsoid = sst_pin.force_ellipsoid(lift, lift.home, "platform", 1.0)
+        >>> ellipsoid.sizes.round(2), ellipsoid.axes.shape
         (array([  inf, 14.28, 10.2 ]), (3, 3))
     """
     G = _supplied(chain, q, frame, turning, _sizes(chain, torques))
@@ -151,12 +148,6 @@ def acceleration_ellipsoid(
         InputError: For limits that are not positive.
         UnknownNameError: For an unknown frame.
         ClosureError, SingularConfigurationError: As `compute_accelerations`.
-
-    Example:
-        >>> lift = sst_pin.robots.five_bar()
-        >>> found = sst_pin.acceleration_ellipsoid(lift, lift.home, "platform", 1.0)
-        >>> found.sizes.shape
-        (3,)
     """
     center, A = _accelerations_by_torques(chain, q, va, frame, turning)
     return Ellipsoid(center, *_stretches(A * _sizes(chain, torques)))
@@ -181,11 +172,6 @@ def acceleration_polytope(
 
     Raises:
         InputError: For wrong limits.
-
-    Example:
-        >>> lift = sst_pin.robots.five_bar()
-        >>> sst_pin.acceleration_polytope(lift, lift.home, "platform", 1.0).shape
-        (4, 3)
     """
     single = single_array("q", q, (chain.mechanism.model.nq,))
     limits = _limits(chain, torques)

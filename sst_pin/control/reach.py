@@ -55,9 +55,6 @@ class ReachMap:
         used: The largest part of a motor's limits that this takes with the best preload, shape
             (N, M); more than 1 is more than the motors can.
         columns: Names of torques and joints in a file, with units.
-
-    Example:
-        See `reach_map`.
     """
 
     axes: tuple[str, str]
@@ -145,11 +142,11 @@ def reach_map(
 
     Example:
         >>> lift = sst_pin.robots.five_bar()
-        >>> found = sst_pin.reach_map(lift, "platform", 2.0, x=[-0.05, 0.05], y=[0.0, 0.1, 0.2])
-        >>> found.why
+        >>> poses = sst_pin.reach_map(lift, "platform", 2.0, x=[-0.05, 0.05], y=[0.0, 0.1, 0.2])
+        >>> poses.why
         array([[2, 0, 3],
                [2, 0, 3]], dtype=int8)
-        >>> found.condition[:, 1].round(2)
+        >>> poses.condition[:, 1].round(2)
         array([3.03, 3.03])
     """
     components = dict(zip(_AXES, (x, y, z, roll, pitch, yaw), strict=True))
@@ -158,8 +155,7 @@ def reach_map(
     if not np.isin(chain.mechanism.coordinates, chain.mechanism.driven).all():
         # its coordinates may have dead points where motors have none
         chain = chain.with_coordinates(None)
-    mechanism = chain.mechanism
-    limits = finite_limits(torques, len(chain.motor_names), "torques")
+    mechanism, limits = chain.mechanism, finite_limits(torques, len(chain.motor_names), "torques")
     push = single_array("wrench", np.zeros(6) if wrench is None else wrench, (6,))
     guess = start_of(chain.engine) if start is None else start
     home = chain.assemble(single_array("start", guess, (mechanism.model.nq,)))
@@ -169,35 +165,33 @@ def reach_map(
     guide = _motor_guide(chain, frame, counted)
     zero = guide.pose(home).rotation if rotation is None else rotation
     zero = single_array("rotation", zero, (3, 3))
-    units = np.repeat([mechanism.length, 1.0], 3)
-    ratio = (mechanism.motor_scale / units[:, None])[counted]
+    units = np.repeat([mechanism.length, 1.0], 3)[:, None]
+    ratio = (mechanism.motor_scale / units)[counted]
     first = _velocities(chain, home, frame)[counted] * ratio
     _require_motion(first, np.array(_AXES)[counted], axes)
     poses, nearest = _poses(guide.pose(home), zero, named, axes)
     why, q = _flood(chain, guide, home, poses, nearest)
-    reached = why == _REACHED
-    A = _velocities(chain, q[reached], frame)
-    tau = chain.compute_torques(q[reached], rest, rest) - np.roll(push, 3) @ A
-    directions = chain.preload_directions(q[reached])
+    reached = q[why == _REACHED]
+    A = _velocities(chain, reached, frame)
+    tau = chain.compute_torques(reached, rest, rest) - np.roll(push, 3) @ A
+    directions = chain.preload_directions(reached)
     pairs = zip(tau, directions, strict=True)
     holding = np.array([within_limits(*each, limits) for each in pairs]).reshape(tau.shape)
-
-    def on_grid(values: Array) -> Array:
-        grid = np.full((*why.shape, *values.shape[1:]), np.nan)
-        grid[reached] = values
-        return grid
-
-    condition = on_grid(_conditions(A[:, counted] * ratio))
-    used, columns = on_grid(largest_part(tau, directions, limits)), _columns(chain)
-    values = named[axes[0]], named[axes[1]]
-    return ReachMap(axes, values, poses, why, q, condition, on_grid(holding), used, columns)
-
-
-def _columns(chain: ClosedChain) -> tuple[str, ...]:
-    """Columns of torques and positions in a file."""
-    motors = zip(chain.motor_names, chain.motor_units, strict=True)
+    used = largest_part(tau, directions, limits)
+    results = _conditions(A[:, counted] * ratio), holding, used
+    condition, torque, used = (_on_grid(why == _REACHED, values) for values in results)
     names = columns_of("q", chain.position_names, chain.joint_units)
-    return *(f"tau_{name}_{unit}" for name, unit in motors), *names
+    motors = zip(chain.motor_names, chain.motor_units, strict=True)
+    columns = *(f"tau_{name}_{unit}" for name, unit in motors), *names
+    values = named[axes[0]], named[axes[1]]
+    return ReachMap(axes, values, poses, why, q, condition, torque, used, columns)
+
+
+def _on_grid(reached: Flags, values: Array) -> Array:
+    """Values of the poses that are reached on the grid, NaN elsewhere."""
+    grid = np.full((*reached.shape, *values.shape[1:]), np.nan)
+    grid[reached] = values
+    return grid
 
 
 def _grid_axes(named: dict[str, Array]) -> tuple[str, str]:
@@ -249,10 +243,8 @@ def _poses(
     grid = dict(zip(axes, np.meshgrid(*(named[axis] for axis in axes), indexing="ij"), strict=True))
     here = dict(zip(_AXES, [*start.translation, *np.zeros(3)], strict=True)) | named | grid
     numbers = np.stack(np.broadcast_arrays(*(here[axis] for axis in _AXES)), axis=-1)
-    poses = [
-        pin.SE3(pin.rpy.rpyToMatrix(x[3:]) @ zero, x[:3]).homogeneous
-        for x in numbers.reshape(-1, 6)
-    ]
+    rows = numbers.reshape(-1, 6)
+    poses = [pin.SE3(pin.rpy.rpyToMatrix(x[3:]) @ zero, x[:3]).homogeneous for x in rows]
     angles = pin.rpy.matrixToRpy(start.rotation @ zero.T)
     begin = dict(zip(_AXES, [*start.translation, *angles], strict=True))
     places = [np.interp(begin[axis], named[axis], np.arange(len(named[axis]))) for axis in axes]
