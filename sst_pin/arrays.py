@@ -27,14 +27,14 @@ def as_array(name: str, value: ArrayLike | None, core: tuple[int, ...]) -> Array
     if value is None:
         raise InputError(name, "None, expected an array of numbers")
     try:
-        given = np.asarray(value)
+        array = np.asarray(value)
     except Exception as error:  # what an object's own __array__ raises may be anything
         raise InputError(name, f"not an array of numbers ({error})") from error
-    if given.dtype.kind not in "iuf":
-        raise InputError(name, f"not an array of numbers (dtype {given.dtype}, expected real ones)")
+    if array.dtype.kind not in "iuf":
+        raise InputError(name, f"not an array of numbers (dtype {array.dtype}, expected real ones)")
     if _masked(value):
         raise InputError(name, "a masked array; fill its gaps, e.g. by value.filled(nan)")
-    array = given.astype(float, copy=False)
+    array = array.astype(float, copy=False)
     if array.shape[max(array.ndim - len(core), 0) :] != core:
         wanted = f"(..., {str(core)[1:-1].rstrip(',')})"
         raise InputError(name, f"shape {array.shape}, expected {wanted}")
@@ -149,10 +149,10 @@ def names(name: str, value: Iterable[str]) -> tuple[str, ...]:
         raise InputError(name, f"{value!r}: a sequence of names is needed; it takes no values")
     if isinstance(value, str) or not isinstance(value, Iterable):
         raise InputError(name, f"{value!r}: a sequence of names is needed")
-    found = tuple(value)
-    if not all(isinstance(word, str) for word in found):
-        raise InputError(name, f"{found!r}: a name must be a non-empty text")
-    return found
+    words = tuple(value)
+    if not all(isinstance(word, str) for word in words):
+        raise InputError(name, f"{words!r}: a name must be a non-empty text")
+    return words
 
 
 def whole_number(name: str, value: int, least: int) -> int:
@@ -180,11 +180,11 @@ def positive_number(name: str, value: float, *, or_zero: bool = False) -> float:
 
 def one_or_each(name: str, value: ArrayLike, count: int, *, or_zero: bool = False) -> Array:
     """A positive number for all of so many, or one for each; 0 where it may be."""
-    given = finite_array(name, value, ())
-    if given.shape not in ((), (count,)) or (given < 0).any() or not (or_zero or given.all()):
+    numbers = finite_array(name, value, ())
+    if numbers.shape not in ((), (count,)) or (numbers < 0).any() or not (or_zero or numbers.all()):
         which = "not negative" if or_zero else "positive"
         raise InputError(name, f"needed: a number that is {which}, or {count} of them")
-    return given
+    return numbers
 
 
 def flattened(

@@ -7,7 +7,7 @@ import math
 import os
 import stat
 import tempfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
@@ -155,10 +155,10 @@ def write_files(
     remains. Only `folder`, and folders inside it, are made where they are missing.
     """
     places = {path: _place(as_path(path), force) for path in files}
-    if folder is None:
-        _require_folders(place.parent for place, _ in places.values())
-    else:
-        _require_folders([folder.absolute().parent])
+    parents = [folder.absolute()] if folder else [place for place, _ in places.values()]
+    for parent in (path.parent for path in parents):
+        if not parent.exists():
+            raise OutputError(parent, "the folder does not exist; create it first")
     for path, write in files.items():
         try:
             if folder is not None:
@@ -174,7 +174,8 @@ def _place(path: Path, force: bool) -> tuple[Path, int]:
         target = Path(os.path.realpath(path))
         mode = target.stat().st_mode
     except FileNotFoundError:
-        return target, 0o666 & ~_umask()
+        os.umask(mask := os.umask(0))  # there is no other way to read it
+        return target, 0o666 & ~mask
     except OSError as error:
         raise OutputError(path, f"cannot be written: {error.strerror}") from None
     if not stat.S_ISREG(mode):
@@ -182,12 +183,6 @@ def _place(path: Path, force: bool) -> tuple[Path, int]:
     if not force:
         raise OutputError(path, "exists already; use force (--force) to replace it")
     return target, stat.S_IMODE(mode)
-
-
-def _require_folders(folders: Iterable[Path]) -> None:
-    for folder in folders:
-        if not folder.exists():
-            raise OutputError(folder, "the folder does not exist; create it first")
 
 
 def _write_whole(path: Path, mode: int, write: Writer) -> None:
@@ -200,9 +195,3 @@ def _write_whole(path: Path, mode: int, write: Writer) -> None:
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
