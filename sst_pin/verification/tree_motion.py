@@ -90,7 +90,7 @@ class MovingRobot:
         self.applied = force
 
     def completed(self, rates: Array, closing: Array) -> Array:
-        """What all joints do if the coordinates do `own`, and Phi times it is `closing`."""
+        """Rates of all joints, shape (nv,), from those of the coordinates and Phi times all."""
         system = np.vstack([self.Phi, self.mechanism.selection])
         return consistent(system, np.concatenate([closing, rates]))
 
