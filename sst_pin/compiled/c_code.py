@@ -178,9 +178,8 @@ class Writer:
         text, type_name = name
         if text in self._directions:
             of = self._directions.pop(text)
-            self.lines[type_name].append(
-                f"const {type_name} {text} = direction({of}, {_OF_SIGNS});"
-            )
+            line = f"const {type_name} {text} = direction({of}, {_OF_SIGNS});"
+            self.lines[type_name].append(line)
         if kind == type_name or text[0] != "t":
             return text
         if text not in self._constants:

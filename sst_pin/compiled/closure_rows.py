@@ -172,18 +172,7 @@ class _Pair:
             C = links[link_b].parent
         R_b, _ = kinematics.pose(C, link_b)
         R_a = R_b @ sx(frame_b.placement.rotation @ frame_a.placement.rotation.T)
-        turns: Sparse = {}
-        for side, link in ((-1, link_a), (1, link_b)):
-            path = kinematics.tree.ancestors(link)
-            for i in path[path.index(self._base) + 1 :]:
-                if side < 0:
-                    R = -R_a @ kinematics.pose(i, link_a)[0].T
-                elif i in kinematics.tree.ancestors(C):
-                    R = kinematics.pose(i, C)[0].T
-                else:
-                    R, _ = kinematics.pose(C, i)
-                for k, S in zip(links[i].v, links[i].S.T, strict=True):
-                    turns = add(turns, {k: R @ sx(S[3:])})
+        turns = self._turns(C, R_a)
         by_a = kinematics.pose(self._base, link_a)[0] @ R_a.T
         by_b, _ = kinematics.pose(self._base, C)
         gap = ca.sumsqr(by_b[:, 0] - by_a[:, 0]) + ca.sumsqr(by_b[:, 2] - by_a[:, 2])
@@ -209,6 +198,23 @@ class _Pair:
             Phi = {k: turn[row] for k, turn in turns.items() if not is_zero(turn[row])}
             changes = partial(velocity, row=row), partial(acceleration, row=row)
             yield Row(Phi, *changes, residual, gap if row == 0 else SX(0))
+
+    def _turns(self, C: int, R_a: SX) -> Sparse:
+        """Angular velocity of B relative to A by each rate, axes of C; R_a is A's link in C."""
+        kinematics, turns, (link_a, link_b) = self._kinematics, Sparse(), self._links
+        for link in (link_a, link_b):
+            path = kinematics.tree.ancestors(link)
+            for i in path[path.index(self._base) + 1 :]:
+                if link == link_a:
+                    R = -R_a @ kinematics.pose(i, link_a)[0].T
+                elif i in kinematics.tree.ancestors(C):
+                    R = kinematics.pose(i, C)[0].T
+                else:
+                    R, _ = kinematics.pose(C, i)
+                x = kinematics.tree.links[i]
+                columns = zip(x.v, x.S.T, strict=True)
+                turns = add(turns, {k: R @ sx(S[3:]) for k, S in columns})
+        return turns
 
     def _angle(self, i: int, j: int, sign: float, gap: SX) -> Row:
         """Axis i of A stays at a right angle to axis j of B."""

@@ -198,8 +198,7 @@ class CompiledBackend:
                 raise CompilationError(str(self))
             return kernel
 
-        inertial = self._kernel(forces, inertial=True)
-        rates = self._kernel(Quantity("rates"))
+        inertial, rates = self._kernel(forces, inertial=True), self._kernel(Quantity("rates"))
         if inertial is None or rates is None:
             return None
         return ByColumns(mechanism, cache(of_loads), inertial, rates)
@@ -225,17 +224,11 @@ class CompiledBackend:
         if inertial:
             numbers = parameters.inertial(numbers)
         _, outputs, *sizes = codes[0].sizes(word)
-        return self._binding.Kernel(
-            codes[0].address(word),
-            codes[-1].address(word),
-            tuple(sizes),
-            outputs,
-            codes[0].prepared(numbers),
-            codes,
-            None if key.loaded else partial(self._kernel, key._replace(loaded=True)),
-            codes[-1].prepared(numbers),
-            self._moment,
-        )
+        addresses = codes[0].address(word), codes[-1].address(word)
+        one, many = codes[0].prepared(numbers), codes[-1].prepared(numbers)
+        loaded = None if key.loaded else partial(self._kernel, key._replace(loaded=True))
+        shape = tuple(sizes), outputs
+        return self._binding.Kernel(*addresses, *shape, one, codes, loaded, many, self._moment)
 
     def _rate(self, friction: Friction, loaded: bool) -> engine.Kernel | None:
         """Rates of the states next to those given whose loops are closed."""
@@ -345,7 +338,5 @@ def impossible(mechanism: Mechanism, quantity: Name) -> str:
 def _has_directions(mechanism: Mechanism, quantity: Name, lanes: int) -> bool:
     """Whether derivatives of one sample take less time direction by direction, `lanes` at once."""
     n, motors = len(mechanism.coordinates), mechanism.motors.shape[1]
-    fit = quantity == "torque_derivatives" or (
-        quantity == "acceleration_derivatives" and motors == n
-    )
-    return fit and 1 < n <= _TIMES * lanes
+    counts = {"torque_derivatives": n, "acceleration_derivatives": motors}
+    return counts.get(quantity) == n and 1 < n <= _TIMES * lanes

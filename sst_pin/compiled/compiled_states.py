@@ -51,8 +51,7 @@ class CompiledStates(States):
     ) -> None:
         super().__init__(reference, friction)
         self._closing, self._rate_of, self._course = closing, cache(rate), course
-        self._slopes = slopes
-        self._by_columns = by_columns
+        self._slopes, self._by_columns = slopes, by_columns
 
     def closed(self, states: Array) -> Array:
         """q with closed loops, by kernels that make steps of Newton's method."""

@@ -234,9 +234,8 @@ class Blocks:
     def changed(self) -> tuple[list[int], list[int]]:
         """Rows and columns with elements that elimination changes."""
         both = [part.changed for part in self.parts]
-        return [i for rows, _ in both for i in rows], sorted(
-            j for _, part_columns in both for j in part_columns
-        )
+        columns = sorted(j for _, of_part in both for j in of_part)
+        return [i for rows, _ in both for i in rows], columns
 
     def solve(self, right: Mapping[int, Any]) -> dict[int, Any]:
         """x by column, each part by its own solution."""

@@ -154,13 +154,9 @@ class Equations:
 
     def at_samples(self, symbols: SX) -> Array:
         """Values of a function of q at the samples, shape (samples, rows, columns)."""
-        return self.values(symbols, self._samples)
-
-    def values(self, symbols: SX, configurations: Array) -> Array:
-        """Values of a function of q, shape (configurations, rows, columns)."""
         p = self.parameters.pack(self.mechanism, self.mechanism.friction)
         numbers = ca.Function("numbers", [self.q, self.p], [ca.densify(symbols)])
-        return np.array([numbers(q, p).full() for q in configurations])
+        return np.array([numbers(q, p).full() for q in self._samples])
 
     def complete(self, of_coordinates: Sequence[Any], right: Sparse) -> Sparse:
         """Rates x of the whole tree with Phi x = right, from those of the coordinates."""
@@ -264,8 +260,7 @@ class Equations:
     @cached_property
     def motor_matrix(self) -> SX:
         """L^T B, shape (n, motors)."""
-        none = SX(len(self._coordinates), 0)
-        return ca.horzcat(none, *(self.reduced(column) for column in self.motor_columns))
+        return ca.horzcat(SX(len(self._coordinates), 0), *map(self.reduced, self.motor_columns))
 
     @cached_property
     def motor_columns(self) -> list[Sparse]:

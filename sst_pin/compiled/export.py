@@ -38,26 +38,22 @@ class _Function(NamedTuple):
     meaning: str
 
 
+_FORCES = "Generalized forces along the coordinates of a motion."
+_JACOBIAN = (
+    "J, row by row: the rates of the motors are J va, and torques tau give the forces J^T tau."
+)
+_STEP = """\
+A step of Newton's method that closes the loops and keeps the coordinates. Start with
+ * measured coordinates and the previous q of the other joints, and call it with
+ * q_next = q until it returns 0. ROBOT_OPEN: the loops were open before the step."""
 _FUNCTIONS = {
     "torques": _Function("torques", "tau", "Torques of a motion."),
-    "forces": _Function(
-        "generalized_forces", "f", "Generalized forces along the coordinates of a motion."
-    ),
+    "forces": _Function("generalized_forces", "f", _FORCES),
     "accelerations": _Function(
         "accelerations", "aa", "Accelerations of the coordinates by torques."
     ),
-    "actuator_jacobian": _Function(
-        "actuator_jacobian",
-        "J",
-        "J, row by row: the rates of the motors are J va, and torques tau give the forces J^T tau.",
-    ),
-    "assembly_step": _Function(
-        "closing",
-        "q_next",
-        "A step of Newton's method that closes the loops and keeps the coordinates. Start with\n"
-        " * measured coordinates and the previous q of the other joints, and call it with\n"
-        " * q_next = q until it returns 0. ROBOT_OPEN: the loops were open before the step.",
-    ),
+    "actuator_jacobian": _Function("actuator_jacobian", "J", _JACOBIAN),
+    "assembly_step": _Function("closing", "q_next", _STEP),
 }
 
 

@@ -32,9 +32,8 @@ def sample_configurations(reference: Reference, near: Array | None = None) -> Ar
         reference.rates(near, np.zeros(len(reference.mechanism.coordinates)))
     except SingularConfigurationError as error:
         if anywhere:
-            error.args = (
-                f"{error.args[0]}; in another assembly mode give q: compile(q), casadi(q)",
-            )
+            cure = "in another assembly mode give q: compile(q), casadi(q)"
+            error.args = (f"{error.args[0]}; {cure}",)
         raise
     samples = [near]
     for seed in range(4 * _SAMPLES):

@@ -55,9 +55,8 @@ def reactions(e: Equations, checks: Checks) -> tuple[dict[str, SX], SX, list[Any
 def _rows_of_lines(e: Equations) -> Iterator[Row]:
     """A row for each force along a line: the length of the line times its rate."""
     for x in e.mechanism.lines.forces:
-        yield from closure_rows(
-            e.kinematics, e.mechanism.model, Distance(x.frame_a, x.frame_b, 1.0)
-        )
+        rod = Distance(x.frame_a, x.frame_b, 1.0)
+        yield from closure_rows(e.kinematics, e.mechanism.model, rod)
 
 
 def _pushes(e: Equations, tau: SX) -> Sparse:

@@ -48,10 +48,7 @@ class Checks:
     """
 
     def __init__(
-        self,
-        equations: Equations,
-        closed: float = CLOSED,
-        rounding: float = _DOUBLE,
+        self, equations: Equations, closed: float = CLOSED, rounding: float = _DOUBLE
     ) -> None:
         self._equations, self._closed, self._rounding = equations, closed, rounding
         mechanism = equations.mechanism
@@ -130,9 +127,8 @@ class Checks:
     def unsolved(self, x: Sparse, right: Sparse) -> list[Any]:
         """More than 1 where the rates x do not solve Phi x = right because a pivot was small.
 
-        The scaled residuals of the rows are summed with fixed random signs. So the check takes one
-        product with a sum of rows, not one with each row. There is no check if elimination changes
-        no entries, since then none can grow.
+        The residuals are summed with fixed random signs, by one product with a sum of rows. Where
+        elimination changes no entries, none can grow: there is no check.
         """
         unit, signs, sums = self._row_sums
         terms = [entry * x[j] for j, entry in sums.items() if j in x]

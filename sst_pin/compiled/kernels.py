@@ -77,8 +77,7 @@ def make(
     else:
         inputs, output, more = KERNELS[quantity](equations, checks)
     loaded = WRENCHES in inputs and inputs[WRENCHES].numel() > 0
-    mechanism = equations.mechanism
-    of_length = {"m": 1 / mechanism.length}
+    units, length = equations.mechanism.space.position_units, equations.mechanism.length
     return SymbolicKernel(
         f"{quantity}{'_along' * along}{'_loaded' * loaded}",
         {name: x for name, x in inputs.items() if loaded or name != WRENCHES},
@@ -86,7 +85,7 @@ def make(
         ca.densify(output),
         ca.vertcat(*(SX(check) for check in [*checks.of_state, *more])),
         directions,
-        tuple(of_length.get(unit, 1.0) for unit in mechanism.space.position_units),
+        tuple(1 / length if unit == "m" else 1.0 for unit in units),
     )
 
 

@@ -186,8 +186,7 @@ class Kinematics:
 
     def _next(self, i: int, before: LinkMotion, v: Sparse, v_k: Sparse, dv: Sparse) -> LinkMotion:
         """LinkMotion of link i from that of its parent."""
-        link, placement = self.tree.links[i], self._placed[i]
-        back = placement.back
+        link, placement, back = self.tree.links[i], self._placed[i], self._placed[i].back
         u, turn = _own(link, v)
         u_k, turn_k = (u, turn) if v_k is v else _own(link, v_k)
         du, dturn = _own(link, dv)

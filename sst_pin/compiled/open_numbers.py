@@ -38,11 +38,8 @@ class OpenNumbers:
     def __init__(self, mechanism: Mechanism, *, complete: bool = False) -> None:
         model = mechanism.model
         #: Indices of Pinocchio's joints whose bodies have mass.
-        self.bodies = tuple(
-            i
-            for i in range(1, model.njoints)
-            if complete or np.any(model.inertias[i].toDynamicParameters())
-        )
+        massive = [complete or np.any(x.toDynamicParameters()) for x in model.inertias]
+        self.bodies = tuple(i for i in range(1, model.njoints) if massive[i])
         values = _of_joints(mechanism)
         #: Indices of the rates that have each quantity of a joint; of references of springs those
         #: of entries of q.
@@ -63,8 +60,7 @@ class OpenNumbers:
         values |= {"viscous": friction.viscous, "coulomb": friction.coulomb}
         parts = [model.gravity.linear, [friction.sign_width]]
         for i in self.bodies:
-            body = model.inertias[i]
-            about_origin = body.toDynamicParameters()
+            about_origin = model.inertias[i].toDynamicParameters()
             parts += [about_origin[:4], _SECOND.dot(about_origin[4:])]
         parts += [values[name][list(self.joints[name])] for name in _JOINT]
         parts.append(mechanism.lines.numbers.T.ravel())

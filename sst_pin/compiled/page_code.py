@@ -92,10 +92,9 @@ def choices(reference: Reference, q: Array) -> list[Equations]:
         way = way / np.linalg.norm(way) + 0.1 * random.standard_normal(model.nv)
         way = motions @ (motions.T @ (way + 0.3 * fall / (np.linalg.norm(fall) + 1e-9)))
         step = 0.1 * way / np.linalg.norm(way) * mechanism.rate_scale
+        state = np.concatenate([pin.integrate(model, q, step), np.zeros(n)])
         try:
-            q = states.suited(q)[0].closed(
-                np.concatenate([pin.integrate(model, q, step), np.zeros(n)])
-            )
+            q = states.suited(q)[0].closed(state)
         except ClosureError:
             way = random.standard_normal(model.nv)
             continue
@@ -136,9 +135,8 @@ def page_code(equations: Sequence[Equations]) -> str:
         for e, described in zip(equations, listed[1:], strict=True)
     ]
     functions = f"{{common: {listed[0]}, sets: [{', '.join(rows)}]}}"
-    return (
-        f"const sst_functions = (() => {{\n{_HELPERS}{''.join(texts)}return {functions};\n}})();\n"
-    )
+    code = f"{_HELPERS}{''.join(texts)}return {functions};"
+    return f"const sst_functions = (() => {{\n{code}\n}})();\n"
 
 
 def _parts(mechanism: Mechanism) -> str:
@@ -173,21 +171,14 @@ def _kernel(e: Equations, name: str, inputs: dict[str, SX], *results: Any) -> Sy
 def _function(kernel: SymbolicKernel, name: str) -> tuple[str, str]:
     """The functions of a kernel by names that begin with `name`, and what describes them."""
     writer = c_code.written(kernel)
-    lines = {
-        kind: list(map(_in_javascript, statements_of))
-        for kind, statements_of in writer.lines.items()
-    }
+    lines = {kind: list(map(_in_javascript, of_kind)) for kind, of_kind in writer.lines.items()}
     parts, room = statements.in_parts([statements.pieces(lines["real"], _LARGEST)])
     texts = [statements.function(f"function {name}_constants(p)", lines["number"])]
     for k, part in enumerate(parts):
         texts.append(statements.function(f"function {name}_{k}(x, p, y, w)", part))
-    sizes = {
-        "inputs": [symbols.numel() for symbols in kernel.inputs.values()],
-        "output": kernel.output.numel(),
-        "checks": kernel.checks.numel(),
-        "size": writer.size,
-        "room": room,
-    }
+    sizes: dict[str, Any] = {"inputs": [x.numel() for x in kernel.inputs.values()]}
+    sizes |= {"output": kernel.output.numel(), "checks": kernel.checks.numel()}
+    sizes |= {"size": writer.size, "room": room}
     functions = ", ".join(f"{name}_{k}" for k in range(len(parts)))
     described = f"{json.dumps(sizes)[1:-1]}, constants: {name}_constants, parts: [{functions}]"
     return "".join(texts), f"{kernel.name}: {{{described}}}"

@@ -30,8 +30,7 @@ def function(head: str, lines: Sequence[str]) -> str:
 
 def together(lines: Sequence[str]) -> list[str]:
     """Statements with the sines and cosines of all inputs before them, several at once."""
-    names: dict[str, str] = {}
-    angles: list[str] = []
+    names, angles = dict[str, str](), list[str]()
     for match in filter(None, map(_TURN.match, lines)):
         names |= {f"{x}{match[1]}": f"{x}[{len(angles)}]" for x in "sc"}
         angles.append(match[2])
@@ -55,14 +54,9 @@ def with_short_addresses(lines: Sequence[str]) -> list[str]:
     for i, line in enumerate(lines):
         for result in _used(line):
             uses.setdefault(result, []).append(i)
-    waits = {
-        result: next((b for a, b in pairwise(at) if b - a > _NEAR), None)
-        for result, at in uses.items()
-    }
-    places: dict[str, int] = {}
-    free: list[int] = []
-    size = 0
-    body: list[str] = []
+    gaps = {x: (b for a, b in pairwise(at) if b - a > _NEAR) for x, at in uses.items()}
+    waits = {result: next(late, None) for result, late in gaps.items()}
+    places, free, body, size = dict[str, int](), list[int](), list[str](), 0
     for i, line in enumerate(lines):
         used = dict.fromkeys(_used(line))
         late = {x: _place(places[x]) for x in used if x in places and i >= (waits[x] or 0)}
@@ -93,9 +87,8 @@ def _place(k: int) -> str:
 
 def split(lines: Sequence[str], inputs: range) -> tuple[list[str], list[str]]:
     """Statements that do not depend on some inputs, and those that do."""
-    once: list[str] = []
-    each: list[str] = []
-    of_inputs, depending = {f"x[{i}]" for i in inputs}, set[str]()
+    once, each, depending = list[str](), list[str](), set[str]()
+    of_inputs = {f"x[{i}]" for i in inputs}
     for line in lines:
         used = _used(line)
         if not depending.isdisjoint(used) or not of_inputs.isdisjoint(_INPUT.findall(line)):
@@ -125,9 +118,7 @@ def in_parts(groups: Sequence[Sequence[Sequence[str]]]) -> tuple[list[list[str]]
         for line in part:
             later = (result for result in _used(line) if last[result] >= len(groups[0]))
             last.update(dict.fromkeys(later, len(parts)))
-    places: dict[str, int] = {}
-    free: list[int] = []
-    handed_on, bodies = 0, []
+    places, free, bodies, handed_on = dict[str, int](), list[int](), list[list[str]](), 0
     for k, part in enumerate(parts):
         at = {result: f"w[{place}]" for result, place in places.items()}
         body = [_renamed(line, at) for line in part]

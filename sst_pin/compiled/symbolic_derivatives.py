@@ -112,9 +112,8 @@ def _of_forces(e: Equations, checks: Checks, tree: _OnTree, way: SX | None) -> t
     by_q, by_v = L.T @ force_q - g @ c_q, L.T @ force_v - g @ c_v
     lost = [sparse(rows, -x) for x in ca.horzsplit(_phi_dot_v(e, slip_q @ L, c_v @ L))]
     v_q = [e.factors.solve(x) for x in lost]
-    residual_checks += [
-        c for x, right in zip(v_q, lost, strict=True) for c in checks.unsolved(x, right)
-    ]
+    pairs = zip(v_q, lost, strict=True)
+    residual_checks += [check for pair in pairs for check in checks.unsolved(*pair)]
     of_q = by_q @ L + by_v @ ca.horzcat(*(column(x, range(nv)) for x in v_q))
     return ca.horzcat(of_q, by_v @ L, e.inertia), residual_checks
 

@@ -110,9 +110,7 @@ class TreeDynamics:
 
     def wrenches(self, v: Sparse, dv: Sparse, *, loads: bool = True) -> list[SX]:
         """Force and moment that each link needs, less its weight and its load."""
-        wrenches = []
-        gravity = self._p[GRAVITY]
-        motions = self._kinematics.motions(v, dv, gravity)
+        wrenches, motions = list[SX](), self._kinematics.motions(v, dv, self._p[GRAVITY])
         for link, x in zip(self._kinematics.tree.links, motions, strict=True):
             mass, c, J, _ = self._bodies[link.body]
             wrench = ca.vertcat(mass * x.a + x.U @ c, _moment(x, J) + ca.cross(c, x.a))
@@ -165,10 +163,8 @@ class TreeDynamics:
 
     def _damping(self, v: Sparse) -> list[Any]:
         """Pull of the damper along each line."""
-        return [
-            x.damping * total(entry * v[i] for i, entry in x.row.items() if i in v)
-            for x in self.lines
-        ]
+        rates = (total(entry * v[i] for i, entry in x.row.items() if i in v) for x in self.lines)
+        return [x.damping * rate for x, rate in zip(self.lines, rates, strict=True)]
 
     def along_lines(self, pulls: Iterable[Any]) -> Sparse:
         """Forces along the rates that pulls along the lines need."""
@@ -184,16 +180,12 @@ class TreeDynamics:
         model, forces = self._mechanism.model, self._mechanism.lines.forces
         places = (line(self._kinematics, model, x.frame_a, x.frame_b) for x in forces)
         numbers = self._parameters.of_lines(self._p)
-        return [
-            Line(*place, *parameters) for place, parameters in zip(places, numbers, strict=True)
-        ]
+        return [Line(*place, *of_line) for place, of_line in zip(places, numbers, strict=True)]
 
     def kinetic_energy(self, v: Sparse) -> Any:
         """Kinetic energy of all bodies and rotors."""
-        pairs = [
-            (x * v[i] * v[j], i == j) for (i, j), x in self.inertia.items() if {i, j} <= v.keys()
-        ]
-        return total(x / 2 if same else x for x, same in pairs)
+        entries = (((i, j), x) for (i, j), x in self.inertia.items() if {i, j} <= v.keys())
+        return total(x * v[i] * v[j] / (1 + (i == j)) for (i, j), x in entries)
 
     @property
     def potential_energy(self) -> Any:
@@ -272,8 +264,7 @@ class TreeDynamics:
 
     def coriolis_forces(self, v: Sparse, L: Sparse, L_dot: Sparse) -> Sparse:
         """The term of Eq. (94) that T^T multiplies: M t_dot + Omega M t, t and t_dot of L."""
-        wrenches = []
-        motions = self._kinematics.motions(v, L_dot, v_k=L)
+        wrenches, motions = list[SX](), self._kinematics.motions(v, L_dot, v_k=L)
         for link, x in zip(self._kinematics.tree.links, motions, strict=True):
             mass, c, _, polar = body = self._bodies[link.body]
             # About the mass centre the paper's term is omega x (I omega_k).
