@@ -27,8 +27,9 @@ _OUTLIER, _PERIODS, _USUAL = 8.0, 10, 141
 #: Of so many samples one outlier is replaced in each of so many passes; positions may be replaced
 #: for this part of a period.
 _AROUND, _PASSES, _BRIDGED = 7, 60, 0.25
-#: A torque is held against the median of so many samples: a peak of three of them is no outlier.
-_NEAR = 5
+#: A torque is compared with the median of so many samples. One bad sample of an uneven log spoils
+#: three even ones, so that four of them are good.
+_NEAR = 7
 #: The filter of `decimated` has forgotten a sample after so many of its samples.
 _MEMORY = 20
 #: Part of the samples that may be outliers: more spoil the curve that they are held against.
