@@ -150,6 +150,7 @@ def _of_bodies(context: Context, v: Array, v_dot: Array) -> Array:
     tree, data, L = context.tree, context.data, context.complement.L
     q, S = context.loops.q, tree.S
     Y = pin.computeJointTorqueRegressor(tree.model, data, q, S.dot(v), S.dot(v_dot))
+    Y = Y.reshape(tree.model.nv, -1)  # a vector, of a tree with one rate
     by_joint = S.dot(L).T.dot(Y).reshape(L.shape[1], -1, 10)
     return by_joint[:, np.array(tree.bodies[1:]) - 1].reshape(L.shape[1], -1)
 
