@@ -39,6 +39,7 @@ _CURE = "set XDG_CACHE_HOME to another folder"
 _log = logging.getLogger(__name__)
 #: The libraries that this process has loaded, by their places.
 _loaded: dict[Path, ctypes.CDLL] = {}
+_ANNOUNCING = threading.Lock()
 
 
 @dataclass(frozen=True)
@@ -182,9 +183,14 @@ def _stored_whole(path: Path, write: Callable[[Path], object]) -> None:
         raise _unusable(path.parent, error) from None
 
 
-@cache
 def _announce(robot: str) -> None:
     """Tell once in a process why the first call takes seconds."""
+    with _ANNOUNCING:  # kernels are compiled in several threads
+        _announce_once(robot)
+
+
+@cache
+def _announce_once(robot: str) -> None:
     _log.warning("sst-pin: compiling kernels of %s; the cache keeps them", robot)
 
 

@@ -8,7 +8,9 @@ import logging
 import os
 import pickle
 import shutil
+import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -157,7 +159,7 @@ def test_the_cache_stays_below_its_bound_and_loses_what_was_used_longest_ago(fol
 
 
 def test_a_person_who_waits_is_told_once_in_a_process(folder, caplog):
-    libraries._announce.cache_clear()
+    libraries._announce_once.cache_clear()
     for k, robot in enumerate(("bars", "bars", "quick", "bars")):
         libraries.load(robot, "kernel", bytes([k]), "plain", lambda: SOURCE)
     told = [r.getMessage() for r in caplog.records if r.levelno == logging.WARNING]
@@ -165,6 +167,24 @@ def test_a_person_who_waits_is_told_once_in_a_process(folder, caplog):
         f"sst-pin: compiling kernels of {robot}; the cache keeps them"
         for robot in ("bars", "quick")
     ]
+
+
+def test_threads_that_compile_together_tell_once(monkeypatch):
+    libraries._announce_once.cache_clear()
+    told, start = [], threading.Barrier(4)
+
+    def warn(*message):
+        time.sleep(0.02)
+        told.append(message)
+
+    def compile_one(robot):
+        start.wait()
+        libraries._announce(robot)
+
+    monkeypatch.setattr(libraries._log, "warning", warn)
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(compile_one, ["bars"] * 4))
+    assert len(told) == 1
 
 
 def test_a_process_loads_a_library_once(monkeypatch):
