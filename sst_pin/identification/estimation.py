@@ -160,7 +160,8 @@ def _require_enough(Y: Array, measured: Array, n: int, b: int, decimate: int) ->
     if motors < n:
         raise InputError("chain", f"{motors} motors do not tell the forces of {n} coordinates")
     if (len(Y) // decimate - 2 * (decimate > 1)) * n <= b:
-        raise InputError("q", f"{len(Y)} samples are too few for {b} base parameters")
+        problem = f"{len(Y)} samples are too few for {b} base parameters"
+        raise InputError("q", f"{problem}; measure longer, or consider fewer")
 
 
 def _mean_signs(v: Array) -> Array:
