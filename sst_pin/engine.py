@@ -344,7 +344,7 @@ class Engine(ClosedLoops):
                     error.args = (
                         f"{error.args[0]}: one for each rate of the coordinates "
                         f"{listed(mechanism.coordinate_rate_names)}; in another assembly make it "
-                        "home, or give coordinates=",
+                        "home, or use chain.with_coordinates([...])",
                     )
                 raise
         return arrays

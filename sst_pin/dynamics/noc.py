@@ -121,13 +121,11 @@ class JointComplement:
         others = choose_coordinates(mechanism, np.nan_to_num(scaled))
         names, k = listed(mechanism.space.names_of(others.tolist())), len(others)
         n = len(mechanism.coordinates)
-        cure = (
-            f"move away, or choose other coordinates=, for example {names} describe the motion here"
-        )
+        cure = f"move away, or use chain.with_coordinates([...]); here {names} describe the motion"
         if k > n:
             cure = (
                 f"the closures leave {k} freedoms here to {n} coordinates; move away, or where "
-                f"they do so everywhere give {k} coordinates=, for example {names}"
+                f"they do so everywhere use chain.with_coordinates([{names}])"
             )
         if not k:
             cure = "nothing can move here"

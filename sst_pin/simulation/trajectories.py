@@ -339,8 +339,9 @@ def require_motion(motion: Trajectory, mechanism: Mechanism, name: str = "motion
         ("units of rates", motion.rate_units, mechanism.coordinate_rate_units),
     ):
         if present != tuple(needed):
-            raise InputError(
-                name,
+            problem = (
                 f"belongs to another robot, with {what} {', '.join(x or '1' for x in present)}; "
-                f"this one has {', '.join(x or '1' for x in needed) or 'none'}",
             )
+            problem += f"this one has {', '.join(x or '1' for x in needed) or 'none'}"
+            cure = "; chain.with_coordinates([...]) gives it others" * (what == "coordinates")
+            raise InputError(name, problem + cure)

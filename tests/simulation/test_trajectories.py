@@ -220,8 +220,9 @@ def test_a_motion_with_other_motors_or_coordinates_is_refused_everywhere(what, t
         lambda: sst_pin.plots.motion_page(chain, motion),
         lambda: chain.show(motion),
     ):
-        with pytest.raises(sst_pin.InputError, match=f"another robot, with {what}"):
+        with pytest.raises(sst_pin.InputError, match=f"another robot, with {what}") as caught:
             use()
+        assert ("chain.with_coordinates" in str(caught.value)) == (what == "coordinates")
     motion.save(tmp_path / "other.npz")
     with pytest.raises(sst_pin.FileFormatError, match=f"another robot, with {what}"):
         load_motion(chain.engine, tmp_path / "other.npz")
