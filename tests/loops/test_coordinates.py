@@ -87,7 +87,7 @@ def test_coordinates_do_not_depend_on_what_was_called_before(folded_first):
     model, closures, folded = rhombus()
     chain = ClosedChain(model, closures, ["rocker", "crank"])
     if folded_first:
-        with pytest.raises(sst_pin.SingularConfigurationError, match="for example crank"):
+        with pytest.raises(sst_pin.SingularConfigurationError, match="here crank"):
             chain.compute_torques(folded, [1.0], [1.0])
     assert chain.coordinates == ("rocker",)
     open_mode = chain.assemble([0.7, -0.7, 0.7])
@@ -142,7 +142,7 @@ def test_too_many_coordinates_are_refused_at_a_configuration(coordinates):
     chain = ClosedChain(model, closures, ["crank"], coordinates=coordinates)
     q = chain.assemble([0.7, -0.7, 0.7], ())
     n = np.ones(len(coordinates))
-    with pytest.raises(sst_pin.SingularConfigurationError, match="for example crank describe"):
+    with pytest.raises(sst_pin.SingularConfigurationError, match="here crank describe"):
         chain.generalized_forces(q, n, n)
 
 

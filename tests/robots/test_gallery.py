@@ -142,11 +142,12 @@ def test_bennetts_linkage_moves_where_its_lengths_allow_it_only():
     assert np.linalg.matrix_rank(rigid.Phi(moving.home), 1e-6) == 3
 
 
-def test_the_page_of_the_gallery_is_current():
+def test_the_page_of_the_gallery_is_current(tmp_path, monkeypatch):
     """Counts to the letter, errors to two orders of magnitude; and its example runs."""
     script = load("scripts/pages/make_robots_table.py")
     assert script.main(["--check"]) == 0
     page, scope = script.PAGE.read_text(encoding="utf-8"), {}
+    monkeypatch.chdir(tmp_path)  # the example saves a page
     exec(page.split("```python")[1].split("```")[0], scope)
     # The struts hold up platform and themselves: the weight of the platform at least.
     assert sum(scope["tau"]) > 20 * 9.81
