@@ -164,7 +164,7 @@ def _help(name: str, thing: object) -> Iterator[str]:
     yield f"## `{name}{signature}`\n\n{inspect.getdoc(thing) or ''}\n"
     if inspect.isclass(thing) or inspect.ismodule(thing):
         for member in getattr(thing, "__all__", dir(thing)):
-            value = getattr(thing, member)
+            value = getattr(thing, member, None)
             ours = str(getattr(value, "__module__", "")).startswith("sst_pin")
             if not member.startswith("_") and (ours or isinstance(value, property)):
                 yield from _help(f"{name}.{member}", value)
