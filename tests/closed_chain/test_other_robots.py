@@ -8,8 +8,8 @@ from numpy.testing import assert_allclose
 from sst_pin import ClosedChain
 from sst_pin.errors import ActuationError, ClosureError, SingularConfigurationError
 from tests.support.derivative_cases import close
+from tests.support.differences import derivative
 from tests.support.link_tables import ROBOTS, Robot, derivatives
-from tests.support.trees import derivative
 
 STATES = range(4)
 

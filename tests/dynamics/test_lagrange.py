@@ -13,9 +13,9 @@ from sst_pin import ClosedChain, Closure, Coupling
 from sst_pin.errors import ActuationError
 from sst_pin.verification.lagrange import LagrangeMultipliers
 from sst_pin.verification.verify import verify_chain
-from tests.support.any_chain import states
+from tests.support.any_chain import ALL_JOINTS, CONSTRAINTS, states, tree
+from tests.support.differences import random_q
 from tests.support.link_tables import ROBOTS
-from tests.support.trees import CONSTRAINTS, JOINTS, random_q, tree
 
 
 @dataclass
@@ -42,24 +42,28 @@ class Case:
         return ClosedChain(model, [Closure("A", "B", self.kind)], self.motors, **options)
 
 
-ARM = ("", ["RZ", "revolute", "RX", "PZ"], ["revolute", "RX", "RZ", "ball"])
-FLOATING = ("free", ["RX", "revolute", "RZ"], ["RZ", "revolute", "ball"])
+ARM = ("", ["RY", "revolute", "RY", "PX"], ["revolute", "RY", "RY", "spherical"])
+FLOATING = ("free-flyer", ["RY", "revolute", "RY"], ["RY", "revolute", "spherical"])
 CASES = {
-    "floating": Case(FLOATING, "6d", ["a0_RX", "b0_RZ"]),
+    "floating": Case(FLOATING, "6d", ["a0_RY", "b0_RY"]),
     "floating, no motors": Case(FLOATING, "hinge"),
-    "balls": Case(("", ["RZ", "RX", "ball"], ["ball", "PZ", "ball"]), "3d", ["a0_RZ", "a1_RX"]),
-    "springs": Case(FLOATING, "6d", ["a0_RX"], springs=True, friction=True),
-    "springs in balls": Case(("", ["RZ", "ball"], ["ball", "PZ"]), "3d", ["a0_RZ"], springs=True),
-    "more motors": Case(ARM, "6d", ["a0_RZ", "a1_revolute", "a2_RX", "a3_PZ", "b0_revolute"]),
-    "more motors, springs": Case(
-        ARM, "6d", ["a0_RZ", "a1_revolute", "a2_RX", "a3_PZ", "b3_ball"], springs=True
+    "balls": Case(
+        ("", ["RY", "RY", "spherical"], ["spherical", "PX", "spherical"]), "3d", ["a0_RY", "a1_RY"]
     ),
-    "a tendon": Case(ARM, "6d", [{"a0_RZ": 0.3, "b1_RX": -1.2}, "a1_revolute", "b0_revolute"]),
+    "springs": Case(FLOATING, "6d", ["a0_RY"], springs=True, friction=True),
+    "springs in balls": Case(
+        ("", ["RY", "spherical"], ["spherical", "PX"]), "3d", ["a0_RY"], springs=True
+    ),
+    "more motors": Case(ARM, "6d", ["a0_RY", "a1_revolute", "a2_RY", "a3_PX", "b0_revolute"]),
+    "more motors, springs": Case(
+        ARM, "6d", ["a0_RY", "a1_revolute", "a2_RY", "a3_PX", "b3_spherical"], springs=True
+    ),
+    "a tendon": Case(ARM, "6d", [{"a0_RY": 0.3, "b1_RY": -1.2}, "a1_revolute", "b0_revolute"]),
     "universal": Case(
-        ("plane", ["universal", "RX"], ["ZYX", "PX"]), "3d", ["root", "a0_universal"]
+        ("planar", ["universal", "RY"], ["ZYX", "PX"]), "3d", ["root", "a0_universal"]
     ),
     "helical": Case(
-        ("", ["helical", "RUBY", "HY", "PX"], ["unbounded", "ZYX"]), "3d", ["a0_helical"]
+        ("", ["helical", "RUBX", "HZ", "PX"], ["continuous", "ZYX"]), "3d", ["a0_helical"]
     ),
     "composite": Case(("", ["composite"], ["translation", "universal"]), "3d", ["b0_translation"]),
 }
@@ -72,14 +76,14 @@ def close(actual, expected, tolerance=1e-9):
 
 def closed_by(constraint):
     """On a free base, springs and friction in a joint; tau of a motor and of a tendon."""
-    model = tree("free", ["RX", "revolute", "RZ"], ["RZ", "ball", "PZ"], seed=3)
+    model = tree("free-flyer", ["RY", "revolute", "RY"], ["RY", "spherical", "PX"], seed=3)
     stiffness, friction = np.zeros((2, model.nv))
     k = model.joints[model.getJointId("a1_revolute")].idx_v
     stiffness[k], friction[k] = 20, 0.3
     return ClosedChain(
         model,
-        [constraint, Coupling("a2_RZ", {"a0_RX": (0.1, 0.5, 0.3), "b2_PZ": (0, 2)})],
-        ["a0_RX", {"a1_revolute": 2, "b2_PZ": -3}],
+        [constraint, Coupling("a2_RY", {"a0_RY": (0.1, 0.5, 0.3), "b2_PX": (0, 2)})],
+        ["a0_RY", {"a1_revolute": 2, "b2_PX": -3}],
         stiffness=stiffness,
         viscous_friction=friction,
         coulomb_friction=friction,
@@ -87,7 +91,7 @@ def closed_by(constraint):
 
 
 def hinged_by(joint):
-    return Case(("", [joint, "RX"], ["RZ", "ball", "translation"]), "6d", ["a1_RX"]).build(4)
+    return Case(("", [joint, "RY"], ["RY", "spherical", "translation"]), "6d", ["a1_RY"]).build(4)
 
 
 MORE_MOTORS = {
@@ -101,7 +105,7 @@ MORE_MOTORS = {
 VERIFIED = {
     **{name: (made.build, 1e-9) for name, made in CASES.items()},
     **{f"closure {name}": (partial(closed_by, c), 1e-9) for name, c in CONSTRAINTS.items()},
-    **{f"joint {name}": (partial(hinged_by, name), 1e-9) for name in JOINTS},
+    **{f"joint {name}": (partial(hinged_by, name), 1e-9) for name in ALL_JOINTS},
     **{name: (robot.chain, 1e-10) for name, robot in ROBOTS.items()},
     **{
         f"{name}, {extra} driven too": (partial(robot.chain, [*robot.actuated, extra]), 1e-10)
@@ -141,13 +145,13 @@ def test_with_more_motors_the_torques_are_the_least(name, weighted):
 
 def test_forces_that_nobody_supplies_are_named():
     """A floating robot: the missing forces are those of the base's coordinates, no others."""
-    chain = Case(FLOATING, "6d", ["a0_RX", "b0_RZ"]).build()
+    chain = Case(FLOATING, "6d", ["a0_RY", "b0_RY"]).build()
     q, va, aa = (x[0] for x in states(chain, 1, 0))
     f = chain.generalized_forces(q, va, aa)
     with pytest.raises(ActuationError, match="no motor supplies") as caught:
         chain.compute_torques(q, va, aa)
     names = chain.mechanism.coordinate_rate_names
-    driven = {"a0_RX", "b0_RZ"}
+    driven = {"a0_RY", "b0_RY"}
     expected = {n: x for n, x in zip(names, f, strict=True) if n not in driven}
     assert set(caught.value.missing) == set(expected)
     close([caught.value.missing[n] for n in expected], list(expected.values()))

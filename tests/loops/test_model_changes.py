@@ -13,9 +13,9 @@ import pytest
 import sst_pin
 from sst_pin import ClosedChain, Closure
 from tests.support import any_chain
-from tests.support.trees import tree
+from tests.support.any_chain import tree
 
-MOTORS = ["a0_RX", "b0_RZ"]
+MOTORS = ["a0_RY", "b0_RY"]
 
 
 def _array(name):
@@ -74,7 +74,7 @@ def build(model):
 
 def floating():
     """Three and three joints on a base that floats."""
-    model = tree("free", ["RX", "revolute", "RZ"], ["RZ", "revolute", "ball"], seed=3)
+    model = tree("free-flyer", ["RY", "revolute", "RY"], ["RY", "revolute", "spherical"], seed=3)
     model.referenceConfigurations["home"] = model.referenceConfigurations["closed"]
     return model
 

@@ -6,12 +6,13 @@ import pinocchio as pin
 import pytest
 
 from sst_pin import ClosedChain, Closure
-from tests.support.trees import derivative, tree
+from tests.support.any_chain import tree
+from tests.support.differences import derivative
 
 TREES = {
-    "floating": ("free", ["RX", "revolute", "RZ"], ["RZ", "revolute", "ball"]),
-    "composite": ("", ["composite"], ["translation", "universal", "ball"]),
-    "Euler angles": ("plane", ["universal", "RX"], ["ZYX", "PX", "RUBY"]),
+    "floating": ("free-flyer", ["RY", "revolute", "RY"], ["RY", "revolute", "spherical"]),
+    "composite": ("", ["composite"], ["translation", "universal", "spherical"]),
+    "Euler angles": ("planar", ["universal", "RY"], ["ZYX", "PX", "RUBX"]),
 }
 
 

@@ -10,21 +10,22 @@ from numpy.testing import assert_allclose
 
 import sst_pin
 from sst_pin import ClosedChain
-from tests.support.trees import JOINTS, add_frame, add_joint, random_q
+from tests.support.any_chain import GRAVITY, JOINTS, add_frame, add_joint
+from tests.support.differences import random_q
 
 #: Names of joints, each on the one before or on the one whose number stands behind it.
 TREES = {
-    "pendulum": ["RX"],
-    "arm": ["RZ", "revolute", "RX", "RZ", "revolute", "RX", "RZ"],
-    "free flyer": ["free", "RX", ("PZ", 1)],
+    "pendulum": ["RY"],
+    "arm": ["RY", "revolute", "RY", "RY", "revolute", "RY", "RY"],
+    "free flyer": ["free-flyer", "RY", ("PX", 1)],
     # No universal joint: Pinocchio's derivatives are wrong for it.
-    "planar": ["plane", "RUBY", ("PX", 1), "ball"],
+    "planar": ["planar", "RUBX", ("PX", 1), "spherical"],
 }
 
 
 def model_of(name):
     random, model = np.random.default_rng(3), pin.Model()
-    model.name, model.gravity.linear = name.replace(" ", "_"), np.array([0.6, -1.3, -9.4])
+    model.name, model.gravity.linear = name.replace(" ", "_"), GRAVITY
     for k, joint in enumerate(TREES[name]):
         kind, parent = joint if isinstance(joint, tuple) else (joint, k)
         index = add_joint(model, parent, f"joint_{k + 1}", JOINTS[kind](), random)

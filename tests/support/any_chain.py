@@ -9,10 +9,13 @@ import pinocchio as pin
 from sst_pin import ClosedChain, ClosureError, LineForce, robots
 from sst_pin.model.closures import Closure, Constraint, Coupling, Distance, Rolling
 from tests.support.by_hand import add, at, mark
-from tests.support.trees import unbounded
+from tests.support.differences import random_q
 
+GRAVITY = np.array([0.7, -1.1, -9.6])
 AXIS = np.array([2.0, -1.0, 2.0]) / 3
 OTHER = np.array([1.0, 0.0, -1.0]) / np.sqrt(2)
+#: Joints by their placements in the one before.
+Parts = Sequence[tuple[pin.JointModel, pin.SE3]]
 
 
 def _unit(random: np.random.Generator, size: int) -> np.ndarray:
@@ -24,16 +27,22 @@ def _placement(random: np.random.Generator, reach: float) -> pin.SE3:
     return pin.SE3(pin.Quaternion(_unit(random, 4)), reach * _unit(random, 3))
 
 
-def _parts() -> list[tuple[pin.JointModel, pin.SE3]]:
+def _parts(*kinds: pin.JointModel) -> Parts:
     random = np.random.default_rng(4)
-    kinds = pin.JointModelRX(), pin.JointModelPrismaticUnaligned(AXIS), pin.JointModelRZ()
     return [(kind, _placement(random, 0.5)) for kind in kinds]
 
 
-def _composite() -> pin.JointModelComposite:
+def _composite(parts: Parts) -> pin.JointModelComposite:
     joint = pin.JointModelComposite()
-    for kind, placement in _parts():
+    for kind, placement in parts:
         joint.addJoint(kind, placement)
+    return joint
+
+
+def unbounded() -> pin.JointModel:
+    """A joint that turns about an axis without end."""
+    joint = pin.JointModelRevoluteUnboundedUnaligned()
+    joint.axis = AXIS
     return joint
 
 
@@ -45,14 +54,14 @@ JOINTS: dict[str, Callable[[], pin.JointModel]] = {
     "HZ": lambda: pin.JointModelHZ(0.3),
     "helical": lambda: pin.JointModelHelicalUnaligned(AXIS, 0.2),
     "RUBX": pin.JointModelRUBX,
-    "continuous": lambda: unbounded(AXIS),
+    "continuous": unbounded,
     "spherical": pin.JointModelSpherical,
     "translation": pin.JointModelTranslation,
     "planar": pin.JointModelPlanar,
     "free-flyer": pin.JointModelFreeFlyer,
 }
 #: Joints that are the same as several in a row.
-IN_A_ROW: dict[str, tuple[Callable[[], pin.JointModel], list[tuple[pin.JointModel, pin.SE3]]]] = {
+IN_A_ROW: dict[str, tuple[Callable[[], pin.JointModel], Parts]] = {
     "universal": (
         lambda: pin.JointModelUniversal(AXIS, OTHER),
         [(pin.JointModelRevoluteUnaligned(a), pin.SE3.Identity()) for a in (AXIS, OTHER)],
@@ -64,49 +73,113 @@ IN_A_ROW: dict[str, tuple[Callable[[], pin.JointModel], list[tuple[pin.JointMode
             for kind in (pin.JointModelRZ, pin.JointModelRY, pin.JointModelRX)
         ],
     ),
-    "composite": (_composite, _parts()),
+    "composite": (
+        lambda: _composite(_parts(pin.JointModelRX(), JOINTS["prismatic"](), pin.JointModelRZ())),
+        _parts(pin.JointModelRX(), JOINTS["prismatic"](), pin.JointModelRZ()),
+    ),
 }
+#: Every type of joint. "mixed" is a composite joint with a ball and an angle without end.
+ALL_JOINTS = JOINTS | {name: make for name, (make, _) in IN_A_ROW.items()}
+ALL_JOINTS["mixed"] = lambda: _composite(
+    _parts(pin.JointModelRX(), pin.JointModelSpherical(), pin.JointModelPZ(), pin.JointModelRUBZ())
+)
 CLOSURES = [*Closure.KINDS, (True, False, True, False, True, False)]
+#: Every type of closure between the frames A and B.
+CONSTRAINTS = {
+    **{kind: Closure("A", "B", kind) for kind in Closure.KINDS},
+    "mask": Closure("A", "B", (False, True, False, True, False, False)),
+    "all turns": Closure("A", "B", (True, False, False, True, True, True)),
+    "rod": Distance("A", "B", 0.7),
+    "disc": Rolling("A", "B", 0.25),
+    "ball": Rolling("A", "B", 0.25, ball=True),
+}
+#: Arguments of `tree`. Every type of joint is in one of them.
+TREES = {
+    "floating": ("free-flyer", ["spherical", "RY", "PX"], ["revolute", "ZYX", "translation"]),
+    "planar": (
+        "planar",
+        ["universal", "prismatic", "RUBX", "PX"],
+        ["spherical", "helical", "free-flyer"],
+    ),
+    "composite": ("mixed", ["continuous", "HZ", "spherical"], ["RY", "composite", "planar"]),
+}
+
+
+def add_joint(
+    model: pin.Model,
+    parent: int,
+    name: str,
+    joint: pin.JointModel,
+    random: np.random.Generator,
+    placement: pin.SE3 | None = None,
+) -> int:
+    """The number of a new joint with a random body, at a random place by default."""
+    points = 0.2 * random.normal(size=(3, 3))
+    moments = points @ points.T
+    inertia = moments.trace() * np.eye(3) - moments
+    body = pin.Inertia(random.uniform(0.5, 2), 0.2 * random.normal(size=3), inertia)
+    return add(model, parent, joint, name, placement or _placement(random, 0.5), body)
+
+
+def add_frame(model: pin.Model, name: str, joint: int, random: np.random.Generator) -> None:
+    """A frame at a random place of a joint's body."""
+    mark(model, joint, name, _placement(random, 0.3))
+
+
+def close(
+    model: pin.Model, first: int, second: int, q: np.ndarray, random: np.random.Generator
+) -> None:
+    """Frames A and B on two bodies that meet at q, which becomes the configuration "closed"."""
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    add_frame(model, "A", first, random)
+    mark(model, second, "B", data.oMi[second].actInv(data.oMi[first] * model.frames[-1].placement))
+    model.referenceConfigurations["closed"] = q
+    model.armature = random.uniform(0, 0.1, model.nv)
+
+
+def tree(root: str, first: Sequence[str], second: Sequence[str], seed: int = 0) -> pin.Model:
+    """Two branches on one root, joints by their names, frames A and B at the ends.
+
+    The joints are added breadth-first, so that they are not in Pinocchio's usual order.
+    """
+    random, model = np.random.default_rng(seed), pin.Model()
+    model.gravity.linear = GRAVITY
+    base = add_joint(model, 0, "root", ALL_JOINTS[root](), random) if root else 0
+    ends = [base, base]
+    for level in range(max(len(first), len(second))):
+        for side, branch in enumerate((first, second)):
+            if level < len(branch):
+                name, joint = f"{'ab'[side]}{level}_{branch[level]}", ALL_JOINTS[branch[level]]()
+                ends[side] = add_joint(model, ends[side], name, joint, random)
+    close(model, *ends, random_q(model, random, 0.5), random)
+    return model
 
 
 def chain(
-    joints: Sequence[tuple[pin.JointModel, pin.SE3]] = (),
+    joints: Parts = (),
     kind: str | tuple[bool, ...] = "6d",
     more: Sequence[Constraint] = (),
     **options,
 ) -> ClosedChain:
     """A body on a joint from the base, held by an arm of six revolutes."""
-    random = np.random.default_rng(0)
-    model = pin.Model()
-    model.gravity.linear = np.array([0.7, -1.1, -9.6])
-
-    def load(index: int, name: str) -> int:
-        points = 0.2 * random.normal(size=(3, 3))
-        moments = points @ points.T
-        inertia = moments.trace() * np.eye(3) - moments
-        body = pin.Inertia(random.uniform(0.5, 2), 0.2 * random.normal(size=3), inertia)
-        model.appendBodyToJoint(index, body, pin.SE3.Identity())
-        mark(model, index, f"point_{name}", _placement(random, 0.3))
-        return index
-
-    joints = list(joints) or [(pin.JointModelRY(), pin.SE3.Identity())]
-    index, names = 0, [f"body_{k}" for k in range(len(joints) - 1)] + ["body"]
-    where = _placement(random, 0.3)
-    for name, (joint, placement) in zip(names, joints, strict=True):
+    random, model = np.random.default_rng(0), pin.Model()
+    model.gravity.linear = GRAVITY
+    *light, (last, step) = joints or [(pin.JointModelRY(), pin.SE3.Identity())]
+    names = [*(f"body_{k}" for k in range(len(light))), "body"]
+    index, where = 0, _placement(random, 0.3)
+    for name, (joint, placement) in zip(names[:-1], light, strict=True):
         index = model.addJoint(index, joint, where * placement, name)
         where = pin.SE3.Identity()
-    body, hand = load(index, "body"), 0
-    for k in range(6):
+    body, hand = add_joint(model, index, "body", last, random, where * step), 0
+    add_frame(model, "point_body", body, random)
+    for k in range(1, 7):
         axis = pin.JointModelRevoluteUnaligned(_unit(random, 3))
-        name = f"arm_{k + 1}"
-        hand = load(model.addJoint(hand, axis, _placement(random, 0.5), name), name)
-    data, q = model.createData(), pin.integrate(model, pin.neutral(model), 0.3 * np.ones(model.nv))
-    pin.framesForwardKinematics(model, data, q)
-    end = _placement(random, 0.2)
-    reached = data.oMi[body].actInv(data.oMi[hand] * end)
-    mark(model, body, "A", reached)
-    mark(model, hand, "B", end)
-    model.armature = random.uniform(0, 0.1, model.nv)
+        hand = add_joint(model, hand, f"arm_{k}", axis, random)
+        add_frame(model, f"point_arm_{k}", hand, random)
+    close(
+        model, body, hand, pin.integrate(model, pin.neutral(model), 0.3 * np.ones(model.nv)), random
+    )
     model.damping, model.friction = random.uniform(0, 2, (2, model.nv))
     closures = [Closure("A", "B", kind)] if kind else []
     return ClosedChain(model, [*closures, *more], options.pop("actuated", names), **options)
@@ -114,8 +187,7 @@ def chain(
 
 def with_joint(name: str, **options) -> ClosedChain:
     """The body on a joint of one kind."""
-    make = JOINTS[name] if name in JOINTS else IN_A_ROW[name][0]
-    return chain([(make(), pin.SE3.Identity())], **options)
+    return chain([(ALL_JOINTS[name](), pin.SE3.Identity())], **options)
 
 
 def rods() -> ClosedChain:
@@ -166,7 +238,7 @@ def cart() -> ClosedChain:
     One finger mimics the other; a third joint hangs behind both by a coupling.
     """
     model = pin.Model()
-    model.gravity.linear = np.array([0.7, -1.1, -9.6])
+    model.gravity.linear = GRAVITY
     points = np.array([[0.1, 0.2, 0.0], [-0.1, 0.1, 0.1], [0.05, 0.0, -0.2]])
     moments = points @ points.T
     body = pin.Inertia(1.5, points[0], moments.trace() * np.eye(3) - moments)

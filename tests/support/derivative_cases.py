@@ -11,9 +11,10 @@ from sst_pin import ClosedChain, robots
 from sst_pin.model.closures import Coupling, Distance
 from tests.gallery import EVERY_ROBOT
 from tests.support import any_chain
+from tests.support.any_chain import CONSTRAINTS, TREES, tree
 from tests.support.by_hand import add, at
+from tests.support.differences import random_q
 from tests.support.link_tables import ROBOTS, Z, four_bar
-from tests.support.trees import CONSTRAINTS, TREES, random_q, tree
 
 #: Sixth-order central differences: the steps of the values, and their weights.
 STEPS = (-3, -2, -1, 1, 2, 3)
@@ -140,8 +141,8 @@ def of_tree(name, kind, **options):
 
 def geared(**options):
     """A coupling by polynomials beside a rod."""
-    model = tree("RZ", ["RX", "PZ", "RX"], ["revolute", "universal", "PX"], seed=4)
-    follow = Coupling("a0_RX", {"b0_revolute": (0.1, -0.8, 0.3, 0.2), "a1_PZ": (0, 0.5, -0.4)}, 0.2)
+    model = tree("RY", ["RY", "PX", "RY"], ["revolute", "universal", "PX"], seed=4)
+    follow = Coupling("a0_RY", {"b0_revolute": (0.1, -0.8, 0.3, 0.2), "a1_PX": (0, 0.5, -0.4)}, 0.2)
     return case(model, [follow, Distance("A", "B", 0.9)], ["root"], **options)
 
 
