@@ -82,9 +82,11 @@ class KernelSource(NamedTuple):
 
 
 def body(
-    kernel: SymbolicKernel, size: int | None = None, suffix: str = "", *, one: bool = False
+    kernel: SymbolicKernel, size: int | None = None, suffix: str = "", *, in_memory: bool = False
 ) -> KernelSource:
-    """The C of a kernel for many samples or `one`; what depends on p alone is apart.
+    """The C of a kernel; what depends on p alone is apart.
+
+    With `in_memory` (GNU C) results that wait long are kept in an array.
 
     `size` is that of p before its constants, `suffix` that of numbers, "f" in single precision.
     """
@@ -92,11 +94,9 @@ def body(
     prepare = f"static void {kernel.name}_constants(constants p)"
     texts = [statements.function(prepare, ["(void)p;", *writer.lines["number"]])]
     lines, room = writer.lines["real"], kernel.output.numel() + kernel.checks.numel()
+    arranged = statements.with_results_in_memory if in_memory else list
     if len(lines) <= statements.LARGEST and not kernel.directions:
-        body_lines = statements.together(lines)
-        if one:
-            body_lines = statements.with_short_addresses(body_lines)
-        functions = {kernel.name: ["(void)p;", *body_lines]}
+        functions = {kernel.name: ["(void)p;", *arranged(statements.together(lines))]}
     else:
         whole = {kernel.name: lines}
         if kernel.directions:
@@ -112,7 +112,7 @@ def body(
         }
         arguments = "const real *x, parameters p, real *restrict y, real *restrict w"
         for k, piece in enumerate(parts):
-            lines = ["(void)x, (void)p, (void)y, (void)w;", *piece]
+            lines = ["(void)x, (void)p, (void)y, (void)w;", *arranged(piece)]
             texts.append(statements.function(f"PART {kernel.name}_{k}({arguments})", lines))
         room += handed_on
     for name, statements_of in functions.items():
@@ -236,7 +236,7 @@ def library(entry: str, kernels: Sequence[SymbolicKernel], lanes: int) -> str:
     parts = [f"#define LANES {lanes}", part("real.h"), part("driver.h")]
     size, room = None, 0
     for kernel in kernels:
-        text, size, own_room = body(kernel, size, one=lanes == 1)
+        text, size, own_room = body(kernel, size, in_memory=True)
         parts.append(text)
         room = max(room, own_room)
     last = kernels[-1]

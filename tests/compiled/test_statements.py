@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 
-from sst_pin.compiled.statements import with_short_addresses
+from sst_pin.compiled.statements import with_results_in_memory
 
 NUMBERS, INPUTS, OUTPUTS = 2000, 8, 20
 
@@ -50,7 +50,7 @@ def test_results_that_wait_in_an_array_are_the_same():
     """To the last bit; places that are free are taken again."""
     for seed in range(3):
         lines = straight_line(seed)
-        kept = with_short_addresses(lines)
+        kept = with_results_in_memory(lines)
         stored = sum(bool(re.match(r"w\d+\[", line)) for line in kept)
         places = int(re.fullmatch(r"real room\[(\d+)\];", kept[0])[1])
         assert 0 < places < stored < NUMBERS
@@ -60,5 +60,5 @@ def test_results_that_wait_in_an_array_are_the_same():
 def test_results_that_are_used_soon_stay_where_they_are():
     lines = [f"const real t{k} = x[{k % INPUTS}] + t{max(k - 50, 0)};" for k in range(NUMBERS)]
     lines[0] = "const real t0 = x[0];"
-    assert with_short_addresses(lines[50:]) == lines[50:]
-    assert with_short_addresses(straight_line(0)[:500]) == straight_line(0)[:500]
+    assert with_results_in_memory(lines[50:]) == lines[50:]
+    assert with_results_in_memory(straight_line(0)[:300]) == straight_line(0)[:300]
