@@ -160,7 +160,6 @@ def by_virtual_work(sst: sst_pin.ClosedChain) -> sst_pin.ClosedChain:
 
 ROBOTS: dict[str, Callable[[], sst_pin.ClosedChain]] = {
     "SST": sst_pin.SST,
-    "planar 3-RRR": sst_pin.robots.planar_3rrr,
     "hexaglide": sst_pin.robots.hexaglide,
 }
 
@@ -221,11 +220,11 @@ def count_ladders() -> dict[int, tuple[int, int]]:
 
 def counts_of(problem: str, _: Table) -> Table:
     """The operations of each method for each robot."""
-    table = [(f"{problem} dynamics", *KINDS, "all", "of one recursion")]
+    table = [(f"{problem} dynamics", ADD, MULTIPLY, "all", "of one recursion")]
     counts = count_all()
     for (its_problem, robot, name), tally in counts.items():
         if its_problem == problem:
-            numbers = *(tally[kind] for kind in KINDS), tally.total()
+            numbers = tally[ADD], tally[MULTIPLY], tally.total()
             ratio = tally.total() / counts[problem, robot, SHORT].total()
             table.append((f"{robot}: {name}", *map(str, numbers), f"{ratio:.2f}"))
     return table
