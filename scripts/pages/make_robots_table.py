@@ -14,15 +14,18 @@ from sst_pin.arrays import Array
 from tests.data import REFERENCE
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "robots.md"
-COUNTS = ("joints", "q, v", "closure rows", "redundant", "degrees of freedom", "motors")
+COUNTS = ("joints", "closure rows", "degrees of freedom", "motors")
 
 
 def counts(chain: ClosedChain, report: Any) -> tuple[str, ...]:
     """The cells of COUNTS, from a report of the mobility."""
-    rows, redundant, freedoms = report.rows, report.redundant_rows, report.degrees_of_freedom
-    sizes = f"{chain.model.nq}, {chain.model.nv}"
-    found = (len(chain.joint_names), sizes, len(rows), redundant, freedoms, len(chain.motor_names))
-    return tuple(map(str, found))
+    rows = (
+        f"{len(report.rows)} ({report.redundant_rows})"
+        if report.redundant_rows
+        else len(report.rows)
+    )
+    numbers = len(chain.joint_names), rows, report.degrees_of_freedom, len(chain.motor_names)
+    return tuple(map(str, numbers))
 
 
 def reference_torques(chain: ClosedChain, states: list[dict[str, Any]]) -> tuple[Array, Array]:
