@@ -33,7 +33,7 @@ from sst_pin.compiled import kernels, warp_batch
 from sst_pin.dynamics.quantities import Quantity
 
 ROOT = Path(__file__).resolve().parents[2]
-ROBOTS = ("ankle", "five_bar", "delta", "sst")
+ROBOTS = ("ankle", "delta", "sst")
 KERNELS = {name: Quantity(name) for name in ("torques", "accelerations")}
 KERNELS["steps"] = Quantity("rollout")
 #: Units of an SM for fused multiply-adds of doubles and floats, by architecture.
@@ -219,10 +219,10 @@ def table(rows: list[Row]) -> list[tuple[str, ...]]:
 
 def resource_table(rows: list[Row]) -> list[tuple[str, ...]]:
     """Resources of machine code, in a form to read."""
-    lines = [("robot", "kernel", "numbers", "operations", "registers", "stack, bytes", "code, kB")]
+    lines = [("robot", "operations", "registers", "stack, bytes", "code, kB")]
     for row in rows:
         numbers = row["operations"], row["registers"], row["stack"], round(row["code"] / 1000)
-        lines.append((row["robot"], row["kernel"], row["dtype"], *map(str, numbers)))
+        lines.append((row["robot"], *map(str, numbers)))
     return lines
 
 
@@ -235,7 +235,8 @@ def write_page(results: dict[str, Any]) -> None:
     if results.get("speeds"):
         tables["speeds"] = lambda _: table(results["speeds"])
     if results.get("resources"):
-        rows = [row for row in results["resources"] if row["kernel"] == "steps"]
+        steps = [row for row in results["resources"] if row["kernel"] == "steps"]
+        rows = [row for row in steps if row["dtype"] == "float64"]
         tables["resources"] = lambda _: resource_table(rows)
     markdown_tables.rewrite(ROOT / "docs" / "gpu.md", tables)
 
