@@ -75,15 +75,14 @@ def _motions() -> dict[str, Trajectory]:
 
 
 def reading_table(_: Table) -> Table:
-    names = [f"tau_{k}" for k in (1, 2, 3)]
-    heads = *(f"peak of {name}" for name in names), *(f"{name} at t = 0" for name in names)
-    table = [("reading", *heads, "largest change")]
+    table = [("reading", "peaks", "at t = 0", "largest change")]
     motions = _motions()
     for name, motion in motions.items():
         change = np.abs(motion.tau - motions[DEFAULT].tau).max()
         peaks = np.abs(motion.tau).max(axis=0)
         start = motion.tau[0].round(9) + 0.0  # no minus zero
-        table.append((name, *(f"{x:.2f}" for x in (*peaks, *start, change))))
+        numbers = (", ".join(f"{x:.2f}" for x in values) for values in (peaks, start, [change]))
+        table.append((name, *numbers))
     return table
 
 

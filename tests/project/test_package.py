@@ -113,17 +113,6 @@ def test_ci_runs_the_two_commands_of_the_readme_and_the_slow_tests():
     assert ".venv/bin/pytest -m slow" in script
 
 
-def test_functions_named_with_the_equations_exist():
-    page = (ROOT / "docs" / "theory.md").read_text(encoding="utf-8")
-    table = page.split("## Equations and functions")[1]
-    assert "`dynamics/noc.py`: `JointComplement`" in table
-    for line in table.splitlines():
-        for module, names in re.findall(r"`([\w/]+\.py)`: ((?:`\.?[\w.]+`(?:, )?)+)", line):
-            source = (ROOT / "sst_pin" / module).read_text()
-            for name in re.findall(r"`\.?([\w.]+)`", names):
-                assert re.search(rf"(def|class) {name.split('.')[-1]}\b", source), (module, name)
-
-
 def test_public_names_resolve_and_say_what_they_are():
     """Each once; classes and functions with words of their own."""
     assert len(set(sst_pin.__all__)) == len(sst_pin.__all__)
