@@ -84,18 +84,18 @@ class Controller(ABC):
         low, high = (-np.inf, np.inf) if self.limits is None else self.limits.T
         return bool((low <= tau).all() and (tau <= high).all())
 
-    def _desired(self, t: float) -> tuple[Array, Array, Array]:
-        """Positions, rates and accelerations of the coordinates at a time, shape (n,) each."""
-        inside = min(max(t, self.motion.t[0]), self.motion.t[-1])
-        x, rates, accelerations = (curve(inside) for curve in self._curves)
-        return (x, rates, accelerations) if t == inside else (x, 0 * rates, 0 * accelerations)
-
     def _errors(self, t: float, q: Array, va: Array) -> tuple[Array, Array, Array]:
         """Errors of positions, without full turns, and of rates; desired accelerations."""
-        x, rates, accelerations = self._desired(t)
+        inside = self._inside(t)
+        x, rates, accelerations = (curve(inside) for curve in self._curves)
         error = x - taken(self.chain.mechanism.space, q, self.chain.coordinates)
         error[self._turns] = in_one_turn(error[self._turns])
-        return error, rates - va, accelerations
+        moving = t == inside
+        return error, moving * rates - va, moving * accelerations
+
+    def _inside(self, t: float) -> float:
+        """The time of the motion that is closest."""
+        return float(min(max(t, self.motion.t[0]), self.motion.t[-1]))
 
     def _motors(self, q: Array, f: Array) -> Array:
         """The smallest torques that give forces f along the coordinates."""
@@ -190,6 +190,7 @@ class TrackingLQR(Controller):
         R: ArrayLike,
         limits: ArrayLike | None = None,
     ) -> None:
+        from scipy.interpolate import make_interp_spline
         from scipy.linalg import LinAlgError, solve_discrete_are
 
         super().__init__(chain, motion, limits=limits)
@@ -210,24 +211,19 @@ class TrackingLQR(Controller):
             P = (P + P.T) / 2
             gains_backwards.append(K)
         self.gains = np.array(gains_backwards[::-1])
+        self._between = make_interp_spline(motion.t, self.gains, k=1)
         self._feed, still = spline(motion.t, motion.tau), np.zeros((2, n))
         self._holding = chain.compute_torques(motion.q[[0, -1]], still, still)
 
     def _torque(self, t: float, q: Array, va: Array) -> Array:
-        times, size = self.motion.t, self.motion.t.size
-        place = np.interp(t, times, np.arange(size))
-        low = min(int(place), size - 2)
-        part = place - low
-        K = (1 - part) * self.gains[low] + part * self.gains[low + 1]
+        inside = self._inside(t)
         error, rate, _ = self._errors(t, q, va)
-        feed = self._feed(t)
-        if not times[0] <= t <= times[-1]:
-            feed = self._holding[int(t > times[-1])]
-        return feed + K @ np.concatenate([error, rate])
+        feed = self._feed(t) if t == inside else self._holding[int(t > inside)]
+        return feed + self._between(inside) @ np.concatenate([error, rate])
 
 
 def _weights(name: str, value: ArrayLike, size: int, least: float) -> Array:
-    """A symmetric matrix of weights, its eigenvalues at least this part of the largest."""
+    """A symmetric matrix of weights; its eigenvalues are at least this part of the largest."""
     weights = finite_array(name, value, ())
     matrix = np.diag(weights) if weights.shape == (size,) else weights
     if matrix.shape != (size, size) or not np.allclose(matrix, matrix.T):

@@ -46,6 +46,11 @@ def combinations(directions: Array, limits: Array) -> Array:
     return factors
 
 
+def sums_of(factors: Array, parts: Array) -> Array:
+    """Sums of parts, shape (..., motors), over the sizes of their factors, shape (..., sums)."""
+    return of_sizes(np.einsum("...rm,...m->...r", factors, parts), factors)
+
+
 def of_sizes(sums: Array, factors: Array) -> Array:
     """Sums of parts, shape (..., sums), over the sizes of their factors; 0 where these are 0."""
     sizes = np.abs(factors).sum(axis=-1)
@@ -58,9 +63,8 @@ def largest_part(tau: Array, directions: Array, limits: Array) -> Array:
 
     More than 1 is more than the motors can give.
     """
-    factors = combinations(directions, limits)
-    sums = np.einsum("...rm,...m->...r", factors, part_of(tau, limits))
-    return np.abs(of_sizes(sums, factors)).max(axis=-1, initial=0.0)
+    sums = sums_of(combinations(directions, limits), part_of(tau, limits))
+    return np.abs(sums).max(axis=-1, initial=0.0)
 
 
 def motors_of(chain: ClosedChain, factors: Array) -> list[str]:

@@ -19,7 +19,7 @@ from ..model.named_positions import put, taken
 from ..simulation.coordinate_motions import coordinate_positions
 from ..simulation.samples import spline
 from ..summaries import listed
-from .motor_limits import combinations, motors_of, of_sizes, part_of
+from .motor_limits import combinations, motors_of, of_sizes, part_of, sums_of
 
 #: The part of a limit that stays free at the grid's points, for what happens between them.
 MARGIN = 1e-4
@@ -135,10 +135,8 @@ class MotorLimits:
 
     def used(self, q: Array, va: Array, aa: Array) -> Array:
         """The largest part of a limit, shape (N,)."""
-        factors = self.factors(q)
-        sums = np.einsum("irk,ik->ir", factors, self.parts(q, va, aa))
-        forces = np.abs(of_sizes(sums, factors)).max(axis=1)
-        return np.maximum(forces, self.speeds(q, va).max(axis=1))
+        sums = sums_of(self.factors(q), self.parts(q, va, aa))
+        return np.maximum(np.abs(sums).max(axis=1), self.speeds(q, va).max(axis=1))
 
     def dry_friction(self, q: Array) -> Array:
         """Parts of the limits that Coulomb friction of each joint takes, shape (N, k, nv)."""
@@ -156,8 +154,7 @@ class MotorLimits:
     def require_rest(self, q: Array) -> None:
         """Refuse ends of a path, shape (2, nq), where the motors cannot hold the robot."""
         rest, factors = np.zeros((2, self.chain.degrees_of_freedom)), self.factors(q)
-        sums = np.einsum("irk,ik->ir", factors, self.parts(q, rest, rest))
-        over = np.argwhere(np.abs(of_sizes(sums, factors)) > 1 - MARGIN)
+        over = np.argwhere(np.abs(sums_of(factors, self.parts(q, rest, rest))) > 1 - MARGIN)
         if len(over):
             end, row = over[0]
             raise ActuationError(
@@ -171,18 +168,17 @@ class MotorLimits:
 
 
 class Parts(NamedTuple):
-    """Parts of the limits at points of a path, shape (N, k), as the head of this file says.
+    """Parts of the limits in both directions at points of a path, shape (N, k); the limits are 1.
 
-    Coulomb friction lies between `low` and `high`, which differ where joints rest. `most` is the
-    largest w, shape (N,).
+    a to d are those of the head of this file. `dry` is the largest Coulomb friction in the
+    direction; that of both directions differs where joints rest. `most` is the largest w, (N,).
     """
 
     a: Array
     b: Array
     c: Array
     d: Array
-    low: Array
-    high: Array
+    dry: Array
     most: Array
 
 
@@ -225,6 +221,9 @@ class PathForces:
         """All parts at points of the path."""
         with np.errstate(divide="ignore"):
             most = 1 / np.maximum(self._speeds(s).max(axis=1), 0)
-        sums, factors = [*np.moveaxis(self._smooth(s), 1, 0), *self._coulomb(s)], self._factors(s)
-        a, b, c, d, low, high = (of_sizes(each, factors) for each in sums)
-        return Parts(a, b, c, d, low, high, most)
+        factors, (low, high) = self._factors(s), self._coulomb(s)
+        smooth = np.moveaxis(self._smooth(s), 1, 0)
+        # a to d and the friction in one direction, then in the other.
+        ways = np.stack([*smooth, high]), np.stack([*-smooth, -low])
+        a, b, c, d, dry = np.concatenate([of_sizes(x, factors) for x in ways], axis=-1)
+        return Parts(a, b, c, d, dry, most)

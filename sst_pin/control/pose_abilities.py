@@ -16,13 +16,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, finite_array, name_samples, single_array
+from ..arrays import Array, finite_array, of_samples, single_array
 from ..closed_chain import ClosedChain
 from ..dynamics.torque_sharing import finite_limits
 from ..errors import ActuationError, InputError, SingularConfigurationError
 from ..model.thresholds import RANK_TOLERANCE, UNSUPPLIED
 from ..summaries import listed
-from .motor_limits import combinations, motors_of, of_sizes, part_of
+from .motor_limits import combinations, motors_of, part_of, sums_of
 
 
 class Ellipsoid(NamedTuple):
@@ -69,7 +69,7 @@ def force_ellipsoid(
         >>> ellipsoid.sizes.round(2), ellipsoid.axes.shape
         (array([  inf, 14.28, 10.2 ]), (3, 3))
     """
-    G = _supplied(chain, q, frame, turning, _sizes(chain, torques))
+    G, _ = _supplied(chain, q, frame, turning, _sizes(chain, torques))
     s, axes = _stretches(G.mT)
     with np.errstate(divide="ignore"):
         sizes = np.where(s > RANK_TOLERANCE * s[..., :1], 1 / s, np.inf)
@@ -100,31 +100,31 @@ def force_polytope(
         >>> sst_pin.force_polytope(lift, lift.home, "platform", 1.0).shape
         (4, 3)
     """
-    from scipy.spatial import HalfspaceIntersection
+    from scipy.spatial import ConvexHull
 
-    single, limits = single_array("q", q, (chain.mechanism.model.nq,)), _limits(chain, torques)
+    single = single_array("q", q, (chain.mechanism.model.nq,))
+    limits = finite_limits(torques, len(chain.motor_names), "torques")
     rest = np.zeros(chain.degrees_of_freedom)
     factors = combinations(chain.preload_directions(single), limits)
-    hold = part_of(chain.compute_torques(single, rest, rest), limits)
-    sums = of_sizes(factors @ hold, factors)
+    sums = sums_of(factors, part_of(chain.compute_torques(single, rest, rest), limits))
     if np.abs(sums).max() >= 1:
         names = listed(motors_of(chain, factors[np.abs(sums).argmax()]))
         raise ActuationError(f"no torque to spare in {names} when the motors hold the robot")
-    parts = 2 / np.ptp(limits, axis=1)[:, None] * _supplied(chain, single, frame, turning)
-    moving = _range(_jacobian(chain, single, frame, turning))
+    G, J = _supplied(chain, single, frame, turning)
+    moving = _range(J)
     if not len(moving):
         raise InputError("frame", f"{frame} cannot move so: the structure bears what acts on it")
-    rows = of_sizes((factors @ parts @ moving.T).T, factors).T
+    parts = 2 / np.ptp(limits, axis=1)[:, None] * G @ moving.T
+    rows = sums_of(factors, parts.T).T
+    # Forces x with rows x < room; the corners are the facets of the dual body of rows / room.
     rows, room = np.vstack([rows, -rows]), np.concatenate([1 - sums, 1 + sums])
-    rows, room = rows[rows.any(axis=1)], room[rows.any(axis=1)]
     if np.linalg.matrix_rank(rows, RANK_TOLERANCE * np.abs(rows).max(initial=0.0)) < len(moving):
         raise SingularConfigurationError("forces of the frame take no torques", np.inf)
+    dual = rows / room[:, None]
     if len(moving) == 1:
-        ends = room / np.where(rows[:, 0] > 0, rows[:, 0], np.nan)
-        back = room / np.where(rows[:, 0] < 0, rows[:, 0], np.nan)
-        return np.array([[np.nanmax(back)], [np.nanmin(ends)]]) @ moving
-    corners = HalfspaceIntersection(np.column_stack([rows, -room]), np.zeros(len(moving)))
-    return hull(corners.intersections) @ moving
+        return 1 / hull(dual) @ moving
+    facets = ConvexHull(dual).equations
+    return hull(-facets[:, :-1] / facets[:, -1:]) @ moving
 
 
 def acceleration_ellipsoid(
@@ -174,7 +174,7 @@ def acceleration_polytope(
         InputError: For wrong limits.
     """
     single = single_array("q", q, (chain.mechanism.model.nq,))
-    limits = _limits(chain, torques)
+    limits = finite_limits(torques, len(chain.motor_names), "torques")
     if len(limits) > 16:
         raise InputError("chain", f"{len(limits)} motors have too many corners")
     center, A = _accelerations_by_torques(chain, single, va, frame, turning)
@@ -182,58 +182,53 @@ def acceleration_polytope(
     return hull(np.array(list(product(*limits))) @ A.T @ moving.T) @ moving + center
 
 
-def _limits(chain: ClosedChain, torques: ArrayLike) -> Array:
-    """Least and largest torques, shape (motors, 2)."""
-    return finite_limits(torques, len(chain.motor_names), "torques")
-
-
 def _sizes(chain: ClosedChain, torques: ArrayLike) -> Array:
     """Largest torques, shape (motors,)."""
-    limits = _limits(chain, torques)
+    limits = finite_limits(torques, len(chain.motor_names), "torques")
     if not (limits[:, 0] == -limits[:, 1]).all():
         raise InputError("torques", "an ellipsoid has the same limits in both directions")
     return np.asarray(limits[:, 1])
 
 
-def _jacobian(chain: ClosedChain, q: ArrayLike, frame: str, turning: bool) -> Array:
-    """Rows of the frame's Jacobian, shape (..., 3, n), without what is rounding beside others."""
+def _jacobian(chain: ClosedChain, q: ArrayLike, frame: str) -> Array:
+    """The frame's Jacobian, shape (..., 6, n), without what is rounding beside other entries."""
     mechanism, J = chain.mechanism, chain.frame_jacobian(q, frame)
     units = np.repeat([mechanism.length, 1.0], 3)[:, None]
     sizes = np.abs(J) / units * mechanism.rate_scale[mechanism.coordinates]
-    sound = sizes > RANK_TOLERANCE * sizes.max(axis=(-1, -2), keepdims=True)
-    return np.where(sound, J, 0)[..., 3 * turning : 3 * turning + 3, :]
+    return np.where(sizes > RANK_TOLERANCE * sizes.max(axis=(-1, -2), keepdims=True), J, 0)
 
 
-def torques_of_forces(
-    chain: ClosedChain, q: ArrayLike, frame: str, turning: bool, sizes: Array | float = 1.0
-) -> Array:
-    """G: forces w of a frame take the torques G w, shape (..., motors, 3), in multiples of sizes.
+def _half(turning: bool) -> slice:
+    """Rows of turns, or of motions along axes."""
+    return slice(3, 6) if turning else slice(0, 3)
 
-    The sum of the squares of these multiples is the least.
-    """
-    A = (chain.actuator_jacobian(q) * np.reshape(sizes, (-1, 1))).mT
-    return np.asarray(np.linalg.pinv(A) @ _jacobian(chain, q, frame, turning).mT)
+
+def torques_of_wrenches(chain: ClosedChain, q: ArrayLike, frame: str) -> Array:
+    """G: [force; moment] w on the frame takes the torques G w, shape (..., motors, 6)."""
+    return np.asarray(np.linalg.pinv(chain.actuator_jacobian(q).mT) @ _jacobian(chain, q, frame).mT)
 
 
 def _supplied(
     chain: ClosedChain, q: ArrayLike, frame: str, turning: bool, sizes: Array | float = 1.0
-) -> Array:
-    """G as `torques_of_forces`, where the motors hold the coordinates that the forces move."""
-    mechanism, G = chain.mechanism, torques_of_forces(chain, q, frame, turning, sizes)
-    units = mechanism.rate_scale[mechanism.coordinates, None]
-    forces = _jacobian(chain, q, frame, turning).mT * units
+) -> tuple[Array, Array]:
+    """G, shape (..., motors, 3), of forces or moments, and rows J of the frame's Jacobian.
+
+    G gives torques in multiples of sizes; the sum of the squares of these is the least. Refuses
+    forces that move coordinates which no motor holds.
+    """
+    mechanism, J = chain.mechanism, _jacobian(chain, q, frame)[..., _half(turning), :]
     A = (chain.actuator_jacobian(q) * np.reshape(sizes, (-1, 1))).mT
-    left = np.abs(forces - A @ G * units)
-    over = left > UNSUPPLIED * np.abs(forces).max(axis=(-1, -2), keepdims=True)
+    G = np.asarray(np.linalg.pinv(A) @ J.mT)
+    units = mechanism.rate_scale[mechanism.coordinates, None]
+    forces, left = np.abs(J.mT) * units, np.abs(J.mT - A @ G) * units
+    over = left > UNSUPPLIED * forces.max(axis=(-1, -2), keepdims=True)
     if over.any():
         loose = over.any(axis=-1)
         names = [mechanism.coordinate_rate_names[k] for k in np.argwhere(loose)[:, -1]]
-        error = ActuationError(
-            f"no motor holds {listed(list(dict.fromkeys(names)))}, which a force on {frame} moves"
-        )
-        name_samples(error, np.flatnonzero(loose.any(axis=-1)).tolist(), loose.shape[:-1])
-        raise error
-    return G
+        problem = f"no motor holds {listed(list(dict.fromkeys(names)))}"
+        error = ActuationError(f"{problem}, which a force on {frame} moves")
+        raise of_samples(error, loose.any(axis=-1))
+    return G, J
 
 
 def _accelerations_by_torques(
@@ -245,10 +240,10 @@ def _accelerations_by_torques(
     rates = np.zeros(n) if va is None else finite_array("va", va, (n,))
     tau = np.vstack([np.zeros(motors), np.eye(motors)])
     aa = chain.compute_accelerations(configurations[..., None, :], rates[..., None, :], tau)
-    J = _jacobian(chain, configurations, frame, turning)
-    free = chain.frame_drift(configurations, rates, frame)[..., 3 * turning : 3 * turning + 3]
-    center = free + np.einsum("...ij,...j->...i", J, aa[..., 0, :])
-    return center, J @ (aa[..., 1:, :] - aa[..., :1, :]).mT
+    rows = _half(turning)
+    J = _jacobian(chain, configurations, frame)[..., rows, :]
+    drift = chain.frame_drift(configurations, rates, frame)[..., rows]
+    return drift + (J @ aa[..., 0, :, None])[..., 0], J @ (aa[..., 1:, :] - aa[..., :1, :]).mT
 
 
 def _stretches(A: Array) -> tuple[Array, Array]:
@@ -260,8 +255,9 @@ def _stretches(A: Array) -> tuple[Array, Array]:
 
 def _range(columns: Array) -> Array:
     """Orthonormal directions of the range of a matrix, (3, n), in rows."""
-    U, s, _ = np.linalg.svd(columns)
-    return np.asarray(U[:, : int((s > RANK_TOLERANCE * s.max(initial=0.0)).sum())].T)
+    from scipy.linalg import orth
+
+    return np.asarray(orth(columns, RANK_TOLERANCE).T)
 
 
 def hull(points: Array) -> Array:

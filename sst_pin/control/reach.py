@@ -24,7 +24,7 @@ from ..progress import counted
 from ..simulation.motion_columns import columns_of
 from ..summaries import listed
 from .motor_limits import largest_part
-from .pose_abilities import torques_of_forces
+from .pose_abilities import torques_of_wrenches
 
 #: What `ReachMap.why` counts.
 REASONS = ("reached", "joint limits", "singular", "out of reach", "cut off")
@@ -167,12 +167,12 @@ def reach_map(
     zero = single_array("rotation", zero, (3, 3))
     units = np.repeat([mechanism.length, 1.0], 3)[:, None]
     ratio = (mechanism.motor_scale / units)[counted]
-    first = _velocities(chain, home, frame)[counted] * ratio
+    first = torques_of_wrenches(chain, home, frame).mT[counted] * ratio
     _require_motion(first, np.array(_AXES)[counted], axes)
     poses, nearest = _poses(guide.pose(home), zero, named, axes)
     why, q = _flood(chain, guide, home, poses, nearest)
     reached = q[why == _REACHED]
-    A = _velocities(chain, reached, frame)
+    A = torques_of_wrenches(chain, reached, frame).mT
     tau = chain.compute_torques(reached, rest, rest) - np.roll(push, 3) @ A
     directions = chain.preload_directions(reached)
     pairs = zip(tau, directions, strict=True)
@@ -217,12 +217,6 @@ def _motor_guide(chain: ClosedChain, frame: str, counted: Flags) -> FrameGuide:
 
     generic, (position, _, _, orientation, _, _) = chain.generic_configuration(), map(bool, counted)
     return FrameGuide(mechanism, generic, frame, position, orientation, motor_rates)
-
-
-def _velocities(chain: ClosedChain, q: Array, frame: str) -> Array:
-    """A: rates of the motors move the frame by A times these, shape (..., 6, motors)."""
-    G = [torques_of_forces(chain, q, frame, turning) for turning in (False, True)]
-    return np.concatenate(G, axis=-1).mT
 
 
 def _require_motion(A: Array, counted: NDArray[np.str_], axes: Sequence[str]) -> None:

@@ -125,11 +125,10 @@ class _Profile(NamedTuple):
         """The largest part of a limit at each point tested in each interval, shape (tested, N)."""
         s = self.s[:-1] + np.diff(self.s) * _TESTED[:, None]
         x = np.interp(s, self.s, self.x).ravel()
-        a, b, c, d, low, high, most = forces.at(s.ravel())
-        w = np.sqrt(x)[:, None]
-        known = a * np.tile(self.u, len(_TESTED))[:, None] + b * w**2 + c + d * w
-        either = np.maximum(known + np.where(w > 0, high, 0), -known - np.where(w > 0, low, 0))
-        return np.maximum(either.max(axis=1), w[:, 0] / most).reshape(s.shape)
+        a, b, c, d, dry, most = forces.at(s.ravel())
+        u, w = np.tile(self.u, len(_TESTED))[:, None], np.sqrt(x)[:, None]
+        parts = a * u + b * w**2 + c + d * w + np.where(w > 0, dry, 0)
+        return np.maximum(parts.max(axis=1), w[:, 0] / most).reshape(s.shape)
 
 
 def _fastest(forces: PathForces) -> _Profile:
@@ -157,7 +156,7 @@ def _start(s: Array, forces: PathForces) -> Array:
     """w^2 where the linearization of viscous friction begins: below what friction allows."""
     parts = forces.at(s)
     x = _linear(s, forces.unit, parts)
-    free = np.maximum(1 - np.abs(parts.c) - np.maximum(parts.high, -parts.low), _CREEP)
+    free = np.maximum(1 - parts.c - parts.dry, _CREEP)
     with np.errstate(divide="ignore"):
         return np.minimum(x, (free / np.abs(parts.d)).min(axis=1) ** 2)
 
@@ -189,19 +188,15 @@ def _linear(s: Array, unit: float, parts: Parts) -> Array:
     # Its tolerances are numbers: time is in a unit in which w is about one.
     a, b, c = parts.a / unit**2, parts.b / unit**2, parts.c
     # Limits hold at both ends of each interval, with Coulomb friction of both ends.
-    rest = np.isin(np.arange(len(s)), (0, len(s) - 1))[:, None]
-    high, low = np.where(rest, 0, parts.high), np.where(rest, 0, parts.low)
-    high, low = np.maximum(high[:-1], high[1:]), np.minimum(low[:-1], low[1:])
+    dry = np.pad(parts.dry[1:-1], ((1, 1), (0, 0)))  # none at rest
+    dry = np.maximum(dry[:-1], dry[1:])
     at_end = a[1:] + 2 * np.diff(s)[:, None] * b[1:]
-    rows = (
-        np.hstack([a[:-1], -a[:-1], at_end, -at_end]),
-        np.hstack([b[:-1], -b[:-1], b[1:], -b[1:]]),
-        np.hstack([c[:-1] + high, -c[:-1] - low, c[1:] + high, -c[1:] - low]),
-    )
-    k = rows[0].shape[1]
+    pairs = (a[:-1], at_end), (b[:-1], b[1:]), (c[:-1] + dry, c[1:] + dry)
+    rows = (np.pad(np.hstack(pair), ((0, 1), (0, 0)), mode="edge") for pair in pairs)
+    k = 2 * a.shape[1]
     squares = np.minimum(((1 - MARGIN) * parts.most * unit) ** 2, 1e8)
     bounds = np.column_stack([np.zeros_like(s), squares])
-    constraint = *(np.vstack([x, x[-1:]]) for x in rows), np.eye(k), np.full(k, 1 - MARGIN)
+    constraint = *rows, np.eye(k), np.full(k, 1 - MARGIN)
 
     class Rows(LinearConstraint):  # type: ignore[misc]
         def __init__(self) -> None:
