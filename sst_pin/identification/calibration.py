@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,7 +25,7 @@ from ..simulation.frame_motions import targets_of
 from ..summaries import Summary, listed
 from .base_parameters import independent
 from .estimation import solved
-from .geometry_errors import enlarged, opening, without_errors
+from .geometry_errors import considered, enlarged, opening, without_errors
 from .urdf_numbers import with_origins
 
 #: An error whose part that other errors do not explain is smaller depends on them: the first of
@@ -38,10 +37,6 @@ _LEAST_NOISE = 1e-4
 #: After all steps the last one may be so large, in standard deviations of the errors.
 _UNSURE = 0.01
 _TOO_LARGE = "errors too large for Newton's method, or which= leaves out those that matter"
-
-
-class _UnsettledError(Exception):
-    """Newton's method does not settle, and why."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -156,124 +151,118 @@ def calibrate(
     angles = finite_array("x", x, (len(chain.coordinates),))
     if angles.ndim != 2:
         raise InputError("x", f"shape {angles.shape}, expected (N, {len(chain.coordinates)})")
-    measured = targets_of(poses, len(angles))
-    if any(position is None for position, _ in measured):
+    targets = targets_of(poses, len(angles))
+    if any(position is None for position, _ in targets):
         raise InputError("poses", "orientations alone; expected shapes (N, 3) or (N, 4, 4)")
-    large, errors = enlarged(chain, frame, which, urdf)
-    drawn = _configurations(chain, angles, start)
-    every = [x for x in large.mechanism.model.names if not chain.mechanism.model.existJointName(x)]
-    if alone := opening(large, every, drawn):
+    errors = considered(chain, frame, which, urdf)
+    drawn, large = _configurations(chain, angles, start), enlarged(chain, errors)
+    if alone := opening(large, errors, without_errors(large, chain, drawn)):
         if which is not None:
             problem = f"{listed(alone)}: each alone opens loops that no joint closes"
             raise InputError("which", f"{problem}, as the robot is overconstrained")
-        large, errors = enlarged(chain, frame, [x for x in every if x not in alone])
-    for tolerance in _TOLERANCES:
-        try:
-            found, values, root, noise = _found(large, frame, errors, drawn, measured, tolerance)
-            break
-        except SingularConfigurationError:
-            problem = "the errors open loops together, as the robot is overconstrained; name fewer"
-            raise InputError("which", f'{problem}, such as those of motors, "motor.r*"') from None
-        except _UnsettledError as error:
-            if tolerance == _TOLERANCES[-1]:
-                raise InputError("poses", str(error)) from None
-    kept = tuple(errors[k] for k in found)
-    hidden = tuple(name for name in errors if name not in kept)
-    errors_by_place = geometry.displacements(
-        chain.mechanism, dict(zip(kept, values.tolist(), strict=True))
-    )
-    robot = chain.with_model(geometry.displaced(chain.mechanism.model, errors_by_place))
-    return Calibration(kept, values, root @ root.T, noise, hidden, robot)
-
-
-def _found(
-    large: ClosedChain,
-    frame: str,
-    errors: list[str],
-    drawn: list[dict[str, float]],
-    measured: list[tuple[Array | None, Array | None]],
-    tolerance: float,
-) -> tuple[Indices, Array, Array, Array]:
-    """Indices of the errors found, their values, the root of their covariance, and the noise.
-
-    By Newton's method; an error whose part that the others do not explain is smaller than the
-    tolerance depends on them.
-    """
-    columns = [large.coordinates.index(name) for name in errors]
-    length = large.mechanism.length
-    units = np.where([".r" in name[-3:] for name in errors], 1.0, length)
-    q = [without_errors(large, each) for each in drawn]
-    noise = size = np.array([length, 1.0])
-    values = np.zeros(len(errors))
-    for step_number in counted(range(_STEPS), "calibrate, steps of Newton's method"):
-        errors_now, rows, rests = dict(zip(errors, values, strict=True)), [], []
-        for k, target in enumerate(measured):
-            with _unsettled_after(step_number):
-                q[k] = large.assemble(put(large.mechanism.space, q[k], errors_now))
-            position, rotation = large.frame_placement(q[k], frame)
-            rests.append(pose_error(pin.SE3(rotation, position), *target))
-            rows.append(large.frame_jacobian(q[k], frame)[: len(rests[k]), columns])
-        weights = np.repeat(1 / noise, 3)[: len(rests[0])]
-        A = np.array(rows) * weights[:, None] * units
-        z = np.array(rests) * weights
-        if step_number == 0:
-            _require_near(np.array(rests)[:, :3], length)
-            found = independent(A.reshape(-1, len(errors)), tolerance)
-            if z.size <= found.size:
-                problem = f"{z.size} equations for {found.size} errors; give more poses, or which="
-                raise InputError("poses", problem)
-        try:
-            step, root = solved(A[..., found], z)
-        except InputError:
-            raise _UnsettledError(_TOO_LARGE) from None
-        values[found] += step * units[found]
-        left = (z - A[..., found] @ step).reshape(len(z), -1, 3)
-        scale = np.sqrt(np.mean(left**2, axis=(0, 2)) * left.size / (left.size - found.size))
-        noise = noise[: len(scale)] * scale / size[: len(scale)]
-        noise = np.maximum(noise, max(1e-13, _LEAST_NOISE * noise.max())) * size[: len(scale)]
-        if step_number and np.abs(step).max(initial=0.0) < _SETTLED:
-            break
-    else:
-        if (np.abs(step) > _UNSURE * np.linalg.norm(root, axis=1)).any():
-            problem = f"the errors do not settle in {_STEPS} steps; give which= or better poses"
-            raise _UnsettledError(problem)
-    return found, values[found], root * units[found][:, None], noise
-
-
-@contextmanager
-def _unsettled_after(steps: int) -> Iterator[None]:
-    """After some steps a pose that cannot be assembled means that the errors are too large."""
+        large = enlarged(chain, [x for x in errors if x not in alone])
+    names = large.coordinates[len(chain.coordinates) :]
+    poses_of_errors = _Poses(large, frame, names, targets)
+    q = without_errors(large, chain, drawn)
     try:
-        yield
-    except (ClosureError, SingularConfigurationError):
-        if steps == 0:
-            raise
-        raise _UnsettledError(_TOO_LARGE) from None
+        z, A = poses_of_errors.linearized(q)
+    except SingularConfigurationError:
+        problem = "the errors open loops together, as the robot is overconstrained; name fewer"
+        raise InputError("which", f'{problem}, such as those of motors, "motor.r*"') from None
+    _require_near(z[:, :3], large.mechanism.length)
+    for tolerance in _TOLERANCES:
+        found = independent(A.reshape(-1, len(names)), tolerance)
+        if z.size <= found.size:
+            problem = f"{z.size} equations for {found.size} errors; give more poses, or which="
+            raise InputError("poses", problem)
+        try:
+            values, root, noise = poses_of_errors.fitted(q, found)
+            break
+        except InputError:
+            if tolerance == _TOLERANCES[-1]:
+                raise
+    errors_found = {names[k]: float(x) for k, x in zip(found, values, strict=True)}
+    hidden = tuple(name for name in names if name not in errors_found)
+    displacements = geometry.displacements(chain.mechanism, errors_found)
+    robot = chain.with_model(geometry.displaced(chain.mechanism.model, displacements))
+    return Calibration(tuple(errors_found), values, root @ root.T, noise, hidden, robot)
+
+
+class _Poses:
+    """Poses of a frame by the errors of an enlarged robot, and the measured ones.
+
+    All is free of units: positions and slides are parts of the robot's length.
+    """
+
+    def __init__(
+        self,
+        large: ClosedChain,
+        frame: str,
+        names: Sequence[str],
+        targets: list[tuple[Array | None, Array | None]],
+    ) -> None:
+        self._large, self._frame, self._names, self._targets = large, frame, names, targets
+        self._columns = [large.coordinates.index(name) for name in names]
+        #: Of the errors, and of positions and orientations.
+        self._units = large.mechanism.rate_scale[large.mechanism.coordinates[self._columns]]
+        self._sizes = np.array([large.mechanism.length, 1.0])
+
+    def linearized(self, q: Array) -> tuple[Array, Array]:
+        """What is missing to the targets, shape (N, m), and its part by each error, (N, m, k)."""
+        places = map(pin.SE3, self._large.engine.placements(q, self._frame))
+        pairs = zip(places, self._targets, strict=True)
+        z = np.array([pose_error(place, *target) for place, target in pairs])
+        sizes = np.repeat(self._sizes, 3)[: z.shape[1]]
+        J = self._large.frame_jacobian(q, self._frame)[:, : z.shape[1], self._columns]
+        return z / sizes, J / sizes[:, None] * self._units
+
+    def fitted(self, q: Array, found: Indices) -> tuple[Array, Array, Array]:
+        """Values of errors, the root of their covariance, and the noise, by Newton's method."""
+        units, values, noise = self._units[found], np.zeros(found.size), np.ones(1)
+        space, names = self._large.mechanism.space, [self._names[k] for k in found]
+        for step_number in counted(range(_STEPS), "calibrate, steps of Newton's method"):
+            errors = dict(zip(names, np.tile(values * units, (len(q), 1)).T, strict=True))
+            try:
+                q = self._large.assemble(put(space, q, errors))
+                z, A = self.linearized(q)
+                weights = np.repeat(1 / np.resize(noise, z.shape[1] // 3), 3)
+                z, A = z * weights, A[..., found] * weights[:, None]
+                step, root = solved(A, z)
+            except (ClosureError, SingularConfigurationError, InputError):
+                raise InputError("poses", _TOO_LARGE) from None
+            values += step
+            left = (z - A @ step).reshape(len(z), -1, 3)
+            scale = np.sqrt(np.mean(left**2, axis=(0, 2)) * left.size / (left.size - found.size))
+            noise = noise * scale
+            noise = np.maximum(noise, max(1e-13, _LEAST_NOISE * noise.max()))
+            if step_number and np.abs(step).max(initial=0.0) < _SETTLED:
+                break
+        else:
+            if (np.abs(step) > _UNSURE * np.linalg.norm(root, axis=1)).any():
+                problem = f"the errors do not settle in {_STEPS} steps; give which= or better poses"
+                raise InputError("poses", problem)
+        return values * units, root * units[:, None], noise * self._sizes[: noise.size]
 
 
 def _require_near(away: Array, length: float) -> None:
     """Refuse positions that no errors of a geometry explain, such as those in millimetres."""
     sizes = np.linalg.norm(away, axis=1)
-    if sizes.max(initial=0.0) > 10 * length:
+    if sizes.max(initial=0.0) > 10:
         k = int(sizes.argmax())
-        problem = f"pose {k} is {sizes[k]:.4g} m from the frame of the robot as it is drawn"
+        problem = f"pose {k} is {sizes[k] * length:.4g} m from the frame of the robot as drawn"
         raise InputError("poses", f"{problem}, {length:.3g} m long; check units, base and start")
 
 
-def _configurations(
-    chain: ClosedChain, angles: Array, start: ArrayLike | None
-) -> list[dict[str, float]]:
-    """Entries of the configurations of the robot as it is drawn, by name."""
+def _configurations(chain: ClosedChain, angles: Array, start: ArrayLike | None) -> Array:
+    """Configurations of the robot as it is drawn, shape (N, nq)."""
     guesses = None if start is None else finite_array("start", start, ())
     size = len(chain.position_names)
     if guesses is not None and guesses.shape not in ((size,), (len(angles), size)):
         raise InputError("start", f"shape {guesses.shape}, expected (nq,) or (N, nq)")
+    if guesses is None or guesses.ndim == 1:
+        return configurations_of(chain.engine, angles, guesses)
 
     def assembled(x: Array, guess: Array) -> Array:
         return placed(chain.engine, dict(zip(chain.coordinates, x, strict=True)), guess)
 
-    if guesses is None or guesses.ndim == 1:
-        q = configurations_of(chain.engine, angles, guesses)
-    else:
-        q = for_each_sample(assembled, [angles, guesses], (1, 1), (size,))
-    return [dict(zip(chain.position_names, each, strict=True)) for each in q]
+    return for_each_sample(assembled, [angles, guesses], (1, 1), (size,))

@@ -5,7 +5,7 @@ The natural orthogonal complement of this robot has the derivatives of a pose by
 closed loops.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 
@@ -26,16 +26,10 @@ from .urdf_numbers import bearers_of
 _CLOSED = 1e-6
 
 
-def enlarged(
-    chain: ClosedChain,
-    frame: str,
-    which: Sequence[str] | None,
-    urdf: str | Path | None = None,
-) -> tuple[ClosedChain, list[str]]:
-    """The robot whose geometry can err, and the names of the errors that are independent.
-
-    With a URDF, they are errors that it can store.
-    """
+def considered(
+    chain: ClosedChain, frame: str, which: Sequence[str] | None, urdf: str | Path | None
+) -> list[str]:
+    """Names of the errors that fit patterns; with a URDF, it has to store them."""
     mechanism = chain.mechanism
     frame_id(mechanism.model, frame)
     places = list(dict.fromkeys([*geometry.places_of(mechanism), frame]))
@@ -50,35 +44,37 @@ def enlarged(
     if others := [name for name in errors if name.rpartition(".")[0] not in stored]:
         problem = f"{urdf} cannot store {listed(others)}: no joint of it is there; leave them out"
         raise InputError("which", problem)
+    return errors
+
+
+def enlarged(chain: ClosedChain, errors: Sequence[str]) -> ClosedChain:
+    """The robot whose geometry can err; its coordinates are the chain's and independent errors."""
+    mechanism = chain.mechanism
     ways = [geometry.displacements(mechanism, {name: 1.0}) for name in errors]
     joints = [(name, *pair) for name, way in zip(errors, ways, strict=True) for pair in way.items()]
     model = geometry.enlarged(mechanism.model, joints)
     large = ClosedChain(model, chain.closures, [*chain.coordinates, *errors])
     if lost := set(chain.coordinates) - set(large.coordinates):
         raise InputError("which", f"the errors leave no choice of {listed(sorted(lost))}")
-    return large, [name for name in errors if name in large.coordinates]
+    return large
 
 
-def opening(
-    large: ClosedChain, errors: list[str], drawn: Sequence[Mapping[str, float]]
-) -> list[str]:
-    """The errors that alone open the loops of the robot as it is drawn, in all its poses."""
-    model = large.mechanism.model
-    columns = [model.joints[model.getJointId(name)].idx_v for name in errors]
+def without_errors(large: ClosedChain, chain: ClosedChain, q: Array) -> Array:
+    """Configurations of the enlarged robot for those of the chain, shape (N, nq)."""
+    result = np.tile(pin.neutral(large.mechanism.model), (len(q), 1))
+    result[:, [large.position_names.index(name) for name in chain.position_names]] = q
+    return result
+
+
+def opening(large: ClosedChain, errors: Sequence[str], q: Array) -> list[str]:
+    """The errors that alone open the loops in all configurations of the enlarged robot."""
+    columns = large.mechanism.space.rates_of(errors)
     least = np.full(len(errors), np.inf)
-    for positions in drawn:
-        Phi = large.Phi(without_errors(large, positions)) * large.mechanism.rate_scale
+    for configuration in q:
+        Phi = large.Phi(configuration) * large.mechanism.rate_scale
         Phi *= large.mechanism.row_scale[:, None]
         U, s, _ = np.linalg.svd(np.delete(Phi, columns, axis=1), full_matrices=False)
         closing = U[:, s > RANK_TOLERANCE * s.max(initial=0.0)]
         E = Phi[:, columns]
         least = np.minimum(least, np.linalg.norm(E - closing @ (closing.T @ E), axis=0))
     return [name for name, size in zip(errors, least, strict=True) if size > _CLOSED]
-
-
-def without_errors(large: ClosedChain, positions: Mapping[str, float]) -> Array:
-    """The configuration of the enlarged robot where that without errors has given positions."""
-    q = pin.neutral(large.mechanism.model)
-    for k, name in enumerate(large.position_names):
-        q[k] = positions.get(name, q[k])
-    return np.asarray(q, float)
