@@ -145,11 +145,11 @@ class Assembly:
             self._known_parts[key] = list(self._parts(free))
         parts = self._known_parts[key]
         scales = np.array([self.mechanism.row_scale[rows].max() for rows, _ in parts])
+        least = np.maximum(1e-4 * _ASSEMBLED, _ROUNDING * self.loops.distance * scales)
         before = [np.full(len(parts), np.inf)] * _PATIENCE
         open_still = np.ones(len(parts), dtype=bool)
         for _ in range(_STEPS):
             sizes = np.array([_size(f[rows]) for rows, _ in parts])
-            least = np.maximum(1e-4 * _ASSEMBLED, _ROUNDING * self.loops.distance * scales)
             open_still &= (sizes >= least) & (sizes < 0.9 * before[-_PATIENCE])
             busy = [parts[k] for k in np.flatnonzero(open_still)]
             if not busy:

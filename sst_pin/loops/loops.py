@@ -96,9 +96,7 @@ class Loops:
     @property
     def distance(self) -> float:
         """Largest coordinate of the closures' frames in the world, [m]."""
-        frames = {frame for _, rows in self.of_frames for frame in rows.frames}
-        places = [np.abs(self.data.oMf[frame].translation).max() for frame in frames]
-        return float(max(places, default=0.0))
+        return max((rows.distance for _, rows in self.of_frames), default=0.0)
 
     def require_closed(self, scale: Array, tolerance: float = CLOSURE_TOLERANCE) -> None:
         """Check that all errors, times the scale of their rows, are below the tolerance."""

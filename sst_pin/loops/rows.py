@@ -231,6 +231,11 @@ class FrameRows:
         self._J = self._jacobians(pin.getFrameJacobian, data)
         self.Phi = self.W.dot(self._J).dot(self._S)  # Eqs. (3), (4)
 
+    @property
+    def distance(self) -> float:
+        """Largest coordinate of both frames in the world, [m]."""
+        return float(np.abs(self._M[:, :3, 3]).max())
+
     def Phi_dot(self, v: Array, data: pin.Data) -> Array:
         """Rate of Phi, shape (rows, nv); `data` has velocities and rates of Jacobians at v."""
         model, where = self._model, pin.WORLD
