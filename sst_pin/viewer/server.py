@@ -34,6 +34,26 @@ class Server:
         self.url = url_of(host, sockets[0].getsockname()[1])
         self.visited = threading.Event()  #: Set once a page has come to listen.
         self._pages: set[tornado.websocket.WebSocketHandler] = set()
+        self._loop = asyncio.new_event_loop()
+        self._done = asyncio.Event()
+
+        async def run() -> None:
+            http = HTTPServer(self._application(page, state, host))
+            http.add_sockets(sockets)
+            await self._done.wait()
+            http.stop()
+            for listener in tuple(self._pages):
+                listener.close()
+            await http.close_all_connections()
+
+        self._thread = threading.Thread(
+            target=lambda: self._loop.run_until_complete(run()), name=self.url, daemon=True
+        )
+        self._thread.start()
+
+    def _application(
+        self, page: Callable[[], str], state: Callable[[], Iterable[Message]], host: str
+    ) -> tornado.web.Application:
         server = self
 
         class Ours(tornado.web.RequestHandler):
@@ -57,22 +77,7 @@ class Server:
             def on_close(self) -> None:
                 server._pages.discard(self)
 
-        self._loop = asyncio.new_event_loop()
-        self._done = asyncio.Event()
-
-        async def run() -> None:
-            http = HTTPServer(tornado.web.Application([("/", Page), ("/socket", Socket)]))
-            http.add_sockets(sockets)
-            await self._done.wait()
-            http.stop()
-            for listener in tuple(self._pages):
-                listener.close()
-            await http.close_all_connections()
-
-        self._thread = threading.Thread(
-            target=lambda: self._loop.run_until_complete(run()), name=self.url, daemon=True
-        )
-        self._thread.start()
+        return tornado.web.Application([("/", Page), ("/socket", Socket)])
 
     def send(self, message: Message) -> None:
         """Tell every page that listens."""
