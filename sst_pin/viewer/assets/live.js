@@ -96,7 +96,7 @@ const live = (() => {
     if (note) words.unshift(note);
     if (running) well.push(`t = ${r.time.toFixed(1)} s${pace < 0.9 ? `, at ${pace.toFixed(2)} of real time` : ""}`);
     else if (!r.holds) well.push(`${tau.length} motors do not hold ${r.va.length} coordinates: no torques at rest`);
-    else if (!words.length) well.push("loops closed, not singular; below the torques that hold this pose");
+    else if (!words.length) well.push("loops closed, not singular; the torques below hold this pose");
     const [kinetic, potential] = r.energies();
     if (resting && !kinetic) well.push("no force moves this robot at rest: drag a part, or drive its motors");
     at("told").replaceChildren(...listed(words, ""), ...listed(well, "well"));
