@@ -23,8 +23,10 @@ class _Drive(NamedTuple):
     The crank points backward at 0, and so does the link's lever where the joint is at 0.
     """
 
-    #: What it moves, in the names of motor, rod and frames.
+    #: Of motor, rod and frames.
     name: str
+    #: The joint of the link.
+    link: str
     #: The motor's axis in the frame of the joint, its link not turned, shape (3,), [m].
     motor: Array
     #: Length of the crank, [m].
@@ -35,8 +37,8 @@ class _Drive(NamedTuple):
     length: float
 
     def add(self, tree: Tree, parent: str, at: pin.SE3, rod_mass: float, crank_mass: float) -> None:
-        """Crank and rod, the joint of the link placed at `at` on the parent."""
-        knee, motor, link = self.name == "knee", f"motor_{self.name}", f"rod_{self.name}"
+        """Add crank and rod, the joint of the link placed at `at` on the parent."""
+        knee, motor, link = self.link == "knee", f"motor_{self.name}", f"rod_{self.name}"
         crank = rod(crank_mass, (-self.crank, 0, 0), 0.008)
         tree.joint(motor, _RY(), crank, parent, at * shift(self.motor))
         kind = _RY() if knee else pin.JointModelUniversal(*np.eye(3)[:2])
@@ -44,19 +46,20 @@ class _Drive(NamedTuple):
         tree.joint(link, kind, bars, motor, shift((-self.crank, 0)))
         tree.frame(f"end_{self.name}", link, (0, 0, -self.length))
 
-    def closure(self, tree: Tree, link: str) -> Closure:
-        """The ball between the rod and a link."""
-        tree.frame(f"lever_{self.name}", link, self.eye)
+    def closure(self, tree: Tree) -> Closure:
+        """Add the ball between the rod and the link."""
+        tree.frame(f"lever_{self.name}", self.link, self.eye)
         return Closure(f"lever_{self.name}", f"end_{self.name}", "3d")
 
-    def angles(self, turn: Array) -> tuple[float, Array]:
-        """Angle of the motor, and the rod in the crank's axes, for a link's orientation; or NaN."""
+    def joints(self, turn: Array) -> Joints:
+        """Angles of motor and rod for an orientation of the link; NaN out of reach."""
         x, y, z = turn @ self.eye - self.motor
         square = x * x + y * y + z * z
         middle = (square + self.crank**2 - self.length**2) / (2 * self.crank)
         motor = np.arctan2(z, -x) + np.arccos(middle / np.hypot(x, z))
-        along = rpyToMatrix(0.0, motor, 0.0).T @ (x, y, z) + (self.crank, 0.0, 0.0)
-        return float(motor), along
+        up = -(_pitch_roll(motor).T @ (x, y, z)) - (self.crank, 0.0, 0.0)
+        bar = np.arctan2(up[0], up[2]) if self.link == "knee" else universal(up)
+        return {f"motor_{self.name}": motor, f"rod_{self.name}": bar}
 
 
 @of_dimensions
@@ -122,7 +125,7 @@ def knee(
     drive, at = _knee_drive(height, crank, lever), shift((0, 0, -thigh))
     closures = _add_knee(tree, "universe", at, drive, (rod_mass, link_mass), shank)
     tree.platform("knee")
-    home = at * pin.SE3(_pitch_roll(0.8, 0.0), np.zeros(3))
+    home = at * pin.SE3(_pitch_roll(0.8), np.zeros(3))
     return GalleryRobot(tree, closures, ["motor_knee"], partial(_knee_joints, drive), home)
 
 
@@ -172,15 +175,14 @@ def _ankle_drives(width: float, lever: float, heights: tuple[float, float]) -> l
     drives = []
     for name, y, height in zip(("left", "right"), (width, -width), heights, strict=True):
         motor, eye = np.array([0, y, height]), np.array([-lever, y, 0])
-        drives.append(_Drive(name, motor, lever, eye, height))
+        drives.append(_Drive(name, "ankle_roll", motor, lever, eye, height))
     return drives
 
 
 def _knee_drive(height: float, crank: float, lever: float) -> _Drive:
     """The knee's, its lever level where the knee is bent by 1 rad, and its crank level too."""
-    eye = rpyToMatrix(0.0, -1.0, 0.0) @ (-lever, 0.0, 0.0)
-    length = float(np.hypot(height, crank - lever))
-    return _Drive("knee", np.array([0.0, 0.0, height]), crank, eye, length)
+    eye, length = _pitch_roll(-1.0) @ (-lever, 0.0, 0.0), float(np.hypot(height, crank - lever))
+    return _Drive("knee", "knee", np.array([0.0, 0.0, height]), crank, eye, length)
 
 
 def _add_knee(
@@ -189,7 +191,7 @@ def _add_knee(
     rod_mass, link_mass = masses
     drive.add(tree, parent, at, rod_mass, rod_mass)
     tree.joint("knee", _RY(), rod(link_mass, (0, 0, -shank), 0.03), parent, at)
-    return [drive.closure(tree, "knee")]
+    return [drive.closure(tree)]
 
 
 def _add_ankle(
@@ -204,34 +206,25 @@ def _add_ankle(
     foot = box(0.95 * foot_mass, edges, centre)
     tree.joint("ankle_roll", pin.JointModelRX(), foot, "ankle_pitch")
     tree.platform("ankle_roll")
-    return [drive.closure(tree, "ankle_roll") for drive in drives]
+    return [drive.closure(tree) for drive in drives]
 
 
-def _pitch_roll(pitch: float, roll: float) -> Array:
+def _pitch_roll(pitch: float, roll: float = 0.0) -> Array:
     """Orientation by turns about y and then the moved x, shape (3, 3)."""
     return np.asarray(rpyToMatrix(0.0, pitch, 0.0) @ rpyToMatrix(roll, 0.0, 0.0))
 
 
-def _pitch_and_roll(R: Array) -> tuple[float, float]:
-    """Angles of an orientation by turns about y and then the moved x."""
-    return float(np.arctan2(-R[2, 0], R[0, 0])), float(np.arctan2(-R[1, 2], R[1, 1]))
-
-
 def _knee_joints(drive: _Drive, pose: pin.SE3) -> Joints:
-    return _bent_knee(drive, _pitch_and_roll(pose.rotation)[0])
-
-
-def _bent_knee(drive: _Drive, bend: float) -> Joints:
-    motor, along = drive.angles(rpyToMatrix(0.0, bend, 0.0))
-    return {"motor_knee": motor, "rod_knee": float(np.arctan2(-along[0], -along[2])), "knee": bend}
+    bend = float(np.arctan2(-pose.rotation[2, 0], pose.rotation[0, 0]))
+    return {"knee": bend} | drive.joints(_pitch_roll(bend))
 
 
 def _ankle_joints(drives: list[_Drive], pose: pin.SE3) -> Joints:
-    pitch, roll = _pitch_and_roll(pose.rotation)
+    R = pose.rotation
+    pitch, roll = float(np.arctan2(-R[2, 0], R[0, 0])), float(np.arctan2(-R[1, 2], R[1, 1]))
     joints: Joints = {"ankle_pitch": pitch, "ankle_roll": roll}
     for drive in drives:
-        motor, along = drive.angles(_pitch_roll(pitch, roll))
-        joints |= {f"motor_{drive.name}": motor, f"rod_{drive.name}": universal(-along)}
+        joints |= drive.joints(_pitch_roll(pitch, roll))
     return joints
 
 
@@ -240,5 +233,6 @@ def _leg_joints(
 ) -> Joints:
     x, _, z = pose.translation
     hip, bend = two_link((-z, -x), *lengths, 1)
-    turned = pin.SE3(rpyToMatrix(0.0, -hip - bend, 0.0) @ pose.rotation, np.zeros(3))
-    return {"hip": hip} | _bent_knee(knee_drive, bend) | _ankle_joints(ankle_drives, turned)
+    above = {"hip": hip, "knee": bend} | knee_drive.joints(_pitch_roll(bend))
+    turned = pin.SE3(_pitch_roll(-hip - bend) @ pose.rotation, np.zeros(3))
+    return above | _ankle_joints(ankle_drives, turned)
