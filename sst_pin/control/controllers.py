@@ -33,8 +33,7 @@ class Controller(ABC):
             shape (motors, 2); none by default.
 
     Raises:
-        InputError: For a motion of another robot, wrong limits, or a coordinate that is a
-            ball joint or a free body.
+        InputError: For a motion of another robot.
         ActuationError: If the motors do not hold all coordinates.
     """
 

@@ -97,12 +97,11 @@ class Linkage:
 
         Args:
             positions: Shape (..., motors), [rad] or [m]; of a motor on a line its length.
-            start: A configuration with closed loops, shape (nq,); by default `home`.
+            start: As in `from_joints`.
 
         Raises:
             ClosureError, SingularConfigurationError: If the way there leads out of reach.
-            WorkspaceError: If there are more motors than joints, and no positions of the joints
-                give these of the motors.
+            WorkspaceError: If no positions of the joints give these of more motors.
         """
         first = self._start(start)
         here, driven = self.motor_positions(first), self._driven

@@ -59,9 +59,6 @@ def force_ellipsoid(
 
     Raises:
         ActuationError: Where a force of the frame moves a coordinate that no motor holds.
-        InputError: For limits that are not positive.
-        UnknownNameError: For an unknown frame.
-        ClosureError, SingularConfigurationError: As `frame_jacobian`.
 
     Example:
         >>> lift = sst_pin.robots.five_bar()
@@ -92,8 +89,8 @@ def force_polytope(
     Raises:
         ActuationError: If the motors have nothing to spare at q, or a force of the frame moves a
             coordinate that no motor holds.
-        InputError: For wrong limits, or a frame that cannot move so.
-        SingularConfigurationError: Where a motor needs no torque for a force.
+        InputError: For a frame that cannot move so.
+        SingularConfigurationError: Where a force takes no torques.
 
     Example:
         >>> lift = sst_pin.robots.five_bar()
@@ -143,11 +140,6 @@ def acceleration_ellipsoid(
 
     Returns:
         Accelerations, [m/s^2] or [rad/s^2]; the center is that without torques.
-
-    Raises:
-        InputError: For limits that are not positive.
-        UnknownNameError: For an unknown frame.
-        ClosureError, SingularConfigurationError: As `compute_accelerations`.
     """
     center, A = _accelerations_by_torques(chain, q, va, frame, turning)
     return Ellipsoid(center, *_stretches(A * _sizes(chain, torques)))
@@ -169,9 +161,6 @@ def acceleration_polytope(
 
     Returns:
         Shape (corners, 3), in base axes, [m/s^2] or [rad/s^2]; in a plane one after the other.
-
-    Raises:
-        InputError: For wrong limits.
     """
     single = single_array("q", q, (chain.mechanism.model.nq,))
     limits = finite_limits(torques, len(chain.motor_names), "torques")

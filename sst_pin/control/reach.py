@@ -134,11 +134,10 @@ def reach_map(
         start: A guess of all joints, shape (nq,), that selects the modes; by default `home`.
 
     Raises:
-        InputError: For other than two grids, wrong grids or limits, a start beyond joint limits, or
-            a frame that cannot move along the grid.
+        InputError: For other than two grids, a start beyond joint limits, or a frame that cannot
+            move along the grid.
         ActuationError: If the motors cannot hold the robot.
         ClosureError: If the start cannot be assembled.
-        UnknownNameError: For an unknown frame.
 
     Example:
         >>> lift = sst_pin.robots.five_bar()

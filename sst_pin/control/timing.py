@@ -58,11 +58,9 @@ def time_optimal(
         dt: Longest step between samples of the motion, [s].
 
     Raises:
-        InputError: For a path that does not move or jumps, wrong limits, or a coordinate
-            that is a ball joint or a free body.
+        InputError: For a path that does not move, turns back or jumps.
         ActuationError: If the motors cannot hold the robot at the ends of the path, or cannot
             follow the path within the limits.
-        ClosureError, SingularConfigurationError: Where the loops open, or are singular.
         MissingExtraError: Without toppra, `sst-pin[timing]`.
 
     Example:
