@@ -43,9 +43,6 @@ class BaseParameters(Summary):
         columns: Columns of the regressor, one for each combination, shape (b,).
         considered: Indices of the parameters considered.
         unseen: Names of the parameters considered that change no force.
-
-    Example:
-        See `base_parameters`.
     """
 
     names: tuple[str, ...]
@@ -58,7 +55,6 @@ class BaseParameters(Summary):
         return len(self.names)
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
-        """All combinations, and what no motion shows."""
         rows = [(str(k), name) for k, name in enumerate(self.names, 1)]
         rows += [("unseen", listed(self.unseen, 12))] if self.unseen else []
         return f"{len(self)} base parameters of {len(self.considered)} parameters", rows
@@ -118,14 +114,9 @@ def base_parameters(
     matrix = np.zeros((int(first.sum()), len(theta)))
     # Smaller factors, in the units of the columns, are rounding.
     matrix[:, considered[seen]] = np.where(np.abs(factors) > _DEPENDENT, factors * ratios, 0.0)
-    hidden = np.setdiff1d(np.arange(len(considered)), seen)
-    return BaseParameters(
-        tuple(_combination(row, theta.names) for row in matrix),
-        matrix,
-        considered[seen[first]],
-        considered,
-        tuple(theta.names[k] for k in considered[hidden]),
-    )
+    names = tuple(_combination(row, theta.names) for row in matrix)
+    unseen = tuple(theta.names[k] for k in np.delete(considered, seen))
+    return BaseParameters(names, matrix, considered[seen[first]], considered, unseen)
 
 
 def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array, Array, Array]:
@@ -172,13 +163,11 @@ def _considered(names: Sequence[str], values: Array, which: Sequence[str] | None
         of_bodies = np.array([name.rpartition(".")[2] in OF_BODY for name in names])
         return np.flatnonzero(of_bodies | (values != 0))
     patterns = (which,) if isinstance(which, str) else arrays.names("which", which)
-    indices: set[int] = set()
-    for pattern in patterns:
-        fits = {k for k, name in enumerate(names) if fnmatchcase(name, pattern)}
-        if not fits:
+    fits = np.array([[fnmatchcase(name, pattern) for name in names] for pattern in patterns])
+    for pattern, found in zip(patterns, fits, strict=True):
+        if not found.any():
             raise UnknownNameError("parameter", pattern, list(names))
-        indices |= fits
-    return np.array(sorted(indices), dtype=np.intp)
+    return np.flatnonzero(fits.any(axis=0))
 
 
 def _combination(row: Array, names: Sequence[str]) -> str:

@@ -53,9 +53,6 @@ class Calibration(Summary):
             second is missing where only positions were measured.
         hidden: Errors that cannot be told apart from those found, or change nothing; they are zero.
         chain: The robot with the calibrated geometry.
-
-    Example:
-        See `calibrate`.
     """
 
     names: tuple[str, ...]
@@ -132,11 +129,9 @@ def calibrate(
             which the others are followed; or in each pose, shape (N, nq).
 
     Raises:
-        UnknownNameError: For an unknown frame, or a pattern that fits no error.
-        InputError: For wrong shapes, matrices that are not rotations, fewer equations than errors
-            that they could show, errors of `which` that alone open the loops or that the URDF
-            cannot store, poses ten lengths of the robot away, or poses from which Newton's method
-            does not settle.
+        InputError: For fewer equations than errors that they could show, errors of `which` that
+            open the loops or that the URDF cannot store, poses ten lengths of the robot away, or
+            poses from which Newton's method does not settle.
         ClosureError: If a pose cannot be assembled.
 
     Example:

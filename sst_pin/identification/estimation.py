@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,9 +35,6 @@ class Estimate(Summary):
         noise: Standard deviation of each motor's torque from the model, shape (motors,); the same
             for all where there are more motors than freedoms.
         decimate: One sample of this many was used, after a filter.
-
-    Example:
-        See `estimate`.
     """
 
     base: BaseParameters
@@ -58,7 +54,6 @@ class Estimate(Summary):
         return np.abs(self.values) > 3 * self.deviations
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
-        """Values with three standard deviations; what the data do not support is marked."""
         columns = self.base.names, self.values, 3 * self.deviations, self.supported
         rows = [
             (f"{x:.4g} +- {d:.1g}{'' if ok else ', not supported'}", name)
@@ -99,7 +94,6 @@ def estimate(
     Raises:
         InputError: For wrong shapes, fewer motors than coordinates, too few samples, or a motion
             that does not show all combinations.
-        ClosureError, SingularConfigurationError: As `compute_torques`.
 
     Example:
         >>> base = sst_pin.identification.base_parameters(chain)
@@ -116,9 +110,8 @@ def estimate(
     Y = chain.torque_regressor(q, va, aa)
     _require_enough(Y, measured, n, len(base), whole_number("decimate", decimate, 1))
     if decimate > 1:
-        dry = [
-            k for k, name in enumerate(chain.dynamic_parameters.names) if name.endswith(".coulomb")
-        ]
+        names = chain.dynamic_parameters.names
+        dry = [k for k, name in enumerate(names) if name.endswith(".coulomb")]
         Y[..., dry] *= _mean_signs(chain.joint_rates(q, va))[:, None]
     J = chain.actuator_jacobian(q)
     known = np.array(chain.dynamic_parameters)
@@ -132,7 +125,7 @@ def estimate(
         values, inverse = solved(A * weights[..., None], z * weights)
         root, used = _deviations(A * weights[..., None], inverse, correlations)
         z = z - A @ values
-        residuals = errors(z)
+        residuals = (errors @ z[..., None])[..., 0]
         if robust:
             scale = np.median(np.abs(residuals), axis=0) / 0.6745
             weights = np.sqrt(np.minimum(1, _HUBER / np.maximum(np.abs(z), 1e-300)))
@@ -176,24 +169,15 @@ def _mean_signs(v: Array) -> Array:
     return np.mean([np.where(np.isfinite(half), half, 1.0) for half in halves], axis=0)
 
 
-def _weighted(
-    J: Array, noise: Array, left: Array, right: Array
-) -> tuple[Array, Array, Callable[[Array], Array]]:
-    """Both sides in units of their noise, and the torques of the motors that explain residuals."""
+def _weighted(J: Array, noise: Array, left: Array, right: Array) -> tuple[Array, Array, Array]:
+    """Both sides in units of their noise, and the smallest torques by which these are wrong."""
     try:
-        spread = np.linalg.cholesky((J.swapaxes(-1, -2) * noise**2) @ J)
+        weights = np.linalg.inv(np.linalg.cholesky((J.mT * noise**2) @ J))
     except np.linalg.LinAlgError:
         problem = "the motors do not act on all coordinates in all samples"
         raise InputError("q", problem) from None
-    A = np.asarray(np.linalg.solve(spread, left), float)
-    z = np.asarray(np.linalg.solve(spread, right[..., None])[..., 0], float)
-
-    def errors(z: Array) -> Array:
-        """The smallest torques."""
-        back = np.linalg.solve(spread.swapaxes(-1, -2), z[..., None])
-        return np.asarray(noise**2 * (J @ back)[..., 0])
-
-    return A, z, errors
+    z = (weights @ right[..., None])[..., 0]
+    return weights @ left, z, noise[:, None] ** 2 * (J @ weights.mT)
 
 
 def _deviations(A: Array, inverse: Array, correlations: Array) -> tuple[Array, float]:
@@ -217,16 +201,6 @@ def predicted_torques(chain: ClosedChain, theta: ArrayLike, motion: Trajectory) 
         chain: The robot.
         theta: All dynamic parameters, offsets of motors among them, shape (p,).
         motion: A motion of the robot.
-
-    Raises:
-        InputError: For a motion of another robot, or a wrong shape.
-
-    Example:
-        >>> t = np.linspace(0, 1, 11)
-        >>> motion = sst_pin.coordinate_motion(chain, t, chain.home[0] + 0.1 * np.sin(t)[:, None])
-        >>> tau = sst_pin.identification.predicted_torques(chain, chain.dynamic_parameters, motion)
-        >>> bool(np.allclose(tau, motion.tau))
-        True
     """
     require_motion(motion, chain.mechanism)
     Y = chain.torque_regressor(motion.q, motion.va, motion.aa)
@@ -244,17 +218,6 @@ def report(chain: ClosedChain, found: Estimate, theta: ArrayLike, unseen: Trajec
         theta: The dynamic parameters that were chosen, such as `consistent_parameters`.
         unseen: A motion with measured torques that the estimate has not seen.
 
-    Raises:
-        InputError: As `predicted_torques`.
-
-    Example:
-        >>> base = sst_pin.identification.base_parameters(chain)
-        >>> q, va, aa = sst_pin.identification.random_states(chain, 50)
-        >>> seen = chain.trajectory(np.arange(50.0), q, va, aa)
-        >>> found = sst_pin.identification.estimate(chain, base, q, va, aa, seen.tau)
-        >>> text = sst_pin.identification.report(chain, found, chain.dynamic_parameters, seen)
-        >>> print(text.splitlines()[0])
-        # Dynamic parameters of four_bar
     """
     errors = decimated(predicted_torques(chain, theta, unseen) - unseen.tau, found.decimate)
     size = np.sqrt(np.mean(np.square(decimated(unseen.tau, found.decimate)), axis=0))
@@ -296,8 +259,7 @@ def solved(A: Array, z: Array) -> tuple[Array, Array]:
     rows[:, :b] /= sizes
     R = np.asarray(np.linalg.qr(rows, mode="r"), float)[:b]
     if np.abs(np.diag(R)[:b]).min(initial=1.0) < _UNSHOWN:
-        raise InputError(
-            "motion", "it does not show all base parameters; base_parameters(motion=) finds those"
-        )
+        problem = "it does not show all base parameters; base_parameters(motion=) finds those"
+        raise InputError("motion", problem)
     inverse = solve_triangular(R[:, :b], np.eye(b)) / sizes[:, None]
     return inverse @ R[:, b], inverse

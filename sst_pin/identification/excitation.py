@@ -41,9 +41,6 @@ def condition_number(chain: ClosedChain, base: BaseParameters, motion: Trajector
         base: Its base parameters.
         motion: A motion of it.
 
-    Raises:
-        InputError: For a motion of another robot.
-
     Example:
         >>> base = sst_pin.identification.base_parameters(chain)
         >>> t = np.linspace(0, 2, 41)
@@ -99,7 +96,7 @@ def excitation(
         dt: Time between samples of the result, [s].
 
     Raises:
-        InputError: If no motion is possible within the limits, or the limits are not positive.
+        InputError: If no motion is possible within the limits.
 
     Warns:
         RuntimeWarning: If the condition number is large, so that noise hides some parameters.

@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..arrays import Array, Flags, finite_array, positive_number, whole_number
 from ..closed_chain import ClosedChain
@@ -36,6 +36,7 @@ _MEMORY = 20
 _MOST = 0.05
 
 
+@dataclass(frozen=True, eq=False, repr=False, init=False)
 class MeasuredMotion(Trajectory):
     """A motion from a log.
 
@@ -44,12 +45,13 @@ class MeasuredMotion(Trajectory):
             coordinate, or "torque of" the motor; those without any are left out.
     """
 
-    replaced: Mapping[str, int] = MappingProxyType({})
+    replaced: Mapping[str, int]
 
-    def __getitem__(self, samples: slice | Sequence[int] | NDArray[Any]) -> MeasuredMotion:
-        part = super().__getitem__(samples)
-        vars(part)["replaced"] = self.replaced
-        return part  # type: ignore[return-value]
+    def __init__(
+        self, *values: Any, replaced: Mapping[str, int] = MappingProxyType({}), **words: Any
+    ) -> None:
+        super().__init__(*values, **words)
+        vars(self)["replaced"] = replaced
 
 
 def measured_motion(
@@ -88,10 +90,9 @@ def measured_motion(
         start: A guess of all joints at the start, as in `coordinate_motion`.
 
     Raises:
-        InputError: For wrong shapes, a gap in the log, more than 5 % of outliers, or outliers for
-            more than a quarter of a period, a cut-off frequency that is not below half of the
-            sampling rate or needs more time than the log has, or more samples than the log has.
-        ClosureError: If the loops cannot be closed along the motion.
+        InputError: For a gap in the log, more than 5 % of outliers, or outliers for more than a
+            quarter of a period, a cut-off frequency that is not below half of the sampling rate or
+            needs more time than the log has, or more samples than the log has.
 
     Example:
         >>> t = np.linspace(0, 4, 2001)
@@ -105,10 +106,9 @@ def measured_motion(
     period, count = 1 / cutoff, whole_number("decimate", decimate, 1)
     per_period = 2 if count == 1 else count
     if per_period * cutoff > rate * (1 + 1e-9):
-        problem = (
-            f"{per_period} samples in a period of {cutoff:g} Hz; the log has {rate:.4g} in 1 s"
-        )
-        raise InputError("decimate", f"{problem}: at most {int(rate / cutoff)}")
+        problem = f"{per_period} samples in a period of {cutoff:g} Hz"
+        most = f"the log has {rate:.4g} in 1 s: at most {int(rate / cutoff)}"
+        raise InputError("decimate", f"{problem}; {most}")
     n = len(chain.coordinates)
     values, smooth, replaced = _without_outliers(values, n, cutoff / rate)
     first, last = even[0] + 2 * period, even[-1] - 2 * period
@@ -123,10 +123,8 @@ def measured_motion(
     va, aa = (curve.derivative(k)(times) for k in (1, 2))
     q = configurations_of(chain.engine, curve(times), start)
     motion = chain.trajectory(times, q, va, aa, spline(even, torques)(times))
-    result = MeasuredMotion(**{field.name: getattr(motion, field.name) for field in fields(motion)})
-    counts = dict(zip(names, replaced.sum(axis=0).tolist(), strict=True))
-    vars(result)["replaced"] = {name: k for name, k in counts.items() if k}
-    return result
+    counts = zip(names, replaced.sum(axis=0).tolist(), strict=True)
+    return MeasuredMotion(**vars(motion), replaced={name: k for name, k in counts if k})
 
 
 def _even_samples(
@@ -143,10 +141,9 @@ def _even_samples(
     even = np.linspace(times[0], times[-1], len(times))
     rate = 1 / (even[1] - even[0])
     if not (cutoff < rate / 2 and duration > 8 * period):
-        problem = f"{cutoff:g} Hz, of {duration:g} s at {rate:g} Hz"
-        low, high = 8 / duration, rate / 2
-        needed = f"more than {low:.3g} and less than {high:.3g}"
-        raise InputError("cutoff", f"{problem}; needed: {needed}")
+        needed = f"more than {8 / duration:.3g} and less than {rate / 2:.3g}"
+        problem = f"{cutoff:g} Hz, of {duration:g} s at {rate:g} Hz; needed: {needed}"
+        raise InputError("cutoff", problem)
     gap = int(np.diff(times).argmax())
     if (missing := times[gap + 1] - times[gap]) > period / 2:
         problem = f"no samples for {missing:.3g} s from {times[gap]:.6g} s on"
@@ -183,26 +180,26 @@ def noise_correlations(every: int) -> Array:
     impulse = np.zeros(2 * _MEMORY * every + 1)
     impulse[_MEMORY * every] = 1.0
     response = lowpass(impulse, 0.4 / every)
-    lags = (response[k * every :] @ response[: len(response) - k * every] for k in range(_MEMORY))
-    all_lags = np.array([*lags])
-    return np.asarray(all_lags[1:] / all_lags[0])
+    size = len(response)
+    lags = [response[k * every :] @ response[: size - k * every] for k in range(_MEMORY)]
+    return np.array(lags[1:]) / lags[0]
 
 
 def _require_bridged(names: Sequence[str], t: Array, replaced: Flags, longest: float) -> None:
     """Check that few samples are replaced, and for short times only."""
+    from scipy.ndimage import find_objects, label
+
     for name, column in zip(names, replaced.T, strict=True):
         argument = "tau" if name.startswith(_TORQUE) else "x"
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], column, [False]]).astype(int)))
-        first, behind = edges[::2], edges[1::2]
-        at = t[first[t[behind - 1] - t[first] >= longest]]
-        if len(at):
-            problem = f"{name} jumps, or is faster than the cut-off frequency, at {at[0]:.6g} s"
-            raise InputError(argument, f"{problem}; clean the log or split it there")
+        for (run,) in find_objects(label(column)[0]):
+            if t[run.stop - 1] - t[run.start] >= longest:
+                problem = f"{name} jumps, or is faster than the cut-off frequency"
+                cure = "clean the log or split it there"
+                raise InputError(argument, f"{problem}, at {t[run.start]:.6g} s; {cure}")
         if (count := int(column.sum())) > _MOST * len(t):
             problem = f"{count} of {len(t)} samples of {name} are outliers"
-            raise InputError(
-                argument, f"{problem}: clean the log, or choose a higher cut-off frequency"
-            )
+            cure = "clean the log, or choose a higher cut-off frequency"
+            raise InputError(argument, f"{problem}: {cure}")
 
 
 def _without_outliers(values: Array, positions: int, cutoff: float) -> tuple[Array, Array, Flags]:

@@ -39,8 +39,7 @@ def write_urdf(chain: ClosedChain, urdf: str | Path, path: str | Path, force: bo
         force: Whether an existing file may be replaced.
 
     Raises:
-        DescriptionError: If the URDF cannot be read, or is not that of the robot.
-        OutputError: If the file cannot be written, or exists.
+        DescriptionError: If the URDF is not that of the robot.
 
     Warns:
         DescriptionWarning: For parameters that differ when the file is read again, with the YAML of
