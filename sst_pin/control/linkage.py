@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,14 +20,6 @@ from ..model.thresholds import RANK_TOLERANCE
 _PIECE = 0.2
 #: Newton's method in a piece: steps, and the error at which it has arrived, as for the pieces.
 _STEPS, _ARRIVED = 20, 1e-12
-
-
-class _Driven(NamedTuple):
-    """A robot whose first coordinates are those of motors, and the shares of these motors."""
-
-    chain: ClosedChain
-    motors: list[int]
-    shares: Array
 
 
 class Linkage:
@@ -109,9 +100,10 @@ class Linkage:
         def one(target: Array) -> Array:
             q, way = first, self._missing(first, target)
             if driven:  # also through dead points of the joints
-                step = np.zeros(self.chain.degrees_of_freedom)
-                step[: len(self.joints)] = way[driven.motors] / driven.shares
-                q = driven.chain.engine.reference.moved(q, step)
+                chain, motors, shares = driven
+                step = np.zeros(chain.degrees_of_freedom)
+                step[: len(motors)] = way[motors] / shares
+                q = chain.engine.reference.moved(q, step)
             else:
                 pieces = max(1, int(np.ceil(np.abs(way / self._units).max() / _PIECE)))
                 for part in range(1, pieces + 1):
@@ -127,8 +119,11 @@ class Linkage:
         return for_each_sample(one, [targets], (1,), first.shape)
 
     @cached_property
-    def _driven(self) -> _Driven | None:
-        """The robot with as many motors as coordinates as there are joints, if each turns one."""
+    def _driven(self) -> tuple[ClosedChain, list[int], Array] | None:
+        """A robot whose first coordinates are those of motors, these, and their ratios.
+
+        There is none if a motor moves several joints or a line.
+        """
         mechanism = self.chain.mechanism
         B = mechanism.motors[:, self._rows]
         if mechanism.lines.motors[:, self._rows].any() or (np.count_nonzero(B, axis=0) != 1).any():
@@ -142,7 +137,7 @@ class Linkage:
         names = [mechanism.space.rate_names[k] for k in rates]
         others = [name for name in self.chain.coordinates if name not in self.joints]
         chain = self.chain.with_coordinates([*names, *others])
-        return _Driven(chain, motors, B[rates, motors])
+        return chain, motors, B[rates, motors]
 
     def joint_positions(self, q: ArrayLike) -> Array:
         """Positions of the joints, shape (..., joints)."""

@@ -115,16 +115,13 @@ class MotorLimits:
 
     def factors(self, q: Array) -> Array:
         """Factors of the parts in each sum, continuous along a path, shape (N, sums, k)."""
-        motors, blocks = len(self.chain.motor_names), list[Array]()
+        torques = np.zeros((len(q), 0, 0))
         if self.torques is not None:
-            blocks.append(combinations(self.chain.preload_directions(q), self.torques))
-        if self.accelerations is not None:
-            blocks.append(np.tile(np.eye(motors), (len(q), 1, 1)))
-        if len(blocks) == 1:
-            return blocks[0]
-        torques, accelerations = blocks
-        above = np.pad(torques, ((0, 0), (0, 0), (0, motors)))
-        return np.hstack([above, np.pad(accelerations, ((0, 0), (0, 0), (motors, 0)))])
+            torques = combinations(self.chain.preload_directions(q), self.torques)
+        accelerated = 0 if self.accelerations is None else len(self.chain.motor_names)
+        above = np.pad(torques, ((0, 0), (0, 0), (0, accelerated)))
+        below = np.eye(accelerated, above.shape[2], torques.shape[2])
+        return np.hstack([above, np.tile(below, (len(q), 1, 1))])
 
     def speeds(self, q: Array, va: Array) -> Array:
         """Parts of the limits of rates, shape (N, k)."""

@@ -106,16 +106,12 @@ def _differences(chain: ClosedChain, urdf: Urdf, partly: Sequence[str]) -> list[
     """Names of the parameters that a URDF, with the YAML beside it, gives other values."""
     again = ClosedChain.from_description(_read_again(urdf)).dynamic_parameters
     values, theta = dict(zip(again.names, again.values, strict=True)), chain.dynamic_parameters
-    sizes = dict.fromkeys((name.rpartition(".")[2] for name in theta.names), 0.0)
-    for name, value in zip(theta.names, theta.values, strict=True):
-        word = name.rpartition(".")[2]
-        sizes[word] = max(sizes[word], abs(value))
-    lost = []
-    for name, value in zip(theta.names, theta.values, strict=True):
-        place, _, word = name.rpartition(".")
-        known = place.rpartition("_")[0] not in partly
-        if known and abs(values.get(name, 0.0) - value) > _EQUAL * sizes[word]:
-            lost.append(name)
+    words = np.array([name.rpartition(".")[2] for name in theta.names])
+    sizes = np.array([np.abs(theta.values[words == word]).max() for word in words])
+    away = np.abs([values.get(name, 0.0) for name in theta.names] - theta.values)
+    joints = [name.rpartition(".")[0].rpartition("_")[0] for name in theta.names]
+    differ = (away > _EQUAL * sizes) & ~np.isin(joints, partly)
+    lost = [theta.names[k] for k in np.flatnonzero(differ)]
     if bodies := [name for name in lost if name.rpartition(".")[2] in OF_BODY]:
         raise DescriptionError(urdf.source, [f"it is another robot: {listed(bodies)} differ"])
     return lost
