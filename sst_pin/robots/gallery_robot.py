@@ -18,7 +18,7 @@ from ..errors import InputError, WorkspaceError
 from ..model.closures import Closure, Distance
 from ..model.lines import LineForce
 from ..model.thresholds import CLOSURE_TOLERANCE
-from ..model.tree import frame_named, joint_id
+from ..model.tree import frame_id, joint_id
 from .building_blocks import Tree, joint_shapes
 
 #: Coordinates of joints by name.
@@ -110,15 +110,15 @@ class GalleryRobot(ClosedChain):
             if not np.isfinite(q).all():
                 raise WorkspaceError("the pose of the platform is out of reach")
             q = self.mechanism.space.normalised(q)
-            gap, size = np.abs(self._pose(q) - pose), np.ones((4, 4))
+            gap, size = np.abs(self._pose(q) - pose)[self._rows], np.ones((4, 4))
             size[:3, 3] = self.mechanism.length
-            if (gap / size)[self._rows].max() > CLOSURE_TOLERANCE or not self.engine.are_closed(q):
-                missed = gap[self._rows].max()
-                opened = np.abs(self.residual(q)).max(initial=0.0)
+            openings = np.abs(self.engine.assembly.loops.f)  # where `_pose` evaluated them
+            errors = np.append(gap / size[self._rows], openings * self.mechanism.row_scale)
+            if errors.max() > CLOSURE_TOLERANCE:
                 raise WorkspaceError(
-                    f"the platform cannot reach this pose: its error would be {missed:.3g} and the "
-                    f"loops open by {opened:.3g} (m or rad); platform_pose(q) gives poses that "
-                    "it can reach"
+                    f"the platform cannot reach this pose: its error would be {gap.max():.3g} and "
+                    f"the loops open by {openings.max(initial=0.0):.3g} (m or rad); "
+                    "platform_pose(q) gives poses that it can reach"
                 )
             return q
 
@@ -135,12 +135,8 @@ class GalleryRobot(ClosedChain):
             >>> chain.platform_pose(chain.home)[:3, 3].round(3)
             array([ 0.   ,  0.   , -0.232])
         """
-
-        def pose(q: Array) -> Array:
-            self.mechanism.space.require_on_manifold(q)
-            return self._pose(q)
-
-        return for_each_sample(pose, (finite_array("q", q, (self._tree.nq,)),), (1,), (4, 4))
+        configurations = finite_array("q", q, (self._tree.nq,))
+        return for_each_sample(self._pose, (configurations,), (1,), (4, 4))
 
     def _configuration(self, pose: pin.SE3) -> Array:
         """The configuration in closed form; NaN out of reach."""
@@ -153,12 +149,6 @@ class GalleryRobot(ClosedChain):
         return q
 
     def _pose(self, q: Array) -> Array:
-        """Pose of the platform, joint by joint: a `pin.Data` takes memory with the cube of nv."""
-        frame = frame_named(self._tree, "platform")
-        at = pin.SE3.Identity()
-        for index in list(self._tree.supports[frame.parentJoint])[1:]:
-            joint = self._tree.joints[index]
-            data = joint.createData()
-            joint.calc(data, q)
-            at = at * self._tree.jointPlacements[index] * data.M
-        return (at * frame.placement).homogeneous
+        """Pose of the platform, whether the loops are closed or not."""
+        data = self.engine.loops_at(q).data
+        return np.asarray(data.oMf[frame_id(self._tree, "platform")].homogeneous)
