@@ -179,9 +179,8 @@ def reach_map(
     used = largest_part(tau, directions, limits)
     results = _conditions(A[:, counted] * ratio), holding, used
     condition, torque, used = (_on_grid(why == _REACHED, values) for values in results)
-    names = columns_of("q", chain.position_names, chain.joint_units)
-    motors = zip(chain.motor_names, chain.motor_units, strict=True)
-    columns = *(f"tau_{name}_{unit}" for name, unit in motors), *names
+    motors = columns_of("tau", chain.motor_names, chain.motor_units)
+    columns = *motors, *columns_of("q", chain.position_names, chain.joint_units)
     values = named[axes[0]], named[axes[1]]
     return ReachMap(axes, values, poses, why, q, condition, torque, used, columns)
 

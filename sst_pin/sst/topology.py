@@ -11,6 +11,7 @@ from ..arrays import Array
 from ..description.frames import JOINT_NAMES
 from ..description.parameters import Parameters, RigidBody
 from ..errors import DescriptionError
+from ..model.geometry import place_of
 from ..model.mechanism import Friction, read_only
 from ..model.tree import frame_named
 from .kinematics import Geometry
@@ -131,7 +132,7 @@ def _one_or_three(bodies: Sequence[RigidBody]) -> RigidBody | Sequence[RigidBody
 def differences(model: pin.Model, written: pin.Model) -> Iterator[str]:
     """How a tree differs from the one that its parameters write."""
     for name in (*JOINT_NAMES, *_STAR_OF, *_POINTS):
-        (joint, place), expected = _place(model, name), _place(written, name)
+        (joint, place), expected = place_of(model, name), place_of(written, name)
         if joint != expected[0]:
             yield f"{name}: on joint {model.names[joint]}, expected {model.names[expected[0]]}"
         elif np.abs(place.homogeneous - expected[1].homogeneous).max() > _EXACT:
@@ -142,15 +143,6 @@ def differences(model: pin.Model, written: pin.Model) -> Iterator[str]:
             yield f"{name}: limits {limits[0]:g} and {limits[1]:g} rad, expected -2 pi and 2 pi"
         if model.armature[i] != 0:
             yield f"{name}: armature {model.armature[i]:g} kg m^2, expected 0"
-
-
-def _place(model: pin.Model, name: str) -> tuple[int, pin.SE3]:
-    """The parent joint of a joint or frame, and where it is on it."""
-    if model.existJointName(name):
-        joint = model.getJointId(name)
-        return model.parents[joint], model.jointPlacements[joint]
-    frame = frame_named(model, name)
-    return frame.parentJoint, frame.placement
 
 
 def _origin(place: pin.SE3) -> str:
