@@ -313,6 +313,8 @@ class Engine(ClosedLoops):
         """Motor torques that move nothing, shape (..., motors, k)."""
         jacobian = Quantity("actuator_jacobian")
         J = self.compute(jacobian, q, on_error=on_error)
+        if self.mechanism.driven_one_to_one:
+            return np.zeros((*J.shape[:-1], 0))
         try:
             regular = self.compute(jacobian, self.example())
         except (ClosureError, SingularConfigurationError):  # coordinates of another assembly mode
