@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Array, Indices, finite_array, for_each_sample, names, single_array
 from ..closed_chain import ClosedChain
 from ..errors import ActuationError, InputError, WorkspaceError
+from ..loops.mobility import choose_coordinates, scaled_Phi
 from ..loops.start import start_of
 from ..model.named_positions import taken
 from ..model.thresholds import RANK_TOLERANCE
@@ -193,16 +194,14 @@ class Linkage:
 
 
 def _others(chain: ClosedChain, rates: Indices) -> list[str]:
-    """Coordinates of a chain that some joints leave free, by greedy choice at its example.
+    """Coordinates of a chain that some joints leave free, at its generic configuration.
 
     Those without a motor come first: a motor of these joints should not become a coordinate.
     """
-    mechanism = chain.mechanism
-    L = chain.joint_rates(chain.generic_configuration(), np.eye(chain.degrees_of_freedom)).T
-    L = L / mechanism.rate_scale[:, None] * mechanism.rate_scale[mechanism.coordinates]
-    chosen, others = L[rates], list[str]()
-    for name in sorted(chain.coordinates, key=lambda name: name in chain.motor_names):
-        rows = np.vstack([chosen, L[mechanism.space.rates_of([name])]])
-        if np.linalg.matrix_rank(rows, tol=RANK_TOLERANCE) == len(rows):
-            chosen, others = rows, [*others, name]
-    return others
+    engine, space = chain.engine, chain.mechanism.space
+    names = sorted(chain.coordinates, key=lambda name: name in chain.motor_names)
+    groups = [space.rates_of([name]) for name in names]
+    Phi = scaled_Phi(engine.mechanism, engine.assembly.loops, chain.generic_configuration())
+    chosen = choose_coordinates(engine.mechanism, Phi, [rates, *groups])
+    free = np.setdiff1d(chosen, rates)
+    return [name for name, group in zip(names, groups, strict=True) if np.isin(group, free).all()]

@@ -20,7 +20,6 @@ from ..description.folder import URDF_PATH, YAML_PATH
 from ..description.frames import MOTOR_NAMES
 from ..description.parameters import Parameters
 from ..description.urdf_writer import urdf_of, yaml_of
-from ..dynamics.quantities import Quantity
 from ..engine import Engine
 from ..errors import DescriptionError, InputError, SingularConfigurationError, WorkspaceError
 from ..model.appearance import Appearance
@@ -273,14 +272,9 @@ class SST(ClosedChain):
         return kinematics.orientation_of_joints(self.geometry, finite_array("q", q, (9,)))
 
     def platform_velocity(self, q: ArrayLike, va: ArrayLike) -> Array:
-        """Angular velocity of the star, base axes, shape (..., 3), [rad/s]."""
-        engine = self._engine
-        geometry = _geometry_of(engine)
-        legs = kinematics.legs_of_joints(geometry, finite_array("q", q, (9,)))
-        axes = geometry.e[0], legs.u[..., 0, :], legs.n[..., 0, :]
-        rates = engine.compute(Quantity("rates"), q, va=va)[..., None]
-        # Eq. (62) with plus signs
-        return np.asarray(sum(rates[..., i, :] * axis for i, axis in enumerate(axes)))
+        """Angular velocity of the star, base axes, shape (..., 3), [rad/s], Eq. (62)."""
+        J = self.frame_jacobian(q, "closedloop1_A")[..., 3:, :]
+        return np.einsum("...ij,...j->...i", J, finite_array("va", va, (3,)))
 
     def branch(self, q: ArrayLike) -> NDArray[np.int_]:
         """Sign of sin(mu_k) for each leg, shape (..., 3)."""
