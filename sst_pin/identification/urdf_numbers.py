@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
 
 from ..closed_chain import ClosedChain
 from ..dynamics.regressor import OF_BODY
 from ..errors import DescriptionError, DescriptionWarning
 from ..files import as_path, text_writer, write_files
 from ..reading import RobotFile, Urdf, read_urdf
+from ..reading.joint_graph import origin_of
 from ..reading.urdf_checks import ENTRIES
 from ..summaries import listed
 
@@ -199,18 +199,13 @@ def _place(joint: ET.Element, place: pin.SE3) -> None:
     origin = joint.find("origin")
     if origin is None:
         origin = ET.SubElement(joint, "origin")
-    origin.set("xyz", _numbers(place.translation))
-    origin.set("rpy", _numbers(pin.rpy.matrixToRpy(place.rotation)))
+    origin.attrib.update(origin_of(place))
 
 
 def _inertial(inertia: pin.Inertia) -> ET.Element:
     inertial = ET.Element("inertial")
-    ET.SubElement(inertial, "origin", xyz=_numbers(inertia.lever), rpy="0 0 0")
+    ET.SubElement(inertial, "origin", origin_of(pin.SE3(np.eye(3), inertia.lever)))
     ET.SubElement(inertial, "mass", value=repr(float(inertia.mass)))
     upper = inertia.inertia[np.triu_indices(3)].tolist()
     ET.SubElement(inertial, "inertia", dict(zip(ENTRIES, map(repr, upper), strict=True)))
     return inertial
-
-
-def _numbers(vector: ArrayLike) -> str:
-    return " ".join(map(repr, np.asarray(vector, float).tolist()))
