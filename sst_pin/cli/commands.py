@@ -74,7 +74,7 @@ COMMANDS = (
     ),
     Command(
         "show [MOTION]",
-        "show",
+        "motion_commands",
         "a motion in the browser, or as a page or a picture",
         option("motion MOTION", "default: example 1, or home of ROBOT", Path, nargs="?"),
         _ROBOT,

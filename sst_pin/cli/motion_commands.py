@@ -1,12 +1,22 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`sst-pin torques`, `simulate` and `plot`: from a motion or its torques."""
+"""`sst-pin torques`, `simulate`, `plot` and `show`: from a motion or its torques."""
 
 import argparse
+import threading
+import webbrowser
+from contextlib import suppress
 
 import numpy as np
+import pinocchio as pin
 
-from ..errors import FileFormatError
+from ..closed_chain import ClosedChain
+from ..errors import FileFormatError, InputError, OutputError
+from ..files import write_files
+from ..loops.start import start_of
 from ..simulation.motion_files import motion_table, read_motion, read_start, read_torques
+from ..simulation.trajectories import Trajectory
+from ..sst.paper import PERIOD, example_1
+from ..sst.robot import SST
 from ..summaries import listed
 from . import common
 
@@ -68,3 +78,50 @@ def plot(arguments: argparse.Namespace) -> int:
     what = ", ".join(arguments.what or plots.summary_of(robot, arguments.frame))
     common.say(f"{what} of {len(motion)} samples -> {arguments.output}", arguments)
     return 0
+
+
+def show(arguments: argparse.Namespace) -> int:
+    """Animations of a robot in a browser, as a page, as pictures."""
+    from ..viewer import Viewer  # needs the extra `viz`
+
+    robot, motion, speed, title = _asked_for(arguments)
+    outputs = {kind: path for kind in ("html", "png", "gif") if (path := vars(arguments)[kind])}
+    for kind, path in outputs.items():
+        if path.suffix.lower() != f".{kind}":
+            raise OutputError(path, f"the ending should be .{kind}")
+    if arguments.ghost is not None and motion is None:
+        raise InputError("--ghost", "only beside a motion")
+    ghost = arguments.ghost and common.motion_of(robot, arguments.ghost)
+    speed = speed if arguments.speed is None else arguments.speed
+    names = "axes", "frames", "frame", "reactions", "live"
+    looks = {name: vars(arguments)[name] for name in names}
+    looks["visual_model"] = pin.GeometryModel() if arguments.skeleton else None
+    with Viewer(robot, **looks) as viewer:
+        if motion is None:
+            viewer.show(start_of(robot.engine))
+        else:
+            viewer.play(motion, speed=speed, ghost=ghost, title=title)
+        if common.refuses(viewer.warnings, arguments):
+            return 1
+        if files := {path: viewer.writer(path) for path in outputs.values()}:
+            write_files(files, arguments.force)
+            length = "" if motion is None else f", {motion.t[-1] - motion.t[0]:g} s"
+            print(f"{title}{length} -> {', '.join(map(str, files))}")
+        else:
+            url = viewer.serve(arguments.host, arguments.port)
+            print(f"{url}  (Ctrl-C ends)", flush=True)
+            if not arguments.no_open:
+                webbrowser.open(url)
+            with suppress(KeyboardInterrupt):
+                threading.Event().wait()
+    return 0
+
+
+def _asked_for(arguments: argparse.Namespace) -> tuple[ClosedChain, Trajectory | None, float, str]:
+    path, robot = arguments.motion, common.robot_of(arguments)
+    if path is not None:
+        return robot, common.motion_of(robot, path), 1.0, path.name
+    if arguments.robot is None:
+        example = example_1(SST(), np.linspace(0, PERIOD, 201))
+        return robot, example, 0.1, "Example 1: the circle"
+    return robot, None, 1.0, robot.mechanism.model.name
