@@ -60,7 +60,7 @@ from .sst.platform_motion import orientation_path as orientation_path
 from .sst.platform_motion import paper_circle as paper_circle
 
 # Control
-from .control.adaptive_control import Adaptive as Adaptive
+from .control.controllers import Adaptive as Adaptive
 from .control.controllers import ComputedTorque as ComputedTorque
 from .control.controllers import GravityPD as GravityPD
 from .control.controllers import TrackingLQR as TrackingLQR

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Uses of the dynamics for control: parallel joints as serial ones, and controllers."""
 
-from .adaptive_control import Adaptive
-from .controllers import ComputedTorque, GravityPD, TrackingLQR
+from .controllers import Adaptive, ComputedTorque, GravityPD, TrackingLQR
 from .pose_abilities import (
     Ellipsoid,
     acceleration_ellipsoid,
