@@ -1,10 +1,16 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The geometry of a robot from measured poses: places of its joints and of its closures."""
+"""The geometry of a robot from measured poses: places of its joints and of its closures.
+
+Errors of the geometry are joints of an enlarged robot: three slides, three hinges at each place.
+The natural orthogonal complement of this robot has the derivatives of a pose by the errors, with
+closed loops.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 import numpy as np
@@ -13,21 +19,25 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array, Indices, finite_array, for_each_sample
 from ..closed_chain import ClosedChain
-from ..errors import ClosureError, InputError, SingularConfigurationError
+from ..errors import ClosureError, InputError, SingularConfigurationError, UnknownNameError
 from ..files import as_path, text_writer, write_files
 from ..loops.frame_guide import pose_error
 from ..loops.start import placed
 from ..model import geometry
 from ..model.named_positions import put
+from ..model.thresholds import RANK_TOLERANCE
+from ..model.tree import frame_id
 from ..progress import counted
+from ..reading import Urdf
 from ..simulation.coordinate_motions import configurations_of
 from ..simulation.frame_motions import targets_of
 from ..summaries import Summary, listed
 from .base_parameters import independent
 from .estimation import solved
-from .geometry_errors import considered, enlarged, opening, without_errors
-from .urdf_numbers import with_origins
+from .urdf_numbers import bearers_of, with_origins
 
+#: What the joints do not close of an error, free of units, counts as none below this.
+_CLOSED = 1e-6
 #: An error whose part that other errors do not explain is smaller depends on them: the first of
 #: these with which Newton's method settles.
 _TOLERANCES = (1e-6, 1e-5, 1e-4, 1e-3)
@@ -149,16 +159,16 @@ def calibrate(
     targets = targets_of(poses, len(angles))
     if any(position is None for position, _ in targets):
         raise InputError("poses", "orientations alone; expected shapes (N, 3) or (N, 4, 4)")
-    errors = considered(chain, frame, which, urdf)
-    drawn, large = _configurations(chain, angles, start), enlarged(chain, errors)
-    if alone := opening(large, errors, without_errors(large, chain, drawn)):
+    errors = _considered(chain, frame, which, urdf)
+    drawn, large = _configurations(chain, angles, start), _enlarged(chain, errors)
+    if alone := _opening(large, errors, _without_errors(large, chain, drawn)):
         if which is not None:
             problem = f"{listed(alone)}: each alone opens loops that no joint closes"
             raise InputError("which", f"{problem}, as the robot is overconstrained")
-        large = enlarged(chain, [x for x in errors if x not in alone])
+        large = _enlarged(chain, [x for x in errors if x not in alone])
     names = large.coordinates[len(chain.coordinates) :]
     poses_of_errors = _Poses(large, frame, names, targets)
-    q = without_errors(large, chain, drawn)
+    q = _without_errors(large, chain, drawn)
     try:
         z, A = poses_of_errors.linearized(q)
     except SingularConfigurationError:
@@ -261,3 +271,57 @@ def _configurations(chain: ClosedChain, angles: Array, start: ArrayLike | None) 
         return placed(chain.engine, dict(zip(chain.coordinates, x, strict=True)), guess)
 
     return for_each_sample(assembled, [angles, guesses], (1, 1), (size,))
+
+
+def _considered(
+    chain: ClosedChain, frame: str, which: Sequence[str] | None, urdf: str | Path | None
+) -> list[str]:
+    """Names of the errors that fit patterns; with a URDF, it has to store them."""
+    mechanism = chain.mechanism
+    frame_id(mechanism.model, frame)
+    places = list(dict.fromkeys([*geometry.places_of(mechanism), frame]))
+    names = [f"{place}.{axis}" for place in places for axis in geometry.AXES]
+    stored = places if urdf is None else bearers_of(Urdf.read(urdf).root, mechanism.model)
+    by_default = [f"{place}.*" for place in places if place != frame and place in stored]
+    patterns = by_default if which is None else which
+    for pattern in patterns:
+        if not any(fnmatchcase(name, pattern) for name in names):
+            raise UnknownNameError("error of the geometry", pattern, names)
+    errors = [name for name in names if any(fnmatchcase(name, p) for p in patterns)]
+    if others := [name for name in errors if name.rpartition(".")[0] not in stored]:
+        problem = f"{urdf} cannot store {listed(others)}: no joint of it is there; leave them out"
+        raise InputError("which", problem)
+    return errors
+
+
+def _enlarged(chain: ClosedChain, errors: Sequence[str]) -> ClosedChain:
+    """The robot whose geometry can err; its coordinates are the chain's and independent errors."""
+    mechanism = chain.mechanism
+    ways = [geometry.displacements(mechanism, {name: 1.0}) for name in errors]
+    joints = [(name, *pair) for name, way in zip(errors, ways, strict=True) for pair in way.items()]
+    model = geometry.enlarged(mechanism.model, joints)
+    large = ClosedChain(model, chain.closures, [*chain.coordinates, *errors])
+    if lost := set(chain.coordinates) - set(large.coordinates):
+        raise InputError("which", f"the errors leave no choice of {listed(sorted(lost))}")
+    return large
+
+
+def _without_errors(large: ClosedChain, chain: ClosedChain, q: Array) -> Array:
+    """Configurations of the enlarged robot for those of the chain, shape (N, nq)."""
+    result = np.tile(pin.neutral(large.mechanism.model), (len(q), 1))
+    result[:, [large.position_names.index(name) for name in chain.position_names]] = q
+    return result
+
+
+def _opening(large: ClosedChain, errors: Sequence[str], q: Array) -> list[str]:
+    """The errors that alone open the loops in all configurations of the enlarged robot."""
+    columns = large.mechanism.space.rates_of(errors)
+    least = np.full(len(errors), np.inf)
+    for configuration in q:
+        Phi = large.Phi(configuration) * large.mechanism.rate_scale
+        Phi *= large.mechanism.row_scale[:, None]
+        U, s, _ = np.linalg.svd(np.delete(Phi, columns, axis=1), full_matrices=False)
+        closing = U[:, s > RANK_TOLERANCE * s.max(initial=0.0)]
+        E = Phi[:, columns]
+        least = np.minimum(least, np.linalg.norm(E - closing @ (closing.T @ E), axis=0))
+    return [name for name, size in zip(errors, least, strict=True) if size > _CLOSED]

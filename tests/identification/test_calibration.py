@@ -11,7 +11,6 @@ from numpy.testing import assert_allclose
 
 import sst_pin
 from sst_pin.identification import calibrate
-from sst_pin.identification.geometry_errors import considered
 from tests.support.planar_bars import DRAG_LINK, planar
 
 ROOT = Path(__file__).parents[2]
@@ -145,8 +144,12 @@ def test_errors_that_a_urdf_cannot_store_are_known_before():
         sst_pin.InputError, match=r"delta\.urdf cannot store elbow_1a_Y\.x: no joint"
     ):
         calibrate(drawn, measured, x, poses, which=["elbow_1a_[XY].x"], urdf=urdf)
-    errors = considered(drawn, measured, None, urdf)
-    places = {name.rpartition(".")[0] for name in errors}
+    drawn.model.referenceConfigurations["home"] = q = drawn.generic_configuration()
+    drawn.refresh()
+    held = [q[drawn.position_names.index(name)] for name in drawn.coordinates]
+    x = held + np.random.default_rng(0).uniform(-0.1, 0.1, (16, 3))
+    found = calibrate(drawn, measured, x, poses_of(drawn, x, measured), urdf=urdf)
+    places = {name.rpartition(".")[0] for name in found.names + found.hidden}
     assert "motor_1" in places
     assert not [name for name in places if name.endswith("_Y")]
 
