@@ -2,6 +2,7 @@
 """Pages: all are reached, links lead somewhere, code runs and prints what they show."""
 
 import inspect
+import re
 from pathlib import Path
 
 import pytest
@@ -63,6 +64,14 @@ def test_links_lead_to_files_that_exist(monkeypatch):
     monkeypatch.setattr(Path, "read_text", lambda *_, **__: "![](nowhere.png)")
     with pytest.raises(FileNotFoundError, match=r"nowhere\.png leads nowhere"):
         make_site.texts()
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_tables_are_whole(name):
+    """After an empty line a row is a header; others would be shown as text."""
+    text = re.sub(r"^```.*?^```$", "", PAGES[name].read_text(encoding="utf-8"), flags=re.S | re.M)
+    starts = re.findall(r"^(?<!\|\n)\|.*\n(.*)", text, re.MULTILINE)
+    assert [below for below in starts if not re.fullmatch(r"[|: -]+", below)] == []
 
 
 @pytest.mark.filterwarnings("default::sst_pin.errors.SingularityWarning")
