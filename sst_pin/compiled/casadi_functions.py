@@ -101,7 +101,7 @@ class CasadiFunctions:
 
     @cached_property
     def tangent(self) -> Function:
-        """Q -> T, shape (nq, n), with q_dot = T va.
+        """(q) -> T, shape (nq, n), with q_dot = T va.
 
         If J is CasADi's derivative of a function with respect to q, its derivative along the closed
         motions is J T.
@@ -112,7 +112,7 @@ class CasadiFunctions:
 
     @cached_property
     def residual(self) -> Function:
-        """Q -> r: zero if the loops are closed; independent rows only, [m] and [rad].
+        """(q) -> r: zero if the loops are closed; independent rows only, [m] and [rad].
 
         The rows are independent closure constraints, and |u|^2 - 1 of the unit vectors in q
         (quaternions, cosine-sine pairs), without constraints on rates only (rolling). A loop can
@@ -133,7 +133,7 @@ class CasadiFunctions:
 
     @cached_property
     def check(self) -> Function:
-        """Q -> c: above 1 (or NaN) where the functions cannot be trusted at q.
+        """(q) -> c: above 1 (or NaN) where the functions cannot be trusted at q.
 
         The loops are open there, or q is too far from the configurations for which the order of
         elimination was chosen, next to a singularity, or the motors hardly hold the robot, so that
@@ -193,13 +193,13 @@ class CasadiFunctions:
         return Function("step", arguments, [closed(x[:nq]), x[nq:]], *names)
 
     def frame_placement(self, frame: str) -> Function:
-        """Q -> p, shape (3,), and R, shape (3, 3): a frame, by its name, in the base."""
+        """(q) -> p, shape (3,), and R, shape (3, 3): a frame, by its name, in the base."""
         e = self._equations
         point = e.kinematics.point(0, frame_named(self._mechanism.model, frame))
         return self._made("frame_placement", {"q": e.q}, {"p": point.p, "R": point.R})
 
     def frame_jacobian(self, frame: str) -> Function:
-        """Q -> J, shape (6, n): the chain's `frame_jacobian` of a frame, by its name."""
+        """(q) -> J, shape (6, n): the chain's `frame_jacobian` of a frame, by its name."""
         rows = kernels.make(self._equations, "frame_jacobian", frame=frame).output
         J = ca.reshape(rows, self.n, 6).T
         return self._made("frame_jacobian", {"q": self._equations.q}, {"J": J})
