@@ -103,7 +103,7 @@ class WarpBatch:
         return self._open.names(self._mechanism)
 
     def with_parameters(self, parameters: Any) -> "WarpBatch":
-        """The same robot with other masses, friction, springs and gravity, without a compilation.
+        """This robot with other masses, friction, springs and gravity, without a compilation.
 
         Args:
             parameters: In the order of `parameter_names`, shape (p,) for all robots, or (N, p). It

@@ -34,7 +34,7 @@ class MjcfJoint(NamedTuple):
     mimics: bool
 
     def seen_from(self, at: pin.SE3) -> "MjcfJoint":
-        """The same joint in the axes of a body that lies there in its own."""
+        """This joint in the axes of a body that lies there in its own."""
         return self._replace(axis=at.rotation.T @ self.axis, point=at.actInv(self.point))
 
     def qpos(self, q: Array) -> Array:

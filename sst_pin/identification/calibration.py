@@ -145,12 +145,13 @@ def calibrate(
         ClosureError: If a pose cannot be assembled.
 
     Example:
-        >>> made = sst_pin.robots.delta(arm=0.151)  # drawn with 0.15
-        >>> x = made.home[[0, 5, 9]] + np.random.default_rng(0).uniform(-0.3, 0.3, (8, 3))
-        >>> q = [made.assemble(dict(zip(made.coordinates, each))) for each in x]
-        >>> drawn, poses = sst_pin.robots.delta(arm=0.15), made.platform_pose(q)
-        >>> found = sst_pin.identification.calibrate(drawn, "platform", x, poses, which=["rod_*.x"])
-        >>> found.values.round(6)  # of the six rods: where they join the arms
+        >>> machine = sst_pin.robots.delta(arm=0.151)  # drawn with 0.15
+        >>> x = machine.home[[0, 5, 9]] + np.random.default_rng(0).uniform(-0.3, 0.3, (8, 3))
+        >>> q = [machine.assemble(dict(zip(machine.coordinates, each))) for each in x]
+        >>> drawn, poses = sst_pin.robots.delta(arm=0.15), machine.platform_pose(q)
+        >>> which = ["rod_*.x"]
+        >>> result = sst_pin.identification.calibrate(drawn, "platform", x, poses, which=which)
+        >>> result.values.round(6)  # of the six rods: where they join the arms
         array([0.001, 0.001, 0.001, 0.001, 0.001, 0.001])
     """
     angles = finite_array("x", x, (len(chain.coordinates),))

@@ -56,8 +56,8 @@ def consistent_parameters(
         >>> q, va, aa = sst_pin.identification.random_states(chain, 50)
         >>> tau = 2 * chain.compute_torques(q, va, aa)  # all is twice as heavy
         >>> tau += 1e-6 * np.random.default_rng(0).normal(size=tau.shape)
-        >>> found = sst_pin.identification.estimate(chain, base, q, va, aa, tau)
-        >>> theta = sst_pin.identification.consistent_parameters(chain, found)
+        >>> result = sst_pin.identification.estimate(chain, base, q, va, aa, tau)
+        >>> theta = sst_pin.identification.consistent_parameters(chain, result)
         >>> twice = chain.with_parameters(theta).compute_torques(q, va, aa)
         >>> bool(np.allclose(twice, tau, atol=1e-4))
         True

@@ -100,9 +100,9 @@ def estimate(
         >>> q, va, aa = sst_pin.identification.random_states(chain, 200)
         >>> tau = chain.compute_torques(q, va, aa)
         >>> tau += 0.01 * np.random.default_rng(1).normal(size=tau.shape)
-        >>> found = sst_pin.identification.estimate(chain, base, q, va, aa, tau)
-        >>> away = np.abs(found.values - base.matrix @ chain.dynamic_parameters) / found.deviations
-        >>> found.noise.round(2), bool(away.max() < 3)
+        >>> result = sst_pin.identification.estimate(chain, base, q, va, aa, tau)
+        >>> off = result.values - base.matrix @ chain.dynamic_parameters
+        >>> result.noise.round(2), bool((np.abs(off) < 3 * result.deviations).all())
         (array([0.01]), True)
     """
     n, motors = chain.degrees_of_freedom, len(chain.motor_names)

@@ -156,7 +156,7 @@ class _Search:
         return modes.q
 
     def in_one_turn(self, q: Array) -> Array:
-        """The same configuration with angles in [-pi, pi), unless couplings count turns."""
+        """q with its angles in [-pi, pi), unless couplings count turns."""
         turned = np.where(np.array(self._space.position_units) == "rad", in_one_turn(q), q)
         turned = put(self._space, turned, self._positions)
         return q if self._assembly.gap(turned, self._rows) else turned

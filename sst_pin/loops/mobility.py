@@ -188,8 +188,8 @@ def judge(mechanism: Mechanism, loops: Loops, q: Array, where: str) -> Mobility:
     coordinates = choose_coordinates(mechanism, Phi, groups)
     motions = free_motions(Phi)
     _, sizes, ways = np.linalg.svd(motor_rates(mechanism, q, motions))
-    held = int(np.count_nonzero(sizes > RESTS))
-    moving = np.abs(motions @ ways[held:].T).max(axis=1, initial=0.0) > 1e-6
+    rank = int(np.count_nonzero(sizes > RESTS))
+    moving = np.abs(motions @ ways[rank:].T).max(axis=1, initial=0.0) > 1e-6
     return Mobility(
         joints=space.rate_names,
         actuated=mechanism.motor_names,
@@ -197,7 +197,7 @@ def judge(mechanism: Mechanism, loops: Loops, q: Array, where: str) -> Mobility:
         rows=tuple(f"{c}: {row}" for c in mechanism.closures for row in c.rows),
         independent_rows=tuple(map(int, independent_rows(Phi))),
         degrees_of_freedom=len(coordinates),
-        held=held,
+        held=rank,
         loose_joints=tuple(np.array(space.rate_names)[moving].tolist()),
         idle_joints=idle_rates(mechanism, loops, Phi),
         condition_number=condition_number(mechanism, Phi, loops.parts(coordinates)),

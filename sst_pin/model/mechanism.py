@@ -233,10 +233,8 @@ class Mechanism:
     def require_freedom(self) -> None:
         """Refuse dynamics where nothing moves."""
         if not len(self.coordinates):
-            found = self.example is not None
-            raise DescriptionError(
-                f"model {self.model.name}", [_NOTHING_MOVES if found else _NOTHING_FOUND]
-            )
+            problem = _NOTHING_FOUND if self.example is None else _NOTHING_MOVES
+            raise DescriptionError(f"model {self.model.name}", [problem])
 
     def require_mass(self) -> None:
         """Refuse direct dynamics where a motion moves no mass."""
