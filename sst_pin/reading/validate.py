@@ -26,6 +26,7 @@ from ..loops.mobility import Mobility
 from ..model.checks import tendon_of
 from ..model.closures import Constraint, frames_of
 from ..model.tree import frame_id
+from ..simulation.check import findings
 from ..summaries import listed
 from .problems import SEVERITIES, Problem, error, merged, note, warning
 from .robot_file import RobotFile
@@ -41,8 +42,8 @@ def validate(path: str | Path, cuts: str | Path | None = None) -> list[Problem]:
     """All problems of a robot's files.
 
     Of a URDF or SDF it checks names, tree, limits, axes, inertias and meshes; of the closures
-    whether they can close, whether the motors hold the robot, and whether `home` is closed. MuJoCo
-    itself checks an MJCF.
+    whether they can close, whether the motors hold the robot, and whether `home` is closed, regular
+    and within the limits of the joints. MuJoCo itself checks an MJCF.
 
     Args:
         path: A URDF, an SDF, or an MJCF with the ending .xml or .mjcf.
@@ -214,6 +215,8 @@ def _home(engine: Engine) -> Iterator[Problem]:
             text += f"{', '.join(mechanism.coordinate_names)} fixed and moves "
             text += f"{space.rate_names[k]} by {change[k]:.3g} {space.rate_units[k]}; if the pose "
             yield warning("home", text + "is right, a length or a frame is wrong")
+        for finding in findings(engine, np.array([np.nan]), np.array([engine.home])):
+            yield warning("home", str(finding))
 
 
 def _actuation(engine: Engine, mobility: Mobility) -> Iterator[Problem]:

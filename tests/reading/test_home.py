@@ -68,6 +68,21 @@ def test_a_home_of_a_few_digits_is_closed_with_the_motors_held(folder):
     assert problem.startswith("warning: home: the loops are open by 0.00")
 
 
+def test_a_home_beyond_a_limit_is_told(folder):
+    home = named(sst_pin.SST().home, 15)
+    put_home(folder, **home)
+    assert told(folder) == []
+    urdf = (folder / "sst.urdf").read_text()
+    joint = re.search(r'<joint name="mu_2".*?</joint>', urdf, re.DOTALL)[0]
+    narrow = re.sub(r'upper="[^"]*"', 'upper="0.5"', joint)
+    (folder / "sst.urdf").write_text(urdf.replace(joint, narrow))
+    (problem,) = told(folder)
+    assert re.fullmatch(
+        r"warning: home: mu_2 leaves its limits of \S+ to 0\.5 rad: \S+ rad", problem
+    )
+    assert float(problem.split()[-2]) == pytest.approx(home["mu_2"], abs=1e-3)
+
+
 def test_a_home_that_cannot_be_closed_is_told_by_its_reader_and_by_validate(folder):
     """The five-bar of docs/own_robot.md: elbows 0.65 m apart, and two rods of 0.3 m."""
     page = (ROOT / "docs" / "own_robot.md").read_text()
