@@ -180,9 +180,8 @@ def noise_correlations(every: int) -> Array:
     impulse = np.zeros(2 * _MEMORY * every + 1)
     impulse[_MEMORY * every] = 1.0
     response = lowpass(impulse, 0.4 / every)
-    size = len(response)
-    lags = [response[k * every :] @ response[: size - k * every] for k in range(_MEMORY)]
-    return np.array(lags[1:]) / lags[0]
+    lags = np.correlate(response, response, "full")[len(response) - 1 :: every][:_MEMORY]
+    return np.asarray(lags[1:] / lags[0])
 
 
 def _require_bridged(names: Sequence[str], t: Array, replaced: Flags, longest: float) -> None:

@@ -32,12 +32,6 @@ def arc_ends(geometry: kinematics.Geometry) -> Array:
     return ends
 
 
-def arc_margins(geometry: kinematics.Geometry, q: Array) -> Array:
-    """Distance of each joint to the ends of its arc, negative outside; shape (..., 9), [rad]."""
-    low, high = arc_ends(geometry)
-    return np.asarray(np.minimum(q - low, high - q) + _END)
-
-
 def findings(
     model: pin.Model, geometry: kinematics.Geometry, t: Array, q: Array
 ) -> Iterator[Finding]:
@@ -46,7 +40,7 @@ def findings(
     units = ["deg"] * len(names)
     middle = np.where(np.isfinite(low), high / 2, 0)
     turned = middle + in_one_turn(q - middle)  # a whole turn leads to the same place
-    beyond = arc_margins(geometry, turned) < 0
+    beyond = np.maximum(low - turned, turned - high) > _END
     yield from outside("arc", names, units, t, turned, beyond, (low, high))
     low, high = model.lowerPositionLimit, model.upperPositionLimit
     yield from outside("limits", names, units, t, q, (q < low) | (q > high), (low, high))

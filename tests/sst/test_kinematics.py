@@ -129,6 +129,9 @@ def test_a_star_that_moves_while_the_motors_stand_is_singular():
     x, y, z = np.eye(3)
     with pytest.raises(SingularConfigurationError, match="can move while the motors are fixed"):
         orientations(np.array((x, x, y)), np.array((z, z, y)))
+    flat = sst_pin.SST(sst_pin.Parameters(arc_angles=np.radians((90, 90, 180))))
+    with pytest.raises(SingularConfigurationError, match="can move while the motors are fixed"):
+        flat.forward_kinematics((0.3, np.pi / 2, 0))  # it turns about the normal of an arc
 
 
 def test_home_is_that_of_the_description():
