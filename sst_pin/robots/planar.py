@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array, in_one_turn
 from ..model.closures import Closure
-from .building_blocks import Solids, Tree, bar, star
+from .building_blocks import Tree, bar, star
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
 from .placements import UPRIGHT, angle_about_z, circle, direction, planar, shift, two_link
 
@@ -97,9 +97,8 @@ def five_bar(
         radius: Radius of the links, [m].
     """
     tree, lengths = Tree("five_bar"), (proximal, distal)
-    links = [bar(linear_density * length, length, radius) for length in lengths]
     for k, x in enumerate((-span / 2, span / 2), 1):
-        _add_arm(tree, k, (x, 0), lengths, links)
+        _add_arm(tree, k, (x, 0), lengths, linear_density, radius)
         tree.frame(f"tip_{k}", f"elbow_{k}", (distal, 0))
     tree.platform("elbow_1", (distal, 0))
     joints = partial(_five_bar_joints, span, lengths)
@@ -181,10 +180,9 @@ def _planar_platform(
     """A platform in the horizontal plane that leg 1 bears and the other legs are pinned to."""
     base, vertices = (circle(radius, angles) for radius in radii[:2])
     plate = star(masses[0], vertices - vertices[0], radii[2])
-    links = [bar(masses[1] * length, length, radii[2]) for length in lengths]
     tree, legs = Tree(name), range(1, len(base) + 1)
     for k in legs:
-        _add_arm(tree, k, base[k - 1], lengths, links)
+        _add_arm(tree, k, base[k - 1], lengths, masses[1], radii[2])
         if k == 1:
             tree.hinge("wrist_1", plate, "elbow_1", shift((lengths[1], 0)))
             tree.platform("wrist_1", -vertices[0])
@@ -206,7 +204,10 @@ def _planar_joints(base: Array, vertices: Array, lengths: _Lengths, pose: pin.SE
     return joints | {"wrist_1": float(in_one_turn(turn))}
 
 
-def _add_arm(tree: Tree, k: int, foot: ArrayLike, lengths: _Lengths, links: list[Solids]) -> None:
+def _add_arm(
+    tree: Tree, k: int, foot: ArrayLike, lengths: _Lengths, linear_density: float, radius: float
+) -> None:
     """Two links in a row on the base."""
-    tree.hinge(f"shoulder_{k}", links[0], at=shift(foot))
-    tree.hinge(f"elbow_{k}", links[1], f"shoulder_{k}", shift((lengths[0], 0)))
+    upper, lower = (bar(linear_density * length, length, radius) for length in lengths)
+    tree.hinge(f"shoulder_{k}", upper, at=shift(foot))
+    tree.hinge(f"elbow_{k}", lower, f"shoulder_{k}", shift((lengths[0], 0)))
