@@ -7,8 +7,6 @@ more than there are directions of preload. A preload that keeps all motors withi
 exists where no sum is larger than the sum of the sizes of its factors.
 """
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

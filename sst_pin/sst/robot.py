@@ -290,26 +290,26 @@ class SST(ClosedChain):
 
     def singularity_measures(self, q: ArrayLike) -> dict[str, Array]:
         """Condition number of A (second kind) and 1 / min |sin(mu_k)| (first kind)."""
-        distances = self.singularities(q)
+        sine, _, condition = self.singularities(q)
         with np.errstate(divide="ignore"):
-            return {
-                "singularity (second kind), cond A": distances.condition_number,
-                "singularity (first kind), 1 / min |sin mu_k|": np.asarray(
-                    1 / distances.first_kind
-                ),
-            }
+            first = np.asarray(1 / sine)
+        return {
+            "singularity (second kind), cond A": condition,
+            "singularity (first kind), 1 / min |sin mu_k|": first,
+        }
 
     @property
     def star_radius(self) -> float:
         """Distance OE, [m]; of a URDF without a frame E, that of the paper's robot."""
-        return _star_radius(self.mechanism.model)
+        model = self.mechanism.model
+        if not model.existFrame("E"):
+            return Parameters().star_radius
+        return float(np.linalg.norm(frame_named(model, "E").placement.translation))
 
     @property
     def appearance(self) -> Appearance:
         """What pictures show: axes e_1..9, frames {0k}..{3k} and {E}, the path of E."""
-        engine = self._engine
-        radius = _star_radius(engine.mechanism.model)
-        return star_appearance.appearance_of(_geometry_of(engine), radius)
+        return star_appearance.appearance_of(self.geometry, self.star_radius)
 
     def _findings(self, engine: Engine, t: Array, q: Array) -> Iterable[Finding]:
         return arc_limits.findings(engine.mechanism.model, _geometry_of(engine), t, q)
@@ -341,9 +341,3 @@ def _require_limits(model: pin.Model, q: Array) -> None:
             f"{q[first]:.4g} rad, its limits are {lower[joint]:.4g} and {upper[joint]:.4g} rad"
         )
         raise of_samples(WorkspaceError(problem), outside.any(axis=-1))
-
-
-def _star_radius(model: pin.Model) -> float:
-    if not model.existFrame("E"):
-        return Parameters().star_radius
-    return float(np.linalg.norm(frame_named(model, "E").placement.translation))
