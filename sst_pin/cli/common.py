@@ -78,7 +78,7 @@ def require_extras(**packages: str) -> None:
 
 
 def refuses(findings: Sequence[object], arguments: argparse.Namespace) -> bool:
-    """Print what speaks against a motion; whether this ends the command."""
+    """Print findings about a motion; whether the command ends with them."""
     for finding in findings:
         tell("error" if arguments.strict else "warning", finding)
     return bool(findings) and arguments.strict

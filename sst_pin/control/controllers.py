@@ -29,7 +29,7 @@ class Controller(ABC):
     Args:
         chain: The model of the robot; its motors must hold all coordinates, each of which turns
             about an axis or slides along one.
-        motion: What to follow: a motion of this robot.
+        motion: The motion to follow, of this robot.
         limits: Largest torque of each motor, shape (motors,) or (), or least and largest ones,
             shape (motors, 2); none by default.
 
@@ -59,8 +59,8 @@ class Controller(ABC):
     def torque(self, t: float, q: Array, va: Array) -> Array:
         """Torques of the motors, within the limits, shape (motors,).
 
-        Surplus motors supply what others cannot. Where all together cannot, the torques are
-        clipped. Usable as `torque=` of `simulate`.
+        Surplus motors supply what others cannot. If all together cannot, the torques are clipped.
+        Usable as `torque=` of `simulate`.
 
         Args:
             t: Time, [s].
@@ -123,10 +123,10 @@ class _Feedback(Controller):
 
 
 class ComputedTorque(_Feedback):
-    """Inverse dynamics of the desired accelerations with feedback: errors decay alike everywhere.
+    """Inverse dynamics with feedback: errors decay in the same way in every configuration.
 
-    The errors e of the coordinates obey e'' + kd e' + kp e = 0 for the model. The other arguments
-    are those of `Controller`.
+    If the model is exact, the errors e of the coordinates obey e'' + kd e' + kp e = 0. The other
+    arguments are those of `Controller`.
 
     Args:
         kp: Position gains, () or shape (n,), [1/s^2].
@@ -149,7 +149,7 @@ class ComputedTorque(_Feedback):
 class GravityPD(_Feedback):
     """Springs and dampers to the desired motion, and the torques that hold the weight.
 
-    Of the model it uses weights and springs only. The other arguments are those of `Controller`.
+    It uses only weights and springs of the model. The other arguments are those of `Controller`.
 
     Args:
         kp: Position gains, () or shape (n,), [N m/rad] or [N/m].
@@ -230,14 +230,14 @@ class Adaptive(Controller):
     to the motion; its Coriolis matrix C makes M_dot - 2 C skew. J.-J. Slotine and W. Li, On the
     adaptive control of robot manipulators, Int. J. Robotics Research 6(3), 1987.
 
-    It learns from call to call, so it is for loops in which time goes on: `simulate` takes it as a
-    `SampledTorque` only. It does not learn while its torques pass the limits. The other arguments
-    are those of `Controller`; the chain is the model to begin with.
+    It learns with each call, so time must not go back: `simulate` takes it as a `SampledTorque`
+    only. It does not learn while its torques pass the limits. The other arguments are those of
+    `Controller`; the chain is the first model.
 
     Args:
-        stiffness: How fast errors die out where s is 0, () or shape (n,), [1/s].
+        stiffness: Decay rate of errors where s is 0, () or shape (n,), [1/s].
         damping: Torques by s, () or shape (n,), [N m s/rad] or [N s/m].
-        learning: How fast it learns, without unit; 0 for never.
+        learning: Speed of learning, without unit; with 0 it does not learn.
 
     Attributes:
         theta: The parameters learned so far, in the order of `chain.dynamic_parameters`.

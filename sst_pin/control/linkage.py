@@ -17,9 +17,9 @@ from ..loops.start import start_of
 from ..model.named_positions import taken
 from ..model.thresholds import RANK_TOLERANCE
 
-#: The joints go to given motor positions in pieces of this size, [rad], or of the robot's length.
+#: The way to motor positions is divided into pieces of this size, [rad] or robot lengths.
 _PIECE = 0.2
-#: Newton's method in a piece: steps, and the error at which it has arrived, as for the pieces.
+#: Newton's method in a piece: the most steps, and the last one, [rad] or robot lengths.
 _STEPS, _ARRIVED = 20, 1e-12
 
 
@@ -64,7 +64,7 @@ class Linkage:
             raise InputError("joints", f"{problem}: name all joints of its linkage")
 
     def from_joints(self, positions: ArrayLike, start: ArrayLike | None = None) -> Array:
-        """The configuration, (..., nq), for positions of the joints, each from the start alone.
+        """Configurations, shape (..., nq), for positions of the joints, reached from the start.
 
         On the way no singular configuration is passed, so the assembly mode is that of the start.
 
@@ -85,7 +85,7 @@ class Linkage:
         return for_each_sample(one, [targets], (1,), first.shape)
 
     def from_motors(self, positions: ArrayLike, start: ArrayLike | None = None) -> Array:
-        """The configuration, (..., nq), for positions of the motors; see `from_joints`.
+        """Configurations, shape (..., nq), for positions of the motors; see `from_joints`.
 
         Args:
             positions: Shape (..., motors), [rad] or [m]; of a motor on a line its length.

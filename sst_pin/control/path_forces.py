@@ -23,14 +23,15 @@ from .motor_limits import combinations, motors_of, of_sizes, part_of, sums_of
 
 #: The part of a limit that stays free at the grid's points, for what happens between them.
 MARGIN = 1e-4
-#: A rate w at which friction is small beside inertia; the part of rates that joints at rest have.
+#: A rate w at which friction is small beside inertia; below this part of the largest rate a joint
+#: is at rest.
 _FAST, _STILL = 1e4, 1e-8
 #: Between samples of a path loops may be open by this, [rad] or of the robot's length.
 _OPEN = 0.02
 
 
 class SmoothPath:
-    """A curve of configurations over s from 0 to 1, about as long in each part of s."""
+    """A curve of configurations over s from 0 to 1, which s follows at about constant speed."""
 
     def __init__(self, chain: ClosedChain, path: ArrayLike) -> None:
         self._chain, self._space = chain, chain.mechanism.space

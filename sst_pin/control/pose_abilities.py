@@ -52,7 +52,7 @@ def force_ellipsoid(
         q: Configurations, shape (..., nq).
         frame: Name of a frame.
         torques: Largest torque of each motor, shape () or (motors,).
-        turning: Whether moments are meant, instead of forces on the origin of the frame.
+        turning: Whether to return moments instead of forces at the origin of the frame.
 
     Returns:
         Forces, [N], or moments, [N m]; the center is zero.

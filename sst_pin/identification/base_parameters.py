@@ -122,8 +122,8 @@ def base_parameters(
 def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array, Array, Array]:
     """q, va, aa at random assembled configurations of one mode, away from singularities.
 
-    Shapes (count, nq), (count, n), (count, n); rates and accelerations are those at which weights
-    and inertia matter alike. `seed` is that of the random numbers.
+    Shapes (count, nq), (count, n), (count, n). With these rates and accelerations weights and
+    inertia take torques of about the same size. `seed` is that of the random numbers.
 
     Raises:
         ClosureError: If too few configurations can be assembled.

@@ -170,7 +170,7 @@ def _mean_signs(v: Array) -> Array:
 
 
 def _weighted(J: Array, noise: Array, left: Array, right: Array) -> tuple[Array, Array, Array]:
-    """Both sides in units of their noise, and the smallest torques by which these are wrong."""
+    """Both sides in units of their noise, and the least torque errors for one unit of each."""
     try:
         weights = np.linalg.inv(np.linalg.cholesky((J.mT * noise**2) @ J))
     except np.linalg.LinAlgError:

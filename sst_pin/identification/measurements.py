@@ -19,20 +19,20 @@ from ..simulation.samples import sample_times, spline
 from ..simulation.trajectories import Trajectory
 
 _ORDER = 4
-#: What names of torques begin with; a cut-off in periods per sample that is above this is none.
+#: The begin of the names of torques; a cut-off above this, in periods per sample, filters nothing.
 _TORQUE, _OPEN = "torque of ", 0.45
-#: How far an outlier is from the smooth curve, over the median of so many periods and samples:
-#: an outlier moves the curve by more than a period.
+#: An outlier is so many times farther from the smooth curve than the median of its part of the log.
+#: A part has at least so many periods and so many samples.
 _OUTLIER, _PERIODS, _USUAL = 8.0, 10, 141
-#: Of so many samples one outlier is replaced in each of so many passes; positions may be replaced
-#: for this part of a period.
+#: In each pass one outlier among so many samples is replaced; the most passes; the part of a period
+#: for which samples may be replaced.
 _AROUND, _PASSES, _BRIDGED = 7, 60, 0.25
 #: A torque is compared with the median of so many samples. One bad sample of an uneven log spoils
 #: three even ones, so that four of them are good.
 _NEAR = 7
 #: The filter of `decimated` has forgotten a sample after so many of its samples.
 _MEMORY = 20
-#: Part of the samples that may be outliers: more spoil the curve that they are held against.
+#: Part of the samples that may be outliers: more spoil the curve with which they are compared.
 _MOST = 0.05
 
 

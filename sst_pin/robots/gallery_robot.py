@@ -45,7 +45,7 @@ class GalleryRobot(ClosedChain):
 
     Args:
         tree: The tree and its shapes.
-        closures: What closes it, if anything does.
+        closures: Its closures; none for a tree.
         actuated: Names of the motors' joints.
         joints: Inverse kinematics in closed form: coordinates of all joints for a pose of the
             platform; NaN where it is out of reach.
