@@ -164,8 +164,8 @@ def _considered(names: Sequence[str], values: Array, which: Sequence[str] | None
         return np.flatnonzero(of_bodies | (values != 0))
     patterns = (which,) if isinstance(which, str) else arrays.names("which", which)
     fits = np.array([[fnmatchcase(name, pattern) for name in names] for pattern in patterns])
-    for pattern, found in zip(patterns, fits, strict=True):
-        if not found.any():
+    for pattern, fit in zip(patterns, fits, strict=True):
+        if not fit.any():
             raise UnknownNameError("parameter", pattern, list(names))
     return np.flatnonzero(fits.any(axis=0))
 

@@ -177,21 +177,21 @@ def calibrate(
         raise InputError("which", f'{problem}, such as those of motors, "motor.r*"') from None
     _require_near(z[:, :3], large.mechanism.length)
     for tolerance in _TOLERANCES:
-        found = independent(A.reshape(-1, len(names)), tolerance)
-        if z.size <= found.size:
-            problem = f"{z.size} equations for {found.size} errors; give more poses, or which="
+        visible = independent(A.reshape(-1, len(names)), tolerance)
+        if z.size <= visible.size:
+            problem = f"{z.size} equations for {visible.size} errors; give more poses, or which="
             raise InputError("poses", problem)
         try:
-            values, root, noise = poses_of_errors.fitted(q, found)
+            values, root, noise = poses_of_errors.fitted(q, visible)
             break
         except InputError:
             if tolerance == _TOLERANCES[-1]:
                 raise
-    errors_found = {names[k]: float(x) for k, x in zip(found, values, strict=True)}
-    hidden = tuple(name for name in names if name not in errors_found)
-    displacements = geometry.displacements(chain.mechanism, errors_found)
+    sizes = {names[k]: float(x) for k, x in zip(visible, values, strict=True)}
+    hidden = tuple(name for name in names if name not in sizes)
+    displacements = geometry.displacements(chain.mechanism, sizes)
     robot = chain.with_model(geometry.displaced(chain.mechanism.model, displacements))
-    return Calibration(tuple(errors_found), values, root @ root.T, noise, hidden, robot)
+    return Calibration(tuple(sizes), values, root @ root.T, noise, hidden, robot)
 
 
 class _Poses:
@@ -222,23 +222,23 @@ class _Poses:
         J = self._large.frame_jacobian(q, self._frame)[:, : z.shape[1], self._columns]
         return z / sizes, J / sizes[:, None] * self._units
 
-    def fitted(self, q: Array, found: Indices) -> tuple[Array, Array, Array]:
+    def fitted(self, q: Array, visible: Indices) -> tuple[Array, Array, Array]:
         """Values of errors, the root of their covariance, and the noise, by Newton's method."""
-        units, values, noise = self._units[found], np.zeros(found.size), np.ones(1)
-        space, names = self._large.mechanism.space, [self._names[k] for k in found]
+        units, values, noise = self._units[visible], np.zeros(visible.size), np.ones(1)
+        space, names = self._large.mechanism.space, [self._names[k] for k in visible]
         for step_number in counted(range(_STEPS), "calibrate, steps of Newton's method"):
             errors = dict(zip(names, np.tile(values * units, (len(q), 1)).T, strict=True))
             try:
                 q = self._large.assemble(put(space, q, errors))
                 z, A = self.linearized(q)
                 weights = np.repeat(1 / np.resize(noise, z.shape[1] // 3), 3)
-                z, A = z * weights, A[..., found] * weights[:, None]
+                z, A = z * weights, A[..., visible] * weights[:, None]
                 step, root = solved(A, z)
             except (ClosureError, SingularConfigurationError, InputError):
                 raise InputError("poses", _TOO_LARGE) from None
             values += step
             left = (z - A @ step).reshape(len(z), -1, 3)
-            scale = np.sqrt(np.mean(left**2, axis=(0, 2)) * left.size / (left.size - found.size))
+            scale = np.sqrt(np.mean(left**2, axis=(0, 2)) * left.size / (left.size - visible.size))
             noise = noise * scale
             noise = np.maximum(noise, max(1e-13, _LEAST_NOISE * noise.max()))
             if step_number and np.abs(step).max(initial=0.0) < _SETTLED:
