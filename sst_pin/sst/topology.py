@@ -40,12 +40,9 @@ def geometry_of(model: pin.Model, source: str) -> Geometry:
 def _joint_problems(model: pin.Model) -> list[str]:
     names = tuple(model.names)[1:]
     problems = [f"joint {name} is missing" for name in JOINT_NAMES if name not in names]
-    others = [name for name in names if name not in JOINT_NAMES]
-    problems += [f"joint {name}: an SST has no such joint" for name in others]
-    if names != JOINT_NAMES and not problems:
-        order = "their order must be gamma_k, mu_k, beta_k of each leg"
-        problems = [f"joints {', '.join(names)}; {order}"]
-    return problems
+    problems += [f"joint {x}: an SST has no such joint" for x in names if x not in JOINT_NAMES]
+    order = f"joints {', '.join(names)}; their order must be gamma_k, mu_k, beta_k of each leg"
+    return problems or [order] * (names != JOINT_NAMES)
 
 
 def _axis_problems(model: pin.Model) -> Iterator[str]:
