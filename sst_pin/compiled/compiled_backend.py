@@ -249,9 +249,12 @@ class CompiledBackend:
         """A kernel's code for single samples, then for batches; none where there is none."""
         key = self._own(key)
         if key not in self._codes:
+            from concurrent.futures import ThreadPoolExecutor  # slow to import
+
             try:
-                variants = self._variants(key)
-                self._codes[key] = [self._from_cache(*variant) for variant in variants]
+                with ThreadPoolExecutor() as pool:
+                    variants = zip(*self._variants(key), strict=True)
+                    self._codes[key] = list(pool.map(self._from_cache, *variants))
             except SSTError as error:
                 self._codes[key], self._why[key] = [], str(error)
         return self._codes[key]
