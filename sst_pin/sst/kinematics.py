@@ -67,9 +67,7 @@ def _dot(a: Array, b: Array) -> Array:
 
 def legs_of_orientation(geometry: Geometry, R: Array, branch: ArrayLike) -> Legs:
     """Axes of the legs that carry the star at R, shape (..., 3, 3), with signs of sin(mu_k)."""
-    R_3 = R[..., None, :, :] @ np.swapaxes(geometry.R_E, -1, -2)
-    n = R_3[..., 2]
-    u = np.cross(geometry.e, n)
+    u = np.cross(geometry.e, geometry.arc_normals @ R.mT)
     length = np.linalg.norm(u, axis=-1)
     if (flat := length < _FLAT).any():
         k = int(np.argwhere(flat)[0, -1]) + 1
@@ -78,8 +76,7 @@ def legs_of_orientation(geometry: Geometry, R: Array, branch: ArrayLike) -> Legs
         )
         error = SingularConfigurationError(problem, 1 / max(float(length.min()), 1e-300))
         raise of_samples(error, flat.any(axis=-1))
-    u = u * (np.asarray(branch, dtype=float) / length)[..., None]
-    return _legs(geometry, u, n, R_3[..., 0])
+    return _legs(geometry, u * (np.asarray(branch, dtype=float) / length)[..., None], R)
 
 
 def legs_of_joints(geometry: Geometry, q: Array) -> Legs:
@@ -96,8 +93,10 @@ def legs_of_joints(geometry: Geometry, q: Array) -> Legs:
     return Legs(u, n, y_1, y_2, c_beta * u + s_beta * y_2, s_mu[..., 0], c_mu[..., 0])
 
 
-def _legs(geometry: Geometry, u: Array, n: Array, s: Array) -> Legs:
-    y_1 = np.cross(geometry.e, u)
+def _legs(geometry: Geometry, u: Array, R: Array) -> Legs:
+    """Axes of the legs that carry the star at R, with passive axes u."""
+    R_3, y_1 = R[..., None, :, :] @ geometry.R_E.mT, np.cross(geometry.e, u)
+    s, n = R_3[..., 0], R_3[..., 2]
     return Legs(u, n, y_1, np.cross(n, u), s, -_dot(n, y_1), _dot(n, geometry.e))
 
 
@@ -118,10 +117,8 @@ def passive_axes(geometry: Geometry, gamma: Array) -> Array:
 
 def joints_of_actuated(geometry: Geometry, gamma: Array, R: Array) -> Array:
     """q, shape (..., 9), for motor angles and orientations that fit them, in any branch."""
-    u = passive_axes(geometry, gamma)
-    R_3 = R[..., None, :, :] @ np.swapaxes(geometry.R_E, -1, -2)
-    u, n = np.broadcast_arrays(u, R_3[..., 2])
-    q = joints_of_legs(geometry, _legs(geometry, u, n, R_3[..., 0]))
+    u = np.broadcast_to(passive_axes(geometry, gamma), R.shape)
+    q = joints_of_legs(geometry, _legs(geometry, u, R))
     q[..., ::3] = gamma
     return q
 
