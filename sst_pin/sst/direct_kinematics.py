@@ -2,26 +2,40 @@
 """Every real assembly of an SST for given motor angles.
 
 Motor angles fix the passive axes u_k = e_{k+3}. The normal of arc k is perpendicular to u_k:
-u_k . R m_k = 0 with m_k the normal in {E}. For k = 1 this holds if R is a turn a about u_1 after a
-turn b about m_1. The other two equations are linear in (1, cos b, sin b); without b they are one
-equation of degree four in cos a and sin a, of degree eight in exp(i a). Newton's method polishes
-the solutions.
+u_k . R m_k = 0 with m_k the normal in {E}. In the unit quaternion p of R these are three quadrics
+p^T A_k p = 0, which meet in eight points of projective space, complex ones included. The null space
+of the Macaulay matrix of degree four contains all eight: there, multiplication by a ratio of linear
+forms is an 8 x 8 matrix whose eigenvectors are the solutions. Newton's method polishes them.
 """
 
+import itertools
+
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..errors import SingularConfigurationError
 
-#: |log |exp(i a)|| above which a solution is complex, and the largest residual before Newton's
-#: method. Solutions that are close to one another are less exact than others.
-_COMPLEX, _NEAR = 1e-3, 1e-2
+_N_SOLUTIONS = 8
+#: Imaginary part of a unit quaternion above which a solution is complex. Two close solutions are
+#: exact to the square root of rounding only, so Newton's method decides.
+_IMAGINARY = 1e-4
 #: Largest residual of a polished solution.
 _POLISHED = 1e-13
-#: Orientations whose entries differ by less are one solution.
-_APART = 2e-6
-#: Equations with smaller coefficients hold for all a, or for all b.
-_ZERO = 1e-12
+#: Quaternions closer than this are one solution.
+_APART = 1e-6
+
+#: Monomials in the four components of a quaternion, as sorted tuples of indices.
+_DEGREE_2, _DEGREE_3, _DEGREE_4 = (
+    list(itertools.combinations_with_replacement(range(4), degree)) for degree in (2, 3, 4)
+)
+_INDEX_4 = {monomial: i for i, monomial in enumerate(_DEGREE_4)}
+#: _TIMES[i, j]: index of (monomial i of degree 3) times p_j among those of degree 4.
+_TIMES_P = np.array([[_INDEX_4[tuple(sorted((*m, j)))] for j in range(4)] for m in _DEGREE_3])
+#: _SQUARE[i, j]: index of the product of two monomials of degree 2 among those of degree 4.
+_SQUARE = np.array([[_INDEX_4[tuple(sorted(a + b))] for b in _DEGREE_2] for a in _DEGREE_2])
+#: Two generic linear forms; the same at every call, so results repeat to the bit.
+_FORMS = np.random.default_rng(1).normal(size=(2, 4))
 
 
 def orientations(u: Array, m: Array) -> Array:
@@ -32,65 +46,60 @@ def orientations(u: Array, m: Array) -> Array:
     """
     from scipy.spatial.transform import Rotation
 
-    # Axes in which u_1 is x and m_1 is y.
-    of_u, of_m = _axes(u[0]), np.roll(_axes(m[0]), 1, axis=1)
-    a = _first_turns(u[1:] @ of_u, m[1:] @ of_m)
-    c = _coefficients(u[1:] @ of_u, m[1:] @ of_m, a)
-    # b by the equation that depends more on it: two solutions, of which the other rejects some.
-    sizes = np.hypot(c[..., 1], c[..., 2])
-    order, each = np.argsort(-sizes, axis=0), np.arange(len(a))
-    (first, second), size = c[order, each], sizes[order[0], each]
-    half = np.arccos(np.clip(-first[:, 0] / np.maximum(size, _ZERO), -1, 1))
-    b = np.arctan2(first[:, 2], first[:, 1]) + np.array([half, -half])
-    left = second[:, 0] + second[:, 1] * np.cos(b) + second[:, 2] * np.sin(b)
-    turns = np.stack(np.broadcast_arrays(a, b), axis=-1)[np.abs(left) < _NEAR]
-    R = of_u @ Rotation.from_euler("XY", turns).as_matrix() @ of_m.T
+    # p^T A_k p = u_k . R(p) m_k for unit quaternions p = (x, y, z, w)
+    A = np.empty((3, 4, 4))
+    A[:, 3, 3] = cosine = (u * m).sum(axis=1)
+    A[:, 3, :3] = A[:, :3, 3] = np.cross(m, u)
+    outer = u[:, :, None] * m[:, None, :]
+    A[:, :3, :3] = outer + outer.swapaxes(1, 2) - cosine[:, None, None] * np.eye(3)
     solutions: list[Array] = []
-    for candidate in _polished(u, m, R):
-        if all(np.abs(candidate - known).max() > _APART for known in solutions):
-            solutions.append(candidate)
-    return np.array(solutions).reshape(-1, 3, 3)
+    for candidate in _intersections(A):
+        # Turn the largest component real: a real solution becomes real as a whole.
+        p = candidate * np.exp(-1j * np.angle(candidate[np.argmax(np.abs(candidate))]))
+        if np.abs(p.imag).max() > _IMAGINARY:
+            continue
+        polished = _polish(A, p.real)
+        if polished is not None and all(
+            min(np.abs(polished - known).max(), np.abs(polished + known).max()) > _APART
+            for known in solutions
+        ):
+            solutions.append(polished)
+    if not solutions:
+        return np.empty((0, 3, 3))
+    return Rotation.from_quat(np.array(solutions)).as_matrix()
 
 
-def _axes(direction: Array) -> Array:
-    """Right-handed axes in columns, the first along a direction, forwards or backwards."""
-    _, _, axes = np.linalg.svd(direction[None])
-    axes[2] *= np.linalg.det(axes)
-    return np.asarray(axes.T)
+def _intersections(A: Array) -> NDArray[np.complex128]:
+    """The eight common points of three quadrics, unit vectors as rows, complex in general."""
+    macaulay = np.zeros((3, len(_DEGREE_2), len(_DEGREE_4)))
+    coefficients = np.array([A[:, i, j] * (1 if i == j else 2) for i, j in _DEGREE_2])
+    for row, columns in enumerate(_SQUARE):  # each quadric times each monomial of degree 2
+        macaulay[:, row, columns] = coefficients.T
+    _, singular_values, V = np.linalg.svd(macaulay.reshape(-1, len(_DEGREE_4)))
+    largest, least = singular_values[[0, len(_DEGREE_4) - _N_SOLUTIONS - 1]]
+    if least < 1e-10 * largest:
+        raise SingularConfigurationError(
+            "the motor angles do not determine the star: it can move while the motors are fixed",
+            float(largest / least),
+        )
+    null = V[-_N_SOLUTIONS:].T  # columns span the values of all monomials at the solutions
+    numerator, denominator = (np.einsum("mjs,j->ms", null[_TIMES_P], form) for form in _FORMS)
+    multiplication = np.linalg.lstsq(denominator, numerator, rcond=None)[0]
+    _, eigenvectors = np.linalg.eig(multiplication)
+    values = null @ eigenvectors  # monomials at the solutions, columns
+    cubes = values[_TIMES_P]  # (degree 3, component, solution)
+    best = np.abs(cubes).sum(axis=1).argmax(axis=0)  # the largest monomial of each solution
+    p = cubes[best, :, np.arange(_N_SOLUTIONS)]
+    return np.asarray(p / np.linalg.norm(p, axis=1)[:, None])
 
 
-def _coefficients(u: Array, m: Array, a: Array) -> Array:
-    """Factors of (1, cos b, sin b) in u_k . Rot(x, a) Rot(y, b) m_k, shape (k, len(a), 3)."""
-    c, s, (u_x, u_y, u_z), (m_x, m_y, m_z) = np.cos(a), np.sin(a), u.T[..., None], m.T[..., None]
-    y, z = c * u_y + s * u_z, c * u_z - s * u_y
-    return np.stack([y * m_y, u_x * m_x + z * m_z, u_x * m_z - z * m_x], axis=-1)
-
-
-def _first_turns(u: Array, m: Array) -> Array:
-    """Angles a for which both equations have one b, from the Fourier series of their resultant."""
-    w = np.cross(*_coefficients(u, m, np.linspace(0, 2 * np.pi, 9, endpoint=False)))
-    size = float(np.abs(w).max())
-    w /= max(size, 1e-300)
-    series = np.fft.fftshift(np.fft.fft(w[:, 1] ** 2 + w[:, 2] ** 2 - w[:, 0] ** 2))
-    least = min(size, float(np.abs(series).max()))
-    if least < _ZERO:
-        problem = "the motor angles do not determine the star"
-        cause = "it can move while the motors are fixed"
-        raise SingularConfigurationError(f"{problem}: {cause}", 1 / max(least, 1e-300))
-    roots = np.roots(series[::-1])
-    with np.errstate(divide="ignore"):
-        return np.angle(roots[np.abs(np.log(np.abs(roots))) < _COMPLEX])
-
-
-def _polished(u: Array, m: Array, R: Array) -> Array:
-    """Solutions by Newton's method from orientations, shape (n, 3, 3), without those that fail."""
-    from scipy.spatial.transform import Rotation
-
+def _polish(A: Array, p: Array) -> Array | None:
+    """Newton's method on the quadrics and |p| = 1; None where there is no real solution."""
     for _ in range(30):
-        n = m @ R.mT
-        residual = (u * n).sum(axis=-1)
-        if np.abs(residual).max(initial=0.0) < _POLISHED / 10:
+        residual = np.append(p @ A @ p, p @ p - 1)
+        if np.abs(residual).max() < _POLISHED / 10:
             break
-        turn = np.linalg.pinv(np.cross(n, u), rcond=1e-12) @ residual[..., None]
-        R = Rotation.from_rotvec(-turn[..., 0]).as_matrix() @ R
-    return R[np.abs((u * (m @ R.mT)).sum(axis=-1)).max(axis=-1, initial=0.0) < _POLISHED]
+        jacobian = 2 * np.vstack([p @ A, p])
+        p = p - np.linalg.lstsq(jacobian, residual, rcond=1e-12)[0]
+    p = p / np.linalg.norm(p)
+    return p if np.abs(p @ A @ p).max() < _POLISHED else None

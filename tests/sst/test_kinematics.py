@@ -125,10 +125,23 @@ def test_motor_angles_without_assembly_are_told():
         robot.forward_kinematics(gamma, near=robot.home)
 
 
-def test_a_star_that_moves_while_the_motors_stand_is_singular():
-    x, y, z = np.eye(3)
+X, Y, Z = np.eye(3)
+
+
+@pytest.mark.parametrize(
+    ("u", "m"),
+    [
+        ((X, X, Y), (Z, Z, Y)),
+        ((Y, X, X), (X, Y, Z)),  # normal 1 lies along both axes x, about which the star turns
+        (((X + Y + Z) / np.sqrt(3), (X - Y) / np.sqrt(2), (X - Y) / np.sqrt(2)), (X, Y, Z)),
+    ],
+)
+def test_a_star_that_turns_about_two_axes_that_coincide_is_singular(u, m):
     with pytest.raises(SingularConfigurationError, match="can move while the motors are fixed"):
-        orientations(np.array((x, x, y)), np.array((z, z, y)))
+        orientations(np.array(u), np.array(m))
+
+
+def test_a_star_that_moves_while_the_motors_stand_is_singular():
     flat = sst_pin.SST(sst_pin.Parameters(arc_angles=np.radians((90, 90, 180))))
     with pytest.raises(SingularConfigurationError, match="can move while the motors are fixed"):
         flat.forward_kinematics((0.3, np.pi / 2, 0))  # it turns about the normal of an arc
