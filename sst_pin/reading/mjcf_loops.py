@@ -86,27 +86,24 @@ def _coupling(
     """The coupling that makes first - start a polynomial of second - start."""
     (shares, offset), (others, start) = first, second
     polynomial = np.polynomial.Polynomial(coefficients)
-    row = {joint: np.array([0.0, -share]) for joint, share in shares.items()}
-    if alone := len(others) == 1:
-        ((other, share),) = others.items()
+    row = {joint: np.array([0.0, -share, 0.0, 0.0, 0.0]) for joint, share in shares.items()}
+    for joint, share in others.items():
         powers = polynomial(np.polynomial.Polynomial([-start, share])).coef
-        row[other] = np.polynomial.polynomial.polyadd(row.get(other, np.zeros(2)), powers)
-    else:
-        offset += polynomial(-start)
-        for joint, share in others.items():
-            row[joint] = row.get(joint, np.zeros(2)) + np.array([0.0, coefficients[1] * share])
+        row.setdefault(joint, np.zeros(5))[1 : len(powers)] += powers[1:]
+    offset += polynomial(-start)
+    row = {joint: np.trim_zeros(powers, "b") for joint, powers in row.items() if powers.any()}
     if not row and not offset:
         return  # all joints that it couples are locked
-    slopes = {joint: abs(c[1]) for joint, c in row.items() if not c[2:].any()}
+    slopes = {joint: abs(powers[1]) for joint, powers in row.items() if len(powers) == 2}
     joint = max(shares or slopes, key=lambda joint: slopes.get(joint, 0.0), default="")
-    if not slopes.get(joint) or (coefficients[2:].any() and others and not alone):
+    if joint not in slopes or (coefficients[2:].any() and len(others) > 1):
         text = f"{name}: this equality cannot be solved for a joint: "
         text += "lock both sides or none, and use polynomials of one joint only"
         compiled.problems.append(text)
         return
-    start, slope = row.pop(joint)[:2]
-    polynomials = {joint: tuple(np.trim_zeros(c, "b") / -slope) for joint, c in row.items()}
-    yield Coupling(joint, polynomials, float((offset + start) / -slope))
+    slope = row.pop(joint)[1]
+    polynomials = {joint: tuple(powers / -slope) for joint, powers in row.items()}
+    yield Coupling(joint, polynomials, float(offset / -slope))
 
 
 class Actuator(NamedTuple):

@@ -382,6 +382,7 @@ COUPLED = """
     [
         '<joint joint1="a" joint2="b" polycoef="0.1 0.2 0.3 0.4 0.5"/>',
         '<joint joint1="a" polycoef="0.1 0 0 0 0"/>',
+        '<joint joint1="a" joint2="b" polycoef="0.1 0 0 0 0"/>',
         '<tendon tendon1="ab" tendon2="bc" polycoef="0.1 0.7 0 0 0"/>',
         '<tendon tendon1="bc" polycoef="0.1 0 0 0 0"/>',
     ],
