@@ -218,15 +218,17 @@ def _limits(joint: ET.Element, where: str, kind: str) -> Iterator[Problem]:
         yield note(where, text)
 
 
-def mass_of(inertial: ET.Element | None) -> tuple[float, Array] | None:
-    """Mass, and moments of inertia of shape (3, 3), [kg m^2]; None if a number is missing."""
-    inertial = ET.Element("inertial") if inertial is None else inertial
-    mass = number(inertial.find("mass"), "value")
-    entries = [number(inertial.find("inertia"), key) for key in ENTRIES]
-    if mass is None or None in entries:
-        return None
-    xx, xy, xz, yy, yz, zz = entries
-    return mass, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=float)
+def bodies_of(root: ET.Element) -> dict[str, tuple[float, Array]]:
+    """Mass [kg] and moments of inertia [kg m^2], shape (3, 3), of the links that have both."""
+    bodies = dict[str, tuple[float, Array]]()
+    for link in root.findall("link[inertial]"):
+        mass = number(link.find("inertial/mass"), "value")
+        entries = [number(link.find("inertial/inertia"), key) for key in ENTRIES]
+        if mass is not None and None not in entries:
+            xx, xy, xz, yy, yz, zz = entries
+            inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=float)
+            bodies[link.get("name", "")] = mass, inertia
+    return bodies
 
 
 def principal_moments(inertia: Array) -> Array:
@@ -255,8 +257,7 @@ def impossible(mass: float, inertia: Array) -> str:
 
 def inertia_notes(root: ET.Element) -> Iterator[str]:
     """The links of a URDF with impossible inertias, which are computed as they stand."""
-    bodies = ((link.get("name"), mass_of(link.find("inertial"))) for link in root.findall("link"))
-    reasons = ((name, impossible(*body)) for name, body in bodies if body is not None)
+    reasons = ((name, impossible(*body)) for name, body in bodies_of(root).items())
     if problems := [f"link {name}: {text}" for name, text in reasons if text]:
         more = f" and {len(problems) - _NAMED} more" * (len(problems) > _NAMED)
         listed = "; ".join(problems[:_NAMED])
@@ -265,32 +266,29 @@ def inertia_notes(root: ET.Element) -> Iterator[str]:
 
 def check_inertias(root: ET.Element, without: Collection[str] = ()) -> Iterator[Problem]:
     """Problems of a URDF's inertials, but for some links that need none."""
-    joints, masses = root.findall("joint"), dict[str, float]()
+    joints, bodies = root.findall("joint"), bodies_of(root)
     moves = {attribute(joint, "child/link"): joint.get("type") != "fixed" for joint in joints}
     for link in root.findall("link"):
-        name, inertial = link.get("name", ""), link.find("inertial")
+        name = link.get("name", "")
         where = f"link {name}"
-        if inertial is not None:
-            body = mass_of(inertial)  # the reader's checks name a missing number
-            if body is not None and body[0] >= 0:
-                yield from _body(*body, where, moves.get(name, False))
-                if moves.get(name) and body[0]:
-                    masses[name] = body[0]
-        elif name in without:
-            continue
+        if name in bodies:
+            yield from _body(*bodies[name], where, moves.get(name, False))
+        elif link.find("inertial") is not None or name in without:
+            continue  # the reader's checks name a missing number
         elif moves.get(name):
             yield note(where, "moves without <inertial>: 1 kg in PyBullet, refused by MuJoCo")
         elif name in moves:
             text = "1 kg in PyBullet; add an <inertial> of zeros"
             yield note(where, f"fixed link without <inertial>: {text}")
+    masses = {name: mass for name, (mass, _) in bodies.items() if moves.get(name) and mass > 0}
     heavy, light = (end(masses, key=lambda n: masses[n], default="") for end in (max, min))
     if masses and masses[heavy] > _SPREAD * masses[light]:
         text = f"very different masses, {masses[heavy]:.3g} kg and {masses[light]:.3g} kg"
         yield warning(f"links {heavy} and {light}", text)
-    yield from _sizes(root)
+    yield from _sizes(root, bodies)
 
 
-def _sizes(root: ET.Element) -> Iterator[Problem]:
+def _sizes(root: ET.Element, bodies: Mapping[str, tuple[float, Array]]) -> Iterator[Problem]:
     """Links whose lengths and inertias are in different units."""
     sizes = dict[str, float]()
     for joint in root.findall("joint"):
@@ -299,18 +297,17 @@ def _sizes(root: ET.Element) -> Iterator[Problem]:
                 name = parent.get("link", "")
                 sizes[name] = max(sizes.get(name, 0.0), float(np.linalg.norm(place)))
     largest = max(sizes.values(), default=0.0)
-    for link in root.findall("link[inertial]"):
-        size = sizes.get(link.get("name", ""), 0.0)
-        mass, inertia = next(filter(None, map(mass_of, link.findall("inertial"))), (0.0, None))
-        if inertia is None or not mass > 0:
-            continue
-        radius = math.sqrt(max(principal_moments(inertia)[2] / mass, 0.0))
+    for name, (mass, inertia) in bodies.items():
+        size, moment = sizes.get(name, 0.0), principal_moments(inertia)[2]
+        radius = math.sqrt(moment / mass) if mass > 0 and moment > 0 else 0.0
         if radius and (size > _SIZES * radius or radius > _SIZES * largest > 0):
             text = f"joints {size:.3g} m apart, but a radius of gyration of {radius:.3g} m; URDF "
-            yield warning(f"link {link.get('name')}", text + "needs m, kg and kg m^2")
+            yield warning(f"link {name}", text + "needs m, kg and kg m^2")
 
 
 def _body(mass: float, inertia: Array, where: str, moves: bool) -> Iterator[Problem]:
+    if mass < 0:
+        return  # an error of the reader's checks
     if text := impossible(mass, inertia):
         yield warning(where, text)
     elif moves and mass == 0:
