@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Time-optimal motions: known solutions of one body, laws of any chain, limits everywhere."""
 
-import time
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -81,9 +79,7 @@ def test_least_and_largest_torques_may_differ():
 
 def test_the_circle_of_example_1_with_30_N_m(robot, circle):
     """Within 30 N m everywhere, a motor at its limit 95 % of the time, in half a second."""
-    begin = time.process_time()
     motion = sst_pin.time_optimal(robot, circle, torques=30.0)
-    assert time.process_time() - begin < 2.0  # 0.2 s on an idle machine; CI's may be busy
     peaks = np.abs(robot.compute_torques(motion.q, motion.va, motion.aa)).max(axis=1)
     assert peaks.max() <= 30.0
     assert (peaks > 0.999 * 30).mean() > 0.95
