@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Elements beside links and joints that act in Drake and Gazebo: they are read, or named."""
+"""Elements of Drake and Gazebo that act on the motion: they are read, or a warning names them."""
 
 import re
 import xml.etree.ElementTree as ET
@@ -10,7 +10,7 @@ from .joint_numbers import JointNumbers
 from .known_words import is_true, means, unknown
 from .problems import Problem, error, number, numbers, warning
 
-#: Elements that are read or exert no force, see `known_words`; in a robot others may stand that
+#: Elements that are read or exert no force, see `known_words`. A robot may also have others that
 #: name no link and no joint.
 _WORDS = {
     "robot": "link joint material gazebo transmission loop loop_constraint loop_joint constraint "
@@ -29,14 +29,14 @@ _WORDS = {
     "transmission/joint": "@name @role ...",
     "actuator": "@name @role drake:rotor_inertia drake:gear_ratio ...",
 }
-#: Springs of Gazebo, by what they are here.
+#: Elements of Gazebo for the numbers of a spring.
 SPRINGS = {"stiffness": "springStiffness", "reference": "springReference"}
 _ROTORS = ("drake:rotor_inertia", "drake:gear_ratio")
 _ACTING_PLUGIN = re.compile("mimic|attach|coupl|closed_?loop", re.I)
 
 
 def unread(root: ET.Element) -> Iterator[Problem]:
-    """Warnings of what acts in other tools and is not read here."""
+    """Warnings of elements that act in other tools but are not read here."""
     known = {element.get("name", "") for element in root if element.tag in ("link", "joint")}
     for element in root:
         texts = {text for part in element.iter() for text in (*part.attrib.values(), part.text)}
@@ -70,7 +70,7 @@ def _extension(element: ET.Element) -> Iterator[Problem]:
 
 
 def joint_numbers(root: ET.Element) -> JointNumbers:
-    """Springs of Gazebo, and rotors of Drake as the joints feel them, of joints that move."""
+    """Springs of Gazebo and reflected rotor inertias of Drake, for the joints that move."""
     values: dict[str, dict[str, float]] = {kind: {} for kind in (*SPRINGS, "armature")}
     joints = [j.get("name") for j in root.findall("joint") if j.get("type") != "fixed"]
     for element in root.findall("gazebo"):

@@ -111,7 +111,7 @@ def closed(urdf: Urdf, cuts: Cuts) -> RobotFile:
 
 
 def _unused(model: pin.Model, cuts: Cuts, marks: Marks) -> Iterator[Problem]:
-    """Closures of the URDF in whose place those of the YAML count."""
+    """A warning of the closures of the URDF that those of the YAML replace."""
     names = [joint.name for joint in marks.joints]
     if cuts.closures:
         ends = {name for closure in cuts.closures for name in frames_of(closure)}

@@ -30,11 +30,11 @@ _SIDES = {
 _KINDS = {"fixed": "6d", **dict.fromkeys(("spherical", "ball"), "3d")}
 _KINDS |= dict.fromkeys(("revolute", "continuous"), "hinge")
 _KINDS |= {kind: kind for kind in ("prismatic", "universal", "cylindrical", "planar")}
-#: Axes of both frames that lie along the axes of the joint; z where a kind is not here.
+#: Axes of the two frames that lie along the axes of the joint; z of both for other kinds.
 _ALONG = {"universal": np.eye(3)[:2]}
 _ENDS = [side for sides in _SIDES.values() for side in sides]
 _BALL = "drake:ball_constraint"
-#: Elements of Drake's balls, and attributes of those of a `<constraint>` that say the same.
+#: Elements of Drake's balls: their attribute, and the element and attribute of a `<constraint>`.
 _OF_BALLS = {
     "body_A": ("name", "parent", "link"),
     "p_AP": ("value", "parent_origin", "xyz"),

@@ -136,7 +136,7 @@ def _spring(joint: str, value: Any) -> tuple[str, list[float]]:
 
 
 def _rotor(joint: str, value: Any) -> tuple[str, float]:
-    """A rotor as the joint feels it."""
+    """The reflected inertia of a rotor."""
     fields = value if isinstance(value, dict) else {"rotor_inertia": value}
     inertia, gear = numbers_in(fields, rotor_inertia=None, gear_ratio="1")
     return joint, inertia * gear**2

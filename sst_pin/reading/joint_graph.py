@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Bodies and the joints between them to the elements of a URDF: what is no tree closes loops.
+"""Bodies and joints to the elements of a URDF; joints beyond a tree close loops.
 
 An SDF has no tree. Joints are reversed where their child comes first, and bodies that no joint
 holds float.
@@ -16,7 +16,7 @@ from ..arrays import Array
 from .acting_words import SPRINGS
 
 WORLD = "world"
-#: Limit from which a joint has none, [rad] or [m].
+#: Limits from here on do not count, [rad] or [m].
 _WIDE = 1e9
 
 
@@ -48,14 +48,14 @@ class GraphJoint(NamedTuple):
 class JointGraph:
     """A URDF of bodies and joints; `add_link` adds the bodies.
 
-    `frames` has each link's frame in the URDF, in the frame that it has in the file; `balls` and
-    `gravity` are what a URDF does not have, `crosses` the links between two axes of a joint.
+    `frames` has each link's frame in the URDF, in the frame that it has in the file; `balls` are
+    the ball joints, which a URDF lacks, `crosses` the links between two axes of a joint.
     """
 
     def __init__(
         self, name: str, joints: Sequence[GraphJoint], rest: Mapping[str, pin.SE3]
     ) -> None:
-        """`rest` has for each body where it stands in the world while it floats at zero."""
+        """`rest` has for each body its place in the world at zero, if it floats."""
         self.urdf, self.frames = ET.Element("robot", name=name), {WORLD: pin.SE3.Identity()}
         self.balls, self.problems, left = list[str](), list[str](), list(joints)
         self.crosses = list[str]()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What may stand in an element of an XML file; everything else is named, because it may act.
+"""Known words of an element of an XML file; others are reported, because they may act.
 
 A table has a row of words for a tag, or for `tag/tag` inside another: elements, and attributes as
 `@name`. `word+` may stand several times, `word=0` with this value only; `*=0` is any other word
@@ -19,7 +19,7 @@ _ALIKE = 0.8
 
 
 def is_true(text: str | None) -> bool:
-    """Whether a text means yes in XML."""
+    """Whether a text is XML's true."""
     return (text or "").strip().lower() in ("true", "1")
 
 
@@ -56,7 +56,7 @@ def unknown(element: ET.Element, table: Mapping[str, str], row: str = "") -> Ite
 
 
 def means(text: str, value: str) -> bool:
-    """Whether a text is a number, several like numbers, or a word for yes or no."""
+    """Whether a text has this value: a number, repeated or not, or true or false for 1 or 0."""
     text = {"true": "1", "false": "0"}.get(text.strip().lower(), text)
     values = numbers(text, len(text.split()))
     return values is not None and bool((values == float(value)).all())

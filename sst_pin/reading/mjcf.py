@@ -63,7 +63,7 @@ def robot_file_of(
 
 
 def _switched_off(compiled: Compiled, actuated: Sequence[Motor] | None) -> Iterator[str]:
-    """Flags without which there is no closed chain with motors."""
+    """Disabled flags that switch off the closures or the motors."""
     closes, drives = compiled.mj.eq_active0.any(), compiled.mj.nu and actuated is None
     for flag, what in (("constraint", closes), ("equality", closes), ("actuation", drives)):
         if what and compiled.disabled(flag):
@@ -73,7 +73,7 @@ def _switched_off(compiled: Compiled, actuated: Sequence[Motor] | None) -> Itera
 
 
 def _names(compiled: Compiled) -> Iterator[str]:
-    """Problems of names that mean several joints, or none."""
+    """Problems of ambiguous names; raises an error for an unknown one."""
     joints = range(compiled.mj.njnt)
     counts = Counter(map(compiled.joint, joints))
     known = counts + Counter(name for joint in joints for name in compiled.rates(joint))

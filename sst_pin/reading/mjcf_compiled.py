@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""An MJCF as MuJoCo compiles it: names of its elements, and what is switched off or held."""
+"""An MJCF as MuJoCo compiles it: names of its elements, disabled flags, locked joints."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Collection
@@ -77,7 +77,7 @@ class Compiled:
         return self.joint(joint) in self.locked
 
     def wraps(self, tendon: int) -> range:
-        """Indices of what a tendon runs through."""
+        """Indices of the sites or joints of a tendon."""
         first = self.mj.tendon_adr[tendon]
         return range(first, first + self.mj.tendon_num[tendon])
 
@@ -87,7 +87,7 @@ class Compiled:
         return bool((kinds != int(self.mujoco.mjtWrap.mjWRAP_JOINT)).any())
 
     def shares(self, tendon: int) -> dict[int, float]:
-        """Joints of a fixed tendon that are not held, and what each adds to its length."""
+        """Coefficients of a fixed tendon by joint, without locked joints."""
         parts = ((self.mj.wrap_objid[k], self.mj.wrap_prm[k]) for k in self.wraps(tendon))
         return {int(j): float(share) for j, share in parts if share and not self.is_locked(j)}
 

@@ -67,7 +67,7 @@ _Length = tuple[dict[str, float], float]
 
 
 def _length(compiled: Compiled, of_tendon: bool, index: int) -> _Length:
-    """A fixed tendon, or a joint as a tendon of its own; -1 is none."""
+    """A fixed tendon, or a joint as a tendon of one joint; index -1 means none."""
     mj, shares = compiled.mj, dict[int, float]()
     if of_tendon and index >= 0 and compiled.is_spatial(index):
         text = "a spatial tendon in an equality; only fixed tendons are supported there"
@@ -117,9 +117,9 @@ class Actuator(NamedTuple):
 
 
 def actuators(compiled: Compiled) -> Iterator[Actuator]:
-    """Actuators that are not switched off, and that act on nothing that is held.
+    """Actuators that are not switched off and whose joint is not locked.
 
-    Since MuJoCo 4 an actuator has any number of controls, and of outputs.
+    Since MuJoCo 4 an actuator can have several controls and outputs.
     """
     mj, kinds = compiled.mj, compiled.mujoco.mjtTrn
     outputs = getattr(mj, "actuator_outadr", range(mj.nu))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Content of an MJCF that the dynamics would overlook."""
+"""Content of an MJCF that the dynamics cannot account for."""
 
 from collections.abc import Iterator
 from copy import copy
@@ -33,9 +33,9 @@ _FORCES = {
     "actuator_damping": ("the damping of an actuator", ""),
     "actuator_armature": ("the armature of an actuator", ""),
 }
-#: Those that spatial tendons may have.
+#: Forces that spatial tendons may have.
 _OF_LINES = ("tendon_stiffness", "tendon_damping")
-#: Numbers that come over, by what they belong to.
+#: Fields that are read, by kind of element.
 _NUMBERS = {
     "body": ("pos", "quat", "ipos", "iquat", "mass", "inertia"),
     "jnt": ("pos", "axis", "range", "stiffness"),
@@ -65,7 +65,7 @@ def impossible(compiled: Compiled) -> Iterator[str]:
 
 
 def unread(compiled: Compiled, tree: MjcfTree) -> list[str]:
-    """Forces on joints that are not locked, and inertias of them, beside those that are read."""
+    """Forces and inertias on joints that move, and that are not read."""
     mj, problems = compiled.mj, [*_of_joints(compiled), *_of_fields(compiled, tree)]
     if mj.opt.density or mj.opt.viscosity:
         problems.append("a medium (density, viscosity, wind) is not supported")
@@ -79,7 +79,7 @@ def unread(compiled: Compiled, tree: MjcfTree) -> list[str]:
 
 
 def _of_joints(compiled: Compiled) -> Iterator[str]:
-    """Free joints, and balls with a locked rate, with more than is read."""
+    """Free joints and partly locked balls with forces or inertias that are not read."""
     mj = compiled.mj
     for joint in (joint for joint in range(mj.njnt) if not compiled.is_locked(joint)):
         kind, dof, stiffness = mj.jnt_type[joint], mj.jnt_dofadr[joint], mj.jnt_stiffness[joint]
@@ -97,7 +97,7 @@ def _of_joints(compiled: Compiled) -> Iterator[str]:
 
 
 def _of_fields(compiled: Compiled, tree: MjcfTree) -> Iterator[str]:
-    """Forces and inertias that a row of a field causes, where it belongs to what moves."""
+    """Fields of the compiled model whose forces or inertias act on a part that moves."""
     mj, kinds = compiled.mj, compiled.mujoco.mjtTrn
     on_joints = [int(kind) for kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT)]
     weighs = tree.model.gravity.linear.any()

@@ -20,7 +20,7 @@ from .srdf import Srdf
 
 
 class RobotFile(NamedTuple):
-    """A robot as its files describe it; what a robot is made of."""
+    """A robot as its files describe it."""
 
     source: str  #: The files, for messages.
     model: pin.Model  #: The tree, with gravity; `referenceConfigurations` are named in the files.
@@ -28,11 +28,11 @@ class RobotFile(NamedTuple):
     actuated: Sequence[Motor]  #: Joints, lines, and fixed tendons as the share of each joint.
     shapes: Callable[..., pin.GeometryModel]  #: From a tree to the shapes of its bodies.
     stiffness: Array | None = None  #: Of the joints' springs, shape (nv,).
-    spring_reference: Array | None = None  #: Where these are at rest, shape (nq,).
-    srdf: Srdf | None = None  #: What stands beside a URDF.
+    spring_reference: Array | None = None  #: Rest positions of these springs, shape (nq,).
+    srdf: Srdf | None = None  #: The SRDF beside a URDF.
     forces: tuple[LineForce, ...] = ()
-    notes: tuple[Problem, ...] = ()  #: What of the files is left out.
-    open_tree: str = ""  #: Why it may be meant to have loops, of a robot without any.
+    notes: tuple[Problem, ...] = ()  #: Content of the files that is ignored.
+    open_tree: str = ""  #: A warning if the robot has no loops; else empty.
 
     @property
     def arguments(self) -> dict[str, Any]:
@@ -41,7 +41,7 @@ class RobotFile(NamedTuple):
         return {name: getattr(self, name) for name in names}
 
     def mechanism(self) -> Mechanism:
-        """What is computed of this robot."""
+        """The mechanism of this robot, whose dynamics are computed."""
         names = ("viscous_friction", "coulomb_friction", "stiffness", "spring_reference")
         numbers = {name: getattr(self, name, None) for name in names}
         model, motors = copied(self.model), motors_of(self.actuated)

@@ -16,7 +16,7 @@ from .problems import numbers, placement
 #: Types of joints, by the number of their axes.
 _AXES = {"revolute": 1, "continuous": 1, "prismatic": 1, "universal": 2, "revolute2": 2}
 _KINDS = (*_AXES, "ball", "fixed")
-#: Words that are read, or that act on no motion.
+#: Words that are read, or that do not act on the motion.
 _WORDS = {
     "world": "@name gravity physics+ magnetic_field atmosphere wind scene light+ gui audio state+ "
     "include+ model+ frame+ road+ actor+ population+ spherical_coordinates plugin+",
@@ -239,7 +239,7 @@ _SHAPES: dict[str, dict[str, str]] = {
 
 
 def _shape(tag: str, shape: ET.Element, place: pin.SE3, name: str) -> Iterator[ET.Element]:
-    """A shape as an element of a URDF; none for planes and height maps, which only look."""
+    """A shape as an element of a URDF; planes and height maps are left out."""
     geometry = shape.find("geometry")
     kind = next(iter(geometry), None) if geometry is not None else None
     if kind is None or kind.tag not in _SHAPES:

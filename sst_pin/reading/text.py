@@ -12,7 +12,7 @@ from ..errors import DescriptionError
 
 #: Size of a description at most, [byte]; the largest of real robots has half a million.
 _LARGEST = 16 * 2**20
-#: What an XML says of its own encoding.
+#: The encoding that an XML declares.
 _ENCODING = re.compile(rb"""\s*<\?xml[^>]*encoding=["']([\w.:-]+)""")
 #: Attributes that are names, blanks included.
 _NAMES = {"name", "link", "filename"}
@@ -30,9 +30,11 @@ def read_text(path: str | Path, what: str) -> str:
     try:
         with Path(path).open("rb") as file:
             content = file.read(_LARGEST + 1)
-        said = _ENCODING.match(content)
+        declared = _ENCODING.match(content)
         wide = content.startswith((b"\xff\xfe", b"\xfe\xff"))
-        text = content.decode("utf-16" if wide else said[1].decode() if said else "utf-8-sig")
+        text = content.decode(
+            "utf-16" if wide else declared[1].decode() if declared else "utf-8-sig"
+        )
     except (OSError, ValueError, TypeError, LookupError) as error:
         raise DescriptionError(str(path), [f"the {what} cannot be read: {error}"]) from None
     if len(content) > _LARGEST:

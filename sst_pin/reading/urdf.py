@@ -24,7 +24,7 @@ from .urdf_checks import check
 
 _TURNS = {"X": pin.JointModelRX(), "Y": pin.JointModelRY(), "Z": pin.JointModelRZ()}
 _PAIRS = {a + b: {f"_{x}": _TURNS[x] for x in (a, b)} for a, b in permutations(_TURNS, 2)}
-#: What joints are in truth: their parts, each with what is added to the name; also as LAAS writes.
+#: Kinds of joints that a URDF lacks, also as LAAS writes them: their parts by suffix of the name.
 KINDS: dict[str, dict[str, Any]] = {
     "FIXED": {},
     "BALL": {"": pin.JointModelSpherical()},
@@ -78,7 +78,7 @@ class Urdf:
 
         A `continuous` joint is read as a revolute one without limits: one angle, where Pinocchio
         would have its cosine and sine. A joint that mimics another is free here; see `mimics`.
-        `joints` says what joints are in truth, by name: "FIXED"; "BALL"; "UNIVERSAL XY", ..., a
+        `joints` has the true kinds of joints by name: "FIXED"; "BALL"; "UNIVERSAL XY", ..., a
         joint for each axis, `name_X` and `name_Y`.
         """
         joints = {**dict.fromkeys(self._balls, "BALL"), **(joints or {})}

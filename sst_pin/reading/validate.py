@@ -34,7 +34,7 @@ from .urdf_checks import check_inertias, check_shapes
 
 __all__ = ["Problem", "examine", "summary_of", "validate"]
 
-#: How far the loops of a configuration written with four digits are open, [m] or [rad].
+#: Residual of the loops that rounding to four digits leaves, [m] or [rad].
 _WRITTEN = 1e-3
 
 
@@ -151,7 +151,7 @@ def _mechanism(robot: RobotFile) -> tuple[list[Problem], str]:
 
 
 def _unknown(robot: RobotFile) -> Iterator[Problem]:
-    """Names of no frame and no joint."""
+    """Closures, lines and motors whose frames or joints do not exist."""
     model = robot.model
     if not model.nv:
         yield error("tree", "all joints are fixed")
