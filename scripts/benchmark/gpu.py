@@ -206,14 +206,16 @@ def measure(name: str, dtype: str, options: argparse.Namespace) -> Row:
 
 def table(rows: list[Row]) -> list[tuple[str, ...]]:
     """Speeds and errors, in a form to read."""
-    head = ("numbers", *(f"10^9 {x}/s" for x in KERNELS), "share of the limit")
+    head = ("numbers", *(f"10^9 {x}/s" for x in KERNELS), "share of limit")
     where = f"{rows[0]['device']}, {rows[0]['samples']} samples"
     lines = [(where, *head, "torque error", "open after 1000 steps")]
     for row in rows:
         speeds = (f"{row[x] / 1e9:.3g}" for x in KERNELS)
-        shares = " / ".join(f"{100 * row[f'{x}: share']:.0f}%" for x in KERNELS)
+        shares = "/".join(f"{100 * row[f'{x}: share']:.0f}" for x in KERNELS)
         errors = f"{row['torque error']:.0e}", f"{row['gap']:.0e}" if row["gap"] > 0 else "-"
-        lines.append((row["robot"], row["dtype"], *speeds, shares.replace("nan%", "-"), *errors))
+        lines.append(
+            (row["robot"], row["dtype"], *speeds, "-" if "nan" in shares else f"{shares}%", *errors)
+        )
     return lines
 
 
