@@ -95,7 +95,7 @@ def measure(quick: bool, names: list[str]) -> dict[str, Any]:
     robot, reference, cores = SST(), SST(), os.cpu_count() or 1
     robot.compile()
     motion = cases.on_the_circle(robot, 0.1)
-    batches = cases.batches(robot, cases.batch(robot, BATCH), accelerations=True)
+    batches = cases.batches(robot, cases.batch(robot, BATCH))
     moving = cases.in_mujoco(robot, *motion[:2], step=1e-4)
     calls = cases.single_calls(robot, reference, motion, moving)
     resting = cases.in_mujoco(robot, robot.home, step=1e-4)

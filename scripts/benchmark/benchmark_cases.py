@@ -39,6 +39,7 @@ def in_mujoco(
     tree = MujocoTree(chain.mechanism, closed=stiffness)
     tree.mj.opt.timestep, tree.mj.opt.integrator = step, mujoco.mjtIntegrator.mjINT_RK4
     tree.mj.opt.tolerance = 1e-8  # of the solver; MuJoCo's default
+    tree.mj.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT  # the kernels have no limits
     tree.move(q, np.zeros(chain.model.nv) if va is None else chain.joint_rates(q, va))
     return tree.mj, tree.data
 
@@ -87,7 +88,13 @@ def single_calls(
     }
 
 
-def batches(chain: ClosedChain, motion: Motion, accelerations: bool = False) -> Calls:
+def reaction_numbers(chain: ClosedChain) -> int:
+    """Numbers that `reactions` writes for one sample."""
+    joints = len(chain.joint_names) + len(chain.closures)
+    return 7 * joints + 6 + len(chain.motor_names)
+
+
+def batches(chain: ClosedChain, motion: Motion, torques_only: bool = False) -> Calls:
     """Samples of a motion, each array with rows of its own."""
     (q, va, aa), nv, ours = motion, chain.model.nv, torques_of(chain)
     out = {"out": np.empty_like(ours(q, va, aa))} if ours == chain.compute_torques else {}
@@ -95,9 +102,11 @@ def batches(chain: ClosedChain, motion: Motion, accelerations: bool = False) -> 
     rates = np.asfortranarray(np.ones((nv, n)))
     theirs = np.empty((nv, n), order="F")
     calls: Calls = {"torques, batch": (lambda: ours(q, va, aa, **out), n)}
-    if accelerations:
-        tau = ours(q, va, aa)
-        calls["accelerations, batch"] = (lambda: chain.compute_accelerations(q, va, tau, **out), n)
+    if not torques_only:
+        tau, row = np.zeros((n, len(chain.motor_names))), np.empty((n, reaction_numbers(chain)))
+        cause = {"aa": aa} if out else {"tau": tau}
+        calls["accelerations, batch"] = (lambda: chain.compute_accelerations(q, va, tau), n)
+        calls["reactions, batch"] = (lambda: chain.reactions(q, va, out=row, **cause), n)
     return calls | {
         "pin.rneaInParallel, 1 thread": (
             lambda: pin.rneaInParallel(1, pool, columns, rates, rates, theirs),

@@ -73,11 +73,27 @@ COLUMNS = (
 )
 
 
+def _shares(robot: dict[str, Any]) -> list[str]:
+    """Ratios of batches: a rollout's step to `accelerations`, `reactions` to `torques`.
+
+    The second compares times for each number of the result.
+    """
+    batch = {name: times[0] for name, times in robot["sample of a batch"].items()}
+    if "reactions, batch" not in batch:
+        return ["", ""]
+    outputs = robot["motors"] if robot["motors"] >= robot["freedoms"] else robot["freedoms"]
+    reactions = batch["reactions, batch"] / robot["reaction numbers"]
+    return [
+        f"{robot['rollout step']['rollout'][0] / batch['accelerations, batch']:.2g}",
+        f"{reactions / (batch['torques, batch'] / outputs):.2g}",
+    ]
+
+
 def robots_table(results: dict[str, Any]) -> str:
     """How many times as fast as each; the reference path against `pin.rnea`; costs."""
     header = ["robot", *(heading for heading, *_ in COLUMNS), "torques"]
     header += ["joints, degrees of freedom", "reference path, times pin.rnea"]
-    header += ["compiled in", "size"]
+    header += ["step in accelerations", "reaction in torques", "compiled in"]
     rows = []
     for name, robot in results["robots"].items():
         single, cost = robot["single call"], robot["cost"]
@@ -88,7 +104,7 @@ def robots_table(results: dict[str, Any]) -> str:
             row.append(f"{times[theirs][0] / times[ours][0]:.3g}" if known else "")
         reference = single["reference path, torques"][0] / single["pin.rnea, open tree"][0]
         row += [spoken(single["torques"][0]), f"{robot['joints']}, {robot['freedoms']}"]
-        row += [f"{reference:.3g}", spoken(cost["compile"]), f"{cost['bytes'] / 1e3:.0f} kB"]
+        row += [f"{reference:.3g}", *_shares(robot), spoken(cost["compile"])]
         rows.append(row)
     first = _times(results["from a URDF to torques"])
     return f"{markdown(header, rows)}\nFrom the delta's URDF to its first torques: {first}.\n"

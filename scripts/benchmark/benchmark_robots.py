@@ -16,7 +16,6 @@ import numpy as np
 import benchmark_cases as cases
 import cassie
 from sst_pin import ClosedChain, robots
-from sst_pin.compiled import libraries
 from tests.gallery import ladder
 
 
@@ -49,7 +48,7 @@ def empty_cache() -> Iterator[None]:
 
 
 def compiled(name: str) -> tuple[ClosedChain, dict[str, float]]:
-    """The robot with its kernels, and what they cost: seconds, bytes."""
+    """The robot with its kernels, and the seconds that they cost."""
     seconds = []
     with empty_cache():
         for _ in range(2):
@@ -57,8 +56,7 @@ def compiled(name: str) -> tuple[ClosedChain, dict[str, float]]:
             start = time.perf_counter()
             chain.compile()
             seconds.append(time.perf_counter() - start)
-        size = sum(library.size for library in libraries.cached())
-    return chain, {"compile": seconds[0], "from the cache": seconds[1], "bytes": size}
+    return chain, {"compile": seconds[0], "from the cache": seconds[1]}
 
 
 def measure(
@@ -84,9 +82,11 @@ def measure(
             "path": chain.path,
             "cost": cost,
             "single call": in_turn(calls, many, turn),
-            "sample of a batch": in_turn(cases.batches(chain, many_motions), few),
+            "motors": len(chain.motor_names),
+            "reaction numbers": cases.reaction_numbers(chain),
+            "sample of a batch": in_turn(cases.batches(chain, many_motions, n > MOST), few),
         }
         if closed:
-            rolled = cases.rollouts(chain, q, cases.in_mujoco(chain, q, step=1e-4), 64, 50)
+            rolled = cases.rollouts(chain, q, cases.in_mujoco(chain, q, step=1e-4), 64, 200)
             found[name]["rollout step"] = in_turn(rolled, few)
     return found
