@@ -220,7 +220,8 @@ class FrameRows:
         self.bodies = [tree.model.frames[frame].parentJoint for frame in self.frames]
         moves_b, moves_a = (tree.supports[body] for body in self.bodies)
         # What moves both frames alike leaves the closure as it is.
-        self._S = (moves_b != moves_a)[:, None] * tree.S
+        self._moving = np.flatnonzero(moves_b != moves_a)
+        self._S = tree.S[self._moving]
         self.touched = self.curved = np.tile(self._S.any(axis=0), (len(closure.rows), 1))
 
     def evaluate(self, q: Array, data: pin.Data) -> None:
@@ -246,11 +247,10 @@ class FrameRows:
         return (W_dot.dot(self._J) + self.W.dot(J_dot)).dot(self._S)
 
     def _jacobians(self, of_frame: Callable[..., Array], data: pin.Data) -> Array:
-        """Jacobians of B and A, or their rates, shape (12, rates of the normal tree)."""
+        """Jacobians of B and A, or their rates, to the joints between them, shape (12, joints)."""
         model, where = self._model, pin.WORLD
-        return np.concatenate([of_frame(model, data, k, where) for k in self.frames]).reshape(
-            12, -1
-        )
+        J = [of_frame(model, data, k, where).reshape(6, -1) for k in self.frames]
+        return np.concatenate(J)[:, self._moving]
 
 
 class CouplingRow:
