@@ -76,15 +76,15 @@ COLUMNS = (
 def _shares(robot: dict[str, Any]) -> list[str]:
     """Ratios of batches: a rollout's step to `accelerations`, `reactions` to `torques`.
 
-    The second compares times for each number of the result.
+    These are ratios of the shortest times; the second compares times for each number of the result.
     """
-    batch = {name: times[0] for name, times in robot["sample of a batch"].items()}
+    batch = {name: times[1] for name, times in robot["sample of a batch"].items()}
     if "reactions, batch" not in batch:
         return ["", ""]
     outputs = robot["motors"] if robot["motors"] >= robot["freedoms"] else robot["freedoms"]
     reactions = batch["reactions, batch"] / robot["reaction numbers"]
     return [
-        f"{robot['rollout step']['rollout'][0] / batch['accelerations, batch']:.2g}",
+        f"{robot['rollout step']['rollout'][1] / batch['accelerations, batch']:.2g}",
         f"{reactions / (batch['torques, batch'] / outputs):.2g}",
     ]
 
