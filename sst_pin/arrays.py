@@ -42,7 +42,7 @@ def as_array(name: str, value: ArrayLike | None, core: tuple[int, ...]) -> Array
 
 
 def _masked(value: object) -> bool:
-    """Whether a value is or has a masked array, whose mask NumPy would drop in silence."""
+    """Whether a value is or contains a masked array; NumPy would ignore its mask."""
     if isinstance(value, (list, tuple)):
         return any(map(_masked, value))
     return isinstance(value, np.ma.MaskedArray)
@@ -123,13 +123,13 @@ def for_each_sample(
 
 
 def require_policy(on_error: str) -> None:
-    """Refuse what is no policy for samples at fault."""
+    """Check `on_error`, the policy for samples that fail."""
     if not isinstance(on_error, str) or on_error not in ("raise", "nan"):
         raise InputError("on_error", f"{on_error!r} unknown; known: raise, nan")
 
 
 def empty(shape: tuple[int, ...]) -> Array:
-    """An array for results; refuses what memory does not hold."""
+    """An empty array for results; raises an error if it does not fit in memory."""
     try:
         return np.empty(shape)
     except (MemoryError, ValueError):
@@ -144,7 +144,7 @@ def in_order(name: str, value: Iterable[T], of: str = "names") -> tuple[T, ...]:
 
 
 def names(name: str, value: Iterable[str]) -> tuple[str, ...]:
-    """Names; refuses a single word, values beside names, and all else."""
+    """A list of names; a single string and anything that is not a string are refused."""
     if isinstance(value, Mapping):
         raise InputError(name, f"{value!r}: a sequence of names is needed; it takes no values")
     if isinstance(value, str) or not isinstance(value, Iterable):
@@ -211,13 +211,13 @@ E = TypeVar("E", bound=SSTError)
 
 
 def of_samples(error: E, at_fault: NDArray[np.bool_]) -> E:
-    """The error with the samples of a batch that it means; as it is for a single sample."""
+    """The error with the indices of the samples that failed; unchanged for a single sample."""
     name_samples(error, np.flatnonzero(at_fault).tolist(), at_fault.shape)
     return error
 
 
 def name_samples(error: SSTError, flat: Sequence[int], batch: tuple[int, ...]) -> None:
-    """Tell an error which samples of a batch it means, by their place in a row."""
+    """Add the indices of the samples that failed to an error."""
     if batch:
         indices = zip(*np.unravel_index(flat, batch), strict=True)
         error.name_samples([tuple(map(int, index)) for index in indices], math.prod(batch))
@@ -235,5 +235,5 @@ def _require_fitting(out: Array | None, shape: tuple[int, ...]) -> None:
 
 
 def in_one_turn(angles: ArrayLike) -> Array:
-    """Angles of the same directions in [-pi, pi), [rad]; any shape."""
+    """Angles wrapped to [-pi, pi), [rad]; any shape."""
     return np.asarray((np.asarray(angles) + np.pi) % (2 * np.pi) - np.pi)

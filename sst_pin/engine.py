@@ -89,7 +89,7 @@ class Kernels(Protocol):
     """
 
     def __str__(self) -> str:
-        """What computes, in words."""
+        """Whether kernels or the reference path compute, in words."""
 
     def kernel(self, key: Quantity, /) -> Kernel | None:
         """The kernel of a quantity, made at its first use; None if it cannot be compiled."""
@@ -102,7 +102,7 @@ class Kernels(Protocol):
 
 
 class Robot(Protocol):
-    """What public functions of lower rooms take: they use the engine only."""
+    """An argument of public functions in lower rooms: they use its engine only."""
 
     @property
     def engine(self) -> Engine: ...  # noqa: D102
@@ -154,7 +154,7 @@ class Engine(ClosedLoops):
 
     @property
     def path(self) -> str:
-        """What computes, in words."""
+        """Whether kernels or the reference path compute, in words."""
         return f"the reference path: {self._kernels}" if self.kernels is None else str(self.kernels)
 
     def kernel(self, key: Quantity) -> Kernel | None:

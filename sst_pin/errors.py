@@ -42,14 +42,14 @@ class SSTError(Exception):
         return copyreg.__newobj__, (type(self), *self.args), self.__dict__  # type: ignore[attr-defined]
 
     def name_samples(self, samples: Sequence[tuple[int, ...]], total: int) -> None:
-        """Tell which samples of a batch failed; the message and data are those of the first."""
+        """Add the samples of a batch that failed; the message and data are those of the first."""
         self.samples = tuple(samples)
         shown = ", ".join(str(list(s))[1:-1] if len(s) == 1 else str(s) for s in samples[:5])
         more = ", ..." if len(samples) > 5 else ""
         self.args = (f"{len(samples)} of {total} samples (index {shown}{more}): {self.args[0]}",)
 
     def name_file(self, path: str) -> None:
-        """Tell which file describes the robot at fault."""
+        """Add the file that describes the robot."""
         self.args = (f"{path}: {self.args[0]}",)
 
 

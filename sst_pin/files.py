@@ -20,14 +20,14 @@ from .errors import FileFormatError, InputError, OutputError
 Array = NDArray[np.float64]
 #: Writes the content of one file.
 Writer = Callable[[BinaryIO], None]
-#: What people call the column of times.
+#: Names of the column of times.
 _TIME = dict.fromkeys(("time_s", "t", "time"), "t_s")
 #: [byte] of a table that is read.
 _LARGEST = 2**30
 
 
 def as_path(path: str | os.PathLike[str]) -> Path:
-    """The path of a file; refuses what no file can have."""
+    """The path of a file; impossible paths are refused."""
     try:
         if b"\0" not in os.fsencode(path):
             return Path(path)
@@ -131,7 +131,7 @@ def _numbers(path: Path, line: int, header: Sequence[str], row: Sequence[str]) -
 
 
 def table_writer(columns: Sequence[str], values: Array) -> Writer:
-    """A writer of a CSV, one row for each of `values`, from which every bit can be read back."""
+    """A writer of a CSV with all digits, one row for each of `values`."""
     lines = [",".join(columns), *(",".join(map(repr, row)) for row in values.tolist())]
     return text_writer("\n".join(lines) + "\n")
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What takes more than two seconds shows a bar, or says what it does."""
+"""Work that takes more than two seconds shows a progress bar or says what it does."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _log = getLogger("sst_pin")
 
 
 class Bar:
-    """A bar of tqdm, with these options, that appears when it is late, and a hint with it."""
+    """A bar of tqdm with a hint; it appears only after some seconds."""
 
     def __init__(self, hint: str = "", **how: Any) -> None:
         self._bar: Any = None

@@ -160,7 +160,7 @@ COMMANDS = (
     ),
     Command("robots", "robot_commands", "the names of the gallery, for --robot"),
 )
-#: What people also call commands, and what stands in the place of former ones.
+#: Other words for commands, and what replaces commands that were removed.
 _MEANT = {
     **dict.fromkeys(("info", "mobility", "check"), "sst-pin validate"),
     "run": "sst-pin simulate",

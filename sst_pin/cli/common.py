@@ -71,21 +71,21 @@ def source_of(path: Path) -> Path | BinaryIO:
 
 
 def require_extras(**packages: str) -> None:
-    """Refuse a job whose packages are missing; name all of them and the extras that bring them."""
+    """Raise an error that names all missing packages and the extras that install them."""
     missing = {extra: name for extra, name in packages.items() if find_spec(name) is None}
     if missing:
         raise MissingExtraError(", ".join(missing.values()), ",".join(missing))
 
 
 def refuses(findings: Sequence[object], arguments: argparse.Namespace) -> bool:
-    """Print findings about a motion; whether the command ends with them."""
+    """Print findings about a motion; True if the command must stop because of them."""
     for finding in findings:
         tell("error" if arguments.strict else "warning", finding)
     return bool(findings) and arguments.strict
 
 
 def output_name(path: Path, ending: str) -> Path:
-    """The name whose ending tells the format; standard output has one format."""
+    """The file name whose ending gives the format; standard output has one format."""
     return Path(f"standard output{ending}") if str(path) == "-" else path
 
 

@@ -73,7 +73,7 @@ class _Help(argparse.RawDescriptionHelpFormatter):
         super().__init__(prog, max_help_position=24, width=80)
 
     def _format_action_invocation(self, action: argparse.Action) -> str:
-        """The value of an option once: `-o, --output FILE`."""
+        """The names of an option and its value, printed once: `-o, --output FILE`."""
         if not action.option_strings or action.nargs == 0:
             return super()._format_action_invocation(action)
         return f"{', '.join(action.option_strings)} {action.metavar}"
@@ -93,7 +93,7 @@ def names_robot(word: str) -> bool:
 
 
 def misplaced(words: Sequence[str]) -> str:
-    """The end of an error message when a robot stands in the place of another argument."""
+    """A hint for an error message when a robot is given instead of another argument."""
     for before, word in zip(["", *words], words, strict=False):
         if before != "--robot" and names_robot(word):
             return f"; did you mean --robot {word}?"

@@ -79,7 +79,7 @@ def describe(arguments: argparse.Namespace) -> None:
 
 
 def _changed(p: Parameters, arguments: argparse.Namespace) -> Parameters:
-    """The parameters with what the options say in place."""
+    """The parameters, changed as the options say."""
     options = {name: value for name, value in vars(arguments).items() if value is not None}
     changes = {f.name: options[f.name] for f in fields(Parameters) if f.name in options}
     if "alpha" in options:
@@ -94,5 +94,5 @@ def _changed(p: Parameters, arguments: argparse.Namespace) -> Parameters:
 
 def _weighing(mass: float, body: RigidBody) -> RigidBody:
     """A body of the same shape and another density."""
-    with np.errstate(over="ignore", invalid="ignore"):  # `Parameters` judges what comes out
+    with np.errstate(over="ignore", invalid="ignore"):  # `Parameters` checks the result
         return RigidBody(mass, body.center_of_mass, body.inertia * (mass / body.mass))

@@ -157,7 +157,7 @@ def _literal(x: float, suffix: str) -> str:
     return f"({large})" if x > 0 else f"(-({large}))" if x < 0 else f"(0 * ({large}))"
 
 
-#: What an expression is called, and its type: "real" of a sample, "number" of the parameters alone.
+#: The name of an expression and its type: "real" of a sample, "number" of the parameters alone.
 _Name = tuple[str, str]
 
 
@@ -189,7 +189,7 @@ class Writer:
         return self._constants[text]
 
     def write(self, name: str, operation: int, operands: list[_Name]) -> _Name:
-        """One operation, and what its result is called."""
+        """One operation, and the name of its result."""
         if operation == ca.OP_INV:
             return self._inverse(operands[0])
         if operation == ca.OP_DIV:

@@ -308,7 +308,7 @@ class Equations:
         return self._orthogonal(by_motor, dict.fromkeys(motors, 1.0), range(len(rows)))
 
     def smallest_torques(self, f: SX) -> Sparse:
-        """The least torques that bring f about, refined once, by motor."""
+        """The smallest torques that produce f, by motor, refined once."""
         factors, _ = self.motor_factors
         tau = factors.solve_transposed(dict(enumerate(ca.vertsplit(f))))
         supplied = self.motor_matrix @ column(tau, range(len(self.motor_columns)))
@@ -347,7 +347,7 @@ class Equations:
         return ca.horzcat(*columns)
 
     def motor_forces(self, tau: SX) -> Sparse:
-        """B tau: what motors give along the rates of the tree."""
+        """B tau: the motors' forces along the rates of the tree."""
         return sparse(self._rates, self.B @ tau)
 
     @cached_property

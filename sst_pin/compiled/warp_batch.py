@@ -334,7 +334,7 @@ class WarpBatch:
 
 
 def _filled(arrays: list[Any], count: int) -> list[Any]:
-    """So many arrays, None where there are fewer."""
+    """Exactly `count` arrays; missing ones are None."""
     return arrays + [None] * (count - len(arrays))
 
 

@@ -72,7 +72,7 @@ class Controller(ABC):
 
     @abstractmethod
     def _torque(self, t: float, q: Array, va: Array) -> Array:
-        """Torques of the motors, whatever their limits."""
+        """Torques of the motors without limits."""
 
     def _shared(self, q: Array, tau: Array) -> Array:
         """Torques of the same effect within the limits, or those that pass the limits least."""
@@ -94,7 +94,7 @@ class Controller(ABC):
         return error, moving * rates - va, moving * accelerations
 
     def _inside(self, t: float) -> float:
-        """The time of the motion that is closest."""
+        """The time of the closest sample of the motion."""
         return float(min(max(t, self.motion.t[0]), self.motion.t[-1]))
 
     def _motors(self, q: Array, f: Array) -> Array:

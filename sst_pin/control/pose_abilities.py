@@ -180,7 +180,7 @@ def _sizes(chain: ClosedChain, torques: ArrayLike) -> Array:
 
 
 def _jacobian(chain: ClosedChain, q: ArrayLike, frame: str) -> Array:
-    """The frame's Jacobian, shape (..., 6, n), without what is rounding beside other entries."""
+    """The frame's Jacobian, shape (..., 6, n); entries that are only rounding are zero."""
     mechanism, J = chain.mechanism, chain.frame_jacobian(q, frame)
     units = np.repeat([mechanism.length, 1.0], 3)[:, None]
     sizes = np.abs(J) / units * mechanism.rate_scale[mechanism.coordinates]

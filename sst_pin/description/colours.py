@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The parts of each link and their colours; URDF and MJCF are drawn from here."""
+"""The parts of each link and their colours, for URDF and MJCF."""
 
-#: One colour per leg, told apart by colour-blind readers too (Okabe and Ito), its carriage in a
-#: lighter tint; then what belongs to no leg.
+#: One colour per leg, distinct for colour-blind readers too (Okabe and Ito). The carriage of a leg
+#: has a lighter tint. The last colours belong to no leg.
 COLOURS = {
     "leg_1": "0.0 0.447 0.698 1.0",
     "leg_2": "0.835 0.369 0.0 1.0",
@@ -20,7 +20,7 @@ LEG_COLOURS = tuple(
     for k in (1, 2, 3)
 )
 
-#: Those and three more of Okabe and Ito, for motors and curves.
+#: These and three more colours of Okabe and Ito, for motors and curves.
 HUES = (*LEG_COLOURS, "#CC79A7", "#E69F00", "#56B4E9")
 
 #: Colour of each part of `parts_of` of a link, by the link's name.

@@ -151,7 +151,7 @@ def lofted(loops: Array) -> tuple[Array, Indices]:
 def axes_along(direction: Array) -> Array:
     """Right-handed axes whose z has a direction, columns of a (3, 3) array."""
     z = direction / np.linalg.norm(direction)
-    # Rounded, the last bit does not choose between equal entries.
+    # Rounding: the last bit must not choose between equal entries.
     x = np.cross(np.eye(3)[np.argmin(np.abs(z).round(6))], z)
     x /= np.linalg.norm(x)
     return np.stack([x, np.cross(z, x), z], axis=-1)

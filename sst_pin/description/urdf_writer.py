@@ -35,7 +35,7 @@ def urdf_of(p: Parameters) -> str:
     """XML of an SST's tree."""
     robot = ET.Element("robot", name="sst")
     robot.append(ET.Comment(_HEADER))
-    # MuJoCo reads this block, the other tools ignore it.
+    # MuJoCo reads this block; other tools ignore it.
     compiler = SubElement(SubElement(robot, "mujoco"), "compiler")
     compiler.attrib.update(strippath="false", discardvisual="false")
     # Tools fix a root with this name to the ground. It has no inertial: with one, KDL would warn.
@@ -86,12 +86,12 @@ gravity: [{gravity}]  # in base axes, m/s^2
 
 
 def numbers(values: Iterable[float]) -> str:
-    """Numbers of a file, from which every bit can be read back."""
+    """Numbers as text with all digits."""
     return " ".join(repr(float(x) + 0.0) for x in values)
 
 
 def rounded(values: ArrayLike) -> str:
-    """Numbers from which nothing is computed: six digits do."""
+    """Numbers with six digits, for values that no computation uses."""
     return numbers(np.round(np.atleast_1d(values), 6))
 
 
@@ -101,7 +101,7 @@ def _rpy(R: Array) -> Array:
     c, s = np.cos(yaw), np.sin(yaw)
     pitch = np.arctan2(-R[2, 0], np.hypot(R[0, 0], R[1, 0]))
     roll = np.arctan2(s * R[0, 2] - c * R[1, 2], c * R[1, 1] - s * R[0, 1])
-    # The last bit of an arctangent is the machine's own; the files shall be the same everywhere.
+    # The last bit of an arctangent differs between machines; the files must not differ.
     return np.round((roll, pitch, yaw), 15)
 
 
@@ -121,7 +121,7 @@ def _inertial(link: ET.Element, body: RigidBody) -> None:
 
 
 def _add_shapes(link: ET.Element, parts: Mapping[str, Sequence[Solid]]) -> None:
-    """Meshes for the eye, by name and colour, and the same solids as primitives for collisions."""
+    """Meshes as visual shapes, and the same solids as primitives for collisions."""
     colours = PART_COLOURS[link.get("name", "")]
     for name, colour in colours.items():
         visual = SubElement(link, "visual")
@@ -160,7 +160,7 @@ def _collision(link: ET.Element, primitive: Primitive) -> None:
 def _frame(
     robot: ET.Element, name: str, parent: str, xyz: Iterable[float] = _O, R: Array = _I
 ) -> ET.Element:
-    """A fixed link with an explicit zero inertial, the one form no tool gives a mass of its own."""
+    """A fixed link with an explicit zero inertial, so that no tool adds a default mass."""
     link = SubElement(robot, "link", name=name)
     _inertial(link, RigidBody(0.0, np.zeros(3), np.zeros((3, 3))))
     joint = SubElement(robot, "joint", name=f"{name}_fixed", type="fixed")

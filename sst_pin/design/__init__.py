@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""For those who design a robot: what its tolerances do."""
+"""Design: the effect of manufacturing tolerances."""
 
 from .tolerances import Tolerances, clearance, tolerances
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What tolerances of a drawing do to poses, torques and the clearance to singularities."""
+"""The effect of tolerances on poses, torques and the distance from singularities."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -159,7 +159,7 @@ class Context:
         return Continuity(self.mechanism, self.loops)
 
     def evaluate(self, q: Array, tolerance: float = CLOSURE_TOLERANCE) -> None:
-        """Compute what depends on q, which must be on its manifold and close the loops."""
+        """Compute all that depends on q; q must be normalised and close the loops."""
         self.mechanism.space.require_on_manifold(q)
         self.loops.evaluate_closed(q, self.mechanism.row_scale, tolerance)
 
@@ -169,12 +169,12 @@ class Context:
         return B + self.lines.evaluate(q)[1].T.dot(lines.motors) if lines.motors.any() else B
 
     def tree_forces(self, v: Array, v_dot: Array) -> Array:
-        """Inverse dynamics of the tree where the loops are, shape (nv,), by N_l and N_l^T."""
+        """Inverse dynamics of the tree at the current q, shape (nv,), by N_l and N_l^T."""
         S = self.tree.S
         return pin.rnea(self.tree.model, self.data, self.loops.q, S.dot(v), S.dot(v_dot)).dot(S)
 
     def tree_inertia(self) -> Array:
-        """Mass matrix of the tree where the loops are, shape (nv, nv)."""
+        """Mass matrix of the tree at the current q, shape (nv, nv)."""
         S = self.tree.S
         return S.T.dot(pin.crba(self.tree.model, self.data, self.loops.q)).dot(S)
 
@@ -225,7 +225,7 @@ def inverse_dynamics(
 
 
 def force_sizes(context: Context, q: Array, va: Array, aa: Array, wrenches: Array | None) -> Array:
-    """Sizes of all forces that meet in each coordinate, shape (n,).
+    """Sum of the sizes of all forces in each coordinate, shape (n,).
 
     They are an upper bound: directions are ignored, each turn moves mass centres by the length of
     the robot, and each body has at least its weight on Earth.

@@ -65,7 +65,7 @@ class JointComplement:
         self.inverse = np.zeros(loops.touched.T.shape)
 
     def evaluate(self, q: Array, tolerance: float = CLOSURE_TOLERANCE) -> None:
-        """Compute L where the loops are closed up to a tolerance."""
+        """Compute L at the current q; the loops must be closed up to a tolerance."""
         if not self._mechanism.space.euclidean:
             self._mechanism.space.require_on_manifold(q)
         self._loops.evaluate_closed(q, self._row_scale, tolerance)
@@ -186,7 +186,7 @@ class Bodies(NamedTuple):
 
 
 def body_jacobians(loops: Loops) -> Array:
-    """K alone, shape (6 r, nv), where the loops are."""
+    """K alone, shape (6 r, nv), at the current q."""
     J = _of_bodies(loops, pin.getJointJacobian)
     return _at_mass_centers(J, mass_centers(loops)).dot(loops.tree.S).reshape(-1, loops.model.nv)
 

@@ -90,7 +90,7 @@ class Reference(threading.local):
         external_wrenches: Array | None,
         weights: Array | None = None,
     ) -> Array:
-        """tau, shape (motors,): f itself, or the smallest torques that bring it about."""
+        """tau, shape (motors,): f itself, or the smallest torques that produce it."""
         f = self.generalized_forces(q, va, aa, external_wrenches)
         if self.mechanism.driven_one_to_one:
             return f
@@ -105,7 +105,7 @@ class Reference(threading.local):
         return tau
 
     def _require_supplied(self, left: Array, sizes: Array) -> None:
-        """Refuse forces that the motors leave over, beside the sizes of all in each coordinate."""
+        """Raise an error if the motors cannot supply the forces, coordinate by coordinate."""
         over = np.flatnonzero(np.abs(left) > UNSUPPLIED * sizes)
         if not len(over):
             return
@@ -162,7 +162,7 @@ class Reference(threading.local):
         return self.derivatives.accelerations(sign_width, q, va, tau, external_wrenches)
 
     def displacement_rates(self, q: Array, va: Array) -> Array:
-        """Rates of a displacement that joints' axes make as they move, shape (n, n)."""
+        """Rates of a displacement that moving joint axes cause, shape (n, n)."""
         return self.derivatives.displacement_rates(q, va)
 
     def reactions(

@@ -249,7 +249,7 @@ def report(chain: ClosedChain, found: Estimate, theta: ArrayLike, unseen: Trajec
 
 
 def solved(A: Array, z: Array) -> tuple[Array, Array]:
-    """Least squares by QR, and the inverse of R, which is the root of the covariance."""
+    """Least squares by QR, and the inverse of R, a root of the covariance."""
     from scipy.linalg import solve_triangular
 
     b = A.shape[-1]

@@ -167,7 +167,7 @@ class Assembly:
         return q, self._rows[self._open(q, f)[self._rows]]
 
     def _open(self, q: Array, f: Array) -> Flags:
-        """Which rows are open by more than rounding, shape (rows,); the loops are at q."""
+        """Which rows are open by more than rounding, shape (rows,), at the current q."""
         is_open = ~(np.abs(f) < _ASSEMBLED)
         if is_open.any():
             is_open &= ~(np.abs(f) < self._rounding(q, self.loops.Phi * self._scale))

@@ -183,7 +183,7 @@ class _Search:
         return signs
 
     def _dyad(self, q: Array, k: int, rates: Indices) -> list[Array] | None:
-        """Both ways in which two joints of a plane close a point; None if this is no dyad."""
+        """Both positions in which two joints of a plane close a point; None if they are no dyad."""
         closure, model = self._mechanism.closures[k], self._model
         joints = [joint for joint in list(model.joints)[1:] if joint.idx_v in rates]
         one_each = [(joint.nq, joint.nv) for joint in joints] == [(1, 1)] * 2

@@ -222,7 +222,7 @@ def _without_mass(mechanism: Mechanism, loops: Loops) -> tuple[str, ...]:
     L = unit[:, None] * motions @ np.linalg.inv(motions[chosen] * unit[chosen, None])
     tree, L_tree = loops.tree.model, loops.tree.S @ L
     inertia = L_tree.T @ pin.crba(tree, loops.data, loops.q) @ L_tree
-    # What each coordinate would move if a body turned about its heaviest axis.
+    # The inertia that a coordinate would move if each body turned about its heaviest axis.
     heaviest = pin.Model(tree)
     for j, body in enumerate(tree.inertias):
         moments = abs(np.trace(body.inertia)) * np.eye(3)

@@ -32,7 +32,7 @@ _NEAR, _HEAVY = 1e-5, 1e4
 
 
 class Way(NamedTuple):
-    """How far a frame came on its way to a pose."""
+    """Result of a way to a pose: how far the frame came."""
 
     #: The last configuration, shape (nq,).
     q: Array
@@ -222,7 +222,7 @@ def rotations(name: str, value: ArrayLike) -> Array:
 
 
 def pose_of(position: Array | None, R: Array | None) -> pin.SE3:
-    """A pose, zero in what does not matter."""
+    """A pose; components that do not count are zero."""
     return pin.SE3(np.eye(3) if R is None else R, np.zeros(3) if position is None else position)
 
 

@@ -182,7 +182,7 @@ def correct_geometry(mechanism: Mechanism) -> Mechanism:
 def _corrected(
     rounded: _Poses, corrected: _Poses, part: _Part, start: Array, poses: Sequence[Array]
 ) -> tuple[_Poses, list[Array]]:
-    """`corrected` with one part more, and poses in which `rounded` closes that part best.
+    """`corrected` with one more part, and poses in which `rounded` closes that part best.
 
     There are no poses if the part is open by more than few digits explain, or closes as it is.
     """

@@ -219,7 +219,7 @@ class FrameRows:
         self._model, self.frames, self.formulas = tree.model, (frame_b, frame_a), _formulas(closure)
         self.bodies = [tree.model.frames[frame].parentJoint for frame in self.frames]
         moves_b, moves_a = (tree.supports[body] for body in self.bodies)
-        # What moves both frames alike leaves the closure as it is.
+        # Joints that move both frames in the same way do not change the closure.
         self._moving = np.flatnonzero(moves_b != moves_a)
         self._S = tree.S[self._moving]
         self.touched = self.curved = np.tile(self._S.any(axis=0), (len(closure.rows), 1))

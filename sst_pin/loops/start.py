@@ -32,7 +32,7 @@ _FAR = 0.05
 
 
 def _pose(loops: ClosedLoops) -> Array:
-    """Home, open if its loops cannot be closed; `pin.neutral` without one, shape (nq,)."""
+    """Home, even if its loops cannot be closed; `pin.neutral` without a home; shape (nq,)."""
     try:
         home = loops.home
     except ClosureError:

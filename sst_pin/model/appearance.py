@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What pictures of a robot show beside its bodies."""
+"""What pictures of a robot show in addition to its bodies."""
 
 from collections.abc import Sequence
 from typing import NamedTuple

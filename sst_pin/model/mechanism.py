@@ -231,13 +231,13 @@ class Mechanism:
         return read_only(np.maximum(on_rates, on_lines))
 
     def require_freedom(self) -> None:
-        """Refuse dynamics where nothing moves."""
+        """Raise an error if nothing can move."""
         if not len(self.coordinates):
             problem = _NOTHING_FOUND if self.example is None else _NOTHING_MOVES
             raise DescriptionError(f"model {self.model.name}", [problem])
 
     def require_mass(self) -> None:
-        """Refuse direct dynamics where a motion moves no mass."""
+        """Raise an error if a motion moves no mass: direct dynamics is not defined."""
         if self.without_mass:
             raise SingularConfigurationError(
                 "the mass matrix is not positive definite: the rates "
@@ -287,7 +287,7 @@ class Mechanism:
 
 
 def read_only(array: _Numbers) -> _Numbers:
-    """A copy that cannot be written to."""
+    """A read-only copy."""
     copy = np.array(array)
     copy.flags.writeable = False
     return copy

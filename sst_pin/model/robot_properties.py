@@ -9,7 +9,7 @@ from .closures import Constraint
 from .lines import LineForce
 from .mechanism import Friction, Mechanism
 
-#: What to use for names that other packages have.
+#: The names to use instead of those of other packages.
 _INSTEAD = {
     "inverse_dynamics": "compute_torques(q, va, aa)",
     "forward_dynamics": "compute_accelerations(q, va, tau)",

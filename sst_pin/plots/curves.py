@@ -98,7 +98,7 @@ def zero_line(ax: Axes) -> None:
 
 
 def _plain_numbers(ax: Axes) -> None:
-    """Numbers along y without a power of ten apart, above the axes."""
+    """Numbers along y without a separate power of ten above the axes."""
     low, high = ax.get_ylim()
     size = max(abs(low), abs(high))
     if high - low < 1e-4 * size:  # else the numbers are long and differ at their ends

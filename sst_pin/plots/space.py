@@ -25,7 +25,7 @@ from .style import Axes
 
 #: A path counts as planar if its distance from a plane is less than this share of its length.
 _PLANAR = 1e-6
-#: The wanted path under the others, then those.
+#: The wanted path below the others.
 PATHS: tuple[dict[str, Any], ...] = (
     {"color": "0.8", "linewidth": 4},
     {"color": LEG_COLOURS[0], "linewidth": 1.2},
@@ -191,7 +191,7 @@ def _patch(ax: Axes, robot: SST, radius: float, letter: str) -> None:
 
 
 def _equal_space(ax: Axes, robot: SST, radius: float, s: Array) -> None:
-    """A sphere that looks like one, axes with units; the paper's octant when s stays within it."""
+    """A sphere with equal axes and units; only the paper's octant if s stays within it."""
     octant = s.min() > -0.15
     limits = np.array((-0.15 if octant else -1.15, 1.15)) * radius
     least = radius / 2.7  # of smaller steps the numbers would run into one another

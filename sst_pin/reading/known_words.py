@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Known words of an element of an XML file; others are reported, because they may act.
+"""Known words of an element of an XML file; unknown words are reported: they may matter.
 
 A table has a row of words for a tag, or for `tag/tag` inside another: elements, and attributes as
 `@name`. `word+` may stand several times, `word=0` with this value only; `*=0` is any other word

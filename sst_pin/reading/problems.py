@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Problems that checks find, and numbers that they read."""
+"""Problems of files, and readers of numbers that report them."""
 
 import re
 import xml.etree.ElementTree as ET
@@ -15,7 +15,7 @@ from ..arrays import Array
 from ..errors import DescriptionError
 from ..summaries import listed
 
-#: What urdfdom, MuJoCo and people all read as one number.
+#: Texts that urdfdom, MuJoCo and people read as the same number.
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 
 

@@ -29,7 +29,7 @@ class YamlContent(dict[str, Any]):
         self._source, self.problems = source, list[str]()
 
     def require_known(self, keys: Collection[str]) -> None:
-        """Name the keys that are not read."""
+        """Report the keys that are not known."""
         known = ", ".join(keys)
         self.problems += [f"{key}: unknown; known: {known}" for key in self if key not in keys]
 

@@ -158,7 +158,7 @@ class Integration:
         return fraction, q
 
     def _better_coordinates(self, q: Array) -> bool:
-        """Whether the robot's coordinates suit q again, or q is far from the limit."""
+        """Whether the robot's coordinates are good at q again, or q is far from the limit."""
         states, robot_states = self._equations.states, self._equations.robot_states
         if states is not robot_states and robot_states.condition_number(q) < WELL_CONDITIONED:
             return True
@@ -213,7 +213,7 @@ class Integration:
         return True
 
     def _compare(self, t: Array, va: Array, aa: Array) -> None:
-        """Note if va changes in a step by something else than the integral of aa."""
+        """Record a step in which va does not change by the integral of aa."""
         h = np.diff(t)[:, None]
         integral = (h * (aa[1:] + aa[:-1]) / 2).sum(axis=0)
         error = np.abs(va[-1] - va[0] - integral)
@@ -228,7 +228,7 @@ class Integration:
             )
 
     def _settle(self, *, irregular: bool = False) -> None:
-        """Choose coordinates that suit the state, and the limit of their condition number.
+        """Choose good coordinates for the state, and the limit of their condition number.
 
         The motion ends if a step was irregular and no other coordinates are better.
         """

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def sample_times(t: ArrayLike, least: int = 1) -> Array:
-    """Times as a read-only array; refuses fewer than `least`, or any that do not increase."""
+    """Times as a read-only array; fewer than `least`, or times that do not increase, are errors."""
     times = finite_array("t", t, ()).copy()
     if times.ndim != 1 or len(times) < least:
         raise InputError("t", f"shape {times.shape}, expected (N,) with N >= {least}")
@@ -45,5 +45,5 @@ def spline(t: Array, values: Array) -> BSpline:
 
     try:
         return make_interp_spline(t, values, k=min(5, len(t) - 1))
-    except ValueError as error:  # times too near to one another for double precision
+    except ValueError as error:  # times too close for double precision
         raise InputError("t", f"no smooth curve through the samples: {error}") from None

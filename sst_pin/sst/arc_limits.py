@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Poses that the equations allow and the machine does not.
+"""Poses that the equations allow but the machine cannot reach.
 
 The passive slider of leg k runs on a quarter circle of the star, 0 <= beta_k <= 90 deg, the arc of
 Eq. (54). R_k stays on the side P_k P_{k+1} of the base triangle, 0 <= gamma_k <= angle(v_k,

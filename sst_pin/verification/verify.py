@@ -69,7 +69,7 @@ class Judge:
         self._differences: list[tuple[float, float]] = []  # absolute and relative
 
     def hold(self, answer: Callable[[], Array], expected: Array) -> None:
-        """Ask for an answer and compare it with ours; NaN is the worst of all."""
+        """Compute an answer and compare it with ours; NaN counts as the largest error."""
         began = time.perf_counter()
         off = float(np.abs(answer() - expected).max())
         self._seconds += time.perf_counter() - began

@@ -26,7 +26,7 @@ class CommandBuffer:
     """A window for `meshcat.Visualizer` that keeps the last command for every node."""
 
     def __init__(self) -> None:
-        #: Packed for the page, by type, node and property.
+        #: Packed commands for the page, by type, node and property.
         self.commands: dict[tuple[str, str, str], bytes] = {}
         self.listener: Callable[[bytes], None] | None = None  #: Receives each command.
 

@@ -20,7 +20,7 @@ _TRAIL, _PATH = "#8E24AA", "#A9B0B6"
 TRAIL_SIDES = 8
 #: The largest arrow, as a share of the robot's length.
 _ARROW = 0.45
-#: Directions in which the robot's reach is known, and samples of a motion that it is taken from.
+#: Directions in which the robot's reach is computed, and samples of a motion for it.
 _DIRECTIONS, _SAMPLES = 150, 60
 
 

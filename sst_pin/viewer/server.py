@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""One page and what is sent after it, on a port of this machine: a thread, no process.
+"""A server for one page and its updates, on a port of this machine, in a thread.
 
 A page of another site can make a browser ask 127.0.0.1 under that site's name (DNS rebinding), and
 open WebSockets to any address. Requests must therefore name this machine, and come from our page.
