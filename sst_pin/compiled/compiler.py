@@ -23,9 +23,9 @@ TARGETS = {
 }
 #: The target for a single sample: scalars take less time than a vector of equal numbers.
 SINGLE = {"avx512": "avx2_one", "avx2": "avx2_one", "plain": "plain_one"}
-#: Options for derivatives: with -O3 their long functions compile slower and run no faster.
+#: Options for derivatives: with -O2 their long functions compile slower and run no faster.
 LONG = ("-O1", "-fexpensive-optimizations")
-_OPTIONS = ("-std=gnu11", "-O3", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast")
+_OPTIONS = ("-std=gnu11", "-O2", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast")
 
 
 def compiler() -> list[str]:
