@@ -161,8 +161,9 @@ class Loops:
                     on_b, on_a = (joint in list(model.supports[body]) for body in bearers)
                 else:
                     on_b, on_a = (x == frame for x in rows.frames)
-                W_b, W_a = np.split(rows.W, 2, axis=1)
-                by[at, k] = (W_b * (on_b > on_a) + W_a * (on_a > on_b)) @ twists
+                if on_b != on_a:
+                    W = rows.W[:, :6] if on_b else rows.W[:, 6:]
+                    by[at, k] = W @ twists
         return by.reshape(len(by), -1)
 
 
