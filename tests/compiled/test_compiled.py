@@ -134,6 +134,7 @@ thread.join()
 """
 
 
+@pytest.mark.slow
 def test_batches_run_in_a_thread_with_a_small_stack():
     """64 KiB, what a server gives each of many threads; in a process of its own, it may crash."""
     command = [sys.executable, "-c", SMALL_STACK]

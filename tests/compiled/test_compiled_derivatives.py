@@ -136,6 +136,7 @@ def test_compile_with_derivatives_has_all_of_linearize_ready(name, monkeypatch):
 OF_FRAMES = ("frame_jacobian_rate", "frame_velocity_derivatives", "frame_drift")
 
 
+@pytest.mark.slow
 def test_kernels_of_frames_say_what_differences_say(compiled):
     case, random = compiled[0], np.random.default_rng(2)
     for q, va, _, _ in case.states(5):

@@ -73,6 +73,7 @@ def test_loads_stay_on_the_kernels(both, monkeypatch):
         robot.simulate(np.zeros(3), robot.home, np.zeros(3), T, **loads)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limit", [7.0])
 def test_both_paths_stop_at_the_same_time_before_a_singularity(robot, compiled_robot, limit):
     stops = []

@@ -93,7 +93,6 @@ REACTING = (*GALLERY, "SST", "five-bar", "cart", "lines", "rods", "coupled", "co
 #: Robots and what is compared of them: what compiles quickly, and the others.
 QUICK = [
     (["four-bar"], [*DYNAMICS, *OF_TREE, "torque_regressor"]),
-    (["cart"], DYNAMICS),
     (["lines"], [*DYNAMICS, "torque_derivatives"]),
     (["five-bar"], [*DERIVATIVES, *FRAMES]),
     ([BY_COLUMNS[1], "no motors"], ["compute_accelerations"]),
@@ -101,7 +100,7 @@ QUICK = [
 SLOW = [
     (["floating"], [*DYNAMICS[1:], *OF_TREE]),  # a motor is missing
     (["floating four-bar"], [*DERIVATIVES, *FRAMES]),
-    (["SST", "Cassie"], DYNAMICS),
+    (["SST", "Cassie", "cart"], DYNAMICS),
     (["sprung", "cart", "delta", "governor"], ["torque_regressor"]),
     ([BY_COLUMNS[0], BY_COLUMNS[2]], ["compute_accelerations"]),
     ([*REACTING, "motors on dependent joints"], ["actuator_jacobian", "reactions"]),

@@ -87,6 +87,7 @@ def test_the_circle_of_example_1_with_30_N_m(robot, circle):
     assert np.diff(motion.t).max() <= 1e-3
 
 
+@pytest.mark.slow
 def test_limits_hold_between_the_samples(robot, circle):
     """The torques of constant path accelerations between the samples, ten times as many."""
     coarse = sst_pin.time_optimal(robot, circle, torques=30.0, dt=0.01)

@@ -190,6 +190,7 @@ def coverage(name, decimate, repetitions, monkeypatch):
     return np.mean(np.abs(away) < 1.96)
 
 
+@pytest.mark.slow
 def test_intervals_of_a_decimated_log_cover_the_truth(monkeypatch):
     """95 % of them; the standard error of 40 repetitions of 11 values is about 2 %."""
     assert 0.91 < coverage("five_bar", 10, 40, monkeypatch) < 0.985

@@ -61,6 +61,7 @@ def test_positions_alone_tell_the_offsets_of_the_motors():
     assert found.noise.shape == (1,)
 
 
+@pytest.mark.slow
 def test_what_is_hidden_moves_the_frame_as_errors_that_were_found_do():
     """The referee is the difference of robots with each error, not the enlarged robot."""
     drawn, _, _, x = deltas()

@@ -164,6 +164,7 @@ def test_it_shows_parameters_better_than_sines_of_the_same_rates(motion):
     assert condition_number(CHAIN, BASE, motion) < condition_number(CHAIN, BASE, sines)
 
 
+@pytest.mark.slow
 def test_a_motion_that_shows_little_is_told():
     """Small limits leave a base regressor of a large condition number."""
     with pytest.warns(RuntimeWarning, match=r"shows the parameters poorly: condition number \d"):

@@ -226,7 +226,9 @@ OFF = '<flag actuation="disable"/>'
             '<connect active="false" ',
             ["warning: actuation: 1 motor for 3 degrees of freedom; 2 of them move"],
         ),
-        ("<connect ", "<weld ", ["warning: home: cannot be closed"]),
+        pytest.param(
+            "<connect ", "<weld ", ["warning: home: cannot be closed"], marks=pytest.mark.slow
+        ),
         ("<worldbody>", f"<option>{OFF}</option><worldbody>", ["error: file: <flag actuation"]),
         (
             "<actuator>",

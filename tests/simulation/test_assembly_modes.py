@@ -54,7 +54,12 @@ def off_mode(chain, q):
 
 
 @pytest.mark.parametrize(
-    ("which", "compiled"), list(zip(PARALLELOGRAMS, (True, False, True), strict=True))
+    ("which", "compiled"),
+    [
+        ("one", True),
+        ("two on one crank", False),
+        pytest.param("three in a chain", True, marks=pytest.mark.slow),
+    ],
 )
 def test_parallelograms_stop_before_they_are_flat(which, compiled):
     """However many loops become singular at once, with any tolerance, start, rate and step."""
@@ -89,7 +94,7 @@ PLANE = pin.JointModelPlanar(), pin.JointModelRZ
 
 @pytest.mark.parametrize(
     ("base", "joint", "compiled"),
-    [(*FREE, False), (*PLANE, True)],
+    [(*FREE, False), pytest.param(*PLANE, True, marks=pytest.mark.slow)],
 )
 def test_a_tumbling_base_is_no_singularity(base, joint, compiled):
     """At loose tolerances the integrator's quaternions drift; the linkage is far from singular."""
@@ -140,7 +145,10 @@ REDUNDANT = {
 }
 
 
-@pytest.mark.parametrize("which", REDUNDANT)
+@pytest.mark.parametrize(
+    "which",
+    ["a plate on three cranks", pytest.param("four wheels with two rods", marks=pytest.mark.slow)],
+)
 def test_loops_that_are_flat_one_after_the_other_turn_where_others_hold_them(which):
     """Each loop is singular somewhere, all together nowhere: cranks turn evenly, without end."""
     chain, t = plate(*REDUNDANT[which]), np.linspace(0, 4, 81)
@@ -183,7 +191,10 @@ def test_energy_is_kept_at_any_tolerance_next_to_flat_positions(bars):
         assert np.ptp(energy) < 100 * tolerance * energy[0]
 
 
-@pytest.mark.parametrize(("bars", "moment"), [(NEARLY_FLAT[1], 0.001), (NEARLY_FLAT[2], 0.02)])
+@pytest.mark.parametrize(
+    ("bars", "moment"),
+    [(NEARLY_FLAT[1], 0.001), pytest.param(NEARLY_FLAT[2], 0.02, marks=pytest.mark.slow)],
+)
 def test_a_rollout_ends_before_a_bend_for_which_its_step_is_too_long(bars, moment):
     """Energy is kept in its own coordinates too; kernels end where the reference path does."""
     chain, kernels = nearly_flat(*bars, moment), nearly_flat(*bars, moment)

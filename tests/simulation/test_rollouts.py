@@ -33,6 +33,7 @@ def test_a_step_is_of_fourth_order_and_example_2_comes_back_to_a_billionth(compi
     assert errors[2] < 1e-9
 
 
+@pytest.mark.slow
 def test_kernels_step_as_the_reference_path_does():
     """Odd robots, held torques, a moment, friction: off the closures by h^2 both differ by h^5."""
     rng = np.random.default_rng(0)
@@ -120,6 +121,7 @@ def test_motions_that_stop_are_named_or_end_in_nan(fast):
         robot.rollout(tau * np.nan, robot.home, np.zeros(3), 1e-3)
 
 
+@pytest.mark.slow
 def test_a_rollout_goes_through_dead_points_as_simulate_does():
     """Torques at the ends and middles of the steps, in the user's coordinates: fourth order."""
     four_bar = robots.four_bar()

@@ -153,6 +153,7 @@ def test_a_start_in_a_singularity_is_refused(robot):
         robot.simulate(np.zeros(3), robot.home, np.zeros(3), [0, 1], max_condition_number=2)
 
 
+@pytest.mark.slow
 def test_an_integrator_that_gives_up_says_when():
     """A runaway, va' ~ va^3, ends in SimulationError, not in a truncated motion."""
     weightless = sst_pin.SST(sst_pin.Parameters(gravity=(0, 0, 0)))
@@ -186,7 +187,11 @@ DIFFERENTIATED["a circle"] = lambda: two_bodies(pin.JointModelRUBZ())
 
 
 @pytest.mark.parametrize(
-    ("name", "kernels"), [*((name, False) for name in DIFFERENTIATED), ("governor", True)]
+    ("name", "kernels"),
+    [
+        *((name, False) for name in DIFFERENTIATED),
+        pytest.param("governor", True, marks=pytest.mark.slow),
+    ],
 )
 def test_derivatives_of_states_are_those_of_their_rates(name, kernels):
     """Central differences; relative to the largest derivative, the governor's 1.5e5 /s^2.
@@ -279,7 +284,12 @@ def gain(motion):
 
 @pytest.mark.parametrize(
     ("kind", "method"),
-    [("function", "DOP853"), ("samples", "RK45"), ("trajectory", "DOP853"), ("load", "Radau")],
+    [
+        ("function", "DOP853"),
+        ("samples", "RK45"),
+        pytest.param("trajectory", "DOP853", marks=pytest.mark.slow),
+        ("load", "Radau"),
+    ],
 )
 def test_a_push_of_a_tenth_of_a_second_moves_a_robot_at_rest(kind, method):
     """The step of the integrator has grown to the rest of the interval by then."""

@@ -104,6 +104,7 @@ def test_the_robot_is_dragged_let_go_pushed_held_and_reset(chromium, tmp_path, n
         assert page.evaluate(across)
 
 
+@pytest.mark.slow
 def test_a_motion_is_beside_the_live_robot(chromium, tmp_path):
     """The player is as before; Live takes the robot from the motion's first state."""
     chain = robot_named("four_bar")
