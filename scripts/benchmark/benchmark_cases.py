@@ -11,6 +11,7 @@ import pinocchio as pin
 from pinocchio_peers import Constrained, Kkt
 from sst_pin import SST, ClosedChain, paper_circle
 from sst_pin.arrays import Array
+from sst_pin.dynamics import reactions
 from sst_pin.sst import paper
 from sst_pin.verification.mujoco_tree import MujocoTree
 
@@ -88,12 +89,6 @@ def single_calls(
     }
 
 
-def reaction_numbers(chain: ClosedChain) -> int:
-    """Numbers that `reactions` writes for one sample."""
-    joints = len(chain.joint_names) + len(chain.closures)
-    return 7 * joints + 6 + len(chain.motor_names)
-
-
 def batches(chain: ClosedChain, motion: Motion, torques_only: bool = False) -> Calls:
     """Samples of a motion, each array with rows of its own."""
     (q, va, aa), nv, ours = motion, chain.model.nv, torques_of(chain)
@@ -103,7 +98,8 @@ def batches(chain: ClosedChain, motion: Motion, torques_only: bool = False) -> C
     theirs = np.empty((nv, n), order="F")
     calls: Calls = {"torques, batch": (lambda: ours(q, va, aa, **out), n)}
     if not torques_only:
-        tau, row = np.zeros((n, len(chain.motor_names))), np.empty((n, reaction_numbers(chain)))
+        tau = np.zeros((n, len(chain.motor_names)))
+        row = np.empty((n, reactions.size_of(chain.mechanism)))
         cause = {"aa": aa} if out else {"tau": tau}
         calls["accelerations, batch"] = (lambda: chain.compute_accelerations(q, va, tau), n)
         calls["reactions, batch"] = (lambda: chain.reactions(q, va, out=row, **cause), n)

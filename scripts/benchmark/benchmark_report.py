@@ -81,7 +81,7 @@ def _shares(robot: dict[str, Any]) -> list[str]:
     batch = {name: times[1] for name, times in robot["sample of a batch"].items()}
     if "reactions, batch" not in batch:
         return ["", ""]
-    outputs = robot["motors"] if robot["motors"] >= robot["freedoms"] else robot["freedoms"]
+    outputs = max(robot["motors"], robot["freedoms"])  # torques, or forces of all coordinates
     reactions = batch["reactions, batch"] / robot["reaction numbers"]
     return [
         f"{robot['rollout step']['rollout'][1] / batch['accelerations, batch']:.2g}",

@@ -16,6 +16,7 @@ import numpy as np
 import benchmark_cases as cases
 import cassie
 from sst_pin import ClosedChain, robots
+from sst_pin.dynamics import reactions
 from tests.gallery import ladder
 
 
@@ -83,7 +84,7 @@ def measure(
             "cost": cost,
             "single call": in_turn(calls, many, turn),
             "motors": len(chain.motor_names),
-            "reaction numbers": cases.reaction_numbers(chain),
+            "reaction numbers": reactions.size_of(chain.mechanism),
             "sample of a batch": in_turn(cases.batches(chain, many_motions, n > MOST), few),
         }
         if closed:
