@@ -65,7 +65,7 @@ def test_positions_alone_tell_the_offsets_of_the_motors():
 def test_what_is_hidden_moves_the_frame_as_errors_that_were_found_do():
     """The referee is the difference of robots with each error, not the enlarged robot."""
     drawn, _, _, x = deltas()
-    x = x[:4]
+    x = x[:8]
     which = ["motor_1.*", "rod_1*.x", "rod_1*.y"]
     found = calibrate(drawn, "platform", x, poses_of(drawn, x, "platform"), which=which)
     assert found.hidden

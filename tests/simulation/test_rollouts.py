@@ -74,17 +74,17 @@ def test_rollouts_end_where_simulate_ends(odd):
 
 
 def test_leading_axes_broadcast_and_threads_change_nothing(robot):
-    """Torques for each start, starts for each torque."""
+    """Torques for each start, starts for each torque; 70 samples fill two blocks and a bit."""
     rng = np.random.default_rng(2)
-    q, va, _ = robot.joint_motion(*random_states(robot, rng, 9))
+    q, va, _ = robot.joint_motion(*random_states(robot, rng, 70))
     tau = rng.normal(size=(2, 1, 5, 3))
     motion = robot.rollout(tau, q, va, 1e-4)
-    assert motion.q.shape == (2, 9, 6, 9)
-    assert motion.va.shape == (2, 9, 6, 3)
+    assert motion.q.shape == (2, 70, 6, 9)
+    assert motion.va.shape == (2, 70, 6, 3)
     shared = robot.rollout(tau, q, va, 1e-4, threads=3)
     assert all(np.array_equal(a, b) for a, b in zip(motion, shared, strict=True))
-    alone = robot.rollout(tau[1, 0], q[8], va[8], 1e-4)
-    assert np.array_equal(alone.q, motion.q[1, 8])
+    alone = robot.rollout(tau[1, 0], q[69], va[69], 1e-4)
+    assert np.array_equal(alone.q, motion.q[1, 69])
     there = robot.rollout(tau[0, 0], q[0], va[0], 1e-4)
     back = robot.rollout(tau[0, 0, ::-1], there.q[-1], there.va[-1], -1e-4)
     assert np.abs(back.q[-1] - q[0]).max() < 1e-12  # fourth order there and back
