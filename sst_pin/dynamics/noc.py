@@ -55,6 +55,7 @@ class JointComplement:
     def __init__(self, mechanism: Mechanism, loops: Loops) -> None:
         self._mechanism, self._loops = mechanism, loops
         self._S_a, self._row_scale = mechanism.selection.T, mechanism.row_scale
+        self._steady = np.zeros(loops.tree.model.nv)
         per_rate, per_coordinate = mechanism.rate_scale, mechanism.rate_scale[mechanism.coordinates]
         #: What makes Phi L and L free of units.
         self._of_Phi_L = mechanism.row_scale[:, None] * per_coordinate
@@ -79,8 +80,8 @@ class JointComplement:
         v = self.L.dot(va)  # Eq. (16)
         loops = self._loops
         tree, data = loops.tree, loops.data
-        pin.computeJointJacobiansTimeVariation(tree.model, data, loops.q, tree.S.dot(v))
-        drift = [rows.Phi_dot(v, data).dot(v) for rows in loops.closures]
+        pin.forwardKinematics(tree.model, data, loops.q, tree.S.dot(v), self._steady)
+        drift = [rows.drift(v, data) for rows in loops.closures]  # Phi_dot v
         return v, self.accelerations(aa, np.concatenate([loops.f[:0], *drift]))
 
     def _factorise(self, Phi: Array, f: Array) -> None:
@@ -192,8 +193,9 @@ def body_jacobians(loops: Loops) -> Array:
 
 
 def bodies(loops: Loops, v: Array) -> Bodies:
-    """K, K_dot, M, Omega and w^g at rates v of the tree; rates of Jacobians are at v."""
+    """K, K_dot, M, Omega and w^g at rates v of the tree."""
     model, S, c = loops.model, loops.tree.S, mass_centers(loops)
+    pin.computeJointJacobiansTimeVariation(loops.tree.model, loops.data, loops.q, S.dot(v))
     K = _at_mass_centers(_of_bodies(loops, pin.getJointJacobian), c).dot(S)
     # The reduction moves with the mass centre: d/dt (omega x c) has the term omega x c_dot.
     K_dot = _at_mass_centers(_of_bodies(loops, pin.getJointJacobianTimeVariation), c).dot(S)

@@ -82,8 +82,9 @@ class Loops:
         self.q = tree.factors * q[tree.entries] + tree.offsets
         pin.computeJointJacobians(tree.model, data, self.q)
         pin.updateFramePlacements(tree.model, data)
+        J = _twice(data.J)
         for rows in self.closures:
-            rows.evaluate(q, data)
+            rows.evaluate(q, data, J)
         no_f, no_Phi = self._none
         self.f: Array = np.concatenate([no_f, *[rows.f for rows in self.closures]])
         self.Phi: Array = np.concatenate([no_Phi, *[rows.Phi for rows in self.closures]])
@@ -115,10 +116,11 @@ class Loops:
 
     def Phi_dot(self, v: Array) -> Array:
         """Rate of Phi at rates v of the tree, shape (rows, nv); J and its rate are at v then."""
-        model = self.tree.model
-        pin.computeJointJacobiansTimeVariation(model, self.data, self.q, self.tree.S.dot(v))
-        none = np.zeros((0, len(v)))
-        return np.concatenate([none, *(rows.Phi_dot(v, self.data) for rows in self.closures)])
+        model, data = self.tree.model, self.data
+        pin.computeJointJacobiansTimeVariation(model, data, self.q, self.tree.S.dot(v))
+        J_dot = _twice(data.dJ)
+        rates = [rows.Phi_dot(v, data, J_dot) for rows in self.closures]
+        return np.concatenate([self._none[1], *rates])
 
     def frame_jacobian(self, frame: int) -> Array:
         """[linear; angular] of a frame, world axes at its origin, shape (6, nv)."""
@@ -165,6 +167,11 @@ class Loops:
                     W = rows.W[:, :6] if on_b else rows.W[:, 6:]
                     by[at, k] = W @ twists
         return by.reshape(len(by), -1)
+
+
+def _twice(twists: Array) -> Array:
+    """Twists of the joints, for frames B and A, shape (12, rates of the normal tree)."""
+    return np.concatenate((twists, twists)).reshape(12, -1)
 
 
 def connected(touched: Flags) -> Iterator[tuple[Indices, Indices]]:

@@ -13,7 +13,6 @@ The rate is Phi_dot = W_dot J + W J_dot. M are the homogeneous matrices of B and
 (..., 2, 4, 4), and M_t their rates. W is [W_B, -W_A], shape (..., rows, 12).
 """
 
-from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -33,8 +32,8 @@ _FORCES = np.zeros((4, 3, 6))
 _FORCES[:3, :, 3:], _FORCES[3, :, :3] = _CROSS, np.eye(3)
 #: The same on B, and with the opposite sign on A: at one point, and at a point of each.
 _AT_ONE = np.concatenate((_FORCES, -_FORCES), axis=2).reshape(4, 36)
-_AT_TWO = np.zeros((8, 36))
-_AT_TWO.reshape(8, 3, 12)[:4, :, :6], _AT_TWO.reshape(8, 3, 12)[4:, :, 6:] = _FORCES, -_FORCES
+_AT_TWO = np.zeros((8, 3, 12))
+_AT_TWO[:4, :, :6], _AT_TWO[4:, :, 6:] = _FORCES, -_FORCES
 #: Unit moments about x, y, z on B, and with the opposite sign on A.
 _MOMENTS = np.kron([0.0, 1.0, 0.0, -1.0], np.eye(3))
 
@@ -56,16 +55,16 @@ class _WorldForces:
     """Forces along axes of the world at the origins of B and A."""
 
     def __init__(self, axes: Array) -> None:
-        self._axes = axes
+        self._axes, self._forces = axes, axes @ _AT_TWO
 
     def error(self, M: Array) -> Array:
         return self._axes.dot(M[0, :3, 3] - M[1, :3, 3])
 
     def W(self, M: Array) -> Array:
-        return self._axes @ _at_two_points(M)
+        return _at_two_points(M, self._forces)
 
     def W_dot(self, M: Array, M_t: Array) -> Array:
-        return self._axes @ _at_two_points(M_t)
+        return _at_two_points(M_t, self._forces)
 
 
 class _AxisForces:
@@ -221,15 +220,16 @@ class FrameRows:
         moves_b, moves_a = (tree.supports[body] for body in self.bodies)
         # Joints that move both frames in the same way do not change the closure.
         self._moving = np.flatnonzero(moves_b != moves_a)
+        self._moves = np.repeat([moves_b, moves_a], 6, axis=0)[:, self._moving].astype(float)
         self._S = tree.S[self._moving]
         self.touched = self.curved = np.tile(self._S.any(axis=0), (len(closure.rows), 1))
 
-    def evaluate(self, q: Array, data: pin.Data) -> None:
-        """f, W and Phi, from placements and Jacobians in `data`."""
+    def evaluate(self, q: Array, data: pin.Data, J: Array) -> None:
+        """f, W and Phi, from placements in `data` and twists of the joints, twice in J."""
         places = data.oMf
         self._M = np.array([places[frame].homogeneous for frame in self.frames])
         self.f, self.W = self.formulas.error(self._M), self.formulas.W(self._M)
-        self._J = self._jacobians(pin.getFrameJacobian, data)
+        self._J = self._of_frames(J)
         self.Phi = self.W.dot(self._J).dot(self._S)  # Eqs. (3), (4)
 
     @property
@@ -237,20 +237,28 @@ class FrameRows:
         """Largest coordinate of both frames in the world, [m]."""
         return float(np.abs(self._M[:, :3, 3]).max())
 
-    def Phi_dot(self, v: Array, data: pin.Data) -> Array:
-        """Rate of Phi, shape (rows, nv); `data` has velocities and rates of Jacobians at v."""
-        model, where = self._model, pin.WORLD
-        twists = [pin.getFrameVelocity(model, data, k, where).homogeneous for k in self.frames]
-        M_t = np.array(twists) @ self._M
-        W_dot = self.formulas.W_dot(self._M, M_t)
-        J_dot = self._jacobians(pin.getFrameJacobianTimeVariation, data)
-        return (W_dot.dot(self._J) + self.W.dot(J_dot)).dot(self._S)
+    def Phi_dot(self, v: Array, data: pin.Data, J_dot: Array) -> Array:
+        """Rate of Phi, shape (rows, nv); velocities in `data` and the rates of J are at v."""
+        twists = self._twists(data)
+        return (self._W_dot(twists).dot(self._J) + self.W.dot(self._of_frames(J_dot))).dot(self._S)
 
-    def _jacobians(self, of_frame: Callable[..., Array], data: pin.Data) -> Array:
-        """Jacobians of B and A, or their rates, to the joints between them, shape (12, joints)."""
-        model, where = self._model, pin.WORLD
-        J = [of_frame(model, data, k, where).reshape(6, -1) for k in self.frames]
-        return np.concatenate(J)[:, self._moving]
+    def drift(self, v: Array, data: pin.Data) -> Array:
+        """Phi_dot v, shape (rows,); `data` has velocities, and accelerations with v_dot = 0."""
+        model, where, twists = self._model, pin.WORLD, self._twists(data)
+        rates = [pin.getFrameAcceleration(model, data, k, where).vector for k in self.frames]
+        t, t_dot = np.concatenate([twist.vector for twist in twists]), np.concatenate(rates)
+        return self._W_dot(twists).dot(t) + self.W.dot(t_dot)
+
+    def _twists(self, data: pin.Data) -> list[pin.Motion]:
+        return [pin.getFrameVelocity(self._model, data, k, pin.WORLD) for k in self.frames]
+
+    def _W_dot(self, twists: list[pin.Motion]) -> Array:
+        M_t = np.array([twist.homogeneous for twist in twists]) @ self._M
+        return self.formulas.W_dot(self._M, M_t)
+
+    def _of_frames(self, J: Array) -> Array:
+        """Jacobians of B and A to the joints between them, shape (12, joints)."""
+        return J[:, self._moving] * self._moves
 
 
 class CouplingRow:
@@ -276,19 +284,23 @@ class CouplingRow:
         #: Index in v of the dependent joint.
         self.rate = self.terms[0][1]
 
-    def evaluate(self, q: Array, data: pin.Data) -> None:
+    def evaluate(self, q: Array, data: pin.Data, J: Array) -> None:
         """f and Phi at q."""
         self._q, self.Phi = q, np.zeros(self.touched.shape)
         self.f = np.array([sum(float(P(q[i])) for i, _, P, *_ in self.terms) - self._offset])
         for i, k, _, P_1, _ in self.terms:
             self.Phi[0, k] = P_1(q[i])
 
-    def Phi_dot(self, v: Array, data: pin.Data) -> Array:
+    def Phi_dot(self, v: Array, data: pin.Data, J_dot: Array) -> Array:
         """Rate of Phi, shape (1, nv)."""
         Phi_dot = np.zeros(self.touched.shape)
         for i, k, _, _, P_2 in self.terms:
             Phi_dot[0, k] = P_2(self._q[i]) * v[k]
         return Phi_dot
+
+    def drift(self, v: Array, data: pin.Data) -> Array:
+        """Phi_dot v, shape (1,)."""
+        return np.array([sum(float(P_2(self._q[i])) * v[k] ** 2 for i, k, _, _, P_2 in self.terms)])
 
 
 def rows_of(model: pin.Model, tree: NormalTree, closure: Constraint) -> FrameRows | CouplingRow:
@@ -317,10 +329,10 @@ def _at_one_point(point: Array) -> Array:
     return np.asarray(point.dot(_AT_ONE).reshape(*point.shape[:-1], 3, 12))
 
 
-def _at_two_points(M: Array) -> Array:
-    """Unit forces at the origins of B and A, or their rates, shape (..., 3, 12)."""
-    batch = M.shape[:-3]
-    return np.asarray(M[..., 3].reshape(*batch, 8).dot(_AT_TWO).reshape(*batch, 3, 12))
+def _at_two_points(M: Array, forces: Array = _AT_TWO) -> Array:
+    """Unit forces at the origins of B and A, or their rates, shape (..., forces, 12)."""
+    origins = M[..., 3].reshape(*M.shape[:-3], 8)
+    return np.asarray(origins.dot(forces.reshape(8, -1)).reshape(*M.shape[:-3], -1, 12))
 
 
 def _axes(frame: Array) -> Array:
