@@ -49,7 +49,7 @@ class Assembly:
         self.mechanism, self.loops = mechanism, loops
         self._rows = np.flatnonzero(loops.holonomic | (not slipping))
         self._scale = mechanism.row_scale[:, None] * mechanism.rate_scale
-        self._known_parts: dict[bytes, list[tuple[Indices, Indices]]] = {}
+        self._known_parts: dict[bytes, tuple[list[tuple[Indices, Indices]], Array]] = {}
 
     def assemble(self, q: Array, free: Indices, *, limits: bool = False) -> Array:
         """The nearest configuration with closed loops; only the rates `free` move.
@@ -142,9 +142,10 @@ class Assembly:
         f = self._residual(q)
         key = free.tobytes()
         if key not in self._known_parts:
-            self._known_parts[key] = list(self._parts(free))
-        parts = self._known_parts[key]
-        scales = np.array([self.mechanism.row_scale[rows].max() for rows, _ in parts])
+            parts = list(self._parts(free))
+            scales = np.array([self.mechanism.row_scale[rows].max() for rows, _ in parts])
+            self._known_parts[key] = parts, scales
+        parts, scales = self._known_parts[key]
         least = np.maximum(1e-4 * _ASSEMBLED, _ROUNDING * self.loops.distance * scales)
         before = [np.full(len(parts), np.inf)] * _PATIENCE
         open_still = np.ones(len(parts), dtype=bool)
@@ -162,7 +163,7 @@ class Assembly:
                 far = float(np.abs(part[self.loops.curved[columns]]).max(initial=0))
                 step[columns] = part * (_STRIDE / max(_STRIDE, far))
                 step[columns] *= bounds.reach(q, columns, step[columns])
-            q, f = self._descend(q, f, step, busy, self._rounding(q, Phi))
+            q, f = self._descend(q, f, step, busy, Phi)
             open_still &= [step[columns].any() for _, columns in parts]
         return q, self._rows[self._open(q, f)[self._rows]]
 
@@ -188,11 +189,10 @@ class Assembly:
         f: Array,
         step: Array,
         parts: list[tuple[Indices, Indices]],
-        rounding: Array,
+        Phi: Array,
     ) -> tuple[Array, Array]:
         """Halve each loop's step until its residual falls, to zero if it never does."""
         model, scale = self.mechanism.model, self.mechanism.rate_scale
-        least = np.maximum(_ASSEMBLED, rounding)
         for halvings in range(_HALVINGS + 1):
             trial = pin.integrate(model, q, step * scale)
             f_trial = self._residual(trial)
@@ -203,6 +203,7 @@ class Assembly:
             ]
             if not worse:
                 break
+            least = np.maximum(_ASSEMBLED, self._rounding(q, Phi))
             for rows, columns in worse:
                 step[columns] /= 2
                 if halvings == _HALVINGS - 1 or (np.abs(f[rows]) < least[rows]).all():

@@ -149,8 +149,13 @@ def settled(mechanism: Mechanism) -> Mechanism:
         Phi = scaled_Phi(mechanism, loops, q)
         sizes = _row_sizes(loops, Phi)
         _warn_of_rigid_motors(mechanism, Phi)
-    mechanism = replace(mechanism, coordinates=coordinates, example=q, row_sizes=sizes)
-    return replace(mechanism, without_mass=_without_mass(mechanism, loops))
+    return replace(
+        mechanism,
+        coordinates=coordinates,
+        example=q,
+        row_sizes=sizes,
+        without_mass=_without_mass(mechanism, loops, coordinates, q),
+    )
 
 
 def _choose(assembly: Assembly, wanted: Indices | None) -> tuple[Indices, Array | None]:
@@ -206,17 +211,18 @@ def _row_sizes(loops: Loops, Phi: Array) -> Array:
     return sizes
 
 
-def _without_mass(mechanism: Mechanism, loops: Loops) -> tuple[str, ...]:
+def _without_mass(
+    mechanism: Mechanism, loops: Loops, coordinates: Indices, q: Array | None
+) -> tuple[str, ...]:
     """Names of rates that move no mass, such as the spin of a thin rod between two balls.
 
     They are coordinates, or rates that describe the motion where the coordinates fail. The mass
     matrix is singular there to rounding, at every configuration.
     """
-    q, unit = mechanism.example, mechanism.rate_scale
     if q is None:
         return ()
-    Phi = scaled_Phi(mechanism, loops, q)
-    chosen, motions = choose_coordinates(mechanism, Phi, [mechanism.coordinates]), free_motions(Phi)
+    Phi, unit = scaled_Phi(mechanism, loops, q), mechanism.rate_scale
+    chosen, motions = choose_coordinates(mechanism, Phi, [coordinates]), free_motions(Phi)
     if not len(chosen):
         return ()
     L = unit[:, None] * motions @ np.linalg.inv(motions[chosen] * unit[chosen, None])
