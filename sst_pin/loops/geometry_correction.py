@@ -160,10 +160,12 @@ def correct_geometry(mechanism: Mechanism) -> Mechanism:
     """
     rounded = corrected = _Poses(mechanism)
     start, rates = rounded.start(), np.arange(mechanism.model.nv)
-    poses = [rounded.closest(start, rates, width) for width in _POSES[:_LOOKS]]
+    # Independent rows do not contradict each other.
+    parts = [part for part in rounded.parts if rounded.rank(start, part) < len(part[0])]
+    poses = [rounded.closest(start, rates, width) for width in _POSES[:_LOOKS] if parts]
     parts = [
         part
-        for part in rounded.parts
+        for part in parts
         if any(rounded.gap(q, part) or not rounded.rank(q, part) for q in poses)
     ]
     poses += [rounded.closest(start, rates, width) for width in _POSES[_LOOKS:] if parts]
