@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import lru_cache
 from zlib import crc32
 
 import numpy as np
@@ -302,9 +303,15 @@ def displacement(mechanism: Mechanism, width: float) -> Array:
     """Random rates of the tree, drawn joint by joint from the joint's name, shape (nv,)."""
     way = np.zeros(mechanism.model.nv)
     for name, rates in mechanism.space.rates.items():
-        random = np.random.default_rng([round(1000 * width), crc32(name.encode())])
-        way[rates] = width * random.uniform(-1.5, 1.5, len(rates))
+        way[rates] = width * np.array(_drawn(round(1000 * width), name, len(rates)))
     return way * mechanism.rate_scale
+
+
+@lru_cache(maxsize=10_000)
+def _drawn(seed: int, name: str, count: int) -> tuple[float, ...]:
+    """Random numbers, always the same for a seed and a name."""
+    random = np.random.default_rng([seed, crc32(name.encode())])
+    return tuple(random.uniform(-1.5, 1.5, count))
 
 
 def home_of(mechanism: Mechanism) -> Array | None:
