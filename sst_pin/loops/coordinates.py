@@ -31,6 +31,8 @@ from .mobility import choose_coordinates, free_motions, motor_rates, scaled_Phi
 _AROUND_HOME, _AROUND_NEUTRAL = (0.1, 0.03, 0.01), np.linspace(0.1, 2.0, 20)
 #: Largest condition number near home, in multiples of that at home.
 _POORER = 10.0
+#: Configurations to look at if the motors are too few.
+_FEW = 3
 #: Most configurations on the way from home.
 _LOOKS = 30
 #: Home is singular if a singular value of Phi is below this part of its value beside home, at
@@ -175,14 +177,15 @@ def _choose(assembly: Assembly, wanted: Indices | None) -> tuple[Indices, Array 
         return chosen, _without_symmetry(assembly, home, chosen)
     best: tuple[tuple[bool, int, int], Array, Array] | None = None
     try:
-        for q in examples(assembly):
+        for count, q in enumerate(examples(assembly), start=1):
             Phi = scaled_Phi(mechanism, assembly.loops, q)
             motions = free_motions(Phi)
             rates = motor_rates(mechanism, q, motions) if wanted is None else motions[wanted]
             controlled, n = int(np.linalg.matrix_rank(rates, RESTS)), motions.shape[1]
             if best is None or (n > 0, controlled - n, controlled) > best[0]:
                 best = (n > 0, controlled - n, controlled), Phi, q
-            if 0 < n == controlled:
+            too_few = controlled == len(rates) < n
+            if 0 < n == controlled or (too_few and count >= _FEW):
                 break
     except ClosureError:
         return preferred, None
