@@ -31,7 +31,7 @@ _BODIES, _AXES = ("link", "passive", "star"), ("0 0 1", "1 0 0", "0 0 1")
 _O, _I = np.zeros(3), np.eye(3)
 
 
-def urdf_of(p: Parameters) -> str:
+def urdf_of(p: Parameters, *, shapes: bool = True) -> str:
     """XML of an SST's tree."""
     robot = ET.Element("robot", name="sst")
     robot.append(ET.Comment(_HEADER))
@@ -41,7 +41,8 @@ def urdf_of(p: Parameters) -> str:
     # Tools fix a root with this name to the ground. It has no inertial: with one, KDL would warn.
     SubElement(robot, "link", name="world")
     base = _frame(robot, "base", "world")
-    parts, R_0, R_E = parts_of(p), base_orientations(p), star_orientations(p)
+    parts = parts_of(p) if shapes else None
+    R_0, R_E = base_orientations(p), star_orientations(p)
     _add_shapes(base, parts)
     joints = zip(JOINT_NAMES, p.viscous_friction, p.coulomb_friction, strict=True)
     for k, bodies in enumerate(zip(p.links, p.passive_links, star_arcs(p), strict=True)):
@@ -120,8 +121,10 @@ def _inertial(link: ET.Element, body: RigidBody) -> None:
     SubElement(inertial, "inertia", entries)
 
 
-def _add_shapes(link: ET.Element, parts: Mapping[str, Sequence[Solid]]) -> None:
+def _add_shapes(link: ET.Element, parts: Mapping[str, Sequence[Solid]] | None) -> None:
     """Meshes as visual shapes, and the same solids as primitives for collisions."""
+    if parts is None:
+        return
     colours = PART_COLOURS[link.get("name", "")]
     for name, colour in colours.items():
         visual = SubElement(link, "visual")

@@ -66,11 +66,10 @@ def _geometry_of(engine: Engine) -> Geometry:
 
 
 def _description_of(parameters: Parameters) -> RobotFile:
-    """The description that files of the parameters have."""
-    urdf = Urdf(urdf_of(parameters), "URDF of the parameters")
+    """The description that files of the parameters have; shapes are made when they are drawn."""
+    urdf = Urdf(urdf_of(parameters, shapes=False), "URDF of the parameters")
     cuts = parse_cuts(yaml_of(parameters), "cuts of the parameters")
-    shapes = partial(star_appearance.shapes_of, urdf.root, parameters)
-    return closed(urdf, cuts)._replace(shapes=shapes)
+    return closed(urdf, cuts)._replace(shapes=partial(star_appearance.shapes_of, parameters))
 
 
 def _require_sst(description: RobotFile) -> None:

@@ -12,6 +12,7 @@ import pinocchio as pin
 from ..description.colours import LEG_COLOURS
 from ..description.parameters import Parameters
 from ..description.parts import mesh_writers
+from ..description.urdf_writer import urdf_of
 from ..files import write_files
 from ..model.appearance import Appearance, DrawnFrame
 from ..reading.shapes import urdf_shapes
@@ -19,8 +20,9 @@ from .arc_limits import arc_ends
 from .kinematics import Geometry
 
 
-def shapes_of(root: ET.Element, parameters: Parameters, model: pin.Model) -> pin.GeometryModel:
-    """Visual shapes of a tree, with meshes from its parameters."""
+def shapes_of(parameters: Parameters, model: pin.Model) -> pin.GeometryModel:
+    """Visual shapes of the model of parameters."""
+    root = ET.fromstring(urdf_of(parameters))
     with TemporaryDirectory() as name:
         folder = Path(name)
         files = mesh_writers(parameters)
