@@ -36,6 +36,7 @@ _ROUNDING = float(np.finfo(float).eps)
 _NO_RANK = 1e-10
 #: Loops that stay open by less may close with other digits, free of units.
 _NEARLY = 10 * FEW_DIGITS
+_NONE = np.zeros(0, dtype=np.intp)
 #: Distance of a configuration beside another one, [rad] or robot lengths.
 _ASIDE = 0.2
 
@@ -235,16 +236,20 @@ class _Limits:
 
     def __init__(self, mechanism: Mechanism, free: Indices, wanted: bool) -> None:
         model, self._mechanism = mechanism.model, mechanism
-        joints = list(model.joints)[1:] if wanted else []
+        self._q = self._v = self._may_move = _NONE
+        if not wanted:
+            return
+        joints = list(model.joints)[1:]
         single = [(j.idx_q, j.idx_v) for j in joints if (j.nq, j.nv) == (1, 1)]
         self._q, self._v = np.array(single, dtype=np.intp).reshape(-1, 2).T
         self._lower, self._upper = model.lowerPositionLimit, model.upperPositionLimit
-        self._may_move = self._q[np.isin(self._v, free)] if single else self._q
+        self._may_move = self._q[np.isin(self._v, free)]
 
     def clipped(self, q: Array) -> Array:
         """The nearest configuration within the limits."""
         q, k = q.copy(), self._may_move
-        q[k] = np.clip(q[k], self._lower[k], self._upper[k])
+        if len(k):
+            q[k] = np.clip(q[k], self._lower[k], self._upper[k])
         return q
 
     def project(
