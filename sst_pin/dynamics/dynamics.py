@@ -280,14 +280,12 @@ def direct_dynamics(
 
 def solved(inertia: Array, force: Array, least: Array | float = 0.0) -> Array | None:
     """Accelerations for forces; None if a pivot of the mass matrix is rounding or below `least`."""
-    from scipy.linalg import cho_solve
-
     try:
         factor = np.linalg.cholesky(inertia)
     except np.linalg.LinAlgError:
         return None
     sound = np.diag(factor) ** 2 > ROUNDING * np.diag(inertia) + least
-    return cho_solve((factor, True), force, check_finite=False) if sound.all() else None
+    return np.asarray(np.linalg.solve(inertia, force), float) if sound.all() else None
 
 
 def terms(context: Context, q: Array, va: Array) -> Terms:
