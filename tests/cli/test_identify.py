@@ -50,6 +50,7 @@ def test_a_report_has_the_friction_of_the_robot_and_the_errors_of_unseen_samples
     assert out.startswith("# Dynamic parameters of five_bar")
 
 
+@pytest.mark.slow
 def test_intervals_have_the_dry_friction_of_the_robot(here, capsys):
     """Torques and regressor pass the same filter; lines are among the parameters."""
     spring = sst_pin.LineForce(

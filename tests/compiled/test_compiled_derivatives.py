@@ -143,6 +143,7 @@ def test_kernels_of_frames_say_what_differences_say(compiled):
         assert_frames_move_as_differences_say(case, q, va, random)
 
 
+@pytest.mark.slow
 def test_the_reference_path_computes_a_frame_that_no_kernel_vouches_for(compiled):
     """A loop open by more than a kernel takes, and less than is an error."""
     ours, reference = compiled[0].chain, compiled[1].chain

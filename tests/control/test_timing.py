@@ -77,6 +77,7 @@ def test_least_and_largest_torques_may_differ():
     assert motion.t[-1] == pytest.approx(np.sqrt(2 * L * (m / 40 + m / 10)), rel=CLOSE)
 
 
+@pytest.mark.slow
 def test_the_circle_of_example_1_with_30_N_m(robot, circle):
     """Within 30 N m everywhere, a motor at its limit 95 % of the time, in half a second."""
     motion = sst_pin.time_optimal(robot, circle, torques=30.0)
@@ -96,6 +97,7 @@ def test_limits_hold_between_the_samples(robot, circle):
     assert np.abs(fine.tau).max() <= 30.0
 
 
+@pytest.mark.slow
 def test_friction_of_all_kinds_counts(circle):
     """That of mu_1 counts too, which this circle leaves at rest: it may act either way."""
     slow = sst_pin.SST(sst_pin.Parameters(viscous_friction=0.3, coulomb_friction=0.4))
@@ -113,6 +115,7 @@ def wave(chain, size=0.15):
     return sst_pin.coordinate_motion(chain, WAY[:, 0], x, chain.home).q
 
 
+@pytest.mark.slow
 def test_a_path_takes_as_long_backwards():
     """Without friction a film of the motion, shown backwards, needs the same torques."""
     chain = sst_pin.robots.five_bar()
@@ -149,6 +152,7 @@ def test_too_few_motors_are_refused_by_name():
         sst_pin.time_optimal(poor, wave(lift), torques=5.0)
 
 
+@pytest.mark.slow
 def test_accelerations_of_motors_on_lines_are_refused_by_name():
     model = one_body(pin.JointModelRY(), (1, 0, 0))
     for name, joint, at in (("base", 0, (0, 0, -1)), ("tip", 1, (1, 0, 1))):

@@ -36,7 +36,7 @@ def bodies_of(chain, theta):
     return np.asarray(theta)[: 10 * (chain.mechanism.model.njoints - 1)].reshape(-1, 10)
 
 
-@pytest.mark.parametrize("noise", [1e-4, 0.05])
+@pytest.mark.parametrize("noise", [1e-4, pytest.param(0.05, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", NAMES)
 def test_every_body_is_one_and_friction_is_not_negative(name, noise):
     chain, _, _, found, _ = case(name, noise)

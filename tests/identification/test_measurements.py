@@ -157,6 +157,7 @@ def test_it_begins_and_ends_at_rest_in_the_same_place(motion):
     assert np.abs(motion.aa[[0, -1]]).max() < 1e-3 * np.abs(motion.aa).max()
 
 
+@pytest.mark.slow
 def test_it_shows_parameters_better_than_sines_of_the_same_rates(motion):
     t = np.linspace(0, 3, 301)
     x = np.array(CHAIN.home)[[0, 2]] + 0.12 * np.sin(2 * np.pi / 3 * np.outer(t, [1, 2]))

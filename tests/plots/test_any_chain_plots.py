@@ -29,7 +29,10 @@ def fallen(name, at_home=True):
     return robot, falling(robot, robot.home if at_home else robot.generic_configuration())
 
 
-@pytest.mark.parametrize("name", ["five_bar", "stewart", "delta"])
+@pytest.mark.parametrize(
+    "name",
+    ["five_bar", *(pytest.param(name, marks=pytest.mark.slow) for name in ("stewart", "delta"))],
+)
 def test_a_page_of_any_robot_is_legible(name, monkeypatch):
     robot, motion = fallen(name)
     require_legible(plots.motion_page(robot, motion, tuple(CURVES)), monkeypatch)

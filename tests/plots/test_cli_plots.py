@@ -4,6 +4,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 from matplotlib import image
 
 from tests.support.command_line import run
@@ -27,6 +28,7 @@ def test_a_page_of_a_motion(here, capsys):
     require_picture(here / "page.png")
 
 
+@pytest.mark.slow
 def test_what_torques_wrote_and_the_motion_itself_give_the_same_figure(here, capsys):
     """CSV and NPZ of `torques` are drawn as they stand; of the motion the torques are computed."""
     run(capsys, "torques", SAMPLE, "-o", "torques.csv")

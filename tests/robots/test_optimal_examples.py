@@ -2,6 +2,7 @@
 """Examples: a pick and place of least energy, and the SST held where it would fall over."""
 
 import numpy as np
+import pytest
 
 from tests.support.files import load
 
@@ -32,6 +33,7 @@ def test_the_plain_motion_clears_the_ground_and_comes_to_rest():
     assert np.abs(slopes - motion.aa[1:-1]).max() < 0.05 * np.abs(motion.aa).max()
 
 
+@pytest.mark.slow
 def test_the_regulator_holds_a_pose_that_is_unstable(compiled_robot):
     """The linear system comes to rest, and near the pose so does the robot, at the same rate."""
     control = regulator(compiled_robot)

@@ -191,9 +191,10 @@ def test_energy_is_kept_at_any_tolerance_next_to_flat_positions(bars):
         assert np.ptp(energy) < 100 * tolerance * energy[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("bars", "moment"),
-    [(NEARLY_FLAT[1], 0.001), pytest.param(NEARLY_FLAT[2], 0.02, marks=pytest.mark.slow)],
+    [(NEARLY_FLAT[1], 0.001), (NEARLY_FLAT[2], 0.02)],
 )
 def test_a_rollout_ends_before_a_bend_for_which_its_step_is_too_long(bars, moment):
     """Energy is kept in its own coordinates too; kernels end where the reference path does."""

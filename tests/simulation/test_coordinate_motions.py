@@ -214,6 +214,7 @@ def test_angles_modulo_one_turn_are_told_and_those_of_endless_joints_go_on():
     assert np.abs(turning.va - np.pi).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_a_jump_of_a_thousand_turns_is_refused_and_says_so():
     chain = sst_pin.robots.four_bar()
     x = chain.home[0] + np.array([[0.0], [0.0], [2e3 * np.pi], [2e3 * np.pi]])

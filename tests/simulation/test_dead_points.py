@@ -119,7 +119,7 @@ def rod(kind, motor):
 
 
 @pytest.mark.parametrize(
-    ("rtol", "compiled"), [pytest.param(1e-3, False, marks=pytest.mark.slow), (1e-9, True)]
+    ("rtol", "compiled"), [(1e-3, False), pytest.param(1e-9, True, marks=pytest.mark.slow)]
 )
 def test_a_loop_of_one_row_runs_through_dead_points_of_its_coordinate(rtol, compiled):
     """With one dependent rate there is one singular value, whose size tells how near they are."""
@@ -136,7 +136,9 @@ def test_a_loop_of_one_row_runs_through_dead_points_of_its_coordinate(rtol, comp
     assert np.abs(motion.q - expected.q).max() < 100 * rtol
 
 
-@pytest.mark.parametrize(("through", "compiled"), [(False, False), (True, True)])
+@pytest.mark.parametrize(
+    ("through", "compiled"), [pytest.param(False, False, marks=pytest.mark.slow), (True, True)]
+)
 def test_a_loop_of_one_row_keeps_its_mode_where_its_row_vanishes(through, compiled):
     """A parallelogram with a rod is singular at 0: both cranks turn evenly, or the motion stops."""
     chain = rod("rocker", "crank")

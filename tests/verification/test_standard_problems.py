@@ -81,6 +81,7 @@ def test_the_pendulum_is_where_the_library_has_the_row_of_four_bars():
         assert_allclose(B0, [given["x"], given["y"]], rtol=0, atol=2e-6)
 
 
+@pytest.mark.slow
 def test_the_governor_is_the_stiff_solution():
     """A05: eight digits of the turn of the shaft, the arms and the slider."""
     t = np.linspace(0, 0.25, 6)

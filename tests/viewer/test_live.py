@@ -209,6 +209,7 @@ def test_the_page_says_where_the_motors_do_not_hold_the_robot(chromium):
     assert lost["wrong"] == ["the motors do not hold this pose"]
 
 
+@pytest.mark.slow
 def test_a_strut_of_the_page_stays_in_its_barrel(chromium):
     chain = sst_pin.robots.stewart()
     engine = Engine(chromium, chain)
@@ -222,6 +223,7 @@ def test_a_strut_of_the_page_stays_in_its_barrel(chromium):
     engine.page.close()
 
 
+@pytest.mark.slow
 def test_the_page_names_a_motor_beyond_its_effort_limit_and_a_robot_that_rests(chromium):
     chain = sst_pin.robots.five_bar()
     weak = chain.model.copy()
