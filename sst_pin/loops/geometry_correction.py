@@ -160,8 +160,12 @@ def correct_geometry(mechanism: Mechanism) -> Mechanism:
     """
     rounded = corrected = _Poses(mechanism)
     start, rates = rounded.start(), np.arange(mechanism.model.nv)
-    # Independent rows do not contradict each other.
-    parts = [part for part in rounded.parts if rounded.rank(start, part) < len(part[0])]
+    # Rows that are independent in a closed pose do not contradict each other.
+    parts = [
+        part
+        for part in rounded.parts
+        if rounded.gap(start, part) > FEW_DIGITS or rounded.rank(start, part) < len(part[0])
+    ]
     poses = [rounded.closest(start, rates, width) for width in _POSES[:_LOOKS] if parts]
     parts = [
         part
