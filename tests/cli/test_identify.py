@@ -86,6 +86,7 @@ def test_intervals_have_the_dry_friction_of_the_robot(here, capsys):
     assert max(away) < 1.2  # of three standard deviations, of which so many values may use more
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::sst_pin.DescriptionWarning")
 def test_the_urdf_gets_the_parameters_found(here, capsys):
     delta = sst_pin.ClosedChain.from_urdf(DELTA)

@@ -101,7 +101,9 @@ def test_a_pose_in_which_a_coordinate_moves_no_mass_is_refused(compiled, exporte
     assert chain.generalized_forces(q, [0.3], aa) == pytest.approx([0.1], rel=1e-6)
 
 
-@pytest.mark.parametrize(("platform", "compiled"), [(False, False), (True, True)])
+@pytest.mark.parametrize(
+    ("platform", "compiled"), [(False, False), pytest.param(True, True, marks=pytest.mark.slow)]
+)
 def test_wrenches_are_no_moment_on_the_platform(platform, compiled):
     chain = robots.five_bar() if not platform else five_bar(["a1", "b1"])
     if compiled:

@@ -66,9 +66,8 @@ def both_paths(name):
     return kernels, reference
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(x, marks=[pytest.mark.slow] * (x != "Bennett")) for x in TURNING]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TURNING)
 def test_loops_turn_fully_by_kernels_and_follow_the_reference_path(name):
     """No kernel leaves a sample of a full turn to the reference path, where all is regular."""
     kernels, reference = both_paths(name)

@@ -114,7 +114,8 @@ def test_surplus_motors_speed_a_cart_up_with_all_they_have():
     assert (np.abs(motion.tau) <= limits).all()
 
 
-@pytest.mark.parametrize("name", ["four legs", pytest.param("cables", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["four legs", "cables"])
 def test_the_fastest_motion_takes_a_linear_programme_to_its_limit(name):
     """At each sample the least largest part is at most 1, and 1 nearly all of the time."""
     pytest.importorskip("toppra", reason="toppra is not installed (extra 'timing')")

@@ -57,6 +57,7 @@ def test_the_torques_of_other_motions_are_predicted(name):
     assert np.sqrt(np.mean((predicted - tau) ** 2)) < 1e-3 * np.abs(tau).max()
 
 
+@pytest.mark.slow
 def test_the_nearest_parameters_are_those_of_a_general_optimiser():
     """SciPy's trust region on Cholesky factors finds nothing that is nearer."""
     from scipy.optimize import minimize

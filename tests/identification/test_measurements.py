@@ -143,6 +143,7 @@ def motion():
     return excitation(CHAIN, BASE, 3.0, tries=3, **LIMITS)
 
 
+@pytest.mark.slow
 def test_limits_are_kept_between_the_samples_too(motion):
     between = coordinate_motion(CHAIN, motion.t[:-1] + 0.004, np.array(motion.q)[:-1, [0, 2]])
     for each in (motion, between):

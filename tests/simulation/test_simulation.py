@@ -121,6 +121,7 @@ def test_a_load_on_the_star_drives_it(robot):
     assert np.abs(moved.q[-1] - robot.home).max() > 1e-3
 
 
+@pytest.mark.slow
 def test_a_fall_goes_on_where_the_motors_do_not_hold_the_robot(compiled_robot):
     """Without torques under gravity, through condition numbers of more than 1000."""
     robot, t = compiled_robot, np.linspace(0, 5, 501)
@@ -286,7 +287,7 @@ def gain(motion):
 @pytest.mark.parametrize(
     ("kind", "method"),
     [
-        ("function", "DOP853"),
+        pytest.param("function", "DOP853", marks=pytest.mark.slow),
         ("samples", "RK45"),
         pytest.param("trajectory", "DOP853", marks=pytest.mark.slow),
         ("load", "Radau"),

@@ -28,6 +28,7 @@ def motion_of(name, t, **options):
     return motion
 
 
+@pytest.mark.slow
 def test_andrews_mechanism_ends_where_it_is_published():
     """A03: seven angles and rates after 0.03 s, in which the crank turns two and a half times."""
     motion = motion_of("andrews", np.array([0, 0.03]))

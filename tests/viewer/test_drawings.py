@@ -124,6 +124,7 @@ def test_the_view_frames_the_path_of_the_frame_that_is_asked_for():
         Viewer(chain, frame="hand")
 
 
+@pytest.mark.slow
 def test_digits_and_single_letters_alone_are_subscripts(chromium, tmp_path):
     """gamma_1 and e_x have an index; left_knee and rod_1a are names."""
     path = tmp_path / "page.html"
