@@ -81,9 +81,9 @@ def test_a_large_rollout_says_what_it_does(impatient, monkeypatch, caplog):
     with caplog.at_level(logging.WARNING, "sst_pin"):
         chain = sst_pin.robots.five_bar()
         chain.rollout(np.zeros((3, 4, 2)), chain.home, [0, 0], 1e-3)
-    told = [record.getMessage() for record in caplog.records]
-    assert "sst-pin: rollout of 3 motions" in told
-    assert any("model five_bar: checking its closures" in text for text in told)
+    records = [record.getMessage() for record in caplog.records]
+    assert "sst-pin: rollout of 3 motions" in records
+    assert any("model five_bar: checking its closures" in text for text in records)
 
 
 class _AtOnce:

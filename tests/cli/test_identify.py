@@ -102,10 +102,10 @@ def test_the_urdf_gets_the_parameters_found(here, capsys):
     options += ("--robot",)
     code, _, error = run(capsys, "identify", "log.csv", "-o", "report.md", *options, DELTA)
     assert code == 0, error
-    found = sst_pin.ClosedChain.from_urdf(here / "found.urdf").dynamic_parameters
-    assert found["motor_1.viscous"] == pytest.approx(0.2, abs=0.01)
-    assert found["motor_3.viscous"] == pytest.approx(0.1, abs=0.01)
-    assert found["motor_2.mx"] == pytest.approx(delta.dynamic_parameters["motor_2.mx"], rel=1e-12)
+    result = sst_pin.ClosedChain.from_urdf(here / "found.urdf").dynamic_parameters
+    assert result["motor_1.viscous"] == pytest.approx(0.2, abs=0.01)
+    assert result["motor_3.viscous"] == pytest.approx(0.1, abs=0.01)
+    assert result["motor_2.mx"] == pytest.approx(delta.dynamic_parameters["motor_2.mx"], rel=1e-12)
     code, _, error = run(capsys, "identify", "log.csv", "-o", "r.md", *options, "delta")
     assert code == 2
     assert "needed: a URDF" in error

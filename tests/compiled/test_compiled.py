@@ -62,9 +62,9 @@ def test_samples_at_fault_are_found_wherever_they_stand(four_bar, threads):
     q, va, aa = (x[np.arange(5003) % 10] for x in moving(four_bar, 10))
     tau = four_bar.compute_torques(q, va, aa)
     q[::100, 1] += 0.1
-    found = four_bar.compute_torques(q, va, aa, threads=threads, on_error="nan")
+    result = four_bar.compute_torques(q, va, aa, threads=threads, on_error="nan")
     tau[::100] = np.nan
-    assert np.array_equal(found, tau, equal_nan=True)
+    assert np.array_equal(result, tau, equal_nan=True)
 
 
 def test_closures_are_judged_as_on_the_reference_path(four_bar):
@@ -86,8 +86,8 @@ def test_angles_of_many_turns_are_angles(four_bar):
     for turns in (1, -100, 10**5, 10**6):
         away = 2 * np.pi * turns
         # An angle of so many turns is known to its last digit only.
-        found = four_bar.compute_torques(q + away, va, aa)
-        assert np.abs(found - tau).max() < (1e-12 + 1e-14 * abs(away)) * np.abs(tau).max()
+        result = four_bar.compute_torques(q + away, va, aa)
+        assert np.abs(result - tau).max() < (1e-12 + 1e-14 * abs(away)) * np.abs(tau).max()
 
 
 @pytest.mark.parametrize("count", [1, 65])
@@ -161,8 +161,8 @@ def test_whole_numbers_and_lists_are_answered_by_the_kernel_at_once(four_bar, nu
     """The caller would check them at some twenty times the cost; what is no number it refuses."""
     (q,), (va, aa) = moving(four_bar, 1)[0], (np.array([2]), np.array([-3]))
     kernel, kind = four_bar.engine.kernel(Quantity("torques")), Quantity("torque_derivatives")
-    found = kernel.answer(q, numbers(va.tolist()), numbers(aa.tolist()), None, None, 1)
-    assert np.array_equal(found, four_bar.compute_torques(q, va * 1.0, aa * 1.0))
+    result = kernel.answer(q, numbers(va.tolist()), numbers(aa.tolist()), None, None, 1)
+    assert np.array_equal(result, four_bar.compute_torques(q, va * 1.0, aa * 1.0))
     slopes = four_bar.engine.kernel(kind._replace(sign_width=1e-3))
     assert slopes.derivatives(TorqueDerivatives, q, numbers([2]), numbers([-3]), 1) is not None
     for no_number in ([True], ["2"], [2j], [np.ma.masked], [10**400], np.array([True]), [None]):

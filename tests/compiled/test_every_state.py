@@ -34,8 +34,8 @@ def wander(chain, start, count, seed):
     Where the loops no longer close, or the condition number is above `WORST`, the step is halved,
     so that the ways end in states ever closer to singular ones.
     """
-    random, found, conditions = np.random.default_rng(seed), [], []
-    while len(found) < count:
+    random, result, conditions = np.random.default_rng(seed), [], []
+    while len(result) < count:
         q, size = start, 0.3
         way = chain.noc(q, np.zeros(chain.degrees_of_freedom)).L
         way = way @ random.normal(size=way.shape[1])
@@ -52,9 +52,9 @@ def wander(chain, start, count, seed):
                     break
                 continue
             q = moved
-            found.append(q)
+            result.append(q)
             conditions.append(condition)
-    return np.array(found[:count]), np.array(conditions[:count])
+    return np.array(result[:count]), np.array(conditions[:count])
 
 
 def of_rounding(chain, forces_of, q, va, aa):
@@ -95,7 +95,7 @@ def test_kernels_give_the_numbers_of_the_reference_path_or_leave_the_state_to_it
     motors = len(reference.motor_names)
     allowed = np.maximum(1e-11, 100 * np.finfo(float).eps * conditions)
     assert kernels.path.startswith("compiled")
-    tau, found, backend = np.empty((len(q), motors)), np.empty_like(aa), kernels.engine.kernels
+    tau, result, backend = np.empty((len(q), motors)), np.empty_like(aa), kernels.engine.kernels
     expected = reference.compute_torques(q, va, aa)
     left = backend.kernel(Quantity("torques")).many((q, va, aa), tau)
     kept = np.delete(np.arange(len(q)), left)
@@ -105,10 +105,10 @@ def test_kernels_give_the_numbers_of_the_reference_path_or_leave_the_state_to_it
         rounding = of_rounding(reference, reference.compute_torques, *motion)
         parts = of_parts(reference.compute_torques, *motion)
         assert np.abs(tau[i] - expected[i]).max() < max(2 * rounding, allowed[i] * parts)
-    also_left = backend.kernel(Quantity("accelerations")).many((q, va, expected), found)
+    also_left = backend.kernel(Quantity("accelerations")).many((q, va, expected), result)
     kept = np.delete(np.arange(len(q)), also_left)
     forces_of = reference.generalized_forces
-    taken, forces = (forces_of(q[kept], va[kept], x[kept]) for x in (found, aa))
+    taken, forces = (forces_of(q[kept], va[kept], x[kept]) for x in (result, aa))
     far = np.abs(taken - forces).max(axis=1)
     for k in np.flatnonzero(~(far < allowed[kept] * np.abs(forces).max(axis=1))):
         i = kept[k]

@@ -54,9 +54,9 @@ def test_exported_dynamics_are_those_of_the_package(name, precision, tmp_path):
         code, tau = exported("torques", motors, q[i], va[i], aa[i])
         assert code == 0
         assert np.abs(tau - expected[i]).max() < allowed * np.abs(expected).max()
-        code, found = exported("accelerations", n, q[i], va[i], expected[i])
+        code, result = exported("accelerations", n, q[i], va[i], expected[i])
         assert code == 0
-        taken = chain.generalized_forces(q[i], va[i], found.astype(float))
+        taken = chain.generalized_forces(q[i], va[i], result.astype(float))
         assert np.abs(taken - forces[i]).max() < allowed * np.abs(forces).max()
         code, J = exported("actuator_jacobian", motors * n, q[i])
         expected_J = chain.actuator_jacobian(q[i])
@@ -134,9 +134,9 @@ def test_fewer_motors_than_coordinates_export_forces(motors, tmp_path):
     code, f = exported("forces", 2, q, va, aa)
     assert code == 0
     assert worst(f, chain.generalized_forces(q, va, aa)) < 1e-11
-    code, found = exported("accelerations", 2, q, va, np.ones(motors))
+    code, result = exported("accelerations", 2, q, va, np.ones(motors))
     assert code == 0
-    assert worst(found, chain.compute_accelerations(q, va, np.ones(motors))) < 1e-11
+    assert worst(result, chain.compute_accelerations(q, va, np.ones(motors))) < 1e-11
 
 
 @pytest.fixture(params=["SST", "odd SST", pytest.param("delta", marks=pytest.mark.slow)])

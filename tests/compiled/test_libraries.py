@@ -162,8 +162,8 @@ def test_a_person_who_waits_is_told_once_in_a_process(folder, caplog):
     libraries._announce_once.cache_clear()
     for k, robot in enumerate(("bars", "bars", "quick", "bars")):
         libraries.load(robot, "kernel", bytes([k]), "plain", lambda: SOURCE)
-    told = [r.getMessage() for r in caplog.records if r.levelno == logging.WARNING]
-    assert told == [
+    records = [r.getMessage() for r in caplog.records if r.levelno == logging.WARNING]
+    assert records == [
         f"sst-pin: compiling kernels of {robot}; the cache keeps them"
         for robot in ("bars", "quick")
     ]
@@ -171,11 +171,11 @@ def test_a_person_who_waits_is_told_once_in_a_process(folder, caplog):
 
 def test_threads_that_compile_together_tell_once(monkeypatch):
     libraries._announce_once.cache_clear()
-    told, start = [], threading.Barrier(4)
+    records, start = [], threading.Barrier(4)
 
     def warn(*message):
         time.sleep(0.02)
-        told.append(message)
+        records.append(message)
 
     def compile_one(robot):
         start.wait()
@@ -184,7 +184,7 @@ def test_threads_that_compile_together_tell_once(monkeypatch):
     monkeypatch.setattr(libraries._log, "warning", warn)
     with ThreadPoolExecutor(4) as pool:
         list(pool.map(compile_one, ["bars"] * 4))
-    assert len(told) == 1
+    assert len(records) == 1
 
 
 def test_a_process_loads_a_library_once(monkeypatch):

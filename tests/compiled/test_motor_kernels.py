@@ -40,9 +40,9 @@ def test_a_motor_that_acts_in_one_assembly_mode_only_acts_there_on_every_path(cr
         assert (abs(A[1, 0]) > 0.01) == crossed
         code, tau = in_c("torques", 2, q, va, aa)
         assert code == 0
-        found = [tau, functions.torques(q, va, aa).full().ravel()]
-        found += [robot.compute_torques(q, va, aa) for robot in (chain, compiled)]
-        for each in found:
+        result = [tau, functions.torques(q, va, aa).full().ravel()]
+        result += [robot.compute_torques(q, va, aa) for robot in (chain, compiled)]
+        for each in result:
             assert A @ each == pytest.approx(f, rel=1e-10)
 
 
@@ -65,9 +65,9 @@ def test_small_shares_of_motors_that_pull_at_heavy_and_light_joints_count(export
     A, f = chain.actuator_jacobian(q).T, chain.generalized_forces(q, rest, rest)
     code, in_c = exported(chain)("torques", 4, q, rest, rest)
     assert code == 0
-    found = [in_c, chain.casadi().torques(q, rest, rest).full().ravel()]
-    found += [robot.compute_torques(q, rest, rest) for robot in (chain, compiled)]
-    for tau in found:
+    result = [in_c, chain.casadi().torques(q, rest, rest).full().ravel()]
+    result += [robot.compute_torques(q, rest, rest) for robot in (chain, compiled)]
+    for tau in result:
         assert A @ tau == pytest.approx(f, rel=1e-12)
 
 
@@ -123,6 +123,6 @@ def test_a_robot_without_motors_has_all_kernels_of_direct_dynamics():
     by = chain.acceleration_derivatives(q, va, [])
     assert by.dtau.shape == (2, 0)
     for made in (compiled, chain.casadi()):
-        found = made.acceleration_derivatives(q, va, [])
-        for ours, expected in zip(found[:2], by[:2], strict=True):
+        result = made.acceleration_derivatives(q, va, [])
+        for ours, expected in zip(result[:2], by[:2], strict=True):
             assert np.array(ours) == pytest.approx(expected, rel=1e-9)

@@ -159,10 +159,10 @@ def results(chain, method, given, loads, k=..., **how):
         how["sign_width"] = WIDTH
     if loads is not None:
         how["external_wrenches"] = loads[k]
-    found = getattr(chain, method)(*taken.values(), **how)
+    result = getattr(chain, method)(*taken.values(), **how)
     if method == "reactions":
-        return [found.joints, found.closures, found.ground, found.motors, *found.determined]
-    return list(found) if isinstance(found, tuple) else [found]
+        return [result.joints, result.closures, result.ground, result.motors, *result.determined]
+    return list(result) if isinstance(result, tuple) else [result]
 
 
 @pytest.mark.parametrize(("name", "method"), CASES)
@@ -184,9 +184,9 @@ def test_kernels_compute_what_the_reference_path_computes(name, method, request,
     tolerance = TOLERANCES.get(name, 1e-11)
     for loads, wanted in zip(loaded, expected, strict=True):
         scale = np.nanmax(np.abs(wanted[0])) if method == "reactions" else None
-        found = results(kernels, method, given, loads)
+        result = results(kernels, method, given, loads)
         single = results(kernels, method, given, loads, 3)
-        for got, one, right in zip(found, single, wanted, strict=True):
+        for got, one, right in zip(result, single, wanted, strict=True):
             if right.dtype == bool:
                 assert np.array_equal(got, right)
                 continue
@@ -216,8 +216,8 @@ def test_samples_at_fault_are_named_or_nan_and_the_others_are_as_they_were(name,
     with pytest.raises(ClosureError) as caught:
         results(kernels, method, opened, None)
     assert caught.value.samples == ((4,),)
-    found = results(kernels, method, opened, None, on_error="nan")
-    for got, right in zip(found, expected, strict=True):
+    result = results(kernels, method, opened, None, on_error="nan")
+    for got, right in zip(result, expected, strict=True):
         assert not got[4].any() if got.dtype == bool else np.isnan(got[4]).all()
         np.testing.assert_array_equal(np.delete(got, 4, axis=0), np.delete(right, 4, axis=0))
 

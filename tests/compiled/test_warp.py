@@ -91,11 +91,11 @@ def results(batch, chain, status):
 def test_results_are_those_of_the_chain(name, device):
     chain = EVERY_ROBOT[name]()
     batch, status = chain.warp(device), wp.full(6, 9, dtype=wp.int32, device=device)
-    for result, found, expected, size in results(batch, chain, status):
+    for result, actual, expected, size in results(batch, chain, status):
         if (name, result) in FLAGGED:
             assert (status.numpy() == Status.NOT_FINITE).all()
             continue
-        error = np.abs(found.numpy() - expected).max() / size
+        error = np.abs(actual.numpy() - expected).max() / size
         assert error < (1e-11 if "step" in result else 1e-12), result  # two steps, each closed
         assert not status.numpy().any(), result
 
@@ -105,11 +105,11 @@ def test_results_in_single_precision_have_some_digits(name, device):
     """Roundings of 6e-8 grow with the conditioning of the loops, and of the inertia up to 1e5."""
     chain = EVERY_ROBOT[name]()
     batch, status = chain.warp(device, "float32"), wp.zeros(6, dtype=wp.int32, device=device)
-    for result, found, expected, size in results(batch, chain, status):
+    for result, actual, expected, size in results(batch, chain, status):
         if (name, result) in FLAGGED:
             continue
         by_inertia = "acceleration" in result or result == "va of a step"
-        error = np.abs(found.numpy() - expected).max() / size
+        error = np.abs(actual.numpy() - expected).max() / size
         assert error < (2e-2 if by_inertia else 1e-4), result
         assert not status.numpy().any(), result
 
@@ -119,8 +119,8 @@ def test_single_precision_has_five_digits(four_bar, device):
     batch = four_bar.warp(device, "float32")
     states = (x.astype(np.float32) for x in any_chain.states(four_bar, 6, 0))
     q, va, aa = (x.astype(float) for x in states)
-    found, expected = batch.torques(*arrays(batch, q, va, aa)), four_bar.compute_torques(q, va, aa)
-    assert np.abs(found.numpy() - expected).max() < 1e-5 * np.abs(expected).max()
+    result, expected = batch.torques(*arrays(batch, q, va, aa)), four_bar.compute_torques(q, va, aa)
+    assert np.abs(result.numpy() - expected).max() < 1e-5 * np.abs(expected).max()
 
 
 def test_each_bad_sample_is_flagged_and_becomes_nan(four_bar, device):
@@ -174,7 +174,7 @@ def test_each_robot_may_have_its_own_parameters(four_bar, device):
     many = np.repeat(batch.parameters.numpy(), 6, axis=0)
     many[:, bodies] *= np.linspace(1, 2, 6)[:, None]
     many[3, names.index("gravity.z")] = -1.62
-    found = batch.with_parameters(many).torques(*arrays(batch, q, va, aa)).numpy()
+    result = batch.with_parameters(many).torques(*arrays(batch, q, va, aa)).numpy()
     for k, scale in enumerate(np.linspace(1, 2, 6)):
         other = robots.four_bar()
         body = other.model.inertias[index := other.model.getJointId("crank")]
@@ -184,7 +184,7 @@ def test_each_robot_may_have_its_own_parameters(four_bar, device):
         if k == 3:
             other.model.gravity.linear = np.array([0, 0, -1.62])
         other.refresh()
-        assert found[k] == pytest.approx(other.compute_torques(q[k], va[k], aa[k]), rel=1e-12)
+        assert result[k] == pytest.approx(other.compute_torques(q[k], va[k], aa[k]), rel=1e-12)
     with pytest.raises(InputError, match=r"^q: 2 samples of 6 robots"):
         batch.with_parameters(many).torques(*arrays(batch, q[:2], va[:2], aa[:2]))
     with pytest.raises(InputError, match=r"^parameters: shape \(1, 2\), expected"):
@@ -213,8 +213,8 @@ def test_wrenches_act_as_on_the_chain(four_bar, device):
     q, va, aa = any_chain.states(four_bar, 6, 0)
     expected = four_bar.compute_torques(q, va, aa, external_wrenches=load)
     *motion, wrenches = arrays(batch, q, va, aa, load)
-    found = batch.torques(*motion, external_wrenches=wrenches).numpy()
-    assert np.abs(found - expected).max() < 1e-13 * np.abs(expected).max()
+    result = batch.torques(*motion, external_wrenches=wrenches).numpy()
+    assert np.abs(result - expected).max() < 1e-13 * np.abs(expected).max()
 
 
 def test_a_singular_configuration_is_flagged(device):

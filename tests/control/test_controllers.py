@@ -49,8 +49,8 @@ def test_computed_torque_on_the_exact_model_follows_the_circle(compiled_robot, c
     """To 1e-6 rad; the splines between the samples err by some 1e-8."""
     robot = compiled_robot
     control = sst_pin.ComputedTorque(robot, circle, kp=400, kd=40)
-    found = robot.simulate(control.torque, circle.q[0], circle.va[0], circle.t, rtol=1e-9)
-    assert np.abs(found.q - circle.q).max() < 1e-6
+    result = robot.simulate(control.torque, circle.q[0], circle.va[0], circle.t, rtol=1e-9)
+    assert np.abs(result.q - circle.q).max() < 1e-6
 
 
 def test_errors_of_computed_torque_obey_their_linear_equation(five_bar, sway):
@@ -58,8 +58,8 @@ def test_errors_of_computed_torque_obey_their_linear_equation(five_bar, sway):
     control = sst_pin.ComputedTorque(five_bar, sway, kp=400, kd=40)
     off = np.array([0.05, -0.03])
     start = dict(zip(five_bar.coordinates, sway.q[0, [0, 2]] - off, strict=True))
-    found = five_bar.simulate(control.torque, five_bar.assemble(start), sway.va[0], T, rtol=1e-10)
-    error = sway.q[:, [0, 2]] - found.q[:, [0, 2]]
+    result = five_bar.simulate(control.torque, five_bar.assemble(start), sway.va[0], T, rtol=1e-10)
+    error = sway.q[:, [0, 2]] - result.q[:, [0, 2]]
     expected = ((1 + 20 * T) * np.exp(-20 * T))[:, None] * off
     assert_allclose(error, expected, rtol=0, atol=1e-7)  # what the spline errs by
 
@@ -98,8 +98,8 @@ def test_the_regulator_brings_the_robot_back_to_the_circle(compiled_robot, circl
     control = sst_pin.TrackingLQR(robot, circle, Q=[1000] * 3 + [1] * 3, R=[0.01] * 3)
     gamma = dict(zip(robot.motor_names, circle.q[0, robot.actuated] + 0.03, strict=True))
     start = robot.assemble(gamma), circle.va[0]
-    found = robot.simulate(control.torque, *start, circle.t, rtol=1e-7, atol=1e-9)
-    error = np.abs(found.q - circle.q)[:, robot.actuated].max(axis=1)
+    result = robot.simulate(control.torque, *start, circle.t, rtol=1e-7, atol=1e-9)
+    error = np.abs(result.q - circle.q)[:, robot.actuated].max(axis=1)
     assert error[0] == pytest.approx(0.03)
     assert error[-1] < 1e-5
 
@@ -202,13 +202,13 @@ def test_the_table_of_the_bench_is_current(name):
     page = (Path(__file__).parents[2] / "docs" / "control.md").read_text(encoding="utf-8")
     rows = {called: cells for called, *cells in read_table(page, f"bench_{name}")[1:]}
     only = () if name == "SST" else ("PD + gravity", "computed torque")
-    found = control_bench.table(name, only)
-    assert list(found) == [called for called in rows if not only or called in only]
-    for called, values in found.items():
+    result = control_bench.table(name, only)
+    assert list(result) == [called for called in rows if not only or called in only]
+    for called, values in result.items():
         printed = [float(cell.split()[0]) for cell in rows[called]]
         assert_allclose(printed, values, rtol=0.1, atol=0.5)  # engines of other versions
-    of_pd = found["PD + gravity"][0]
-    assert found["computed torque"][0] < of_pd / 4
+    of_pd = result["PD + gravity"][0]
+    assert result["computed torque"][0] < of_pd / 4
     assert float(rows["adaptive"][0].split()[0]) < of_pd / 10
 
 

@@ -48,7 +48,7 @@ def least_of_largest(A, f, limits):
     low, high = np.transpose(limits)
     motors, middle, half = len(low), (high + low) / 2, (high - low) / 2
     above = np.block([[np.eye(motors), -half[:, None]], [-np.eye(motors), -half[:, None]]])
-    found = linprog(
+    result = linprog(
         np.eye(motors + 1)[-1],
         A_ub=above,
         b_ub=np.concatenate([middle, -middle]),
@@ -56,7 +56,7 @@ def least_of_largest(A, f, limits):
         b_eq=f,
         bounds=[(None, None)] * motors + [(0, None)],
     )
-    return found.x[-1]
+    return result.x[-1]
 
 
 @pytest.mark.parametrize("name", CHAINS)
@@ -92,16 +92,16 @@ def test_cables_hold_a_platform_where_a_linear_programme_finds_tensions():
     robot, load = cables.cable_robot(), np.array([0, 0, -5.0, 0, 0.5, 0])
     x, z = np.linspace(-0.8, 0.8, 9), np.linspace(-0.5, 0.6, 9)
     wrench = np.roll(load, 3)
-    found = sst_pin.reach_map(
+    result = sst_pin.reach_map(
         robot, "platform", cables.TENSIONS, x=x, z=z, pitch=0.0, wrench=wrench
     )
-    wanted = judged_by_programmes(robot, found, cables.TENSIONS, load)
-    assert found.reached.all()
-    assert found.used == pytest.approx(wanted, abs=1e-9)
-    holds = found.used <= 1
+    wanted = judged_by_programmes(robot, result, cables.TENSIONS, load)
+    assert result.reached.all()
+    assert result.used == pytest.approx(wanted, abs=1e-9)
+    holds = result.used <= 1
     assert 0 < holds.sum() < holds.size
     low, high = np.transpose(cables.TENSIONS)
-    within = (low <= found.torque) & (found.torque <= high)
+    within = (low <= result.torque) & (result.torque <= high)
     assert np.array_equal(within.all(axis=-1), holds)
 
 

@@ -68,14 +68,14 @@ def test_accelerations_of_all_torques_lie_in_the_polytope(name):
     shape = 60, len(chain.motor_names)
     tau = limit * np.vstack([rng.uniform(-1, 1, shape), rng.choice([-1, 1], shape)])
     model, data = chain.model, chain.model.createData()
-    found = []
+    result = []
     for aa in chain.compute_accelerations(q, va, tau):
         v, dv = chain.joint_rates(q, va), chain.joint_accelerations(q, va, aa)
         pin.forwardKinematics(model, data, q, v, dv)
         frame = model.getFrameId(FRAME), pin.LOCAL_WORLD_ALIGNED
-        found.append(pin.getFrameClassicalAcceleration(model, data, *frame).linear.copy())
-    assert inside(np.array(found), corners, 1e-7)
-    gaps = np.linalg.norm(np.array(found)[:, None] - corners, axis=2).min(axis=0)
+        result.append(pin.getFrameClassicalAcceleration(model, data, *frame).linear.copy())
+    assert inside(np.array(result), corners, 1e-7)
+    gaps = np.linalg.norm(np.array(result)[:, None] - corners, axis=2).min(axis=0)
     assert gaps.min() < 1e-7 * np.abs(corners).max()
 
 
@@ -101,9 +101,9 @@ def test_the_star_at_home_turns_alike_about_all_axes(robot):
 
 def test_a_five_bar_bears_what_leaves_its_plane():
     lift, q, limit = made("five_bar")
-    found = sst_pin.force_ellipsoid(lift, q, FRAME, limit)
-    assert np.isinf(found.sizes[0])
-    assert np.abs(found.axes[0]) == pytest.approx([0, 0, 1])
+    result = sst_pin.force_ellipsoid(lift, q, FRAME, limit)
+    assert np.isinf(result.sizes[0])
+    assert np.abs(result.axes[0]) == pytest.approx([0, 0, 1])
     assert sst_pin.acceleration_ellipsoid(lift, q, FRAME, limit).sizes[2] < 1e-9
     assert np.abs(sst_pin.force_polytope(lift, q, FRAME, limit)[:, 2]).max() < 1e-9
 
@@ -113,10 +113,10 @@ def test_a_batch_is_its_samples():
     q = np.array([chain.assemble(chain.home + 0.05 * k) for k in range(4)]).reshape(2, 2, -1)
     accelerations = partial(sst_pin.acceleration_ellipsoid, va=np.ones(3))
     for ellipsoid in (sst_pin.force_ellipsoid, accelerations):
-        found, one = (ellipsoid(chain, x, FRAME, LIMIT) for x in (q, q[1, 0]))
-        assert found.axes.shape == (2, 2, 3, 3)
-        assert np.abs(found.sizes[1, 0] - one.sizes).max() < 1e-9 * one.sizes.max()
-        assert np.abs(found.center[1, 0] - one.center).max() < 1e-9
+        result, one = (ellipsoid(chain, x, FRAME, LIMIT) for x in (q, q[1, 0]))
+        assert result.axes.shape == (2, 2, 3, 3)
+        assert np.abs(result.sizes[1, 0] - one.sizes).max() < 1e-9 * one.sizes.max()
+        assert np.abs(result.center[1, 0] - one.center).max() < 1e-9
 
 
 @pytest.mark.parametrize("turning", [False, True])

@@ -39,13 +39,13 @@ def cross(a, b):
 def mapped():
     lift = sst_pin.robots.five_bar(span=SPAN, proximal=PROXIMAL, distal=DISTAL)
     x, y = np.linspace(-0.16, 0.16, 17), np.linspace(-0.16, 0.16, 17)
-    found = sst_pin.reach_map(lift, "platform", 2.0, x=x, y=y)
-    return lift, found, np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
+    result = sst_pin.reach_map(lift, "platform", 2.0, x=x, y=y)
+    return lift, result, np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
 
 
 def test_a_five_bar_reaches_what_its_circles_and_singular_curves_leave(mapped):
     """The part of two rings, on home's side of det = 0, that hangs together with home."""
-    lift, found, points = mapped
+    lift, result, points = mapped
     meets, ((_, left), (_, right)) = five_bar(points)
     home = lift.platform_pose(lift.home)[:2, 3]
     at = tuple(np.argwhere((np.abs(points - home) < 0.0101).all(axis=-1))[0])
@@ -53,18 +53,18 @@ def test_a_five_bar_reaches_what_its_circles_and_singular_curves_leave(mapped):
     regular = turn * np.sign(turn[at]) > 0
     parts, _ = label(meets & regular)
     wanted = parts == parts[at]
-    assert not (found.reached & ~wanted).any()
+    assert not (result.reached & ~wanted).any()
     # What is left out lies next to an end: the last steps towards one are not taken.
-    assert (wanted & ~found.reached).sum() <= 0.02 * wanted.sum()
-    assert (meets & (found.why == SINGULAR)).sum() > 0.8 * (found.why == SINGULAR).sum()
-    assert (~meets & (found.why == OUT)).sum() > 0.8 * (found.why == OUT).sum()
-    poses = np.tile(np.eye(4), (found.reached.sum(), 1, 1))
-    poses[:, :2, 3] = points[found.reached]
-    off = found.q[found.reached] - lift.inverse_kinematics(poses)
+    assert (wanted & ~result.reached).sum() <= 0.02 * wanted.sum()
+    assert (meets & (result.why == SINGULAR)).sum() > 0.8 * (result.why == SINGULAR).sum()
+    assert (~meets & (result.why == OUT)).sum() > 0.8 * (result.why == OUT).sum()
+    poses = np.tile(np.eye(4), (result.reached.sum(), 1, 1))
+    poses[:, :2, 3] = points[result.reached]
+    off = result.q[result.reached] - lift.inverse_kinematics(poses)
     assert np.abs(np.angle(np.exp(1j * off))).max() < 1e-9
-    assert np.isnan(found.q[~found.reached]).all()
+    assert np.isnan(result.q[~result.reached]).all()
     cell = 0.02**2
-    assert found.area == pytest.approx(found.reached.sum() * cell, rel=1e-9)
+    assert result.area == pytest.approx(result.reached.sum() * cell, rel=1e-9)
 
 
 def arm(low=-np.inf):
@@ -80,25 +80,25 @@ def test_torques_hold_the_pose_against_its_wrench(name):
     side, push = np.array([-0.04, 0.03]), np.array([0.4, 0.2, -0.3, 3.0, -4.0, -20.0])
     limits = np.array([(-1.0 - k, 9.0) for k in range(len(chain.motor_names))])
     held = {"yaw": 0.0} if name == "stewart" else {}
-    found = sst_pin.reach_map(chain, "platform", limits, x=side, y=side, wrench=push, **held)
+    result = sst_pin.reach_map(chain, "platform", limits, x=side, y=side, wrench=push, **held)
     model, data, rest = chain.model, chain.model.createData(), np.zeros(chain.degrees_of_freedom)
     for place in np.ndindex(2, 2):
-        q = found.q[place]
+        q = result.q[place]
         pin.framesForwardKinematics(model, data, q)
         tip = data.oMf[model.getFrameId("platform")]
         assert np.abs(tip.translation[:2] - side[list(place)]).max() < 1e-9
         load = wrenches_of(chain, q, push[3:], push[:3])
         tau = chain.compute_torques(q, rest, rest, external_wrenches=load)
-        assert np.abs(found.torque[place] - tau).max() < 1e-8 * np.abs(tau).max()
+        assert np.abs(result.torque[place] - tau).max() < 1e-8 * np.abs(tau).max()
         part = np.abs(tau - limits.mean(axis=1)) / (limits[:, 1] - limits[:, 0]) * 2
-        assert found.used[place] == pytest.approx(part.max())
+        assert result.used[place] == pytest.approx(part.max())
 
 
 @pytest.mark.parametrize("psi", [0.0, 0.5])
 def test_the_star_points_where_its_arcs_allow(robot, psi):
     """Yaw, pitch + 90 degrees, roll are theta, phi, psi; psi = 0 leaves an eighth of a sphere."""
     side = np.linspace(-0.15, 1.7, 14)
-    found = sst_pin.reach_map(
+    result = sst_pin.reach_map(
         robot,
         "E",
         yaw=side,
@@ -108,40 +108,41 @@ def test_the_star_points_where_its_arcs_allow(robot, psi):
     )
     phi, theta = np.meshgrid(side, side, indexing="ij")
     R = sst_pin.orientation(theta, phi, psi)
-    assert np.abs(found.poses[..., :3, :3] - R).max() < 1e-12
+    assert np.abs(result.poses[..., :3, :3] - R).max() < 1e-12
     assert (
-        np.abs(robot.platform_orientation(found.q[found.reached]) - R[found.reached]).max() < 1e-9
+        np.abs(robot.platform_orientation(result.q[result.reached]) - R[result.reached]).max()
+        < 1e-9
     )
     allowed = [
         not any("arc" in finding.problem for finding in robot.check(q))
         for q in robot.inverse_kinematics(R.reshape(-1, 3, 3))
     ]
-    assert np.array_equal(found.reached, np.reshape(allowed, found.why.shape))
-    assert (found.why == LIMITS).any()
+    assert np.array_equal(result.reached, np.reshape(allowed, result.why.shape))
+    assert (result.why == LIMITS).any()
     if psi == 0:
-        assert np.array_equal(found.reached, (R[..., 0] > 0).all(axis=-1))
+        assert np.array_equal(result.reached, (R[..., 0] > 0).all(axis=-1))
 
 
 def test_a_file_has_a_row_for_each_pose(robot, tmp_path):
     angles = np.linspace(-0.1, 0.1, 3)
-    found = sst_pin.reach_map(robot, "star_1", roll=angles[:2], yaw=angles)
-    found.save(tmp_path / "map.csv")
+    result = sst_pin.reach_map(robot, "star_1", roll=angles[:2], yaw=angles)
+    result.save(tmp_path / "map.csv")
     table = read_table(tmp_path / "map.csv", timed=False)
     names = ("roll_rad", "yaw_rad", "why", "condition", "used", "tau_gamma_1_Nm")
     assert table.columns[:6] == names
     assert (table.column("yaw_rad").reshape(2, 3) == angles).all()
-    assert (table.column("beta_3_rad").reshape(2, 3) == found.q[..., 8]).all()
-    assert (table.column("used").reshape(2, 3) == np.abs(found.torque).max(axis=-1)).all()
+    assert (table.column("beta_3_rad").reshape(2, 3) == result.q[..., 8]).all()
+    assert (table.column("used").reshape(2, 3) == np.abs(result.torque).max(axis=-1)).all()
     with pytest.raises(sst_pin.OutputError, match="exists"):
-        found.save(tmp_path / "map.csv")
+        result.save(tmp_path / "map.csv")
 
 
 def test_a_slice_out_of_reach_is_a_map_without_area():
     side = np.linspace(-0.1, 0.1, 3)
-    found = sst_pin.reach_map(sst_pin.robots.delta(), "platform", x=side, y=side, z=-3.0)
-    assert found.area == 0
-    assert set(found.why.ravel()) == {OUT, CUT_OFF}
-    assert np.isnan(found.used).all()
+    result = sst_pin.reach_map(sst_pin.robots.delta(), "platform", x=side, y=side, z=-3.0)
+    assert result.area == 0
+    assert set(result.why.ravel()) == {OUT, CUT_OFF}
+    assert np.isnan(result.used).all()
 
 
 @pytest.mark.parametrize(

@@ -190,10 +190,10 @@ def test_what_is_written_otherwise_is_told(tmp_path):
     chain.visual_model.addGeometryObject(cone)
     with pytest.warns(sst_pin.DescriptionWarning) as caught:
         again, _ = read_back(chain, tmp_path / "robot.xml")
-    told = [str(warning.message) for warning in caught]
-    assert len(told) == 2
-    assert "body cross: MuJoCo needs mass" in told[0]
-    assert "shape cone is left out" in told[1]
+    records = [str(warning.message) for warning in caught]
+    assert len(records) == 2
+    assert "body cross: MuJoCo needs mass" in records[0]
+    assert "shape cone is left out" in records[1]
     state = [0.3, 0.4], [1.0, 2.0], [3.0, 4.0]
     off = again.compute_torques(*state) - chain.compute_torques(*state)
     assert np.abs(off).max() < 1e-10  # 1e-12 kg weigh 1e-11 N

@@ -47,9 +47,9 @@ def names(root, path, key="name"):
 
 
 def test_folder_holds_what_its_readme_lists(folder):
-    found = {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()}
-    meshes = {name for name in found if name.startswith("meshes/")}
-    assert found - meshes == FILES
+    result = {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()}
+    meshes = {name for name in result if name.startswith("meshes/")}
+    assert result - meshes == FILES
     readme = (folder / "README.md").read_text()
     files, _ = readme.split("## How to load it")
     named = set(re.findall(r"^\| (`[^|]*) \|", files, re.MULTILINE))

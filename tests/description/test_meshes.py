@@ -116,10 +116,10 @@ def bearings(collision):
 
 def distances(model, shapes, motion):
     """Distances of each pair of shapes in each configuration, shape (N, pairs), [m]."""
-    data, found, rows = model.createData(), shapes.createData(), []
+    data, actual, rows = model.createData(), shapes.createData(), []
     for q in motion:
-        pin.computeDistances(model, data, shapes, found, q)
-        rows.append([result.min_distance for result in found.distanceResults])
+        pin.computeDistances(model, data, shapes, actual, q)
+        rows.append([result.min_distance for result in actual.distanceResults])
     return np.array(rows)
 
 

@@ -123,8 +123,8 @@ def test_sensors_measure_what_they_are_called(closed, robot):
         assert read[f"gamma_{k + 1}_position"] == pytest.approx(q[3 * k])
         assert read[f"gamma_{k + 1}_velocity"] == pytest.approx(va[k])
         assert read[f"gamma_{k + 1}_torque"] == pytest.approx(tau[k])
-    found = Rotation.from_quat(read["star_orientation"][[1, 2, 3, 0]]).as_matrix()
-    assert found == pytest.approx(R, abs=1e-14)
+    result = Rotation.from_quat(read["star_orientation"][[1, 2, 3, 0]]).as_matrix()
+    assert result == pytest.approx(R, abs=1e-14)
     assert read["star_angular_velocity"] == pytest.approx(omega, abs=1e-13)
 
 

@@ -68,16 +68,16 @@ def differences(chain, q, va, aa, frame, changes, h):
 def closing_parameters(chain, q, va, aa, random, count):
     """Some parameters that leave the loops closed."""
     names = [x for x in chain.design_parameters if x.rpartition(".")[2] in AXES]
-    found = []
+    result = []
     for name in random.permutation(names):
         try:
             chain.design_derivatives(q, va, aa, [name])
         except sst_pin.InputError:
             continue
-        found.append(str(name))
-        if len(found) == count:
+        result.append(str(name))
+        if len(result) == count:
             break
-    return found
+    return result
 
 
 @pytest.mark.parametrize("name", EVERY)

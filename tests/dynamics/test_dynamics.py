@@ -88,8 +88,8 @@ def test_joints_at_rest_have_no_coulomb_friction(compiled):
     motion = rough.home, [1, 1, 1], [0, 0, 0]
     v = rough.joint_rates(*motion[:2])
     assert np.abs(v[2::3]).max() < 1e-14
-    found = rough.compute_torques(*motion) - bare.compute_torques(*motion)
-    assert np.allclose(found, 0.3 * (1 + np.sqrt(2)), rtol=0, atol=1e-12)
+    result = rough.compute_torques(*motion) - bare.compute_torques(*motion)
+    assert np.allclose(result, 0.3 * (1 + np.sqrt(2)), rtol=0, atol=1e-12)
 
 
 ROBOTS = {

@@ -92,8 +92,8 @@ class Twin(ExudynRobot):
     def wrenches(self):
         """[moment; force] of each joint and closure, as Exudyn tells them."""
         kinds = exudyn.OutputVariableType.TorqueLocal, exudyn.OutputVariableType.ForceLocal
-        told = [[self.system.GetObjectOutput(j, kind) for kind in kinds] for j in self.joints]
-        return np.array(told).reshape(-1, 6)
+        records = [[self.system.GetObjectOutput(j, kind) for kind in kinds] for j in self.joints]
+        return np.array(records).reshape(-1, 6)
 
 
 def multipliers(chain, q, va, aa):
@@ -123,8 +123,8 @@ def multipliers(chain, q, va, aa):
         moment = np.array([turned(axis, own[3:]) for axis in np.eye(3)]) @ on_child[3:]
         moment += np.cross(own[:3] - at.translation, on_child[:3], axisb=0, axisc=0)
         wrenches.append(np.vstack([at.rotation.T @ moment, at.rotation.T @ on_child[:3]]))
-    found = np.array(wrenches)
-    return found[..., 0], np.linalg.norm(found[..., 1:], axis=-1) < 1e-6
+    result = np.array(wrenches)
+    return result[..., 0], np.linalg.norm(result[..., 1:], axis=-1) < 1e-6
 
 
 def turned(spin, e):
@@ -173,9 +173,9 @@ def test_unique_wrenches_and_verdicts_are_those_of_exudyn(name):
     va, aa = random.uniform(-1, 1, (2, chain.degrees_of_freedom))
     wanted, unique = multipliers(chain, q, va, aa)
     w = chain.reactions(q, va, aa)
-    found = np.concatenate([w.joints, w.closures])
+    result = np.concatenate([w.joints, w.closures])
     assert np.array_equal(np.concatenate(w.determined), unique)
-    assert found[unique] == pytest.approx(wanted[unique], abs=1e-10 * np.abs(wanted).max())
+    assert result[unique] == pytest.approx(wanted[unique], abs=1e-10 * np.abs(wanted).max())
 
 
 def sprung(chain, q, stiffness):

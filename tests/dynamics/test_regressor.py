@@ -147,11 +147,13 @@ def test_arguments_are_checked_as_in_other_calls():
 def test_a_mass_alone_is_told_and_its_cure_scales_the_body():
     """The torque of the weight is that of the body with another density."""
     chain = sst_pin.robots.four_bar()
-    with pytest.warns(sst_pin.DescriptionWarning, match=r"rocker\.mass: the first moment") as told:
+    with pytest.warns(
+        sst_pin.DescriptionWarning, match=r"rocker\.mass: the first moment"
+    ) as records:
         alone = chain.with_parameters(
             {"rocker.mass": 0.9 * chain.dynamic_parameters["rocker.mass"]}
         )
-    cure = re.search(r"with_parameters\(.*?\)\)", str(told[0].message))[0]
+    cure = re.search(r"with_parameters\(.*?\)\)", str(records[0].message))[0]
     lighter = eval(f"chain.{cure}", {"chain": chain})  # as a user would copy it
     model = pin.Model(chain.model)
     body = model.inertias[model.getJointId("rocker")]

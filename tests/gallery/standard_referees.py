@@ -30,8 +30,8 @@ def by_energy(energy, x, rate, t):
         M, V = energy(x[0])
         return [np.sqrt(2 * (total - V) / M)]
 
-    found = solve_ivp(slope, (t[0], t[-1]), [x], "DOP853", t, rtol=1e-13, atol=1e-13)
-    return found.y[0]
+    result = solve_ivp(slope, (t[0], t[-1]), [x], "DOP853", t, rtol=1e-13, atol=1e-13)
+    return result.y[0]
 
 
 def n_four_bar(loops, t):
@@ -45,8 +45,8 @@ def n_four_bar(loops, t):
     def slope(_, x):  # x from the upright, to the right
         return [x[1], weight / inertia * np.sin(x[0])]
 
-    found = solve_ivp(slope, (0, t[-1]), [0.0, 1.0], "DOP853", t, rtol=1e-13, atol=1e-13)
-    return np.stack([np.sin(found.y[0]), np.cos(found.y[0])], axis=1)
+    result = solve_ivp(slope, (0, t[-1]), [0.0, 1.0], "DOP853", t, rtol=1e-13, atol=1e-13)
+    return np.stack([np.sin(result.y[0]), np.cos(result.y[0])], axis=1)
 
 
 #: Bricard's linkage: the axes of its hinges, and the rods from one to the next.
@@ -102,9 +102,9 @@ def bricard(t):
         M_x, V_x = WEIGHTS @ (np.array(sides[0]) - sides[1]) / h
         return [x[1], -(M_x * x[1] ** 2 / 2 + V_x) / M]
 
-    found = solve_ivp(slope, (0, t[-1]), [0.0, 0.0], "DOP853", t, rtol=1e-11, atol=1e-11)
+    result = solve_ivp(slope, (0, t[-1]), [0.0, 0.0], "DOP853", t, rtol=1e-11, atol=1e-11)
     places, last = [], np.zeros(5)
-    for x in found.y[0]:
+    for x in result.y[0]:
         last = _bricard_energy(x, last)[2]
         places.append(_bricard_at(last)[0][2])
     return np.array(places)
@@ -221,5 +221,5 @@ def governor(t, K=8e5, C=4e4):
     start = [0.0, np.pi / 6, 0.5, 0.0, 0.0]
     momentum = 2 * np.pi * about_shaft(start[1])[0]
     with np.errstate(over="ignore"):  # SciPy's differences along the shaft's angle, which is free
-        found = solve_ivp(slope, (0, t[-1]), start, "Radau", t, rtol=1e-11, atol=1e-12)
-    return found.y[:3].T
+        result = solve_ivp(slope, (0, t[-1]), start, "Radau", t, rtol=1e-11, atol=1e-12)
+    return result.y[:3].T

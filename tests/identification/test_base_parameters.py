@@ -109,10 +109,10 @@ def case(name, count=80):
 def test_torques_without_noise_give_the_parameters(name, decimate):
     """Filtered or not: both sides of the equations are filtered alike."""
     chain, base, motion, tau = case(name)
-    found = estimate(chain, base, *motion, tau, decimate=decimate)
+    result = estimate(chain, base, *motion, tau, decimate=decimate)
     true = base.matrix @ chain.dynamic_parameters
-    assert_allclose(found.values, true, rtol=1e-7, atol=1e-9 * np.abs(true).max())
-    assert (found.noise < 1e-8 * np.abs(tau).max()).all()
+    assert_allclose(result.values, true, rtol=1e-7, atol=1e-9 * np.abs(true).max())
+    assert (result.noise < 1e-8 * np.abs(tau).max()).all()
 
 
 @pytest.mark.parametrize(
@@ -138,10 +138,10 @@ def test_values_are_within_their_standard_deviations(name, options):
     missed = []
     for seed in range(30):
         noise = np.random.default_rng(seed).normal(size=tau.shape) * sizes
-        found = estimate(chain, base, *motion, tau + noise, **options)
+        result = estimate(chain, base, *motion, tau + noise, **options)
         if "decimate" not in options:  # the filter takes noise away
-            assert_allclose(found.noise, np.full(tau.shape[1], sizes), rtol=0.5)
-        missed.append(np.abs(found.values - true) / found.deviations)
+            assert_allclose(result.noise, np.full(tau.shape[1], sizes), rtol=0.5)
+        missed.append(np.abs(result.values - true) / result.deviations)
     assert 0.58 < np.mean(np.array(missed) < 1) < 0.78
     assert np.mean(np.array(missed) < 3) > 0.98
 
@@ -183,10 +183,10 @@ def coverage(name, decimate, repetitions, monkeypatch):
     random = np.random.default_rng(0)
     for _ in range(repetitions):
         noise = 0.02 * random.normal(size=motion.tau.shape)
-        found = estimate(
+        result = estimate(
             chain, base, motion.q, motion.va, motion.aa, motion.tau + noise, decimate=decimate
         )
-        away.append((found.values - true) / found.deviations)
+        away.append((result.values - true) / result.deviations)
     return np.mean(np.abs(away) < 1.96)
 
 
@@ -211,8 +211,8 @@ def test_friction_that_depends_on_the_direction_is_found():
     tau = tau + np.column_stack([np.where(forwards, 0.3, -0.1), np.zeros(len(tau))])
     names = [f"{first}.coulomb", f"{first}.offset"]
     base = base_parameters(chain, ["*.m*", "*.i*", "*.viscous", *names])
-    found = dict(zip(base.names, estimate(chain, base, *motion, tau).values, strict=True))
-    assert_allclose([found[name] for name in names], [0.2, 0.1], rtol=1e-6)
+    result = dict(zip(base.names, estimate(chain, base, *motion, tau).values, strict=True))
+    assert_allclose([result[name] for name in names], [0.2, 0.1], rtol=1e-6)
 
 
 def test_outliers_count_less_in_a_robust_estimate():
@@ -229,22 +229,22 @@ def test_the_report_marks_what_the_data_do_not_support():
     chain, _, motion, tau = case("five_bar")
     base = base_parameters(chain, ["*.viscous", "shoulder_1.coulomb"])
     noise = 0.01 * np.random.default_rng(2).normal(size=tau.shape)
-    found = estimate(chain, base, *motion, tau + noise)
-    shown = dict(zip(base.names, found.supported, strict=True))
+    result = estimate(chain, base, *motion, tau + noise)
+    shown = dict(zip(base.names, result.supported, strict=True))
     assert shown["shoulder_1.viscous"]
     assert not shown["shoulder_1.coulomb"]
-    assert str(found).count("not supported") == np.sum(~found.supported)
+    assert str(result).count("not supported") == np.sum(~result.supported)
 
 
 @pytest.mark.parametrize("name", ["predicted_torques", "report", "condition_number"])
 def test_the_motion_of_another_robot_is_refused(name):
     """Its motors stand in the other order: the same joints, rates and torques in other columns."""
     chain, base, states, tau = case("five_bar")
-    found, theta = estimate(chain, base, *states, tau), chain.dynamic_parameters
+    result, theta = estimate(chain, base, *states, tau), chain.dynamic_parameters
     motion = chain.trajectory(np.arange(len(tau)), *states)
     arguments = {
         "predicted_torques": (theta, motion),
-        "report": (found, theta, motion),
+        "report": (result, theta, motion),
         "condition_number": (base, motion),
     }[name]
     use = getattr(identification, name)

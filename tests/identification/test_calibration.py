@@ -23,11 +23,11 @@ def configurations_of(chain: sst_pin.ClosedChain, x: np.ndarray) -> np.ndarray:
 
 def poses_of(chain: sst_pin.ClosedChain, x: np.ndarray, frame: str) -> np.ndarray:
     """Poses of a frame, by assembly and Pinocchio's kinematics."""
-    data, found = chain.model.createData(), []
+    data, result = chain.model.createData(), []
     for q in configurations_of(chain, x):
         pin.framesForwardKinematics(chain.model, data, q)
-        found.append(data.oMf[chain.model.getFrameId(frame)].homogeneous)
-    return np.array(found)
+        result.append(data.oMf[chain.model.getFrameId(frame)].homogeneous)
+    return np.array(result)
 
 
 @cache
@@ -43,11 +43,11 @@ def deltas() -> tuple[sst_pin.ClosedChain, sst_pin.ClosedChain, dict[str, float]
 
 def test_errors_of_a_delta_are_found_exactly_from_exact_poses():
     drawn, made, errors, x = deltas()
-    found = calibrate(drawn, "platform", x[:12], poses_of(made, x[:12], "platform"), which=WHICH)
-    assert set(found.names) == set(errors)
-    assert_allclose(found.values, [errors[name] for name in found.names], atol=1e-11)
+    result = calibrate(drawn, "platform", x[:12], poses_of(made, x[:12], "platform"), which=WHICH)
+    assert set(result.names) == set(errors)
+    assert_allclose(result.values, [errors[name] for name in result.names], atol=1e-11)
     # and the calibrated robot goes where the made one goes, in other poses
-    again = poses_of(found.chain, x[12:], "platform")
+    again = poses_of(result.chain, x[12:], "platform")
     assert_allclose(again, poses_of(made, x[12:], "platform"), atol=1e-10)
 
 
@@ -56,9 +56,9 @@ def test_positions_alone_tell_the_offsets_of_the_motors():
     only = {name: value for name, value in errors.items() if name.startswith("motor")}
     turned = drawn.with_design(only)
     feet = poses_of(turned, x[:8], "platform")[:, :3, 3]
-    found = calibrate(drawn, "platform", x[:8], feet, which=["motor_*.ry"])
-    assert_allclose(found.values, list(only.values()), atol=1e-11)
-    assert found.noise.shape == (1,)
+    result = calibrate(drawn, "platform", x[:8], feet, which=["motor_*.ry"])
+    assert_allclose(result.values, list(only.values()), atol=1e-11)
+    assert result.noise.shape == (1,)
 
 
 @pytest.mark.slow
@@ -67,16 +67,16 @@ def test_what_is_hidden_moves_the_frame_as_errors_that_were_found_do():
     drawn, _, _, x = deltas()
     x = x[:8]
     which = ["motor_1.*", "rod_1*.x", "rod_1*.y"]
-    found = calibrate(drawn, "platform", x, poses_of(drawn, x, "platform"), which=which)
-    assert found.hidden
+    result = calibrate(drawn, "platform", x, poses_of(drawn, x, "platform"), which=which)
+    assert result.hidden
     size, columns = 1e-6, []
-    for name in (*found.names, *found.hidden):
+    for name in (*result.names, *result.hidden):
         made = (drawn.with_design({name: s}) for s in (-size, size))
         ends = [poses_of(chain, x, "platform") for chain in made]
         columns.append(((ends[1] - ends[0]) / (2 * size))[:, :3].ravel())
     A = np.array(columns).T
     A /= np.maximum(np.linalg.norm(A, axis=0), 1e-6)
-    count = len(found.names)
+    count = len(result.names)
     assert np.linalg.matrix_rank(A[:, :count], 1e-6) == count
     assert np.linalg.matrix_rank(A, 1e-6) == count
 
@@ -96,12 +96,12 @@ def test_errors_are_within_three_of_their_standard_deviations():
     exact, within = poses_of(made, x, "platform"), []
     start = configurations_of(drawn, x)
     for seed in range(100):
-        found = calibrate(drawn, "platform", x, noisy(exact, seed), which=WHICH, start=start)
-        true = np.array([errors[name] for name in found.names])
-        within.append(np.abs(found.values - true) < 3 * found.deviations)
-        assert_allclose(found.noise, [5e-5, 2e-4], rtol=0.35)
+        result = calibrate(drawn, "platform", x, noisy(exact, seed), which=WHICH, start=start)
+        true = np.array([errors[name] for name in result.names])
+        within.append(np.abs(result.values - true) < 3 * result.deviations)
+        assert_allclose(result.noise, [5e-5, 2e-4], rtol=0.35)
     assert np.mean(within) > 0.95
-    left = poses_of(found.chain, x, "platform")[:, :3, 3] - exact[:, :3, 3]
+    left = poses_of(result.chain, x, "platform")[:, :3, 3] - exact[:, :3, 3]
     assert np.sqrt(np.mean(left**2)) < 5e-5  # below the noise, which is averaged
 
 
@@ -122,14 +122,14 @@ def test_a_calibrated_urdf_is_the_calibrated_robot(tmp_path):
     drawn.refresh()
     made.refresh()
     poses = poses_of(made, x, measured)
-    found = calibrate(drawn, measured, x, poses, which=names, urdf=urdf)
-    found.write_urdf(urdf, tmp_path / "delta.urdf")
+    result = calibrate(drawn, measured, x, poses, which=names, urdf=urdf)
+    result.write_urdf(urdf, tmp_path / "delta.urdf")
     (tmp_path / "delta.yaml").write_bytes(urdf.with_suffix(".yaml").read_bytes())
     again = sst_pin.ClosedChain.from_urdf(tmp_path / "delta.urdf")
     for k in range(1, again.model.njoints):
-        mine, theirs = found.chain.model.jointPlacements[k], again.model.jointPlacements[k]
+        mine, theirs = result.chain.model.jointPlacements[k], again.model.jointPlacements[k]
         assert mine.isApprox(theirs, 1e-12)
-    for mine in found.chain.model.frames:
+    for mine in result.chain.model.frames:
         theirs = again.model.frames[again.model.getFrameId(mine.name, mine.type)]
         if mine.name == frame or mine.type == pin.FrameType.OP_FRAME:
             assert mine.placement.isApprox(theirs.placement, 1e-12)
@@ -149,8 +149,8 @@ def test_errors_that_a_urdf_cannot_store_are_known_before():
     drawn.refresh()
     held = [q[drawn.position_names.index(name)] for name in drawn.coordinates]
     x = held + np.random.default_rng(0).uniform(-0.1, 0.1, (16, 3))
-    found = calibrate(drawn, measured, x, poses_of(drawn, x, measured), urdf=urdf)
-    places = {name.rpartition(".")[0] for name in found.names + found.hidden}
+    result = calibrate(drawn, measured, x, poses_of(drawn, x, measured), urdf=urdf)
+    places = {name.rpartition(".")[0] for name in result.names + result.hidden}
     assert "motor_1" in places
     assert not [name for name in places if name.endswith("_Y")]
 
@@ -181,12 +181,12 @@ def test_errors_that_open_the_loops_of_an_overconstrained_robot_are_left_out():
     at_home = [drawn.home[drawn.position_names.index(name)] for name in drawn.coordinates]
     x = at_home + rng.uniform(-0.1, 0.1, (12, 3))
     exact = poses_of(made, x, "platform")
-    found = calibrate(drawn, "platform", x, exact)
-    assert not [name for name in found.names + found.hidden if name.endswith((".z", ".rx", ".ry"))
+    result = calibrate(drawn, "platform", x, exact)
+    assert not [name for name in result.names + result.hidden if name.endswith((".z", ".rx", ".ry"))
                 and not name.startswith(("tip", "vertex"))]  # fmt: skip
     other = at_home + rng.uniform(-0.1, 0.1, (4, 3))
     at_others = poses_of(made, other, "platform")
-    assert_allclose(poses_of(found.chain, other, "platform"), at_others, atol=1e-10)
+    assert_allclose(poses_of(result.chain, other, "platform"), at_others, atol=1e-10)
     with pytest.raises(sst_pin.InputError, match=r"elbow_1.z.* each alone opens loops"):
         calibrate(drawn, "platform", x, exact, which=["*.x", "*.z"])
 
@@ -197,6 +197,6 @@ def test_exact_orientations_beside_noisy_positions_do_not_spoil_the_errors():
     x = at_home + rng.uniform(-0.2, 0.2, (40, 2))
     poses = poses_of(drawn, x, "platform")
     poses[:, :3, 3] += 1e-5 * rng.normal(size=(40, 3))
-    found = calibrate(drawn, "platform", x, poses)
-    assert (np.abs(found.values) < 4 * found.deviations).all()
-    assert found.noise[0] == pytest.approx(1e-5, rel=0.2)
+    result = calibrate(drawn, "platform", x, poses)
+    assert (np.abs(result.values) < 4 * result.deviations).all()
+    assert result.noise[0] == pytest.approx(1e-5, rel=0.2)

@@ -39,8 +39,8 @@ def bodies_of(chain, theta):
 @pytest.mark.parametrize("noise", [1e-4, pytest.param(0.05, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", NAMES)
 def test_every_body_is_one_and_friction_is_not_negative(name, noise):
-    chain, _, _, found, _ = case(name, noise)
-    theta = consistent_parameters(chain, found)
+    chain, _, _, result, _ = case(name, noise)
+    theta = consistent_parameters(chain, result)
     bodies = bodies_of(chain, theta)
     assert (np.linalg.eigvalsh(pseudo_inertias(bodies[bodies[:, 0] > 0])) > 0).all()
     assert theta[f"{chain.motor_names[0]}.viscous"] >= -1e-12
@@ -50,10 +50,10 @@ def test_every_body_is_one_and_friction_is_not_negative(name, noise):
 @pytest.mark.parametrize("name", NAMES)
 def test_the_torques_of_other_motions_are_predicted(name):
     """Predictions differ by the noise of the estimate, not by that of single samples."""
-    chain, true, _, found, _ = case(name, 1e-4)
+    chain, true, _, result, _ = case(name, 1e-4)
     motion = random_states(chain, 50, 77)
     tau = true.compute_torques(*motion)
-    predicted = chain.with_parameters(consistent_parameters(chain, found)).compute_torques(*motion)
+    predicted = chain.with_parameters(consistent_parameters(chain, result)).compute_torques(*motion)
     assert np.sqrt(np.mean((predicted - tau) ** 2)) < 1e-3 * np.abs(tau).max()
 
 
@@ -62,17 +62,17 @@ def test_the_nearest_parameters_are_those_of_a_general_optimiser():
     """SciPy's trust region on Cholesky factors finds nothing that is nearer."""
     from scipy.optimize import minimize
 
-    chain, _, base, found, _ = case("five_bar", 0.05)
+    chain, _, base, result, _ = case("five_bar", 0.05)
     prior, length = 1e-2, chain.mechanism.length
     cad = bodies_of(chain, chain.dynamic_parameters)
     units = cad[:, :1] * length ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
-    weights = np.linalg.inv(found.covariance)
+    weights = np.linalg.inv(result.covariance)
 
     def cost(bodies, friction):
         theta = np.asarray(chain.dynamic_parameters).copy()
         theta[: bodies.size] = bodies.ravel()
         theta[list(chain.dynamic_parameters.names).index("shoulder_1.viscous")] = friction
-        e = base.matrix @ theta - found.values
+        e = base.matrix @ theta - result.values
         return e @ weights @ e + prior * (((bodies - cad) / units) ** 2).sum()
 
     def bodies(x):
@@ -84,7 +84,7 @@ def test_the_nearest_parameters_are_those_of_a_general_optimiser():
         moments = [yy + zz, -P[:, 0, 1], xx + zz, -P[:, 0, 2], -P[:, 1, 2], xx + yy]
         return np.stack([P[:, 3, 3], P[:, 0, 3], P[:, 1, 3], P[:, 2, 3], *moments], axis=-1)
 
-    theta = consistent_parameters(chain, found, prior=prior)
+    theta = consistent_parameters(chain, result, prior=prior)
     ours = cost(bodies_of(chain, theta), theta["shoulder_1.viscous"])
     scaled = pseudo_inertias(bodies_of(chain, theta) / units)
     start = np.linalg.cholesky(scaled + 1e-12 * np.eye(4))
@@ -105,14 +105,14 @@ def test_a_prior_that_explains_the_data_stands(seed):
 
 
 def test_the_total_mass_is_held():
-    chain, *_, found, _ = case("five_bar", 0.05)
-    theta = consistent_parameters(chain, found, total_mass=0.4)
+    chain, *_, result, _ = case("five_bar", 0.05)
+    theta = consistent_parameters(chain, result, total_mass=0.4)
     assert bodies_of(chain, theta)[:, 0].sum() == pytest.approx(0.4, rel=1e-7)
 
 
 def test_combinations_that_cannot_be_told_apart_are_refused():
-    chain, _, base, found, _ = case("five_bar", 1e-4)
-    alike = replace(found, covariance=np.ones((len(base), len(base))))
+    chain, _, base, result, _ = case("five_bar", 1e-4)
+    alike = replace(result, covariance=np.ones((len(base), len(base))))
     with pytest.raises(InputError, match="cannot be told apart"):
         consistent_parameters(chain, alike)
 

@@ -68,8 +68,8 @@ def test_a_log_of_an_mtm_that_is_known_is_predicted_by_physical_parameters(capsy
         tau += 0.01 * tau.std(axis=0) * random.normal(size=tau.shape)
         logs.append(np.hstack([np.round(x, 4), np.gradient(x, t, axis=0), tau]))
     dvrk.judged(arm, *logs, dvrk.OF_MTM)
-    told = [line.split() for line in capsys.readouterr().out.splitlines()[3:]]
-    assert max(float(error) for line in told for error in line[2:]) < 0.1
+    records = [line.split() for line in capsys.readouterr().out.splitlines()[3:]]
+    assert max(float(error) for line in records for error in line[2:]) < 0.1
 
 
 @pytest.mark.slow

@@ -90,13 +90,13 @@ def test_links_at_fixed_joints_get_one_inertia_and_the_base_keeps_its_own(tmp_pa
 @pytest.mark.parametrize("locked", [{"turn": 0.0}, {"push": 0.0}, {"push": 0.4}, {"turn": -0.7}])
 def test_locked_joints_are_fixed_in_the_file(locked, tmp_path):
     """The file alone is the robot; also if the joint is locked once more."""
-    source, found = tmp_path / "arm.urdf", tmp_path / "found.urdf"
+    source, result = tmp_path / "arm.urdf", tmp_path / "found.urdf"
     arm = read(source, ARM)
     (free,) = {"turn", "push"} - set(locked)
     robot = sst_pin.ClosedChain(arm.model, [], [free], locked=locked)
-    write_urdf(robot, source, found)
+    write_urdf(robot, source, result)
     q, v, a = np.array([[0.3], [-0.7], [1.1]])
-    for again in (read(found), read(found, locked=[*locked])):
+    for again in (read(result), read(result, locked=[*locked])):
         assert again.joint_names == (free,)
         assert_allclose(
             again.compute_torques(q, v, a), robot.compute_torques(q, v, a), rtol=1e-12, atol=1e-12
@@ -124,33 +124,33 @@ def test_what_a_urdf_cannot_have_is_told_by_name(tmp_path):
 
 def test_friction_of_a_universal_joint_replaces_that_of_the_file(tmp_path):
     """Equal friction of both hinges is written, other friction is told, none stays."""
-    source, found = tmp_path / "arm.urdf", tmp_path / "found.urdf"
+    source, result = tmp_path / "arm.urdf", tmp_path / "found.urdf"
     source.with_suffix(".yaml").write_text("name_mot: []\njoint_type: {turn: UJOINT_XY}")
     robot = read(source, ARM.replace('velocity="5"/>', 'velocity="5"/><dynamics damping="2"/>', 1))
     assert_allclose(robot.friction.viscous[:2], 2)
     equal = robot.with_parameters({"turn_X.viscous": 0.3, "turn_Y.viscous": 0.3})
-    write_urdf(equal, source, found)
-    found.with_suffix(".yaml").write_bytes(source.with_suffix(".yaml").read_bytes())
-    assert_allclose(read(found).friction.viscous, equal.friction.viscous)
+    write_urdf(equal, source, result)
+    result.with_suffix(".yaml").write_bytes(source.with_suffix(".yaml").read_bytes())
+    assert_allclose(read(result).friction.viscous, equal.friction.viscous)
     other = robot.with_parameters({"turn_X.viscous": 0.3, "turn_Y.viscous": 0.1})
     with pytest.warns(sst_pin.DescriptionWarning, match=r"store turn_X\.viscous, turn_Y\.viscous;"):
-        write_urdf(other, source, found, force=True)
-    assert_allclose(read(found).friction.viscous[:2], 0)
+        write_urdf(other, source, result, force=True)
+    assert_allclose(read(result).friction.viscous[:2], 0)
 
 
 def test_the_yaml_stores_what_a_urdf_cannot(tmp_path):
     """Parameters that it gives are no loss; others are told, with the file that stores them."""
-    source, found = tmp_path / "arm.urdf", tmp_path / "found.urdf"
+    source, result = tmp_path / "arm.urdf", tmp_path / "found.urdf"
     line = "{frames: [base, slide], name: gas, stiffness: 40}"
     source.with_suffix(".yaml").write_text(f"name_mot: [turn]\nline_force: [{line}]")
     robot = read(source, ARM)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        write_urdf(robot, source, found)
+        write_urdf(robot, source, result)
     stiffer = robot.with_parameters({"gas.stiffness": 50.0})
     text = r"a URDF cannot store gas\.stiffness; write them into arm\.yaml beside it"
     with pytest.warns(sst_pin.DescriptionWarning, match=text):
-        write_urdf(stiffer, source, found, force=True)
+        write_urdf(stiffer, source, result, force=True)
 
 
 def test_meshes_are_at_the_same_files_from_another_folder(tmp_path):

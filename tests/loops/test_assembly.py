@@ -163,7 +163,7 @@ def test_assembly_within_limits_holds_them_and_finds_the_other_branch():
     guesses = ([1.2, -0.7, 2.0], [1.2, -2.0, -1.5])
     coupler = sorted(ladder(1).assemble(guess, ["crank_0"])[1] for guess in guesses)
     assert coupler[1] - coupler[0] > 0.5
-    found = set()
+    result = set()
     for seed in range(40):
         side = seed % 2
         middle = sum(coupler) / 2
@@ -174,8 +174,8 @@ def test_assembly_within_limits_holds_them_and_finds_the_other_branch():
         q = chain.assemble(guess, ["crank_0"], limits=True, tries=20)
         assert lower <= q[1] <= upper
         assert np.abs(chain.residual(q)).max() < 1e-11
-        found.add(side)
-    assert found == {0, 1}
+        result.add(side)
+    assert result == {0, 1}
 
 
 def test_limits_that_no_configuration_meets_are_named():
@@ -229,9 +229,9 @@ def test_a_guess_without_quaternions_is_the_way_from_the_neutral_configuration()
 def test_a_batch_of_guesses_is_assembled_sample_by_sample_and_open_ones_are_named():
     robot, random = sst_pin.robots.five_bar(), np.random.default_rng(0)
     guesses = robot.home + 0.05 * random.normal(size=(2, 3, robot.model.nq))
-    found = robot.assemble(guesses)
-    assert found.shape == guesses.shape
-    assert np.array_equal(found[1, 2], robot.assemble(guesses[1, 2]))
+    result = robot.assemble(guesses)
+    assert result.shape == guesses.shape
+    assert np.array_equal(result[1, 2], robot.assemble(guesses[1, 2]))
     guesses[0, 1, list(robot.actuated)] = np.pi, 0.0  # the elbows are too far apart
     with pytest.raises(sst_pin.ClosureError) as caught:
         robot.assemble(guesses)

@@ -105,8 +105,8 @@ def test_planar_3rpr_platforms_have_the_poses_of_elimination(base, platform, len
     assert len(modes) == len(poses)
     assert not modes.complete
     places = [pose(chain, q, "a") for q in modes.q]
-    found = [(*p.translation[:2], np.arctan2(p.rotation[1, 0], p.rotation[0, 0])) for p in places]
-    assert_allclose(sorted(found), sorted(poses), atol=2e-9)  # nine digits
+    result = [(*p.translation[:2], np.arctan2(p.rotation[1, 0], p.rotation[0, 0])) for p in places]
+    assert_allclose(sorted(result), sorted(poses), atol=2e-9)  # nine digits
     assert np.abs(chain.residual(modes.q)).max() < 1e-12 * max(1, chain.mechanism.length)
 
 
@@ -232,17 +232,17 @@ def test_modes_are_those_of_a_search_from_many_starts():
     at = chain.home[[chain.position_names.index(name) for name in chain.coordinates]]
     held = dict(zip(chain.coordinates, at + np.array([0.2, -0.1]), strict=True))
     modes = chain.assembly_modes(held)
-    found = []
+    result = []
     for _ in range(20):
         guess = chain.home + random.uniform(-3, 3, chain.model.nq)
         for name, value in held.items():
             guess[chain.position_names.index(name)] = value
         try:
-            found.append(chain.assemble(guess, fixed=list(held)))
+            result.append(chain.assemble(guess, fixed=list(held)))
         except sst_pin.ClosureError:
             continue
-    assert len(found) > 5
-    for q in found:
+    assert len(result) > 5
+    for q in result:
         assert np.abs(np.sin((modes.q - q) / 2)).max(axis=1).min() < 1e-9
 
 

@@ -272,8 +272,8 @@ def test_locked_joints_stay_where_they_are_in_a_tree_of_any_order(locked, frames
     np.testing.assert_allclose(pin.rnea(fixed, data, q[free], v[free], v[free]), forces, atol=1e-12)
     pin.framesForwardKinematics(fixed, data, q[free])
     pin.framesForwardKinematics(tree, whole, q)
-    found, wanted = (d.oMf[m.getFrameId("A")] for m, d in ((fixed, data), (tree, whole)))
-    np.testing.assert_allclose(found.homogeneous, wanted.homogeneous, atol=1e-12)
+    result, wanted = (d.oMf[m.getFrameId("A")] for m, d in ((fixed, data), (tree, whole)))
+    np.testing.assert_allclose(result.homogeneous, wanted.homogeneous, atol=1e-12)
     assert fixed.referenceConfigurations["home"].tolist() == free
 
 

@@ -103,13 +103,13 @@ def everything(chain, q, random):
     """All results that depend on the numbers of a model, by single samples and by batches."""
     n, m = chain.degrees_of_freedom, len(chain.motor_names)
     va, aa = random.normal(size=(2, n))
-    found = [numbers(chain, q, random), chain.friction.viscous, chain.friction.coulomb]
+    result = [numbers(chain, q, random), chain.friction.viscous, chain.friction.coulomb]
     for x in (q, np.stack([q, q])):
-        found += chain.torque_derivatives(x, va, aa)
-        found += chain.acceleration_derivatives(x, va, np.ones(m))
-        found += [chain.compute_accelerations(x, va, np.ones(m)), chain.joint_rates(x, va)]
-        found += [chain.kinetic_energy(x, va), chain.frame_jacobian(x, "A")]
-    return np.concatenate([np.ravel(x) for x in found])
+        result += chain.torque_derivatives(x, va, aa)
+        result += chain.acceleration_derivatives(x, va, np.ones(m))
+        result += [chain.compute_accelerations(x, va, np.ones(m)), chain.joint_rates(x, va)]
+        result += [chain.kinetic_energy(x, va), chain.frame_jacobian(x, "A")]
+    return np.concatenate([np.ravel(x) for x in result])
 
 
 @pytest.mark.parametrize("name", CHANGES)

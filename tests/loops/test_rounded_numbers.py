@@ -30,14 +30,14 @@ def with_warnings(make, *arguments, **options):
 def motions(chain, count=3):
     """Configurations near home, none near a singularity; rates and accelerations."""
     random = np.random.default_rng(0)
-    n, found = chain.degrees_of_freedom, []
-    while len(found) < count:
+    n, result = chain.degrees_of_freedom, []
+    while len(result) < count:
         moved = pin.integrate(chain.model, chain.home, random.uniform(-0.3, 0.3, chain.model.nv))
         with suppress(ClosureError):
             q = chain.assemble(moved, chain.coordinates)
             if chain.condition_number(q) < 2 * chain.condition_number(chain.home):
-                found.append(q)
-    return np.array(found), *random.normal(size=(2, count, n))
+                result.append(q)
+    return np.array(result), *random.normal(size=(2, count, n))
 
 
 def forces(chain, q, va, aa):
@@ -70,8 +70,8 @@ def compare(exact, chain, digits):
 @pytest.mark.parametrize("name", rr.PLANS)
 def test_a_rounded_robot_moves_as_the_exact_one(name, digits):
     plan = rr.drawn_by_cad(rr.PLANS[name](), seed=0)
-    chain, told = with_warnings(rr.rounded(plan, digits).chain)
-    assert len(told) == 1
+    chain, records = with_warnings(rr.rounded(plan, digits).chain)
+    assert len(records) == 1
     compare(plan.chain(), chain, digits)
 
 
@@ -89,8 +89,8 @@ def test_files_of_few_digits_are_read(tmp_path, name):
     digits = 5
     plan = rr.drawn_by_cad(rr.PLANS[name](), seed=3)
     plan.model.damping[:] = 0
-    chain, told = with_warnings(read, plan, digits, tmp_path)
-    assert sum("few digits" in text for text in told) == 1
+    chain, records = with_warnings(read, plan, digits, tmp_path)
+    assert sum("few digits" in text for text in records) == 1
     exact = plan.chain(coordinates=chain.coordinates)
     q, va, aa = motions(exact)
     f = exact.generalized_forces(q, va, aa)
@@ -121,11 +121,11 @@ def test_a_right_angle_of_five_digits_is_one(tmp_path):
 
 def test_the_warning_says_which_loops_are_open_how_far_and_what_was_changed():
     plan = rr.bar("hinge", across=2e-4)
-    chain, (told,) = with_warnings(plan.chain)
-    assert "coupler_end - rocker_end" in told
-    assert "few digits" in told
+    chain, (records,) = with_warnings(plan.chain)
+    assert "coupler_end - rocker_end" in records
+    assert "few digits" in records
     metres, degrees, by_metres, by_degrees = map(
-        float, re.findall(r"([\d.e-]+) (?:m|degrees)\b", told)
+        float, re.findall(r"([\d.e-]+) (?:m|degrees)\b", records)
     )
     assert metres == pytest.approx(2e-4, rel=0.02)
     places = zip(plan.model.frames, chain.mechanism.model.frames, strict=True)
@@ -139,17 +139,17 @@ def test_the_warning_says_which_loops_are_open_how_far_and_what_was_changed():
 
 
 def test_a_chain_made_of_a_corrected_one_warns_no_more():
-    chain, told = with_warnings(rr.rounded(rr.drawn_by_cad(rr.PLANS["SST"](), 0), 5).chain)
-    assert told
-    _, told = with_warnings(chain.with_coordinates, chain.coordinates)
-    assert not told
+    chain, records = with_warnings(rr.rounded(rr.drawn_by_cad(rr.PLANS["SST"](), 0), 5).chain)
+    assert records
+    _, records = with_warnings(chain.with_coordinates, chain.coordinates)
+    assert not records
 
 
 def test_validate_notes_few_digits_and_finds_no_error(tmp_path):
     plan = rr.drawn_by_cad(rr.PLANS["four-bar with hinge"](), seed=3)
     with_warnings(read, plan, 5, tmp_path)
-    problems, told = with_warnings(sst_pin.validate, tmp_path / "robot.urdf")
-    assert not told
+    problems, records = with_warnings(sst_pin.validate, tmp_path / "robot.urdf")
+    assert not records
     assert {p.severity for p in problems} == {"note"}
     assert sum("few digits" in p.text for p in problems) == 1
 

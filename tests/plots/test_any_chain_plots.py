@@ -129,27 +129,27 @@ def test_a_page_with_a_path_in_space_is_legible(monkeypatch):
 def test_a_map_shows_what_is_reached_and_what_ends_it(monkeypatch):
     lift = sst_pin.robots.five_bar()
     side = np.linspace(-0.15, 0.15, 7)
-    found = sst_pin.reach_map(lift, "platform", 2.0, x=side, y=side)
+    result = sst_pin.reach_map(lift, "platform", 2.0, x=side, y=side)
     figure = Figure(figsize=(7, 3), layout="constrained")
     for axes, show in zip(figure.subplots(1, 2), ("condition", "used"), strict=True):
-        ax = plots.reach_map(axes, found, show)
+        ax = plots.reach_map(axes, result, show)
         field, ends = (drawn.get_array() for drawn in ax.collections)
-        assert (np.ma.getmaskarray(field) ^ found.reached).all()
-        assert np.array_equal(field[found.reached], getattr(found, show)[found.reached])
-        assert (np.ma.getmaskarray(ends) ^ (found.why == 2)).all()
+        assert (np.ma.getmaskarray(field) ^ result.reached).all()
+        assert np.array_equal(field[result.reached], getattr(result, show)[result.reached])
+        assert (np.ma.getmaskarray(ends) ^ (result.why == 2)).all()
         assert [text.get_text() for text in ax.get_legend().get_texts()] == ["singular"]
     require_legible(figure, monkeypatch)
     with pytest.raises(sst_pin.InputError, match="'q' unknown; known: condition, used"):
-        plots.reach_map(ax, found, "q")
+        plots.reach_map(ax, result, "q")
 
 
 def bars(ax):
     """Lengths of the outer and inner bars by their place."""
-    found = {}
+    result = {}
     for patch in ax.patches:
         place = round(patch.get_y() + patch.get_height() / 2)
-        found.setdefault(place, []).append(patch.get_width())
-    return found
+        result.setdefault(place, []).append(patch.get_width())
+    return result
 
 
 @pytest.mark.parametrize("soft", [False, True])

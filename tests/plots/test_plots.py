@@ -71,9 +71,9 @@ def test_curves_are_what_the_robot_computes(sticky, circle):
     ax = plots.powers(axes(), sticky, circle)
     assert np.abs(curve(ax, "all motors") - (circle.tau * circle.va).sum(axis=1)).max() < 1e-12
     assert np.abs(curve(ax, "friction") + 0.2 * (rates**2).sum(axis=1)).max() < 1e-12
-    found = sticky.singularities(circle.q)
+    result = sticky.singularities(circle.q)
     ax = plots.condition_number(axes(), sticky, circle)
-    assert np.array_equal(curve(ax, "singularity (second kind), cond A"), found.condition_number)
+    assert np.array_equal(curve(ax, "singularity (second kind), cond A"), result.condition_number)
 
 
 def test_energy_drawn_is_balanced(sticky, circle):

@@ -64,10 +64,10 @@ def test_the_form_matters_more_than_the_method():
     """Every term by itself takes more than twice one recursion; virtual work is within a fifth."""
     all_, work = ({} for _ in range(2))
     robot = sst_pin.SST()
-    for found, case in ((all_, robot), (work, cost.by_virtual_work(robot))):
+    for result, case in ((all_, robot), (work, cost.by_virtual_work(robot))):
         e = cost.equations_of(case)
         for method in (cost.LONG, cost.SHORT):
-            found[method] = cost.operations(cost.expression(e, "inverse", method)).total()
+            result[method] = cost.operations(cost.expression(e, "inverse", method)).total()
     assert all_[cost.LONG] > 2 * all_[cost.SHORT]
     assert work[cost.SHORT] == pytest.approx(all_[cost.SHORT], rel=0.2)
 

@@ -82,8 +82,8 @@ def test_reading_about_the_centre_is_the_printed_inertia():
 
 def test_three_thin_arcs_have_the_inertia_that_the_page_tells(page):
     """About s and across it, about the mass centre; by the midpoint rule."""
-    told = re.search(r"have ([\d.]+) kg m\^2 about s and ([\d.]+) normal to it", page)
-    about, across = map(float, told.groups())
+    records = re.search(r"have ([\d.]+) kg m\^2 about s and ([\d.]+) normal to it", page)
+    about, across = map(float, records.groups())
     angles = (np.arange(1000) + 0.5) / 1000 * np.pi / 2
     points = [
         0.4 * np.stack([np.cos(angles), np.sin(angles) * np.cos(k), np.sin(angles) * np.sin(k)])

@@ -172,8 +172,8 @@ def test_every_file_of_code_names_its_licence():
 @pytest.mark.parametrize("line", ["sst_pin.", "sst_pin.robots.", "robot."])
 def test_jedi_completes_a_session(line):
     robot = sst_pin.SST()
-    found = jedi.Interpreter(line, [{"sst_pin": sst_pin, "robot": robot}]).complete()
-    names = {completion.name for completion in found if completion.name[0] != "_"}
+    result = jedi.Interpreter(line, [{"sst_pin": sst_pin, "robot": robot}]).complete()
+    names = {completion.name for completion in result if completion.name[0] != "_"}
     wanted = {"sst_pin.": set(sst_pin.__all__), "sst_pin.robots.": set(sst_pin.robots.__all__)}
     assert wanted.get(line, {"compute_torques", "home"}) <= names
     if line == "sst_pin.robots.":

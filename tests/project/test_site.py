@@ -48,12 +48,12 @@ class Resources(HTMLParser):
         self.feed(text)
 
     def handle_starttag(self, tag, attrs):
-        found = dict(attrs)
-        self.ids.add(found.get("id"))
+        result = dict(attrs)
+        self.ids.add(result.get("id"))
         if tag in ("script", "img", "iframe", "source", "video"):
-            self.loaded.append(found.get("src"))
-        if tag == "link" and found.get("rel") != "canonical":
-            self.loaded.append(found.get("href"))
+            self.loaded.append(result.get("src"))
+        if tag == "link" and result.get("rel") != "canonical":
+            self.loaded.append(result.get("href"))
 
 
 def test_pages_load_nothing_from_other_hosts(site):

@@ -24,10 +24,10 @@ def read(folder, *elements, cuts="name_mot: [hinge]\n"):
         warnings.simplefilter("always")
         chain = sst_pin.ClosedChain.from_urdf(path)
     problems = [p for p in sst_pin.validate(path) if p.severity != "note"]
-    told = [str(warning.message) for warning in caught]
-    assert len(told) == len(problems)
-    assert all(f"{p.where}: {p.text}" in text for p, text in zip(problems, told, strict=True))
-    return told, chain
+    records = [str(warning.message) for warning in caught]
+    assert len(records) == len(problems)
+    assert all(f"{p.where}: {p.text}" in text for p, text in zip(problems, records, strict=True))
+    return records, chain
 
 
 @pytest.mark.parametrize(
@@ -57,9 +57,9 @@ def read(folder, *elements, cuts="name_mot: [hinge]\n"):
     ],
 )
 def test_what_acts_and_is_not_read_is_named(tmp_path, element, word):
-    told, _ = read(tmp_path, element)
-    assert len(told) == 1
-    assert word in told[0]
+    records, _ = read(tmp_path, element)
+    assert len(records) == 1
+    assert word in records[0]
 
 
 @pytest.mark.parametrize(
@@ -79,8 +79,8 @@ def test_what_does_not_act_is_not_named(tmp_path, element):
     "words", ["<gravity>false</gravity>", "<turnGravityOff>1</turnGravityOff>"]
 )
 def test_gravity_that_is_off_for_each_link_is_off(tmp_path, words):
-    told, chain = read(tmp_path, f'<gazebo reference="arm">{words}</gazebo>')
-    assert told == []
+    records, chain = read(tmp_path, f'<gazebo reference="arm">{words}</gazebo>')
+    assert records == []
     assert not chain.model.gravity.linear.any()
 
 
@@ -92,17 +92,17 @@ def test_gravity_that_is_off_for_one_link_is_named(tmp_path, words):
     link = f'<link name="tip">{BODY}{words}</link>'.replace("</gazebo></link>", "</gazebo>")
     joint = """<joint name="wrist" type="continuous"><parent link="arm"/><child link="tip"/>
     <axis xyz="0 0 1"/></joint>"""
-    told, chain = read(tmp_path, link, joint, cuts="name_mot: [hinge, wrist]\n")
-    assert len(told) == 1
-    assert "link tip: gravity is off for this link only" in told[0]
+    records, chain = read(tmp_path, link, joint, cuts="name_mot: [hinge, wrist]\n")
+    assert len(records) == 1
+    assert "link tip: gravity is off for this link only" in records[0]
     assert chain.model.gravity.linear.any()
 
 
 def test_a_spring_of_gazebo_acts(tmp_path):
     """Torque k (q - reference), as the default damper of the URDF."""
     words = "<springStiffness>3</springStiffness><springReference>0.2</springReference>"
-    told, chain = read(tmp_path, f'<gazebo reference="hinge">{words}</gazebo>')
-    assert told == []
+    records, chain = read(tmp_path, f'<gazebo reference="hinge">{words}</gazebo>')
+    assert records == []
     tau = chain.compute_torques(np.array([0.5]), np.zeros(1), np.zeros(1))
     assert tau == pytest.approx([3 * (0.5 - 0.2)], rel=1e-14)
 
@@ -126,8 +126,8 @@ BARS += HINGE.format(link="rod", body=BODY, name="pivot", parent="base", at="0.9
 @pytest.mark.parametrize("declared", [True, False])
 def test_a_ball_constraint_of_drake_closes_a_loop(tmp_path, declared):
     ball = BALL.replace("constraint>", 'constraint xmlns:drake="d">', 1) if declared else BALL
-    told, chain = read(tmp_path, BARS, ball)
-    assert told == []
+    records, chain = read(tmp_path, BARS, ball)
+    assert records == []
     assert chain.mobility().degrees_of_freedom == 1
     a, b, c = chain.assemble([1.2, -2.0, 2.0], fixed=["hinge"])
     tip = np.array([np.cos(a) + 0.8 * np.cos(a + b), np.sin(a) + 0.8 * np.sin(a + b)])
@@ -171,10 +171,10 @@ def test_a_ball_constraint_that_cannot_be_meant_is_refused(tmp_path, old, new, t
 )
 def test_a_mark_beside_a_yaml_with_closures_is_named(tmp_path, mark, name):
     cuts = "closed_loop: [[coupler, rod]]\ntype: [orientation]\nname_mot: [hinge, pivot]\n"
-    told, chain = read(tmp_path, BARS, mark, cuts=cuts)
+    records, chain = read(tmp_path, BARS, mark, cuts=cuts)
     assert len(chain.closures) == 1
-    assert len(told) == 1
-    assert f"closures: the URDF also has {name}, not read because" in told[0]
+    assert len(records) == 1
+    assert f"closures: the URDF also has {name}, not read because" in records[0]
 
 
 @pytest.mark.parametrize("declared", [True, False])
@@ -184,8 +184,8 @@ def test_a_rotor_of_drake_counts_by_the_square_of_its_gear(tmp_path, declared):
     <drake:rotor_inertia value="0.002"/><drake:gear_ratio value="10"/></actuator></transmission>"""
     if declared:
         transmission = transmission.replace("<transmission>", '<transmission xmlns:drake="d">')
-    told, chain = read(tmp_path, transmission)
-    assert told == []
+    records, chain = read(tmp_path, transmission)
+    assert records == []
     (mass,) = [1 + 1 * 0.1**2]
     tau = chain.compute_torques(np.zeros(1), np.zeros(1), np.ones(1))
     assert tau == pytest.approx([mass + 0.002 * 10**2], rel=1e-14)

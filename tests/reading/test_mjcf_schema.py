@@ -56,19 +56,19 @@ ELSEWHERE = {
 
 def schema():
     """Attributes by element, as MuJoCo prints them."""
-    path, found = [], {}
+    path, result = [], {}
     for line in mujoco.mj_printSchema(False, False).splitlines():
         words = line.split()
         if "(" in line and len(words) > 1 and words[1] in ("(!)", "(*)", "(?)", "(R)"):
             path[(len(line) - len(line.lstrip())) // 3 :] = [words[0]]
             words = words[2:]
-        found.setdefault("/".join(path[1:]), []).extend(words)
-    return {name: attributes for name, attributes in found.items() if name}
+        result.setdefault("/".join(path[1:]), []).extend(words)
+    return {name: attributes for name, attributes in result.items() if name}
 
 
 def elements(root):
     """Elements of `BASE` by their name in the schema."""
-    found = {}
+    result = {}
 
     def walk(element, path):
         for child in element:
@@ -76,11 +76,11 @@ def elements(root):
             if child.tag in ("worldbody", "body"):
                 inside = ["(world)body"]
             if child.tag != "worldbody":  # which has no attributes
-                found.setdefault("/".join(inside), []).append(child)
+                result.setdefault("/".join(inside), []).append(child)
             walk(child, inside)
 
     walk(root, [])
-    return found
+    return result
 
 
 def disagreements(path, text):
@@ -136,10 +136,10 @@ def test_every_attribute_is_read_as_mujoco_reads_it_or_refused(tmp_path, name):
             changed = deepcopy(root)
             elements(changed)[name][0].set(attribute, value)
             try:
-                found = disagreements(tmp_path / "r.xml", ET.tostring(changed, encoding="unicode"))
+                result = disagreements(tmp_path / "r.xml", ET.tostring(changed, encoding="unicode"))
             except (ValueError, mujoco.FatalError):
                 continue  # MuJoCo does not take it
-            assert found != "differs", (attribute, value)
+            assert result != "differs", (attribute, value)
             taken += 1
     assert taken or name in ONLY_NAMES or not schema()[name]
 
@@ -208,8 +208,8 @@ def test_the_motors_push_where_the_actuators_do(tmp_path, text):
     mj = mujoco.MjModel.from_xml_path(str(path))
     data, moments = mujoco.MjData(mj), np.zeros((mj.nactuator, mj.nv))
     mujoco.mj_forward(mj, data)
-    found = data.moment_rownnz, data.moment_rowadr, data.moment_colind
-    mujoco.mju_sparse2dense(moments, data.actuator_moment, *found)
+    result = data.moment_rownnz, data.moment_rowadr, data.moment_colind
+    mujoco.mju_sparse2dense(moments, data.actuator_moment, *result)
     for motor, row in zip(read_mjcf(path).actuated, moments, strict=True):
         _, shares = tendon_of(motor)
         ours = np.array([shares.get(name, 0.0) for name in ("a", "b", "d")])

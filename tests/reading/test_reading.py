@@ -66,8 +66,8 @@ def test_a_joint_of_the_laas_schema_turns_about_its_axes_in_turn(kind, names, q,
     model, plain = urdf.tree({"j1": kind}), urdf.tree()
     assert list(model.names)[1:] == ["j0", *names, "j2"]
     at = body(plain, np.array([0.7, 0, 0]), "c")
-    found = body(model, np.array([0.7, *q, 0.4]), "c")
-    assert found.isApprox(at * pin.SE3(turn(q), np.zeros(3)), 1e-12)
+    result = body(model, np.array([0.7, *q, 0.4]), "c")
+    assert result.isApprox(at * pin.SE3(turn(q), np.zeros(3)), 1e-12)
     assert pin.computeTotalMass(model) == pin.computeTotalMass(plain)
     for field in ("lowerPositionLimit", "upperPositionLimit", "effortLimit", "velocityLimit"):
         ours, theirs = getattr(model, field), getattr(plain, field)

@@ -273,10 +273,10 @@ def test_the_placement_frame_of_a_model_stands_where_its_pose_says(tmp_path):
     chain = chain_of(text, tmp_path)
     data = chain.model.createData()
     pin.framesForwardKinematics(chain.model, data, np.zeros(2))
-    found = data.oMf[chain.model.getFrameId("b")]
-    np.testing.assert_allclose(found.translation, [1, 2, 3], atol=1e-12)
+    result = data.oMf[chain.model.getFrameId("b")]
+    np.testing.assert_allclose(result.translation, [1, 2, 3], atol=1e-12)
     R = pin.rpy.rpyToMatrix(0, np.pi / 2, np.pi / 6)
-    np.testing.assert_allclose(found.rotation, R, atol=1e-12)
+    np.testing.assert_allclose(result.rotation, R, atol=1e-12)
 
 
 def test_a_joint_written_from_far_to_near_keeps_its_limits(tmp_path):

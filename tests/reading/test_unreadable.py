@@ -68,10 +68,10 @@ def refused(kind, path):
     """What the reader says, which must be what `validate` says."""
     with pytest.raises(sst_pin.DescriptionError) as caught:
         kind.from_urdf(path)
-    told = [f"{p.where}: {p.text}" for p in sst_pin.validate(path) if p.severity == "error"]
+    records = [f"{p.where}: {p.text}" for p in sst_pin.validate(path) if p.severity == "error"]
     said = [problem.replace("not a URDF: ", "file: ") for problem in caught.value.problems]
     assert said
-    assert all(told.count(problem) == 1 for problem in said)
+    assert all(records.count(problem) == 1 for problem in said)
     return caught.value.problems
 
 

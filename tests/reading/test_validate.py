@@ -116,8 +116,8 @@ FAULTS = [
 
 @pytest.mark.parametrize(("urdf", "problem"), FAULTS, ids=[problem for _, problem in FAULTS])
 def test_a_fault_of_the_urdf_is_told_with_its_place(found, urdf, problem):
-    told = [str(p) for p in found(urdf) if problem in str(p)]
-    assert len(told) == 1
+    records = [str(p) for p in found(urdf) if problem in str(p)]
+    assert len(records) == 1
 
 
 @pytest.mark.parametrize(
@@ -144,8 +144,8 @@ def test_a_fault_of_the_urdf_is_told_with_its_place(found, urdf, problem):
 )
 def test_a_fault_of_the_cuts_is_told_with_its_place(found, old, new, problem):
     assert old in CUTS
-    told = [str(p) for p in found(cuts=CUTS.replace(old, new, 1)) if problem in str(p)]
-    assert len(told) == 1
+    records = [str(p) for p in found(cuts=CUTS.replace(old, new, 1)) if problem in str(p)]
+    assert len(records) == 1
 
 
 def test_a_motor_too_few_is_told_with_the_joints_that_stay_loose(found):
@@ -176,8 +176,8 @@ def test_a_mesh_is_sought_beside_the_urdf_and_in_packages(tmp_path):
     for name in ("../arm.obj", "package://delta_description/arm.obj"):
         text = URDF.replace("<inertial>", MESH.format(name) + "<inertial>", 1)
         (folder / "robot.urdf").write_text(text)
-        told = [p for p in sst_pin.validate(folder / "robot.urdf") if "not found" in p.text]
-        assert told == []
+        records = [p for p in sst_pin.validate(folder / "robot.urdf") if "not found" in p.text]
+        assert records == []
 
 
 def test_an_open_tree_needs_no_cuts(tmp_path):
@@ -192,8 +192,8 @@ def test_the_command_prints_a_problem_a_line_and_fails(tmp_path, capsys):
     path = tmp_path / "bad.urdf"
     path.write_text(edited("link", "arm_2", 'value="0.08"', 'value="-1"'))
     assert main(["validate", str(path)]) == 1
-    told = "error: link arm_2: its mass is negative, -1 kg\n1 error\n"
-    assert capsys.readouterr().out == told
+    records = "error: link arm_2: its mass is negative, -1 kg\n1 error\n"
+    assert capsys.readouterr().out == records
     delta = str(EXAMPLES / "delta.urdf")
     assert main(["validate", delta]) == main(["validate", "--robot", delta]) == 0
     out = capsys.readouterr().out

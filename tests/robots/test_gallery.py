@@ -168,9 +168,9 @@ def test_the_delta_of_the_examples_has_the_dimensions_of_the_gallery():
     pose = ours.platform_pose(ours.home)
     pose[:3, 3] += (0.03, -0.02, 0.04)
     q = ours.inverse_kinematics(pose)
-    found = theirs.assemble({m: q[ours.position_names.index(m)] for m in theirs.motor_names})
+    result = theirs.assemble({m: q[ours.position_names.index(m)] for m in theirs.motor_names})
     places = []
-    for chain, configuration, frame in ((ours, q, "ball_3b"), (theirs, found, "platform_3b")):
+    for chain, configuration, frame in ((ours, q, "ball_3b"), (theirs, result, "platform_3b")):
         data = chain.model.createData()
         pin.framesForwardKinematics(chain.model, data, configuration)
         places.append(data.oMf[chain.model.getFrameId(frame)].translation)

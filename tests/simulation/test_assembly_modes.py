@@ -202,13 +202,13 @@ def test_a_rollout_ends_before_a_bend_for_which_its_step_is_too_long(bars, momen
     start = chain.assemble(chain.home)
     kernels.compile(start)
     for rate, dt in ((-3.0, 0.005), (-1.0, 0.02), (4.0, 0.02)):
-        tau, found = np.zeros((int(3 / dt), 1)), []
+        tau, result = np.zeros((int(3 / dt), 1)), []
         for robot in (chain, kernels):
             q, va = robot.rollout(tau, start, [rate], dt, on_error="nan")
-            found.append(int(np.isfinite(q[:, 0]).sum()))
-            energy = chain.kinetic_energy(q[: found[-1]], va[: found[-1]])
+            result.append(int(np.isfinite(q[:, 0]).sum()))
+            energy = chain.kinetic_energy(q[: result[-1]], va[: result[-1]])
             assert np.ptp(energy) < 0.3 * energy[0]
-        assert found[0] == found[1]
+        assert result[0] == result[1]
 
 
 @pytest.mark.parametrize("first", [0.8, 1.6, 2.4, 3.3, 4.2, -1.5])

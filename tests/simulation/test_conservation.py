@@ -85,20 +85,20 @@ def rolling_rows(model, rollings):
     def rows(q):
         pin.computeJointJacobians(model, data, q)
         pin.updateFramePlacements(model, data)
-        found = []
+        result = []
         for rolling in rollings:
             wheel = model.getFrameId(rolling.wheel)
             z, up = data.oMf[wheel].rotation[:, 2], np.array([0, 0, 1.0])
             lever = -rolling.radius * (up - up @ z * z) / np.linalg.norm(up - up @ z * z)
             J = pin.getFrameJacobian(model, data, wheel, pin.LOCAL_WORLD_ALIGNED)
-            found.append(J[:3] + np.cross(J[3:], lever, axisa=0, axisb=0, axisc=0))
+            result.append(J[:3] + np.cross(J[3:], lever, axisa=0, axisb=0, axisc=0))
         if model.existFrame(LOOP.frame_a):
             J = [
                 pin.getFrameJacobian(model, data, model.getFrameId(n), pin.LOCAL_WORLD_ALIGNED)[:3]
                 for n in (LOOP.frame_a, LOOP.frame_b)
             ]
-            found.append(J[1] - J[0])
-        return np.concatenate(found)
+            result.append(J[1] - J[0])
+        return np.concatenate(result)
 
     return rows
 

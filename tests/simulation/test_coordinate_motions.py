@@ -143,8 +143,8 @@ def test_dependent_joints_that_are_given_choose_the_assembly(digits):
     given = {name: round(float(q[name]), digits) for name in ("crank", names[slider])}
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = placed(chain.engine, given)
-    assert abs(found[slider] - other[slider]) < 2 * 10.0**-digits + 1e-9
+        result = placed(chain.engine, given)
+    assert abs(result[slider] - other[slider]) < 2 * 10.0**-digits + 1e-9
     for far in (5.0, -5.0):
         with pytest.warns(sst_pin.DescriptionWarning, match=f"{names[slider]} at {far:g} "):
             placed(chain.engine, given | {names[slider]: far})
@@ -180,10 +180,10 @@ def test_joints_beyond_their_limits_are_named_with_their_worst_sample(delta, str
     assert wide.check(motion) == ()
     model.upperPositionLimit[motor] = motion.q[:, motor].max() - 0.01
     narrow = sst_pin.ClosedChain(model, delta.closures, list(delta.motor_names))
-    (found,) = map(str, narrow.check(motion))
+    (result,) = map(str, narrow.check(motion))
     worst = motion.t[motion.q[:, motor].argmax()]
-    assert found.startswith(f"{delta.coordinates[0]} leaves its limits of ")
-    assert f": {motion.q[:, motor].max():.4g} rad at t = {worst:.6g} s" in found
+    assert result.startswith(f"{delta.coordinates[0]} leaves its limits of ")
+    assert f": {motion.q[:, motor].max():.4g} rad at t = {worst:.6g} s" in result
 
 
 def test_a_parallelogram_does_not_go_on_through_its_flat_position():

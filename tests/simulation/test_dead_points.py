@@ -147,10 +147,10 @@ def test_a_loop_of_one_row_keeps_its_mode_where_its_row_vanishes(through, compil
     for speed in (-5.0, -3.7, -3.0):
         for tolerance in (1e-3, 1e-12):
             options = {"rtol": tolerance, "atol": tolerance, "through_singularities": through}
-            with warnings.catch_warnings(record=True) as told:
+            with warnings.catch_warnings(record=True) as records:
                 warnings.simplefilter("always")
                 motion = chain.simulate([0.0], chain.home, [speed], t, **options)
             ahead = 1 + speed * motion.t[:, None]
             assert np.abs(motion.q - ahead).max() < 20 * tolerance + 1e-9
-            assert bool(motion.stopped) is bool(told) is not through
+            assert bool(motion.stopped) is bool(records) is not through
             assert bool(motion.crossings) is through

@@ -20,8 +20,8 @@ def test_the_delta_follows_a_circle_as_its_closed_form_says():
     poses[:, :3, 3] = points
     wanted = delta.inverse_kinematics(poses)
     for given in (points, poses):
-        found = sst_pin.frame_motion(delta, T, "platform", given)
-        assert np.abs(found.q - wanted).max() < 1e-9  # the last step of Newton's method
+        result = sst_pin.frame_motion(delta, T, "platform", given)
+        assert np.abs(result.q - wanted).max() < 1e-9  # the last step of Newton's method
 
 
 def test_a_stewart_platform_follows_poses():

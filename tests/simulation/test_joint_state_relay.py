@@ -81,7 +81,7 @@ def test_the_node_publishes_what_it_computes_with_the_time_of_the_measurement(mo
     )
     called["hear"](heard)
     called["publish"]()
-    (found,) = published
-    assert found.header.stamp == 7.5
-    assert dict(zip(found.name, found.position, strict=True))["gamma_3"] == pytest.approx(0.9)
-    assert found.velocity == [0.0] * len(found.name)
+    (result,) = published
+    assert result.header.stamp == 7.5
+    assert dict(zip(result.name, result.position, strict=True))["gamma_3"] == pytest.approx(0.9)
+    assert result.velocity == [0.0] * len(result.name)

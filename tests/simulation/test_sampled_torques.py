@@ -58,16 +58,16 @@ def test_a_motion_is_that_of_constant_torques_one_after_the_other():
     motion = robot.trajectory(t, *robot.joint_motion(*sst_pin.paper_circle(t)))
     control = sst_pin.ComputedTorque(robot, motion, kp=400, kd=40, limits=30.0)
     start = motion.q[0], motion.va[0] + 0.5
-    found = robot.simulate(sst_pin.SampledTorque(control.torque, 2e-3), *start, t)
+    result = robot.simulate(sst_pin.SampledTorque(control.torque, 2e-3), *start, t)
     q, va = start
     for k in range(len(t) - 1):
         tau = control.torque(t[k], q, va)
-        assert np.abs(found.tau[k] - tau).max() < 1e-8
+        assert np.abs(result.tau[k] - tau).max() < 1e-8
         part = robot.simulate(tau, q, va, t[k : k + 2])
         q, va = part.q[-1], part.va[-1]
-    assert np.abs(found.q[-1] - q).max() < 1e-11
+    assert np.abs(result.q[-1] - q).max() < 1e-11
     other = robot.simulate(sst_pin.SampledTorque(control.torque, 2e-3), *start, [0, 0.0111, 0.03])
-    assert np.abs(other.q[-1] - found.q[-1]).max() < 1e-12  # whatever the times of the output
+    assert np.abs(other.q[-1] - result.q[-1]).max() < 1e-12  # whatever the times of the output
 
 
 def test_the_function_is_called_once_in_each_period_in_the_order_of_time():
@@ -92,11 +92,11 @@ def test_adaptive_control_in_simulate_is_that_of_a_loop():
     poor = chain.with_parameters(0.5 * np.array(chain.dynamic_parameters.values))
     gains = {"stiffness": 20, "damping": 5, "learning": 2}
     control = sst_pin.Adaptive(poor, wanted, **gains)
-    found = chain.simulate(sst_pin.SampledTorque(control.torque, 0.01), [0.0], [6.0], t)
+    result = chain.simulate(sst_pin.SampledTorque(control.torque, 0.01), [0.0], [6.0], t)
     again, x, v = sst_pin.Adaptive(poor, wanted, **gains), 0.0, 6.0
     for k in range(100):
         (force,) = again.torque(t[k], np.array([x]), np.array([v]))
         x, v = x + 0.01 * v + force / 4 * 1e-4, v + force / 2 * 0.01
-    assert found.q[-1, 0] == pytest.approx(x, abs=1e-12)
+    assert result.q[-1, 0] == pytest.approx(x, abs=1e-12)
     assert np.abs(control.theta - again.theta).max() < 1e-12
     assert np.abs(control.theta - poor.dynamic_parameters.values).max() > 0.1  # it did learn

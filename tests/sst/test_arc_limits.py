@@ -36,7 +36,7 @@ def test_a_joint_is_found_off_its_arc_where_its_slider_is(seed):
     robot = sst_pin.SST(random_parameters(rng))
     R = sst_pin.orientation(*rng.uniform(-np.pi, np.pi, (3, len(T))))
     q = robot.inverse_kinematics(R)
-    found = {f.joints[0]: f for f in robot.check(motion_of(robot, q)) if " arc of " in f.problem}
+    result = {f.joints[0]: f for f in robot.check(motion_of(robot, q)) if " arc of " in f.problem}
     legs, v = legs_of_joints(robot.geometry, q), robot.geometry.R_0[:, :, 0]
     for k in range(3):
         u, s, n = legs.u[:, k], legs.s[:, k], legs.n[:, k]
@@ -46,15 +46,15 @@ def test_a_joint_is_found_off_its_arc_where_its_slider_is(seed):
             (f"gamma_{k + 1}", (side < 0).any(axis=0)),
             (f"beta_{k + 1}", ((u * s).sum(axis=1) < 0) | ((u * end).sum(axis=1) < 0)),
         ):
-            times = found[name].times if name in found else []
+            times = result[name].times if name in result else []
             assert np.array_equal(times, T[out])
 
 
 def test_a_finding_carries_times_values_and_limits_and_says_the_worst(robot):
     """beta_1 is 90 deg - phi at theta = 20 deg; its arc begins at 0."""
     phi = np.radians(np.linspace(60, 155, len(T)))
-    found = robot.check(motion_of(robot, tilted(robot, phi)))
-    beta = next(f for f in found if f.joints == ("beta_1",))
+    result = robot.check(motion_of(robot, tilted(robot, phi)))
+    beta = next(f for f in result if f.joints == ("beta_1",))
     assert beta.limits == (0, np.pi / 2)
     assert np.array_equal(beta.times, T[phi > np.pi / 2])
     assert beta.values == pytest.approx((np.pi / 2 - phi)[phi > np.pi / 2], abs=1e-12)
@@ -72,10 +72,10 @@ def test_the_ends_of_an_arc_belong_to_it(robot):
 def test_whole_turns_leave_no_arc_but_joint_limits(robot):
     """The slider is where it was; the joint's stops are not."""
     once, twice = (robot.home + 2 * np.pi * turns * np.eye(9)[0] for turns in (1, -2))
-    found = robot.check(motion_of(robot, np.array([robot.home, once, twice])))
-    assert [f.joints for f in found] == [("gamma_1",)]
-    assert "leaves its limits of -360 to 360 deg" in found[0].problem
-    assert list(found[0].times) == [T[1], T[2]]
+    result = robot.check(motion_of(robot, np.array([robot.home, once, twice])))
+    assert [f.joints for f in result] == [("gamma_1",)]
+    assert "leaves its limits of -360 to 360 deg" in result[0].problem
+    assert list(result[0].times) == [T[1], T[2]]
 
 
 def test_both_kinds_of_singularity_are_found_where_they_are_near(robot):
@@ -83,16 +83,16 @@ def test_both_kinds_of_singularity_are_found_where_they_are_near(robot):
     angles = np.random.default_rng(5).uniform(-np.pi, np.pi, (3, 4000))
     q = robot.inverse_kinematics(sst_pin.orientation(*angles))
     t, near = np.arange(len(q)) / 100, robot.singularities(q)
-    found = robot.check(motion_of(robot, q, t))
-    first = [f for f in found if f.joints[0].startswith("mu")]
-    second = [f for f in found if f.joints == robot.motor_names]
+    result = robot.check(motion_of(robot, q, t))
+    first = [f for f in result if f.joints[0].startswith("mu")]
+    second = [f for f in result if f.joints == robot.motor_names]
     flat = near.first_kind < arc_limits.SMALLEST_SINE
     assert flat.any()
     assert np.array_equal(np.unique(np.concatenate([f.times for f in first])), t[flat])
     assert min(f.values.min() for f in first) == pytest.approx(near.first_kind.min(), rel=1e-12)
     ill = near.condition_number > arc_limits.LARGEST_CONDITION
     assert ill.any()
-    (found,) = second
-    assert np.array_equal(found.times, t[ill])
+    (result,) = second
+    assert np.array_equal(result.times, t[ill])
     # Rounding of the singular values grows with the condition number.
-    assert found.values == pytest.approx(near.condition_number[ill], rel=1e-9)
+    assert result.values == pytest.approx(near.condition_number[ill], rel=1e-9)

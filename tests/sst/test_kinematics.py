@@ -22,7 +22,7 @@ def off_rates(motion):
     W = np.einsum("t,tij->ij", DIFFERENCES, motion.R) @ motion.R[3].T
     omega = np.array((W[2, 1], W[0, 2], W[1, 0]))
     pairs = (omega, motion.omega[3]), (DIFFERENCES @ motion.omega, motion.alpha[3])
-    return [np.abs(found - given).max() for found, given in pairs]
+    return [np.abs(result - given).max() for result, given in pairs]
 
 
 def test_initial_conditions_of_the_paper_come_out_to_every_printed_digit(robot):

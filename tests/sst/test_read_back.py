@@ -55,10 +55,10 @@ ROBOTS = [sst_pin.Parameters(), *map(odd_parameters, range(4))]
 def test_parameters_survive_the_way_through_urdf(p, tmp_path):
     (tmp_path / "sst.urdf").write_text(urdf_of(p))
     (tmp_path / "sst.yaml").write_text(yaml_of(p))
-    found = sst_pin.SST.from_urdf(tmp_path / "sst.urdf").parameters
-    assert_same(found, p)
+    result = sst_pin.SST.from_urdf(tmp_path / "sst.urdf").parameters
+    assert_same(result, p)
     # The second way round changes nothing any more but last digits of the first.
-    assert_same(sst_pin.SST(found).parameters, p)
+    assert_same(sst_pin.SST(result).parameters, p)
 
 
 @pytest.mark.parametrize("p", ROBOTS)

@@ -284,14 +284,14 @@ def lines(
 def states(chain: ClosedChain, count: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """q, va, aa of random motions around a generic configuration, the worst ones left out."""
     random = np.random.default_rng(seed)
-    generic, found = chain.generic_configuration(), []
-    while len(found) < count:
+    generic, result = chain.generic_configuration(), []
+    while len(result) < count:
         moved = pin.integrate(chain.model, generic, 0.2 * random.normal(size=chain.model.nv))
         try:
             q = chain.assemble(moved, fixed=())
         except ClosureError:
             continue
         if chain.condition_number(q) < 1e2:
-            found.append(q)
+            result.append(q)
     va, aa = random.normal(size=(2, count, chain.degrees_of_freedom))
-    return np.array(found), va, aa
+    return np.array(result), va, aa

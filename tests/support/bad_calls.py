@@ -104,7 +104,7 @@ def faults(
     if types.pop("options", ""):  # `Unpack[Options]`
         types |= OPTIONS
     needed = {n: good[n] for n, p in parameters.items() if p.default is p.empty and n in types}
-    found = []
+    result = []
     for name in types.keys() - set(free):
         for value in bad_values(types[name], good.get(name)):
             try:
@@ -113,5 +113,5 @@ def faults(
                 continue
             except Exception as error:
                 answer = error
-            found.append(f"{name}={value!r}: {answer!r}")
-    return found
+            result.append(f"{name}={value!r}: {answer!r}")
+    return result

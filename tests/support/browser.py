@@ -92,12 +92,12 @@ def opened(chromium, viewer, path, size, **options):
     )
     path.write_text(viewer.html, encoding="utf-8")
     page = context.new_page()
-    found = Visit(page)
+    result = Visit(page)
     page.goto(path.as_uri())
     page.evaluate(COARSE)
     yield page
-    assert found.errors == []
-    assert found.requests_elsewhere(path.as_uri()) == []
+    assert result.errors == []
+    assert result.requests_elsewhere(path.as_uri()) == []
     context.close()
 
 

@@ -13,17 +13,17 @@ def drawn_texts(figure, monkeypatch):
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.text import Text
 
-    found, draw = [], Text.draw
+    result, draw = [], Text.draw
 
     def record(self, renderer):
         draw(self, renderer)
         if self.get_visible() and self.get_text().strip():
-            found.append((self.get_text(), self.get_window_extent(renderer)))
+            result.append((self.get_text(), self.get_window_extent(renderer)))
 
     with plots.style(), monkeypatch.context() as patch:
         patch.setattr(Text, "draw", record)
         FigureCanvasAgg(figure).draw()
-    return found
+    return result
 
 
 def require_legible(figure, monkeypatch):

@@ -93,13 +93,13 @@ class Case:
     def frames(self, q=None):
         """{0k}, {1k}, {2k}, {3k} in the base by Eqs. (26)-(29), shape (3, 4, 3, 3)."""
         v, e = self.parameters.base_directions, self.parameters.actuated_axes
-        found = np.empty((3, 4, 3, 3))
+        result = np.empty((3, 4, 3, 3))
         for k, angles in enumerate((self.motion[0] if q is None else q).reshape(3, 3)):
-            found[k, 0] = np.stack([v[k], np.cross(e[k], v[k]), e[k]], axis=-1)
+            result[k, 0] = np.stack([v[k], np.cross(e[k], v[k]), e[k]], axis=-1)
             for i, (axis, angle) in enumerate(zip("zxz", angles, strict=True)):
                 turn = Rotation.from_euler(axis, angle).as_matrix()
-                found[k, i + 1] = found[k, i] @ turn
-        return found
+                result[k, i + 1] = result[k, i] @ turn
+        return result
 
     def star_center(self, q):
         """Mass centre of body 7 as the tree has it: that of its three arcs."""
@@ -153,11 +153,11 @@ def test_twists_and_their_rates_are_those_of_seven_bodies(case):
     """(9)-(15), (21), (24): t = K q_dot = T va."""
     (_, va, aa), t = case.motion, case.terms
     *_, twists, rates = vectors(case)
-    for found in (t.K @ case.rates, t.T @ va):
-        assert error(seven(found), twists) < ROUNDING
+    for result in (t.K @ case.rates, t.T @ va):
+        assert error(seven(result), twists) < ROUNDING
     by_joints = t.K @ case.accelerations + t.K_dot @ case.rates
-    for found in (by_joints, t.T @ aa + t.T_dot @ va):
-        assert error(seven(found), rates) < ROUNDING
+    for result in (by_joints, t.T @ aa + t.T_dot @ va):
+        assert error(seven(result), rates) < ROUNDING
 
 
 def test_K_holds_the_axes_and_their_levers_with_plus_signs(case):
@@ -349,9 +349,9 @@ def balance_of_powers(case):
 def circle():
     """States along the circle of Sect. 7.2, where all beta_k lie in (0, pi)."""
     motion = sst_pin.paper_circle(np.linspace(0, paper.PERIOD, 8, endpoint=False))
-    found = [Case(sst_pin.Parameters(), *state) for state in zip(*motion, strict=True)]
-    assert all((np.sin(case.motion[0][2::3]) > 0.2).all() for case in found)
-    return found
+    result = [Case(sst_pin.Parameters(), *state) for state in zip(*motion, strict=True)]
+    assert all((np.sin(case.motion[0][2::3]) > 0.2).all() for case in result)
+    return result
 
 
 #: Of each misprint: its forms, the cases, and what the corrected form may be off by.

@@ -43,8 +43,8 @@ def test_andrews_torque_accelerations_and_forces_at_the_published_state():
     chain, given = andrews(), PUBLISHED["andrews"]
     q, v, a = (np.array([given[x][name] for name in chain.joint_names]) for x in ("q", "v", "dv"))
     assert_allclose(chain.compute_torques(q, v[:1], a[:1]), 0.033, rtol=0, atol=5e-9)
-    found = chain.joint_accelerations(q, v[:1], a[:1])
-    assert_allclose(found, a, rtol=0, atol=3e-7 * np.abs(a).max())
+    result = chain.joint_accelerations(q, v[:1], a[:1])
+    assert_allclose(result, a, rtol=0, atol=3e-7 * np.abs(a).max())
     assert_allclose(chain.compute_accelerations(q, v[:1], [0.033]), a[:1], rtol=3e-7)
     (*_, forces) = problems.andrews_at_its_end()
     assert float(forces[-1]) < 3e-7

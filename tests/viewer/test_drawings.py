@@ -130,5 +130,5 @@ def test_digits_and_single_letters_alone_are_subscripts(chromium, tmp_path):
     path = tmp_path / "page.html"
     Viewer(sst_pin.robots.four_bar()).save(path)
     with visit(chromium, path.as_uri()) as seen:
-        told = seen.page.evaluate("['gamma_12', 'e_x', 'left_knee', 'rod_1a'].map(subscript)")
-    assert told == ["gamma<sub>12</sub>", "e<sub>x</sub>", "left_knee", "rod_1a"]
+        records = seen.page.evaluate("['gamma_12', 'e_x', 'left_knee', 'rod_1a'].map(subscript)")
+    assert records == ["gamma<sub>12</sub>", "e<sub>x</sub>", "left_knee", "rod_1a"]

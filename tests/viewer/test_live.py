@@ -41,13 +41,13 @@ MOTION = """([q, va, seconds, way, efforts]) => {
 
 def pose_of(name):
     """Home of a robot, or of random poses that which is farthest from a singularity."""
-    chain, random, found = robot_named(name), np.random.default_rng(0), []
+    chain, random, result = robot_named(name), np.random.default_rng(0), []
     if name != "cassie":
         return chain.home
     for _ in range(40):
         with suppress(ClosureError):
-            found.append(chain.assemble(random.uniform(-1, 1, chain.model.nq), fixed=()))
-    return min(found, key=chain.condition_number)
+            result.append(chain.assemble(random.uniform(-1, 1, chain.model.nq), fixed=()))
+    return min(result, key=chain.condition_number)
 
 
 def on_springs(name):
@@ -81,8 +81,8 @@ class Engine:
 
     def motion(self, q, va, seconds, way="none", efforts=()):
         given = [np.asarray(q).tolist(), np.asarray(va).tolist(), seconds, way, list(efforts)]
-        found = self.page.evaluate(MOTION, given)
-        return {k: np.array([s[k] for s in found["states"]]) for k in found["states"][0]}, found
+        result = self.page.evaluate(MOTION, given)
+        return {k: np.array([s[k] for s in result["states"]]) for k in result["states"][0]}, result
 
 
 def states_of(chain, q):
@@ -109,19 +109,19 @@ def test_the_page_computes_what_the_package_computes(chromium, name):
     chain = robot_named(name)
     engine = Engine(chromium, chain)
     states = list(states_of(chain, engine.q))
-    for state, found in zip(states, engine.values(states), strict=True):
+    for state, result in zip(states, engine.values(states), strict=True):
         q, va = state["q"], state["va"]
-        if found["torques"]:
+        if result["torques"]:
             tau = chain.compute_torques(q, va, state["aa"])
-            np.testing.assert_allclose(found["torques"], tau, rtol=1e-9, atol=1e-9)
+            np.testing.assert_allclose(result["torques"], tau, rtol=1e-9, atol=1e-9)
         aa = chain.compute_accelerations(q, va, state["tau"])
         if chain.mechanism.friction.coulomb.any():  # smoothed for an integrator on the page
             smooth = chain.casadi(engine.q, sign_width=0.01)
             aa = smooth.accelerations(q, va, state["tau"]).full().ravel()
-        assert np.abs(np.array(found["accelerations"]) - aa).max() < 1e-8 * (1 + np.abs(aa).max())
+        assert np.abs(np.array(result["accelerations"]) - aa).max() < 1e-8 * (1 + np.abs(aa).max())
         energies = [chain.kinetic_energy(q, va), chain.potential_energy(q)]
-        np.testing.assert_allclose(found["energies"], energies, rtol=1e-9, atol=1e-12)
-        assert found["condition"] == pytest.approx(chain.condition_number(q), rel=1e-6)
+        np.testing.assert_allclose(result["energies"], energies, rtol=1e-9, atol=1e-12)
+        assert result["condition"] == pytest.approx(chain.condition_number(q), rel=1e-6)
     engine.page.close()
 
 
@@ -136,8 +136,8 @@ def test_a_swing_of_ten_seconds_keeps_its_energy(chromium, name, speed):
     chain = on_springs(name)
     home = pose_of(name)
     engine = Engine(chromium, chain, home)
-    motion, found = engine.motion(home, speed * (-1.0) ** np.arange(chain.degrees_of_freedom), 10)
-    assert found["end"] == ""
+    motion, result = engine.motion(home, speed * (-1.0) ** np.arange(chain.degrees_of_freedom), 10)
+    assert result["end"] == ""
     kinetic, potential = motion["energies"].T
     assert np.ptp(motion["q"], axis=0).max() > 0.05
     assert np.ptp(kinetic + potential) < 1e-3 * kinetic.max()
@@ -158,8 +158,8 @@ def test_hold_brings_the_robot_back_after_a_push(chromium):
     """PD with gravity compensation: at rest in the pose where it began, 12/s critically damped."""
     chain = robot_named("four_bar")
     engine = Engine(chromium, chain, chain.home)
-    motion, found = engine.motion(chain.home, [2.0], 3, "hold")
-    assert found["end"] == ""
+    motion, result = engine.motion(chain.home, [2.0], 3, "hold")
+    assert result["end"] == ""
     assert np.ptp(motion["q"], axis=0).max() > 0.02
     assert np.abs(motion["q"][-1] - chain.home).max() < 1e-4
     engine.page.close()

@@ -62,8 +62,8 @@ def page(shown):
 
 def poses(page):
     """Homogeneous matrices in base axes, by node."""
-    found = page.evaluate(POSES)
-    return {n: UP @ np.reshape(x["matrix"], (4, 4)).T for n, x in found.items()}, found
+    result = page.evaluate(POSES)
+    return {n: UP @ np.reshape(x["matrix"], (4, 4)).T for n, x in result.items()}, result
 
 
 def bodies(robot, q):
@@ -79,9 +79,9 @@ def bodies(robot, q):
 
 
 def require_poses(page, robot, q):
-    drawn, found = poses(page)
+    drawn, result = poses(page)
     for node, wanted in bodies(robot, q).items():
-        assert found[node]["mesh"], node
+        assert result[node]["mesh"], node
         assert np.abs(drawn[node] - wanted).max() < 1e-6, node
 
 
@@ -93,12 +93,12 @@ def test_the_page_asks_for_nothing_and_nothing_fails(shown, page):
 
 
 def test_every_body_and_every_extra_is_a_mesh_of_the_scene(page, robot):
-    _, found = poses(page)
+    _, result = poses(page)
     lines = ["robot/0/trail/path", "robot/0/trail/passed"]
     for node in (*bodies(robot, robot.home), *FRAMES, *AXES, *TORQUES, *lines):
-        assert found[node]["mesh"], node
-    assert found[AXES[0]]["visible"]
-    assert not found[FRAMES[0]]["visible"]
+        assert result[node]["mesh"], node
+    assert result[AXES[0]]["visible"]
+    assert not result[FRAMES[0]]["visible"]
 
 
 @pytest.mark.parametrize("sample", [13, 60])
@@ -108,7 +108,7 @@ def test_bodies_are_where_pinocchio_has_them_and_so_are_extras(page, robot, moti
     e_k lie along the noc's joint axes, {E} is turned as the star, arrows are as large as torques.
     """
     page.evaluate("t => panel.seek(t)", motion.t[sample])
-    drawn, found = poses(page)
+    drawn, result = poses(page)
     q, tau = motion.q[sample], motion.tau[sample]
     require_poses(page, robot, q)
     E = drawn["robot/3/frames/{E}_x"][:3, :3]
@@ -129,7 +129,7 @@ def test_bodies_are_where_pinocchio_has_them_and_so_are_extras(page, robot, moti
     assert np.abs(np.array(sizes) - ratio * np.abs(tau)).max() < 2e-3
     assert ratio == pytest.approx(0.45 * 0.4 / largest, rel=1e-5)
     ends = 2 * 8 * 3  # of the trail, an eight-sided tube
-    passed = found["robot/0/trail/passed"]
+    passed = result["robot/0/trail/passed"]
     assert passed["drawn"] == sample / 60 * (passed["indices"] - ends)
 
 
