@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Sparse linear systems: an order of pivots found on numbers, then carried out on symbols.
+"""Solves sparse linear systems on symbols, with pivots that are chosen on numbers.
 
 `Factors` eliminates. Its pivots are chosen once, for all configurations: few fill-ins (Markowitz),
 and in every sample not much smaller than the rest of their column, so that no element grows. Rows
@@ -61,7 +61,7 @@ def pivot_order(pattern: Flags, values: Array) -> tuple[list[tuple[int, int]], A
 
 
 class Factors:
-    """The part of a matrix with given pivots, factorised, the last two as one 2 x 2 block."""
+    """Factors of the part of a matrix that has pivots; the last two are one 2 x 2 block."""
 
     def __init__(self, rows: Rows, order: Sequence[tuple[int, int]]) -> None:
         columns = {j for _, j in order}
@@ -156,7 +156,7 @@ class Factors:
 
 
 class Orthogonal:
-    """A sparse matrix A with independent columns, Q R by the modified method of Gram and Schmidt.
+    """Factors Q R of a sparse matrix A with independent columns, by modified Gram-Schmidt.
 
     No order of pivots has to be chosen: the squares of the columns of Q, which are not normalised,
     are at least the square of the smallest singular value. Both solutions are backward stable

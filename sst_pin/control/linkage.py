@@ -41,7 +41,7 @@ class Linkage:
         self._units = scale[self._rows]
         self.motors = tuple(self.chain.motor_names[k] for k in self._rows)
         self._require_motors(J)
-        # After these a motor of a joint without limits is at the same position.
+        # A motor of a joint without limits is at the same position after a turn of the joint.
         endless = ~np.isin(space.rate_names, space.position_names)
         self._turns = 2 * np.pi * np.abs(chain.mechanism.motors[:, self._rows]).T @ endless
 
@@ -66,7 +66,7 @@ class Linkage:
     def from_joints(self, positions: ArrayLike, start: ArrayLike | None = None) -> Array:
         """Configurations, shape (..., nq), for positions of the joints, reached from the start.
 
-        On the way no singular configuration is passed, so the assembly mode is that of the start.
+        The way passes no singular configuration, so the assembly mode is that of the start.
 
         Args:
             positions: Shape (..., joints), [rad] or [m].
@@ -88,12 +88,12 @@ class Linkage:
         """Configurations, shape (..., nq), for positions of the motors; see `from_joints`.
 
         Args:
-            positions: Shape (..., motors), [rad] or [m]; of a motor on a line its length.
+            positions: Shape (..., motors), [rad] or [m]; for a motor on a line its length.
             start: As in `from_joints`.
 
         Raises:
-            ClosureError, SingularConfigurationError: If the way there leads out of reach.
-            WorkspaceError: If no positions of the joints give these of more motors.
+            ClosureError, SingularConfigurationError: If the positions are out of reach.
+            WorkspaceError: If no positions of the joints give these positions of the motors.
         """
         first = self._start(start)
         here, driven = self.motor_positions(first), self._driven
@@ -121,9 +121,9 @@ class Linkage:
 
     @cached_property
     def _driven(self) -> tuple[ClosedChain, list[int], Array] | None:
-        """A robot whose first coordinates are those of motors, these, and their ratios.
+        """A robot whose first coordinates are joints of motors, these motors, and their ratios.
 
-        There is none if a motor moves several joints or a line.
+        None if a motor moves several joints or a line.
         """
         mechanism = self.chain.mechanism
         B = mechanism.motors[:, self._rows]
@@ -145,7 +145,7 @@ class Linkage:
         return taken(self.chain.mechanism.space, self._configurations(q), self.joints)
 
     def motor_positions(self, q: ArrayLike) -> Array:
-        """Positions of the motors, shape (..., motors); of a motor on a line its length."""
+        """Positions of the motors, shape (..., motors); for a motor on a line its length."""
         mechanism, array = self.chain.mechanism, self._configurations(q)
         B = mechanism.motors[:, self._rows]
         driven = np.flatnonzero(B.any(axis=1))
@@ -194,9 +194,9 @@ class Linkage:
 
 
 def _others(chain: ClosedChain, rates: Indices) -> list[str]:
-    """Coordinates of a chain that some joints leave free, at its generic configuration.
+    """Coordinates of a chain that are free while some rates are fixed, at a generic configuration.
 
-    Those without a motor come first: a motor of these joints should not become a coordinate.
+    Those without a motor come first, because a motor of the fixed joints is no coordinate.
     """
     engine, space = chain.engine, chain.mechanism.space
     names = sorted(chain.coordinates, key=lambda name: name in chain.motor_names)

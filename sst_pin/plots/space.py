@@ -25,7 +25,7 @@ from .style import Axes
 
 #: A path counts as planar if its distance from a plane is less than this share of its length.
 _PLANAR = 1e-6
-#: The wanted path below the others.
+#: Line styles of the paths; the wanted path is drawn first, below the others.
 PATHS: tuple[dict[str, Any], ...] = (
     {"color": "0.8", "linewidth": 4},
     {"color": LEG_COLOURS[0], "linewidth": 1.2},
@@ -212,6 +212,6 @@ def _labelled_axes(ax: Axes) -> Iterator[tuple[Any, str]]:
     """Axes of a drawing in space with their letters; x, y, z of the base, on transparent panes."""
     for axis, letter in zip((ax.xaxis, ax.yaxis, ax.zaxis), "xyz", strict=True):
         axis.set_pane_color((1, 1, 1, 0))
-        axis.set_rotate_label(False)  # along its axis it may stand on its head or on the numbers
+        axis.set_rotate_label(False)  # a rotated label may be upside down or cover the numbers
         axis.set_label_text(f"${letter}_0$ (m)", rotation=90 if letter == "z" else 0)
         yield axis, letter

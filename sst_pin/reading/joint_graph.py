@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Bodies and joints to the elements of a URDF; joints beyond a tree close loops.
+"""Writes bodies and joints as the tree of a URDF; joints beyond the tree close loops.
 
-An SDF has no tree. Joints are reversed where their child comes first, and bodies that no joint
-holds float.
+An SDF has no tree. A joint is reversed if its child is in the tree first. A body without a joint
+floats.
 """
 
 import xml.etree.ElementTree as ET
@@ -16,7 +16,7 @@ from ..arrays import Array
 from .acting_words import SPRINGS
 
 WORLD = "world"
-#: Limits from here on do not count, [rad] or [m].
+#: Larger limits count as none, [rad] or [m].
 _WIDE = 1e9
 
 
@@ -35,7 +35,7 @@ class Axis(NamedTuple):
 class GraphJoint(NamedTuple):
     """A joint between two links, parent and child, and its frame on both.
 
-    `kind` is what a URDF calls it, or "ball", or "universal" with two axes.
+    `kind` is the type of a URDF, "ball", or "universal", which has two axes.
     """
 
     name: str
@@ -48,14 +48,15 @@ class GraphJoint(NamedTuple):
 class JointGraph:
     """A URDF of bodies and joints; `add_link` adds the bodies.
 
-    `frames` has each link's frame in the URDF, in the frame that it has in the file; `balls` are
-    the ball joints, which a URDF lacks, `crosses` the links between two axes of a joint.
+    `frames` has the pose of each link's frame in the URDF relative to its frame in the file.
+    `balls` are the ball joints, which a URDF lacks. `crosses` are the links between two axes of a
+    joint.
     """
 
     def __init__(
         self, name: str, joints: Sequence[GraphJoint], rest: Mapping[str, pin.SE3]
     ) -> None:
-        """`rest` has for each body its place in the world at zero, if it floats."""
+        """`rest` has the pose of each body in the world at zero, for bodies that float."""
         self.urdf, self.frames = ET.Element("robot", name=name), {WORLD: pin.SE3.Identity()}
         self.balls, self.problems, left = list[str](), list[str](), list(joints)
         self.crosses = list[str]()
@@ -130,7 +131,7 @@ class JointGraph:
     def add_link(
         self, name: str, place: pin.SE3, mass: float, inertia: Mapping[str, float]
     ) -> ET.Element:
-        """A link with its inertia, whose axes stand at a place in the frame of the file."""
+        """A link with its inertia; `place` is that of the inertia in the frame of the file."""
         element = ET.SubElement(self.urdf, "link", name=name)
         part = ET.SubElement(element, "inertial")
         ET.SubElement(part, "origin", origin_of(self.frames[name].actInv(place)))
@@ -161,5 +162,5 @@ def origin_of(place: pin.SE3) -> dict[str, Any]:
 
 
 def text_of(vector: Array) -> str:
-    """Numbers with blanks between, as many digits as they have."""
+    """Numbers with all their digits, separated by blanks."""
     return " ".join(map(repr, map(float, vector)))
