@@ -46,9 +46,8 @@ EXTENT = """([view, share]) => {
 }"""
 
 
-#: Without a graphics card a frame takes most of a second. Tests that do not look at its points
-#: draw a sixteenth of them.
-COARSE = "viewer.renderer.setPixelRatio(1 / 4)"
+#: Without a graphics card a frame takes most of a second: draw a sixteenth of the points.
+_COARSE = {"device_scale_factor": 1 / 4}
 
 
 class Visit:
@@ -73,7 +72,7 @@ class Visit:
 @contextmanager
 def visit(chromium, url, width=1280, height=720):
     """A page of its own, loaded."""
-    page = chromium.new_page(viewport={"width": width, "height": height})
+    page = chromium.new_page(viewport={"width": width, "height": height}, **_COARSE)
     visit = Visit(page)
     page.goto(url)
     yield visit
@@ -88,13 +87,12 @@ def opened(chromium, viewer, path, size, **options):
         viewport=dict(zip(("width", "height"), size, strict=True)),
         has_touch=touch,
         is_mobile=touch,
-        **{"reduced_motion": "reduce"} | options,
+        **{"reduced_motion": "reduce"} | _COARSE | options,
     )
     path.write_text(viewer.html, encoding="utf-8")
     page = context.new_page()
     result = Visit(page)
     page.goto(path.as_uri())
-    page.evaluate(COARSE)
     yield page
     assert result.errors == []
     assert result.requests_elsewhere(path.as_uri()) == []

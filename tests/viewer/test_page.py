@@ -7,7 +7,7 @@ import pytest
 
 from sst_pin.sst import paper
 from sst_pin.viewer import Viewer
-from tests.support.browser import COARSE, pixels, visit
+from tests.support.browser import pixels, visit
 
 SPEED = 0.25
 #: From three.js, where y is up, to the base, where z is.
@@ -49,7 +49,6 @@ def shown(chromium, robot, motion, tmp_path_factory):
     path = tmp_path_factory.mktemp("page") / "motion.html"
     viewer.save(path)
     with visit(chromium, path.as_uri()) as page:
-        page.page.evaluate(COARSE)
         yield page
 
 
