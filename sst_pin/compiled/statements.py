@@ -9,7 +9,7 @@ from itertools import pairwise
 _WIDTH = 94
 #: Statements of a function that is not cut, and of the parts of one that is.
 LARGEST, _PART = 7000, 500
-#: Statements of a function whose results the compiler keeps where it likes.
+#: Up to so many statements, the compiler chooses where results are kept.
 _FEW = 300
 #: Results that are not used for more statements than this are kept in an array.
 _NEAR = 120
@@ -109,9 +109,9 @@ def pieces(lines: Sequence[str], largest: int | None = None) -> list[Sequence[st
 
 
 def in_parts(groups: Sequence[Sequence[Sequence[str]]]) -> tuple[list[list[str]], int]:
-    """Statements of functions that run one after the other and hand results on in w; its size.
+    """Statements of functions that run in sequence and pass results in an array w, and its size.
 
-    The compile time grows faster than a function. All groups but the first may run several times.
+    Compile time grows faster than functions do. All groups but the first may run several times.
     """
     parts = [part for group in groups for part in group]
     last = {result: k for k, part in enumerate(parts) for line in part for result in _used(line)}

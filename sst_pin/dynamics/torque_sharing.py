@@ -43,8 +43,8 @@ def least_torques(mechanism: Mechanism, A: Array, f: Array, weights: Array | Non
 def null_space(mechanism: Mechanism, A: Array) -> Array:
     """Orthonormal torques that make no motion, shape (motors, k).
 
-    Free of units, a motor acts along a coordinate if it moves by more than `RANK_TOLERANCE` where
-    the coordinate, or the fastest motor, moves by one.
+    A motor acts along a coordinate if it moves by more than `RANK_TOLERANCE`, free of units, while
+    the coordinate or the fastest motor moves by one.
     """
     rows, motors = mechanism.rate_scale[mechanism.coordinates], mechanism.motor_scale
     _, s, Vt = np.linalg.svd(rows[:, None] * A / motors)

@@ -19,7 +19,7 @@ from ..model.closures import Closure, Coupling
 from .known_words import unknown
 from .problems import Problem, attribute, direction, error, number, numbers, placement, telling
 
-#: The two sides of a joint that closes a loop, by element; in `<gazebo>` a joint.
+#: The two sides of a joint that closes a loop, by element; `<gazebo>` has another form.
 _SIDES = {
     "loop": ("predecessor", "successor"),
     "loop_constraint": ("predecessor", "successor"),
@@ -64,7 +64,8 @@ _WORDS_OF_GAZEBO = {
 class CutJoint(NamedTuple):
     """A joint that closes a loop, by a kind of `Closure`; its frames are `name_A` and `name_B`.
 
-    `places` are its frame as seen from two links at q = 0; "universe" is the base.
+    `places` are the poses of its frame relative to the links in `seen_from`, at q = 0. The link
+    "universe" is the base.
     """
 
     name: str
@@ -104,7 +105,7 @@ def cut_joint(
     axes: Sequence[Array],
     seen_from: tuple[str, str],
 ) -> CutJoint:
-    """A joint of a kind that files name, with its axis in each of its two frames.
+    """A joint of a kind that files have, with its axis in each of its two frames.
 
     Raises:
         ValueError: For an unknown kind, and for links and axes that cannot be meant.
@@ -127,7 +128,7 @@ def _turned(place: pin.SE3, axis: Array, along: Array) -> pin.SE3:
 
 
 class Marks:
-    """What a URDF says of its loops beyond the tree: joints that close them, and gears.
+    """Joints of a URDF that close loops beyond the tree, and gears.
 
     `independent` are names of the joints that have the motors, in a URDF+.
     """

@@ -2,8 +2,8 @@
 """Smooth motions through a singular configuration of the mechanism.
 
 Several branches of motions meet there. Polynomials continue the motion before it, and close the
-loops on one branch only. From this guess an implicit step over the configuration iterates; its
-stages are on both sides, not next to the configuration.
+loops on one branch only. They are the guess of an implicit step over the configuration. Its stages
+are on both sides, away from the configuration.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,9 +20,9 @@ from ..states import States
 _AHEAD = 2.0
 #: A singular value below this part of its first size counts as zero.
 _VANISHED = 0.03
-#: Halfway a singular value that falls linearly is between these parts of its first size.
+#: Halfway there, a singular value that falls linearly is between these parts of its first size.
 _HALFWAY = (0.3, 0.7)
-#: Stages of a step over it, even so that none is in the middle; largest number of iterations.
+#: Stages of the step, an even number so that none is in the middle, and the most iterations.
 _STAGES, _ITERATIONS = 8, 20
 
 

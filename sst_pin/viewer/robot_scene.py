@@ -25,7 +25,7 @@ _DIRECTIONS, _SAMPLES = 150, 60
 
 
 class Scene:
-    """A robot as shapes: its bodies, or where it has none a skeleton and its masses.
+    """Shapes of a robot: its bodies, or a skeleton and its masses if it has none.
 
     The arguments are those of `Viewer`.
     """
@@ -48,7 +48,7 @@ class Scene:
         #: All shapes that do not change with the torques.
         self.shapes = [shape for body in bodies.geometryObjects for shape in body_shapes(body)]
         bare = not self.shapes
-        #: Configuration before one is asked for, shape (nq,).
+        #: The first configuration, shape (nq,).
         self.start = start_of(robot.engine, chosen=True)
         #: The frame whose path is drawn, or None.
         self.point = robot.appearance.point if frame is None else drawn_frame(model, frame)
@@ -74,7 +74,7 @@ class Scene:
         there = {shape.layer for shape in (*self.shapes, *(a.shape for a in self.arrows))}
         there |= {"trail"} if self.point else set()
         shown = {"skeleton": bare, "inertia": bare, "axes": axes, "frames": frames}
-        #: Existing ones of `LAYERS`, and whether each is shown at first.
+        #: The layers of this scene, and whether each is shown at first.
         self.layers = {
             name: shown.get(name, True) for name in (*LAYERS, "reactions") if name in there
         }
