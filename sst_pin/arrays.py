@@ -137,7 +137,7 @@ def empty(shape: tuple[int, ...]) -> Array:
 
 
 def in_order(name: str, value: Iterable[T], of: str = "names") -> tuple[T, ...]:
-    """A sequence, read once; refuses a word, and sets and mappings, whose order does not count."""
+    """A sequence, read once; refuses a word, and sets and mappings, which have no order."""
     if isinstance(value, (str, Mapping, Set)) or not isinstance(value, Iterable):
         raise InputError(name, f"{value!r}: a sequence of {of} is needed, such as a list")
     return tuple(value)
@@ -179,7 +179,7 @@ def positive_number(name: str, value: float, *, or_zero: bool = False) -> float:
 
 
 def one_or_each(name: str, value: ArrayLike, count: int, *, or_zero: bool = False) -> Array:
-    """A positive number for all of so many, or one for each; 0 where it may be."""
+    """Positive numbers: one for all, or one for each of `count`; `or_zero` allows 0."""
     numbers = finite_array(name, value, ())
     if numbers.shape not in ((), (count,)) or (numbers < 0).any() or not (or_zero or numbers.all()):
         which = "not negative" if or_zero else "positive"

@@ -894,7 +894,7 @@ class ClosedChain(RobotProperties, Summary):
         return tuple(self._findings(engine, *samples_of(engine.mechanism, motion)))
 
     def _findings(self, engine: Engine, t: Array, q: Array) -> Iterable[Finding]:
-        """What `check` finds at configurations of shape (N, nq) at times t."""
+        """The findings of `check` at configurations of shape (N, nq) at times t."""
         from .simulation.check import findings
 
         return findings(engine, t, q)

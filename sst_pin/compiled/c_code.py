@@ -32,7 +32,7 @@ _FORMS = {
     ca.OP_SQRT: "SQUARE_ROOT({0})",
     ca.OP_TANH: "tangent({0})",
 }
-#: What differs for numbers of the parameters alone, which are no vectors.
+#: Differences for numbers of the parameters alone, which are no vectors.
 _OF_NUMBERS = {ca.OP_FABS: "{0} < 0 ? -{0} : {0}", ca.OP_LE: "{0} <= {1}"}
 
 
@@ -165,7 +165,7 @@ class Writer:
     """Statements of a kernel, those of parameters apart from those of samples."""
 
     def __init__(self, size: int) -> None:
-        self.names: dict[int, _Name] = {}  # what stands in each place of the work vector
+        self.names: dict[int, _Name] = {}  # the result in each place of the work vector
         self.lines: dict[str, list[str]] = {"real": [], "number": []}  # by the type of their result
         self.size = size  # of p
         self._constants: dict[str, str] = {}

@@ -31,7 +31,7 @@ class Row:
     acceleration: Callable[[Sparse, Sparse], SX]
     #: Zero when the loop is closed; None for a row that holds rates only.
     residual: SX | None
-    #: What the row adds to the squared residual.
+    #: The term of the row in the squared residual.
     gap: SX
 
 

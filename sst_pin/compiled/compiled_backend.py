@@ -50,7 +50,7 @@ EVERY = tuple(
     for loaded in (False, True)[: 1 + kind.loadable]
     if not kind.of_frame
 )
-#: Directions side by side are computed in at most so many passes.
+#: The most passes for directions side by side.
 _TIMES = 2
 #: The number of coordinates squared times rates up to which matrices are written out.
 _LARGEST = {"": inf, "matrices": 100_000, "derivatives": 10_000}

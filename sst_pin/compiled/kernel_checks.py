@@ -31,9 +31,9 @@ from .symbols import Sparse, add, column, is_zero
 CLOSED = 0.5 * CLOSURE_TOLERANCE
 #: Largest residual of a solution, in roundings of the matrix times the solution.
 _ROUNDINGS = 30
-#: Largest part of a force that motors leave over, in roundings, where these are rougher.
+#: Largest missing part of a force, in roundings, for rougher numbers.
 _LEFT = 1e4
-#: What rounding leaves over of all forces together, free of units.
+#: Rounding of the sum of all forces, free of units.
 _BALANCED = 1e-14
 #: The rounding for which thresholds are.
 _DOUBLE = float(np.finfo(float).eps)

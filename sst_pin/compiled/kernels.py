@@ -37,7 +37,7 @@ WRENCHES = "external_wrenches"
 class SymbolicKernel:
     """A function of rows of numbers."""
 
-    #: What it computes.
+    #: The quantity that it computes.
     name: str
     #: Symbols of each input by its name, column vectors.
     inputs: dict[str, SX]

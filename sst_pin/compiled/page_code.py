@@ -42,7 +42,7 @@ _WORDS = [
     (re.compile(r"\bconst (?:real|number) "), "const "),
     (re.compile(r"\bN\(([^()]*)\)"), r"\1"),
 ]
-#: What the statements call.
+#: Functions that the statements call.
 _HELPERS = """\
 const AT_MOST = (x, y) => x <= y ? 1 : 0, ABSOLUTE = Math.abs, SQUARE_ROOT = Math.sqrt;
 const REAL = x => x;

@@ -32,7 +32,7 @@ _BLOCK, _BLOCKS = 64, 0
 
 
 class Status(IntEnum):
-    """What is wrong with a sample."""
+    """The fault of a sample."""
 
     GOOD = 0
     OPEN = 1  #: The loops are open.

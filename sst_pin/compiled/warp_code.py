@@ -76,7 +76,7 @@ def module(kernels: Sequence[SymbolicKernel], entry: str, style: Style) -> str:
 
 
 def _blanks(kernels: Sequence[SymbolicKernel], style: Style) -> dict[str, object]:
-    """What stands in the blanks of the entries."""
+    """Texts for the blanks of the templates."""
     first, last = kernels[0], kernels[-1]
     at, takes = 0, []
     for array, (name, symbols) in zip(_RUN, last.inputs.items(), strict=False):

@@ -26,7 +26,7 @@ from ..summaries import listed
 from .motor_limits import largest_part
 from .pose_abilities import torques_of_wrenches
 
-#: What `ReachMap.why` counts.
+#: Codes of `ReachMap.why`.
 REASONS = ("reached", "joint limits", "singular", "out of reach", "cut off")
 _REACHED, _LIMITS, _SINGULAR, _OUT, _CUT_OFF = range(len(REASONS))
 _AXES = ("x", "y", "z", "roll", "pitch", "yaw")

@@ -27,7 +27,7 @@ class _Block:
 
     Attributes:
         rows, rates: Indices of the rows, and of the dependent rates in v.
-        scale: What makes Phi^u free of units, shape (rows, rates).
+        scale: Factors that make Phi^u free of units, shape (rows, rates).
         of_u, of_inverse: Where Phi^u and its inverse are in those of all blocks.
         twice: Twice the identity, shape (rows, rows).
     """
@@ -57,7 +57,7 @@ class JointComplement:
         self._S_a, self._row_scale = mechanism.selection.T, mechanism.row_scale
         self._steady = np.zeros(loops.tree.model.nv)
         per_rate, per_coordinate = mechanism.rate_scale, mechanism.rate_scale[mechanism.coordinates]
-        #: What makes Phi L and L free of units.
+        #: Factors that make Phi L and L free of units.
         self._of_Phi_L = mechanism.row_scale[:, None] * per_coordinate
         self._of_L = per_coordinate / per_rate[:, None]
         self.blocks = [

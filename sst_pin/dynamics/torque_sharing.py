@@ -19,7 +19,7 @@ from ..model.thresholds import RANK_TOLERANCE
 
 #: Torques may pass limits by this part of the largest: rounding of a projection onto them.
 _ROUNDING = 1e-12
-#: Residual of a feasible least-distance problem is 1 or less, of one without a solution 0.
+#: A least-distance problem has no solution if the square of its residual is below this.
 _FEASIBLE = 1e-12
 
 

@@ -36,7 +36,7 @@ from .base_parameters import independent
 from .estimation import solved
 from .urdf_numbers import bearers_of, with_origins
 
-#: What the joints do not close of an error, free of units, counts as none below this.
+#: A smaller gap that the joints leave of an error counts as zero, free of units.
 _CLOSED = 1e-6
 #: An error whose part that other errors do not explain is smaller depends on them: the first of
 #: these with which Newton's method settles.
@@ -214,7 +214,7 @@ class _Poses:
         self._sizes = np.array([large.mechanism.length, 1.0])
 
     def linearized(self, q: Array) -> tuple[Array, Array]:
-        """What is missing to the targets, shape (N, m), and its part by each error, (N, m, k)."""
+        """Differences from the targets, shape (N, m), and derivatives by errors, (N, m, k)."""
         places = map(pin.SE3, self._large.engine.placements(q, self._frame))
         pairs = zip(places, self._targets, strict=True)
         z = np.array([pose_error(place, *target) for place, target in pairs])

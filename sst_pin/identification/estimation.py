@@ -16,7 +16,7 @@ from ..summaries import Summary
 from .base_parameters import BaseParameters
 from .measurements import decimated, noise_correlations
 
-#: Residuals up to so many standard deviations count in full (P. J. Huber).
+#: Residuals up to this number of standard deviations count in full (P. J. Huber).
 _HUBER = 1.345
 #: The motion shows no combination whose part is smaller than this.
 _UNSHOWN = 1e-9

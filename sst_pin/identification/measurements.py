@@ -21,16 +21,16 @@ from ..simulation.trajectories import Trajectory
 _ORDER = 4
 #: The begin of the names of torques; a cut-off above this, in periods per sample, filters nothing.
 _TORQUE, _OPEN = "torque of ", 0.45
-#: An outlier is so many times farther from the smooth curve than the median of its part of the log.
-#: A part has at least so many periods and so many samples.
+#: An outlier is farther from the smooth curve than this multiple of the median of its part.
+#: A part has at least these numbers of periods and samples.
 _OUTLIER, _PERIODS, _USUAL = 8.0, 10, 141
-#: In each pass one outlier among so many samples is replaced; the most passes; the part of a period
-#: for which samples may be replaced.
+#: In each pass one outlier in this number of samples is replaced; the most passes; the part of a
+#: period for which samples may be replaced.
 _AROUND, _PASSES, _BRIDGED = 7, 60, 0.25
-#: A torque is compared with the median of so many samples. One bad sample of an uneven log spoils
-#: three even ones, so that four of them are good.
+#: A torque is compared with the median of this number of samples. One bad sample of an uneven log
+#: spoils three even ones, so that four of them are good.
 _NEAR = 7
-#: The filter of `decimated` has forgotten a sample after so many of its samples.
+#: A sample affects this number of outputs of the filter of `decimated`.
 _MEMORY = 20
 #: Part of the samples that may be outliers: more spoil the curve with which they are compared.
 _MOST = 0.05
@@ -165,10 +165,10 @@ def lowpass(values: Array, cutoff: float, ends: str = "odd") -> Array:
 
 
 def decimated(values: Array, every: int) -> Array:
-    """One of so many samples, after a filter that lets through what these can show.
+    """One of `every` samples, after a low-pass filter for that rate.
 
-    Beyond their ends the values are mirrored. Without the first and the last sample, whose noise is
-    larger.
+    The filter mirrors the values at both ends. The first and the last sample, which have more
+    noise, are left out.
     """
     return values if every == 1 else lowpass(values, 0.4 / every, "even")[::every][1:-1]
 

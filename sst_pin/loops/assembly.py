@@ -21,12 +21,12 @@ from .loops import Loops, connected
 _STEPS = 100
 #: Largest scaled error of an assembled configuration.
 _ASSEMBLED = 1e-11
-#: A loop does not close if its error falls by less than a tenth in so many steps.
+#: A loop does not close if its error falls by less than a tenth in this number of steps.
 _PATIENCE = 10
 #: Longest step, [rad] or of the loop's length: closures are far from linear beyond it. Joints that
 #: only linear couplings hold, such as motors behind gears, have no limit.
 _STRIDE = 0.5
-#: A step is rejected if the error does not fall after so many halvings.
+#: A step is rejected if the error does not fall after this number of halvings.
 _HALVINGS = 20
 #: Joints nearer to a limit, scaled, are at the limit.
 _AT_LIMIT = 1e-12

@@ -26,7 +26,8 @@ from .assembly import Assembly, home_of
 from .loops import connected
 from .mobility import free_motions, independent_rows, scaled_Phi
 
-#: A search ends after so many starts, and so many for each mode, without a new mode; or after most.
+#: A search ends after the first number of starts, and the second for each mode, without a new mode.
+#: The third number is the limit.
 _STARTS, _STARTS_PER_MODE, _MOST_STARTS = 100, 15, 3000
 #: Half the range of random starts, [rad] or lengths of the loop.
 _TURN, _SLIDE = np.pi, 1.0

@@ -36,7 +36,7 @@ class Way(NamedTuple):
 
     #: The last configuration, shape (nq,).
     q: Array
-    #: What is left of the way, [rad] or parts of the robot's length; 0 if it is there.
+    #: The rest of the way, [rad] or parts of the robot's length; 0 if it is there.
     missed: float
     #: Whether it ends where the drives do not determine the motion.
     singular: bool

@@ -225,7 +225,7 @@ def idle_rates(mechanism: Mechanism, loops: Loops, Phi: Array) -> tuple[str, ...
 
 
 def cure_of(idle: Sequence[str]) -> str:
-    """What fixes idle rates."""
+    """The advice for idle rates."""
     in_yaml = f"`locked: [{', '.join(idle)}]` in the YAML"
     return f"ClosedChain(..., locked={list(idle)}), or {in_yaml}, fixes them"
 

@@ -80,7 +80,7 @@ class FrameMotions:
 
 
 class ClosurePartials(NamedTuple):
-    """What loads on the two frames of a closure depend on."""
+    """A closure and the motions of its two frames, for loads on them."""
 
     #: Its rows, and where they are in Phi.
     rows: FrameRows

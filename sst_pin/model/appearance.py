@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What pictures of a robot show in addition to its bodies."""
+"""Parts of pictures in addition to the bodies of a robot."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -29,7 +29,7 @@ class DrawnFrame(NamedTuple):
 
 
 class Appearance(NamedTuple):
-    """What a robot's pictures show."""
+    """The parts of a robot's pictures."""
 
     #: Label and colour of the axis of each rate, in the order of v.
     axes: tuple[tuple[str, str], ...]

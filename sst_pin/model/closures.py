@@ -108,7 +108,7 @@ class Distance:
 
     @property
     def rows(self) -> list[str]:
-        """What the row of Phi keeps equal."""
+        """Names of the quantities that the row of Phi keeps equal."""
         return ["distance"]
 
     def __str__(self) -> str:
@@ -158,7 +158,7 @@ class Coupling:
 
     @property
     def rows(self) -> list[str]:
-        """What the row of Phi keeps equal."""
+        """Names of the quantities that the row of Phi keeps equal."""
         return ["coupling"]
 
     def __str__(self) -> str:

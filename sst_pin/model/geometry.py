@@ -46,7 +46,7 @@ def parameter_names(mechanism: Mechanism) -> tuple[str, ...]:
 
 
 def displacements(mechanism: Mechanism, changes: Mapping[str, float]) -> Displacements:
-    """What changes of named parameters displace."""
+    """Displacements of places by changes of named parameters."""
     lengths, total = _lengths(mechanism), Displacements()
     for name, change in changes.items():
         place, _, axis = name.rpartition(".")
@@ -86,7 +86,7 @@ def place_of(model: pin.Model, place: str) -> tuple[int, pin.SE3]:
 
 
 def relative(placement: pin.SE3, displacement: Array) -> pin.SE3:
-    """What a displacement is in the axes of the place: it comes behind the placement."""
+    """A displacement in the axes of the place, to be applied after the placement."""
     turn = np.eye(3)
     for way in np.diag(displacement[3:]):
         turn = turn @ pin.exp3(way)

@@ -36,7 +36,7 @@ _UNBOUNDED = _Kind(("cos", "sin"), ("",), ("rad",))
 
 
 class JointSpace:
-    """What q (nq,) and v (nv,) of a tree mean.
+    """The meaning of q (nq,) and v (nv,) of a tree.
 
     Attributes:
         joint_names: Names of the joints.

@@ -264,7 +264,7 @@ class Mechanism:
 
     @cached_property
     def row_scale(self) -> Array:
-        """What makes the rows of Phi free of units, shape (rows,)."""
+        """Factors that make the rows of Phi free of units, shape (rows,)."""
         lengths = {c: length or self.length for _, members, length in self._groups for c in members}
         units = []
         for closure in self.closures:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a robot is: names, units and parts of its mechanism, as properties."""
+"""Names, units and parts of the mechanism of a robot, as properties."""
 
 from abc import abstractmethod
 
@@ -101,7 +101,7 @@ class RobotProperties:
 
     @property
     def appearance(self) -> Appearance:
-        """What pictures of the robot show beside its bodies."""
+        """Parts of its pictures beside its bodies."""
         mechanism = self.mechanism
         return appearance_of(mechanism.model, mechanism.closures)
 

@@ -42,7 +42,7 @@ _OF_BALLS = {
     "p_BQ": ("value", "child_origin", "xyz"),
 }
 _CUT = "@name @type {0} {1} {0}_origin {1}_origin {0}_axis {1}_axis axis limit dynamics"
-#: What these elements may hold. Limits are not enforced.
+#: Elements and attributes of these elements. Limits are not enforced.
 _WORDS = {
     **{tag: _CUT.format(*sides) for tag, sides in _SIDES.items()},
     **dict.fromkeys(_ENDS, "@link @xyz @rpy origin"),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What a URDF cannot say: closures, motors, springs, joints of several axes, from a YAML file."""
+"""Reads a YAML file of closures, motors, springs and joints of several axes."""
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
@@ -32,7 +32,7 @@ _WITH_LENGTH = {"distance": Distance, "rolling": Rolling}
 
 
 class Cuts(NamedTuple):
-    """What a URDF cannot say: content of the YAML file."""
+    """Content of the YAML file beside a URDF."""
 
     actuated: tuple[Motor, ...] = ()
     closures: tuple[Constraint, ...] = ()  #: By default frames `closing_NAME_1`, `closing_NAME_2`.

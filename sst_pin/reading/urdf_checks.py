@@ -18,7 +18,7 @@ from .problems import Problem, attribute, error, note, number, numbers, warning
 ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _ONE_AXIS = ("revolute", "prismatic", "continuous")
 _KINDS = (*_ONE_AXIS, "fixed", "floating", "planar")
-#: What links and joints hold; makers add words of their own.
+#: Elements and attributes of links and joints; other tools add their own.
 _WORDS = {
     "link": "inertial visual+ collision+ ...",
     "inertial": "origin mass inertia ...",
@@ -43,7 +43,7 @@ _COUNTS = {
     "cylinder": {"radius": 1, "length": 1},
     "mesh": {"scale": 3},
 }
-#: What rounding of an exact rod or disc leaves, as a share of the largest moment.
+#: Rounding of the moments of a rod or disc, as a share of the largest moment.
 _ROUNDING = 1e-9
 #: Links that a warning names.
 _NAMED = 5

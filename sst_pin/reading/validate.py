@@ -66,7 +66,7 @@ def validate(path: str | Path, cuts: str | Path | None = None) -> list[Problem]:
 
 
 def examine(path: str | Path, cuts: str | Path | None = None) -> tuple[list[Problem], str]:
-    """What `validate` returns, and mobility and moving mass of a robot without errors."""
+    """The problems of a file, and mobility and moving mass of a robot without errors."""
     if isinstance(path, (str, Path)) and reading.is_mjcf(Path(path)):
         if cuts is not None:
             raise InputError("cuts", "an MJCF contains its closures and motors")

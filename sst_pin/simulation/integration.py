@@ -30,7 +30,7 @@ _SHORTER, _STUCK = 0.25, 1e-12
 _SHY = 1e-10
 #: Relative difference between the change of the rates in a step and the integral of aa.
 _ALIKE = 1e-3
-#: Tolerances are not finer than this, nor than so many roundings of the largest position.
+#: Tolerances are not finer than this, nor than this multiple of the largest position's rounding.
 _FINEST, _ROUNDINGS = 1e-12, 16
 #: Number of states that continue a motion over a singular configuration; the times that are left
 #: at these differ by at least this factor.
@@ -39,7 +39,7 @@ _NODES, _SPREAD = 6, 1.5
 #: noticed: next to it, accelerations are noisy.
 _EARLIER = 4.0
 #: The singular configuration is in the middle of this step, to this part of half the step, after
-#: at most so many tries.
+#: at most this number of tries.
 _CENTRED, _STEPS = 0.01, 3
 #: Largest difference between the motion behind it and the branch, relative to the motion between,
 #: or in tolerances of the integrator.

@@ -21,7 +21,7 @@ from .trajectories import Trajectory, require_motion, trajectory_of
 
 #: q, va, aa of a table whose columns are not joints; None if they are.
 TableReader = Callable[[Table], tuple[Array, Array, Array] | None]
-#: What the endings of a joint's column mean in SI.
+#: Factors to SI units by the ending of a joint's column.
 _ENDINGS = {"rad": {"_rad": 1.0, "_deg": np.pi / 180}, "m": {"_m": 1.0, "_mm": 1e-3}}
 
 

@@ -307,7 +307,7 @@ class SST(ClosedChain):
 
     @property
     def appearance(self) -> Appearance:
-        """What pictures show: axes e_1..9, frames {0k}..{3k} and {E}, the path of E."""
+        """Parts of pictures: axes e_1..9, frames {0k}..{3k} and {E}, the path of E."""
         return star_appearance.appearance_of(self.geometry, self.star_radius)
 
     def _findings(self, engine: Engine, t: Array, q: Array) -> Iterable[Finding]:

@@ -60,7 +60,7 @@ def png(html: str) -> bytes:
 def gif(
     html: str, frames: int = 36, seconds: float = 4.0, size: tuple[int, int] = (960, 480)
 ) -> bytes:
-    """An animation that repeats itself, in so many frames and seconds; size in [px]."""
+    """An animation that repeats itself; numbers of frames and seconds, and the size in [px]."""
     taken = _pictures(html, [i / frames for i in range(frames)], size, 1.0)
     from PIL import Image
 
