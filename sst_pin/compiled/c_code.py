@@ -17,9 +17,9 @@ from .kernel_checks import CLOSED
 from .kernels import SymbolicKernel
 from .open_numbers import SIGN_WIDTH
 
-#: Arguments of the sign of a rate besides it: its width, and what is slower is at rest.
+#: Arguments of the sign function after the rate: its width, and the rate below which a joint rests.
 _OF_SIGNS = f"p[{SIGN_WIDTH}], N({AT_REST})"
-#: An operation by its operands.
+#: C of each operation; {0} and {1} are its operands.
 _FORMS = {
     ca.OP_ADD: "{0} + {1}",
     ca.OP_SUB: "{0} - {1}",
@@ -32,7 +32,7 @@ _FORMS = {
     ca.OP_SQRT: "SQUARE_ROOT({0})",
     ca.OP_TANH: "tangent({0})",
 }
-#: Differences for numbers of the parameters alone, which are no vectors.
+#: Other forms for scalars, which depend on parameters only.
 _OF_NUMBERS = {ca.OP_FABS: "{0} < 0 ? -{0} : {0}", ca.OP_LE: "{0} <= {1}"}
 
 
@@ -54,7 +54,7 @@ class Style(NamedTuple):
     digits: int
     head: str
     closed: float  #: Open loops up to this, [m] or [rad], times the scale of the rows.
-    rounding: float  #: Relative.
+    rounding: float  #: Rounding, relative.
     angle: float  #: The largest.
     dtype: str
     last_step: float  #: After a Newton step up to this length the loops are closed.
@@ -84,9 +84,9 @@ class KernelSource(NamedTuple):
 def body(
     kernel: SymbolicKernel, size: int | None = None, suffix: str = "", *, in_memory: bool = False
 ) -> KernelSource:
-    """The C of a kernel; what depends on p alone is apart.
+    """The C of a kernel. Terms that depend on p only are computed apart.
 
-    With `in_memory` (GNU C) results that wait long are kept in an array.
+    With `in_memory` (GNU C), results that are used much later are kept in an array.
 
     `size` is that of p before its constants, `suffix` that of numbers, "f" in single precision.
     """
@@ -171,7 +171,7 @@ class Writer:
         self._constants: dict[str, str] = {}
         self._turns: dict[str, int] = {}
         self._inverses: dict[_Name, _Name] = {}
-        self._directions: dict[str, str] = {}  # not yet written; what each is the direction of
+        self._directions: dict[str, str] = {}  # not yet written, with the arguments
 
     def use(self, name: _Name, kind: str) -> str:
         """A name in a statement of a type; `prepare` leaves constants in p for samples."""
@@ -218,7 +218,7 @@ class Writer:
         return name, kind
 
     def _inverse(self, name: _Name) -> _Name:
-        """One over it: divisions take long, and many are by the same pivots."""
+        """The reciprocal: divisions are slow, and many have the same divisor."""
         text, kind = name
         if name not in self._inverses:
             self._inverses[name] = f"ti{len(self._inverses)}", kind

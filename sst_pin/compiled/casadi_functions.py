@@ -24,12 +24,12 @@ _OPTIONS = {"cse": True}
 
 
 class CasadiFunctions:
-    """Dynamics of one chain as `casadi.Function`s, with the numbers of now folded in.
+    """Dynamics of one chain as `casadi.Function`s, with its present numbers as constants.
 
     The entries of q, shape (nq,), are independent variables here. Values and derivatives mean
     something where `residual(q)` is 0, and along `tangent(q)`; the derivative by a single entry of
-    q means nothing. So let q be a variable of a nonlinear program, with `residual(q) == 0` among
-    its constraints; or integrate `q_rates`, or chain `step`s, which stay on the closures.
+    q means nothing. In a nonlinear program, make q a variable and `residual(q) == 0` a constraint.
+    Otherwise integrate `q_rates`, or use `step` repeatedly, which stays on the closures.
     docs/optimal_control.md has examples.
 
     Every function is made when it is first asked for, pickles, takes numbers, `SX` and `MX`, and
@@ -136,8 +136,7 @@ class CasadiFunctions:
         """(q) -> c: above 1 (or NaN) where the functions cannot be trusted at q.
 
         The loops are open there, or q is too far from the configurations for which the order of
-        elimination was chosen, next to a singularity, or the motors hardly hold the robot, so that
-        its `torques` cannot be trusted.
+        elimination was chosen, next to a singularity, or the motors hardly hold the robot.
         """
         checks, of_motors = Checks(self._equations, CLOSED), []
         if self._equations.driven:

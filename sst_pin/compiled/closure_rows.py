@@ -100,7 +100,7 @@ class _Pair:
     def _row(
         self, of_a: Callable[[SX, SX], SX], of_b: Callable[[SX, SX], SX] | None = None
     ) -> tuple[Sparse, Callable[[Sparse, Twists], SX]]:
-        """Coefficients and velocity, from what velocities of A and of B give; by default alike."""
+        """Coefficients and velocity of a row, from functions of the velocities of A and of B."""
         of_b = of_b or of_a
         row = {k: of_b(twist[:3], twist[3:]) for k, twist in self.b.columns.items()}
         row = add(row, {k: -of_a(x[:3], x[3:]) for k, x in self.a.columns.items()})
@@ -118,7 +118,7 @@ class _Pair:
         return {k: entry for k, entry in row.items() if not entry.is_zero()}, velocity
 
     def rows_along(self, directions: tuple[bool, ...]) -> Iterator[Row]:
-        """Motions of B in the axes of A that are held."""
+        """Rows for the held motions of B, in the axes of A."""
         if all(directions[:3]):
             yield from map(self._coincide, range(3))
         else:
@@ -138,7 +138,7 @@ class _Pair:
             yield self._angle(i, j, -1.0, ca.dot(self.a.R[:, i], self.b.R[:, j]) ** 2)
 
     def _coincide(self, k: int) -> Row:
-        """Origins have the same coordinate k."""
+        """The origins have the same coordinate k."""
         Phi, velocity = self._row(lambda u, _: u[k])
 
         def acceleration(v: Sparse, dv: Sparse) -> SX:
@@ -163,8 +163,8 @@ class _Pair:
 
     def _turned_alike(self) -> Iterator[Row]:
         """B does not turn relative to A."""
-        # In the axes of the link C that the last joint of B's branch hangs on the axes of its two
-        # last joints stand still. The way from A's link to C goes by B.
+        # Link C bears the last joint of B's branch. In its axes, the axes of the last two joints
+        # are constant. The way from A's link to C goes through B.
         kinematics, links = self._kinematics, self._kinematics.tree.links
         (link_a, link_b), (frame_a, frame_b) = self._links, self._frames
         C = link_b

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from .equations import Equations
 
 
-#: Made by `ClosedChain.compile`; the others when they are first needed.
+#: `ClosedChain.compile` makes these. The others are made at their first use.
 FIRST = (Quantity("torques"), Quantity("accelerations"))
 #: Derivatives of the dynamics.
 DERIVATIVES = (Quantity("torque_derivatives"), Quantity("acceleration_derivatives"))
@@ -80,10 +80,10 @@ _NEAR, _SHRINKS, _LAST, _ROUNDING = 0.1, 0.1, 1e-9, 1e-14
 
 
 class CompiledBackend:
-    """Dynamics of one mechanism by kernels of its own.
+    """Dynamics of one mechanism by its compiled kernels.
 
-    The order of elimination is chosen near `near`, shape (nq,); by default anywhere. A moment alone
-    is a load too on the body of the frame `platform`.
+    The order of elimination is chosen for configurations near `near`, shape (nq,), by default for
+    all. A moment alone acts on the body of the frame `platform`.
     """
 
     def __init__(
@@ -92,7 +92,7 @@ class CompiledBackend:
         self._binding = binding()
         self._reference, self._mechanism = reference, reference.mechanism
         self._robot = self._mechanism.model.name or "robot"
-        self._near = near if _closed(reference, near) else None  # a robot may have changed since
+        self._near = near if _closed(reference, near) else None  # the robot may have changed
         self._parameters = OpenNumbers(self._mechanism)
         body = body_of(self._mechanism.model, platform)
         self._moment = -1 if body is None else 6 * body
@@ -101,7 +101,7 @@ class CompiledBackend:
         self._codes: dict[Quantity, list[Code]] = {}
         self._why: dict[Quantity, str] = {}
         self._lock = threading.RLock()
-        self._given_up = False  # of one whose kernels could not be made; it is not used
+        self._given_up = False  # no kernels could be made for it; it is not used
 
     def __str__(self) -> str:
         target = self._binding.INSTRUCTIONS
@@ -111,7 +111,7 @@ class CompiledBackend:
         return "; ".join(parts)
 
     def make(self, keys: Sequence[Quantity] = FIRST) -> None:
-        """Have kernels ready, those in the cache or compiled now."""
+        """Load the kernels from the cache, or compile them."""
         from concurrent.futures import ThreadPoolExecutor  # slow to import
 
         shared = dict.fromkeys(map(self._own, keys))
@@ -182,11 +182,11 @@ class CompiledBackend:
 
     @cached_property
     def _content(self) -> bytes:
-        """All that the kernels are made from."""
+        """Everything that the kernels are made from."""
         return fingerprint(self._mechanism, self._parameters, self._near)
 
     def _by_columns(self, friction: Friction | None = None) -> ByColumns | None:
-        """Direct dynamics where the mass matrix is too large to be written out; None elsewhere."""
+        """Direct dynamics if the mass matrix is too large to be written out; None otherwise."""
         mechanism, forces = self._mechanism, Quantity("generalized_forces")
         small = not impossible(mechanism, "accelerations")
         if small or mechanism.lines.motors.any() or mechanism.without_mass:
@@ -211,7 +211,7 @@ class CompiledBackend:
         *,
         inertial: bool = False,
     ) -> "Kernel | None":
-        """A kernel by its code for single samples, then for batches; None where there is none."""
+        """A kernel with its code for single samples and for batches; None if it is impossible."""
         codes = self._found(key)
         if not codes:
             return None
@@ -231,11 +231,11 @@ class CompiledBackend:
         return self._binding.Kernel(*addresses, *shape, one, codes, loaded, many, self._moment)
 
     def _rate(self, friction: Friction, loaded: bool) -> engine.Kernel | None:
-        """Rates of the states next to those given whose loops are closed."""
+        """Rates of the closed states next to some states."""
         return self._kernel(Quantity("rollout", loaded=loaded), "rate", friction)
 
     def _course(self, friction: Friction, loaded: bool) -> "RolloutKernel | None":
-        """The kernel of a rollout; None where there is none."""
+        """The kernel of a rollout; None if it is impossible."""
         codes = self._found(Quantity("rollout", loaded=loaded))
         if not codes:
             return None
@@ -246,7 +246,7 @@ class CompiledBackend:
         return self._binding.RolloutKernel(code.address("run"), sizes, code.prepared(numbers), code)
 
     def _found(self, key: Quantity) -> list[Code]:
-        """A kernel's code for single samples, then for batches; none where there is none."""
+        """A kernel's code for single samples, then for batches; empty if it is impossible."""
         key = self._own(key)
         if key not in self._codes:
             from concurrent.futures import ThreadPoolExecutor  # slow to import
@@ -260,7 +260,7 @@ class CompiledBackend:
         return self._codes[key]
 
     def _own(self, key: Quantity) -> Quantity:
-        """The key of the kernel that computes this quantity too."""
+        """The key of the kernel that computes this quantity."""
         if key.name == "generalized_forces" and self._mechanism.driven_one_to_one:
             key = key._replace(name="torques")
         return key._replace(sign_width=None)  # it is a parameter
@@ -288,7 +288,7 @@ class CompiledBackend:
                 from . import c_code, kernels
             except ImportError:
                 raise MissingExtraError("casadi", "compile") from None
-            with self._lock:  # equations are made once, and CasADi is not for several threads
+            with self._lock:  # equations are made once, and CasADi is not safe for several threads
                 if self._given_up:
                     raise CompilationError("given up")
                 expressions = kernels.entry(self._equations_of(key), key)

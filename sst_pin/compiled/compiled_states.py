@@ -35,8 +35,8 @@ NEARBY = 0.02
 class CompiledStates(States):
     """The state space of a mechanism by kernels; samples that fail go to the reference path.
 
-    `rate` and `course` give kernels of rates and rollouts, with or without loads. Where there are
-    none for many coordinates, `by_columns` computes accelerations.
+    `rate` and `course` give kernels of rates and rollouts, with or without loads. For many
+    coordinates there are none, and `by_columns` computes accelerations.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class CompiledStates(States):
                 if goes_on and reached[i] <= motions.steps:
                     rest = motions.rest(i, done + more - 1)
                     count = int(self._run(course, rest, 1)[0])
-                    if not count:  # only the reference path goes on from there
+                    if not count:  # only the reference path can continue from there
                         rest.q[0, 0], rest.va[0, 0], count = rest.q0[0], rest.va0[0], 1
                     reached[i] += count - 1
         return reached
@@ -125,10 +125,11 @@ class CompiledStates(States):
         return self._continuous(motions, looks, reached)
 
     def _continuous(self, motions: RolloutArrays, looks: Array, reached: Indices) -> Indices:
-        """How many states of each motion follow one another in one assembly mode, shape (N,).
+        """Number of states of each motion before it leaves its assembly mode, shape (N,).
 
-        Between two modes, and near a singularity, a block of Phi_u is almost singular. So a short
-        step is sound where det Phi_u changes little to its middle and to its end. The others, and
+        Between two modes, and near a singularity, a block of Phi_u is almost singular. A short step
+        is sound if det Phi_u changes little to the middle and to the end of the step. The others,
+        and
         motions near a dead point of the coordinates, are left to the reference path.
         """
         q, until = motions.q, reached.copy()
@@ -152,7 +153,7 @@ class CompiledStates(States):
             return False
 
     def _falls(self, ends: Array) -> Flags:
-        """Where |det Phi_u| first falls by one more `CHANGE` below half its size elsewhere."""
+        """First place where |det Phi_u| falls by one more `CHANGE` below half its usual size."""
         sizes = np.abs(ends)
         largest = np.fmax(sizes.max(axis=1, initial=0, where=sizes >= 0), self._usual_size)
         half = largest[:, None] / 2
@@ -213,7 +214,7 @@ class ByColumns:
         return np.flatnonzero(left)
 
     def _given(self, q: Array, tau: Array) -> Array:
-        """L^T B tau: what the motors give along the coordinates; NaN at a singularity."""
+        """L^T B tau: forces of the motors along the coordinates; NaN at a singularity."""
         L = np.empty((len(self._unit), self._mechanism.model.nv))  # transposed
         if len(self._rates.many((q, self._unit), L)):
             return np.full(len(L), np.nan)

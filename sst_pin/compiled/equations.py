@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The equations of motion of any closed chain, once, on CasADi's symbols.
+"""The equations of motion of any closed chain on CasADi's symbols.
 
 Rows of closures are in the axes of the last link that both branches of their loop hang on, relative
 to which the rates of the loop are counted. One factorisation of Phi_u, the columns of the dependent
@@ -38,8 +38,8 @@ class Pivots(NamedTuple):
     factors: Blocks
     #: The largest sizes of the pivots of each part in the samples.
     sizes: list[Array]
-    #: That of the rows with pivots, free of units; of parts where all rows count, the product of
-    #: the singular values.
+    #: |det| of the rows with pivots, free of units; for parts in which all rows count, the product
+    #: of the singular values.
     determinant: Any
     #: The largest norm of Phi_u in the samples, scaled.
     norm: float
@@ -85,7 +85,7 @@ class Equations:
 
     @cached_property
     def displaced(self) -> "Equations":
-        """These equations on symbols of their own, with displaced joints."""
+        """The same equations on other symbols, with displaced joints."""
         arguments = self.mechanism, self._samples, self.loads.numel() > 0, self._smooth
         return Equations(*arguments, parameters=self.parameters, displaced=True)
 
@@ -115,7 +115,7 @@ class Equations:
                 block = pattern[np.ix_(rows, columns)], values[:, rows][:, :, columns]
                 order, sizes = pivot_order(*block)
                 chosen = rows[[i for i, _ in order]]
-                # The sizes of pivots of the rows as they are, not as they are scaled.
+                # Sizes of the pivots of the rows without scales.
                 rates = [self._dependent[columns[k]] for _, k in order]
                 pivots = list(zip(chosen.tolist(), rates, strict=True))
                 parts.append((Factors(Phi, pivots), sizes / scale[chosen]))
@@ -128,9 +128,10 @@ class Equations:
         return Pivots(blocks, [sizes for _, sizes in parts], determinant, float(norm))
 
     def _all_of(self, values: Array, rows: Indices, columns: Indices) -> dict[int, float]:
-        """Rows of a part of Phi_u that all count, with their scales; none where a choice suffices.
+        """Rows of a part of Phi_u that all count, with their scales, or none.
 
-        A choice suffices where no more rows than columns are independent over all samples.
+        There are none if a choice of rows suffices: no more rows than columns are independent over
+        all samples.
         """
         units = self.mechanism.rate_scale[self.mechanism.dependent[columns]]
         side_by_side = np.hstack(list(values[:, rows][:, :, columns] * units))
@@ -352,7 +353,7 @@ class Equations:
 
     @cached_property
     def accelerations(self) -> tuple[SX, list[Any]]:
-        """aa under motor torques from Eq. (92), and one over each pivot of the inertia matrix."""
+        """aa under motor torques, Eq. (92), and reciprocals of the pivots of the inertia matrix."""
         without = self.forces(self.at_rest)
         supplied = self.project(self.motor_forces(self.tau))
         return solve_symmetric(self.inertia, supplied - self.project(without))

@@ -31,7 +31,7 @@ Precision = Literal["double", "single"]
 
 
 class _Function(NamedTuple):
-    """A function of the exported C: its kernel, the name of its result, and what it means."""
+    """A function of the exported C: its kernel, and the name and meaning of its result."""
 
     kernel: Name
     output: str
@@ -64,7 +64,7 @@ def write_c(
 
     robot.h declares `robot_torques` and `robot_computed_torque` (`robot_forces` where the motors do
     not hold all coordinates), `robot_accelerations`, `robot_actuator_jacobian` and
-    `robot_assembly_step`, as far as the robot has them. main.c is an example.
+    `robot_assembly_step`, if the robot has them. main.c is an example.
 
     Args:
         chain: The robot.
@@ -136,7 +136,7 @@ def _functions(equations: Equations, dynamics: str, style: Style) -> Iterator[tu
 
 
 def _about(mechanism: Mechanism, q: Array, dynamics: str, style: Style) -> dict[str, object]:
-    """Words and numbers of the header and the example."""
+    """Texts and numbers for the header and the example."""
     n, motors = len(mechanism.coordinates), len(mechanism.motor_names)
     at_rest = [*np.asarray(q).tolist(), *[0] * (2 * n)]
     return {
@@ -223,7 +223,7 @@ def _computed_torque(mechanism: Mechanism, style: Style) -> tuple[str, str]:
 def _listed(
     parameters: OpenNumbers, mechanism: Mechanism, numbers: Array, suffix: str
 ) -> Iterator[str]:
-    """Lines of the open numbers, each with its index and what it is."""
+    """Lines of the open numbers, each with its index and meaning."""
     space, names = mechanism.space, mechanism.model.names
     lines = [(3, "gravity, base axes"), (1, "rate within which friction is tanh, not sign")]
     moments = "mass, first moment, second moments xx, xy, xz, yy, yz, zz in its joint's frame"
@@ -241,6 +241,6 @@ def _listed(
 
 
 def _comment(text: str) -> str:
-    """Names that stand in a comment of C: no end, no line break, no trigraph."""
+    """Names as text of a C comment, without its end, line breaks and trigraphs."""
     plain = " ".join(text.split()).replace("\\", "/").replace("??", "? ?")
     return plain.replace("*/", "* /").replace("/*", "/ *")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The extension module `_binding`, which calls kernels: loaded, or why it cannot be."""
+"""Loads the extension module `_binding`, which calls kernels, or says why it cannot."""
 
 import hashlib
 from functools import cache

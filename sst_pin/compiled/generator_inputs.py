@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""All that kernels are generated from: sample configurations, and what the cache knows them by."""
+"""Inputs of the generator: sample configurations, and the fingerprint for the cache."""
 
 from dataclasses import is_dataclass
 from typing import Any
@@ -51,7 +51,7 @@ def fingerprint(
 ) -> bytes:
     """All that the kernels of a mechanism, or of one of its frames, are generated from.
 
-    Closures and lines mean joints and frames by name: names stand here with all they lead to.
+    Closures and lines name joints and frames, so the fingerprint has the properties of these.
     """
     model, lines = mechanism.model, [(x.frame_a, x.frame_b) for x in mechanism.lines.forces]
     named = {name for names in map(frames_of, mechanism.closures) for name in names}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Reactions in joints and closures on CasADi's symbols, as `chain.reactions` has them.
+"""Reactions in joints and closures, as those of `chain.reactions`, on CasADi's symbols.
 
 Rows without a pivot give states of inner stress: one unit of such a row, balanced along the
 dependent rates by the others, or where all rows count by the shortest multipliers of all.

@@ -45,7 +45,7 @@ class SymbolicKernel:
     parameters: SX
     #: All results in a column.
     output: SX
-    #: Numbers that are at most 1 if the results are right.
+    #: Checks: numbers that are at most 1 if the results are right.
     checks: SX
     #: Where the last input is a direction and the output is along it, how many there are: a
     #: sample's results are those of all, side by side in rows. Else 0.

@@ -26,14 +26,14 @@ from ..arrays import Array
 from ..errors import CompilationError
 from .compiler import TARGETS, compile_library
 
-#: The most bytes that the libraries in the cache have together.
+#: The largest total size of the libraries in the cache, [bytes].
 LARGEST = 2**30
-#: All files of the package that decide what is in a kernel.
+#: All files of the package that affect the content of a kernel.
 _CODE = (
     *("model/*.py", "loops/*.py", "dynamics/*.py"),
     *("compiled/*.py", "compiled/c/**/*.[ch]", "version.py"),
 )
-#: The list of sizes in a library ends with -1; there are no more than this.
+#: The most sizes in a library; their list ends with -1.
 _MOST_SIZES = 8
 _CURE = "set XDG_CACHE_HOME to another folder"
 _log = logging.getLogger(__name__)
@@ -99,7 +99,7 @@ def cache_folder() -> Path:
 
 
 def cached() -> list[CachedLibrary]:
-    """All libraries in the cache, the last used first."""
+    """All libraries in the cache, the most recently used first."""
     libraries = []
     folder = cache_folder()
     for path in [*folder.glob("*.*.*.so"), *folder.glob("*.*.*.py")]:
@@ -111,7 +111,7 @@ def cached() -> list[CachedLibrary]:
 
 
 def delete(largest: int = 0) -> int:
-    """Delete the libraries that are unused for the longest time until the rest is this small.
+    """Delete the least recently used libraries until the rest is small enough.
 
     Returns the number of deleted libraries. Those in use stay in memory.
     """
@@ -184,7 +184,7 @@ def _stored_whole(path: Path, write: Callable[[Path], object]) -> None:
 
 
 def _announce(robot: str) -> None:
-    """Tell once in a process why the first call takes seconds."""
+    """Announce once in a process that the first call compiles for seconds."""
     with _ANNOUNCING:  # kernels are compiled in several threads
         _announce_once(robot)
 
@@ -217,7 +217,7 @@ def _compiled(path: Path, source: str, options: Sequence[str]) -> ctypes.CDLL:
     try:
         library = ctypes.CDLL(str(path))
     except OSError as error:
-        path.unlink(missing_ok=True)  # another compiler may do better
+        path.unlink(missing_ok=True)  # another compiler may succeed
         cure = f"{_CURE}, or CC to another compiler"
         raise CompilationError(f"{path.parent} cannot be used: {error}; {cure}") from None
     with suppress(CompilationError):  # the library is good, even if others cannot be deleted
@@ -237,7 +237,7 @@ def _file_name(name: str) -> str:
 
 @cache
 def _version() -> bytes:
-    """Hash of the machine, as a home can be shared, and of all code that kernels come from."""
+    """Hash of the machine, because home folders can be shared, and of all code of the generator."""
     package = Path(__file__).parents[1]
     paths = sorted(path for pattern in _CODE for path in package.glob(pattern))
     texts = [path.read_bytes() for path in paths]

@@ -20,7 +20,7 @@ from ..arrays import Array
 from .links import Link, LinkTree, clean
 from .symbols import Sparse, add, angle, column, rotation_vector, sparse, sx
 
-#: Unit vectors among the coordinates of a joint: how long, at their end.
+#: Number of coordinates at the end of a joint that form a unit vector.
 _UNIT = {"ball": 4, "free": 4, "planar": 2, "unbounded": 2}
 _ZERO = SX(3, 1)
 

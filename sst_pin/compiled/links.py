@@ -21,7 +21,7 @@ _KINDS = {
     **dict.fromkeys(("PX", "PY", "PZ", "PrismaticUnaligned"), "slide"),
     **dict.fromkeys(("HX", "HY", "HZ", "HelicalUnaligned"), "screw"),
 }
-#: Coordinates at rest, where they are not a single zero.
+#: Coordinates at rest, unless they are a single zero.
 _NEUTRAL = {
     "planar": [0.0, 0.0, 1.0, 0.0],
     "ball": [0.0, 0.0, 0.0, 1.0],
@@ -96,7 +96,7 @@ def _link(parent: int, placement: pin.SE3, joint: pin.JointModel, q: int, v: int
     data, at_rest = joint.createData(), _NEUTRAL.get(kind, [0.0])
     joint.calc(data, np.concatenate([np.zeros(max(joint.idx_q, 0)), at_rest]))
     S = np.asarray(data.S if isinstance(data.S, np.ndarray) else data.S.matrix()).reshape(6, -1)
-    if short == "Mimic":  # its twist is scaled; at rest where the one that it follows is at zero
+    if short == "Mimic":  # its twist is scaled; it rests where the other joint is zero
         kind, placement = "turn" if S[3:].any() else "slide", placement * data.M
     if not kind:
         return None
@@ -112,7 +112,7 @@ def _link(parent: int, placement: pin.SE3, joint: pin.JointModel, q: int, v: int
 
 
 def clean(a: Array) -> Array:
-    """Round numbers next to 0, 1 or -1 to these, so that products with them need no operation."""
+    """Round numbers near 0, 1 and -1 to them, so that products need no operation."""
     a = np.array(a, dtype=float)
     for whole in (-1.0, 0.0, 1.0):
         a[np.abs(a - whole) < 4e-16] = whole

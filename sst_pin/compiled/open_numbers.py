@@ -30,9 +30,9 @@ _SECOND[[0, 3, 5]] += (_xx + _yy + _zz) / 2
 
 
 class OpenNumbers:
-    """Order of the open numbers of a mechanism; `size` is how many there are.
+    """Order of the open numbers of a mechanism; `size` is their count.
 
-    If `complete`, all bodies have mass, all joints friction and a rotor, zero included.
+    If `complete`, all bodies have mass and all joints friction and a rotor, which may be zero.
     """
 
     def __init__(self, mechanism: Mechanism, *, complete: bool = False) -> None:
@@ -131,7 +131,7 @@ def _of_joints(mechanism: Mechanism) -> dict[str, Array]:
 
 
 def _ends_of_springs(mechanism: Mechanism) -> tuple[int, ...]:
-    """Entries of q of joints with springs: of a ball or an unbounded joint all."""
+    """Entries of q of joints with springs: all entries of a ball or an unbounded joint."""
     stiff, places = mechanism.springs.stiffness, []
     for joint in list(mechanism.model.joints)[1:]:
         of_rates = stiff[joint.idx_v : joint.idx_v + joint.nv]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """A robot's functions as JavaScript, for a page that computes without a server.
 
-The statements are those of the C: each is written once, by `c_code`, and put into other words here.
+`c_code` writes the statements in C; they are translated here.
 """
 
 import json
@@ -33,7 +33,7 @@ from .kernels import SymbolicKernel
 from .open_numbers import OpenNumbers
 from .symbols import column
 
-#: From a statement in C to one in JavaScript.
+#: Translation of a statement from C to JavaScript.
 _WORDS = [
     (
         re.compile(r"^real s(\d+), c\d+; sines_cosines\(1, &(\S+), .*"),
@@ -65,10 +65,11 @@ def functions_of(reference: Reference, q: Array) -> tuple[str, Array]:
 
 
 def choices(reference: Reference, q: Array) -> list[Equations]:
-    """Equations with other pivots and coordinates, so that some are sound at most configurations.
+    """Equations with several choices of pivots and coordinates.
 
-    The first are in the robot's coordinates, with pivots chosen near q. Walks from there, downhill
-    and the same at each call, look for configurations where all have small pivots.
+    At most configurations, one of them is sound. The first are in the robot's coordinates, with
+    pivots chosen near q. Walks from there, downhill and the same at each call, look for
+    configurations where all have small pivots.
     """
     mechanism, random = reference.mechanism, np.random.default_rng(0)
     model, data, n = mechanism.model, mechanism.model.createData(), len(mechanism.coordinates)
@@ -169,7 +170,7 @@ def _kernel(e: Equations, name: str, inputs: dict[str, SX], *results: Any) -> Sy
 
 
 def _function(kernel: SymbolicKernel, name: str) -> tuple[str, str]:
-    """The functions of a kernel by names that begin with `name`, and what describes them."""
+    """The functions of a kernel, whose names begin with `name`, and their description."""
     writer = c_code.written(kernel)
     lines = {kind: list(map(_in_javascript, of_kind)) for kind, of_kind in writer.lines.items()}
     parts, room = statements.in_parts([statements.pieces(lines["real"], _LARGEST)])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Functions of C from statements, one statement for each operation."""
+"""Builds C functions from statements, one statement for each operation."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -7,7 +7,7 @@ from heapq import heappop, heappush
 from itertools import pairwise
 
 _WIDTH = 94
-#: Statements of a function that is not cut, and of the parts of one that is.
+#: The most statements of an undivided function, and of the parts of a divided one.
 LARGEST, _PART = 7000, 500
 #: Up to so many statements, the compiler chooses where results are kept.
 _FEW = 300

@@ -3,7 +3,7 @@
 
 As docs/derivatives.md: partial derivatives on the tree are CasADi's; the loops are differentiated
 implicitly, by the one factorisation of Phi_u. For many samples whole matrices take the fewest
-operations. For one sample its directions are computed side by side, as samples otherwise are.
+operations. For one sample, its directions are computed side by side like samples of a batch.
 """
 
 from collections.abc import Sequence
@@ -36,7 +36,7 @@ def of_accelerations(e: Equations, checks: Checks, way: SX | None = None) -> tup
 
 
 def of_displacements(e: Equations) -> SX:
-    """-S [v, L e_k], shape (n, n): what moving axes of joints do to a displacement xi."""
+    """-S [v, L e_k], shape (n, n): the effect of moving joint axes on a displacement xi."""
     nv = e.mechanism.model.nv
     moved = ca.horzcat(*(column(_brackets(e, e.v, L), range(nv)) for L in e.L))
     return -moved[e.mechanism.coordinates.tolist(), :]
@@ -98,7 +98,7 @@ class _OnTree:
 
 
 def _of_forces(e: Equations, checks: Checks, tree: _OnTree, way: SX | None) -> tuple[SX, list[Any]]:
-    """Derivatives of f by q, va and aa, the motors' forces held, and checks of what is solved."""
+    """Derivatives of f by q, va and aa at constant motor forces, and checks of the solutions."""
     if way is not None:
         return _of_forces_along(e, checks, tree, way)
     nv, rows = e.mechanism.model.nv, e.factors.rows

@@ -28,7 +28,7 @@ def sx(a: Array) -> SX:
 
 
 def is_zero(x: Any) -> bool:
-    """Whether a scalar is 0 whatever the symbols are."""
+    """Whether a scalar is 0 for all values of its symbols."""
     return bool(x.is_zero()) if isinstance(x, SX) else x == 0
 
 
@@ -62,7 +62,7 @@ def row_by_row(*matrices: SX) -> SX:
 
 
 def solve_symmetric(A: SX, b: SX) -> tuple[SX, list[Any]]:
-    """x with A x = b for a symmetric A, by L D L^T, and one over each entry of D, row by row."""
+    """x with A x = b for a symmetric A, by L D L^T, and the reciprocals of the entries of D."""
     D, LT, order = ca.ldl(ca.sparsify(A), True)
     inverses = dict(zip(order, (1 / pivot for pivot in ca.vertsplit(D)), strict=True))
     return ca.ldl_solve(b, D, LT, order), [inverses[i] for i in range(len(order))]

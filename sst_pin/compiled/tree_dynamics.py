@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Forces and mass matrix of the tree, without its closures, on CasADi's symbols.
+"""Forces and mass matrix of the tree without closures, on CasADi's symbols.
 
 A body with the first moment c and the second moments J (the integral of r r^T) about its origin
 needs the force m a + U c and the moment c x a + 2 axial(U J), Eqs. (63)-(68).
@@ -25,7 +25,7 @@ from .symbols import Sparse, add, is_zero, sx
 
 
 class Body(NamedTuple):
-    """A rigid body, or several that are welded to each other, in the frame of a link."""
+    """A rigid body, or several bodies welded together, in the frame of a link."""
 
     mass: SX = SX(1, 1)
     #: First moment.
@@ -74,7 +74,7 @@ class TreeDynamics:
 
     @cached_property
     def _bodies(self) -> list[Body]:
-        """Bodies of Pinocchio's joints; the first of those computed as one has all of it."""
+        """Bodies of Pinocchio's joints; the first of several welded ones has all their inertia."""
         model = self._mechanism.model
         bodies = [Body()] * model.njoints
         for i in range(1, model.njoints):

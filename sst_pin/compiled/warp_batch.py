@@ -294,7 +294,7 @@ class WarpBatch:
         return value
 
     def _prepare(self, key: Quantity) -> tuple[ModuleType, Any]:
-        """The kernels of a quantity, and the parameters with the constants computed from them."""
+        """The kernels of a quantity, and the parameters followed by the constants."""
         width = -1.0 if key.sign_width is None else key.sign_width
         plain = key._replace(sign_width=None)
         module = self.module(plain)

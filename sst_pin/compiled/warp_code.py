@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Kernels for NVIDIA Warp: Python modules whose native functions hold the C of `c_code`.
 
-A thread computes one sample. The statements are those of the C, in a class of a native function, as
-C++ allows no function in a function.
+A thread computes one sample. The statements are those of the C. They are in a class, because C++
+allows no function inside a function.
 """
 
 from collections.abc import Sequence
