@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Identification: which parameters of a robot measurements show, and their values."""
+"""Identification of the parameters of a robot from measurements."""
 
 from .base_parameters import BaseParameters, base_parameters, random_states
 from .calibration import Calibration, calibrate

@@ -23,9 +23,9 @@ from ..dynamics.regressor import OF_BODY
 from ..errors import ClosureError, InputError, SingularConfigurationError, UnknownNameError
 from ..summaries import Summary, listed
 
-#: A column depends on others if they explain all but this part of it.
+#: A column depends on others if its rest, after these are removed, is smaller than this part.
 _DEPENDENT = 1e-9
-#: States for each unknown force, so that chance makes no column depend on others.
+#: Equations for each parameter, so that no column depends on others by chance.
 _ROWS = 2.5
 #: Largest condition number of a random configuration.
 _REGULAR = 1e2

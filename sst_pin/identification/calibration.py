@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The geometry of a robot from measured poses: places of its joints and of its closures.
+"""Finds the places of joints and closures of a robot from measured poses.
 
 Errors of the geometry are joints of an enlarged robot: three slides, three hinges at each place.
 The natural orthogonal complement of this robot has the derivatives of a pose by the errors, with
@@ -44,7 +44,7 @@ _TOLERANCES = (1e-6, 1e-5, 1e-4, 1e-3)
 _STEPS, _SETTLED = 30, 1e-9
 #: Least noise of positions as a part of that of orientations, and the reverse: less is rounding.
 _LEAST_NOISE = 1e-4
-#: After all steps the last one may be so large, in standard deviations of the errors.
+#: Largest last step of Newton's method, in standard deviations of the errors.
 _UNSURE = 0.01
 _TOO_LARGE = "errors too large for Newton's method, or which= leaves out those that matter"
 

@@ -18,7 +18,7 @@ from .estimation import Estimate
 
 #: Least eigenvalue of a pseudo-inertia, over that of a ball of this mass and the robot's length.
 _LEAST = 1e-5
-#: Weight of the prior of the others, in deviations of what is seen of them: for what is not seen.
+#: Weight of the prior for combinations that the motion does not show, in their standard deviations.
 _WEAK = 1e-6
 #: Parameters that are not negative.
 _POSITIVE = (".viscous", ".coulomb", ".armature", ".stiffness", ".damping")
@@ -99,7 +99,7 @@ def consistent_parameters(
     _require_bodies(best[: 10 * free.size].reshape(-1, 10), status)
     theta = cad.copy()
     theta[columns] = best * units
-    # The solver passes walls by its tolerance.
+    # The solver passes the constraints by its tolerance.
     theta[others[positive]] = np.maximum(theta[others[positive]], 0)
     return DynamicParameters(names, theta)
 
@@ -116,7 +116,8 @@ def _least_squares(
         problem = "its combinations cannot be told apart; base_parameters(motion=) finds others"
         raise InputError("found", problem) from None
     rows = solve_triangular(root, found.base.matrix, lower=True)
-    # Deviations from the prior keep their digits beside what is known a million times better.
+    # Deviations from the prior keep their digits beside values that are known a million times
+    # better.
     seen = solve_triangular(root, found.values - found.base.matrix @ cad, lower=True)
     sizes = np.linalg.norm(rows[:, columns[of_bodies.size :]], axis=0)
     units = np.concatenate([of_bodies, 1 / np.maximum(sizes, 1e-9)])
@@ -138,10 +139,10 @@ def _nearest(reach: Array, room: Array, cones: list[Any]) -> tuple[Array, str]:
 
     settings, n = clarabel.DefaultSettings(), reach.shape[1]
     settings.verbose, settings.tol_feas = False, 1e-9
-    # Where the prior alone speaks, its small weight needs a small gap.
+    # Where the prior alone decides, its small weight needs a small gap.
     settings.tol_gap_abs = settings.tol_gap_rel = 1e-12
     matrices = eye(n, format="csc"), np.zeros(n), csc_matrix(-reach), room
-    for scaled in (True, False):  # scaling can spoil what is well known beside what is hardly known
+    for scaled in (True, False):  # scaling can spoil well-known values beside poorly known ones
         settings.equilibrate_enable = scaled
         done = clarabel.DefaultSolver(*matrices, cones, settings).solve()
         if str(done.status) == "Solved":

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Base parameters from measured motions and torques, what they say, and what they predict."""
+"""Estimates base parameters from measured motions and torques, and predicts torques."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .measurements import decimated, noise_correlations
 
 #: Residuals up to this number of standard deviations count in full (P. J. Huber).
 _HUBER = 1.345
-#: The motion shows no combination whose part is smaller than this.
+#: Combinations with a smaller part in the motion are not shown by it.
 _UNSHOWN = 1e-9
 _ITERATIONS = 10
 
@@ -131,7 +131,7 @@ def estimate(
             weights = np.sqrt(np.minimum(1, _HUBER / np.maximum(np.abs(z), 1e-300)))
         else:
             scale = np.sqrt(np.mean(residuals**2, axis=0))
-        if motors > n:  # the shares of single motors are not seen
+        if motors > n:  # the motion does not show the shares of single motors
             scale = np.full(motors, np.sqrt(np.mean(scale**2)))
         scale *= np.sqrt(motors / n * z.size / (z.size - used))
         settled = np.allclose(scale, noise, rtol=1e-6, atol=0)

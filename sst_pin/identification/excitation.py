@@ -26,7 +26,7 @@ _SAMPLES = 12
 _MOST = 100_000
 #: At this condition number noise of 0.1 % of the torques hides the parameter that is shown least.
 _POOR = 1e3
-#: Parts of an amplitude that are tried before another motion.
+#: Parts of an amplitude to try before another motion is drawn.
 _PARTS = 0.7 ** np.arange(9)
 
 

@@ -19,7 +19,7 @@ from ..simulation.samples import sample_times, spline
 from ..simulation.trajectories import Trajectory
 
 _ORDER = 4
-#: The begin of the names of torques; a cut-off above this, in periods per sample, filters nothing.
+#: The start of names of torques; a cut-off above this, in periods per sample, does not filter.
 _TORQUE, _OPEN = "torque of ", 0.45
 #: An outlier is farther from the smooth curve than this multiple of the median of its part.
 #: A part has at least these numbers of periods and samples.
@@ -32,7 +32,7 @@ _AROUND, _PASSES, _BRIDGED = 7, 60, 0.25
 _NEAR = 7
 #: A sample affects this number of outputs of the filter of `decimated`.
 _MEMORY = 20
-#: Part of the samples that may be outliers: more spoil the curve with which they are compared.
+#: Largest part of the samples that may be outliers; more would spoil the smooth curve.
 _MOST = 0.05
 
 
@@ -202,10 +202,10 @@ def _require_bridged(names: Sequence[str], t: Array, replaced: Flags, longest: f
 
 
 def _without_outliers(values: Array, positions: int, cutoff: float) -> tuple[Array, Array, Flags]:
-    """Samples and smooth curves without outliers, and which they are; they give way one by one.
+    """Samples and smooth curves without outliers, and which samples are outliers.
 
-    An outlier is the sample farthest from the curve around it, by far more than is usual there. A
-    torque is only one if it is also far from the median of its neighbours.
+    Outliers are replaced one by one. An outlier is the sample farthest from the curve around it, by
+    far more than is usual there. A torque must also be far from the median of its neighbours.
     """
     from scipy.ndimage import maximum_filter1d, median_filter
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Numbers found by measurements, in the URDF that a robot was read from."""
+"""Writes identified numbers into the URDF that a robot was read from."""
 
 import os
 import warnings
@@ -19,17 +19,17 @@ from ..reading.joint_graph import origin_of
 from ..reading.urdf_checks import ENTRIES
 from ..summaries import listed
 
-#: Placements that differ by less do so by rounding.
+#: Smaller differences of placements are rounding.
 _ROUNDING = 1e-12
-#: Parameters read back differ by less, relative to the largest of their kind.
+#: Largest difference of parameters that are read back, relative to the largest of their kind.
 _EQUAL = 1e-9
 
 
 def write_urdf(chain: ClosedChain, urdf: str | Path, path: str | Path, force: bool = False) -> None:
     """Write a URDF with the inertias and the friction of a robot, such as one identified.
 
-    Links that move as one body, as those at fixed joints, get one inertia, in the first of them
-    that had one. Locked joints become fixed. Masses, mass centres, inertias, `damping` and
+    Links that are fixed to each other get one inertia, in the first of them that had one. Locked
+    joints become fixed. Masses, mass centres, inertias, `damping` and
     `friction` change, nothing else.
 
     Args:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Description files to what robots are made of: a tree, closures and motors."""
+"""Reads description files: a tree, closures and motors of a robot."""
 
 from .closed_urdf import closed, cuts_beside, read_cuts, read_urdf
 from .cuts import parse_cuts

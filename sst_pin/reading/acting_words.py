@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Elements of Drake and Gazebo that act on the motion: they are read, or a warning names them."""
+"""Elements of Drake and Gazebo that affect the motion. They are read, or a warning names them."""
 
 import re
 import xml.etree.ElementTree as ET
@@ -96,7 +96,7 @@ def is_weightless(root: ET.Element) -> bool:
 
 
 def _without_gravity(root: ET.Element) -> set[str]:
-    """Links on which gravity does not act, by the words of Drake and Gazebo."""
+    """Links without gravity, from elements of Drake and Gazebo."""
     links = {link.get("name", ""): link for link in root.findall("link")}
     off = {n for n, link in links.items() if any(e.tag == "drake:disable_gravity" for e in link)}
     for element in root.findall("gazebo"):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A URDF with the files beside it, YAML and SRDF, as one value from which robots are made."""
+"""Reads a URDF with its YAML and SRDF into one value, from which robots are made."""
 
 from collections.abc import Collection, Iterator, Sequence
 from functools import partial
@@ -33,7 +33,7 @@ def read_urdf(
     *,
     default: str | Path | None = None,
 ) -> RobotFile:
-    """Read a robot; see `ClosedChain.from_urdf`, whose caller a warning points to."""
+    """Read a robot as `ClosedChain.from_urdf`; warnings point to the caller of that method."""
     urdf = path if isinstance(path, Urdf) else Urdf.read(path)
     content = read_cuts(urdf, cuts, default)
     robot = closed(urdf, content._replace(locked=(*content.locked, *names("locked", locked))))
@@ -69,7 +69,7 @@ def cuts_beside(urdf: Path) -> Path | None:
 
 
 def closed(urdf: Urdf, cuts: Cuts) -> RobotFile:
-    """The tree of a URDF, closed by its cuts, or else by its marks, and by its mimic joints.
+    """The tree of a URDF with closures from its cuts, or else from its marks, and its mimic joints.
 
     Without cuts and marks it is an open tree. An SRDF beside it names configurations.
     """

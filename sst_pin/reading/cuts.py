@@ -39,11 +39,11 @@ class Cuts(NamedTuple):
     couplings: tuple[Coupling, ...] = ()
     hinges: tuple[CutJoint, ...] = ()  #: Closures of other YAML files, by places of the joints.
     forces: tuple[LineForce, ...] = ()
-    joints: tuple[tuple[str, str], ...] = ()  #: Joints and what they are; see `Urdf.tree`.
+    joints: tuple[tuple[str, str], ...] = ()  #: True kinds of joints by name; see `Urdf.tree`.
     numbers: JointNumbers = MappingProxyType({})
     locked: tuple[str, ...] = ()
     dependent: tuple[str, ...] = ()  #: Joints that follow from the closures; they mimic none.
-    gravity: Array | None = None  #: In base axes, shape (3,), [m/s^2]; that of the URDF if None.
+    gravity: Array | None = None  #: In base axes, [m/s^2]; None: the URDF's.
     source: str = ""  #: The YAML, for messages; empty without one.
 
     @property
@@ -198,7 +198,7 @@ def _hinge(value: Any) -> CutJoint:
 
 
 def _of_fusion(content: YamlContent) -> Cuts:
-    """A `robot_data.yaml` of fusion2URDF: joints whose origins are seen from their parents."""
+    """A `robot_data.yaml` of fusion2URDF: joints whose origins are relative to their parents."""
 
     def is_motor(name: str, value: Any) -> str:
         fields = mapping_in(value)

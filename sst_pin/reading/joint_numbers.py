@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Springs, friction and rotors of joints, as files give them by the names of joints."""
+"""Springs, friction and rotors of joints in files, by the names of joints."""
 
 from collections.abc import Collection, Mapping
 
@@ -16,7 +16,7 @@ JointNumbers = Mapping[str, Mapping[str, float]]
 
 
 def updated(numbers: JointNumbers, others: JointNumbers, without: Collection[str]) -> JointNumbers:
-    """Numbers with others in their place where both have one, without some joints."""
+    """Numbers updated by others, without some joints."""
     both = {kind: {**numbers.get(kind, {}), **others.get(kind, {})} for kind in (*numbers, *others)}
     return {k: {n: x for n, x in of.items() if n not in without} for k, of in both.items()}
 

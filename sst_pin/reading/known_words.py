@@ -14,7 +14,7 @@ from difflib import get_close_matches
 
 from .problems import numbers
 
-#: Similarity of words from which one counts as misspelt.
+#: Similarity of words above which one is taken for a misspelling of the other.
 _ALIKE = 0.8
 
 
@@ -24,7 +24,7 @@ def is_true(text: str | None) -> bool:
 
 
 def unknown(element: ET.Element, table: Mapping[str, str], row: str = "") -> Iterator[str]:
-    """Words of an element, and of those below it, that the table does not have."""
+    """Words of an element and of its descendants that are not in the table."""
     tag = element.tag
     words = {w.partition("=")[0].rstrip("+"): w for w in table[row or tag].split()}
     content = [(f"@{key}", text) for key, text in element.items() if not key.startswith("xmlns")]
@@ -56,7 +56,7 @@ def unknown(element: ET.Element, table: Mapping[str, str], row: str = "") -> Ite
 
 
 def means(text: str, value: str) -> bool:
-    """Whether a text has this value: a number, repeated or not, or true or false for 1 or 0."""
+    """Whether a text has a value: a number, perhaps repeated, or true or false for 1 or 0."""
     text = {"true": "1", "false": "0"}.get(text.strip().lower(), text)
     values = numbers(text, len(text.split()))
     return values is not None and bool((values == float(value)).all())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""MJCF to a Pinocchio model, closures and motors, by way of MuJoCo's own compiler.
+"""Reads an MJCF as a Pinocchio model, closures and motors, through MuJoCo's compiler.
 
 MuJoCo resolves defaults, angles, meshes and inertias; what it has compiled is carried over number
 by number.
@@ -27,7 +27,7 @@ from .urdf import MOST_JOINTS
 def read_mjcf(
     path: str | Path, locked: Sequence[str] = (), actuated: Sequence[Motor] | None = None
 ) -> RobotFile:
-    """Read a robot; see `ClosedChain.from_mjcf`, whose caller a warning points to."""
+    """Read a robot as `ClosedChain.from_mjcf`; warnings point to the caller of that method."""
     robot = robot_file_of(path, locked, actuated)
     return warned(robot, (problem.text for problem in robot.notes), robot.source)
 

@@ -93,7 +93,7 @@ class Compiled:
 
 
 def _first_element(path: Path) -> str:
-    """The name of an XML's root; empty where MuJoCo reads it more leniently than Python."""
+    """The name of an XML's root; empty if Python cannot read a file that MuJoCo accepts."""
     with suppress(ET.ParseError), path.open("rb") as file:
         for _, element in ET.iterparse(file, events=("start",)):
             return str(element.tag)

@@ -19,7 +19,7 @@ from .mjcf_compiled import HINGE, SLIDE, Compiled, pose_of
 from .mjcf_tree import MjcfTree
 from .robot_file import naming
 
-#: Index of a weld's scale of torque in `eq_data`; with 0 it lets the bodies turn.
+#: Index of a weld's torque scale in `eq_data`; with 0 the bodies can turn.
 _TORQUESCALE = 10
 
 

@@ -129,7 +129,7 @@ class MjcfTree:
         return np.asarray(mj.jnt_stiffness[joints] * (not compiled.disabled("spring")))
 
     def add_home(self, closures: Sequence[Constraint]) -> None:
-        """Make `qpos0` home where no keyframe is, if it closes the loops."""
+        """Make `qpos0` the home if no keyframe is and if it closes the loops."""
         model = self.model
         if not model.nv or "home" in model.referenceConfigurations:
             return
@@ -179,7 +179,7 @@ def _scalar_last(address: int) -> list[int]:
 
 
 def _along(axis: Array, aligned: Sequence[type], unaligned: type) -> Any:
-    """A joint with an axis, of the simple kind where the axis is x, y or z."""
+    """A joint with an axis, of the simple kind if the axis is x, y or z."""
     for model, direction in zip(aligned, np.eye(3), strict=True):
         if np.array_equal(axis, direction):
             return model()

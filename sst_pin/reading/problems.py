@@ -15,7 +15,7 @@ from ..arrays import Array
 from ..errors import DescriptionError
 from ..summaries import listed
 
-#: Texts that urdfdom, MuJoCo and people read as the same number.
+#: Texts that urdfdom and MuJoCo read as the same number.
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 
 
@@ -65,7 +65,7 @@ def merged(problems: Iterable[Problem]) -> Iterator[Problem]:
 
 @contextmanager
 def telling(problems: list[str], where: str = "") -> Iterator[None]:
-    """Add errors of values to problems, and go on after the block."""
+    """Add the ValueError of a block to problems, and continue after the block."""
     try:
         yield
     except DescriptionError as caught:

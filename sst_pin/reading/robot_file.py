@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A closed chain as its files describe it."""
+"""The description of a closed chain in its files."""
 
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -20,7 +20,7 @@ from .srdf import Srdf
 
 
 class RobotFile(NamedTuple):
-    """A robot as its files describe it."""
+    """The description of a robot in its files."""
 
     source: str  #: The files, for messages.
     model: pin.Model  #: The tree, with gravity; `referenceConfigurations` are named in the files.
@@ -59,7 +59,7 @@ def naming(source: str) -> Iterator[None]:
 
 
 def warned(robot: RobotFile, notes: Iterable[str], source: str) -> RobotFile:
-    """Warn of each note, at the caller of the reader's caller; returns the robot."""
+    """Warn of each note, pointing to the caller of the reader's caller; returns the robot."""
     for note in dict.fromkeys(notes):
         warnings.warn(f"{source}: {note}", DescriptionWarning, stacklevel=4)
     return robot

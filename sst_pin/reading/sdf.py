@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""An SDF to the elements of a URDF."""
+"""Reads an SDF as the elements of a URDF."""
 
 import re
 import xml.etree.ElementTree as ET
@@ -53,7 +53,7 @@ _FORCELESS = re.compile(
 
 
 class Sdf:
-    """The model of an SDF, its base the world of the SDF."""
+    """The model of an SDF; its base is the world of the SDF."""
 
     def __init__(self, root: ET.Element, source: str) -> None:
         self._source, version = source, root.get("version", "1.7").strip()
@@ -229,7 +229,7 @@ class Sdf:
         self._problems.append(f"{element.tag} {element.get('name')}: {text}")
 
 
-#: Shapes that are drawn, and what a URDF calls their sizes; others are left out.
+#: Shapes that are drawn, and the names of their sizes in a URDF; others are left out.
 _SHAPES: dict[str, dict[str, str]] = {
     "box": {"size": "size"},
     "cylinder": {"radius": "radius", "length": "length"},

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The shapes of a robot's bodies, as Pinocchio's geometry models; files are read when asked for."""
+"""Shapes of a robot's bodies as Pinocchio's geometry models; mesh files are read at first use."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
@@ -13,9 +13,9 @@ from ..errors import DescriptionError
 from .mjcf_compiled import pose_of
 from .text import bare
 
-#: Groups of geoms that MuJoCo's viewer shows; collision shapes are in others by custom.
+#: Groups of geoms that MuJoCo's viewer shows; collision shapes usually are in others.
 _SHOWN_GROUPS = 3
-#: Shapes of geoms by `mjtGeom`, and their sizes in those that MuJoCo has.
+#: Shapes of geoms by `mjtGeom`, and their sizes from MuJoCo's.
 _SHAPES = {
     2: (coal.Sphere, (1,)),
     3: (coal.Capsule, (1, 2)),
@@ -33,7 +33,7 @@ def urdf_shapes(
     model: pin.Model,
     kind: pin.GeometryType = pin.GeometryType.VISUAL,
 ) -> pin.GeometryModel:
-    """Shapes of a URDF for the eye, or for collisions; the tree's joints may have been replaced.
+    """Visual or collision shapes of a URDF, for a tree whose joints may have been replaced.
 
     Mesh files are relative to the folder of the URDF, `package://` to those above too.
     """
@@ -72,7 +72,7 @@ def mjcf_shapes(mj: Any, bodies: Sequence[tuple[int, pin.SE3]], _: pin.Model) ->
 
 
 def _geometry(mj: Any, i: int) -> coal.CollisionGeometry | None:
-    """A geom as a shape; None for a plane, a height field and what else is no body."""
+    """A geom as a shape; None for planes, height fields and others that are no bodies."""
     kind, mesh = int(mj.geom_type[i]), mj.geom_dataid[i]
     if kind in _SHAPES:
         shape, factors = _SHAPES[kind]

@@ -10,13 +10,13 @@ from xml.parsers import expat
 
 from ..errors import DescriptionError
 
-#: Size of a description at most, [byte]; the largest of real robots has half a million.
+#: Largest size of a description, [byte]; the largest one of a real robot has half a million.
 _LARGEST = 16 * 2**20
 #: The encoding that an XML declares.
 _ENCODING = re.compile(rb"""\s*<\?xml[^>]*encoding=["']([\w.:-]+)""")
 #: Attributes that are names, blanks included.
 _NAMES = {"name", "link", "filename"}
-#: Links, joints and others; Pinocchio goes down a tree by recursion, deep enough to crash.
+#: Most links, joints and other elements: Pinocchio crashes in the recursion of deep trees.
 _MOST_ELEMENTS = 10_000
 
 
@@ -62,7 +62,7 @@ def parse_xml(text: str, source: str, what: str = "a URDF") -> ET.Element:
 
 
 def bare(root: ET.Element, words: Mapping[str, Collection[str]]) -> ET.Element:
-    """Links, joints and others with some of their elements, one blank between numbers."""
+    """Links, joints and others with some of their elements; numbers are separated by one blank."""
     copies = ET.Element(root.tag, root.attrib)
     for element in (element for element in root if element.tag in words):
         copy = ET.SubElement(copies, element.tag, element.attrib)

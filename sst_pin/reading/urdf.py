@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A URDF to a Pinocchio model, couplings of its mimic joints and shapes."""
+"""Reads a URDF as a Pinocchio model, couplings of its mimic joints and shapes."""
 
 import re
 import xml.etree.ElementTree as ET
@@ -33,7 +33,7 @@ KINDS: dict[str, dict[str, Any]] = {
     **{f"UNIVERSAL {axes}": parts for axes, parts in _PAIRS.items()},
     **{f"UJOINT_{axes}": parts for axes, parts in _PAIRS.items()},
 }
-#: Elements that the dynamics are made of; fixed joints only have the first three.
+#: Elements that affect the dynamics; fixed joints have the first three only.
 _OF_JOINTS = ("origin", "parent", "child", "axis", "limit", "dynamics")
 #: Limit of a joint that has none, [rad] or [m].
 _WIDE = "1e9"
@@ -154,7 +154,7 @@ def closing_frames(model: pin.Model) -> Iterator[Closure]:
 
 
 def _dynamics(root: ET.Element, kinds: Mapping[str, str]) -> ET.Element:
-    """Elements that the dynamics are made of, as urdfdom takes them; no joint is continuous."""
+    """Elements that affect the dynamics, in the form for urdfdom; no joint is continuous."""
     copy = bare(root, {"link": ("inertial",), "joint": _OF_JOINTS})
     for joint in copy.findall("joint"):
         for dynamics in joint.findall("dynamics"):  # urdfdom wants one of them

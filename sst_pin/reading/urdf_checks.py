@@ -31,7 +31,7 @@ _WORDS = {
     "dynamics": "@damping @friction ...",
     "mimic": "@joint @multiplier @offset",
 }
-#: How many numbers attributes have.
+#: The count of numbers in attributes.
 _COUNTS = {
     "origin": {"xyz": 3, "rpy": 3},
     "axis": {"xyz": 3},
@@ -45,7 +45,7 @@ _COUNTS = {
 }
 #: Rounding of the moments of a rod or disc, as a share of the largest moment.
 _ROUNDING = 1e-9
-#: Links that a warning names.
+#: The most links that a warning names.
 _NAMED = 5
 #: Heaviest over lightest moving link, beyond which half the digits are gone.
 _SPREAD = 1e8
@@ -62,7 +62,7 @@ _REFUSED = {
 
 
 def check(root: ET.Element) -> Iterator[Problem]:
-    """Problems of a URDF that keep it from being read as it is meant, and warnings."""
+    """Errors and warnings of a URDF."""
     if root.tag != "robot":
         cure = "; ClosedChain.from_mjcf reads an MJCF" if root.tag == "mujoco" else ""
         yield error("file", f"a URDF starts with <robot>, not with <{root.tag}>{cure}")
@@ -90,7 +90,7 @@ def check(root: ET.Element) -> Iterator[Problem]:
 
 
 def _connections(links: Sequence[str], joints: Sequence[ET.Element]) -> Iterator[Problem]:
-    """Errors by which links and joints are no tree."""
+    """Errors of links and joints that form no tree."""
     known, bearers, children = set(links), dict[str, str](), dict[str, list[str]]()
     for joint in joints:
         name = joint.get("name", "")
@@ -162,7 +162,7 @@ def _joint(joint: ET.Element, where: str, kinds: Mapping[str | None, str]) -> It
 
 
 def no_numbers(parent: ET.Element, where: str) -> Iterator[Problem]:
-    """Attributes of the elements in one that are not as many numbers as they should be."""
+    """Attributes in an element and its parts with a wrong count of numbers."""
     for element in parent:
         for key, count in _COUNTS.get(element.tag, {}).items():
             if key in element.attrib and numbers(text := element.attrib[key], count) is None:
@@ -256,7 +256,7 @@ def impossible(mass: float, inertia: Array) -> str:
 
 
 def inertia_notes(root: ET.Element) -> Iterator[str]:
-    """The links of a URDF with impossible inertias, which are computed as they stand."""
+    """Notes on links of a URDF with impossible inertias, which are used unchanged."""
     reasons = ((name, impossible(*body)) for name, body in bodies_of(root).items())
     if problems := [f"link {name}: {text}" for name, text in reasons if text]:
         more = f" and {len(problems) - _NAMED} more" * (len(problems) > _NAMED)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Keys and values of a YAML; scalars are strings, as they stand there."""
+"""Keys and values of a YAML; scalars are unchanged strings."""
 
 import reprlib
 from collections import Counter
@@ -12,7 +12,7 @@ import yaml
 from ..errors import DescriptionError
 from .problems import numbers, telling
 
-#: Characters of a YAML at most; that of a robot with 400 joints has a tenth.
+#: The most characters of a YAML; that of a robot with 400 joints has a tenth of it.
 _LONGEST = 200_000
 #: Depth of brackets in brackets; two are needed.
 _DEEPEST = 50

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-#: Accelerations by the torques of a motion differ from its own by less, relative.
+#: Largest relative difference between the accelerations of a motion and those of its torques.
 _DIFFERENCE = 1e-6
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Where a motion leaves joint limits or comes close to a singularity."""
+"""Finds where a motion leaves joint limits or comes close to a singularity."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -56,7 +56,7 @@ class Finding:
 
 
 def samples_of(mechanism: Mechanism, motion: Any) -> tuple[Array, Array]:
-    """Times and configurations of a motion, shapes (N,) and (N, nq); NaN for the time of one q."""
+    """Times (N,) and configurations (N, nq) of a motion; the time of a single q is NaN."""
     if isinstance(motion, Trajectory):
         require_motion(motion, mechanism)
         return motion.t, motion.q
@@ -107,7 +107,7 @@ def outside(
     out: Flags,
     ends: tuple[Array, Array],
 ) -> Iterator[Finding]:
-    """A finding for each joint with a unit that leaves its ends, where `out` is true."""
+    """A finding for each joint that leaves its range, at samples where `out` is true."""
     for i, (name, unit) in enumerate(zip(names, units, strict=True)):
         if unit and out[:, i].any():
             limits = (float(ends[0][i]), float(ends[1][i]))

@@ -198,7 +198,7 @@ def _samples(times: Array, torques: Array) -> Input:
 def _changes(times: Array, torques: Array) -> Array:
     """The fewest samples, evenly chosen, through which a curve reproduces all of them.
 
-    A step that passes no two of them misses no push. Smooth torques need few.
+    A step that passes fewer than two of them misses no push. Smooth torques need few samples.
     """
     scale, chosen = _SMOOTH * np.abs(torques).max(initial=0.0), times
     while len(chosen) > 12:

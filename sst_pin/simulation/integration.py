@@ -21,12 +21,12 @@ from .state_equations import StateEquations
 if TYPE_CHECKING:
     from scipy.integrate import OdeSolver
 
-#: Condition number above which better coordinates are looked for.
+#: Condition number above which better coordinates are searched.
 _POOR = 50.0
 #: An irregular step is repeated with its regular part, or at least this part of its length. The
 #: motion ends when steps are shorter than this part of its duration.
 _SHORTER, _STUCK = 0.25, 1e-12
-#: A repeated step ends before the irregular place by this part of it, ten times more each time.
+#: A repeated step ends this part of it before the irregular place, ten times more each time.
 _SHY = 1e-10
 #: Relative difference between the change of the rates in a step and the integral of aa.
 _ALIKE = 1e-3

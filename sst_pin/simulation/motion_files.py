@@ -42,7 +42,7 @@ def read_motion(
 def load_motion(
     engine: Engine, source: str | Path | BinaryIO, reader: TableReader | None = None
 ) -> Trajectory:
-    """A motion with the torques of its file; without these, with computed torques.
+    """A motion with the torques of its file, or with computed torques if the file has none.
 
     The file is one of `Trajectory.save`, or a CSV for `read_motion`; a stream is a CSV.
     """

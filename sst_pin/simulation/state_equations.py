@@ -21,7 +21,8 @@ class StateEquations:
     """y' = f(t, y) with y = (q, rates of the coordinates of `states`).
 
     `robot_states` are the states in the robot's coordinates; torques and loads are functions of
-    these. `states` are others for a while where the robot's do not determine the motion well.
+    these. `states` are in other coordinates while those of the robot do not determine the motion
+    well.
 
     Attributes:
         states: The states of y.

@@ -277,7 +277,7 @@ class Trajectory(Summary):
             array([ -4.703,  18.389, -11.313])
         """
         smooth, times = spline(self.t, self.tau), self.t
-        step = float(np.diff(times).max(initial=0.0))  # integrators look a little beyond
+        step = float(np.diff(times).max(initial=0.0))  # integrators ask for times a little beyond
         return lambda t: np.asarray(smooth(times_within("t", t, times, step)))
 
 
