@@ -129,8 +129,7 @@ class CompiledStates(States):
 
         Between two modes, and near a singularity, a block of Phi_u is almost singular. A short step
         is sound if det Phi_u changes little to the middle and to the end of the step. The others,
-        and
-        motions near a dead point of the coordinates, are left to the reference path.
+        and motions near a dead point of the coordinates, are left to the reference path.
         """
         q, until = motions.q, reached.copy()
         sound, falls = looks[:, :-1, 1] > 0, self._falls(looks[..., 0])[:, :-1]

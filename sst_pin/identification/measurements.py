@@ -21,8 +21,8 @@ from ..simulation.trajectories import Trajectory
 _ORDER = 4
 #: The start of names of torques; a cut-off above this, in periods per sample, does not filter.
 _TORQUE, _OPEN = "torque of ", 0.45
-#: An outlier is farther from the smooth curve than this multiple of the median of its part.
-#: A part has at least these numbers of periods and samples.
+#: An outlier is farther from the smooth curve than this multiple of the median of its part. A part
+#: has at least these numbers of periods and samples.
 _OUTLIER, _PERIODS, _USUAL = 8.0, 10, 141
 #: In each pass one outlier in this number of samples is replaced; the most passes; the part of a
 #: period for which samples may be replaced.

@@ -34,7 +34,7 @@ _AT_LIMIT = 1e-12
 _ROUNDING = float(np.finfo(float).eps)
 #: Smaller singular values count as zero, relative to the largest.
 _NO_RANK = 1e-10
-#: Loops that stay open by less may close with other digits, free of units.
+#: Loops that stay open by less are tried again with the tolerance for few digits, free of units.
 _NEARLY = 10 * FEW_DIGITS
 _NONE = np.zeros(0, dtype=np.intp)
 #: Distance of a configuration beside another one, [rad] or robot lengths.
@@ -124,7 +124,7 @@ class Assembly:
             return self.assemble(q, rates)
 
     def aside(self, q: Array, seed: int) -> Array:
-        """A configuration in the assembly mode of q, which is closed, a fifth of a radian off."""
+        """A configuration in the assembly mode of a closed q, about a fifth of a radian away."""
         from scipy.linalg import null_space
 
         mechanism, loops = self.mechanism, self.loops

@@ -88,7 +88,7 @@ class _Distinct:
         self.q, self._keys, self._key = list[Array](), list[Array](), key
 
     def add(self, q: Array) -> bool:
-        """Take in a configuration, if it is new."""
+        """Add a configuration if it is new."""
         key = self._key(q)
         new = not self.q or bool((np.abs(np.array(self._keys) - key).max(axis=1) > _ONE).all())
         self.q += [q] * new
@@ -129,7 +129,7 @@ class _Search:
         return [q for q in closer if not self._assembly.gap(q, self._rows)], complete
 
     def _solve(self, q: Array, free: Indices, closures: list[int]) -> tuple[list[Array], bool]:
-        """Loops that are dyads one after the other, then the others from random starts."""
+        """Solve dyads one after the other, then the other loops from random starts."""
         for k in closures:
             rows = np.arange(self._loops.slices[k].start, self._loops.slices[k].stop)
             rates = free[self._touched[np.ix_(rows, free)].any(axis=0)]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Whether a motion stays in its assembly mode, for each block of loops.
+"""Tests whether a motion stays in its assembly mode, for each block of loops.
 
 Between two configurations a and b of one mode there is a shortest way along which a block's
 dependent part of Phi stays near Phi_a. If a and b lie in different modes, or a singular
@@ -22,15 +22,15 @@ from ..model.mechanism import Mechanism
 from .loops import Loops, connected
 from .mobility import largest_condition, scaled_Phi
 
-#: From a configuration at one fraction of a step to that at a later fraction; an SSTError where
-#: there is none.
+#: Computes the configuration at a later fraction of a step from that at an earlier one. It raises
+#: an SSTError if there is none.
 Way = Callable[[Array, float, float], Array]
 
 #: Largest |Phi_a^+ (Phi_b - Phi_a)| of two configurations that count as neighbours.
 CHANGE = 0.5
 #: Largest motion of a joint between them, [rad] or of the robot's length.
 TRAVEL = 0.5
-#: Most configurations between two of a motion: about forty turns.
+#: The most configurations between two samples of a motion: about forty turns.
 LOOKS = 2000
 #: Smaller singular values of a loop count as zero, relative to its largest.
 _INDEPENDENT = 1e-6

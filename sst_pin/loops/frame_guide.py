@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Leading a frame of a closed chain from pose to pose: all joints follow.
+"""Leads a frame of a closed chain from pose to pose; all joints follow.
 
 The closures and the wanted pose are one system of equations in all joints, M dq = -f, which
 Newton's method solves. Two configurations a and b count as neighbours where
@@ -27,12 +27,12 @@ from .mobility import scaled_Phi
 
 #: Newton's method: steps; the longest one, [rad] or of the robot's length, and the last one.
 _STEPS, _LONGEST, _LAST = 12, 0.5, 1e-9
-#: The same of a pose that is only approached, and how much more closures count there.
+#: The last step for a pose that is only approached, and the weight of closures there.
 _NEAR, _HEAVY = 1e-5, 1e4
 
 
 class Way(NamedTuple):
-    """Result of a way to a pose: how far the frame came."""
+    """The result of a way to a pose."""
 
     #: The last configuration, shape (nq,).
     q: Array
@@ -85,8 +85,8 @@ class FrameGuide:
     ) -> Way:
         """The way from a configuration with closed loops straight on to a pose of the frame.
 
-        It ends where steps would be shorter than a part of it. With `nearby` the poses in between
-        need only be approached, by frames that cannot move in all directions.
+        It ends where steps would be shorter than the part `shortest` of it. With `nearby` the poses
+        in between need only be approached, by frames that cannot move in all directions.
         """
         here, done, step, singular = self._place(q), 0.0, 1.0, False
         start, turn = here.pose, pin.log3(here.pose.rotation.T @ target.rotation)
@@ -116,7 +116,7 @@ class FrameGuide:
         return way.q
 
     def _unreached(self, way: Way, target: pin.SE3) -> SSTError:
-        """Why a way ends before its target, and how far before."""
+        """The error of a way that ends before its target."""
         here = self._place(way.q)
         error = pose_error(here.pose, target.translation, target.rotation).reshape(2, 3)
         sizes = zip(np.linalg.norm(error, axis=1), ("m", "rad"), self._kept[[0, 3]], strict=True)
@@ -153,7 +153,7 @@ class FrameGuide:
         return np.asarray(error[self._kept] / self._unit)
 
     def _solved(self, q: Array, target: pin.SE3, exact: bool) -> _Place | None:
-        """The configuration next to q where loops are closed and the frame is at its target.
+        """The configuration next to q with closed loops and the frame at its target.
 
         Unless it is `exact`, the frame is as near to its target as it can be.
         """

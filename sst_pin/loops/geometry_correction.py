@@ -32,7 +32,7 @@ from .loops import Loops, connected
 from .mobility import scaled_Phi
 
 #: Widths of random displacements, [rad] or lengths of the loop: of starts, of poses in which loops
-#: must close, the first three of which tell whether they do, and of those that prove it in the end.
+#: must close, and of poses that check the result. The first three poses tell whether loops close.
 _STARTS = np.linspace(0.0, 2.0, 21)
 _POSES, _LOOKS, _CHECKS = np.linspace(0.1, 1.0, 16), 3, np.linspace(0.15, 1.05, 8)
 #: Largest ratio of a singular value that rounding makes to one of the mechanism.
@@ -48,7 +48,7 @@ _Part = tuple[Indices, Indices]
 
 
 class _Poses:
-    """Poses of a mechanism, its loops closed as well as few digits allow."""
+    """Poses of a mechanism whose loops are closed as far as few digits allow."""
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism, self.loops = mechanism, Loops(mechanism.model, mechanism.closures)
@@ -57,7 +57,7 @@ class _Poses:
         self.parts = [(rows[k], rates) for k, rates in connected(touched[rows]) if len(k)]
 
     def closest(self, q: Array, rates: Indices, width: float = 0.0) -> Array:
-        """The pose next to q whose loops are open least, after a random displacement."""
+        """The pose next to q with the smallest gaps, after a random displacement."""
         way = np.zeros(self.mechanism.model.nv)
         way[rates] = displacement(self.mechanism, width)[rates]
         q = pin.integrate(self.mechanism.model, q, way)

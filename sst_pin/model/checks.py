@@ -21,7 +21,7 @@ from .mechanism import Friction, Mechanism, Springs, read_only
 from .rebuilt_tree import JOINT_LISTS, POSITION_ARRAYS, RATE_ARRAYS, rebuilt
 from .tree import frame_id, joint_id
 
-#: Mimic joints that Pinocchio computes rightly. It leaves out the pitch of helical ones.
+#: Mimic joints that Pinocchio computes correctly. It omits the pitch of helical ones.
 _MIMIC = re.compile(
     r"Mimicking joint type: JointModel([RP][XYZ]|(Revolute|Prismatic)Unaligned)$", re.M
 )

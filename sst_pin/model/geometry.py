@@ -23,7 +23,7 @@ from .tree import frame_named
 
 #: Displacements of a place: along x, y, z and about them.
 AXES = ("x", "y", "z", "rx", "ry", "rz")
-#: Ends of one link that are closer, relative to its length, are one.
+#: Ends of a link that are closer, relative to its length, coincide.
 _SAME_POINT = 1e-9
 #: Displacements of places by their names.
 Displacements = dict[str, Array]

@@ -30,9 +30,9 @@ class Part(NamedTuple):
     """A joint of a series.
 
     Attributes:
-        suffix: What it adds to the name of the whole joint.
+        suffix: Its suffix to the name of the whole joint.
         joint: Its model.
-        place: Where it stands in the joint before it.
+        place: Its pose relative to the joint before it.
         rates: The rates of the whole joint that it has, by their indices.
         entries: The entries of q of the whole joint that it has; empty if its angle is not there.
     """
@@ -49,7 +49,7 @@ class Series:
 
     Attributes:
         parts: The joints.
-        place: Where the body stands in the last of them, or in the parent if there are none.
+        place: Pose of the body relative to the last of them, or to the parent if there are none.
     """
 
     def __init__(self, parts: Sequence[Part], place: pin.SE3 | None = None) -> None:
@@ -57,7 +57,7 @@ class Series:
 
     @classmethod
     def named(cls, joints: Mapping[str, Any]) -> Series:
-        """Joints by what they add to the name."""
+        """Parts by their suffixes."""
         return cls([Part(suffix, joint) for suffix, joint in joints.items()])
 
     @classmethod

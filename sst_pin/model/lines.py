@@ -73,7 +73,7 @@ class LineForce:
 class Lines:
     """The forces along lines of one robot."""
 
-    #: One for each line.
+    #: The force of each line.
     forces: tuple[LineForce, ...]
     #: Forces that push the ends of the lines apart are this times the motors' torques, shape
     #: (lines, motors).

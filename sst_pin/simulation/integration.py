@@ -38,8 +38,8 @@ _NODES, _SPREAD = 6, 1.5
 #: The step over a singular configuration starts this many times earlier than the configuration is
 #: noticed: next to it, accelerations are noisy.
 _EARLIER = 4.0
-#: The singular configuration is in the middle of this step, to this part of half the step, after
-#: at most this number of tries.
+#: The singular configuration is in the middle of this step, to this part of half the step, after at
+#: most this number of tries.
 _CENTRED, _STEPS = 0.01, 3
 #: Largest difference between the motion behind it and the branch, relative to the motion between,
 #: or in tolerances of the integrator.
