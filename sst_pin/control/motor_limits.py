@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""What motors with limits can do, whatever their preload.
+"""Limits of the motors that hold for any preload.
 
 A torque is a part of its limits, from -1, the least, to 1, the largest. With surplus motors a
 preload changes these parts, but not certain sums of them, `combinations`. Each sum joins one motor

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Which poses a frame reaches, how evenly motors move it there, and what holding them takes."""
+"""Poses that a frame reaches, with the conditioning there and the torques that hold them."""
 
 from __future__ import annotations
 

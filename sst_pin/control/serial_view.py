@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A parallel joint as its controller sees it: motors there, joints here, and the maps between."""
+"""A parallel joint as a serial one: maps between its motors and its joints."""
 
 from __future__ import annotations
 

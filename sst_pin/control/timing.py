@@ -20,9 +20,9 @@ from ..simulation.trajectories import Trajectory
 from .path_forces import MARGIN, MotorLimits, Parts, PathForces, SmoothPath
 
 #: Intervals at whose ends the dynamics is computed, and how often they are halved where the forces
-#: between are others than expected.
+#: between differ from the expected ones.
 _INTERVALS, _HALVINGS = 500, 4
-#: Passes on finer grids, and how many intervals become of one in a pass.
+#: Passes on finer grids, and the most parts of an interval in a pass.
 _PASSES, _PIECES = 20, 20
 #: Where limits are tested in each interval. Where this part of a limit is used, the second grid is
 #: so fine that in an interval only a small part lies idle.

@@ -13,7 +13,7 @@ from ..description.colours import HUES
 from ..errors import InputError, UnknownNameError
 from .style import DASHES, Axes
 
-#: Curves in one pair of axes, at most.
+#: The most curves in one pair of axes.
 MOST = 6
 _HUES = (*HUES, "#000000", "#7F7F7F", "#8C510A")
 _MARKS = ("", "o", "s")

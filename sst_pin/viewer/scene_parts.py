@@ -24,7 +24,7 @@ class Shape(NamedTuple):
 
     mover: str  #: Number of the joint of its body, "0" for the base, or name of a strut.
     layer: str
-    name: str  #: Its own within both.
+    name: str  #: Name of the shape within both.
     mesh: Mesh  #: In the axes of `at`.
     colour: str  #: As "#rrggbb".
     opacity: float = 1.0  #: 1 is opaque.
@@ -42,7 +42,7 @@ class Arrow(NamedTuple):
     shape: Shape  #: At the largest torque or force.
     motor: int  #: Its index in tau.
     share: float  #: Share of the motor's torque that acts here; the motor's largest share is 1.
-    mirror: tuple[float, float, float]  #: Diagonal of what turns the arrow round.
+    mirror: tuple[float, float, float]  #: Diagonal of the matrix that reverses the arrow.
 
     def at(self, effort: Array) -> Array:
         """Placement of the arrow, for motor torques as shares of the largest, shape (motors,)."""
@@ -69,7 +69,7 @@ class Strut(NamedTuple):
     """A straight line between two points that move: its shape is one unit long, along z."""
 
     shape: Shape  #: Its mover is the strut's own name.
-    joints: tuple[int, int]  #: Whose bodies the ends are on.
+    joints: tuple[int, int]  #: Joints whose bodies bear the ends.
     points: Array  #: The ends on these bodies, shape (2, 3), [m].
 
     def at(self, poses: Array) -> Array:

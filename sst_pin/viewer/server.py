@@ -32,7 +32,7 @@ class Server:
     ) -> None:
         sockets = listen(host, port)
         self.url = url_of(host, sockets[0].getsockname()[1])
-        self.visited = threading.Event()  #: Set once a page has come to listen.
+        self.visited = threading.Event()  #: Set when a page has connected.
         self._pages: set[tornado.websocket.WebSocketHandler] = set()
         self._loop = asyncio.new_event_loop()
         self._done = asyncio.Event()
@@ -80,7 +80,7 @@ class Server:
         return tornado.web.Application([("/", Page), ("/socket", Socket)])
 
     def send(self, message: Message) -> None:
-        """Tell every page that listens."""
+        """Send a message to every connected page."""
 
         def tell() -> None:
             for page in tuple(self._pages):
@@ -97,12 +97,12 @@ class Server:
 
 
 def _write(page: Any, message: Message) -> None:
-    with suppress(tornado.websocket.WebSocketClosedError):  # it has gone; `on_close` follows
+    with suppress(tornado.websocket.WebSocketClosedError):  # the page has closed
         page.write_message(message, binary=isinstance(message, bytes))
 
 
 def listen(host: str, port: int) -> list[socket.socket]:
-    """Sockets that listen on an address, port 0 on any that is free; else ServerError."""
+    """Sockets that listen on an address; port 0 is any free port. Raises a ServerError."""
     try:
         if not isinstance(host, str) or not isinstance(port, int):
             raise OSError("an address is a text, a port a whole number")

@@ -118,7 +118,8 @@ def _surface(geometry: coal.CollisionGeometry) -> trimesh.Trimesh:
 def body_shapes(body: pin.GeometryObject) -> Iterator[Shape]:
     """One shape for each colour that a body has.
 
-    A colour in the description counts before those in the mesh file, as in the URDF's rules.
+    A colour in the description takes precedence over those in the mesh file, as in the URDF's
+    rules.
     """
     whole, plain = solid(body.geometry), _hex(body.meshColor)
     parts = {} if body.overrideMaterial else _coloured(body, whole, plain)

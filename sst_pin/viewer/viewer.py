@@ -40,7 +40,7 @@ from .pictures import gif, png
 from .robot_scene import TRAIL_SIDES, Scene
 from .server import Message, Server
 
-#: Samples that a page is given at most.
+#: The most samples of a motion in a page.
 _MOST_SAMPLES = 600
 
 
@@ -333,7 +333,7 @@ class Viewer:
     def _describe(
         self, title: str, shown: Trajectory | Array, q: Array, va: Array, reach: Array, **panel: Any
     ) -> None:
-        """Tell the panel what there is to see; a live page starts at q and va."""
+        """Describe the content to the panel; a live page starts at q and va."""
         robot, scene = self._robot, self._scene
         self._panel = {
             "title": title,
@@ -366,7 +366,7 @@ def _thinned(motion: Trajectory) -> Trajectory:
 
 
 def _during(motion: Trajectory, ghost: Trajectory) -> Trajectory:
-    """The samples of a second motion that count between the ends of the first."""
+    """The samples of a second motion between the ends of the first."""
     low, high = max(motion.t[0], ghost.t[0]), min(motion.t[-1], ghost.t[-1])
     if low >= high:
         spans = [f"{m.t[0]:g} to {m.t[-1]:g} s" for m in (ghost, motion)]
