@@ -14,7 +14,8 @@ from . import sketch
 from .scene_parts import Arrow, Pull, Shape, moved
 from .triangles import body_shapes, tube
 
-#: Layers that can be shown and hidden, in the order of their boxes; reactions only on demand.
+#: Layers that can be shown and hidden, in the order of their checkboxes; reactions are added on
+#: request.
 LAYERS = ("bodies", "skeleton", "inertia", "torques", "trail", "axes", "frames")
 _TRAIL, _PATH = "#8E24AA", "#A9B0B6"
 TRAIL_SIDES = 8
@@ -25,7 +26,7 @@ _DIRECTIONS, _SAMPLES = 150, 60
 
 
 class Scene:
-    """Shapes of a robot: its bodies, or a skeleton and its masses if it has none.
+    """Shapes of a robot. Skeleton and masses are visible at first only if bodies have no shapes.
 
     The arguments are those of `Viewer`.
     """
@@ -71,12 +72,12 @@ class Scene:
             *sketch.arrows_of(model, self._data, lines, B, _ARROW * size),
             *(sketch.pulls_of(robot, _ARROW * size) if reactions else ()),
         ]
-        there = {shape.layer for shape in (*self.shapes, *(a.shape for a in self.arrows))}
-        there |= {"trail"} if self.point else set()
+        present = {shape.layer for shape in (*self.shapes, *(a.shape for a in self.arrows))}
+        present |= {"trail"} if self.point else set()
         shown = {"skeleton": bare, "inertia": bare, "axes": axes, "frames": frames}
         #: The layers of this scene, and whether each is shown at first.
         self.layers = {
-            name: shown.get(name, True) for name in (*LAYERS, "reactions") if name in there
+            name: shown.get(name, True) for name in (*LAYERS, "reactions") if name in present
         }
 
     @property
@@ -91,7 +92,7 @@ class Scene:
         placed = {str(i): matrix for i, matrix in enumerate(joints)}
         return placed | {strut.shape.mover: strut.at(joints) for strut in self.struts}
 
-    def reach(self, q: Array, tau: Array, wanted: Array | None = None) -> Array:
+    def outermost_points(self, q: Array, tau: Array, wanted: Array | None = None) -> Array:
         """The outermost points in many directions, of everything that is shown in a motion.
 
         `q` has shape (n, nq); `tau` are motor torques, then forces of reactions, as shares of the
@@ -113,7 +114,7 @@ class Scene:
         return points
 
     def trail(self, q: Array) -> Shape:
-        """The path of the point as a thick line, of which a page shows what has been passed."""
+        """The path of the point as a thick line, which the page draws up to the current time."""
         line = tube(self._path(q), 0.009 * self.size, TRAIL_SIDES)
         return Shape("0", "trail", "passed", line, _TRAIL)
 

@@ -125,7 +125,7 @@ class Viewer:
             curves = forces + curves
         self._drawing.place(q[0], effort[0])
         # The arrows of a live page may become as long as they can.
-        reach = self._scene.reach(q, np.ones_like(effort) if self._live else effort)
+        reach = self._scene.outermost_points(q, np.ones_like(effort) if self._live else effort)
         self._describe("configuration", q[0], q[0], rest[0], reach, curves=curves)
 
     def play(
@@ -173,9 +173,9 @@ class Viewer:
             curves += forces
         reference = _thinned(wanted or motion).q
         self._drawing.animate(known, effort, reference, ghost)
-        reach, layers = self._scene.reach(known.q, effort, reference), self._scene.layers
+        reach, layers = self._scene.outermost_points(known.q, effort, reference), self._scene.layers
         if ghost is not None:
-            reach = np.vstack([reach, self._scene.reach(ghost.q, 0 * effort[:1])])
+            reach = np.vstack([reach, self._scene.outermost_points(ghost.q, 0 * effort[:1])])
             layers = layers | {"ghost": True}
         playing = {"t": known.t.tolist(), "speed": speed, "layers": layers, "curves": curves}
         self._describe(title, motion, motion.q[0], motion.va[0], reach, **playing)
