@@ -148,7 +148,7 @@ class Assembly:
             scales = np.array([self.mechanism.row_scale[rows].max() for rows, _ in parts])
             self._known_parts[key] = parts, scales
         parts, scales = self._known_parts[key]
-        least = np.maximum(1e-4 * _ASSEMBLED, _ROUNDING * self.loops.distance * scales)
+        least = np.maximum(1e-4 * _ASSEMBLED, _ROUNDING * self.loops.largest_coordinate * scales)
         before = [np.full(len(parts), np.inf)] * _PATIENCE
         open_still = np.ones(len(parts), dtype=bool)
         for _ in range(_STEPS):
@@ -183,7 +183,7 @@ class Assembly:
         """
         entries, rates = self.mechanism.space.plain
         size = np.abs(Phi[:, rates]) @ np.abs(q[entries] / self.mechanism.rate_scale[rates])
-        return 4 * _ROUNDING * (size + self.loops.distance * self.mechanism.row_scale)
+        return 4 * _ROUNDING * (size + self.loops.largest_coordinate * self.mechanism.row_scale)
 
     def _descend(
         self,

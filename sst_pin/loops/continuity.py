@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Tests whether a motion stays in its assembly mode, for each block of loops.
 
-Between two configurations a and b of one mode there is a shortest way along which a block's
-dependent part of Phi stays near Phi_a. If a and b lie in different modes, or a singular
-configuration lies between them, the mean of Phi over that way is singular, so that
+Phi_a and Phi_b are the columns of a block for the dependent rates, at configurations a and b. If b
+is near a in the same mode, Phi_b is near Phi_a. If a and b lie in different modes, or a singular
+configuration lies between them, the mean of Phi over the way from a to b is singular, so that
 |Phi_a^+ (Phi_b - Phi_a)| is about 2 or more. A step is continuous below 1/2; a longer one is
 divided. This measure does not depend on the units of rows. The determinant of all loops is no
 measure: it keeps its sign if two blocks become singular at once.
@@ -38,7 +38,7 @@ _INDEPENDENT = 1e-6
 _SHORTEST = 1e-12
 
 
-class _Place(NamedTuple):
+class _Sample(NamedTuple):
     """A configuration, shape (nq,), and its blocks of Phi, shapes (count, rows, rates)."""
 
     q: Array
@@ -60,8 +60,8 @@ class Continuity:
         ]
         #: Usual sizes of the blocks, shapes (count,).
         self._sizes = [np.array([mechanism.size_of(*b) for b in x]) for x in shapes.values()]
-        self._last: _Place | None = None
-        self._anchor: _Place
+        self._last: _Sample | None = None
+        self._anchor: _Sample
         self._inverses: list[Array]
         self._smallest: list[Array]
 
@@ -69,8 +69,9 @@ class Continuity:
         """Rows and dependent rates of the diagonal blocks of Phi, which is block triangular.
 
         Parts that share no dependent rate are blocks. If the ranks of a part's loops add up to the
-        number of its rates, each loop that determines all rates still open in it is one. Otherwise
-        the loops are redundant together: where one is singular, the others may hold its rates.
+        number of its rates, a loop is a block if its rank is the number of its rates that are in no
+        earlier block. Otherwise the part is one block, because other loops may determine the rates
+        where one loop is singular.
         """
         mechanism, loops = self._mechanism, self._loops
         Phi, all_rows = np.zeros(loops.touched.shape), np.arange(len(loops.touched))
@@ -101,16 +102,16 @@ class Continuity:
 
         It is the largest one of its blocks.
         """
-        return self._condition(self._place(q))
+        return self._condition(self._sample(q))
 
     def follow(
         self, start: Array, way: Way, limit: float, first: float = 1.0, looks: int = LOOKS
     ) -> tuple[float, Array]:
-        """How much of a step is continuous and regular, 1 for all, and the configuration there.
+        """The fraction of a step that is continuous and regular, and the configuration at its end.
 
-        `way` gives configurations at fractions of the step, 1 for its end; `limit` is that of the
-        condition number. A step that turns round at a fraction `first` is checked there, too. A
-        step that needs more than `looks` configurations raises an error.
+        `way` gives configurations at fractions of the step; `limit` is the largest condition
+        number. `first` is the fraction at which the motion reverses, which is tried first. A step
+        that needs more than `looks` configurations raises an error.
         """
         q, low, high, count = start, 0.0, first, 0
         while low < 1 and high - low >= _SHORTEST:
@@ -132,51 +133,52 @@ class Continuity:
 
     def _near(self, before: Array, after: Array, limit: float) -> bool:
         """Whether a configuration is next to the one before it, and regular."""
-        place, last = self._place(after), self._last
+        sample, last = self._sample(after), self._last
         if last is None or not np.array_equal(last.q, before):
-            last = self._place(before)
+            last = self._sample(before)
             self._anchor_at(last)
-        if not self._continues(place, limit):
+        if not self._continues(sample, limit):
             if last is self._anchor:
                 return False
             self._anchor_at(last)
-            if not self._continues(place, limit):
+            if not self._continues(sample, limit):
                 return False
-        self._last = place
+        self._last = sample
         return True
 
-    def _anchor_at(self, place: _Place) -> None:
-        self._anchor = self._last = place
+    def _anchor_at(self, sample: _Sample) -> None:
+        self._anchor = self._last = sample
         self._inverses, self._smallest = [], []
-        for blocks in place.blocks:
+        for blocks in sample.blocks:
             U, s, Vt = np.linalg.svd(blocks, full_matrices=False)
             inverses = np.where(s > 0, 1 / np.where(s > 0, s, 1), 0)[:, None]
             self._inverses.append(np.swapaxes(Vt, 1, 2) @ np.swapaxes(U * inverses, 1, 2))
             full = s.shape[1] == blocks.shape[2]
             self._smallest.append(s[:, -1] if full else np.zeros(len(blocks)))
 
-    def _continues(self, place: _Place, limit: float) -> bool:
+    def _continues(self, sample: _Sample, limit: float) -> bool:
         anchor = self._anchor
         if not all((s > 0).all() for s in self._smallest):
             return False
-        way = pin.difference(self._mechanism.model, anchor.q, place.q) / self._mechanism.rate_scale
+        way = pin.difference(self._mechanism.model, anchor.q, sample.q) / self._mechanism.rate_scale
         if not np.abs(way[self._moving]).max(initial=0.0) <= TRAVEL:
             return False
-        for inverse, a, b in zip(self._inverses, anchor.blocks, place.blocks, strict=True):
+        for inverse, a, b in zip(self._inverses, anchor.blocks, sample.blocks, strict=True):
             E = inverse @ (b - a)
             if not np.einsum("bij,bij->b", E, E).max() <= CHANGE**2:
                 return False
-        # The smallest singular value has not fallen below half of that at the anchor.
+        # As |E| <= 1/2, the smallest singular value is at least half of that at the anchor. This
+        # bound avoids an SVD.
         if all(
             (np.maximum(np.linalg.norm(b, axis=(1, 2)), size) < limit * (1 - CHANGE) * s).all()
-            for b, size, s in zip(place.blocks, self._sizes, self._smallest, strict=True)
+            for b, size, s in zip(sample.blocks, self._sizes, self._smallest, strict=True)
         ):
             return True
-        return self._condition(place) < limit
+        return self._condition(sample) < limit
 
-    def _condition(self, place: _Place) -> float:
-        return largest_condition(zip(place.blocks, self._sizes, strict=True))
+    def _condition(self, sample: _Sample) -> float:
+        return largest_condition(zip(sample.blocks, self._sizes, strict=True))
 
-    def _place(self, q: Array) -> _Place:
+    def _sample(self, q: Array) -> _Sample:
         Phi = scaled_Phi(self._mechanism, self._loops, q)
-        return _Place(q.copy(), [Phi[entries] for entries in self._entries])
+        return _Sample(q.copy(), [Phi[entries] for entries in self._entries])

@@ -95,9 +95,9 @@ class Loops:
         self.require_closed(scale, tolerance)
 
     @property
-    def distance(self) -> float:
-        """Largest coordinate of the closures' frames in the world, [m]."""
-        return max((rows.distance for _, rows in self.of_frames), default=0.0)
+    def largest_coordinate(self) -> float:
+        """Largest absolute coordinate of the closures' frames in the world, [m]."""
+        return max((rows.largest_coordinate for _, rows in self.of_frames), default=0.0)
 
     def require_closed(self, scale: Array, tolerance: float = CLOSURE_TOLERANCE) -> None:
         """Check that all errors, times the scale of their rows, are below the tolerance."""

@@ -42,7 +42,7 @@ class Formulas(Protocol):
     """f and W of rows, and the rate of W."""
 
     def error(self, M: Array) -> Array:
-        """f, shape (rows,), zero where the closure is closed; 0 for rows of rates."""
+        """f, shape (rows,), zero where the closure is closed; 0 for rows that hold rates only."""
 
     def W(self, M: Array) -> Array:
         """The wrenches."""
@@ -132,7 +132,7 @@ class _WheelForces:
         return np.asarray(M[..., 0, :, 3] - self._radius * _unit(self._across(M)))
 
     def _across(self, M: Array) -> Array:
-        """[n; 0] with the normal n of the plane; for a disc, its part across the axle z."""
+        """[n; 0] with the normal n of the plane; for a disc, its part normal to the axle z."""
         z, n = M[..., 0, :, 2], M[..., 1, :, 2]
         return n if self._ball else n - _dot(n, z) * z
 
@@ -147,11 +147,11 @@ class _WorldMoments:
         return M[..., 0, 3:, 3:] * _MOMENTS
 
     def W_dot(self, M: Array, M_t: Array) -> Array:
-        return M_t[..., 0, 3:, 3:] * _MOMENTS  # zero
+        return M_t[..., 0, 3:, 3:] * _MOMENTS  # zero: the last entry of M is 1
 
 
 class _RightAngles:
-    """One or two moments x x y; the axis x of A stays at a right angle to the axis y of B."""
+    """One or two moments about cross(x, y): axis x of A stays at a right angle to axis y of B."""
 
     def __init__(self, turns: list[int]) -> None:
         self._x, self._y = np.zeros((2, len(turns), 3))
@@ -167,7 +167,7 @@ class _RightAngles:
         f: Array = -np.vecdot(*self._xy(M))
         k = self._parallel
         if k is not None and M[1, :3, k].dot(M[0, :3, k]) < 0:
-            # The axes are opposed: lead on in the same direction, over the right angle.
+            # Their angle exceeds a right angle: continue f so that Newton's steps still reduce it.
             size = np.linalg.norm(f)
             f -= 2 * (f / size if size else np.array([1.0, 0.0]))
         return f
@@ -206,11 +206,11 @@ class FrameRows:
     Attributes:
         formulas: f, W and its rate for any two frames.
         frames: Indices of frame B and frame A.
-        bodies: The joints of the normal tree that bear them.
+        bodies: Their parent joints in the normal tree.
         f: Error of the closure, Eq. (2), shape (rows,), [m] and [rad].
         W: [W_B, -W_A], shape (rows, 12).
-        Phi: Its Jacobian, Eq. (3), shape (rows, nv).
-        touched, curved: Which rates a row depends on, and by which it changes, shape (rows, nv).
+        Phi: Jacobian of f, Eq. (3), shape (rows, nv).
+        touched, curved: Rates that a row depends on, and rates that change the row, (rows, nv).
     """
 
     def __init__(self, tree: NormalTree, closure: Closure | Distance | Rolling) -> None:
@@ -225,7 +225,7 @@ class FrameRows:
         self.touched = self.curved = np.tile(self._S.any(axis=0), (len(closure.rows), 1))
 
     def evaluate(self, q: Array, data: pin.Data, J: Array) -> None:
-        """f, W and Phi, from placements in `data` and twists of the joints, twice in J."""
+        """f, W and Phi, from placements in `data`; J has the joints' twists twice, for B and A."""
         places = data.oMf
         self._M = np.array([places[frame].homogeneous for frame in self.frames])
         self.f, self.W = self.formulas.error(self._M), self.formulas.W(self._M)
@@ -233,8 +233,8 @@ class FrameRows:
         self.Phi = self.W.dot(self._J).dot(self._S)  # Eqs. (3), (4)
 
     @property
-    def distance(self) -> float:
-        """Largest coordinate of both frames in the world, [m]."""
+    def largest_coordinate(self) -> float:
+        """Largest absolute coordinate of both origins in the world, [m]."""
         return float(np.abs(self._M[:, :3, 3]).max())
 
     def Phi_dot(self, v: Array, data: pin.Data, J_dot: Array) -> Array:
