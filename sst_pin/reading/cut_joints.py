@@ -30,7 +30,7 @@ _SIDES = {
 _KINDS = {"fixed": "6d", **dict.fromkeys(("spherical", "ball"), "3d")}
 _KINDS |= dict.fromkeys(("revolute", "continuous"), "hinge")
 _KINDS |= {kind: kind for kind in ("prismatic", "universal", "cylindrical", "planar")}
-#: Axes of the two frames that lie along the axes of the joint; z of both for other kinds.
+#: For each kind, the axes of the two frames that are turned onto the axes of the joint; else z.
 _ALONG = {"universal": np.eye(3)[:2]}
 _ENDS = [side for sides in _SIDES.values() for side in sides]
 _BALL = "drake:ball_constraint"
@@ -42,7 +42,7 @@ _OF_BALLS = {
     "p_BQ": ("value", "child_origin", "xyz"),
 }
 _CUT = "@name @type {0} {1} {0}_origin {1}_origin {0}_axis {1}_axis axis limit dynamics"
-#: Elements and attributes of these elements. Limits are not enforced.
+#: Elements and attributes of each element, as in `known_words`. Limits are not enforced.
 _WORDS = {
     **{tag: _CUT.format(*sides) for tag, sides in _SIDES.items()},
     **dict.fromkeys(_ENDS, "@link @xyz @rpy origin"),
@@ -64,8 +64,8 @@ _WORDS_OF_GAZEBO = {
 class CutJoint(NamedTuple):
     """A joint that closes a loop, by a kind of `Closure`; its frames are `name_A` and `name_B`.
 
-    `places` are the poses of its frame relative to the links in `seen_from`, at q = 0. The link
-    "universe" is the base.
+    `places[k]` is the pose, relative to link `seen_from[k]`, of its frame on link `links[k]`, in
+    the neutral configuration. The link "universe" is the base.
     """
 
     name: str
@@ -105,17 +105,17 @@ def cut_joint(
     axes: Sequence[Array],
     seen_from: tuple[str, str],
 ) -> CutJoint:
-    """A joint of a kind that files have, with its axis in each of its two frames.
+    """A joint of a type of URDFs, with its axis in each of its two frames.
 
     Raises:
-        ValueError: For an unknown kind, and for links and axes that cannot be meant.
+        ValueError: If the type is unknown, both links are the same, or the axes of a slide differ.
     """
     if kind not in _KINDS:
         raise ValueError(f"type {kind!r} unknown; known: {', '.join(_KINDS)}")
     if links[0] == links[1]:
         raise ValueError(f"connects {links[0]} with itself")
     if kind == "prismatic" and not np.allclose(axes[0], axes[1]):
-        raise ValueError("prismatic along two axes; both sides need the same")
+        raise ValueError("the axes of a prismatic joint must be the same on both sides")
     if _KINDS[kind] not in ("6d", "3d"):
         along = _ALONG.get(kind, np.eye(3)[[2, 2]])
         places = [_turned(*each) for each in zip(places, axes, along, strict=True)]
@@ -128,7 +128,7 @@ def _turned(place: pin.SE3, axis: Array, along: Array) -> pin.SE3:
 
 
 class Marks:
-    """Joints of a URDF that close loops beyond the tree, and gears.
+    """The joints of a URDF that close loops, and its gears.
 
     `independent` are names of the joints that have the motors, in a URDF+.
     """
@@ -144,7 +144,7 @@ class Marks:
             for element in root.findall(tag):
                 self._read(self._joint, element, _WORDS)
             if set(root.iterfind(f".//{tag}[{side}]")).difference(root):
-                self.problems.append(error(tag, "it stands in another element, not in <robot>"))
+                self.problems.append(error(tag, "it must be a direct child of <robot>"))
         for element in root.findall("gazebo/joint[parent]"):
             self._read(self._joint, element, _WORDS_OF_GAZEBO)
         for k, element in enumerate(root.iter(_BALL), 1):
@@ -168,7 +168,7 @@ class Marks:
         for side, link in zip(sides, (a, b), strict=True):
             self._require_link(side, link)
         if kind == "universal" and not gazebo and element.find("parent_axis") is None:
-            raise ValueError("a universal joint has two axes; write it as <constraint>")
+            raise ValueError("a universal joint needs parent_axis and child_axis in a <constraint>")
         seen = (b, b) if gazebo else (a, b)
         name = attribute(element, "name") or f"{a}_{b}"
         self.joints.append(cut_joint(name, kind, (a, b), places, axes, seen))
@@ -188,7 +188,9 @@ class Marks:
         }
         names = [name for name in factors if name not in self.independent and factors[name]]
         if not names:
-            raise ValueError("no joint between its links depends on others")
+            raise ValueError(
+                'all joints between its links are independent; mark one with independent="false"'
+            )
         slope = factors.pop(names[0])
         self.gears.append(Coupling(names[0], {n: (0.0, -f / slope) for n, f in factors.items()}))
 

@@ -81,7 +81,9 @@ def test_links_move_as_the_joint_between_them_allows(name, kind, tmp_path):
     path = tmp_path / "robot.urdf"
     path.write_text(two_arms(form(name, kind, same)))
     if kind == "universal" and same:
-        with pytest.raises(sst_pin.DescriptionError, match="two axes; write it as <constraint>"):
+        with pytest.raises(
+            sst_pin.DescriptionError, match="needs parent_axis and child_axis in a <constraint>"
+        ):
             sst_pin.ClosedChain.from_urdf(path)
         return
     chain = sst_pin.ClosedChain.from_urdf(path, actuated=[])
@@ -261,7 +263,7 @@ def test_a_coupling_counts_all_turns_along_its_two_paths(tmp_path):
         (CUT.replace("0.5 0 0", "0.5 0"), "loop cut: xyz='0.5 0' is not three numbers"),
         (CUT.replace("0 0 1", "0 0 0"), "loop cut: axis '0 0 0' is not a direction"),
         (CUT.replace('link="3"', 'link="2"'), "loop cut: connects 2 with itself"),
-        (form("constraint", "prismatic", same_axis=False), "prismatic along two axes"),
+        (form("constraint", "prismatic", same_axis=False), "axes of a prismatic joint"),
         (GAZEBO.replace("0 0.4 0 0 0 0", "0 0.4 0"), "joint cut: its pose is not six numbers"),
         (GAZEBO.replace("<xyz>", '<xyz expressed_in="m">'), "joint cut: <xyz> has no expressed_in"),
         (GAZEBO.replace("<pose>", '<pose relative_to="2">'), "cut: <pose> has no relative_to"),
@@ -279,7 +281,7 @@ def test_a_coupling_counts_all_turns_along_its_two_paths(tmp_path):
         (CUT.replace("<axis", "<axs"), "loop cut: <axs> is unknown; did you mean axis"),
         (CUT.replace("xyz", "xzy"), "<origin> has no xzy; it has xyz, rpy"),
         (CUT.replace("<axis", "<axis/><axis"), "loop cut: 2 <axis>; only one is allowed"),
-        (f"<gazebo>{CUT}</gazebo>", "loop: it stands in another element, not in <robot>"),
+        (f"<gazebo>{CUT}</gazebo>", "loop: it must be a direct child of <robot>"),
         (
             '<coupling name="c"><predecessor link="1"/><successor link="3"/></coupling>',
             "coupling c: its ratio is not a number",
