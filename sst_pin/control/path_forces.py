@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Parts of the limits of the motors that a motion along a path takes.
+"""Computes the part of each motor limit that a motion along a path uses, to time the motion.
 
 Along the path x(s) of the coordinates, with w and u the first and second derivative of s by time, a
-motor gives a(s) u + b(s) w^2 + c(s) + d(s) w + e(s): the parts of inertia, of rates, of weight, of
-viscous and of Coulomb friction. They come from the inverse dynamics.
+motor gives a(s) u + b(s) w^2 + c(s) + d(s) w + dry(s): the parts of inertia, of rates, of weight,
+of viscous and of Coulomb friction. They come from the inverse dynamics.
 """
 
 from typing import NamedTuple
@@ -21,17 +21,17 @@ from ..simulation.samples import spline
 from ..summaries import listed
 from .motor_limits import combinations, motors_of, of_sizes, part_of, sums_of
 
-#: The part of a limit that stays free at the grid's points, for what happens between them.
+#: The part of each limit that is kept free at grid points, because more may be used between them.
 MARGIN = 1e-4
-#: A rate w at which friction is small beside inertia; below this part of the largest rate a joint
-#: is at rest.
+#: A rate w at which friction is much smaller than inertia forces; and the part of the largest joint
+#: rate below which a joint is at rest.
 _FAST, _STILL = 1e4, 1e-8
-#: Between samples of a path loops may be open by this, [rad] or of the robot's length.
+#: Largest change of q when the loops are closed between samples, [rad] or robot lengths.
 _OPEN = 0.02
 
 
 class SmoothPath:
-    """A curve of configurations over s from 0 to 1, which s follows at about constant speed."""
+    """A curve q(s), 0 <= s <= 1, with s about proportional to the length of the path."""
 
     def __init__(self, chain: ClosedChain, path: ArrayLike) -> None:
         self._chain, self._space = chain, chain.mechanism.space
@@ -39,8 +39,10 @@ class SmoothPath:
         if q.ndim != 2 or len(q) < 3:
             raise InputError("path", f"shape {q.shape}, expected (N, {q.shape[-1]}) with N >= 3")
         x = coordinate_positions(chain.mechanism, q)
-        less = np.abs(np.diff(x - taken(self._space, q, chain.coordinates), axis=0)) > 1
-        if (less & (np.abs(np.diff(x, axis=0)) > np.pi / 2)).any() or (less[1:] & less[:-1]).any():
+        wrapped = np.abs(np.diff(x - taken(self._space, q, chain.coordinates), axis=0)) > 1
+        if (wrapped & (np.abs(np.diff(x, axis=0)) > np.pi / 2)).any() or (
+            wrapped[1:] & wrapped[:-1]
+        ).any():
             raise InputError("path", "a joint turns by half a turn between samples: use more")
         scale = chain.mechanism.rate_scale[chain.mechanism.coordinates]
         steps = np.linalg.norm(np.diff(x, axis=0) / scale, axis=1)
@@ -76,7 +78,7 @@ class SmoothPath:
 class MotorLimits:
     """Limits of the motors, and the parts of them that a motion takes, from -1 to 1.
 
-    With surplus motors, `factors` of parts make the sums that no preload changes.
+    With surplus motors, `factors` gives the sums of parts that do not depend on the preload.
     """
 
     def __init__(
@@ -91,7 +93,7 @@ class MotorLimits:
         self.rates = self._bounds("rates", rates)
         self.accelerations = self._bounds("accelerations", accelerations)
         if self.torques is self.accelerations is None:
-            raise InputError("torques, accelerations", "a limit of one of them is needed")
+            raise InputError("torques, accelerations", "give limits of torques or accelerations")
         if accelerations is not None and chain.mechanism.lines.motors.any():
             raise InputError("accelerations", "not for motors on lines")
 
@@ -101,7 +103,7 @@ class MotorLimits:
             return None
         bounds = finite_limits(value, len(self.chain.motor_names), name)
         if name != "torques" and not (bounds * (-1, 1) > 0).all():
-            raise InputError(name, "motors at rest pass them")
+            raise InputError(name, "zero must lie within the limits")
         return bounds
 
     def parts(self, q: Array, va: Array, aa: Array) -> Array:
@@ -168,8 +170,9 @@ class MotorLimits:
 class Parts(NamedTuple):
     """Parts of the limits in both directions at points of a path, shape (N, k); the limits are 1.
 
-    a to d are those of the head of this file. `dry` is the largest Coulomb friction in the
-    direction; that of both directions differs where joints rest. `most` is the largest w, (N,).
+    a to d are those of the head of this file. `dry` is the largest Coulomb friction in each
+    direction. The sign of a joint at rest is unknown, so that the two directions differ. `most` is
+    the largest w, shape (N,).
     """
 
     a: Array
@@ -202,7 +205,7 @@ class PathForces:
         speeds = limits.speeds(q, first)
         self._smooth = spline(nodes, np.stack([a, b / _FAST**2, c, d / _FAST], axis=1))
         self._speeds = spline(nodes, speeds)
-        # A time: in this unit w is about one.
+        # The unit of time in which w is about one.
         largest = np.abs(of_sizes(a, factors)).max()
         self.unit = max(float(np.sqrt(largest)), float(speeds.max()), 1e-100)
         self.viscous = float(np.abs(of_sizes(d, factors)).max()) > MARGIN * _FAST * self.unit

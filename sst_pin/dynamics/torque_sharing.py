@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Torques of redundant motors: the smallest for a motion, preload, and limits.
 
-Motor torques tau give the forces A tau along the coordinates, A = L^T B = J^T, shape (n, motors).
-Torques in the null space of A make no motion: they are a preload.
+Motor torques tau give the forces A tau along the coordinates. A = L^T B = J^T, shape (n, motors),
+with v = L va, the actuation matrix B and the actuator Jacobian J. Torques in the null space of A
+make no motion: they are a preload.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from ..errors import ActuationError, InputError, SingularConfigurationError
 from ..model.mechanism import Mechanism
 from ..model.thresholds import RANK_TOLERANCE
 
-#: Torques may pass limits by this part of the largest: rounding of a projection onto them.
+#: Torques may exceed limits by this part of the largest: rounding of a projection onto them.
 _ROUNDING = 1e-12
 #: A least-distance problem has no solution if the square of its residual is below this.
 _FEASIBLE = 1e-12
@@ -26,7 +27,7 @@ _FEASIBLE = 1e-12
 def least_torques(mechanism: Mechanism, A: Array, f: Array, weights: Array | None = None) -> Array:
     """The torques with A tau = f and the least sum of weights tau^2, shape (motors,).
 
-    Forces that no motor gives are left over.
+    The part of f that no motor can produce is ignored.
     """
     rank = A.shape[1] - null_space(mechanism, A).shape[1]
     rows = mechanism.rate_scale[mechanism.coordinates]
@@ -43,8 +44,8 @@ def least_torques(mechanism: Mechanism, A: Array, f: Array, weights: Array | Non
 def null_space(mechanism: Mechanism, A: Array) -> Array:
     """Orthonormal torques that make no motion, shape (motors, k).
 
-    A motor acts along a coordinate if it moves by more than `RANK_TOLERANCE`, free of units, while
-    the coordinate or the fastest motor moves by one.
+    The rank of A, free of units, counts the singular values above `RANK_TOLERANCE` times the
+    largest one, or times 1 if that is larger.
     """
     rows, motors = mechanism.rate_scale[mechanism.coordinates], mechanism.motor_scale
     _, s, Vt = np.linalg.svd(rows[:, None] * A / motors)
@@ -78,7 +79,7 @@ def preload_directions(
         result[i] = basis @ (U @ Vt)
     if changes.any() and on_error == "raise":
         rank = core[0] - first.shape[1]
-        problem = f"the motors do not hold {rank} freedoms here: directions of preload change"
+        problem = f"the motors do not hold {rank} freedoms here, so preloads have more directions"
         raise of_samples(SingularConfigurationError(problem, np.inf), changes.reshape(batch))
     return result.reshape(*batch, *first.shape)
 
@@ -115,7 +116,7 @@ def shared_torques(
 
 
 def weights_of(mechanism: Mechanism, weights: ArrayLike) -> dict[str, Array]:
-    """Weights of the squared torques, positive, shape (motors,), by the name of the argument."""
+    """Weights of the squared torques, positive, shape (motors,), as a keyword argument."""
     array = single_array("weights", weights, (mechanism.motors.shape[1],))
     if not (array > 0).all():
         raise InputError("weights", "must be positive")
@@ -126,7 +127,7 @@ def limits_of(limits: ArrayLike, motors: int, name: str = "limits") -> Array:
     """Least and largest torques, shape (motors, 2).
 
     Limits are the largest torques, shape () or (motors,), or the least and the largest ones, shape
-    (motors, 2). `name` is what errors call them.
+    (motors, 2). Error messages use `name`.
     """
     bounds = as_array(name, limits, ())
     if bounds.shape in ((), (motors,)):
@@ -139,16 +140,16 @@ def limits_of(limits: ArrayLike, motors: int, name: str = "limits") -> Array:
 
 
 def finite_limits(limits: ArrayLike, motors: int, name: str) -> Array:
-    """Finite `limits_of`."""
+    """`limits_of`, for limits that must be finite."""
     return limits_of(finite_array(name, limits, ()), motors, name)
 
 
 def within_limits(
     tau: Array, directions: Array, limits: Array, weights: Array | None = None
 ) -> Array:
-    """The torques nearest to tau that make the same motion within limits, shape (motors, 2).
+    """The torques nearest to tau, within limits, that make the same motion, shape (motors,).
 
-    Where there are none, those whose largest excess is the least.
+    `limits` has shape (motors, 2). If there are none, the torques with the smallest largest excess.
     """
     excess = _excess(tau, limits).max(initial=0)
     if excess > _ROUNDING * np.abs(tau).max(initial=0):
@@ -200,7 +201,7 @@ def _excess(tau: Array, limits: Array) -> Array:
 
 
 def _require_within(mechanism: Mechanism, tau: Array, limits: Array) -> None:
-    """Refuse torques of `within_limits` that pass the limits."""
+    """Refuse torques of `within_limits` that exceed the limits."""
     excess = _excess(tau, limits)
     if not excess.max(initial=0) > 0:
         return
@@ -208,6 +209,6 @@ def _require_within(mechanism: Mechanism, tau: Array, limits: Array) -> None:
     beyond = {mechanism.motor_names[i]: float(excess[i]) for i in largest}
     listed = ", ".join(f"{name} by {x:.4g}" for name, x in beyond.items())
     raise ActuationError(
-        f"the motion needs more than the limits of the motors allow, at least {listed} (N m or N)",
+        f"the motion needs torques that exceed the limits, at least {listed} (N m or N)",
         beyond,
     )

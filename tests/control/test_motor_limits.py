@@ -72,7 +72,7 @@ def test_torques_exist_within_limits_where_a_linear_programme_finds_some(name):
                 tau = chain.compute_torques(q, va, size * aa, limits=limits)
                 assert A @ tau == pytest.approx(f, abs=1e-9 * np.abs(limits).max())
             else:
-                with pytest.raises(sst_pin.ActuationError, match="more than the limits"):
+                with pytest.raises(sst_pin.ActuationError, match="exceed the limits"):
                     chain.compute_torques(q, va, size * aa, limits=limits)
     assert 0 < sum(verdicts) < len(verdicts)
 
