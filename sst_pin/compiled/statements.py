@@ -13,7 +13,8 @@ LARGEST, _PART = 7000, 500
 _FEW = 300
 #: Results that are not used for more statements than this are kept in an array.
 _NEAR = 120
-#: Numbers of the array for each pointer, half of them on each side, and the number of pointers.
+#: Entries of the array for each pointer, half on each side, and the most pointers whose target is
+#: hidden from the compiler.
 _REACH, _POINTERS = 32, 12
 #: Names of results of statements.
 _RESULT = re.compile(r"\b(?:ti?|s|c)\d+\b")
@@ -46,8 +47,9 @@ def with_results_in_memory(lines: Sequence[str]) -> list[str]:
     """Statements of a function with results kept in an array until they are used.
 
     The compiler then allocates registers for few results at a time: a large function compiles in
-    three quarters of the time and computes a batch in four fifths. On the stack an address takes
-    four bytes, near a pointer one: that shortens the machine code for one sample.
+    three quarters of the time and computes a batch in four fifths. An offset from the stack pointer
+    takes four bytes, a small offset from another pointer one byte, so that the machine code for one
+    sample is shorter.
     """
     if len(lines) <= _FEW:
         return list(lines)
@@ -93,6 +95,7 @@ def split(lines: Sequence[str], inputs: range) -> tuple[list[str], list[str]]:
     for line in lines:
         used = _used(line)
         if not depending.isdisjoint(used) or not of_inputs.isdisjoint(_INPUT.findall(line)):
+            # A const defines its first name; other statements define all their names.
             depending.update(used[:1] if line.startswith("const") else used)
             each.append(line)
         else:
@@ -101,7 +104,7 @@ def split(lines: Sequence[str], inputs: range) -> tuple[list[str], list[str]]:
 
 
 def pieces(lines: Sequence[str], largest: int | None = None) -> list[Sequence[str]]:
-    """Statements, cut where they are more than `largest`, by default `LARGEST`."""
+    """Statements in one piece if there are at most `largest`, else in pieces of at most `_PART`."""
     if len(lines) <= (largest or LARGEST):
         return [lines]
     size = -(-len(lines) // -(-len(lines) // _PART))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Motions that show parameters well: Fourier series (J. Swevers et al., IEEE T-RA 13(5), 1997)."""
+"""Exciting motions for identification, as Fourier series (J. Swevers et al., IEEE T-RA, 1997)."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from .base_parameters import BaseParameters, random_states
 _SAMPLES = 12
 #: Most samples of a period.
 _MOST = 100_000
-#: At this condition number noise of 0.1 % of the torques hides the parameter that is shown least.
+#: At this condition number, noise of 0.1 % of the torques hides the worst identified parameter.
 _POOR = 1e3
-#: Parts of an amplitude to try before another motion is drawn.
+#: Factors that scale a series down, tried in this order.
 _PARTS = 0.7 ** np.arange(9)
 
 
 def condition_number(chain: ClosedChain, base: BaseParameters, motion: Trajectory) -> float:
-    """Condition number of the base regressor along a motion; small ones show all parameters.
+    """Condition number of the base regressor along a motion.
 
-    Each column is in units of its mean square at random states of the robot, so that units
-    of parameters do not matter.
+    It is small if the motion identifies all parameters. Each column is divided by its root mean
+    square at random states of the robot, so that units of parameters do not matter.
 
     Args:
         chain: The robot.
@@ -76,18 +76,18 @@ def excitation(
     seed: int = 0,
     dt: float = 0.01,
 ) -> Trajectory:
-    """One period of a motion that shows base parameters well, within what the robot can do.
+    """One period of an exciting motion to identify base parameters, within the limits of the robot.
 
     Each coordinate is a Fourier series about its position at the start, where the motion begins and
-    ends at rest. Random series are scaled down until no limit is passed and no singular
-    configuration is met; the best one is improved by random steps. Positions of joints stay within
-    the limits of the model.
+    ends at rest. Random series are scaled down until they exceed no limit and meet no singular
+    configuration; the best one is improved by random steps. Positions of joints stay within the
+    limits of the model.
 
     Args:
         chain: The robot; each coordinate turns about an axis or slides.
-        base: The combinations to be shown.
+        base: The base parameters to identify.
         duration: Duration of one period, [s].
-        harmonics: Number of harmonics; the highest frequency is it over the duration.
+        harmonics: Number of harmonics; the highest frequency is harmonics / duration, [Hz].
         rates: Largest rate of each coordinate, shape (n,) or (); those of the model by default.
         torques: Largest torque of each motor, shape (motors,) or (); those of the model by default.
         start: The configuration at the start, shape (nq,); `home` by default.
@@ -112,7 +112,7 @@ def excitation(
     period, n = positive_number("duration", duration), len(chain.coordinates)
     fine = positive_number("dt", dt)
     if period > _MOST * fine:
-        problem = f"{period:g} s have more than {_MOST:g} samples of {fine:g} s"
+        problem = f"at most {_MOST:g} samples of {fine:g} s; give a shorter duration or a larger dt"
         raise InputError("duration", problem)
     count, tries = whole_number("harmonics", harmonics, 2), whole_number("tries", tries, 1)
     random = np.random.default_rng(whole_number("seed", seed, 0))
@@ -126,7 +126,7 @@ def excitation(
         if (judged := series.possible(z, _PARTS, period / (_SAMPLES * count))) is None:
             continue
         value = _condition(chain, base, sizes, judged[1])
-        # In short steps a little smaller, if it passes a limit between the others.
+        # Check it with the step dt, and scale it down if it exceeds a limit between coarse samples.
         if value < best and (motion := series.possible(judged[0], 0.97 ** np.arange(10), fine)):
             best, center, result = value, judged[0], motion[1]
     if result is None:
@@ -167,7 +167,7 @@ class _Series:
     def possible(
         self, z: Array, parts: Iterable[float], step: float
     ) -> tuple[Array, Trajectory] | None:
-        """Coefficients and motion of the first of these parts that is possible."""
+        """Coefficients and motion for the first factor that keeps all limits, or None."""
         for part in parts:
             with suppress(SSTError):
                 motion = self._sampled(part * z, step)

@@ -93,7 +93,7 @@ class JointSpace:
 
     @cached_property
     def places(self) -> dict[str, list[int]]:
-        """Entries of q of joints that turn or slide, by name; cosine and sine of endless turns."""
+        """Indices in q of angles and lengths by name; of an endless turn its cosine and sine."""
         units = zip(self.position_names, self.position_units, strict=True)
         single = {name: [k] for k, (name, unit) in enumerate(units) if unit}
         endless = {
@@ -121,7 +121,7 @@ class JointSpace:
         return np.array(indices, dtype=np.intp)
 
     def names_of(self, rates: Sequence[int]) -> tuple[str, ...]:
-        """Names that `rates_of` leads back: of whole joints where all their rates are there."""
+        """Names for which `rates_of` returns these; a joint's name stands for all its rates."""
         names: list[str] = []
         left = [int(k) for k in rates]
         joint_of = {k: (name, list(of)) for name, of in self.rates.items() for k in of}
@@ -136,7 +136,7 @@ class JointSpace:
 
     @cached_property
     def rates(self) -> dict[str, range]:
-        """Indices in v of each joint by name, mimic joints apart."""
+        """Indices in v of each joint by name, without mimic joints."""
         joints = zip(self.joint_names, list(self._model.joints)[1:], strict=True)
         return {n: range(j.idx_v, j.idx_v + j.nv) for n, j in joints if j.nv}
 
@@ -187,10 +187,7 @@ class JointSpace:
         return q
 
     def without_jumps(self, q: Array) -> Array:
-        """Neighbouring configurations, shape (N, nq), without full turns and changes of sign.
-
-        Angles go on beyond pi, and quaternions have the sign that is nearer to the one before.
-        """
+        """Consecutive configurations, (N, nq), with unwrapped angles and continuous quaternions."""
         q = q.copy()
         angles = [unit == "rad" for unit in self.position_units]
         q[:, angles] = np.unwrap(q[:, angles], axis=0)
@@ -210,7 +207,7 @@ class JointSpace:
             rest = (q * q).dot(self.unit_parts) - 1
             near = rest.dot(rest) < 1e-12
         if near:
-            return  # the short way: lengths differ from 1 by less than half of that
+            return  # the short way: each length differs from 1 by less than 5e-7
         if not self.on_manifold(q):
             off = float(self._off_length_one(finite_array(name, q, q.shape)).max())
             raise InputError(
@@ -235,7 +232,7 @@ class JointSpace:
 
     @cached_property
     def plain(self) -> tuple[Indices, Indices]:
-        """Entries of q and of v whose rates are the same numbers."""
+        """Indices in q and in v of the entries with q_dot = v."""
         q, v = np.ones(self._model.nq, dtype=bool), np.ones(self._model.nv, dtype=bool)
         for size, first, pairs in ((4, 3, self._quaternions), (2, 1, self._circles)):
             for i, k in pairs:
@@ -254,7 +251,7 @@ def without_sign_changes(quaternions: Array) -> Array:
 
 
 def kind_of(joint: Any) -> _Kind:
-    """Names and units of a joint that is no composite."""
+    """Names and units of a joint that is not a composite."""
     short = joint.shortname()
     if short in _OF_SEVERAL:
         return _OF_SEVERAL[short]
@@ -267,7 +264,7 @@ def kind_of(joint: Any) -> _Kind:
 
 
 def _parts(joint: Any) -> list[tuple[Any, str]]:
-    """A joint as it is, a composite as its parts in a row, each with a suffix."""
+    """The joint itself, or the joints of a composite in series, each with a suffix."""
     if joint.shortname() != "JointModelComposite":
         return [(joint, "")]
     inner = list((joint.extract() if hasattr(joint, "extract") else joint).joints)

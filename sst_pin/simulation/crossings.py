@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Smooth motions through a singular configuration of the mechanism.
 
-Several branches of motions meet there. Polynomials continue the motion before it, and close the
-loops on one branch only. They are the guess of an implicit step over the configuration. Its stages
-are on both sides, away from the configuration.
+Several branches of motions meet at this configuration. Polynomials extrapolate the motion before
+it; they close the loops on one branch only. They are the initial guess of an implicit Runge-Kutta
+step over the configuration. No stage of the step is at the configuration.
 """
 
 from collections.abc import Callable, Sequence
@@ -53,8 +53,8 @@ class Crossing(NamedTuple):
 class Branch:
     """Polynomials, of degree eleven or less, that continue a motion from its last states.
 
-    The last of the states, at `times` (N,), comes first; v and v_dot are those of all joints,
-    (N, nv). `unit` is about the time by which the motion is continued, [s].
+    The states, at `times` (N,), are in reverse order of time; v and v_dot are those of all joints,
+    (N, nv). `unit` is about the length of the extrapolation, [s].
     """
 
     def __init__(
@@ -84,14 +84,15 @@ class Branch:
         return np.asarray(self._v.derivative((t - self._start) / self._unit)) / self._unit
 
 
-def crossing_of(states: States, branch: Branch, start: float, left: float) -> Crossing | str:
-    """The singular configuration on a branch, about `left` after `start`; or why there is none."""
+def crossing_of(states: States, branch: Branch, start: float, remaining: float) -> Crossing | str:
+    """The singular configuration on a branch about `remaining` after `start`, or why none is."""
     from scipy.optimize import brentq
 
     U, before, Vt = np.linalg.svd(states.Phi(branch.q(start)))
     rank = Vt.shape[0] - len(states.coordinates)
-    rows, rates = U[:, :rank].T, Vt[:rank].T  # without directions that vanish everywhere
-    at, until = start, start + _AHEAD * left
+    # Without singular vectors of values that are zero everywhere.
+    rows, rates = U[:, :rank].T, Vt[:rank].T
+    at, until = start, start + _AHEAD * remaining
     for _ in range(2):  # singular vectors vary a little along the branch
         left_vectors, _, right_vectors = np.linalg.svd(rows @ states.Phi(branch.q(at)) @ rates)
         u, w = left_vectors[:, -1] @ rows, rates @ right_vectors[-1]
@@ -100,7 +101,7 @@ def crossing_of(states: States, branch: Branch, start: float, left: float) -> Cr
             return float(u @ states.Phi(branch.q(t)) @ w)
 
         if signed(start) * signed(until) > 0:
-            return "the motion does not lead through it"
+            return "the extrapolated motion does not cross it"
         at = float(brentq(signed, start, until, xtol=1e-15, rtol=1e-14))
     there = np.linalg.svd(states.Phi(branch.q(at)), compute_uv=False)[:rank]
     lost = int(np.count_nonzero(there < _VANISHED * before[:rank]))
@@ -141,11 +142,11 @@ def gauss_step(
 
 
 def mismatch(
-    mechanism: Mechanism, branch: Branch, t: float, motion: Sequence[Array], left: float
+    mechanism: Mechanism, branch: Branch, t: float, motion: Sequence[Array], remaining: float
 ) -> float:
-    """How far q and v at a time are from a branch, relative to the motion in `left`."""
+    """How far q and v at a time are from a branch, relative to the motion in `remaining`."""
     q, v, _ = motion
     scale = mechanism.rate_scale
-    off = pin.difference(mechanism.model, branch.q(t), q), left * (v - branch.v(t))
-    travel = left * float(np.abs(v / scale).max())
+    off = pin.difference(mechanism.model, branch.q(t), q), remaining * (v - branch.v(t))
+    travel = remaining * float(np.abs(v / scale).max())
     return max(float(np.abs(x / scale).max()) for x in off) / max(travel, 1e-300)
