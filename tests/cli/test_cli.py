@@ -107,6 +107,7 @@ def test_motor_angles_without_assembly_are_told_by_line(here, capsys):
     assert "the loops cannot be closed further along the motion" in err
 
 
+@pytest.mark.slow
 def test_paper_replaces_nothing_without_force(here, capsys):
     (here / "paper").mkdir()
     (here / "paper" / "figure_10_torques.png").write_text("mine")

@@ -34,7 +34,9 @@ def cassie_on_a_stand(floating_cassie) -> sst_pin.ClosedChain:
     return sst_pin.ClosedChain.from_mjcf(floating_cassie, locked=cassie.HELD)
 
 
-@pytest.mark.parametrize("name", ["delta", "cassie_on_a_stand"])
+@pytest.mark.parametrize(
+    "name", ["delta", pytest.param("cassie_on_a_stand", marks=pytest.mark.slow)]
+)
 def test_dynamics_agree_with_every_referee(name, request):
     """At random assembled configurations in random motion."""
     rows = list(verify_chain(request.getfixturevalue(name), 20))

@@ -18,7 +18,7 @@ WORST = 1e4
 HANDED_OVER = 0.02
 ILL = 100
 NAMES = ["SST", *EVERY_ROBOT]
-QUICK = ("SST", "four_bar", "planar_3rrr")
+QUICK = ("four_bar", "planar_3rrr")
 
 
 def twins(name):

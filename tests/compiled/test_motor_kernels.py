@@ -116,6 +116,7 @@ def test_wrenches_are_no_moment_on_the_platform(platform, compiled):
                 getattr(chain, name)(q, zero, zero, platform_moment=moment)
 
 
+@pytest.mark.slow
 def test_a_robot_without_motors_has_all_kernels_of_direct_dynamics():
     chain, compiled = (five_bar([], coordinates=None) for _ in range(2))
     compiled.compile()

@@ -127,6 +127,7 @@ def test_a_path_takes_as_long_backwards():
     assert 0.995 * limit < np.abs(there.tau).max() <= limit
 
 
+@pytest.mark.slow
 def test_steps_of_more_than_half_a_turn_are_refused():
     """They look like shorter ones the other way."""
     step = 5.9

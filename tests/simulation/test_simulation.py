@@ -58,7 +58,9 @@ def test_example_2_returns_to_the_circle(compiled_robot, circle):
     assert 1e-6 < rounded.path_error < 5e-5
 
 
-@pytest.mark.parametrize("rotvec", [(0.1, 0, 0), (0.1, -0.2, 0.2)])
+@pytest.mark.parametrize(
+    "rotvec", [pytest.param((0.1, 0, 0), marks=pytest.mark.slow), (0.1, -0.2, 0.2)]
+)
 def test_a_hundred_seconds_of_swinging_keep_energy_and_closures(rotvec):
     """Home tilted by 0.1 and 0.3 rad about the hanging pose and let go, without friction."""
     robot = sst_pin.SST(HANGING)

@@ -103,7 +103,11 @@ SLOW += [*any_chain.JOINTS, *any_chain.IN_A_ROW]
 
 @pytest.mark.parametrize(
     "name",
-    ["sst", "four_bar", "bennett", *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)],
+    [
+        "four_bar",
+        "bennett",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("sst", *SLOW)),
+    ],
 )
 def test_the_page_computes_what_the_package_computes(chromium, name):
     chain = robot_named(name)
@@ -197,6 +201,7 @@ def test_what_a_page_cannot_compute_is_named(monkeypatch):
             robot.show(live=True, open_browser=False)
 
 
+@pytest.mark.slow
 def test_the_page_says_where_the_motors_do_not_hold_the_robot(chromium):
     """The page gives no torques there."""
     chain = elbows()
