@@ -85,7 +85,7 @@ class Equations:
 
     @cached_property
     def displaced(self) -> "Equations":
-        """The same equations on other symbols, with displaced joints."""
+        """Equations of the mechanism on other symbols, with displaced joints."""
         arguments = self.mechanism, self._samples, self.loads.numel() > 0, self._smooth
         return Equations(*arguments, parameters=self.parameters, displaced=True)
 
