@@ -79,7 +79,9 @@ def preload_directions(
         result[i] = basis @ (U @ Vt)
     if changes.any() and on_error == "raise":
         rank = core[0] - first.shape[1]
-        problem = f"the motors do not hold {rank} freedoms here, so preloads have more directions"
+        problem = (
+            f"the motors do not hold {rank} freedoms here, so the directions of preload change"
+        )
         raise of_samples(SingularConfigurationError(problem, np.inf), changes.reshape(batch))
     return result.reshape(*batch, *first.shape)
 
