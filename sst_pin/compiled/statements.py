@@ -9,7 +9,7 @@ from itertools import pairwise
 _WIDTH = 94
 #: The most statements of an undivided function, and of the parts of a divided one.
 LARGEST, _PART = 7000, 500
-#: Up to so many statements, the compiler chooses where results are kept.
+#: With no more statements than this, the compiler chooses where results are kept.
 _FEW = 300
 #: Results that are not used for more statements than this are kept in an array.
 _NEAR = 120
