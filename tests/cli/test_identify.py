@@ -91,7 +91,7 @@ def test_intervals_have_the_dry_friction_of_the_robot(here, capsys):
 def test_the_urdf_gets_the_parameters_found(here, capsys):
     delta = sst_pin.ClosedChain.from_urdf(DELTA)
     true = delta.with_parameters({"motor_1.viscous": 0.2, "motor_3.viscous": 0.1})
-    t = np.linspace(0, 2.5, 251)
+    t = np.linspace(0, 4, 401)
     x = 0.2 + np.array([0.3, 0.2, 0.1]) * np.sin(np.outer(t, [3, 4, 5]))
     tau = np.array(sst_pin.coordinate_motion(true, t, x).tau)
     head = [f"{name}_rad" for name in delta.coordinates]

@@ -94,11 +94,11 @@ REACTING = (*GALLERY, "SST", "five-bar", "cart", "lines", "rods", "coupled", "co
 QUICK = [
     (["four-bar"], [*DYNAMICS, *OF_TREE, "torque_regressor"]),
     (["lines"], [*DYNAMICS, "torque_derivatives"]),
-    (["five-bar"], ["acceleration_derivatives", "linearize", *FRAMES]),
+    (["five-bar"], [*DERIVATIVES[1:], *FRAMES]),
     ([BY_COLUMNS[1], "no motors"], ["compute_accelerations"]),
 ]
 SLOW = [
-    (["five-bar"], ["torque_derivatives"]),
+    (["five-bar"], DERIVATIVES[:1]),
     (["floating"], [*DYNAMICS[1:], *OF_TREE]),  # a motor is missing
     (["floating four-bar"], [*DERIVATIVES, *FRAMES]),
     (["SST", "Cassie", "cart"], DYNAMICS),

@@ -117,8 +117,11 @@ def wave(chain, size=0.15):
 
 @pytest.mark.slow
 def test_a_path_takes_as_long_backwards():
-    """Without friction a film of the motion, shown backwards, needs the same torques."""
-    chain = sst_pin.robots.five_bar()
+    """Without friction a film of the motion, shown backwards, needs the same torques.
+
+    With more motors than freedoms, of any chain.
+    """
+    chain = sst_pin.robots.planar_4rrr()
     path = wave(chain)
     rest = np.zeros(chain.degrees_of_freedom)
     limit = 2 * np.abs(chain.compute_torques(path[0], rest, rest)).max() + 5

@@ -136,7 +136,13 @@ def test_a_loop_of_one_row_runs_through_dead_points_of_its_coordinate(rtol, comp
 
 
 @pytest.mark.parametrize(
-    ("through", "compiled"), [pytest.param(False, False, marks=pytest.mark.slow), (True, True)]
+    ("through", "compiled"),
+    [
+        (True, True),
+        pytest.param(True, False, marks=pytest.mark.slow),
+        pytest.param(False, True, marks=pytest.mark.slow),
+        pytest.param(False, False, marks=pytest.mark.slow),
+    ],
 )
 def test_a_loop_of_one_row_keeps_its_mode_where_its_row_vanishes(through, compiled):
     """A parallelogram with a rod is singular at 0: both cranks turn evenly, or the motion stops."""

@@ -73,10 +73,10 @@ def test_rollouts_end_where_simulate_ends(odd):
     assert np.abs(motion.q[[0, 200, 400]] - wanted.q).max() < 1e-9
 
 
-def test_leading_axes_broadcast_and_threads_change_nothing(compiled_robot):
+@pytest.mark.parametrize("which", ["compiled_robot", pytest.param("robot", marks=pytest.mark.slow)])
+def test_leading_axes_broadcast_and_threads_change_nothing(which, request):
     """Torques for each start, starts for each torque; 70 samples fill two blocks and a bit."""
-    robot = compiled_robot
-    rng = np.random.default_rng(2)
+    robot, rng = request.getfixturevalue(which), np.random.default_rng(2)
     q, va, _ = robot.joint_motion(*random_states(robot, rng, 70))
     tau = rng.normal(size=(2, 1, 5, 3))
     motion = robot.rollout(tau, q, va, 1e-4)
