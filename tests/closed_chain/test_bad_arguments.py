@@ -151,8 +151,8 @@ def test_a_torque_may_change_what_it_is_given(sampled):
         va[:] = 99
         return np.zeros(2)
 
-    given = sst_pin.SampledTorque(torque, 0.01) if sampled else torque
-    motion = chain.simulate(given, q, va, t, rtol=1e-9, atol=1e-9)
+    source = sst_pin.SampledTorque(torque, 0.01) if sampled else torque
+    motion = chain.simulate(source, q, va, t, rtol=1e-9, atol=1e-9)
     expected = chain.simulate([0, 0], q, va, t, rtol=1e-9, atol=1e-9)
     assert motion.q == pytest.approx(expected.q, abs=1e-7)
     assert motion.va == pytest.approx(expected.va, abs=1e-6)

@@ -38,14 +38,14 @@ def numbers(case, keys):
     reference, mechanism = chain.engine.reference, chain.mechanism
     samples = sample_configurations(reference, case.home)
     equations = Equations(mechanism, samples, loaded=True, smooth=True)
-    own = mechanism.friction
-    p = equations.parameters.pack(mechanism, Friction(own.viscous, own.coulomb, WIDTH))
+    friction = mechanism.friction
+    p = equations.parameters.pack(mechanism, Friction(friction.viscous, friction.coulomb, WIDTH))
     functions = {}
     for key in keys:
         (kernel,) = kernels.entry(equations, key)
         results = [ca.vertcat(kernel.output, ca.mmax(kernel.checks))]
-        given = [*kernel.inputs.values(), kernel.parameters]
-        functions[key] = ca.Function(kernel.name, given, results)
+        inputs = [*kernel.inputs.values(), kernel.parameters]
+        functions[key] = ca.Function(kernel.name, inputs, results)
     e, f = equations, equations.generalized_forces
     along = ca.horzcat(*(e.kinematics.q_rates(L) for L in e.L))
     plain = ca.horzcat(ca.jacobian(f, e.q) @ along, ca.jacobian(f, ca.vertcat(e.va, e.aa)))

@@ -163,9 +163,9 @@ def test_a_slice_out_of_reach_is_a_map_without_area():
     ],
 )
 def test_what_is_no_map_is_refused(changes, word):
-    given = {"frame": "platform", "x": [0.0, 0.1], "y": [0.1, 0.2]} | changes
+    arguments = {"frame": "platform", "x": [0.0, 0.1], "y": [0.1, 0.2]} | changes
     with pytest.raises(sst_pin.SSTError, match=word):
-        sst_pin.reach_map(sst_pin.robots.five_bar(), **given)
+        sst_pin.reach_map(sst_pin.robots.five_bar(), **arguments)
 
 
 def test_a_start_beyond_its_limits_and_idle_motors_are_refused():

@@ -120,8 +120,8 @@ def test_the_factors_are_lower_triangular_and_diagonal(chain):
         assert np.array_equal(N_l[i, i], np.eye(6))
         assert not N_l[i, i + 1 :].any()
         joint = chain.model.joints[i + 1]
-        own = np.arange(joint.idx_v, joint.idx_v + joint.nv)
-        assert not np.delete(terms.N_d[6 * i : 6 * i + 6], own, axis=1).any()
+        rates = np.arange(joint.idx_v, joint.idx_v + joint.nv)
+        assert not np.delete(terms.N_d[6 * i : 6 * i + 6], rates, axis=1).any()
 
 
 def test_friction_of_every_joint_reaches_the_motors(robot):

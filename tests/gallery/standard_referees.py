@@ -85,8 +85,8 @@ def _bricard_energy(first, guess):
         middle = (ends[k] + ends[k + 1]) / 2
         v = rates[: k + 1] @ np.cross(axes[: k + 1], middle - ends[: k + 1])
         squares = np.maximum(np.abs(edge), 0.1) ** 2  # of the edges of a box
-        own = R.T @ omega
-        M += v @ v + own @ ((squares.sum() - squares) / 12 * own)
+        local = R.T @ omega
+        M += v @ v + local @ ((squares.sum() - squares) / 12 * local)
         V += 9.81 * middle[1]
     return M, V, q
 
@@ -139,9 +139,9 @@ def slider_crank(t):
         R = turn(0, a) @ turn(1, b)
         axes = X, turn(0, a) @ Y
         s, v, omega = _rod((P - at) / 2, at, P, axes, P_rate, X)
-        own = R.T @ omega
+        local = R.T @ omega
         M = 1e-4 + 0.12 * (r / 2) ** 2 + 2 * s**2 + 0.5 * v @ v
-        M += own @ ([4e-4, 4e-3, 4e-3] * own)
+        M += local @ ([4e-4, 4e-3, 4e-3] * local)
         V = 9.81 * (0.12 * (A[2] + P[2]) / 2 + 0.5 * P[2] / 2)
         return M, V
 

@@ -36,19 +36,19 @@ def deltas() -> tuple[sst_pin.ClosedChain, sst_pin.ClosedChain, dict[str, float]
     drawn, rng = sst_pin.robots.delta(), np.random.default_rng(4)
     names = [f"motor_{k}.ry" for k in "123"] + [f"rod_{k}{s}.x" for k in "123" for s in "ab"]
     errors = dict(zip(names, rng.normal(size=9) * ([5e-3] * 3 + [3e-4] * 6), strict=True))
-    made = drawn.with_design(errors)
+    actual = drawn.with_design(errors)
     at_home = [drawn.home[drawn.position_names.index(name)] for name in drawn.coordinates]
-    return drawn, made, errors, at_home + rng.uniform(-0.3, 0.3, (40, 3))
+    return drawn, actual, errors, at_home + rng.uniform(-0.3, 0.3, (40, 3))
 
 
 def test_errors_of_a_delta_are_found_exactly_from_exact_poses():
-    drawn, made, errors, x = deltas()
-    result = calibrate(drawn, "platform", x[:12], poses_of(made, x[:12], "platform"), which=WHICH)
+    drawn, actual, errors, x = deltas()
+    result = calibrate(drawn, "platform", x[:12], poses_of(actual, x[:12], "platform"), which=WHICH)
     assert set(result.names) == set(errors)
     assert_allclose(result.values, [errors[name] for name in result.names], atol=1e-11)
     # and the calibrated robot goes where the made one goes, in other poses
     again = poses_of(result.chain, x[12:], "platform")
-    assert_allclose(again, poses_of(made, x[12:], "platform"), atol=1e-10)
+    assert_allclose(again, poses_of(actual, x[12:], "platform"), atol=1e-10)
 
 
 def test_positions_alone_tell_the_offsets_of_the_motors():
@@ -71,8 +71,8 @@ def test_what_is_hidden_moves_the_frame_as_errors_that_were_found_do():
     assert result.hidden
     size, columns = 1e-6, []
     for name in (*result.names, *result.hidden):
-        made = (drawn.with_design({name: s}) for s in (-size, size))
-        ends = [poses_of(chain, x, "platform") for chain in made]
+        chains = (drawn.with_design({name: s}) for s in (-size, size))
+        ends = [poses_of(chain, x, "platform") for chain in chains]
         columns.append(((ends[1] - ends[0]) / (2 * size))[:, :3].ravel())
     A = np.array(columns).T
     A /= np.maximum(np.linalg.norm(A, axis=0), 1e-6)
@@ -92,8 +92,8 @@ def noisy(poses: np.ndarray, seed: int) -> np.ndarray:
 
 @pytest.mark.slow
 def test_errors_are_within_three_of_their_standard_deviations():
-    drawn, made, errors, x = deltas()
-    exact, within = poses_of(made, x, "platform"), []
+    drawn, actual, errors, x = deltas()
+    exact, within = poses_of(actual, x, "platform"), []
     start = configurations_of(drawn, x)
     for seed in range(100):
         result = calibrate(drawn, "platform", x, noisy(exact, seed), which=WHICH, start=start)
@@ -112,16 +112,16 @@ def test_a_calibrated_urdf_is_the_calibrated_robot(tmp_path):
     joints = [name for name in drawn.joint_names if name in drawn.coordinates] + ["elbow_1a_X"]
     frame = drawn.closures[0].frame_a
     names = [f"{joint}.{axis}" for joint in joints for axis in ("x", "ry")] + [f"{frame}.y"]
-    made = drawn.with_design({name: 1e-3 * rng.normal() for name in names})
+    actual = drawn.with_design({name: 1e-3 * rng.normal() for name in names})
     q = drawn.generic_configuration()
     held = [q[drawn.position_names.index(name)] for name in drawn.coordinates]
     x = held + rng.uniform(-0.1, 0.1, (8, len(held)))
     measured = next(n.name for n in drawn.model.frames if "platform" in n.name)
     drawn.model.referenceConfigurations["home"] = q
-    made.model.referenceConfigurations["home"] = q
+    actual.model.referenceConfigurations["home"] = q
     drawn.refresh()
-    made.refresh()
-    poses = poses_of(made, x, measured)
+    actual.refresh()
+    poses = poses_of(actual, x, measured)
     result = calibrate(drawn, measured, x, poses, which=names, urdf=urdf)
     result.write_urdf(urdf, tmp_path / "delta.urdf")
     (tmp_path / "delta.yaml").write_bytes(urdf.with_suffix(".yaml").read_bytes())
@@ -177,15 +177,15 @@ def test_errors_that_open_the_loops_of_an_overconstrained_robot_are_left_out():
     """In a plane: each error along z or about x or y would open the loops."""
     drawn, rng = sst_pin.robots.planar_3rrr(), np.random.default_rng(0)
     values = {"elbow_2.x": 1e-3, "tip_3.x": -2e-3, "shoulder_1.rz": 4e-3}
-    made = drawn.with_design(values)
+    actual = drawn.with_design(values)
     at_home = [drawn.home[drawn.position_names.index(name)] for name in drawn.coordinates]
     x = at_home + rng.uniform(-0.1, 0.1, (12, 3))
-    exact = poses_of(made, x, "platform")
+    exact = poses_of(actual, x, "platform")
     result = calibrate(drawn, "platform", x, exact)
     assert not [name for name in result.names + result.hidden if name.endswith((".z", ".rx", ".ry"))
                 and not name.startswith(("tip", "vertex"))]  # fmt: skip
     other = at_home + rng.uniform(-0.1, 0.1, (4, 3))
-    at_others = poses_of(made, other, "platform")
+    at_others = poses_of(actual, other, "platform")
     assert_allclose(poses_of(result.chain, other, "platform"), at_others, atol=1e-10)
     with pytest.raises(sst_pin.InputError, match=r"elbow_1.z.* each alone opens loops"):
         calibrate(drawn, "platform", x, exact, which=["*.x", "*.z"])

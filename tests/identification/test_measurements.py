@@ -87,8 +87,8 @@ def test_an_encoder_that_begins_anew_at_each_turn_gives_the_same_motion():
     jumping = np.column_stack([x[:, 0] % (2 * np.pi), x[:, 1]])
     jumping[700, 0] += 4.0
     start = pin.neutral(model)
-    given = {"tau": TAU, "cutoff": 15, "start": start}
-    one, other = (measured_motion(wheel, T, log, **given) for log in (x, jumping))
+    arguments = {"tau": TAU, "cutoff": 15, "start": start}
+    one, other = (measured_motion(wheel, T, log, **arguments) for log in (x, jumping))
     assert_allclose(one.va[:, 0], 2 + 4 * np.cos(one.t), atol=2e-3)
     assert_allclose(other.va, one.va, atol=0.02)
     assert_allclose(other.q, one.q, atol=1e-3)

@@ -55,10 +55,10 @@ def test_a_line_does_the_work_of_two_opposed_forces(name):
     chain, bare = with_lines(with_joint(name))
     for q, va, aa in random_states(chain):
         f = bare.generalized_forces(q, va, aa) - chain.generalized_forces(q, va, aa)
-        own = [tension_and_row(chain, line, q, va) for line in STRUTS]
-        pulls = -sum(tension * row for _, tension, row in own)
+        expected = [tension_and_row(chain, line, q, va) for line in STRUTS]
+        pulls = -sum(tension * row for _, tension, row in expected)
         close(f, pulls, 1e-12 * np.abs(bare.generalized_forces(q, va, aa)).max())
-        assert_allclose(chain.line_lengths(q), [length for length, *_ in own], rtol=1e-13)
+        assert_allclose(chain.line_lengths(q), [length for length, *_ in expected], rtol=1e-13)
 
 
 def test_terms_hold_springs_and_dampers_of_lines():

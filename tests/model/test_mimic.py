@@ -70,10 +70,10 @@ def pair(request):
     def among(numbers, at, followed):
         return np.insert(numbers, np.array(at) - np.arange(len(at)), followed)
 
-    own = dict(zip(names, terms, strict=True))
-    a = ClosedChain(mimicking, closures, ["a", "b"], **own)
-    own = {name: among(x, rows, 0.0) for name, x in own.items()}
-    b = ClosedChain(model, closures + gears, ["a", "b"], coordinates=a.coordinates, **own)
+    coefficients = dict(zip(names, terms, strict=True))
+    a = ClosedChain(mimicking, closures, ["a", "b"], **coefficients)
+    coefficients = {name: among(x, rows, 0.0) for name, x in coefficients.items()}
+    b = ClosedChain(model, closures + gears, ["a", "b"], coordinates=a.coordinates, **coefficients)
 
     def to_b(q):
         leaders = (model.joints[model.getJointId(leader)].idx_q for _, leader, *_ in followers)

@@ -48,18 +48,18 @@ def pinned(requirements):
 
 
 def test_recipe_has_name_version_licence_and_command_of_the_project(recipe, project):
-    own = project["project"]
-    assert recipe["package"] == {"name": own["name"], "version": sst_pin.__version__}
-    assert recipe["about"]["summary"] == own["description"]
-    assert recipe["about"]["license"] == own["license"]
+    metadata = project["project"]
+    assert recipe["package"] == {"name": metadata["name"], "version": sst_pin.__version__}
+    assert recipe["about"]["summary"] == metadata["description"]
+    assert recipe["about"]["license"] == metadata["license"]
     assert (ROOT / recipe["about"]["license_file"]).is_file()
-    commands = [f"{name} = {function}" for name, function in own["scripts"].items()]
+    commands = [f"{name} = {function}" for name, function in metadata["scripts"].items()]
     assert recipe["build"]["entry_points"] == commands
 
 
 def test_recipe_asks_for_the_dependencies_of_the_project(recipe, project):
-    own, needs = project["project"], recipe["requirements"]
+    metadata, needs = project["project"], recipe["requirements"]
     run = {line.replace("pinocchio", "pin") for line in pinned(needs["run"])}
-    assert run == pinned(own["dependencies"]) | {"python" + own["requires-python"]}
+    assert run == pinned(metadata["dependencies"]) | {"python" + metadata["requires-python"]}
     assert pinned(needs["host"]) == pinned(project["build-system"]["requires"]) | {"python", "pip"}
     assert needs["build"] == ["c-compiler", "c-stdlib"]

@@ -13,8 +13,8 @@ LINK = """<link name="{name}"><pose{of}>{pose}</pose><inertial><pose>{at}</pose>
 
 
 def link(name: str, pose: str, of: str = "", at: str = "0.1 0 0.05 0.2 0.1 0", mass: float = 1.0):
-    given = f' relative_to="{of}"' if of else ""
-    return LINK.format(name=name, pose=pose, of=given, at=at, mass=mass)
+    attribute = f' relative_to="{of}"' if of else ""
+    return LINK.format(name=name, pose=pose, of=attribute, at=at, mass=mass)
 
 
 def joint(name: str, kind: str, parent: str, child: str, inside: str = "") -> str:
@@ -23,8 +23,8 @@ def joint(name: str, kind: str, parent: str, child: str, inside: str = "") -> st
 
 
 def axis(xyz: str, more: str = "", tag: str = "axis", frame: str = "") -> str:
-    given = f' expressed_in="{frame}"' if frame else ""
-    return f"<{tag}><xyz{given}>{xyz}</xyz>{more}</{tag}>"
+    attribute = f' expressed_in="{frame}"' if frame else ""
+    return f"<{tag}><xyz{attribute}>{xyz}</xyz>{more}</{tag}>"
 
 
 def sdf(*parts: str, pose: str = "0.1 0.2 0.3 0.3 -0.2 0.5", world: str = "") -> str:

@@ -128,8 +128,8 @@ def test_every_body_has_a_physical_inertia_and_a_shape(robot):
         a, b, c = np.linalg.eigvalsh(body.inertia)
         assert body.mass > 0
         assert 0 < a <= b <= c < a + b
-        own = [s.name for s in robot.visual_model.geometryObjects if s.parentJoint == joint]
-        assert not all(name.startswith("joint_") for name in own)
+        shapes = [s.name for s in robot.visual_model.geometryObjects if s.parentJoint == joint]
+        assert not all(name.startswith("joint_") for name in shapes)
 
 
 def test_bennetts_linkage_moves_where_its_lengths_allow_it_only():

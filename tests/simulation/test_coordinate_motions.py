@@ -140,34 +140,34 @@ def test_dependent_joints_that_are_given_choose_the_assembly(digits):
     assert chain.home[slider] > 0.01
     other = chain.assemble(np.where(np.arange(len(home)) == slider, guess, home + np.pi), [])
     q = dict(zip(names, other, strict=True))
-    given = {name: round(float(q[name]), digits) for name in ("crank", names[slider])}
+    positions = {name: round(float(q[name]), digits) for name in ("crank", names[slider])}
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        result = placed(chain.engine, given)
+        result = placed(chain.engine, positions)
     assert abs(result[slider] - other[slider]) < 2 * 10.0**-digits + 1e-9
     for far in (5.0, -5.0):
         with pytest.warns(sst_pin.DescriptionWarning, match=f"{names[slider]} at {far:g} "):
-            placed(chain.engine, given | {names[slider]: far})
+            placed(chain.engine, positions | {names[slider]: far})
 
 
 def test_a_simulation_starts_where_names_or_the_first_row_say(delta, stroke):
     motion, _ = stroke
     table = read_table(stream("t_s,tau_1_Nm\n0,0\n"))
     q = dict(zip(motion.joint_names, motion.q[0], strict=True))
-    given = {name: value for name, value in q.items() if name in delta.coordinates}
+    positions = {name: value for name, value in q.items() if name in delta.coordinates}
     first = delta.coordinates[0]
-    q0, va0 = read_start(delta.engine, table, given, {first: 2.0})
+    q0, va0 = read_start(delta.engine, table, positions, {first: 2.0})
     assert va0.tolist() == [2, 0, 0]
     assert np.abs(delta.residual(q0)).max() < 1e-9
-    assert read_start(delta.engine, table, given)[1].tolist() == [0, 0, 0]
+    assert read_start(delta.engine, table, positions)[1].tolist() == [0, 0, 0]
     some = read_table(stream(f"t_s,tau_1_Nm,{first}_rad_s\n0,0,1\n"))
-    for of, start in ((table, None), (some, given)):
+    for of, start in ((table, None), (some, positions)):
         with pytest.raises(sst_pin.FileFormatError, match="give --va0"):
             read_start(delta.engine, of, start)
     with pytest.raises(sst_pin.FileFormatError, match="give --q0"):
         read_start(delta.engine, table, None, {})
     with pytest.raises(sst_pin.FileFormatError, match="no rate of a coordinate wheel"):
-        read_start(delta.engine, table, given, {"wheel": 1.0})
+        read_start(delta.engine, table, positions, {"wheel": 1.0})
 
 
 def test_joints_beyond_their_limits_are_named_with_their_worst_sample(delta, stroke):

@@ -19,8 +19,8 @@ def test_the_delta_follows_a_circle_as_its_closed_form_says():
     poses = np.tile(np.eye(4), (41, 1, 1))
     poses[:, :3, 3] = points
     wanted = delta.inverse_kinematics(poses)
-    for given in (points, poses):
-        result = sst_pin.frame_motion(delta, T, "platform", given)
+    for samples in (points, poses):
+        result = sst_pin.frame_motion(delta, T, "platform", samples)
         assert np.abs(result.q - wanted).max() < 1e-9  # the last step of Newton's method
 
 
@@ -77,9 +77,9 @@ def test_a_pose_out_of_reach_is_named():
 
 def test_a_path_of_orientations_goes_through_its_samples():
     """At the angles between them, on the group, in any axes, without a jump of acceleration."""
-    given = Rotation.random(5, rng=np.random.default_rng(3))
-    R = given.as_matrix()
-    steps = (given[:-1].inv() * given[1:]).magnitude()
+    samples = Rotation.random(5, rng=np.random.default_rng(3))
+    R = samples.as_matrix()
+    steps = (samples[:-1].inv() * samples[1:]).magnitude()
     s = np.append(0, np.cumsum(steps)) / steps.sum()
     path = sst_pin.orientation_path(R, 100_001)
     near = np.round(s * 100_000).astype(int)

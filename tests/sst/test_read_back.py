@@ -19,24 +19,24 @@ from tests.support.sampling import random_parameters
 mujoco = pytest.importorskip("mujoco", reason="extra `verify` is not installed")
 
 
-def assert_same(found, given):
+def assert_same(result, expected):
     """To rounding: 15 decimals of roll, pitch, yaw in the file, 16 digits of what comes back.
 
     Angles add up three errors of 5e-16 and cancel in 2 pi; the star's bodies are turned into {3k}
     and back; the links are as they were but for the 16 digits.
     """
-    assert found.base_directions == pytest.approx(given.base_directions, rel=0, abs=5e-16)
-    assert found.arc_angles == pytest.approx(given.arc_angles, rel=0, abs=5e-15)
-    bodies = ((*p.links, *p.passive_links, p.star) for p in (found, given))
+    assert result.base_directions == pytest.approx(expected.base_directions, rel=0, abs=5e-16)
+    assert result.arc_angles == pytest.approx(expected.arc_angles, rel=0, abs=5e-15)
+    bodies = ((*p.links, *p.passive_links, p.star) for p in (result, expected))
     for ours, theirs in zip(*bodies, strict=True):
         assert ours.mass == pytest.approx(theirs.mass, rel=4e-16)
         assert ours.center_of_mass == pytest.approx(theirs.center_of_mass, rel=0, abs=2e-15)
         assert ours.inertia == pytest.approx(theirs.inertia, rel=0, abs=2e-15)
-    assert type(found.link) is type(given.link)
+    assert type(result.link) is type(expected.link)
     for name in ("viscous_friction", "coulomb_friction", "gravity"):
-        assert np.array_equal(getattr(found, name), getattr(given, name))
+        assert np.array_equal(getattr(result, name), getattr(expected, name))
     for name in ("base_radius", "star_radius"):
-        assert getattr(found, name) == pytest.approx(getattr(given, name), rel=4e-16)
+        assert getattr(result, name) == pytest.approx(getattr(expected, name), rel=4e-16)
 
 
 def odd_parameters(seed):

@@ -63,9 +63,9 @@ class Visit:
             lambda message: message.type == "error" and self.errors.append(message.text),
         )
 
-    def requests_elsewhere(self, *own):
+    def requests_elsewhere(self, *addresses):
         """What it asked for that does not start with one of its own addresses."""
-        inside = (*own, "data:", "blob:", "about:")
+        inside = (*addresses, "data:", "blob:", "about:")
         return [url for url in self.requests if not url.startswith(inside)]
 
 

@@ -22,10 +22,10 @@ class Exported:
     def __init__(self, chain, folder, precision="double", compiler=("cc",)):
         self.type = TYPES[precision]
         write_files(c_files(chain, folder, precision))
-        source, made = folder / "robot.c", folder / "robot.so"
-        command = [*compiler, *STRICT, "-shared", "-fPIC", source, "-o", made]
+        source, library = folder / "robot.c", folder / "robot.so"
+        command = [*compiler, *STRICT, "-shared", "-fPIC", source, "-o", library]
         subprocess.run(list(map(str, command)), check=True)
-        self.library = ctypes.CDLL(str(made))
+        self.library = ctypes.CDLL(str(library))
 
     def __call__(self, name, size, *inputs):
         """The code that the function returns, and its result."""

@@ -22,8 +22,10 @@ table_names = markdown_tables.table_names
 
 def motion_of(name, t, **options):
     """From the published start with the published torques."""
-    chain, given = EVERY_ROBOT[name](), PUBLISHED[name]
-    motion = chain.simulate(given["torques"], chain.home, given["start_rates"], t, **options)
+    chain, published = EVERY_ROBOT[name](), PUBLISHED[name]
+    motion = chain.simulate(
+        published["torques"], chain.home, published["start_rates"], t, **options
+    )
     assert not motion.stopped
     return motion
 
@@ -32,16 +34,18 @@ def motion_of(name, t, **options):
 def test_andrews_mechanism_ends_where_it_is_published():
     """A03: seven angles and rates after 0.03 s, in which the crank turns two and a half times."""
     motion = motion_of("andrews", np.array([0, 0.03]))
-    given = PUBLISHED["andrews"]
-    q = [given["q"][name] for name in andrews().joint_names]
+    published = PUBLISHED["andrews"]
+    q = [published["q"][name] for name in andrews().joint_names]
     assert_allclose(motion.q[-1], q, rtol=0, atol=5e-9)
-    assert_allclose(motion.va[-1], given["v"]["beta"], rtol=1e-9)
+    assert_allclose(motion.va[-1], published["v"]["beta"], rtol=1e-9)
 
 
 def test_andrews_torque_accelerations_and_forces_at_the_published_state():
     """The published accelerations follow from the published angles and rates to 1e-7."""
-    chain, given = andrews(), PUBLISHED["andrews"]
-    q, v, a = (np.array([given[x][name] for name in chain.joint_names]) for x in ("q", "v", "dv"))
+    chain, published = andrews(), PUBLISHED["andrews"]
+    q, v, a = (
+        np.array([published[x][name] for name in chain.joint_names]) for x in ("q", "v", "dv")
+    )
     assert_allclose(chain.compute_torques(q, v[:1], a[:1]), 0.033, rtol=0, atol=5e-9)
     result = chain.joint_accelerations(q, v[:1], a[:1])
     assert_allclose(result, a, rtol=0, atol=3e-7 * np.abs(a).max())
@@ -77,9 +81,9 @@ def test_the_row_of_four_bars_falls_as_one_pendulum(loops):
 
 def test_the_pendulum_is_where_the_library_has_the_row_of_four_bars():
     """Published with six and seven digits."""
-    for given in PUBLISHED["n_four_bar"]["B0"]:
-        B0 = referees.n_four_bar(given["loops"], np.array([0, given["t"]]))[-1]
-        assert_allclose(B0, [given["x"], given["y"]], rtol=0, atol=2e-6)
+    for published in PUBLISHED["n_four_bar"]["B0"]:
+        B0 = referees.n_four_bar(published["loops"], np.array([0, published["t"]]))[-1]
+        assert_allclose(B0, [published["x"], published["y"]], rtol=0, atol=2e-6)
 
 
 @pytest.mark.slow

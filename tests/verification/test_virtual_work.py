@@ -37,14 +37,14 @@ def test_referee_imports_nothing_of_what_it_judges() -> None:
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             names.add(node.module)
-    own = {name for name in names if name.startswith("sst_pin")}
-    assert {name.split(".")[0] for name in names - own} == {
+    modules = {name for name in names if name.startswith("sst_pin")}
+    assert {name.split(".")[0] for name in names - modules} == {
         "collections",
         "typing",
         "numpy",
         "scipy",
     }
-    assert own == {"sst_pin.arrays", "sst_pin.description.parameters", "sst_pin.errors"}
+    assert modules == {"sst_pin.arrays", "sst_pin.description.parameters", "sst_pin.errors"}
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -58,11 +58,11 @@ def test_torques_and_accelerations_of_any_robot_agree(seed: int, friction: bool)
     parameters = random_parameters(rng, friction)
     robot, referee = sst_pin.SST(parameters), VirtualWork(parameters, branch)
     R, omega, alpha = random_states(robot, rng, 10)
-    moment, given = rng.normal(scale=5, size=(10, 3)), rng.normal(scale=20, size=(10, 3))
+    moment, torques = rng.normal(scale=5, size=(10, 3)), rng.normal(scale=20, size=(10, 3))
     motion = robot.joint_motion(R, omega, alpha, branch=branch)
     tau = robot.compute_torques(*motion, platform_moment=moment)
     assert relative_error(tau, referee.torques(R, omega, alpha, moment)) < ROUNDING
-    alpha = referee.accelerations(R, omega, given, moment)
+    alpha = referee.accelerations(R, omega, torques, moment)
     q, va, aa = robot.joint_motion(R, omega, alpha, branch=branch)
-    wanted = robot.compute_accelerations(q, va, given, platform_moment=moment)
+    wanted = robot.compute_accelerations(q, va, torques, platform_moment=moment)
     assert relative_error(aa, wanted) < ROUNDING

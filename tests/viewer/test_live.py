@@ -80,8 +80,8 @@ class Engine:
         return self.page.evaluate(VALUES, [{k: x.tolist() for k, x in s.items()} for s in states])
 
     def motion(self, q, va, seconds, way="none", efforts=()):
-        given = [np.asarray(q).tolist(), np.asarray(va).tolist(), seconds, way, list(efforts)]
-        result = self.page.evaluate(MOTION, given)
+        arguments = [np.asarray(q).tolist(), np.asarray(va).tolist(), seconds, way, list(efforts)]
+        result = self.page.evaluate(MOTION, arguments)
         return {k: np.array([s[k] for s in result["states"]]) for k in result["states"][0]}, result
 
 
