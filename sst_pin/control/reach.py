@@ -263,13 +263,13 @@ def _flood(
     for before, point in counted(left, "reach_map, poses tried"):
         if why[point] == _REACHED:
             continue
-        way = guide.follow(before, pin.SE3(poses[point]), _SHORTEST)
-        reason = _SINGULAR if way.singular else _OUT if way.missed else _LIMITS
-        if not way.missed and not beyond(way.q):
-            reason, q[point] = _REACHED, way.q
+        end = guide.follow(before, pin.SE3(poses[point]), _SHORTEST)
+        reason = _SINGULAR if end.singular else _OUT if end.missed else _LIMITS
+        if not end.missed and not beyond(end.q):
+            reason, q[point] = _REACHED, end.q
             i, j = point
             around = (i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)
-            queue += [(way.q, (a, b)) for a, b in around if 0 <= a < shape[0] and 0 <= b < shape[1]]
+            queue += [(end.q, (a, b)) for a, b in around if 0 <= a < shape[0] and 0 <= b < shape[1]]
         why[point] = min(why[point], reason)
     return why, q
 

@@ -31,12 +31,12 @@ _STEPS, _LONGEST, _LAST = 12, 0.5, 1e-9
 _NEAR, _HEAVY = 1e-5, 1e4
 
 
-class Way(NamedTuple):
-    """The result of a way to a pose."""
+class Approach(NamedTuple):
+    """The end of a motion to a pose."""
 
     #: The last configuration, shape (nq,).
     q: Array
-    #: The rest of the way, [rad] or parts of the robot's length; 0 if it is there.
+    #: The distance left to the pose, [rad] or parts of the robot's length; 0 at the pose.
     missed: float
     #: Whether it ends where the drives do not determine the motion.
     singular: bool
@@ -82,8 +82,8 @@ class FrameGuide:
 
     def follow(
         self, q: Array, target: pin.SE3, shortest: float = 2**-10, nearby: bool = False
-    ) -> Way:
-        """The way from a configuration with closed loops straight on to a pose of the frame.
+    ) -> Approach:
+        """Move the frame from a configuration with closed loops straight to a pose.
 
         It ends where steps would be shorter than the part `shortest` of it. With `nearby` the poses
         in between need only be approached, by frames that cannot move in all directions.
@@ -105,27 +105,29 @@ class FrameGuide:
                 here, inverses, done = place, self._inverses(place), part
             step *= min(2.0, 0.8 * CHANGE / max(task, drives, 0.1))
         if done == 1:
-            return Way(here.q, 0.0, False)
-        return Way(here.q, float(np.abs(self._error(here.pose, target)).max()), singular)
+            return Approach(here.q, 0.0, False)
+        return Approach(here.q, float(np.abs(self._error(here.pose, target)).max()), singular)
 
     def lead(self, q: Array, target: pin.SE3) -> Array:
-        """The configuration at the end of the way to a pose; an error if the frame misses it."""
-        way = self.follow(q, target, nearby=True)
-        if way.missed:
-            raise self._unreached(way, target)
-        return way.q
+        """The configuration that puts the frame at a pose; an error if it misses the pose."""
+        end = self.follow(q, target, nearby=True)
+        if end.missed:
+            raise self._unreached(end, target)
+        return end.q
 
-    def _unreached(self, way: Way, target: pin.SE3) -> SSTError:
-        """The error of a way that ends before its target."""
-        here = self._place(way.q)
+    def _unreached(self, end: Approach, target: pin.SE3) -> SSTError:
+        """The error of a motion that ends before its target."""
+        here = self._place(end.q)
         error = pose_error(here.pose, target.translation, target.rotation).reshape(2, 3)
         sizes = zip(np.linalg.norm(error, axis=1), ("m", "rad"), self._kept[[0, 3]], strict=True)
         by = " and ".join(f"{size:.3g} {unit}" for size, unit, counts in sizes if counts)
         problem = f"frame {self._name} does not reach the pose: it misses it by {by}"
-        if way.singular or _rank(here.M[0]) < self._ranks[0]:
-            k, who = (1, "the coordinates") if way.singular else (0, "the frame")
+        if end.singular or _rank(here.M[0]) < self._ranks[0]:
+            k, who = (1, "the coordinates") if end.singular else (0, "the frame")
             s = np.linalg.svd(here.M[k], compute_uv=False)[[0, self._ranks[k] - 1]]
-            problem += f"; the way ends where {who} cannot move in all directions; start elsewhere"
+            problem += (
+                f"; the motion ends where {who} cannot move in all directions; start elsewhere"
+            )
             return SingularConfigurationError(problem, s[0] / max(s[1], 1e-300))
         wanted = self._error(here.pose, target)
         right = np.append(np.zeros(len(here.M[0]) - len(wanted)), wanted)
@@ -134,7 +136,7 @@ class FrameGuide:
             return WorkspaceError(f"{problem}, in a direction in which it has too few freedoms")
         return WorkspaceError(
             f"{problem}; it is out of reach, or behind a singular configuration on the straight "
-            "way; start closer to it"
+            "path; start closer to it"
         )
 
     def _place(self, q: Array) -> _Place:
