@@ -14,7 +14,7 @@ from .dynamics import dynamics
 from .dynamics.reference import Reference
 from .dynamics.runge_kutta import runge_kutta_step
 from .errors import SSTError
-from .loops.continuity import Continuity, Way
+from .loops.continuity import Continuity, Path
 from .loops.mobility import condition_number, scaled_Phi
 from .model.mechanism import Friction
 from .model.thresholds import (
@@ -203,10 +203,10 @@ class States:
         return self._others[key], self._others[key].condition_number(q)
 
     def follow(
-        self, start: Array, way: Way, limit: float, first: float = 1.0
+        self, start: Array, path: Path, limit: float, first: float = 1.0
     ) -> tuple[float, Array]:
         """How much of a step stays regular and in its assembly mode; see `Continuity.follow`."""
-        return self._continuity.follow(start, way, limit, first)
+        return self._continuity.follow(start, path, limit, first)
 
     @property
     def _continuity(self) -> Continuity:
@@ -217,10 +217,10 @@ class States:
         model = self._mechanism.model
         ahead = pin.difference(model, before, after)
 
-        def way(q: Array, low: float, high: float) -> Array:
+        def path(q: Array, low: float, high: float) -> Array:
             return after if high == 1 else self.closed(pin.integrate(model, before, high * ahead))
 
-        return self.follow(before, way, MAX_CONDITION_NUMBER)[0] == 1
+        return self.follow(before, path, MAX_CONDITION_NUMBER)[0] == 1
 
     def rollout(self, motions: RolloutArrays, threads: int) -> Indices:
         """Fill the states by the classical Runge-Kutta method; their numbers, shape (N,).
@@ -264,12 +264,12 @@ class States:
                 break
         return done, False
 
-    def _suited_ahead(self, q: Array, way: Array) -> States:
-        """These states, or much better ones for a fixed step from q by `way`, shape (nv,)."""
-        longest = float(np.abs(way / self._mechanism.rate_scale).max(initial=0))
+    def _suited_ahead(self, q: Array, step: Array) -> States:
+        """These states, or much better ones for a fixed step from q by `step`, shape (nv,)."""
+        longest = float(np.abs(step / self._mechanism.rate_scale).max(initial=0))
         parts = min(4, 1 + int(longest / _LOOK))
         for fraction in np.arange(1, parts + 1) / parts:
-            ahead = pin.integrate(self._mechanism.model, q, fraction * way)
+            ahead = pin.integrate(self._mechanism.model, q, fraction * step)
             suited, _ = self.suited(ahead, _FIXED_STEP)
             if suited is not self:
                 return suited

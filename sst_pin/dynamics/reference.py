@@ -23,7 +23,7 @@ from .dynamics import Context
 from .noc import mass_centers
 from .torque_sharing import least_torques
 
-#: Way of a joint on which coordinates are judged once, [rad] or of the robot's length.
+#: Displacement of a joint over which coordinates are judged once, [rad] or of the robot's length.
 _LOOK = 0.05
 _Method = TypeVar("_Method", bound=Callable[..., Array])
 
@@ -192,13 +192,13 @@ class Reference(threading.local):
         model, dependent = self.mechanism.model, self.mechanism.dependent
         assembly = self.context.assembly
 
-        def way(q: Array, low: float, high: float) -> Array:
+        def path(q: Array, low: float, high: float) -> Array:
             ahead = pin.integrate(model, q, self.rates(q, (high - low) * step))
             return assembly.assemble(ahead, dependent)
 
         if not step.any():
             return q
-        reached, configuration = self.context.continuity.follow(q, way, MAX_CONDITION_NUMBER)
+        reached, configuration = self.context.continuity.follow(q, path, MAX_CONDITION_NUMBER)
         if reached < 1:
             problem = (
                 "the loops cannot be closed further along the motion: out of reach, or singular"

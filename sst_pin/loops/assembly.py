@@ -306,10 +306,10 @@ class _Limits:
 
 def displacement(mechanism: Mechanism, width: float) -> Array:
     """Random rates of the tree, drawn joint by joint from the joint's name, shape (nv,)."""
-    way = np.zeros(mechanism.model.nv)
+    step = np.zeros(mechanism.model.nv)
     for name, rates in mechanism.space.rates.items():
-        way[rates] = width * np.array(_drawn(round(1000 * width), name, len(rates)))
-    return way * mechanism.rate_scale
+        step[rates] = width * np.array(_drawn(round(1000 * width), name, len(rates)))
+    return step * mechanism.rate_scale
 
 
 @lru_cache(maxsize=10_000)

@@ -147,10 +147,10 @@ class _Search:
         width = np.where(turns, _TURN, _SLIDE) * self._mechanism.rate_scale
         rows = np.flatnonzero(self._touched[:, free].any(axis=1))
         for _ in range(_MOST_STARTS):
-            way = np.zeros(self._model.nv)
-            way[free] = width[free] * random.uniform(-1, 1, len(free))
-            q = pin.integrate(self._model, start, way * turns)
-            q = self._assembly.closer(pin.integrate(self._model, q, way * ~turns), free)
+            step = np.zeros(self._model.nv)
+            step[free] = width[free] * random.uniform(-1, 1, len(free))
+            q = pin.integrate(self._model, start, step * turns)
+            q = self._assembly.closer(pin.integrate(self._model, q, step * ~turns), free)
             idle = 0 if not self._assembly.gap(q, rows) and modes.add(q) else idle + 1
             if idle > _STARTS + _STARTS_PER_MODE * len(modes.q):
                 break
@@ -210,11 +210,11 @@ class _Search:
         meetings = _meetings(moved - h, abs(fixed - h), None if slides else g - h, d)
         if meetings is None:
             return None
-        way = (-1 if first == other and not after else 1) * (1 if slides else axes[x] @ axes[y])
+        sign = (-1 if first == other and not after else 1) * (1 if slides else axes[x] @ axes[y])
         both = [q.copy() for _ in meetings]
         for configuration, (move, point) in zip(both, meetings, strict=True):
             turn = np.angle((fixed - h) / point if after else point / (fixed - h))
-            configuration[[joints[x].idx_q, joints[y].idx_q]] += turn, way * move
+            configuration[[joints[x].idx_q, joints[y].idx_q]] += turn, sign * move
         return both
 
 

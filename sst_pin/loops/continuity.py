@@ -3,7 +3,7 @@
 
 Phi_a and Phi_b are the columns of a block for the dependent rates, at configurations a and b. If b
 is near a in the same mode, Phi_b is near Phi_a. If a and b lie in different modes, or a singular
-configuration lies between them, the mean of Phi over the way from a to b is singular, so that
+configuration lies between them, the mean of Phi over the path from a to b is singular, so that
 |Phi_a^+ (Phi_b - Phi_a)| is about 2 or more. A step is continuous below 1/2; a longer one is
 divided. This measure does not depend on the units of rows. The determinant of all loops is no
 measure: it keeps its sign if two blocks become singular at once.
@@ -24,7 +24,7 @@ from .mobility import largest_condition, scaled_Phi
 
 #: Computes the configuration at a later fraction of a step from that at an earlier one. It raises
 #: an SSTError if there is none.
-Way = Callable[[Array, float, float], Array]
+Path = Callable[[Array, float, float], Array]
 
 #: Largest |Phi_a^+ (Phi_b - Phi_a)| of two configurations that count as neighbours.
 CHANGE = 0.5
@@ -105,11 +105,11 @@ class Continuity:
         return self._condition(self._sample(q))
 
     def follow(
-        self, start: Array, way: Way, limit: float, first: float = 1.0, looks: int = LOOKS
+        self, start: Array, path: Path, limit: float, first: float = 1.0, looks: int = LOOKS
     ) -> tuple[float, Array]:
         """The fraction of a step that is continuous and regular, and the configuration at its end.
 
-        `way` gives configurations at fractions of the step; `limit` is the largest condition
+        `path` gives configurations at fractions of the step; `limit` is the largest condition
         number. `first` is the fraction at which the motion reverses, which is tried first. A step
         that needs more than `looks` configurations raises an error.
         """
@@ -124,7 +124,7 @@ class Continuity:
             count += 1
             configuration: Array | None = None
             with suppress(SSTError):
-                configuration = way(q, low, high)
+                configuration = path(q, low, high)
             if configuration is not None and self._near(q, configuration, limit):
                 q, low, high = configuration, high, min(1.0, high + 2 * (high - low))
             else:
@@ -160,8 +160,10 @@ class Continuity:
         anchor = self._anchor
         if not all((s > 0).all() for s in self._smallest):
             return False
-        way = pin.difference(self._mechanism.model, anchor.q, sample.q) / self._mechanism.rate_scale
-        if not np.abs(way[self._moving]).max(initial=0.0) <= TRAVEL:
+        change = (
+            pin.difference(self._mechanism.model, anchor.q, sample.q) / self._mechanism.rate_scale
+        )
+        if not np.abs(change[self._moving]).max(initial=0.0) <= TRAVEL:
             return False
         for inverse, a, b in zip(self._inverses, anchor.blocks, sample.blocks, strict=True):
             E = inverse @ (b - a)

@@ -33,7 +33,7 @@ _AROUND_HOME, _AROUND_NEUTRAL = (0.1, 0.03, 0.01), np.linspace(0.1, 2.0, 20)
 _POORER = 10.0
 #: Configurations to look at if the motors are too few.
 _FEW = 3
-#: Most configurations on the way from home.
+#: Most configurations on the path from home.
 _LOOKS = 30
 #: Home is singular if a singular value of Phi is below this part of its value beside home, at
 #: this distance.
@@ -125,10 +125,16 @@ def _without_symmetry(assembly: Assembly, home: Array, coordinates: Indices) -> 
 
 
 def _along(
-    assembly: Assembly, home: Array, way: Array, fixed: Indices, q: Array, low: float, high: float
+    assembly: Assembly,
+    home: Array,
+    change: Array,
+    fixed: Indices,
+    q: Array,
+    low: float,
+    high: float,
 ) -> Array:
-    """A `Way` of assembled configurations from home."""
-    return assembly.near(pin.integrate(assembly.mechanism.model, home, high * way), fixed)
+    """A `Path` of assembled configurations from home."""
+    return assembly.near(pin.integrate(assembly.mechanism.model, home, high * change), fixed)
 
 
 def settled(mechanism: Mechanism) -> Mechanism:

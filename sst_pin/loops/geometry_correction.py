@@ -58,9 +58,9 @@ class _Poses:
 
     def closest(self, q: Array, rates: Indices, width: float = 0.0) -> Array:
         """The pose next to q with the smallest gaps, after a random displacement."""
-        way = np.zeros(self.mechanism.model.nv)
-        way[rates] = displacement(self.mechanism, width)[rates]
-        q = pin.integrate(self.mechanism.model, q, way)
+        step = np.zeros(self.mechanism.model.nv)
+        step[rates] = displacement(self.mechanism, width)[rates]
+        q = pin.integrate(self.mechanism.model, q, step)
         return self._assembly.closer(q, rates, FEW_DIGITS)
 
     def start(self) -> Array:

@@ -255,11 +255,11 @@ class Integration:
         states, start, length = self._equations.states, solver.t_old, solver.t - solver.t_old
         interpolant = cache(solver.dense_output)
 
-        def way(q: Array, low: float, high: float) -> Array:
+        def path(q: Array, low: float, high: float) -> Array:
             state = solver.y if high == 1 else interpolant()(start + high * length)
             return states.closed(state)
 
-        return states.follow(before, way, self._limit, self._turn(solver.y))
+        return states.follow(before, path, self._limit, self._turn(solver.y))
 
     def _turn(self, state: Array) -> float:
         """The fraction of the last step after which its motion reverses; 1 if it does not.
