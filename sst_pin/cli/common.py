@@ -78,19 +78,19 @@ def require_extras(**packages: str) -> None:
 
 
 def refuses(findings: Sequence[object], arguments: argparse.Namespace) -> bool:
-    """Print findings about a motion; True if the command must stop because of them."""
+    """Print warnings about a motion; True if the command must stop because of them."""
     for finding in findings:
         tell("error" if arguments.strict else "warning", finding)
     return bool(findings) and arguments.strict
 
 
 def output_name(path: Path, ending: str) -> Path:
-    """The file name whose ending gives the format; standard output has one format."""
+    """The file name whose extension selects the format; standard output has one format."""
     return Path(f"standard output{ending}") if str(path) == "-" else path
 
 
 def write(files: Mapping[Path, Writer], arguments: argparse.Namespace) -> None:
-    """Write files, and to standard output what goes to `-`."""
+    """Write files; the name `-` means standard output."""
     write_files({p: w for p, w in files.items() if str(p) != "-"}, arguments.force)
     for path, writer in files.items():
         if str(path) == "-":
@@ -103,11 +103,11 @@ def say(text: str, arguments: argparse.Namespace) -> None:
 
 
 def save(motion: Trajectory, arguments: argparse.Namespace) -> None:
-    """Write a motion where the options say."""
+    """Write a motion to the output that the options name."""
     name = output_name(arguments.output, ".csv")
     write({arguments.output: motion.writer(name)}, arguments)
 
 
 def remark(motion: Trajectory) -> str:
-    """The reason of a motion that ended early, for the end of a line; else nothing."""
+    """Why a motion ended early, as the end of a line; empty if it did not."""
     return f"\n  {motion.stopped}" if motion.stopped else ""

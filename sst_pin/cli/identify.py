@@ -75,7 +75,7 @@ def _parameters(robot: ClosedChain, which: str | None) -> list[str]:
 
 
 def _with_closures(text: str, urdf: Path, output: Path) -> dict[Path, Writer]:
-    """Writers of a URDF, and of the YAML and the SRDF with which the first one is read."""
+    """Writers of a URDF and of the YAML and SRDF files that belong to it."""
     files = {output: text_writer(text)}
     if str(output) != "-":
         for ending, path in ((".yaml", cuts_beside(urdf)), (".srdf", urdf.with_suffix(".srdf"))):

@@ -20,7 +20,7 @@ from ..sst.robot import SST
 from ..summaries import listed
 from . import common
 
-#: Exit code of a motion that stops before the last time; the motion until then is written.
+#: Exit code for a motion that stops early; the part before the stop is written.
 CUT_SHORT = 3
 
 
@@ -81,7 +81,7 @@ def plot(arguments: argparse.Namespace) -> int:
 
 
 def show(arguments: argparse.Namespace) -> int:
-    """Animations of a robot in a browser, as a page, as pictures."""
+    """Animations of a robot: in a browser, as a page, or as pictures."""
     from ..viewer import Viewer  # needs the extra `viz`
 
     robot, motion, speed, title = _asked_for(arguments)

@@ -13,7 +13,7 @@ Option: TypeAlias = tuple[list[str], dict[str, Any]]
 
 
 class Command:
-    """A command: how it is called, the module whose function of its name runs it, help, options."""
+    """A command: its name, the module with its function, its help and its options."""
 
     def __init__(
         self, usage: str, module: str, text: str, *options: Option, more: str = ""
@@ -80,7 +80,7 @@ class _Help(argparse.RawDescriptionHelpFormatter):
 
 
 def gallery() -> list[str]:
-    """Names of robots that are no files."""
+    """Names of robots without a file: the SST and the gallery."""
     from .. import robots
 
     return ["sst", *(name for name in robots.__all__ if name.islower())]
@@ -101,12 +101,12 @@ def misplaced(words: Sequence[str]) -> str:
 
 
 def numbers(text: str) -> list[float]:
-    """Numbers with commas between."""
+    """Numbers, separated by commas."""
     return [float(word) for word in text.split(",")]
 
 
 def directions(text: str) -> list[list[float]]:
-    """Several of `numbers` with blanks between."""
+    """Several lists of numbers, separated by blanks."""
     return [numbers(part) for part in text.split()]
 
 
@@ -123,5 +123,5 @@ def named_numbers(text: str) -> dict[str, float]:
 
 
 def words(text: str) -> list[str]:
-    """Words with commas between."""
+    """Words, separated by commas."""
     return [word.strip() for word in text.split(",")]

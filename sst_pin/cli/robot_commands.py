@@ -13,7 +13,7 @@ from .parser import gallery
 
 
 def validate(arguments: argparse.Namespace) -> int:
-    """Every problem of the files of a robot."""
+    """All problems in the files of a robot."""
     from ..reading.validate import examine, summary_of
 
     if arguments.file is not None and arguments.robot is not None:

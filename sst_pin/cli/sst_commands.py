@@ -93,6 +93,6 @@ def _changed(p: Parameters, arguments: argparse.Namespace) -> Parameters:
 
 
 def _weighing(mass: float, body: RigidBody) -> RigidBody:
-    """A body of the same shape and another density."""
+    """A body of the same shape with another density."""
     with np.errstate(over="ignore", invalid="ignore"):  # `Parameters` checks the result
         return RigidBody(mass, body.center_of_mass, body.inertia * (mass / body.mass))

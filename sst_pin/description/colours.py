@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The parts of each link and their colours, for URDF and MJCF."""
+"""Colours of the parts of each link, for URDF and MJCF."""
 
 #: One colour per leg, distinct for colour-blind readers too (Okabe and Ito). The carriage of a leg
 #: has a lighter tint. The last colours belong to no leg.

@@ -39,7 +39,7 @@ _CONSTANT = ("LICENSE", "package.xml", "CMakeLists.txt")
 #: The README with a row for each parameter: $name is its value; grade and source are the paper's.
 _README = Path(__file__).with_name("readme.md")
 _ONLY_PAPER = "<!-- only the paper's robot -->\n"
-#: Links that touch as long as the robot is whole, and why.
+#: Pairs of links that always touch, and why.
 _TOUCHING = {
     **{
         (parent, child): "Adjacent"
@@ -51,7 +51,7 @@ _TOUCHING = {
 
 
 def description_writers(p: Parameters, configurations: Mapping[str, Array]) -> dict[str, Writer]:
-    """Writers of a description's files but its picture, by name; poses q by name, shape (9,)."""
+    """Writers of all files of a description except its picture; poses q by name, shape (9,)."""
     texts = {
         "sst.urdf": urdf_of(p),
         "sst.yaml": yaml_of(p),

@@ -66,7 +66,7 @@ def write_loop_closures(chain: ClosedChain, path: str | Path, force: bool = Fals
 
 
 def _hinges(chain: ClosedChain, closure: Closure) -> Iterator[dict[str, Any]]:
-    """Hinges that hold what a closure holds; none if no hinges do."""
+    """Hinges that constrain the same freedoms as a closure; none if no hinges do."""
     model = chain.mechanism.model
     data = model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
@@ -86,7 +86,7 @@ def _link(model: pin.Model, frame: int) -> int:
 
 
 def _only_axis(chain: ClosedChain, closure: Closure) -> list[Array]:
-    """The axis in frame A about which alone frame B turns relative to it; none if it has more."""
+    """The axis in A about which the frames of a closure turn; none if there are several."""
     model, turns = chain.mechanism.model, []
     data = model.createData()
     q = chain.generic_configuration()

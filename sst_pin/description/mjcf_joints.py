@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The joints and principal axes of a tree as MuJoCo has them."""
+"""Joints and principal axes of a tree in MuJoCo's conventions."""
 
 from typing import NamedTuple
 
@@ -34,7 +34,7 @@ class MjcfJoint(NamedTuple):
     mimics: bool
 
     def seen_from(self, at: pin.SE3) -> "MjcfJoint":
-        """This joint in the axes of a body that lies there in its own."""
+        """This joint in the axes of a body with this placement."""
         return self._replace(axis=at.rotation.T @ self.axis, point=at.actInv(self.point))
 
     def qpos(self, q: Array) -> Array:

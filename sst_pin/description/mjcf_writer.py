@@ -32,7 +32,7 @@ _EQUALITY = {"solref": "0.001 1", "solimp": "0.9999 0.9999 0.001"}
 _LEAST_MASS, _LEAST_INERTIA = 1e-12, 1e-14
 #: Moments that differ by less from a triangle's are rounded, relative to them.
 _ROUNDING = 1e-9
-#: A limit farther away is none.
+#: Larger limits are left out.
 _FAR = 1e9
 _FIXED, _BALL = Closure.KINDS["6d"], Closure.KINDS["3d"]
 _HERE, _WORLDS = pin.SE3.Identity(), ("universe", "world")
@@ -118,7 +118,7 @@ class MjcfWriter:
             self._add_mimics()
 
     def text(self) -> str:
-        """The file; an error if there is something that it cannot say."""
+        """The file; an error if MJCF cannot express a part of the robot."""
         if self._problems:
             raise DescriptionError(f"model {self._mechanism.model.name}", self._problems)
         ET.indent(self.root)
@@ -134,7 +134,7 @@ class MjcfWriter:
             SubElement(self._section("keyframe"), "key", name=name, qpos=numbers(self.qpos(q)))
 
     def add_shapes(self, shapes: pin.GeometryModel, **how: str) -> None:
-        """Add shapes, by default for the eye: they weigh nothing and touch nothing."""
+        """Add shapes; by default they are visual: without mass and without contacts."""
         for k, shape in enumerate(shapes.geometryObjects):
             geometry, look = shape.geometry, how or {**_LOOK, "rgba": rounded(shape.meshColor)}
             attributes = look | _pose(shape.placement, rounded)
@@ -154,7 +154,7 @@ class MjcfWriter:
             SubElement(self.bodies[shape.parentJoint], "geom", attributes)
 
     def _section(self, name: str) -> ET.Element:
-        """A section of the file, which is made at its first use."""
+        """A section of the file; the first call adds it."""
         section = self.root.find(name)
         return SubElement(self.root, name) if section is None else section
 
@@ -297,7 +297,7 @@ class MjcfWriter:
             SubElement(tendon, "site", site=_site_name(frame))
 
     def _fixed(self, name: str, shares: Mapping[str, float]) -> str:
-        """A sum of joints."""
+        """A tendon whose length is a sum of joint coordinates."""
         tendon = SubElement(self._section("tendon"), "fixed", name=name)
         for joint, share in shares.items():
             SubElement(tendon, "joint", joint=joint, coef=numbers([share]))
@@ -334,7 +334,7 @@ class MjcfWriter:
                 SubElement(self._section("equality"), "joint", names, polycoef=polynomial)
 
     def _by_rate(self) -> dict[int, str]:
-        """Names of hinges and slides by the rate that they have alone."""
+        """Names of hinges and slides, by the index of their rate."""
         single = (j for j in self.joints if j.kind in _SINGLE and not j.mimics)
         return {int(joint.rates[0]): joint.name for joint in single}
 

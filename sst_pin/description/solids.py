@@ -15,7 +15,7 @@ import numpy as np
 
 from ..arrays import Array, Indices
 
-#: How far a circle's chords may lie inside it, [m].
+#: Largest distance between a circle and its chords, [m].
 _CHORD = 2e-4
 #: Largest turn of an arc between two of its sections.
 _STEP = np.radians(4.5)
@@ -158,7 +158,7 @@ def axes_along(direction: Array) -> Array:
 
 
 def _stack(heights: Array, sections: Sequence[Array]) -> Array:
-    """Loops one above the other; the first coordinate is the height."""
+    """Loops at several heights; the first coordinate is the height."""
     pairs = zip(heights, sections, strict=True)
     return np.stack([np.insert(section, 0, height, axis=1) for height, section in pairs])
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Rows of the closures by the frames that they connect, as any engine sees these frames."""
+"""Rows of the closures, from the motion of the frames that they connect."""
 
 from collections.abc import Callable
 from typing import NamedTuple

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The tree of a chain in MuJoCo, whose Jacobians and inverse dynamics are its own."""
+"""The tree of a chain in MuJoCo, which computes its Jacobians and inverse dynamics."""
 
 import numpy as np
 import pinocchio as pin

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A closed chain in motion as a referee sees it: from the `Mechanism` alone."""
+"""The motion of a closed chain, for referees, from its `Mechanism` alone."""
 
 from typing import Protocol
 
@@ -24,11 +24,11 @@ class Tree(Protocol):
         ...
 
     def frame(self, name: str) -> FrameMotion:
-        """A frame of the model, as the tree moves."""
+        """Placement and motion of a frame of the model."""
         ...
 
     def forces(self, dv: Array) -> Array:
-        """Forces in the joints, shape (nv,), that the motion needs against inertia and weight."""
+        """Joint forces of the motion, from inertia and weight, shape (nv,)."""
         ...
 
 
@@ -90,7 +90,7 @@ class MovingRobot:
         self.applied = force
 
     def completed(self, rates: Array, closing: Array) -> Array:
-        """Rates of all joints, shape (nv,), from those of the coordinates and Phi times all."""
+        """Rates v of all joints, shape (nv,), from those of the coordinates and Phi v."""
         system = np.vstack([self.Phi, self.mechanism.selection])
         return consistent(system, np.concatenate([closing, rates]))
 

@@ -49,7 +49,7 @@ REFEREES: tuple[Callable[[ClosedChain], Referee], ...] = (
 
 
 class Comparison(NamedTuple):
-    """One line of the table: a referee's answers beside ours."""
+    """One line of the table: the errors of one result against one referee."""
 
     referee: str
     compared: str
@@ -62,7 +62,7 @@ class Comparison(NamedTuple):
 
 
 class Judge:
-    """Collects differences of one referee on one question."""
+    """Collects the differences from one referee for one quantity."""
 
     def __init__(self, referee: str, compared: str, limit: float = SAME_EQUATIONS) -> None:
         self._title, self._limit, self._seconds = (referee, compared), limit, 0.0
@@ -84,7 +84,7 @@ class Judge:
 
 
 def referees_of(chain: ClosedChain) -> tuple[list[Referee], list[SSTError]]:
-    """The referees for a chain, and why others are not among them."""
+    """The referees for a chain, and why the others do not apply."""
     available, problems = list[Referee](), list[SSTError]()
     for kind in REFEREES:
         try:
@@ -124,7 +124,7 @@ def verify_chain(
 def _states(
     chain: ClosedChain, count: int, rng: np.random.Generator
 ) -> Iterator[tuple[Array, Array, Array]]:
-    """Assembled configurations away from singularities, with a motion of the coordinates."""
+    """Closed configurations away from singularities, with random rates and accelerations."""
     start, model = chain.generic_configuration(), chain.mechanism.model
     n, limit = chain.degrees_of_freedom, max(1e3, float(chain.condition_number(start)))
     samples = 0

@@ -46,7 +46,7 @@ class VirtualWork:
         return robot, free @ np.linalg.inv(self._mechanism.selection @ free)
 
     def _work(self, robot: MovingRobot, q: Array, dv: Array) -> tuple[Array, Array]:
-        """Work on each rate that the motion needs, shape (nv,), and the inertia of the rates."""
+        """Joint forces that the motion needs, shape (nv,), and the mass matrix of the joints."""
         model, kind = self._mechanism.model, pin.LOCAL_WORLD_ALIGNED
         data = model.createData()
         pin.computeJointJacobians(model, data, q)
