@@ -23,7 +23,7 @@ _END = 1e-9
 
 
 def arc_ends(geometry: kinematics.Geometry) -> Array:
-    """Ends of the arc that each joint runs on, shape (2, 9), [rad]; mu_k has none."""
+    """Limits of each joint from the length of its arc, shape (2, 9), [rad]; mu_k has none."""
     v = geometry.R_0[:, :, 0]
     ends = np.repeat([[-np.inf], [np.inf]], 9, axis=1)
     ends[0, ::3], ends[0, 2::3] = 0, 0

@@ -12,7 +12,7 @@ from ..simulation.trajectories import Trajectory
 from .platform_motion import paper_circle
 from .robot import SST
 
-#: Once round the circle, [s].
+#: Duration of one turn on the circle, [s].
 PERIOD = np.pi / 6
 #: Initial state of Sect. 7.3 as printed, [rad], [rad/s].
 ROUNDED_GAMMA = (np.pi / 4, 0.5549, 1.0159)

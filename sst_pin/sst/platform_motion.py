@@ -174,13 +174,13 @@ def interpolate_orientations(t: ArrayLike, R: ArrayLike, at: ArrayLike) -> Platf
 
 
 def orientation_path(R: ArrayLike, count: int = 201) -> Array:
-    """Orientations along a smooth path through a few, on the rotation group.
+    """Orientations along a smooth path through samples, on the rotation group.
 
     Angular velocity and acceleration are continuous (SciPy's `RotationSpline`), and the speed is
     about constant. `robot.inverse_kinematics` makes it a path for `time_optimal`.
 
     Args:
-        R: {E} in the base on the way, shape (N, 3, 3), N >= 2, steps less than half a turn.
+        R: Samples of {E} in the base, shape (N, 3, 3), N >= 2, steps less than half a turn.
         count: Number of samples of the path, evenly spaced.
 
     Returns:

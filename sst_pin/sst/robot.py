@@ -32,7 +32,7 @@ from . import arc_limits, direct_kinematics, kinematics, star_appearance
 from .kinematics import Geometry
 from .topology import CUTS, differences, geometry_of, parameters_of
 
-#: Two frames in any order, and all that a weld holds.
+#: Two frames in any order, and the six constraints of a weld.
 _WELDS = {(frozenset(pair), Closure.KINDS["6d"]) for pair in CUTS}
 
 
@@ -66,7 +66,7 @@ def _geometry_of(engine: Engine) -> Geometry:
 
 
 def _description_of(parameters: Parameters) -> RobotFile:
-    """The description that files of the parameters have; shapes are made when they are drawn."""
+    """The description that the parameters write; shapes are made when they are drawn."""
     urdf = Urdf(urdf_of(parameters, shapes=False), "URDF of the parameters")
     cuts = parse_cuts(yaml_of(parameters), "cuts of the parameters")
     return closed(urdf, cuts)._replace(shapes=partial(star_appearance.shapes_of, parameters))
@@ -315,7 +315,7 @@ class SST(ClosedChain):
 
 
 def _joints(engine: Engine, R: ArrayLike, branch: ArrayLike) -> tuple[kinematics.Legs, Array]:
-    """Legs and joint angles of orientations, within the limits."""
+    """Leg axes and joint angles for orientations; angles are within the limits."""
     R = finite_array("R", R, (3, 3))
     kinematics.require_rotation(R)
     signs = finite_array("branch", branch, (3,))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The description as a `pin.RobotWrapper`, as example_robot_data has them; its named poses."""
+"""The description as a `pin.RobotWrapper`, as in example_robot_data, and its named poses."""
 
 from contextlib import suppress
 from pathlib import Path

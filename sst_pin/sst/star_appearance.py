@@ -21,7 +21,7 @@ from .kinematics import Geometry
 
 
 def shapes_of(parameters: Parameters, model: pin.Model) -> pin.GeometryModel:
-    """Visual shapes of the model of parameters."""
+    """Visual shapes of the robot with these parameters."""
     root = ET.fromstring(urdf_of(parameters))
     with TemporaryDirectory() as name:
         folder = Path(name)

@@ -27,7 +27,7 @@ _EXACT = 1e-9
 
 
 def geometry_of(model: pin.Model, source: str) -> Geometry:
-    """{0k} and {E} in {3k} of a tree; the error lists all its problems as a tree of an SST."""
+    """{0k} and {E} in {3k} of a tree; the error lists all differences from the tree of an SST."""
     # Axes and frames can be checked only if the joints are right.
     if problems := _joint_problems(model) or [*_axis_problems(model), *_cut_problems(model)]:
         raise DescriptionError(source, problems)
@@ -116,7 +116,7 @@ def _body(inertia: pin.Inertia) -> RigidBody:
 
 
 def _rounded(value: ArrayLike) -> Array:
-    """Rounded to 16 digits of the largest entry, the precision of sums and angles."""
+    """Round to 16 digits of the largest entry, the precision of sums and angles."""
     value = np.asarray(value, dtype=float)
     digits = 16 - int(np.ceil(np.log10(max(np.abs(value).max(), 1e-300))))
     return value.round(digits)
