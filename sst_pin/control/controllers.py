@@ -94,7 +94,7 @@ class Controller(ABC):
         return error, moving * rates - va, moving * accelerations
 
     def _inside(self, t: float) -> float:
-        """The time of the closest sample of the motion."""
+        """The time, clipped to the interval of the motion."""
         return float(min(max(t, self.motion.t[0]), self.motion.t[-1]))
 
     def _motors(self, q: Array, f: Array) -> Array:

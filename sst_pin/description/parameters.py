@@ -172,7 +172,8 @@ class Parameters(_Values):
 
     Attributes:
         base_directions: v_k, unit vectors along OP_k, rows of a (3, 3) array; they are normalized.
-        arc_angles: alpha_k, from arc k to arc k+1 of the star, shape (3,), [rad]; the sum is 2 pi.
+        arc_angles: alpha_k, from arc k-1 to arc k of the star (alpha_1: from arc 3), shape (3,),
+            [rad]; the sum is 2 pi.
         link: Actuator link, in {1k}: one body for all legs, or one for each.
         passive_link: Intermediate passive link, in {2k}: one body for all legs, or one for each.
         star: The moving star, in {E}.

@@ -54,7 +54,7 @@ class Assembly:
         self._known_parts: dict[bytes, tuple[list[tuple[Indices, Indices]], Array]] = {}
 
     def assemble(self, q: Array, free: Indices, *, limits: bool = False) -> Array:
-        """The nearest configuration with closed loops; only the rates `free` move.
+        """A configuration with closed loops near q; only the rates `free` move.
 
         With `limits` joints of one coordinate stay within their limits. The error names the loops
         that stay open, the largest gap, and the joints at their limits.
@@ -104,7 +104,7 @@ class Assembly:
         raise min(failures, key=lambda error: error.residual)
 
     def closer(self, q: Array, free: Indices, tolerance: float = _NO_RANK) -> Array:
-        """The nearest configuration with the smallest error; only the rates `free` move.
+        """A configuration near q with a locally least error; only the rates `free` move.
 
         Singular values of Phi below `tolerance` times the largest of their loop count as zero.
         """
@@ -116,7 +116,7 @@ class Assembly:
         return float(np.abs(f[rows]).max()) if self._open(q, f)[rows].any() else 0.0
 
     def near(self, q: Array, fixed: Indices) -> Array:
-        """The nearest configuration with closed loops, with these rates fixed if there is one."""
+        """A configuration with closed loops near q; the rates `fixed` are held if possible."""
         rates = np.arange(self.mechanism.model.nv)
         try:
             return self.assemble(q, np.setdiff1d(rates, fixed))

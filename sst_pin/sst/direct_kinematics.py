@@ -30,7 +30,7 @@ _DEGREE_2, _DEGREE_3, _DEGREE_4 = (
     list(itertools.combinations_with_replacement(range(4), degree)) for degree in (2, 3, 4)
 )
 _INDEX_4 = {monomial: i for i, monomial in enumerate(_DEGREE_4)}
-#: _TIMES[i, j]: index of (monomial i of degree 3) times p_j among those of degree 4.
+#: _TIMES_P[i, j]: index of (monomial i of degree 3) times p_j among those of degree 4.
 _TIMES_P = np.array([[_INDEX_4[tuple(sorted((*m, j)))] for j in range(4)] for m in _DEGREE_3])
 #: _SQUARE[i, j]: index of the product of two monomials of degree 2 among those of degree 4.
 _SQUARE = np.array([[_INDEX_4[tuple(sorted(a + b))] for b in _DEGREE_2] for a in _DEGREE_2])

@@ -231,7 +231,7 @@ class SST(ClosedChain):
         return q, q_dot[..., ::3], q_ddot[..., ::3]
 
     def forward_kinematics(self, gamma: ArrayLike, near: ArrayLike | None = None) -> Array:
-        """Direct kinematics: all assemblies q, shape (n, 9), n <= 8, sorted by s.
+        """Direct kinematics: all assemblies q, shape (n, 9), n <= 8, in a reproducible order.
 
         Args:
             gamma: Motor angles, shape (3,), [rad].

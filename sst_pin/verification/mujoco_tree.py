@@ -40,7 +40,7 @@ class MujocoTree:
         except ValueError as error:
             raise DescriptionError(f"model {model.name}", [f"not for MuJoCo: {error}"]) from None
         if closed is not None:
-            mj.eq_solref[:] = -closed, -2 * np.sqrt(closed)  # negative: the numbers themselves
+            mj.eq_solref[:] = -closed, -2 * np.sqrt(closed)  # negative: stiffness and damping
         self.data, self._joints = mujoco.MjData(mj), writer.joints
         names = (body.get("name") for body in writer.bodies)
         self._bodies = [0 if name is None else mj.body(name).id for name in names]

@@ -66,7 +66,7 @@ class MovingRobot:
         Phi: The closures' Jacobian, shape (rows, nv).
         drift: Phi_dot v, shape (rows,).
         B: Forces on the joints by motor torques of 1, shape (nv, motors).
-        applied: Forces on the joints by friction and springs, shape (nv,).
+        applied: Forces on the joints by friction, springs and lines, shape (nv,).
     """
 
     def __init__(self, mechanism: Mechanism, tree: Tree, q: Array, va: Array) -> None:
