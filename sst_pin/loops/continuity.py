@@ -160,10 +160,9 @@ class Continuity:
         anchor = self._anchor
         if not all((s > 0).all() for s in self._smallest):
             return False
-        change = (
-            pin.difference(self._mechanism.model, anchor.q, sample.q) / self._mechanism.rate_scale
-        )
-        if not np.abs(change[self._moving]).max(initial=0.0) <= TRAVEL:
+        step = pin.difference(self._mechanism.model, anchor.q, sample.q)
+        step /= self._mechanism.rate_scale
+        if not np.abs(step[self._moving]).max(initial=0.0) <= TRAVEL:
             return False
         for inverse, a, b in zip(self._inverses, anchor.blocks, sample.blocks, strict=True):
             E = inverse @ (b - a)

@@ -125,16 +125,10 @@ def _without_symmetry(assembly: Assembly, home: Array, coordinates: Indices) -> 
 
 
 def _along(
-    assembly: Assembly,
-    home: Array,
-    change: Array,
-    fixed: Indices,
-    q: Array,
-    low: float,
-    high: float,
+    assembly: Assembly, home: Array, step: Array, fixed: Indices, q: Array, low: float, high: float
 ) -> Array:
     """A `Path` of assembled configurations from home."""
-    return assembly.near(pin.integrate(assembly.mechanism.model, home, high * change), fixed)
+    return assembly.near(pin.integrate(assembly.mechanism.model, home, high * step), fixed)
 
 
 def settled(mechanism: Mechanism) -> Mechanism:

@@ -85,8 +85,8 @@ class FrameGuide:
     ) -> Approach:
         """Move the frame from a configuration with closed loops straight to a pose.
 
-        It ends where steps would be shorter than the part `shortest` of it. With `nearby` the poses
-        in between need only be approached, by frames that cannot move in all directions.
+        The motion ends where steps would be shorter than the part `shortest` of it. With `nearby`
+        the poses in between need only be approached, by frames that cannot move in all directions.
         """
         here, done, step, singular = self._place(q), 0.0, 1.0, False
         start, turn = here.pose, pin.log3(here.pose.rotation.T @ target.rotation)
