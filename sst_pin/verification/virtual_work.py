@@ -23,19 +23,19 @@ class VirtualWork:
     def torques(self, q: Array, va: Array, aa: Array) -> Array:
         """The smallest motor torques of a motion, shape (motors,)."""
         robot, motions = self._moving(q, va)
-        needed, _ = self._work(robot, q, robot.completed(aa, -robot.drift))
+        needed, _ = self._forces(robot, q, robot.completed(aa, -robot.drift))
         return consistent(motions.T @ robot.B, motions.T @ needed)
 
     def generalized_forces(self, q: Array, va: Array, aa: Array) -> Array:
         """The forces along the coordinates that a motion needs, shape (n,)."""
         robot, motions = self._moving(q, va)
-        needed, _ = self._work(robot, q, robot.completed(aa, -robot.drift))
+        needed, _ = self._forces(robot, q, robot.completed(aa, -robot.drift))
         return motions.T @ needed
 
     def accelerations(self, q: Array, va: Array, tau: Array) -> Array:
         """Direct dynamics: accelerations of the coordinates, shape (n,)."""
         robot, motions = self._moving(q, va)
-        needed, M = self._work(robot, q, robot.completed(0 * va, -robot.drift))
+        needed, M = self._forces(robot, q, robot.completed(0 * va, -robot.drift))
         left = motions.T @ (robot.B @ tau - needed)
         return np.asarray(np.linalg.solve(motions.T @ M @ motions, left))
 
@@ -45,13 +45,13 @@ class VirtualWork:
         free = free_motions(robot.Phi).T
         return robot, free @ np.linalg.inv(self._mechanism.selection @ free)
 
-    def _work(self, robot: MovingRobot, q: Array, dv: Array) -> tuple[Array, Array]:
+    def _forces(self, robot: MovingRobot, q: Array, dv: Array) -> tuple[Array, Array]:
         """Joint forces that the motion needs, shape (nv,), and the mass matrix of the joints."""
         model, kind = self._mechanism.model, pin.LOCAL_WORLD_ALIGNED
         data = model.createData()
         pin.computeJointJacobians(model, data, q)
         pin.forwardKinematics(model, data, q, robot.v, dv)
-        work, M = model.armature * dv - robot.applied, np.diag(model.armature)
+        forces, M = model.armature * dv - robot.applied, np.diag(model.armature)
         for i in range(1, model.njoints):
             body, R = model.inertias[i], data.oMi[i].rotation
             lever, inertia = pin.skew(R @ body.lever), R @ body.inertia @ R.T
@@ -62,7 +62,7 @@ class VirtualWork:
             moved = pin.getClassicalAcceleration(model, data, i, kind)
             alpha = moved.angular
             a = moved.linear - lever @ alpha - np.cross(omega, lever @ omega)
-            work += J_v.T @ (body.mass * (a - model.gravity.linear))
-            work += J_w.T @ (inertia @ alpha + np.cross(omega, inertia @ omega))
+            forces += J_v.T @ (body.mass * (a - model.gravity.linear))
+            forces += J_w.T @ (inertia @ alpha + np.cross(omega, inertia @ omega))
             M += body.mass * J_v.T @ J_v + J_w.T @ inertia @ J_w
-        return work, M
+        return forces, M
