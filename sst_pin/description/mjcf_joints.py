@@ -34,7 +34,7 @@ class MjcfJoint(NamedTuple):
     mimics: bool
 
     def seen_from(self, at: pin.SE3) -> "MjcfJoint":
-        """This joint in the axes of a body with this placement."""
+        """The joint expressed in the frame of a body with placement `at`."""
         return self._replace(axis=at.rotation.T @ self.axis, point=at.actInv(self.point))
 
     def qpos(self, q: Array) -> Array:

@@ -305,7 +305,7 @@ class _Limits:
 
 
 def displacement(mechanism: Mechanism, width: float) -> Array:
-    """Random rates of the tree, drawn joint by joint from the joint's name, shape (nv,)."""
+    """A displacement along the rates, pseudo-random by the joints' names, shape (nv,)."""
     step = np.zeros(mechanism.model.nv)
     for name, rates in mechanism.space.rates.items():
         step[rates] = width * np.array(_drawn(round(1000 * width), name, len(rates)))

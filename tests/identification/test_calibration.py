@@ -46,7 +46,7 @@ def test_errors_of_a_delta_are_found_exactly_from_exact_poses():
     result = calibrate(drawn, "platform", x[:12], poses_of(actual, x[:12], "platform"), which=WHICH)
     assert set(result.names) == set(errors)
     assert_allclose(result.values, [errors[name] for name in result.names], atol=1e-11)
-    # and the calibrated robot goes where the made one goes, in other poses
+    # and the calibrated robot goes where the actual one goes, in other poses
     again = poses_of(result.chain, x[12:], "platform")
     assert_allclose(again, poses_of(actual, x[12:], "platform"), atol=1e-10)
 
