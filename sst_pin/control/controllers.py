@@ -147,9 +147,10 @@ class ComputedTorque(_Feedback):
 
 
 class GravityPD(_Feedback):
-    """Springs and dampers to the desired motion, and the torques that hold the weight.
+    """PD control with gravity compensation.
 
-    It uses only weights and springs of the model. The other arguments are those of `Controller`.
+    Of the model only weights, springs and forces along lines enter. The other arguments are those
+    of `Controller`.
 
     Args:
         kp: Position gains, () or shape (n,), [N m/rad] or [N/m].
@@ -164,18 +165,19 @@ class GravityPD(_Feedback):
 
 
 class TrackingLQR(Controller):
-    """The torques of the motion and the linear feedback of least cost along it.
+    """The torques of the motion plus the linear feedback of least cost along it.
 
-    The cost is the sum of x Q x + u R u over steps of the motion's samples, with the errors x of
-    (coordinates, rates) and u of the torques; after its end the robot is held there. The
-    other arguments are those of `Controller`; the motion has equal steps of time.
+    The cost is the sum of x^T Q x + u^T R u over the samples of the motion. Here x is the actual
+    state (coordinates, rates) minus the desired one, and u the change of the torques, which is
+    -gains x. Outside the motion's interval of time the robot is held at its ends. The other
+    arguments are those of `Controller`; the motion has equal time steps.
 
     Args:
         Q: Weights of x, shape (2 n,) or (2 n, 2 n).
         R: Weights of u, shape (motors,) or (motors, motors).
 
     Attributes:
-        gains: The torques change by -gains x, shape (N, motors, 2 n).
+        gains: Feedback at each sample, shape (N, motors, 2 n).
 
     Raises:
         InputError: For steps that differ, or weights that are not positive.
@@ -225,10 +227,11 @@ class TrackingLQR(Controller):
 class Adaptive(Controller):
     """Slotine and Li's controller: it learns the dynamic parameters while it follows a motion.
 
-    With the sliding rate s = (va_d - va) + stiffness (x_d - x) the torques are Y theta + damping s,
-    and theta grows by Y^T s. Y theta is the robot's equation with rates and accelerations that lead
-    to the motion; its Coriolis matrix C makes M_dot - 2 C skew. J.-J. Slotine and W. Li, On the
-    adaptive control of robot manipulators, Int. J. Robotics Research 6(3), 1987.
+    With the sliding variable s = (va_d - va) + stiffness (x_d - x) the torques are Y theta +
+    damping s, and theta changes at a rate proportional to Y^T s. Y theta is the robot's equation at
+    the reference rates va + s and their accelerations. Its Coriolis matrix C makes M_dot - 2 C
+    skew-symmetric. J.-J. Slotine and W. Li, On the adaptive control of robot manipulators, Int. J.
+    Robotics Research 6(3), 1987.
 
     It learns with each call, so time must not go back: `simulate` takes it as a `SampledTorque`
     only. It does not learn while its torques pass the limits. The other arguments are those of
@@ -282,8 +285,9 @@ class Adaptive(Controller):
     def _regressor(self, q: Array, va: Array, wanted: Array, aa: Array) -> Array:
         """Y of M aa + C(va) wanted and of the other forces at va, shape (n, p).
 
-        C is that of Christoffel's symbols, a form that is symmetric in both rates, so the regressor
-        of forces, which is square in the rates, gives it by differences. Friction is that at va.
+        With Christoffel's symbols C(va) wanted is symmetric and bilinear in both rates. Forces are
+        quadratic in the rates, so polarization gives C(va) wanted from them. Friction is that at
+        va.
         """
         none = np.zeros_like(va)
         at = np.array([va + wanted, va, wanted, none, none])

@@ -112,7 +112,7 @@ def reach_map(
     that `ClosedChain.check` knows. With any of x, y, z the position of the frame counts, with any
     of roll, pitch, yaw its orientation; positions that are not named stay as at the start, angles
     are 0. If the frame has more freedoms than that, the joints move least, and the map depends on
-    the way.
+    the path to each pose.
 
     Args:
         chain: A robot whose motors hold all coordinates.
@@ -223,8 +223,8 @@ def _require_motion(A: Array, counted: NDArray[np.str_], axes: Sequence[str]) ->
     for axis in axes:
         if np.abs(rest[:, counted == axis]).max() > np.sqrt(RANK_TOLERANCE):
             others = ", ".join(counted[counted != axis])
-            problem = f"at the start motors cannot move the frame so while {others} stay"
-            cause = "it has fewer freedoms or motors, or the start is singular"
+            problem = f"at the start the motors cannot move the frame along it with {others} fixed"
+            cause = "the robot has fewer freedoms or motors, or the start is singular"
             raise InputError(axis, f"{problem}: {cause}")
 
 
@@ -275,7 +275,7 @@ def _flood(
 
 
 def _conditions(A: Array) -> Array:
-    """Condition numbers of matrices, shape (N, k, motors), infinite where one has lost rank."""
+    """Condition numbers of matrices, shape (N, k, motors); very large where one loses rank."""
     s = np.linalg.svd(A, compute_uv=False)
     rank = (s > RANK_TOLERANCE * s[:, :1]).sum(axis=1).max(initial=1)
     with np.errstate(divide="ignore"):
