@@ -28,13 +28,13 @@ _PATIENCE = 10
 _STRIDE = 0.5
 #: A step is rejected if the error does not fall after this number of halvings.
 _HALVINGS = 20
-#: Joints nearer to a limit, scaled, are at the limit.
+#: Joints at a smaller scaled distance from a limit are at the limit.
 _AT_LIMIT = 1e-12
 #: Relative rounding of a position.
 _ROUNDING = float(np.finfo(float).eps)
-#: Smaller singular values count as zero, relative to the largest.
+#: Singular values below this part of the largest count as zero.
 _NO_RANK = 1e-10
-#: Loops that stay open by less are tried again with the tolerance for few digits, free of units.
+#: Loops that stay open by less, without units, are tried again with the tolerance for few digits.
 _NEARLY = 10 * FEW_DIGITS
 _NONE = np.zeros(0, dtype=np.intp)
 #: Distance of a configuration beside another one, [rad] or robot lengths.
@@ -44,7 +44,8 @@ _ASIDE = 0.2
 class Assembly:
     """Newton's method on the closures of one mechanism; one object per thread.
 
-    Loops that share no joints are solved separately. Unless `slipping`, wheels roll on the way.
+    Loops that share no joints are solved separately. If not `slipping`, each Newton step also
+    satisfies the rolling constraints.
     """
 
     def __init__(self, mechanism: Mechanism, loops: Loops, *, slipping: bool = True) -> None:
@@ -232,7 +233,7 @@ def _size(f: Array) -> float:
 
 
 class _Limits:
-    """Limits of joints of one coordinate among the rates `free`; none if not `wanted`."""
+    """Limits of all joints of one coordinate; only the rates `free` move. None if not `wanted`."""
 
     def __init__(self, mechanism: Mechanism, free: Indices, wanted: bool) -> None:
         model, self._mechanism = mechanism.model, mechanism
@@ -281,8 +282,8 @@ class _Limits:
         room = self._room(q).min(axis=0)
         if (room < 0).any():
             raise ClosureError(
-                f"outside the limits of {self._names(room < 0)}, which are held there; hold "
-                "fewer joints, start within the limits, or correct them",
+                f"fixed outside their limits, or with empty ranges: {self._names(room < 0)}; fix "
+                "fewer joints, start within the limits, or correct the limits",
                 float(-(room * self._mechanism.rate_scale).min()),
             )
 

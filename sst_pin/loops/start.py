@@ -27,7 +27,7 @@ from ..summaries import listed
 from .assembly import home_of
 from .closed_loops import ClosedLoops
 
-#: A joint is at another position if it is off by more than this, [rad] or of the robot's length.
+#: A joint that differs by more is at another position, [rad] or of the robot's length.
 _FAR = 0.05
 
 
@@ -43,12 +43,12 @@ def _pose(loops: ClosedLoops) -> Array:
 def start_of(loops: ClosedLoops, *, chosen: bool = False) -> Array:
     """The configuration where a robot starts, shape (nq,): home, else one near zero.
 
-    Without a home the loops are closed near zero, or else a generic configuration is used. If no
-    loops can be closed, the result is open.
+    Without a home the loops are closed near zero. If they cannot be closed there, the result is a
+    generic configuration. If no configuration closes them, the result has open loops.
 
     Warns:
-        DescriptionWarning: If neither the description nor, by `chosen`, the caller chooses the
-            assembly mode.
+        DescriptionWarning: If the description has no home; with `chosen` the caller has chosen the
+            assembly mode otherwise, and nothing is warned of.
     """
     q, model = _pose(loops), loops.mechanism.model
     if loops.are_closed(q) or "home" in model.referenceConfigurations:

@@ -189,7 +189,7 @@ def test_limits_that_no_configuration_meets_are_named():
         (q - np.array([-0.1, 4, 4]), q + 4, "crank_0"),
         (q - np.array([4, 4, -0.2]), q + np.array([4, 4, 0.1]), "rocker_0"),
     ):
-        with pytest.raises(ClosureError, match=f"limits of {held}"):
+        with pytest.raises(ClosureError, match=f"empty ranges: {held}"):
             limited(lower, upper).assemble(q, ["crank_0"], limits=True)
 
 
