@@ -223,7 +223,8 @@ class Trajectory(Summary):
         if require_ending(path, ".csv", ".npz") == ".csv":
             columns = self._columns()
             if any(re.search(r"^\s|[,\"\r\n]", name) for name in columns):
-                raise OutputError(path, "a name contains a comma, quote or space; save it as .npz")
+                text = "a name starts with a space, or contains a comma, quote or line break"
+                raise OutputError(path, f"{text}; save the motion as .npz")
             return table_writer(columns, self.table(as_path(path)).values)
         fields = (*_COMPARED, "stopped")
         arrays: dict[str, Any] = {name: np.asarray(getattr(self, name)) for name in fields}
@@ -268,7 +269,8 @@ class Trajectory(Summary):
     def torque(self) -> Callable[[float], Array]:
         """The torques as a smooth function of time, a spline of degree five through the samples.
 
-        Times outside the motion raise an `InputError`. `simulate` also takes the motion itself.
+        Times outside the motion by more than its longest time step raise an `InputError`.
+        `simulate` also takes the motion itself.
 
         Example:
             >>> t = np.linspace(0, 0.1, 21)
