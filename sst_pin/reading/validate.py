@@ -51,8 +51,8 @@ def validate(path: str | Path, cuts: str | Path | None = None) -> list[Problem]:
             name of the URDF and the ending .yaml. An MJCF has none.
 
     Returns:
-        Errors, by which the robot cannot be computed or drawn; warnings; notes, mostly of what
-        other tools do not read. Empty for a good description.
+        Errors, which prevent computing or drawing the robot; warnings; and notes, mostly about
+        what other tools do not read. Empty for a good description.
 
     Raises:
         InputError: For an MJCF with `cuts`.
@@ -112,7 +112,7 @@ def _with_files(urdf: reading.Urdf, cuts: Path | None) -> tuple[list[Problem], s
 
 
 def _mjcf(path: Path) -> tuple[list[Problem], str]:
-    """Problems of an MJCF that MuJoCo does not report, and the robot's summary."""
+    """Problems of an MJCF, those that MuJoCo reports included, and the robot's summary."""
     from .mjcf import robot_file_of
 
     try:
@@ -142,7 +142,7 @@ def _mechanism(robot: RobotFile) -> tuple[list[Problem], str]:
         try:
             mobility = engine.mobility()
         except ClosureError as caught:
-            text = "they can be closed at q = 0 only, so mobility is not computed"
+            text = "only the start q = 0 leads to closed loops, so mobility is not computed"
             return [warning("closures", text), *problems], summary_of(robot.model, caught)
         return [*_actuation(engine, mobility), *problems], summary_of(robot.model, mobility)
     except SSTError as caught:
@@ -163,11 +163,11 @@ def _unknown(robot: RobotFile) -> Iterator[Problem]:
         except DescriptionError as caught:
             yield from _errors_of(caught, f"frame {frame}")
         except SSTError:
-            yield error(where, f"no frame {frame} in the URDF")
+            yield error(where, f"no frame {frame} in the model")
     known = [*list(model.names)[1:], *map(str, robot.forces)]
     for joint in (name for motor in robot.actuated for name in tendon_of(motor)[1]):
         if joint not in known:
-            yield error(f"motor {joint}", "no moving joint of this name in the URDF")
+            yield error(f"motor {joint}", "no moving joint of this name in the model")
 
 
 def _open(robot: RobotFile) -> Iterator[Problem]:

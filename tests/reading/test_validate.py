@@ -124,7 +124,7 @@ def test_a_fault_of_the_urdf_is_told_with_its_place(found, urdf, problem):
     ("old", "new", "problem"),
     [
         ("closed_loop", "closed_lop", "error: cuts: closed_lop: unknown; known: closed_loop"),
-        ("rod_2a_end", "rod_2", "error: closure rod_2 - platform_2a: no frame rod_2 in the URDF"),
+        ("rod_2a_end", "rod_2", "error: closure rod_2 - platform_2a: no frame rod_2 in the model"),
         ("motor_2", "motr_2", "error: motor motr_2: no moving joint of this name"),
         ("[rod_2a_end, platform_2a]", "[arm_2, base]", "closure arm_2 - base: cannot be closed"),
         ("[rod_2a_end", "[rod_3a_end", "error: closures: each can be closed alone, but not all"),

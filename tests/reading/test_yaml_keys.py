@@ -121,7 +121,7 @@ def test_a_tendon_of_unknown_joints_is_named(read, tmp_path):
     with pytest.raises(sst_pin.UnknownNameError, match="joint 'knee'"):
         read(motors="[{split: {elbow: 1, knee: -0.5}}]")
     problems = map(str, sst_pin.validate(tmp_path / "arm.urdf"))
-    assert "error: motor knee: no moving joint of this name in the URDF" in problems
+    assert "error: motor knee: no moving joint of this name in the model" in problems
 
 
 def test_a_motor_may_be_a_tendon_with_a_name(read):
