@@ -14,7 +14,7 @@ from .tree_motion import MovingRobot, PinocchioTree, Tree, consistent, free_moti
 
 
 class LagrangeMultipliers:
-    """Dynamics of any closed chain: any joints, closures and motors. q lies on the closures."""
+    """Dynamics of any closed chain, for configurations with closed loops."""
 
     name = "Lagrange multipliers"
     _engine: ClassVar[type[Tree]] = PinocchioTree
@@ -37,7 +37,7 @@ class LagrangeMultipliers:
         """
         robot = self._moving(q, va)
         needed = self._needed(robot, aa) - (0 if loads is None else loads)
-        # needed = B tau + Phi^T multipliers; motions that keep the loops closed do not see these.
+        # needed = B tau + Phi^T multipliers, and Phi free^T = 0.
         free = free_motions(robot.Phi)
         return consistent(free @ robot.B, free @ needed)
 

@@ -16,8 +16,8 @@ from .lagrange import LagrangeMultipliers
 class MujocoTree:
     """The tree of a mechanism in MuJoCo.
 
-    With `closed`, the stiffness of the equalities, critically damped, [1/s^2], it also has the
-    closures, friction, springs and motors.
+    With `closed` it also has the closures, friction, springs and motors. `closed` is the stiffness
+    of the equality constraints, [1/s^2]; they are critically damped.
 
     Attributes:
         mj: The `mujoco.MjModel`.

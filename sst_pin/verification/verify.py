@@ -18,8 +18,8 @@ from .lagrange import LagrangeMultipliers
 from .mujoco_tree import MujocoInverse
 from .virtual_work import VirtualWork
 
-#: Tolerance for the same equations, relative to the largest force or acceleration: rounding
-#: times the condition numbers of the cases, 1e-12 at worst, leaves three digits to spare.
+#: Tolerance for the same equations, relative to the largest force or acceleration. Rounding times
+#: the condition numbers of the cases is 1e-12 at worst, a thousandth of it.
 SAME_EQUATIONS = 1e-9
 
 
@@ -61,14 +61,14 @@ class Comparison(NamedTuple):
     passed: bool
 
 
-class Judge:
-    """Collects the differences from one referee for one quantity."""
+class Differences:
+    """The differences from one referee in one quantity."""
 
     def __init__(self, referee: str, compared: str, limit: float = SAME_EQUATIONS) -> None:
         self._title, self._limit, self._seconds = (referee, compared), limit, 0.0
         self._differences: list[tuple[float, float]] = []  # absolute and relative
 
-    def hold(self, answer: Callable[[], Array], expected: Array) -> None:
+    def add(self, answer: Callable[[], Array], expected: Array) -> None:
         """Compute an answer and compare it with ours; NaN counts as the largest error."""
         began = time.perf_counter()
         off = float(np.abs(answer() - expected).max())
@@ -76,7 +76,7 @@ class Judge:
         off = off if np.isfinite(off) else np.inf
         self._differences.append((off, off / max(float(np.abs(expected).max()), 1e-300)))
 
-    def verdict(self) -> Comparison:
+    def comparison(self) -> Comparison:
         """The line of the table."""
         worst, relative = map(max, zip(*self._differences, strict=True))
         line = *self._title, len(self._differences), worst, relative, self._limit
@@ -102,7 +102,7 @@ def verify_chain(
         referees, _ = referees_of(chain)
     rng, sufficient = np.random.default_rng(0), chain.mobility().sufficient
     what = (*["torques"] * sufficient, "forces along the coordinates", "accelerations")
-    judges = [[Judge(referee.name, question) for question in what] for referee in referees]
+    tables = [[Differences(referee.name, quantity) for quantity in what] for referee in referees]
     states = counted(_states(chain, count, rng), "verifying", count)
     for q, va, aa in states:
         tau = rng.normal(size=len(chain.motor_names))
@@ -111,14 +111,14 @@ def verify_chain(
             tau = chain.compute_torques(q, va, aa)
             expected.insert(0, tau)
         expected.append(chain.compute_accelerations(q, va, tau))
-        for referee, row in zip(referees, judges, strict=True):
+        for referee, row in zip(referees, tables, strict=True):
             answers = [partial(referee.generalized_forces, q, va, aa)]
             if sufficient:
                 answers.insert(0, partial(referee.torques, q, va, aa))
             answers.append(partial(referee.accelerations, q, va, tau))
-            for judge, answer, ours in zip(row, answers, expected, strict=True):
-                judge.hold(answer, ours)
-    yield from (judge.verdict() for row in judges for judge in row)
+            for differences, answer, ours in zip(row, answers, expected, strict=True):
+                differences.add(answer, ours)
+    yield from (differences.comparison() for row in tables for differences in row)
 
 
 def _states(

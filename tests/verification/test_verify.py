@@ -71,9 +71,9 @@ def test_wrong_weights_end_in_exit_code_1(monkeypatch, capsys):
 
 
 def test_a_referee_that_answers_nan_disagrees():
-    judge = verify.Judge("nobody", "nothing")
-    judge.hold(lambda: np.array((1.0, np.nan)), np.ones(2))
-    row = judge.verdict()
+    differences = verify.Differences("nobody", "nothing")
+    differences.add(lambda: np.array((1.0, np.nan)), np.ones(2))
+    row = differences.comparison()
     assert row.passed is False
     assert row.relative == np.inf
 
