@@ -125,7 +125,7 @@ COMMANDS = (
     Command(
         "verify",
         "robot_commands",
-        "comparison of the torques with every installed referee",
+        "comparison of the dynamics with independent computations",
         _ROBOT,
         option("--quick", "fewer cases"),
         option("--json", "print the table as JSON"),
@@ -138,9 +138,9 @@ COMMANDS = (
         _ROBOT,
         option("-o, --output FILE", "Markdown, a picture beside it", Path, required=True),
         _FORCE,
-        option("--cutoff HZ", "up to which the log is kept", float, required=True),
+        option("--cutoff HZ", "cut-off frequency of the low-pass filter", float, required=True),
         option("--which NAMES", f"patterns with commas (default: {_WHICH}, and lines)"),
-        option("--decimate N", "filter both sides, and use one of N samples (default: 10)", int),
+        option("--decimate N", "filter, and use one of N samples (default: up to 10)", int),
         option("--robust", "let outliers count less"),
         option("--urdf FILE", "write the URDF of --robot with the parameters found", Path),
         more="The log has the columns of a motion and of its torques, as `torques` writes\n"
@@ -193,9 +193,9 @@ def run(argv: Sequence[str] | None) -> int:
     module = import_module(f".{arguments.command.module}", __package__)
     try:
         with warnings.catch_warnings():
-            # A line on standard output says already that a motion stops early.
+            # A line on standard output already says that a motion stops early.
             warnings.simplefilter("ignore", SingularityWarning)
-            warnings.simplefilter("always", DescriptionWarning)  # each command says it again
+            warnings.simplefilter("always", DescriptionWarning)  # else only once per process
             warnings.showwarning = lambda message, *_, **__: tell("warning", message)
             return getattr(module, arguments.command.name)(arguments) or 0
     except SSTError as error:

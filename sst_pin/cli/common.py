@@ -26,7 +26,7 @@ from .parser import gallery, misplaced
 
 
 def robot_of(arguments: argparse.Namespace) -> ClosedChain:
-    """The robot that --robot names; a file with the joints of an SST is an SST."""
+    """The robot that --robot names; a URDF with the joints of an SST is an SST."""
     name, names = arguments.robot, gallery()
     if name is None or name in names:
         return SST() if name in (None, "sst") else getattr(robots, name)()

@@ -31,7 +31,7 @@ def identify(arguments: argparse.Namespace) -> int:
     robot, source = common.robot_of(arguments), common.source_of(arguments.log)
     t, x, tau, start = read_log(robot.engine, source)
     cutoff, every = arguments.cutoff, arguments.decimate
-    if every is None:  # as many as the log has
+    if every is None:  # at most the samples of a period of the cut-off frequency
         in_period = (len(t) - 1) / (t[-1] - t[0]) / cutoff if cutoff > 0 else 1
         every = max(1, min(_EVERY, int(in_period)))
     options = {"cutoff": cutoff, "decimate": every, "start": start}

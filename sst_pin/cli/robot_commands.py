@@ -36,7 +36,7 @@ def validate(arguments: argparse.Namespace) -> int:
 
 
 def verify(arguments: argparse.Namespace) -> int:
-    """Comparison of the torques with every referee."""
+    """Comparison of the dynamics with every referee."""
     from ..verification.verify import referees_of, table, verify_chain
 
     robot = common.robot_of(arguments)
