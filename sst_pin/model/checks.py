@@ -26,11 +26,11 @@ _MIMIC = re.compile(
     r"Mimicking joint type: JointModel([RP][XYZ]|(Revolute|Prismatic)Unaligned)$", re.M
 )
 
-#: A rotation is further off than rounding, as a quaternion whose length is not one.
+#: R^T R of a rotation differs by less from one; that of a quaternion without unit length by more.
 _NO_ROTATION = 1e-6
 
-#: A motor: the joint or line that it drives, or the factors of those that it drives (a tendon), by
-#: the name of the tendon if it has one: {"split": {"left": 1, "right": 1}}.
+#: A motor: the joint or line that it drives, or a tendon, which has the factors of several joints
+#: or lines, with a name if wanted: {"split": {"left": 1, "right": 1}}.
 Motor = str | Mapping[str, float] | Mapping[str, Mapping[str, float]]
 
 
@@ -64,7 +64,7 @@ def recipe_of(
     forces: Sequence[LineForce],
     **numbers: ArrayLike | None,
 ) -> partial[Mechanism]:
-    """`mechanism_of` with checked arguments of the constructor of `ClosedChain`, but for the tree.
+    """`mechanism_of` with the arguments of `ClosedChain` checked; only the tree is missing.
 
     `numbers` are viscous_friction, coulomb_friction, stiffness and spring_reference.
     """
@@ -89,9 +89,9 @@ def mechanism_of(
     numbers: Mapping[str, ArrayLike | None],
     forces: tuple[LineForce, ...],
 ) -> Mechanism:
-    """A mechanism from what the constructor of `ClosedChain` takes; it keeps the tree.
+    """A mechanism from the arguments of `ClosedChain`; it keeps the tree, without a copy.
 
-    Its coordinates are those named; without names it has none until `loops.coordinates.settled`.
+    Without names of coordinates it has none until `loops.coordinates.settled`.
     `numbers` has viscous_friction, coulomb_friction, stiffness and spring_reference.
     """
     _require_sound(model, closures)
@@ -117,7 +117,7 @@ def mechanism_of(
     springs.check(model)
     rates = space.rates_of(coordinates or ())
     if coordinates is not None and not len(rates):
-        raise InputError("coordinates", "none are named; leave them out for a choice")
+        raise InputError("coordinates", "the list is empty; omit it to have coordinates chosen")
     return Mechanism(model, closures, rates, B[: model.nv], names, friction, springs, lines)
 
 
@@ -252,7 +252,7 @@ def _require_sound(model: pin.Model, closures: Sequence[Constraint]) -> None:
     if model != pin.Model(model):
         problems.append("contains NaN")
     if model.gravity.angular.any():
-        problems.append(f"gravity.angular is {model.gravity.angular}; weights have no such part")
+        problems.append(f"gravity.angular is {model.gravity.angular}; it must be zero")
     if not model.nv:
         problems.append("no moving joints")
     problems += [
@@ -272,7 +272,7 @@ def _require_sound(model: pin.Model, closures: Sequence[Constraint]) -> None:
 
 
 def copied(model: pin.Model) -> pin.Model:
-    """A copy of a model whose lists have the right sizes; Pinocchio would read beside others."""
+    """A copy of a model, after a check of its lists: Pinocchio reads beyond short ones."""
     lists = (
         ("numbers", RATE_ARRAYS, model.nv),
         ("numbers", POSITION_ARRAYS, model.nq),
@@ -291,13 +291,13 @@ def copied(model: pin.Model) -> pin.Model:
         if parent >= i
     ]
     problems += [
-        f"frame {frame.name}: there is no joint {frame.parentJoint}, which bears it"
+        f"frame {frame.name}: its parent joint {frame.parentJoint} does not exist"
         for frame in model.frames
         if frame.parentJoint >= model.njoints
     ]
     entries = zip(model.idx_qs, model.nqs, model.idx_vs, model.nvs, strict=False)
     problems += [
-        f"joint {i}: its entries in q and v are others than those in the lists of the model"
+        f"joint {i}: its indices in q and v differ from those in the lists of the model"
         for i, (joint, listed) in enumerate(zip(model.joints, entries, strict=False))
         if i and (joint.idx_q, joint.nq, joint.idx_v, joint.nv) != listed
     ]
@@ -307,9 +307,9 @@ def copied(model: pin.Model) -> pin.Model:
 
 
 def _impossible_numbers(model: pin.Model) -> list[str]:
-    """Numbers that are not finite, and placements that do not turn.
+    """Numbers that are not finite, and placements whose matrix is not a rotation.
 
-    Estimated masses and rotors may be negative.
+    Estimated masses and rotor inertias may be negative.
     """
     names = [f"joint {name}" for name in list(model.names)[1:]]
     places = list(zip(names, list(model.jointPlacements)[1:], strict=True))

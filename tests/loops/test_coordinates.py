@@ -198,9 +198,9 @@ def test_coordinates_of_another_mode_than_home_serve_where_they_hold():
 
 def test_no_coordinates_are_refused():
     model, closures, _ = rhombus()
-    with pytest.raises(sst_pin.InputError, match="coordinates: none are named"):
+    with pytest.raises(sst_pin.InputError, match="coordinates: the list is empty"):
         ClosedChain(model, closures, ["crank"], coordinates=[])
-    with pytest.raises(sst_pin.InputError, match="coordinates: none are named"):
+    with pytest.raises(sst_pin.InputError, match="coordinates: the list is empty"):
         ClosedChain(model, closures, ["crank"]).with_coordinates([])
 
 
