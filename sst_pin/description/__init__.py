@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """From `Parameters` to the files that describe the robot.
 
-The robot is a tree of three legs; the cuts close it. The star is cut into its three arcs: leg k
-ends in `star_k`, which carries a third of the star's mass and inertia about the star's mass centre,
-so that the three make up body 7 when the closures hold and no moving link is massless.
+The robot is a tree of three legs, and two welds close its loops. The star is cut into its three
+arcs: leg k ends in `star_k`, which carries a third of the star's mass and inertia about the star's
+mass centre. With closed loops the three parts are body 7, and no moving link is massless.
 """

@@ -6,7 +6,7 @@ import numpy as np
 from ..arrays import Array
 from .parameters import Parameters, RigidBody
 
-#: Names of the joints of leg k, in the order of the chain and of q.
+#: Names of all joints, leg by leg, in the order of q.
 JOINT_NAMES = tuple(f"{joint}_{k}" for k in (1, 2, 3) for joint in ("gamma", "mu", "beta"))
 #: Joints of the motors, in the order of va, aa and tau.
 MOTOR_NAMES = JOINT_NAMES[::3]

@@ -17,9 +17,10 @@ _WHOLE = {"JointModelFreeFlyer": "free", "JointModelSpherical": "ball"}
 class MjcfJoint(NamedTuple):
     """A joint of MuJoCo: "hinge", "slide", "ball" or "free".
 
-    It turns about an axis through a point, or slides along it, in axes of its body; a free joint
-    starts `at` a place. Its coordinates are factor * q[entries] + offset, its rates factor *
-    v[rates] of the chain's; one that mimics another joint has no rates of its own.
+    A hinge turns about `axis` through `point`, a slide moves along `axis`, both in axes of its
+    body. A free joint moves from the placement `at`. The coordinates are factor * q[entries] +
+    offset and the rates factor * v[rates], with q and v of the chain. If it `mimics` another
+    joint, it has no rates of its own.
     """
 
     name: str

@@ -23,14 +23,14 @@ from ..model.tree import frame_id, frame_named
 from .mjcf_joints import MjcfJoint, joints_of, principal_axes
 from .urdf_writer import numbers, rounded
 
-#: Runge-Kutta: on the paper's circle its error is 1e-5 rad where Euler's is 1e-2. MuJoCo 4.0.0
-#: factorises the sparse Jacobians wrongly that it takes for large robots.
+#: Runge-Kutta: on the paper's circle its error is 1e-5 rad where Euler's is 1e-2. For large robots
+#: MuJoCo takes sparse Jacobians by default, and version 4.0.0 factorises them wrongly.
 _OPTION = {"timestep": "0.0005", "integrator": "RK4", "jacobian": "dense"}
 #: Critically damped with a time constant of two steps; MuJoCo lengthens it with a longer step.
 _EQUALITY = {"solref": "0.001 1", "solimp": "0.9999 0.9999 0.001"}
-#: The least that MuJoCo compiles, [kg], [kg m^2].
+#: The smallest mass and moment that MuJoCo compiles, [kg], [kg m^2].
 _LEAST_MASS, _LEAST_INERTIA = 1e-12, 1e-14
-#: Moments that differ by less from a triangle's are rounded, relative to them.
+#: A smaller relative violation of the triangle inequality of moments is rounding.
 _ROUNDING = 1e-9
 #: Larger limits are left out.
 _FAR = 1e9
@@ -84,10 +84,10 @@ def write_mjcf(chain: ClosedChain, path: str | Path, force: bool = False) -> Non
 
 
 class MjcfWriter:
-    """An MJCF in the making; `plain`: the bodies and their joints alone.
+    """Builds an MJCF; with `plain` only the bodies and their joints.
 
-    `bodies` has the element of the body of each joint, `joints` MuJoCo's joints in its order,
-    `notes` what is written otherwise than it is, or left out.
+    `bodies` are the elements of the bodies, by joint; `joints` are MuJoCo's joints in its order;
+    `notes` say what is left out or written with other numbers.
     """
 
     def __init__(self, mechanism: Mechanism, plain: bool = False) -> None:
@@ -161,7 +161,7 @@ class MjcfWriter:
     def _children(
         self, parent: int, before: Sequence[MjcfJoint] = (), start: pin.SE3 = _HERE
     ) -> None:
-        """Bodies on a joint; if it bears nothing of its own, they get its joints, `before`."""
+        """Add the bodies that a joint bears; they get the joints of empty bodies `before` them."""
         model = self._model
         for index in model.children[parent]:
             joints, at = list[MjcfJoint](), model.jointPlacements[index]
@@ -226,20 +226,20 @@ class MjcfWriter:
         moments, R = principal_axes(inertia.inertia)
         if inertia.mass < _LEAST_MASS or moments.min() < _LEAST_INERTIA:
             text = f"at least {_LEAST_MASS:g} kg and {_LEAST_INERTIA:g} kg m^2"
-            needs = "MuJoCo needs mass and inertia about all axes"
-            self.notes.append(f"body {name}: {needs}; it gets {text}")
+            needs = "MuJoCo needs mass, and inertia about all axes"
+            self.notes.append(f"body {name}: {needs}; each is written as {text}")
         moments, large = np.maximum(moments, _LEAST_INERTIA), moments.argmax()
-        most = np.delete(moments, large).sum()  # of a body; rounding may pass it
+        most = np.delete(moments, large).sum()  # the triangle inequality
         if moments[large] > most * (1 + _ROUNDING):
-            text = f"no body has the principal moments {moments.round(6)}"
-            self._problems.append(f"body {name}: {text}: one is more than the sum of the others")
+            text = f"one of the principal moments {moments.round(6)} exceeds the sum of the others"
+            self._problems.append(f"body {name}: {text}, which no body has")
         moments[large] = min(moments[large], most)
         attributes = {"pos": numbers(inertia.lever), "diaginertia": numbers(moments)}
         attributes["mass"] = numbers([max(inertia.mass, _LEAST_MASS)])
         SubElement(self._bodies[index], "inertial", _pose(pin.SE3(R, inertia.lever)) | attributes)
 
     def _add_sites(self) -> None:
-        """Sites at frames that are no joints or bodies, and at all ends of closures and lines."""
+        """Sites at frames other than joints and bodies, and at all ends of closures and lines."""
         ends = set(self._ends)
         seen = set(self._names.values()) - ends
         for frame in self._model.frames:
@@ -274,7 +274,7 @@ class MjcfWriter:
         SubElement(self._section("equality"), kind, where)
 
     def _beside(self, k: int, hinge: Closure, axis: int) -> Iterator[str]:
-        """Sites on the axis of a hinge, which is two points."""
+        """Two sites aside on the axis of a hinge; two connected points make a hinge."""
         aside = pin.SE3(np.eye(3), self._mechanism.length * np.eye(3)[axis])
         for end in frames_of(hinge):
             frame = frame_named(self._model, end)
@@ -374,7 +374,7 @@ class MjcfWriter:
 
 
 def _site_name(frame: str) -> str:
-    """MuJoCo's reader of the base would take a second frame of its name for a fault."""
+    """The name of the site at a frame; `from_mjcf` refuses a site with the name of the base."""
     return "universe_site" if frame == "universe" else frame
 
 

@@ -19,7 +19,7 @@ from ..arrays import Array, as_array
 from ..errors import InputError, ParametersError
 from ..summaries import Summary
 
-#: Relative slack of sums that should hold exactly: angles, symmetry, triangle inequality.
+#: Relative tolerance of the sum of the arc angles, of symmetry, and of triangle inequalities.
 _SLACK = 1e-9
 #: Radii for which meshes can be written, [m].
 _SMALLEST_RADIUS, _LARGEST_RADIUS = 1e-6, 1e6

@@ -16,7 +16,7 @@ from ..files import Writer
 from .parameters import Parameters
 from .solids import Arc, Ball, Box, Cylinder, Solid, bar, lofted, rod
 
-# Sizes in metres for the paper's radii, 0.35 and 0.40 m; `parts_of` scales them.
+# Sizes in metres for the paper's radii, 0.35 and 0.40 m. `parts_of` scales them.
 _TUBE = 0.006  # radius of the base frame
 _BALL = 0.044
 _MOTOR = 0.032  # radius
@@ -24,7 +24,7 @@ _HUB = 0.125  # of an actuator link, from O along the axis of its motor
 _WIDTH = 0.024  # of the link's arm
 _RAIL = (0.020, 0.024)  # section of the star's arcs: with the hub the paper's 2.6 kg in aluminium
 _ROLLER = 0.007
-#: Options of trimesh for the files of meshes.
+#: Options of trimesh's export, by format.
 _EXPORT: dict[str, dict[str, Any]] = {
     "stl": {},
     "obj": {"include_normals": False, "digits": 6, "header": None},
@@ -36,7 +36,7 @@ def parts_of(p: Parameters) -> dict[str, tuple[Solid, ...]]:
 
     `base` and `motors` are in base axes, `link` in {1k}, `passive` in {2k}, the others in {3k}.
     """
-    # The base grows, and a carriage fits between the spheres.
+    # In proportion to the base, but a carriage must fit between the spheres.
     scale = min(p.base_radius / 0.35, abs(_gap(p)) / 0.05)
     return {
         "base": tuple(_base(p, scale)),
@@ -80,7 +80,7 @@ def _gap(p: Parameters) -> float:
 
 
 def _outside(p: Parameters) -> float:
-    """Side of the planes of the triangle, along e_k, that is outside it: motors and links."""
+    """Sign of the direction along e_k that leads out of the triangle: there are the motors."""
     return -float(np.sign(np.linalg.det(p.base_directions)))
 
 

@@ -2,8 +2,8 @@
 """Plain solids and their surfaces.
 
 Meshes and collision geometry both come from these solids, so they agree. A surface connects the
-`loops` of its solid: convex polygons, shape (loops, points, 3), [m], each counterclockwise when
-seen from the last one.
+`loops` of its solid. These are its cross-sections: convex polygons, shape (loops, points, 3), [m],
+each counterclockwise when seen from the last one.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ..arrays import Array, Indices
 
 #: Largest distance between a circle and its chords, [m].
 _CHORD = 2e-4
-#: Largest turn of an arc between two of its sections.
+#: Largest angle of an arc between two of its cross-sections.
 _STEP = np.radians(4.5)
 #: Width of the bevel on an edge, as a share of the smallest size of the solid.
 _BEVEL = 0.12

@@ -16,9 +16,9 @@ from ..model.mechanism import Friction, read_only
 from ..model.tree import frame_named
 from .kinematics import Geometry
 
-#: Pairs of frames that the shipped cuts close.
+#: Pairs of frames that the closures of the shipped description connect.
 CUTS = {("closedloop1_A", "closedloop1_B"), ("closedloop2_A", "closedloop2_B")}
-#: Frames of the cuts and the arc of the star that each is fixed to.
+#: Frames of the closures, and the arc of the star that each is fixed to.
 _STAR_OF = {"closedloop1_A": 1, "closedloop2_A": 1, "closedloop1_B": 2, "closedloop2_B": 3}
 #: Points whose distances from O are the radii.
 _POINTS = ("E", "P_1", "P_2", "P_3")

@@ -157,7 +157,7 @@ def heavy_about_one_axis():
 
 
 UNKNOWN = {
-    "body a: no body has the principal moments": heavy_about_one_axis,
+    "body a: one of the principal moments": heavy_about_one_axis,
     "no rolling": partial(any_chain.rolling, False),  # beside the joint that bears the plane
     "no joint Planar": partial(any_chain.with_joint, "planar"),
     "no joint HelicalUnaligned": partial(any_chain.with_joint, "helical"),
