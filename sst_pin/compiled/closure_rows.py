@@ -148,7 +148,7 @@ class _Pair:
         return Row(Phi, velocity, acceleration, self.d[k], self.d[k] ** 2)
 
     def _slide(self, k: int) -> Row:
-        """Axis k of A stays at a right angle to the way from A to B."""
+        """Axis k of A stays at a right angle to the line from A to B."""
         n, d = self.a.R[:, k], self.d
         Phi, velocity = self._row(
             lambda u, turn: ca.dot(n, u + ca.cross(turn, d)), lambda u, _: ca.dot(n, u)
@@ -164,7 +164,7 @@ class _Pair:
     def _turned_alike(self) -> Iterator[Row]:
         """B does not turn relative to A."""
         # Link C bears the last joint of B's branch. In its axes, the axes of the last two joints
-        # are constant. The way from A's link to C goes through B.
+        # are constant. The path from A's link to C goes through B.
         kinematics, links = self._kinematics, self._kinematics.tree.links
         (link_a, link_b), (frame_a, frame_b) = self._links, self._frames
         C = link_b

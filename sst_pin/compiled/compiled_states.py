@@ -121,7 +121,7 @@ class CompiledStates(States):
         """Fill the states of motions as far as the kernels compute them well, and count them."""
         looks = np.empty((*motions.q.shape[:2], 2))
         reached = course.run(*motions, looks, min(threads, sys.maxsize))
-        reached[~self._mechanism.space.on_manifold(motions.q0)] = 0  # kernels normalise on the way
+        reached[~self._mechanism.space.on_manifold(motions.q0)] = 0  # kernels normalise q
         return self._continuous(motions, looks, reached)
 
     def _continuous(self, motions: RolloutArrays, looks: Array, reached: Indices) -> Indices:

@@ -71,9 +71,9 @@ def make(
     if frame is not None:
         inputs, output, more = OF_FRAMES[quantity](equations, checks, frame)
     elif along:
-        way = SX.sym("direction", directions)
-        inputs, output, more = ALONG[quantity](equations, checks, way)
-        inputs["direction"] = way
+        direction = SX.sym("direction", directions)
+        inputs, output, more = ALONG[quantity](equations, checks, direction)
+        inputs["direction"] = direction
     else:
         inputs, output, more = KERNELS[quantity](equations, checks)
     loaded = WRENCHES in inputs and inputs[WRENCHES].numel() > 0
@@ -128,15 +128,15 @@ def _accelerations(e: Equations, checks: Checks) -> _Made:
     return _driven(e), aa, checks.of_accelerations + checks.massless(inverses)
 
 
-def _torque_derivatives(e: Equations, checks: Checks, way: SX | None = None) -> _Made:
+def _torque_derivatives(e: Equations, checks: Checks, direction: SX | None = None) -> _Made:
     """Derivatives of f by q, va and aa side by side, row by row."""
-    derivatives, more = symbolic_derivatives.of_torques(e, checks, way)
+    derivatives, more = symbolic_derivatives.of_torques(e, checks, direction)
     return _motion(e), row_by_row(derivatives), checks.of_forces + more
 
 
-def _acceleration_derivatives(e: Equations, checks: Checks, way: SX | None = None) -> _Made:
+def _acceleration_derivatives(e: Equations, checks: Checks, direction: SX | None = None) -> _Made:
     """Derivatives of aa by q, va and tau side by side, row by row."""
-    derivatives, more = symbolic_derivatives.of_accelerations(e, checks, way)
+    derivatives, more = symbolic_derivatives.of_accelerations(e, checks, direction)
     return _driven(e), row_by_row(derivatives), checks.of_accelerations + more
 
 

@@ -109,20 +109,20 @@ class Kinematics:
         return self.q + self.q_rates(self._displaced)
 
     def difference(self, reference: Mapping[int, SX]) -> Sparse:
-        """The shortest way of joints from a reference, by indices in q, along their rates."""
-        q, way = self.moved_q, Sparse()
+        """Smallest displacements of joints from a reference, by index in q, along their rates."""
+        q, step = self.moved_q, Sparse()
         for link in self.tree.links:
             at = [i for i in link.q if i in reference]
             if at and link.kind == "ball":
                 turned = _relative(ca.vertcat(*(reference[i] for i in at)), q[at])
-                way |= zip(link.v, ca.vertsplit(rotation_vector(turned)), strict=True)
+                step |= zip(link.v, ca.vertsplit(rotation_vector(turned)), strict=True)
             elif at and link.kind == "unbounded":
                 (i, j), (k,) = at, link.v
                 c, s = reference[i], reference[j]
-                way[k] = angle(c * q[i] + s * q[j], c * q[j] - s * q[i])
+                step[k] = angle(c * q[i] + s * q[j], c * q[j] - s * q[i])
             else:
-                way |= {link.v[i - link.q.start]: q[i] - reference[i] for i in at}
-        return way
+                step |= {link.v[i - link.q.start]: q[i] - reference[i] for i in at}
+        return step
 
     def _pose(self, base: int, link: int) -> tuple[SX, SX]:
         """Orientation and origin of a link, in the axes of one of its ancestors."""

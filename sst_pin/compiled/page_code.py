@@ -84,20 +84,20 @@ def choices(reference: Reference, q: Array) -> list[Equations]:
         smallness.append(ca.Function("small", [equations[-1].q, equations[-1].p], [small]))
 
     add(reference, q)
-    way = random.standard_normal(model.nv)
+    direction = random.standard_normal(model.nv)
     start = q
     for k in range(_WALKS * _STEPS if len(mechanism.dependent) and n else 0):
         q = q if k % _STEPS else start
         motions = free_motions(states.Phi(q))
         fall = -pin.computeGeneralizedGravity(model, data, q) * mechanism.rate_scale
-        way = way / np.linalg.norm(way) + 0.1 * random.standard_normal(model.nv)
-        way = motions @ (motions.T @ (way + 0.3 * fall / (np.linalg.norm(fall) + 1e-9)))
-        step = 0.1 * way / np.linalg.norm(way) * mechanism.rate_scale
+        direction = direction / np.linalg.norm(direction) + 0.1 * random.standard_normal(model.nv)
+        direction = motions @ (motions.T @ (direction + 0.3 * fall / (np.linalg.norm(fall) + 1e-9)))
+        step = 0.1 * direction / np.linalg.norm(direction) * mechanism.rate_scale
         state = np.concatenate([pin.integrate(model, q, step), np.zeros(n)])
         try:
             q = states.suited(q)[0].closed(state)
         except ClosureError:
-            way = random.standard_normal(model.nv)
+            direction = random.standard_normal(model.nv)
             continue
         best, condition = states.suited(q)
         if condition < WELL_CONDITIONED and min(float(f(q, numbers)) for f in smallness) > _SMALL:

@@ -20,17 +20,19 @@ from .kernel_checks import Checks
 from .symbols import Sparse, add, column, is_zero, solve_symmetric, sparse, sx, symmetric
 
 
-def of_torques(e: Equations, checks: Checks, way: SX | None = None) -> tuple[SX, list[Any]]:
-    """Derivatives of f by q, va and aa side by side, or times a direction `way`, and checks."""
-    return _of_forces(e, checks, _OnTree(e, e.aa, SX(*e.tau.shape)), way)
+def of_torques(e: Equations, checks: Checks, direction: SX | None = None) -> tuple[SX, list[Any]]:
+    """Derivatives of f by q, va and aa side by side, or times a `direction`, and checks."""
+    return _of_forces(e, checks, _OnTree(e, e.aa, SX(*e.tau.shape)), direction)
 
 
-def of_accelerations(e: Equations, checks: Checks, way: SX | None = None) -> tuple[SX, list[Any]]:
+def of_accelerations(
+    e: Equations, checks: Checks, direction: SX | None = None
+) -> tuple[SX, list[Any]]:
     """Derivatives of aa by q, va and tau side by side, or times a direction, and checks."""
     aa, inverses = e.accelerations
-    by_motion, residual_checks = _of_forces(e, checks, _OnTree(e, aa, e.tau), way)
+    by_motion, residual_checks = _of_forces(e, checks, _OnTree(e, aa, e.tau), direction)
     n = by_motion.shape[1] // 3
-    driven = e.motor_matrix if way is None else e.project(e.motor_forces(way))
+    driven = e.motor_matrix if direction is None else e.project(e.motor_forces(direction))
     aa_x, _ = solve_symmetric(e.inertia, ca.horzcat(-by_motion[:, : 2 * n], driven))
     return aa_x, residual_checks + checks.massless(inverses)
 
@@ -97,10 +99,12 @@ class _OnTree:
         return function(*self._values, step)
 
 
-def _of_forces(e: Equations, checks: Checks, tree: _OnTree, way: SX | None) -> tuple[SX, list[Any]]:
+def _of_forces(
+    e: Equations, checks: Checks, tree: _OnTree, direction: SX | None
+) -> tuple[SX, list[Any]]:
     """Derivatives of f by q, va and aa at constant motor forces, and checks of the solutions."""
-    if way is not None:
-        return _of_forces_along(e, checks, tree, way)
+    if direction is not None:
+        return _of_forces_along(e, checks, tree, direction)
     nv, rows = e.mechanism.model.nv, e.factors.rows
     of_rows = (tree.slips, tree.q), (tree.c, tree.q), (tree.c, tree.v)
     of_forces = (tree.forces, tree.q), (tree.forces, tree.v)
@@ -118,10 +122,12 @@ def _of_forces(e: Equations, checks: Checks, tree: _OnTree, way: SX | None) -> t
     return ca.horzcat(of_q, by_v @ L, e.inertia), residual_checks
 
 
-def _of_forces_along(e: Equations, checks: Checks, tree: _OnTree, way: SX) -> tuple[SX, list[Any]]:
+def _of_forces_along(
+    e: Equations, checks: Checks, tree: _OnTree, direction: SX
+) -> tuple[SX, list[Any]]:
     """`_of_forces` times a direction of the coordinates."""
-    rows, zero = e.factors.rows, [0.0] * way.numel()
-    step = e.complete(ca.vertsplit(way), {})
+    rows, zero = e.factors.rows, [0.0] * direction.numel()
+    step = e.complete(ca.vertsplit(direction), {})
     c_v = tree.along(tree.c, {}, step, {})
     slips = tree.along(tree.slips, step, {}, {})
     lost = sparse(rows, -_phi_dot_v(e, slips, c_v, [step]))

@@ -148,8 +148,8 @@ class TreeDynamics:
         """Forces that springs need, those along lines among them."""
         stiffness = self._parameters.of_joints("stiffness", self._p)
         rest = self._parameters.of_joints("spring_reference", self._p)
-        way = self._kinematics.difference(rest)
-        tau = {k: c * way[k] for k, c in stiffness.items()}
+        moves = self._kinematics.difference(rest)
+        tau = {k: c * moves[k] for k, c in stiffness.items()}
         return add(tau, self.along_lines(self._tensions))
 
     def pulls(self, v: Sparse) -> list[Any]:
@@ -194,9 +194,10 @@ class TreeDynamics:
         for i, link in enumerate(self._kinematics.tree.links):
             body, (R, p) = self._bodies[link.body], self._kinematics.pose(0, i)
             energies.append(-ca.dot(gravity, body.mass * p + R @ body.c))
-        way = self._kinematics.difference(self._parameters.of_joints("spring_reference", self._p))
+        rest = self._parameters.of_joints("spring_reference", self._p)
+        moves = self._kinematics.difference(rest)
         stiffness = self._parameters.of_joints("stiffness", self._p)
-        energies += [c * way[k] ** 2 / 2 for k, c in stiffness.items()]
+        energies += [c * moves[k] ** 2 / 2 for k, c in stiffness.items()]
         for x in self.lines:
             stretch = x.length - x.rest
             energies.append(x.stiffness * stretch**2 / 2 + x.preload * stretch)

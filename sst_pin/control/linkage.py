@@ -17,7 +17,7 @@ from ..loops.start import start_of
 from ..model.named_positions import taken
 from ..model.thresholds import RANK_TOLERANCE
 
-#: The way to motor positions is divided into pieces of this size, [rad] or robot lengths.
+#: The path to motor positions is divided into pieces of this size, [rad] or robot lengths.
 _PIECE = 0.2
 #: Newton's method in a piece: the most steps, and the last one, [rad] or robot lengths.
 _STEPS, _ARRIVED = 20, 1e-12
@@ -51,8 +51,8 @@ class Linkage:
         shared = np.abs(J[self._rows]) > RANK_TOLERANCE
         shared[:, self._columns] = False
         others = np.flatnonzero(shared.any(axis=0))
-        _, sizes, ways = np.linalg.svd(J)
-        free = np.abs(ways[np.count_nonzero(sizes > RANK_TOLERANCE) :]).max(axis=0, initial=0.0)
+        _, sizes, Vt = np.linalg.svd(J)
+        free = np.abs(Vt[np.count_nonzero(sizes > RANK_TOLERANCE) :]).max(axis=0, initial=0.0)
         if loose := [names[k] for k in others if free[k] > RANK_TOLERANCE]:
             cure = f"give a motor to {', '.join(loose)}, or ClosedChain(..., locked={loose})"
             raise ActuationError(f"the motors {motors} leave {', '.join(loose)} free: {cure}")
@@ -66,7 +66,7 @@ class Linkage:
     def from_joints(self, positions: ArrayLike, start: ArrayLike | None = None) -> Array:
         """Configurations, shape (..., nq), for positions of the joints, reached from the start.
 
-        The way passes no singular configuration, so the assembly mode is that of the start.
+        The path there has no singular configuration, so the assembly mode is that of the start.
 
         Args:
             positions: Shape (..., joints), [rad] or [m].
@@ -99,16 +99,16 @@ class Linkage:
         here, driven = self.motor_positions(first), self._driven
 
         def one(target: Array) -> Array:
-            q, way = first, self._missing(first, target)
+            q, gap = first, self._missing(first, target)
             if driven:  # also through dead points of the joints
                 chain, motors, shares = driven
                 step = np.zeros(chain.degrees_of_freedom)
-                step[: len(motors)] = way[motors] / shares
+                step[: len(motors)] = gap[motors] / shares
                 q = chain.engine.reference.moved(q, step)
             else:
-                pieces = max(1, int(np.ceil(np.abs(way / self._units).max() / _PIECE)))
+                pieces = max(1, int(np.ceil(np.abs(gap / self._units).max() / _PIECE)))
                 for part in range(1, pieces + 1):
-                    q = self._newton(q, here + way * (part / pieces))
+                    q = self._newton(q, here + gap * (part / pieces))
             if np.abs(self._missing(q, target) / self._units).max() > np.sqrt(_ARRIVED):
                 raise WorkspaceError(
                     f"no positions of the joints {', '.join(self.joints)} bring the motors "
@@ -162,7 +162,7 @@ class Linkage:
         return finite_array("q", q, (self.chain.mechanism.model.nq,))
 
     def _start(self, start: ArrayLike | None) -> Array:
-        """The start of the way, its loops closed."""
+        """The start of the path, its loops closed."""
         size = (self.chain.mechanism.model.nq,)
         q = start_of(self.chain.engine) if start is None else single_array("start", start, size)
         return self.chain.assemble(q)

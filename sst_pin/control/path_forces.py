@@ -49,8 +49,8 @@ class SmoothPath:
         moving_samples = np.append(True, steps > 1e-9 * steps.sum())
         if moving_samples.sum() < 3:
             raise InputError("path", "the coordinates do not move along it")
-        ways = np.diff(x[moving_samples], axis=0) / scale
-        back = np.flatnonzero((ways[1:] * ways[:-1]).sum(axis=1) < 0)
+        moves = np.diff(x[moving_samples], axis=0) / scale
+        back = np.flatnonzero((moves[1:] * moves[:-1]).sum(axis=1) < 0)
         if len(back):
             sample = np.flatnonzero(moving_samples)[back[0] + 1]
             raise InputError("path", f"it turns back at sample {sample}: divide it there")
@@ -186,8 +186,8 @@ class Parts(NamedTuple):
 class PathForces:
     """All parts along a path, from inverse dynamics at some of its points."""
 
-    def __init__(self, limits: MotorLimits, way: SmoothPath, nodes: Array) -> None:
-        q, first, second = way.at(nodes)
+    def __init__(self, limits: MotorLimits, path: SmoothPath, nodes: Array) -> None:
+        q, first, second = path.at(nodes)
         limits.require_rest(q[[0, -1]])
         factors = limits.factors(q)
 
@@ -225,6 +225,6 @@ class PathForces:
         factors, (low, high) = self._factors(s), self._coulomb(s)
         smooth = np.moveaxis(self._smooth(s), 1, 0)
         # a to d and the friction in one direction, then in the other.
-        ways = np.stack([*smooth, high]), np.stack([*-smooth, -low])
-        a, b, c, d, dry = np.concatenate([of_sizes(x, factors) for x in ways], axis=-1)
+        both = np.stack([*smooth, high]), np.stack([*-smooth, -low])
+        a, b, c, d, dry = np.concatenate([of_sizes(x, factors) for x in both], axis=-1)
         return Parts(a, b, c, d, dry, most)

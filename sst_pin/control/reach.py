@@ -30,7 +30,7 @@ from .pose_abilities import torques_of_wrenches
 REASONS = ("reached", "joint limits", "singular", "out of reach", "cut off")
 _REACHED, _LIMITS, _SINGULAR, _OUT, _CUT_OFF = range(len(REASONS))
 _AXES = ("x", "y", "z", "roll", "pitch", "yaw")
-#: Number of grid points that are tried from the start; the shortest step, as a part of a way.
+#: Number of grid points that are tried from the start; the shortest step, as a part of a path.
 _FIRST, _SHORTEST = 4, 2**-6
 
 

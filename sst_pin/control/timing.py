@@ -70,15 +70,15 @@ def time_optimal(
         0.5 s, 30.0 N m
     """
     limits = MotorLimits(chain, torques, rates, accelerations)
-    way, step = SmoothPath(chain, path), positive_number("dt", dt)
+    curve, step = SmoothPath(chain, path), positive_number("dt", dt)
     for halvings in range(_HALVINGS + 1):
         nodes = np.linspace(0, 1, _INTERVALS * 2**halvings + 1)
-        forces = PathForces(limits, way, nodes)
+        forces = PathForces(limits, curve, nodes)
         profile = _fastest(forces)
         t = np.linspace(0, profile.times[-1], int(np.ceil(profile.times[-1] / step)) + 1)
-        q, va, aa = profile.states(way, profile.places(t))
+        q, va, aa = profile.states(curve, profile.places(t))
         middles = (nodes[1:] + nodes[:-1]) / 2
-        between = limits.used(*profile.states(way, middles))
+        between = limits.used(*profile.states(curve, middles))
         if max(limits.used(q, va, aa).max(), between.max()) <= 1:
             return chain.trajectory(t, q, va, aa, limits.torques_of(q, va, aa))
     raise ActuationError(
@@ -112,11 +112,11 @@ class _Profile(NamedTuple):
         s = self.s[i] + np.sqrt(self.x[i]) * late + self.u[i] * late**2 / 2
         return np.clip(s, self.s[i], self.s[i + 1])
 
-    def states(self, way: SmoothPath, s: Array) -> tuple[Array, Array, Array]:
+    def states(self, path: SmoothPath, s: Array) -> tuple[Array, Array, Array]:
         """q, va, aa at points of the path."""
         i = np.clip(np.searchsorted(self.s, s, "right") - 1, 0, len(self.s) - 2)
         x, u = np.interp(s, self.s, self.x)[:, None], self.u[i, None]
-        q, first, second = way.at(s)
+        q, first, second = path.at(s)
         return q, np.sqrt(x) * first, x * second + u * first
 
     def used(self, forces: PathForces) -> Array:
@@ -204,8 +204,8 @@ def _linear(s: Array, unit: float, parts: Parts) -> Array:
         def compute_constraint_params(self, path: object, grid: Array) -> Any:
             return (*constraint, None, bounds)
 
-    way = SplineInterpolator([0.0, 1.0], [[0.0], [1.0]])
-    solver = TOPPRA([Rows()], way, gridpoints=s, solver_wrapper="seidel")
+    line = SplineInterpolator([0.0, 1.0], [[0.0], [1.0]])
+    solver = TOPPRA([Rows()], line, gridpoints=s, solver_wrapper="seidel")
     _, w, _, K = solver.compute_parameterization(0.0, 0.0, return_data=True)
     if w is None or not np.isfinite(w).all():
         lost = s[np.isnan(K).any(axis=1)]

@@ -88,7 +88,7 @@ class RigidBody(_Values):
     inertia: Array
 
     def __init__(self, mass: float, center_of_mass: ArrayLike, inertia: ArrayLike) -> None:
-        values = vars(self)  # the way into a frozen dataclass
+        values = vars(self)  # a frozen dataclass is set by its `__dict__`
         values["mass"] = _number(mass, "mass")
         values["center_of_mass"] = _frozen(center_of_mass, "center_of_mass")
         values["inertia"] = _frozen(inertia, "inertia")
@@ -219,7 +219,7 @@ class Parameters(_Values):
         star_radius: float = 0.40,
     ) -> None:
         arrays = base_directions, arc_angles, viscous_friction, coulomb_friction, gravity
-        values = vars(self)  # the way into a frozen dataclass
+        values = vars(self)  # a frozen dataclass is set by its `__dict__`
         for name, array in zip(_SHAPES, arrays, strict=True):
             values[name] = _frozen(array, name)
         for name in ("viscous_friction", "coulomb_friction"):

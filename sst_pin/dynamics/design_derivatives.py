@@ -98,23 +98,23 @@ class Design:
         theta, geometry = regressor.names_of(mechanism), parameter_names(mechanism)
         #: Changes of the dynamic parameters, and of the joints that lead, a column for each group.
         self._theta = np.array([[g.get(x, 0.0) for _, g in groups] for x in theta])
-        leaders, ways = list[str](), list[Array]()
+        leaders, directions = list[str](), list[Array]()
         for k, (_, group) in enumerate(groups):
             moves = displacements(mechanism, {x: f for x, f in group.items() if x in geometry})
             joints = [
-                (f"{place} {kind}{k}", place, way)
+                (f"{place} {kind}{k}", place, direction)
                 for place, displacement in moves.items()
-                for kind, way in zip("xr", displacement * _HALVES, strict=True)
-                if way.any()
+                for kind, direction in zip("xr", displacement * _HALVES, strict=True)
+                if direction.any()
             ]
             errors += joints
-            sizes = {joint: float(np.linalg.norm(way)) for joint, _, way in joints}
+            sizes = {joint: float(np.linalg.norm(direction)) for joint, _, direction in joints}
             for leader in list(sizes)[:1]:
                 first = sizes.pop(leader)
                 leaders.append(leader)
-                ways.append(first * np.eye(len(groups))[k])
+                directions.append(first * np.eye(len(groups))[k])
                 couplings += [Coupling(x, {leader: (0.0, s / first)}) for x, s in sizes.items()]
-        self._ways = np.array(ways).reshape(len(ways), len(groups))
+        self._directions = np.array(directions).reshape(len(directions), len(groups))
         self._large = Reference(self._enlarged(errors, couplings, leaders))
 
     def _enlarged(
@@ -163,7 +163,7 @@ class Design:
         sign_width: float,
     ) -> Array:
         """Derivatives of q, torques, L and the pose of one sample, side by side."""
-        tau, n, ways = self._small.torques(q, va, aa, wrenches), len(va), self._ways
+        tau, n, directions = self._small.torques(q, va, aa, wrenches), len(va), self._directions
         try:
             x, context = self.at(q)
         except SingularConfigurationError:
@@ -172,26 +172,27 @@ class Design:
             raise InputError("names", f"changes of {names} alone open the loops; {cure}") from None
         L, along = np.split(context.complement.L, [n], axis=1)
         B, lines = context.actuation(x), context.mechanism.lines
-        by_L, by_A = np.zeros((len(ways), *L.shape)), np.zeros((len(ways), n, len(tau)))
-        for k, way in enumerate(along.T):
-            by_L[k] = context.complement.L_dot(context.loops.Phi_dot(way))[:, :n]
+        by_L, by_A = np.zeros((len(directions), *L.shape)), np.zeros((len(directions), n, len(tau)))
+        for k, direction in enumerate(along.T):
+            by_L[k] = context.complement.L_dot(context.loops.Phi_dot(direction))[:, :n]
             by_A[k] = by_L[k].T @ B
             if lines.motors.any():
-                by_A[k] += L.T @ context.lines.loops.Phi_dot(way).T @ lines.motors
+                by_A[k] += L.T @ context.lines.loops.Phi_dot(direction).T @ lines.motors
         if wrenches is not None:
             bodies = np.zeros((context.mechanism.model.njoints - 1, 6))
             wrenches = _put(bodies, self._bodies, wrenches)
-        rest = np.zeros(len(ways))
+        rest = np.zeros(len(directions))
         motion = x, np.append(va, rest), np.append(aa, rest), wrenches, sign_width
-        by_f = self._large.torque_derivatives(*motion)[:n, n : n + len(ways)] @ ways
+        by_f = self._large.torque_derivatives(*motion)[:n, n : n + len(directions)] @ directions
         if self._theta.any():
             by_f += self._small.torque_regressor(q, va, aa) @ self._theta
         if not self._small.mechanism.driven_one_to_one:
-            by_f = _least(by_f, L.T @ B, np.tensordot(by_A, ways, (0, 0)), tau)
-        parts = [along[self._v] @ ways, by_f, np.tensordot(by_L[:, self._v], ways, (0, 0))]
+            by_f = _least(by_f, L.T @ B, np.tensordot(by_A, directions, (0, 0)), tau)
+        by_L = np.tensordot(by_L[:, self._v], directions, (0, 0))
+        parts = [along[self._v] @ directions, by_f, by_L]
         if frame is not None:
             index = frame_id(context.mechanism.model, frame)
-            parts.append(self._large.frame_jacobian(x, index)[:, n:] @ ways)
+            parts.append(self._large.frame_jacobian(x, index)[:, n:] @ directions)
         return np.concatenate([part.ravel() for part in parts])
 
     def _opens(self, group: Group, q: Array) -> bool:

@@ -103,7 +103,7 @@ class JointComplement:
         left = (Phi.dot(self.L) * self._of_Phi_L).ravel()  # Phi L = 0
         bound = INCONSISTENT * CLOSURE_TOLERANCE * largest
         if left.dot(left) <= bound**2:
-            return  # the short way: no entry of L is as large as those of its coordinates, 1
+            return  # sufficient: no entry of L is as large as those of its coordinates, 1
         gap = np.abs(self._row_scale * f).max() * largest / min(smallest, default=1.0)
         bound *= (1 + gap / CLOSURE_TOLERANCE) * np.abs(self.L * self._of_L).max()
         if not np.abs(left).max() <= bound:

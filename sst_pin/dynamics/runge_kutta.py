@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 #: Numbers, or symbols, of a state.
 X = TypeVar("X", bound=Any)
 
-#: For each slope: the half of the step where it is taken, its weight, the way to the next one.
+#: For each slope: the half of the step where it is taken, its weight, the step to the next one.
 _SLOPES = ((0, 1 / 6, 1 / 2), (1, 1 / 3, 1 / 2), (1, 1 / 3, 1), (2, 1 / 6, 0))
 
 

@@ -96,11 +96,11 @@ class Calibration(Summary):
         """The URDF that the robot was read from, for a folder, with calibrated origins."""
         mechanism, places = self.chain.mechanism, dict[str, pin.SE3]()
         errors = dict(zip(self.names, self.values, strict=True))
-        for place, way in geometry.displacements(mechanism, errors).items():
-            turn = geometry.relative(pin.SE3.Identity(), way).rotation
+        for place, displacement in geometry.displacements(mechanism, errors).items():
+            turn = geometry.relative(pin.SE3.Identity(), displacement).rotation
             calibrated = geometry.place_of(mechanism.model, place)[1].rotation
             drawn = pin.SE3(calibrated @ turn.T, np.zeros(3))
-            places[place] = geometry.relative(drawn, way)
+            places[place] = geometry.relative(drawn, displacement)
         return with_origins(urdf, mechanism.model, places, folder)
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
@@ -298,8 +298,9 @@ def _considered(
 def _enlarged(chain: ClosedChain, errors: Sequence[str]) -> ClosedChain:
     """The robot whose geometry can err; its coordinates are the chain's and independent errors."""
     mechanism = chain.mechanism
-    ways = [geometry.displacements(mechanism, {name: 1.0}) for name in errors]
-    joints = [(name, *pair) for name, way in zip(errors, ways, strict=True) for pair in way.items()]
+    moves = [geometry.displacements(mechanism, {name: 1.0}) for name in errors]
+    pairs = zip(errors, moves, strict=True)
+    joints = [(name, *place_and_move) for name, move in pairs for place_and_move in move.items()]
     model = geometry.enlarged(mechanism.model, joints)
     large = ClosedChain(model, chain.closures, [*chain.coordinates, *errors])
     if lost := set(chain.coordinates) - set(large.coordinates):

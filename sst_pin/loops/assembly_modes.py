@@ -204,7 +204,7 @@ class _Search:
         points = [data.oMf[ends[first]].translation, data.oMf[ends[1 - first]].translation]
         points += [*np.cross(axes, linear)[[x, y]], linear[y]]
         near, far, h, g, d = (complex(*(plane @ point)) for point in points)
-        # y moves `near` about h, or `far`; where it bears x, it moves `far` the other way.
+        # y moves `near` about h, or `far`; where it bears x, it moves `far` in the opposite sense.
         after = first == other and y > x
         moved, fixed = (near, far) if after else (far, near)
         meetings = _meetings(moved - h, abs(fixed - h), None if slides else g - h, d)
@@ -235,14 +235,14 @@ def _plane(linear: Array, axes: Array) -> Array | None:
 
 
 def _meetings(p: complex, r: float, g: complex | None, d: complex) -> list[Any] | None:
-    """Turns about g, or ways along d, that bring p to a distance r of the origin, and where to."""
+    """Turns about g, or distances along d, that bring p to a distance r of 0, and where to."""
     if r <= _EQUAL * abs(p):
         return None
     if g is None:
-        way = -(p * d.conjugate()).real
-        square = r * r - abs(p + way * d) ** 2
-        ways = [way + sign * np.sqrt(max(square, 0.0)) for sign in (-1, 1)]
-        return [(x, p + x * d) for x in ways] if square >= -_EQUAL * r * r else []
+        middle = -(p * d.conjugate()).real
+        square = r * r - abs(p + middle * d) ** 2
+        distances = [middle + sign * np.sqrt(max(square, 0.0)) for sign in (-1, 1)]
+        return [(x, p + x * d) for x in distances] if square >= -_EQUAL * r * r else []
     arm = p - g
     if min(abs(arm), abs(g)) <= _EQUAL * r:
         return None

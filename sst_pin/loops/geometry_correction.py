@@ -130,10 +130,10 @@ class _Poses:
                 break
             rcond = max(_LEAST, _NOISE * gap)
             d = -np.linalg.lstsq(np.vstack(left), np.concatenate(right), rcond=rcond)[0]
-            ways = np.zeros((len(poses), mechanism.model.nv))
-            ways[:, rates] = [-G @ (f + F @ d) for G, f, F in closing]
-            ways *= mechanism.rate_scale
-            poses = [pin.integrate(mechanism.model, *x) for x in zip(poses, ways, strict=True)]
+            steps = np.zeros((len(poses), mechanism.model.nv))
+            steps[:, rates] = [-G @ (f + F @ d) for G, f, F in closing]
+            steps *= mechanism.rate_scale
+            poses = [pin.integrate(mechanism.model, *x) for x in zip(poses, steps, strict=True)]
             changes = dict(zip(places, (unit * d).reshape(-1, 6), strict=True))
             result = _Poses(replace(mechanism, model=displaced(mechanism.model, changes)))
         return result
@@ -218,8 +218,8 @@ def _warn(before: Mechanism, after: Mechanism, errors: Array) -> None:
     a, b = (
         [*x.jointPlacements, *(f.placement for f in x.frames)] for x in (before.model, after.model)
     )
-    ways = [np.abs(pin.log6(x.actInv(y)).vector) for x, y in zip(a, b, strict=True)]
-    metres, radians = np.max(ways, axis=0).reshape(2, 3).max(axis=1)
+    moves = [np.abs(pin.log6(x.actInv(y)).vector) for x, y in zip(a, b, strict=True)]
+    metres, radians = np.max(moves, axis=0).reshape(2, 3).max(axis=1)
     warnings.warn(
         f"model {before.model.name}: its numbers have few digits, with which the loops at "
         f"{listed(list(names), 4)} close only to {max(errors * ~turns):.2g} m and "

@@ -103,7 +103,7 @@ class Loops:
         """Check that all errors, times the scale of their rows, are below the tolerance."""
         scaled = self.f * scale
         if scaled.dot(scaled) <= tolerance**2:
-            return  # the short way: no row is longer than all
+            return  # sufficient: no row is longer than all
         if not np.abs(scaled).max(initial=0.0) <= tolerance:
             residual = float(np.abs(self.f).max())
             if np.isnan(residual):

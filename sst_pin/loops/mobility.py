@@ -187,9 +187,9 @@ def judge(mechanism: Mechanism, loops: Loops, q: Array, where: str) -> Mobility:
     groups = [space.rates_of([name]) for name in space.names_of(mechanism.coordinates.tolist())]
     coordinates = choose_coordinates(mechanism, Phi, groups)
     motions = free_motions(Phi)
-    _, sizes, ways = np.linalg.svd(motor_rates(mechanism, q, motions))
+    _, sizes, Vt = np.linalg.svd(motor_rates(mechanism, q, motions))
     rank = int(np.count_nonzero(sizes > RESTS))
-    moving = np.abs(motions @ ways[rank:].T).max(axis=1, initial=0.0) > 1e-6
+    moving = np.abs(motions @ Vt[rank:].T).max(axis=1, initial=0.0) > 1e-6
     return Mobility(
         joints=space.rate_names,
         actuated=mechanism.motor_names,
@@ -217,8 +217,8 @@ def idle_rates(mechanism: Mechanism, loops: Loops, Phi: Array) -> tuple[str, ...
     idle = list[int]()
     for rates in map(list, mechanism.space.rates.values()):
         if loops.touched[:, rates].any() and not np.isin(rates, mechanism.driven).any():
-            _, sizes, ways = np.linalg.svd(Phi[:, rates])
-            spins = ways[np.count_nonzero(sizes > RANK_TOLERANCE) :]
+            _, sizes, Vt = np.linalg.svd(Phi[:, rates])
+            spins = Vt[np.count_nonzero(sizes > RANK_TOLERANCE) :]
             order = qr(spins, mode="r", pivoting=True)[1] if len(spins) else []
             idle += sorted(rates[k] for k in order[: len(spins)])
     return tuple(mechanism.space.rate_names[k] for k in idle)

@@ -193,11 +193,11 @@ def _moved(loops: ClosedLoops, start: Array, positions: Mapping[str, float]) -> 
     mechanism, coordinates = loops.mechanism, list(positions)
     step = np.zeros(len(mechanism.coordinates))
     before = taken(mechanism.space, start, coordinates)
-    ways = np.array([positions[name] for name in coordinates]) - before
-    for name, way in zip(coordinates, ways, strict=True):
+    moves = np.array([positions[name] for name in coordinates]) - before
+    for name, move in zip(coordinates, moves, strict=True):
         endless = name not in mechanism.space.position_names
-        turns = np.round(way / (2 * np.pi)) if endless else 0.0
-        step[mechanism.coordinate_rate_names.index(name)] = way - 2 * np.pi * turns
+        turns = np.round(move / (2 * np.pi)) if endless else 0.0
+        step[mechanism.coordinate_rate_names.index(name)] = move - 2 * np.pi * turns
     return loops.moved(start, step)
 
 

@@ -88,8 +88,8 @@ def place_of(model: pin.Model, place: str) -> tuple[int, pin.SE3]:
 def relative(placement: pin.SE3, displacement: Array) -> pin.SE3:
     """A displacement in the axes of the place, to be applied after the placement."""
     turn = np.eye(3)
-    for way in np.diag(displacement[3:]):
-        turn = turn @ pin.exp3(way)
+    for axis_turn in np.diag(displacement[3:]):
+        turn = turn @ pin.exp3(axis_turn)
     return pin.SE3(turn, placement.rotation.T @ displacement[:3])
 
 
@@ -117,8 +117,8 @@ def enlarged(model: pin.Model, errors: Iterable[Error]) -> pin.Model:
     if list(model.mimicking_joints):
         raise InputError("model", "has mimic joints; use ordinary ones with a Coupling")
     joints: dict[str, dict[str, Any]] = defaultdict(dict)
-    for name, place, way in errors:
-        slide, turn = np.split(way / np.linalg.norm(way), 2)
+    for name, place, direction in errors:
+        slide, turn = np.split(direction / np.linalg.norm(direction), 2)
         inside = place_of(model, place)[1].rotation.T @ slide
         joints[place][name.removeprefix(place)] = (
             pin.JointModelRevoluteUnaligned(turn)

@@ -207,7 +207,7 @@ class JointSpace:
             rest = (q * q).dot(self.unit_parts) - 1
             near = rest.dot(rest) < 1e-12
         if near:
-            return  # the short way: each length differs from 1 by less than 5e-7
+            return  # sufficient: each length differs from 1 by less than 5e-7
         if not self.on_manifold(q):
             off = float(self._off_length_one(finite_array(name, q, q.shape)).max())
             raise InputError(

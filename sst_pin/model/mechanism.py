@@ -207,7 +207,7 @@ class Mechanism:
     def held_in_part(self) -> bool:
         """Whether some rates of a joint with quaternions or body axes are coordinates, others not.
 
-        What it means to hold such a coordinate depends on the way to a configuration.
+        What it means to hold such a coordinate depends on the path to a configuration.
         """
         joints = [joint for joint in list(self.model.joints)[1:] if joint.nq != joint.nv > 1]
         coordinates = [np.isin(range(j.idx_v, j.idx_v + j.nv), self.coordinates) for j in joints]

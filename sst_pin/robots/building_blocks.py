@@ -170,9 +170,9 @@ def joint_shapes(
             add(name, number, origin * along, shape, colour)
         elif joint.nv == 1:
             rail = parent == 0  # else a sleeve about a rod
-            way = S[:3, 0] * (home[joint.idx_q] if rail else 0.0)
+            offset = S[:3, 0] * (home[joint.idx_q] if rail else 0.0)
             shape = coal.Cylinder(0.8 * r, 24 * r) if rail else coal.Cylinder(1.6 * r, 8 * r)
-            add(name, parent, at * pin.SE3(_z_along(S[:3, 0]), way), shape, colour)
+            add(name, parent, at * pin.SE3(_z_along(S[:3, 0]), offset), shape, colour)
         elif turns.all() and joint.nv < 6:
             add(name, number, origin, coal.Sphere(1.7 * r), colour)
         if parent == 0 and turns.all() and joint.nv < 6:

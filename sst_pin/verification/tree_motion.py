@@ -81,9 +81,9 @@ class MovingRobot:
         force -= springs.stiffness * pin.difference(mechanism.model, springs.reference, q)
         for line, shares in zip(mechanism.lines.forces, mechanism.lines.motors, strict=True):
             a, b = tree.frame(line.frame_a), tree.frame(line.frame_b)
-            way = b.placement.translation - a.placement.translation
-            length = float(np.linalg.norm(way))
-            row = way @ (b.J - a.J)[:3] / length  # the rate of the length is row v
+            d = b.placement.translation - a.placement.translation
+            length = float(np.linalg.norm(d))
+            row = d @ (b.J - a.J)[:3] / length  # the rate of the length is row v
             stretched = line.stiffness * (length - line.rest_length)
             force -= (line.preload + stretched + line.damping * row @ self.v) * row
             self.B = self.B + np.outer(row, shares)

@@ -177,14 +177,14 @@ def _coordinates(robot: ClosedChain, q: Array, size: float) -> Iterator[dict[str
     joints = {k: x for x in list(model.joints)[1:] for k in range(x.idx_v, x.idx_v + x.nv)}
     for k in space.rates_of(robot.coordinates).tolist():
         joint, unit = joints[k], space.rate_units[k]
-        way = np.pi if unit == "rad" else 2 * size
-        kind, i, low, high = "rate", joint.idx_q, -way, way
+        span = np.pi if unit == "rad" else 2 * size
+        kind, i, low, high = "rate", joint.idx_q, -span, span
         if joint.nq == joint.nv:
             kind, i = "position", joint.idx_q + k - joint.idx_v
             low, high = model.lowerPositionLimit[i], model.upperPositionLimit[i]
             if max(abs(low), abs(high)) >= (_TURN if unit == "rad" else 4 * size):
                 middle = 0.0 if unit == "rad" else q[i]
-                low, high = middle - way, middle + way
+                low, high = middle - span, middle + span
             low, high = min(low, q[i]), max(high, q[i])
         elif (joint.nq, joint.nv) == (2, 1):
             kind = "angle"

@@ -50,7 +50,7 @@ def _tangents(points: Array) -> Array:
     lengths = np.linalg.norm(steps, axis=1)
     if not lengths.any():
         return np.tile((0.0, 0.0, 1.0), (len(points), 1))
-    # A step of no length goes the way of the one before it, at the start of the one after it.
+    # A step without length has the direction of the step before, at the start of that after it.
     steps = steps[np.maximum.accumulate(np.where(lengths > 0, np.arange(len(steps)), 0))]
     steps[: np.argmax(lengths > 0)] = steps[np.argmax(lengths > 0)]
     steps /= np.linalg.norm(steps, axis=1, keepdims=True)
