@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Arrays at the border: checked on the way in, leading batch axes looped over; angles."""
+"""Checks arguments, applies functions of one sample to batches, and wraps angles."""
 
 import math
 import operator
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from .errors import InputError, SSTError
 from .progress import counted
 
-#: Real numbers, indices, and marks.
+#: Arrays of real numbers, of indices, and of booleans.
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]
@@ -21,7 +21,7 @@ T = TypeVar("T")
 
 
 def as_array(name: str, value: ArrayLike | None, core: tuple[int, ...]) -> Array:
-    """The value as float64 of shape (..., *core); refuses all but real numbers, and masked ones."""
+    """The value as float64 of shape (..., *core); only real numbers without a mask are allowed."""
     if type(value) is np.ndarray and value.shape == core and value.dtype is _FLOAT64:
         return value  # the short way for one sample in a control loop
     if value is None:
@@ -137,7 +137,7 @@ def empty(shape: tuple[int, ...]) -> Array:
 
 
 def in_order(name: str, value: Iterable[T], of: str = "names") -> tuple[T, ...]:
-    """A sequence, read once; refuses a word, and sets and mappings, which have no order."""
+    """A sequence as a tuple; strings, mappings and sets (without order) raise an error."""
     if isinstance(value, (str, Mapping, Set)) or not isinstance(value, Iterable):
         raise InputError(name, f"{value!r}: a sequence of {of} is needed, such as a list")
     return tuple(value)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""`ClosedChain`: the front door. It checks arguments and asks the engine."""
+"""`ClosedChain`, the class of all robots: it checks arguments and calls the engine."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class ClosedChain(RobotProperties, Summary):
       uses one.
     - `on_error`: "raise" (default), or "nan" to set the results of bad samples to NaN.
 
-    They raise `InputError` (a wrong shape, a number that is not finite), `ClosureError` (the loops
+    Methods raise `InputError` (wrong shape, a number that is not finite), `ClosureError` (the loops
     are open at q), `SingularConfigurationError` (the coordinates do not determine the motion at q),
     `ActuationError` (the motors cannot produce it) and `UnknownNameError`, on both paths. In a
     batch the error names the samples.
@@ -95,7 +95,7 @@ class ClosedChain(RobotProperties, Summary):
         forces: Springs, dampers and cylinders between two frames, each a `LineForce`.
 
     Raises:
-        DescriptionError: If two joints have one name, or if nothing can move.
+        DescriptionError: If the model cannot be used, as with two joints of one name.
 
     Example:
         >>> sst_pin.ClosedChain(chain.model, chain.closures, ["crank"]).degrees_of_freedom
@@ -168,8 +168,9 @@ class ClosedChain(RobotProperties, Summary):
     def with_parameters(self: _Chain, theta: ArrayLike | Mapping[str, float]) -> _Chain:
         """A new robot with other dynamic parameters, of the same class and on the same path.
 
-        `theta` are all `dynamic_parameters`, shape (p,), or some by name. Impossible values are an
-        `InputError`, a mass alone is a `DescriptionWarning`; see `dynamic_parameters.scale_mass`.
+        `theta` are all `dynamic_parameters`, shape (p,), or some by name. Values that a chain
+        cannot store raise an `InputError`; negative masses are allowed. A change of the mass alone
+        is a `DescriptionWarning`; see `dynamic_parameters.scale_mass`.
         """
         chain = copy(self)
         model, numbers, forces = regressor.changed(chain.engine.mechanism, theta)
@@ -177,7 +178,7 @@ class ClosedChain(RobotProperties, Summary):
         return chain
 
     def __copy__(self: _Chain) -> _Chain:
-        """A robot with the same engine and the caller's model; later changes stay apart."""
+        """A robot with the same model and engine; `refresh` or `compile` changes only one."""
         other = type(self).__new__(type(self))
         other.__dict__.update(self.__dict__)
         return other
@@ -271,7 +272,8 @@ class ClosedChain(RobotProperties, Summary):
             q: Guesses, shape (..., nq); with quaternions also the displacement from `pin.neutral`,
                 shape (..., nv). Or positions by the names of joints, [rad] or [m]; the other joints
                 start from home, else from zero. If only coordinates are named, they are moved from
-                home, in its assembly mode; without a home a `DescriptionWarning` says so.
+                home, in its assembly mode. Without a home, a `DescriptionWarning` says if the mode
+                had to be chosen.
             fixed: Names of joints that keep their position, () for none. By default the
                 coordinates; if q names joints that are no coordinates, the joints named.
             tries: Number of starts: the guess, then random configurations around it, by `seed`.
@@ -354,7 +356,7 @@ class ClosedChain(RobotProperties, Summary):
                 configuration near zero.
 
         Raises:
-            WorkspaceError: If the pose is out of reach; the message says how far, in metres.
+            WorkspaceError: If the pose is out of reach; the message says how far, [m] and [rad].
 
         Example:
             >>> lift = sst_pin.robots.five_bar()
@@ -403,7 +405,7 @@ class ClosedChain(RobotProperties, Summary):
         return self._engine.compute(Quantity("actuator_jacobian"), q)
 
     def line_lengths(self, q: ArrayLike) -> Array:
-        """Lengths of the lines of `forces`, of any q, shape (..., lines), [m]."""
+        """Lengths of the lines of `forces`, shape (..., lines), [m]; q may have open loops."""
         engine = self._engine
         array = finite_array("q", q, (engine.mechanism.model.nq,))
         return for_each_sample(engine.reference.line_lengths, [array], (1,), (len(self.forces),))
@@ -510,7 +512,7 @@ class ClosedChain(RobotProperties, Summary):
         )
 
     def noc(self, q: ArrayLike, va: ArrayLike) -> dynamics.Terms:
-        """All matrices of the paper at one state, with f = I aa + C va - tau^g - tau^f."""
+        """All matrices of the paper at one state: f = I aa + C va - tau^g - tau^f - springs."""
         engine = self._engine
         rates = single_array("va", va, (len(engine.mechanism.coordinates),))
         return dynamics.terms(engine.reference.context, engine.single(q), rates)

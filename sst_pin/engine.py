@@ -95,14 +95,14 @@ class Kernels(Protocol):
         """The kernel of a quantity, made at its first use; None if it cannot be compiled."""
 
     def closed(self, q: Array, /) -> Array | None:
-        """The closed configuration near q with the coordinates fixed; None if it is not near."""
+        """The closed configuration near q with the coordinates fixed; None to ask the reference."""
 
     def states(self, friction: Friction) -> States:
         """The state space with this friction instead of the mechanism's."""
 
 
 class Robot(Protocol):
-    """An argument of public functions in lower rooms: they use its engine only."""
+    """A robot as public functions of lower packages see it: they use its engine only."""
 
     @property
     def engine(self) -> Engine: ...  # noqa: D102
@@ -194,10 +194,10 @@ class Engine(ClosedLoops):
         on_error: str = "raise",
         **arguments: Any,
     ) -> Array:
-        """A quantity of one sample or a batch, behind the leading axes of the arguments.
+        """A quantity of one sample or a batch; leading axes are those of the arguments.
 
-        `ClosedChain` describes the arguments. Those after q come by name, in the order of the
-        quantity's function; `extra` are arguments that only the reference path has.
+        `ClosedChain` describes the arguments. Those after q are named, in the order of the
+        quantity's function; `extra` are arguments that only the reference path accepts.
         """
         plain = on_error == "raise" and external_wrenches is None and extra is None
         if plain and self.kernels is not None and isinstance(key.frame, (str, type(None))):
@@ -394,7 +394,7 @@ def _loads(name: str, value: ArrayLike, shape: tuple[int, ...], on_error: str) -
 def _unpickled(
     mechanism: Mechanism, make_kernels: Callable[..., Kernels] | None, platform: str
 ) -> Engine:
-    """An engine with read-only arrays and a copy of the model, whose mimic joints would crash."""
+    """An engine with read-only arrays and a copied model: unpickled mimic joints would crash."""
     parts = {name: replace(getattr(mechanism, name)) for name in ("friction", "springs")}
     mechanism = replace(mechanism, model=pin.Model(mechanism.model), **parts)
     return Engine(mechanism, make_kernels, platform=platform)

@@ -96,7 +96,7 @@ class DescriptionError(SSTError):
 
 
 class UnknownNameError(SSTError, KeyError):
-    """There is no joint, frame or column of this name.
+    """There is no joint, frame, parameter or other part of this name.
 
     Attributes:
         name: The unknown name.
@@ -112,7 +112,7 @@ class UnknownNameError(SSTError, KeyError):
 
 
 class ActuationError(SSTError):
-    """The coordinates do not describe the motion, or the motors cannot produce it.
+    """The motors cannot produce a motion, or cannot hold the robot.
 
     Attributes:
         missing: Forces that no motor supplies, for each name of a coordinate, [N m] or [N].
@@ -158,7 +158,7 @@ class ClosureError(SSTError):
 
 
 class SingularConfigurationError(SSTError):
-    """A singular configuration: the coordinates do not determine the other joint rates.
+    """A singular configuration, e.g. the coordinates do not determine the other joint rates.
 
     Attributes:
         condition_number: Condition number of the singular matrix.
@@ -258,4 +258,4 @@ class SingularityWarning(UserWarning):
 
 
 class DescriptionWarning(UserWarning):
-    """A description has inertias that no body has, too few digits, or no place for something."""
+    """A robot description is doubtful or incomplete, or a file format cannot store a part of it."""

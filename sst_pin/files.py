@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Tables in and files out: CSV that says where it is wrong, outputs whole or not at all."""
+"""Reads CSV tables, with the line of each error; writes files completely or not at all."""
 
 import csv
 import io
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 Writer = Callable[[BinaryIO], None]
 #: Names of the column of times.
 _TIME = dict.fromkeys(("time_s", "t", "time"), "t_s")
-#: [byte] of a table that is read.
+#: Largest size of a table, [byte].
 _LARGEST = 2**30
 
 
@@ -150,9 +150,9 @@ def write_files(
 ) -> None:
     """Write files whole or not at all; with `force` also those that exist.
 
-    Every target is looked at before the first is written; each is written beside its place and
-    moved there when it is complete. A file that is replaced keeps its mode, and a link to it
-    remains. Only `folder`, and folders inside it, are made where they are missing.
+    All targets are checked before the first is written. Each content goes to a temporary file,
+    which replaces the target when it is complete. A file that is replaced keeps its mode, and a
+    link to it remains. Only `folder` and folders inside it are created if they are missing.
     """
     places = {path: _place(as_path(path), force) for path in files}
     parents = [folder.absolute()] if folder else [place for place, _ in places.values()]
@@ -191,7 +191,7 @@ def _write_whole(path: Path, mode: int, write: Writer) -> None:
     try:
         with os.fdopen(handle, "wb") as file:
             write(file)
-        partial.chmod(mode)  # mkstemp makes files for one's own eyes
+        partial.chmod(mode)  # mkstemp makes files that only their owner can read
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)

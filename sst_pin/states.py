@@ -107,7 +107,7 @@ class States:
         return np.array([self.closed(state) for state in states])
 
     def rate(self, states: Array, tau: Array, wrenches: Array | None) -> Array:
-        """Eqs. (7) and (92): rates of states whose loops are closed, shape (..., nq + n)."""
+        """Rates of states, Eqs. (7) and (92), after closing the loops, shape (..., nq + n)."""
         if states.ndim == 2:
             loads = [None] * len(states) if wrenches is None else wrenches
             samples = zip(states, tau, loads, strict=True)
@@ -173,9 +173,10 @@ class States:
         return self._continuity.condition_number(q)
 
     def suited(self, q: Array, sound: float = WELL_CONDITIONED) -> tuple[States, float]:
-        """These states if their condition is `sound`, else much better ones; and the condition.
+        """States with good coordinates at q, and the condition number of these there.
 
-        The better ones use the independent rates that describe motions at q best.
+        They are these states if their condition number is at most `sound` or no other rates are
+        better by `MARGIN`; else states of the rates that describe motions at q best.
         """
         from scipy.linalg import qr
 
@@ -205,7 +206,7 @@ class States:
     def follow(
         self, start: Array, path: Path, limit: float, first: float = 1.0
     ) -> tuple[float, Array]:
-        """How much of a step stays regular and in its assembly mode; see `Continuity.follow`."""
+        """The continuous and regular fraction of a step, and its end; as `Continuity.follow`."""
         return self._continuity.follow(start, path, limit, first)
 
     @property
@@ -223,7 +224,7 @@ class States:
         return self.follow(before, path, MAX_CONDITION_NUMBER)[0] == 1
 
     def rollout(self, motions: RolloutArrays, threads: int) -> Indices:
-        """Fill the states by the classical Runge-Kutta method; their numbers, shape (N,).
+        """Fill q and va by the classical Runge-Kutta method; numbers of valid states, shape (N,).
 
         After each step the dependent joints are moved onto the closures. A motion ends where its
         loops open, at a singularity, or where a number is not finite.
@@ -235,8 +236,8 @@ class States:
     def _roll(self, motions: RolloutArrays, i: int, *, back: bool = False) -> tuple[int, bool]:
         """The number of valid states of motion i, and whether the motion can continue.
 
-        Rates of other joints are integrated where these describe it better; with `back` it returns
-        where the coordinates do again.
+        Where rates of other joints describe the motion better, they are integrated. With `back` it
+        returns where the coordinates describe it well again.
         """
         states, q, va = self, motions.q[i], motions.va[i]
         q[:], va[:] = np.nan, np.nan
@@ -280,7 +281,7 @@ class States:
     ) -> tuple[Array, bool]:
         """The state after one step, and whether the step is short enough for its curvature.
 
-        Without correction the end of the step is off the closures by the square of its length.
+        Before its correction the end of the step is off the closures by an error of order h^5.
         """
         nq, model, space = self._nq, self._mechanism.model, self._mechanism.space
 

@@ -4,7 +4,7 @@
 from collections.abc import Sequence
 from html import escape
 
-#: A word and what is said of it.
+#: Pairs of a label and its text.
 Rows = Sequence[tuple[str, str]]
 
 
@@ -39,6 +39,6 @@ class Summary:
 
 
 def listed(words: Sequence[str], most: int = 9) -> str:
-    """Words with commas; if they are more than `most`, the first and how many follow."""
+    """Words with commas: the first `most` and the number of the rest; "none" without words."""
     shown = ", ".join(words[:most])
     return f"{shown} and {len(words) - most} more" if len(words) > most else shown or "none"

@@ -28,7 +28,7 @@ from ..loops.rows import cross, skew
 from ..model.mechanism import Friction
 from .dynamics import Context, applied_forces, direct_dynamics
 
-#: Wrenches on bodies: these, frames on them, the wrenches at the world's origin, their w_q.
+#: Loaded bodies, frames on them, the wrenches w at the world's origin, and w_q, derivatives by q.
 _Load = tuple[list[int], FrameMotions, Array, Array]
 
 
@@ -75,7 +75,7 @@ class FrameVelocityDerivatives(NamedTuple):
 def linear_system(d: AccelerationDerivatives, rates: Array | None) -> tuple[Array, Array]:
     """A, shape (..., 2 n, 2 n), and B, shape (..., 2 n, motors), of x' = A x + B u.
 
-    `rates` are those of a displacement as the axes of joints move, shape (..., n, n), or None.
+    `rates` are `Derivatives.displacement_rates`, shape (..., n, n), or None if no joint axes move.
     """
     rows = np.concatenate(d, axis=-1)
     n = rows.shape[-2]
@@ -136,7 +136,7 @@ class Derivatives:
 
     @property
     def axes_move(self) -> bool:
-        """Whether a coordinate belongs to a joint whose rates have axes that it moves."""
+        """Whether a coordinate belongs to a joint with several rates, whose axes can move."""
         tree = self._memory.tree
         several = [joint.nv > 1 for joint in list(tree.model.joints)[1:] for _ in range(joint.nv)]
         return bool(tree.S[several][:, self._mechanism.coordinates].any())
@@ -205,11 +205,11 @@ class Derivatives:
     def _tree_forces(
         self, v: Array, v_dot: Array, loads: list[_Load]
     ) -> tuple[Array, Array, Array]:
-        """Derivatives of RNEA less the forces of loads by q, v and v_dot.
+        """Derivatives of RNEA minus the forces of the loads, by q, v and v_dot.
 
-        Pinocchio holds external wrenches in the bodies. What a wrench w does not turn with its body
-        is its own derivative w_q less that of a wrench that does. It reduces inertias at the
-        world's origin, which costs digits by the square of the distance: the tree is moved there.
+        For Pinocchio, external wrenches turn with their bodies; the difference of w_q from the
+        derivative of such a wrench is taken into account here. Pinocchio takes inertias about the
+        world's origin, which loses digits with the square of the distance: the tree is moved there.
         """
         context, model, S = self._memory, self._memory.tree.model, self._memory.tree.S
         total = np.zeros((model.njoints, 6))
@@ -259,7 +259,7 @@ def _on_mass_centres(tree: TreeMotion, loops: Loops, wrenches: Array) -> _Load:
 
 
 def _turning_along(twists: Array, w: Array) -> Array:
-    """Derivatives of wrenches, shape (k, 6), that twists, shape (k, 6, nv), carry along."""
+    """Derivatives of wrenches, shape (k, 6), that move with the twists, shape (k, 6, nv)."""
     force, moment = -skew(w[:, :3]), -skew(w[:, 3:])
     linear, omega = twists[:, :3], twists[:, 3:]
     return np.concatenate((force @ omega, moment @ omega + force @ linear), axis=1)

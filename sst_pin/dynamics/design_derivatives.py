@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Derivatives by the design: by placements, lengths, masses and mass centres.
+"""Derivatives by design parameters: placements, lengths, masses and mass centres.
 
-A change of the geometry is the position of a joint at rest. So its derivatives are those of a
-larger mechanism along this joint: columns of L, of L_dot and of the derivatives of the forces.
-Forces are linear in the dynamic parameters; their derivatives are columns of the regressor.
+A change of the geometry is the position of an added joint at rest. Derivatives by it are columns of
+L, of L_dot and of the derivatives of the forces of the larger mechanism. Forces are linear in the
+dynamic parameters; their derivatives are columns of the regressor.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ class DesignDerivatives(NamedTuple):
 
     Attributes:
         names: The parameters.
-        q: Of the configuration, along the rates of the joints, shape (..., nv, names).
-        torques: Of the motor torques, shape (..., motors, names).
-        L: Of the joint complement, v = L va, shape (..., nv, n, names).
-        pose: Of a frame's pose, [linear; angular] in base axes at its origin, shape
+        q: Derivatives of the configuration, along the rates of the joints, shape (..., nv, names).
+        torques: Derivatives of the motor torques, shape (..., motors, names).
+        L: Derivatives of the joint complement, v = L va, shape (..., nv, n, names).
+        pose: Derivatives of a frame's pose, [linear; angular] in base axes at its origin, shape
             (..., 6, names); without a frame (..., 0, names).
     """
 
@@ -96,7 +96,7 @@ class Design:
         self.names = tuple(name for name, _ in groups)
         mechanism, errors, couplings = reference.mechanism, list[Error](), list[Coupling]()
         theta, geometry = regressor.names_of(mechanism), parameter_names(mechanism)
-        #: Changes of the dynamic parameters, and of the joints that lead, a column for each group.
+        #: Changes of the dynamic parameters, a column for each group.
         self._theta = np.array([[g.get(x, 0.0) for _, g in groups] for x in theta])
         leaders, directions = list[str](), list[Array]()
         for k, (_, group) in enumerate(groups):

@@ -37,8 +37,8 @@ _EARTH = 9.81
 class Terms(Summary):
     """Every matrix of Eq. (92): f = inertia aa + coriolis va - gravity - friction - springs.
 
-    There are nv rates, n of them of coordinates, and r bodies. Units are SI, axes are base axes,
-    twists are [omega; v] at mass centres.
+    There are nv rates, of which n belong to the coordinates, and r bodies. Units are SI, axes are
+    those of the base, twists are [omega; v] at mass centres.
 
     Attributes:
         Phi: Independent rows of the constraint Jacobian, shape (nv - n, nv), Eqs. (3), (5).
@@ -125,7 +125,7 @@ class ReducedTerms(NamedTuple):
 
     @classmethod
     def of_rows(cls, rows: Array, n: int) -> ReducedTerms:
-        """From all numbers of a sample in a row, shape (..., 2 n (n + 1))."""
+        """The terms from all their numbers in a row, shape (..., 2 n (n + 1))."""
         inertia, coriolis, gravity, friction = np.split(
             rows, [n * n, 2 * n * n, 2 * n * n + n], axis=-1
         )
@@ -150,7 +150,7 @@ class Context:
         self.assembly = Assembly(mechanism, self.loops)
         self.without_slip = Assembly(mechanism, self.loops, slipping=False)
         self.whole_inertia = whole_inertia(mechanism)
-        #: Accelerations of coordinates that have none.
+        #: Zero accelerations of the coordinates.
         self.steady = np.zeros(len(mechanism.coordinates))
 
     @cached_property
@@ -259,8 +259,8 @@ def direct_dynamics(
 ) -> tuple[Array, Array]:
     """Accelerations of the coordinates from Eq. (92), and v = L va; loops open up to `tolerance`.
 
-    Bias forces are a `pin.rnea`, N_l forward and N_l^T back. `friction` is taken instead of the
-    mechanism's.
+    `pin.rnea` (N_l forward, N_l^T backward) computes the bias forces. `friction` replaces that of
+    the mechanism.
     """
     v, bias = context.complement.motion(q, va, context.steady, tolerance)
     force = applied_forces(context, friction, q, v, wrenches, tau) - context.tree_forces(v, bias)

@@ -66,7 +66,7 @@ class JointComplement:
         self.inverse = np.zeros(loops.touched.T.shape)
 
     def evaluate(self, q: Array, tolerance: float = CLOSURE_TOLERANCE) -> None:
-        """Compute L at the current q; the loops must be closed up to a tolerance."""
+        """Compute L at q; the loops must be closed up to a tolerance."""
         if not self._mechanism.space.euclidean:
             self._mechanism.space.require_on_manifold(q)
         self._loops.evaluate_closed(q, self._row_scale, tolerance)
@@ -89,7 +89,7 @@ class JointComplement:
 
         Redundant rows must hold too, up to the errors f of the loops, Eq. (2).
         """
-        smallest, largest = [], 1.0  # those of the coordinates are 1
+        smallest, largest = [], 1.0  # the block of the coordinates is the identity
         for block in self.blocks:
             A = Phi[block.of_u] * block.scale
             inverse, sizes = _inverse(A)
@@ -103,7 +103,7 @@ class JointComplement:
         left = (Phi.dot(self.L) * self._of_Phi_L).ravel()  # Phi L = 0
         bound = INCONSISTENT * CLOSURE_TOLERANCE * largest
         if left.dot(left) <= bound**2:
-            return  # sufficient: no entry of L is as large as those of its coordinates, 1
+            return  # sufficient: the bound below is not smaller, as L has entries 1
         gap = np.abs(self._row_scale * f).max() * largest / min(smallest, default=1.0)
         bound *= (1 + gap / CLOSURE_TOLERANCE) * np.abs(self.L * self._of_L).max()
         if not np.abs(left).max() <= bound:
@@ -154,8 +154,8 @@ def _norm(A: Array) -> float:
 def _inverse(A: Array) -> tuple[Array, tuple[float, float]]:
     """The pseudo-inverse of a matrix, and two sizes whose ratio is a condition number.
 
-    They are the largest and the smallest singular value, or Frobenius norms in their place: of a
-    square matrix, and 1 over that of its inverse. The smallest is 0 or NaN if there is no inverse.
+    They are the largest and the smallest singular value. For a square matrix they are its Frobenius
+    norm and 1 over that of its inverse. The second is 0 or NaN if there is no inverse.
     """
     rows, columns = A.shape
     try:
@@ -231,8 +231,8 @@ def decoupled(loops: Loops) -> tuple[Array, Array]:
     """N_l, shape (6 r, 6 r), and N_d, shape (6 r, nv), with K = N_l N_d, of the paper's [5, 6].
 
     N_d is block diagonal and has the twist of each body relative to its parent. N_l has unit blocks
-    on the diagonal and zeros above; it adds the twists of a body to those of all that it bears. The
-    forward recursion of inverse dynamics is N_l, the backward one its transpose.
+    on the diagonal and zeros above; it adds the twist of a body to those of all bodies behind it.
+    The forward recursion of inverse dynamics is N_l, the backward recursion is its transpose.
     """
     model, c = loops.model, mass_centers(loops)
     r, J = len(c), _of_bodies(loops, pin.getJointJacobian)

@@ -9,7 +9,7 @@ from ..model.mechanism import Mechanism
 from . import reactions, regressor
 from .reference import Reference
 
-#: Names of the quantities; those of methods of `Reference`, but for steps of integrators.
+#: Names of the quantities. All but "closing" and "rollout" are methods of `Reference`.
 Name = Literal[
     "torques",
     "generalized_forces",
@@ -45,11 +45,11 @@ class Properties(NamedTuple):
     written: Literal["", "matrices", "derivatives"] = "matrices"
     #: Whether external wrenches may act.
     loadable: bool = False
-    #: Whether Coulomb friction is smooth, within a width that a key tells.
+    #: Whether Coulomb friction is smooth, within the `sign_width` of the key.
     smooth: bool = False
-    #: Whether it is that of a frame.
+    #: Whether it is a quantity of a frame.
     of_frame: bool = False
-    #: Whether tau may be None, where it follows from the other arguments.
+    #: Whether tau may be None and then follows from the other arguments.
     tau_optional: bool = False
 
 

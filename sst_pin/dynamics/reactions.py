@@ -26,7 +26,8 @@ from ..summaries import Summary, listed
 from .dynamics import Context, applied_forces
 from .noc import mass_centers
 
-#: Inner stresses with a smaller stiffness, relative to the largest, are not determined.
+#: Inner stresses are not determined if the root of their elastic energy, relative to the largest,
+#: is smaller: they act in rigid parts only.
 _RESISTED = 1e-9
 _MOMENT_FIRST = [3, 4, 5, 0, 1, 2]
 #: Bits of the components that are not unique, in the code of a joint or closure.
@@ -47,10 +48,10 @@ class Reactions(Summary):
     """Wrenches [moment; force] in the joints and closures of a robot, [N m], [N].
 
     A joint's wrench is all that its parent gives to its child there, at the origin and in the axes
-    of the joint: by the bearing, the motor, friction, springs and gears. What rotors
-    (`model.armature`) need is along the joint's axis and not in it. A closure's wrench is what
-    the link of frame A gives to the link of frame B, at the origin and in the axes of B; that of a
-    coupling is its force on the dependent joint, written about or along z.
+    of the joint: by the bearing, the motor, friction, springs and gears. It does not include the
+    force that rotors (`model.armature`) need along the joint's axis. A closure's wrench is what the
+    link of frame A gives to the link of frame B, at the origin and in the axes of B. The wrench of
+    a coupling is its force on the dependent joint, written about or along z.
 
     Components that are not unique are NaN, unless stiffnesses were given.
 
@@ -62,7 +63,7 @@ class Reactions(Summary):
         ground: What the ground gives to the robot in all, at the origin of the base in base axes,
             shape (..., 6).
         determined: Which components are unique in the rigid robot.
-        elastic: Which are not, and come from the stiffnesses given.
+        elastic: Which components are not, but follow from the given stiffnesses.
 
     Example:
         >>> delta = sst_pin.robots.delta()
@@ -147,7 +148,7 @@ def reactions(
 
     `tau` is None where there is one motor for each coordinate; `compliances` are those of the
     components, shape (r + closures, 6), or None. A code for each joint and closure has the bits of
-    the components that are not unique. What compliances leave open is NaN.
+    the components that are not unique. Those that compliances do not determine are NaN.
     """
     mechanism, tree, data = context.mechanism, context.tree, context.data
     v, v_dot = context.complement.motion(q, va, aa)
@@ -224,7 +225,7 @@ def _wrenches(context: Context, Lambda: Array) -> Array:
 
 
 def _relaxed(values: Array, stresses: Array, compliances: Array) -> tuple[Array, Array]:
-    """Wrenches with the least elastic energy, and the stresses that no stiffness resists."""
+    """Wrenches with the least elastic energy, and inner stresses without elastic energy."""
     root, flat = np.sqrt(compliances).ravel(), stresses.reshape(values.size, -1)
     U, s, Vt = np.linalg.svd(root[:, None] * flat, full_matrices=False)
     rank = int(np.count_nonzero(s > _RESISTED * s.max(initial=0.0)))

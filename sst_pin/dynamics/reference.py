@@ -90,7 +90,7 @@ class Reference(threading.local):
         external_wrenches: Array | None,
         weights: Array | None = None,
     ) -> Array:
-        """tau, shape (motors,): f itself, or the smallest torques that produce it."""
+        """tau, shape (motors,): f if motor k drives coordinate k, else the least torques for f."""
         f = self.generalized_forces(q, va, aa, external_wrenches)
         if self.mechanism.driven_one_to_one:
             return f

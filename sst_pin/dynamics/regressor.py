@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Generalized forces as Y theta, theta the parameters of bodies, joints, lines and motors.
 
-Y = L^T Y_tree, where the columns of Y_tree are what one unit of each parameter takes along the
-rates of the tree. References of springs and rest lengths of lines are held, so f is linear.
+Y = L^T Y_tree. A column of Y_tree has the forces along the rates of the tree for one unit of a
+parameter. References of springs and rest lengths of lines are constant, so f is linear in theta.
 """
 
 from __future__ import annotations
@@ -67,11 +67,11 @@ class DynamicParameters(Summary):
     def scale_mass(self, body: str, factor: float) -> DynamicParameters:
         """The parameters with mass, first moment and inertia of a body times a factor.
 
-        The mass centre stays. `body` is the name of its joint; use them in `with_parameters`.
+        The mass centre stays. `body` is the name of its joint. Use `with_parameters` to apply them.
 
         Raises:
             UnknownNameError: If there is no such body.
-            InputError: If the factor is negative.
+            InputError: If the factor is negative or not finite.
 
         Example:
             >>> loaded = chain.with_parameters(chain.dynamic_parameters.scale_mass("crank", 2.0))
@@ -93,7 +93,7 @@ class DynamicParameters(Summary):
 
 
 def with_springs(mechanism: Mechanism) -> Mechanism:
-    """With a spring wherever one is possible, so that all stiffnesses are open numbers."""
+    """The mechanism with a spring wherever one is possible; kernels then have all stiffnesses."""
     stiffness = np.zeros(mechanism.model.nv)
     stiffness[mechanism.sprung] = 1
     return replace(mechanism, springs=Springs(stiffness, mechanism.springs.reference))
@@ -111,7 +111,7 @@ def names_of(mechanism: Mechanism) -> tuple[str, ...]:
 
 
 def parameters_of(mechanism: Mechanism) -> DynamicParameters:
-    """The values of a mechanism; it has no offsets."""
+    """The parameters of a mechanism; its offsets are zero."""
     model, friction = mechanism.model, mechanism.friction
     bodies = [body.toDynamicParameters() for body in list(model.inertias)[1:]]
     rates = friction.viscous, friction.coulomb, model.armature
@@ -158,7 +158,7 @@ def _of_bodies(context: Context, v: Array, v_dot: Array) -> Array:
 def changed(
     mechanism: Mechanism, theta: ArrayLike | Mapping[str, float]
 ) -> tuple[pin.Model, dict[str, ArrayLike | None], tuple[LineForce, ...]]:
-    """The tree with its friction and rotors, numbers of `mechanism_of`, and lines, by theta."""
+    """Tree (with friction and rotors), `numbers` of `mechanism_of`, and lines with theta."""
     model, nv = pin.Model(mechanism.model), mechanism.model.nv
     k, r = mechanism.sprung, model.njoints - 1
     ends = np.cumsum([10 * r, nv, nv, nv, len(k), nv, 3 * len(mechanism.lines.forces)])
@@ -190,7 +190,7 @@ def changed(
 
 
 def _values(mechanism: Mechanism, theta: ArrayLike | Mapping[str, float]) -> Array:
-    """The values of all parameters, of which theta may name some."""
+    """The values of all parameters; theta has all of them, or some by name."""
     now = parameters_of(mechanism)
     if not isinstance(theta, Mapping):
         return single_array("theta", theta, now.values.shape)
@@ -203,7 +203,7 @@ def _values(mechanism: Mechanism, theta: ArrayLike | Mapping[str, float]) -> Arr
 
 
 def _spring_reference(mechanism: Mechanism, stiffness: Array, offset: Array) -> Array:
-    """The configuration without force of springs with constant forces beside them, shape (nq,)."""
+    """The reference of springs that also give the constant forces `offset`, shape (nq,)."""
     names, reference = mechanism.space.rate_names, mechanism.springs.reference
     if lost := [names[i] for i in np.flatnonzero(offset * (stiffness == 0))]:
         raise InputError(

@@ -37,7 +37,7 @@ _NO_RANK = 1e-10
 #: Loops that stay open by less, without units, are tried again with the tolerance for few digits.
 _NEARLY = 10 * FEW_DIGITS
 _NONE = np.zeros(0, dtype=np.intp)
-#: Distance of a configuration beside another one, [rad] or robot lengths.
+#: Largest motion of a joint in `Assembly.aside`, [rad] or lengths of the loop.
 _ASIDE = 0.2
 
 
@@ -125,7 +125,7 @@ class Assembly:
             return self.assemble(q, rates)
 
     def aside(self, q: Array, seed: int) -> Array:
-        """A configuration in the assembly mode of a closed q, about a fifth of a radian away."""
+        """A closed configuration beside a closed q, about 0.2 rad away along a random motion."""
         from scipy.linalg import null_space
 
         mechanism, loops = self.mechanism, self.loops
@@ -141,7 +141,7 @@ class Assembly:
     def _newton(
         self, q: Array, free: Indices, bounds: _Limits, tolerance: float = _NO_RANK
     ) -> tuple[Array, Indices]:
-        """The nearest configuration and the rows that stay open."""
+        """A configuration near q with the loops closed where possible, and the open rows."""
         f = self._residual(q)
         key = free.tobytes()
         if key not in self._known_parts:
@@ -218,7 +218,7 @@ class Assembly:
         return self.loops.f * self.mechanism.row_scale
 
     def _parts(self, free: Indices) -> Iterator[tuple[Indices, Indices]]:
-        """Rows and free rates of loops that share none."""
+        """Rows and free rates of each part; parts share no rows and no free rates."""
         loops = self.loops
         of_closures = np.array([loops.touched[rows].any(axis=0) for rows in loops.slices])
         number = np.repeat(np.arange(len(loops.slices)), [s.stop - s.start for s in loops.slices])
@@ -306,7 +306,7 @@ class _Limits:
 
 
 def displacement(mechanism: Mechanism, width: float) -> Array:
-    """A displacement along the rates, pseudo-random by the joints' names, shape (nv,)."""
+    """A random displacement up to 1.5 `width`, the same for the same joint names, (nv,)."""
     step = np.zeros(mechanism.model.nv)
     for name, rates in mechanism.space.rates.items():
         step[rates] = width * np.array(_drawn(round(1000 * width), name, len(rates)))

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """All assembly modes: the configurations with closed loops for positions of some joints.
 
-A loop that two joints of a plane close, a dyad of hinges or of a hinge and a slide, has two
-solutions in closed form; after it others may be dyads too. The rest is searched from random starts
-by Newton's method.
+A planar loop that two joints close is a dyad: two hinges, or a hinge and a slide. It has up to two
+solutions in closed form; with these joints placed, other loops may become dyads. The remaining
+loops are solved by Newton's method from random starts.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from .assembly import Assembly, home_of
 from .loops import connected
 from .mobility import free_motions, independent_rows, scaled_Phi
 
-#: A search ends after the first number of starts, and the second for each mode, without a new mode.
-#: The third number is the limit.
+#: A search ends after _STARTS + _STARTS_PER_MODE * modes starts in a row without a new mode, or
+#: after _MOST_STARTS starts in all.
 _STARTS, _STARTS_PER_MODE, _MOST_STARTS = 100, 15, 3000
 #: Half the range of random starts, [rad] or lengths of the loop.
 _TURN, _SLIDE = np.pi, 1.0
-#: Configurations that differ by less are one, [rad] or lengths of the loop: Newton's method leaves
-#: the root of its tolerance where two modes meet.
+#: Configurations are the same if their keys (positions in robot lengths, rotation matrices) differ
+#: by less. Where two modes meet, Newton's method has errors of the root of its tolerance.
 _ONE = 1e-5
 #: Directions and cosines that differ by less are equal, and so are points, in robot lengths.
 _EQUAL = 1e-9
@@ -68,7 +68,7 @@ def modes_of(
     frame: str | None,
     solutions: Sequence[Array] | Array | None,
 ) -> AssemblyModes:
-    """All modes, in closed form or by search; or `solutions`, if these are all."""
+    """All modes: those of `solutions`, a complete list, if given; else by dyads and search."""
     search, complete = _Search(assembly, positions, frame), True
     if solutions is None:
         solutions, complete = search.all_modes()
@@ -157,13 +157,13 @@ class _Search:
         return modes.q
 
     def in_one_turn(self, q: Array) -> Array:
-        """q with its angles in [-pi, pi), unless couplings count turns."""
+        """q with its angles in [-pi, pi), unless that opens a loop, as with geared joints."""
         turned = np.where(np.array(self._space.position_units) == "rad", in_one_turn(q), q)
         turned = put(self._space, turned, self._positions)
         return q if self._assembly.gap(turned, self._rows) else turned
 
     def key(self, q: Array) -> Array:
-        """Where all bodies are, or the frame: numbers free of units."""
+        """Poses of all bodies, or of the frame only, in a row, free of units."""
         self._loops.evaluate(q)
         data, bodies = self._loops.data, self._loops.tree.bodies[1:]
         frame = self._frame
@@ -172,7 +172,7 @@ class _Search:
         return np.concatenate([np.column_stack(pair).ravel() for pair in columns])
 
     def branches(self, configurations: Sequence[Array]) -> Indices:
-        """Signs of determinants of independent rows, for each part."""
+        """Sign of det Phi of each part, independent rows only; 0 if it is singular."""
         signs = np.zeros((len(configurations), len(self._parts)), dtype=int)
         matrices = [scaled_Phi(self._mechanism, self._loops, q) for q in configurations]
         for k, part in enumerate(self._parts):
@@ -184,7 +184,7 @@ class _Search:
         return signs
 
     def _dyad(self, q: Array, k: int, rates: Indices) -> list[Array] | None:
-        """Both positions in which two joints of a plane close a point; None if they are no dyad."""
+        """Configurations in which two joints of a dyad close the loop; None if it is no dyad."""
         closure, model = self._mechanism.closures[k], self._model
         joints = [joint for joint in list(model.joints)[1:] if joint.idx_v in rates]
         one_each = [(joint.nq, joint.nv) for joint in joints] == [(1, 1)] * 2
@@ -235,7 +235,7 @@ def _plane(linear: Array, axes: Array) -> Array | None:
 
 
 def _meetings(p: complex, r: float, g: complex | None, d: complex) -> list[Any] | None:
-    """Turns about g, or distances along d, that bring p to a distance r of 0, and where to."""
+    """Turns about g, or shifts along d, that bring p to the distance r from 0, and the new p."""
     if r <= _EQUAL * abs(p):
         return None
     if g is None:

@@ -20,7 +20,7 @@ from .mobility import Mobility, condition_number, judge, scaled_Phi
 
 
 class ClosedLoops(ABC):
-    """The loops of one mechanism at any configurations, from any thread."""
+    """Evaluates and closes the loops of one mechanism; it may be used from several threads."""
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism, self._thread = mechanism, threading.local()

@@ -28,7 +28,7 @@ Path = Callable[[Array, float, float], Array]
 
 #: Largest |Phi_a^+ (Phi_b - Phi_a)| of two configurations that count as neighbours.
 CHANGE = 0.5
-#: Largest motion of a joint between them, [rad] or of the robot's length.
+#: Largest motion of a joint between them, [rad] or lengths of the loop.
 TRAVEL = 0.5
 #: The most configurations between two samples of a motion: about forty turns.
 LOOKS = 2000
@@ -110,8 +110,8 @@ class Continuity:
         """The fraction of a step that is continuous and regular, and the configuration at its end.
 
         `path` gives configurations at fractions of the step; `limit` is the largest condition
-        number. `first` is the fraction at which the motion reverses, which is tried first. A step
-        that needs more than `looks` configurations raises an error.
+        number. `first` is the fraction that is tried first, for example where the motion reverses.
+        A step that needs more than `looks` configurations raises an error.
         """
         q, low, high, count = start, 0.0, first, 0
         while low < 1 and high - low >= _SHORTEST:

@@ -27,7 +27,7 @@ from .geometry_correction import correct_geometry
 from .loops import Loops
 from .mobility import choose_coordinates, free_motions, motor_rates, scaled_Phi
 
-#: Widths of the random displacements from home or `pin.neutral`, [rad] or robot lengths.
+#: Widths of the random displacements from home or `pin.neutral`, [rad] or lengths of the loop.
 _AROUND_HOME, _AROUND_NEUTRAL = (0.1, 0.03, 0.01), np.linspace(0.1, 2.0, 20)
 #: Largest condition number near home, in multiples of that at home.
 _POORER = 10.0
@@ -47,8 +47,8 @@ _NO_MASS = 1e-8
 def examples(assembly: Assembly) -> Iterator[Array]:
     """Assembled configurations without symmetry, the same at each call.
 
-    They are near `home` if the robot has one, otherwise near `pin.neutral`. The error is that of
-    the best guess.
+    They are near `home`; near `pin.neutral` if there is no home or no loops close near it. The
+    error is that of the best guess.
     """
     mechanism = assembly.mechanism
     model, home = mechanism.model, home_of(mechanism)
@@ -74,7 +74,7 @@ def examples(assembly: Assembly) -> Iterator[Array]:
 
 
 def _home(assembly: Assembly, fixed: Indices) -> Array | None:
-    """Home with closed loops; None without one, or if Phi loses rank there."""
+    """Home with closed loops; None if it is missing, cannot be closed, or Phi loses rank there."""
     mechanism, loops = assembly.mechanism, assembly.loops
     q = home_of(mechanism)
     if q is None:
@@ -111,7 +111,7 @@ def _warn_of_singular_home(mechanism: Mechanism, motions: Array) -> None:
 
 
 def _without_symmetry(assembly: Assembly, home: Array, coordinates: Indices) -> Array:
-    """A configuration near home in the same assembly mode, or home if there is none."""
+    """A configuration near home in the same assembly mode, or home if none is found."""
     mechanism = replace(assembly.mechanism, coordinates=coordinates)
     for width, fixed in product(_AROUND_HOME, (mechanism.driven, coordinates)):
         along = partial(_along, assembly, home, displacement(mechanism, width), fixed)

@@ -25,9 +25,10 @@ from .continuity import CHANGE
 from .loops import Loops
 from .mobility import scaled_Phi
 
-#: Newton's method: steps; the longest one, [rad] or of the robot's length, and the last one.
+#: Newton's method: number of steps, the longest step, [rad] or lengths of the loop, and the size
+#: below which a step is the last one.
 _STEPS, _LONGEST, _LAST = 12, 0.5, 1e-9
-#: The last step for a pose that is only approached, and the weight of closures there.
+#: The same size for a pose that is only approached, and the weight of the closures there.
 _NEAR, _HEAVY = 1e-5, 1e4
 
 
@@ -54,9 +55,8 @@ class FrameGuide:
     """Leads a frame of a robot from pose to pose, in its working and assembly modes.
 
     `generic` is a configuration without symmetry, shape (nq,). `position` and `orientation` say
-    which of the two counts. `drives` gives, at a configuration, the rates that determine the
-    motion by those of all joints, free of units, shape (k, nv); by default those of the
-    coordinates.
+    which of the two count. `drives(q)` is a matrix, shape (k, nv), free of units: times v it gives
+    the rates that determine the motion, by default those of the coordinates.
     """
 
     def __init__(
@@ -85,8 +85,9 @@ class FrameGuide:
     ) -> Approach:
         """Move the frame from a configuration with closed loops straight to a pose.
 
-        The motion ends where steps would be shorter than the part `shortest` of it. With `nearby`
-        the poses in between need only be approached, by frames that cannot move in all directions.
+        The motion ends where steps would be shorter than the fraction `shortest` of it. With
+        `nearby`, poses in between need not be reached exactly: some frames cannot move in all
+        directions.
         """
         here, done, step, singular = self._place(q), 0.0, 1.0, False
         start, turn = here.pose, pin.log3(here.pose.rotation.T @ target.rotation)

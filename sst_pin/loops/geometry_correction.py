@@ -5,11 +5,11 @@ An overconstrained loop moves only because its axes are parallel, meet in one po
 With few digits they do so only roughly, and redundant rows contradict each other. The placements of
 such a loop are displaced as little as possible, so that it closes exactly in all poses.
 
-A pose can close f but for U^T f, where U are the left singular vectors of Phi beyond its rank. With
-F = df/dd for displacements d of the placements, U^T (f + F d) = 0 must hold in many poses at once:
-Gauss-Newton's method with the shortest d. The rank is clear where the loops are closed by least
-squares: singular values of the mechanism are orders larger than those that rounding makes. A loop
-that is open by more in its best pose is refused.
+Joint motions can remove all of f but U^T f, where U are the left singular vectors of Phi beyond its
+rank. With F = df/dd for displacements d of the placements, U^T (f + F d) = 0 must hold in many
+poses at once. Gauss-Newton's method finds the shortest d. The rank is found where the loops are
+closed by least squares: there the singular values of the mechanism are orders larger than those
+from rounding. A loop that is open by more in its best pose is refused.
 """
 
 import warnings

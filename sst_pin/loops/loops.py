@@ -103,7 +103,7 @@ class Loops:
         """Check that all errors, times the scale of their rows, are below the tolerance."""
         scaled = self.f * scale
         if scaled.dot(scaled) <= tolerance**2:
-            return  # sufficient: no row is longer than all
+            return  # sufficient: no entry is larger than the norm
         if not np.abs(scaled).max(initial=0.0) <= tolerance:
             residual = float(np.abs(self.f).max())
             if np.isnan(residual):
@@ -115,7 +115,7 @@ class Loops:
             )
 
     def Phi_dot(self, v: Array) -> Array:
-        """Rate of Phi at rates v of the tree, shape (rows, nv); J and its rate are at v then."""
+        """Rate of Phi at rates v, shape (rows, nv); sets the rates of `frame_jacobian_rate` too."""
         model, data = self.tree.model, self.data
         pin.computeJointJacobiansTimeVariation(model, data, self.q, self.tree.S.dot(v))
         J_dot = _twice(data.dJ)

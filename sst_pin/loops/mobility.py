@@ -111,7 +111,7 @@ class Mobility:
 
 
 def independent_rows(Phi: Array) -> Indices:
-    """Indices of rows that carry the rank of Phi, by a column-pivoted QR of its transpose."""
+    """Indices of independent rows, as many as the rank of Phi, by a pivoted QR of Phi^T."""
     if not Phi.size:
         return np.empty(0, dtype=np.intp)
     from scipy.linalg import qr
@@ -139,10 +139,9 @@ def scaled_Phi(mechanism: Mechanism, loops: Loops, q: Array) -> Array:
 def choose_coordinates(mechanism: Mechanism, Phi: Array, wanted: Sequence[Indices] = ()) -> Indices:
     """Indices of independent rates that describe all motions, those wanted first.
 
-    The rates `wanted`, each group as a whole, come before those of the motors. Joints outside of
-    the loops are taken whole, as the base of a floating robot. Among the others the rate comes next
-    that depends least on those already chosen; where several are equal, the first by name. Phi is
-    that of `scaled_Phi`.
+    The order is: the groups `wanted`, each as a whole; rates of motors; joints outside the loops,
+    each as a whole, such as the base of a floating robot; then the rate whose motion has the
+    largest part independent of those chosen. Names decide ties. Phi is that of `scaled_Phi`.
     """
     left, chosen = free_motions(Phi), list[int]()
     alone, n = np.linalg.norm(left, axis=1), left.shape[1]
@@ -209,8 +208,8 @@ def judge(mechanism: Mechanism, loops: Loops, q: Array, where: str) -> Mobility:
 def idle_rates(mechanism: Mechanism, loops: Loops, Phi: Array) -> tuple[str, ...]:
     """Rates to lock, so that no passive joint of a loop moves while all others are fixed.
 
-    For each such motion it is the rate with the largest part in it: of a rod between two balls the
-    turn about the axis that is nearest to the rod.
+    Each such motion gives the rate with the largest part in it. For a rod between two balls this is
+    the turn about the axis that is nearest to the rod.
     """
     from scipy.linalg import qr
 
@@ -250,8 +249,8 @@ def condition_number(
 ) -> float:
     """Condition number of the columns of Phi for the dependent rates; infinite if singular.
 
-    It is the largest one of `parts`, rows and rates that share none with others: loops of other
-    sizes do not count.
+    It is the largest of the condition numbers of `parts`, which share no rows and no rates, so
+    loops of different sizes do not make it larger.
     """
     return largest_condition(
         (Phi[np.ix_(*part)][None], np.array([mechanism.size_of(*part)])) for part in parts
@@ -261,7 +260,8 @@ def condition_number(
 def largest_condition(blocks: Iterable[tuple[Array, Array]]) -> float:
     """The largest condition number of matrices, in arrays of shape (count, rows, rates).
 
-    Beside them stand their usual sizes, shape (count,): the least that their norms count as.
+    Each array comes with the usual sizes of its matrices, shape (count,). They replace smaller
+    norms.
     """
     worst = 1.0
     for block, sizes in blocks:

@@ -34,7 +34,8 @@ class TreeMotion:
         before = tree.before * rates[:, None]
         twist, acceleration = self.J.dot(before), self.J_dot.dot(before)
         acceleration += self.J.dot(tree.before * accelerations[:, None])
-        # With J_k, t, a of rate k, of what bears its joint: J_k x t, and J_k x a - (J_k x t) x t.
+        # J_k is the twist of rate k; t and a are the twist and acceleration of its joint's parent.
+        # The two are J_k x t and J_k x a - (J_k x t) x t.
         self.borne = brackets(self.J, twist)
         self.borne_on = brackets(self.J, acceleration) - brackets(self.borne, twist)
 
@@ -102,12 +103,12 @@ class Partials(NamedTuple):
     acceleration_v: Array
     #: The closures of two frames.
     closures: list[ClosurePartials]
-    #: Row, index of a rate, and the second derivative of the coupling's polynomial.
+    #: For each joint of a coupling: the row, the rate, and the polynomial's second derivative.
     coupled: list[tuple[int, int, float]]
 
 
 def partials(loops: Loops, q: Array, tree: TreeMotion) -> Partials:
-    """Derivatives of the rows' velocities and accelerations, at a motion that the loops know."""
+    """Derivatives of the rows' velocities and accelerations at q, where `loops` is evaluated."""
     velocity_q, acceleration_q, acceleration_v = np.zeros((3, *loops.touched.shape))
     closures: list[ClosurePartials] = []
     for at, rows in loops.of_frames:

@@ -47,8 +47,8 @@ def start_of(loops: ClosedLoops, *, chosen: bool = False) -> Array:
     generic configuration. If no configuration closes them, the result has open loops.
 
     Warns:
-        DescriptionWarning: If the description has no home; with `chosen` the caller has chosen the
-            assembly mode otherwise, and nothing is warned of.
+        DescriptionWarning: If there is no home and the loops had to be closed; not with `chosen`,
+            which says that the caller has chosen the assembly mode.
     """
     q, model = _pose(loops), loops.mechanism.model
     if loops.are_closed(q) or "home" in model.referenceConfigurations:
@@ -112,10 +112,10 @@ def placed(
 ) -> Array:
     """A configuration with closed loops where some joints have given positions, shape (nq,).
 
-    `positions`, [rad] or [m], are by the names of joints that turn or slide; `guess` has the other
-    joints, by default those of `start_of`. If only coordinates are named, they are moved there in
-    the assembly mode of the start. Otherwise they are fixed, and the positions of dependent joints,
-    perhaps rounded or measured, choose the assembly.
+    `positions`, [rad] or [m], have names of joints that turn or slide. The other joints start from
+    `guess`, by default `start_of`. If only coordinates are named, they move there in the assembly
+    mode of the start. Otherwise the positions of dependent joints, perhaps rounded or measured,
+    choose the assembly.
 
     Warns:
         DescriptionWarning: If neither the description nor the caller chooses the assembly mode, if

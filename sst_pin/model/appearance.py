@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Parts of pictures in addition to the bodies of a robot."""
+"""What pictures show besides the bodies of a robot."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from ..arrays import Array
 from .closures import Constraint, frames_of
 from .tree import frame_named
 
-#: The frame whose path is drawn, in a robot that has one of this name.
+#: Name of the frame whose path is drawn, if the robot has such a frame.
 PLATFORM = "platform"
 _INK = "#6B747D"
 
@@ -22,7 +22,7 @@ class DrawnFrame(NamedTuple):
     name: str
     #: Number of the joint whose body it is fixed to.
     joint: int
-    #: On this body.
+    #: Placement in the frame of this joint.
     placement: pin.SE3
     #: Colour of the label, as "#rrggbb".
     colour: str = _INK

@@ -26,16 +26,16 @@ _MIMIC = re.compile(
     r"Mimicking joint type: JointModel([RP][XYZ]|(Revolute|Prismatic)Unaligned)$", re.M
 )
 
-#: R^T R of a rotation differs by less from one; that of a quaternion without unit length by more.
+#: Largest error of R^T R for a rotation R. Quaternions that are not normalised have larger ones.
 _NO_ROTATION = 1e-6
 
-#: A motor: the joint or line that it drives, or a tendon, which has the factors of several joints
-#: or lines, with a name if wanted: {"split": {"left": 1, "right": 1}}.
+#: A motor: the name of a joint or line, or a tendon. A tendon maps names of joints or lines to
+#: factors, or its own name to such a mapping: {"split": {"left": 1, "right": 1}}.
 Motor = str | Mapping[str, float] | Mapping[str, Mapping[str, float]]
 
 
 def closures_of(closures: Sequence[Constraint | tuple[str, str]]) -> tuple[Constraint, ...]:
-    """Closures, with pairs of names for frames that must coincide."""
+    """The closures as objects; a pair of frame names becomes a `Closure` of kind "6d"."""
     result: list[Constraint] = []
     for closure in in_order("closures", closures, "closures"):
         if isinstance(closure, (Closure, Distance, Coupling, Rolling)):
@@ -48,7 +48,7 @@ def closures_of(closures: Sequence[Constraint | tuple[str, str]]) -> tuple[Const
 
 
 def _no_closure(value: object) -> str:
-    """Why a value is no closure, and what to write instead."""
+    """Why a value is not a closure, and what to write instead."""
     if not isinstance(value, pin.RigidConstraintModel):
         return f"{value!r} is neither a closure nor two frame names"
     kind = "6d" if value.type == pin.ContactType.CONTACT_6D else "3d"
@@ -64,7 +64,7 @@ def recipe_of(
     forces: Sequence[LineForce],
     **numbers: ArrayLike | None,
 ) -> partial[Mechanism]:
-    """`mechanism_of` with the arguments of `ClosedChain` checked; only the tree is missing.
+    """A function that makes a mechanism of a tree, with the checked arguments of `ClosedChain`.
 
     `numbers` are viscous_friction, coulomb_friction, stiffness and spring_reference.
     """
@@ -89,9 +89,9 @@ def mechanism_of(
     numbers: Mapping[str, ArrayLike | None],
     forces: tuple[LineForce, ...],
 ) -> Mechanism:
-    """A mechanism from the arguments of `ClosedChain`; it keeps the tree, without a copy.
+    """A mechanism from the arguments of `ClosedChain`; the tree is not copied.
 
-    Without names of coordinates it has none until `loops.coordinates.settled`.
+    If `coordinates` is None, `loops.coordinates.settled` chooses them later.
     `numbers` has viscous_friction, coulomb_friction, stiffness and spring_reference.
     """
     _require_sound(model, closures)
@@ -165,7 +165,7 @@ def coordinates_of(coordinates: Sequence[str]) -> tuple[str, ...]:
 
 
 def motors_of(motors: Sequence[Motor]) -> tuple[Motor, ...]:
-    """Motors, with tendons of the caller copied."""
+    """The motors; tendons are copied, so that later changes of the caller do not count."""
 
     def copy_of(motor: Motor) -> Motor:
         if not isinstance(motor, Mapping):
@@ -187,7 +187,7 @@ def tendon_of(motor: Motor) -> tuple[str, Mapping[str, float]]:
 
 
 def forces_of(forces: Sequence[LineForce]) -> tuple[LineForce, ...]:
-    """Forces along lines, each with a name of its own."""
+    """The `LineForce` objects as a tuple; raises an error if two have the same name."""
     lines = in_order("forces", forces, "LineForce")
     for force in lines:
         if not isinstance(force, LineForce):
@@ -272,7 +272,7 @@ def _require_sound(model: pin.Model, closures: Sequence[Constraint]) -> None:
 
 
 def copied(model: pin.Model) -> pin.Model:
-    """A copy of a model, after a check of its lists: Pinocchio reads beyond short ones."""
+    """A copy of a model after a check of its lists: Pinocchio reads past the end of short ones."""
     lists = (
         ("numbers", RATE_ARRAYS, model.nv),
         ("numbers", POSITION_ARRAYS, model.nq),
@@ -329,7 +329,7 @@ def _impossible_numbers(model: pin.Model) -> list[str]:
 
 
 def _names_with_two_meanings(model: pin.Model) -> list[str]:
-    """Joints whose name is also that of one position or rate of another joint."""
+    """Error messages for names that two joints share, as joint, position or rate."""
     problems = []
     for kind, of_joints in JointSpace(model).names_by_joint.items():
         owner: dict[str, str] = {}

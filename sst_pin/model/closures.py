@@ -15,7 +15,7 @@ import numpy as np
 
 from ..errors import DescriptionError, InputError
 
-#: Rates of frame B relative to frame A in the axes of A: x, y, z, and the turns about them.
+#: Names of rows: motions of frame B relative to frame A along and about x, y, z.
 _RATES = ("x", "y", "z", "turn x", "turn y", "turn z")
 
 
@@ -108,7 +108,7 @@ class Distance:
 
     @property
     def rows(self) -> list[str]:
-        """Names of the quantities that the row of Phi keeps equal."""
+        """Name of the only row of Phi."""
         return ["distance"]
 
     def __str__(self) -> str:
@@ -158,7 +158,7 @@ class Coupling:
 
     @property
     def rows(self) -> list[str]:
-        """Names of the quantities that the row of Phi keeps equal."""
+        """Name of the only row of Phi."""
         return ["coupling"]
 
     def __str__(self) -> str:
@@ -239,5 +239,5 @@ def frames_of(closure: Constraint) -> tuple[str, ...]:
 
 
 def holds_points(closure: Constraint) -> bool:
-    """Whether the origins of the two frames stay together, or at a distance."""
+    """Whether the closure fixes the distance between the origins of its frames."""
     return isinstance(closure, Distance) or (isinstance(closure, Closure) and all(closure.held[:3]))

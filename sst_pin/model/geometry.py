@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The geometry of a robot in parameters: placements of joints and frames, and lengths of links.
 
-A parameter displaces places: joints with all that they bear, and frames of closures and lines. A
-displacement is [linear; angular], shape (6,): linear along the axes of the body that bears the
-place, angular about the axes of the place itself.
+A place is a joint, or a frame of a closure or line. A parameter displaces places; a joint takes all
+bodies behind it along. A displacement is [linear; angular], shape (6,): linear along the axes of
+the body on which the place is, angular about the axes of the place itself.
 """
 
 from collections import defaultdict
@@ -23,7 +23,7 @@ from .tree import frame_named
 
 #: Displacements of a place: along x, y, z and about them.
 AXES = ("x", "y", "z", "rx", "ry", "rz")
-#: Ends of a link that are closer, relative to its length, coincide.
+#: Ends of a link coincide if their distance, relative to the link's length, is not larger.
 _SAME_POINT = 1e-9
 #: Displacements of places by their names.
 Displacements = dict[str, Array]
@@ -58,7 +58,7 @@ def displacements(mechanism: Mechanism, changes: Mapping[str, float]) -> Displac
 
 
 def _lengths(mechanism: Mechanism) -> dict[str, Displacements]:
-    """For each link with one end off its joint: the displacements that make it longer by one."""
+    """For each link with one end away from its joint: displacements that lengthen it by 1 m."""
     model, lengths = mechanism.model, dict[str, Displacements]()
     ends: dict[int, Displacements] = defaultdict(dict)
     for place in places_of(mechanism):
@@ -77,7 +77,7 @@ def _lengths(mechanism: Mechanism) -> dict[str, Displacements]:
 
 
 def place_of(model: pin.Model, place: str) -> tuple[int, pin.SE3]:
-    """The joint whose body bears a joint or frame, and its placement there."""
+    """Index of the parent joint of a joint or frame, and the placement relative to it."""
     if model.existJointName(place):
         joint = model.getJointId(place)
         return int(model.parents[joint]), model.jointPlacements[joint]
@@ -86,7 +86,7 @@ def place_of(model: pin.Model, place: str) -> tuple[int, pin.SE3]:
 
 
 def relative(placement: pin.SE3, displacement: Array) -> pin.SE3:
-    """A displacement in the axes of the place, to be applied after the placement."""
+    """The displacement D of a place in its own axes: the new placement is `placement * D`."""
     turn = np.eye(3)
     for axis_turn in np.diag(displacement[3:]):
         turn = turn @ pin.exp3(axis_turn)
@@ -111,8 +111,8 @@ def displaced(model: pin.Model, changes: Displacements) -> pin.Model:
 def enlarged(model: pin.Model, errors: Iterable[Error]) -> pin.Model:
     """The tree with a joint at rest for each error, in series from the body to the place.
 
-    The derivative by a change of the geometry is that by the position of such a joint. The tree has
-    no named configurations.
+    The derivative by a change of the geometry equals the derivative by the position of such a
+    joint. The result has no named configurations.
     """
     if list(model.mimicking_joints):
         raise InputError("model", "has mimic joints; use ordinary ones with a Coupling")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A joint with several rates as joints in series, of which some are fixed."""
+"""Replaces a joint by joints in series, so that some of its rates can be locked."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ class Part(NamedTuple):
         suffix: Its suffix to the name of the whole joint.
         joint: Its model.
         place: Its pose relative to the joint before it.
-        rates: The rates of the whole joint that it has, by their indices.
-        entries: The entries of q of the whole joint that it has; empty if its angle is not there.
+        rates: Indices of its rates among those of the whole joint.
+        entries: Indices of its positions in q of the whole joint; empty if q has no such angle.
     """
 
     suffix: str
@@ -57,12 +57,12 @@ class Series:
 
     @classmethod
     def named(cls, joints: Mapping[str, Any]) -> Series:
-        """Parts by their suffixes."""
+        """A series of joints, by their suffixes."""
         return cls([Part(suffix, joint) for suffix, joint in joints.items()])
 
     @classmethod
     def whole(cls, joint: Any) -> Series:
-        """The joint itself."""
+        """A series with the joint alone, unchanged."""
         return cls([Part("", joint, rates=range(joint.nv), entries=range(joint.nq))])
 
     @classmethod
@@ -75,16 +75,16 @@ class Series:
         return cls([], data.oMi[1])
 
     def positions(self, q: Array) -> list[Array]:
-        """Positions of each part, by those of the joint."""
+        """Positions of each part at positions q of the whole joint."""
         return [q[list(part.entries)] for part in self.parts]
 
 
 class PartlyLocked(Series):
     """A joint as joints in series, without the rates that are locked.
 
-    Slides come first, along x, y, z, then turns about x, y, z, the locked ones last: so a rod whose
-    spin about its own axis is locked can still have any direction. The parts have the names of the
-    rates; three turns of which none is locked stay a ball with the name of the joint.
+    Slides along x, y, z come first, then turns. Of a ball or free-flyer they are about x, y, z with
+    the locked ones last, so a rod whose spin is locked can still have any direction. If none is
+    locked, they stay a ball with the name of the joint. Other parts have the names of the rates.
 
     Args:
         joint: A joint of a model.
@@ -122,7 +122,7 @@ class PartlyLocked(Series):
         super().__init__(parts, place)
 
     def positions(self, q: Array) -> list[Array]:
-        """Positions of each part, by those of the joint."""
+        """Positions of each part at positions q of the whole joint."""
         angles = (
             _angles(q[-4:], self._order) if self._order else np.full(3, np.arctan2(q[-1], q[-2]))
         )
@@ -139,6 +139,6 @@ def _angles(quaternion: Array, order: Sequence[int]) -> Array:
 
     angles, axes = np.empty(3), "".join("XYZ"[k] for k in order)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of gimbal lock, where the last angle is zero
+        warnings.simplefilter("ignore")  # in gimbal lock SciPy warns and sets the last angle to 0
         angles[list(order)] = Rotation.from_quat(quaternion).as_euler(axes)
     return angles

@@ -43,7 +43,7 @@ class JointSpace:
         position_names: Names of the entries of q: that of the joint, with a suffix where it has
             several.
         rate_names: Names of the entries of v, in the same way.
-        position_units: "rad", "m", or "" for an entry of a quaternion or a cosine.
+        position_units: "rad", "m", or "" for quaternions, cosines and sines.
         rate_units: "rad" or "m" for each entry of v.
         names_by_joint: Names of the entries of each joint, by "position" and "rate".
     """
@@ -93,7 +93,7 @@ class JointSpace:
 
     @cached_property
     def places(self) -> dict[str, list[int]]:
-        """Indices in q of angles and lengths by name; of an endless turn its cosine and sine."""
+        """Indices in q of each angle or length, by name; an endless turn has cosine and sine."""
         units = zip(self.position_names, self.position_units, strict=True)
         single = {name: [k] for k, (name, unit) in enumerate(units) if unit}
         endless = {

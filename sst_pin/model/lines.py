@@ -18,9 +18,9 @@ class LineForce:
     length, [N]. A positive tension pulls the two frames together; a gas spring, which pushes, has a
     negative preload.
 
-    If the name of the line is in `actuated`, the line is a motor too, a cylinder without mass. Its
-    torque is a force, [N], beside the tension. A positive one pushes the frames apart, so that it
-    times the rate of the length is the motor's power.
+    If the name of the line is in `actuated`, the line is also a motor: a cylinder without mass. Its
+    "torque" is a force, [N], in addition to the tension. A positive one pushes the frames apart;
+    force times rate of the length is the motor's power.
 
     Attributes:
         frame_a: Name of a frame of the tree; "universe" is the world.
@@ -32,8 +32,8 @@ class LineForce:
         name: "a-b" from the names of the frames by default.
 
     Raises:
-        InputError: For a negative number, one that is not finite, a name that is none, or a line
-            from a frame to itself.
+        InputError: For a number that is not finite or, except the preload, negative; for a name
+            that is not a string; or for a line from a frame to itself.
 
     Example:
         >>> gas = sst_pin.LineForce("body", "door", stiffness=200, rest_length=0.5, preload=-400)
@@ -75,7 +75,7 @@ class Lines:
 
     #: The force of each line.
     forces: tuple[LineForce, ...]
-    #: Forces that push the ends of the lines apart are this times the motors' torques, shape
+    #: Motor torques tau push the ends of the lines apart with forces `motors @ tau`, shape
     #: (lines, motors).
     motors: Array
 

@@ -17,7 +17,7 @@ _SMALL = 1e-6
 def loop_groups(
     model: pin.Model, closures: Sequence[Constraint]
 ) -> list[tuple[set[int], list[Constraint]]]:
-    """Joints of each group, which move one frame of a closure and not the other, and closures."""
+    """(joints, closures) of each group; its joints move only one of the frames of a closure."""
     groups: list[tuple[set[int], list[Constraint]]] = []
     for closure in closures:
         bodies = (frame_named(model, name).parentJoint for name in frames_of(closure))
@@ -33,10 +33,10 @@ def loop_groups(
 def longest_offset(
     model: pin.Model, joints: Iterable[int], closures: Iterable[Constraint], ground: bool = True
 ) -> float:
-    """The largest distance between joints and closures on one body, [m]; 0 without one.
+    """The largest distance of joints and closure frames on one body, [m]; 0 if negligible.
 
-    Where a plane or a rail begins on the ground does not count; where joints stand on it does, by
-    `ground`.
+    Rod lengths and wheel radii count too. On the ground, frames count only of closures that fix the
+    distance of their origins (not planes or rails). Without `ground` nothing on the ground counts.
     """
     points: dict[int, list[Array]] = {j: [np.zeros(3)] for j in joints}
     size = max((_size(model.inertias[j]) for j in points), default=0.0)
@@ -57,6 +57,6 @@ def longest_offset(
 
 
 def _size(body: pin.Inertia) -> float:
-    """The lever of the mass centre of a body or its radius of gyration, [m]; 0 without mass."""
+    """Distance of the mass centre, or the radius of gyration (0 without mass) if larger, [m]."""
     square = np.trace(body.inertia) / 2 / body.mass if body.mass > 0 else 0.0
     return float(max(np.linalg.norm(body.lever), np.sqrt(max(square, 0.0))))

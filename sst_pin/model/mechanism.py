@@ -134,7 +134,7 @@ class Mechanism:
     example: Array | None = None
     #: Length of each row of Phi at the example, free of units, shape (rows,); 0 for constant rows.
     row_sizes: Array | None = None
-    #: Names of rates that move no mass, coordinates if these describe the motion.
+    #: Names of independent rates that move no mass: coordinates, if these describe the motion.
     without_mass: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -153,10 +153,10 @@ class Mechanism:
         return read_only(np.setdiff1d(np.arange(self.model.nv), self.coordinates))
 
     def size_of(self, rows: Indices, rates: Indices) -> float:
-        """The usual size of a block of Phi with one dependent rate, free of units.
+        """Usual size of a block of Phi with one dependent rate, from its rows at the example.
 
-        Such a block has one singular value, so only its size tells how near it is to a singularity.
-        For the others it is 0.
+        Such a block has one singular value. Only its usual size shows how near it is to a
+        singularity. The size is free of units, and 0 for blocks with more rates.
         """
         if len(rates) > 1 or self.row_sizes is None:
             return 0.0
@@ -170,7 +170,7 @@ class Mechanism:
     @cached_property
     def sprung(self) -> Indices:
         """Rates at which a spring is possible, as `Springs.check` says."""
-        rates: set[int] = set()  # mimic joints share theirs
+        rates: set[int] = set()
         for joint in list(self.model.joints)[1:]:
             if joint.nv in (1, joint.nq) or joint.shortname() == "JointModelSpherical":
                 rates.update(range(joint.idx_v, joint.idx_v + joint.nv))
@@ -222,9 +222,9 @@ class Mechanism:
 
     @cached_property
     def motor_scale(self) -> Array:
-        """The rates of the motors in multiples of these are free of units, shape (motors,).
+        """Units of the motor rates, shape (motors,): rates divided by them are free of units.
 
-        They are the rates at which the joints of each motor move by one unit.
+        A motor has this rate when the joint or line with its largest factor moves at its unit.
         """
         on_rates = np.abs(self.motors * self.rate_scale[:, None]).max(axis=0, initial=0.0)
         on_lines = np.abs(self.lines.motors * self.length).max(axis=0, initial=0.0)
@@ -248,9 +248,9 @@ class Mechanism:
 
     @cached_property
     def length(self) -> float:
-        """A length of the robot, [m]: the largest offset on one body, or of a group of loops.
+        """Length of the robot, [m]: its largest offset on one body or in a group of loops, or 1.
 
-        Where the robot stands in the world does not count.
+        It does not depend on where the robot stands in the world.
         """
         joints, lengths = range(1, self.model.njoints), [x for _, _, x in self._groups]
         offset = longest_offset(self.model, joints, self.closures, ground=False)
@@ -278,7 +278,7 @@ class Mechanism:
 
     @cached_property
     def rate_scale(self) -> Array:
-        """The rates v in multiples of these are free of units, shape (nv,)."""
+        """Units of the rates, shape (nv,): v divided by them is free of units."""
         lengths = np.full(self.model.nv, self.length)
         for joints, _, length in self._groups:
             for joint in (self.model.joints[j] for j in joints):

@@ -18,9 +18,9 @@ def angles_and_lengths(space: JointSpace) -> dict[str, str]:
 
 
 def put(space: JointSpace, q: Array, positions: Mapping[str, ArrayLike]) -> Array:
-    """Configurations, (..., nq), with the joints named, which turn or slide, at positions, (...).
+    """Configurations, shape (..., nq), with the named joints at these positions, [rad] or [m].
 
-    Positions are in [rad] or [m].
+    The joints must turn about or slide along one axis. Each position has the shape (...).
     """
     q = np.array(q)
     for name, position in positions.items():

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """A tree with the same motions for which every function of Pinocchio is right.
 
-Some functions of Pinocchio are wrong in silence, or stop, for trees whose joints were not added
-depth-first, for joints whose axes move in the joint (universal joints, Euler angles, composites)
-and for mimic joints. In the normal tree each joint stands before its subtree, several joints in
-series replace a joint with moving axes, and an ordinary joint replaces a mimic joint.
+Some functions of Pinocchio fail or give wrong results without an error for trees whose joints were
+not added depth-first, for joints whose axes move in the joint (universal joints, Euler angles,
+composites) and for mimic joints. The normal tree has depth-first order. Joints in series replace a
+joint with moving axes, and an ordinary joint replaces a mimic joint.
 """
 
 from functools import cached_property
@@ -66,7 +66,7 @@ class NormalTree:
 
     @cached_property
     def before(self) -> Flags:
-        """Column k: which rates move what bears the joint of rate k, shape (rates, rates)."""
+        """Entry (i, k): whether rate i moves the parent of rate k's joint, (rates, rates)."""
         joints = list(zip(self.model.parents, self.model.joints, strict=True))[1:]
         bearers = [parent for parent, joint in joints for _ in range(joint.nv)]
         return np.asarray(self.supports[bearers].T)

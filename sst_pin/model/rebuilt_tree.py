@@ -77,7 +77,7 @@ def rebuilt(old: pin.Model, changes: Mapping[int, Series]) -> pin.Model:
 def _copy_frames(
     old: pin.Model, model: pin.Model, bearers: Sequence[tuple[int, pin.SE3]], sizes: Sequence[int]
 ) -> None:
-    """Copy the frames; joints whose old joint has a frame have one too, if it is fixed as well."""
+    """Copy the frames; a joint's frame becomes one for each new joint, or a fixed-joint frame."""
     numbers = {0: 0}  # of the new frames, by those of the old ones
     for i, frame in enumerate(list(old.frames)[1:], 1):
         joint, kind = frame.parentJoint, frame.type

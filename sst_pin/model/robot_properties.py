@@ -61,7 +61,7 @@ class RobotProperties:
 
     @property
     def rate_units(self) -> tuple[str, ...]:
-        """Unit of each entry of v, times a second: "rad" or "m"."""
+        """Unit of each entry of v without "per second": "rad" or "m"."""
         return self.mechanism.space.rate_units
 
     @property
@@ -101,7 +101,7 @@ class RobotProperties:
 
     @property
     def appearance(self) -> Appearance:
-        """Parts of its pictures beside its bodies."""
+        """What its pictures show besides its bodies."""
         mechanism = self.mechanism
         return appearance_of(mechanism.model, mechanism.closures)
 

@@ -12,8 +12,8 @@ INCONSISTENT = 10.0
 #: Singular values and pivots below this part of the largest are zero. Assembled closures have noise
 #: of 1e-12.
 RANK_TOLERANCE = 1e-8
-#: Rates and motors that move less than this part of a motion are at rest: a tenth of what the
-#: largest condition number allows.
+#: Rates and motors that move less than this part of a motion are at rest. It is ten times the
+#: inverse of the largest condition number.
 RESTS = 1e-7
 #: A rate depends on the rates already chosen if a smaller part of its motion is independent.
 INDEPENDENT = 1e-4
@@ -22,7 +22,8 @@ MAX_CONDITION_NUMBER = 1e8
 #: Forces that no motor supplies are zero below this part of all forces in their coordinate. It does
 #: not depend on units or on the size of the robot.
 UNSUPPLIED = 1e-8
-#: Rounding of forces that do not act along a coordinate, relative to their sizes.
+#: Pivots of the mass matrix below this part of their diagonal entries are rounding, and so are
+#: negative eigenvalues smaller than this part of the largest.
 ROUNDING = 1e-12
 #: A coordinate moves no mass if its inertia is below this part of that of all bodies at the rate of
 #: the fastest joint: the square of the rounding of the rates.
@@ -34,9 +35,9 @@ UNIQUE = 1e-5
 LEAST_LENGTH = 1e-9
 #: Joints that are slower are at rest, [rad/s] or [m/s]: the sign of their rate is rounding.
 AT_REST = 1e-12
-#: Coordinates are kept or used again if the condition number of the dependent joints is smaller;
-#: others must be better by the margin.
+#: Coordinates are kept, or used again, while the condition number of the dependent joints is below
+#: the first number. Other coordinates must be better by the second, a factor.
 WELL_CONDITIONED, MARGIN = 20.0, 4.0
-#: Part of a rollout's step by which it may leave the loops open: a larger part means that it missed
-#: a bend.
+#: Largest correction that closes the loops after a step of a rollout, relative to the step. A
+#: larger one means that the step is too long for the curvature of the motion.
 BEND = 0.003

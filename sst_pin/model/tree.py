@@ -9,7 +9,7 @@ from ..errors import DescriptionError, UnknownNameError
 
 
 def frame_id(model: pin.Model, name: str | None) -> int:
-    """Index of a frame; a joint and a link of one name are one frame where they coincide."""
+    """Index of a frame; frames of one name (a joint and its link) must coincide."""
     if not (isinstance(name, str) and model.existFrame(name)):
         raise UnknownNameError("frame", str(name), [f.name for f in model.frames])
     with suppress(ValueError):  # several frames of the name
@@ -26,7 +26,7 @@ def frame_id(model: pin.Model, name: str | None) -> int:
 
 
 def body_of(model: pin.Model, frame: str) -> int | None:
-    """Which body, counted from 0, has a frame; None without this frame, or where it is fixed."""
+    """Index of the body with a frame, from 0; None if it is missing or fixed to the ground."""
     joint = model.frames[frame_id(model, frame)].parentJoint if model.existFrame(frame) else 0
     return joint - 1 if joint else None
 
