@@ -151,7 +151,7 @@ def names(name: str, value: Iterable[str]) -> tuple[str, ...]:
         raise InputError(name, f"{value!r}: a sequence of names is needed")
     words = tuple(value)
     if not all(isinstance(word, str) for word in words):
-        raise InputError(name, f"{words!r}: a name must be a non-empty text")
+        raise InputError(name, f"{words!r}: each must be a string")
     return words
 
 

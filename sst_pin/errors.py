@@ -140,7 +140,7 @@ class IndeterminateError(SSTError):
     """
 
     def __init__(self, name: str, components: Sequence[str]) -> None:
-        cure = "the robot is overconstrained; stiffness= of joints and closures makes them so"
+        cure = "the robot is overconstrained; stiffness= of joints and closures makes them unique"
         super().__init__(f"{name}: {', '.join(components)} are not unique: {cure}")
         self.name, self.components = name, tuple(components)
 

@@ -23,8 +23,6 @@ from .dynamics import Context
 from .noc import mass_centers
 from .torque_sharing import least_torques
 
-#: Displacement of a joint over which coordinates are judged once, [rad] or of the robot's length.
-_LOOK = 0.05
 _Method = TypeVar("_Method", bound=Callable[..., Array])
 
 

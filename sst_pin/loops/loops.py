@@ -109,8 +109,8 @@ class Loops:
             if np.isnan(residual):
                 raise InputError("q", "not finite")
             raise ClosureError(
-                f"the loops are open by {residual:.3g} (m or rad), more than {tolerance:g} of the "
-                "length of its loop or rad; assemble(q) closes them",
+                f"the loops are open by {residual:.3g} (m or rad), more than {tolerance:g} "
+                "(rad, or lengths of the loop); assemble(q) closes them",
                 residual,
             )
 

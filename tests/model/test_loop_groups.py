@@ -34,7 +34,7 @@ def test_a_loop_open_by_less_than_a_millimetre_is_open_beside_a_robot_a_kilometr
     assert_allclose(both, np.tile(q, 2), atol=1e-11)
     both[2] += 1e-3
     assert np.abs(far.residual(both)).max() < 1e-3
-    with pytest.raises(ClosureError, match="length of its loop"):
+    with pytest.raises(ClosureError, match="lengths of the loop"):
         far.compute_torques(both, np.zeros(2), np.zeros(2))
 
 
