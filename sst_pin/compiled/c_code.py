@@ -53,9 +53,9 @@ class Style(NamedTuple):
     suffix: str
     digits: int
     head: str
-    closed: float  #: Open loops up to this, [m] or [rad], times the scale of the rows.
+    closed: float  #: Largest residual of closed loops, times the scale of the rows.
     rounding: float  #: Rounding, relative.
-    angle: float  #: The largest.
+    angle: float  #: Largest entry of q.
     dtype: str
     last_step: float  #: After a Newton step up to this length the loops are closed.
 
@@ -74,7 +74,7 @@ class KernelSource(NamedTuple):
     #: `void <name>_constants(constants p)`. x holds the inputs one after the other, p the open
     #: parameters, then the constants that `<name>_constants` makes of them; y gets the output, then
     #: the checks, then what parts of the function hand on. Where the kernel has directions,
-    #: `<name>_once` comes first, with the same arguments: it computes what does not depend on them.
+    #: `<name>_once` runs first, with the same arguments, for what does not depend on the direction.
     text: str
     #: Sizes of p and of y.
     size: int
@@ -174,7 +174,7 @@ class Writer:
         self._directions: dict[str, str] = {}  # not yet written, with the arguments
 
     def use(self, name: _Name, kind: str) -> str:
-        """A name in a statement of a type; `prepare` leaves constants in p for samples."""
+        """The text of a name in a statement of a type; for samples, constants are read from p."""
         text, type_name = name
         if text in self._directions:
             of = self._directions.pop(text)
@@ -230,8 +230,8 @@ def library(entry: str, kernels: Sequence[SymbolicKernel], lanes: int) -> str:
     """Source of the library of a kernel, or of "closing" and "state_rate" for rollouts.
 
     It offers `run_<entry>`, which runs the kernel on rows of samples, `sizes_run_<entry>` (of p, of
-    the output, of each input, -1) and `prepare_<entry>`; of rollouts `rate_<entry>` and its sizes
-    too, which takes q and va in one array.
+    the output, of each input, -1) and `prepare_<entry>`. For rollouts, `run_<entry>` makes steps;
+    `rate_<entry>`, with its sizes, runs "state_rate" on samples with q and va in one array.
     """
     parts = [f"#define LANES {lanes}", part("real.h"), part("driver.h")]
     size, room = None, 0

@@ -26,16 +26,16 @@ _OPTIONS = {"cse": True}
 class CasadiFunctions:
     """Dynamics of one chain as `casadi.Function`s, with its present numbers as constants.
 
-    The entries of q, shape (nq,), are independent variables here. Values and derivatives mean
-    something where `residual(q)` is 0, and along `tangent(q)`; the derivative by a single entry of
-    q means nothing. In a nonlinear program, make q a variable and `residual(q) == 0` a constraint.
-    Otherwise integrate `q_rates`, or use `step` repeatedly, which stays on the closures.
-    docs/optimal_control.md has examples.
+    The entries of q, shape (nq,), are independent variables here. Values are valid only where
+    `residual(q)` is 0, and derivatives by q only along `tangent(q)`, not by a single entry of q. In
+    a nonlinear program, make q a variable and `residual(q) == 0` a constraint. Otherwise integrate
+    `q_rates`, or use `step` repeatedly, which stays on the closures. docs/optimal_control.md has
+    examples.
 
-    Every function is made when it is first asked for, pickles, takes numbers, `SX` and `MX`, and
-    has derivatives of every order; compiled ones have those of first order, and pickle for this
-    machine and user. Coulomb friction is smooth. Only `check` looks at the samples: next to a
-    singularity numbers grow without an error.
+    Every function is made at its first use, can be pickled, takes numbers, `SX` and `MX`, and has
+    derivatives of every order. Compiled functions have those of first order, compiled derivatives
+    have none; their pickles are for this machine and user. Coulomb friction is smooth. Only `check`
+    and `torques_check` check the input: next to a singularity numbers grow without an error.
 
     Attributes:
         nq, n, motors: Numbers of entries in q, va, tau.
@@ -135,8 +135,8 @@ class CasadiFunctions:
     def check(self) -> Function:
         """(q) -> c: above 1 (or NaN) where the functions cannot be trusted at q.
 
-        The loops are open there, or q is too far from the configurations for which the order of
-        elimination was chosen, next to a singularity, or the motors hardly hold the robot.
+        Either the loops are open, or q is near a singularity or too far from the configurations for
+        which the order of elimination was chosen, or the motors hardly hold the robot.
         """
         checks, of_motors = Checks(self._equations, CLOSED), []
         if self._equations.driven:

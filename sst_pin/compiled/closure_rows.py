@@ -29,7 +29,7 @@ class Row:
     velocity: Callable[[Sparse, Twists], SX]
     #: Phi v_dot + Phi_dot v, from v and v_dot.
     acceleration: Callable[[Sparse, Sparse], SX]
-    #: Zero when the loop is closed; None for a row that holds rates only.
+    #: Zero when the loop is closed; None for a row that constrains rates only.
     residual: SX | None
     #: The term of the row in the squared residual.
     gap: SX

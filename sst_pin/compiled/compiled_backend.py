@@ -54,7 +54,7 @@ EVERY = tuple(
 _TIMES = 2
 #: The number of coordinates squared times rates up to which matrices are written out.
 _LARGEST = {"": inf, "matrices": 100_000, "derivatives": 10_000}
-#: Kernels of derivatives that are kept, one for each width within which friction is smooth.
+#: Number of kernels of derivatives, one for each smoothing width, at which all are dropped.
 _WIDTHS = 16
 
 
@@ -74,16 +74,16 @@ def compiled_engine(
     return engine.Engine(before.mechanism, make, kernels, before.platform)
 
 
-#: The longest first step of Newton's method that stays near, [rad] or robot lengths; the largest
-#: ratio of a step to the one before; a step after which the next one is rounding; and rounding.
+#: Steps of Newton's method, [rad] or robot lengths: the longest first one; the largest ratio of one
+#: to the one before; the longest last one; and the length below which a step is rounding.
 _NEAR, _SHRINKS, _LAST, _ROUNDING = 0.1, 0.1, 1e-9, 1e-14
 
 
 class CompiledBackend:
     """Dynamics of one mechanism by its compiled kernels.
 
-    The order of elimination is chosen for configurations near `near`, shape (nq,), by default for
-    all. A moment alone acts on the body of the frame `platform`.
+    The order of elimination is chosen for configurations near `near`, shape (nq,), by default near
+    the example of the mechanism. A `platform_moment` acts on the body of the frame `platform`.
     """
 
     def __init__(
@@ -101,7 +101,7 @@ class CompiledBackend:
         self._codes: dict[Quantity, list[Code]] = {}
         self._why: dict[Quantity, str] = {}
         self._lock = threading.RLock()
-        self._given_up = False  # no kernels could be made for it; it is not used
+        self._given_up = False  # whether `make` failed: other threads then stop
 
     def __str__(self) -> str:
         target = self._binding.INSTRUCTIONS
@@ -131,7 +131,7 @@ class CompiledBackend:
                 raise
 
     def kernel(self, key: Quantity) -> engine.Kernel | None:
-        """The kernel of a quantity, as `Kernels.kernel`; those of the last widths are kept."""
+        """The kernel of a quantity, as `Kernels.kernel`; may drop those of other widths."""
         if key in self._kernels:
             return self._kernels[key]
         if key.frame is not None:

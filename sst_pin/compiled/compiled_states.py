@@ -152,7 +152,7 @@ class CompiledStates(States):
             return False
 
     def _falls(self, ends: Array) -> Flags:
-        """First place where |det Phi_u| falls by one more `CHANGE` below half its usual size."""
+        """Where |det Phi_u| first falls below half its usual size over a power of `CHANGE`."""
         sizes = np.abs(ends)
         largest = np.fmax(sizes.max(axis=1, initial=0, where=sizes >= 0), self._usual_size)
         half = largest[:, None] / 2
@@ -193,7 +193,7 @@ class ByColumns:
         self._unit = np.eye(len(mechanism.coordinates))
 
     def answer(self, *_: object) -> None:
-        """None: `many` computes batches, the engine single samples."""
+        """None, after which the engine calls `many`."""
 
     derivatives = answer
 

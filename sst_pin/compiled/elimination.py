@@ -61,7 +61,7 @@ def pivot_order(pattern: Flags, values: Array) -> tuple[list[tuple[int, int]], A
 
 
 class Factors:
-    """Factors of the part of a matrix that has pivots; the last two are one 2 x 2 block."""
+    """Factors of the part of a matrix that has pivots; the last two may form one 2 x 2 block."""
 
     def __init__(self, rows: Rows, order: Sequence[tuple[int, int]]) -> None:
         columns = {j for _, j in order}
@@ -162,8 +162,8 @@ class Orthogonal:
     are at least the square of the smallest singular value. Both solutions are backward stable
     (Bjoerck, Numerical methods for least squares problems, 1996, Sects. 2.4.4 and 2.4.5).
 
-    A has the rows in `scale`, each multiplied by its scale, at least as many as columns. `squares`
-    are those of the columns of Q, `inverses` one over each.
+    The rows of A are those in `scale`, each times its scale; they are at least as many as columns.
+    `squares` are the squared lengths of the columns of Q, `inverses` their reciprocals.
     """
 
     changed: tuple[list[int], list[int]] = [], []  #: No element of Q grows.

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The equations of motion of any closed chain on CasADi's symbols.
 
-Rows of closures are in the axes of the last link that both branches of their loop hang on, relative
-to which the rates of the loop are counted. One factorisation of Phi_u, the columns of the dependent
-rates, serves rates, accelerations and, transposed, forces, so that inverse dynamics forms no L.
-The geometry is numbers; `OpenNumbers` lists the numbers that stay symbols.
+The rows of a closure are in the axes of the last link that carries both branches of its loop, and
+contain only rates beyond this link. Phi_u, the columns of the dependent rates, is factorised once,
+for rates, accelerations and, transposed, forces, so that inverse dynamics forms no L. The geometry
+is fixed numbers; `OpenNumbers` lists the numbers that stay symbols.
 """
 
 from collections.abc import Mapping, Sequence
@@ -280,7 +280,7 @@ class Equations:
 
     @cached_property
     def motor_rows(self) -> list[dict[int, Any]]:
-        """Rows of L^T B, where zeros are left out; at the samples all coordinates are driven."""
+        """Rows of L^T B without zeros; refuses motors that at no sample drive all coordinates."""
         mechanism, A, n = self.mechanism, self.motor_matrix, len(self._coordinates)
         rows = mechanism.rate_scale[mechanism.coordinates, None]
         sizes = np.linalg.svd(self.at_samples(A) * rows / mechanism.motor_scale, compute_uv=False)
@@ -303,7 +303,7 @@ class Equations:
 
     @cached_property
     def motor_factors(self) -> tuple[Orthogonal, Array]:
-        """(L^T B)^T, factorised, and the squares of its pivots in the samples."""
+        """(L^T B)^T, factorised, and the largest squares of its pivots in the samples."""
         rows, motors = list(enumerate(self.motor_rows)), range(len(self.mechanism.motor_names))
         by_motor = [{i: row[k] for i, row in rows if k in row} for k in motors]
         return self._orthogonal(by_motor, dict.fromkeys(motors, 1.0), range(len(rows)))

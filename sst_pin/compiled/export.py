@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Any robot as C99 for its own controller: no allocation, no library."""
+"""Any robot as C99 for its own controller: no allocation, no library; some need C's `sqrt`."""
 
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Reactions in joints and closures, as those of `chain.reactions`, on CasADi's symbols.
 
-Rows without a pivot give states of inner stress: one unit of such a row, balanced along the
-dependent rates by the others, or where all rows count by the shortest multipliers of all.
+Each row without a pivot gives a state of self-stress: a unit of this row is balanced along the
+dependent rates by the rows with pivots, or by the shortest multipliers of an `Orthogonal` part.
 """
 
 from collections.abc import Iterator, Sequence

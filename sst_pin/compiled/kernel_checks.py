@@ -31,11 +31,11 @@ from .symbols import Sparse, add, column, is_zero
 CLOSED = 0.5 * CLOSURE_TOLERANCE
 #: Largest residual of a solution, in roundings of the matrix times the solution.
 _ROUNDINGS = 30
-#: Largest missing part of a force, in roundings, for rougher numbers.
+#: Largest missing part of a force, in roundings; it counts in single precision.
 _LEFT = 1e4
 #: Rounding of the sum of all forces, free of units.
 _BALANCED = 1e-14
-#: The rounding for which thresholds are.
+#: Rounding of double precision, for which the thresholds are chosen.
 _DOUBLE = float(np.finfo(float).eps)
 #: Solutions up to this count as zero, [rad/s], [N m] and the like.
 _NOTHING = 1e-10
@@ -44,7 +44,7 @@ _NOTHING = 1e-10
 class Checks:
     """Checks of one robot's kernels.
 
-    `closed` is the largest residual of the closures, scaled, `rounding` that of the numbers.
+    `closed` is the largest scaled residual of the closures, `rounding` that of the numbers.
     """
 
     def __init__(
@@ -85,23 +85,23 @@ class Checks:
 
     @property
     def of_rates(self) -> list[Any]:
-        """Checks that v is a solution."""
+        """Checks that v solves Phi v = 0."""
         return self.unsolved(self._equations.v, {})
 
     @property
     def of_forces(self) -> list[Any]:
-        """Checks that all solutions in inverse dynamics are solutions."""
+        """Checks of all linear solutions in inverse dynamics."""
         e = self._equations
         return self.of_rates + self.unsolved(e.dv, e.drift) + self.unbalanced(e.tree_forces)
 
     @property
     def of_complement(self) -> list[Any]:
-        """Checks that the columns of L are solutions."""
+        """Checks that the columns of L solve Phi x = 0."""
         return [check for x in self._equations.L for check in self.unsolved(x, {})]
 
     @property
     def of_accelerations(self) -> list[Any]:
-        """Checks that all solutions in direct dynamics are solutions."""
+        """Checks of all linear solutions in direct dynamics but that with the mass matrix."""
         e = self._equations
         return self.of_rates + self.unsolved(e.at_rest, e.drift) + self.of_complement
 
@@ -115,7 +115,7 @@ class Checks:
         return [factors.small(sizes)]
 
     def massless(self, inverses: list[Any]) -> list[Any]:
-        """More than 1 where a pivot of the mass matrix, one over each given, is too small."""
+        """More than 1 where a pivot of the mass matrix is too small; `inverses` are 1 / pivots."""
         e, scale = self._equations, self._rate_scale
         least, precision = WITHOUT_MASS * e.tree.whole_inertia, self._rounding / _DOUBLE
         small = []
@@ -145,9 +145,9 @@ class Checks:
         return self._too_much(unit, terms, [x[i] / scale[i] for i in x])
 
     def unsupplied(self, tau: Sparse, f: SX) -> list[Any]:
-        """More than 1 where motor torques leave more of f over than rounding, by coordinate.
+        """2 for each coordinate where motor torques leave more of f over than rounding, else 0.
 
-        What is left counts beside the torques that meet in the coordinate, and beside the rounding
+        The rest of f is compared with the torques that act on the coordinate, and with the rounding
         of all coordinates.
         """
         e, precision = self._equations, self._rounding / _DOUBLE
@@ -180,7 +180,7 @@ class Checks:
         return unit, signs, {i: x for i, x in sums.items() if not is_zero(x)}
 
     def _too_much(self, unit: float, terms: list[Any], solution: list[Any]) -> list[Any]:
-        """The square of a residual against a solution, without a division."""
+        """More than 1 where a residual is too large beside its solution, without a division."""
         if not terms:
             return []
         most = _ROUNDINGS * self._rounding * self._equations.pivots.norm / unit

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""All kernels that can be compiled: inputs, one row of results, and checks.
+"""All kernels that can be compiled: inputs, a column of results, and checks.
 
 Columns of Jacobians of frames are velocities too: those of the motions L e_k. So all their rates
 and derivatives are changes of a velocity along a motion, at constant rates of the coordinates:
@@ -47,8 +47,8 @@ class SymbolicKernel:
     output: SX
     #: Checks: numbers that are at most 1 if the results are right.
     checks: SX
-    #: Where the last input is a direction and the output is along it, how many there are: a
-    #: sample's results are those of all, side by side in rows. Else 0.
+    #: Number of directions, if the last input is a direction and the output is along it, else 0.
+    #: The results of a sample are those of all directions, side by side in rows.
     directions: int = 0
     #: Factors that make the numbers of q free of units.
     units: tuple[float, ...] = ()
@@ -277,7 +277,7 @@ def _changes(
 ) -> tuple[list[SX], list[Any]]:
     """Changes of velocities of a frame, and checks that the changes of rates are solutions.
 
-    A motion: rates that give the velocity, and along which it changes; their change; Phi times it.
+    A motion: rates x of the velocity, rates along which it changes, the change of x, Phi times it.
     """
     kinematics, place = e.kinematics, frame_named(e.mechanism.model, frame)
     link = kinematics.tree.link_of[place.parentJoint]

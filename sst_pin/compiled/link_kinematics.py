@@ -20,7 +20,7 @@ from ..arrays import Array
 from .links import Link, LinkTree, clean
 from .symbols import Sparse, add, angle, column, rotation_vector, sparse, sx
 
-#: Number of coordinates at the end of a joint that form a unit vector.
+#: Number of the last coordinates of a joint that form a unit vector.
 _UNIT = {"ball": 4, "free": 4, "planar": 2, "unbounded": 2}
 _ZERO = SX(3, 1)
 
@@ -71,8 +71,8 @@ class Point(NamedTuple):
 class Kinematics:
     """Symbols of a tree; a joint without compiled equations is refused.
 
-    Where joints are `displaced`, it is along their rates, to first order: derivatives by
-    `displacement` at zero are those by q along the rates. `lift` is the acceleration of link 0.
+    If `displaced`, joints have small displacements along their rates, to first order: derivatives
+    by `displacement` at zero are those by q along the rates. `lift` is the acceleration of link 0.
     """
 
     def __init__(self, model: pin.Model, displaced: bool = False) -> None:
@@ -159,13 +159,13 @@ class Kinematics:
             for k, S in zip(self.tree.links[i].v, self.tree.links[i].S.T, strict=True):
                 turn = R_i @ sx(S[3:])
                 u = R_i @ sx(S[:3]) + ca.cross(turn, p - o_i)
-                columns = add(columns, {k: ca.vertcat(u, turn)})  # a mimic joint adds to its own
+                columns = add(columns, {k: ca.vertcat(u, turn)})  # a mimic joint shares its rate
         return Point(p, R @ sx(frame.placement.rotation), columns)
 
     def motions(
         self, v: Sparse, dv: Sparse, gravity: SX | None = None, v_k: Sparse | None = None
     ) -> list[LinkMotion]:
-        """Motions of all links, on rates v_k of the one whose rate is taken, by default v."""
+        """Motions of all links; v_k are the rates of the velocity that is differentiated, or v."""
         motions = [LinkMotion() if gravity is None else LinkMotion(a=-gravity)]
         for i, link in enumerate(self.tree.links[1:], start=1):
             motions.append(self._next(i, motions[link.parent], v, v if v_k is None else v_k, dv))
@@ -220,7 +220,7 @@ class Kinematics:
         return tau
 
     def q_rates(self, v: Sparse) -> SX:
-        """Rates of the coordinates; those of unit vectors as of any numbers."""
+        """Rates of the entries of q, those of quaternions and cosine-sine pairs among them."""
         q, rates = self.q, SX(self.q.numel(), 1)
         for link in self.tree.links[1:]:
             first, last = link.q.start, link.q.stop

@@ -93,7 +93,7 @@ class OpenNumbers:
         return blocks
 
     def inertial(self, numbers: Array) -> Array:
-        """The numbers without weights, springs and forces along lines."""
+        """The numbers without gravity, springs and forces along lines."""
         numbers, (line, lines) = numbers.copy(), self._lines
         spring = self._starts["stiffness"]
         numbers[:3] = numbers[spring : spring + len(self.joints["stiffness"])] = 0

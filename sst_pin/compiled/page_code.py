@@ -52,7 +52,7 @@ const rubbing = (x, F, width, rest) => F === 0 ? 0 : F * direction(x, width, res
 """
 #: Choices of coordinates and pivots at most; walks that look for them, and their steps.
 _MOST, _WALKS, _STEPS = 4, 6, 50
-#: A check of pivots that are small.
+#: The pivots of a choice are small where their check is larger.
 _SMALL = 1e-3
 #: Statements of a function that browsers optimise.
 _LARGEST = 600
@@ -67,9 +67,9 @@ def functions_of(reference: Reference, q: Array) -> tuple[str, Array]:
 def choices(reference: Reference, q: Array) -> list[Equations]:
     """Equations with several choices of pivots and coordinates.
 
-    At most configurations, one of them is sound. The first are in the robot's coordinates, with
+    In most configurations, one of them is sound. The first are in the robot's coordinates, with
     pivots chosen near q. Walks from there, downhill and the same at each call, look for
-    configurations where all have small pivots.
+    configurations where all choices so far have small pivots.
     """
     mechanism, random = reference.mechanism, np.random.default_rng(0)
     model, data, n = mechanism.model, mechanism.model.createData(), len(mechanism.coordinates)

@@ -59,9 +59,9 @@ def _brackets(e: Equations, a: Sparse, b: Sparse) -> Sparse:
 class _OnTree:
     """Derivatives on the tree, where q, v, v_dot and the forces of the closures are independent.
 
-    By q along each rate, v and v_dot can be differentiated: `slips`, Phi v of those rows that hold
-    rates and no positions; c = Phi v_dot + Phi_dot v; the forces of the tree less those of the
-    closures and of motors.
+    Functions of displacements q along the rates, of v and of v_dot: `slips`, Phi v of the rows that
+    constrain rates only; `c`, Phi v_dot + Phi_dot v; `forces`, those of the tree less those of the
+    closures and of the motors.
     """
 
     def __init__(self, e: Equations, aa: SX, tau: SX) -> None:
@@ -85,7 +85,7 @@ class _OnTree:
         self._values = [e.q, SX(nv, 1), *now, e.p, e.loads, tau]
 
     def by(self, *pairs: tuple[SX, SX]) -> list[SX]:
-        """Derivatives of one of them by another, pair by pair."""
+        """For each pair, the derivative of the first member by the second one."""
         results = [ca.jacobian(of, x) for of, x in pairs]
         return list(ca.Function("by", self._symbols, results).call(self._values))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Small helpers for CasADi's symbols: sparse vectors, a symmetric solve, turns up to half a turn.
+"""Small helpers for CasADi's symbols: sparse vectors, a symmetric solve, angles up to half a turn.
 
 An arc over its sine depends on its cosine c alone: with the arc halved three times, by cos(x / 2) =
 sqrt((1 + c) / 2), the series of the arcsine converges to rounding within a few terms.
@@ -76,9 +76,9 @@ def rotation_vector(quaternion: SX) -> SX:
 
 
 def angle(cosine: Any, sine: Any) -> Any:
-    """From -pi to pi."""
+    """The angle with this cosine and sine, from -pi to pi."""
     side = _side(cosine)
-    beyond = ca.pi / 2 * (1 - side) * _side(sine)  # of a right angle: measured from half a turn
+    beyond = ca.pi / 2 * (1 - side) * _side(sine)  # half a turn beyond a right angle, else 0
     return beyond + side * _arc_over_sine(side * cosine) * sine
 
 

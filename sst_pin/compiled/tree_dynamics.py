@@ -189,7 +189,7 @@ class TreeDynamics:
 
     @property
     def potential_energy(self) -> Any:
-        """Potential energy of the weights, the springs and the forces along lines."""
+        """Potential energy of gravity, the springs and the forces along lines."""
         gravity, energies = self._p[GRAVITY], []
         for i, link in enumerate(self._kinematics.tree.links):
             body, (R, p) = self._bodies[link.body], self._kinematics.pose(0, i)
@@ -221,7 +221,7 @@ class TreeDynamics:
         """A matrix M with the same L^T M L as the mass matrix, from composite bodies.
 
         `following` has, by link, rows of L of rates behind it that follow from coordinates behind
-        it. What their joints' forces do to the link and those before it is counted with these.
+        it. From this link to the base, the wrenches of these rates count for the coordinates.
         """
         links, placements = self._kinematics.tree.links, self._kinematics.placements
         bodies = [self._bodies[link.body] for link in links]
@@ -239,7 +239,7 @@ class TreeDynamics:
                     mass * u + ca.cross(turn, c), inertia @ turn + ca.cross(c, u)
                 )
             for j, S in zip(link.v, link.S.T, strict=True):
-                # Twice: a mimic joint behind its own.
+                # Twice, if a mimic joint is behind the joint that it follows.
                 pairs = [(k, wrench, 1 + (j == k)) for k, wrench in behind.items()]
                 pairs += [(k, wrench, 1) for k, wrench in of_link.items() if j <= k]
                 for k, wrench, times in pairs:

@@ -63,8 +63,8 @@ class WarpBatch:
 
     Each method checks every sample. Results of bad samples are NaN. `status`, an array of int32,
     shape (N,), gets the reason for each sample, a `Status`; `out` gets the result. With both a call
-    allocates no memory, as a CUDA graph needs it. `out` of derivatives has all of them side by
-    side, shape (N, n, 3 n); that of a placement, (N, 4, 3), has the position and three rows of R.
+    allocates no memory, as a CUDA graph needs it. `out` is contiguous for derivatives, side by
+    side, (N, n, 3 n) or (N, n, 2 n + motors), and for placements, p above R, (N, 4, 3).
 
     A batch keeps the robot as it was: after `ClosedChain.refresh` make another one.
 
@@ -190,8 +190,8 @@ class WarpBatch:
         """States after `dt` seconds with constant torques, by the classical Runge-Kutta method.
 
         After each substep the dependent joints are corrected, so that the loops stay closed. A
-        sample is bad (`Status.MODE`) if det Phi_u changes by more than a quarter in half a substep:
-        near a singularity, between two assembly modes, or if the substeps are too long.
+        sample is bad (`Status.MODE`) if det Phi_u changes by more than a factor of 1.25 in half a
+        substep, near a singularity or between two assembly modes, or if a substep is too long.
 
         Args:
             state: q, shape (N, nq), and va, shape (N, n).

@@ -78,11 +78,11 @@ def base_parameters(
             default those of all bodies, and all others that are not zero.
         motion: q, va, aa of many samples; the combinations are those that this motion shows. By
             default random assembled states: what any motion can show.
-        seed: Seed of these.
+        seed: Seed of the random states.
 
     Raises:
         UnknownNameError: For a name or pattern that fits no parameter.
-        InputError: If the motion has fewer equations than base parameters could be.
+        InputError: If the motion has fewer equations than there are parameters considered.
         ClosureError: If no configurations can be assembled.
 
     Example:

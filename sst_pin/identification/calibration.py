@@ -36,10 +36,10 @@ from .base_parameters import independent
 from .estimation import solved
 from .urdf_numbers import bearers_of, with_origins
 
-#: A smaller gap that the joints leave of an error counts as zero, free of units.
+#: An error opens the loops if the joints leave a larger gap, free of units.
 _CLOSED = 1e-6
-#: An error whose part that other errors do not explain is smaller depends on them: the first of
-#: these with which Newton's method settles.
+#: An error is hidden if the part of it that errors before it do not explain is smaller. The first
+#: tolerance with which Newton's method settles is used.
 _TOLERANCES = (1e-6, 1e-5, 1e-4, 1e-3)
 _STEPS, _SETTLED = 30, 1e-9
 #: Least noise of positions as a part of that of orientations, and the reverse: less is rounding.
@@ -120,7 +120,7 @@ def calibrate(
     urdf: str | Path | None = None,
     start: ArrayLike | None = None,
 ) -> Calibration:
-    """The geometry of a robot from measured poses of a frame and positions of the motors.
+    """The geometry of a robot from measured poses of a frame and positions of the coordinates.
 
     The errors are those that the poses show, in the order of the tree.
 
@@ -195,9 +195,9 @@ def calibrate(
 
 
 class _Poses:
-    """Poses of a frame by the errors of an enlarged robot, and the measured ones.
+    """Poses of a frame as functions of the errors of an enlarged robot, and the measured poses.
 
-    All is free of units: positions and slides are parts of the robot's length.
+    Inside, all is free of units: positions and slides are parts of the robot's length.
     """
 
     def __init__(
@@ -209,7 +209,7 @@ class _Poses:
     ) -> None:
         self._large, self._frame, self._names, self._targets = large, frame, names, targets
         self._columns = [large.coordinates.index(name) for name in names]
-        #: Of the errors, and of positions and orientations.
+        #: Units of the errors, and of positions and orientations.
         self._units = large.mechanism.rate_scale[large.mechanism.coordinates[self._columns]]
         self._sizes = np.array([large.mechanism.length, 1.0])
 

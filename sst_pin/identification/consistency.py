@@ -16,9 +16,9 @@ from ..dynamics.regressor import DynamicParameters
 from ..errors import InputError, MissingExtraError
 from .estimation import Estimate
 
-#: Least eigenvalue of a pseudo-inertia, over that of a ball of this mass and the robot's length.
+#: Least eigenvalue of a pseudo-inertia in units of the body's mass and the robot's length.
 _LEAST = 1e-5
-#: Weight of the prior for combinations that the motion does not show, in their standard deviations.
+#: Root of the prior's weight for all parameters but those of bodies, in their deviations.
 _WEAK = 1e-6
 #: Parameters that are not negative.
 _POSITIVE = (".viscous", ".coulomb", ".armature", ".stiffness", ".damping")
@@ -74,7 +74,7 @@ def consistent_parameters(
     free = np.flatnonzero(varied[:end].reshape(-1, 10).any(axis=1) & (masses > 0))
     others = np.flatnonzero(varied[end:]) + end
     columns = np.concatenate([(10 * free[:, None] + np.arange(10)).ravel(), others])
-    # Unknowns in units of the bodies' masses and the robot's length; others of what is seen.
+    # Units: masses of bodies and length of the robot; for other unknowns, their deviations alone.
     of_length = chain.mechanism.length ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
     of_bodies = np.outer(masses[free], of_length).ravel()
     units, R, best = _least_squares(found, cad, columns, of_bodies, float(np.sqrt(weight)))
@@ -99,7 +99,7 @@ def consistent_parameters(
     _require_bodies(best[: 10 * free.size].reshape(-1, 10), status)
     theta = cad.copy()
     theta[columns] = best * units
-    # The solver passes the constraints by its tolerance.
+    # The solver may violate the constraints by its tolerance.
     theta[others[positive]] = np.maximum(theta[others[positive]], 0)
     return DynamicParameters(names, theta)
 

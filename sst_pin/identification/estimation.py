@@ -33,7 +33,7 @@ class Estimate(Summary):
         covariance: Their covariance, shape (b, b), for torques whose noise is independent from
             sample to sample before the filter of `decimate`.
         noise: Standard deviation of each motor's torque from the model, shape (motors,); the same
-            for all where there are more motors than freedoms.
+            for all where there are more motors than degrees of freedom.
         decimate: One sample of this many was used, after a filter.
     """
 
@@ -181,7 +181,7 @@ def _weighted(J: Array, noise: Array, left: Array, right: Array) -> tuple[Array,
 
 
 def _deviations(A: Array, inverse: Array, correlations: Array) -> tuple[Array, float]:
-    """A root of the covariance of the values, and how many freedoms of the noise they use.
+    """A root of the covariance of the values, and how many degrees of freedom they use.
 
     `inverse` is R^-1 of A = Q R; the noise of samples j + 1 apart correlates by correlations[j].
     """
@@ -217,7 +217,6 @@ def report(chain: ClosedChain, found: Estimate, theta: ArrayLike, unseen: Trajec
         found: The estimate.
         theta: The dynamic parameters that were chosen, such as `consistent_parameters`.
         unseen: A motion with measured torques that the estimate has not seen.
-
     """
     errors = decimated(predicted_torques(chain, theta, unseen) - unseen.tau, found.decimate)
     size = np.sqrt(np.mean(np.square(decimated(unseen.tau, found.decimate)), axis=0))

@@ -117,7 +117,7 @@ def measured_motion(
     _require_bridged(names, even[inside], replaced[inside], _BRIDGED * period)
     times = np.linspace(first, last, int((last - first) * per_period / period) + 1)
     curve, torques = spline(even, smooth[:, :n]), smooth[:, n:]
-    if count > 1:  # only against frequencies that the samples cannot show
+    if count > 1:  # anti-aliasing only
         wide = count * cutoff / 2 / rate
         torques = lowpass(values[:, n:], wide) if wide < _OPEN else values[:, n:]
     va, aa = (curve.derivative(k)(times) for k in (1, 2))
@@ -153,9 +153,9 @@ def _even_samples(
 
 
 def lowpass(values: Array, cutoff: float, ends: str = "odd") -> Array:
-    """Filtered forwards and backwards along the first axis, the cut-off in periods per sample.
+    """Values filtered forwards and backwards along axis 0, the cut-off in periods per sample.
 
-    `ends` says how the values go on beyond their ends: "odd", about the last value, or "even".
+    `ends` says how the values are reflected beyond their ends: "odd", about the last, or "even".
     """
     from scipy.signal import butter, sosfiltfilt
 

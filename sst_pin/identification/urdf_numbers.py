@@ -29,8 +29,8 @@ def write_urdf(chain: ClosedChain, urdf: str | Path, path: str | Path, force: bo
     """Write a URDF with the inertias and the friction of a robot, such as one identified.
 
     Links that are fixed to each other get one inertia, in the first of them that had one. Locked
-    joints become fixed. Masses, mass centres, inertias, `damping` and `friction` change, nothing
-    else.
+    joints become fixed. Otherwise only masses, mass centres, inertias, `damping`, `friction` and
+    relative paths of meshes and textures change.
 
     Args:
         chain: The robot, as `with_parameters` gives it.

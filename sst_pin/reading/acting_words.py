@@ -36,7 +36,7 @@ _ACTING_PLUGIN = re.compile("mimic|attach|coupl|closed_?loop", re.I)
 
 
 def unread(root: ET.Element) -> Iterator[Problem]:
-    """Warnings of elements that act in other tools but are not read here."""
+    """Problems of elements that act in other tools: not read here, or not a number."""
     known = {element.get("name", "") for element in root if element.tag in ("link", "joint")}
     for element in root:
         texts = {text for part in element.iter() for text in (*part.attrib.values(), part.text)}

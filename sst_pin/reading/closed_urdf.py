@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Reads a URDF with its YAML and SRDF into one value, from which robots are made."""
+"""Reads a URDF with its YAML and SRDF into a `RobotFile`."""
 
 from collections.abc import Collection, Iterator, Sequence
 from functools import partial
@@ -47,10 +47,10 @@ def read_urdf(
 
 
 def read_cuts(urdf: Urdf, path: str | Path | None, default: str | Path | None = None) -> Cuts:
-    """Cuts of a URDF: from `path`, the YAML beside it, `default`, or none if the URDF has marks.
+    """Cuts of a URDF: from `path`, else the YAML beside it, else `default`.
 
     The YAML beside it has its name, or is a `loop_closures.yaml` or `robot_data.yaml` of its
-    package.
+    package. Without a YAML, the cuts have only the motors that the URDF marks.
     """
     if path is None:
         path = cuts_beside(Path(urdf.source)) or default
@@ -132,7 +132,7 @@ def _free_motors(motors: Sequence[Motor], locked: Collection[str]) -> Iterator[M
 def _unlocked(
     couplings: Sequence[Coupling], locked: Collection[str], source: str
 ) -> Iterator[Coupling]:
-    """Couplings where some joints are locked at zero."""
+    """The couplings that remain when some joints are locked at zero."""
     for coupling in couplings:
         free = {n: c for n, c in coupling.polynomials.items() if n not in locked}
         offset = coupling.offset

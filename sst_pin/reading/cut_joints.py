@@ -26,7 +26,7 @@ _SIDES = {
     "loop_joint": ("link1", "link2"),
     "constraint": ("parent", "child"),
 }
-#: Kind of the closure of a joint.
+#: Kind of the closure for each type of joint.
 _KINDS = {"fixed": "6d", **dict.fromkeys(("spherical", "ball"), "3d")}
 _KINDS |= dict.fromkeys(("revolute", "continuous"), "hinge")
 _KINDS |= {kind: kind for kind in ("prismatic", "universal", "cylindrical", "planar")}

@@ -42,7 +42,7 @@ class Cuts(NamedTuple):
     joints: tuple[tuple[str, str], ...] = ()  #: True kinds of joints by name; see `Urdf.tree`.
     numbers: JointNumbers = MappingProxyType({})
     locked: tuple[str, ...] = ()
-    dependent: tuple[str, ...] = ()  #: Joints that follow from the closures; they mimic none.
+    dependent: tuple[str, ...] = ()  #: Joints that closures determine; their `<mimic>` is ignored.
     gravity: Array | None = None  #: In base axes, [m/s^2]; None: the URDF's.
     source: str = ""  #: The YAML, for messages; empty without one.
 

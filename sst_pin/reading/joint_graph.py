@@ -83,7 +83,7 @@ class JointGraph:
                     yield joint
 
     def _branch(self, joint: GraphJoint) -> None:
-        """A joint of the tree; its positions are the same if it is reversed."""
+        """Add a joint to the tree; a reversed joint keeps its positions."""
         ((parent, child), (there, here)), swap = (joint.links, joint.places), False
         if child in self.frames:
             parent, child, there, here, swap = child, parent, here, there, True
@@ -113,7 +113,7 @@ class JointGraph:
             parent, at = link, pin.SE3.Identity()
 
     def _cut(self, joint: GraphJoint) -> None:
-        """A joint that closes a loop."""
+        """Add a joint that closes a loop."""
         cut = ET.SubElement(self.urdf, "constraint", name=joint.name, type=joint.kind)
         first, last = joint.axes[0], joint.axes[-1]
         sides = zip(("parent", "child"), joint.links, joint.places, (first, last), strict=True)
@@ -141,7 +141,7 @@ class JointGraph:
 
 
 def _detail(element: ET.Element, axis: Axis, may_be_endless: bool) -> None:
-    """Limits, friction and mimicry of an axis."""
+    """Add the limits, friction and mimic of an axis to a joint."""
     low, high = axis.limit["lower"], axis.limit["upper"]
     if may_be_endless and element.get("type") == "revolute" and low <= -_WIDE and high >= _WIDE:
         element.set("type", "continuous")

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Reads an MJCF as a Pinocchio model, closures and motors, through MuJoCo's compiler.
 
-MuJoCo resolves defaults, angles, meshes and inertias; what it has compiled is carried over number
-by number.
+MuJoCo resolves defaults, angles, meshes and inertias; the numbers of its compiled model are read.
 """
 
 from collections import Counter

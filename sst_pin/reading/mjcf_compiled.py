@@ -14,7 +14,7 @@ from ..errors import DescriptionError, MissingExtraError
 
 #: Types of joints, as `mjtJoint` has them.
 FREE, BALL, SLIDE, HINGE = range(4)
-#: Flags that disable another one too.
+#: Flags that another flag disables too.
 _WHOLE = dict.fromkeys(("equality", "frictionloss", "limit"), "constraint")
 
 

@@ -53,7 +53,7 @@ def closures_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Constraint]:
 
 
 def _rod(compiled: Compiled, name: str, tendon: int, longer: float) -> Iterator[Distance]:
-    """A spatial tendon that keeps the length it has at the reference, and a constant."""
+    """A spatial tendon whose length stays that at the reference plus the constant `longer`."""
     if problem := _no_line(compiled, tendon):
         compiled.problems.append(f"{name}: {problem}")
         return
@@ -202,7 +202,7 @@ def lines_of(compiled: Compiled, motors: Sequence[Motor]) -> Iterator[LineForce]
 
 
 def _no_line(compiled: Compiled, tendon: int) -> str:
-    """Why a spatial tendon is not a line between two sites."""
+    """Why a spatial tendon cannot be a line between two sites; empty if it can."""
     mj = compiled.mj
     kinds = mj.wrap_type[compiled.wraps(tendon)]
     if (kinds != int(compiled.mujoco.mjtWrap.mjWRAP_SITE)).any():

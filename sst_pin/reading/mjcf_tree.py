@@ -36,8 +36,8 @@ class MjcfTree:
         weightless = compiled.disabled("gravity")
         self.model.gravity.linear = np.zeros(3) if weightless else mj.opt.gravity
         self.bodies = [(0, pin.SE3.Identity())]
-        #: For each joint its addresses in `qpos`, the pose there at its reference, if it is locked
-        #: in part, and the joints here.
+        #: For each joint its addresses in `qpos`; the reference pose, if it is free and locked in
+        #: part, else None; and its joints in this model.
         self._series: list[tuple[list[int], pin.SE3 | None, Series]] = []
         for body in range(1, mj.nbody):
             self._add_body(body)
@@ -107,7 +107,7 @@ class MjcfTree:
                 self.model.addFrame(pin.Frame(name, parent, placement, pin.FrameType.BODY))
 
     def add_numbers(self) -> Array:
-        """Put limits, friction and keyframes into the model; stiffness of the joints' springs."""
+        """Put limits, friction, rotors and keyframes into the model; returns springs' stiffness."""
         compiled, mj, model = self._compiled, self._compiled.mj, self.model
         joints = mj.dof_jntid[self.dofs]
         limited = (mj.jnt_limited[joints] != 0) & (not compiled.disabled("limit"))
@@ -129,7 +129,7 @@ class MjcfTree:
         return np.asarray(mj.jnt_stiffness[joints] * (not compiled.disabled("spring")))
 
     def add_home(self, closures: Sequence[Constraint]) -> None:
-        """Make `qpos0` the home if no keyframe is and if it closes the loops."""
+        """Make `qpos0` the home if it closes the loops and no keyframe is named home."""
         model = self.model
         if not model.nv or "home" in model.referenceConfigurations:
             return

@@ -65,7 +65,7 @@ def impossible(compiled: Compiled) -> Iterator[str]:
 
 
 def unread(compiled: Compiled, tree: MjcfTree) -> list[str]:
-    """Forces and inertias on joints that move, and that are not read."""
+    """Forces and inertias that act on moving joints and are not supported."""
     mj, problems = compiled.mj, [*_of_joints(compiled), *_of_fields(compiled, tree)]
     if mj.opt.density or mj.opt.viscosity:
         problems.append("a medium (density, viscosity, wind) is not supported")

@@ -15,7 +15,7 @@ from .text import bare
 
 #: Groups of geoms that MuJoCo's viewer shows; collision shapes usually are in others.
 _SHOWN_GROUPS = 3
-#: Shapes of geoms by `mjtGeom`, and their sizes from MuJoCo's.
+#: Shapes of geoms by `mjtGeom`, and the factors from MuJoCo's sizes to theirs.
 _SHAPES = {
     2: (coal.Sphere, (1,)),
     3: (coal.Capsule, (1, 2)),

@@ -44,9 +44,9 @@ MOST_JOINTS = 400
 class Urdf:
     """A URDF, or an SDF in the form of a URDF, read and parsed once.
 
-    `source` is its path, or what else messages call it; `root` its elements, not to be changed;
-    `marks` what it says of loops beyond the tree; `numbers` springs and rotors of its joints;
-    `problems` what is wrong in names, tree and numbers; `crosses` links that no SDF has.
+    `source` is its path, or another name for messages; `root` its elements, not to be changed;
+    `marks` the joints that close loops, and gears; `numbers` springs and rotors of its joints;
+    `problems` errors and warnings; `crosses` links that are added between two axes of a joint.
     """
 
     def __init__(self, text: str, source: str) -> None:

@@ -47,10 +47,10 @@ _COUNTS = {
 _ROUNDING = 1e-9
 #: The most links that a warning names.
 _NAMED = 5
-#: Heaviest over lightest moving link, beyond which half the digits are gone.
+#: Largest ratio of the masses of moving links; beyond it, half of the digits are lost.
 _SPREAD = 1e8
-#: Size of a link over its radius of gyration, 3.5 for a rod, or its inverse: a thousand times
-#: larger if lengths or moments are in millimetres.
+#: Largest ratio of a link's size to its radius of gyration, 3.5 for a rod, and of this radius to
+#: the largest size. Lengths or moments in millimetres make one of them a thousand times larger.
 _SIZES = 100
 #: Tools that refuse a kind of file.
 _REFUSED = {
@@ -162,7 +162,7 @@ def _joint(joint: ET.Element, where: str, kinds: Mapping[str | None, str]) -> It
 
 
 def no_numbers(parent: ET.Element, where: str) -> Iterator[Problem]:
-    """Attributes in an element and its parts with a wrong count of numbers."""
+    """Attributes of the children of an element that are not the right count of numbers."""
     for element in parent:
         for key, count in _COUNTS.get(element.tag, {}).items():
             if key in element.attrib and numbers(text := element.attrib[key], count) is None:

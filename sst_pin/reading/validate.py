@@ -47,8 +47,8 @@ def validate(path: str | Path, cuts: str | Path | None = None) -> list[Problem]:
 
     Args:
         path: A URDF, an SDF, or an MJCF with the ending .xml or .mjcf.
-        cuts: YAML of closures and motors, see `ClosedChain.from_urdf`; by default the file with the
-            name of the URDF and the ending .yaml. An MJCF has none.
+        cuts: YAML of closures and motors, see `ClosedChain.from_urdf`; by default the one beside
+            the URDF, if there is one. An MJCF has none.
 
     Returns:
         Errors, which prevent computing or drawing the robot; warnings; and notes, mostly about

@@ -46,7 +46,7 @@ class YamlContent(dict[str, Any]):
         return results
 
     def zipped(self, lists: Mapping[str, list[Any]], first: str, second: str) -> list[Any]:
-        """Pairs of the entries of two lists, which have one length."""
+        """Pairs of the entries of two lists; reports lists of different length."""
         if (m := len(self.get(first, ()))) != (n := len(self.get(second, ()))):
             self.problems.append(f"{first} has {m} entries, {second} has {n}")
         return list(zip(lists[first], lists[second], strict=False))

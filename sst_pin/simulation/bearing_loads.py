@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Peak and mean loads of joints and closures along a motion, to choose bearings."""
+"""Peak and RMS loads of joints and closures along a motion, to choose bearings."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-#: Largest relative difference between the accelerations of a motion and those of its torques.
+#: Largest relative difference between a motion's accelerations and those that its torques cause.
 _DIFFERENCE = 1e-6
 
 
 class Load(NamedTuple):
-    """Sizes of the force or the moment of a joint or closure along a motion.
+    """Magnitude of the force or the moment of a joint or closure along a motion.
 
     Attributes:
         name: Name of the joint or closure.
         kind: "force" [N] or "moment" [N m].
-        peak: Largest size; NaN where it is not unique.
+        peak: Largest magnitude; NaN where it is not unique.
         time: Time of the peak, [s].
         x: First component of the direction at the peak, a unit vector in the axes of the wrench.
         y: Second component.
         z: Third component.
-        rms: Root of the mean square of the size over time, by trapezoids between samples.
+        rms: Root mean square of the magnitude over time, by the trapezoidal rule.
         determined: Whether it is unique in the rigid robot at all samples.
     """
 
@@ -111,7 +111,7 @@ class Loads(Summary):
 def reactions_along(
     engine: Engine, motion: Trajectory, stiffness: Mapping[str, ArrayLike] | None
 ) -> Reactions:
-    """Reactions along a motion under its torques and the weights; other loads are an error."""
+    """Reactions along a motion under its torques and gravity; other loads are an error."""
     require_motion(motion, engine.mechanism)
     q, va, tau = motion.q, motion.va, motion.tau
     w = engine.reactions(q, va, None, tau, stiffness)

@@ -13,7 +13,7 @@ from ..model.mechanism import Mechanism
 from ..model.thresholds import CLOSURE_TOLERANCE
 from .trajectories import Trajectory, require_motion
 
-#: Condition number of the dependent joints from which a configuration is close to a singularity.
+#: A configuration with a larger condition number of the dependent joints is close to a singularity.
 LARGEST_CONDITION = 1e3
 
 
@@ -65,7 +65,7 @@ def samples_of(mechanism: Mechanism, motion: Any) -> tuple[Array, Array]:
 
 
 def over_limits(mechanism: Mechanism) -> Array:
-    """Tolerance of the limits for rounding, shape (nq,); infinite for quaternions."""
+    """Tolerance of the limits for rounding, shape (nq,); infinite for entries without a unit."""
     sizes = {"rad": 1.0, "m": mechanism.length, "": np.inf}
     return CLOSURE_TOLERANCE * np.array([sizes[unit] for unit in mechanism.space.position_units])
 
@@ -93,7 +93,7 @@ def singular(
     out: Flags,
     limits: tuple[float, float],
 ) -> Iterator[Finding]:
-    """The singularity where `out` is true, if it is anywhere."""
+    """One finding for all samples where `out` is true; none if there are none."""
     if out.any():
         yield Finding(problem, joints, t[out], values[out], limits, singular=True)
 

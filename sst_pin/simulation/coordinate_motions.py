@@ -27,7 +27,7 @@ def coordinate_motion(
     """The motion and the torques for given coordinates over time.
 
     The other joints are computed from sample to sample, in the same assembly mode. Rates are
-    derivatives of splines of degree five through the samples.
+    derivatives of splines of degree five, or N - 1 for N < 6, through the samples.
 
     Args:
         chain: Any closed chain with revolute or prismatic coordinates.
@@ -78,7 +78,7 @@ def motion_along(engine: Engine, t: Array, q: Array, x: Array) -> Trajectory:
 
 
 def _warn_of_full_turns(mechanism: Mechanism, x: Array) -> None:
-    """Warn of angles, shape (N, n), that change little and jump by about a full turn."""
+    """Warn of angles, shape (N, n), that mostly change little but jump by about a full turn."""
     steps = np.abs(np.diff(x, axis=0))
     jumps = (steps > 1.5 * np.pi).any(axis=0) & (np.median(steps, axis=0) < np.pi / 2)
     columns = zip(mechanism.coordinate_names, mechanism.coordinate_rate_units, jumps, strict=True)
@@ -92,13 +92,13 @@ def _warn_of_full_turns(mechanism: Mechanism, x: Array) -> None:
 
 
 def coordinate_positions(mechanism: Mechanism, q: Array) -> Array:
-    """Positions of the coordinates along a motion q, shape (N, nq), without jumps, shape (N, n)."""
+    """Positions of the coordinates, shape (N, n), without jumps, for a motion q, shape (N, nq)."""
     x = taken(mechanism.space, mechanism.space.without_jumps(q), mechanism.coordinate_names)
     return without_full_turns(mechanism, x)
 
 
 def positions_along(mechanism: Mechanism, motion: Trajectory) -> Array:
-    """Positions of the coordinates along a motion, with the full turns of its rates, (N, n)."""
+    """Positions of the coordinates along a motion, (N, n), unwrapped to agree with its rates."""
     x = taken(mechanism.space, motion.q, mechanism.coordinate_names)
     turning = np.array([unit == "rad" for unit in mechanism.coordinate_rate_units])
     steps = np.diff(motion.t)[:, None] * (motion.va[1:] + motion.va[:-1]) / 2
@@ -108,7 +108,7 @@ def positions_along(mechanism: Mechanism, motion: Trajectory) -> Array:
 
 
 def without_full_turns(mechanism: Mechanism, x: Array) -> Array:
-    """Positions of the coordinates, shape (N, n); joints that turn without end do not jump."""
+    """Positions x of the coordinates, (N, n), with the angles of unbounded joints unwrapped."""
     names = mechanism.coordinate_names
     endless = [name not in mechanism.space.position_names for name in names]
     return np.where(endless, np.unwrap(x, axis=0), x)

@@ -51,10 +51,10 @@ class Crossing(NamedTuple):
 
 
 class Branch:
-    """Polynomials, of degree eleven or less, that continue a motion from its last states.
+    """Polynomials of degree 2 N - 1 through N states of a motion and their derivatives.
 
-    The states, at `times` (N,), are in reverse order of time; v and v_dot are those of all joints,
-    (N, nv). `unit` is about the length of the extrapolation, [s].
+    The states are at `times`, (N,), in any order; v and v_dot are those of all joints, (N, nv).
+    `unit` is about the length of the extrapolation, [s].
     """
 
     def __init__(
@@ -85,12 +85,12 @@ class Branch:
 
 
 def crossing_of(states: States, branch: Branch, start: float, remaining: float) -> Crossing | str:
-    """The singular configuration on a branch about `remaining` after `start`, or why none is."""
+    """The `Crossing` on a branch about `remaining` after `start`, or why there is none."""
     from scipy.optimize import brentq
 
     U, before, Vt = np.linalg.svd(states.Phi(branch.q(start)))
     rank = Vt.shape[0] - len(states.coordinates)
-    # Without singular vectors of values that are zero everywhere.
+    # Leave out the singular vectors of values that are zero everywhere.
     rows, rates = U[:, :rank].T, Vt[:rank].T
     at, until = start, start + _AHEAD * remaining
     for _ in range(2):  # singular vectors vary a little along the branch

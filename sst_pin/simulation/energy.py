@@ -21,7 +21,7 @@ class EnergyBalance(NamedTuple):
 
     Attributes:
         kinetic: Kinetic energy of all bodies.
-        potential: Potential energy of the weights, the springs and the forces along lines.
+        potential: Potential energy of gravity, the springs and the forces along lines.
         motors: Work of the motors.
         friction: Work of friction in all joints and of dampers along lines, negative or zero.
     """
@@ -55,7 +55,7 @@ def kinetic_energy(engine: Engine, q: ArrayLike, va: ArrayLike) -> Array:
 
 
 def potential_energy(engine: Engine, q: ArrayLike) -> Array:
-    """Potential energy of weights, springs and lines, shape (...), [J]."""
+    """Potential energy of gravity, springs and lines, shape (...), [J]."""
     array = finite_array("q", q, (engine.mechanism.model.nq,))
     return for_each_sample(engine.reference.potential_energy, (array,), (1,), ())
 

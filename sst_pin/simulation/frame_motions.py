@@ -28,8 +28,8 @@ def frame_motion(
     """The motion and the torques for given poses of a frame over time.
 
     The joints are computed from sample to sample by Newton's method, in steps short enough to stay
-    in the same assembly and working mode. With more degrees of freedom than the task needs,
-    the joints move least. Rates are derivatives of splines of degree five through the coordinates.
+    in the same assembly and working mode. If the robot has more degrees of freedom than the task
+    needs, the joints move as little as possible. For rates, see `coordinate_motion`.
 
     Args:
         chain: Any closed chain with revolute or prismatic coordinates.
@@ -38,7 +38,7 @@ def frame_motion(
         poses: In the base: positions of its origin, shape (N, 3), [m], orientations, (N, 3, 3), or
             homogeneous matrices, (N, 4, 4).
         start: A guess of all joints at t[0], shape (nq,), which selects the modes; by default
-            `home` or, without it, all joints at zero.
+            `home`, else a configuration near zero.
 
     Raises:
         InputError: For a wrong shape, or matrices that are not rotations.

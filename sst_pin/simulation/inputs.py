@@ -27,7 +27,7 @@ from .samples import spline
 from .trajectories import Trajectory, require_motion
 
 #: Motor torques: a function of (t, q, va), a constant of shape (motors,), samples of shape
-#: (N, motors) at the times of the simulation, the torques of a motion, sampled ones, or those of a
+#: (N, motors) at the times of the simulation, a motion with its torques, a `SampledTorque`, or a
 #: controller.
 Torque = (
     Callable[[float, Array, Array], ArrayLike]
@@ -42,7 +42,7 @@ ExternalLoad = Callable[[float, Array, Array], ArrayLike] | ArrayLike | None
 #: Integrators of SciPy.
 IMPLICIT = ("Radau", "BDF")
 _METHODS = ("RK23", "RK45", "DOP853", *IMPLICIT)
-#: Torques are smooth between samples if a curve through these misses the others by this part.
+#: A spline through fewer samples suffices if its error is at most this part of the largest torque.
 _SMOOTH = 1e-3
 
 
@@ -79,7 +79,7 @@ class Input(NamedTuple):
     at: Callable[[float, Callable[[], tuple[Array, Array]]], Array]
     #: Its values at times (N,), for q (N, nq) and va (N, n).
     along: Callable[[Array, Array, Array], Array]
-    #: The sampled torques, if it is constant from one time to the next.
+    #: The state of a `SampledTorque`; None for other inputs.
     sampling: Sampling | None = None
     #: Times, shape (N,); a step that passes two of them may miss a change.
     times: Array | None = None
@@ -90,7 +90,7 @@ class Input(NamedTuple):
 
 
 def torque_input(mechanism: Mechanism, torque: Torque, times: Array, *, watch: bool) -> Input:
-    """The motor torques; with `watch`, no step passes two times where a function may change."""
+    """The motor torques; with `watch`, for a function, no integrator step passes two of `times`."""
     motors = len(mechanism.motor_names)
     if isinstance(torque, Trajectory):
         require_motion(torque, mechanism, "torque")
@@ -196,9 +196,9 @@ def _samples(times: Array, torques: Array) -> Input:
 
 
 def _changes(times: Array, torques: Array) -> Array:
-    """The fewest samples, evenly chosen, through which a curve reproduces all of them.
+    """Times of few evenly chosen samples through which a spline reproduces all samples.
 
-    A step that passes fewer than two of them misses no push. Smooth torques need few samples.
+    A step that passes fewer than two of these times misses no change of the torques.
     """
     scale, chosen = _SMOOTH * np.abs(torques).max(initial=0.0), times
     while len(chosen) > 12:

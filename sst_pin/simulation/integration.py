@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Integrates a motion in coordinates that change where they do not determine it well."""
+"""Integrates a motion; other coordinates are chosen where these do not determine it well."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ _POOR = 50.0
 #: An irregular step is repeated with its regular part, or at least this part of its length. The
 #: motion ends when steps are shorter than this part of its duration.
 _SHORTER, _STUCK = 0.25, 1e-12
-#: A repeated step ends this part of it before the irregular place, ten times more each time.
+#: A repeated step is shorter than the regular part by this fraction; ten times more at each repeat.
 _SHY = 1e-10
-#: Relative difference between the change of the rates in a step and the integral of aa.
+#: Largest relative difference between the change of va in a step and the integral of aa.
 _ALIKE = 1e-3
-#: Tolerances are not finer than this, nor than this multiple of the largest position's rounding.
+#: rtol and atol are not tightened below this; atol is at least this many roundings of max |q|.
 _FINEST, _ROUNDINGS = 1e-12, 16
-#: Number of states that continue a motion over a singular configuration; the times that are left
-#: at these differ by at least this factor.
+#: The most states from which a motion is extrapolated through a singular configuration. The times
+#: from these to that configuration differ by more than this factor.
 _NODES, _SPREAD = 6, 1.5
-#: The step over a singular configuration starts this many times earlier than the configuration is
-#: noticed: next to it, accelerations are noisy.
+#: The step over a singular configuration starts at this multiple of the time that is left when the
+#: configuration is noticed: next to it, accelerations are noisy.
 _EARLIER = 4.0
-#: The singular configuration is in the middle of this step, to this part of half the step, after at
+#: The middle of this step is at the singular configuration to this part of half the step, after at
 #: most this number of tries.
 _CENTRED, _STEPS = 0.01, 3
-#: Largest difference between the motion behind it and the branch, relative to the motion between,
-#: or in tolerances of the integrator.
+#: Largest `mismatch` of the branch and the end of this step: the larger one of the first number and
+#: of the second one times rtol.
 _EXACT, _TOLERANCES = 1e-7, 100.0
 
 
@@ -104,7 +104,7 @@ class Integration:
         return [np.concatenate(part) for part in zip(*self._results, strict=True)]
 
     def _sample_torques(self) -> float:
-        """Sample a controller if it is due; until when its torques are constant."""
+        """Sample a controller if it is due; return the time until which torques are constant."""
         sampling = self._equations.torque.sampling
         if sampling is None:
             return np.inf
@@ -158,7 +158,7 @@ class Integration:
         return fraction, q
 
     def _better_coordinates(self, q: Array) -> bool:
-        """Whether the robot's coordinates are good at q again, or q is far from the limit."""
+        """Whether the robot's coordinates are good again, or the condition far below its limit."""
         states, robot_states = self._equations.states, self._equations.robot_states
         if states is not robot_states and robot_states.condition_number(q) < WELL_CONDITIONED:
             return True
@@ -179,7 +179,7 @@ class Integration:
     def _begin(self, bound: float) -> OdeSolver:
         """An integrator from the present state to a time."""
         first = min(self._stride, bound - self._t) if self._stride < np.inf else None
-        # Errors of the coordinates are those of other joints, divided by their condition number.
+        # The dependent joints have the errors of the coordinates times the condition number.
         factor = MARGIN * self._equations.states.condition_number(self._q)
         rtol, atol = (
             max(tolerance / factor, min(tolerance, _FINEST))
@@ -230,7 +230,7 @@ class Integration:
     def _settle(self, *, irregular: bool = False) -> None:
         """Choose good coordinates for the state, and the limit of their condition number.
 
-        The motion ends if a step was irregular and no other coordinates are better.
+        The motion ends after an irregular step if steps are too short or no coordinates are better.
         """
         equations, q = self._equations, self._q
         before, (states, condition) = equations.states, equations.robot_states.suited(q)
@@ -251,7 +251,7 @@ class Integration:
             )
 
     def _follow(self, solver: OdeSolver, before: Array) -> tuple[float, Array]:
-        """How much of the last step is regular, and the configuration there."""
+        """The fraction of the last step that is regular, and the configuration at its end."""
         states, start, length = self._equations.states, solver.t_old, solver.t - solver.t_old
         interpolant = cache(solver.dense_output)
 

@@ -28,7 +28,7 @@ _ENDINGS = {"rad": {"_rad": 1.0, "_deg": np.pi / 180}, "m": {"_m": 1.0, "_mm": 1
 def read_motion(
     engine: Engine, source: str | Path | BinaryIO, reader: TableReader | None = None
 ) -> Trajectory:
-    """The motor torques of a motion in a CSV, at the times of the file.
+    """The motion in a CSV, or in an NPZ of `Trajectory.save`, with computed motor torques.
 
     The columns are `t_s` and, for each coordinate, `NAME_rad` or `NAME_deg`, or of a sliding joint
     `NAME_m` or `NAME_mm`. The other joints follow from the closures, and rates from splines of
@@ -85,8 +85,8 @@ def read_log(engine: Engine, source: str | Path | BinaryIO) -> tuple[Array, Arra
 def read_torques(mechanism: Mechanism, table: Table) -> Array:
     """The motor torques in a table, shape (N, motors).
 
-    The columns are `tau_NAME_Nm`, or `tau_NAME_N` of a motor that pushes. If no column has the name
-    of a motor, the numbers of the motors, counted from 1, may replace their names.
+    The columns are `tau_NAME_Nm`, or `tau_NAME_N` for a linear motor. If no column has the name of
+    a motor, the numbers of the motors, counted from 1, may replace their names.
     """
     motors, units = mechanism.motor_names, mechanism.motor_units
     columns = columns_of("tau", motors, units)

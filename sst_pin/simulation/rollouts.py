@@ -85,7 +85,7 @@ def rollout(
     if len(stopped) and on_error == "raise":
         first = int(stopped[0])
         finite_array("tau", torques, (motors,))
-        if reached[first] == 0:  # the start fails by its own name
+        if reached[first] == 0:  # raises the error of a wrong start
             engine.compute(Quantity("rates"), start, va=rates)
         error = SimulationError(
             "the motion reached a singularity, diverged, or opened the loops (step too long)",

@@ -29,7 +29,7 @@ def sample_times(t: ArrayLike, least: int = 1) -> Array:
 
 
 def times_within(name: str, value: ArrayLike, times: Array, beyond: float = 0.0) -> Array:
-    """Times `value`, shape (...), at most `beyond` [s] outside those of samples, `times`."""
+    """The times `value`, shape (...); an error if one is more than `beyond` [s] outside `times`."""
     array = finite_array(name, value, ())
     slack = beyond + 1e-9 * (times[-1] - times[0])  # an integrator may end a rounding beyond
     outside = (array < times[0] - slack) | (array > times[-1] + slack)

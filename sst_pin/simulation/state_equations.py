@@ -13,7 +13,7 @@ from ..errors import InputError, SSTError
 from ..states import States
 from .inputs import Input
 
-#: Steps of differences, relative or [rad], [m] and per second.
+#: Step of the finite differences; relative for entries of y above 1.
 _DIFFERENCE = 1e-8
 
 
@@ -27,7 +27,7 @@ class StateEquations:
     Attributes:
         states: The states of y.
         failure: The last error at a trial state.
-        close_first: Whether f closes the loops before it computes loads.
+        close_first: Whether f first moves y onto the closures.
     """
 
     def __init__(self, robot_states: States, torque: Input, load: Input | None) -> None:

@@ -47,7 +47,7 @@ class Trajectory(Summary):
         tau: Motor torques, shape (N, motors), [N m] or [N].
         joint_names: Names of the entries of q; names of joints if each has one entry.
         actuated: Names of the motors.
-        units: "rad" or "m" for each entry of q; "" for entries of quaternions.
+        units: "rad" or "m" for each entry of q; "" for entries of quaternions, cosines and sines.
         coordinates: Names of the rates of the coordinates; the motors by default.
         rate_units: "rad" or "m" for each rate.
         torque_units: "Nm" or "N" for each motor; by default "N" for a motor with the name of a
@@ -284,7 +284,7 @@ class Trajectory(Summary):
 
 
 def _names(name: str, value: Sequence[str]) -> tuple[str, ...]:
-    """Names that differ."""
+    """Names as a tuple; repeated names are refused."""
     words = names(name, value)
     if len(set(words)) < len(words):
         raise InputError(name, f"a name appears twice in {', '.join(words)}")
