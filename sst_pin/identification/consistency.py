@@ -88,7 +88,8 @@ def consistent_parameters(
     if total_mass is not None:
         rest = positive_number("total_mass", total_mass) - np.delete(masses, free).sum()
         if rest <= 0 or not free.size:
-            raise InputError("total_mass", f"{total_mass:g} kg is less than others have: {rest:g}")
+            known = f"the bodies whose masses stay have {total_mass - rest:g} kg"
+            raise InputError("total_mass", f"{total_mass:g} kg: {known}")
         sums = np.append(np.kron(masses[free], np.eye(10)[0]), np.zeros(others.size))
         walls.insert(0, sums[None])
         floor.insert(0, np.array([rest]))

@@ -240,7 +240,7 @@ def report(chain: ClosedChain, found: Estimate, theta: ArrayLike, unseen: Trajec
         remark = "" if ok else "not supported"
         lines.append(f"| {name} | {value:.5g} | {3 * deviation:.2g} | {remark} |")
     if found.base.unseen:
-        lines += ["", f"Not identifiable from any motion: {', '.join(found.base.unseen)}."]
+        lines += ["", f"Not identifiable: {', '.join(found.base.unseen)}."]
     if replaced := getattr(unseen, "replaced", {}):
         counts = ", ".join(f"{name} {count}" for name, count in replaced.items())
         lines += ["", f"Outliers of the log that were replaced: {counts}."]
