@@ -16,14 +16,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: Arguments; those of the process by default.
 
     Returns:
-        The exit code: 0; 1 when referees disagree, a description has errors or `--strict` refuses
-        a motion; 2 after one line that says what is wrong; 3 when a simulation ends early; 128 and
-        the number of the signal that ended the command.
+        The exit code: 0 for success; 1 if referees disagree, a description has errors or `--strict`
+        refuses a motion; 2 for an error, which is printed in one line; 3 if a simulation ends
+        early; 128 plus the number of the signal that ended the command.
     """
     try:
         try:
             with _sigterm_unwinds():
-                from .commands import run  # takes a while: Ctrl-C is answered meanwhile
+                from .commands import run  # slow, so inside `try`: Ctrl-C works meanwhile
 
                 return run(argv)
         finally:
@@ -31,7 +31,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                 sys.stdout.flush()
     except KeyboardInterrupt:
         return _end(128 + signal.SIGINT, "interrupted")
-    except BrokenPipeError:  # whoever read it, `head` say, has enough
+    except BrokenPipeError:  # the reader, such as `head`, has closed the pipe
         return _end(128 + signal.SIGPIPE)
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""

@@ -26,7 +26,7 @@ from .parser import gallery, misplaced
 
 
 def robot_of(arguments: argparse.Namespace) -> ClosedChain:
-    """The robot that --robot names; a URDF with the joints of an SST is an SST."""
+    """The robot that --robot names, by default an SST; a URDF with the joints of an SST is one."""
     name, names = arguments.robot, gallery()
     if name is None or name in names:
         return SST() if name in (None, "sst") else getattr(robots, name)()
@@ -44,7 +44,7 @@ def robot_of(arguments: argparse.Namespace) -> ClosedChain:
 
 
 def table_reader(robot: ClosedChain) -> TableReader | None:
-    """Reads the tables of motions that only an SST has."""
+    """A reader of motion tables that only an SST has, or None."""
     return partial(star_motion, robot) if isinstance(robot, SST) else None
 
 

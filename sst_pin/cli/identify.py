@@ -13,7 +13,7 @@ from ..reading import cuts_beside, is_mjcf
 from ..simulation.motion_files import read_log
 from . import common
 
-#: Samples of a motion in a period of the cut-off frequency.
+#: The largest decimation that is chosen by default.
 _EVERY = 10
 
 
@@ -64,7 +64,7 @@ def identify(arguments: argparse.Namespace) -> int:
 def _parameters(robot: ClosedChain, which: str | None) -> list[str]:
     """Patterns of the parameters considered: bodies, friction and lines by default.
 
-    A line that is a motor has its damping alone: its force is the motor's.
+    For a line that is a motor only its damping is considered: its force is the motor's.
     """
     if which:
         return which.split(",")

@@ -54,7 +54,7 @@ def verify(arguments: argparse.Namespace) -> int:
 
 
 def compile(arguments: argparse.Namespace) -> None:  # noqa: A001
-    """Compiled kernels, the cache that keeps them, and the same equations as C code."""
+    """Compile kernels, list or clear their cache, or export the dynamics as C code."""
     if arguments.clear:
         print(f"{libraries.delete()} kernels deleted from {libraries.cache_folder()}")
     elif arguments.list:

@@ -59,7 +59,7 @@ def paper(arguments: argparse.Namespace) -> int:
 
 
 def describe(arguments: argparse.Namespace) -> None:
-    """Any robot as MJCF; a description folder, such as urdf/, for any SST."""
+    """Write any robot as MJCF, or an SST as a description folder such as urdf/."""
     robot, output = common.robot_of(arguments), arguments.output
     if output.suffix.lower() in (".xml", ".mjcf"):
         if any(value is not None for name, value in vars(arguments).items() if name not in _COMMON):
@@ -93,6 +93,6 @@ def _changed(p: Parameters, arguments: argparse.Namespace) -> Parameters:
 
 
 def _weighing(mass: float, body: RigidBody) -> RigidBody:
-    """A body of the same shape with another density."""
+    """The body with another mass; its inertia changes in proportion."""
     with np.errstate(over="ignore", invalid="ignore"):  # `Parameters` checks the result
         return RigidBody(mass, body.center_of_mass, body.inertia * (mass / body.mass))

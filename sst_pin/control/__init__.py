@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Uses of the dynamics for control: parallel joints as serial ones, and controllers."""
+"""Controllers, serial views, time-optimal motions, forces and accelerations in a pose, reach."""
 
 from .controllers import Adaptive, ComputedTorque, GravityPD, TrackingLQR
 from .pose_abilities import (

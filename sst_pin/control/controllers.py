@@ -34,7 +34,7 @@ class Controller(ABC):
             shape (motors, 2); none by default.
 
     Raises:
-        InputError: For a motion of another robot.
+        InputError: For a motion of another robot, or one with fewer than three samples.
         ActuationError: If the motors do not hold all coordinates.
     """
 
@@ -59,7 +59,7 @@ class Controller(ABC):
     def torque(self, t: float, q: Array, va: Array) -> Array:
         """Torques of the motors, within the limits, shape (motors,).
 
-        Surplus motors supply what others cannot. If all together cannot, the torques are clipped.
+        A preload of surplus motors keeps them within the limits. If none can, they are clipped.
         Usable as `torque=` of `simulate`.
 
         Args:
@@ -149,8 +149,8 @@ class ComputedTorque(_Feedback):
 class GravityPD(_Feedback):
     """PD control with gravity compensation.
 
-    Of the model only weights, springs and forces along lines enter. The other arguments are those
-    of `Controller`.
+    From the model it uses only gravity, springs and forces along lines. The other arguments are
+    those of `Controller`.
 
     Args:
         kp: Position gains, () or shape (n,), [N m/rad] or [N/m].
@@ -168,9 +168,9 @@ class TrackingLQR(Controller):
     """The torques of the motion plus the linear feedback of least cost along it.
 
     The cost is the sum of x^T Q x + u^T R u over the samples of the motion. Here x is the actual
-    state (coordinates, rates) minus the desired one, and u the change of the torques, which is
-    -gains x. Outside the motion's interval of time the robot is held at its ends. The other
-    arguments are those of `Controller`; the motion has equal time steps.
+    state (coordinates, rates) minus the desired one, and u = -gains x is the change of the torques.
+    Before and after the motion, the robot is held at its first or last configuration. The
+    other arguments are those of `Controller`; the time steps of the motion must be equal.
 
     Args:
         Q: Weights of x, shape (2 n,) or (2 n, 2 n).
@@ -180,7 +180,8 @@ class TrackingLQR(Controller):
         gains: Feedback at each sample, shape (N, motors, 2 n).
 
     Raises:
-        InputError: For steps that differ, or weights that are not positive.
+        InputError: For unequal time steps, a Q that is not positive semidefinite, an R that is not
+            positive definite, or if no linear feedback holds the end of the motion.
     """
 
     def __init__(
@@ -227,19 +228,19 @@ class TrackingLQR(Controller):
 class Adaptive(Controller):
     """Slotine and Li's controller: it learns the dynamic parameters while it follows a motion.
 
-    With the sliding variable s = (va_d - va) + stiffness (x_d - x) the torques are Y theta +
-    damping s, and theta changes at a rate proportional to Y^T s. Y theta is the robot's equation at
-    the reference rates va + s and their accelerations. Its Coriolis matrix C makes M_dot - 2 C
-    skew-symmetric. J.-J. Slotine and W. Li, On the adaptive control of robot manipulators, Int. J.
-    Robotics Research 6(3), 1987.
+    With the sliding variable s = (va_d - va) + stiffness (x_d - x), the motors produce the
+    generalized forces Y theta + damping s, and theta changes at a rate proportional to Y^T s.
+    Y theta are the forces that the model needs for the reference rates va + s and the reference
+    accelerations; its Coriolis matrix C makes M_dot - 2 C skew-symmetric. J.-J. Slotine and W. Li,
+    On the adaptive control of robot manipulators, Int. J. Robotics Research 6(3), 1987.
 
-    It learns with each call, so time must not go back: `simulate` takes it as a `SampledTorque`
-    only. It does not learn while its torques pass the limits. The other arguments are those of
-    `Controller`; the chain is the first model.
+    It learns at each call, so time must not decrease between calls: `simulate` accepts it only in a
+    `SampledTorque`. It does not learn while its torques exceed the limits. The other arguments are
+    those of `Controller`; the learning starts with the parameters of the chain.
 
     Args:
         stiffness: Decay rate of errors where s is 0, () or shape (n,), [1/s].
-        damping: Torques by s, () or shape (n,), [N m s/rad] or [N s/m].
+        damping: Generalized force per s, () or shape (n,), [N m s/rad] or [N s/m].
         learning: Speed of learning, without unit; with 0 it does not learn.
 
     Attributes:
@@ -285,9 +286,9 @@ class Adaptive(Controller):
     def _regressor(self, q: Array, va: Array, wanted: Array, aa: Array) -> Array:
         """Y of M aa + C(va) wanted and of the other forces at va, shape (n, p).
 
-        With Christoffel's symbols C(va) wanted is symmetric and bilinear in both rates. Forces are
-        quadratic in the rates, so polarization gives C(va) wanted from them. Friction is that at
-        va.
+        With C from the Christoffel symbols, C(va) wanted is symmetric and bilinear in both rates.
+        So polarization gives it from the forces, which are quadratic in the rates. Friction is
+        taken at va.
         """
         none = np.zeros_like(va)
         at = np.array([va + wanted, va, wanted, none, none])
@@ -299,7 +300,7 @@ class Adaptive(Controller):
 
 
 def _weights(name: str, value: ArrayLike, size: int, least: float) -> Array:
-    """A symmetric matrix of weights; its eigenvalues are at least this part of the largest."""
+    """A symmetric matrix of weights; no eigenvalue is below `least` times the largest."""
     weights = finite_array(name, value, ())
     matrix = np.diag(weights) if weights.shape == (size,) else weights
     if matrix.shape != (size, size) or not np.allclose(matrix, matrix.T):

@@ -19,7 +19,7 @@ from ..model.thresholds import RANK_TOLERANCE
 
 #: The path to motor positions is divided into pieces of this size, [rad] or robot lengths.
 _PIECE = 0.2
-#: Newton's method in a piece: the most steps, and the last one, [rad] or robot lengths.
+#: Newton's method in a piece: the most steps, and the size of the last, [rad] or robot lengths.
 _STEPS, _ARRIVED = 20, 1e-12
 
 
@@ -46,7 +46,7 @@ class Linkage:
         self._turns = 2 * np.pi * np.abs(chain.mechanism.motors[:, self._rows]).T @ endless
 
     def _require_motors(self, J: Array) -> None:
-        """Judge the Jacobian of all motors at a generic configuration, without units."""
+        """Raise an error unless the motors hold the joints and move no others; J has no units."""
         names, motors = self.chain.mechanism.coordinate_rate_names, ", ".join(self.motors)
         shared = np.abs(J[self._rows]) > RANK_TOLERANCE
         shared[:, self._columns] = False
@@ -64,9 +64,10 @@ class Linkage:
             raise InputError("joints", f"{problem}: name all joints of its linkage")
 
     def from_joints(self, positions: ArrayLike, start: ArrayLike | None = None) -> Array:
-        """Configurations, shape (..., nq), for positions of the joints, reached from the start.
+        """Configurations, shape (..., nq), for positions of the joints.
 
-        The path there has no singular configuration, so the assembly mode is that of the start.
+        The joints are moved there from the start without passing a singular configuration, so the
+        assembly mode is that of the start.
 
         Args:
             positions: Shape (..., joints), [rad] or [m].
@@ -74,7 +75,7 @@ class Linkage:
                 the other coordinates.
 
         Raises:
-            ClosureError: If a position cannot be reached so.
+            ClosureError: If a position cannot be reached in this way.
         """
         first = self._start(start)
 
@@ -100,7 +101,7 @@ class Linkage:
 
         def one(target: Array) -> Array:
             q, gap = first, self._missing(first, target)
-            if driven:  # also through dead points of the joints
+            if driven:  # this also passes dead points of the joints
                 chain, motors, shares = driven
                 step = np.zeros(chain.degrees_of_freedom)
                 step[: len(motors)] = gap[motors] / shares
@@ -196,7 +197,7 @@ class Linkage:
 def _others(chain: ClosedChain, rates: Indices) -> list[str]:
     """Coordinates of a chain that are free while some rates are fixed, at a generic configuration.
 
-    Those without a motor come first, because a motor of the fixed joints is no coordinate.
+    Those without a motor come first, because a motor of the fixed joints cannot be a coordinate.
     """
     engine, space = chain.engine, chain.mechanism.space
     names = sorted(chain.coordinates, key=lambda name: name in chain.motor_names)

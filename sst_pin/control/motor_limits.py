@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Limits of the motors that hold for any preload.
 
-A torque is a part of its limits, from -1, the least, to 1, the largest. With surplus motors a
-preload changes these parts, but not certain sums of them, `combinations`. Each sum joins one motor
-more than there are directions of preload. A preload that keeps all motors within their limits
-exists where no sum is larger than the sum of the sizes of its factors.
+A torque is given as a part of its limits: -1 is the least torque, 1 the largest. With surplus
+motors a preload changes these parts, but not certain weighted sums of them (`combinations`). Each
+sum has one motor more than there are directions of preload. A preload that keeps all motors within
+their limits exists if no sum exceeds the sum of the absolute values of its factors.
 """
 
 import itertools
@@ -15,13 +15,13 @@ from ..arrays import Array
 from ..closed_chain import ClosedChain
 from ..errors import InputError
 
-#: The largest number of combinations. A smaller row beside the others counts as zero: the others
-#: imply its limit.
+#: The largest number of combinations. A row of factors smaller than this part of the largest row
+#: counts as zero: the other rows imply its limit.
 _MOST, _ZERO = 10_000, 1e-6
 
 
 def part_of(tau: Array, limits: Array) -> Array:
-    """Places of torques, shape (..., motors), between limits: from -1, the least, to 1."""
+    """Torques, shape (..., motors), as parts of their limits: -1 is the least, 1 the largest."""
     return (2 * tau - limits.sum(axis=1)) / np.ptp(limits, axis=1)
 
 
@@ -45,12 +45,12 @@ def combinations(directions: Array, limits: Array) -> Array:
 
 
 def sums_of(factors: Array, parts: Array) -> Array:
-    """Sums of parts, shape (..., motors), over the sizes of their factors, shape (..., sums)."""
+    """Sums of parts, shape (..., motors), divided by the sizes of their factors, (..., sums)."""
     return of_sizes(np.einsum("...rm,...m->...r", factors, parts), factors)
 
 
 def of_sizes(sums: Array, factors: Array) -> Array:
-    """Sums of parts, shape (..., sums), over the sizes of their factors; 0 where these are 0."""
+    """Sums, shape (..., sums), divided by the sizes of their factors; 0 where these are 0."""
     sizes = np.abs(factors).sum(axis=-1)
     zero = sizes <= _ZERO * sizes.max(axis=-1, keepdims=True, initial=0.0)
     return np.where(zero, 0.0, sums / np.where(zero, 1.0, sizes))

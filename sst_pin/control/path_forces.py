@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Computes the part of each motor limit that a motion along a path uses, to time the motion.
+"""The part of each motor limit that a motion along a path uses.
 
-Along the path x(s) of the coordinates, with w and u the first and second derivative of s by time, a
-motor gives a(s) u + b(s) w^2 + c(s) + d(s) w + dry(s): the parts of inertia, of rates, of weight,
-of viscous and of Coulomb friction. They come from the inverse dynamics.
+On the path x(s) of the coordinates, w and u are the first and second time derivatives of s. The
+motors use the parts a(s) u + b(s) w^2 + c(s) + d(s) w + dry(s) of their limits, due to inertia,
+velocity, gravity, viscous and Coulomb friction. The inverse dynamics gives these functions.
 """
 
 from typing import NamedTuple
@@ -23,8 +23,8 @@ from .motor_limits import combinations, motors_of, of_sizes, part_of, sums_of
 
 #: The part of each limit that is kept free at grid points, because more may be used between them.
 MARGIN = 1e-4
-#: A rate w at which friction is much smaller than inertia forces; and the part of the largest joint
-#: rate below which a joint is at rest.
+#: A rate w at which inertia forces are much larger than friction. A joint is at rest if its rate is
+#: below this part of the largest joint rate.
 _FAST, _STILL = 1e4, 1e-8
 #: Largest change of q when the loops are closed between samples, [rad] or robot lengths.
 _OPEN = 0.02
@@ -170,9 +170,9 @@ class MotorLimits:
 class Parts(NamedTuple):
     """Parts of the limits in both directions at points of a path, shape (N, k); the limits are 1.
 
-    a to d are those of the head of this file. `dry` is the largest Coulomb friction in each
-    direction. The sign of a joint at rest is unknown, so that the two directions differ. `most` is
-    the largest w, shape (N,).
+    The module docstring explains a to d. `dry` is the largest Coulomb friction in each direction:
+    its sign is unknown where a joint is at rest, so the two directions differ. `most` is the
+    largest w, shape (N,).
     """
 
     a: Array

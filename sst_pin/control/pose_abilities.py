@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Forces and accelerations of a frame in a pose, within the torques of the motors.
+"""Forces and accelerations of a frame in a pose that the motor torques allow.
 
-With the Jacobian J of the frame and that of the motors J_a, a force w of the frame takes torques
-G w, the smallest with J_a^T G = J^T. Torques tau accelerate the frame by A tau beside what weight
-and rates do. T. Yoshikawa, Manipulability of robotic mechanisms, Int. J. Robotics Research 4(2),
+J is the Jacobian of the frame, J_a that of the motors. A force w of the frame needs the torques
+G w, the smallest with J_a^T G = J^T. Torques tau add A tau to the acceleration due to gravity and
+rates. T. Yoshikawa, Manipulability of robotic mechanisms, Int. J. Robotics Research 4(2),
 1985; P. Chiacchio et al., Force polytope and force ellipsoid for redundant manipulators, J. Robotic
 Systems 14(8), 1997.
 """
@@ -43,9 +43,9 @@ class Ellipsoid(NamedTuple):
 def force_ellipsoid(
     chain: ClosedChain, q: ArrayLike, frame: str, torques: ArrayLike, *, turning: bool = False
 ) -> Ellipsoid:
-    """Forces that a frame can exert with torques whose squares, over their limits, sum up to one.
+    """Forces that a frame can exert with torques for which sum (tau_k / limit_k)^2 <= 1.
 
-    Weights are not counted: these are forces beside those that hold the robot.
+    Gravity is ignored: the torques that hold the robot against it are not counted.
 
     Args:
         chain: A robot whose motors hold all coordinates.
@@ -76,7 +76,7 @@ def force_ellipsoid(
 def force_polytope(
     chain: ClosedChain, q: ArrayLike, frame: str, torques: ArrayLike, *, turning: bool = False
 ) -> Array:
-    """Corners of all forces that a frame can exert while the motors also hold the weight.
+    """Corners of the set of forces that a frame can exert while the motors also hold the weight.
 
     Directions in which the frame cannot move are left out: there the structure bears the forces.
     Surplus motors help with any preload within their limits. Arguments as in `force_ellipsoid`,
@@ -84,13 +84,13 @@ def force_polytope(
     shape (motors, 2).
 
     Returns:
-        Shape (corners, 3), in base axes, [N] or [N m]; in a plane one after the other.
+        Shape (corners, 3), in base axes, [N] or [N m]; corners in a plane are in order around it.
 
     Raises:
         ActuationError: If the motors have nothing to spare at q, or a force of the frame moves a
             coordinate that no motor holds.
-        InputError: For a frame that cannot move so.
-        SingularConfigurationError: Where a force takes no torques.
+        InputError: For a frame that cannot translate, or with `turning` cannot rotate.
+        SingularConfigurationError: If a force along a motion of the frame needs no torques.
 
     Example:
         >>> lift = sst_pin.robots.five_bar()
@@ -133,7 +133,7 @@ def acceleration_ellipsoid(
     va: ArrayLike | None = None,
     turning: bool = False,
 ) -> Ellipsoid:
-    """Accelerations of a frame by torques whose squares, over their limits, sum up to one.
+    """Accelerations of a frame by torques for which sum (tau_k / limit_k)^2 <= 1.
 
     Arguments as in `force_ellipsoid`, and the rates `va` of the coordinates, shape (..., n), zero
     by default; `turning` means angular accelerations.
@@ -154,13 +154,13 @@ def acceleration_polytope(
     va: ArrayLike | None = None,
     turning: bool = False,
 ) -> Array:
-    """Corners of all accelerations of a frame within the torques of the motors, 16 at most.
+    """Corners of the set of accelerations of a frame that the motor torques allow.
 
     Arguments as in `acceleration_ellipsoid`, but q and va are one state, shapes (nq,) and (n,), and
-    torques may be least and largest ones, shape (motors, 2).
+    torques may be least and largest ones, shape (motors, 2). The robot has at most 16 motors.
 
     Returns:
-        Shape (corners, 3), in base axes, [m/s^2] or [rad/s^2]; in a plane one after the other.
+        Shape (corners, 3), in base axes, [m/s^2] or [rad/s^2]; corners in a plane are in order.
     """
     single = single_array("q", q, (chain.mechanism.model.nq,))
     limits = finite_limits(torques, len(chain.motor_names), "torques")
@@ -188,7 +188,7 @@ def _jacobian(chain: ClosedChain, q: ArrayLike, frame: str) -> Array:
 
 
 def _half(turning: bool) -> slice:
-    """Rows of turns, or of motions along axes."""
+    """Angular or linear rows of a frame's Jacobian."""
     return slice(3, 6) if turning else slice(0, 3)
 
 
@@ -250,9 +250,9 @@ def _range(columns: Array) -> Array:
 
 
 def hull(points: Array) -> Array:
-    """Corners of the convex hull of points, (N, k): the ends of a line, in a plane all around.
+    """Corners of the convex hull of points, shape (N, k): for k = 2 in order around it.
 
-    They begin with the first of the points that is a corner.
+    The first corner is the first of the points that is one; for k = 1 the least comes first.
     """
     from scipy.spatial import ConvexHull
 

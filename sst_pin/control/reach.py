@@ -43,17 +43,17 @@ class ReachMap:
     Attributes:
         axes: Names of the two components that change along the grid.
         values: Their values, shapes (N,) and (M,), [m] or [rad].
-        poses: Homogeneous matrices of the frame that the grid asks for, shape (N, M, 4, 4). With no
-            x, y, z named their positions do not count, with no angle their orientations.
-        why: 0 for a pose that is reached; else 1 for joint limits, 2 singular, 3 out of reach, 4
-            cut off from the start by these; shape (N, M).
+        poses: Homogeneous matrices of the wanted poses of the frame, shape (N, M, 4, 4). Positions
+            are ignored if none of x, y, z is named, orientations if no angle is named.
+        why: 0 for a pose that is reached; else the reason, shape (N, M): 1 for joint limits, 2
+            singular, 3 out of reach, 4 cut off from the start by such poses.
         q: Configurations, shape (N, M, nq).
         condition: Condition number of the map from rates of the motors to the velocity of the frame
-            in the components named, free of units, shape (N, M); infinite where it is singular.
+            in the components named, free of units, shape (N, M); very large at a singularity.
         torque: The smallest torques within the limits that hold the pose, shape (N, M, motors),
-            [N m] or [N]; where none do, those that pass the limits least.
-        used: The largest part of a motor's limits that this takes with the best preload, shape
-            (N, M); more than 1 is more than the motors can.
+            [N m] or [N]; if there are none, those with the smallest largest excess.
+        used: The largest part of a motor's limits that holding the pose needs with the best
+            preload, shape (N, M); above 1 the motors cannot hold it.
         columns: Names of torques and joints in a file, with units.
     """
 
@@ -105,14 +105,14 @@ def reach_map(
     wrench: ArrayLike | None = None,
     start: ArrayLike | None = None,
 ) -> ReachMap:
-    """Which poses on a grid a frame reaches, its conditioning there, and the torques that hold it.
+    """Poses on a grid that a frame reaches, with the conditioning and the holding torques there.
 
-    The poses are followed from the start, from neighbour to neighbour. So all are in the assembly
-    mode and the working mode of the start, and none lies beyond a singular configuration or a limit
-    that `ClosedChain.check` knows. With any of x, y, z the position of the frame counts, with any
-    of roll, pitch, yaw its orientation; positions that are not named stay as at the start, angles
-    are 0. If the frame has more freedoms than that, the joints move least, and the map depends on
-    the path to each pose.
+    The frame moves from the start to neighbouring poses, one after the other. So all poses are in
+    the assembly mode and working mode of the start, and none lies beyond a singular configuration
+    or a limit that `ClosedChain.check` knows. If one of x, y, z is given, the position of the frame
+    is prescribed; its other components stay as at the start. If one of roll, pitch, yaw is given,
+    the orientation is prescribed; the other angles are 0. If the frame then has degrees of freedom
+    left, the joints move least, and the map depends on the path to each pose.
 
     Args:
         chain: A robot whose motors hold all coordinates.
@@ -134,8 +134,8 @@ def reach_map(
         start: A guess of all joints, shape (nq,), that selects the modes; by default `home`.
 
     Raises:
-        InputError: For other than two grids, a start beyond joint limits, or a frame that cannot
-            move along the grid.
+        InputError: If not exactly two components are grids, if the start is beyond joint limits, or
+            if the frame cannot move along the grid.
         ActuationError: If the motors cannot hold the robot.
         ClosureError: If the start cannot be assembled.
 
@@ -152,7 +152,7 @@ def reach_map(
     named = {name: finite_array(name, v, ()) for name, v in components.items() if v is not None}
     axes = _grid_axes(named)
     if not np.isin(chain.mechanism.coordinates, chain.mechanism.driven).all():
-        # its coordinates may have dead points where motors have none
+        # coordinates without motors may have dead points where the motors have none
         chain = chain.with_coordinates(None)
     mechanism, limits = chain.mechanism, finite_limits(torques, len(chain.motor_names), "torques")
     push = single_array("wrench", np.zeros(6) if wrench is None else wrench, (6,))

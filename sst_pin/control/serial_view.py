@@ -33,8 +33,8 @@ class SerialView(Linkage):
 
     Args:
         chain: A robot with motors.
-        joints: Names of the joints, [rad] or [m] each. They are made coordinates, beside those
-            coordinates of the chain that these joints and their motors leave free.
+        joints: Names of the joints, [rad] or [m] each. They become coordinates; the coordinates of
+            the chain that are independent of them stay.
 
     Attributes:
         chain: The robot in these coordinates; everything about it is in its methods.
@@ -42,8 +42,8 @@ class SerialView(Linkage):
         motors: Names of the motors that move these joints.
 
     Raises:
-        InputError: If the joints do not turn or slide, or a motor also moves with others.
-        ActuationError: If the motors do not hold the joints; it names what is free.
+        InputError: If a joint does not turn or slide, or a motor also moves with other joints.
+        ActuationError: If the motors do not hold the joints; the message names the free joints.
         SingularConfigurationError: If the joints are not independent.
 
     Example:
@@ -80,7 +80,7 @@ class SerialView(Linkage):
     def joint_rates(self, q: ArrayLike, rates: ArrayLike) -> Array:
         """Rates of the joints, shape (..., joints), for rates of the motors, (..., motors).
 
-        With more motors than joints, they are those that fit best.
+        With more motors than joints, they are the least-squares fit.
         """
         return _mapped(np.linalg.pinv(self.actuator_jacobian(q)), "rates", rates)
 
@@ -100,16 +100,16 @@ class SerialView(Linkage):
         return self.chain.reduced_terms(q, np.zeros(self.chain.degrees_of_freedom)).inertia
 
     def reflected_inertia(self, q: ArrayLike) -> Array:
-        """The part of rotors, cranks and rods in the mass matrix, shape (..., n, n).
+        """The contribution of rotors, cranks and rods to the mass matrix, shape (..., n, n).
 
-        The serial tree has the bodies that only joints of `chain.coordinates` carry. A simulator
-        that has this tree alone needs this matrix beside its own; its diagonal alone, as
-        `armature`, is not enough.
+        The serial tree has the bodies that only joints of `chain.coordinates` carry. A simulator of
+        this tree must add this matrix to its own mass matrix; the diagonal, as `armature`, is not
+        enough.
         """
         return self._linkages.reduced_terms(q, np.zeros(self.chain.degrees_of_freedom)).inertia
 
     def damping(self, q: ArrayLike) -> Array:
-        """D: viscous friction of all joints and dampers takes D times the rates, (..., n, n)."""
+        """Damping matrix of viscous friction and dampers in `chain.coordinates`, (..., n, n)."""
         each = self._configurations(q)[..., None, :]
         v = self.chain.joint_rates(each, np.eye(self.chain.degrees_of_freedom))
         lines = self.chain.engine.line_rates(each, v)
@@ -125,12 +125,12 @@ class SerialView(Linkage):
                 largest, (motors, 2); by default `effortLimit` of the model.
 
         Returns:
-            Shape (..., corners, joints): of one joint the least and the largest torque, of two the
-            corners of the polygon one after the other, of more the corners of the convex hull. In a
-            batch, a polygon with fewer corners than another has its last one several times.
+            Shape (..., corners, joints): for one joint the least and the largest torque, for two
+            the corners in order around the polygon, for more the corners of the convex hull. In a
+            batch, the last corner is repeated where a polygon has fewer corners than others.
 
         Raises:
-            InputError: If a motor has no limit.
+            InputError: Without `limits`, if a motor has none or does not drive one joint 1:1.
             SingularConfigurationError: Where the motors do not hold all joints.
         """
         from scipy.spatial import QhullError
@@ -163,7 +163,7 @@ class SerialView(Linkage):
             q: Configurations where the motors are at their set points, shape (..., nq).
             gains: Gains of the motors' position or rate loops, shape (motors,), or a matrix.
             tau: Torques that the motors hold there, shape (..., motors): they change the stiffness,
-                since J depends on q. For gains of positions only. None for none.
+                since J depends on q. Only for position gains; by default no torques.
 
         Raises:
             InputError: For a wrong shape, or tau where a motor is on a line.
@@ -175,8 +175,8 @@ class SerialView(Linkage):
     def motor_gains(self, q: ArrayLike, gains: ArrayLike, tau: ArrayLike | None = None) -> Array:
         """Gains of the motors that give gains at the joints, shape (..., motors, motors).
 
-        Outside of the diagonal they couple the motors: a drive that only knows its own motor
-        cannot have them.
+        Off-diagonal gains couple the motors: a drive that controls only its own motor cannot
+        realize them.
 
         Args:
             q: Configurations where the motors are at their set points, shape (..., nq).
@@ -211,7 +211,7 @@ class SerialView(Linkage):
 
 
 def _without_serial_bodies(chain: ClosedChain) -> pin.Model:
-    """The model with weightless bodies where only coordinates carry them."""
+    """The model without mass and armature of the bodies that only coordinates carry."""
     mechanism = chain.mechanism
     model, coordinates = pin.Model(mechanism.model), set(mechanism.coordinates.tolist())
     armature = model.armature.copy()

@@ -2,8 +2,8 @@
 """The fastest motion along a path within limits of the motors.
 
 H. Pham and Q.-C. Pham, A new approach to time-optimal path parameterization based on reachability
-analysis, IEEE Trans. Robotics 34(3), 2018, solve for w^2, w the rate along the path; viscous
-friction, d(s) w, is linearized about the solution before.
+analysis, IEEE Trans. Robotics 34(3), 2018, solve for w^2, where w is the rate along the path.
+Viscous friction d(s) w is linearized about the previous solution.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from ..errors import ActuationError, MissingExtraError
 from ..simulation.trajectories import Trajectory
 from .path_forces import MARGIN, MotorLimits, Parts, PathForces, SmoothPath
 
-#: Intervals at whose ends the dynamics is computed, and how often they are halved where the forces
-#: between differ from the expected ones.
+#: The dynamics is computed at the ends of this number of intervals. All are halved, at most this
+#: often, while the motion exceeds limits between them.
 _INTERVALS, _HALVINGS = 500, 4
 #: Passes on finer grids, and the most parts of an interval in a pass.
 _PASSES, _PIECES = 20, 20
-#: Where limits are tested in each interval. Where this part of a limit is used, the second grid is
-#: so fine that in an interval only a small part lies idle.
+#: Places in each interval where limits are tested. Where more than `_BUSY` of a limit is used, the
+#: second grid is so fine that this part changes by about `_IDLE` in an interval.
 _TESTED, _BUSY, _IDLE = np.linspace(0, 1, 6), 0.99, 8e-4
-#: Viscous friction is found when w^2 changes by less than this part; at first it may use at least
-#: this part of a limit.
+#: The iteration for viscous friction ends when w^2 changes by less than this part. In its first
+#: guess, friction may use at least this part of a limit.
 _SETTLED, _CREEP = 1e-3, 1e-3
 
 
@@ -43,9 +43,9 @@ def time_optimal(
 ) -> Trajectory:
     """The fastest motion along a path, from rest to rest, within limits of the motors.
 
-    The path is the smooth curve through configurations; when they were taken does not matter. The
-    limits account for all of the dynamics, with friction. They also hold between the points of the
-    grid, which is refined until they do. Surplus motors help with any preload within the limits.
+    The path is a smooth curve through the configurations; their times do not matter. The torques
+    include all forces of the model, also friction. The limits also hold between the points of the
+    grid, which is refined until they do. Surplus motors may use any preload within the limits.
     Method: H. Pham and Q.-C. Pham, IEEE Trans. Robotics 34(3), 2018.
 
     Args:
@@ -59,8 +59,8 @@ def time_optimal(
 
     Raises:
         InputError: For a path that does not move, turns back or jumps.
-        ActuationError: If the motors cannot hold the robot at the ends of the path, or cannot
-            follow the path within the limits.
+        ActuationError: If the motors cannot hold the robot at the ends of the path, cannot follow
+            it within the limits, or if its samples do not lie on a smooth curve.
         MissingExtraError: Without toppra, `sst-pin[timing]`.
 
     Example:
@@ -151,7 +151,7 @@ def _fastest(forces: PathForces) -> _Profile:
 
 
 def _start(s: Array, forces: PathForces) -> Array:
-    """w^2 where the linearization of viscous friction begins: below what friction allows."""
+    """First guess of w^2 for the linearization: not above what viscous friction allows."""
     parts = forces.at(s)
     x = _linear(s, forces.unit, parts)
     free = np.maximum(1 - parts.c - parts.dry, _CREEP)
@@ -160,7 +160,7 @@ def _start(s: Array, forces: PathForces) -> Array:
 
 
 def _solved(s: Array, forces: PathForces, x: Array | None) -> Array:
-    """The largest w^2 within the limits, shape (N + 1,), from that on another grid."""
+    """The largest w^2 within the limits, shape (N + 1,); x: a guess, None if not viscous."""
     parts = forces.at(s)
     if x is None:
         return _linear(s, forces.unit, parts)
@@ -183,7 +183,7 @@ def _linear(s: Array, unit: float, parts: Parts) -> Array:
         from toppra.constraint import LinearConstraint
     except ImportError:
         raise MissingExtraError("toppra", "timing") from None
-    # Its tolerances are numbers: time is in a unit in which w is about one.
+    # The tolerances of toppra are absolute, so time is scaled until w is about one.
     a, b, c = parts.a / unit**2, parts.b / unit**2, parts.c
     # Limits hold at both ends of each interval, with Coulomb friction of both ends.
     dry = np.pad(parts.dry[1:-1], ((1, 1), (0, 0)))  # none at rest

@@ -24,11 +24,11 @@ class Tolerances(Summary):
     Attributes:
         names: The parameters with a tolerance.
         t: Times of the motion, shape (N,), [s].
-        pose: Of the frame's pose, [linear; angular] in base axes, shape (N, 6), [m], [rad].
-        torques: Of the motor torques, shape (N, motors).
-        clearance: Of `clearance`, shape (N,).
-        shares: Part of the variance that each tolerance contributes, mean over the motion, shape
-            (names,): of "position", "orientation", "torques" and "clearance".
+        pose: Deviation of the frame's pose, [linear; angular], base axes, shape (N, 6), [m], [rad].
+        torques: Deviation of the motor torques, shape (N, motors).
+        clearance: Deviation of `clearance`, shape (N,).
+        shares: For "position", "orientation", "torques" and "clearance": the share of each
+            tolerance in the variance summed over the motion, shape (names,).
     """
 
     names: tuple[str, ...]
@@ -58,9 +58,9 @@ def tolerances(
     Args:
         chain: The robot.
         motion: A motion of the robot.
-        deviations: Standard deviations of `design_parameters`, [m], [rad] or [kg], by their names;
-            a pattern stands for all parameters that it fits, each with a tolerance of its own.
-        frame: Name of the frame whose pose counts.
+        deviations: Standard deviations of `design_parameters`, [m], [rad] or [kg], by name or
+            pattern; each parameter that matches a pattern gets its own independent tolerance.
+        frame: Name of the frame whose pose is considered.
 
     Raises:
         UnknownNameError: For an unknown parameter or frame.

@@ -4,7 +4,7 @@
 from ..errors import MissingExtraError
 
 try:
-    import matplotlib  # noqa: F401  before the rooms that need it
+    import matplotlib  # noqa: F401  before the modules that need it
 except ImportError:
     raise MissingExtraError("matplotlib", "plot") from None
 

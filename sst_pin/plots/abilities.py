@@ -26,7 +26,7 @@ CONDITION: dict[str, Any] = {
     "cmap": _COLOUR_MAP,
     "norm": BoundaryNorm(LEVELS, _COLOUR_MAP.N, extend="max"),
 }
-#: Colours of the reasons that end a workspace from inside.
+#: Colours of the reasons why poses at the boundary are not reached.
 _ENDS = {"joint limits": "0.55", "singular": "#CC79A7"}
 _LABELS = {"condition": "condition number (1)", "used": "largest part of a motor's limit (1)"}
 
@@ -40,16 +40,16 @@ def convex_set(
     plane: tuple[int, int] = (0, 1),
     **look: Any,
 ) -> Axes:
-    """A set of forces or accelerations in a plane of the base, as a polygon, or as a body.
+    """A set of forces or accelerations, as a polygon in a plane of the base or as a solid in 3-D.
 
     Args:
-        ax: Plane axes, which show what the shape covers in the plane, or axes with projection "3d".
+        ax: 2-D axes, which show the projection of the shape, or axes with projection "3d".
         shape: Corners, shape (N, 3), as `force_polytope` gives them, or an `Ellipsoid` that is
             finite in these axes.
-        at: Where its zero is drawn, shape (3,), [m].
+        at: Position where the zero of the shape is drawn, shape (3,), [m].
         scale: Length of one unit of the shape, such as [m/N].
-        plane: The two axes of the base that plane axes show.
-        **look: Of the polygon or of the faces, as Matplotlib takes it: facecolor, edgecolor, alpha.
+        plane: The two axes of the base that 2-D axes show.
+        **look: Matplotlib options of the polygon or faces, such as facecolor, edgecolor, alpha.
 
     Raises:
         InputError: For a shape that is not finite, or flat in these axes.
@@ -123,8 +123,8 @@ def reach_map(
 ) -> Axes:
     """Map of the poses that a frame reaches, coloured by condition number or load of motors.
 
-    Joint limits and singular configurations that end the map have colours of their own; beyond them
-    it is white. Angles are in degrees.
+    Poses that joint limits or singular configurations prevent have colours of their own; all others
+    that are not reached are white. Angles are in degrees.
 
     Args:
         ax: 2-D axes.

@@ -78,7 +78,7 @@ def draw(
     *others: tuple[Array, str, Mapping[str, Any]],
     zero: bool = False,
 ) -> Axes:
-    """Curves, `others` with labels and looks of their own, axes, a legend; `zero`: a line at 0."""
+    """Draw curves, and `others` with their own labels and styles; `zero` adds a line at 0."""
     for look, values, label in zip(looks(curves.names), curves.values.T, labels, strict=True):
         ax.plot(t, values, label=label, **look)
     for values, label, style in others:
@@ -114,8 +114,8 @@ def _plain_numbers(ax: Axes) -> None:
 def looks(names: Sequence[str]) -> list[dict[str, Any]]:
     """Colours, dashes and marks of curves, distinct on a screen and in grey print.
 
-    Up to three by colour and dashes; more by marks too. For names like gamma_1 the number selects
-    colour and mark, the letter the dashes.
+    Up to three curves differ in colour and dashes, more also in marks. If there are more than three
+    names like gamma_1, the number selects colour and mark, the letter the dashes.
     """
     if len(names) <= len(DASHES):
         return [_look(i, i, 0) for i in range(len(names))]
@@ -145,7 +145,7 @@ def label(name: str, accent: str = "") -> str:
     if match := _LETTER.fullmatch(name):
         return rf"${accent}\{match[1]}_{subscript(match[2])}$"
     plain = name.replace("$", r"\$")
-    return f" {plain}" if plain.startswith("_") else plain  # else no entry of a legend
+    return f" {plain}" if plain.startswith("_") else plain  # legends omit names that begin with _
 
 
 def formula(text: str) -> str:

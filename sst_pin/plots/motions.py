@@ -140,7 +140,7 @@ def upper_bound(value: float) -> str:
     return rf"${digit}\times 10^{{{exponent}}}$" if digit < 10 else rf"$10^{{{exponent + 1}}}$"
 
 
-#: Functions that draw each subject, and give its curves where they may take several axes.
+#: For each subject the function that draws it and, if it may need several axes, that of its curves.
 CURVES: dict[str, tuple[Callable[..., Axes], Callable[..., Curves] | None]] = {
     "torques": (motor_torques, _torques),
     "joints": (joint_angles, _positions),

@@ -37,14 +37,14 @@ def motion_page(
     subjects: Sequence[str] | None = None,
     frame: str | None = None,
 ) -> Figure:
-    """A page about a motion, two axes in a row, lettered; below them what `check` finds.
+    """A page of plots of a motion, two in each row, with letters; below them the check's findings.
 
-    A subject takes several axes where units differ or more than six curves would share them.
+    A subject has several plots if units differ or more than six curves would share one.
 
     Args:
         robot: Any closed chain.
         motion: A motion of this robot, with more than one sample.
-        subjects: Some of `SUBJECTS`, in the order of the page; all but power by default, the path
+        subjects: Some of `SUBJECTS`, in the order of the page. By default all but power; the path
             only for an SST or a given frame, torques only for a robot with motors.
         frame: Frame whose path is drawn, in the axes of the base. By default `platform`; for an
             SST the path of E on its sphere.
@@ -86,7 +86,7 @@ def motion_page(
 
 
 def summary_of(robot: ClosedChain, frame: str | None = None) -> tuple[str, ...]:
-    """Subjects of a `motion_page` by default, where the path of a frame is asked for or not."""
+    """Default subjects of a `motion_page`; `frame` is that of its path, or None."""
     known = {
         "path": frame is not None or robot.appearance.spherical,
         "torques": bool(robot.motor_names),
@@ -126,9 +126,9 @@ def _letter(ax: Axes, place: int) -> None:
 
 
 def loads_page(loads: Loads) -> Figure:
-    """Forces and moments of joints and closures along a motion, a bar for each peak.
+    """Bars of the peak forces and moments of joints and closures along a motion.
 
-    The inner bar is the root mean square; the numbers are the direction at the peak, x, y, z in the
+    The inner bar is the root mean square. The numbers are the direction at the peak, x, y, z in the
     axes of the wrench. Hatched bars come from stiffnesses.
 
     Args:

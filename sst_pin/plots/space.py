@@ -23,7 +23,7 @@ from ..sst.robot import SST
 from .curves import legend_above
 from .style import Axes
 
-#: A path counts as planar if its distance from a plane is less than this share of its length.
+#: A path is planar if its extent along one axis of the base is at most this share of the largest.
 _PLANAR = 1e-6
 #: Line styles of the paths; the wanted path is drawn first, below the others.
 PATHS: tuple[dict[str, Any], ...] = (
@@ -37,14 +37,14 @@ def frame_path(ax: Axes, robot: ClosedChain, motion: Trajectory, frame: str = PL
     """Path of a frame's origin, in the axes of the base; a dot where it starts.
 
     Args:
-        ax: Axes with projection "3d", or plane axes for a path parallel to a plane of the base.
+        ax: Axes with projection "3d", or 2-D axes for a path parallel to a plane of the base.
         robot: Any closed chain.
         motion: A motion of this robot.
         frame: Name of a frame of `robot.model`, such as a link or an end of a loop.
 
     Raises:
         UnknownNameError: For a frame that the model does not have.
-        InputError: For another robot's motion, or a path in space in plane axes.
+        InputError: For another robot's motion, or a spatial path in 2-D axes.
 
     Example:
         >>> ax = plots.frame_path(ax, chain, motion, "platform")
@@ -90,7 +90,7 @@ def origins_of(robot: ClosedChain, motion: Trajectory, frame: str) -> Array:
 
 
 def plane_of(points: Array) -> list[int] | None:
-    """The two axes of the base that points are drawn in; None where they need all three."""
+    """The two axes of the base whose plane the points are parallel to, or None."""
     ranges = np.ptp(points, axis=0)
     flattest = int(ranges.argmin())
     if ranges[flattest] > _PLANAR * ranges.max():
@@ -191,7 +191,7 @@ def _patch(ax: Axes, robot: SST, radius: float, letter: str) -> None:
 
 
 def _equal_space(ax: Axes, robot: SST, radius: float, s: Array) -> None:
-    """A sphere with equal axes and units; only the paper's octant if s stays within it."""
+    """Set equal scales for a sphere; show only the octant of the paper if s stays within it."""
     octant = s.min() > -0.15
     limits = np.array((-0.15 if octant else -1.15, 1.15)) * radius
     least = radius / 2.7  # of smaller steps the numbers would run into one another
@@ -200,7 +200,7 @@ def _equal_space(ax: Axes, robot: SST, radius: float, s: Array) -> None:
     ax.set(xlim=limits, ylim=limits, zlim=limits)
     ax.set_box_aspect((1, 1, 1), zoom=0.84)
     x, y, _ = robot.geometry.R_0[:, :, 0].sum(axis=0)
-    quadrant = np.floor(np.degrees(np.arctan2(y, x)) / 90)  # to which the base triangle looks
+    quadrant = np.floor(np.degrees(np.arctan2(y, x)) / 90)  # of the base triangle's centre
     ax.view_init(elev=28, azim=float(90 * quadrant + 38))
     for axis, _ in _labelled_axes(ax):
         axis.labelpad = 5
@@ -209,7 +209,7 @@ def _equal_space(ax: Axes, robot: SST, radius: float, s: Array) -> None:
 
 
 def _labelled_axes(ax: Axes) -> Iterator[tuple[Any, str]]:
-    """Axes of a drawing in space with their letters; x, y, z of the base, on transparent panes."""
+    """Label the axes of a 3-D drawing x, y, z of the base; yield each axis with its letter."""
     for axis, letter in zip((ax.xaxis, ax.yaxis, ax.zaxis), "xyz", strict=True):
         axis.set_pane_color((1, 1, 1, 0))
         axis.set_rotate_label(False)  # a rotated label may be upside down or cover the numbers

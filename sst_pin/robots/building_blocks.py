@@ -15,7 +15,7 @@ from ..model.tree import frame_named
 from .placements import HERE, shift
 
 _GREY, _ORANGE = np.array([0.55, 0.6, 0.65, 1.0]), np.array([0.95, 0.55, 0.15, 1.0])
-#: Pins and balls of joints; those of motors; what stands on the ground.
+#: Colours of pins and balls of joints, of motors, and of the feet on the ground.
 _STEEL, _MOTOR, _GROUND = (
     np.array([*rgb, 1.0]) for rgb in ((0.25, 0.28, 0.32), (0.1, 0.45, 0.7), (0.4, 0.36, 0.32))
 )
@@ -35,7 +35,7 @@ Solids = list[Solid]
 
 
 def rods(mass: float, points: ArrayLike, radius: float) -> Solids:
-    """Round rods of one radius along a line, points of shape (n, 3); a mass for all; SI units."""
+    """Round rods of one radius along a line of points, shape (n, 3); total mass; SI units."""
     points = np.asarray(points, dtype=float)
     steps = np.diff(points, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
@@ -58,14 +58,14 @@ def bar(mass: float, length: float, radius: float) -> Solids:
 
 
 def star(mass: float, points: ArrayLike, radius: float) -> Solids:
-    """Rods from the centre of some points to each of them, equally heavy; a mass for all."""
+    """Rods of equal mass from the centre of some points to each of them; total mass."""
     ends = np.asarray(points, dtype=float)
     pairs = [(ends.mean(axis=0), end) for end in ends]
     return [solid for pair in pairs for solid in rods(mass / len(ends), pair, radius)]
 
 
 def arc(mass: float, angle: float, radius: float, thickness: float) -> Solids:
-    """Four rods of a thickness, their radius, along a circle about x, from the z axis on."""
+    """Four rods along an arc about x that begins on the z axis; `thickness` is their radius."""
     turns = np.linspace(0, angle, 5)
     points = radius * np.stack([0 * turns, -np.sin(turns), np.cos(turns)], axis=1)
     return rods(mass, points, thickness)
@@ -109,7 +109,7 @@ class Tree:
         parent: str = "universe",
         at: pin.SE3 = HERE,
     ) -> None:
-        """Add a joint, placed on its parent's body ("universe": the base), and the body moved."""
+        """Add a joint on its parent's body ("universe" is the base), and the body that it moves."""
         joint = self.model.addJoint(self.model.getJointId(parent), kind, at, name)
         for i, solid in enumerate(solids):
             self.model.appendBodyToJoint(joint, solid.inertia, solid.at)
@@ -187,7 +187,7 @@ def joint_shapes(
 
 
 def _thicknesses(shapes: pin.GeometryModel, joints: int) -> Array:
-    """Half the thickness of each body's links, not far from that of most, shape (joints,), [m]."""
+    """Largest half thickness of each body's links, at most twice the median, (joints,), [m]."""
     halves: list[list[float]] = [[] for _ in range(joints)]
     for body in shapes.geometryObjects:
         shape = body.geometry
@@ -198,7 +198,7 @@ def _thicknesses(shapes: pin.GeometryModel, joints: int) -> Array:
 
 
 def _nearest_on_axis(axis: Array, shapes: pin.GeometryModel, joint: int) -> Array:
-    """Where a body's axis through the origin passes closest to an end of one of its links."""
+    """The point of an axis through the body's origin that is closest to an end of a link."""
     ends = []
     for body in shapes.geometryObjects:
         if body.parentJoint == joint and isinstance(body.geometry, coal.Cylinder):

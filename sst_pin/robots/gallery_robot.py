@@ -27,7 +27,7 @@ _Build = TypeVar("_Build", bound=Callable[..., "GalleryRobot"])
 
 
 def of_dimensions(build: _Build) -> _Build:
-    """Have a function of dimensions and masses refuse numbers that are not above 0."""
+    """Decorator of a gallery function: keyword numbers must be positive, else an InputError."""
     defaults = {name: p.default for name, p in signature(build).parameters.items()}
 
     @wraps(build)
@@ -69,7 +69,7 @@ class GalleryRobot(ClosedChain):
         forces: Sequence[LineForce] = (),
     ) -> None:
         self._tree, self._shapes, self._joints = tree.model, tree.visual_model, joints
-        self._rows = slice(None), slice(3 if point else 0, 4)  # of a pose, that count
+        self._rows = slice(None), slice(3 if point else 0, 4)  # the part of a pose that is compared
         problem = f"{tree.model.name}: with these dimensions the loops do not close at home"
         q = self._configuration(home)
         if not np.isfinite(q).all():
@@ -87,10 +87,10 @@ class GalleryRobot(ClosedChain):
         """Inverse kinematics: the configuration for a pose of the platform, in the mode of `home`.
 
         Args:
-            pose: Of the platform in the base: `pinocchio.SE3`, or matrices, shape (..., 4, 4).
+            pose: Pose of the platform in the base: `pinocchio.SE3`, or matrices, (..., 4, 4).
 
         Returns:
-            q on the closures, shape (..., nq).
+            Closed configurations, shape (..., nq).
 
         Raises:
             InputError: For a wrong shape or a number that is not finite.

@@ -23,7 +23,7 @@ class _Drive(NamedTuple):
     The crank points backward at 0, and so does the link's lever where the joint is at 0.
     """
 
-    #: Of motor, rod and frames.
+    #: Suffix of the names of motor, rod and frames.
     name: str
     #: The joint of the link.
     link: str
@@ -37,7 +37,7 @@ class _Drive(NamedTuple):
     length: float
 
     def add(self, tree: Tree, parent: str, at: pin.SE3, rod_mass: float, crank_mass: float) -> None:
-        """Add crank and rod, the joint of the link placed at `at` on the parent."""
+        """Add crank and rod; `at` is the placement of the link's joint on the parent."""
         knee, motor, link = self.link == "knee", f"motor_{self.name}", f"rod_{self.name}"
         crank = rod(crank_mass, (-self.crank, 0, 0), 0.008)
         tree.joint(motor, _RY(), crank, parent, at * shift(self.motor))
@@ -109,8 +109,8 @@ def knee(
 ) -> GalleryRobot:
     """A knee of four bars: a motor on the thigh bends the knee by a crank, a rod and a lever.
 
-    The thigh is fixed; the hip is at the origin, x forward, z up. The knee bends backward by 2 rad.
-    The lever is shorter than the crank, so the gear ratio changes. The platform is the shank.
+    The thigh is fixed; the hip is at the origin, x forward, z up. The knee can bend backward by 2
+    rad. Lever and crank differ in length, so the gear ratio changes. The platform is the shank.
 
     Args:
         thigh: From hip to knee, [m].
@@ -144,7 +144,7 @@ def leg(
     """A leg under a fixed hip: a hip motor, the knee of four bars, the ankle of two rods.
 
     The hip turns about y and is at the origin, x forward, z up. The platform is the foot, at the
-    ankle. Motors sit at two thirds of the links or lower.
+    ankle. The knee's motor is on the thigh, the ankle's two are on the shank.
 
     Args:
         thigh: From hip to knee, [m].
@@ -171,7 +171,7 @@ def leg(
 
 
 def _ankle_drives(width: float, lever: float, heights: tuple[float, float]) -> list[_Drive]:
-    """The ankle's two, their rods vertical where the joint is at 0."""
+    """The two drives of the ankle; their rods are vertical where the ankle is at 0."""
     drives = []
     for name, y, height in zip(("left", "right"), (width, -width), heights, strict=True):
         motor, eye = np.array([0, y, height]), np.array([-lever, y, 0])
@@ -180,7 +180,7 @@ def _ankle_drives(width: float, lever: float, heights: tuple[float, float]) -> l
 
 
 def _knee_drive(height: float, crank: float, lever: float) -> _Drive:
-    """The knee's, its lever level where the knee is bent by 1 rad, and its crank level too."""
+    """The drive of the knee; where the knee is bent by 1 rad, lever and crank are horizontal."""
     eye, length = _pitch_roll(-1.0) @ (-lever, 0.0, 0.0), float(np.hypot(height, crank - lever))
     return _Drive("knee", "knee", np.array([0.0, 0.0, height]), crank, eye, length)
 

@@ -28,9 +28,9 @@ def agile_eye(
 ) -> GalleryRobot:
     """The Agile Eye: a spherical 3-RRR with right angles between neighbouring axes.
 
-    It turns a camera about the origin; z is the axis of symmetry. Each of its two hinge closures
-    has five equations, of the ten six are redundant. The robot of C. Gosselin and J.-F. Hamel, The
-    agile eye: a high-performance three-degree-of-freedom camera-orienting device, ICRA 1994.
+    It turns a camera about the origin; z is the axis of symmetry. The two hinge closures have ten
+    equations, six of which are redundant. The robot of C. Gosselin and J.-F. Hamel, The agile eye:
+    a high-performance three-degree-of-freedom camera-orienting device, ICRA 1994.
 
     Args:
         radius: Radius of the driven links, [m].
@@ -73,7 +73,7 @@ def agile_wrist(
 def _spherical_3rrr(
     name: str, radius: float, masses: tuple[float, float, float], payload: Solids
 ) -> GalleryRobot:
-    """Two links of a quarter circle in each leg; leg 1 bears the platform, hinges the others."""
+    """Legs of two quarter-circle links; leg 1 carries the platform, hinges close legs 2 and 3."""
     tree = Tree(name)
     quarter, thickness = turned_x(np.pi / 2), 0.06 * radius
     for k in _LEGS:
@@ -147,8 +147,8 @@ def bennett(
 
     Args:
         crank: Length of the crank and of the bar across, [m].
-        twist: From the first axis of these bars to the second, [rad].
-        coupler_twist: That of the coupler and of the base, [rad].
+        twist: Angle from the first axis of these bars to the second, [rad].
+        coupler_twist: The same angle of the coupler and of the base, [rad].
         linear_density: Mass of a bar per length, [kg/m].
         radius: Radius of the bars, [m].
     """

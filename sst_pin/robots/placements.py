@@ -53,9 +53,9 @@ def angle_about_z(R: Array) -> float:
 
 
 def two_link(target: ArrayLike, first: float, second: float, elbow: int) -> tuple[float, float]:
-    """Angles of a planar arm of two links whose tip is at a point seen from its shoulder, [rad].
+    """Angles of a planar two-link arm whose tip is at a point relative to its shoulder, [rad].
 
-    They are the shoulder's from the x axis, and the elbow's, of sign `elbow`, from the upper link.
+    The shoulder angle is from the x axis; the elbow angle, of sign `elbow`, from the first link.
     """
     x, y, *_ = np.asarray(target, dtype=float)
     cosine = (x**2 + y**2 - first**2 - second**2) / (2 * first * second)

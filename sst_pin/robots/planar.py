@@ -13,7 +13,7 @@ from .building_blocks import Tree, bar, star
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
 from .placements import UPRIGHT, angle_about_z, circle, direction, planar, shift, two_link
 
-#: Of the proximal and the distal link, [m].
+#: Lengths of the proximal and the distal link, [m].
 _Lengths = tuple[float, float]
 
 
@@ -177,7 +177,7 @@ def _planar_platform(
     masses: tuple[float, float],
     lengths: _Lengths,
 ) -> GalleryRobot:
-    """A platform in the horizontal plane that leg 1 bears and the other legs are pinned to."""
+    """A platform in the horizontal plane; leg 1 carries it, the other legs are pinned to it."""
     base, vertices = (circle(radius, angles) for radius in radii[:2])
     plate = star(masses[0], vertices - vertices[0], radii[2])
     tree, legs = Tree(name), range(1, len(base) + 1)

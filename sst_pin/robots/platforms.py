@@ -78,14 +78,14 @@ def ups_pu(
 ) -> GalleryRobot:
     """The platform 3-UPS-PU: three driven struts and a central post.
 
-    The post slides along z and carries the platform on a universal joint. So it has three degrees
-    of freedom: it moves along z, and turns about x and then y. Its dynamics has been published with
-    the NOC.
+    The post slides along z and carries the platform on a universal joint. So the platform has three
+    degrees of freedom: it moves along z, and turns about x and then y. Its dynamics has been
+    published with the NOC.
 
     Args:
         base_radius: Radius of the circle of the base's joints, [m].
         platform_radius: Radius of the circle of the platform's joints, [m].
-        post: Length of the post, whose foot is at the base's height at no heave, [m].
+        post: Length of the post; its foot is at the height of the base if the joint is at 0, [m].
         retracted: Length of a strut at no stroke, [m].
         platform_mass: [kg].
         post_mass: [kg].
@@ -125,8 +125,8 @@ def hexaglide(
 ) -> GalleryRobot:
     """The hexaglide 6-PUS: six carriages on parallel rails carry a platform on rods.
 
-    Rails run along x in the plane z = 0; the platform is a free-flyer above them that six balls
-    hold. The layout of the Hexaglide of ETH Zurich (M. Honegger, A. Codourey, E. Burdet, Adaptive
+    Rails run along x in the plane z = 0. The platform above them is a free-flyer held by six balls.
+    The layout of the Hexaglide of ETH Zurich (M. Honegger, A. Codourey, E. Burdet, Adaptive
     control of the Hexaglide, a 6 dof parallel manipulator, ICRA 1997).
 
     Args:
@@ -173,7 +173,7 @@ def _height(foot: Array, vertex: Array, length: float) -> float:
 
 
 def _pairs(spread: float) -> Array:
-    """Angles of three pairs of neighbours, half the angle between them given, shape (6,), [rad]."""
+    """Angles of three pairs of neighbours, shape (6,); `spread` is half their distance, [rad]."""
     middles = 2 * np.pi / 3 * np.arange(3)
     return (middles[:, None] + spread * np.array([-1, 1])).ravel()
 

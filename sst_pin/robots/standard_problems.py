@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Closed chains on which the literature of multibody dynamics compares its programs.
+"""Benchmark mechanisms of the literature on multibody dynamics that belong to the gallery.
 
-Axes, masses and starts are those of the publications; docs/standard_problems.md has the results.
+Axes, masses and initial states are published ones; docs/standard_problems.md has the results.
 """
 
 from functools import partial
@@ -24,9 +24,9 @@ _ALONG_Y = np.array([0.0, -9.81, 0.0])
 def bricard(*, length: float = 1.0, mass: float = 1.0, thickness: float = 0.1) -> GalleryRobot:
     """Bricard's linkage of six hinges along the edges of a cube; overconstrained but movable.
 
-    Problem A04 of the IFToMM library: five equal rods, weight along -y, at home along the edges of
-    the cube. The counting formula gives no degree of freedom, but the linkage has one. The platform
-    is the third rod, its frame at the third hinge. The motor is at the first hinge.
+    Problem A04 of the IFToMM library: five equal rods, gravity along -y. At home the rods are edges
+    of the cube. The counting formula gives no degree of freedom, but the linkage has one. The
+    platform is the third rod, its frame at the third hinge. The motor is at the first hinge.
 
     Args:
         length: Length of the rods, [m].

@@ -26,9 +26,9 @@ def scissor_lift(
 ) -> GalleryRobot:
     """A scissor lift of crossed arms, driven by the slider at its foot; x to the right, z up.
 
-    The left foot is hinged to the base, the right one slides along x; so do the corners of the
-    platform. The platform's frame is in its left corner. Each crossing closes a loop, whose plane
-    makes one of its three equations redundant.
+    The left foot is hinged to the base, the right one slides along x. The platform has a hinge at
+    its left corner, where its frame is, and a slider at the right one. Each crossing and this
+    slider close a loop; one of the three equations of each planar loop is redundant.
 
     Args:
         cells: Pairs of arms, one or more.
@@ -124,17 +124,18 @@ def excavator(
 ) -> GalleryRobot:
     """The arm of a small excavator: a swing and three cylinders move boom, arm and bucket.
 
-    The boom's and the arm's cylinder make triangles, the bucket's a triangle and a four-bar: four
-    loops in the arm's plane. The platform is the tip of the bucket, x along the bucket, z normal to
-    the arm's plane. Where cylinders attach does not change with the lengths. The layout is that of
-    every backhoe; dimensions and masses are those of a machine of three tonnes.
+    The cylinders of boom and arm each form a triangle, that of the bucket a triangle and a
+    four-bar: four loops in the arm's plane. The platform is the tip of the bucket, x along the
+    bucket, z normal to the arm's plane. The attachments of the cylinders on swing, boom and arm do
+    not depend on the lengths. The layout is that of every backhoe; dimensions and masses are those
+    of a machine of three tonnes.
 
     Args:
-        boom: Between its pins, [m].
+        boom: Distance between its pins, [m].
         arm: From the boom's pin to the bucket's, [m].
         bucket: From its pin to its tip, [m].
-        rocker: On the arm, moved by the bucket's cylinder, [m].
-        link: From the rocker to the bucket, [m].
+        rocker: Length of the rocker on the arm that the bucket's cylinder moves, [m].
+        link: Length of the link from the rocker to the bucket, [m].
         swing_mass: Mass of the house that turns, [kg].
         boom_mass: [kg].
         arm_mass: [kg].

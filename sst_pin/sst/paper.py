@@ -27,9 +27,9 @@ def example_1(robot: SST, t: ArrayLike) -> Trajectory:
 
 
 def example_2(robot: SST, example: Trajectory, rounded: bool = False) -> Trajectory:
-    """Direct dynamics with the torques of example 1, from its first state or the printed one.
+    """Direct dynamics with the torques of example 1 (Sect. 7.3).
 
-    Sect. 7.3.
+    It starts at the first state of example 1 or, if `rounded`, at the state printed in the paper.
     """
     q0, va0 = example.q[0], example.va[0]
     if rounded:
@@ -50,7 +50,7 @@ class Errors(NamedTuple):
 
 
 def angles_off_path(robot: SST, example: Trajectory, motion: Trajectory) -> Array:
-    """Angles between the axes s of two motions, at the times of the second, shape (N,), [rad]."""
+    """Angles between the axes s at the samples of a motion and an example, shape (N,), [rad]."""
     pair = motion.q, example.q[: len(motion)]
     s, s_wanted = (robot.platform_orientation(q)[..., 0] for q in pair)
     # |s x s'| keeps the digits of a small angle that the dot product loses.

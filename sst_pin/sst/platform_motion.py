@@ -54,7 +54,7 @@ def orientation(theta: ArrayLike, phi: ArrayLike, psi: ArrayLike = 0.0) -> Array
 def orientation_motion(
     theta: Sequence[ArrayLike], phi: Sequence[ArrayLike], psi: Sequence[ArrayLike]
 ) -> PlatformMotion:
-    """`orientation` with its rates.
+    """Orientation, angular velocity and acceleration of the star from the paper's angles.
 
     Args:
         theta: Longitude, its rate and its acceleration, each of shape (...), [rad].

@@ -66,7 +66,7 @@ def _geometry_of(engine: Engine) -> Geometry:
 
 
 def _description_of(parameters: Parameters) -> RobotFile:
-    """The description that the parameters write; shapes are made when they are drawn."""
+    """The description of an SST with these parameters; its shapes are made when needed."""
     urdf = Urdf(urdf_of(parameters, shapes=False), "URDF of the parameters")
     cuts = parse_cuts(yaml_of(parameters), "cuts of the parameters")
     return closed(urdf, cuts)._replace(shapes=partial(star_appearance.shapes_of, parameters))
@@ -169,7 +169,7 @@ class SST(ClosedChain):
     def parameters(self) -> Parameters:
         """The parameters of `model`; `SST(robot.parameters)` is the same robot.
 
-        Edited files with contents that `Parameters` do not describe raise a `DescriptionError`.
+        It raises a `DescriptionError` if the model contains what `Parameters` cannot describe.
         """
         engine = self._engine
         mechanism = engine.mechanism
@@ -299,7 +299,7 @@ class SST(ClosedChain):
 
     @property
     def star_radius(self) -> float:
-        """Distance OE, [m]; of a URDF without a frame E, that of the paper's robot."""
+        """Distance OE, [m]; the paper's value if the model has no frame E."""
         model = self.mechanism.model
         if not model.existFrame("E"):
             return Parameters().star_radius

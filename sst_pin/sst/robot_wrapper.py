@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The description as a `pin.RobotWrapper`, as in example_robot_data, and its named poses."""
+"""An SST as a `pin.RobotWrapper`, as in example_robot_data, and its named configurations."""
 
 from contextlib import suppress
 from pathlib import Path
@@ -18,9 +18,9 @@ from .robot import SST
 
 
 def load(urdf: str | Path = URDF_PATH) -> pin.RobotWrapper:
-    """Load the open tree of an SST, the paper's by default, for code on `pin.RobotWrapper`.
+    """Load the open tree of an SST, by default the paper's, as a `pin.RobotWrapper`.
 
-    Its loops are not closed; `ClosedChain.from_urdf` loads any robot with its loops.
+    It has no closures; `ClosedChain.from_urdf` loads any robot with its closures.
 
     Args:
         urdf: The URDF of the package, or of a folder that `sst-pin describe` has written.
@@ -52,7 +52,7 @@ def load(urdf: str | Path = URDF_PATH) -> pin.RobotWrapper:
 def configurations_of(parameters: Parameters) -> dict[str, Array]:
     """Joint angles, shape (9,), of `SST.home` and of the start of the paper's circle, by name.
 
-    A pose where a leg is in the plane of its arc is left out.
+    Poses out of reach, or with a leg in the plane of its arc, are left out.
     """
     robot, configurations = SST(parameters), dict[str, Array]()
     poses = robot.model.referenceConfigurations

@@ -41,7 +41,7 @@ def appearance_of(geometry: Geometry, radius: float) -> Appearance:
 
 
 def _frames(geometry: Geometry, r: float) -> Iterator[DrawnFrame]:
-    """The frames, whose origins are O, drawn on the parts that they belong to."""
+    """The frames; their origins are O, but each is drawn on the part that it belongs to."""
     apart = ((1, 0, 0), (0.72, 0, 0), (1.16, 0, 0), (1.06 * np.cos(0.7), -1.06 * np.sin(0.7), 0))
     for k in range(3):
         for i, where in enumerate(apart):

@@ -21,10 +21,10 @@ def star_motion(robot: SST, table: Table) -> tuple[Array, Array, Array] | None:
     """q, va, aa of an SST from a table of the star's orientation; None for motor angles.
 
     The columns are `t_s` and either `qw, qx, qy, qz`, the orientation of {E} in the base, or the
-    paper's angles `theta, phi, psi`, which end in `_rad` or `_deg`; without `psi` it is zero.
+    paper's angles `theta, phi, psi` with the ending `_rad` or `_deg`; `psi` is zero by default.
 
     Raises:
-        FileFormatError: If the columns describe no motion, or several.
+        FileFormatError: If the columns do not describe exactly one motion.
     """
     motion = _platform_motion(table)
     if motion is None:

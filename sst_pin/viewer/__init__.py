@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The robot in a browser (Meshcat): live, as a page in one file, as pictures, in a notebook."""
+"""Shows a robot in a browser (Meshcat), as a page in one file, in a notebook, in pictures."""
 
 import sys
 from collections.abc import Mapping
@@ -37,7 +37,7 @@ def show(
     live: bool,
     ghost: Trajectory | None,
 ) -> Viewer:
-    """The viewer that `ClosedChain.show` gives, for the same arguments."""
+    """See `ClosedChain.show`, which has the same arguments."""
     viewer = Viewer(robot, reactions=reactions, live=live)
     if isinstance(what, Trajectory):
         viewer.play(what, speed=speed, ghost=ghost)
@@ -45,7 +45,7 @@ def show(
         raise InputError("ghost", "only beside a motion")
     else:
         viewer.show(start_of(robot.engine) if what is None else what)
-    viewer._functions  # noqa: B018  (or says what is missing)
+    viewer._functions  # noqa: B018  (raises an error now if CasADi is missing)
     if open_browser and "ipykernel" not in sys.modules:
         viewer.open()
     return viewer

@@ -16,7 +16,7 @@ from ..simulation.trajectories import Trajectory
 from .robot_scene import Scene
 from .scene_parts import Shape
 
-#: Node of the robot in the tree of the page; in it that of the ghost, one layer.
+#: Names of the robot's node in the tree of the page and, below it, of the ghost's, a single layer.
 _ROOT, _GHOST = "robot", "ghost"
 #: Opacity of the ghost.
 _FAINT = 0.3
@@ -60,7 +60,7 @@ class MeshcatScene:
         self._animated = False
 
     def place(self, q: Array, effort: Array) -> None:
-        """Show a configuration, with motor torques as shares of the largest."""
+        """Show a configuration; `effort` are torques, then forces, as shares of the largest."""
         if self._animated:
             self._root.set_animation(Animation())
             self._root[f"{_ROOT}/0/trail"].delete()
@@ -72,11 +72,10 @@ class MeshcatScene:
     def animate(
         self, motion: Trajectory, effort: Array, wanted: Array, ghost: Trajectory | None
     ) -> None:
-        """Let the page move everything along a motion of two samples at least.
+        """Animate a motion of at least two samples in the page.
 
-        `effort` are its torques as shares of the largest, shape (n, motors); `wanted` are
-        configurations whose path is the reference, shape (m, nq); `ghost` is the motion of a second
-        robot.
+        `effort` are torques, then forces of reactions, as shares of the largest, shape (n, ...);
+        `wanted` are configurations of the reference path, (m, nq); `ghost` is a second motion.
         """
         self.place(motion.q[0], effort[0])
         self._animated = True

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The page of a robot in one file; what its scripts are told: curves, warnings, a live robot."""
+"""The HTML page of a robot, and the data for its scripts: curves, warnings, a live robot."""
 
 import base64
 import json
@@ -26,7 +26,7 @@ _WORDS = {
     "m/s": "speeds",
     "W": "powers",
 }
-#: Limits of an angle that are at least this wide are ignored, [rad].
+#: A slider ignores the limits of an angle if one is at least this far from zero, [rad].
 _TURN = 2 * np.pi
 #: Limits beyond this are ignored.
 _FAR = 1e6
@@ -35,9 +35,9 @@ _FAR = 1e6
 def page(
     commands: Iterable[bytes], panel: dict[str, Any], functions: str = "", served: bool = False
 ) -> str:
-    """HTML that needs nothing from outside, with packed commands of Meshcat and the panel.
+    """HTML that needs no other files, with packed Meshcat commands and the data of the panel.
 
-    `functions` is JavaScript for a page that computes; a served page asks its server for more.
+    `functions` is JavaScript for a page that computes; a served page gets updates from its server.
     """
     packed = [base64.b64encode(command).decode() for command in commands]
     scene = json.dumps({"served": served, "commands": packed, "panel": panel})
@@ -102,7 +102,7 @@ def _set(
     units: Sequence[str],
     values: Array,
 ) -> dict[str, Any]:
-    """Curves with a name, a joint and a unit each; `what` is drawn, in words with units."""
+    """Curves, each with a name, a joint and a unit; the entry "what" is the caption."""
     kinds = ", ".join(f"{_WORDS[unit]} ({unit})" for unit in dict.fromkeys(units))
     return {
         "called": called,
@@ -115,7 +115,7 @@ def _set(
 
 
 def warnings_of(robot: ClosedChain, motion: Trajectory | Array) -> list[str]:
-    """One line each: open loops, then what `robot.check` finds in a motion or a configuration."""
+    """Warnings for a motion or configuration: open loops, then the findings of `robot.check`."""
     t, q = samples_of(robot.mechanism, motion)
     residuals, lines = np.abs(robot.residual(q)).max(axis=1, initial=0.0), []
     residuals[robot.engine.are_closed(q)] = 0.0
@@ -127,7 +127,7 @@ def warnings_of(robot: ClosedChain, motion: Trajectory | Array) -> list[str]:
 
 
 def live_data(robot: ClosedChain, scene: Scene, q: Array, va: Array) -> dict[str, Any]:
-    """The numbers of a robot, its sliders, limits and drawing, for `live.js`.
+    """Data of a robot for `live.js`: state, sliders, limits and drawing.
 
     The page starts at q and va, shapes (nq,) and (n,).
     """
@@ -172,7 +172,7 @@ def live_data(robot: ClosedChain, scene: Scene, q: Array, va: Array) -> dict[str
 
 
 def _coordinates(robot: ClosedChain, q: Array, size: float) -> Iterator[dict[str, Any]]:
-    """Sliders: for a position or an angle without end, else for a rate while they are held."""
+    """Sliders of the coordinates: a position, an unlimited angle, or a rate while it is held."""
     model, space = robot.mechanism.model, robot.mechanism.space
     joints = {k: x for x in list(model.joints)[1:] for k in range(x.idx_v, x.idx_v + x.nv)}
     for k in space.rates_of(robot.coordinates).tolist():

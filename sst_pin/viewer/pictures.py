@@ -14,7 +14,7 @@ from typing import Any
 from ..errors import BrowserError, MissingExtraError
 from ..progress import counted
 
-#: Programs that can take the pictures, the first that is there.
+#: Programs that can take the pictures; the first one that is installed is used.
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 
 #: Time for a page to load, [s]; large meshes are slow without a graphics card.
@@ -60,7 +60,7 @@ def png(html: str) -> bytes:
 def gif(
     html: str, frames: int = 36, seconds: float = 4.0, size: tuple[int, int] = (960, 480)
 ) -> bytes:
-    """An animation that repeats itself; numbers of frames and seconds, and the size in [px]."""
+    """A GIF that repeats endlessly, of a number of frames; its duration, [s], and size, [px]."""
     taken = _pictures(html, [i / frames for i in range(frames)], size, 1.0)
     from PIL import Image
 
@@ -76,8 +76,8 @@ def gif(
 
 
 def _pictures(html: str, shares: list[float], size: tuple[int, int], scale: float) -> list[bytes]:
-    # In a thread of its own: Playwright's plain interface refuses one with an event loop, which
-    # is what a notebook's has.
+    # In a new thread: Playwright's synchronous interface fails in a thread with an event loop, such
+    # as that of a notebook.
     with ThreadPoolExecutor(1) as thread:
         return thread.submit(_take, html, shares, size, scale).result()
 

@@ -26,9 +26,9 @@ _DIRECTIONS, _SAMPLES = 150, 60
 
 
 class Scene:
-    """Shapes of a robot. Skeleton and masses are visible at first only if bodies have no shapes.
+    """Shapes of a robot; the arguments are those of `Viewer`.
 
-    The arguments are those of `Viewer`.
+    At first skeleton and masses are visible only if the bodies have no shapes.
     """
 
     def __init__(
@@ -132,7 +132,7 @@ class Scene:
         return np.array([self._data.oMi[joint].act(origin) for _ in map(self._joints, q)])
 
     def _size(self, robot: ClosedChain) -> float:
-        """A length of the robot, [m]: its own, or a quarter of the diagonal of its shapes."""
+        """A length of the robot, [m]: given, or a quarter of the diagonal of its bounding box."""
         if (size := robot.appearance.size) is not None:
             return size
         poses = self._joints(self.start)

@@ -106,5 +106,5 @@ def homogeneous(R: Array, translation: Array) -> Array:
 
 
 def along(direction: Array) -> Array:
-    """Axes whose z has a direction, or those of the base for none; columns, shape (3, 3)."""
+    """Axes with z along a direction, or the identity for a zero vector; columns, shape (3, 3)."""
     return axes_along(direction) if direction.any() else np.eye(3)

@@ -25,7 +25,7 @@ Message = bytes | str
 
 
 class Server:
-    """A server for what `page` gives, until it is closed; `state` is told to each new page."""
+    """Serves the result of `page` until `close`; each new page is sent the messages of `state`."""
 
     def __init__(
         self, page: Callable[[], str], state: Callable[[], Iterable[Message]], host: str, port: int
@@ -122,7 +122,7 @@ def url_of(host: str, port: int) -> str:
 
 
 def is_ours(host: str, asked: str | None, origin: str | None) -> bool:
-    """Whether a request asks this machine by its own name or a number, from its own page.
+    """Whether a request names this machine or an IP address and comes from the server's own page.
 
     `asked` is the header `Host`, `origin` is `Origin`, which only browsers send.
     """

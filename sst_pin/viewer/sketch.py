@@ -42,8 +42,8 @@ class Axis(NamedTuple):
 def axes_of(model: pin.Model, data: pin.Data, q: Array) -> list[Axis]:
     """The axis of each rate, in the order of v.
 
-    The axis of a joint with one rate is fixed to the body before the joint. Axes of other joints
-    are drawn on the body behind the joint, for one configuration.
+    The axis of a joint with one rate is fixed to its parent's body. Axes of other joints are drawn
+    on the body that the joint moves, for the configuration q.
     """
     J = pin.computeJointJacobians(model, data, q).reshape(6, -1)
     owners = [(k, model.joints[k].nv) for k in range(1, model.njoints)]
@@ -66,7 +66,7 @@ def axes_of(model: pin.Model, data: pin.Data, q: Array) -> list[Axis]:
 def skeleton(
     robot: ClosedChain, axes: Sequence[Axis], colours: Mapping[int, str], size: float
 ) -> Iterator[Shape]:
-    """Joints, straight lines from each to what follows on the same body, ends of the loops.
+    """Joints, lines from each to the other points of its body, ends of loops, wheels.
 
     `axes` are those of all rates, `colours` those of joints by number.
     """
@@ -162,9 +162,9 @@ def _lines(robot: ClosedChain, size: float) -> Iterator[tuple[LineForce, Shape]]
 
 
 def joined_points(robot: ClosedChain) -> list[list[Array]]:
-    """Points that each body connects: joints, ends of loops, feet; without these its mass centre.
+    """Points that each body connects: joints, ends of loops, feet; or its mass centre if none.
 
-    They are in the axes of the body's joint, those of the base first.
+    Positions are in the frame of the body's joint; the points of the base come first.
     """
     model = robot.mechanism.model
     points: list[list[Array]] = [[] for _ in model.joints]
@@ -186,7 +186,7 @@ def joined_points(robot: ClosedChain) -> list[list[Array]]:
 def arrows_of(
     model: pin.Model, data: pin.Data, axes: list[Axis], B: Array, size: float
 ) -> Iterator[Arrow]:
-    """Torques of the motors, at the joints that they act on by B, shape (nv, motors).
+    """Arrows of the motor torques, at the joints that the motors act on by B, shape (nv, motors).
 
     `data` is at the configuration of the axes; `size` is the length of the largest arrow, [m].
     """
@@ -212,7 +212,7 @@ def arrows_of(
 
 
 def pulls_of(robot: ClosedChain, size: float) -> Iterator[Pull]:
-    """Forces of parents on children in joints, of A on B in closures, as `reactions` has them.
+    """Arrows of the forces of `reactions`: of parents on children in joints, of A on B in closures.
 
     `size` is the length of the largest arrow, [m].
     """

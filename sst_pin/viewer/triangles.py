@@ -25,8 +25,8 @@ _MOST_COLOURS = 32
 def tube(points: ArrayLike, radii: ArrayLike, sides: int = 14) -> Mesh:
     """A round tube along a line, its ends closed.
 
-    A point twice in a row is a step in radius. The faces come along the line, 2 * sides for each
-    step, and then those of the ends.
+    Two equal successive points make a step in radius. The faces are in order along the line,
+    2 * sides for each segment; those of the ends come last.
     """
     points = np.asarray(points, dtype=float)
     radii = np.broadcast_to(np.asarray(radii, dtype=float), len(points))
@@ -50,7 +50,7 @@ def _tangents(points: Array) -> Array:
     lengths = np.linalg.norm(steps, axis=1)
     if not lengths.any():
         return np.tile((0.0, 0.0, 1.0), (len(points), 1))
-    # A step without length has the direction of the step before, at the start of that after it.
+    # A step of length zero takes the direction of the step before it or, at the start, after it.
     steps = steps[np.maximum.accumulate(np.where(lengths > 0, np.arange(len(steps)), 0))]
     steps[: np.argmax(lengths > 0)] = steps[np.argmax(lengths > 0)]
     steps /= np.linalg.norm(steps, axis=1, keepdims=True)
@@ -132,8 +132,8 @@ def body_shapes(body: pin.GeometryObject) -> Iterator[Shape]:
 def _coloured(body: pin.GeometryObject, whole: Mesh, plain: str) -> dict[str, Mesh]:
     """Parts of a body by the colours in its mesh file; none where there are no colours.
 
-    coal, which has read the file, keeps no colours. trimesh reads them; what it cannot read, or
-    reads in another size or place, stays in one colour.
+    coal, which has read the file, ignores colours. trimesh reads them. If it cannot read the file,
+    or gives another size or place, the body has one colour.
     """
     if not Path(body.meshPath).is_file():
         return {}

@@ -65,7 +65,7 @@ class Viewer:
 
     Raises:
         UnknownNameError: For an unknown frame, or a stiffness of an unknown joint.
-        InputError: For reactions that are neither.
+        InputError: If `reactions` is neither a bool nor a mapping.
         DescriptionError: When a shape's file cannot be read.
         MissingExtraError: Without Meshcat.
 
@@ -105,8 +105,8 @@ class Viewer:
 
         Args:
             q: Configuration, shape (nq,).
-            tau: Motor torques, shape (motors,), [N m] or [N]; unknown by default: then the panel
-                has the joints only, and reactions are those of the pose at rest.
+            tau: Motor torques, shape (motors,), [N m] or [N]. Without them the panel shows only
+                the joints, and the reactions are those of the pose at rest.
 
         Example:
             >>> viewer.show(chain.home, tau=[0.2])
@@ -142,14 +142,14 @@ class Viewer:
         Args:
             motion: A motion of this robot; if it is long, the page uses only some of its samples.
             speed: Speed of the animation; 1 is real time.
-            ghost: A second motion of this robot, such as the planned one, which a translucent robot
-                plays at the same times. Before its start and after its end it stands still.
+            ghost: A second motion of this robot, such as the planned one, played at the same times
+                by a translucent robot, which stands still before its start and after its end.
             wanted: A motion with the reference path; by default `ghost`, else `motion`.
             title: Title of the page.
 
         Raises:
-            InputError: For the motion of another robot, a ghost whose times are not those of the
-                motion, or a speed that is not positive.
+            InputError: For the motion of another robot, a ghost that has no time in common with the
+                motion, a reference of one sample, or a speed that is not positive.
 
         Example:
             >>> viewer.play(motion, speed=0.1, title="falling")
@@ -333,7 +333,7 @@ class Viewer:
     def _describe(
         self, title: str, shown: Trajectory | Array, q: Array, va: Array, reach: Array, **panel: Any
     ) -> None:
-        """Describe the content to the panel; a live page starts at q and va."""
+        """Set the data of the panel and send them; a live page starts at q and va."""
         robot, scene = self._robot, self._scene
         self._panel = {
             "title": title,
