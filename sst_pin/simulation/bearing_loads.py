@@ -34,7 +34,7 @@ class Load(NamedTuple):
         name: Name of the joint or closure.
         kind: "force" [N] or "moment" [N m].
         peak: Largest magnitude; NaN where it is not unique.
-        time: Time of the peak, [s].
+        time: Time of the peak, [s]; NaN without a peak.
         x: First component of the direction at the peak, a unit vector in the axes of the wrench.
         y: Second component.
         z: Third component.
@@ -135,7 +135,8 @@ def loads(engine: Engine, motion: Trajectory, stiffness: Mapping[str, ArrayLike]
             sizes = np.linalg.norm(vectors, axis=1)
             peak = float(sizes.max())  # NaN if any is
             at = int(np.argmax(~(sizes < (1 - 1e-9) * peak)))  # first of equal peaks
-            time, rms = float(motion.t[at]), np.sqrt(np.average(sizes**2, weights=weights))
+            time = float(motion.t[at]) if np.isfinite(peak) else np.nan
+            rms = np.sqrt(np.average(sizes**2, weights=weights))
             x, y, z = (vectors[at] / (peak or 1.0)).tolist()
             determined = bool(np.all(unique[k, part]))
             rows.append(Load(name, kind, peak, time, x, y, z, float(rms), determined))
