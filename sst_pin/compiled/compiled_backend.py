@@ -101,7 +101,7 @@ class CompiledBackend:
         self._codes: dict[Quantity, list[Code]] = {}
         self._why: dict[Quantity, str] = {}
         self._lock = threading.RLock()
-        self._given_up = False  # whether `make` failed: other threads then stop
+        self._stopped = False  # whether `make` failed: other threads then stop
 
     def __str__(self) -> str:
         target = self._binding.INSTRUCTIONS
@@ -114,12 +114,12 @@ class CompiledBackend:
         """Load the kernels from the cache, or compile them."""
         from concurrent.futures import ThreadPoolExecutor  # slow to import
 
-        shared = dict.fromkeys(map(self._own, keys))
+        shared = dict.fromkeys(map(self._shared_key, keys))
         wanted = [key for key in shared if not impossible(self._mechanism, key.name)]
         variants = [variant for key in wanted for variant in self._variants(key)]
 
         def prepare(variant: tuple[Quantity, str]) -> None:
-            with suppress(ActuationError):  # too few motors: `_found` tells it
+            with suppress(ActuationError):  # too few motors: `_codes_of` tells it
                 self._from_cache(*variant)
 
         with ThreadPoolExecutor() as pool:
@@ -127,7 +127,7 @@ class CompiledBackend:
                 for _ in pool.map(prepare, variants):
                     pass
             except BaseException:  # Ctrl-C too: the other threads make no more
-                self._given_up = True
+                self._stopped = True
                 raise
 
     def kernel(self, key: Quantity) -> engine.Kernel | None:
@@ -212,7 +212,7 @@ class CompiledBackend:
         inertial: bool = False,
     ) -> "Kernel | None":
         """A kernel with its code for single samples and for batches; None if it is impossible."""
-        codes = self._found(key)
+        codes = self._codes_of(key)
         if not codes:
             return None
         friction = friction or self._mechanism.friction
@@ -236,7 +236,7 @@ class CompiledBackend:
 
     def _course(self, friction: Friction, loaded: bool) -> "RolloutKernel | None":
         """The kernel of a rollout; None if it is impossible."""
-        codes = self._found(Quantity("rollout", loaded=loaded))
+        codes = self._codes_of(Quantity("rollout", loaded=loaded))
         if not codes:
             return None
         code = codes[-1]
@@ -245,9 +245,9 @@ class CompiledBackend:
         sizes = (q, va, tau, sum(load))
         return self._binding.RolloutKernel(code.address("run"), sizes, code.prepared(numbers), code)
 
-    def _found(self, key: Quantity) -> list[Code]:
+    def _codes_of(self, key: Quantity) -> list[Code]:
         """A kernel's code for single samples, then for batches; empty if it is impossible."""
-        key = self._own(key)
+        key = self._shared_key(key)
         if key not in self._codes:
             from concurrent.futures import ThreadPoolExecutor  # slow to import
 
@@ -259,7 +259,7 @@ class CompiledBackend:
                 self._codes[key], self._why[key] = [], str(error)
         return self._codes[key]
 
-    def _own(self, key: Quantity) -> Quantity:
+    def _shared_key(self, key: Quantity) -> Quantity:
         """The key of the kernel that computes this quantity."""
         if key.name == "generalized_forces" and self._mechanism.driven_one_to_one:
             key = key._replace(name="torques")
@@ -289,7 +289,7 @@ class CompiledBackend:
             except ImportError:
                 raise MissingExtraError("casadi", "compile") from None
             with self._lock:  # equations are made once, and CasADi is not safe for several threads
-                if self._given_up:
+                if self._stopped:
                     raise CompilationError("given up")
                 expressions = kernels.entry(self._equations_of(key), key)
                 return c_code.library(key.entry, expressions, TARGETS[target][0])

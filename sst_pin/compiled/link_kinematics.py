@@ -99,7 +99,7 @@ class Kinematics:
         """Placements with the displacements of the joints."""
         placed = []
         for link, (R, p) in zip(self.tree.links, self.placements, strict=True):
-            u, turn = _own(link, self._displaced)
+            u, turn = _joint_motion(link, self._displaced)
             placed.append(Placement(R, p + R @ u, turn))
         return placed
 
@@ -142,10 +142,13 @@ class Kinematics:
         """Velocity of a link's origin and angular velocity, relative to one of its ancestors."""
         if link == base:
             return SX(3, 1), SX(3, 1)
-        placement, (own_u, own_turn) = self._placed[link], _own(self.tree.links[link], v)
+        placement, (joint_u, joint_turn) = (
+            self._placed[link],
+            _joint_motion(self.tree.links[link], v),
+        )
         u, turn = self.twist(base, self.tree.links[link].parent, v)
-        u = placement.back(u + ca.cross(turn, placement.p)) + own_u
-        return u, placement.back(turn) + own_turn
+        u = placement.back(u + ca.cross(turn, placement.p)) + joint_u
+        return u, placement.back(turn) + joint_turn
 
     def point(self, base: int, frame: pin.Frame) -> Point:
         """A frame of the tree as it moves relative to an ancestor of its link."""
@@ -187,9 +190,9 @@ class Kinematics:
     def _next(self, i: int, before: LinkMotion, v: Sparse, v_k: Sparse, dv: Sparse) -> LinkMotion:
         """LinkMotion of link i from that of its parent."""
         link, placement, back = self.tree.links[i], self._placed[i], self._placed[i].back
-        u, turn = _own(link, v)
-        u_k, turn_k = (u, turn) if v_k is v else _own(link, v_k)
-        du, dturn = _own(link, dv)
+        u, turn = _joint_motion(link, v)
+        u_k, turn_k = (u, turn) if v_k is v else _joint_motion(link, v_k)
+        du, dturn = _joint_motion(link, dv)
         omega = back(before.omega) + turn
         omega_k = omega if v_k is v else back(before.omega_k) + turn_k
         alpha = back(before.alpha) + ca.cross(omega, turn_k) + dturn
@@ -267,7 +270,7 @@ def _relative(a: SX, b: SX) -> SX:
     return ca.vertcat(vector, ca.dot(a, b))
 
 
-def _own(link: Link, x: Sparse) -> list[SX]:
+def _joint_motion(link: Link, x: Sparse) -> list[SX]:
     """Linear and angular part of a link's own rates, axes of the link."""
     return ca.vertsplit(sx(link.S) @ column(x, link.v), 3)
 
