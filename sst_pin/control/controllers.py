@@ -47,7 +47,9 @@ class Controller(ABC):
             raise InputError("motion", "at least three samples are needed")
         mobility = chain.mobility(motion.q[0])
         if not mobility.sufficient:
-            problem = f"no motor holds {listed(mobility.loose_joints)}: nothing can follow"
+            problem = (
+                f"no motor holds {listed(mobility.loose_joints)}: no controller can follow a motion"
+            )
             cure = f"; {cure_of(mobility.idle_joints)}" if mobility.idle_joints else ""
             raise ActuationError(problem + cure)
         motors = len(chain.motor_names)

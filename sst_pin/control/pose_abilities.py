@@ -110,7 +110,8 @@ def force_polytope(
     G, J = _supplied(chain, single, frame, turning)
     moving = _range(J)
     if not len(moving):
-        raise InputError("frame", f"{frame} cannot move so: the structure bears what acts on it")
+        kind = "turn" if turning else "translate"
+        raise InputError("frame", f"{frame} cannot {kind}: the structure bears all forces on it")
     parts = 2 / np.ptp(limits, axis=1)[:, None] * G @ moving.T
     rows = sums_of(factors, parts.T).T
     # Forces x with rows x < room; the corners are the facets of the dual body of rows / room.

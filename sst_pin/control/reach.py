@@ -196,7 +196,7 @@ def _grid_axes(named: dict[str, Array]) -> tuple[str, str]:
     """The two components that are grids."""
     axes = tuple(name for name, v in named.items() if v.ndim)
     if len(axes) != 2 or any(named[axis].ndim != 1 for axis in axes):
-        raise InputError(", ".join(_AXES), "two of them are arrays of shape (N,), no more")
+        raise InputError(", ".join(_AXES), "exactly two of them must be arrays, of shape (N,)")
     for axis in axes:
         if len(named[axis]) < 2 or (np.diff(named[axis]) <= 0).any():
             raise InputError(axis, "a grid has two values or more, increasing")
