@@ -17,10 +17,7 @@ from sst_pin.reading import parse_cuts
 from sst_pin.sst.robot_wrapper import load
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-ROBOTS = {
-    "delta": (sst_pin.ClosedChain, EXAMPLES / "delta.urdf"),
-    "SST": (sst_pin.SST, Path(sst_pin.URDF_PATH)),
-}
+DELTA = EXAMPLES / "delta.urdf"
 
 
 @contextmanager
@@ -40,34 +37,25 @@ def at_once(text):
         sys.setprofile(None)
 
 
-@pytest.fixture(params=ROBOTS)
-def files(request, tmp_path):
-    """The class that reads a robot, its URDF's elements, and a function that writes them."""
-    kind, source = ROBOTS[request.param]
-    root, path = ET.parse(source).getroot(), tmp_path / "robot.urdf"
-    path.with_suffix(".yaml").write_bytes(source.with_suffix(".yaml").read_bytes())
-    for link in root.iter("link"):  # meshes are not what is judged here
-        for shape in (*link.findall("visual"), *link.findall("collision")):
-            link.remove(shape)
+@pytest.fixture
+def files(tmp_path):
+    """A joint of the delta that turns, the link that it bears, and a function that writes all."""
+    root, path = ET.parse(DELTA).getroot(), tmp_path / "robot.urdf"
+    path.with_suffix(".yaml").write_bytes(DELTA.with_suffix(".yaml").read_bytes())
+    joint = root.find("joint[@type='revolute']")
+    link = root.find(f"link[@name='{joint.find('child').get('link')}']")
 
     def write():
         path.write_text(ET.tostring(root, encoding="unicode"))
         return path
 
-    return kind, root, write
+    return joint, link, write
 
 
-def moving(root):
-    """A joint that turns and the link that it bears."""
-    joint = next(j for j in root.iter("joint") if j.get("type") == "revolute")
-    child = joint.find("child").get("link")
-    return joint, next(link for link in root.iter("link") if link.get("name") == child)
-
-
-def refused(kind, path):
+def refused(path):
     """What the reader says, which must be what `validate` says."""
     with pytest.raises(sst_pin.DescriptionError) as caught:
-        kind.from_urdf(path)
+        sst_pin.ClosedChain.from_urdf(path)
     records = [f"{p.where}: {p.text}" for p in sst_pin.validate(path) if p.severity == "error"]
     said = [problem.replace("not a URDF: ", "file: ") for problem in caught.value.problems]
     assert said
@@ -75,15 +63,16 @@ def refused(kind, path):
     return caught.value.problems
 
 
-UNREADABLE = ["0,3", "0.3kg", "${m}", "nan", "inf", "1e999", "0x1p-3", "1_0", "", "٣"]
-
-
-@pytest.mark.parametrize("text", UNREADABLE)
-@pytest.mark.parametrize("place", ["mass", "inertia", "centre", "axis", "origin", "limit"])
+@pytest.mark.parametrize(
+    ("place", "text"),
+    [
+        *(("mass", text) for text in ("0.3kg", "${m}", "nan", "1e999", "0x1p-3", "1_0", "", "٣")),
+        *((place, "0,3") for place in ("mass", "inertia", "centre", "axis", "origin", "limit")),
+    ],
+)
 def test_a_number_that_cannot_be_read_is_refused(files, place, text):
     """Pinocchio's parser makes the link massless and goes on."""
-    kind, root, write = files
-    joint, link = moving(root)
+    joint, link, write = files
     element, key, vector = {
         "mass": (link.find("inertial/mass"), "value", False),
         "inertia": (link.find("inertial/inertia"), "ixx", False),
@@ -93,27 +82,17 @@ def test_a_number_that_cannot_be_read_is_refused(files, place, text):
         "limit": (joint.find("limit"), "effort", False),
     }[place]
     element.set(key, f"{text} 0 1" if vector else text)
-    (problem,) = refused(kind, write())
+    (problem,) = refused(write())
     assert link.get("name") in problem or joint.get("name") in problem
     assert "number" in problem
-
-
-@pytest.mark.parametrize("text", [*UNREADABLE, "-1"])
-def test_friction_that_cannot_be_is_refused(files, text):
-    kind, root, write = files
-    joint, _ = moving(root)
-    dynamics = joint.find("dynamics")
-    dynamics = ET.SubElement(joint, "dynamics") if dynamics is None else dynamics
-    dynamics.set("damping", text)
-    (problem,) = refused(kind, write())
-    assert f"{joint.get('name')}: dynamics damping={text!r}" in problem
 
 
 @pytest.mark.parametrize(
     ("change", "word"),
     [
         (lambda joint, link: link.find("inertial/mass").set("value", "-1"), "is negative, -1 kg"),
-        (lambda joint, link: joint.find("axis").set("xyz", "0 0 0"), "its axis is zero"),
+        (lambda joint, link: ET.SubElement(joint, "dynamics", damping="1_0"), "is not a number"),
+        (lambda joint, link: ET.SubElement(joint, "dynamics", damping="-1"), "is negative: it"),
         (lambda joint, link: joint.find("axis").set("xyz", "0 1e-200 0"), "its axis is zero"),
         (lambda joint, link: joint.find("limit").set("lower", "9"), "lower limit 9 above"),
         (lambda joint, link: joint.find("limit").set("effort", "-1"), "effort='-1' is negative"),
@@ -131,20 +110,18 @@ def test_friction_that_cannot_be_is_refused(files, text):
 )
 def test_what_would_be_read_as_something_else_is_refused(files, change, word):
     """A number that is not meant, a word that is nearly another, one of two."""
-    kind, root, write = files
-    change(*moving(root))
-    assert any(word in problem for problem in refused(kind, write()))
+    joint, link, write = files
+    change(joint, link)
+    assert any(word in problem for problem in refused(write()))
 
 
 def test_what_makers_add_to_the_dynamics_of_joints_is_told(files):
     """Stiffness and friction of Franka's own, for one; a zero is nothing."""
-    kind, root, write = files
-    joint, _ = moving(root)
-    joint[:] = [child for child in joint if child.tag != "dynamics"]
+    joint, _, write = files
     ET.SubElement(joint, "dynamics", damping="0", K="7000", mu_coulomb="0")
     text = f"joints {joint.get('name')}: dynamics K=... is not read"
     with pytest.warns(sst_pin.DescriptionWarning, match=text) as caught:
-        kind.from_urdf(path := write())
+        sst_pin.ClosedChain.from_urdf(path := write())
     assert [warning.filename for warning in caught] == [__file__]
     assert f"warning: {text}" in map(str, sst_pin.validate(path))
 
@@ -170,9 +147,9 @@ ANCHORS = "".join(f"a{i + 1}: &a{i + 1} [{', '.join([f'*a{i}'] * 10)}]\n" for i 
 @pytest.mark.parametrize(
     ("urdf", "word"),
     [
-        (large_urdf(20_000, "fixed"), "39999 elements; at most"),
-        (large_urdf(1_200, "revolute"), "1199 moving joints; at most"),
-        ("<robot name='r'>" + "<a>" * 100_000, "not XML"),
+        (large_urdf(6_000, "fixed"), "11999 elements; at most"),
+        (large_urdf(500, "revolute"), "499 moving joints; at most"),
+        ("<robot name='r'>" + "<a>" * 20_000, "not XML"),
         (" " * 20_000_000, "more than"),
         (f"<!DOCTYPE r [<!ENTITY a0 'mass'>{ENTITIES}]><robot name='&a12;'/>", "not XML"),
         ("<robot xmlns:xacro='http://x/xacro' name='r'><xacro:property/></robot>", "xacro file"),
@@ -199,38 +176,26 @@ CUTS = "closed_loop: [[a, b]]\ntype: [6d]\nname_mot: [c]\n"
 @pytest.mark.parametrize(
     ("text", "word"),
     [
-        (CUTS + "gravitiy: [0, 0, -1.62]", "gravitiy: unknown; known: closed_loop, type"),
         (CUTS + "gravity: [0, 0, -1]\ngravity: [0, 0, -9.81]", "gravity: appears twice"),
         (CUTS + "line_force: [{frames: [a, b], damping: 1, damping: 2}]", "damping: appears twice"),
         (CUTS + "gravity: [0, no, -9.81]", "gravity: ['0', 'no', '-9.81'] is not a list of three"),
         (CUTS + "gravity: [0, 0, .nan]", "gravity: "),
-        (CUTS + "gravity: [0, 0, 2020-13-45]", "gravity: "),
-        (CUTS + f"gravity: [0, 0, -{'9' * 400}]", "gravity: "),
         (CUTS + f"gravity: [0, 0, -{'9' * 5000}]", "gravity: "),
-        (CUTS + "gravity: [0, 0, 1:30]", "gravity: "),
         (CUTS + "gravity: [0, -9.81]", "gravity: "),
-        (CUTS + "gravity: [0 0, -9.81]", "gravity: "),
         (CUTS + "gravity: 9.81", "gravity: "),
-        (CUTS.replace("[c]", "[[c]]"), "name_mot: ['c'] is not a name"),
         (CUTS.replace("[c]", "['']"), "name_mot: '' is not a name"),
         (CUTS.replace("[a, b]", "[a, [b]]"), "closed_loop: ['a', ['b']] is not a pair"),
-        (CUTS.replace("[a, b]", "[a, {b: c}]"), "is not a pair of frame names"),
         (CUTS + "joint_name: [a, a]\njoint_type: [FIXED, FIXED]", "joint_name: a appears twice"),
         (CUTS + "joint_name: [a]", "joint_name has 1 entries, joint_type has 0"),
-        (CUTS + "joint_name: [a]\njoint_type: [SCREW]", "'SCREW' unknown; known: FIXED"),
-        (CUTS + "joint_name: a\njoint_type: [FIXED]", "joint_name: a list is needed"),
         ("[a, b]", "no keys"),
-        ("", "no keys"),
         (CUTS + "---\n" + CUTS, "not YAML"),
         ("a b\nc: d", "not YAML: mapping values are not allowed here at line 2, column 2"),
         ("? [a]\n: b", "not YAML"),
         ("a: &a [*a]", "not YAML"),
         ("[" * 20_000, "too deep"),
-        ("a: " + "[" * 20_000 + "]" * 20_000, "too deep"),
         ("- " * 20_000, "too deep"),
         (f"a0: &a0 [x]\n{ANCHORS}type: [*a8]\nname_mot: *a8\ngravity: *a8\n", "name_mot: "),
         ("a: " + "x" * 1_000_000, "more than"),
-        ("\0", "not YAML"),
     ],
 )
 def test_cuts_that_say_something_else_are_refused_at_once(text, word):
@@ -254,15 +219,11 @@ def test_names_and_numbers_of_cuts_are_those_that_stand_there():
 @pytest.mark.parametrize(
     ("old", "new", "word"),
     [
-        ('value="0.785', 'value="0,785', "group_state home: gamma_1 value='0,785"),
-        ('value="0.785', 'value="nan0.785', "is not a number"),
-        ('"gamma_1" value', '"knee" value', "group_state home: no joint knee in the URDF"),
         ('link1="link_1"', 'link1="link_9"', "disable_collisions: no link link_9 in the URDF"),
         ("<robot", "<srdf", "not XML"),
-        ("<robot", "\0", "not XML"),
     ],
 )
-def test_a_pose_that_cannot_be_read_is_refused(tmp_path, old, new, word):
+def test_an_srdf_that_cannot_be_read_is_refused(tmp_path, old, new, word):
     shutil.copytree(Path(sst_pin.URDF_PATH).parent, tmp_path, dirs_exist_ok=True)
     srdf = tmp_path / "sst.srdf"
     text = srdf.read_text()
@@ -277,19 +238,18 @@ def test_a_pose_that_cannot_be_read_is_refused(tmp_path, old, new, word):
 @pytest.mark.parametrize("encoding", ["iso-8859-1", "utf-16", "utf-8-sig"])
 def test_a_description_is_read_in_the_encoding_that_it_declares(tmp_path, encoding):
     """A mark of the byte order is no part of it."""
-    kind, source = ROBOTS["delta"]
     path, head = tmp_path / "delta.urdf", f'<?xml version="1.0" encoding="{encoding[:10]}"?>'
-    text = source.read_text().replace('<?xml version="1.0"?>', head.replace("-sig", ""))
+    text = DELTA.read_text().replace('<?xml version="1.0"?>', head.replace("-sig", ""))
     path.write_bytes(text.replace("A delta", "Länge").encode(encoding))
-    cuts = source.with_suffix(".yaml").read_text()
+    cuts = DELTA.with_suffix(".yaml").read_text()
     path.with_suffix(".yaml").write_text(cuts, encoding="utf-8-sig")
-    assert kind.from_urdf(path).mobility().degrees_of_freedom == 3
+    assert sst_pin.ClosedChain.from_urdf(path).mobility().degrees_of_freedom == 3
 
 
 @pytest.mark.parametrize("content", [b"\xff\xfe\x00", "<robot name='ä'/>".encode("latin-1")])
 def test_a_file_that_is_no_text_is_named(tmp_path, content):
     path = tmp_path / "robot.urdf"
     path.write_bytes(content)
-    for kind, _ in ROBOTS.values():
+    for kind in (sst_pin.ClosedChain, sst_pin.SST):
         with pytest.raises(sst_pin.DescriptionError, match=r"robot\.urdf:\s+the URDF cannot be"):
             kind.from_urdf(path)
