@@ -117,13 +117,6 @@ def test_a_urdf_of_another_topology_is_refused_by_name(tmp_path, old, new, word)
     assert str(path) in str(caught.value)
 
 
-def test_cuts_of_other_motors_are_refused(tmp_path):
-    path = tmp_path / "cuts.yaml"
-    path.write_text("closed_loop: []\ntype: []\nname_mot: [mu_1]")
-    with pytest.raises(sst_pin.DescriptionError, match="an SST has gamma_1"):
-        sst_pin.SST.from_urdf(sst_pin.URDF_PATH, path)
-
-
 def test_mujoco_loads_the_urdf_with_the_same_mass_matrix(robot):
     model = mujoco.MjModel.from_xml_path(sst_pin.URDF_PATH)
     data = mujoco.MjData(model)
