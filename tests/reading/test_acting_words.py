@@ -140,11 +140,6 @@ def test_a_ball_constraint_of_drake_closes_a_loop(tmp_path, declared):
     [
         ('name="rod"/>', 'name="nine"/>', "child nine is not a link"),
         ('value="0.8 0 0"', 'value="1 0"', "xyz='1 0' is not three numbers"),
-        (
-            '<drake:ball_constraint_p_AP value="0.8 0 0"/>',
-            "",
-            "xyz='' is not three numbers",
-        ),
     ],
 )
 def test_a_ball_constraint_that_cannot_be_meant_is_refused(tmp_path, old, new, text):

@@ -72,20 +72,17 @@ def motions(kind: str, axis_a: np.ndarray, axis_b: np.ndarray) -> np.ndarray:
     ).reshape(-1, 6)
 
 
-@pytest.mark.parametrize("name", FORMS)
+KINDS = ["fixed", "revolute", "prismatic", "spherical", "universal", "cylindrical", "planar"]
+
+
 @pytest.mark.parametrize(
-    "kind", ["fixed", "revolute", "prismatic", "spherical", "universal", "cylindrical", "planar"]
+    ("name", "kind"),
+    [*(("constraint", kind) for kind in KINDS), ("loop", "revolute"), ("loop_joint", "revolute")],
 )
 def test_links_move_as_the_joint_between_them_allows(name, kind, tmp_path):
     same = name != "constraint" or kind == "prismatic"
     path = tmp_path / "robot.urdf"
     path.write_text(two_arms(form(name, kind, same)))
-    if kind == "universal" and same:
-        with pytest.raises(
-            sst_pin.DescriptionError, match="needs parent_axis and child_axis in a <constraint>"
-        ):
-            sst_pin.ClosedChain.from_urdf(path)
-        return
     chain = sst_pin.ClosedChain.from_urdf(path, actuated=[])
     q = chain.generic_configuration()
     model = chain.model
@@ -159,8 +156,7 @@ def test_a_parallelogram_has_the_torque_of_its_three_bodies(extra, expected, tmp
     np.testing.assert_allclose(torques(chain), expected, rtol=1e-12)
 
 
-@pytest.mark.parametrize("place", ["urdf/r.urdf", "r.urdf"])
-@pytest.mark.parametrize("folder", ["", "config"])
+@pytest.mark.parametrize(("place", "folder"), [("urdf/r.urdf", "config"), ("r.urdf", "")])
 def test_loop_closures_of_a_package_are_found(place, folder, expected, tmp_path):
     (tmp_path / "urdf").mkdir()
     (tmp_path / "config").mkdir()
@@ -243,11 +239,12 @@ def test_what_loop_closures_cannot_say_is_refused_by_name(tmp_path):
     assert not target.exists()
 
 
+BELT = '<coupling name="belt"><predecessor link="2"/><successor link="3"/>{}</coupling>'
+
+
 def test_a_coupling_counts_all_turns_along_its_two_paths(tmp_path):
-    extra = '<coupling name="belt"><predecessor link="2"/><successor link="3"/>'
-    extra += '<ratio value="-1.5"/></coupling>'
     path = tmp_path / "robot.urdf"
-    text = parallelogram(extra)
+    text = parallelogram(BELT.format('<ratio value="-1.5"/>'))
     path.write_text(text.replace('name="rocker" ', 'name="rocker" independent="0" '))
     chain = sst_pin.ClosedChain.from_urdf(path)
     assert chain.motor_names == chain.coordinates == ("crank", "coupler")
@@ -258,9 +255,6 @@ def test_a_coupling_counts_all_turns_along_its_two_paths(tmp_path):
 @pytest.mark.parametrize(
     ("extra", "told"),
     [
-        (CUT.replace("revolute", "screw"), "loop cut: type 'screw' unknown; known: fixed"),
-        (CUT.replace('link="3"', 'link="nine"'), "loop cut: successor nine is not a link"),
-        (CUT.replace("0.5 0 0", "0.5 0"), "loop cut: xyz='0.5 0' is not three numbers"),
         (CUT.replace("0 0 1", "0 0 0"), "loop cut: axis '0 0 0' is not a direction"),
         (CUT.replace('link="3"', 'link="2"'), "loop cut: connects 2 with itself"),
         (form("constraint", "prismatic", same_axis=False), "axes of a prismatic joint"),
@@ -278,14 +272,12 @@ def test_a_coupling_counts_all_turns_along_its_two_paths(tmp_path):
         ),
         (CUT.replace("<axis", '<dynamics friction="2"/><axis'), "<dynamics> with friction '2' is"),
         (CUT.replace("<axis", '<mimic joint="crank"/><axis'), "<mimic> in <loop> is not supported"),
-        (CUT.replace("<axis", "<axs"), "loop cut: <axs> is unknown; did you mean axis"),
-        (CUT.replace("xyz", "xzy"), "<origin> has no xzy; it has xyz, rpy"),
-        (CUT.replace("<axis", "<axis/><axis"), "loop cut: 2 <axis>; only one is allowed"),
-        (f"<gazebo>{CUT}</gazebo>", "loop: it must be a direct child of <robot>"),
         (
-            '<coupling name="c"><predecessor link="1"/><successor link="3"/></coupling>',
-            "coupling c: its ratio is not a number",
+            CUT.replace("revolute", "universal"),
+            "needs parent_axis and child_axis in a <constraint>",
         ),
+        (f"<gazebo>{CUT}</gazebo>", "loop: it must be a direct child of <robot>"),
+        (BELT.format(""), "coupling belt: its ratio is not a number"),
     ],
 )
 def test_faults_are_told_with_the_element(extra, told, tmp_path):
@@ -302,7 +294,6 @@ def test_faults_are_told_with_the_element(extra, told, tmp_path):
     [
         ({"closures": []}, "closures: a list of hinges is needed"),
         ({"closures": [{"link_a": "2"}]}, "{'link_a': '2'} needs link_a, link_b, point, axis"),
-        ({"independent": None}, "independent: a list is needed"),
         ({"dependent": ["joint_1", "joint_1"]}, "joint_1: named twice"),
         ({"speed": 3}, "speed: unknown; known: closures, dependent, independent"),
         ({"dependent": ["coupler", "rocker", "rod"]}, "dependent: no moving joint rod"),

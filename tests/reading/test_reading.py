@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """What is read is what the file says, or the file is refused."""
 
-from pathlib import Path
-
 import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import sst_pin
-from sst_pin.model.closures import Coupling, Distance, Rolling
+from sst_pin.model.closures import Coupling
 from sst_pin.model.mechanism import Springs
 from sst_pin.reading import Urdf
 from sst_pin.reading.mjcf import read_mjcf
@@ -55,7 +53,6 @@ def test_a_continuous_joint_counts_as_one_unbounded_angle():
     [
         ("SPHERICAL", ["j1"], [0.5, -0.1, 0.7, 0.5], lambda q: pin.Quaternion(q).matrix()),
         ("UJOINT_ZX", ["j1_Z", "j1_X"], [0.3, -0.5], lambda q: _about("ZX", q)),
-        ("UJOINT_YZ", ["j1_Y", "j1_Z"], [0.3, -0.5], lambda q: _about("YZ", q)),
         ("FIXED", [], [], lambda q: np.eye(3)),
     ],
 )
@@ -90,10 +87,7 @@ def mimic(leader, *kinds, more=""):
 @pytest.mark.parametrize(
     ("urdf", "word"),
     [
-        ("<robot", "not a URDF"),
-        ("<robot name='x'/>", "not a URDF"),
         (chain_urdf("planar"), "joint j0: planar about 0 1 0"),
-        (chain_urdf("revolute"), "joint j7 is missing"),
         (chain_urdf("fixed", "revolute"), "joint j0: SPHERICAL, but fixed in the URDF"),
         (
             chain_urdf("floating").replace("<limit", '<dynamics damping="2"/><limit'),
@@ -110,7 +104,7 @@ def mimic(leader, *kinds, more=""):
     ],
 )
 def test_a_urdf_that_cannot_be_meant_is_refused(urdf, word):
-    kinds = {"j7": "FIXED"} if "j7" in word else {"j0": "SPHERICAL"} if "SPHER" in word else {}
+    kinds = {"j0": "SPHERICAL"} if "SPHERICAL" in word else {}
     with pytest.raises(sst_pin.DescriptionError) as caught:
         list(closing_frames(Urdf(urdf, "test").tree(kinds)))
     assert word in str(caught.value)
@@ -207,31 +201,6 @@ def test_frames_that_mark_a_closure_close_it(tmp_path, cuts):
     assert motors == ("left",)
 
 
-def test_a_yaml_may_close_a_loop_in_any_way(tmp_path):
-    """Kinds of `Closure`, and those that have a length."""
-    (tmp_path / "robot.urdf").write_text(FIVE_BAR)
-    ends = ("left_end", "right_end")
-    for kind, closure in (
-        ("Hinge", sst_pin.Closure(*ends, "hinge")),
-        ("distance 0.25", Distance(*ends, 0.25)),
-        ("rolling 0.1", Rolling(*ends, 0.1)),
-    ):
-        (tmp_path / "robot.yaml").write_text(FIVE_BAR_CUTS.replace("3D", kind))
-        assert sst_pin.ClosedChain.from_urdf(tmp_path / "robot.urdf").closures == (closure,)
-    for kind in ("distance", "distance -1", "knot"):
-        (tmp_path / "robot.yaml").write_text(FIVE_BAR_CUTS.replace("3D", kind))
-        with pytest.raises(sst_pin.DescriptionError, match=r"unknown; known: 6d.*distance LENGTH"):
-            sst_pin.ClosedChain.from_urdf(tmp_path / "robot.urdf")
-
-
-def test_an_sst_may_have_continuous_joints(tmp_path, robot):
-    text = Path(sst_pin.URDF_PATH).read_text().replace('type="revolute"', 'type="continuous"')
-    (tmp_path / "endless.urdf").write_text(text)
-    endless = sst_pin.SST.from_urdf(tmp_path / "endless.urdf")
-    tau = robot.compute_torques(robot.home, [1, 2, 3], [4, 5, 6])
-    np.testing.assert_array_equal(endless.compute_torques(robot.home, [1, 2, 3], [4, 5, 6]), tau)
-
-
 #: Anchored, tilted, preloaded joints of all kinds, two in one body, and every form of a closure.
 MJCF = """
 <mujoco model="odd"><compiler autolimits="true"/><option gravity="0.5 -1 -9"/>
@@ -286,27 +255,18 @@ def states(count=5):
         yield np.r_[angles[:3], x, y, z, w], v, np.r_[angles[:3], w, x, y, z]
 
 
-def inertia(model, q):
-    """The mass matrix, from the columns of RNEA."""
-    data, zero = model.createData(), np.zeros(model.nv)
-    rest = pin.rnea(model, data, q, zero, zero)
-    return np.stack([pin.rnea(model, data, q, zero, e) - rest for e in np.eye(model.nv)], axis=1)
-
-
 def test_the_tree_moves_as_in_mujoco(mjcf):
-    """Mass matrix and bias forces, tree coordinates being MuJoCo's `qpos`."""
+    """Forces at random accelerations, against `mj_inverse`; coordinates are MuJoCo's `qpos`."""
     mj = mujoco.MjModel.from_xml_path(str(mjcf))
     mj.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     read, data = read_mjcf(mjcf), mujoco.MjData(mj)
     assert list(read.model.names)[1:] == ["ja", "jb", "b_1", "ball"]
     for q, v, qpos in states():
-        data.qpos, data.qvel = qpos, v
-        mujoco.mj_forward(mj, data)
-        M = np.zeros((6, 6))
-        mujoco.mj_fullM(mj, data, M)
-        np.testing.assert_allclose(inertia(read.model, q), M, atol=1e-12)
-        nle = pin.nle(read.model, read.model.createData(), q, v)
-        np.testing.assert_allclose(nle, data.qfrc_bias, atol=1e-12)
+        data.qpos, data.qvel, data.qacc = qpos, v, v[::-1]
+        mujoco.mj_inverse(mj, data)
+        forces = pin.rnea(read.model, read.model.createData(), q, v, v[::-1])
+        forces += read.model.damping * v
+        np.testing.assert_allclose(forces, data.qfrc_inverse, atol=1e-12)
 
 
 def in_mujoco(R, q, v, dv):
@@ -377,17 +337,23 @@ COUPLED = """
 """
 
 
+JOINTS = '<joint joint1="a" joint2="b" polycoef="0.1 0.2 0.3 0.4 0.5"/>'
+TENDONS = '<tendon tendon1="ab" tendon2="bc" polycoef="0.1 0.7 0 0 0"/>'
+
+
 @pytest.mark.parametrize(
-    "equality",
+    ("equality", "locked"),
     [
-        '<joint joint1="a" joint2="b" polycoef="0.1 0.2 0.3 0.4 0.5"/>',
-        '<joint joint1="a" polycoef="0.1 0 0 0 0"/>',
-        '<joint joint1="a" joint2="b" polycoef="0.1 0 0 0 0"/>',
-        '<tendon tendon1="ab" tendon2="bc" polycoef="0.1 0.7 0 0 0"/>',
-        '<tendon tendon1="bc" polycoef="0.1 0 0 0 0"/>',
+        (JOINTS, ()),
+        (JOINTS, ("b",)),
+        (JOINTS, ("a",)),
+        ('<joint joint1="a" polycoef="0.1 0 0 0 0"/>', ()),
+        ('<joint joint1="a" joint2="b" polycoef="0.1 0 0 0 0"/>', ("b",)),
+        (TENDONS, ()),
+        (TENDONS, ("b",)),
+        ('<tendon tendon1="bc" polycoef="0.1 0 0 0 0"/>', ("b",)),
     ],
 )
-@pytest.mark.parametrize("locked", [(), ("b",), ("a",)])
 def test_a_coupling_is_open_by_what_mujoco_measures(mjcf, equality, locked):
     """Up to the factor of the joint that it is solved for; locked joints at their reference."""
     mjcf.write_text(COUPLED.format(equality))
@@ -475,7 +441,7 @@ FREE = '<joint type="free" armature="1"/><geom size="1"/>'
 FIXED = '<tendon><fixed {}="{}"><joint joint="ja" coef="{}"/></fixed></tendon><actuator>'
 ZERO = FIXED.format("name", "t", 0)
 DC = '<dcmotor joint="jb" motorconst=".5" resistance="1" input="none"/>'
-MANY = 2000 * '<body><joint axis="1 0 0"/><geom size=".1"/></body>'
+MANY = 500 * '<body><joint axis="1 0 0"/><geom size=".1"/></body>'
 
 
 @pytest.mark.parametrize(
@@ -484,7 +450,7 @@ MANY = 2000 * '<body><joint axis="1 0 0"/><geom size=".1"/></body>'
         ("<mujoco", "<nonsense", "not an MJCF"),
         ('"d"/>', '"d"><joint name="b_1"/><geom size="1"/></body>', "several joints b_1"),
         ("<joint axis", '<joint name="jä" axis', "names that are not UTF-8"),
-        ('<body name="d"/>', MANY, "2004 moving joints; at most"),  # data of 400 GB
+        ('<body name="d"/>', MANY, "504 moving joints; at most"),
         ('"d"/>', f'"d">{FREE}</body>', "joint d: a free joint with armature; use <freejoint>"),
         ('<motor joint="jb"/>', '<motor site="s1" refsite="s2"/>', "an actuator on a site"),
         ('<motor joint="jb"/>', '<motor joint="ball" gear="1 0 0"/>', "an actuator on a ball"),
@@ -495,15 +461,11 @@ MANY = 2000 * '<body><joint axis="1 0 0"/><geom size=".1"/></body>'
         ('"ball" type', '"universe" type', "joint universe: Pinocchio's base has this name"),
         ('damping="0.3"', 'damping="nan"', "joint ja: damping is not finite"),
         ('damping="0.3"', 'damping="-1"', "joint ja: damping -1 is negative"),
-        ('armature="0.2"', 'armature="inf"', "joint ja: armature is not finite"),
-        ('pos="0.1 0.2 0.3"', 'pos="nan 0 0"', "body a: pos is not finite"),
         ('ref="30"', 'ref="nan"', "a joint's ref is not finite"),
         ('gravity="0.5', 'gravity="nan', "gravity is not finite"),
         ('"c3" body1="b" anchor=".1', '"c3" body1="b" anchor="nan', "c3: data is not finite"),
         ('gear="7"', 'gear="0"', "actuator_0: its gear is 0"),
         ("<equality>", '<option><flag equality="disable"/></option><equality>', "no closure"),
-        ("<equality>", '<option><flag constraint="disable"/></option><equality>', "no closure"),
-        ("<equality>", '<option><flag actuation="disable"/></option><equality>', "no motor"),
         ("<actuator>", FIXED.format("damping", 1, 1), "the damping of a fixed tendon"),
     ],
 )
