@@ -33,11 +33,6 @@ def read(folder, *elements, cuts="name_mot: [hinge]\n"):
 @pytest.mark.parametrize(
     ("element", "word"),
     [
-        (
-            '<drake:linear_bushing_rpy><drake:bushing_frameA name="arm"/>'
-            "</drake:linear_bushing_rpy>",
-            "<drake:linear_bushing_rpy>: of arm is not read",
-        ),
         ('<spring joint="hinge" stiffness="3"/>', "<spring>: of hinge is not read"),
         (
             '<gazebo reference="arm"><dampingFactor>0.1</dampingFactor></gazebo>',
@@ -45,7 +40,6 @@ def read(folder, *elements, cuts="name_mot: [hinge]\n"):
         ),
         ("<gazebo><static>true</static></gazebo>", "gazebo: <gazebo> with static 'true' is not"),
         ("<gazebo><buoyancy>true</buoyancy></gazebo>", "<buoyancy> in <gazebo> is not supported"),
-        ('<gazebo reference="hinge"><springStifness>1</springStifness></gazebo>', "did you mean"),
         (
             '<transmission name="t"><joint name="hinge"/><elasticity>3</elasticity></transmission>',
             "transmission t: <elasticity> in <transmission> is not supported",
@@ -148,28 +142,12 @@ def test_a_ball_constraint_that_cannot_be_meant_is_refused(tmp_path, old, new, t
         read(tmp_path, BARS, BALL.replace(old, new, 1))
 
 
-@pytest.mark.parametrize(
-    ("mark", "name"),
-    [
-        (BALL, "ball_constraint_1"),
-        (
-            '<loop name="cut" type="revolute"><predecessor link="coupler"/><successor link="rod"/>'
-            '<axis xyz="0 0 1"/></loop>',
-            "cut",
-        ),
-        (
-            '<gazebo><joint name="cut" type="revolute"><parent>coupler</parent><child>rod</child>'
-            "</joint></gazebo>",
-            "cut",
-        ),
-    ],
-)
-def test_a_mark_beside_a_yaml_with_closures_is_named(tmp_path, mark, name):
+def test_a_mark_beside_a_yaml_with_closures_is_named(tmp_path):
     cuts = "closed_loop: [[coupler, rod]]\ntype: [orientation]\nname_mot: [hinge, pivot]\n"
-    records, chain = read(tmp_path, BARS, mark, cuts=cuts)
+    records, chain = read(tmp_path, BARS, BALL, cuts=cuts)
     assert len(chain.closures) == 1
     assert len(records) == 1
-    assert f"closures: the URDF also has {name}, not read because" in records[0]
+    assert "closures: the URDF also has ball_constraint_1, not read because" in records[0]
 
 
 @pytest.mark.parametrize("declared", [True, False])
@@ -181,6 +159,5 @@ def test_a_rotor_of_drake_counts_by_the_square_of_its_gear(tmp_path, declared):
         transmission = transmission.replace("<transmission>", '<transmission xmlns:drake="d">')
     records, chain = read(tmp_path, transmission)
     assert records == []
-    (mass,) = [1 + 1 * 0.1**2]
     tau = chain.compute_torques(np.zeros(1), np.zeros(1), np.ones(1))
-    assert tau == pytest.approx([mass + 0.002 * 10**2], rel=1e-14)
+    assert tau == pytest.approx([1 + 1 * 0.1**2 + 0.002 * 10**2], rel=1e-14)
