@@ -58,11 +58,20 @@ def test_an_sst_brings_the_poses_of_its_files(shipped):
     assert "shown" in ours
 
 
-def test_an_mjcf_that_holds_only_points_is_no_sst(shipped):
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("<weld ", "<connect ", r"B \(3d\).*an SST has the welds \(6d\)"),
+        ('site2="closedloop2_B"', 'site2="closedloop2_B" active="false"', "equalities"),
+        ('"gamma_3" joint="gamma_3"', '"gamma_3" joint="mu_3"', "mu_3"),
+        ('"beta_2" type="hinge" axis="0', '"beta_2" type="hinge" axis="9', "beta_2"),
+    ],
+)
+def test_an_mjcf_of_other_equalities_motors_or_axes_is_no_sst(shipped, old, new, told):
     path = shipped / Path(sst_pin.MJCF_PATH).name
-    path.write_text(path.read_text().replace("<weld ", "<connect "))
-    assert [c.kind for c in sst_pin.ClosedChain.from_mjcf(path).closures] == ["3d", "3d"]
-    with pytest.raises(sst_pin.DescriptionError, match=r"B \(3d\).*an SST has the welds \(6d\)"):
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new))
+    with pytest.raises(sst_pin.DescriptionError, match=told):
         sst_pin.SST.from_mjcf(path)
 
 

@@ -49,18 +49,19 @@ def test_a_continuous_joint_counts_as_one_unbounded_angle():
 
 
 @pytest.mark.parametrize(
-    ("kind", "names", "q", "turn"),
+    ("kind", "laas", "names", "q", "turn"),
     [
-        ("SPHERICAL", ["j1"], [0.5, -0.1, 0.7, 0.5], lambda q: pin.Quaternion(q).matrix()),
-        ("UJOINT_ZX", ["j1_Z", "j1_X"], [0.3, -0.5], lambda q: _about("ZX", q)),
-        ("FIXED", [], [], lambda q: np.eye(3)),
+        ("BALL", "SPHERICAL", ["j1"], [0.5, -0.1, 0.7, 0.5], lambda q: pin.Quaternion(q).matrix()),
+        ("UNIVERSAL ZX", "UJOINT_ZX", ["j1_Z", "j1_X"], [0.3, -0.5], lambda q: _about("ZX", q)),
+        ("FIXED", "FIXED", [], [], lambda q: np.eye(3)),
     ],
 )
-def test_a_joint_of_the_laas_schema_turns_about_its_axes_in_turn(kind, names, q, turn):
+def test_a_joint_with_several_rates_turns_about_its_axes_in_turn(kind, laas, names, q, turn):
     """In the place of the joint of the URDF, with the same body after it; a ball is one joint."""
-    q = np.array(q) / (np.linalg.norm(q) if kind == "SPHERICAL" else 1)
+    q = np.array(q) / (np.linalg.norm(q) if kind == "BALL" else 1)
     urdf = Urdf(chain_urdf("revolute", "revolute", "prismatic"), "test")
     model, plain = urdf.tree({"j1": kind}), urdf.tree()
+    assert urdf.tree({"j1": laas}) == model
     assert list(model.names)[1:] == ["j0", *names, "j2"]
     at = body(plain, np.array([0.7, 0, 0]), "c")
     result = body(model, np.array([0.7, *q, 0.4]), "c")

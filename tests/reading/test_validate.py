@@ -198,11 +198,6 @@ HELD = '<joint joint1="crank" polycoef="1 0 0 0 0"/><joint joint1="rocker" polyc
         ("", "", []),
         ('"bars">', '"bars"', ["error: file: XML parse error"]),
         (BARS, '<robot name="a"><link name="a"/></robot>', ["from_urdf reads a URDF"]),
-        (
-            "<connect ",
-            '<connect active="false" ',
-            ["warning: actuation: 1 motor for 3 degrees of freedom; 2 of them move"],
-        ),
         pytest.param(
             "<connect ", "<weld ", ["warning: home: cannot be closed"], marks=pytest.mark.slow
         ),

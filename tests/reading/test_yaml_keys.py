@@ -59,22 +59,6 @@ def test_the_yaml_counts_where_the_urdf_says_something_else(read):
     np.testing.assert_array_equal(chain.mechanism.friction.viscous, [7, 0.5, 7])
 
 
-@pytest.mark.parametrize(
-    ("kind", "laas"), [("ball", "SPHERICAL"), ("universal zx", "UJOINT_ZX"), ("fixed", "FIXED")]
-)
-def test_joints_have_plain_names_and_those_of_laas(read, kind, laas):
-    robots = [
-        read(text, "[shoulder]")
-        for text in (
-            f"joint_type: {{elbow: {kind}}}",
-            f"joint_name: [elbow]\njoint_type: [{kind}]",
-            f"joint_name: [elbow]\njoint_type: [{laas}]",
-        )
-    ]
-    assert robots[0].rate_names == robots[1].rate_names == robots[2].rate_names
-    assert robots[0].model == robots[2].model
-
-
 def test_rates_of_a_joint_with_several_have_numbers_of_their_own(read):
     chain = read(
         "joint_type: {elbow: universal, wrist: ball}\njoint_spring: {elbow_Y: {stiffness: 2}}\n"

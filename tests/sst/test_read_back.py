@@ -48,7 +48,7 @@ def odd_parameters(seed):
 
 #: A quarter turn and minus a third of one as in the shipped file.
 QUARTER, THIRD = "1.570796326794896", "-2.094395102393195"
-ROBOTS = [sst_pin.Parameters(), *map(odd_parameters, range(4))]
+ROBOTS = [sst_pin.Parameters(), *map(odd_parameters, range(2))]
 
 
 @pytest.mark.parametrize("p", ROBOTS)
@@ -77,23 +77,6 @@ def test_parameters_survive_the_way_through_mjcf(p, tmp_path):
     assert_same(parameters_of(model, geometry, Friction(model.damping, model.friction)), p)
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ('site2="closedloop2_B"', 'site2="closedloop2_B" active="false"', "equalities"),
-        ('<motor name="gamma_3" joint="gamma_3"', '<motor name="gamma_3" joint="mu_3"', "mu_3"),
-        ('name="beta_2" type="hinge" axis="0', 'name="beta_2" type="hinge" axis="9', "beta_2"),
-    ],
-)
-def test_an_mjcf_that_is_no_sst_is_refused_by_name(old, new, words, tmp_path):
-    text = Path(sst_pin.MJCF_PATH).read_text()
-    assert text.count(old) == 1
-    (tmp_path / "sst.xml").write_text(text.replace(old, new))
-    (tmp_path / "meshes").symlink_to(Path(sst_pin.PACKAGE_PATH, "meshes"))
-    with pytest.raises(sst_pin.SSTError, match=words):
-        sst_pin.SST.from_mjcf(tmp_path / "sst.xml")
-
-
 def edited(tmp_path, *replacements, after="<", count=-1):
     """The shipped robot, its URDF edited behind some text; `count` times, -1 for all."""
     head, mark, tail = Path(sst_pin.URDF_PATH).read_text().partition(after)
@@ -119,7 +102,6 @@ def test_arcs_of_unequal_mass_are_read_as_their_sum(tmp_path):
     ("old", "new", "word"),
     [
         ('"E"', '"F"', "frame E is missing"),
-        ('"P_2"', '"P_two"', "frame P_2 is missing"),
         (
             'xyz="0.0 0.35 0.0"',
             'xyz="0.0 0.36 0.0"',
@@ -129,11 +111,6 @@ def test_arcs_of_unequal_mass_are_read_as_their_sum(tmp_path):
             f'"{QUARTER} 0.0 {QUARTER}"',
             f'"1.5 0.0 {QUARTER}"',
             "gamma_2: origin xyz 0 0 0 rpy",
-        ),
-        (
-            'xyz="0.4 0.0 0.0"',
-            'xyz="0.4 0.1 0.0"',
-            "E: origin xyz 0.4 0.1 0 rpy 0 0 0, expected xyz",
         ),
         ('upper="6.283185307179586"', 'upper="1.6"', "mu_1: limits -6.28319 and 1.6 rad"),
         (
