@@ -45,7 +45,7 @@ def test_path_of_the_paper_lies_on_the_unit_sphere_and_is_a_circle(robot):
     assert np.abs(q[:, 0] - np.arctan2(s[:, 1], s[:, 0])).max() < 1e-14  # gamma_1 = theta
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_inverse_kinematics_closes_the_loops_on_all_branches(seed):
     """Each of the eight assemblies of legs holds the star at R, on the branch asked for."""
     rng = np.random.default_rng(seed)
@@ -89,7 +89,7 @@ def test_direct_kinematics_finds_the_known_assemblies_of_the_paper(robot):
     assert robot.forward_kinematics((0.3, 1.2, 0.8)).shape == (4, 9)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_direct_kinematics_holds_the_assembly_one_came_from(seed):
     """R -> gamma -> all assemblies: R among them, all closed to 1e-10, an even number."""
     rng = np.random.default_rng(seed)
