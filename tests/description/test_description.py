@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 import sst_pin
-from sst_pin.description.frames import JOINT_NAMES, base_orientations
+from sst_pin.description.frames import base_orientations
 from tests.support.files import load
 
 
@@ -18,14 +18,6 @@ from tests.support.files import load
 def test_what_is_shipped_is_current(script, monkeypatch):
     monkeypatch.setattr(sys, "argv", [script, "--check"])
     assert load(f"scripts/description/{script}.py").main() == 0
-
-
-def test_tree_has_nine_bounded_revolute_joints_and_the_right_mass(robot):
-    assert robot.joint_names == JOINT_NAMES
-    assert robot.model.nq == robot.model.nv == 9
-    assert sum(i.mass for i in robot.model.inertias) == pytest.approx(3.68, abs=1e-14)
-    kinds = {joint.get("type") for joint in ET.parse(sst_pin.URDF_PATH).iter("joint")}
-    assert kinds - {"fixed"} == {"revolute"}
 
 
 def test_no_moving_link_is_massless_and_frames_weigh_an_explicit_nothing():

@@ -80,13 +80,11 @@ def test_all_problems_are_reported_at_once():
         (lambda: Parameters(arc_angles=(120, 120, 120)), "are these degrees"),
         (lambda: Parameters(arc_angles=(-1, 2, 2 * np.pi - 1)), "each must lie in"),
         (lambda: Parameters(star=RigidBody(1, (0, 0, 0), -np.eye(3))), "not all positive"),
-        (lambda: Parameters(star=None), "a RigidBody is needed"),
         (lambda: Parameters(link=["bar"] * 3), "link[0]: a RigidBody is needed"),
         (lambda: Parameters(gravity="down"), "not an array of numbers"),
         (lambda: Parameters(star_radius=np.inf), "star_radius"),
         (lambda: RigidBody("heavy", (0, 0, 0), np.eye(3)), "mass: not an array of numbers"),
         (lambda: Parameters().with_payload(-1), "-1 kg"),
-        (lambda: Parameters().with_payload(np.nan), "nan kg"),
         (lambda: Parameters().with_payload(1, (0, 0)), "at: shape"),
     ],
 )
