@@ -60,18 +60,6 @@ def test_inverse_dynamics_costs_in_proportion_to_the_bodies():
     assert per_cell == pytest.approx(np.full(len(per_cell), per_cell[0]), rel=0.05)
 
 
-def test_the_form_matters_more_than_the_method():
-    """Every term by itself takes more than twice one recursion; virtual work is within a fifth."""
-    all_, work = ({} for _ in range(2))
-    robot = sst_pin.SST()
-    for result, case in ((all_, robot), (work, cost.by_virtual_work(robot))):
-        e = cost.equations_of(case)
-        for method in (cost.LONG, cost.SHORT):
-            result[method] = cost.operations(cost.expression(e, "inverse", method)).total()
-    assert all_[cost.LONG] > 2 * all_[cost.SHORT]
-    assert work[cost.SHORT] == pytest.approx(all_[cost.SHORT], rel=0.2)
-
-
 def test_known_counts():
     x, A, B = ca.SX.sym("x", 3), ca.SX.sym("A", 3, 3), ca.SX.sym("B", 3, 3)
     a, b, c = ca.vertsplit(x)
