@@ -108,48 +108,6 @@ def test_a_spring_that_is_no_number_is_refused(tmp_path, text):
         read(tmp_path, f'<gazebo reference="hinge">{words}</gazebo>')
 
 
-BALL = """<drake:ball_constraint><drake:ball_constraint_body_A name="coupler"/>
-<drake:ball_constraint_p_AP value="0.8 0 0"/><drake:ball_constraint_body_B name="rod"/>
-<drake:ball_constraint_p_BQ value="0.5 0 0"/></drake:ball_constraint>"""
-HINGE = """<link name="{link}">{body}</link><joint name="{name}" type="continuous">
-<parent link="{parent}"/><child link="{link}"/><origin xyz="{at}"/><axis xyz="0 0 1"/></joint>"""
-BARS = HINGE.format(link="coupler", body=BODY, name="elbow", parent="arm", at="1 0 0")
-BARS += HINGE.format(link="rod", body=BODY, name="pivot", parent="base", at="0.9 0.3 0")
-
-
-@pytest.mark.parametrize("declared", [True, False])
-def test_a_ball_constraint_of_drake_closes_a_loop(tmp_path, declared):
-    ball = BALL.replace("constraint>", 'constraint xmlns:drake="d">', 1) if declared else BALL
-    records, chain = read(tmp_path, BARS, ball)
-    assert records == []
-    assert chain.mobility().degrees_of_freedom == 1
-    a, b, c = chain.assemble([1.2, -2.0, 2.0], fixed=["hinge"])
-    tip = np.array([np.cos(a) + 0.8 * np.cos(a + b), np.sin(a) + 0.8 * np.sin(a + b)])
-    end = np.array([0.9 + 0.5 * np.cos(c), 0.3 + 0.5 * np.sin(c)])
-    np.testing.assert_allclose(tip, end, atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "text"),
-    [
-        ('name="rod"/>', 'name="nine"/>', "child nine is not a link"),
-        ('value="0.8 0 0"', 'value="1 0"', "xyz='1 0' is not three numbers"),
-    ],
-)
-def test_a_ball_constraint_that_cannot_be_meant_is_refused(tmp_path, old, new, text):
-    assert old in BALL
-    with pytest.raises(sst_pin.DescriptionError, match=text):
-        read(tmp_path, BARS, BALL.replace(old, new, 1))
-
-
-def test_a_mark_beside_a_yaml_with_closures_is_named(tmp_path):
-    cuts = "closed_loop: [[coupler, rod]]\ntype: [orientation]\nname_mot: [hinge, pivot]\n"
-    records, chain = read(tmp_path, BARS, BALL, cuts=cuts)
-    assert len(chain.closures) == 1
-    assert len(records) == 1
-    assert "closures: the URDF also has ball_constraint_1, not read because" in records[0]
-
-
 @pytest.mark.parametrize("declared", [True, False])
 def test_a_rotor_of_drake_counts_by_the_square_of_its_gear(tmp_path, declared):
     """Also where the prefix is not declared, as Pinocchio reads the file."""

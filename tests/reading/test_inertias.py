@@ -54,23 +54,6 @@ def test_points_rods_and_discs_are_bodies(tmp_path, numbers):
         sst_pin.ClosedChain.from_urdf(with_inertia(tmp_path, *numbers))
 
 
-@pytest.mark.parametrize(
-    ("place", "moment", "count"), [(0.2, 3e-3, 0), (200, 3e-3, 1), (0.2, 3e3, 1)]
-)
-def test_lengths_and_moments_in_other_units_are_told(tmp_path, place, moment, count):
-    """A rod of 1 kg and 0.2 m; its length in mm, or its moments in kg mm^2."""
-    body = f'<inertial><mass value="1"/><inertia ixx="{moment}" iyy="{moment}" izz="1e-4" ixy="0"'
-    body += ' ixz="0" iyz="0"/></inertial>'
-    axis = '<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/>'
-    text = f'<robot name="r"><link name="base"/><link name="a">{body}</link><link name="b"/>'
-    text += f'<joint name="j" type="revolute"><parent link="base"/><child link="a"/>{axis}</joint>'
-    text += '<joint name="k" type="fixed"><parent link="a"/><child link="b"/>'
-    path = tmp_path / "r.urdf"
-    path.write_text(text + f'<origin xyz="0 0 {place}"/></joint></robot>')
-    texts = [str(problem) for problem in sst_pin.validate(path)]
-    assert sum("link a: joints" in text and "URDF needs m, kg" in text for text in texts) == count
-
-
 def test_a_command_tells_in_one_line(tmp_path, capsys):
     path = with_inertia(tmp_path, 1, 1e-3, 2e-3, 4e-3)
     main(["compile", "--robot", str(path), "--export-c", str(tmp_path / "c")])

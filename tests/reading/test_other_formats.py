@@ -26,6 +26,9 @@ FORMS = {
     "constraint": """<constraint name="cut" type="{kind}"><parent link="a"/><child link="b"/>
         <parent_origin {place_a}/><child_origin {place_b}/>
         <parent_axis xyz="{axis_a}"/><child_axis xyz="{axis_b}"/></constraint>""",
+    "ball": """<drake:ball_constraint><drake:ball_constraint_body_A name="a"/>
+        <drake:ball_constraint_p_AP value="{at_a}"/><drake:ball_constraint_body_B name="b"/>
+        <drake:ball_constraint_p_BQ value="{at_b}"/></drake:ball_constraint>""",
 }
 
 
@@ -47,7 +50,8 @@ def two_arms(extra: str) -> str:
 def form(name: str, kind: str, same_axis: bool) -> str:
     places = {f"place_{end}": f'xyz="{xyz}" rpy="{rpy}"' for end, (xyz, rpy) in PLACES.items()}
     axes = {"axis_a": AXES["a"], "axis_b": AXES["a" if same_axis else "b"]}
-    return FORMS[name].format(kind=kind, **places, **axes)
+    at = {f"at_{end}": xyz for end, (xyz, _) in PLACES.items()}
+    return FORMS[name].format(kind=kind, **places, **axes, **at)
 
 
 def numbers(text: str) -> np.ndarray:
@@ -77,7 +81,10 @@ KINDS = ["fixed", "revolute", "prismatic", "spherical", "universal", "cylindrica
 
 @pytest.mark.parametrize(
     ("name", "kind"),
-    [*(("constraint", kind) for kind in KINDS), ("loop", "revolute"), ("loop_joint", "revolute")],
+    [
+        *(("constraint", kind) for kind in KINDS),
+        *(("loop", "revolute"), ("loop_joint", "revolute"), ("ball", "spherical")),
+    ],
 )
 def test_links_move_as_the_joint_between_them_allows(name, kind, tmp_path):
     same = name != "constraint" or kind == "prismatic"
@@ -171,6 +178,17 @@ def test_loop_closures_of_a_package_are_found(place, folder, expected, tmp_path)
     assert not sst_pin.validate(path)
 
 
+def test_a_mark_beside_a_yaml_with_closures_is_named(tmp_path):
+    path = tmp_path / "r.urdf"
+    (tmp_path / "loop_closures.yaml").write_text(yaml.safe_dump(CLOSURES))
+    path.write_text(parallelogram(CUT))
+    told = "closures: the URDF also has cut, not read because"
+    with pytest.warns(sst_pin.DescriptionWarning, match=told):
+        chain = sst_pin.ClosedChain.from_urdf(path)
+    assert len(chain.closures) == 1
+    assert any(told in str(problem) for problem in sst_pin.validate(path))
+
+
 FUSION = """# fusion2URDF
 robot: r
 joints:
@@ -252,12 +270,17 @@ def test_a_coupling_counts_all_turns_along_its_two_paths(tmp_path):
     assert q[chain.joint_names.index("rocker")] == pytest.approx(-1.5 * 0.7, rel=1e-12)
 
 
+DRAKE = form("ball", "spherical", same_axis=True)
+
+
 @pytest.mark.parametrize(
     ("extra", "told"),
     [
         (CUT.replace("0 0 1", "0 0 0"), "loop cut: axis '0 0 0' is not a direction"),
         (CUT.replace('link="3"', 'link="2"'), "loop cut: connects 2 with itself"),
         (form("constraint", "prismatic", same_axis=False), "axes of a prismatic joint"),
+        (DRAKE, "ball_constraint_1: parent a is not a link of this file"),
+        (DRAKE.replace(PLACES["a"][0], "1 0"), "ball_constraint_1: xyz='1 0' is not three numbers"),
         (GAZEBO.replace("0 0.4 0 0 0 0", "0 0.4 0"), "joint cut: its pose is not six numbers"),
         (GAZEBO.replace("<xyz>", '<xyz expressed_in="m">'), "joint cut: <xyz> has no expressed_in"),
         (GAZEBO.replace("<pose>", '<pose relative_to="2">'), "cut: <pose> has no relative_to"),

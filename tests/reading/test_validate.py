@@ -147,6 +147,20 @@ def test_all_faults_are_told_at_once(found):
     assert {p.where for p in problems[2:]} == {"link arm_2", "link arm_1"}
 
 
+@pytest.mark.parametrize(
+    ("place", "old", "new"),
+    [
+        ("joint elbow_2a", 'xyz="0.15 0.04 0"', 'xyz="150 40 0"'),
+        ("link arm_2", 'iyy="0.00025" iyz="0" izz="0.00025"', 'iyy="250" iyz="0" izz="250"'),
+    ],
+)
+def test_lengths_and_moments_in_other_units_are_told(found, place, old, new):
+    """The arm's length in mm, or its moments in kg mm^2."""
+    (problem,) = found(edited(*place.split(), old, new), cuts="")
+    assert str(problem).startswith("warning: link arm_2: joints ")
+    assert "URDF needs m, kg" in str(problem)
+
+
 def test_a_mesh_is_sought_beside_the_urdf_and_in_packages(tmp_path):
     """`package://name/...` in any folder above that holds the package."""
     folder = tmp_path / "robots" / "delta_description" / "urdf"
