@@ -14,8 +14,8 @@ import pytest
 import sst_pin
 from sst_pin.compiled.generator_inputs import sample_configurations
 from sst_pin.loops.start import start_of
+from tests.support.files import file_of_page
 
-ROOT = Path(__file__).resolve().parents[2]
 _SRDF = """<robot name="sst"><group_state name="home" group="all">
 {}</group_state></robot>"""
 
@@ -85,10 +85,8 @@ def test_a_home_beyond_a_limit_is_told(folder):
 
 def test_a_home_that_cannot_be_closed_is_told_by_its_reader_and_by_validate(folder):
     """The five-bar of docs/own_robot.md: elbows 0.65 m apart, and two rods of 0.3 m."""
-    page = (ROOT / "docs" / "own_robot.md").read_text()
     for kind in ("urdf", "yaml"):
-        text = re.search(rf'title="five_bar.{kind}"\n(.*?)```', page, re.DOTALL)[1]
-        (folder / f"sst.{kind}").write_text(text)
+        (folder / f"sst.{kind}").write_text(file_of_page("own_robot.md", f"five_bar.{kind}"))
     put_home(folder, left=-1.5708, right=1.5708)
     chain = read(folder)
     with pytest.raises(sst_pin.ClosureError, match="cannot be closed"):

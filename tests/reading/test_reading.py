@@ -12,6 +12,7 @@ from sst_pin.model.mechanism import Springs
 from sst_pin.reading import Urdf
 from sst_pin.reading.mjcf import read_mjcf
 from sst_pin.reading.urdf import closing_frames
+from tests.support.files import file_of_page
 
 LINK = """
 <link name="{name}"><inertial><origin xyz="0.1 0 0"/><mass value="1"/>
@@ -111,25 +112,9 @@ def test_a_urdf_that_cannot_be_meant_is_refused(urdf, word):
     assert word in str(caught.value)
 
 
-FIVE_BAR = (
-    '<robot name="five-bar">'
-    + "".join(LINK.format(name=name) for name in ("base", "l1", "l2", "r1", "r2"))
-    + "".join(
-        f'<joint name="{name}" type="{kind}"><origin xyz="{x} 0 0"/><parent link="{parent}"/>'
-        f'<child link="{child}"/><axis xyz="0 1 0"/></joint>'
-        for name, kind, x, parent, child in (
-            ("left", "continuous", -0.1, "base", "l1"),
-            ("left_elbow", "continuous", 0.2, "l1", "l2"),
-            ("right", "continuous", 0.1, "base", "r1"),
-            ("right_elbow", "continuous", 0.2, "r1", "r2"),
-            ("left_end_fixed", "fixed", 0.3, "l2", "left_end"),
-            ("right_end_fixed", "fixed", 0.3, "r2", "right_end"),
-        )
-    )
-    + '<link name="left_end"/><link name="right_end"/></robot>'
-)
+FIVE_BAR = file_of_page("own_robot.md", "five_bar.urdf").replace("revolute", "continuous")
 FIVE_BAR_CUTS = """
-closed_loop: [[left_end, right_end]]
+closed_loop: [[left_tip, right_tip]]
 type: [3D]
 name_mot: [left, right]
 """
@@ -163,9 +148,8 @@ def test_a_robot_on_a_floating_base_is_read(tmp_path):
 
 
 MIMIC = FIVE_BAR.replace(
-    '<axis xyz="0 1 0"/></joint><joint name="left_end_fixed"',
-    '<axis xyz="0 1 0"/><mimic joint="left_elbow" multiplier="-2" offset="0.1"/></joint>'
-    '<joint name="left_end_fixed"',
+    '<parent link="right_arm"/>',
+    '<parent link="right_arm"/><mimic joint="left_elbow" multiplier="-2" offset="0.1"/>',
 )
 
 
@@ -189,8 +173,8 @@ def test_a_joint_that_mimics_another_is_coupled_to_it(tmp_path):
 @pytest.mark.parametrize("cuts", [None, "name_mot: [left, right]"])
 def test_frames_that_mark_a_closure_close_it(tmp_path, cuts):
     """Points that coincide, as onshape-to-robot names them, where no YAML lists closures."""
-    text = FIVE_BAR.replace('"left_end"', '"closing_tip_1"')
-    text = text.replace('"right_end"', '"closing_tip_2"')
+    text = FIVE_BAR.replace('"left_tip"', '"closing_tip_1"')
+    text = text.replace('"right_tip"', '"closing_tip_2"')
     (tmp_path / "robot.urdf").write_text(text)
     if cuts:
         (tmp_path / "robot.yaml").write_text(cuts)

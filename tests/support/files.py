@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Files of the repository beside the package."""
 
+import re
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -17,3 +18,9 @@ def load(path: str) -> ModuleType:
         return import_module(file.stem)
     finally:
         sys.path.remove(str(file.parent))
+
+
+def file_of_page(page: str, title: str) -> str:
+    """The content of a file that a page of `docs/` shows."""
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    return re.findall(rf'title="{title}"\n(.*?)```', text, re.DOTALL)[0]
