@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation
 import sst_pin
 from sst_pin.arrays import in_one_turn
 from sst_pin.errors import SingularConfigurationError
-from sst_pin.sst.direct_kinematics import orientations
 from tests.support.sampling import random_parameters, random_state, random_states
 
 #: Between samples, and first derivatives by seven: error H^6 f^(7) / 140, and rounding eps / H.
@@ -123,22 +122,6 @@ def test_motor_angles_without_assembly_are_told():
     assert robot.forward_kinematics(gamma).shape == (0, 9)
     with pytest.raises(sst_pin.WorkspaceError, match="no assembly exists"):
         robot.forward_kinematics(gamma, near=robot.home)
-
-
-X, Y, Z = np.eye(3)
-
-
-@pytest.mark.parametrize(
-    ("u", "m"),
-    [
-        ((X, X, Y), (Z, Z, Y)),
-        ((Y, X, X), (X, Y, Z)),  # normal 1 lies along both axes x, about which the star turns
-        (((X + Y + Z) / np.sqrt(3), (X - Y) / np.sqrt(2), (X - Y) / np.sqrt(2)), (X, Y, Z)),
-    ],
-)
-def test_a_star_that_turns_about_two_axes_that_coincide_is_singular(u, m):
-    with pytest.raises(SingularConfigurationError, match="can move while the motors are fixed"):
-        orientations(np.array(u), np.array(m))
 
 
 def test_a_star_that_moves_while_the_motors_stand_is_singular():
