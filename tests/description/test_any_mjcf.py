@@ -122,7 +122,7 @@ def test_limits_efforts_and_points_come_over(tmp_path):
     assert sst_pin.ClosedChain.from_mjcf(tmp_path / "robot.xml").motor_names == chain.motor_names
 
 
-@pytest.mark.parametrize("name", ["five_bar", "rods"])
+@pytest.mark.parametrize("name", ["five_bar", "rods", "in space"])
 def test_mujoco_simulates_the_file(name, tmp_path):
     """From home at rest under constant torques, for 0.05 s, as far as equalities give way.
 

@@ -240,71 +240,34 @@ def states(count=5):
         yield np.r_[angles[:3], x, y, z, w], v, np.r_[angles[:3], w, x, y, z]
 
 
+SPRUNG = {
+    'type="ball"': 'type="ball" stiffness="3" damping="0.5" armature="0.1"',
+    'type="slide"': 'type="slide" stiffness="11" springref="0.3"',
+    'ref="30"': 'ref="30" stiffness="7" springref="50"',
+}
+
+
 def test_the_tree_moves_as_in_mujoco(mjcf):
-    """Forces at random accelerations, against `mj_inverse`; coordinates are MuJoCo's `qpos`."""
+    """Forces at random accelerations, springs among them, against `mj_inverse`.
+
+    Coordinates are MuJoCo's `qpos`. Free joints are in tests/description/test_any_mjcf.py.
+    """
+    text = MJCF
+    for old, new in SPRUNG.items():
+        assert old in text
+        text = text.replace(old, new)
+    mjcf.write_text(text)
     mj = mujoco.MjModel.from_xml_path(str(mjcf))
     mj.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     read, data = read_mjcf(mjcf), mujoco.MjData(mj)
-    assert list(read.model.names)[1:] == ["ja", "jb", "b_1", "ball"]
+    model, springs = read.model, Springs(read.stiffness, read.spring_reference)
+    assert list(model.names)[1:] == ["ja", "jb", "b_1", "ball"]
     for q, v, qpos in states():
         data.qpos, data.qvel, data.qacc = qpos, v, v[::-1]
         mujoco.mj_inverse(mj, data)
-        forces = pin.rnea(read.model, read.model.createData(), q, v, v[::-1])
-        forces += read.model.damping * v
-        np.testing.assert_allclose(forces, data.qfrc_inverse, atol=1e-12)
-
-
-def in_mujoco(R, q, v, dv):
-    """`qpos`, `qvel`, `qacc` of a tree whose first joints are free, orientation R, and a ball.
-
-    MuJoCo's linear rates are along the world's axes: v' = R v, so a' = R (a + omega x v).
-    """
-    linear = R @ v[:3], R @ (dv[:3] + np.cross(v[3:6], v[:3]))
-    qpos = np.r_[q[:3], q[6], q[3:6], q[10], q[7:10], q[11:]]
-    return qpos, np.r_[linear[0], v[3:]], np.r_[linear[1], dv[3:]]
-
-
-FLOATING = """
-<mujoco><option gravity="0 1 -9"/><worldbody>
-  <body name="base" pos="1 2 3" euler="10 20 30"><freejoint name="float"/>
-    <inertial pos="0.1 0.2 0.3" mass="2" fullinertia="1 2 2.5 .1 .2 .3"/>
-    <body pos="0.3 0 0.1" euler="5 6 7">
-      <joint name="hip" type="ball" stiffness="3" damping="0.5" armature="0.1"/>
-      <inertial pos="0 0 -0.2" mass="1" diaginertia="0.1 0.1 0.02"/>
-      <body pos="0 0 -0.4">
-        <joint name="knee" axis="0 1 0" ref="20" springref="50" stiffness="7" damping="0.2"/>
-        <inertial pos="0 0 -0.2" mass="1" diaginertia="0.1 0.1 0.02"/>
-        <body pos="0 0 -0.1">
-          <joint name="heel" type="slide" axis="0 0 1" springref="0.3" stiffness="11"/>
-          <inertial pos="0 0 -0.1" mass="1" diaginertia="0.1 0.1 0.02"/>
-        </body>
-      </body>
-    </body>
-  </body>
-</worldbody>
-<equality><connect active="false" body1="base" anchor="0 0 0"/></equality>
-</mujoco>
-"""
-
-
-def test_a_floating_robot_with_springs_needs_what_mujoco_says(mjcf):
-    """Free joint, ball, springs, dampers, armature: forces of all rates, against `mj_inverse`."""
-    mjcf.write_text(FLOATING)
-    mj = mujoco.MjModel.from_xml_path(str(mjcf))
-    read, data = read_mjcf(mjcf), mujoco.MjData(mj)
-    assert list(read.model.names)[1:] == ["float", "hip", "knee", "heel"]
-    model, random = read.model, np.random.default_rng(0)
-    springs = Springs(read.stiffness, read.spring_reference)
-    for v, dv in random.normal(size=(5, 2, 11)):
-        q = pin.integrate(model, pin.neutral(model), random.normal(size=11))
-        R = pin.Quaternion(q[3:7]).matrix()
-        data.qpos, data.qvel, data.qacc = in_mujoco(R, q, v, dv)
-        mujoco.mj_inverse(mj, data)
-        ours = pin.rnea(model, model.createData(), q, v, dv)
-        ours += model.damping * v - springs.forces(model, q)
-        theirs = data.qfrc_inverse.copy()
-        theirs[:3] = R.T @ theirs[:3]
-        np.testing.assert_allclose(ours, theirs, atol=1e-11)
+        forces = pin.rnea(model, model.createData(), q, v, v[::-1])
+        forces += model.damping * v - springs.forces(model, q)
+        np.testing.assert_allclose(forces, data.qfrc_inverse, atol=1e-11)
 
 
 COUPLED = """
