@@ -6,7 +6,6 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
@@ -18,14 +17,6 @@ from tests.support.sampling import random_parameters, random_state
 #: The shipped meshes serve any robot here: they are for the eye.
 SHIPPED = Path(sst_pin.PACKAGE_PATH)
 MESHES = {f"meshes/{path.name}": path.read_bytes() for path in SHIPPED.rglob("*.obj")}
-
-
-@pytest.fixture(scope="module", params=range(2))
-def random_robots(request):
-    """A robot of random parameters, and the same in MuJoCo."""
-    p = random_parameters(np.random.default_rng(request.param), friction=False)
-    xml = mjcf_of(p, configurations_of(p))
-    return sst_pin.SST(p), mujoco.MjModel.from_xml_string(xml, MESHES)
 
 
 @pytest.fixture(scope="module")
@@ -62,38 +53,17 @@ def test_mujoco_compiles_and_steps_without_a_word(name, tmp_path, monkeypatch, c
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("name", ["home", "circle_start"])
-def test_loops_are_closed_at_the_keyframes(closed, robot, name):
-    """To the rounding of 14 decimals in nine angles, and the pose is the one of its name."""
-    data = mujoco.MjData(closed)
-    mujoco.mj_resetDataKeyframe(closed, data, closed.key(name).id)
-    mujoco.mj_forward(closed, data)
-    # Six rows each; what O does has no Jacobian and MuJoCo may leave it out.
-    assert data.ne >= 6
-    assert np.abs(data.efc_pos[: data.ne]).max() < 1e-14
-    start = robot.inverse_kinematics(sst_pin.paper_circle(0.0).R)
-    assert data.qpos == pytest.approx(robot.home if name == "home" else start, abs=1e-14)
-
-
-def test_tree_dynamics_of_mujoco_and_pinocchio_agree(random_robots):
-    robot, model = map(copy, random_robots)
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    data, rng = mujoco.MjData(model), np.random.default_rng(0)
-    for _ in range(5):
-        data.qpos[:], data.qvel[:], data.qacc[:] = rng.normal(size=(3, 9)) * [[2], [3], [20]]
-        mujoco.mj_inverse(model, data)
-        state = data.qpos, data.qvel, data.qacc.copy()
-        expected = pin.rnea(robot.model, robot.model.createData(), *state)
-        assert data.qfrc_inverse == pytest.approx(expected, rel=1e-12, abs=1e-12)
-
-
-def test_motors_and_welds_give_our_direct_dynamics(random_robots):
+@pytest.mark.parametrize("seed", range(2))
+def test_motors_and_welds_give_our_direct_dynamics(seed):
     """Accelerations of the welded robot under motor torques are those of the closed chain.
 
     A weld of impedance d = 0.9999 leaves 1 - d of the way that an open loop would go, which the
     condition number, 30 at most here, may enlarge.
     """
-    (robot, model), rng = random_robots, np.random.default_rng(0)
+    rng = np.random.default_rng(seed)
+    p = random_parameters(rng, friction=False)
+    robot = sst_pin.SST(p)
+    model = mujoco.MjModel.from_xml_string(mjcf_of(p, configurations_of(p)), MESHES)
     for _ in range(5):
         tau = rng.normal(size=3) * 10
         data, q, va = at(model, robot, random_state(robot, rng), tau)
