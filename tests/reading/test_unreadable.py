@@ -179,8 +179,6 @@ CUTS = "closed_loop: [[a, b]]\ntype: [6d]\nname_mot: [c]\n"
         (CUTS + "gravity: [0, 0, -1]\ngravity: [0, 0, -9.81]", "gravity: appears twice"),
         (CUTS + "line_force: [{frames: [a, b], damping: 1, damping: 2}]", "damping: appears twice"),
         (CUTS + "gravity: [0, no, -9.81]", "gravity: ['0', 'no', '-9.81'] is not a list of three"),
-        (CUTS + "gravity: [0, 0, .nan]", "gravity: "),
-        (CUTS + f"gravity: [0, 0, -{'9' * 5000}]", "gravity: "),
         (CUTS + "gravity: [0, -9.81]", "gravity: "),
         (CUTS + "gravity: 9.81", "gravity: "),
         (CUTS.replace("[c]", "['']"), "name_mot: '' is not a name"),
