@@ -7,7 +7,9 @@ import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+import coal
 import numpy as np
+import pinocchio as pin
 import pytest
 import yaml
 
@@ -81,6 +83,20 @@ def test_nothing_points_outside_the_folder(folder):
     there = {f"meshes/{path.name}" for path in (folder / "meshes").iterdir()}
     assert there == used | {name.replace(".obj", ".stl") for name in used}
     assert names(xml(folder, "scene.xml"), "include", "file") == ["sst.xml"]
+
+
+@pytest.mark.parametrize("kind", [pin.GeometryType.VISUAL, pin.GeometryType.COLLISION])
+def test_every_body_has_a_picture_and_primitives(folder, kind):
+    """As Pinocchio reads them."""
+    urdf = str(folder / "sst.urdf")
+    model = pin.buildModelFromUrdf(urdf)
+    shapes = pin.buildGeomFromUrdf(model, urdf, kind, package_dirs=[str(folder)]).geometryObjects
+    bodies = {f"{body}_{k}" for body in ("link", "passive", "star") for k in (1, 2, 3)}
+    assert {shape.name.rsplit("_", 1)[0] for shape in shapes} == {"base", *bodies}
+    seen = kind == pin.GeometryType.VISUAL
+    for shape in shapes:
+        assert isinstance(shape.geometry, coal.BVHModelBase) == seen
+        assert shape.meshPath.endswith(".obj") == seen
 
 
 def test_all_files_name_the_same_things(folder):

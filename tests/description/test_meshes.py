@@ -1,11 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Meshes and collision primitives, as Pinocchio with coal, MuJoCo and yourdfpy read them."""
 
-import itertools
 from dataclasses import replace
-from pathlib import Path
 
-import coal
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -13,14 +10,9 @@ import trimesh
 
 import sst_pin
 from sst_pin import Parameters
-from sst_pin.description.folder import description_writers
 from sst_pin.description.parts import meshes_of
-from sst_pin.files import write_files
 from sst_pin.sst.paper import PERIOD, example_1
-from sst_pin.sst.robot_wrapper import configurations_of
 from tests.support.sampling import random_parameters
-
-MOVING = [f"{body}_{k}" for body in ("link", "passive", "star") for k in (1, 2, 3)]
 
 
 def odd_parameters(seed):
@@ -41,17 +33,6 @@ ROBOTS = {
 @pytest.fixture(params=ROBOTS.values(), ids=ROBOTS.keys())
 def parameters(request):
     return request.param
-
-
-SHIPPED = Path(sst_pin.PACKAGE_PATH)
-VISUAL, COLLISION = pin.GeometryType.VISUAL, pin.GeometryType.COLLISION
-
-
-def geometry(kind, folder=SHIPPED):
-    """Model and Pinocchio's geometry of a kind."""
-    urdf = str(folder / "sst.urdf")
-    model = pin.buildModelFromUrdf(urdf)
-    return model, pin.buildGeomFromUrdf(model, urdf, kind, package_dirs=[str(folder)])
 
 
 def off_surface(mesh, points):
@@ -82,19 +63,6 @@ def test_meshes_have_the_radii_of_the_parameters(parameters):
         assert np.ptp(depths) < 0.0008 * max(p.base_radius, p.star_radius)
 
 
-def test_every_body_has_a_picture_and_primitives(tmp_path):
-    """In the shipped folder and in one written for other parameters."""
-    odd = odd_parameters(1)
-    writers = description_writers(odd, configurations_of(odd))
-    write_files({tmp_path / n: write for n, write in writers.items()}, folder=tmp_path)
-    for folder, kind in itertools.product((SHIPPED, tmp_path), (VISUAL, COLLISION)):
-        shapes = geometry(kind, folder)[1].geometryObjects
-        assert {shape.name.rsplit("_", 1)[0] for shape in shapes} == {"base", *MOVING}
-        for shape in shapes:
-            assert isinstance(shape.geometry, coal.BVHModelBase) == (kind == VISUAL)
-            assert shape.meshPath.endswith(".obj") == (kind == VISUAL)
-
-
 def distances(model, shapes, motion):
     """Distances of each pair of shapes in each configuration, shape (N, pairs), [m]."""
     data, actual, rows = model.createData(), shapes.createData(), []
@@ -107,17 +75,18 @@ def distances(model, shapes, motion):
 def test_no_body_passes_through_another_along_the_circle(robot):
     """8.4 mm remain between any two that the SRDF does not exclude as neighbours."""
     wrapper = sst_pin.load()
-    motion = example_1(robot, np.linspace(0, PERIOD, 73))
+    motion = example_1(robot, np.linspace(0, PERIOD, 25))
     gaps = distances(wrapper.model, wrapper.collision_model, motion.q)
     assert gaps.min() == pytest.approx(0.0084, abs=1e-4)
 
 
 def test_the_carriages_hold_their_arcs_along_the_circle(robot):
     """Rollers run 0.2 mm beside the arcs: at every pose the arc passes between them."""
-    model, visual = geometry(VISUAL)
+    wrapper = sst_pin.load()
+    visual = wrapper.visual_model
     for k in (1, 2, 3):
         pair = (visual.getGeometryId(f"{body}_{k}_0") for body in ("passive", "star"))
         visual.addCollisionPair(pin.CollisionPair(*pair))
-    gaps = distances(model, visual, example_1(robot, np.linspace(0, PERIOD, 25)).q)
+    gaps = distances(wrapper.model, visual, example_1(robot, np.linspace(0, PERIOD, 25)).q)
     assert np.abs(gaps - 2e-4).max() < 1e-6
     assert gaps.shape == (25, 3)
