@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Meshes and collision primitives, as Pinocchio with coal, MuJoCo and yourdfpy read them."""
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -61,6 +62,12 @@ def test_meshes_have_the_radii_of_the_parameters(parameters):
         assert 0 < depths.min() <= depths.max() < 0.2 * min(p.base_radius, p.star_radius)
         # Chords of at most 4.5 degrees are 0.0008 of the radius off the circle.
         assert np.ptp(depths) < 0.0008 * max(p.base_radius, p.star_radius)
+
+
+def test_without_trimesh_the_error_names_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "trimesh", None)
+    with pytest.raises(sst_pin.errors.MissingExtraError, match=r"\[mesh\]"):
+        meshes_of(Parameters())
 
 
 def distances(model, shapes, motion):
