@@ -141,7 +141,6 @@ def test_a_loop_is_closed_in_any_way(kind, closure):
         ("coupling: {wrist: {elbow: [a]}}", "coupling: 'a' is not a number"),
         ("locked: [knee]", "joint 'knee' not in the model"),
         ("closed_loop: [[a, b]]\ntype: [distance -1]", "unknown; known: 6d.*distance LENGTH"),
-        ("closed_loop: [[a, b]]\ntype: [distance]", "unknown; known: 6d.*distance LENGTH"),
         ("closed_loop: [[a, b]]\ntype: [knot]", "unknown; known: 6d.*distance LENGTH"),
         ("joint_type: {elbow: ball}\nlocked: [elbow_z]", "known: shoulder, elbow, wrist, elbow_wx"),
     ],
