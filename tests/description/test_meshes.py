@@ -2,7 +2,6 @@
 """Meshes and collision primitives, as Pinocchio with coal, MuJoCo and yourdfpy read them."""
 
 import sys
-from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -13,19 +12,11 @@ import sst_pin
 from sst_pin import Parameters
 from sst_pin.description.parts import meshes_of
 from sst_pin.sst.paper import PERIOD, example_1
-from tests.support.sampling import random_parameters
-
-
-def odd_parameters(seed):
-    """Any triangle of either handedness, any alpha, two random radii, either one the larger."""
-    rng = np.random.default_rng(seed)
-    p, (base, star) = random_parameters(rng), rng.uniform(0.1, 1, 2)
-    return replace(p, base_radius=base, star_radius=star)
-
+from tests.support.sampling import parameters_of_odd_size
 
 ROBOTS = {
     "paper": Parameters(),
-    **{f"odd {seed}": odd_parameters(seed) for seed in range(2)},
+    **{f"odd {seed}": parameters_of_odd_size(seed) for seed in range(2)},
     "both spheres one": Parameters(base_radius=0.4),
     "a millimetre": Parameters(base_radius=0.001, star_radius=0.0012),
 }

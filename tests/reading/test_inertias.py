@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import sst_pin
-from sst_pin.cli import main
 from sst_pin.reading.urdf_checks import impossible
 
 TEXT = Path(sst_pin.URDF_PATH).read_text(encoding="utf-8")
@@ -52,13 +51,6 @@ def test_points_rods_and_discs_are_bodies(tmp_path, numbers):
     with warnings.catch_warnings():
         warnings.simplefilter("error", sst_pin.DescriptionWarning)
         sst_pin.ClosedChain.from_urdf(with_inertia(tmp_path, *numbers))
-
-
-def test_a_command_tells_in_one_line(tmp_path, capsys):
-    path = with_inertia(tmp_path, 1, 1e-3, 2e-3, 4e-3)
-    main(["compile", "--robot", str(path), "--export-c", str(tmp_path / "c")])
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith(f"sst-pin: warning: {path}: link link_2: impossible inertia")
 
 
 def test_what_points_with_mass_have_is_possible_and_no_more():

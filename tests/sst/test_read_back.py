@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Parameters through files and back; the conventions of other people's loaders."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,7 @@ from sst_pin.description.urdf_writer import urdf_of, yaml_of
 from sst_pin.dynamics.dynamics import Friction
 from sst_pin.sst.robot_wrapper import configurations_of
 from sst_pin.sst.topology import geometry_of, parameters_of
-from tests.support.sampling import random_parameters
+from tests.support.sampling import parameters_of_odd_size
 
 mujoco = pytest.importorskip("mujoco", reason="extra `verify` is not installed")
 
@@ -39,16 +38,9 @@ def assert_same(result, expected):
         assert getattr(result, name) == pytest.approx(getattr(expected, name), rel=4e-16)
 
 
-def odd_parameters(seed):
-    """Random ones, radii too."""
-    rng = np.random.default_rng(seed)
-    p, (base, star) = random_parameters(rng), rng.uniform(0.1, 1, 2)
-    return replace(p, base_radius=base, star_radius=star)
-
-
 #: A quarter turn and minus a third of one as in the shipped file.
 QUARTER, THIRD = "1.570796326794896", "-2.094395102393195"
-ROBOTS = [sst_pin.Parameters(), *map(odd_parameters, range(2))]
+ROBOTS = [sst_pin.Parameters(), *map(parameters_of_odd_size, range(2))]
 
 
 @pytest.mark.parametrize("p", ROBOTS)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Random robots that could be built and random motions that they can make."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -54,6 +56,13 @@ def random_parameters(rng: np.random.Generator, friction: bool = True) -> Parame
         coulomb_friction=rng.uniform(0.1, 1, 9) if friction else 0,
         gravity=rng.normal(size=3) * 6,
     )
+
+
+def parameters_of_odd_size(seed: int) -> Parameters:
+    """Random ones, with two random radii, either one the larger."""
+    rng = np.random.default_rng(seed)
+    p, (base, star) = random_parameters(rng), rng.uniform(0.1, 1, 2)
+    return replace(p, base_radius=base, star_radius=star)
 
 
 def random_state(robot: SST, rng: np.random.Generator) -> tuple[Array, Array, Array]:
