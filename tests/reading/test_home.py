@@ -112,6 +112,7 @@ def test_a_robot_without_a_home_says_how_to_give_it_one(folder):
 @pytest.mark.parametrize(
     ("old", "new", "text"),
     [
+        ("<robot", "<srdf", "not XML"),
         ('name="home" ', "", "a group_state has no name"),
         ('value="1"', 'value="1"/><joint name="left_knee" value="2"', "left_knee has two values"),
         ('"left_knee', '"knee', "no joint knee in the URDF"),

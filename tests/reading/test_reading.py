@@ -135,18 +135,6 @@ def test_a_five_bar_with_endless_joints_is_read_from_two_files(tmp_path):
     np.testing.assert_allclose(held[1], held[0] * 1.62 / 9.81, rtol=1e-12)
 
 
-def test_a_robot_on_a_floating_base_is_read(tmp_path):
-    """Its base is a joint of six rates; standing still needs no more than its weight."""
-    world = '<link name="world"/><joint name="float" type="floating"><parent link="world"/>'
-    text = FIVE_BAR.replace("</robot>", world + '<child link="base"/></joint></robot>')
-    (tmp_path / "robot.urdf").write_text(text)
-    (tmp_path / "robot.yaml").write_text(FIVE_BAR_CUTS)
-    assert [p for p in sst_pin.validate(tmp_path / "robot.urdf") if "float" in p.where]
-    chain = sst_pin.ClosedChain.from_urdf(tmp_path / "robot.urdf")
-    assert (chain.model.nq, chain.model.nv) == (11, 10)
-    assert chain.mobility().degrees_of_freedom == 8
-
-
 MIMIC = FIVE_BAR.replace(
     '<parent link="right_arm"/>',
     '<parent link="right_arm"/><mimic joint="left_elbow" multiplier="-2" offset="0.1"/>',

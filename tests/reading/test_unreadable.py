@@ -213,23 +213,14 @@ def test_names_and_numbers_of_cuts_are_those_that_stand_there():
     assert cuts.gravity.tolist() == [0, 0.5, -10]
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "word"),
-    [
-        ('link1="link_1"', 'link1="link_9"', "disable_collisions: no link link_9 in the URDF"),
-        ("<robot", "<srdf", "not XML"),
-    ],
-)
-def test_an_srdf_that_cannot_be_read_is_refused(tmp_path, old, new, word):
+def test_an_srdf_of_unknown_links_is_refused(tmp_path):
     shutil.copytree(Path(sst_pin.URDF_PATH).parent, tmp_path, dirs_exist_ok=True)
     srdf = tmp_path / "sst.srdf"
-    text = srdf.read_text()
-    assert old in text
-    srdf.write_text(text.replace(old, new, 1))
+    srdf.write_text(srdf.read_text().replace('link1="link_1"', 'link1="link_9"', 1))
+    told = "sst.srdf: disable_collisions: no link link_9 in the URDF"
     with pytest.raises(sst_pin.DescriptionError) as caught:
         load(tmp_path / "sst.urdf")
-    assert word in str(caught.value)
-    assert str(srdf) in str(caught.value)
+    assert told in " ".join(str(caught.value).split())
 
 
 @pytest.mark.parametrize("encoding", ["iso-8859-1", "utf-16", "utf-8-sig"])
