@@ -130,15 +130,6 @@ def test_a_star_that_moves_while_the_motors_stand_is_singular():
         flat.forward_kinematics((0.3, np.pi / 2, 0))  # it turns about the normal of an arc
 
 
-def test_home_is_that_of_the_description():
-    """As for every robot; the pose in the middle stands in for one that is not named."""
-    robot = sst_pin.SST(sst_pin.Parameters())
-    q = robot.inverse_kinematics(sst_pin.orientation(0.7, 0.9))
-    robot.model.referenceConfigurations["home"] = q
-    robot.refresh()
-    assert np.array_equal(robot.home, q)
-
-
 def test_home_of_the_paper_is_isotropic(robot):
     assert robot.home[::3] == pytest.approx([np.pi / 4] * 3)
     measure = robot.singularities(robot.home)
