@@ -16,7 +16,6 @@ import yaml
 import sst_pin
 from sst_pin.cli import main
 
-ROOT = Path(__file__).resolve().parents[2]
 FILES = {f"sst.{ending}" for ending in ("urdf", "yaml", "srdf", "xml", "png")}
 FILES |= {"scene.xml", "README.md", "LICENSE", "package.xml", "CMakeLists.txt"}
 #: Links without mass, which MJCF has as sites.

@@ -2,11 +2,11 @@
 """Other people's tools load the description as docs/evidence.md says."""
 
 import re
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+from tests.support.files import ROOT
+
 PAGE = (ROOT / "docs" / "evidence.md").read_text(encoding="utf-8")
 CODE = dict(re.findall(r"^### (.+?)\n\n```python\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL))
 

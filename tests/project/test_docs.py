@@ -9,14 +9,12 @@ import numpy as np
 import pytest
 
 import sst_pin
-from tests.support.files import load
+from tests.support.files import ROOT, load
 
 markdown_tables = load("scripts/pages/markdown_tables.py")
 read_table = markdown_tables.read_table
 stale = markdown_tables.stale
 script = load("scripts/pages/make_paper_docs.py")
-
-ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="module")

@@ -1,15 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The recipe for conda says what the project says."""
 
-from pathlib import Path
-
 import jinja2
 import pytest
 import yaml
 
 import sst_pin
-
-ROOT = Path(__file__).resolve().parents[2]
+from tests.support.files import ROOT
 
 
 @pytest.fixture(scope="module")

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The notebooks run from top to bottom."""
 
-from pathlib import Path
-
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+from tests.support.files import ROOT
+
 NOTEBOOKS = sorted((ROOT / "examples" / "notebooks").glob("*.ipynb"))
 PAGE = ROOT / "docs" / "quickstart.md"
 

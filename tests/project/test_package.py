@@ -15,9 +15,8 @@ import jedi
 import pytest
 
 import sst_pin
-from tests.support.files import load
+from tests.support.files import ROOT, load
 
-ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 

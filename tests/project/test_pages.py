@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import sst_pin
-from tests.support.files import load
+from tests.support.files import ROOT, load
 from tests.support.shown_output import same_output
 
 robot_pages = load("scripts/pages/robot_pages.py")
@@ -18,7 +18,6 @@ blocks = run_pages.blocks
 run = run_pages.run
 shell = run_pages.shell
 
-ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 #: Pages of the site that lie elsewhere or are written for it.
 ELSEWHERE = {page for page in make_site.OUTSIDE if page.endswith(".md")}

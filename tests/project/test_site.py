@@ -5,17 +5,15 @@ import json
 import re
 import shutil
 from html.parser import HTMLParser
-from pathlib import Path
 
 import pytest
 
 import sst_pin
 from tests.support.browser import needs_browser, visit
-from tests.support.files import load
+from tests.support.files import ROOT, load
 
 make_site = load("scripts/pages/make_site.py")
 
-ROOT = Path(__file__).resolve().parents[2]
 pytestmark = pytest.mark.slow
 
 
