@@ -179,7 +179,8 @@ def test_loop_closures_of_a_package_are_found(place, folder, expected, tmp_path)
 
 def test_a_mark_beside_a_yaml_with_closures_is_named(tmp_path):
     path = tmp_path / "r.urdf"
-    (tmp_path / "loop_closures.yaml").write_text(yaml.safe_dump(CLOSURES))
+    cuts = "closed_loop: [[2, 3]]\ntype: [orientation]\nname_mot: [crank, rocker]\n"
+    path.with_suffix(".yaml").write_text(cuts)
     path.write_text(parallelogram(CUT))
     told = "closures: the URDF also has cut, not read because"
     with pytest.warns(sst_pin.DescriptionWarning, match=told):
