@@ -27,10 +27,6 @@ def parameters(request):
     return request.param
 
 
-def off_surface(mesh, points):
-    return trimesh.proximity.closest_point_naive(mesh, points)[1]
-
-
 def test_every_mesh_is_closed_and_its_normals_point_outward(parameters):
     """Each of the solids by itself: no hole, no edge turned over, a positive volume."""
     for name, mesh in meshes_of(parameters).items():
@@ -49,7 +45,7 @@ def test_meshes_have_the_radii_of_the_parameters(parameters):
     side = -np.sign(np.linalg.det(p.base_directions))
     arc = p.star_radius * np.stack([np.cos(arcs), side * np.sin(arcs), 0 * arcs], axis=-1)
     for mesh, points in ((meshes["base"], middle), (meshes["arc"], arc)):
-        depths = off_surface(mesh, points)
+        depths = trimesh.proximity.closest_point_naive(mesh, points)[1]
         assert 0 < depths.min() <= depths.max() < 0.2 * min(p.base_radius, p.star_radius)
         # Chords of at most 4.5 degrees are 0.0008 of the radius off the circle.
         assert np.ptp(depths) < 0.0008 * max(p.base_radius, p.star_radius)

@@ -24,11 +24,6 @@ def closed():
     return mujoco.MjModel.from_xml_path(sst_pin.MJCF_PATH)
 
 
-@pytest.fixture(scope="module")
-def scene():
-    return mujoco.MjModel.from_xml_path(f"{sst_pin.PACKAGE_PATH}/scene.xml")
-
-
 def at(model, robot, state, tau=(0, 0, 0)):
     """MuJoCo's data in a state of motion of the closed robot, under motor torques."""
     data = mujoco.MjData(model)
@@ -86,7 +81,8 @@ def test_sensors_measure_what_they_are_called(closed, robot):
     assert read["star_angular_velocity"] == pytest.approx(omega, abs=1e-13)
 
 
-def test_parts_of_the_robot_meet_the_world_but_not_one_another(closed, scene):
+def test_parts_of_the_robot_meet_the_world_but_not_one_another(closed):
+    scene = mujoco.MjModel.from_xml_path(f"{sst_pin.PACKAGE_PATH}/scene.xml")
     visual = closed.geom_group == 2
     collides = (closed.geom_contype[:, None] & closed.geom_conaffinity) != 0
     assert not collides.any()

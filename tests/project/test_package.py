@@ -20,8 +20,7 @@ from tests.support.files import ROOT, load
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-def blocks(language):
-    return re.findall(rf"^```{language}\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+PYTHON = re.findall(r"^```python\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
 
 
 def run_python(code, *options, python=sys.executable, **how):
@@ -92,15 +91,15 @@ def test_the_benchmark_tables_are_the_measured_ones():
     assert report.with_table(README, results) == README
 
 
-@pytest.mark.parametrize("number", range(len(blocks("python"))))
-def test_python_of_the_readme_runs_and_prints(number, tmp_path, monkeypatch, capsys):
+@pytest.mark.parametrize("code", PYTHON, ids=map(str, range(len(PYTHON))))
+def test_python_of_the_readme_runs_and_prints(code, tmp_path, monkeypatch, capsys):
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     monkeypatch.chdir(tmp_path)
-    exec(blocks("python")[number], {})
+    exec(code, {})
     printed = capsys.readouterr().out
     assert printed
     assert "nan" not in printed
-    if "paper_circle" in blocks("python")[number]:  # the first row is example 1 at t = 0
+    if "paper_circle" in code:  # the first row is example 1 at t = 0
         first = [float(x) for x in re.findall(r"-?\d+\.\d*", printed.splitlines()[0])]
         assert first == pytest.approx([0, 17.0141, -17.0141], abs=1e-4)
 

@@ -14,14 +14,6 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 @pytest.fixture
-def delta(tmp_path):
-    """Files of a delta robot that may be changed."""
-    for ending in (".urdf", ".yaml"):
-        shutil.copy(EXAMPLES / f"delta{ending}", tmp_path)
-    return tmp_path / "delta.urdf"
-
-
-@pytest.fixture
 def shipped(tmp_path):
     """The files of the SST, which may be changed."""
     return shutil.copytree(Path(sst_pin.URDF_PATH).parent, tmp_path / "sst")
@@ -34,9 +26,10 @@ def shipped(tmp_path):
         ("motor_1", "moter_1", "joint 'moter_1' not in"),
     ],
 )
-def test_an_unknown_name_is_told_with_the_file(delta, old, new, fault):
+def test_an_unknown_name_is_told_with_the_file(tmp_path, old, new, fault):
     """Both files: the one that has the name and the one that lacks it."""
-    file = delta.with_suffix(".yaml")
+    names = ("delta.urdf", "delta.yaml")
+    delta, file = (Path(shutil.copy(EXAMPLES / name, tmp_path)) for name in names)
     text = file.read_text()
     assert old in text
     file.write_text(text.replace(old, new, 1))
