@@ -49,16 +49,6 @@ def mimicking():
     return sst_pin.ClosedChain(model, [], ["a", "b", "c"])
 
 
-def crossed():
-    """An arm on two hinges with a cross without mass between them."""
-    model, body = pin.Model(), pin.Inertia.FromSphere(1.0, 0.1)
-    turned = pin.exp3(np.array([0.3, -0.2, 0.1]))
-    cross = add(model, 0, pin.JointModelRX(), "cross", at(0.2, 0.1), pin.Inertia.Zero())
-    add(model, cross, pin.JointModelRY(), "arm", at(0.1, 0.3, turned=turned), body)
-    mark(model, 2, "hand", at(0.0, 0.2))
-    return sst_pin.ClosedChain(model, [], ["cross", "arm"])
-
-
 SUM = Coupling("arm_2", {"arm_1": (0.1, -0.5), "body": (0.0, 0.3, 0.2)}, 0.05)
 GALLERY = ("five_bar", "rods", "line", "continuous", "translation", "composite", "sst")
 ROBOTS = {
@@ -179,10 +169,13 @@ def test_what_mjcf_cannot_say_is_named(words, tmp_path):
 
 
 def test_what_is_written_otherwise_is_told(tmp_path):
-    """A body without mass that has a frame, and a shape that MuJoCo has not."""
-    chain = crossed()
-    mark(chain.model, 1, "pin", at(0.0, 0.1))
-    chain = chain.with_model(chain.model)
+    """A cross without mass between two hinges, with a frame, and a shape that MuJoCo has not."""
+    model, body = pin.Model(), pin.Inertia.FromSphere(1.0, 0.1)
+    turned = pin.exp3(np.array([0.3, -0.2, 0.1]))
+    cross = add(model, 0, pin.JointModelRX(), "cross", at(0.2, 0.1), pin.Inertia.Zero())
+    add(model, cross, pin.JointModelRY(), "arm", at(0.1, 0.3, turned=turned), body)
+    mark(model, 1, "pin", at(0.0, 0.1))
+    chain = sst_pin.ClosedChain(model, [], ["cross", "arm"])
     chain.visual_model = pin.GeometryModel()
     cone = pin.GeometryObject("cone", 2, at(), coal.Cone(0.1, 0.2))
     chain.visual_model.addGeometryObject(cone)
