@@ -93,7 +93,7 @@ def test_each_impossibility_has_its_sentence(call, word):
         call()
 
 
-@pytest.mark.parametrize("at", [(0.4, 0, 0), (0.1, -0.2, 0.3), (0, 0, 0)])
+@pytest.mark.parametrize("at", [(0.1, -0.2, 0.3), (0, 0, 0)])
 def test_a_payload_has_the_torques_of_a_point_mass_on_the_stars_body(at):
     """Pinocchio adds the body where frame E says {E} is; composite inertia here, a sum there."""
     p = random_parameters(np.random.default_rng(2))
