@@ -47,14 +47,6 @@ def closed(chain, *angles):
     return q
 
 
-def whole(chain, Phi, right):
-    """Least squares over all loops at once: Phi x = right, coordinates at rest."""
-    mechanism = chain.mechanism
-    system = np.concatenate((Phi, mechanism.selection))
-    zeros = np.zeros((len(mechanism.selection), right.shape[1]))
-    return np.linalg.lstsq(system, np.concatenate((right, zeros)), rcond=None)[0]
-
-
 def test_a_loop_does_not_notice_what_the_others_do():
     """To the last bit: no number of another loop enters its equations."""
     chain, random = four_bars(), np.random.default_rng(2)
