@@ -1,17 +1,16 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Assembly that scales: loops apart, several starts, any unit of length."""
 
-from pathlib import Path
+from contextlib import suppress
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 
-import sst_pin
 from sst_pin import ClosedChain, Closure
 from sst_pin.errors import ClosureError, InputError, UnknownNameError
-from sst_pin.robots import delta, four_bar, scissor_lift
+from sst_pin.robots import delta, five_bar, four_bar, scissor_lift
 from tests.support.any_chain import tree
 from tests.support.by_hand import in_units
 from tests.support.link_tables import ROBOTS
@@ -61,12 +60,12 @@ def test_a_ladder_closes_when_each_of_its_loops_closes_alone(monkeypatch):
 
 
 def test_an_open_loop_is_named_and_the_others_close():
-    chain = ladder(5, broken=3)
-    guess = np.tile([1.2, -0.7, 2.0], 5)
+    chain = ladder(3, broken=1)
+    guess = np.tile([1.2, -0.7, 2.0], 3)
     with pytest.raises(ClosureError) as caught:
         chain.assemble(guess, ())
-    assert "coupler_3_end - rocker_3_end" in str(caught.value)
-    assert not any(f"coupler_{k}_end" in str(caught.value) for k in (0, 1, 2, 4))
+    assert "coupler_1_end - rocker_1_end" in str(caught.value)
+    assert not any(f"coupler_{k}_end" in str(caught.value) for k in (0, 2))
 
 
 def test_several_starts_close_what_one_start_does_not():
@@ -76,21 +75,16 @@ def test_several_starts_close_what_one_start_does_not():
         [Closure("A", "B", "6d")],
         [],
     )
-    random = np.random.default_rng(1)
-    helped = 0
-    for _ in range(100):
+    random, closed = np.random.default_rng(1), []
+    while not closed:
         guess = pin.integrate(chain.model, pin.neutral(chain.model), 2 * random.normal(size=9))
         try:
             chain.assemble(guess, ())
         except ClosureError:
-            try:
-                q = chain.assemble(guess, (), tries=20, seed=3)
-            except ClosureError:
-                continue
-            helped += 1
-            assert np.array_equal(q, chain.assemble(guess, (), tries=20, seed=3))
-            assert np.abs(chain.residual(q)).max() < 1e-9
-    assert helped
+            with suppress(ClosureError):
+                closed.append(chain.assemble(guess, (), tries=20, seed=3))
+    assert np.array_equal(closed[0], chain.assemble(guess, (), tries=20, seed=3))
+    assert np.abs(chain.residual(closed[0])).max() < 1e-9
     for tries in (0, -1, 1.5, None, "3"):
         with pytest.raises(InputError):
             chain.assemble(guess, (), tries=tries)
@@ -102,8 +96,12 @@ def scaled(robot, factor):
     return ClosedChain(in_units(robot.model(), factor), robot.closures, robot.actuated), units
 
 
-@pytest.mark.parametrize("factor", [1e-6, 1e-3, 1e3])
-@pytest.mark.parametrize("name", ROBOTS)
+#: Points, rows of orientation beside points, slides, and rows without lengths.
+IN_UNITS = ["planar 3-RRR", "four-bar, coupler aligned and pinned", "6-UPS", "spherical 3-RRR"]
+
+
+@pytest.mark.parametrize("factor", [1e-6, 1e3])
+@pytest.mark.parametrize("name", IN_UNITS)
 def test_verdicts_do_not_depend_on_the_unit_of_length(name, factor):
     """Mobility, condition number, closed or open, assembly, generic configuration."""
     robot = ROBOTS[name]
@@ -164,7 +162,7 @@ def test_assembly_within_limits_holds_them_and_finds_the_other_branch():
     coupler = sorted(ladder(1).assemble(guess, ["crank_0"])[1] for guess in guesses)
     assert coupler[1] - coupler[0] > 0.5
     result = set()
-    for seed in range(40):
+    for seed in range(10):
         side = seed % 2
         middle = sum(coupler) / 2
         lower, upper = ((-4, middle), (middle, 4))[side]
@@ -193,12 +191,6 @@ def test_limits_that_no_configuration_meets_are_named():
             limited(lower, upper).assemble(q, ["crank_0"], limits=True)
 
 
-def test_a_guess_whose_quaternion_is_zero_is_refused():
-    chain = delta()
-    with pytest.raises(InputError, match=r"quaternion at \d+ is zero"):
-        chain.assemble(np.zeros(chain.model.nq))
-
-
 def test_positions_are_given_by_name():
     """Coordinates are held; a joint that is none, too, if it is named."""
     chain = four_bar()
@@ -211,30 +203,29 @@ def test_positions_are_given_by_name():
         chain.assemble({"wheel": 1.0})
 
 
-DELTA = Path(__file__).resolve().parents[2] / "examples" / "delta.urdf"
-
-
 def test_a_guess_without_quaternions_is_the_way_from_the_neutral_configuration():
     """A ball counts three angles there, four numbers in q; both lead to the same robot."""
-    delta = sst_pin.ClosedChain.from_urdf(DELTA)
-    assert (delta.model.nq, delta.model.nv) == (19, 18)
-    guess = pin.integrate(delta.model, pin.neutral(delta.model), np.full(18, 0.1))
-    q = delta.assemble([0.1] * 18)
-    assert np.array_equal(q, delta.assemble(guess))
-    assert np.abs(delta.residual(q)).max() < 1e-11
-    with pytest.raises(sst_pin.InputError, match=r"expected \(19,\)"):
-        delta.assemble([0.1] * 17)
+    chain = delta()
+    assert (chain.model.nq, chain.model.nv) == (19, 18)
+    guess = pin.integrate(chain.model, pin.neutral(chain.model), np.full(18, 0.1))
+    q = chain.assemble([0.1] * 18)
+    assert np.array_equal(q, chain.assemble(guess))
+    assert np.abs(chain.residual(q)).max() < 1e-11
+    with pytest.raises(InputError, match=r"expected \(19,\)"):
+        chain.assemble([0.1] * 17)
+    with pytest.raises(InputError, match=r"quaternion at \d+ is zero"):
+        chain.assemble(np.zeros(19))
 
 
 def test_a_batch_of_guesses_is_assembled_sample_by_sample_and_open_ones_are_named():
-    robot, random = sst_pin.robots.five_bar(), np.random.default_rng(0)
+    robot, random = five_bar(), np.random.default_rng(0)
     guesses = robot.home + 0.05 * random.normal(size=(2, 3, robot.model.nq))
     result = robot.assemble(guesses)
     assert result.shape == guesses.shape
     assert np.array_equal(result[1, 2], robot.assemble(guesses[1, 2]))
     guesses[0, 1, list(robot.actuated)] = np.pi, 0.0  # the elbows are too far apart
-    with pytest.raises(sst_pin.ClosureError) as caught:
+    with pytest.raises(ClosureError) as caught:
         robot.assemble(guesses)
     assert caught.value.samples == ((0, 1),)
-    with pytest.raises(sst_pin.InputError, match="expected"):
+    with pytest.raises(InputError, match="expected"):
         robot.assemble(guesses[..., :-1])
