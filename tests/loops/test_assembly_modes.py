@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 
 import sst_pin
 from sst_pin import robots
+from tests.support.by_hand import add, at, mark
 from tests.support.planar_bars import DRAG_LINK, planar
 
 #: P. Dietmaier, The Stewart-Gough platform of general geometry can have 40 real postures, 1998, in
@@ -31,82 +32,66 @@ PLATFORM = [
     (-0.137087, -0.235121, 0.353913),
 ]
 LEGS = [1, 0.645275, 1.086284, 1.503439, 1.281933, 0.771071]
-#: Two planar 3-RPR: points of the base and of the platform, lengths of the legs, and poses (x, y of
-#: the first point of the platform, angle), found by elimination and bisection.
-SIX = (
-    [(0, 0), (15.91, 0), (0, 10)],
-    [(0, 0), (17.04, 0), (20.84 * np.cos(0.882603), 20.84 * np.sin(0.882603))],
-    [14.98, 15.38, 12],
-    [
-        (-8.726595049, 12.175669955, -0.986974258),
-        (-5.495663444, -13.935497239, -0.047331384),
-        (-14.896127525, 1.582967078, 0.245309383),
-        (-13.419935741, -6.656254555, 0.585673156),
-        (14.920133246, -1.337917758, 1.002038649),
-        (14.673943568, -3.012603554, 2.132904453),
-    ],
-)
-TWO = (
-    [(0, 0), (1.2, 0), (0.5, 0.9)],
-    [(0, 0), (0.5, 0), (0.2, 0.4)],
-    [0.75, 0.6, 0.55],
-    [(0.459420419, 0.592817745, -1.261919335), (0.748761867, 0.043077441, 1.263411424)],
-)
+#: A planar 3-RPR: points of the base and of the platform, lengths of the legs, and all poses (x, y
+#: of the first point of the platform, angle), found by elimination and bisection.
+RPR_BASE = [(0, 0), (15.91, 0), (0, 10)]
+RPR_PLATFORM = [(0, 0), (17.04, 0), (20.84 * np.cos(0.882603), 20.84 * np.sin(0.882603))]
+RPR_LEGS = [14.98, 15.38, 12]
+RPR_POSES = [
+    (-8.726595049, 12.175669955, -0.986974258),
+    (-5.495663444, -13.935497239, -0.047331384),
+    (-14.896127525, 1.582967078, 0.245309383),
+    (-13.419935741, -6.656254555, 0.585673156),
+    (14.920133246, -1.337917758, 1.002038649),
+    (14.673943568, -3.012603554, 2.132904453),
+]
 
 
-def at(point, turn=0.0):
-    return pin.SE3(pin.utils.rotate("z", turn), np.array([*point, 0.0][:3], dtype=float))
+def body(model, parent, joint, name, place=None):
+    """The number of a new joint with a body."""
+    return add(model, parent, joint, name, place or at(), pin.Inertia(1.0, np.zeros(3), np.eye(3)))
 
 
-def body(model, parent, joint, name, place):
-    j = model.addJoint(parent, joint, place, name)
-    model.appendBodyToJoint(j, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
-    return j
+def tilted(angle, *point):
+    """A place in the plane, turned about its normal."""
+    return at(*point, turned=pin.utils.rotate("z", angle))
 
 
 def gough():
     """A free platform on six rods of fixed lengths."""
     model = pin.Model()
-    platform = body(model, 0, pin.JointModelFreeFlyer(), "platform", pin.SE3.Identity())
+    platform = body(model, 0, pin.JointModelFreeFlyer(), "platform")
     for k, (a, b) in enumerate(zip(BASE, PLATFORM, strict=True)):
-        for name, joint, point in ((f"a{k}", 0, a), (f"b{k}", platform, b)):
-            place = pin.SE3(np.eye(3), np.array(point, dtype=float))
-            model.addFrame(pin.Frame(name, joint, place, pin.FrameType.OP_FRAME))
+        mark(model, 0, f"a{k}", at(*a))
+        mark(model, platform, f"b{k}", at(*b))
     rods = [sst_pin.Distance(f"a{k}", f"b{k}", length) for k, length in enumerate(LEGS)]
     return sst_pin.ClosedChain(model, rods, [])
 
 
-def three_rpr(base, platform):
+def three_rpr():
     """Legs of hinge, slide, hinge; the platform is on the first one."""
     model = pin.Model()
-    for k, point in enumerate(base):
-        hinge = body(model, 0, pin.JointModelRZ(), f"hinge_{k}", at(point))
-        end = body(model, hinge, pin.JointModelPX(), f"leg_{k}", at((0, 0)))
+    for k, point in enumerate(RPR_BASE):
+        hinge = body(model, 0, pin.JointModelRZ(), f"hinge_{k}", at(*point))
+        end = body(model, hinge, pin.JointModelPX(), f"leg_{k}")
         if k == 0:
-            plate = body(model, end, pin.JointModelRZ(), "platform", at((0, 0)))
-            for name, corner in zip("abc", platform, strict=True):
-                model.addFrame(pin.Frame(name, plate, at(corner), pin.FrameType.OP_FRAME))
+            plate = body(model, end, pin.JointModelRZ(), "platform")
+            for name, corner in zip("abc", RPR_PLATFORM, strict=True):
+                mark(model, plate, name, at(*corner))
         else:
-            model.addFrame(pin.Frame(f"tip_{k}", end, at((0, 0)), pin.FrameType.OP_FRAME))
+            mark(model, end, f"tip_{k}", at())
     closures = [sst_pin.Closure("b", "tip_1", "3d"), sst_pin.Closure("c", "tip_2", "3d")]
     return sst_pin.ClosedChain(model, closures, ["leg_0", "leg_1", "leg_2"])
 
 
-def pose(chain, q, frame):
-    data = chain.model.createData()
-    pin.framesForwardKinematics(chain.model, data, q)
-    return data.oMf[chain.model.getFrameId(frame)]
-
-
-@pytest.mark.parametrize(("base", "platform", "lengths", "poses"), [SIX, TWO])
-def test_planar_3rpr_platforms_have_the_poses_of_elimination(base, platform, lengths, poses):
-    chain = three_rpr(base, platform)
-    modes = chain.assembly_modes({f"leg_{k}": x for k, x in enumerate(lengths)}, frame="a")
-    assert len(modes) == len(poses)
+def test_a_planar_3rpr_platform_has_the_poses_of_elimination():
+    chain = three_rpr()
+    modes = chain.assembly_modes({f"leg_{k}": x for k, x in enumerate(RPR_LEGS)}, frame="a")
+    assert len(modes) == len(RPR_POSES)
     assert not modes.complete
-    places = [pose(chain, q, "a") for q in modes.q]
-    result = [(*p.translation[:2], np.arctan2(p.rotation[1, 0], p.rotation[0, 0])) for p in places]
-    assert_allclose(sorted(result), sorted(poses), atol=2e-9)  # nine digits
+    p, R = chain.frame_placement(modes.q, "a")
+    result = np.column_stack([p[:, :2], np.arctan2(R[:, 1, 0], R[:, 0, 0])])
+    assert_allclose(sorted(result.tolist()), sorted(RPR_POSES), atol=2e-9)  # nine digits
     assert np.abs(chain.residual(modes.q)).max() < 1e-12 * max(1, chain.mechanism.length)
 
 
@@ -117,7 +102,7 @@ def test_dietmaiers_platform_has_its_forty_poses():
     assert len(modes) >= 38  # six digits may lose two that are almost one
     assert not modes.complete
     assert np.abs(chain.residual(modes.q)).max() < 1e-12
-    placements = [pose(chain, q, "b0") for q in modes.q]
+    placements = [pin.SE3(R, p) for p, R in zip(*chain.frame_placement(modes.q, "b0"), strict=True)]
     gaps = [
         np.abs(pin.log6(a.actInv(b)).vector).max()
         for k, a in enumerate(placements)
@@ -129,7 +114,7 @@ def test_dietmaiers_platform_has_its_forty_poses():
         assert_allclose(np.linalg.norm(ends - np.array(a), axis=1), length, atol=1e-12, err_msg=k)
 
 
-@pytest.mark.parametrize("angle", [0.3, 2.0, -1.2])
+@pytest.mark.parametrize("angle", [0.3, -1.2])
 def test_a_four_bar_has_both_intersections_of_two_circles(angle):
     model = planar(DRAG_LINK)
     closures = [sst_pin.Closure("coupler_end", "rocker_end", "3d")]
@@ -139,7 +124,8 @@ def test_a_four_bar_has_both_intersections_of_two_circles(angle):
     assert modes.branches.tolist() == [[-1], [1]]
     assert_allclose(modes.q[:, 0], angle)
     assert np.abs(chain.residual(modes.q)).max() < 1e-12
-    data, ends = model.createData(), [pose(chain, q, "coupler_end").translation for q in modes.q]
+    ends, _ = chain.frame_placement(modes.q, "coupler_end")
+    data = model.createData()
     pin.forwardKinematics(model, data, modes.q[0])
     across, middle = ends[1] - ends[0], (ends[0] + ends[1]) / 2
     assert np.linalg.norm(across) > 1e-3
@@ -151,33 +137,26 @@ def test_a_four_bar_has_both_intersections_of_two_circles(angle):
 def slider_crank(kind):
     """A crank, and beside it a hinge and a slide in the order of this kind."""
     model = pin.Model()
-    crank = body(model, 0, pin.JointModelRZ(), "crank", at((0, 0)))
-    tip, place = crank, at((0.3, 0))
+    tip, place = body(model, 0, pin.JointModelRZ(), "crank"), at(0.3)
     if kind == "opposite":
-        tip = body(model, crank, pin.JointModelRZ(), "hinge", place)
-        place = at((0.8, 0.1))
-        end = body(model, 0, pin.JointModelPX(), "slide", at((0.2, 0.1), 0.3))
-        end_place = at((0.05, 0.02))
+        tip, place = body(model, tip, pin.JointModelRZ(), "hinge", place), at(0.8, 0.1)
+        end = body(model, 0, pin.JointModelPX(), "slide", tilted(0.3, 0.2, 0.1))
+        end_place = at(0.05, 0.02)
     elif kind == "hinge, slide":
-        bearer = body(model, 0, pin.JointModelRZ(), "hinge", at((0.6, 0.1)))
-        end, end_place = (
-            body(model, bearer, pin.JointModelPY(), "slide", at((0.1, 0), 0.2)),
-            at((0, 0)),
-        )
+        bearer = body(model, 0, pin.JointModelRZ(), "hinge", at(0.6, 0.1))
+        end = body(model, bearer, pin.JointModelPY(), "slide", tilted(0.2, 0.1))
+        end_place = at()
     else:
-        bearer = body(model, 0, pin.JointModelPX(), "slide", at((0.1, -0.1), -0.2))
-        end, end_place = (
-            body(model, bearer, pin.JointModelRZ(), "hinge", at((0, 0.1))),
-            at((0.7, 0)),
-        )
-    model.addFrame(pin.Frame("tip", tip, place, pin.FrameType.OP_FRAME))
-    model.addFrame(pin.Frame("end", end, end_place, pin.FrameType.OP_FRAME))
+        bearer = body(model, 0, pin.JointModelPX(), "slide", tilted(-0.2, 0.1, -0.1))
+        end, end_place = body(model, bearer, pin.JointModelRZ(), "hinge", at(0, 0.1)), at(0.7)
+    mark(model, tip, "tip", place)
+    mark(model, end, "end", end_place)
     return sst_pin.ClosedChain(model, [sst_pin.Closure("tip", "end", "3d")], ["crank"])
 
 
 @pytest.mark.parametrize("kind", ["opposite", "hinge, slide", "slide, hinge"])
-@pytest.mark.parametrize("angle", [0.4, -2.0])
-def test_hinge_and_slide_close_in_the_two_ways_that_newtons_method_finds(kind, angle):
+def test_hinge_and_slide_close_in_the_two_ways_that_newtons_method_finds(kind):
+    angle = -2.0
     chain, random, searched = slider_crank(kind), np.random.default_rng(1), []
     modes = chain.assembly_modes({"crank": angle})
     assert modes.complete
@@ -226,26 +205,6 @@ def test_an_sst_has_the_eight_assemblies_of_its_closed_form():
         assert np.abs(np.sin((modes.q - q) / 2)).max(axis=1).min() < 1e-12
 
 
-def test_modes_are_those_of_a_search_from_many_starts():
-    """The dyads' closed form against Newton's method from random starts."""
-    chain, random = robots.five_bar(), np.random.default_rng(0)
-    at = chain.home[[chain.position_names.index(name) for name in chain.coordinates]]
-    held = dict(zip(chain.coordinates, at + np.array([0.2, -0.1]), strict=True))
-    modes = chain.assembly_modes(held)
-    result = []
-    for _ in range(20):
-        guess = chain.home + random.uniform(-3, 3, chain.model.nq)
-        for name, value in held.items():
-            guess[chain.position_names.index(name)] = value
-        try:
-            result.append(chain.assemble(guess, fixed=list(held)))
-        except sst_pin.ClosureError:
-            continue
-    assert len(result) > 5
-    for q in result:
-        assert np.abs(np.sin((modes.q - q) / 2)).max(axis=1).min() < 1e-9
-
-
 @pytest.mark.parametrize("positions", [{}, {"shoulder_1": 0.5}, {"motor_1": 0.1}])
 def test_positions_that_leave_a_freedom_or_name_no_joint_are_refused(positions):
     with pytest.raises((sst_pin.InputError, sst_pin.UnknownNameError)):
@@ -254,7 +213,6 @@ def test_positions_that_leave_a_freedom_or_name_no_joint_are_refused(positions):
 
 def test_modes_do_not_depend_on_calls_before():
     chain, held = robots.slider_crank(), {"crank": 0.4}
-    first = chain.assembly_modes(held, frame="platform")
-    again = chain.assembly_modes(held, frame="platform")
-    assert_allclose(first.q, again.q, atol=0)
+    first, again = (chain.assembly_modes(held, frame="platform") for _ in range(2))
+    assert np.array_equal(first.q, again.q)
     assert np.array_equal(first.branches, again.branches)
