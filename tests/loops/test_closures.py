@@ -11,13 +11,17 @@ from numpy.testing import assert_allclose
 from sst_pin import ClosedChain, Closure
 from sst_pin.errors import DescriptionError
 from sst_pin.loops.loops import Loops
-from sst_pin.model.closures import Coupling, Rolling
+from sst_pin.model.closures import Coupling, Distance, Rolling
 from tests.support import any_chain, by_hand
 from tests.support.any_chain import ALL_JOINTS, CONSTRAINTS, add_joint, tree
 from tests.support.differences import derivative, gradient, random_q
 
 TREES = any_chain.TREES | {"to the ground": ("", [], ["free-flyer", "spherical", "RY"])}
-MASKS = list(itertools.product([False, True], repeat=6))[1::4]
+#: Each of the seven sets of turns, with seven different sets of slides.
+MASKS = list(itertools.product([False, True], repeat=6))[1::9]
+#: Every closure in one tree; in the other trees one of all rows, for their joints.
+EVERYWHERE = [("floating", kind) for kind in CONSTRAINTS]
+EVERYWHERE += [(name, "6d") for name in TREES if name != "floating"]
 
 
 def loops_at(model, constraint, seed):
@@ -46,8 +50,7 @@ def assert_jacobian_and_rate(loops, q, random):
     assert_allclose(Phi_dot, rate, rtol=0, atol=1e-8 * np.abs(Phi_dot).max())
 
 
-@pytest.mark.parametrize("kind", CONSTRAINTS)
-@pytest.mark.parametrize("name", TREES)
+@pytest.mark.parametrize(("name", "kind"), EVERYWHERE)
 def test_Phi_is_the_derivative_of_the_residual_and_Phi_dot_its_rate(name, kind):
     """Where the loop is closed, along every rate of every joint, whatever the rates are."""
     loops, q = loops_at(tree(*TREES[name], seed=1), CONSTRAINTS[kind], seed=2)
@@ -56,7 +59,7 @@ def test_Phi_is_the_derivative_of_the_residual_and_Phi_dot_its_rate(name, kind):
 
 @pytest.mark.parametrize("mask", MASKS, ids=lambda mask: "".join(".x"[m] for m in mask))
 def test_any_mask_holds_as_many_motions_as_it_names(mask):
-    """Two free bodies: Phi is the residual's derivative, of full rank, for all 63 masks."""
+    """Two free bodies: Phi is the residual's derivative, of full rank."""
     loops, q = loops_at(
         tree("", ["free-flyer"], ["free-flyer"], seed=4), Closure("A", "B", mask), seed=5
     )
@@ -118,6 +121,15 @@ def test_couplings_follow_their_polynomials():
     expected = q[1] - 0.7 - (0.1 - 2 * q[0] + 0.3 * q[0] ** 3) - 0.5 * q[2] ** 2
     assert_allclose(at(loops, q).f, [expected, q[0] + 0.4], atol=1e-14)
     assert_jacobian_and_rate(loops, q, random)
+
+
+def test_the_error_of_a_rod_whose_ends_coincide_is_its_length():
+    model = pin.Model()
+    slide = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "slide")
+    by_hand.mark(model, slide, "end", by_hand.at())
+    loops = Loops(model, [Distance("universe", "end", 0.4)])
+    assert at(loops, np.zeros(1)).f.tolist() == [-0.4]
+    assert_allclose(at(loops, np.array([0.1])).f, -0.3, rtol=1e-15)
 
 
 @pytest.mark.parametrize("ball", [False, True])
