@@ -111,7 +111,6 @@ def engine():
     ("robot", "home", "motors", "coordinates"),
     [
         (rhombus, [0.7, np.pi, np.pi], ["rocker", "crank"], ("crank",)),
-        (rhombus, [0.7, np.pi, np.pi], ["rocker"], ("crank",)),
         (rhombus, [0.01, np.pi, np.pi], ["rocker", "crank"], ("crank",)),
         (rhombus, [0.01, -0.01, 0.01], ["rocker", "crank"], ("rocker",)),
         (slide_with_two_bars, [0.0, 0.5, 0.5], ["slide"], ("bar_g",)),
