@@ -11,18 +11,92 @@ import pytest
 from numpy.testing import assert_allclose
 
 import sst_pin
-from sst_pin import ClosedChain, ClosureError, DescriptionWarning, SSTError
-from tests.support import rounded_robots as rr
+from sst_pin import ClosedChain, Closure, ClosureError, DescriptionWarning, SSTError, robots
+from tests.support.by_hand import at
+from tests.support.planar_bars import planar
 
 #: How far torques of a robot may be off, relative to the largest, in units of its last digit.
 EXPLAINED = 300
 
 
-def with_warnings(make, *arguments, **options):
+def bar(kind="hinge", across=0.0, tilt=0.0, tilted=""):
+    """A four-bar of 0.4 m, its closure off the plane, or one of its axes tilted."""
+    bars = [("crank", "universe", 0.0, 0.1), ("coupler", "crank", 0.1, 0.3)]
+    model = planar([*bars, ("rocker", "universe", 0.4, 0.25)])
+    model.gravity.linear = np.array([0.0, -9.81, 0.0])
+    if tilted:
+        j = model.getJointId(tilted)
+        turn = at(turned=pin.utils.rotate("x", tilt))
+        model.jointPlacements[j] = model.jointPlacements[j] * turn
+    frame = model.frames[model.getFrameId("coupler_end")]
+    frame.placement = frame.placement * at(0, 0, across)
+    # The coupler of 0.3 m and the rocker of 0.25 m meet at angles to the way between their starts.
+    x, y = 0.4 - 0.1 * np.cos(1.2), -0.1 * np.sin(1.2)
+    way, length = np.arctan2(y, x), np.hypot(x, y)
+    at_crank = np.arccos((length**2 + 0.3**2 - 0.25**2) / (2 * 0.3 * length))
+    at_ground = np.arccos((length**2 + 0.25**2 - 0.3**2) / (2 * 0.25 * length))
+    home = [1.2, way + at_crank - 1.2, way + np.pi - at_ground]
+    model.referenceConfigurations["home"] = np.array(home)
+    return model, [Closure("coupler_end", "rocker_end", kind)], ["crank"]
+
+
+#: Redundant rows of one loop in a plane, of loops in series, of axes that meet in a point.
+ROBOTS = {
+    "four-bar with hinge": lambda: ClosedChain(*bar()),
+    "scissor": robots.scissor_lift,
+    "spherical 3-RRR": robots.agile_wrist,
+    "SST": sst_pin.SST,
+}
+
+
+def drawn_by_cad(chain):
+    """The same robot: its base elsewhere, link frames turned about and shifted along their axes.
+
+    Its joints, of one coordinate each, are at zero at home.
+    """
+    random, old = np.random.default_rng(0), chain.model
+    model, data = pin.Model(old), old.createData()
+    pin.forwardKinematics(old, data, chain.home)
+    R = pin.exp3(random.uniform(-1.5, 1.5, 3))
+    ways = [pin.SE3(R, random.uniform(-0.3, 0.3, 3)).inverse()]
+    for joint in list(data.joints)[1:]:
+        axis = np.ravel(joint.S).reshape(2, 3).sum(axis=0)
+        turn = pin.exp3(axis * random.uniform(-3, 3))
+        ways.append(pin.SE3(turn, axis * random.uniform(-0.1, 0.1)))
+    for j in range(1, model.njoints):
+        model.jointPlacements[j] = ways[model.parents[j]].inverse() * data.liMi[j] * ways[j]
+        model.inertias[j] = ways[j].inverse().act(model.inertias[j])
+    for frame in model.frames:
+        frame.placement = ways[frame.parentJoint].inverse() * frame.placement
+    model.gravity.linear = R @ old.gravity.linear
+    model.friction[:] = 0  # its sign would hang on the last digit of a rate
+    model.referenceConfigurations["home"] = np.zeros(model.nq)
+    return ClosedChain(model, chain.closures, chain.motor_names)
+
+
+def rounded(chain, digits):
+    """The robot whose places and angles of roll, pitch and yaw have a few digits behind the point.
+
+    Beside it stand the texts of the warnings.
+    """
+    model = pin.Model(chain.model)
+
+    def few(place):
+        angles = pin.rpy.matrixToRpy(place.rotation).round(digits)
+        return pin.SE3(pin.rpy.rpyToMatrix(angles), place.translation.round(digits))
+
+    for j in range(1, model.njoints):
+        model.jointPlacements[j] = few(model.jointPlacements[j])
+    for frame in model.frames:
+        frame.placement = few(frame.placement)
+    return with_warnings(ClosedChain, model, chain.closures, chain.motor_names)
+
+
+def with_warnings(make, *arguments):
     """What `make` gives, and the texts of its warnings."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        result = make(*arguments, **options)
+        result = make(*arguments)
     assert all(w.category is DescriptionWarning for w in caught)
     return result, [str(w.message) for w in caught]
 
@@ -40,97 +114,81 @@ def motions(chain, count=3):
     return np.array(result), *random.normal(size=(2, count, n))
 
 
-def forces(chain, q, va, aa):
-    """Torques in the configurations next to q in which the coordinates stand as there."""
-    q = np.array([chain.assemble(x, chain.coordinates) for x in q])
-    return q, chain.generalized_forces(q, va, aa)
+@pytest.mark.parametrize(("name", "digits"), [*((name, 4) for name in ROBOTS), ("scissor", 7)])
+def test_a_rounded_robot_moves_as_the_exact_one(name, digits):
+    """Freedoms and coordinates are the same, torques are but for its digits.
 
-
-def agree(exact, chain):
-    """Freedoms and coordinates of a rounded robot are those of the exact one."""
-    assert chain.degrees_of_freedom == exact.degrees_of_freedom
+    Its numbers are corrected once: the robot in other coordinates warns no more.
+    """
+    exact = drawn_by_cad(ROBOTS[name]())
+    chain, records = rounded(exact, digits)
+    assert len(records) == 1
+    assert with_warnings(chain.with_coordinates, chain.coordinates)[1] == []
     assert chain.coordinates == exact.coordinates
     mobility, other = chain.mobility(), exact.mobility()
-    assert (mobility.rank, mobility.held) == (other.rank, other.held)
-
-
-def compare(exact, chain, digits):
-    """A rounded robot moves as the exact one, and its torques are the same but for its digits."""
-    agree(exact, chain)
+    assert (mobility.degrees_of_freedom, mobility.rank, mobility.held) == (
+        other.degrees_of_freedom,
+        other.rank,
+        other.held,
+    )
     q, va, aa = motions(exact)
     f = exact.generalized_forces(q, va, aa)
-    q, rounded = forces(chain, q, va, aa)
+    q = np.array([chain.assemble(x, chain.coordinates) for x in q])
     assert np.abs(chain.residual(q)).max() < 1e-11
-    assert np.abs(rounded - f).max() < EXPLAINED * 10.0**-digits * np.abs(f).max()
+    difference = chain.generalized_forces(q, va, aa) - f
+    assert np.abs(difference).max() < EXPLAINED * 10.0**-digits * np.abs(f).max()
     for x, rates in zip(q, va, strict=True):  # an identity of the exact robot, as exact as there
         assert np.abs(chain.Phi(x) @ chain.noc(x, rates).L).max() < 1e-13
 
 
-@pytest.mark.parametrize("digits", [7, 4])
-@pytest.mark.parametrize("name", rr.PLANS)
-def test_a_rounded_robot_moves_as_the_exact_one(name, digits):
-    plan = rr.drawn_by_cad(rr.PLANS[name](), seed=0)
-    chain, records = with_warnings(rr.rounded(plan, digits).chain)
-    assert len(records) == 1
-    compare(plan.chain(), chain, digits)
+#: A bar drawn along x on its parent, and a link at its end.
+LINK = """<link name="{name}"><inertial><origin xyz="{centre} 0 0"/><mass value="1"/>
+<inertia ixx="0.004" iyy="0.004" izz="0.004" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{name}"/>
+<origin xyz="{x} 0 0" rpy="{roll} 0 0"/><axis xyz="0 0 1"/>
+<limit lower="-9" upper="9" effort="9" velocity="9"/></joint>
+<link name="{name}_end"/><joint name="to_{name}_end" type="fixed"><parent link="{name}"/>
+<child link="{name}_end"/><origin xyz="{length} 0 0"/></joint>"""
 
 
-def read(plan, digits, folder):
-    """The robot as a file says it."""
-    path = folder / "robot.urdf"
-    text, yaml = rr.urdf_of(plan, digits)
-    path.with_suffix(".yaml").write_text(yaml)
-    path.write_text(text)
-    return ClosedChain.from_urdf(path)
-
-
-@pytest.mark.parametrize("name", ["four-bar with hinge", "spherical 3-RRR"])
-def test_files_of_few_digits_are_read(tmp_path, name):
-    digits = 5
-    plan = rr.drawn_by_cad(rr.PLANS[name](), seed=3)
-    plan.model.damping[:] = 0
-    chain, records = with_warnings(read, plan, digits, tmp_path)
+def test_right_angles_of_a_file_may_have_few_digits(tmp_path):
+    """A four-bar in the x-z plane whose axes, of rolls 1.5708 and 1.571, are parallel to 2e-4."""
+    rolls = {"crank": "1.5708", "coupler": "0", "rocker": "1.571"}
+    bars = [("crank", "ground", 0.0, 0.1), ("coupler", "crank", 0.1, 0.3)]
+    links = ['<robot name="bar"><link name="ground"/>']
+    for name, parent, x, length in [*bars, ("rocker", "ground", 0.4, 0.25)]:
+        numbers = {"x": x, "length": length, "centre": length / 2, "roll": rolls[name]}
+        links.append(LINK.format(name=name, parent=parent, **numbers))
+    path = tmp_path / "bar.urdf"
+    path.write_text("".join([*links, "</robot>"]))
+    path.with_suffix(".yaml").write_text(
+        "closed_loop: [[coupler_end, rocker_end]]\ntype: [hinge]\nname_mot: [crank]\n"
+    )
+    chain, records = with_warnings(ClosedChain.from_urdf, path)
     assert sum("few digits" in text for text in records) == 1
-    exact = plan.chain(coordinates=chain.coordinates)
-    q, va, aa = motions(exact)
-    f = exact.generalized_forces(q, va, aa)
-    assert chain.degrees_of_freedom == exact.degrees_of_freedom
-    q = np.array([chain.assemble(x, chain.coordinates) for x in q])
-    difference = chain.generalized_forces(q, va, aa) - f
-    assert np.abs(difference).max() < EXPLAINED * 10.0**-digits * np.abs(f).max()
-
-
-def test_a_right_angle_of_five_digits_is_one(tmp_path):
-    """A four-bar drawn in the x-z plane by rpy="1.5708 0 0", which is off by 3.7e-6 rad."""
-    plan = rr.bar("hinge")
-    upright = pin.SE3(pin.exp3(np.pi / 2 * np.eye(3)[0]), np.zeros(3))
-    for j in (1, 3):
-        plan.model.jointPlacements[j] = upright * plan.model.jointPlacements[j]
-    plan.model.gravity.linear = np.array([0, 0, -9.81])
-    text, yaml = rr.urdf_of(plan, 4)
-    assert 'rpy="1.5708 ' in text
-    (tmp_path / "bar.urdf").write_text(text)
-    (tmp_path / "bar.yaml").write_text(yaml)
-    chain = ClosedChain.from_urdf(tmp_path / "bar.urdf")
     q = chain.assemble([1.2, -0.725, 1.969], ["crank"])
-    exact = rr.bar("hinge").chain()
+    exact = ClosedChain(*bar())
     assert_allclose(
         chain.compute_torques(q, [1], [1]), exact.compute_torques(exact.home, [1], [1]), rtol=1e-4
     )
+    problems, records = with_warnings(sst_pin.validate, path)
+    assert not records
+    assert {p.severity for p in problems} == {"note"}
+    assert sum("few digits" in p.text for p in problems) == 1
 
 
 def test_the_warning_says_which_loops_are_open_how_far_and_what_was_changed():
-    plan = rr.bar("hinge", across=2e-4)
-    chain, (records,) = with_warnings(plan.chain)
+    model, *others = bar(across=2e-4)
+    chain, (records,) = with_warnings(ClosedChain, model, *others)
     assert "coupler_end - rocker_end" in records
     assert "few digits" in records
     metres, degrees, by_metres, by_degrees = map(
         float, re.findall(r"([\d.e-]+) (?:m|degrees)\b", records)
     )
     assert metres == pytest.approx(2e-4, rel=0.02)
-    places = zip(plan.model.frames, chain.mechanism.model.frames, strict=True)
+    places = zip(model.frames, chain.mechanism.model.frames, strict=True)
     ways = [pin.log6(a.placement.actInv(b.placement)).vector for a, b in places]
-    places = zip(plan.model.jointPlacements, chain.mechanism.model.jointPlacements, strict=True)
+    places = zip(model.jointPlacements, chain.mechanism.model.jointPlacements, strict=True)
     ways += [pin.log6(a.actInv(b)).vector for a, b in places]
     assert by_metres == pytest.approx(np.abs(ways)[:, :3].max(), rel=0.05)
     assert np.radians(by_degrees) == pytest.approx(np.abs(ways)[:, 3:].max(), rel=0.05)
@@ -138,43 +196,27 @@ def test_the_warning_says_which_loops_are_open_how_far_and_what_was_changed():
     assert degrees < 0.1
 
 
-def test_a_chain_made_of_a_corrected_one_warns_no_more():
-    chain, records = with_warnings(rr.rounded(rr.drawn_by_cad(rr.PLANS["SST"](), 0), 5).chain)
-    assert records
-    _, records = with_warnings(chain.with_coordinates, chain.coordinates)
-    assert not records
-
-
-def test_validate_notes_few_digits_and_finds_no_error(tmp_path):
-    plan = rr.drawn_by_cad(rr.PLANS["four-bar with hinge"](), seed=3)
-    with_warnings(read, plan, 5, tmp_path)
-    problems, records = with_warnings(sst_pin.validate, tmp_path / "robot.urdf")
-    assert not records
-    assert {p.severity for p in problems} == {"note"}
-    assert sum("few digits" in p.text for p in problems) == 1
-
-
 @pytest.mark.parametrize("kind", ["3d", "hinge"])
 def test_a_closure_two_millimetres_across_the_plane_is_refused(kind):
     """On a robot of 0.4 m, when it is made; the error names the loop and the best pose's gap."""
-    plan = rr.bar(kind, across=2e-3)
     with pytest.raises(ClosureError, match="coupler_end - rocker_end") as caught:
-        plan.chain()
+        ClosedChain(*bar(kind, across=2e-3))
     assert caught.value.residual == pytest.approx(2e-3, rel=0.01)
 
 
-@pytest.mark.parametrize("kind", ["3d", "hinge"])
-@pytest.mark.parametrize("tilted", ["crank", "coupler", "rocker"])
+@pytest.mark.parametrize(
+    ("kind", "tilted"), [("3d", "coupler"), ("hinge", "crank"), ("hinge", "rocker")]
+)
 def test_an_axis_tilted_by_a_degree_holds_the_robot(kind, tilted):
-    plan = rr.bar(kind, tilt=np.radians(1), tilted=tilted)
+    model, *others = bar(kind, tilt=np.radians(1), tilted=tilted)
     with pytest.raises(SSTError):
-        plan.chain().compute_torques(plan.model.referenceConfigurations["home"], [0], [0])
+        ClosedChain(model, *others).compute_torques(model.referenceConfigurations["home"], [0], [0])
 
 
 def test_a_motor_whose_joint_is_held_is_named():
     """A loop of three bars holds its motor; an arm beside it moves."""
     bars = [("crank", "universe", 0.0, 0.3), ("strut", "universe", 0.4, 0.2)]
-    model = rr.planar([*bars, ("arm", "universe", 1.0, 0.3)])
+    model = planar([*bars, ("arm", "universe", 1.0, 0.3)])
     closures = [sst_pin.Closure("crank_end", "strut_end", "3d")]
     with pytest.warns(DescriptionWarning, match="joints of the motors crank, which cannot move"):
         chain = ClosedChain(model, closures, ["crank", "arm"])
