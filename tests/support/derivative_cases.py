@@ -193,7 +193,7 @@ CASES = {
 
 
 def assert_frames_move_as_differences_say(case, q, va, random):
-    """The Jacobian's rate and drift, and the derivatives of the velocity by q and va."""
+    """The Jacobian, its rate and drift, and the derivatives of the velocity by q and va."""
     chain = case.chain
     frame = chain.model.frames[-1].name
     J, drift = chain.frame_jacobian(q, frame), chain.frame_drift(q, va, frame)
@@ -202,6 +202,11 @@ def assert_frames_move_as_differences_say(case, q, va, random):
         sides = [case.at(q, rates, k * H) for k in STEPS]
         return np.tensordot(WEIGHTS, chain.frame_jacobian(sides, frame), 1) / H
 
+    places = chain.frame_placement([case.at(q, va, k * H) for k in STEPS], frame)
+    p_dot, R_dot = (np.tensordot(WEIGHTS, place, 1) / H for place in places)
+    close(J[:3] @ va, p_dot, 1e-9)
+    # A platform that does not turn has the rounding over the step.
+    close(pin.skew(J[3:] @ va), R_dot @ chain.frame_placement(q, frame)[1].T, 1e-9, least=1.0)
     J_dot, way = chain.frame_jacobian_rate(q, va, frame), case.way(q, random)
     close(J_dot, derivative_of_J(va), 1e-8)
     close(J_dot @ va, drift, 1e-12)
