@@ -45,7 +45,7 @@ def tension_and_row(chain, line, q, va):
     return length, tension + line.damping * row @ va, row
 
 
-def random_states(chain, count=5):
+def random_states(chain, count=3):
     return zip(*states(chain, count, seed=0), strict=True)
 
 
@@ -119,7 +119,7 @@ def test_derivatives_are_those_of_differences(name):
     robot, motors, forces = LINES_AND_MOTORS[name]()
     some = case(robot.model, robot.closures, motors, forces=forces)
     random = np.random.default_rng(1)
-    for state in some.states(3):
+    for state in some.states(2):
         assert_derivatives_are_those_of_differences(some, *state, random)
 
 

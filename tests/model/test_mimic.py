@@ -3,7 +3,6 @@
 
 import copy
 import pickle
-from itertools import product
 
 import numpy as np
 import pinocchio as pin
@@ -17,7 +16,6 @@ from tests.support.by_hand import add, mark
 
 FACTOR, OFFSET = -0.7, 0.3
 KINDS = {
-    "RZ": pin.JointModelRZ(),
     "PY": pin.JointModelPY(),
     "unaligned": pin.JointModelRevoluteUnaligned(np.array([0.0, 0.6, -0.8])),
 }
@@ -35,6 +33,7 @@ JOINTS = (
 FOLLOWERS = [("e", "b", FACTOR, OFFSET), ("f", "a", 1.4, -0.2)]
 #: The mimic joint carries the loop, or hangs behind a branch that is in no loop.
 LOOPS = {"inside": ("f", "g"), "outside": ("c", "d")}
+TWO = ("two", "inside")
 
 
 def ordinary(kind, seed=0):
@@ -49,7 +48,7 @@ def ordinary(kind, seed=0):
     return model
 
 
-@pytest.fixture(params=[*product(KINDS, LOOPS), ("two", "inside")], ids="-".join)
+@pytest.fixture(params=[("PY", "outside"), ("unaligned", "inside"), TWO], ids="-".join)
 def pair(request):
     """The chain with mimic joints, with couplings, and q and the rates of these joints there."""
     kind, loop = request.param
@@ -87,7 +86,7 @@ def test_dynamics_are_those_of_the_coupled_robot(pair):
     """To 1e-10 of the largest, derivatives to 1e-9: that is rounding."""
     a, b, to_b, k = pair
     random = np.random.default_rng(3)
-    for q, va, aa in zip(*states(a, 5, 2), strict=True):
+    for q, va, aa in zip(*states(a, 3, 2), strict=True):
         Q = to_b(q)
         assert np.abs(b.residual(Q)).max() < 1e-10
         wrenches = random.normal(size=(a.model.njoints - 1, 6))
@@ -165,6 +164,7 @@ def test_a_urdf_read_with_its_mimic_joints_is_computed():
     assert_allclose(chain.Phi(q), [[0.0], [0.0], [-2.0]], atol=1e-12)
 
 
+@pytest.mark.parametrize("pair", [TWO], indirect=True)
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda c: pickle.loads(pickle.dumps(c))])
 def test_the_model_of_a_copied_robot_computes(pair, copied):
     """Mimic joints of an unpickled model end the process; a robot has a copy of it."""

@@ -9,7 +9,7 @@ import sst_pin
 
 TYPES = (pin.FrameType.JOINT, pin.FrameType.OP_FRAME, pin.FrameType.BODY, pin.FrameType.SENSOR)
 PLACE = pin.SE3(pin.exp3(np.array([0.3, -0.2, 0.5])), np.array([0.1, 0.2, 0.3]))
-Q = np.array([0.3, -0.4, 0.6])
+Q = np.array([0.3, 0.0, 0.6])
 
 
 def bars(framed):
@@ -22,16 +22,14 @@ def bars(framed):
 
 @pytest.mark.parametrize(("framed", "name"), [(True, "mine"), (False, "mine"), (False, "crank")])
 @pytest.mark.parametrize("kind", TYPES)
-@pytest.mark.parametrize("locked", ["crank", "coupler", "rocker"])
-def test_frames_stay_where_they_are(framed, name, kind, locked):
-    """On the body that bears them; also one with the name of a joint that has no frame."""
+def test_frames_stay_where_they_are(framed, name, kind):
+    """On a body whose joint is locked; also one with the name of a joint that has no frame."""
     old = bars(framed)
     old.addFrame(pin.Frame(name, old.getJointId("coupler"), PLACE, kind))
-    q = np.where(np.array(list(old.names)[1:]) == locked, 0.0, Q)
-    chain = sst_pin.ClosedChain(old, [], [], locked=[locked])
+    chain = sst_pin.ClosedChain(old, [], [], locked=["coupler"])
     before = old.createData()
-    pin.framesForwardKinematics(old, before, q)
-    position, R = chain.frame_placement(np.delete(q, old.getJointId(locked) - 1), name)
+    pin.framesForwardKinematics(old, before, Q)
+    position, R = chain.frame_placement(Q[[0, 2]], name)
     there = before.oMf[old.getFrameId(name, kind)]
     np.testing.assert_allclose(position, there.translation, atol=1e-14)
     np.testing.assert_allclose(R, there.rotation, atol=1e-14)
