@@ -12,20 +12,17 @@ from sst_pin import ClosedChain
 from tests.support.bad_calls import faults
 
 #: Methods that compile, show, read files, or take nothing.
-OTHERS = {"from_description", "with_model"}
+OTHERS = {"from_description", "with_model", "casadi", "compile", "from_mjcf", "from_urdf"}
+OTHERS |= {"generic_configuration", "refresh", "show"}
 #: Methods whose own tests refuse what is no name of a parameter or a joint, and no device.
 OTHERS |= {"assembly_modes", "design_derivatives", "warp", "with_design"}
-OTHERS |= {
-    "casadi",
-    "compile",
-    "from_mjcf",
-    "from_urdf",
-    "generic_configuration",
-    "refresh",
-    "show",
-}
 #: Texts that may be anything.
 FREE = {"stopped"}
+
+
+#: What kernels of vectors, of matrices, of derivatives and of motions are called by.
+COMPILED = ["compute_torques", "compute_accelerations", "reduced_terms", "torque_derivatives"]
+COMPILED += ["rollout", "simulate"]
 
 
 @cache
@@ -33,8 +30,7 @@ def robot(name):
     if name == "SST":
         return sst_pin.SST()
     chain = sst_pin.robots.four_bar()
-    if name == "compiled four-bar":
-        chain.compile()
+    chain.compile()
     return chain
 
 
@@ -58,13 +54,9 @@ def good_arguments(name):
     return good, special
 
 
-METHODS = [
-    (name, method)
-    for name, kind in (
-        ("compiled four-bar", ClosedChain),
-        ("SST", sst_pin.SST),
-    )
-    for method, _ in inspect.getmembers(kind, callable)
+METHODS = [("compiled four-bar", method) for method in COMPILED] + [
+    ("SST", method)
+    for method, _ in inspect.getmembers(sst_pin.SST, callable)
     if not method.startswith("_") and method not in OTHERS
 ]
 
