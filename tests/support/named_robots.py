@@ -6,6 +6,7 @@ from functools import cache
 from pathlib import Path
 
 import sst_pin
+from tests.gallery import EVERY_ROBOT
 from tests.support import any_chain
 from tests.support.files import load
 
@@ -34,4 +35,4 @@ def robot_named(name):
             return sst_pin.ClosedChain.from_mjcf(path, locked=cassie.HELD)
     if name in any_chain.JOINTS or name in any_chain.IN_A_ROW:
         return any_chain.with_joint(name)
-    return (OTHERS.get(name) or getattr(sst_pin.robots, name))()
+    return (OTHERS.get(name) or EVERY_ROBOT[name])()
