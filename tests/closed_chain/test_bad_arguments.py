@@ -18,7 +18,7 @@ def remade(chain: ClosedChain, **options) -> ClosedChain:
     return ClosedChain(chain.model, chain.closures, ["a1", "b1"], **options)
 
 
-@pytest.mark.parametrize("length", [0.0, 1e-3, 2.0, 1e200])
+@pytest.mark.parametrize("length", [0.0, 2.0, 1e200])
 def test_a_spring_is_at_rest_on_the_manifold(length):
     ball = any_chain.with_joint("spherical")
     reference = pin.neutral(ball.model)
@@ -44,14 +44,14 @@ def test_values_beside_names_and_names_without_order_are_refused(make):
 
 
 @pytest.mark.parametrize("name", ["inertias", "jointPlacements", "joints", "parents", "supports"])
-@pytest.mark.parametrize("change", ["shorter", "longer", "empty"])
-def test_lists_of_a_model_that_were_resized_are_refused_before_a_copy(name, change):
+@pytest.mark.parametrize("longer", [False, True])
+def test_lists_of_a_model_that_were_resized_are_refused_before_a_copy(name, longer):
     """Pinocchio would end the process."""
     chain = five_bar(["a1", "b1"])
     entries = getattr(chain.model, name)
-    if change == "longer":
+    if longer:
         entries.append(entries[len(entries) - 1])
-    for _ in range({"shorter": 1, "longer": 0, "empty": len(entries)}[change]):
+    else:
         del entries[len(entries) - 1]
     for make in (chain.refresh, lambda: remade(chain), lambda: remade(chain, locked=["a2"])):
         with pytest.raises(DescriptionError, match=f"{name}: . entries, 5 are needed"):
@@ -117,7 +117,11 @@ def _turned(R):
 @pytest.mark.parametrize(
     ("attribute", "value", "said"),
     [
-        ("frames", pin.Frame("e", 99, pin.SE3.Identity(), pin.FrameType.OP_FRAME), "no joint 99"),
+        (
+            "frames",
+            pin.Frame("e", 99, pin.SE3.Identity(), pin.FrameType.OP_FRAME),
+            "parent joint 99",
+        ),
         (
             "frames",
             pin.Frame("e", 1, _turned(np.eye(3) / 2), pin.FrameType.OP_FRAME),

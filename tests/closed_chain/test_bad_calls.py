@@ -20,9 +20,8 @@ OTHERS |= {"assembly_modes", "design_derivatives", "warp", "with_design"}
 FREE = {"stopped"}
 
 
-#: What kernels of vectors, of matrices, of derivatives and of motions are called by.
-COMPILED = ["compute_torques", "compute_accelerations", "reduced_terms", "torque_derivatives"]
-COMPILED += ["rollout", "simulate"]
+#: What kernels of quantities, of derivatives and of motions are called by.
+COMPILED = ["compute_torques", "torque_derivatives", "rollout", "simulate"]
 
 
 @cache

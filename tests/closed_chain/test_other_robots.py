@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """`ClosedChain` holds for any closed chain: planar, spatial and spherical, redundant or not."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -11,7 +13,7 @@ from tests.support.derivative_cases import close
 from tests.support.differences import derivative
 from tests.support.link_tables import ROBOTS, Robot, derivatives
 
-STATES = range(4)
+STATES = range(2)
 
 
 @pytest.fixture(scope="module", params=ROBOTS)
@@ -31,11 +33,11 @@ def random_state(robot, seed):
     return x, *random.uniform(-1, 1, (2, n)), random.uniform(-5, 5, (len(robot.links), 6))
 
 
+@pytest.fixture(scope="module")
 def states(robot):
     """Some states of motion, with the torques of the principle of virtual work."""
-    for seed in STATES:
-        *state, wrenches = random_state(robot, seed)
-        yield robot.motion(*state, wrenches), wrenches
+    made = (random_state(robot, seed) for seed in STATES)
+    return [(robot.motion(*state, wrenches), wrenches) for *state, wrenches in made]
 
 
 @pytest.mark.parametrize("generic", [True, False])
@@ -62,9 +64,9 @@ def test_assembly_finds_the_passive_joints(robot, chain):
         assert_allclose(chain.assemble(guess), q, rtol=0, atol=1e-10)
 
 
-def test_L_is_an_orthogonal_complement_of_Phi(robot, chain):
+def test_L_is_an_orthogonal_complement_of_Phi(robot, chain, states):
     """Phi L = 0 in all rows, the motors' rows of L are the unit matrix, and q_dot = L va."""
-    for motion, _ in states(robot):
+    for motion, _ in states:
         terms = chain.noc(motion.q, motion.va)
         m, n = terms.L.shape
         # Rounding times a condition number below 100; first rates by Cauchy's integrals likewise.
@@ -76,32 +78,27 @@ def test_L_is_an_orthogonal_complement_of_Phi(robot, chain):
         close(chain.joint_rates(motion.q, motion.va), motion.q_dot, 1e-13)
 
 
-def test_torques_obey_the_principle_of_virtual_work(robot, chain):
+def test_torques_obey_the_principle_of_virtual_work_and_accelerations_invert_them(chain, states):
     """With weight, inertia, rotors, friction in all joints and a wrench on every body."""
-    for motion, wrenches in states(robot):
-        tau = chain.compute_torques(motion.q, motion.va, motion.aa, external_wrenches=wrenches)
+    for motion, wrenches in states:
+        given = {"external_wrenches": wrenches}
         # Cauchy's integrals leave 1e-16 / 0.1^2, the condition number multiplies it by up to 100.
-        close(tau, motion.tau, 1e-12)
+        close(chain.compute_torques(motion.q, motion.va, motion.aa, **given), motion.tau, 1e-12)
+        # Times the condition number of the inertia matrix, below 10.
+        close(
+            chain.compute_accelerations(motion.q, motion.va, motion.tau, **given), motion.aa, 1e-11
+        )
 
 
-def test_the_long_form_adds_up_to_the_torques(robot, chain):
+def test_the_long_form_adds_up_to_the_torques(chain, states):
     """tau = inertia aa + coriolis va - gravity - friction, Eq. (92)."""
-    for motion, _ in states(robot):
+    for motion, _ in states:
         terms = chain.noc(motion.q, motion.va)
         tau = (
             terms.inertia @ motion.aa + terms.coriolis @ motion.va - terms.gravity - terms.friction
         )
         # Two orders of the same sums: rounding times a condition number below 100.
         close(tau, chain.compute_torques(motion.q, motion.va, motion.aa), 1e-12)
-
-
-def test_accelerations_invert_the_torques(robot, chain):
-    for motion, wrenches in states(robot):
-        aa = chain.compute_accelerations(
-            motion.q, motion.va, motion.tau, external_wrenches=wrenches
-        )
-        # As for the torques, times the condition number of the inertia matrix, below 10.
-        close(aa, motion.aa, 1e-11)
 
 
 def test_energies_are_the_sums_over_the_bodies(robot, chain):
@@ -118,12 +115,7 @@ def test_energies_are_the_sums_over_the_bodies(robot, chain):
 
 
 @pytest.mark.parametrize(
-    ("name", "motors"),
-    [
-        ("four-bar", []),
-        ("planar 3-RRR", ["shoulder_1", "shoulder_2"]),
-        ("spherical 3-RRR", ["first_0", "second_0"]),
-    ],
+    ("name", "motors"), [("four-bar", []), ("spherical 3-RRR", ["first_0", "second_0"])]
 )
 def test_too_few_motors_leave_loose_joints(name, motors):
     robot = ROBOTS[name]
@@ -162,9 +154,7 @@ def test_an_open_loop_is_refused(robot, chain):
         assert caught.value.residual == pytest.approx(opened)
 
 
-@pytest.mark.parametrize(
-    "name", ["four-bar", "four-bar, coupler welded", "four-bar, coupler aligned and pinned"]
-)
+@pytest.mark.parametrize("name", ["four-bar", "four-bar, coupler aligned and pinned"])
 def test_a_stretched_four_bar_is_singular_for_a_motor_at_the_rocker(name):
     """With crank and coupler in line, the rocker's rate does not say where the crank goes."""
     robot = ROBOTS[name]
@@ -180,21 +170,26 @@ def test_a_stretched_four_bar_is_singular_for_a_motor_at_the_rocker(name):
     assert conditions[0, 1] > 1e10
     assert not chain.mobility(stretched).sufficient
     for compute in (chain.compute_torques, chain.compute_accelerations):
-        with pytest.raises(SingularConfigurationError) as caught:
+        with pytest.raises(SingularConfigurationError, match="condition number") as caught:
             compute(stretched, [0], [0])
         assert caught.value.condition_number > 1e10
+        with pytest.raises(
+            SingularConfigurationError, match=r"2 of 4 samples \(index 1, 3\)"
+        ) as caught:
+            compute([moving, stretched] * 2, [0], [0])
+        assert caught.value.samples == ((1,), (3,))
     robot.chain().compute_torques(stretched, [0], [0])  # for the crank's motor it is not
 
 
-@pytest.mark.parametrize("name", ["L", "K", "T"])
-def test_the_rates_of_the_complement_are_its_derivatives(robot, chain, name):
+def test_the_rates_of_the_complement_are_its_derivatives(robot, chain):
     x, x_dot, *_ = random_state(robot, 0)
     q, q_dot, _ = derivatives(robot.joints, x, x_dot)
 
-    def matrix(t):
-        q = robot.joints(x + x_dot * t).real
-        return getattr(chain.noc(q, np.zeros(len(x))), name)
+    @cache
+    def terms(t):
+        return chain.noc(robot.joints(x + x_dot * t).real, np.zeros(len(x)))
 
-    rate = getattr(chain.noc(q, q_dot[robot.motors]), name + "_dot")
-    # The differences' truncation.
-    close(rate, derivative(matrix), 1e-9)
+    now = chain.noc(q, q_dot[robot.motors])
+    for name in "LKT":
+        rate = derivative(lambda t, name=name: getattr(terms(t), name))
+        close(getattr(now, name + "_dot"), rate, 1e-9)  # the differences' truncation

@@ -10,7 +10,7 @@ from tests.gallery import ladder
 ROBOTS = {
     "SST": sst_pin.SST,
     "four-bar": sst_pin.robots.four_bar,
-    "ladder": lambda: ladder(24),
+    "ladder": lambda: ladder(12),
 }
 
 
