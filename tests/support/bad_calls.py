@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as arrays
 
 from sst_pin import SSTError
 
@@ -58,19 +56,6 @@ BY_TYPE = {
 }  # fmt: skip
 ARRAYS = ("ArrayLike", "Array", "ForwardRef('Array')", "Sequence[ArrayLike]", "Torque", "Load")
 OPTIONS = {"out": "Array | None", "threads": "int", "on_error": "str"}
-#: Values that NumPy takes for arrays of anything but real numbers, of any shape.
-not_real_arrays = st.sampled_from(NOT_REAL) | arrays.arrays(
-    st.one_of(
-        arrays.complex_number_dtypes(), arrays.unicode_string_dtypes(), arrays.boolean_dtypes()
-    ),
-    arrays.array_shapes(max_dims=3, max_side=3),
-)
-
-
-def real_arrays() -> st.SearchStrategy[np.ndarray]:
-    """Arrays of whole and real numbers, NaN and infinities among them."""
-    kinds = arrays.integer_dtypes() | arrays.unsigned_integer_dtypes() | arrays.floating_dtypes()
-    return arrays.arrays(kinds, arrays.array_shapes(min_dims=0, max_dims=3, max_side=3))
 
 
 def bad_arrays(good: Any) -> Iterator[Any]:
