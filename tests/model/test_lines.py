@@ -7,10 +7,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 import sst_pin
-from sst_pin import ClosedChain, Closure, LineForce
+from sst_pin import ClosedChain, LineForce
 from tests.support.any_chain import chain as arm
 from tests.support.any_chain import mimicking, states, with_joint
-from tests.support.by_hand import at, mark
 from tests.support.derivative_cases import (
     assert_derivatives_are_those_of_differences,
     case,
@@ -51,14 +50,18 @@ def random_states(chain, count=3):
 
 @pytest.mark.parametrize("name", ["revolute", "spherical", "composite", "free-flyer"])
 def test_a_line_does_the_work_of_two_opposed_forces(name):
-    """f without lines less f with them is the sum of minus tension times the row of the length."""
-    chain, bare = with_lines(with_joint(name))
+    """f without lines less f with them is the sum of minus tension times the row of the length.
+
+    A motor on a line pushes along the same row.
+    """
+    chain, bare = with_lines(with_joint(name), [STRUTS[1].name])
     for q, va, aa in random_states(chain):
         f = bare.generalized_forces(q, va, aa) - chain.generalized_forces(q, va, aa)
         expected = [tension_and_row(chain, line, q, va) for line in STRUTS]
         pulls = -sum(tension * row for _, tension, row in expected)
         close(f, pulls, 1e-12 * np.abs(bare.generalized_forces(q, va, aa)).max())
         assert_allclose(chain.line_lengths(q), [length for length, *_ in expected], rtol=1e-13)
+        close(chain.actuator_jacobian(q)[0], expected[1][2], 1e-13)
 
 
 def test_terms_hold_springs_and_dampers_of_lines():
@@ -77,36 +80,6 @@ def test_terms_hold_springs_and_dampers_of_lines():
         close(bare.noc(q, va).friction - terms.friction, damped, 1e-12)
 
 
-def test_a_motor_on_a_line_is_a_cylinder_without_mass():
-    """The force is that in the slide of a strut with hinges, whose bodies weigh nothing."""
-    bar = sst_pin.robots.four_bar()
-    line = LineForce("foot", "platform", stiffness=40, rest_length=0.3, damping=9, preload=-5)
-    model = pin.Model(bar.model)
-    foot = at(-0.2, 0, -0.1)
-    mark(model, 0, "foot", foot)
-    chain = ClosedChain(model, bar.closures, [line.name], forces=[line], coordinates=["crank"])
-
-    upright = bar.model.jointPlacements[1].rotation
-    turn = model.addJoint(0, pin.JointModelRZ(), pin.SE3(upright, foot.translation), "turn")
-    mark(model, model.addJoint(turn, pin.JointModelPX(), at(), "slide"), "rod", at())
-    model.referenceConfigurations["home"] = np.array([*bar.home, 1.2, 0.6])
-    closures = [*bar.closures, Closure("rod", "platform", (True, True, True, False, False, False))]
-    D, k, rest = np.zeros(5), np.zeros(5), np.zeros(5)
-    D[4], k[4], rest[4] = 9, 40, 0.3 + 5 / 40
-    strut = ClosedChain(
-        model, closures, ["slide"], coordinates=["crank"],
-        viscous_friction=D, stiffness=k, spring_reference=rest,
-    )  # fmt: skip
-    for angle in (0.2, 1.0, 2.0, 4.0):
-        q = chain.assemble([angle, *bar.home[1:]])
-        d = upright.T @ (bar.platform_pose(q)[:3, 3] - foot.translation)
-        whole = strut.assemble([*q, np.arctan2(d[1], d[0]), np.linalg.norm(d)])
-        for va, aa in ((0, 0), (2, -3)):
-            tau = chain.compute_torques(q, [va], [aa])
-            assert_allclose(tau, strut.compute_torques(whole, [va], [aa]), rtol=1e-9)
-        assert_allclose(chain.motor_rates(q, [1]), strut.motor_rates(whole, [1]), rtol=1e-10)
-
-
 LINES_AND_MOTORS = {
     "universal": lambda: (with_joint("universal"), ["body", STRUTS[1].name], STRUTS),
     "mimic": lambda: (mimicking("hinge"), ["body"], STRUTS),
@@ -121,30 +94,6 @@ def test_derivatives_are_those_of_differences(name):
     random = np.random.default_rng(1)
     for state in some.states(2):
         assert_derivatives_are_those_of_differences(some, *state, random)
-
-
-def test_reactions_are_those_under_wrenches_that_pull_as_the_lines_do():
-    """In joints and closures; the ground gives what it gives by the line from it as well."""
-    chain, bare = with_lines(with_joint("revolute"))
-    model, data = chain.model, chain.model.createData()
-    for q, va, aa in random_states(chain, 2):
-        pin.framesForwardKinematics(model, data, q)
-        wrenches, by_ground = np.zeros((model.njoints, 6)), np.zeros(6)
-        for line in STRUTS:
-            _, tension, _ = tension_and_row(chain, line, q, va)
-            ends = [model.frames[model.getFrameId(name)] for name in (line.frame_a, line.frame_b)]
-            p = [(data.oMi[end.parentJoint] * end.placement).translation for end in ends]
-            pull = tension * (p[1] - p[0]) / np.linalg.norm(p[1] - p[0])
-            for end, place, force in zip(ends, p, (pull, -pull), strict=True):
-                centre = data.oMi[end.parentJoint].act(model.inertias[end.parentJoint].lever)
-                wrenches[end.parentJoint] += [*np.cross(place - centre, force), *force]
-                if not end.parentJoint:
-                    by_ground -= [*np.cross(place, force), *force]
-        pulled = chain.reactions(q, va, aa)
-        same = bare.reactions(q, va, aa, external_wrenches=wrenches[1:])
-        for name in ("joints", "closures", "motors"):
-            close(getattr(pulled, name), getattr(same, name), 1e-10)
-        close(pulled.ground, same.ground + by_ground, 1e-11)
 
 
 def test_both_ends_in_one_place_have_no_direction():

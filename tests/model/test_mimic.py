@@ -147,23 +147,6 @@ def test_mimic_joints_that_pinocchio_computes_wrongly_are_refused(kind, factor):
         ClosedChain(model, [Closure("f_end", "g_end", "3d")], ["a"])
 
 
-URDF = """<robot name="gripper"><link name="base"/><link name="x"/><link name="y"/>
-<joint name="one" type="revolute"><parent link="base"/><child link="x"/><axis xyz="0 0 1"/>
-<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
-<joint name="two" type="revolute"><parent link="base"/><child link="y"/><axis xyz="0 0 1"/>
-<limit lower="-1" upper="1" effort="1" velocity="1"/>
-<mimic joint="one" multiplier="-1.0" offset="0.2"/></joint></robot>"""
-
-
-def test_a_urdf_read_with_its_mimic_joints_is_computed():
-    """Two fingers that turn against each other: Phi of a coupling of their angle is that of q."""
-    model = pin.buildModelFromXML(URDF, mimic=True)
-    chain = ClosedChain(model, [Closure("x", "y", "orientation")], ["one"])
-    q = chain.assemble([0.4], ())
-    assert_allclose(q, [0.1], atol=1e-12)
-    assert_allclose(chain.Phi(q), [[0.0], [0.0], [-2.0]], atol=1e-12)
-
-
 @pytest.mark.parametrize("pair", [TWO], indirect=True)
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda c: pickle.loads(pickle.dumps(c))])
 def test_the_model_of_a_copied_robot_computes(pair, copied):

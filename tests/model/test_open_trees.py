@@ -122,18 +122,6 @@ def test_a_free_motion_keeps_its_energy_and_obeys_pinocchio(method):
     assert np.ptp(energy) < {"simulate": 1e-9, "rollout": 1e-6}[method]
 
 
-def test_too_few_motors_and_coordinates_are_refused_as_in_any_robot():
-    model = model_of("arm")
-    few = ClosedChain(model, [], ["joint_1", "joint_2"])
-    q, rates = pin.neutral(model), np.ones(7)
-    with pytest.raises(sst_pin.ActuationError, match="joint_3"):
-        few.compute_torques(q, rates, rates)
-    with pytest.raises(sst_pin.SingularConfigurationError, match="joint_7"):
-        ClosedChain(model, [], [], coordinates=["joint_1"]).generalized_forces(q, [1], [1])
-    held = ClosedChain(model, [], ["joint_1"], locked=[f"joint_{k}" for k in range(2, 8)])
-    assert held.coordinates == ("joint_1",)
-
-
 ARM = """<robot name="arm">
  <link name="base"/>
  <link name="upper"><inertial><origin xyz="0.2 0 0"/><mass value="2"/>
