@@ -80,30 +80,18 @@ def chain():
     return build(floating())
 
 
-def numbers(chain, q, random):
-    n = chain.mobility(q).degrees_of_freedom
-    va, aa = random.normal(size=(2, n))
-    return np.concatenate(
-        [
-            chain.generalized_forces(q, va, aa),
-            chain.generalized_forces(np.stack([q, q]), va, aa).ravel(),
-            chain.compute_accelerations(q, va, np.ones(len(chain.motor_names))),
-            chain.noc(q, va).inertia.ravel(),
-            np.atleast_1d(chain.potential_energy(q)),
-        ]
-    )
-
-
 def everything(chain, q, random):
     """All results that depend on the numbers of a model, by single samples and by batches."""
-    n, m = chain.degrees_of_freedom, len(chain.motor_names)
+    n, m = chain.mobility(q).degrees_of_freedom, len(chain.motor_names)
     va, aa = random.normal(size=(2, n))
-    result = [numbers(chain, q, random), chain.friction.viscous, chain.friction.coulomb]
+    result = [chain.friction.viscous, chain.friction.coulomb, chain.noc(q, va).inertia]
+    frame = chain.model.frames[1].name
     for x in (q, np.stack([q, q])):
         result += chain.torque_derivatives(x, va, aa)
         result += chain.acceleration_derivatives(x, va, np.ones(m))
         result += [chain.compute_accelerations(x, va, np.ones(m)), chain.joint_rates(x, va)]
-        result += [chain.kinetic_energy(x, va), chain.frame_jacobian(x, "A")]
+        result += [chain.generalized_forces(x, va, aa), chain.potential_energy(x)]
+        result += [chain.kinetic_energy(x, va), chain.frame_jacobian(x, frame)]
     return np.concatenate([np.ravel(x) for x in result])
 
 
@@ -118,7 +106,8 @@ def test_a_changed_model_counts_after_refresh_and_not_before(chain, name):
     q = np.concatenate([q, np.zeros(model.nq - len(q))])
     model.referenceConfigurations["home"] = q
     chain.refresh()
-    one, other = (numbers(c, q, np.random.default_rng(0)) for c in (chain, build(pin.Model(model))))
+    new = build(pin.Model(model))
+    one, other = (everything(robot, q, np.random.default_rng(0)) for robot in (chain, new))
     assert np.array_equal(one, other)
 
 
@@ -200,10 +189,10 @@ def test_copies_threads_and_other_processes_compute_the_same(make):
     chain = make()
     states = any_chain.states(chain, 8, 0)
     q, random = states[0][0], np.random.default_rng
-    wanted = numbers(chain, q, random(0))
+    wanted = everything(chain, q, random(0))
     for copied in (copy.copy, copy.deepcopy, lambda c: pickle.loads(pickle.dumps(c))):
         other = copied(chain)
-        assert np.array_equal(numbers(other, q, random(0)), wanted)
+        assert np.array_equal(everything(other, q, random(0)), wanted)
         for name in ("coordinates", "forces", "path"):
             assert getattr(other, name) == getattr(chain, name)
     forces, wanted = chain.forces, [chain.generalized_forces(*x) for x in zip(*states, strict=True)]
