@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Closed robots as others describe them go through the dynamics."""
 
-from pathlib import Path
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -10,9 +8,9 @@ import pytest
 import sst_pin
 from sst_pin.verification.verify import verify_chain
 from tests.support.files import ROOT, load
+from tests.support.named_robots import cassie, robot_named
 
 example = load("examples/standing_cassie.py")
-cassie = load("examples/cassie.py")
 
 
 @pytest.fixture(scope="module")
@@ -21,15 +19,8 @@ def delta() -> sst_pin.ClosedChain:
 
 
 @pytest.fixture(scope="module")
-def floating_cassie(tmp_path_factory) -> Path:
-    path = tmp_path_factory.mktemp("cassie") / "cassie.xml"
-    path.write_text(cassie.mjcf())
-    return path
-
-
-@pytest.fixture(scope="module")
-def cassie_on_a_stand(floating_cassie) -> sst_pin.ClosedChain:
-    return sst_pin.ClosedChain.from_mjcf(floating_cassie, locked=cassie.HELD)
+def cassie_on_a_stand() -> sst_pin.ClosedChain:
+    return robot_named("cassie")
 
 
 @pytest.mark.parametrize(
@@ -53,16 +44,15 @@ def test_cassie_has_one_motor_for_each_freedom_once_its_springs_are_stiff(cassie
 
 def test_the_platform_of_a_delta_does_not_turn_and_obeys_three_spheres(delta):
     """Each arm's end is a rod's length from the platform: the direct kinematics of Clavel."""
-    data, names = delta.model.createData(), delta.position_names
+    names = delta.position_names
     guess = {"platform_1a_qy": -np.sin(0.4), "platform_1a_qw": np.cos(0.4)}
     guess |= {name: 0.7 for name in names if name.startswith("elbow") and name.endswith("Y")}
     for motors in np.random.default_rng(0).uniform(-0.4, 0.4, (5, 3)):
         guess |= {f"motor_{k + 1}": angle for k, angle in enumerate(motors)}
         q = delta.assemble([guess.get(name, 0.0) for name in names])
-        pin.framesForwardKinematics(delta.model, data, q)
-        pose = data.oMf[delta.model.getFrameId("platform")]
-        assert np.abs(pose.rotation - np.eye(3)).max() < 1e-10
-        centre = pose.translation - [0.05, 0.04, 0]  # its frame is at a rod's end
+        p, R = delta.frame_placement(q, "platform")
+        assert np.abs(R - np.eye(3)).max() < 1e-10
+        centre = p - [0.05, 0.04, 0]  # its frame is at a rod's end
         turns = 2 * np.pi / 3 * np.arange(3)
         out = np.stack([np.cos(turns), np.sin(turns), np.zeros(3)], axis=1)
         elbows = (0.12 - 0.05 + 0.15 * np.cos(motors))[:, None] * out
