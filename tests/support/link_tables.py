@@ -8,7 +8,7 @@ work: no constraint Jacobian, no orthogonal complement, no recursive Newton-Eule
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -78,12 +78,11 @@ class Robot:
         self.armature = random.uniform(0, 0.1, m)
         self.viscous, self.coulomb = random.uniform(0, 2, (2, m))
 
-    def model(self, order: Sequence[int] | None = None) -> pin.Model:
-        """The tree, with the frames where it is cut; its joints added in an order."""
-        model, order = pin.Model(), list(order or range(len(self.links)))
+    def model(self) -> pin.Model:
+        """The tree, with the frames where it is cut."""
+        model = pin.Model()
         model.gravity.linear = GRAVITY
-        for i in order:
-            link = self.links[i]
+        for i, link in enumerate(self.links):
             parent = model.getJointId(link.parent) if link.parent else 0
             body = pin.Inertia(self.masses[i], self.levers[i], self.inertias[i])
             place = pin.SE3(link.turned, link.origin)
@@ -91,19 +90,13 @@ class Robot:
         for frame in self.frames:
             joint = model.getJointId(frame.link)
             mark(model, joint, frame.name, pin.SE3(frame.turned, frame.origin))
-        numbers = (x[order] for x in (self.armature, self.viscous, self.coulomb))
-        model.armature, model.damping, model.friction = numbers
+        model.armature, model.damping, model.friction = self.armature, self.viscous, self.coulomb
         return model
 
     def chain(self, actuated: Sequence[str] | None = None, **options) -> ClosedChain:
         """The robot as the package sees it."""
         motors = self.actuated if actuated is None else actuated
         return ClosedChain(self.model(), self.closures, motors, **options)
-
-    def frictionless(self) -> ClosedChain:
-        """The robot without joint friction."""
-        none = np.zeros(len(self.links))
-        return self.chain(viscous_friction=none, coulomb_friction=none)
 
     def bodies(self, x: np.ndarray) -> np.ndarray:
         """Orientation and mass centre of each body as columns, shape (..., m, 3, 4)."""
@@ -282,26 +275,8 @@ def four_bar(plane=PLANE_XZ) -> Robot:
     )
 
 
-def four_bar_in_one_branch() -> Robot:
-    """The crank-rocker in a skew plane as a serial arm whose tip is pinned to the ground."""
-    u, _, normal = SKEW_PLANE
-    branched = four_bar()
-
-    def joints(x):
-        crank, coupler, rocker = np.moveaxis(branched.joints(x), -1, 0)
-        return np.stack([crank, coupler, rocker - np.pi - crank - coupler], axis=-1)
-
-    links = [
-        Link("crank", "", 0 * u, normal),
-        Link("coupler", "crank", CRANK * u, normal),
-        Link("rocker", "coupler", COUPLER * u, normal),
-    ]
-    frames = [Frame("A", "universe", GROUND * u), Frame("B", "rocker", ROCKER * u)]
-    return replace(branched, links=links, frames=frames, joints=joints)
-
-
-def four_bar_with_cut_coupler(*kinds: str) -> Robot:
-    """The crank-rocker in a skew plane, its coupler cut in the middle and welded there."""
+def four_bar_with_cut_coupler() -> Robot:
+    """The crank-rocker in a skew plane, its coupler cut in the middle, aligned and pinned there."""
     u, v, normal = SKEW_PLANE
     pinned = four_bar(SKEW_PLANE)
 
@@ -316,7 +291,7 @@ def four_bar_with_cut_coupler(*kinds: str) -> Robot:
             Frame("A", "coupler", 0.5 * u + 0.2 * v, SKEW),
             Frame("B", "half", (0.5 - COUPLER) * u + 0.2 * v, SKEW),
         ],
-        closures=[Closure("A", "B", kind) for kind in kinds],
+        closures=[Closure("A", "B", "orientation"), Closure("A", "B", "3d")],
         actuated=["crank"],
         joints=joints,
         x=pinned.x,
@@ -474,9 +449,7 @@ def spherical_3rrr() -> Robot:
 
 ROBOTS = {
     "four-bar": four_bar(),
-    "four-bar, closed at the ground": four_bar_in_one_branch(),
-    "four-bar, coupler welded": four_bar_with_cut_coupler("6d"),
-    "four-bar, coupler aligned and pinned": four_bar_with_cut_coupler("orientation", "3d"),
+    "four-bar, coupler aligned and pinned": four_bar_with_cut_coupler(),
     "planar 3-RRR": planar_3rrr(),
     "6-UPS": hexapod(),
     "spherical 3-RRR": spherical_3rrr(),
