@@ -9,8 +9,6 @@ import pytest
 
 import sst_pin
 from sst_pin import ClosedChain, Closure
-from sst_pin.model.checks import without_locked
-from tests.support import any_chain
 from tests.support.by_hand import add, at, mark
 from tests.support.planar_bars import rhombus
 
@@ -246,29 +244,6 @@ def test_a_rod_without_spin_inertia_between_two_balls_is_named(spin):
             ask()
     assert np.isfinite(thin.generalized_forces(q, np.zeros(n), np.ones(n))).all()
     assert np.isfinite(thick.compute_accelerations(*state)).all()
-
-
-@pytest.mark.parametrize("frames", [False, True])
-@pytest.mark.parametrize("locked", [[1], [2], [4], [2, 4], [1, 3]])
-def test_locked_joints_stay_where_they_are_in_a_tree_of_any_order(locked, frames):
-    tree = any_chain.tree("RY", ["revolute", "PX"], ["RY"])
-    tree.referenceConfigurations["home"] = np.arange(4.0)
-    for joint in range(1, 5 * frames):
-        tree.addJointFrame(joint)
-    names, free = list(tree.names), [k for k in range(4) if k + 1 not in locked]
-    q, v = np.random.default_rng(1).normal(size=(2, 4))
-    v[[k - 1 for k in locked]] = 0.0
-    fixed = without_locked(tree, {names[k]: q[k - 1] for k in locked})
-    assert list(fixed.names)[1:] == [names[k + 1] for k in free]
-    forces = pin.rnea(tree, tree.createData(), q, v, v)[free]
-    data, whole = fixed.createData(), tree.createData()
-    # Rounding of sums in another order.
-    np.testing.assert_allclose(pin.rnea(fixed, data, q[free], v[free], v[free]), forces, atol=1e-12)
-    pin.framesForwardKinematics(fixed, data, q[free])
-    pin.framesForwardKinematics(tree, whole, q)
-    result, wanted = (d.oMf[m.getFrameId("A")] for m, d in ((fixed, data), (tree, whole)))
-    np.testing.assert_allclose(result.homogeneous, wanted.homogeneous, atol=1e-12)
-    assert fixed.referenceConfigurations["home"].tolist() == free
 
 
 def test_a_singular_home_is_named_with_the_joints_that_move_there_only():

@@ -1,39 +1,46 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A tree with locked joints keeps the frames of the caller, whatever their type and name."""
+"""A tree with locked joints moves as the whole one, and keeps the frames of the caller."""
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import sst_pin
+from sst_pin.model.checks import without_locked
+from tests.support import any_chain
 
 TYPES = (pin.FrameType.JOINT, pin.FrameType.OP_FRAME, pin.FrameType.BODY, pin.FrameType.SENSOR)
 PLACE = pin.SE3(pin.exp3(np.array([0.3, -0.2, 0.5])), np.array([0.1, 0.2, 0.3]))
-Q = np.array([0.3, 0.0, 0.6])
 
 
-def bars(framed):
-    """The tree of a four-bar, with a frame at each joint as in a URDF, or without."""
-    model = pin.Model(sst_pin.robots.four_bar().model)
-    for j in range(1, model.njoints) if framed else ():
-        model.addJointFrame(j)
-    return model
-
-
-@pytest.mark.parametrize(("framed", "name"), [(True, "mine"), (False, "mine"), (False, "crank")])
-@pytest.mark.parametrize("kind", TYPES)
-def test_frames_stay_where_they_are(framed, name, kind):
-    """On a body whose joint is locked; also one with the name of a joint that has no frame."""
-    old = bars(framed)
-    old.addFrame(pin.Frame(name, old.getJointId("coupler"), PLACE, kind))
-    chain = sst_pin.ClosedChain(old, [], [], locked=["coupler"])
-    before = old.createData()
-    pin.framesForwardKinematics(old, before, Q)
-    position, R = chain.frame_placement(Q[[0, 2]], name)
-    there = before.oMf[old.getFrameId(name, kind)]
-    np.testing.assert_allclose(position, there.translation, atol=1e-14)
-    np.testing.assert_allclose(R, there.rotation, atol=1e-14)
-    assert chain.model.nframes == old.nframes
+@pytest.mark.parametrize("framed", [False, True])
+@pytest.mark.parametrize("locked", [[1], [2], [4], [2, 4], [1, 3]])
+def test_locked_joints_stay_where_they_are_in_a_tree_of_any_order(locked, framed):
+    """So do frames of any type on their bodies, also one named as a joint without a frame."""
+    tree = any_chain.tree("RY", ["revolute", "PX"], ["RY"])
+    tree.referenceConfigurations["home"] = np.arange(4.0)
+    names, free = list(tree.names), [k for k in range(4) if k + 1 not in locked]
+    for joint in range(1, 5):
+        for kind in TYPES:
+            tree.addFrame(pin.Frame(f"{kind} of {joint}", joint, PLACE, kind))
+        if framed:
+            tree.addJointFrame(joint)
+        else:
+            tree.addFrame(pin.Frame(names[joint], joint, PLACE, pin.FrameType.OP_FRAME))
+    q, v = np.random.default_rng(1).normal(size=(2, 4))
+    v[[k - 1 for k in locked]] = 0.0
+    fixed = without_locked(tree, {names[k]: q[k - 1] for k in locked})
+    assert list(fixed.names)[1:] == [names[k + 1] for k in free]
+    assert fixed.nframes == tree.nframes
+    forces = pin.rnea(tree, tree.createData(), q, v, v)[free]
+    data, whole = fixed.createData(), tree.createData()
+    # Rounding of sums in another order.
+    np.testing.assert_allclose(pin.rnea(fixed, data, q[free], v[free], v[free]), forces, atol=1e-12)
+    pin.framesForwardKinematics(fixed, data, q[free])
+    pin.framesForwardKinematics(tree, whole, q)
+    for frame, there in zip(tree.frames, whole.oMf, strict=True):
+        assert data.oMf[fixed.getFrameId(frame.name)].isApprox(there, 1e-12)
+    assert fixed.referenceConfigurations["home"].tolist() == free
 
 
 def test_frames_keep_the_frames_that_bear_them():
