@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from sst_pin import ClosedChain, Closure
 from sst_pin.errors import DescriptionError
 from sst_pin.loops.loops import Loops
-from sst_pin.model.closures import Coupling, Distance, Rolling
+from sst_pin.model.closures import Coupling, Distance
 from tests.support import any_chain, by_hand
 from tests.support.any_chain import ALL_JOINTS, CONSTRAINTS, add_joint, tree
 from tests.support.differences import derivative, gradient, random_q
@@ -130,29 +130,6 @@ def test_the_error_of_a_rod_whose_ends_coincide_is_its_length():
     loops = Loops(model, [Distance("universe", "end", 0.4)])
     assert at(loops, np.zeros(1)).f.tolist() == [-0.4]
     assert_allclose(at(loops, np.array([0.1])).f, -0.3, rtol=1e-15)
-
-
-@pytest.mark.parametrize("ball", [False, True])
-def test_what_rolls_stands_still_at_the_contact(ball):
-    """The slip rows are the velocity of the wheel's material point at the contact, in the plane."""
-    model = tree("", ["RY"], ["free-flyer"], seed=10)
-    loops, q = loops_at(model, Rolling("A", "B", 0.25, ball=ball), seed=11)
-    data, v = model.createData(), np.random.default_rng(12).normal(size=model.nv)
-    pin.forwardKinematics(model, data, q, v)
-    pin.updateFramePlacements(model, data)
-    plane, wheel = (model.getFrameId(name) for name in "AB")
-    A, B = data.oMf[plane], data.oMf[wheel]
-    n, z = A.rotation[:, 2], B.rotation[:, 2]
-    up = n if ball else (n - n @ z * z) / np.linalg.norm(n - n @ z * z)
-    contact = B.translation - 0.25 * up
-    assert abs(n @ (contact - A.translation)) < 1e-11
-
-    def velocity(frame):
-        twist = pin.getFrameVelocity(model, data, frame, pin.WORLD)
-        return twist.linear + np.cross(twist.angular, contact)
-
-    slip = A.rotation.T @ (velocity(wheel) - velocity(plane))
-    assert_allclose(at(loops, q).Phi @ v, slip, atol=1e-12)
 
 
 def test_every_joint_of_pinocchio_is_in_a_tree():

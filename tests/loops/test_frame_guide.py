@@ -21,23 +21,21 @@ def _poses(robot, size):
     return poses, robot.inverse_kinematics(poses)
 
 
-@pytest.mark.parametrize(("name", "size"), [("five_bar", 0.015), ("delta", 0.05)])
-def test_the_configuration_of_a_frame_is_that_of_the_closed_form(name, size):
+@pytest.mark.parametrize(
+    ("name", "size", "turned"),
+    [("five_bar", 0.015, False), ("delta", 0.05, False), ("stewart", 0.02, True)],
+)
+def test_the_configuration_of_a_frame_is_that_of_the_closed_form(name, size, turned):
+    """For a position, or for a position and a rotation."""
     robot = getattr(sst_pin.robots, name)()
     poses, expected = _poses(robot, size)
-    q = robot.frame_configuration("platform", poses[..., :3, 3])
-    assert np.abs(q - expected).max() < LAST
+    rotations = poses[..., :3, :3] if turned else None
+    q = robot.frame_configuration("platform", poses[..., :3, 3], rotations)
+    motors = robot.actuated
+    assert np.abs(q[..., motors] - expected[..., motors]).max() < LAST
     p, R = robot.frame_placement(q, "platform")
     assert np.abs(p - poses[..., :3, 3]).max() < LAST
     assert np.abs(R - robot.platform_pose(q)[..., :3, :3]).max() < 1e-14
-
-
-def test_a_platform_takes_position_and_rotation():
-    robot = sst_pin.robots.stewart()
-    poses, expected = _poses(robot, 0.02)
-    q = robot.frame_configuration("platform", poses[..., :3, 3], poses[..., :3, :3])
-    legs = robot.actuated
-    assert np.abs(q[..., legs] - expected[..., legs]).max() < LAST
 
 
 def test_the_star_takes_an_orientation_alone(robot):
