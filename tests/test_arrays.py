@@ -17,9 +17,7 @@ from sst_pin.compiled import _binding
 from tests.support import any_chain, link_tables
 from tests.support.bad_calls import (
     NOT_COUNTS,
-    NOT_LISTS_OF_NAMES,
     NOT_NAMES,
-    NOT_NUMBERS,
 )
 from tests.support.sampling import random_states
 
@@ -67,24 +65,6 @@ def test_the_border_returns_the_numbers_of_the_caller_or_refuses_them(value):
         assert not isinstance(value, bool)
 
 
-@pytest.mark.parametrize("value", NOT_NUMBERS)
-def test_a_number_is_one_finite_real_number(value):
-    with pytest.raises(sst_pin.InputError, match=r"^x: "):
-        arrays.positive_number("x", value)
-    with pytest.raises(sst_pin.InputError, match=r"^x: "):
-        arrays.one_or_each("x", value, 3)
-
-
-@pytest.mark.parametrize("value", NOT_LISTS_OF_NAMES)
-def test_names_are_a_sequence_of_texts(value):
-    texts = isinstance(value, list) and all(isinstance(word, str) for word in value)
-    if texts:
-        assert arrays.names("x", value) == tuple(value)
-        return
-    with pytest.raises(sst_pin.InputError, match=r"^x: "):
-        arrays.names("x", value)
-
-
 @pytest.mark.parametrize(
     "out",
     [
@@ -97,12 +77,6 @@ def test_results_go_to_a_float64_array_of_their_shape_that_can_be_written(robot,
     q, rates = np.tile(HOME, (2, 1)), np.zeros((2, 3))
     with pytest.raises(sst_pin.InputError, match=r"^out: "):
         robot.compute_torques(q, rates, rates, out=out)
-
-
-@pytest.mark.parametrize("method", ["RK4", "", None, 5])
-def test_an_unknown_integrator_is_named(robot, method):
-    with pytest.raises(sst_pin.InputError, match=r"^method: .* unknown; known: .*DOP853"):
-        robot.simulate(np.zeros(3), HOME, np.zeros(3), [0, 1e-3], method=method)
 
 
 @pytest.mark.parametrize("fast", [True, False])
