@@ -4,6 +4,7 @@
 import json
 import logging
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -74,26 +75,18 @@ def test_simulate_on_the_reference_path_says_once_that_kernels_are_faster(impati
     assert round(slow / fast, -2) == FASTER
 
 
+def at_once(_, function, arguments):
+    """A timer that has run out when it starts."""
+    return SimpleNamespace(start=lambda: function(*arguments), cancel=lambda: None)
+
+
 def test_a_large_rollout_says_what_it_does(impatient, monkeypatch, caplog):
     """By kernels nothing is heard of it meanwhile; a thread says it."""
     monkeypatch.setattr(rollouts, "_MANY", 1)
-    monkeypatch.setattr(progress.threading, "Timer", _AtOnce)
+    monkeypatch.setattr(progress.threading, "Timer", at_once)
     with caplog.at_level(logging.WARNING, "sst_pin"):
         chain = sst_pin.robots.five_bar()
         chain.rollout(np.zeros((3, 4, 2)), chain.home, [0, 0], 1e-3)
     records = [record.getMessage() for record in caplog.records]
     assert "sst-pin: rollout of 3 motions" in records
     assert any("model five_bar: checking its closures" in text for text in records)
-
-
-class _AtOnce:
-    """A timer that has run out when it starts."""
-
-    def __init__(self, _, function, arguments):
-        self._call = lambda: function(*arguments)
-
-    def start(self):
-        self._call()
-
-    def cancel(self):
-        pass

@@ -147,19 +147,6 @@ class Robot:
         tau = np.linalg.solve(np.array(motor_rates), np.array(powers))
         return Motion(q, q_dot, q_dot[self.motors], q_ddot[self.motors], tau)
 
-    def energies(self, x: np.ndarray, x_dot: np.ndarray) -> tuple[float, float]:
-        """Kinetic energy, rotors included, and potential energy."""
-        q_dot = derivatives(self.joints, x, x_dot)[1]
-        B, B_dot, _ = derivatives(self.bodies, x, x_dot)
-        omega = axial(B_dot[..., :3] @ B[..., :3].swapaxes(1, 2))
-        body_omega = np.einsum("bji,bj->bi", B[..., :3], omega)
-        kinetic = (
-            self.masses @ (B_dot[..., 3] ** 2).sum(axis=1)
-            + np.einsum("bi,bij,bj->", body_omega, self.inertias, body_omega)
-            + self.armature @ q_dot**2
-        ) / 2
-        return kinetic, -self.masses @ (B[..., 3] @ GRAVITY)
-
 
 def _joint_model(link: Link) -> pin.JointModel:
     revolute = (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ)
