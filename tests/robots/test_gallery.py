@@ -162,7 +162,7 @@ def test_the_home_of_the_agile_eye_is_isotropic(build):
 
 
 @pytest.mark.parametrize(
-    ("call", "words"),
+    ("call", "said"),
     [
         (partial(ladder, 1), "cells: 1, expected at least 2"),
         (partial(robots.scissor_lift, 0), "cells: 0, expected at least 1"),
@@ -172,22 +172,12 @@ def test_the_home_of_the_agile_eye_is_isotropic(build):
         (partial(robots.hexaglide, rails=(0, 1, 2)), "rails:"),
         (partial(robots.bennett, crank="long"), "crank:"),
         (partial(ladder, rail=[1, 2]), "rail:"),
+        (partial(robots.delta, forearm=0.1), ".* do not close at home"),
+        (partial(robots.hexaglide, strut=0.1), ".* do not close at home"),
+        (partial(robots.four_bar, rocker=0.01), ".* do not close at home"),
+        (partial(robots.stewart, retracted=0.01), ".* do not close at home"),
     ],
 )
-def test_dimensions_that_no_robot_has_are_refused_by_name(call, words):
-    with pytest.raises(InputError, match=f"^{words}"):
-        call()
-
-
-@pytest.mark.parametrize(
-    "call",
-    [
-        partial(robots.delta, forearm=0.1),
-        partial(robots.hexaglide, strut=0.1),
-        partial(robots.four_bar, rocker=0.01),
-        partial(robots.stewart, retracted=0.01),
-    ],
-)
-def test_dimensions_that_do_not_close_are_refused(call):
-    with pytest.raises(WorkspaceError, match="do not close at home"):
+def test_dimensions_that_no_robot_has_are_refused(call, said):
+    with pytest.raises((InputError, WorkspaceError), match=f"^{said}"):
         call()
