@@ -14,19 +14,9 @@ from sst_pin.model.closures import Coupling
 from tests.support.by_hand import at, mark
 from tests.support.derivative_cases import carried_four_bar
 from tests.support.planar_bars import planar
-from tests.support.sampling import random_states
 
 HOME = sst_pin.SST().home
 RATES = np.array((1.0, 2, 3))
-
-
-def test_an_open_closure_is_told_with_its_size_and_its_remedy(robot):
-    q = HOME.copy()
-    q[1] += 1e-3
-    with pytest.raises(sst_pin.ClosureError, match=r"assemble\(q\) closes them") as caught:
-        robot.compute_torques(q, RATES, RATES)
-    assert 5e-4 < caught.value.residual < 2e-3
-    assert robot.compute_torques(robot.assemble(q), RATES, RATES).shape == (3,)
 
 
 def four_bar(crank, coupler, rocker, base):
@@ -58,15 +48,6 @@ def test_assemble_holds_the_joints_it_was_told_to_hold(robot):
         assert np.array_equal(closed[held], q[held])
     with pytest.raises(UnknownNameError, match="joint 'gama_1' not in the model; known: gamma_1"):
         robot.assemble(q, fixed=["gama_1"])
-
-
-def test_a_batch_names_the_samples_whose_numbers_are_not_finite(robot):
-    q, va, aa = robot.joint_motion(*random_states(robot, np.random.default_rng(0), 6))
-    va = va.reshape(2, 3, 3).copy()
-    va[1, 2, 0] = np.nan
-    with pytest.raises(InputError, match=r"1 of 6 samples \(index \(1, 2\)\).*va") as caught:
-        robot.compute_torques(q.reshape(2, 3, 9), va, aa.reshape(2, 3, 3))
-    assert caught.value.samples == ((1, 2),)
 
 
 @pytest.fixture(scope="module")

@@ -126,7 +126,7 @@ def test_an_open_loop_is_refused(robot, chain):
         lambda: chain.mobility(q),
         lambda: chain.simulate(zeros, q, zeros, [0, 0.1]),
     ):
-        with pytest.raises(ClosureError) as caught:
+        with pytest.raises(ClosureError, match=r"assemble\(q\) closes them") as caught:
             compute()
         assert caught.value.residual == pytest.approx(opened)
 
