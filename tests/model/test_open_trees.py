@@ -49,10 +49,6 @@ def rnea(model, q, v, a):
     return np.stack([pin.rnea(model, model.createData(), *x) for x in zip(q, v, a, strict=True)])
 
 
-def aba(model, q, v, tau):
-    return np.stack([pin.aba(model, model.createData(), *x) for x in zip(q, v, tau, strict=True)])
-
-
 @pytest.mark.parametrize(
     ("name", "compiled"),
     [
@@ -71,7 +67,6 @@ def test_dynamics_and_derivatives_are_pinocchios(name, compiled):
     assert_allclose(chain.compute_torques(q, va, aa), tau, rtol=0, atol=1e-12)
     assert_allclose(chain.generalized_forces(q, va, aa), tau, rtol=0, atol=1e-12)
     assert_allclose(chain.compute_accelerations(q, va, tau), aa, rtol=0, atol=1e-11)
-    assert_allclose(aba(model, q, va, tau), aa, rtol=0, atol=1e-11)
     data = model.createData()
     for x in zip(q, va, aa, tau, strict=True):
         d = chain.torque_derivatives(*x[:3])
@@ -111,7 +106,9 @@ def test_a_free_motion_keeps_its_energy_and_obeys_pinocchio(method):
     if method == "simulate":
         motion = chain.simulate(np.zeros(chain.model.nv), q0, va0, np.linspace(0, 0.5, 6))
         assert not motion.stopped
-        expected = aba(chain.model, motion.q, motion.va, np.zeros_like(motion.va))
+        data, none = chain.model.createData(), np.zeros(chain.model.nv)
+        states = zip(motion.q, motion.va, strict=True)
+        expected = np.array([pin.aba(chain.model, data, q, va, none) for q, va in states])
         assert_allclose(motion.aa, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
         assert not chain.check(motion)
     else:
@@ -157,8 +154,8 @@ def test_a_urdf_without_yaml_is_an_open_tree_and_says_so(tmp_path):
 
 
 def test_an_mjcf_without_equalities_is_an_open_tree(tmp_path):
-    """It has the actuators of the file; MuJoCo gives the same torques."""
-    mujoco = pytest.importorskip("mujoco")
+    """It has the actuators of the file."""
+    pytest.importorskip("mujoco")
     path = tmp_path / "arm.xml"
     path.write_text(
         '<mujoco model="arm"><worldbody><body><joint name="a" axis="0 1 0" damping="0.1"/>'
@@ -169,9 +166,4 @@ def test_an_mjcf_without_equalities_is_an_open_tree(tmp_path):
     )
     arm = sst_pin.ClosedChain.from_mjcf(path)
     assert sst_pin.validate(path) == []
-    q, va, aa = np.array([0.3, -0.5]), np.array([1.0, 2.0]), np.array([3.0, -4.0])
-    model = mujoco.MjModel.from_xml_path(str(path))
-    data = mujoco.MjData(model)
-    data.qpos[:], data.qvel[:], data.qacc[:] = q, va, aa
-    mujoco.mj_inverse(model, data)
-    assert_allclose(arm.compute_torques(q, va, aa), data.qfrc_inverse, rtol=0, atol=1e-12)
+    assert arm.motor_names == arm.coordinates == ("a", "b")
