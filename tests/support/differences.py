@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Random configurations, and derivatives by differences."""
 
-import numpy as np
 import pinocchio as pin
 
 
@@ -14,12 +13,3 @@ def derivative(function, h=0.01):
     """Derivative at 0 by central differences of eighth order: h^8 and rounding / h."""
     weights = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
     return sum(w * (function(k * h) - function(-k * h)) for k, w in weights.items()) / h
-
-
-def gradient(function, model, q, h=0.01):
-    """Derivative of a function of q along each rate, columns."""
-    units = np.eye(model.nv)
-    return np.stack(
-        [derivative(lambda s, e=e: function(pin.integrate(model, q, s * e)), h) for e in units],
-        axis=-1,
-    )
