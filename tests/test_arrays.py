@@ -113,19 +113,6 @@ class Named(np.ndarray):
     """An array with a name, as many packages make."""
 
 
-def unaligned(x):
-    """A copy one byte aside."""
-    moved = np.empty(x.nbytes + 1, np.uint8)[1:].view(x.dtype).reshape(x.shape)
-    moved[:] = x
-    return moved
-
-
-def frozen(x):
-    x = x.copy()
-    x.setflags(write=False)
-    return x
-
-
 LAYOUTS = {
     "rows reversed": lambda x: x[::-1].copy()[::-1],
     "columns reversed": lambda x: x[:, ::-1].copy()[:, ::-1],
@@ -134,8 +121,8 @@ LAYOUTS = {
     "Fortran order": np.asfortranarray,
     "big-endian": lambda x: x.astype(">f8"),
     "a subclass": lambda x: x.view(Named),
-    "unaligned": unaligned,
-    "read-only": frozen,
+    "unaligned": lambda x: np.frombuffer(b"." + x.tobytes(), offset=1).reshape(x.shape),
+    "read-only": lambda x: np.frombuffer(x.tobytes()).reshape(x.shape),
 }
 
 
