@@ -70,10 +70,8 @@ def rigid() -> ClosedChain:
     chain = five_bar(["a1"])
     model, home = chain.model, chain.generic_configuration()
     model.referenceConfigurations["home"] = home
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, home)
-    place = data.oMf[model.getFrameId("fa")]
-    model.addFrame(pin.Frame("w", 0, place, pin.FrameType.OP_FRAME))
+    p, R = chain.frame_placement(home, "fa")
+    model.addFrame(pin.Frame("w", 0, pin.SE3(R, p), pin.FrameType.OP_FRAME))
     return ClosedChain(model, [*chain.closures, Closure("fa", "w", "6d")], ["a1"])
 
 

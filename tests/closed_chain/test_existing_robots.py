@@ -60,30 +60,19 @@ def test_the_platform_of_a_delta_does_not_turn_and_obeys_three_spheres(delta):
         assert np.abs(np.linalg.norm(elbows - centre, axis=1) - 0.32).max() < 1e-10
 
 
-@pytest.fixture(scope="module")
-def standing():
-    """Robot, configuration and stance."""
+def test_the_robot_stands_still_within_the_cones_of_friction():
+    """The ground bears its weight, and direct dynamics with the floating base stay at rest."""
     chain = example.robot()
     q = example.standing(chain)
-    return chain, q, example.stance(chain, q)
-
-
-def test_the_ground_bears_the_weight_within_the_cones_of_friction(standing):
-    """1e-8 of 323 N: rounding of the programme."""
-    chain, _, (_, forces) = standing
+    torques, forces = example.stance(chain, q)
     weight = -pin.computeTotalMass(chain.model) * chain.model.gravity.linear
+    # 1e-8 of 323 N: rounding of the programme.
     np.testing.assert_allclose(forces.sum(axis=0), weight, atol=1e-6)
     assert (forces[:, 2] > 0).all()
     sideways = np.linalg.norm(forces[:, :2], axis=1)
     assert (sideways <= example.FRICTION * forces[:, 2] + 1e-9).all()
-
-
-def test_under_its_torques_and_forces_the_robot_stays_at_rest(standing):
-    """Direct dynamics with the floating base; 1e-8 N m over the least inertia of a rod."""
-    chain, q, (torques, forces) = standing
-    wrenches = example.contact_wrenches(chain, q, forces)
+    load = {"external_wrenches": example.contact_wrenches(chain, q, forces)}
     rest = np.zeros(chain.degrees_of_freedom)
-    aa = chain.compute_accelerations(q, rest, torques, external_wrenches=wrenches)
-    assert np.abs(aa).max() < 1e-6
-    tau = chain.compute_torques(q, rest, rest, external_wrenches=wrenches)
-    np.testing.assert_allclose(tau, torques, atol=1e-6)
+    # 1e-8 N m over the least inertia of a rod.
+    assert np.abs(chain.compute_accelerations(q, rest, torques, **load)).max() < 1e-6
+    np.testing.assert_allclose(chain.compute_torques(q, rest, rest, **load), torques, atol=1e-6)
