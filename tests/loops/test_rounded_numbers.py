@@ -3,7 +3,6 @@
 
 import re
 import warnings
-from contextlib import suppress
 
 import numpy as np
 import pinocchio as pin
@@ -12,6 +11,7 @@ from numpy.testing import assert_allclose
 
 import sst_pin
 from sst_pin import ClosedChain, Closure, ClosureError, DescriptionWarning, SSTError, robots
+from tests.support.any_chain import states
 from tests.support.by_hand import at
 from tests.support.planar_bars import planar
 
@@ -101,19 +101,6 @@ def with_warnings(make, *arguments):
     return result, [str(w.message) for w in caught]
 
 
-def motions(chain, count=3):
-    """Configurations near home, none near a singularity; rates and accelerations."""
-    random = np.random.default_rng(0)
-    n, result = chain.degrees_of_freedom, []
-    while len(result) < count:
-        moved = pin.integrate(chain.model, chain.home, random.uniform(-0.3, 0.3, chain.model.nv))
-        with suppress(ClosureError):
-            q = chain.assemble(moved, chain.coordinates)
-            if chain.condition_number(q) < 2 * chain.condition_number(chain.home):
-                result.append(q)
-    return np.array(result), *random.normal(size=(2, count, n))
-
-
 @pytest.mark.parametrize(("name", "digits"), [*((name, 4) for name in ROBOTS), ("scissor", 7)])
 def test_a_rounded_robot_moves_as_the_exact_one(name, digits):
     """Freedoms and coordinates are the same, torques are but for its digits.
@@ -131,7 +118,7 @@ def test_a_rounded_robot_moves_as_the_exact_one(name, digits):
         other.rank,
         other.held,
     )
-    q, va, aa = motions(exact)
+    q, va, aa = states(exact, 3, 0)
     f = exact.generalized_forces(q, va, aa)
     q = np.array([chain.assemble(x, chain.coordinates) for x in q])
     assert np.abs(chain.residual(q)).max() < 1e-11

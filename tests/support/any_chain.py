@@ -193,9 +193,8 @@ def with_joint(name: str, **options) -> ClosedChain:
 def rods() -> ClosedChain:
     """The arm ends in a ball; a rod between two of its links."""
     plain = chain(kind="3d")
-    data = plain.model.createData()
-    pin.framesForwardKinematics(plain.model, data, plain.generic_configuration())
-    a, b = (data.oMf[plain.model.getFrameId(f"point_arm_{k}")].translation for k in (2, 5))
+    q = plain.generic_configuration()
+    a, b = (plain.frame_placement(q, f"point_arm_{k}")[0] for k in (2, 5))
     rod = Distance("point_arm_2", "point_arm_5", float(np.linalg.norm(a - b)))
     return chain(kind="3d", more=[rod])
 
