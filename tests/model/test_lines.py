@@ -59,6 +59,7 @@ def test_a_line_does_the_work_of_two_opposed_forces(name):
         close(f, pulls, 1e-12 * np.abs(bare.generalized_forces(q, va, aa)).max())
         assert_allclose(chain.line_lengths(q), [length for length, *_ in expected], rtol=1e-13)
         close(chain.actuator_jacobian(q)[0], expected[1][2], 1e-13)
+        close(chain.motor_rates(q, va), [expected[1][2] @ va], 1e-12)
 
 
 def test_terms_hold_springs_and_dampers_of_lines():
