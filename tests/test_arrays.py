@@ -15,10 +15,7 @@ import sst_pin
 from sst_pin import arrays
 from sst_pin.compiled import _binding
 from tests.support import any_chain, link_tables
-from tests.support.bad_calls import (
-    NOT_COUNTS,
-    NOT_NAMES,
-)
+from tests.support.bad_calls import NOT_COUNTS, NOT_NAMES
 from tests.support.sampling import random_states
 
 HOME = sst_pin.SST().home

@@ -155,19 +155,15 @@ def test_assembly_within_limits_holds_them_and_finds_the_other_branch():
     guesses = ([1.2, -0.7, 2.0], [1.2, -2.0, -1.5])
     coupler = sorted(ladder(1).assemble(guess, ["crank_0"])[1] for guess in guesses)
     assert coupler[1] - coupler[0] > 0.5
-    result = set()
-    for seed in range(10):
-        side = seed % 2
-        middle = sum(coupler) / 2
-        lower, upper = ((-4, middle), (middle, 4))[side]
+    middle = sum(coupler) / 2
+    for lower, upper in ((-4, middle), (middle, 4)):
         chain = limited([-4, lower, -4], [4, upper, 4])
-        guess = 2 * np.random.default_rng(seed).normal(size=3)
-        guess[0] = 1.2
-        q = chain.assemble(guess, ["crank_0"], limits=True, tries=20)
-        assert lower <= q[1] <= upper
-        assert np.abs(chain.residual(q)).max() < 1e-11
-        result.add(side)
-    assert result == {0, 1}
+        for seed in range(5):
+            guess = 2 * np.random.default_rng(seed).normal(size=3)
+            guess[0] = 1.2
+            q = chain.assemble(guess, ["crank_0"], limits=True, tries=20)
+            assert lower <= q[1] <= upper
+            assert np.abs(chain.residual(q)).max() < 1e-11
 
 
 def test_limits_that_no_configuration_meets_are_named():

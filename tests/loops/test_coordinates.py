@@ -19,10 +19,6 @@ def body(model, parent, kind, x, name, mass=1.0):
     return add(model, parent, kind, name, at(x), inertia)
 
 
-def tip(model, joint, x, name):
-    mark(model, joint, name, at(x))
-
-
 def slide_with_two_bars():
     """A slide along x and two equal bars, one on the ground, one on the slide: a scissor's half.
 
@@ -33,8 +29,8 @@ def slide_with_two_bars():
     slide = body(model, 0, pin.JointModelPX(), 0.0, "slide")
     bar_s = body(model, slide, pin.JointModelRY(), 0.0, "bar_s")
     bar_g = body(model, 0, pin.JointModelRY(), 0.0, "bar_g")
-    tip(model, bar_s, 0.3, "end_s")
-    tip(model, bar_g, 0.3, "end_g")
+    mark(model, bar_s, "end_s", at(0.3))
+    mark(model, bar_g, "end_g", at(0.3))
     return model, [Closure("end_s", "end_g", "3d")]
 
 
@@ -95,8 +91,8 @@ def engine():
     crank = body(model, 0, pin.JointModelRY(), 0.0, "crank")
     rod = body(model, crank, pin.JointModelRY(), 0.1, "rod")
     piston = body(model, 0, pin.JointModelPX(), 0.0, "piston")
-    tip(model, rod, 0.35, "rod_tip")
-    tip(model, piston, 0.0, "pin")
+    mark(model, rod, "rod_tip", at(0.35))
+    mark(model, piston, "pin", at(0.0))
     return model, [Closure("rod_tip", "pin", "3d")]
 
 
@@ -210,8 +206,8 @@ def test_a_name_of_two_rates_is_refused(kind, other):
     leg = body(model, 0, kind, 0.0, "leg")
     end = body(model, leg, pin.JointModelRY(), 0.2, other)
     foot = body(model, 0, pin.JointModelRY(), 0.3, "foot")
-    tip(model, end, 0.2, "a")
-    tip(model, foot, 0.2, "b")
+    mark(model, end, "a", at(0.2))
+    mark(model, foot, "b", at(0.2))
     with pytest.raises(sst_pin.DescriptionError, match=f"joints leg and {other}: {other} names a"):
         ClosedChain(model, [Closure("a", "b", "3d")], ["foot"])
 
@@ -223,8 +219,8 @@ def rod_between_two_balls(spin):
     rocker = body(model, 0, pin.JointModelRY(), 0.4, "rocker")
     inertia = pin.Inertia(1.0, np.array([0.15, 0, 0]), np.diag([spin, 0.01, 0.01]))
     rod = add(model, crank, pin.JointModelSpherical(), "rod", at(0.2), inertia)
-    tip(model, rod, 0.3, "rod_end")
-    tip(model, rocker, 0.2, "rocker_end")
+    mark(model, rod, "rod_end", at(0.3))
+    mark(model, rocker, "rocker_end", at(0.2))
     return ClosedChain(model, [Closure("rod_end", "rocker_end", "3d")], ["crank"])
 
 

@@ -15,13 +15,11 @@ from tests.support.by_hand import at, mark
 UP = pin.SE3(pin.rpy.rpyToMatrix(np.pi / 2, 0, 0), np.zeros(3))
 
 
-def body(mass: float) -> pin.Inertia:
-    return pin.Inertia(mass, np.array([0.1, 0.02, 0.01]), mass * np.diag([0.011, 0.013, 0.017]))
-
-
 def add(model: pin.Model, parent: int, joint, name: str, place: pin.SE3, mass: float) -> int:
     """The number of a new joint with its frame and its body."""
-    index = by_hand.add(model, parent, joint, name, place, body(mass))
+    inertia = mass * np.diag([0.011, 0.013, 0.017])
+    body = pin.Inertia(mass, np.array([0.1, 0.02, 0.01]), inertia)
+    index = by_hand.add(model, parent, joint, name, place, body)
     model.addJointFrame(index)
     return index
 
