@@ -8,10 +8,10 @@ import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 
-from sst_pin import ClosedChain, Closure
-from sst_pin.errors import DescriptionError
+from sst_pin import ClosedChain, Closure, robots
+from sst_pin.errors import DescriptionError, InputError
 from sst_pin.loops.loops import Loops
-from sst_pin.model.closures import Coupling, Distance
+from sst_pin.model.closures import Coupling, Distance, Rolling
 from sst_pin.verification.verify import verify_chain
 from tests.support import any_chain, by_hand
 from tests.support.any_chain import ALL_JOINTS, CONSTRAINTS, add_joint, tree
@@ -137,6 +137,29 @@ def test_the_error_of_a_rod_whose_ends_coincide_is_its_length():
     assert_allclose(at(loops, np.array([0.1])).f, -0.3, rtol=1e-15)
 
 
+@pytest.mark.parametrize("ball", [False, True])
+def test_what_rolls_stands_still_at_the_contact(ball):
+    """The slip rows are the velocity of the wheel's material point at the contact, in the plane."""
+    model = tree("", ["RY"], ["free-flyer"], seed=10)
+    loops, q = loops_at(model, Rolling("A", "B", 0.25, ball=ball), seed=11)
+    data, v = model.createData(), np.random.default_rng(12).normal(size=model.nv)
+    pin.forwardKinematics(model, data, q, v)
+    pin.updateFramePlacements(model, data)
+    plane, wheel = (model.getFrameId(name) for name in "AB")
+    A, B = data.oMf[plane], data.oMf[wheel]
+    n, z = A.rotation[:, 2], B.rotation[:, 2]
+    up = n if ball else (n - n @ z * z) / np.linalg.norm(n - n @ z * z)
+    contact = B.translation - 0.25 * up
+    assert abs(n @ (contact - A.translation)) < 1e-11
+
+    def velocity(frame):
+        twist = pin.getFrameVelocity(model, data, frame, pin.WORLD)
+        return twist.linear + np.cross(twist.angular, contact)
+
+    slip = A.rotation.T @ (velocity(wheel) - velocity(plane))
+    assert_allclose(at(loops, q).Phi @ v, slip, atol=1e-12)
+
+
 def test_every_joint_of_pinocchio_is_in_a_tree():
     used = {name for root, a, b in TREES.values() for name in (root, *a, *b) if name}
     types = {ALL_JOINTS[name]().shortname() for name in used}
@@ -184,3 +207,23 @@ def test_one_hinge_held_twice_moves_as_its_tree_does():
     assert_allclose(tau, expected, rtol=1e-14)
     assert_allclose(chain.frame_jacobian(q, "B").ravel(), [0, 0, 0, 0, 1, 0], atol=1e-15)
     assert chain.noc(q, va).T.shape == (6, 1)
+
+
+@pytest.mark.parametrize(
+    ("contact", "kind"), [(pin.ContactType.CONTACT_3D, "3d"), (pin.ContactType.CONTACT_6D, "6d")]
+)
+def test_a_constraint_of_pinocchio_says_what_to_write(contact, kind):
+    """The five-bar that follows the advice is closed as the one of the gallery."""
+    robot = robots.five_bar()
+    (closure,), model = robot.closures, pin.Model(robot.model)
+    a, b = (model.frames[model.getFrameId(name)] for name in (closure.frame_a, closure.frame_b))
+    ends = a.parentJoint, a.placement, b.parentJoint, b.placement
+    c = pin.RigidConstraintModel(contact, model, *ends, pin.ReferenceFrame.LOCAL)
+    with pytest.raises(InputError, match=f'and Closure."a", "b", "{kind}".') as caught:
+        ClosedChain(model, [c], robot.motor_names)
+    assert 'model.addFrame(pin.Frame("a", c.joint1_id, c.joint1_placement, ' in str(caught.value)
+    model.addFrame(pin.Frame("a", c.joint1_id, c.joint1_placement, pin.FrameType.OP_FRAME))
+    model.addFrame(pin.Frame("b", c.joint2_id, c.joint2_placement, pin.FrameType.OP_FRAME))
+    chain = ClosedChain(model, [Closure("a", "b", "3d")], robot.motor_names)
+    q = robot.home + 0.1
+    assert np.array_equal(chain.residual(q), robot.residual(q))
