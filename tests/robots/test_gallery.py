@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 import sst_pin
 from sst_pin import robots
 from sst_pin.errors import InputError, WorkspaceError
-from tests.gallery import EVERY_ROBOT, ladder, n_four_bar
+from tests.gallery import EVERY_ROBOT
 from tests.support.files import load
 from tests.support.named_robots import robot_named
 
@@ -164,14 +164,12 @@ def test_the_home_of_the_agile_eye_is_isotropic(build):
 @pytest.mark.parametrize(
     ("call", "said"),
     [
-        (partial(ladder, 1), "cells: 1, expected at least 2"),
         (partial(robots.scissor_lift, 0), "cells: 0, expected at least 1"),
-        (partial(n_four_bar, 0), "loops: 0, expected at least 1"),
         (partial(robots.delta, arm=0.0), "arm:"),
         (partial(robots.five_bar, span=np.nan), "span:"),
         (partial(robots.hexaglide, rails=(0, 1, 2)), "rails:"),
         (partial(robots.bennett, crank="long"), "crank:"),
-        (partial(ladder, rail=[1, 2]), "rail:"),
+        (partial(robots.slider_crank, crank=[1, 2]), "crank:"),
         (partial(robots.delta, forearm=0.1), ".* do not close at home"),
         (partial(robots.hexaglide, strut=0.1), ".* do not close at home"),
         (partial(robots.four_bar, rocker=0.01), ".* do not close at home"),
