@@ -169,7 +169,7 @@ def test_the_home_of_the_agile_eye_is_isotropic(build):
         (partial(robots.five_bar, span=np.nan), "span:"),
         (partial(robots.hexaglide, rails=(0, 1, 2)), "rails:"),
         (partial(robots.bennett, crank="long"), "crank:"),
-        (partial(robots.slider_crank, crank=[1, 2]), "crank:"),
+        (partial(robots.four_bar, rocker=[1, 2]), "rocker:"),
         (partial(robots.delta, forearm=0.1), ".* do not close at home"),
         (partial(robots.hexaglide, strut=0.1), ".* do not close at home"),
         (partial(robots.four_bar, rocker=0.01), ".* do not close at home"),
