@@ -20,8 +20,9 @@ OTHERS |= {"assembly_modes", "design_derivatives", "warp", "with_design"}
 FREE = {"stopped"}
 
 
-#: What kernels of quantities, of derivatives and of motions are called by.
-COMPILED = ["compute_torques", "torque_derivatives", "rollout", "simulate"]
+#: What kernels of quantities, of derivatives, of reactions and of motions are called by.
+COMPILED = ["compute_torques", "torque_derivatives", "reactions", "rollout", "simulate"]
+COMPILED += ["singularity_measures"]  # which an SST has in its own way
 
 
 @cache
