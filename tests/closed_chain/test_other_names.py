@@ -18,18 +18,12 @@ NAMES = {
 
 @pytest.mark.parametrize(("guess", "name"), NAMES.items())
 def test_a_name_of_another_package_leads_to_ours(guess, name):
-    lift = sst_pin.robots.five_bar()
-    chain = lift.with_coordinates(None)
+    chain = sst_pin.robots.five_bar().with_coordinates(None)
     with pytest.raises(AttributeError, match=rf"ClosedChain has no {guess}; use {name}\("):
         getattr(chain, guess)
     assert guess not in dir(chain)
     owner = sst_pin if name.startswith("sst_pin.") else chain
     assert callable(getattr(owner, name.removeprefix("sst_pin.")))
-
-
-def test_robots_with_a_closed_form_keep_its_name():
-    assert callable(sst_pin.robots.delta().inverse_kinematics)
-    assert callable(sst_pin.SST().forward_kinematics)
 
 
 def test_an_error_in_a_property_is_not_hidden():
