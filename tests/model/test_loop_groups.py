@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from sst_pin import ClosedChain, Closure, ClosureError
-from tests.support.by_hand import at, mark
+from tests.support.by_hand import add, at, mark
 from tests.support.planar_bars import planar
 
 #: Crank, coupler and rocker of a four-bar with its ground of 0.4 m.
@@ -41,10 +41,9 @@ def test_a_loop_open_by_less_than_a_millimetre_is_open_beside_a_robot_a_kilometr
 def test_a_gripper_on_a_crane_is_judged_as_the_gripper_alone():
     """A four-bar of 4 mm at the end of a boom of 40 m."""
     model = pin.Model()
-    boom = model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "boom")
-    hand = model.addJoint(boom, pin.JointModelRY(), at(40.0), "hand")
-    for joint in (boom, hand):
-        model.appendBodyToJoint(joint, pin.Inertia.FromSphere(100.0, 1.0), pin.SE3.Identity())
+    weight = pin.Inertia.FromSphere(100.0, 1.0)
+    boom = add(model, 0, pin.JointModelRY(), "boom", at(), weight)
+    add(model, boom, pin.JointModelRY(), "hand", at(40.0), weight)
     crane, alone = four_bars([0.01], [0.0], "hand", model), four_bars([0.01], [0.0])
     guess = np.array([0.7, 0.6, 1.8])
     q = alone.assemble(guess, ["crank_0"])
