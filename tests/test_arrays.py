@@ -106,10 +106,6 @@ def test_real_numbers_of_any_kind_are_numbers(fixture, kind, request):
     assert np.array_equal(robot.compute_torques(HOME, *given), expected)
 
 
-class Named(np.ndarray):
-    """An array with a name, as many packages make."""
-
-
 LAYOUTS = {
     "rows reversed": lambda x: x[::-1].copy()[::-1],
     "columns reversed": lambda x: x[:, ::-1].copy()[:, ::-1],
@@ -117,7 +113,7 @@ LAYOUTS = {
     "every other column": lambda x: np.repeat(x, 2, axis=1)[:, ::2],
     "Fortran order": np.asfortranarray,
     "big-endian": lambda x: x.astype(">f8"),
-    "a subclass": lambda x: x.view(Named),
+    "a subclass": lambda x: x.view(np.recarray),
     "unaligned": lambda x: np.frombuffer(b"." + x.tobytes(), offset=1).reshape(x.shape),
     "read-only": lambda x: np.frombuffer(x.tobytes()).reshape(x.shape),
 }

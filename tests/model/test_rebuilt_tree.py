@@ -46,12 +46,9 @@ def test_locked_joints_stay_where_they_are_in_a_tree_of_any_order(locked, framed
 def test_frames_keep_the_frames_that_bear_them():
     old = pin.Model(sst_pin.ClosedChain.from_urdf(sst_pin.URDF_PATH).model)
     new = sst_pin.ClosedChain(old, [], [], locked=["mu_1"]).model
-    bearers = [
-        {
-            f.name: model.frames[f.parentFrame].name
-            for f in model.frames
-            if f.type == pin.FrameType.BODY
-        }
-        for model in (old, new)
-    ]
-    assert bearers[0] == bearers[1]
+
+    def bearers(model):
+        bodies = [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
+        return {frame.name: model.frames[frame.parentFrame].name for frame in bodies}
+
+    assert bearers(new) == bearers(old)

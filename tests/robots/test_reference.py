@@ -146,10 +146,7 @@ def test_energies_are_exact(chain, states, rates):
 
 
 def test_the_description_alone_gives_the_torques(name, states, rates):
-    """Read without the gallery, judged by Lagrange multipliers: nothing else is needed.
-
-    Three states show that; `test_torques_are_exact` judges all.
-    """
+    """Read without the gallery, and judged by Lagrange multipliers in three states."""
     record = REFERENCE[name]
     model, closures = model_of(record)
     names = record["coordinates"]
