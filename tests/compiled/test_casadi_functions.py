@@ -9,32 +9,26 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
-from sst_pin.robots import delta, four_bar, scissor_lift, stewart
+from sst_pin.robots import five_bar, four_bar, scissor_lift, stewart
 from tests.support import any_chain, link_tables
 from tests.support.command_line import said_without
 from tests.support.derivative_cases import WIDTH, derivative, of_gallery
 
-CHAINS = {
+#: Redundant rows, and a turn in q as a point of a circle; all kinds of rows: test_equations.py.
+CHAINS = {"four-bar": four_bar, "planar": lambda: any_chain.with_joint("planar")}
+#: Each takes seconds.
+LARGE = {
     "SST": sst_pin.SST,
-    "delta": delta,
-    "four-bar": four_bar,
     "free-flyer": lambda: any_chain.with_joint("free-flyer", kind="hinge"),
-    "planar": lambda: any_chain.with_joint("planar"),
-    "coupled": any_chain.coupled,
     "Stewart": stewart,
 }
 
 
-#: Each takes seconds.
-LARGE = ("SST", "free-flyer", "Stewart")
-
-
 @pytest.fixture(
-    scope="module",
-    params=[pytest.param(n, marks=[pytest.mark.slow] if n in LARGE else []) for n in CHAINS],
+    scope="module", params=[*CHAINS, *(pytest.param(n, marks=pytest.mark.slow) for n in LARGE)]
 )
 def chain(request):
-    return CHAINS[request.param]()
+    return (CHAINS | LARGE)[request.param]()
 
 
 @pytest.fixture(scope="module")
@@ -156,7 +150,7 @@ def test_the_residual_fixes_all_but_the_coordinates(chain, functions):
 
 
 def test_wrenches_are_an_input_where_they_are_asked_for():
-    chain = any_chain.with_joint("spherical")
+    chain = link_tables.four_bar(link_tables.SKEW_PLANE).chain()
     functions = chain.casadi(external_wrenches=True, sign_width=1e-9)
     wrenches = np.random.default_rng(0).normal(size=(len(chain.joint_names), 6))
     for q, va, aa in states(chain, 2):
@@ -178,7 +172,7 @@ def test_compiled_functions_are_the_plain_ones_with_their_first_derivatives():
 
     Rows of one number, those of a four-bar, a matrix library may take for columns.
     """
-    for chain in (four_bar(), link_tables.planar_3rrr().chain()):
+    for chain in (four_bar(), five_bar()):
         plain, ours = chain.casadi(), chain.casadi(compiled=True)
         assert ours.torques.class_name() == "External"
         for q, va, aa in states(chain, 2):
@@ -210,10 +204,8 @@ def test_what_there_is_not_has_its_error():
     del homeless.referenceConfigurations["home"]
     lift = sst_pin.ClosedChain(homeless, known.closures, known.motor_names)
     assert lift.compute_torques(known.home, [0.0], [0.0]).shape == (1,)  # it stands opened
-    assert (
-        lift.casadi().n == lift.casadi(known.home).n == known.casadi().n == known.degrees_of_freedom
-    )
-    idle = any_chain.chain(coordinates=["body"], actuated=[])
+    assert lift.casadi().n == known.degrees_of_freedom
+    idle = sst_pin.ClosedChain(known.model, known.closures, [])
     with pytest.raises(sst_pin.errors.ActuationError, match="0 of 1 forces along the coordinates"):
         _ = idle.casadi().torques
     with pytest.raises(sst_pin.UnknownNameError, match="nowhere"):

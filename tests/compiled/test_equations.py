@@ -14,11 +14,17 @@ from tests.support import any_chain, link_tables
 
 SPRUNG = ("translation", "spherical", "continuous", "universal")
 MIMICKING = ("6d", "3d", "hinge")
+#: A planar joint is in test_casadi_functions.py and below a disc; joints are in welded loops.
 CHAINS = (
-    {f"joint {name}": lambda name=name: any_chain.with_joint(name) for name in any_chain.JOINTS}
+    {
+        f"joint {name}": lambda name=name: any_chain.with_joint(name)
+        for name in any_chain.JOINTS
+        if name != "planar"
+    }
     | {
         f"closure {kind}": lambda kind=kind: any_chain.chain(kind=kind)
         for kind in any_chain.CLOSURES
+        if kind != "6d"
     }
     | {f"springs {name}": lambda name=name: any_chain.sprung(name) for name in SPRUNG}
     | {f"mimic {kind}": lambda kind=kind: any_chain.mimicking(kind) for kind in MIMICKING}
@@ -37,9 +43,8 @@ CHAINS = (
 )
 #: One of each sort; the others are slow tests.
 QUICK = (
-    *("joint HZ", "joint planar", "closure 6d", "closure universal", "springs spherical"),
-    *("mimic hinge", "floating on a plane", "rods", "coupled", "ball"),
-    *("coordinates other than motors", "loops that hang on loops"),
+    *("joint HZ", "closure universal", "springs spherical", "mimic hinge", "floating on a plane"),
+    *("rods", "coupled", "ball", "coordinates other than motors", "loops that hang on loops"),
 )
 
 
@@ -53,14 +58,13 @@ class Numbers:
         self.equations = Equations(self.mechanism, samples)
         self.made = {}
 
-    def __call__(self, name, *inputs, friction=None):
+    def __call__(self, name, *inputs):
         if name not in self.made:
             quantity, _, frame = name.partition(" ")
             kernel = kernels.make(self.equations, quantity, frame=frame or None)
             given = [*kernel.inputs.values(), kernel.parameters]
             self.made[name] = ca.Function("kernel", given, [kernel.output, kernel.checks])
-        own = friction or self.mechanism.friction
-        numbers = self.equations.parameters.pack(self.mechanism, own)
+        numbers = self.equations.parameters.pack(self.mechanism, self.mechanism.friction)
         output, checks = self.made[name](*inputs, numbers)
         assert (checks.full() <= 1).all()
         return output.full().ravel()
