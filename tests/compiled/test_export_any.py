@@ -11,20 +11,21 @@ import pytest
 import sst_pin
 from sst_pin import ClosedChain, robots
 from sst_pin.cli import main
-from sst_pin.description.urdf_writer import urdf_of, yaml_of
 from tests.gallery import EVERY_ROBOT
 from tests.support import any_chain
 from tests.support.exported_c import STRICT, TYPES, Exported
-from tests.support.sampling import random_parameters
 
-DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
 OPEN, SINGULAR, NOT_FINITE = 1, 2, 3
-ROBOTS = EVERY_ROBOT | {"cart": any_chain.cart, "lines": any_chain.lines}
-QUICK = ("four_bar", "planar_4rrr", "cart", "lines")
-#: What the lists of parameters say of them.
-LISTED = {
-    "cart": "spring reference of ball_qw",  # by the coordinates that they are
-    "lines": "line gas: stiffness, rest length, damping, preload",
+#: Joints of all kinds, rolling and a coupling; a four-bar with lines and redundant motors.
+QUICK = {"cart": any_chain.cart, "lines": any_chain.lines}
+SLOW = [name for name in EVERY_ROBOT if name not in ("four_bar", "planar_4rrr")]
+#: What comments say of them.
+SAID = {
+    "cart": {
+        "robot.c": "spring reference of ball_qw",  # by the coordinates that they are
+        "robot.h": "There is no robot_computed_torque: a coordinate is no single number of q",
+    },
+    "lines": {"robot.c": "line gas: stiffness, rest length, damping, preload"},
 }
 
 
@@ -33,7 +34,7 @@ def worst(got, expected):
 
 
 @pytest.mark.parametrize(
-    "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in ROBOTS]
+    "name", [*QUICK, *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)]
 )
 @pytest.mark.parametrize("precision", TYPES)
 def test_exported_dynamics_are_those_of_the_package(name, precision, tmp_path):
@@ -42,12 +43,16 @@ def test_exported_dynamics_are_those_of_the_package(name, precision, tmp_path):
     The rounding of q alone moves the torques by some condition numbers of it. Accelerations are
     judged by the torques that they take, free of the conditioning of the inertia matrix.
     """
-    chain = ROBOTS[name]()
+    chain = (EVERY_ROBOT | QUICK)[name]()
     exported = Exported(chain, tmp_path, precision)
-    assert LISTED.get(name, "") in (tmp_path / "robot.c").read_text()
+    for file, comment in SAID.get(name, {}).items():
+        assert comment in (tmp_path / file).read_text(encoding="utf-8")
     n, motors = chain.degrees_of_freedom, len(chain.motor_names)
     q, va, aa = any_chain.states(chain, 6, 0)
     expected, forces = chain.compute_torques(q, va, aa), chain.generalized_forces(q, va, aa)
+    opened = pin.integrate(chain.model, q[0], np.linspace(0.1, 0.2, chain.model.nv))
+    code, _ = exported("torques", motors, opened, va[0], aa[0])
+    assert code == (OPEN if chain.closures else 0)  # a governor is a tree
     for i in range(len(q)):
         roundings = 100 * np.finfo(np.float32).eps * chain.condition_number(q[i])
         allowed = 1e-11 if precision == "double" else roundings
@@ -96,16 +101,6 @@ def test_exported_computed_torque_is_that_of_the_package(precision, tmp_path):
     assert exported("computed_torque", 2, q + 0.1, *inputs[1:])[0] == OPEN
 
 
-def test_coordinates_that_are_no_single_number_have_no_computed_torque_in_c(tmp_path):
-    chain = any_chain.with_joint("universal")
-    sst_pin.write_c(chain, tmp_path)
-    with pytest.raises(sst_pin.OutputError, match="exists"):
-        sst_pin.write_c(chain, tmp_path)
-    header = (tmp_path / "robot.h").read_text(encoding="utf-8")
-    assert "int robot_torques(" in header
-    assert "There is no robot_computed_torque" in header
-
-
 @pytest.mark.parametrize("precision", TYPES)
 def test_the_exported_functions_say_why_they_have_no_result(precision, tmp_path):
     chain = robots.four_bar()
@@ -123,58 +118,42 @@ def test_the_exported_functions_say_why_they_have_no_result(precision, tmp_path)
     assert exported("torques", 1, chain.home, 1e30 * one, one)[0] in (0, NOT_FINITE)
 
 
-@pytest.mark.parametrize("motors", [0, 1])
-def test_fewer_motors_than_coordinates_export_forces(motors, tmp_path):
-    """The torques are not determined, what the motion needs is."""
+def test_fewer_motors_than_coordinates_export_forces(tmp_path):
+    """The torques are not determined, what the motion needs is; here there are no motors."""
     five_bar = robots.five_bar()
-    names = list(five_bar.coordinates)
-    chain = ClosedChain(five_bar.model, five_bar.closures, names[:motors], coordinates=names)
+    chain = ClosedChain(five_bar.model, five_bar.closures, [], coordinates=five_bar.coordinates)
     exported = Exported(chain, tmp_path)
     (q,), (va,), (aa,) = any_chain.states(chain, 1, 0)
     code, f = exported("forces", 2, q, va, aa)
     assert code == 0
     assert worst(f, chain.generalized_forces(q, va, aa)) < 1e-11
-    code, result = exported("accelerations", 2, q, va, np.ones(motors))
+    code, result = exported("accelerations", 2, q, va, [])
     assert code == 0
-    assert worst(result, chain.compute_accelerations(q, va, np.ones(motors))) < 1e-11
+    assert worst(result, chain.compute_accelerations(q, va, [])) < 1e-11
 
 
-@pytest.fixture(params=["SST", "odd SST", pytest.param("delta", marks=pytest.mark.slow)])
-def described(request, tmp_path):
-    """The URDF of a robot, its cuts beside it."""
-    if request.param == "odd SST":
-        parameters, path = random_parameters(np.random.default_rng(1)), tmp_path / "odd.urdf"
-        path.write_text(urdf_of(parameters))
-        path.with_suffix(".yaml").write_text(yaml_of(parameters))
-        return path
-    return DELTA if request.param == "delta" else Path(sst_pin.URDF_PATH)
-
-
-def test_the_exported_example_computes_the_torques_of_motions(described, tmp_path):
-    chain, folder = ClosedChain.from_urdf(described), str(tmp_path / "c")
-    assert main(["compile", "--robot", str(described), "--export-c", folder]) == 0
-    tau, expected = run(chain, Path(folder), ["cc", *STRICT])
-    assert worst(tau, expected) < 1e-11
-
-
-def run(chain, folder, command):
-    """Torques by the exported example, and by the package."""
-    q, va, aa = motion = any_chain.states(chain, 5, 0)
-    sources = [str(folder / name) for name in ("main.c", "robot.c")]
-    program = folder / "dynamics"
-    subprocess.run([*command, *sources, "-o", str(program)], check=True)
-    lines = "\n".join(" ".join(map(repr, row.tolist())) for row in np.hstack(motion))
-    result = subprocess.run([str(program)], input=lines, capture_output=True, text=True, check=True)
-    tau = np.array([line.split() for line in result.stdout.splitlines()], dtype=float)
-    return tau, chain.compute_torques(q, va, aa)
-
-
-def test_the_exported_example_tells_what_it_cannot_compute(tmp_path):
-    """Exit code 1, a message and no torques: never nan for nan, never half of the input."""
-    assert main(["compile", "--export-c", str(tmp_path)]) == 0
-    program = tmp_path / "dynamics"
-    command = ["cc", *STRICT, "-o", program, tmp_path / "main.c", tmp_path / "robot.c"]
+@pytest.fixture(scope="module")
+def program(tmp_path_factory):
+    """The exported example of the SST, compiled."""
+    folder = tmp_path_factory.mktemp("sst")
+    export = ["compile", "--robot", sst_pin.URDF_PATH, "--export-c", str(folder)]
+    assert main(export) == 0
+    command = ["cc", *STRICT, "-o", folder / "dynamics", folder / "main.c", folder / "robot.c"]
     subprocess.run(list(map(str, command)), check=True)
+    return folder / "dynamics"
+
+
+def test_the_exported_example_computes_the_torques_of_motions(program):
+    chain = ClosedChain.from_urdf(sst_pin.URDF_PATH)
+    motion = any_chain.states(chain, 5, 0)
+    lines = "\n".join(" ".join(map(repr, row.tolist())) for row in np.hstack(motion))
+    result = subprocess.run([program], input=lines, capture_output=True, text=True, check=True)
+    tau = np.array([line.split() for line in result.stdout.splitlines()], dtype=float)
+    assert worst(tau, chain.compute_torques(*motion)) < 1e-11
+
+
+def test_the_exported_example_tells_what_it_cannot_compute(program):
+    """Exit code 1, a message and no torques: never nan for nan, never half of the input."""
     good = [*sst_pin.SST().home.tolist(), *[0.0] * 6]
 
     def run(words):
@@ -209,7 +188,9 @@ def test_the_exported_example_tells_what_it_cannot_compute(tmp_path):
 
 def test_export_replaces_nothing_unasked(tmp_path, capsys):
     (tmp_path / "main.c").write_text("mine")
-    assert main(["compile", "--export-c", str(tmp_path)]) == 2
+    export = ["compile", "--robot", "four_bar", "--export-c", str(tmp_path)]
+    assert main(export) == 2
     assert "main.c: exists already" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["main.c"]
-    assert main(["compile", "--export-c", str(tmp_path), "--force"]) == 0
+    assert main([*export, "--force"]) == 0
+    assert "robot_torques" in (tmp_path / "main.c").read_text(encoding="utf-8")
