@@ -110,6 +110,17 @@ def test_a_moment_on_the_platform_alone_is_that_of_the_wrenches_of_all_bodies(fi
             assert np.array_equal(alone, f(q, va, aa, platform_moment=moments)[-1])
 
 
+def test_wrenches_are_no_moment_on_the_platform(four_bar, five_bar):
+    """Of a robot without a platform, and with one."""
+    for robot in (four_bar, five_bar):
+        (q,), (va,), (x,) = moving(robot, 1)
+        moment = np.arange(6.0 * len(robot.joint_names))
+        for name in ("compute_torques", "generalized_forces", "compute_accelerations"):
+            for wrong in (moment, moment[None]):
+                with pytest.raises(sst_pin.InputError, match="platform_moment"):
+                    getattr(robot, name)(q, va, x, platform_moment=wrong)
+
+
 SMALL_STACK = """
 import threading
 import numpy as np
