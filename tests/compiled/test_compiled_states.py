@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import sst_pin
-from sst_pin import robots
+from sst_pin import ClosedChain, robots
 from sst_pin.dynamics import dynamics
 from tests.support import any_chain
 
@@ -29,20 +29,18 @@ MOTIONS = {
 
 @pytest.fixture(scope="module")
 def both():
-    """A five-bar with friction: compiled, and not."""
-    made = []
-    for _ in range(2):
-        robot = robots.five_bar()
-        robot.model.damping, robot.model.friction = np.full((2, 4), 0.005)
-        robot.refresh()
-        made.append(robot)
-    made[0].compile()
-    return made
+    """A five-bar with friction and springs, as in test_same_numbers.py: compiled, and not."""
+    bars = robots.five_bar()
+    weak = dict.fromkeys(("viscous_friction", "coulomb_friction", "stiffness"), np.full(4, 0.005))
+    given = bars.model, bars.closures, bars.motor_names
+    compiled, reference = (ClosedChain(*given, **weak) for _ in range(2))
+    compiled.compile()
+    return compiled, reference
 
 
 @pytest.mark.parametrize("name", MOTIONS)
 def test_both_paths_take_the_same_motion_and_kernels_take_it_alone(both, name, monkeypatch):
-    (torque, loads), q = MOTIONS[name], both[1].home
+    (torque, loads), q = MOTIONS[name], both[1].generic_configuration()
     motion = torque, q, [1, -1], T
     b = both[1].simulate(*motion, **loads, sign_width=0.5)
 

@@ -18,7 +18,6 @@ WORST = 1e4
 HANDED_OVER = 0.02
 ILL = 100
 NAMES = ["SST", *EVERY_ROBOT]
-QUICK = ("four_bar", "planar_3rrr")
 
 
 def twins(name):
@@ -75,7 +74,7 @@ def of_parts(forces_of, q, va, aa):
 
 @pytest.mark.parametrize(
     ("name", "configurations"),
-    [(name, 20) for name in QUICK] + [pytest.param(n, 400, marks=pytest.mark.slow) for n in NAMES],
+    [("five_bar", 20), *(pytest.param(n, 400, marks=pytest.mark.slow) for n in NAMES)],
 )
 def test_kernels_give_the_numbers_of_the_reference_path_or_leave_the_state_to_it(
     name, configurations

@@ -202,14 +202,13 @@ def test_kernels_compute_what_the_reference_path_computes(name, method, request,
 @pytest.mark.parametrize(
     ("name", "method"),
     [
-        ("cart", "compute_torques"),
-        ("cart", "compute_accelerations"),
+        ("four-bar", "compute_accelerations"),
         ("four-bar", "torque_regressor"),
         (BY_COLUMNS[1], "compute_accelerations"),
     ],
 )
 def test_samples_at_fault_are_named_or_nan_and_the_others_are_as_they_were(name, method, request):
-    """All faults by all methods, of a smaller robot: test_refusals.py."""
+    """All faults by all methods: test_refusals.py."""
     if name in BY_COLUMNS:
         request.getfixturevalue("by_columns")
     kernels, (given, _) = pair(name)[0], samples(name)
@@ -224,60 +223,71 @@ def test_samples_at_fault_are_named_or_nan_and_the_others_are_as_they_were(name,
         np.testing.assert_array_equal(np.delete(got, 4, axis=0), np.delete(right, 4, axis=0))
 
 
-def test_regressors_of_other_masses_need_no_new_kernel():
-    chain = robots.four_bar()
-    chain.compile()
-    motions = any_chain.states(chain, 5, 0)
-    heavier = chain.with_parameters({"coupler.mass": 3.0, "rocker.coulomb": 0.2})
+@pytest.fixture
+def no_compiler(monkeypatch):
+    """Whoever compiles fails; kernels of torques, and the regressor of a four-bar, are there."""
+    for name, method in (("lines", "compute_torques"), ("four-bar", "torque_regressor")):
+        results(pair(name)[0], method, samples(name)[0], None)
+
+    def forbidden(*_):
+        raise AssertionError("a compiler")
+
+    monkeypatch.setattr(libraries, "compile_library", forbidden)
+
+
+def test_regressors_of_other_masses_need_no_new_kernel(no_compiler):
+    kernels, given = pair("four-bar")[0], samples("four-bar")[0]
+    motions = [given[name] for name in ("q", "va", "aa")]
+    heavier = kernels.with_parameters({"coupler.mass": 3.0, "rocker.coulomb": 0.2})
     Y = heavier.torque_regressor(*motions)
-    np.testing.assert_allclose(Y, chain.torque_regressor(*motions), rtol=1e-12, atol=1e-13)
+    np.testing.assert_allclose(Y, kernels.torque_regressor(*motions), rtol=1e-12, atol=1e-13)
     forces = heavier.generalized_forces(*motions)
     np.testing.assert_allclose(Y @ heavier.dynamic_parameters, forces, atol=1e-12)
 
 
-def test_gravity_inertias_and_friction_count_without_compiling_again(monkeypatch):
-    given, kernels = samples("cart")[0], pickle.loads(pickle.dumps(pair("cart")[0]))
+def test_gravity_inertias_and_friction_count_without_compiling_again(no_compiler):
+    given, kernels = samples("four-bar")[0], pickle.loads(pickle.dumps(pair("four-bar")[0]))
     motions = [given[name] for name in ("q", "va", "aa")]
-    monkeypatch.setattr(libraries, "compile_library", None)  # whoever compiles fails
     before = kernels.compute_torques(*motions)
     model = kernels.model
     model.gravity.linear = np.array([0.0, 3.0, -20.0])
-    model.damping = 3 * model.damping
-    for joint in ("follower", "ball", "base"):
-        model.inertias[model.getJointId(joint)] += pin.Inertia.FromSphere(0.7, 0.2)
+    model.damping, model.friction, model.armature = (
+        3 * x for x in (model.damping, model.friction, model.armature)
+    )
+    for joint in range(1, model.njoints):
+        model.inertias[joint] += pin.Inertia.FromSphere(0.7, 0.2)
     kernels.refresh()
     after = kernels.compute_torques(*motions)
     assert np.abs(after - before).max() > 1
-    reference = any_chain.cart()
-    reference.model.gravity, reference.model.inertias[:] = model.gravity, model.inertias
-    reference.model.damping = model.damping
-    reference.refresh()
+    reference = ClosedChain(model, kernels.closures, kernels.motor_names)
     same(after, reference.compute_torques(*motions))
     assert kernels.path.startswith("compiled")
 
 
-def test_numbers_of_lines_change_without_a_new_compilation_and_ends_with_one():
-    """Kernels hold the ends, not the numbers: both give what the reference path gives."""
+def test_numbers_of_lines_change_without_a_new_compilation_and_ends_with_one(no_compiler):
+    """Kernels hold the ends, not the numbers."""
     q, va, aa = any_chain.states(any_chain.lines(), 3, 0)
     soft = LineForce("wall", "platform", name="gas", stiffness=7, damping=1, preload=2)
-    gas, spring = any_chain.GAS, any_chain.SPRING
-    for where, forces in (((-0.3, 0.1, 0.3), (soft, spring)), ((-0.2, 0, 0.3), (gas, spring))):
-        robot, twin = any_chain.lines(where, forces), any_chain.lines(where, forces)
-        robot.compile()
-        same(robot.compute_torques(q, va, aa), twin.compute_torques(q, va, aa), 1e-12)
+    robot, twin = (any_chain.lines(forces=(soft, any_chain.SPRING)) for _ in range(2))
+    robot.compile()
+    same(robot.compute_torques(q, va, aa), twin.compute_torques(q, va, aa), 1e-12)
+    with pytest.raises(AssertionError, match="a compiler"):
+        any_chain.lines((-0.2, 0, 0.3)).compile()
 
 
-@pytest.mark.parametrize("compiled", [False, True])
-def test_samples_whose_line_has_no_direction_are_refused_on_both_paths(compiled):
+def test_samples_whose_line_has_no_direction_are_refused_on_both_paths():
+    """The other sample has the torques of both, with an end elsewhere than in other tests."""
     plain, home = any_chain.lines(), robots.four_bar().home
     data = plain.model.createData()
     pin.framesForwardKinematics(plain.model, data, home)
-    robot = any_chain.lines(data.oMf[plain.model.getFrameId("platform")].translation)
-    if compiled:
-        robot.compile()
+    where = data.oMf[plain.model.getFrameId("platform")].translation
+    kernels, reference = any_chain.lines(where), any_chain.lines(where)
+    kernels.compile()
     q = np.array([plain.assemble([*home[:2], home[2] + 0.2]), home])
-    with pytest.raises(SingularConfigurationError, match="gas is not determined") as caught:
-        robot.compute_torques(q, [0], [0])
-    assert caught.value.samples == ((1,),)
-    tau = robot.compute_torques(q, [0], [0], on_error="nan")
+    for robot in (kernels, reference):
+        with pytest.raises(SingularConfigurationError, match="gas is not determined") as caught:
+            robot.compute_torques(q, [0], [0])
+        assert caught.value.samples == ((1,),)
+    tau, expected = (r.compute_torques(q, [0], [0], on_error="nan") for r in (kernels, reference))
     assert np.isnan(tau).any(axis=1).tolist() == [False, True]
+    np.testing.assert_allclose(tau, expected, rtol=1e-12)
