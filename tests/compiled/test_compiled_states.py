@@ -4,7 +4,6 @@
 import numpy as np
 import pytest
 
-import sst_pin
 from sst_pin import ClosedChain, robots
 from sst_pin.dynamics import dynamics
 from tests.support import any_chain
@@ -65,14 +64,3 @@ def test_rates_are_those_of_the_closed_loops(both, gap):
         assert np.abs(fast.closed(state) - q).max() < 1e-14 + gap * 1e-13
         wanted = slow.rate(state, tau, None)
         assert np.abs(fast.rate(state, tau, None) - wanted).max() < 1e-11 * np.abs(wanted).max()
-
-
-@pytest.mark.slow
-def test_both_paths_stop_at_the_same_time_before_a_singularity(robot, compiled_robot):
-    stops = []
-    for each in (robot, compiled_robot):
-        state, t = (np.zeros(3), each.home, (5, -5, 5)), np.linspace(0, 1, 11)
-        with pytest.warns(sst_pin.SingularityWarning):
-            motion = each.simulate(*state, t, max_condition_number=7.0)
-        stops.append(float(motion.stopped.split("t = ")[1].split(" s")[0]))
-    assert stops[0] == pytest.approx(stops[1], rel=1e-8)

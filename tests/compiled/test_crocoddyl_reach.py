@@ -7,20 +7,15 @@ import pytest
 from tests.support.files import load
 
 crocoddyl = pytest.importorskip("crocoddyl", reason="crocoddyl is not installed (extra 'optimal')")
-crocoddyl_reach = load("examples/crocoddyl_reach.py")
-LIMIT = crocoddyl_reach.LIMIT
-STEP = crocoddyl_reach.STEP
-ClosedAction = crocoddyl_reach.ClosedAction
-ClosedState = crocoddyl_reach.ClosedState
-reach = crocoddyl_reach.reach
+example = load("examples/crocoddyl_reach.py")
 
 
 def test_crocoddyl_differentiates_the_closed_chain_as_we_do(robot):
     """Its forward differences of our action, along its moves of our state."""
     rng = np.random.default_rng(0)
-    state = ClosedState(robot, robot.home)
+    state = example.ClosedState(robot, robot.home)
     goal = state.zero()
-    model = ClosedAction(state, goal, np.ones(6), 1e-2)
+    model = example.ClosedAction(state, goal, np.ones(6), 1e-2)
     x, u = state.integrate(goal, 0.2 * rng.normal(size=6)), rng.normal(size=3)
     data = model.createData()
     model.calc(data, x, u)
@@ -38,14 +33,14 @@ def test_crocoddyl_differentiates_the_closed_chain_as_we_do(robot):
 
 def test_box_fddp_brings_the_sst_to_a_pose_within_its_torques(robot):
     """The loops stay closed, and the torques are what `rollout` needs, up to Euler's steps."""
-    solver, converged = reach(robot, (0.15, -0.2, 0.25), 40)
+    solver, converged = example.reach(robot, (0.15, -0.2, 0.25), 40)
     assert converged
     assert solver.iter < 30
     q, tau = np.array(solver.xs)[:, :9], np.array(solver.us)
-    assert np.abs(tau).max() <= LIMIT + 1e-12
+    assert np.abs(tau).max() <= example.LIMIT + 1e-12
     assert np.abs([robot.residual(x) for x in q]).max() < 1e-9
     goal = solver.problem.terminalModel.differential.goal
     assert np.abs(q[-1] - goal[:9]).max() < 1e-3
-    motion = robot.rollout(tau, robot.home, np.zeros(3), STEP)
+    motion = robot.rollout(tau, robot.home, np.zeros(3), example.STEP)
     # Symplectic Euler at 10 ms: an error of the size of the step times the rate, some 1 rad/s.
     assert np.abs(motion.q - q).max() < 0.02

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sst_pin.compiled import kernels
-from sst_pin.compiled.elimination import Factors, pivot_order
+from sst_pin.compiled.elimination import pivot_order
 from sst_pin.compiled.equations import Equations
 from sst_pin.compiled.generator_inputs import sample_configurations
 from tests.gallery import ladder
@@ -120,32 +120,9 @@ def test_a_joint_of_several_turns_is_these_turns_in_a_row(name):
         assert relative(numbers("generalized_forces", q, va, aa), expected) < 1e-11
 
 
-@pytest.mark.parametrize("motors", [["arm_1"], ["body", "arm_1", "arm_2"]])
-def test_motors_other_than_the_coordinates_give_the_smallest_torques(motors):
-    chain = any_chain.chain(coordinates=["body"], actuated=motors)
-    numbers = Numbers(chain)
-    for q, va, aa in zip(*any_chain.states(chain, 3, 0), strict=True):
-        assert relative(numbers("torques", q, va, aa), chain.compute_torques(q, va, aa)) < 1e-11
-
-
 def test_pivots_avoid_elements_that_vanish_in_a_sample():
     """The first entry is the sparsest pivot but vanishes in the second sample."""
     values = np.array([[[1.0, 0.0], [1.0, 1.0]], [[1e-9, 0.0], [1.0, 1.0]]])
     values[:, 0, 1] = 0.5
     order, _ = pivot_order(values.any(axis=0), values)
     assert (0, 0) not in order
-
-
-def test_rows_that_follow_from_others_get_no_pivot_and_solutions_hold():
-    random = np.random.default_rng(0)
-    A = random.normal(size=(4, 4)) * (random.uniform(size=(4, 4)) < 0.7) + 2 * np.eye(4)
-    rows = np.vstack([A[:2], A[0] + A[1], A[2:]])
-    order, _ = pivot_order(rows != 0, rows[None])
-    sparse = [{j: x for j, x in enumerate(row) if x} for row in rows]
-    factors = Factors(sparse, order)
-    assert len(set(factors.rows)) == 4
-    used, b = rows[factors.rows], random.normal(size=4)
-    x = factors.solve(dict(zip(factors.rows, b, strict=True)))
-    assert np.allclose(used @ [x[j] for j in range(4)], b, rtol=1e-13)
-    y = factors.solve_transposed(dict(enumerate(b)))
-    assert np.allclose(used.T @ [y[i] for i in factors.rows], b, rtol=1e-13)

@@ -20,13 +20,6 @@ ILL = 100
 NAMES = ["SST", *EVERY_ROBOT]
 
 
-def twins(name):
-    """A robot by kernels, and by the reference path."""
-    kernels, reference = (SST() if name == "SST" else EVERY_ROBOT[name]() for _ in range(2))
-    kernels.compile()
-    return kernels, reference
-
-
 def wander(chain, start, count, seed):
     """Assembled configurations on random ways, each up to a singular configuration or so.
 
@@ -87,7 +80,8 @@ def test_kernels_give_the_numbers_of_the_reference_path_or_leave_the_state_to_it
     need alone, or by what one rounding of q changes, in each of the two paths. Accelerations are
     judged by the forces that they take.
     """
-    kernels, reference = twins(name)
+    kernels, reference = (SST() if name == "SST" else EVERY_ROBOT[name]() for _ in range(2))
+    kernels.compile()
     q, conditions = wander(reference, reference.home, configurations, 0)
     q, conditions = np.repeat(q, 5, axis=0), np.repeat(conditions, 5)
     va, aa = np.random.default_rng(1).normal(size=(2, len(q), reference.degrees_of_freedom))

@@ -7,9 +7,7 @@ import logging
 import os
 import pickle
 import re
-import threading
 import time
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -162,24 +160,6 @@ def test_a_person_who_waits_is_told_once_in_a_process(folder, caplog):
         f"sst-pin: compiling kernels of {robot}; the cache keeps them"
         for robot in ("bars", "quick")
     ]
-
-
-def test_threads_that_compile_together_tell_once(monkeypatch):
-    libraries._announce_once.cache_clear()
-    records, start = [], threading.Barrier(4)
-
-    def warn(*message):
-        time.sleep(0.02)
-        records.append(message)
-
-    def compile_one(robot):
-        start.wait()
-        libraries._announce(robot)
-
-    monkeypatch.setattr(libraries._log, "warning", warn)
-    with ThreadPoolExecutor(4) as pool:
-        list(pool.map(compile_one, ["bars"] * 4))
-    assert len(records) == 1
 
 
 def test_a_process_loads_a_library_once(monkeypatch):

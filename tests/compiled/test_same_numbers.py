@@ -4,10 +4,9 @@
 `test_every_state.py` takes the robots of the gallery to states close to singular ones.
 """
 
+import copy
 import pickle
-import tempfile
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -20,16 +19,8 @@ from sst_pin.dynamics.quantities import QUANTITIES
 from tests.gallery import EVERY_ROBOT
 from tests.support import any_chain, link_tables
 from tests.support.derivative_cases import WIDTH, floating_four_bar, of_gallery
-from tests.support.files import load
-
-cassie = load("examples/cassie.py")
-
-
-def cassie_on_a_stand():
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, "cassie.xml")
-        path.write_text(cassie.mjcf())
-        return ClosedChain.from_mjcf(path, locked=cassie.HELD)
+from tests.support.methods import METHODS
+from tests.support.named_robots import robot_named
 
 
 def full(name):
@@ -49,7 +40,7 @@ ROBOTS = {
     "four-bar": lambda: link_tables.four_bar(link_tables.SKEW_PLANE).chain(),
     "five-bar": lambda: of_gallery("five_bar").chain,
     "floating four-bar": lambda: floating_four_bar().chain,
-    "Cassie": cassie_on_a_stand,
+    "Cassie": lambda: copy.deepcopy(robot_named("cassie")),
     "floating": lambda: any_chain.with_joint("free-flyer", kind="hinge"),
     "cart": any_chain.cart,
     "lines": any_chain.lines,
@@ -63,25 +54,6 @@ ROBOTS = {
     ),
     **{f"{name} by columns": lambda name=name: full(name) for name in ("five_bar", "four_bar")},
     "planar_4rrr by columns": lambda: full("planar_4rrr"),
-}
-#: Methods by their arguments; x are torques or accelerations.
-METHODS = {
-    "compute_torques": "q va aa",
-    "generalized_forces": "q va aa",
-    "compute_accelerations": "q va tau",
-    "joint_rates": "q va",
-    "joint_accelerations": "q va aa",
-    "frame_jacobian": "q frame",
-    "frame_jacobian_rate": "q va frame",
-    "frame_velocity_derivatives": "q va frame",
-    "frame_drift": "q va frame",
-    "reduced_terms": "q va",
-    "actuator_jacobian": "q",
-    "torque_derivatives": "q va aa",
-    "acceleration_derivatives": "q va tau",
-    "linearize": "q va tau",
-    "torque_regressor": "q va aa",
-    "reactions": "q va tau=",
 }
 DYNAMICS, LOADABLE = [*METHODS][:3], {*[*METHODS][:3], "linearize", "reactions"}
 LOADABLE |= {"torque_derivatives", "acceleration_derivatives"}
@@ -199,28 +171,18 @@ def test_kernels_compute_what_the_reference_path_computes(name, method, request,
     assert "by the reference path" not in kernels.path
 
 
-@pytest.mark.parametrize(
-    ("name", "method"),
-    [
-        ("four-bar", "compute_accelerations"),
-        ("four-bar", "torque_regressor"),
-        (BY_COLUMNS[1], "compute_accelerations"),
-    ],
-)
-def test_samples_at_fault_are_named_or_nan_and_the_others_are_as_they_were(name, method, request):
-    """All faults by all methods: test_refusals.py."""
-    if name in BY_COLUMNS:
-        request.getfixturevalue("by_columns")
-    kernels, (given, _) = pair(name)[0], samples(name)
-    expected, opened = results(kernels, method, given, None), dict(given, q=given["q"].copy())
-    opened["q"][4, -1] += 0.1
+def test_samples_at_fault_by_columns_are_named_or_nan_and_the_others_are_as_they_were(by_columns):
+    """By the other kernels: test_refusals.py."""
+    kernels, (given, _) = pair(BY_COLUMNS[1])[0], samples(BY_COLUMNS[1])
+    q, va, tau = given["q"], given["va"], given["tau"]
+    expected, opened = kernels.compute_accelerations(q, va, tau), q.copy()
+    opened[4, -1] += 0.1
     with pytest.raises(ClosureError) as caught:
-        results(kernels, method, opened, None)
+        kernels.compute_accelerations(opened, va, tau)
     assert caught.value.samples == ((4,),)
-    result = results(kernels, method, opened, None, on_error="nan")
-    for got, right in zip(result, expected, strict=True):
-        assert not got[4].any() if got.dtype == bool else np.isnan(got[4]).all()
-        np.testing.assert_array_equal(np.delete(got, 4, axis=0), np.delete(right, 4, axis=0))
+    expected[4] = np.nan
+    result = kernels.compute_accelerations(opened, va, tau, on_error="nan")
+    np.testing.assert_array_equal(result, expected)
 
 
 @pytest.fixture
