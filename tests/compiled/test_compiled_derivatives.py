@@ -24,36 +24,6 @@ SOME = [
 ]
 
 
-def numbers(case, keys):
-    """Kernels as functions of numbers, and f differentiated by CasADi."""
-    chain = case.chain
-    reference, mechanism = chain.engine.reference, chain.mechanism
-    samples = sample_configurations(reference, case.home)
-    equations = Equations(mechanism, samples, loaded=True, smooth=True)
-    friction = mechanism.friction
-    p = equations.parameters.pack(mechanism, Friction(friction.viscous, friction.coulomb, WIDTH))
-    functions = {}
-    for key in keys:
-        (kernel,) = kernels.entry(equations, key)
-        results = [ca.vertcat(kernel.output, ca.mmax(kernel.checks))]
-        inputs = [*kernel.inputs.values(), kernel.parameters]
-        functions[key] = ca.Function(kernel.name, inputs, results)
-    e, f = equations, equations.generalized_forces
-    along = ca.horzcat(*(e.kinematics.q_rates(L) for L in e.L))
-    plain = ca.horzcat(ca.jacobian(f, e.q) @ along, ca.jacobian(f, ca.vertcat(e.va, e.aa)))
-    plain = ca.Function("plain", [e.q, e.va, e.aa, e.loads, e.p], [ca.densify(plain)])
-
-    def evaluated(key, q, va, x, wrenches):
-        n = chain.degrees_of_freedom
-        ways = [[way] for way in np.eye(n)] if key.along else [[]]
-        columns = [functions[key](q, va, x, wrenches.ravel(), *way, p).full() for way in ways]
-        results = np.hstack(columns)
-        assert results[-1].max() <= 1  # the kernel vouches for it
-        return results[:-1].reshape(n, -1)
-
-    return evaluated, lambda *state: plain(*state[:3], state[3].ravel(), p).full()
-
-
 @pytest.mark.parametrize("name", SOME)
 def test_derivatives_are_those_of_the_reference_path_and_casadis_own(name):
     """The reference path's, those by one factorisation, and CasADi's of f itself.
@@ -62,20 +32,33 @@ def test_derivatives_are_those_of_the_reference_path_and_casadis_own(name):
     """
     make, *arguments = CASES[name]
     case = make(*arguments)
-    chain, keys = case.chain, ALL
-    if len(chain.motor_names) != chain.degrees_of_freedom:
-        keys = [key for key in keys if key != DERIVATIVES[1]._replace(along=True)]
-    evaluated, plain = numbers(case, keys)
-    options = {"sign_width": WIDTH}
+    chain, mechanism, n = case.chain, case.chain.mechanism, case.chain.degrees_of_freedom
+    samples = sample_configurations(chain.engine.reference, case.home)
+    e = Equations(mechanism, samples, loaded=True, smooth=True)
+    friction = Friction(mechanism.friction.viscous, mechanism.friction.coulomb, WIDTH)
+    p, functions = e.parameters.pack(mechanism, friction), {}
+    for key in ALL:
+        if len(chain.motor_names) == n or key != DERIVATIVES[1]._replace(along=True):
+            (kernel,) = kernels.entry(e, key)
+            results = [ca.vertcat(kernel.output, ca.mmax(kernel.checks))]
+            inputs = [*kernel.inputs.values(), kernel.parameters]
+            functions[key] = ca.Function(kernel.name, inputs, results)
+    f, along = e.generalized_forces, ca.horzcat(*(e.kinematics.q_rates(L) for L in e.L))
+    plain = ca.horzcat(ca.jacobian(f, e.q) @ along, ca.jacobian(f, ca.vertcat(e.va, e.aa)))
+    plain = ca.Function("plain", [e.q, e.va, e.aa, e.loads, e.p], [ca.densify(plain)])
     for q, va, aa, wrenches in case.states(5):
-        options["external_wrenches"] = wrenches
+        options = {"sign_width": WIDTH, "external_wrenches": wrenches}
         df = np.concatenate(chain.torque_derivatives(q, va, aa, **options), axis=1)
-        close(plain(q, va, aa, wrenches), df, 1e-10)
+        close(plain(q, va, aa, wrenches.ravel(), p).full(), df, 1e-10)
         tau = np.linspace(-2, 3, len(chain.motor_names))
         da = np.concatenate(chain.acceleration_derivatives(q, va, tau, **options), axis=1)
-        for key in keys:
+        for key, function in functions.items():
             x, expected = (aa, df) if key.name == "torque_derivatives" else (tau, da)
-            close(evaluated(key, q, va, x, wrenches), expected, 1e-10)
+            ways = [[way] for way in np.eye(n)] if key.along else [[]]
+            columns = [function(q, va, x, wrenches.ravel(), *way, p).full() for way in ways]
+            *result, checks = np.hstack(columns)
+            assert checks.max() <= 1  # the kernel vouches for it
+            close(np.reshape(result, (n, -1)), expected, 1e-10)
 
 
 @pytest.mark.parametrize("name", ["five_bar", "floating four-bar"])

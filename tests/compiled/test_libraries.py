@@ -3,7 +3,6 @@
 
 import copy
 import errno
-import logging
 import os
 import pickle
 import re
@@ -48,14 +47,20 @@ def raising(error):
     return function
 
 
-def test_a_log_says_what_is_compiled_and_nothing_where_the_cache_has_it(folder, caplog):
+def test_a_person_is_told_once_in_a_process_and_a_log_of_all_that_is_compiled(folder, caplog):
+    """Of a robot with two kernels, and of one whose kernel the cache has at the second call."""
     caplog.set_level("INFO", logger="sst_pin")
-    assert answer() == answer() == 42
-    assert caplog.messages[-1] == "compiling kernel of robot for plain; the cache keeps it"
-    count = len(caplog.messages)
-    another_process()
-    assert answer() == 42
-    assert len(caplog.messages) == count
+    libraries._announce_once.cache_clear()
+    for robot, kernel in (("bars", "a"), ("bars", "b"), ("quick", "a"), ("quick", "a")):
+        libraries.load(robot, kernel, b"content", "plain", lambda: SOURCE)
+        another_process()
+    assert [(record.levelname, record.getMessage()) for record in caplog.records] == [
+        ("WARNING", "sst-pin: compiling kernels of bars; the cache keeps them"),
+        ("INFO", "compiling a of bars for plain; the cache keeps it"),
+        ("INFO", "compiling b of bars for plain; the cache keeps it"),
+        ("WARNING", "sst-pin: compiling kernels of quick; the cache keeps them"),
+        ("INFO", "compiling a of quick for plain; the cache keeps it"),
+    ]
 
 
 @pytest.mark.parametrize(
@@ -149,17 +154,6 @@ def test_the_cache_stays_below_its_bound_and_loses_what_was_used_longest_ago(fol
     loaded[3] = made(3)
     assert {entry.robot for entry in libraries.cached()} == {"robot0", "robot2", "robot3"}
     assert [library.answer() for library in loaded.values()] == [0, 1, 2, 3]  # in memory
-
-
-def test_a_person_who_waits_is_told_once_in_a_process(folder, caplog):
-    libraries._announce_once.cache_clear()
-    for k, robot in enumerate(("bars", "bars", "quick", "bars")):
-        libraries.load(robot, "kernel", bytes([k]), "plain", lambda: SOURCE)
-    records = [r.getMessage() for r in caplog.records if r.levelno == logging.WARNING]
-    assert records == [
-        f"sst-pin: compiling kernels of {robot}; the cache keeps them"
-        for robot in ("bars", "quick")
-    ]
 
 
 def test_a_process_loads_a_library_once(monkeypatch):

@@ -7,7 +7,6 @@ import pytest
 
 from sst_pin import InputError, SingularConfigurationError, robots
 from sst_pin.compiled import extension, libraries
-from sst_pin.dynamics.quantities import Quantity
 from tests.gallery import EVERY_ROBOT
 from tests.support import any_chain
 from tests.support.files import load
@@ -226,22 +225,14 @@ def test_a_singular_configuration_is_flagged(device):
     assert np.isnan(tau.numpy()).all()
 
 
-def test_no_extension_module_is_needed(four_bar, monkeypatch):
-    def missing():
-        raise AssertionError("the extension module")
-
-    monkeypatch.setattr(extension, "binding", missing)
-    q, va, aa = any_chain.states(four_bar, 6, 0)
-    assert np.isfinite(four_bar.warp("cpu").torques(q, va, aa).numpy()).all()
-
-
-def test_modules_are_cached(four_bar, device, monkeypatch):
+def test_modules_are_cached_and_need_no_extension_module(four_bar, device, monkeypatch):
     batch = four_bar.warp(device)
-    batch.module(Quantity("torques"))
+    states = arrays(batch, *any_chain.states(four_bar, 6, 0))
+    expected = batch.torques(*states).numpy()
     monkeypatch.setattr("sst_pin.compiled.warp_code.module", None)
-    four_bar.warp(device).module(Quantity("torques"))
-    kernels = {library.kernel for library in libraries.cached()}
-    assert "warp_torques_float64" in kernels
+    monkeypatch.setattr(extension, "binding", None)
+    assert np.array_equal(four_bar.warp(device).torques(*states).numpy(), expected)
+    assert "warp_torques_float64" in {library.kernel for library in libraries.cached()}
 
 
 @pytest.mark.gpu
