@@ -6,7 +6,6 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 import sst_pin
 
@@ -41,20 +40,11 @@ def test_the_page_lists_the_files_from_the_call_to_the_dynamics():
     page = (ROOT.parent / "docs" / "architecture.md").read_text(encoding="utf-8")
     _, listed = page.split("<!-- files of the reference path -->")
     names = re.findall(r"^\d\. `([\w/]+)`", listed, re.MULTILINE)
-    assert names == files_entered(sst_pin.SST())
-
-
-@pytest.mark.parametrize("name", ["four_bar", "delta"])
-def test_the_reference_path_enters_at_most_eight_files_and_none_twice(name):
-    """The delta has quaternions."""
-    files = files_entered(getattr(sst_pin.robots, name)())
-    assert len(files) <= 8
-    assert len(set(files)) == len(files)
-
-
-def test_a_robot_with_friction_adds_one_file():
     plain = sst_pin.robots.four_bar()
+    assert names == files_entered(plain)
+    of_quaternions = files_entered(sst_pin.robots.delta())
+    assert of_quaternions == [*names[:5], "model/joint_space", *names[5:]]
     friction = sst_pin.ClosedChain(
         plain.model, plain.closures, ["crank"], viscous_friction=np.full(3, 0.1)
     )
-    assert files_entered(friction) == [*files_entered(plain), "model/mechanism"]
+    assert files_entered(friction) == [*names, "model/mechanism"]
