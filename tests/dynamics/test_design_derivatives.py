@@ -167,17 +167,6 @@ def test_with_design_is_the_robot_built_with_other_numbers():
     assert_allclose(other.compute_torques(at, [1], [2]), by_hand.compute_torques(at, [1], [2]))
 
 
-def test_a_batch_is_its_samples():
-    chain = robots.four_bar()
-    q = np.stack([chain.home, chain.generic_configuration()])
-    va, aa = np.array([[1.0], [2.0]]), np.array([0.5])
-    batch = chain.design_derivatives(q, va, aa, ["*.length", "crank.mass"], frame="platform")
-    one = chain.design_derivatives(q[1], va[1], aa, ["*.length", "crank.mass"], frame="platform")
-    assert batch.names == one.names == ("*.length", "crank.mass")
-    for many, single in zip(batch[1:], one[1:], strict=True):
-        assert_allclose(many[1], single, atol=1e-13)
-
-
 def test_no_parameters_have_no_derivatives():
     chain = robots.four_bar()
     d = chain.design_derivatives(chain.home, [1], [0], [])
