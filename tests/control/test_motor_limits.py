@@ -11,15 +11,9 @@ from sst_pin import robots
 from tests.control.test_timing import wave
 from tests.support import any_chain
 from tests.support.files import load
+from tests.support.motor_cases import motors_everywhere
 
 cables = load("examples/cable_robot.py")
-
-
-def motors_everywhere():
-    """A planar 3-RRR with a motor in each joint of its legs: three more than freedoms."""
-    plain = robots.planar_3rrr()
-    names = [name for name in plain.joint_names if not name.startswith("wrist")][:6]
-    return sst_pin.ClosedChain(plain.model, plain.closures, names, coordinates=plain.coordinates)
 
 
 def two_on_one(mass=2.0):

@@ -11,15 +11,7 @@ import sst_pin
 from sst_pin import robots
 from sst_pin.errors import ActuationError
 from tests.support import any_chain
-from tests.support.motor_cases import lift, telescope
-
-
-def motors_everywhere():
-    """A planar 3-RRR with a motor in each joint of its legs: three more than freedoms."""
-    plain = robots.planar_3rrr()
-    names = [name for name in plain.joint_names if not name.startswith("wrist")][:6]
-    return sst_pin.ClosedChain(plain.model, plain.closures, names)
-
+from tests.support.motor_cases import lift, motors_everywhere, telescope
 
 CHAINS = {"one surplus motor": robots.planar_4rrr, "three": motors_everywhere}
 
@@ -34,17 +26,11 @@ def motion(chain):
     return any_chain.states(chain, 6, 1)
 
 
-def test_there_are_as_many_directions_as_motors_too_many(chain):
-    stresses = chain.mobility().inner_stresses
-    assert stresses == len(chain.motor_names) - chain.degrees_of_freedom
-    assert chain.preload_directions(chain.home).shape == (len(chain.motor_names), stresses)
-    assert f"torques of the motors that make no motion: {stresses}" in str(chain.mobility())
-
-
 def test_preload_makes_no_motion(chain, motion):
     q, va, aa = motion
-    basis = chain.preload_directions(q)
-    k = basis.shape[-1]
+    basis, k = chain.preload_directions(q), len(chain.motor_names) - chain.degrees_of_freedom
+    assert basis.shape == (6, len(chain.motor_names), k)
+    assert f"torques of the motors that make no motion: {k}" in str(chain.mobility())
     assert np.swapaxes(basis, -1, -2) @ basis == pytest.approx(
         np.tile(np.eye(k), (6, 1, 1)), abs=1e-12
     )
@@ -109,11 +95,9 @@ def test_a_robot_without_surplus_motors_is_only_checked():
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [
-        ({"limits": [1.0]}, "limits: shape"),
         ({"limits": [-1.0] * 4}, "must be below"),
         ({"preload": [1.0, 2.0]}, "preload: shape"),
         ({"preload": [np.nan]}, "preload: entry .0. is nan"),
-        ({"limits": "much"}, "limits"),
     ],
 )
 def test_bad_limits_and_preloads_are_refused(arguments, problem):
@@ -137,7 +121,7 @@ AA = np.array([1.0, -1.0])
 
 
 @pytest.mark.parametrize("loop", [False, True], ids=["tree", "with a loop"])
-@pytest.mark.parametrize("masses", [(0.1, 1e3), (1e-3, 1e3), (0.1, 1e5), (0.1, 1e6)])
+@pytest.mark.parametrize("masses", [(1e-3, 1e3), (0.1, 1e6)])
 def test_a_light_freedom_is_refused_though_its_coordinates_move_a_heavy_body(masses, loop):
     chain = telescope(*masses, loop)
     n = chain.degrees_of_freedom
@@ -158,7 +142,7 @@ OPTIONS = {
     "other weights": lambda tau, f: {"weights": [1, 1, 1e12, 1e-6, 1]},
 }
 #: Masses of the lift and of its bars.
-MASSES = [(1e2, 1e-3), (1e5, 1.0), (1e5, 1e-3)]
+MASSES = [(1e2, 1e-3), (1e5, 1e-3)]
 
 
 @pytest.mark.parametrize("compiled", [False, True], ids=["reference", "compiled"])

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.optimize import brentq
 
-from sst_pin import ClosedChain, Closure, ClosureError
+from sst_pin import ClosedChain, Closure, ClosureError, robots
 from tests.support import by_hand
 from tests.support.by_hand import at, mark
 
@@ -96,6 +96,13 @@ def held_not(chain: ClosedChain) -> tuple[np.ndarray, np.ndarray]:
                 if regular and held(before) * held(q) < 0:
                     root = brentq(lambda x, q=q: held(pose(x, q)), turn - 2 / 59, turn, xtol=1e-15)
                     return pose(root, q), pose(root + 0.1, q)
+
+
+def motors_everywhere() -> ClosedChain:
+    """A planar 3-RRR with a motor in each joint of its legs: three more than freedoms."""
+    plain = robots.planar_3rrr()
+    names = [name for name in plain.joint_names if not name.startswith("wrist")][:6]
+    return ClosedChain(plain.model, plain.closures, names, coordinates=plain.coordinates)
 
 
 def two_modes() -> ClosedChain:
