@@ -14,38 +14,15 @@ from sst_pin.robots.placements import HERE, UPRIGHT, planar, shift, two_link
 
 
 @of_dimensions
-def ladder(
-    cells: int = 4,
-    *,
-    rail: float = 0.3,
-    rung: float = 0.2,
-    linear_density: float = 1.0,
-    radius: float = 0.01,
-) -> GalleryRobot:
+def ladder(cells: int = 4, *, rail: float = 0.3, rung: float = 0.2) -> GalleryRobot:
     """A ladder of parallelograms, one upon the other, each driven; x to the right, z up.
 
-    The loops share no joints, and there can be any number of them. The platform is the top rung,
-    which does not turn; its frame lies at the left. For a place of the platform, the cells of the
-    lower half lean alike, and those of the upper half.
-
-    Args:
-        cells: Parallelograms, two or more, each with a motor at its left rail.
-        rail: Length of the rails, [m].
-        rung: Length of the rungs, [m].
-        linear_density: Mass of a bar per length, [kg/m].
-        radius: Radius of the bars, [m].
-
-    Raises:
-        InputError: For fewer than two cells.
-
-    Example:
-        >>> chain = ladder()
-        >>> chain.compute_torques(chain.home, [0] * 4, [0] * 4).round(2)
-        array([-2.92, -2.11,  1.91,  0.74])
+    The platform is the top rung, which does not turn; its frame lies at the left. For a place of
+    the platform, the cells of the lower half lean alike, and those of the upper half.
     """
     cells = whole_number("cells", cells, 2)
     tree = Tree("ladder")
-    rails, rungs = (bar(linear_density * length, length, radius) for length in (rail, rung))
+    rails, rungs = (bar(length, length, 0.01) for length in (rail, rung))  # 1 kg per metre
     parent, at = "universe", UPRIGHT
     for k in range(1, cells + 1):
         tree.hinge(f"right_{k}", rails, parent, at * shift((rung, 0)))

@@ -11,48 +11,30 @@ import numpy as np
 import pinocchio as pin
 
 from sst_pin.arrays import in_one_turn, whole_number
-from sst_pin.model.closures import Closure, Distance
+from sst_pin.model.closures import Closure
 from sst_pin.model.lines import LineForce
 from sst_pin.robots.building_blocks import Solid, Tree, body, box
-from sst_pin.robots.gallery_robot import GalleryRobot, Joints, of_dimensions
+from sst_pin.robots.gallery_robot import GalleryRobot, Joints
 from sst_pin.robots.placements import angle_about_z, direction, planar, shift, two_link
 
 _ALONG_Y = np.array([0.0, -9.81, 0.0])
 
 
-@of_dimensions
-def n_four_bar(
-    loops: int = 2, *, length: float = 1.0, mass: float = 1.0, radius: float = 0.02
-) -> GalleryRobot:
-    """A row of four-bars that share their vertical bars; all bars equal and slender.
+def n_four_bar(loops: int = 2) -> GalleryRobot:
+    """A row of four-bars that share their vertical bars; all bars of 1 m and 1 kg, slender.
 
     Problem A02 of the IFToMM library. At home the vertical bars are upright; the weight is along
     -y. Where all bars lie on one line, the mechanism is singular and has loops + 1 degrees of
     freedom. The platform is the first horizontal bar, which does not turn; its frame is at its
     left end. The motor is at the foot of the first vertical bar.
-
-    Args:
-        loops: Four-bars, one or more.
-        length: Length of the bars, [m].
-        mass: Mass of each bar, [kg].
-        radius: Radius of the bars in pictures, [m].
-
-    Raises:
-        InputError: For no loops.
-
-    Example:
-        >>> chain = n_four_bar(2)
-        >>> chain.compute_torques(chain.home, [-1.0], [0.0]).round(2)
-        array([0.])
     """
     loops = whole_number("loops", loops, 1)
     tree = Tree("n_four_bar")
     tree.model.gravity.linear = _ALONG_Y
-    moments = mass * np.array([radius**2 / 2, length**2 / 12, length**2 / 12])
-    points = np.array([(0, 0, 0), (length, 0, 0)])
-    bar = body(mass, points[1] / 2, moments, points, radius)
+    moments, points = np.array([0.02**2 / 2, 1 / 12, 1 / 12]), np.array([(0, 0, 0), (1.0, 0, 0)])
+    bar = body(1.0, points[1] / 2, moments, points, 0.02)
     for k in range(loops + 1):
-        tree.hinge(f"bar_{k}", bar, at=shift((k * length, 0)))
+        tree.hinge(f"bar_{k}", bar, at=shift((k, 0)))
         tree.frame(f"end_of_bar_{k}", f"bar_{k}", points[1])
         if k < loops:
             tree.hinge(f"link_{k + 1}", bar, f"bar_{k}", shift(points[1]))
@@ -61,7 +43,7 @@ def n_four_bar(
     steps = range(1, loops + 1)
     closures = [Closure(f"end_of_link_{k}", f"end_of_bar_{k}", "3d") for k in steps]
     joints = partial(_n_four_bar_joints, loops)
-    return GalleryRobot(tree, closures, ["bar_0"], joints, shift((0, length)))
+    return GalleryRobot(tree, closures, ["bar_0"], joints, shift((0, 1)))
 
 
 def _n_four_bar_joints(loops: int, pose: pin.SE3) -> Joints:
@@ -84,11 +66,6 @@ def andrews() -> GalleryRobot:
     A spring pulls gamma towards the base, the motor drives beta. At home, the published start,
     theta is at a dead point: gamma does not describe the motion there. The platform is the body of
     theta, its frame where all loops meet.
-
-    Example:
-        >>> chain = andrews()
-        >>> chain.home.round(4)
-        array([-0.0617,  0.    ,  0.4553,  0.4874,  0.2227,  1.2305, -0.2227])
     """
     tree = Tree("andrews")
     tree.model.gravity.linear = np.zeros(3)
@@ -131,24 +108,12 @@ def _andrews_joints(pose: pin.SE3) -> Joints:
     }
 
 
-@of_dimensions
-def governor(rigid: bool = False, *, stiffness: float = 8e5, damping: float = 4e4) -> GalleryRobot:
+def governor() -> GalleryRobot:
     """A flyball governor whose springs and dampers are stiff; an open tree.
 
     Problem A05 of the IFToMM library: a shaft that turns about z, two arms with balls hinged to it,
     a slider on it, and a spring with a damper from the middle of each arm to the slider. All four
-    joints have a motor. The rigid twin has rods without mass for the springs: a closed chain with
-    two motors. The platform is the slider; for a pose of it the springs are at rest.
-
-    Args:
-        rigid: Whether rods replace the springs.
-        stiffness: Stiffness of each spring, [N/m].
-        damping: Damping of each damper, [N s/m].
-
-    Example:
-        >>> chain = governor(rigid=True)
-        >>> np.degrees(chain.home[1:3]).round(6), chain.home[3].round(6)
-        (array([30., 30.]), np.float64(0.5))
+    joints have a motor. The platform is the slider; for a pose of it the springs are at rest.
     """
     tree, lines = Tree("governor"), []
     tree.hinge("shaft", box(0.3, (0.01, 0.01, 1), (0, 0, 0.5)))
@@ -165,10 +130,7 @@ def governor(rigid: bool = False, *, stiffness: float = 8e5, damping: float = 4e
         tree.frame(f"foot_{k}", "slider", (x, 0, 0))
     tree.platform("slider")
     home = shift((0, 0, 0.5))
-    if rigid:
-        stiff = [Distance(*line, 0.5) for line in lines]
-        return GalleryRobot(tree, stiff, ["shaft", "slider"], _governor_joints, home)
-    spring = partial(LineForce, stiffness=stiffness, rest_length=0.5, damping=damping)
+    spring = partial(LineForce, stiffness=8e5, rest_length=0.5, damping=4e4)
     springs = [spring(*line) for line in lines]
     motors = ["shaft", "arm_1", "arm_2", "slider"]
     return GalleryRobot(tree, [], motors, _governor_joints, home, forces=springs)
