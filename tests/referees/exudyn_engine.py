@@ -29,7 +29,6 @@ class ExudynInstant:
     """Motor torques from Exudyn's equations of motion at one instant."""
 
     name = "Exudyn, instantaneous"
-    package = "exudyn"
 
     def __init__(self, parameters: Parameters) -> None:
         self._parameters = parameters
@@ -43,7 +42,6 @@ class ExudynInstant:
     def torques(
         self, R: ArrayLike, omega: ArrayLike, alpha: ArrayLike, platform_moment: Moment = None
     ) -> Array:
-        """Motor torques; see `Referee.torques`."""
         p, robot, exu = self._parameters, self._robot, self._robot.exudyn
         pose = legs(p, R)
         rates, spins, spin_rates = turning(pose, np.asarray(omega), np.asarray(alpha))

@@ -7,6 +7,7 @@ is redundant.
 """
 
 from collections.abc import Callable
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import ArrayLike
 from sst_pin.arrays import Array
 from sst_pin.description.parameters import Parameters
 
-from . import LegAxes, engine, legs
+from . import LegAxes, legs
 
 #: Turns of the three motors as a function of time, shape (3,), [rad].
 Turns = Callable[[float], Array]
@@ -30,7 +31,8 @@ class ExudynRobot:
     def __init__(
         self, parameters: Parameters, R: ArrayLike, omega: ArrayLike, turns: Turns | None
     ) -> None:
-        self.exudyn, self.utilities = engine("exudyn"), engine("exudyn.utilities")
+        self.exudyn = import_module("exudyn")
+        self.utilities = import_module("exudyn.utilities")
         self._container = self.exudyn.SystemContainer()  # owns the system
         self.system = system = self._container.AddSystem()
         pose = legs(parameters, R)

@@ -8,6 +8,7 @@ robot's as the stiffness grows.
 from collections.abc import Callable
 from typing import Any
 
+import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -15,8 +16,6 @@ from sst_pin.arrays import Array
 from sst_pin.description.parameters import Parameters
 from sst_pin.sst.robot import SST
 from sst_pin.verification.mujoco_tree import MujocoTree
-
-from . import engine
 
 
 def welded_motion(
@@ -35,7 +34,7 @@ def welded_motion(
     [s], is stable below about 1 / sqrt(stiffness), which is that of the welds, critically damped,
     per unit of inertia, [1/s^2]. Dry friction is MuJoCo's own, which creeps where it should stick.
     """
-    mujoco, robot = engine("mujoco"), SST(parameters)
+    robot = SST(parameters)
     tree = MujocoTree(robot.mechanism, closed=stiffness)
     model, data = tree.mj, tree.data
     model.opt.timestep, model.opt.tolerance = step, 0  # all iterations
