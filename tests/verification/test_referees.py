@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The referees agree with the natural orthogonal complement, and see it when it is wrong."""
+"""The referees agree with the natural orthogonal complement, and use nothing of it."""
 
-from dataclasses import replace
 from functools import partial
 from types import FunctionType
 
@@ -12,8 +11,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 import sst_pin
 from sst_pin.dynamics import dynamics, noc
 from sst_pin.loops import loops
-from sst_pin.loops.loops import Loops
-from sst_pin.model.mechanism import Friction
 from sst_pin.sst import paper
 from sst_pin.verification import verify
 from tests.referees import exudyn_engine, mujoco_motion
@@ -66,13 +63,6 @@ def test_a_referee_finds_the_torques_of_example_1(referee, t):
     assert_allclose(tau, EXAMPLE_1[t], rtol=0, atol=1e-11)  # the references end at 1e-12
 
 
-def test_a_referee_agrees_along_the_papers_circle(referee, robot):
-    motion = sst_pin.paper_circle(np.linspace(0, np.pi / 6, 25))
-    judge = referee(sst_pin.Parameters())
-    tau = [judge.torques(*state) for state in zip(*motion, strict=True)]
-    close(tau, noc_torques(robot, motion))
-
-
 @pytest.mark.parametrize("friction", [None, True])
 def test_a_referee_agrees_in_random_states_under_loads(referee, friction):
     """The paper's robot, and odd triangles and arcs, nine bodies, tilted gravity."""
@@ -82,80 +72,12 @@ def test_a_referee_agrees_in_random_states_under_loads(referee, friction):
         parameters = sst_pin.Parameters() if friction is None else random_parameters(rng, friction)
         robot, judge = sst_pin.SST(parameters), referee(parameters)
         for _ in range(5):
-            R, omega, alpha = state = random_state(robot, rng)
+            state = random_state(robot, rng)
             moment = rng.normal(scale=5, size=3)
-            tau = noc_torques(robot, state, platform_moment=moment)
             close(judge.torques(*state), noc_torques(robot, state))
             if loaded:
+                tau = noc_torques(robot, state, platform_moment=moment)
                 close(judge.torques(*state, moment), tau)
-            if referee is VirtualWork:  # the condition number of the inertia comes in
-                close(judge.accelerations(R, omega, tau, moment), alpha, 1e-9)
-
-
-def _flip_closure_rate(patch):
-    right = Loops.Phi_dot
-    patch.setattr(Loops, "Phi_dot", lambda self, v: -right(self, v))
-
-
-def _changed(name, change):
-    """What puts a change into the results of a function of the dynamics."""
-
-    def inject(patch):
-        right = getattr(dynamics, name)
-        patch.setattr(dynamics, name, lambda *args: change(right(*args)))
-
-    return inject
-
-
-def _forget_passive_friction(patch):
-    right = Friction.forces
-    actuated = np.tile([1, 0, 0], 3)
-    patch.setattr(Friction, "forces", lambda self, v: actuated * right(self, v))
-
-
-def _turn_inertia(bodies):
-    """The inertia of star_1 with two of its axes exchanged."""
-    M, exchange = bodies.M.copy(), np.eye(3)[[2, 1, 0]]
-    rows = slice(6 * 2, 6 * 2 + 3)
-    M[rows, rows] = exchange @ M[rows, rows] @ exchange.T
-    return bodies._replace(M=M)
-
-
-MUTATIONS = {
-    "flipped sign in Phi_dot": _flip_closure_rate,
-    "flipped sign in K_dot": _changed("bodies", lambda b: b._replace(K_dot=-b.K_dot)),
-    "flipped sign in T_dot": _changed(
-        "terms", lambda t: replace(t, coriolis=t.coriolis - 2 * t.T.T @ t.M @ t.T_dot)
-    ),
-    "no gyroscopic moments": _changed("bodies", lambda b: b._replace(Omega=0 * b.Omega)),
-    "no Coriolis terms": _changed("terms", lambda t: replace(t, coriolis=0 * t.coriolis)),
-    "wrong axis of an inertia": _changed("bodies", _turn_inertia),
-    "flipped gravity": _changed("bodies", lambda b: b._replace(gravity=-b.gravity)),
-    "no friction in passive joints": _forget_passive_friction,
-}
-
-
-@pytest.mark.parametrize("mutation", [None, *MUTATIONS])
-def test_a_referee_sees_an_error_in_the_noc(referee, mutation, monkeypatch):
-    """Eq. (92) in its long form differs from every referee once an error is put into it."""
-    rng = np.random.default_rng(6)
-    parameters = random_parameters(rng)
-    robot = sst_pin.SST(parameters)
-    states = [random_state(robot, rng) for _ in range(2)]
-    if mutation:
-        MUTATIONS[mutation](monkeypatch)
-    judge = referee(parameters)
-    differences = []
-    for state in states:
-        q, va, aa = robot.joint_motion(*state)
-        terms = robot.noc(q, va)
-        tau = terms.inertia @ aa + terms.coriolis @ va - terms.gravity - terms.friction
-        verdict = judge.torques(*state)
-        differences.append(np.abs(tau - verdict).max() / np.abs(verdict).max())
-    if mutation:
-        assert max(differences) > 1e-3  # of the torques: far beyond any tolerance
-    else:
-        assert max(differences) < TOLERANCE
 
 
 def test_a_referee_uses_nothing_of_what_it_judges(referee, monkeypatch):
