@@ -15,7 +15,7 @@ PATH = Path(__file__).parents[2] / "examples" / "noc_in_one_page.py"
 PAGE = runpy.run_path(str(PATH))
 ROWS = {"3d": 3, "6d": 6}
 #: Loops by points and welds, redundant ones too; joints of one, two, three and six freedoms.
-ROBOTS = ("sst", "ankle", "delta", "excavator", "hexaglide", "leg", "planar_4rrr", "scissor_lift")
+ROBOTS = ("sst", "delta", "hexaglide", "scissor_lift")
 
 
 def drawn(name, rng):

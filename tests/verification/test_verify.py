@@ -19,7 +19,7 @@ DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
 NAMES = {"virtual work", "Lagrange multipliers", "MuJoCo mj_inverse"}
 
 
-@pytest.mark.parametrize("robot", ["sst", "stewart", str(DELTA)])
+@pytest.mark.parametrize("robot", ["stewart", str(DELTA)])
 def test_every_referee_agrees(robot, capsys):
     """One command, one table, exit code 0; JSON for machines."""
     pytest.importorskip("mujoco", reason="MuJoCo is missing (extra 'verify')")
