@@ -94,7 +94,7 @@ def test_the_nearest_parameters_are_those_of_a_general_optimiser():
     assert ours < theirs * (1 + 1e-5) + 1e-9
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_prior_that_explains_the_data_stands(seed):
     chain, _, base, _, motion = case("five_bar", 1e-4)
     tau = chain.compute_torques(*motion)
@@ -105,7 +105,7 @@ def test_a_prior_that_explains_the_data_stands(seed):
 
 
 def test_the_total_mass_is_held():
-    chain, *_, result, _ = case("five_bar", 0.05)
+    chain, *_, result, _ = case("five_bar", 1e-4)
     theta = consistent_parameters(chain, result, total_mass=0.4)
     assert bodies_of(chain, theta)[:, 0].sum() == pytest.approx(0.4, rel=1e-7)
 
