@@ -49,20 +49,27 @@ def least_peak(chain, *state):
     return max(caught.value.missing.values())
 
 
-def test_least_torques_within_limits_solve_a_quadratic_programme(chain, motion):
-    """Another solver for min |tau|^2 with J^T tau = f and limits between the least and this."""
+@pytest.mark.parametrize("weighted", [False, True])
+def test_least_torques_solve_a_quadratic_programme(chain, motion, weighted):
+    """Another solver for min tau^T W tau with J^T tau = f.
+
+    Without limits, and with limits between the peak of these torques and the least peak.
+    """
+    n = len(chain.motor_names)
+    weights = np.random.default_rng(0).uniform(0.1, 10, n) if weighted else np.ones(n)
     for state in zip(*motion, strict=True):
-        least = chain.compute_torques(*state)
-        size = (np.abs(least).max() + least_peak(chain, *state)) / 2
-        tau = chain.compute_torques(*state, limits=np.full(len(least), size))
-        assert np.abs(tau - least).max() > 1e-3 * size
+        free = chain.compute_torques(*state, weights=weights)
+        size = (np.abs(free).max() + least_peak(chain, *state)) / 2
+        limited = chain.compute_torques(*state, weights=weights, limits=np.full(n, size))
+        assert np.abs(limited - free).max() > 1e-3 * size
+        assert (np.abs(limited) <= size).all()
         A, b = chain.actuator_jacobian(state[0]).T, chain.generalized_forces(*state) / size
-        n, one = len(least), np.ones(len(least))
-        wanted = qpsolvers.solve_qp(
-            np.eye(n), 0 * one, A=A, b=b, lb=-one, ub=one, solver="quadprog"
-        )
-        assert tau / size == pytest.approx(wanted, abs=1e-9)
-        assert (np.abs(tau) <= size).all()
+        for tau, most in ((free, np.inf), (limited, 1.0)):
+            least, bounds = np.zeros(n), np.full(n, most)
+            wanted = qpsolvers.solve_qp(
+                np.diag(weights), least, A=A, b=b, lb=-bounds, ub=bounds, solver="quadprog"
+            )
+            assert tau / size == pytest.approx(wanted, abs=1e-9)
 
 
 def test_limits_that_cannot_be_respected_are_named_with_the_excess(chain, motion):
