@@ -4,7 +4,6 @@
 import re
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose
 
@@ -108,25 +107,17 @@ def test_parameters_that_no_chain_has_are_refused(theta, error, words):
 
 
 def test_a_mass_alone_is_told_and_its_cure_scales_the_body():
-    """The torque of the weight is that of the body with another density."""
-    chain = sst_pin.robots.four_bar()
-    with pytest.warns(
-        sst_pin.DescriptionWarning, match=r"rocker\.mass: the first moment"
-    ) as records:
-        alone = chain.with_parameters(
-            {"rocker.mass": 0.9 * chain.dynamic_parameters["rocker.mass"]}
-        )
+    """The cure is the body with another density; the mass alone changes no torque of a hinge."""
+    chain = robots.four_bar()
+    mass = 0.9 * chain.dynamic_parameters["rocker.mass"]
+    with pytest.warns(sst_pin.DescriptionWarning, match=r"rocker\.mass: the first m") as records:
+        alone = chain.with_parameters({"rocker.mass": mass})
     cure = re.search(r"with_parameters\(.*?\)\)", str(records[0].message))[0]
     lighter = eval(f"chain.{cure}", {"chain": chain})  # as a user would copy it
-    model = pin.Model(chain.model)
-    body = model.inertias[model.getJointId("rocker")]
-    model.inertias[model.getJointId("rocker")] = pin.Inertia(
-        0.9 * body.mass, body.lever, 0.9 * body.inertia
-    )
-    expected = sst_pin.ClosedChain(model, chain.closures, chain.motor_names)
+    expected = np.array(chain.dynamic_parameters)
+    expected[20:30] *= 0.9
+    assert_allclose(lighter.dynamic_parameters, expected, rtol=1e-12, atol=1e-15)
     motion = chain.home, [1.0], [2.0]
-    tau = expected.compute_torques(*motion)
-    assert_allclose(lighter.compute_torques(*motion), tau, rtol=1e-8)
     assert_allclose(alone.compute_torques(*motion), chain.compute_torques(*motion), rtol=1e-12)
     with pytest.raises(sst_pin.errors.UnknownNameError, match="body 'roker'"):
         chain.dynamic_parameters.scale_mass("roker", 2.0)
