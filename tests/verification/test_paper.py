@@ -220,25 +220,13 @@ def arc_normal(case):
     return (error(cross, frames[:, 2, :, 2]), error(-cross, frames[:, 2, :, 2]))
 
 
-def five_bar():
-    """A five-bar: as many motors as passive joints, so that the blocks of (7c) fit as printed."""
-    model = pin.Model()
-    for leg, x in (("left", 0.0), ("right", 0.4)):
-        parent, where = 0, pin.SE3(np.eye(3), np.array([x, 0, 0]))
-        for part, length in (("crank", 0.3), ("rod", 0.4)):
-            parent = model.addJoint(parent, pin.JointModelRZ(), where, f"{leg}_{part}")
-            body = pin.Inertia.FromCylinder(1.0, 0.01, length)
-            model.appendBodyToJoint(parent, body, pin.SE3.Identity())
-            where = pin.SE3(np.eye(3), np.array([length, 0, 0]))
-        model.addFrame(pin.Frame(f"{leg}_tip", parent, where, pin.FrameType.OP_FRAME))
-    closure = sst_pin.Closure("left_tip", "right_tip", "3d")
-    return sst_pin.ClosedChain(model, [closure], ["left_crank", "right_crank"])
-
-
 def passive_accelerations(rng):
-    """(7c): -[Phi_dot^a  Phi^a] q_dot; the accelerations of a five-bar, by differences."""
-    chain = five_bar()
-    q = chain.assemble(np.array((2.0, -1.4, 1.1, 1.4)) + rng.uniform(-0.2, 0.2, 4))
+    """(7c): -[Phi_dot^a  Phi^a] q_dot; the accelerations of a five-bar, by differences.
+
+    It has as many motors as passive joints, so that the blocks fit as printed.
+    """
+    chain = sst_pin.robots.five_bar()
+    q = chain.assemble(chain.home + rng.uniform(-0.2, 0.2, 4))
     va, aa = rng.normal(scale=3, size=(2, 2))
     a, u = [0, 2], [1, 3]
     q_dot = chain.joint_rates(q, va)
