@@ -71,27 +71,21 @@ def test_torques_exist_within_limits_where_a_linear_programme_finds_some(name):
     assert 0 < sum(verdicts) < len(verdicts)
 
 
-def judged_by_programmes(chain, found, limits, load):
-    """The largest parts at the poses of a map, with forces of a load on the coordinates."""
-    rest, parts = np.zeros(chain.degrees_of_freedom), np.full(found.why.shape, np.nan)
-    for place in zip(*np.nonzero(found.reached), strict=True):
-        q = found.q[place]
-        f = chain.generalized_forces(q, rest, rest) - load @ chain.frame_jacobian(q, "platform")
-        parts[place] = least_of_largest(chain.actuator_jacobian(q).T, f, limits)
-    return parts
-
-
 def test_cables_hold_a_platform_where_a_linear_programme_finds_tensions():
     """With a weight and a moment on it; in the middle of the posts, not at their feet."""
     robot, load = cables.cable_robot(), np.array([0, 0, -5.0, 0, 0.5, 0])
-    x, z = np.linspace(-0.8, 0.8, 9), np.linspace(-0.5, 0.6, 9)
+    x, z = np.linspace(-0.8, 0.8, 5), np.linspace(-0.5, 0.6, 5)
     wrench = np.roll(load, 3)
     result = sst_pin.reach_map(
         robot, "platform", cables.TENSIONS, x=x, z=z, pitch=0.0, wrench=wrench
     )
-    wanted = judged_by_programmes(robot, result, cables.TENSIONS, load)
     assert result.reached.all()
-    assert result.used == pytest.approx(wanted, abs=1e-9)
+    rest = np.zeros(robot.degrees_of_freedom)
+    for place in np.ndindex(result.why.shape):
+        q = result.q[place]
+        f = robot.generalized_forces(q, rest, rest) - load @ robot.frame_jacobian(q, "platform")
+        wanted = least_of_largest(robot.actuator_jacobian(q).T, f, cables.TENSIONS)
+        assert result.used[place] == pytest.approx(wanted, abs=1e-9)
     holds = result.used <= 1
     assert 0 < holds.sum() < holds.size
     low, high = np.transpose(cables.TENSIONS)
