@@ -3,7 +3,7 @@
 
 `ExudynInstant` takes the mass matrix, the forces and the constraint Jacobian of one instant from
 Exudyn. `stepped_torques` and `stepped_motion` leave the whole problem to Exudyn's generalised-alpha
-integrator: they tend to the exact answer with the square of the step.
+integrator, without friction: they tend to the exact answer with the square of the step.
 """
 
 from collections.abc import Callable
@@ -16,11 +16,11 @@ from scipy.spatial.transform import Rotation
 
 from sst_pin.arrays import Array, in_one_turn
 from sst_pin.description.parameters import Parameters
-from sst_pin.errors import InputError
 
-from . import LegAxes, Moment, legs, require_same
-from .exudyn_robot import ExudynRobot, frames, of_all_bodies, turning
+from .exudyn_robot import ExudynRobot, LegAxes, frames, legs, of_all_bodies, require_same, turning
 
+#: Moment of the surroundings on the star, base axes, shape (3,), [N m]; None for none.
+Moment = ArrayLike | None
 #: Orientation, angular velocity and acceleration of the star as functions of time, base axes.
 StarMotion = Callable[[float], tuple[ArrayLike, ArrayLike, ArrayLike]]
 
@@ -73,7 +73,6 @@ def stepped_torques(
     accelerations leave out those of the motors; damping by a spectral radius of 0.6 has made up for
     it after some twenty steps.
     """
-    _require_frictionless(parameters)
     R, omega, _ = motion(0.0)
     start = legs(parameters, R).angles[:, 0]
 
@@ -104,7 +103,6 @@ def stepped_motion(
 
     The motion starts at R and omega of the star; `torque` is a function of time, shape (3,).
     """
-    _require_frictionless(parameters)
     robot = ExudynRobot(parameters, R, omega, None)
     e = legs(parameters, R).e
 
@@ -145,8 +143,3 @@ def _joint_moments(p: Parameters, pose: LegAxes, rates: Array, platform_moment: 
     if platform_moment is not None:
         star = star + np.asarray(platform_moment, dtype=float)
     return of_all_bodies(on_link - on_passive, on_passive - on_star, star)
-
-
-def _require_frictionless(parameters: Parameters) -> None:
-    if parameters.viscous_friction.any() or parameters.coulomb_friction.any():
-        raise InputError("parameters", "friction is not part of Exudyn's time stepping here")
