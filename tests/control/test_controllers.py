@@ -3,7 +3,6 @@
 
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -162,21 +161,6 @@ def test_motions_that_cannot_be_followed_are_refused(robot, five_bar, sway):
     free = sst_pin.robots.stewart().with_coordinates(["platform"])
     with pytest.raises(InputError, match="platform: this joint neither turns about one axis nor"):
         follow(free, held(free, free.home))
-
-
-@pytest.mark.tools
-def test_the_delta_of_the_bench_moves_as_its_model():
-    """Without friction, to a thousandth: MuJoCo's closures are softer than ours."""
-    chain, random = sst_pin.robots.delta(), np.random.default_rng(0)
-    machine = control_bench.Machine(control_bench.xml_of(chain), "ball", friction=0.0)
-    motors = [machine.model.joint(name).dofadr[0] for name in chain.motor_names]
-    q = chain.assemble(chain.home + 0.05)
-    va, tau = random.normal(size=(2, 3))
-    machine.start(q, chain.joint_rates(q, va))
-    machine.data.ctrl[:] = tau
-    mujoco.mj_forward(machine.model, machine.data)
-    wanted = chain.compute_accelerations(q, va, tau)
-    assert_allclose(machine.data.qacc[motors], wanted, atol=1e-3 * np.abs(wanted).max())
 
 
 @pytest.mark.tools

@@ -4,6 +4,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.optimize import brentq
 
 import sst_pin
 from sst_pin.simulation.coordinate_motions import coordinate_positions
@@ -53,14 +54,15 @@ def test_a_cart_speeds_up_and_brakes_at_its_limit(gravity, coulomb, limits):
 
 
 def test_viscous_friction_slows_a_cart_as_its_equation_says():
-    """m v' = F - D v, then m v' = -F - D v: integrated in small steps from both ends."""
+    """m v' = F - D v, then m v' = -F - D v: the way to a rate, and from it to rest."""
     m, F, D, L = 2.0, 40.0, 10.0, 1.5
     chain = cart(m, viscous=D)
     motion = sst_pin.time_optimal(chain, L * WAY, torques=F)
-    up = np.linspace(0, F / D * (1 - 1e-9), 200_001)[:-1]  # rates
-    ahead = np.cumsum(m * up / (F - D * up)) * np.diff(up)[0]  # where they are reached
-    brake = np.cumsum(m * up / (F + D * up)) * np.diff(up)[0]
-    peak = up[np.searchsorted(ahead + brake, L)]
+
+    def way(v):
+        return -m * F / D**2 * (np.log(1 - D * v / F) + np.log(1 + D * v / F))
+
+    peak = brentq(lambda v: way(v) - L, 0, F / D * (1 - 1e-9))
     duration = -m / D * np.log(1 - D * peak / F) + m / D * np.log(1 + D * peak / F)
     assert motion.t[-1] == pytest.approx(duration, rel=CLOSE)
 
