@@ -118,10 +118,8 @@ def test_bars_show_the_shares():
     result = tolerances(chain, motion_of(chain), DEVIATIONS, "platform")
     ax = plots.tolerance_shares(Figure().add_subplot(), result)
     labels = [label.get_text() for label in ax.get_yticklabels()]
-    shown = dict.fromkeys(labels, 0.0)
-    for bars in ax.containers:
-        for label, bar in zip(labels, bars, strict=True):
-            shown[label] += bar.get_width()
+    widths = [[bar.get_width() for bar in bars] for bars in ax.containers]
+    shown = dict(zip(labels, np.sum(widths, axis=0), strict=True))
     expected = 100 * np.sum(list(result.shares.values()), axis=0)
     assert_allclose([shown[name] for name in result.names], expected)
     assert list(shown.values()) == sorted(shown.values(), reverse=True)
