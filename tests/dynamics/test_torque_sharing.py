@@ -56,7 +56,8 @@ def test_least_torques_solve_a_quadratic_programme(chain, motion, weighted):
     Without limits, and with limits between the peak of these torques and the least peak.
     """
     n = len(chain.motor_names)
-    weights = np.random.default_rng(0).uniform(0.1, 10, n) if weighted else np.ones(n)
+    weights = np.random.default_rng(0).uniform(0.1, 10, n) if weighted else None
+    W = np.eye(n) if weights is None else np.diag(weights)
     for state in zip(*motion, strict=True):
         free = chain.compute_torques(*state, weights=weights)
         size = (np.abs(free).max() + least_peak(chain, *state)) / 2
@@ -65,10 +66,8 @@ def test_least_torques_solve_a_quadratic_programme(chain, motion, weighted):
         assert (np.abs(limited) <= size).all()
         A, b = chain.actuator_jacobian(state[0]).T, chain.generalized_forces(*state) / size
         for tau, most in ((free, np.inf), (limited, 1.0)):
-            least, bounds = np.zeros(n), np.full(n, most)
-            wanted = qpsolvers.solve_qp(
-                np.diag(weights), least, A=A, b=b, lb=-bounds, ub=bounds, solver="quadprog"
-            )
+            ends = {"lb": np.full(n, -most), "ub": np.full(n, most)}
+            wanted = qpsolvers.solve_qp(W, np.zeros(n), A=A, b=b, **ends, solver="quadprog")
             assert tau / size == pytest.approx(wanted, abs=1e-9)
 
 
