@@ -162,10 +162,7 @@ def test_errors_that_do_not_settle_are_refused(monkeypatch):
     chain, x = sst_pin.ClosedChain(model, closures, ["crank"]), np.linspace(2, 4.5, 40)[:, None]
     start = chain.assemble(np.array([2.0, -1.5, 1.5]))
     q = sst_pin.coordinate_motion(chain, np.arange(40), x, start=start).q
-    data, points = model.createData(), []
-    for each in q:
-        pin.framesForwardKinematics(model, data, each)
-        points.append(data.oMf[model.getFrameId("coupler_end")].translation.copy())
+    points, _ = chain.frame_placement(q, "coupler_end")
     which = ["rocker.y", "crank.y", "coupler.x", "crank.rz", "coupler_end.y"]
     noisy_points = points + np.random.default_rng(0).normal(scale=0.024, size=(len(x), 3))
     monkeypatch.setattr("sst_pin.identification.calibration._STEPS", 5)  # as in 30, but sooner
