@@ -119,8 +119,7 @@ def test_a_gap_that_hides_motion_is_refused():
         measured_motion(CHAIN, T[late], X[late], TAU[late], cutoff=15)
 
 
-@pytest.mark.parametrize("cutoff", [3.0, 30.0])
-@pytest.mark.parametrize("count", [1, 10, 100])
+@pytest.mark.parametrize(("cutoff", "count"), [(30.0, 1), (30.0, 10), (3.0, 10), (3.0, 100)])
 def test_a_run_of_wrong_positions_is_bridged_or_refused(cutoff, count):
     """Rates are those of the log without the run, to ten times what the noise does, or none."""
     x = X + 1e-4 * np.random.default_rng(count).normal(size=X.shape)
@@ -139,7 +138,7 @@ LIMITS = {"rates": 2.0, "torques": 0.01, "harmonics": 3}
 
 @pytest.fixture(scope="module")
 def motion():
-    return excitation(CHAIN, BASE, 3.0, tries=3, **LIMITS)
+    return excitation(CHAIN, BASE, 3.0, tries=1, **LIMITS)
 
 
 @pytest.mark.slow
