@@ -65,7 +65,7 @@ def test_torque_of_a_motion_is_not_guessed_outside_of_it(motion, t):
 def test_a_name_that_a_csv_cannot_hold_is_refused_there_only(tmp_path, name):
     none = np.zeros((2, 1))
     motion = sst_pin.Trajectory([0, 1], none, none, none, none, [name], [name])
-    with pytest.raises(sst_pin.OutputError, match=r"save it as \.npz"):
+    with pytest.raises(sst_pin.OutputError, match=r"save the motion as \.npz"):
         motion.save(tmp_path / "odd.csv")
     motion.save(tmp_path / "odd.npz")
     assert sst_pin.Trajectory.load(tmp_path / "odd.npz") == motion
