@@ -95,9 +95,10 @@ def test_sigterm_leaves_no_temporary_file(here):
     assert list(here.iterdir()) == []
 
 
-def test_force_keeps_links_and_modes(here):
+def test_links_lead_to_the_file_that_is_written_and_its_mode_stays(here):
+    """A shell writes through a link, also through one to nothing, and so does the package."""
     (here / "far").mkdir()
-    far, link = here / "far" / "data.csv", here / "link.csv"
+    far, link, dangling = here / "far" / "data.csv", here / "link.csv", here / "dangling.csv"
     far.write_text("old")
     far.chmod(0o640)
     link.symlink_to(far)
@@ -105,12 +106,9 @@ def test_force_keeps_links_and_modes(here):
     assert link.is_symlink()
     assert far.read_text() == "new"
     assert stat.S_IMODE(far.stat().st_mode) == 0o640
-    assert sorted(path.name for path in here.rglob("*")) == ["data.csv", "far", "link.csv"]
-
-
-def test_a_link_to_nothing_leads_to_the_new_file(here):
-    """A shell writes through such a link, and so does the package."""
-    (here / "link.csv").symlink_to(here / "data.csv")
-    write_files({here / "link.csv": text_writer("new")})
-    assert (here / "link.csv").is_symlink()
-    assert (here / "data.csv").read_text() == "new"
+    dangling.symlink_to(here / "new.csv")
+    write_files({dangling: text_writer("first")})
+    assert dangling.is_symlink()
+    assert (here / "new.csv").read_text() == "first"
+    names = ["dangling.csv", "data.csv", "far", "link.csv", "new.csv"]
+    assert sorted(path.name for path in here.rglob("*")) == names
