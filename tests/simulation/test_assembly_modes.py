@@ -89,15 +89,14 @@ def test_parallelograms_stop_before_they_are_flat(which, compiled):
         assert off_mode(chain, q[: ends + 1]).max() < 1e-9
 
 
-FREE = pin.JointModelFreeFlyer(), pin.JointModelRZ
-PLANE = pin.JointModelPlanar(), pin.JointModelRZ
-
-
 @pytest.mark.parametrize(
-    ("base", "joint", "compiled"),
-    [(*FREE, False), pytest.param(*PLANE, True, marks=pytest.mark.slow)],
+    ("base", "joint"),
+    [
+        (pin.JointModelFreeFlyer(), pin.JointModelRZ),
+        (pin.JointModelPlanar(), pin.JointModelRZ),
+    ],
 )
-def test_a_tumbling_base_is_no_singularity(base, joint, compiled):
+def test_a_tumbling_base_is_no_singularity(base, joint):
     """At loose tolerances the integrator's quaternions drift; the linkage is far from singular."""
     bars = {
         "crank": ("", 0.0, 0.2, 1.0),
@@ -105,21 +104,18 @@ def test_a_tumbling_base_is_no_singularity(base, joint, compiled):
         "rocker": ("", 0.5, 0.4, 1.0),
     }
     chain = linkage(base, bars, [("coupler", "rocker")], "crank", ["base", "crank"], joint)
-    if compiled:
-        chain.compile()
     va = np.full(chain.degrees_of_freedom, 3.0)
-    for tolerance in (1e-6, 1e-3):
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            motion = chain.simulate(
-                [0], chain.generic_configuration(), va, [0, 1, 3], rtol=tolerance, atol=tolerance
-            )
-        assert len(motion) == 3
-        assert max(chain.condition_number(motion.q)) < 10
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        motion = chain.simulate(
+            [0], chain.generic_configuration(), va, [0, 1, 3], rtol=1e-3, atol=1e-3
+        )
+    assert len(motion) == 3
+    assert max(chain.condition_number(motion.q)) < 10
 
 
-def plate(cranks, coupled, turned=0.0):
-    """A plate that equal cranks at these places carry, or rods at more places of equal wheels."""
+def plate_on_cranks():
+    """A plate that three equal cranks carry, not in a row."""
     model, home, closures = pin.Model(), [], []
     model.gravity.linear = np.zeros(3)
 
@@ -128,31 +124,20 @@ def plate(cranks, coupled, turned=0.0):
         home.append(angle)
         return add(model, on, pin.JointModelRZ(), name, at(x, y), inertia)
 
-    wheels = [body(f"crank{k}", 0, x, y, START) for k, (x, y) in enumerate(cranks)]
-    for i, (x, y) in enumerate(coupled):
-        rod = body(f"rod{i}", wheels[0], x, y, -START)
-        for k, (wheel, (there, up)) in enumerate(zip(wheels[1:], cranks[1:], strict=True)):
-            ends = f"rod{i}_{k}", f"wheel{i}_{k}"
-            for name, on, where in zip(ends, (rod, wheel), ((there, up), (x, y)), strict=True):
-                mark(model, on, name, at(*where))
-            closures.append(sst_pin.Closure(*ends, "hinge"))
+    places = (0.0, 0.0), (0.5, 0.1), (0.2, 0.45)
+    cranks = [body(f"crank{k}", 0, x, y, START) for k, (x, y) in enumerate(places)]
+    rod = body("plate", cranks[0], 0.2, 0.0, -START)
+    for k in (1, 2):
+        mark(model, rod, f"plate_{k}", at(*places[k]))
+        mark(model, cranks[k], f"pin_{k}", at(0.2))
+        closures.append(sst_pin.Closure(f"plate_{k}", f"pin_{k}", "hinge"))
     model.referenceConfigurations["home"] = np.array(home)
     return sst_pin.ClosedChain(model, closures, ["crank0"])
 
 
-REDUNDANT = {
-    "a plate on three cranks": ([(0, 0), (0.5, 0.1), (0.2, 0.45)], [(0.2, 0)]),
-    "four wheels with two rods": ([(0, 0), (0.9, 0), (1.8, 0), (2.7, 0)], [(0.3, 0), (0, 0.3)]),
-}
-
-
-@pytest.mark.parametrize(
-    "which",
-    ["a plate on three cranks", pytest.param("four wheels with two rods", marks=pytest.mark.slow)],
-)
-def test_loops_that_are_flat_one_after_the_other_turn_where_others_hold_them(which):
-    """Each loop is singular somewhere, all together nowhere: cranks turn evenly, without end."""
-    chain, t = plate(*REDUNDANT[which]), np.linspace(0, 4, 81)
+def test_loops_that_are_flat_one_after_the_other_turn_where_others_hold_them():
+    """Each loop is singular somewhere, both together nowhere: cranks turn evenly, without end."""
+    chain, t = plate_on_cranks(), np.linspace(0, 3.2, 65)  # a whole turn
     turned = chain.home + 2.0 * t[:, None] * np.sign(chain.home)
     assert np.abs(chain.residual(turned)).max() < 1e-12
     for tolerance in (1e-9, 1e-3):
@@ -160,7 +145,7 @@ def test_loops_that_are_flat_one_after_the_other_turn_where_others_hold_them(whi
             warnings.simplefilter("error")
             motion = chain.simulate([0], chain.home, [2.0], t, rtol=tolerance, atol=tolerance)
         assert np.abs(motion.q - turned).max() < 1e-7
-    q, _ = chain.rollout(np.zeros((160, 1)), chain.home, [2.0], 0.025)
+    q, _ = chain.rollout(np.zeros((128, 1)), chain.home, [2.0], 0.025)
     assert np.abs(q[::2] - turned).max() < 1e-7
     motion = sst_pin.coordinate_motion(chain, t, turned[:, :1], chain.home)
     assert np.abs(motion.q - turned).max() < 1e-9
@@ -179,7 +164,7 @@ def nearly_flat(crank, coupler, rocker, ground, moment=0.02):
     return linkage(None, bars, [("coupler", "rocker")], "crank", moment=moment)
 
 
-@pytest.mark.parametrize("bars", NEARLY_FLAT)
+@pytest.mark.parametrize("bars", [NEARLY_FLAT[0], NEARLY_FLAT[2]])
 def test_energy_is_kept_at_any_tolerance_next_to_flat_positions(bars):
     """Where a step is cut it is integrated anew; coordinates that determine little are exacter."""
     chain = nearly_flat(*bars)
@@ -212,7 +197,7 @@ def test_a_rollout_ends_before_a_bend_for_which_its_step_is_too_long(bars, momen
         assert result[0] == result[1]
 
 
-@pytest.mark.parametrize("first", [0.8, 1.6, 2.4, 3.3, 4.2, -1.5])
+@pytest.mark.parametrize("first", [1.6, 4.2, -1.5])
 def test_a_motion_starts_in_the_mode_of_home_however_far_its_first_sample_is(first):
     """The crank turns fully, so that home's mode reaches every sample; no jump, no warning."""
     bars = {

@@ -33,10 +33,7 @@ def test_peaks_and_means_are_those_of_the_reactions(delta, motion):
             at = np.flatnonzero(motion.t == row.time)[0]
             assert row.peak * np.array(row[4:7]) == pytest.approx(vectors[at], abs=1e-12)
             assert row.determined
-
-
-def test_a_motion_of_one_sample_has_its_own_mean(delta, motion):
-    for row in delta.loads(motion[:1]).rows:
+    for row in delta.loads(motion[:1]).rows:  # one sample is its own mean
         assert row.rms == pytest.approx(row.peak, rel=1e-12)
 
 

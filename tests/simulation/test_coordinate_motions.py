@@ -69,34 +69,19 @@ def test_coarse_samples_stay_on_their_assembly():
     assert np.abs(turns - turns.round()).max() < 1e-9
 
 
-def test_a_motion_out_of_reach_names_its_sample():
-    chain = sst_pin.robots.five_bar()
-    motors = [chain.position_names.index(name) for name in chain.coordinates]
-    x = chain.home[motors] + np.linspace(0, np.pi, 9)[:, None] * [1, -1]
-    with pytest.raises(sst_pin.ClosureError, match="cannot be closed further") as caught:
-        coordinate_motion(chain, np.arange(9.0), x, chain.home)
-    assert len(caught.value.samples) == 1
-
-
-def columns(motion, names, endings):
-    """A CSV of some joints, in the units that the endings say."""
-    factors = {"_rad": 1, "_deg": 180 / np.pi}
-    chosen = [motion.joint_names.index(name) for name in names]
-    values = motion.q[:, chosen] * [factors[e] for e in endings]
-    header = ["t_s", *(f"{name}{e}" for name, e in zip(names, endings, strict=True))]
-    rows = np.column_stack([motion.t, values]).tolist()
-    return "\n".join([",".join(header), *(",".join(map(repr, row)) for row in rows)]) + "\n"
-
-
-@pytest.mark.parametrize("endings", [("_rad",) * 3, ("_deg", "_rad", "_rad")])
-def test_a_file_of_coordinates_is_the_motion(delta, stroke, endings):
+def test_a_file_of_coordinates_is_the_motion(delta, stroke):
+    """One motor in degrees; passive joints may be there."""
     motion, _ = stroke
     passive = [name for name in motion.joint_names if name not in delta.coordinates]
     revolute = [n for n in passive if motion.units[motion.joint_names.index(n)] == "rad"]
     names = (*delta.coordinates, *revolute)
-    read = read_motion(
-        delta.engine, stream(columns(motion, names, endings + ("_rad",) * len(revolute)))
-    )
+    values = motion.q[:, [motion.joint_names.index(name) for name in names]].copy()
+    values[:, 0] *= 180 / np.pi
+    file, endings = io.StringIO(), ["_deg", *["_rad"] * (len(names) - 1)]
+    head = ["t_s", *(f"{name}{e}" for name, e in zip(names, endings, strict=True))]
+    table = np.column_stack([motion.t, values])
+    np.savetxt(file, table, "%.17g", ",", header=",".join(head), comments="")
+    read = read_motion(delta.engine, stream(file.getvalue()))
     assert np.abs(read.q - motion.q).max() < 1e-9
     assert np.abs(read.tau - motion.tau).max() < 1e-6
 
@@ -119,7 +104,10 @@ def test_a_whole_file_is_taken_as_it_stands(delta, stroke, tmp_path):
         ("x\n0\n", "missing column t_s"),
         ("t_s,{0}_rad,{0}_deg,{1}_rad,{2}_rad\n0,0,0,0,0\n", "one joint has several columns"),
         ("t_s,{0}_rad,{1}_rad,{2}_rad\n0,0,0,0\n1,0,0,0\n", "2 rows; rates need at least three"),
-        ("t_s,{0}_rad,{1}_rad,{2}_rad\n0,0,0,0\n1,0.1,0,0\n2,4,0,0\n", "line 4: "),
+        (
+            "t_s,{0}_rad,{1}_rad,{2}_rad\n0,0,0,0\n1,0.1,0,0\n2,4,0,0\n",
+            "line 4: .*cannot be closed",
+        ),
     ],
 )
 def test_a_file_that_is_no_motion_says_where(delta, text, words):
@@ -190,7 +178,7 @@ def test_a_parallelogram_does_not_go_on_through_its_flat_position():
     """Where the coupler could also turn back; any distance of the samples."""
     chain = sst_pin.robots.four_bar(crank=0.3, coupler=0.8, rocker=0.3, ground=0.8)
     start = chain.home[chain.position_names.index("crank")]
-    for count in (4, 9, 61, 300):
+    for count in (4, 61):
         x = np.linspace(start, start + 2 * np.pi + 0.1, count)[:, None]
         with pytest.raises(sst_pin.ClosureError, match="singular"):
             coordinate_motion(chain, np.linspace(0, 1, count), x, chain.home)

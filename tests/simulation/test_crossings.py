@@ -10,25 +10,14 @@ import sst_pin
 from tests.support.planar_bars import planar
 
 
-def through(chain, t, va, **options):
-    """The motion from home without torques, without any warning."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        return chain.simulate([0.0], chain.home, [va], t, through_singularities=True, **options)
-
-
-def parallelogram(crank, *grounds):
-    """A row of parallelograms that share their vertical bars, without weight."""
-    bars, starts, closures = [("crank", "universe", 0.0, crank)], [0.7], []
-    for i, ground in enumerate(grounds):
-        bars.append((f"coupler_{i}", bars[-1][0], crank, ground))
-        bars.append((f"rocker_{i}", "universe", sum(grounds[: i + 1]), crank))
-        closures.append(sst_pin.Closure(f"coupler_{i}_end", f"rocker_{i}_end", "3d"))
-        starts += [-0.7, 0.7]
-    model = planar(bars)
+def parallelogram():
+    """Without weight."""
+    bars = [("crank", "universe", 0.0, 0.4), ("coupler", "crank", 0.4, 0.7)]
+    model = planar([*bars, ("rocker", "universe", 0.7, 0.4)])
     model.gravity.linear = np.zeros(3)
-    model.referenceConfigurations["home"] = np.array(starts)
-    return sst_pin.ClosedChain(model, closures, ["crank"])
+    model.referenceConfigurations["home"] = np.array([0.7, -0.7, 0.7])
+    closure = sst_pin.Closure("coupler_end", "rocker_end", "3d")
+    return sst_pin.ClosedChain(model, [closure], ["crank"])
 
 
 @pytest.mark.parametrize("kind", ["3d", "hinge"])  # one redundant row, or three
@@ -56,7 +45,7 @@ def test_a_kite_passes_where_two_joints_meet(kind):
 
 
 def test_a_motion_may_start_next_to_a_singular_configuration():
-    chain = parallelogram(0.4, 0.7)
+    chain = parallelogram()
     for start in (1e-3, 1e-2):
         q0 = chain.assemble(start * np.sign(chain.home))
         motion = chain.simulate([0], q0, [-1.0], [0, 1], through_singularities=True)
@@ -65,10 +54,10 @@ def test_a_motion_may_start_next_to_a_singular_configuration():
         assert np.abs(motion.q[-1] - (start - 1) * np.sign(chain.home)).max() < 1e-9
 
 
-@pytest.mark.parametrize("least", [1e-2, 1e-3, 1e-6])
+@pytest.mark.parametrize("least", [1e-3, 1e-6])
 def test_a_motion_that_turns_round_goes_through_nothing(least):
     """The crank comes to rest at a small angle and returns; too near, no branch is determined."""
-    chain, start = parallelogram(0.4, 0.7), 0.3
+    chain, start = parallelogram(), 0.3
     q0 = chain.assemble(start * np.sign(chain.home))
     push = 1 / 2 / (start - least)
     tau, t = chain.compute_torques(q0, [0.0], [push]), np.linspace(0, 2 / push, 11)

@@ -10,56 +10,42 @@ from scipy.interpolate import make_interp_spline
 
 import sst_pin
 from sst_pin import robots
+from tests.support.by_hand import add, at, mark
 
 
 def by(chain, *names):
-    """The mechanism without weight, driven and described by other joints."""
+    """A robot of the gallery without weight, driven and described by other joints."""
     model = chain.model.copy()
     model.gravity.linear = np.zeros(3)
     return sst_pin.ClosedChain(model, chain.closures, names, coordinates=names)
 
 
-def kinetic_energy(chain, motion):
-    """Where the rates of the coordinates determine those of the other joints well."""
-    sound = chain.condition_number(motion.q) < 100
-    assert sound.sum() > len(motion) / 2
-    return chain.kinetic_energy(motion.q[sound], motion.va[sound])
+def four_bar_by_its_rocker():
+    return by(robots.four_bar(crank=0.08, rocker=0.25), "rocker")
 
 
-def idle_linkages(random):
-    """Planar and spatial ones whose motors have dead points."""
-    crank, rocker = random.uniform(0.05, 0.12), random.uniform(0.22, 0.3)
-    planar = robots.four_bar(crank=crank, rocker=rocker)
-    return {
-        "four-bar by its rocker": by(planar, planar.joint_names[-1]),
-        "five-bar by its elbows": by(robots.five_bar(), "elbow_1", "elbow_2"),
-        "Bennett's linkage": by(robots.bennett(), robots.bennett().joint_names[1]),
-        "Bricard's linkage by hinge 2": by(robots.bricard(), "hinge_2"),
-    }
-
-
-NAMES = (
-    "four-bar by its rocker",
-    "five-bar by its elbows",
-    "Bennett's linkage",
-    "Bricard's linkage by hinge 2",
+@pytest.mark.parametrize(
+    ("chain", "va"),
+    [
+        (four_bar_by_its_rocker(), [-1.0]),
+        (by(robots.five_bar(), "elbow_1", "elbow_2"), [3.0, 3.0]),
+    ],
+    ids=["four-bar by its rocker", "five-bar by its elbows"],
 )
-
-
-@pytest.mark.parametrize("which", NAMES)
-def test_idle_linkages_swing_through_their_dead_points(which):
-    """A free motion from home at random rates, without any warning."""
-    random = np.random.default_rng(3)
-    chain = idle_linkages(random)[which]
-    va = random.uniform(0.5, 1, chain.degrees_of_freedom)
+def test_idle_linkages_swing_through_their_dead_points(chain, va):
+    """A free motion from home, without any warning."""
+    tau = np.zeros(len(chain.motor_names))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        motion = chain.simulate(
-            np.zeros(len(chain.motor_names)), chain.home, va, np.linspace(0, 1, 101)
-        )
+        motion = chain.simulate(tau, chain.home, va, np.linspace(0, 1, 31))
     assert not motion.stopped
-    assert len(motion) == 101
-    assert np.ptp(kinetic_energy(chain, motion)) < 1e-8
+    assert len(motion) == 31
+    # Energies are compared where these rates determine those of the other joints well.
+    condition = chain.condition_number(motion.q)
+    assert condition.max() > 100
+    sound = condition < 100
+    assert sound.sum() > len(motion) / 2
+    assert np.ptp(chain.kinetic_energy(motion.q[sound], motion.va[sound])) < 1e-8
 
 
 def test_results_and_torques_are_in_the_coordinates_of_the_robot():
@@ -93,7 +79,7 @@ def test_results_and_torques_are_in_the_coordinates_of_the_robot():
 
 def test_torques_at_a_dead_point_are_refused_by_name():
     """The motion has one, but no torque of the motor describes it."""
-    chain = idle_linkages(np.random.default_rng(0))["four-bar by its rocker"]
+    chain = four_bar_by_its_rocker()
     flat = chain.assemble({"coupler": 0.0})  # in line with the crank
     with pytest.raises(sst_pin.SingularConfigurationError, match="crank, coupler"):
         chain.compute_torques(flat, [1.0], [0.0])
@@ -107,12 +93,9 @@ def rod(kind, motor):
     joint, apart = ends[kind]
     places = {"crank": (pin.JointModelRZ(), 0.0), kind: (joint, apart)}
     for name, (moves, x) in places.items():
-        at = pin.SE3(np.eye(3), np.array([x, 0, 0]))
-        k = model.addJoint(0, moves, at, name)
         inertia = pin.Inertia(1.0, np.array([0.1, 0.02, 0]), np.diag([0.01, 0.02, 0.02]))
-        model.appendBodyToJoint(k, inertia, pin.SE3.Identity())
-        pin_at = pin.SE3(np.eye(3), np.array([0.0 if name == "slider" else 0.2, 0, 0]))
-        model.addFrame(pin.Frame(f"{name}_pin", k, pin_at, pin.FrameType.OP_FRAME))
+        k = add(model, 0, moves, name, at(x), inertia)
+        mark(model, k, f"{name}_pin", at(0.0 if name == "slider" else 0.2))
     reach = 0.2 * np.cos(1.0) + np.sqrt(0.25 - (0.2 * np.sin(1.0)) ** 2)
     model.referenceConfigurations["home"] = np.array([1.0, reach if kind == "slider" else 1.0])
     return sst_pin.ClosedChain(model, [sst_pin.Distance("crank_pin", f"{kind}_pin", 0.5)], [motor])
@@ -136,13 +119,7 @@ def test_a_loop_of_one_row_runs_through_dead_points_of_its_coordinate(rtol, comp
 
 
 @pytest.mark.parametrize(
-    ("through", "compiled"),
-    [
-        (True, True),
-        pytest.param(True, False, marks=pytest.mark.slow),
-        pytest.param(False, True, marks=pytest.mark.slow),
-        pytest.param(False, False, marks=pytest.mark.slow),
-    ],
+    ("through", "compiled"), [(True, True), pytest.param(False, False, marks=pytest.mark.slow)]
 )
 def test_a_loop_of_one_row_keeps_its_mode_where_its_row_vanishes(through, compiled):
     """A parallelogram with a rod is singular at 0: both cranks turn evenly, or the motion stops."""
@@ -150,7 +127,7 @@ def test_a_loop_of_one_row_keeps_its_mode_where_its_row_vanishes(through, compil
     if compiled:
         chain.compile()
     t = np.linspace(0, 1.2, 13)
-    for speed in (-5.0, -3.7, -3.0):
+    for speed in (-5.0, -3.0):
         for tolerance in (1e-3, 1e-12):
             options = {"rtol": tolerance, "atol": tolerance, "through_singularities": through}
             with warnings.catch_warnings(record=True) as records:

@@ -13,7 +13,7 @@ T = np.linspace(0, 1, 41)
 CIRCLE = np.column_stack([np.cos(2 * np.pi * T), np.sin(2 * np.pi * T)])
 
 
-def test_the_delta_follows_a_circle_as_its_closed_form_says():
+def test_the_delta_follows_a_circle_as_its_closed_form_says_and_no_farther():
     delta = sst_pin.robots.delta()
     points = np.column_stack([0.05 * CIRCLE, np.full(41, -0.25)])
     poses = np.tile(np.eye(4), (41, 1, 1))
@@ -22,6 +22,10 @@ def test_the_delta_follows_a_circle_as_its_closed_form_says():
     for samples in (points, poses):
         result = sst_pin.frame_motion(delta, T, "platform", samples)
         assert np.abs(result.q - wanted).max() < 1e-9  # the last step of Newton's method
+    points[17:, 2] = -2.0
+    with pytest.raises(sst_pin.WorkspaceError, match="platform does not reach") as error:
+        sst_pin.frame_motion(delta, T, "platform", points)
+    assert error.value.samples == ((17,),)
 
 
 def test_a_stewart_platform_follows_poses():
@@ -64,15 +68,6 @@ def test_the_elbow_stays_on_its_side(elbow):
     x = np.cumsum(motion.q, axis=1)
     assert np.abs(np.cos(x).sum(axis=1) - points[:, 0]).max() < 1e-9
     assert np.abs(np.sin(x).sum(axis=1) - points[:, 1]).max() < 1e-9
-
-
-def test_a_pose_out_of_reach_is_named():
-    delta = sst_pin.robots.delta()
-    points = np.column_stack([0.05 * CIRCLE, np.full(41, -0.25)])
-    points[17:, 2] = -2.0
-    with pytest.raises(sst_pin.WorkspaceError, match="platform does not reach") as error:
-        sst_pin.frame_motion(delta, T, "platform", points)
-    assert error.value.samples == ((17,),)
 
 
 def test_a_path_of_orientations_goes_through_its_samples():
