@@ -24,13 +24,30 @@ def four_bar_by_its_rocker():
     return by(robots.four_bar(crank=0.08, rocker=0.25), "rocker")
 
 
+def rod(kind, motor):
+    """A crank and a slider or a second crank without weight, with a rod without mass between."""
+    model = pin.Model()
+    model.gravity.linear = np.zeros(3)
+    ends = {"slider": (pin.JointModelPX(), 0.0), "rocker": (pin.JointModelRZ(), 0.5)}
+    joint, apart = ends[kind]
+    places = {"crank": (pin.JointModelRZ(), 0.0), kind: (joint, apart)}
+    for name, (moves, x) in places.items():
+        inertia = pin.Inertia(1.0, np.array([0.1, 0.02, 0]), np.diag([0.01, 0.02, 0.02]))
+        k = add(model, 0, moves, name, at(x), inertia)
+        mark(model, k, f"{name}_pin", at(0.0 if name == "slider" else 0.2))
+    reach = 0.2 * np.cos(1.0) + np.sqrt(0.25 - (0.2 * np.sin(1.0)) ** 2)
+    model.referenceConfigurations["home"] = np.array([1.0, reach if kind == "slider" else 1.0])
+    return sst_pin.ClosedChain(model, [sst_pin.Distance("crank_pin", f"{kind}_pin", 0.5)], [motor])
+
+
 @pytest.mark.parametrize(
     ("chain", "va"),
     [
         (four_bar_by_its_rocker(), [-1.0]),
         (by(robots.five_bar(), "elbow_1", "elbow_2"), [3.0, 3.0]),
+        (rod("slider", "slider"), [1.0]),  # one row, whose size tells how near they are
     ],
-    ids=["four-bar by its rocker", "five-bar by its elbows"],
+    ids=["four-bar by its rocker", "five-bar by its elbows", "crank by its slider"],
 )
 def test_idle_linkages_swing_through_their_dead_points(chain, va):
     """A free motion from home, without any warning."""
@@ -83,39 +100,6 @@ def test_torques_at_a_dead_point_are_refused_by_name():
     flat = chain.assemble({"coupler": 0.0})  # in line with the crank
     with pytest.raises(sst_pin.SingularConfigurationError, match="crank, coupler"):
         chain.compute_torques(flat, [1.0], [0.0])
-
-
-def rod(kind, motor):
-    """A crank and a slider or a second crank without weight, with a rod without mass between."""
-    model = pin.Model()
-    model.gravity.linear = np.zeros(3)
-    ends = {"slider": (pin.JointModelPX(), 0.0), "rocker": (pin.JointModelRZ(), 0.5)}
-    joint, apart = ends[kind]
-    places = {"crank": (pin.JointModelRZ(), 0.0), kind: (joint, apart)}
-    for name, (moves, x) in places.items():
-        inertia = pin.Inertia(1.0, np.array([0.1, 0.02, 0]), np.diag([0.01, 0.02, 0.02]))
-        k = add(model, 0, moves, name, at(x), inertia)
-        mark(model, k, f"{name}_pin", at(0.0 if name == "slider" else 0.2))
-    reach = 0.2 * np.cos(1.0) + np.sqrt(0.25 - (0.2 * np.sin(1.0)) ** 2)
-    model.referenceConfigurations["home"] = np.array([1.0, reach if kind == "slider" else 1.0])
-    return sst_pin.ClosedChain(model, [sst_pin.Distance("crank_pin", f"{kind}_pin", 0.5)], [motor])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("rtol", "compiled"), [(1e-3, False), (1e-9, True)])
-def test_a_loop_of_one_row_runs_through_dead_points_of_its_coordinate(rtol, compiled):
-    """With one dependent rate there is one singular value, whose size tells how near they are."""
-    chain, by_crank = rod("slider", "slider"), rod("slider", "crank")
-    if compiled:
-        chain.compile()
-    t = np.linspace(0, 1, 51)
-    speed = -8.0
-    slope = by_crank.joint_rates(chain.home, [1.0])[1]
-    expected = by_crank.simulate([0.0], chain.home, [speed], t)
-    assert np.ptp(expected.q[:, 0]) > 2 * np.pi
-    motion = chain.simulate([0.0], chain.home, [speed * slope], t, rtol=rtol, atol=rtol)
-    assert not motion.stopped
-    assert np.abs(motion.q - expected.q).max() < 100 * rtol
 
 
 @pytest.mark.parametrize(
