@@ -31,6 +31,17 @@ def linkage(base, bars, closed, motor, coordinates=None, joint=pin.JointModelRZ,
     return sst_pin.ClosedChain(model, closures, [motor], coordinates=coordinates)
 
 
+def four_bar(lengths, angles, base=None, **options):
+    """Lengths of crank, coupler, rocker and ground; angles of the first three near home."""
+    crank, coupler, rocker, ground = lengths
+    bars = {
+        "crank": ("", 0.0, crank, angles[0]),
+        "coupler": ("crank", crank, coupler, angles[1]),
+        "rocker": ("", ground, rocker, angles[2]),
+    }
+    return linkage(base, bars, [("coupler", "rocker")], "crank", **options)
+
+
 def parallelograms(count, in_a_chain):
     """Their loops are flat at once; the coupler keeps its direction in the mode of home."""
     bars, closed = {"crank": ("", 0.0, CRANK, START)}, []
@@ -98,12 +109,8 @@ def test_parallelograms_stop_before_they_are_flat(which, compiled):
 )
 def test_a_tumbling_base_is_no_singularity(base, joint):
     """At loose tolerances the integrator's quaternions drift; the linkage is far from singular."""
-    bars = {
-        "crank": ("", 0.0, 0.2, 1.0),
-        "coupler": ("crank", 0.2, 0.5, -1.0),
-        "rocker": ("", 0.5, 0.4, 1.0),
-    }
-    chain = linkage(base, bars, [("coupler", "rocker")], "crank", ["base", "crank"], joint)
+    options = {"coordinates": ["base", "crank"], "joint": joint}
+    chain = four_bar((0.2, 0.5, 0.4, 0.5), (1.0, -1.0, 1.0), base, **options)
     va = np.full(chain.degrees_of_freedom, 3.0)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -153,21 +160,13 @@ def test_loops_that_are_flat_one_after_the_other_turn_where_others_hold_them():
 
 #: Crank, coupler, rocker and ground of linkages whose cranks turn fully, but only just.
 NEARLY_FLAT = (0.13, 0.52, 0.131, 0.53), (0.2, 0.5, 0.4, 0.301), (0.2, 0.5, 0.4, 0.30001)
-
-
-def nearly_flat(crank, coupler, rocker, ground, moment=0.02):
-    bars = {
-        "crank": ("", 0.0, crank, 1.5),
-        "coupler": ("crank", crank, coupler, -1.0),
-        "rocker": ("", ground, rocker, 1.5),
-    }
-    return linkage(None, bars, [("coupler", "rocker")], "crank", moment=moment)
+UP = 1.5, -1.0, 1.5
 
 
 @pytest.mark.parametrize("bars", [NEARLY_FLAT[0], NEARLY_FLAT[2]])
 def test_energy_is_kept_at_any_tolerance_next_to_flat_positions(bars):
     """Where a step is cut it is integrated anew; coordinates that determine little are exacter."""
-    chain = nearly_flat(*bars)
+    chain = four_bar(bars, UP)
     start = chain.assemble(chain.home)
     for tolerance, rate in ((1e-3, -5.0), (1e-5, 2.5)):
         motion = chain.simulate(
@@ -184,7 +183,7 @@ def test_energy_is_kept_at_any_tolerance_next_to_flat_positions(bars):
 )
 def test_a_rollout_ends_before_a_bend_for_which_its_step_is_too_long(bars, moment):
     """Energy is kept in its own coordinates too; kernels end where the reference path does."""
-    chain, kernels = nearly_flat(*bars, moment), nearly_flat(*bars, moment)
+    chain, kernels = (four_bar(bars, UP, moment=moment) for _ in range(2))
     start = chain.assemble(chain.home)
     kernels.compile(start)
     for rate, dt in ((-3.0, 0.005), (-1.0, 0.02), (4.0, 0.02)):
@@ -200,12 +199,7 @@ def test_a_rollout_ends_before_a_bend_for_which_its_step_is_too_long(bars, momen
 @pytest.mark.parametrize("first", [1.6, 4.2, -1.5])
 def test_a_motion_starts_in_the_mode_of_home_however_far_its_first_sample_is(first):
     """The crank turns fully, so that home's mode reaches every sample; no jump, no warning."""
-    bars = {
-        "crank": ("", 0.0, 0.2, 1.0),
-        "coupler": ("crank", 0.2, 0.45, 1.0),
-        "rocker": ("", 0.5, 0.4, 1.0),
-    }
-    chain = linkage(None, bars, [("coupler", "rocker")], "crank")
+    chain = four_bar((0.2, 0.45, 0.4, 0.5), (1.0, 1.0, 1.0))
 
     def true(x):
         rest = 0.5 - 0.2 * np.cos(x), -0.2 * np.sin(x)

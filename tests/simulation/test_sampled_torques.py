@@ -75,20 +75,3 @@ def test_a_motion_is_that_of_constant_torques_one_after_the_other():
     assert np.abs(result.q[-1] - q).max() < 1e-11
     other = robot.simulate(sst_pin.SampledTorque(control.torque, 2e-3), *start, [0, 0.0051, 0.012])
     assert np.abs(other.q[-1] - result.q[-1]).max() < 1e-12  # whatever the times of the output
-
-
-def test_adaptive_control_in_simulate_is_that_of_a_loop():
-    chain = cart(2.0)
-    t = np.linspace(0, 0.5, 51)
-    wanted = sst_pin.coordinate_motion(chain, t, np.sin(6 * t)[:, None])
-    poor = chain.with_parameters(0.5 * np.array(chain.dynamic_parameters.values))
-    gains = {"stiffness": 20, "damping": 5, "learning": 2}
-    control = sst_pin.Adaptive(poor, wanted, **gains)
-    result = chain.simulate(sst_pin.SampledTorque(control.torque, 0.01), [0.0], [6.0], t)
-    again, x, v = sst_pin.Adaptive(poor, wanted, **gains), 0.0, 6.0
-    for k in range(50):
-        (force,) = again.torque(t[k], np.array([x]), np.array([v]))
-        x, v = x + 0.01 * v + force / 4 * 1e-4, v + force / 2 * 0.01
-    assert result.q[-1, 0] == pytest.approx(x, abs=1e-12)
-    assert np.abs(control.theta - again.theta).max() < 1e-12
-    assert np.abs(control.theta - poor.dynamic_parameters.values).max() > 0.1  # it did learn
