@@ -92,11 +92,7 @@ def test_energy_drawn_is_balanced(sticky, circle):
     assert np.abs(energy_balance(sticky.engine, wrong).error).max() > 0.1
 
 
-def test_pages_are_legible(sticky, circle, monkeypatch):
-    require_legible(plots.motion_page(sticky, circle, plots.SUBJECTS), monkeypatch)
-
-
-@pytest.mark.parametrize("radius", [0.004, 0.05, 37.0])
+@pytest.mark.parametrize("radius", [0.004, 37.0])
 def test_a_star_is_drawn_at_its_own_size(radius):
     robot = sst_pin.SST(sst_pin.Parameters(base_radius=7 / 8 * radius, star_radius=radius))
     motion = paper.example_1(robot, np.linspace(0, paper.PERIOD, 21))
@@ -109,13 +105,13 @@ def test_a_star_is_drawn_at_its_own_size(radius):
     assert 0.8 * radius < tips.min() < tips.max() < 1.4 * radius
 
 
-def test_a_page_says_what_the_machine_cannot_take(robot, monkeypatch):
+def test_a_legible_page_says_what_the_machine_cannot_take(robot, monkeypatch):
     t = np.linspace(0, 1, 31)
     angles = np.full_like(t, np.radians(20)), np.radians(60 + 110 * t)
     rates = sst_pin.interpolate_orientations(t, sst_pin.orientation(*angles), t)
     q, va, aa = robot.joint_motion(*rates)
     off = robot.trajectory(t, q, va, aa, 0 * va)
-    figure = plots.motion_page(robot, off, ("path", "joints"))
+    figure = plots.motion_page(robot, off, plots.SUBJECTS)
     for finding in robot.check(off):
         assert f"Warning: {finding}" in figure.get_supxlabel()
     require_legible(figure, monkeypatch)
