@@ -77,27 +77,11 @@ def bodies(robot, q):
     }
 
 
-def require_poses(page, robot, q):
-    drawn, result = poses(page)
-    for node, wanted in bodies(robot, q).items():
-        assert result[node]["mesh"], node
-        assert np.abs(drawn[node] - wanted).max() < 1e-6, node
-
-
 def test_the_page_asks_for_nothing_and_nothing_fails(shown, page):
     page.evaluate("panel.play(true)")
     page.wait_for_timeout(300)
     assert shown.requests_elsewhere() == [shown.page.url]
     assert shown.errors == []
-
-
-def test_every_body_and_every_extra_is_a_mesh_of_the_scene(page, robot):
-    _, result = poses(page)
-    lines = ["robot/0/trail/path", "robot/0/trail/passed"]
-    for node in (*bodies(robot, robot.home), *FRAMES, *AXES, *TORQUES, *lines):
-        assert result[node]["mesh"], node
-    assert result[AXES[0]]["visible"]
-    assert not result[FRAMES[0]]["visible"]
 
 
 @pytest.mark.parametrize("sample", [13, 60])
@@ -109,7 +93,13 @@ def test_bodies_are_where_pinocchio_has_them_and_so_are_extras(page, robot, moti
     page.evaluate("t => panel.seek(t)", motion.t[sample])
     drawn, result = poses(page)
     q, tau = motion.q[sample], motion.tau[sample]
-    require_poses(page, robot, q)
+    for node, wanted in bodies(robot, q).items():
+        assert np.abs(drawn[node] - wanted).max() < 1e-6, node
+    lines = ["robot/0/trail/path", "robot/0/trail/passed"]
+    for node in (*bodies(robot, q), *FRAMES, *AXES, *TORQUES, *lines):
+        assert result[node]["mesh"], node
+    assert result[AXES[0]]["visible"]
+    assert not result[FRAMES[0]]["visible"]
     E = drawn["robot/3/frames/{E}_x"][:3, :3]
     assert np.abs(E - robot.platform_orientation(q)).max() < 1e-6
     data = robot.model.createData()

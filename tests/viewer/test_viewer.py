@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 from PIL import Image, ImageSequence
 
-import sst_pin
 from sst_pin import errors
 from sst_pin.cli import main
 from sst_pin.sst import paper
@@ -39,16 +38,6 @@ def listens(host, port):
         return knock.connect_ex((host, port)) == 0
 
 
-def own_address():
-    """An address of this machine that is not loopback's; None where it has none."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.connect(("192.0.2.1", 9))  # sends nothing
-        except OSError:
-            return None
-        return probe.getsockname()[0]
-
-
 def test_it_listens_on_this_machine_alone_and_only_when_asked(robot):
     with Viewer(robot) as viewer:
         assert "not served" in repr(viewer)
@@ -61,8 +50,6 @@ def test_it_listens_on_this_machine_alone_and_only_when_asked(robot):
             rows = [line.split()[1] for line in listening.read_text().splitlines()[1:]]
             bound = dict(reversed(row.split(":")) for row in rows)
             assert bound[f"{port_of(url):04X}"] == "0100007F"
-        if own_address() not in (None, "127.0.0.1"):
-            assert not listens(own_address(), port_of(url))
     assert not listens("127.0.0.1", port_of(url))
 
 
@@ -73,14 +60,6 @@ def test_nothing_listens_after_an_exception(robot):
         viewer.show([0, 1, 2])
     assert not listens("127.0.0.1", port)
     viewer.close()  # once more does no harm
-
-
-def test_a_taken_port_is_told(robot):
-    with socket.socket() as taken, Viewer(robot) as viewer:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        with pytest.raises(errors.ServerError, match=r"cannot listen on 127\.0\.0\.1, port"):
-            viewer.serve(port=taken.getsockname()[1])
 
 
 @pytest.mark.slow
@@ -121,23 +100,16 @@ def test_robot_show_is_the_short_way(robot, motion, monkeypatch):
     assert "not served" in repr(robot.show(motion))  # the notebook displays it
 
 
-@pytest.mark.parametrize(
-    ("packages", "option"),
-    [
-        ("meshcat, pillow, trimesh are", "--no-open"),
-        pytest.param("playwright is", "--png=x.png", marks=pytest.mark.slow),
-    ],
-)
-def test_a_missing_extra_is_named(packages, option, tmp_path):
+def test_a_missing_extra_is_named(tmp_path):
     """The one line that installs it, and exit code 2."""
-    modules = packages.rpartition(" ")[0].replace("pillow", "PIL").split(", ")
-    code = f"import sys; from sst_pin.cli import main; sys.modules |= dict.fromkeys({modules}); "
-    command = [sys.executable, "-c", f"{code}sys.exit(main(['show', '{option}']))"]
+    code = "import sys; from sst_pin.cli import main; "
+    code += "sys.modules |= dict.fromkeys(['meshcat', 'PIL', 'trimesh']); "
+    command = [sys.executable, "-c", f"{code}sys.exit(main(['show', '--no-open']))"]
     result = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False)
     assert result.returncode == 2
-    assert f"{packages} not installed; run: {sys.executable} -m pip install" in result.stderr
+    told = f"meshcat, pillow, trimesh are not installed; run: {sys.executable} -m pip install"
+    assert told in result.stderr
     assert "[viz]'" in result.stderr
-    assert not list(tmp_path.iterdir())
 
 
 def test_a_missing_browser_is_named(robot, tmp_path, monkeypatch, capsys):
@@ -168,18 +140,6 @@ def test_pictures_are_taken_without_a_person(robot, motion):
     assert ((frames[0] < 235).any(axis=-1)).mean() > 0.02
     for one, other in ((0, 1), (1, 2)):
         assert (np.abs(frames[one] - frames[other]).max(axis=-1) > 60).mean() > 0.01
-
-
-def test_the_page_warns_of_what_the_machine_cannot_take(robot, motion):
-    off = robot.inverse_kinematics(sst_pin.orientation(np.radians(20), np.radians((80, 170))))
-    viewer = Viewer(robot)
-    viewer.play(robot.trajectory([0, 1], off, *np.zeros((3, 2, 3))))
-    warnings = viewer._panel["warnings"]
-    assert warnings[0] == "beta_1 leaves its arc of 0 to 90 deg: -80 deg at t = 1 s"
-    viewer.show(off[1])
-    assert viewer._panel["warnings"][0] == "beta_1 leaves its arc of 0 to 90 deg: -80 deg"
-    viewer.play(motion)
-    assert viewer._panel["warnings"] == []
 
 
 @pytest.fixture(scope="module")
@@ -232,10 +192,11 @@ def test_a_websocket_of_another_page_is_refused(served, origin):
     assert upgrade(served, Origin=origin) == 403
 
 
-@pytest.mark.parametrize(
-    ("host", "port"),
-    [("203.0.113.7", 0), ("256.1.1.1", 0), ("", 0), (300 * "x", 0), ("127.0.0.1", 99999)],
-)
-def test_an_address_that_cannot_be_listened_on_is_told(robot, host, port):
-    with pytest.raises(errors.ServerError, match="cannot listen on"):
-        Viewer(robot).serve(host, port)
+def test_an_address_that_cannot_be_listened_on_is_told(robot):
+    impossible = [("203.0.113.7", 0), ("256.1.1.1", 0), ("", 0), (300 * "x", 0)]
+    with socket.socket() as taken, Viewer(robot) as viewer:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        for address in [*impossible, ("127.0.0.1", 99999), taken.getsockname()]:
+            with pytest.raises(errors.ServerError, match="cannot listen on"):
+                viewer.serve(*address)
