@@ -11,7 +11,6 @@ from sst_pin.cli import main
 from sst_pin.viewer import Viewer
 from sst_pin.viewer.robot_scene import Scene
 from sst_pin.viewer.sketch import pulls_of
-from tests.support.browser import visit
 
 FOOT = np.array((0.3, 0.0, -0.4))
 
@@ -116,13 +115,3 @@ def test_the_view_frames_the_path_of_the_frame_that_is_asked_for():
     assert [x["text"] for x in viewer._panel["labels"] if x["layer"] == "trail"] == ["foot"]
     with pytest.raises(sst_pin.UnknownNameError, match="frame 'hand'"):
         Viewer(chain, frame="hand")
-
-
-@pytest.mark.slow
-def test_digits_and_single_letters_alone_are_subscripts(chromium, tmp_path):
-    """gamma_1 and e_x have an index; left_knee and rod_1a are names."""
-    path = tmp_path / "page.html"
-    Viewer(sst_pin.robots.four_bar()).save(path)
-    with visit(chromium, path.as_uri()) as seen:
-        records = seen.page.evaluate("['gamma_12', 'e_x', 'left_knee', 'rod_1a'].map(subscript)")
-    assert records == ["gamma<sub>12</sub>", "e<sub>x</sub>", "left_knee", "rod_1a"]

@@ -186,3 +186,6 @@ def test_a_person_plays_steps_drags_and_hides(page, motion):
     page.locator("[data-layer=torques]").check()
     assert poses(page)[1][TORQUES[0]]["visible"]
     assert not page.locator(".dg.main").is_visible()  # Meshcat's own controls
+    # Digits and single letters alone are subscripts.
+    labels = page.evaluate("['gamma_12', 'e_x', 'left_knee', 'rod_1a'].map(subscript)")
+    assert labels == ["gamma<sub>12</sub>", "e<sub>x</sub>", "left_knee", "rod_1a"]

@@ -51,9 +51,6 @@ def test_it_listens_on_this_machine_alone_and_only_when_asked(robot):
             bound = dict(reversed(row.split(":")) for row in rows)
             assert bound[f"{port_of(url):04X}"] == "0100007F"
     assert not listens("127.0.0.1", port_of(url))
-
-
-def test_nothing_listens_after_an_exception(robot):
     viewer = Viewer(robot)
     port = port_of(viewer.serve())
     with pytest.raises(errors.InputError), viewer:
@@ -142,12 +139,6 @@ def test_pictures_are_taken_without_a_person(robot, motion):
         assert (np.abs(frames[one] - frames[other]).max(axis=-1) > 60).mean() > 0.01
 
 
-@pytest.fixture(scope="module")
-def served(robot):
-    with Viewer(robot) as viewer:
-        yield viewer.serve()
-
-
 def status(served, path="/", **headers):
     """The answer to a request with some headers."""
     address = urlsplit(served)
@@ -172,24 +163,21 @@ def upgrade(served, **headers):
     return status(served, "/socket", **opening, **headers)
 
 
-def test_a_browser_on_this_machine_is_answered(served):
+def test_pages_of_this_machine_and_programs_alone_are_answered(robot):
+    """Under DNS rebinding a browser asks 127.0.0.1 under the name of a site."""
+    viewer = Viewer(robot)
+    served = viewer.serve()
     port = urlsplit(served).port
     for host in (f"127.0.0.1:{port}", f"localhost:{port}", f"[::1]:{port}"):
         assert status(served, Host=host) == 200
         assert upgrade(served, Host=host, Origin=f"http://{host}") == 101
     assert upgrade(served) == 101  # a program that is no browser
-
-
-def test_a_site_that_calls_itself_this_machine_is_not_answered(served):
-    """DNS rebinding: the browser asks 127.0.0.1 under the site's name."""
-    host = f"rebound.example:{urlsplit(served).port}"
+    host = f"rebound.example:{port}"
     assert status(served, Host=host) == 403
     assert upgrade(served, Host=host, Origin=f"http://{host}") == 403
-
-
-@pytest.mark.parametrize("origin", ["http://foreign.example", "http://127.0.0.1:1", "null"])
-def test_a_websocket_of_another_page_is_refused(served, origin):
-    assert upgrade(served, Origin=origin) == 403
+    for origin in ("http://foreign.example", "http://127.0.0.1:1", "null"):
+        assert upgrade(served, Origin=origin) == 403
+    viewer.close()
 
 
 def test_an_address_that_cannot_be_listened_on_is_told(robot):
