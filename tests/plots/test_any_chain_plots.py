@@ -146,6 +146,7 @@ def test_bars_are_peaks_and_means_and_what_is_not_unique_has_none(soft):
     names = (*chain.joint_names, str(chain.closures[0]))
     stiffness = dict.fromkeys(names, np.ones(6)) if soft else None
     loads = chain.loads(motion, stiffness=stiffness)
+    assert ("not unique" in repr(loads)) is not soft
     page = plots.loads_page(loads)
     largest = np.nanmax([row.peak for row in loads.rows])
     for kind, ax in zip(("force", "moment"), page.axes, strict=True):

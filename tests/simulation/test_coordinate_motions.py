@@ -158,22 +158,6 @@ def test_a_simulation_starts_where_names_or_the_first_row_say(delta, stroke):
         read_start(delta.engine, table, positions, {"wheel": 1.0})
 
 
-def test_joints_beyond_their_limits_are_named_with_their_worst_sample(delta, stroke):
-    motion, _ = stroke
-    model = delta.model.copy()
-    motor = motion.joint_names.index(delta.coordinates[0])
-    model.lowerPositionLimit[:] = -1e9
-    model.upperPositionLimit[:] = 1e9
-    wide = sst_pin.ClosedChain(model, delta.closures, list(delta.motor_names))
-    assert wide.check(motion) == ()
-    model.upperPositionLimit[motor] = motion.q[:, motor].max() - 0.01
-    narrow = sst_pin.ClosedChain(model, delta.closures, list(delta.motor_names))
-    (result,) = map(str, narrow.check(motion))
-    worst = motion.t[motion.q[:, motor].argmax()]
-    assert result.startswith(f"{delta.coordinates[0]} leaves its limits of ")
-    assert f": {motion.q[:, motor].max():.4g} rad at t = {worst:.6g} s" in result
-
-
 def test_a_parallelogram_does_not_go_on_through_its_flat_position():
     """Where the coupler could also turn back; any distance of the samples."""
     chain = sst_pin.robots.four_bar(crank=0.3, coupler=0.8, rocker=0.3, ground=0.8)

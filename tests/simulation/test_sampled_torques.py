@@ -56,22 +56,7 @@ def test_a_cart_moves_as_constant_forces_move_it_by_hand(delay):
     assert np.abs(motion.tau[:-1, 0] - forces).max() < 1e-11
     # The function is called once in each period, in the order of time.
     assert np.abs(called - np.column_stack([motion.t, motion.q])[:-1]).max() < 1e-12
-
-
-def test_a_motion_is_that_of_constant_torques_one_after_the_other():
-    """The SST under computed torque; rates of 40 rad/s and torques of 40 N m."""
-    robot = sst_pin.SST(sst_pin.Parameters(viscous_friction=0.1))
-    t = np.linspace(0, 0.012, 7)
-    motion = robot.trajectory(t, *robot.joint_motion(*sst_pin.paper_circle(t)))
-    control = sst_pin.ComputedTorque(robot, motion, kp=400, kd=40, limits=30.0)
-    start = motion.q[0], motion.va[0] + 0.5
-    result = robot.simulate(sst_pin.SampledTorque(control.torque, 2e-3), *start, t)
-    q, va = start
-    for k in range(len(t) - 1):
-        tau = control.torque(t[k], q, va)
-        assert np.abs(result.tau[k] - tau).max() < 1e-8
-        part = robot.simulate(tau, q, va, t[k : k + 2])
-        q, va = part.q[-1], part.va[-1]
-    assert np.abs(result.q[-1] - q).max() < 1e-11
-    other = robot.simulate(sst_pin.SampledTorque(control.torque, 2e-3), *start, [0, 0.0051, 0.012])
-    assert np.abs(other.q[-1] - result.q[-1]).max() < 1e-12  # whatever the times of the output
+    other = cart(m).simulate(
+        sst_pin.SampledTorque(spring, period, delay=delay), [0.3], [-0.1], [0, 0.111, 0.4]
+    )
+    assert abs(other.q[-1] - motion.q[-1]) < 1e-12  # whatever the times of the output
