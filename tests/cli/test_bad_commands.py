@@ -71,7 +71,6 @@ COMMANDS = [
     (f"compile --export-c {LONG}", "File name too long"),
     (f"torques {SAMPLE} -o device.csv --force", "is a device, not a file"),
 ]
-FLAT = "{},0,1.5707963267948966,1.5707963267948966"
 #: Motion files, line by line, and what the error says.
 MOTIONS = [
     (["t_s,qw,qx,qy", "0,1,0,0", "1,1,0,0", "2,1,0,0"], "missing column qz"),
@@ -82,7 +81,10 @@ MOTIONS = [
         ["t_s,qw,qx,qy,qz", "0,1,0,0,0", "1,1,1,0,0", "2,1,0,0,0"],
         "line 3: quaternion of length 1.41421",
     ),
-    (["t_s,theta_rad,phi_rad,psi_rad", *map(FLAT.format, range(3))], "is in the plane of its arc"),
+    (
+        ["t_s,theta_rad,phi_rad,psi_rad", *(f"{t},0,{np.pi / 2},{np.pi / 2}" for t in range(3))],
+        "is in the plane of its arc",
+    ),
 ]
 
 

@@ -33,11 +33,6 @@ def test_paper_writes_data_and_figures_and_prints_its_table(here, capsys, robot)
     assert 1e-6 < printed < 5e-5
 
 
-def write_motion(path, columns, values):
-    rows = [",".join(map(repr, map(float, row))) for row in values]
-    path.write_text("\n".join([",".join(columns), *rows]) + "\n")
-
-
 @pytest.mark.parametrize("kind", ["quaternions", "radians", "degrees", "motors"])
 def test_every_way_of_writing_a_motion_gives_the_torques_of_example_1(here, capsys, robot, kind):
     """Quaternions, theta and phi with and without psi, motor angles; signs of q do not matter."""
@@ -59,7 +54,8 @@ def test_every_way_of_writing_a_motion_gives_the_torques_of_example_1(here, caps
         "motors": (("gamma_1_rad", "gamma_2_rad", "gamma_3_rad"), example.q[:, ::3]),
     }[kind]
     time = "time" if kind == "radians" else "t_s"
-    write_motion(here / "m.csv", (time, *columns), np.column_stack([t, values]))
+    head, table = ",".join((time, *columns)), np.column_stack([t, values])
+    np.savetxt("m.csv", table, "%.17g", ",", header=head, comments="")
     assert run(capsys, "torques", "m.csv", "-o", "out.csv")[0] == 0
     motion = sst_pin.Trajectory.load("out.csv")
     assert np.abs(motion.q - example.q).max() < 1e-9
@@ -68,8 +64,9 @@ def test_every_way_of_writing_a_motion_gives_the_torques_of_example_1(here, caps
 
 
 def test_simulate_says_that_it_stopped(here, capsys):
-    columns = "t_s", "tau_1_N", "slider_m", "slider_m_s"
-    write_motion(here / "tau.csv", columns, [(t, 0, 0.88, 1) for t in np.linspace(0, 1, 11)])
+    rows = [(t, 0, 0.88, 1) for t in np.linspace(0, 1, 11)]
+    head = "t_s,tau_1_N,slider_m,slider_m_s"
+    np.savetxt("tau.csv", rows, "%.17g", ",", header=head, comments="")
     code, out, _ = run(capsys, "simulate", "tau.csv", "-o", "m.csv", "--robot", "scissor_lift")
     assert code == 3
     assert "before a singularity" in out

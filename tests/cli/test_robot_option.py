@@ -2,7 +2,6 @@
 """`torques`, `simulate` and `plot` of any robot; standard input and output."""
 
 import io
-import math
 import subprocess
 import sys
 from pathlib import Path
@@ -21,18 +20,13 @@ DELTA = ROOT / "examples" / "delta.urdf"
 SAMPLE = ROOT / "examples" / "figure_eight.csv"
 
 
-def write_delta(path):
-    """Three motors up and down."""
-    rows = ["t_s,motor_1_deg,motor_2_deg,motor_3_rad"]
-    for t in np.linspace(0, 1, 41).tolist():
-        a, b, c = (20 + 10 * math.sin(6 * t + k) for k in range(3))
-        rows.append(f"{t!r},{a!r},{b!r},{math.radians(c)!r}")
-    path.write_text("\n".join(rows) + "\n")
-
-
 def test_torques_of_a_delta_lead_back_to_its_motion(here, capsys):
     """URDF and YAML: coordinates to torques, torques to the motion, both to a figure."""
-    write_delta(here / "m.csv")
+    t = np.linspace(0, 1, 41)
+    motors = 20 + 10 * np.sin(6 * t[:, None] + np.arange(3))
+    motors[:, 2] = np.radians(motors[:, 2])
+    head = "t_s,motor_1_deg,motor_2_deg,motor_3_rad"
+    np.savetxt("m.csv", np.column_stack([t, motors]), "%.17g", ",", header=head, comments="")
     robot = ("--robot", DELTA)
     code, out, err = run(capsys, "torques", "m.csv", "-o", "tau.csv", *robot)
     assert code == 0
@@ -52,8 +46,9 @@ def test_an_mjcf_with_a_motor_that_pushes(here, capsys):
     """Written by `describe`, read by `torques`: millimetres in, newtons out."""
     pytest.importorskip("mujoco")
     assert run(capsys, "describe", "--robot", "scissor_lift", "-o", "lift.xml")[0] == 0
-    stroke = [f"{t!r},{800 + 10 * math.sin(6 * t)!r}" for t in np.linspace(0, 1, 41).tolist()]
-    (here / "m.csv").write_text("\n".join(["t_s,slider_mm", *stroke]) + "\n")
+    t = np.linspace(0, 1, 41)
+    stroke = np.column_stack([t, 800 + 10 * np.sin(6 * t)])
+    np.savetxt("m.csv", stroke, "%.17g", ",", header="t_s,slider_mm", comments="")
     code, out, _ = run(capsys, "torques", "m.csv", "-o", "f.csv", "--robot", "lift.xml")
     assert code == 0
     assert " N -> f.csv" in out

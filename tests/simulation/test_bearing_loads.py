@@ -7,21 +7,18 @@ import pytest
 import sst_pin
 from sst_pin import robots
 
-
-@pytest.fixture(scope="module")
-def delta():
-    return robots.delta()
+DELTA = robots.delta()
 
 
 @pytest.fixture(scope="module")
-def motion(delta):
+def motion():
     torque = np.array([0.3, -0.2, 0.1])
-    return delta.simulate(torque, delta.home, np.zeros(3), 0.1 * np.linspace(0, 1, 11) ** 2)
+    return DELTA.simulate(torque, DELTA.home, np.zeros(3), 0.1 * np.linspace(0, 1, 11) ** 2)
 
 
-def test_peaks_and_means_are_those_of_the_reactions(delta, motion):
-    w = delta.reactions(motion.q, motion.va, tau=motion.tau)
-    rows = {(row.name, row.kind): row for row in delta.loads(motion).rows}
+def test_peaks_and_means_are_those_of_the_reactions(motion):
+    w = DELTA.reactions(motion.q, motion.va, tau=motion.tau)
+    rows = {(row.name, row.kind): row for row in DELTA.loads(motion).rows}
     assert len(rows) == 2 * len(w.names)
     for name in w.names:
         for kind, part in (("force", slice(3, 6)), ("moment", slice(0, 3))):
@@ -33,7 +30,7 @@ def test_peaks_and_means_are_those_of_the_reactions(delta, motion):
             at = np.flatnonzero(motion.t == row.time)[0]
             assert row.peak * np.array(row[4:7]) == pytest.approx(vectors[at], abs=1e-12)
             assert row.determined
-    for row in delta.loads(motion[:1]).rows:  # one sample is its own mean
+    for row in DELTA.loads(motion[:1]).rows:  # one sample is its own mean
         assert row.rms == pytest.approx(row.peak, rel=1e-12)
 
 
@@ -48,17 +45,17 @@ def test_what_is_not_unique_is_no_number_in_the_table():
     assert all(np.isfinite(row.peak) for row in chain.loads(swing, stiffness=soft).rows)
 
 
-def test_a_motion_under_other_loads_is_refused(delta, motion):
-    heavy = delta.trajectory(motion.t, motion.q, motion.va, motion.aa, motion.tau + 1)
+def test_a_motion_under_other_loads_is_refused(motion):
+    heavy = DELTA.trajectory(motion.t, motion.q, motion.va, motion.aa, motion.tau + 1)
     with pytest.raises(sst_pin.InputError, match="other forces than its torques"):
-        delta.loads(heavy)
+        DELTA.loads(heavy)
     with pytest.raises(sst_pin.InputError, match="belongs to another robot"):
         robots.stewart().loads(motion)
 
 
-def test_the_table_is_written_and_read_by_pandas(delta, motion, tmp_path):
+def test_the_table_is_written_and_read_by_pandas(motion, tmp_path):
     pandas = pytest.importorskip("pandas")
-    table = delta.loads(motion)
+    table = DELTA.loads(motion)
     table.save(tmp_path / "loads.csv")
     read = pandas.read_csv(tmp_path / "loads.csv")
     pandas.testing.assert_frame_equal(read, table.to_dataframe(), rtol=1e-15)

@@ -16,7 +16,6 @@ LOOP = Closure("coupler_end", "rocker_end", "3d")
 
 
 def body(model, parent, joint, name, place=(), mass=1.0, lever=(0.2, 0.02, 0.01)):
-    """A joint with a body."""
     return add(model, parent, joint, name, at(*place), pin.Inertia(mass, np.array(lever), SHAPE))
 
 

@@ -182,7 +182,6 @@ def test_what_a_page_cannot_compute_is_named(monkeypatch):
 
 @pytest.mark.slow
 def test_the_page_says_where_the_motors_do_not_hold_the_robot(page):
-    """The page gives no torques there."""
     chain = elbows()
     bad, good = held_not(chain)
     engine, rest = Engine(page, chain, good), np.zeros(2)

@@ -9,7 +9,6 @@ from sst_pin.sst import paper
 from sst_pin.viewer import Viewer
 from tests.support.browser import pixels, visit
 
-SPEED = 0.25
 #: From three.js, where y is up, to the base, where z is.
 UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
 
@@ -45,7 +44,7 @@ def motion(robot):
 def shown(chromium, robot, motion, tmp_path_factory):
     """Example 1 as a file, opened."""
     viewer = Viewer(robot, axes=True)
-    viewer.play(motion, speed=SPEED, title="Example 1")
+    viewer.play(motion, speed=0.25, title="Example 1")
     path = tmp_path_factory.mktemp("page") / "motion.html"
     viewer.save(path)
     with visit(chromium, path.as_uri()) as page:
