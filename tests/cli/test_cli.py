@@ -56,7 +56,7 @@ def test_every_way_of_writing_a_motion_gives_the_torques_of_example_1(here, caps
     time = "time" if kind == "radians" else "t_s"
     head, table = ",".join((time, *columns)), np.column_stack([t, values])
     np.savetxt("m.csv", table, "%.17g", ",", header=head, comments="")
-    assert run(capsys, "torques", "m.csv", "-o", "out.csv")[0] == 0
+    assert run(capsys, "torques", "m.csv", "-o", "out.csv", "--robot", sst_pin.URDF_PATH)[0] == 0
     motion = sst_pin.Trajectory.load("out.csv")
     assert np.abs(motion.q - example.q).max() < 1e-9
     inner = slice(20, -20)  # a spline knows less at its ends

@@ -288,9 +288,12 @@ def test_a_page_warns_of_open_loops_and_limits(tmp_path):
     chain.model.upperPositionLimit[:] = q + np.array((-0.2, 1, 1, 1))
     chain.refresh()
     zero = np.zeros((2, 2))
-    viewer.play(chain.trajectory([0, 1], [q, q], zero, zero))
+    inside = chain.assemble(q - 0.3 * np.eye(4)[0], fixed=["left", "right"])
+    viewer.play(chain.trajectory([0, 1], [q, inside], zero, zero))
     assert viewer.warnings[0].startswith("left leaves its limits of -3.2 to ")
-    assert " rad at t = 0 s" in viewer.warnings[0]
+    assert viewer.warnings[0].endswith(" rad at t = 0 s")
+    viewer.show(q)
+    assert viewer.warnings[0].endswith(" rad")
 
 
 def test_who_shows_a_robot_without_home_is_told_that_its_mode_was_chosen(tmp_path):
