@@ -113,5 +113,7 @@ def test_the_view_frames_the_path_of_the_frame_that_is_asked_for():
     slack = 0.02 * np.ptp(reach, axis=0).max()
     assert ((np.array(path) @ directions.T).max(0) < (reach @ directions.T).max(0) + slack).all()
     assert [x["text"] for x in viewer._panel["labels"] if x["layer"] == "trail"] == ["foot"]
+    viewer.show(motion.q[0])  # and the path is gone
+    assert not any("trail" in path for _, path, _ in viewer._drawing.buffer.commands)
     with pytest.raises(sst_pin.UnknownNameError, match="frame 'hand'"):
         Viewer(chain, frame="hand")
