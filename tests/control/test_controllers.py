@@ -79,8 +79,8 @@ def test_the_regulator_of_a_held_pose_is_the_stationary_one(robot):
 
 
 def test_the_regulator_brings_the_robot_back_to_its_motion():
-    """By kernels, as in a loop at 1 kHz; a four-bar whose coupler is welded."""
-    table = ROBOTS["four-bar, coupler welded"]
+    """By kernels, as in a loop at 1 kHz; a four-bar whose coupler is aligned and pinned."""
+    table = ROBOTS["four-bar, coupler aligned and pinned"]
     robot, q = table.chain(), table.joints(table.x).real
     robot.compile(q)
     motion = sst_pin.coordinate_motion(robot, T, table.x + 0.2 * np.sin(5 * T)[:, None], start=q)
