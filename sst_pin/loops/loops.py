@@ -79,7 +79,7 @@ class Loops:
     def evaluate(self, q: Array) -> None:
         """Compute what depends on q."""
         tree, data = self.tree, self.data
-        self.q = tree.configuration(q)
+        self.q = tree.factors * q[tree.entries] + tree.offsets
         pin.computeJointJacobians(tree.model, data, self.q)
         pin.updateFramePlacements(tree.model, data)
         J = _twice(data.J)

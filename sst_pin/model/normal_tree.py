@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from ..arrays import Array, Flags
+from ..arrays import Flags
 
 
 class NormalTree:
@@ -50,10 +50,6 @@ class NormalTree:
         self.entries, rates = entries.astype(np.intp), rates.astype(np.intp)
         self.S = factors[:, None] * np.eye(original.nv)[rates]
         self.model.armature = original.armature[rates] * rotors_of
-
-    def configuration(self, q: Array) -> Array:
-        """q of the normal tree, from that of the original one."""
-        return self.factors * q[self.entries] + self.offsets
 
     @cached_property
     def supports(self) -> Flags:
