@@ -21,20 +21,20 @@ NAMES = ["SST", *EVERY_ROBOT]
 
 
 def wander(chain, start, count, seed):
-    """Assembled configurations on random ways, each up to a singular configuration or so.
+    """Assembled configurations along random motions, each up to a singular configuration or so.
 
     Where the loops no longer close, or the condition number is above `WORST`, the step is halved,
-    so that the ways end in states ever closer to singular ones.
+    so that the motions end in states ever closer to singular ones.
     """
     random, result, conditions = np.random.default_rng(seed), [], []
     while len(result) < count:
         q, size = start, 0.3
-        way = chain.noc(q, np.zeros(chain.degrees_of_freedom)).L
-        way = way @ random.normal(size=way.shape[1])
-        way *= 0.3 / np.abs(way).max()
+        direction = chain.noc(q, np.zeros(chain.degrees_of_freedom)).L
+        direction = direction @ random.normal(size=direction.shape[1])
+        direction *= 0.3 / np.abs(direction).max()
         for _ in range(60):
             try:
-                moved = chain.assemble(pin.integrate(chain.model, q, size * way), fixed=())
+                moved = chain.assemble(pin.integrate(chain.model, q, size * direction), fixed=())
                 condition = chain.condition_number(moved)
             except (ClosureError, SingularConfigurationError):
                 condition = np.inf
@@ -50,7 +50,7 @@ def wander(chain, start, count, seed):
 
 
 def of_rounding(chain, forces_of, q, va, aa):
-    """The most that forces change when q moves by its rounding, in 16 ways.
+    """The most that forces change when q moves by its rounding, in 16 directions.
 
     Loops are open by some roundings, and q is known no better than that.
     """
