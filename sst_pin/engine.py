@@ -206,9 +206,9 @@ class Engine(ClosedLoops):
                 return result
         kind = QUANTITIES[key.name]
         load = self.wrenches(platform_moment, external_wrenches, on_error)
-        absent = [None for value in arguments.values() if value is None and kind.tau_optional]
-        if absent:
-            del arguments["tau"]
+        absent: list[None] = []
+        if kind.tau_optional and arguments["tau"] is None:
+            absent = [arguments.pop("tau")]
         arrays: list[Array | None] = [*self.arguments(q, **arguments), *absent]
         axes = [1] * len(arrays)
         constants: dict[str, object] = dict(extra or {})

@@ -28,14 +28,14 @@ class _Block:
     Attributes:
         rows, rates: Indices of the rows, and of the dependent rates in v.
         scale: Factors that make Phi^u free of units, shape (rows, rates).
-        of_u, of_inverse: Where Phi^u and its inverse are in those of all blocks.
+        of_inverse: Where the inverse of Phi^u is in that of all blocks.
         twice: Twice the identity, shape (rows, rows).
     """
 
     def __init__(self, mechanism: Mechanism, rows: Indices, dependent: Indices) -> None:
         self.rows, self.rates = rows, mechanism.dependent[dependent]
         self.scale = mechanism.row_scale[rows, None] * mechanism.rate_scale[self.rates]
-        self.of_u, self.of_inverse = np.ix_(rows, self.rates), np.ix_(self.rates, rows)
+        self.of_inverse = np.ix_(self.rates, rows)
         self.twice = 2 * np.eye(len(rows))
 
 
@@ -91,7 +91,7 @@ class JointComplement:
         """
         smallest, largest = [], 1.0  # the block of the coordinates is the identity
         for block in self.blocks:
-            A = Phi[block.of_u] * block.scale
+            A = Phi.take(block.rows, axis=0).take(block.rates, axis=1) * block.scale
             inverse, sizes = _inverse(A)
             inverse = inverse.dot(block.twice - A.dot(inverse))  # Newton's step: less rounding
             self.inverse[block.of_inverse] = inverse * block.scale.T
@@ -99,7 +99,8 @@ class JointComplement:
             smallest.append(sizes[1])
         if not all(size * MAX_CONDITION_NUMBER > largest for size in smallest):
             self._refuse(Phi, largest / MAX_CONDITION_NUMBER, smallest)
-        self.L: Array = self._S_a - self.inverse.dot(Phi.dot(self._S_a))  # Eqs. (7), (17)
+        Phi_a = Phi.take(self._mechanism.coordinates, axis=1)
+        self.L: Array = self._S_a - self.inverse.dot(Phi_a)  # Eqs. (7), (17)
         left = (Phi.dot(self.L) * self._of_Phi_L).ravel()  # Phi L = 0
         bound = INCONSISTENT * CLOSURE_TOLERANCE * largest
         if left.dot(left) <= bound**2:

@@ -34,6 +34,7 @@ _FORCES[:3, :, 3:], _FORCES[3, :, :3] = _CROSS, np.eye(3)
 _AT_ONE = np.concatenate((_FORCES, -_FORCES), axis=2).reshape(4, 36)
 _AT_TWO = np.zeros((8, 3, 12))
 _AT_TWO[:4, :, :6], _AT_TWO[4:, :, 6:] = _FORCES, -_FORCES
+_FLAT_AT_TWO = _AT_TWO.reshape(8, -1)
 #: Unit moments about x, y, z on B, and with the opposite sign on A.
 _MOMENTS = np.kron([0.0, 1.0, 0.0, -1.0], np.eye(3))
 
@@ -55,7 +56,7 @@ class _WorldForces:
     """Forces along axes of the world at the origins of B and A."""
 
     def __init__(self, axes: Array) -> None:
-        self._axes, self._forces = axes, axes @ _AT_TWO
+        self._axes, self._forces = axes, (axes @ _AT_TWO).reshape(8, -1)
 
     def error(self, M: Array) -> Array:
         return self._axes.dot(M[0, :3, 3] - M[1, :3, 3])
@@ -258,7 +259,7 @@ class FrameRows:
 
     def _of_frames(self, J: Array) -> Array:
         """Jacobians of B and A to the joints between them, shape (12, joints)."""
-        return J[:, self._moving] * self._moves
+        return J.take(self._moving, axis=1) * self._moves
 
 
 class CouplingRow:
@@ -329,10 +330,10 @@ def _at_one_point(point: Array) -> Array:
     return np.asarray(point.dot(_AT_ONE).reshape(*point.shape[:-1], 3, 12))
 
 
-def _at_two_points(M: Array, forces: Array = _AT_TWO) -> Array:
+def _at_two_points(M: Array, forces: Array = _FLAT_AT_TWO) -> Array:
     """Unit forces at the origins of B and A, or their rates, shape (..., forces, 12)."""
     origins = M[..., 3].reshape(*M.shape[:-3], 8)
-    return np.asarray(origins.dot(forces.reshape(8, -1)).reshape(*M.shape[:-3], -1, 12))
+    return np.asarray(origins.dot(forces).reshape(*M.shape[:-3], -1, 12))
 
 
 def _axes(frame: Array) -> Array:
