@@ -20,7 +20,7 @@ import pinocchio as pin
 from ..arrays import Array, for_each_sample, in_order
 from ..errors import InputError, SingularConfigurationError, UnknownNameError
 from ..model.closures import Coupling
-from ..model.geometry import Error, displaced, displacements, enlarged, parameter_names
+from ..model.geometry import RestingJoint, displaced, displacements, enlarged, parameter_names
 from ..model.mechanism import Friction, Mechanism, Springs
 from ..model.tree import frame_id
 from ..summaries import listed
@@ -94,7 +94,8 @@ class Design:
     def __init__(self, reference: Reference, groups: Sequence[Group]) -> None:
         self._small, self._groups = reference, groups
         self.names = tuple(name for name, _ in groups)
-        mechanism, errors, couplings = reference.mechanism, list[Error](), list[Coupling]()
+        mechanism, couplings = reference.mechanism, list[Coupling]()
+        joints_at_rest = list[RestingJoint]()
         theta, geometry = regressor.names_of(mechanism), parameter_names(mechanism)
         #: Changes of the dynamic parameters, a column for each group.
         self._theta = np.array([[g.get(x, 0.0) for _, g in groups] for x in theta])
@@ -107,7 +108,7 @@ class Design:
                 for kind, direction in zip("xr", displacement * _HALVES, strict=True)
                 if direction.any()
             ]
-            errors += joints
+            joints_at_rest += joints
             sizes = {joint: float(np.linalg.norm(direction)) for joint, _, direction in joints}
             for leader in list(sizes)[:1]:
                 first = sizes.pop(leader)
@@ -115,14 +116,14 @@ class Design:
                 directions.append(first * np.eye(len(groups))[k])
                 couplings += [Coupling(x, {leader: (0.0, s / first)}) for x, s in sizes.items()]
         self._directions = np.array(directions).reshape(len(directions), len(groups))
-        self._large = Reference(self._enlarged(errors, couplings, leaders))
+        self._large = Reference(self._enlarged(joints_at_rest, couplings, leaders))
 
     def _enlarged(
-        self, errors: list[Error], couplings: list[Coupling], leaders: list[str]
+        self, joints_at_rest: list[RestingJoint], couplings: list[Coupling], leaders: list[str]
     ) -> Mechanism:
         """The mechanism with joints at rest, of which those that lead are coordinates too."""
         mechanism = self._small.mechanism
-        old, model = mechanism.model, enlarged(mechanism.model, errors)
+        old, model = mechanism.model, enlarged(mechanism.model, joints_at_rest)
         ids = [model.getJointId(name) for name in list(old.names)[1:]]
         pairs = [(old.joints[i], model.joints[j]) for i, j in enumerate(ids, 1)]
         self._q = np.concatenate([j.idx_q + np.arange(i.nq) for i, j in pairs])

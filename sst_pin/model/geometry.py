@@ -28,7 +28,7 @@ _SAME_POINT = 1e-9
 #: Displacements of places by their names.
 Displacements = dict[str, Array]
 #: A joint at rest: its name, its place, and a displacement, which is a slide or a turn.
-Error = tuple[str, str, Array]
+RestingJoint = tuple[str, str, Array]
 
 
 def places_of(mechanism: Mechanism) -> list[str]:
@@ -108,8 +108,8 @@ def displaced(model: pin.Model, changes: Displacements) -> pin.Model:
     return model
 
 
-def enlarged(model: pin.Model, errors: Iterable[Error]) -> pin.Model:
-    """The tree with a joint at rest for each error, in series from the body to the place.
+def enlarged(model: pin.Model, joints_at_rest: Iterable[RestingJoint]) -> pin.Model:
+    """The tree with joints at rest, in series from the bodies to the places.
 
     The derivative by a change of the geometry equals the derivative by the position of such a
     joint. The result has no named configurations.
@@ -117,7 +117,7 @@ def enlarged(model: pin.Model, errors: Iterable[Error]) -> pin.Model:
     if list(model.mimicking_joints):
         raise InputError("model", "has mimic joints; use ordinary ones with a Coupling")
     joints: dict[str, dict[str, Any]] = defaultdict(dict)
-    for name, place, direction in errors:
+    for name, place, direction in joints_at_rest:
         slide, turn = np.split(direction / np.linalg.norm(direction), 2)
         inside = place_of(model, place)[1].rotation.T @ slide
         joints[place][name.removeprefix(place)] = (
