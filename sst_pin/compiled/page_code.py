@@ -143,7 +143,9 @@ def page_code(equations: Sequence[Equations]) -> str:
 def _parts(mechanism: Mechanism) -> str:
     """Dependent rates in parts that the loops connect, and the usual size of each part of Phi."""
     parts = Loops(mechanism.model, mechanism.closures).parts(mechanism.coordinates)
-    each = (f"{{rates: {part[1].tolist()}, size: {mechanism.size_of(*part)!r}}}" for part in parts)
+    each = (
+        f"{{rates: {part[1].tolist()}, size: {mechanism.usual_size(*part)!r}}}" for part in parts
+    )
     return f"[{', '.join(each)}]"
 
 

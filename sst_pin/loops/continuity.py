@@ -59,7 +59,7 @@ class Continuity:
             for alike in shapes.values()
         ]
         #: Usual sizes of the blocks, shapes (count,).
-        self._sizes = [np.array([mechanism.size_of(*b) for b in x]) for x in shapes.values()]
+        self._sizes = [np.array([mechanism.usual_size(*b) for b in x]) for x in shapes.values()]
         self._last: _Sample | None = None
         self._anchor: _Sample
         self._inverses: list[Array]

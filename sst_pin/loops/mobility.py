@@ -253,7 +253,7 @@ def condition_number(
     loops of different sizes do not make it larger.
     """
     return largest_condition(
-        (Phi[np.ix_(*part)][None], np.array([mechanism.size_of(*part)])) for part in parts
+        (Phi[np.ix_(*part)][None], np.array([mechanism.usual_size(*part)])) for part in parts
     )
 
 

@@ -152,7 +152,7 @@ class Mechanism:
         """Indices in v of the rates that the closures determine."""
         return read_only(np.setdiff1d(np.arange(self.model.nv), self.coordinates))
 
-    def size_of(self, rows: Indices, rates: Indices) -> float:
+    def usual_size(self, rows: Indices, rates: Indices) -> float:
         """Usual size of a block of Phi with one dependent rate, from its rows at the example.
 
         Such a block has one singular value. Only its usual size shows how near it is to a
