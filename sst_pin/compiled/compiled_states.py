@@ -206,13 +206,15 @@ class ByColumns:
         for i in np.flatnonzero(~left):
             inertia = np.empty(self._unit.shape)  # Eq. (93), symmetric
             failed = self._inertial.many((q[i], None, self._unit), inertia, threads)
-            supplied = tau[i] if self._mechanism.driven_one_to_one else self._given(q[i], tau[i])
+            supplied = (
+                tau[i] if self._mechanism.driven_one_to_one else self._motor_forces(q[i], tau[i])
+            )
             aa = solved(inertia, supplied - f[i])
             left[i] = len(failed) or aa is None or not np.isfinite(aa).all()
             out[i] = np.nan if aa is None else aa
         return np.flatnonzero(left)
 
-    def _given(self, q: Array, tau: Array) -> Array:
+    def _motor_forces(self, q: Array, tau: Array) -> Array:
         """L^T B tau: forces of the motors along the coordinates; NaN at a singularity."""
         L = np.empty((len(self._unit), self._mechanism.model.nv))  # transposed
         if len(self._rates.many((q, self._unit), L)):

@@ -66,8 +66,8 @@ def force_ellipsoid(
         >>> ellipsoid.sizes.round(2), ellipsoid.axes.shape
         (array([  inf, 14.28, 10.2 ]), (3, 3))
     """
-    G, _ = _supplied(chain, q, frame, turning, _sizes(chain, torques))
-    s, axes = _stretches(G.mT)
+    G, _ = _torques_of_forces(chain, q, frame, turning, _largest_torques(chain, torques))
+    s, axes = _singular_values(G.mT)
     with np.errstate(divide="ignore"):
         sizes = np.where(s > RANK_TOLERANCE * s[..., :1], 1 / s, np.inf)
     return Ellipsoid(np.zeros(sizes.shape), sizes[..., ::-1], axes[..., ::-1, :])
@@ -107,7 +107,7 @@ def force_polytope(
     if np.abs(sums).max() >= 1:
         names = listed(motors_of(chain, factors[np.abs(sums).argmax()]))
         raise ActuationError(f"no torque to spare in {names} when the motors hold the robot")
-    G, J = _supplied(chain, single, frame, turning)
+    G, J = _torques_of_forces(chain, single, frame, turning)
     moving = _range(J)
     if not len(moving):
         kind = "turn" if turning else "translate"
@@ -143,7 +143,7 @@ def acceleration_ellipsoid(
         Accelerations, [m/s^2] or [rad/s^2]; the center is that without torques.
     """
     center, A = _accelerations_by_torques(chain, q, va, frame, turning)
-    return Ellipsoid(center, *_stretches(A * _sizes(chain, torques)))
+    return Ellipsoid(center, *_singular_values(A * _largest_torques(chain, torques)))
 
 
 def acceleration_polytope(
@@ -172,7 +172,7 @@ def acceleration_polytope(
     return hull(np.array(list(product(*limits))) @ A.T @ moving.T) @ moving + center
 
 
-def _sizes(chain: ClosedChain, torques: ArrayLike) -> Array:
+def _largest_torques(chain: ClosedChain, torques: ArrayLike) -> Array:
     """Largest torques, shape (motors,)."""
     limits = finite_limits(torques, len(chain.motor_names), "torques")
     if not (limits[:, 0] == -limits[:, 1]).all():
@@ -198,7 +198,7 @@ def torques_of_wrenches(chain: ClosedChain, q: ArrayLike, frame: str) -> Array:
     return np.asarray(np.linalg.pinv(chain.actuator_jacobian(q).mT) @ _jacobian(chain, q, frame).mT)
 
 
-def _supplied(
+def _torques_of_forces(
     chain: ClosedChain, q: ArrayLike, frame: str, turning: bool, sizes: Array | float = 1.0
 ) -> tuple[Array, Array]:
     """G, shape (..., motors, 3), of forces or moments, and rows J of the frame's Jacobian.
@@ -236,7 +236,7 @@ def _accelerations_by_torques(
     return drift + (J @ aa[..., 0, :, None])[..., 0], J @ (aa[..., 1:, :] - aa[..., :1, :]).mT
 
 
-def _stretches(A: Array) -> tuple[Array, Array]:
+def _singular_values(A: Array) -> tuple[Array, Array]:
     """Three singular values of matrices (..., 3, k), the largest first, and directions in rows."""
     U, sizes, _ = np.linalg.svd(A)
     missing = np.zeros((*sizes.shape[:-1], 3 - sizes.shape[-1]))
