@@ -86,10 +86,9 @@ def consistent_parameters(
     floor = [np.tile(_LEAST * (_ROWS == _COLUMNS), free.size), np.zeros(len(positive))]
     cones = [clarabel.PSDTriangleConeT(4)] * free.size + [clarabel.NonnegativeConeT(len(positive))]
     if total_mass is not None:
-        rest = positive_number("total_mass", total_mass) - np.delete(masses, free).sum()
-        if rest <= 0 or not free.size:
-            known = f"the bodies whose masses stay have {total_mass - rest:g} kg"
-            raise InputError("total_mass", f"{total_mass:g} kg: {known}")
+        fixed = np.delete(masses, free).sum()
+        if (rest := positive_number("total_mass", total_mass) - fixed) <= 0 or not free.size:
+            raise InputError("total_mass", f"{total_mass:g} kg; fixed masses have {fixed:g} kg")
         sums = np.append(np.kron(masses[free], np.eye(10)[0]), np.zeros(others.size))
         walls.insert(0, sums[None])
         floor.insert(0, np.array([rest]))

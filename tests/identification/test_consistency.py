@@ -110,6 +110,16 @@ def test_the_total_mass_is_held():
     assert bodies_of(chain, theta)[:, 0].sum() == pytest.approx(0.4, rel=1e-7)
 
 
+def test_a_total_mass_below_that_of_the_fixed_bodies_is_refused():
+    """With friction alone to identify, no body's mass may change."""
+    chain, _, _, _, motion = case("five_bar", 1e-4)
+    base = base_parameters(chain, [f"{chain.motor_names[0]}.viscous"])
+    friction = estimate(chain, base, *motion, chain.compute_torques(*motion))
+    mass = bodies_of(chain, chain.dynamic_parameters)[:, 0].sum()
+    with pytest.raises(InputError, match=f"0.01 kg; fixed masses have {mass:g} kg"):
+        consistent_parameters(chain, friction, total_mass=0.01)
+
+
 def test_combinations_that_cannot_be_told_apart_are_refused():
     chain, _, base, result, _ = case("five_bar", 1e-4)
     alike = replace(result, covariance=np.ones((len(base), len(base))))
