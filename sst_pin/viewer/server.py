@@ -58,8 +58,7 @@ class Server:
 
         class Ours(tornado.web.RequestHandler):
             def prepare(self) -> None:
-                headers = self.request.headers
-                if not is_ours(host, headers.get("Host"), headers.get("Origin")):
+                if not is_ours(host, self.request.headers.get("Host")):
                     raise tornado.web.HTTPError(403)
 
         class Page(Ours):
@@ -121,15 +120,13 @@ def url_of(host: str, port: int) -> str:
     return f"http://[{host}]:{port}/" if ":" in host else f"http://{host}:{port}/"
 
 
-def is_ours(host: str, asked: str | None, origin: str | None) -> bool:
-    """Whether a request names this machine or an IP address and comes from the server's own page.
+def is_ours(host: str, asked: str | None) -> bool:
+    """Whether a request names this machine or an IP address; `asked` is the header `Host`.
 
-    `asked` is the header `Host`, `origin` is `Origin`, which only browsers send.
+    Tornado itself refuses sockets of pages from elsewhere, by the header `Origin`.
     """
     try:
         name = urlsplit(f"//{asked or ''}").hostname or ""
-        if origin is not None and urlsplit(origin).netloc != asked:
-            return False
         if name in ("localhost", host.lower(), socket.gethostname().lower()):
             return True
         return bool(ip_address(name))
