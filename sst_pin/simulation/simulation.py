@@ -26,7 +26,7 @@ from .trajectories import Trajectory, trajectory_of
 
 #: How many times as fast kernels compute accelerations of the SST as the reference path does; see
 #: docs/benchmark.json.
-FASTER = 400
+FASTER = 500
 _HINT = "simulate is on the reference path; in Python, chain.compile() makes accelerations about "
 _HINT += f"{FASTER} times as fast"
 
