@@ -54,8 +54,8 @@ def test_derivatives_are_those_of_the_reference_path_and_casadis_own(name):
         da = np.concatenate(chain.acceleration_derivatives(q, va, tau, **options), axis=1)
         for key, function in functions.items():
             x, expected = (aa, df) if key.name == "torque_derivatives" else (tau, da)
-            ways = [[way] for way in np.eye(n)] if key.along else [[]]
-            columns = [function(q, va, x, wrenches.ravel(), *way, p).full() for way in ways]
+            directions = [[u] for u in np.eye(n)] if key.along else [[]]
+            columns = [function(q, va, x, wrenches.ravel(), *u, p).full() for u in directions]
             *result, checks = np.hstack(columns)
             assert checks.max() <= 1  # the kernel vouches for it
             close(np.reshape(result, (n, -1)), expected, 1e-10)
