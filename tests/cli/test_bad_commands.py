@@ -2,15 +2,14 @@
 """A command that cannot do what it is asked says why in one line, and writes nothing."""
 
 import signal
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import sst_pin
 from tests.support.command_line import run
+from tests.support.files import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 SAMPLE, DELTA = ROOT / "examples" / "figure_eight.csv", ROOT / "examples" / "delta.urdf"
 LONG = 300 * "x"
 

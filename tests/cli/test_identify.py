@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """From the log of a motion to the dynamic parameters."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import sst_pin
 from tests.support.command_line import run
+from tests.support.files import ROOT
 
-DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
+DELTA = ROOT / "examples" / "delta.urdf"
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,6 @@
 import io
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,8 +13,8 @@ from sst_pin.cli import main
 from sst_pin.cli.commands import COMMANDS as COMMANDS_OF_THE_HELP
 from sst_pin.errors import install_command
 from tests.support.command_line import run
+from tests.support.files import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 DELTA = ROOT / "examples" / "delta.urdf"
 SAMPLE = ROOT / "examples" / "figure_eight.csv"
 

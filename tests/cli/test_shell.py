@@ -6,7 +6,6 @@ import signal
 import stat
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,8 +13,9 @@ import pytest
 import sst_pin
 from sst_pin.files import text_writer, write_files
 from tests.support.command_line import run
+from tests.support.files import ROOT
 
-SAMPLE = Path(__file__).resolve().parents[2] / "examples" / "figure_eight.csv"
+SAMPLE = ROOT / "examples" / "figure_eight.csv"
 #: theta 20 deg, phi to 170 deg: beta_1 goes from 30 to -80 deg, off its arc.
 OFF_ARC = "t_s,theta_deg,phi_deg\n" + "".join(f"{i / 10},20,{60 + 11 * i}\n" for i in range(11))
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Controllers: the errors that their models promise, limits, a machine, a loop at 1 kHz."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -10,7 +8,7 @@ from scipy.linalg import solve_discrete_are
 
 import sst_pin
 from sst_pin.errors import ActuationError, InputError
-from tests.support.files import load
+from tests.support.files import ROOT, load
 from tests.support.link_tables import ROBOTS
 
 control_bench = load("examples/control_bench.py")
@@ -172,7 +170,7 @@ def test_motions_that_cannot_be_followed_are_refused(robot, five_bar, sway):
 @pytest.mark.parametrize("name", ["SST", "delta"])
 def test_the_table_of_the_bench_is_current(name):
     """On a machine with friction and other masses the model's torques are worth their trouble."""
-    page = (Path(__file__).parents[2] / "docs" / "control.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "control.md").read_text(encoding="utf-8")
     rows = {called: cells for called, *cells in read_table(page, f"bench_{name}")[1:]}
     only = () if name == "SST" else ("PD + gravity", "computed torque")
     result = control_bench.table(name, only)

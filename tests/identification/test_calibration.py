@@ -2,7 +2,6 @@
 """The geometry from measured poses: exact without noise, honest with noise, named where hidden."""
 
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -11,9 +10,9 @@ from numpy.testing import assert_allclose
 
 import sst_pin
 from sst_pin.identification import calibrate
+from tests.support.files import ROOT
 from tests.support.planar_bars import DRAG_LINK, planar
 
-ROOT = Path(__file__).parents[2]
 WHICH = ["motor_*.ry", "rod_*a.x", "rod_*b.x"]
 
 

@@ -12,8 +12,8 @@ from numpy.testing import assert_allclose
 
 import sst_pin
 from sst_pin.identification import write_urdf
+from tests.support.files import ROOT
 
-ROOT = Path(__file__).parents[2]
 FILES = {"delta": ROOT / "examples" / "delta.urdf", "sst": Path(sst_pin.URDF_PATH)}
 #: A crank with a weight at a fixed joint, a slide on it, and a base that nothing moves.
 ARM = """<robot name="arm">

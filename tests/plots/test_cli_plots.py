@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """`sst-pin plot`, as one types it."""
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib import image
 
 from tests.support.command_line import run
+from tests.support.files import ROOT
 
-SAMPLE = Path(__file__).resolve().parents[2] / "examples" / "figure_eight.csv"
+SAMPLE = ROOT / "examples" / "figure_eight.csv"
 
 
 def test_a_page_of_a_motion(here, capsys):

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import sst_pin
+from tests.support.files import ROOT
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
+EXAMPLES = ROOT / "examples"
 
 
 @pytest.fixture

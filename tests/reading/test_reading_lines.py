@@ -2,7 +2,6 @@
 """Forces along lines from files: spatial tendons of an MJCF, `line_force` of a YAML."""
 
 import warnings
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -10,6 +9,7 @@ import pytest
 
 import sst_pin
 from sst_pin import LineForce
+from tests.support.files import ROOT
 
 MJCF = """
 <mujoco><option gravity="0.4 -0.3 -9.7"/>
@@ -132,7 +132,7 @@ def test_a_tendon_named_as_a_motor_is_a_line(mjcf):
     assert chain.motor_units == ("N", "Nm")
 
 
-DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
+DELTA = ROOT / "examples" / "delta.urdf"
 LINES = """
 line_force:
   - {frames: [universe, platform], name: gas, stiffness: 60, rest_length: 0.4, damping: 2, preload: -8}

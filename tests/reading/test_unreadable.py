@@ -15,8 +15,9 @@ import pytest
 import sst_pin
 from sst_pin.reading import parse_cuts
 from sst_pin.sst.robot_wrapper import load
+from tests.support.files import ROOT
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
+EXAMPLES = ROOT / "examples"
 DELTA = EXAMPLES / "delta.urdf"
 
 

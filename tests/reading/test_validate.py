@@ -3,15 +3,15 @@
 
 import re
 import warnings
-from pathlib import Path
 
 import pytest
 
 import sst_pin
 from sst_pin.cli import main
 from tests.support.command_line import BARS
+from tests.support.files import ROOT
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
+EXAMPLES = ROOT / "examples"
 URDF, CUTS = (EXAMPLES / "delta.urdf").read_text(), (EXAMPLES / "delta.yaml").read_text()
 
 

@@ -2,7 +2,6 @@
 """The paper's method on one page, `examples/noc_in_one_page.py`, is a referee of the package."""
 
 import runpy
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -10,8 +9,9 @@ import pytest
 
 import sst_pin
 from tests.gallery import EVERY_ROBOT
+from tests.support.files import ROOT
 
-PATH = Path(__file__).parents[2] / "examples" / "noc_in_one_page.py"
+PATH = ROOT / "examples" / "noc_in_one_page.py"
 PAGE = runpy.run_path(str(PATH))
 ROWS = {"3d": 3, "6d": 6}
 #: Loops by points and welds, redundant ones too; joints of one, two, three and six freedoms.

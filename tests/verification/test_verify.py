@@ -3,7 +3,6 @@
 
 import json
 import sys
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -14,8 +13,9 @@ from sst_pin.cli import main
 from sst_pin.errors import install_command
 from sst_pin.verification import verify
 from sst_pin.verification.mujoco_tree import MujocoTree
+from tests.support.files import ROOT
 
-DELTA = Path(__file__).parents[2] / "examples" / "delta.urdf"
+DELTA = ROOT / "examples" / "delta.urdf"
 NAMES = {"virtual work", "Lagrange multipliers", "MuJoCo mj_inverse"}
 
 

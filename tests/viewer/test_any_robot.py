@@ -3,7 +3,6 @@
 
 import functools
 import warnings
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -18,11 +17,10 @@ from sst_pin.description.colours import HUES
 from sst_pin.viewer import Viewer
 from sst_pin.viewer.robot_scene import Scene
 from tests.support import any_chain
-from tests.support.files import load
+from tests.support.files import ROOT, load
 
 run_pages = load("scripts/pages/run_pages.py")
 
-ROOT = Path(__file__).parents[2]
 DELTA = ROOT / "examples" / "delta.urdf"
 BARE = pin.GeometryModel()
 
