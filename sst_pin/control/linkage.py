@@ -19,8 +19,10 @@ from ..model.thresholds import RANK_TOLERANCE
 
 #: The path to motor positions is divided into pieces of this size, [rad] or robot lengths.
 _PIECE = 0.2
-#: Newton's method in a piece: the most steps, and the size of the last, [rad] or robot lengths.
-_STEPS, _ARRIVED = 20, 1e-12
+#: Most steps of Newton's method in a piece; it converges quadratically.
+_STEPS = 20
+#: Size of the last step of Newton's method, [rad] or robot lengths: some thousand roundings.
+_ARRIVED = 1e-12
 
 
 class Linkage:
@@ -47,17 +49,24 @@ class Linkage:
 
     def _require_motors(self, J: Array) -> None:
         """Raise an error unless the motors hold the joints and move no others; J has no units."""
-        names, motors = self.chain.mechanism.coordinate_rate_names, ", ".join(self.motors)
+        names = self.chain.mechanism.coordinate_rate_names
+        motors = ", ".join(self.motors)
+        # Entries of the motors of these joints in the columns of other coordinates.
         shared = np.abs(J[self._rows]) > RANK_TOLERANCE
         shared[:, self._columns] = False
         others = np.flatnonzero(shared.any(axis=0))
+        # Coordinates that can move while all motors stand: the null space of J.
         _, sizes, Vt = np.linalg.svd(J)
-        free = np.abs(Vt[np.count_nonzero(sizes > RANK_TOLERANCE) :]).max(axis=0, initial=0.0)
-        if loose := [names[k] for k in others if free[k] > RANK_TOLERANCE]:
-            cure = f"give a motor to {', '.join(loose)}, or ClosedChain(..., locked={loose})"
-            raise ActuationError(f"the motors {motors} leave {', '.join(loose)} free: {cure}")
-        if loose := [names[k] for k in self._columns if free[k] > RANK_TOLERANCE]:
-            joints = ", ".join(loose)
+        null_space = Vt[np.count_nonzero(sizes > RANK_TOLERANCE) :]
+        is_free = np.abs(null_space).max(axis=0, initial=0.0) > RANK_TOLERANCE
+        free_others = [names[k] for k in others if is_free[k]]
+        if free_others:
+            cure = f"give a motor to {', '.join(free_others)}, "
+            cure += f"or ClosedChain(..., locked={free_others})"
+            raise ActuationError(f"the motors {motors} leave {', '.join(free_others)} free: {cure}")
+        free_joints = [names[k] for k in self._columns if is_free[k]]
+        if free_joints:
+            joints = ", ".join(free_joints)
             raise ActuationError(f"the motors {motors or '(none)'} do not hold the joints {joints}")
         for row, k in np.argwhere(shared):
             problem = f"motor {self.motors[row]} also moves with {names[k]}"
@@ -97,19 +106,22 @@ class Linkage:
             WorkspaceError: If no positions of the joints give these positions of the motors.
         """
         first = self._start(start)
-        here, driven = self.motor_positions(first), self._driven
+        start_positions = self.motor_positions(first)
+        driven = self._driven
 
         def one(target: Array) -> Array:
-            q, gap = first, self._missing(first, target)
-            if driven:  # this also passes dead points of the joints
-                chain, motors, shares = driven
+            gap = self._missing(first, target)
+            if driven is not None:
+                # Moving the motors' own joints also passes dead points of the other joints.
+                chain, motors, ratios = driven
                 step = np.zeros(chain.degrees_of_freedom)
-                step[: len(motors)] = gap[motors] / shares
-                q = chain.engine.reference.moved(q, step)
+                step[: len(motors)] = gap[motors] / ratios
+                q = chain.engine.reference.moved(first, step)
             else:
+                q = first
                 pieces = max(1, int(np.ceil(np.abs(gap / self._units).max() / _PIECE)))
                 for part in range(1, pieces + 1):
-                    q = self._newton(q, here + gap * (part / pieces))
+                    q = self._newton(q, start_positions + gap * (part / pieces))
             if np.abs(self._missing(q, target) / self._units).max() > np.sqrt(_ARRIVED):
                 raise WorkspaceError(
                     f"no positions of the joints {', '.join(self.joints)} bring the motors "
@@ -131,7 +143,8 @@ class Linkage:
         if mechanism.lines.motors[:, self._rows].any() or (np.count_nonzero(B, axis=0) != 1).any():
             return None
         J = self.actuator_jacobian(self.chain.generic_configuration()) / self._units[:, None]
-        motors = list[int]()
+        # The first motors whose rows are independent; the others follow.
+        motors: list[int] = []
         for k in range(len(J)):
             if np.linalg.matrix_rank(J[[*motors, k]], tol=RANK_TOLERANCE) > len(motors):
                 motors.append(k)
@@ -189,9 +202,8 @@ class Linkage:
         return np.asarray(error - self._turns * turns)
 
     def __repr__(self) -> str:
-        joints, motors = ", ".join(self.joints), ", ".join(self.motors)
         name = f"{type(self).__name__} of {self.chain.mechanism.model.name}"
-        return f"{name}: joints {joints}; motors {motors}"
+        return f"{name}: joints {', '.join(self.joints)}; motors {', '.join(self.motors)}"
 
 
 def _others(chain: ClosedChain, rates: Indices) -> list[str]:

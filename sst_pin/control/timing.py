@@ -19,17 +19,28 @@ from ..errors import ActuationError, MissingExtraError
 from ..simulation.trajectories import Trajectory
 from .path_forces import MARGIN, MotorLimits, Parts, PathForces, SmoothPath
 
-#: The dynamics is computed at the ends of this number of intervals. All are halved, at most this
-#: often, while the motion exceeds limits between them.
-_INTERVALS, _HALVINGS = 500, 4
-#: Passes on finer grids, and the most parts of an interval in a pass.
-_PASSES, _PIECES = 20, 20
-#: Places in each interval where limits are tested. Where more than `_BUSY` of a limit is used, the
-#: second grid is so fine that this part changes by about `_IDLE` in an interval.
-_TESTED, _BUSY, _IDLE = np.linspace(0, 1, 6), 0.99, 8e-4
-#: The iteration for viscous friction ends when w^2 changes by less than this part. In its first
-#: guess, friction may use at least this part of a limit.
-_SETTLED, _CREEP = 1e-3, 1e-3
+#: Number of intervals at whose ends the dynamics is computed first.
+_INTERVALS = 500
+#: How often all intervals may be halved while the motion exceeds limits between their ends.
+_HALVINGS = 4
+#: Most passes of an iteration: on finer grids, and for viscous friction.
+_PASSES = 20
+#: Most pieces into which a pass divides an interval.
+_PIECES = 20
+#: Places in each interval where limits are tested.
+_TESTED = np.linspace(0, 1, 6)
+#: An interval is busy where more than this part of a limit is used: limits act on the motion there.
+_BUSY = 0.99
+#: Change of the used part within a busy interval that the second grid aims at. It is less than
+#: 1 - `_BUSY`, so limits are resolved where they act.
+_CHANGE = 8e-4
+#: The iteration for viscous friction ends when w^2 changes by less than this fraction. The grid is
+#: refined afterwards, so an exact solution on one grid is not needed.
+_SETTLED = 1e-3
+#: Part of a limit that viscous friction may use at least in the first guess, so w is not zero.
+_CREEP = 1e-3
+#: Largest w^2 that toppra is given, in the unit of time in which w is about one.
+_FASTEST = 1e8
 
 
 def time_optimal(
@@ -70,16 +81,19 @@ def time_optimal(
         0.5 s, 30.0 N m
     """
     limits = MotorLimits(chain, torques, rates, accelerations)
-    curve, step = SmoothPath(chain, path), positive_number("dt", dt)
+    curve = SmoothPath(chain, path)
+    step = positive_number("dt", dt)
     for halvings in range(_HALVINGS + 1):
         nodes = np.linspace(0, 1, _INTERVALS * 2**halvings + 1)
         forces = PathForces(limits, curve, nodes)
         profile = _fastest(forces)
-        t = np.linspace(0, profile.times[-1], int(np.ceil(profile.times[-1] / step)) + 1)
+        duration = profile.times[-1]
+        t = np.linspace(0, duration, int(np.ceil(duration / step)) + 1)
         q, va, aa = profile.states(curve, profile.places(t))
+        # The splines of the forces are worst in the middle between their nodes.
         middles = (nodes[1:] + nodes[:-1]) / 2
         between = limits.used(*profile.states(curve, middles))
-        if max(limits.used(q, va, aa).max(), between.max()) <= 1:
+        if limits.used(q, va, aa).max() <= 1 and between.max() <= 1:
             return chain.trajectory(t, q, va, aa, limits.torques_of(q, va, aa))
     raise ActuationError(
         f"the forces along the path jump, and pass limits by {between.max() - 1:.1%} at "
@@ -115,7 +129,8 @@ class _Profile(NamedTuple):
     def states(self, path: SmoothPath, s: Array) -> tuple[Array, Array, Array]:
         """q, va, aa at points of the path."""
         i = np.clip(np.searchsorted(self.s, s, "right") - 1, 0, len(self.s) - 2)
-        x, u = np.interp(s, self.s, self.x)[:, None], self.u[i, None]
+        x = np.interp(s, self.s, self.x)[:, None]
+        u = self.u[i, None]
         q, first, second = path.at(s)
         return q, np.sqrt(x) * first, x * second + u * first
 
@@ -124,30 +139,40 @@ class _Profile(NamedTuple):
         s = self.s[:-1] + np.diff(self.s) * _TESTED[:, None]
         x = np.interp(s, self.s, self.x).ravel()
         a, b, c, d, dry, most = forces.at(s.ravel())
-        u, w = np.tile(self.u, len(_TESTED))[:, None], np.sqrt(x)[:, None]
-        parts = a * u + b * w**2 + c + d * w + np.where(w > 0, dry, 0)
+        u = np.tile(self.u, len(_TESTED))[:, None]
+        w = np.sqrt(x)[:, None]
+        friction = d * w + np.where(w > 0, dry, 0)
+        parts = a * u + b * w**2 + c + friction
         return np.maximum(parts.max(axis=1), w[:, 0] / most).reshape(s.shape)
 
 
 def _fastest(forces: PathForces) -> _Profile:
     """The fastest profile, on a grid that is refined until it keeps the limits."""
     s = np.linspace(0, 1, _INTERVALS + 1)
-    x = _start(s, forces) if forces.viscous else None
+    guess = _start(s, forces) if forces.viscous else None
     for attempt in range(_PASSES):
-        profile = _Profile(s, _solved(s, forces, x))
+        profile = _Profile(s, _solved(s, forces, guess))
         used = profile.used(forces)
         worst = used.max(axis=0)
-        if attempt and worst.max() <= 1 - MARGIN / 4:
+        exceeds = worst > 1 - MARGIN / 4
+        if attempt > 0 and not exceeds.any():
             break
-        pieces = np.where(worst > 1 - MARGIN / 4, 2 + (worst - 1) / MARGIN, 1)
-        if not attempt:
-            idle = np.where(worst > _BUSY, np.ptp(used, axis=0) / _IDLE, 1)
-            pieces = np.maximum(pieces, idle)
-        ends = np.append(0, np.cumsum(np.ceil(np.clip(pieces, 1, _PIECES))))
-        finer = np.interp(np.arange(ends[-1] + 1), ends, s)  # so many equal pieces of each interval
-        x = None if x is None else np.interp(finer, s, profile.x)
+        # The more an interval exceeds a limit, the finer it is divided.
+        pieces = np.where(exceeds, 2 + (worst - 1) / MARGIN, 1)
+        if attempt == 0:
+            busy_pieces = np.where(worst > _BUSY, np.ptp(used, axis=0) / _CHANGE, 1)
+            pieces = np.maximum(pieces, busy_pieces)
+        finer = _divided(s, np.ceil(np.clip(pieces, 1, _PIECES)))
+        if guess is not None:
+            guess = np.interp(finer, s, profile.x)
         s = finer
     return profile
+
+
+def _divided(s: Array, pieces: Array) -> Array:
+    """A grid with each interval divided into so many equal pieces; `pieces` has shape (N,)."""
+    ends = np.append(0, np.cumsum(pieces))
+    return np.interp(np.arange(ends[-1] + 1), ends, s)
 
 
 def _start(s: Array, forces: PathForces) -> Array:
@@ -165,12 +190,14 @@ def _solved(s: Array, forces: PathForces, x: Array | None) -> Array:
     if x is None:
         return _linear(s, forces.unit, parts)
     for _ in range(_PASSES):
+        # d w is linear in w^2 about the last solution: d w = d w_0 / 2 + d / (2 w_0) w^2.
         w = np.sqrt(x)[:, None]
         with np.errstate(divide="ignore", invalid="ignore"):
             slope = np.where(w > 0, parts.d / (2 * w), 0)
         linear = parts._replace(b=parts.b + slope, c=parts.c + parts.d * w / 2)
-        last, x = x, _linear(s, forces.unit, linear)
-        if (np.abs(x - last) <= _SETTLED * x).all():
+        previous = x
+        x = _linear(s, forces.unit, linear)
+        if (np.abs(x - previous) <= _SETTLED * x).all():
             break
     return x
 
@@ -184,17 +211,24 @@ def _linear(s: Array, unit: float, parts: Parts) -> Array:
     except ImportError:
         raise MissingExtraError("toppra", "timing") from None
     # The tolerances of toppra are absolute, so time is scaled until w is about one.
-    a, b, c = parts.a / unit**2, parts.b / unit**2, parts.c
-    # Limits hold at both ends of each interval, with Coulomb friction of both ends.
-    dry = np.pad(parts.dry[1:-1], ((1, 1), (0, 0)))  # none at rest
+    a = parts.a / unit**2
+    b = parts.b / unit**2
+    c = parts.c
+    dry = parts.dry.copy()
+    dry[[0, -1]] = 0.0  # at rest there is none
+    # Limits hold at both ends of each interval, with the larger Coulomb friction of both. Between
+    # them u is constant, so w^2 grows by 2 u ds, and b w^2 at the end depends on u too.
     dry = np.maximum(dry[:-1], dry[1:])
-    at_end = a[1:] + 2 * np.diff(s)[:, None] * b[1:]
-    pairs = (a[:-1], at_end), (b[:-1], b[1:]), (c[:-1] + dry, c[1:] + dry)
-    rows = (np.pad(np.hstack(pair), ((0, 1), (0, 0)), mode="edge") for pair in pairs)
-    k = 2 * a.shape[1]
-    squares = np.minimum(((1 - MARGIN) * parts.most * unit) ** 2, 1e8)
+    a_at_end = a[1:] + 2 * np.diff(s)[:, None] * b[1:]
+    a_rows = np.hstack([a[:-1], a_at_end])
+    b_rows = np.hstack([b[:-1], b[1:]])
+    c_rows = np.hstack([c[:-1] + dry, c[1:] + dry])
+    # toppra expects rows at each point of the grid; the last point repeats the last interval.
+    rows = [np.vstack([x, x[-1]]) for x in (a_rows, b_rows, c_rows)]
+    k = a_rows.shape[1]
+    squares = np.minimum(((1 - MARGIN) * parts.most * unit) ** 2, _FASTEST)
     bounds = np.column_stack([np.zeros_like(s), squares])
-    constraint = *rows, np.eye(k), np.full(k, 1 - MARGIN)
+    constraint = (*rows, np.eye(k), np.full(k, 1 - MARGIN))
 
     class Rows(LinearConstraint):  # type: ignore[misc]
         def __init__(self) -> None:
