@@ -32,8 +32,6 @@ from .reference import Reference
 Parameter = str | Sequence[str] | Mapping[str, float]
 #: A label, the names that change together, and their factors.
 Group = tuple[str, dict[str, float]]
-#: The slide and the turn of a displacement.
-_HALVES = np.kron(np.eye(2), np.ones(3))
 
 
 class DesignDerivatives(NamedTuple):
@@ -63,17 +61,24 @@ def names_of(mechanism: Mechanism) -> tuple[str, ...]:
 
 def groups_of(mechanism: Mechanism, parameters: Iterable[Parameter]) -> list[Group]:
     """The names that change with each parameter."""
-    known, groups = names_of(mechanism), list[Group]()
+    known = names_of(mechanism)
+    groups: list[Group] = []
     for parameter in parameters:
-        words = (parameter,) if isinstance(parameter, str) else parameter
-        factors = words if isinstance(words, Mapping) else dict.fromkeys(words, 1.0)
-        groups.append((" + ".join(map(str, factors)), {}))
-        for pattern, factor in factors.items():
+        if isinstance(parameter, str):
+            patterns: Mapping[str, float] = {parameter: 1.0}
+        elif isinstance(parameter, Mapping):
+            patterns = parameter
+        else:
+            patterns = dict.fromkeys(parameter, 1.0)
+        factors: dict[str, float] = {}
+        for pattern, factor in patterns.items():
             names = [pattern] if pattern in known else fitting(known, str(pattern))
             if not names:
                 raise UnknownNameError("design parameter", str(pattern), list(known))
             for name in names:
-                groups[-1][1][name] = groups[-1][1].get(name, 0.0) + float(factor)
+                factors[name] = factors.get(name, 0.0) + float(factor)
+        label = " + ".join(map(str, patterns))
+        groups.append((label, factors))
     return groups
 
 
@@ -82,7 +87,8 @@ def changed(
 ) -> tuple[pin.Model, dict[str, float]]:
     """The tree with a changed geometry, and the values of changed dynamic parameters."""
     ((_, total),) = groups_of(mechanism, [changes])
-    theta, geometry = regressor.parameters_of(mechanism), parameter_names(mechanism)
+    theta = regressor.parameters_of(mechanism)
+    geometry = parameter_names(mechanism)
     moves = displacements(mechanism, {x: c for x, c in total.items() if x in geometry})
     values = {x: theta[x] + c for x, c in total.items() if x not in geometry}
     return displaced(mechanism.model, moves), values
@@ -92,29 +98,36 @@ class Design:
     """A mechanism with a joint at rest for each change of its geometry; one object per thread."""
 
     def __init__(self, reference: Reference, groups: Sequence[Group]) -> None:
-        self._small, self._groups = reference, groups
-        self.names = tuple(name for name, _ in groups)
-        mechanism, couplings = reference.mechanism, list[Coupling]()
-        joints_at_rest = list[RestingJoint]()
-        theta, geometry = regressor.names_of(mechanism), parameter_names(mechanism)
+        self._small = reference
+        self._groups = groups
+        self.names = tuple(label for label, _ in groups)
+        mechanism = reference.mechanism
+        geometry = parameter_names(mechanism)
         #: Changes of the dynamic parameters, a column for each group.
-        self._theta = np.array([[g.get(x, 0.0) for _, g in groups] for x in theta])
-        leaders, directions = list[str](), list[Array]()
-        for k, (_, group) in enumerate(groups):
-            moves = displacements(mechanism, {x: f for x, f in group.items() if x in geometry})
-            joints = [
-                (f"{place} {kind}{k}", place, direction)
-                for place, displacement in moves.items()
-                for kind, direction in zip("xr", displacement * _HALVES, strict=True)
-                if direction.any()
+        self._theta = np.array(
+            [
+                [factors.get(name, 0.0) for _, factors in groups]
+                for name in regressor.names_of(mechanism)
             ]
+        )
+        joints_at_rest: list[RestingJoint] = []
+        couplings: list[Coupling] = []
+        leaders: list[str] = []
+        directions: list[Array] = []
+        for k, (_, factors) in enumerate(groups):
+            changes = {name: factor for name, factor in factors.items() if name in geometry}
+            joints = _joints_of_group(displacements(mechanism, changes), k)
+            if not joints:
+                continue
             joints_at_rest += joints
-            sizes = {joint: float(np.linalg.norm(direction)) for joint, _, direction in joints}
-            for leader in list(sizes)[:1]:
-                first = sizes.pop(leader)
-                leaders.append(leader)
-                directions.append(first * np.eye(len(groups))[k])
-                couplings += [Coupling(x, {leader: (0.0, s / first)}) for x, s in sizes.items()]
+            # The first joint of a group leads, the others follow it in fixed proportions.
+            sizes = [float(np.linalg.norm(direction)) for _, _, direction in joints]
+            leader = joints[0][0]
+            leaders.append(leader)
+            directions.append(sizes[0] * np.eye(len(groups))[k])
+            for (follower, _, _), size in zip(joints[1:], sizes[1:], strict=True):
+                couplings.append(Coupling(follower, {leader: (0.0, size / sizes[0])}))
+        #: Rates of the leaders, in rows, by a change of each group, in columns.
         self._directions = np.array(directions).reshape(len(directions), len(groups))
         self._large = Reference(self._enlarged(joints_at_rest, couplings, leaders))
 
@@ -123,25 +136,33 @@ class Design:
     ) -> Mechanism:
         """The mechanism with joints at rest, of which those that lead are coordinates too."""
         mechanism = self._small.mechanism
-        old, model = mechanism.model, enlarged(mechanism.model, joints_at_rest)
-        ids = [model.getJointId(name) for name in list(old.names)[1:]]
-        pairs = [(old.joints[i], model.joints[j]) for i, j in enumerate(ids, 1)]
+        small = mechanism.model
+        large = enlarged(small, joints_at_rest)
+        # Where the joints of the mechanism are in q, v and the bodies of the larger one.
+        ids = [large.getJointId(name) for name in list(small.names)[1:]]
+        pairs = [(small.joints[i], large.joints[j]) for i, j in enumerate(ids, 1)]
         self._q = np.concatenate([j.idx_q + np.arange(i.nq) for i, j in pairs])
         self._v = np.concatenate([j.idx_v + np.arange(i.nv) for i, j in pairs])
-        self._bodies, self._neutral = np.array(ids) - 1, pin.neutral(model)
-        friction, springs, rates = mechanism.friction, mechanism.springs, np.zeros(model.nv)
-        at_rest = [model.joints[model.getJointId(name)].idx_v for name in leaders]
+        self._bodies = np.array(ids) - 1
+        self._neutral = pin.neutral(large)
+
+        friction = mechanism.friction
+        springs = mechanism.springs
+        zero_rates = np.zeros(large.nv)
+        no_motors = np.zeros((large.nv, mechanism.motors.shape[1]))
+        leading = [large.joints[large.getJointId(name)].idx_v for name in leaders]
         return replace(
             mechanism,
-            model=model,
+            model=large,
             closures=(*mechanism.closures, *couplings),
-            coordinates=np.array([*self._v[mechanism.coordinates], *at_rest], dtype=np.intp),
-            motors=_put(np.zeros((model.nv, mechanism.motors.shape[1])), self._v, mechanism.motors),
+            coordinates=np.array([*self._v[mechanism.coordinates], *leading], dtype=np.intp),
+            motors=_put(no_motors, self._v, mechanism.motors),
             friction=Friction(
-                _put(rates, self._v, friction.viscous), _put(rates, self._v, friction.coulomb)
+                _put(zero_rates, self._v, friction.viscous),
+                _put(zero_rates, self._v, friction.coulomb),
             ),
             springs=Springs(
-                _put(rates, self._v, springs.stiffness),
+                _put(zero_rates, self._v, springs.stiffness),
                 _put(self._neutral, self._q, springs.reference),
             ),
             example=None,
@@ -150,7 +171,8 @@ class Design:
 
     def at(self, q: Array) -> tuple[Array, Context]:
         """The configuration of the large mechanism, and its loops and L there."""
-        x, context = _put(self._neutral, self._q, q), self._large.context
+        x = _put(self._neutral, self._q, q)
+        context = self._large.context
         context.complement.evaluate(x)
         return x, context
 
@@ -164,44 +186,72 @@ class Design:
         sign_width: float,
     ) -> Array:
         """Derivatives of q, torques, L and the pose of one sample, side by side."""
-        tau, n, directions = self._small.torques(q, va, aa, wrenches), len(va), self._directions
+        tau = self._small.torques(q, va, aa, wrenches)
+        n = len(va)
+        directions = self._directions
         try:
             x, context = self.at(q)
         except SingularConfigurationError:
             names = listed([group[0] for group in self._groups if self._opens(group, q)])
             cure = "leave them out, or change several together, as [{first: 1, second: -1}]"
             raise InputError("names", f"changes of {names} alone open the loops; {cure}") from None
-        L, along = np.split(context.complement.L, [n], axis=1)
-        B, lines = context.actuation(x), context.mechanism.lines
-        by_L, by_A = np.zeros((len(directions), *L.shape)), np.zeros((len(directions), n, len(tau)))
-        for k, direction in enumerate(along.T):
-            by_L[k] = context.complement.L_dot(context.loops.Phi_dot(direction))[:, :n]
+        # Columns of the large L: along the coordinates, then along each leader.
+        L, leader_motions = np.split(context.complement.L, [n], axis=1)
+
+        # Derivatives of L and of A = L^T B along each leader.
+        B = context.actuation(x)
+        lines = context.mechanism.lines
+        by_L = np.zeros((len(directions), *L.shape))
+        by_A = np.zeros((len(directions), n, len(tau)))
+        for k, motion in enumerate(leader_motions.T):
+            by_L[k] = context.complement.L_dot(context.loops.Phi_dot(motion))[:, :n]
             by_A[k] = by_L[k].T @ B
             if lines.motors.any():
-                by_A[k] += L.T @ context.lines.loops.Phi_dot(direction).T @ lines.motors
+                by_A[k] += L.T @ context.lines.loops.Phi_dot(motion).T @ lines.motors
+
+        # Derivatives of the forces along the leaders, and by the dynamic parameters.
         if wrenches is not None:
-            bodies = np.zeros((context.mechanism.model.njoints - 1, 6))
-            wrenches = _put(bodies, self._bodies, wrenches)
+            no_wrenches = np.zeros((context.mechanism.model.njoints - 1, 6))
+            wrenches = _put(no_wrenches, self._bodies, wrenches)
         rest = np.zeros(len(directions))
-        motion = x, np.append(va, rest), np.append(aa, rest), wrenches, sign_width
-        by_f = self._large.torque_derivatives(*motion)[:n, n : n + len(directions)] @ directions
+        by_q_va_aa = self._large.torque_derivatives(
+            x, np.append(va, rest), np.append(aa, rest), wrenches, sign_width
+        )
+        by_f = by_q_va_aa[:n, n : n + len(directions)] @ directions
         if self._theta.any():
             by_f += self._small.torque_regressor(q, va, aa) @ self._theta
         if not self._small.mechanism.driven_one_to_one:
             by_f = _least(by_f, L.T @ B, np.tensordot(by_A, directions, (0, 0)), tau)
-        by_L = np.tensordot(by_L[:, self._v], directions, (0, 0))
-        parts = [along[self._v] @ directions, by_f, by_L]
+
+        parts = [
+            leader_motions[self._v] @ directions,
+            by_f,
+            np.tensordot(by_L[:, self._v], directions, (0, 0)),
+        ]
         if frame is not None:
             index = frame_id(context.mechanism.model, frame)
             parts.append(self._large.frame_jacobian(x, index)[:, n:] @ directions)
         return np.concatenate([part.ravel() for part in parts])
 
     def _opens(self, group: Group, q: Array) -> bool:
+        """Whether a change of this group alone opens the loops."""
         try:
             Design(self._small, [group]).at(q)
         except SingularConfigurationError:
             return True
         return len(self._groups) == 1
+
+
+def _joints_of_group(moves: Mapping[str, Array], group: int) -> list[RestingJoint]:
+    """Joints at rest for the displacements of a group: a slide and a turn at each place."""
+    joints: list[RestingJoint] = []
+    for place, displacement in moves.items():
+        slide = np.concatenate([displacement[:3], np.zeros(3)])
+        turn = np.concatenate([np.zeros(3), displacement[3:]])
+        for kind, direction in (("x", slide), ("r", turn)):
+            if direction.any():
+                joints.append((f"{place} {kind}{group}", place, direction))
+    return joints
 
 
 def _put(array: Array, at: Array, values: Array) -> Array:
@@ -227,23 +277,28 @@ def design_derivatives(
     sign_width: float,
 ) -> DesignDerivatives:
     """Derivatives for samples of q, va, aa and wrenches."""
-    mechanism, wanted = reference.mechanism, in_order("names", parameters)
+    mechanism = reference.mechanism
+    wanted = in_order("names", parameters)
     key = repr(wanted)
     if key not in reference.designs:
         reference.designs.clear()  # one is enough for a loop
         reference.designs[key] = Design(reference, groups_of(mechanism, wanted))
     design = reference.designs[key]
     nv, motors = mechanism.motors.shape
-    pose = () if frame is None else (frame_id(mechanism.model, frame),)
-    shapes = [(nv,), (motors,), (nv, len(mechanism.coordinates)), (6 * len(pose),)]
+    pose_size = 0
+    if frame is not None:
+        frame_id(mechanism.model, frame)  # refuses an unknown name
+        pose_size = 6
+    shapes = [(nv,), (motors,), (nv, len(mechanism.coordinates)), (pose_size,)]
     ends = np.cumsum([math.prod(shape) * len(wanted) for shape in shapes])
 
     def row(*sample: Array) -> Array:
         return design.row(*sample, frame, sign_width)
 
     rows = for_each_sample(row, arrays, (1, 1, 1, 2), (int(ends[-1]),))
-    q, torques, L, along = (
-        part.reshape(*rows.shape[:-1], *shape, len(wanted))
-        for part, shape in zip(np.split(rows, ends[:-1], axis=-1), shapes, strict=True)
+    batch = rows.shape[:-1]
+    parts = np.split(rows, ends[:-1], axis=-1)
+    q, torques, L, pose = (
+        part.reshape(*batch, *shape, len(wanted)) for part, shape in zip(parts, shapes, strict=True)
     )
-    return DesignDerivatives(design.names, q, torques, L, along)
+    return DesignDerivatives(design.names, q, torques, L, pose)
