@@ -95,7 +95,8 @@ class Reference(threading.local):
         A = self.context.complement.L.T @ self.context.actuation(q)
         with np.errstate(over="ignore", invalid="ignore"):
             tau = least_torques(self.mechanism, A, f, weights)
-            left, sizes = f - A @ tau, np.abs(A) @ np.abs(tau)
+            left = f - A @ tau
+            sizes = np.abs(A) @ np.abs(tau)
             if not (np.abs(left) <= UNSUPPLIED * sizes).all():
                 sizes += dynamics.force_sizes(self.context, q, va, aa, external_wrenches)
                 _require_finite(np.append(tau, sizes), (), ())
@@ -112,14 +113,14 @@ class Reference(threading.local):
         listed = ", ".join(f"{name} {x:.4g}" for name, x in list(missing.items())[:6])
         loops, scale = self.context.loops, self.mechanism.row_scale[:, None]
         idle = idle_rates(self.mechanism, loops, loops.Phi * scale * self.mechanism.rate_scale)
-        raise ActuationError(
+        problem = (
             f"the motors cannot produce this motion: no motor supplies the forces {listed} "
             "(N m or N); generalized_forces computes the forces that a motion needs, "
             "compute_accelerations the motion for given torques"
-            + f"; {', '.join(idle)} can spin alone: {cure_of(idle)}"
-            * bool(idle),
-            missing,
         )
+        if idle:
+            problem += f"; {', '.join(idle)} can spin alone: {cure_of(idle)}"
+        raise ActuationError(problem, missing)
 
     @_finite
     def accelerations(

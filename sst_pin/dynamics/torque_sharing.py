@@ -20,8 +20,11 @@ from ..model.thresholds import RANK_TOLERANCE
 
 #: Torques may exceed limits by this part of the largest: rounding of a projection onto them.
 _ROUNDING = 1e-12
-#: A least-distance problem has no solution if the square of its residual is below this.
-_FEASIBLE = 1e-12
+#: A least-distance problem has no solution if its residual, free of units, is below this: the
+#: residual is then rounding of numbers that are about one.
+_NO_DISTANCE = 1e-6
+#: Motors whose excess differs from the largest by less than this fraction are named together.
+_TIE = 1e-6
 
 
 def least_torques(mechanism: Mechanism, A: Array, f: Array, weights: Array | None = None) -> Array:
@@ -47,10 +50,12 @@ def null_space(mechanism: Mechanism, A: Array) -> Array:
     The rank of A, free of units, counts the singular values above `RANK_TOLERANCE` times the
     largest one, or times 1 if that is larger.
     """
-    rows, motors = mechanism.rate_scale[mechanism.coordinates], mechanism.motor_scale
-    _, s, Vt = np.linalg.svd(rows[:, None] * A / motors)
+    rates = mechanism.rate_scale[mechanism.coordinates]
+    motors = mechanism.motor_scale
+    _, s, Vt = np.linalg.svd(rates[:, None] * A / motors)
     rank = np.count_nonzero(s > RANK_TOLERANCE * s.max(initial=1.0))
-    return np.linalg.qr(Vt[rank:].T / motors[:, None])[0]
+    directions = Vt[rank:].T / motors[:, None]
+    return np.linalg.qr(directions)[0]
 
 
 def preload_directions(
@@ -61,11 +66,17 @@ def preload_directions(
     J are actuator Jacobians, shape (..., motors, n). The basis of a sample is the one nearest to
     that of the sample before it. The first is nearest to that of the reference, shape (motors, n).
     """
-    batch, core = J.shape[:-2], J.shape[-2:]
+    batch = J.shape[:-2]
+    core = J.shape[-2:]
     flat = J.reshape(prod(batch), *core)
     finite = np.isfinite(flat).all(axis=(1, 2))
-    starts = flat[finite] if reference is None else [reference]
-    first = null_space(mechanism, (starts[0] if len(starts) else np.zeros(core)).T)
+    if reference is not None:
+        start = reference
+    elif finite.any():
+        start = flat[finite][0]
+    else:
+        start = np.zeros(core)
+    first = null_space(mechanism, start.T)
     result = np.full((len(flat), *first.shape), np.nan)
     changes = np.zeros(len(flat), dtype=bool)
     for i in np.flatnonzero(finite):
@@ -73,9 +84,11 @@ def preload_directions(
         changes[i] = basis.shape != first.shape
         if changes[i]:
             continue
-        along = i % batch[-1] if batch else 0
-        before = result[i - 1] if along and np.isfinite(result[i - 1]).all() else first
-        U, _, Vt = np.linalg.svd(basis.T @ before)
+        # The sample before it on the last batch axis, if there is one.
+        has_neighbour = bool(batch) and i % batch[-1] > 0 and np.isfinite(result[i - 1]).all()
+        neighbour = result[i - 1] if has_neighbour else first
+        # The nearest basis of the same space (the orthogonal Procrustes problem).
+        U, _, Vt = np.linalg.svd(basis.T @ neighbour)
         result[i] = basis @ (U @ Vt)
     if changes.any() and on_error == "raise":
         rank = core[0] - first.shape[1]
@@ -102,8 +115,12 @@ def shared_torques(
     amounts = as_array("preload", np.zeros(k) if preload is None else preload, (k,))
     if on_error == "raise":
         amounts = finite_array("preload", amounts, (k,))
-    bounds = None if limits is None else limits_of(limits, motors)
-    costs = None if weights is None else np.asarray(weights, dtype=float)
+    bounds = None
+    if limits is not None:
+        bounds = limits_of(limits, motors)
+    costs = None
+    if weights is not None:
+        costs = np.asarray(weights, dtype=float)
 
     def one(least: Array, basis: Array, along: Array) -> Array:
         tau = least + basis @ along
@@ -113,8 +130,8 @@ def shared_torques(
         _require_within(mechanism, tau, bounds)
         return tau
 
-    arrays, axes = (least, directions, amounts), (1, 2, 1)
-    return for_each_sample(one, arrays, axes, (motors,), on_error=on_error, out=out)
+    arrays = (least, directions, amounts)
+    return for_each_sample(one, arrays, (1, 2, 1), (motors,), on_error=on_error, out=out)
 
 
 def weights_of(mechanism: Mechanism, weights: ArrayLike) -> dict[str, Array]:
@@ -171,14 +188,16 @@ def _nearest(
 
     if weights is not None:  # a basis that is orthonormal with these weights
         basis = basis @ np.linalg.inv(np.linalg.qr(np.sqrt(weights)[:, None] * basis, mode="r"))
+    # The shortest x with G x >= h; the torques are tau + unit basis x.
     G = np.vstack([basis, -basis])
     h = np.concatenate([limits[:, 0] - tau, tau - limits[:, 1]]) / unit
     finite = np.isfinite(h)
-    E, k = np.vstack([G[finite].T, h[finite]]), basis.shape[1]
+    E = np.vstack([G[finite].T, h[finite]])
+    k = basis.shape[1]
     goal = np.zeros(k + 1)
     goal[k] = 1.0
     u, distance = nnls(E, goal)
-    if distance <= np.sqrt(_FEASIBLE):
+    if distance <= _NO_DISTANCE:
         return None
     r = E @ u - goal
     return tau - unit * (basis @ (r[:k] / r[k]))
@@ -188,13 +207,15 @@ def _least_excess(tau: Array, basis: Array, limits: Array, unit: float) -> Array
     """The torques of the same motion whose largest excess over limits is the least."""
     from scipy.optimize import linprog
 
-    k, one = basis.shape[1], np.ones((len(tau), 1))
+    # Variables: the k amounts of preload, then the largest excess, which is minimized.
+    k = basis.shape[1]
+    one = np.ones((len(tau), 1))
     rows = np.vstack([np.hstack([basis, -one]), np.hstack([-basis, -one])])
-    bounds = np.concatenate([limits[:, 1] - tau, tau - limits[:, 0]])
-    finite = np.isfinite(bounds)
-    best = linprog(
-        [*[0] * k, 1], rows[finite], bounds[finite] / unit, bounds=[(None, None)] * k + [(0, None)]
-    )
+    room = np.concatenate([limits[:, 1] - tau, tau - limits[:, 0]]) / unit
+    finite = np.isfinite(room)
+    cost = np.append(np.zeros(k), 1.0)
+    variables = [(None, None)] * k + [(0, None)]
+    best = linprog(cost, rows[finite], room[finite], bounds=variables)
     return tau + unit * (basis @ best.x[:k])
 
 
@@ -207,7 +228,7 @@ def _require_within(mechanism: Mechanism, tau: Array, limits: Array) -> None:
     excess = _excess(tau, limits)
     if not excess.max(initial=0) > 0:
         return
-    largest = np.flatnonzero(excess >= (1 - 1e-6) * excess.max())
+    largest = np.flatnonzero(excess >= (1 - _TIE) * excess.max())
     beyond = {mechanism.motor_names[i]: float(excess[i]) for i in largest}
     listed = ", ".join(f"{name} by {x:.4g}" for name, x in beyond.items())
     raise ActuationError(
