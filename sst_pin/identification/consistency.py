@@ -22,8 +22,9 @@ _LEAST = 1e-5
 _WEAK = 1e-6
 #: Parameters that are not negative.
 _POSITIVE = (".viscous", ".coulomb", ".armature", ".stiffness", ".damping")
-#: Upper triangle of a 4 x 4 matrix, column by column, and the factors of its entries in a norm.
+#: Upper triangle of a 4 x 4 matrix, column by column, as the solver expects it.
 _ROWS, _COLUMNS = np.array([(i, j) for j in range(4) for i in range(j + 1)]).T
+#: Factors with which the norm of the triangle is that of the symmetric matrix.
 _FACTORS = np.where(_ROWS == _COLUMNS, 1.0, np.sqrt(2.0))
 
 
@@ -68,33 +69,43 @@ def consistent_parameters(
         raise MissingExtraError("clarabel", "identification") from None
     from scipy.linalg import block_diag, solve_triangular
 
-    cad, weight = np.asarray(chain.dynamic_parameters), positive_number("prior", prior)
-    end, varied = 10 * (chain.mechanism.model.njoints - 1), np.zeros(cad.size, dtype=bool)
-    varied[found.base.considered], masses = True, cad[:end:10]
-    free = np.flatnonzero(varied[:end].reshape(-1, 10).any(axis=1) & (masses > 0))
-    others = np.flatnonzero(varied[end:]) + end
+    cad = np.asarray(chain.dynamic_parameters)
+    weight = positive_number("prior", prior)
+    # The unknowns: ten parameters of each body that is considered, then all others considered.
+    end_of_bodies = 10 * (chain.mechanism.model.njoints - 1)
+    masses = cad[:end_of_bodies:10]
+    varied = np.zeros(cad.size, dtype=bool)
+    varied[found.base.considered] = True
+    body_varies = varied[:end_of_bodies].reshape(-1, 10).any(axis=1)
+    free = np.flatnonzero(body_varies & (masses > 0))
+    others = np.flatnonzero(varied[end_of_bodies:]) + end_of_bodies
     columns = np.concatenate([(10 * free[:, None] + np.arange(10)).ravel(), others])
     # Units: masses of bodies and length of the robot; for other unknowns, their deviations alone.
-    of_length = chain.mechanism.length ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
-    of_bodies = np.outer(masses[free], of_length).ravel()
-    units, R, best = _least_squares(found, cad, columns, of_bodies, float(np.sqrt(weight)))
+    powers_of_length = chain.mechanism.length ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
+    units_of_bodies = np.outer(masses[free], powers_of_length).ravel()
+    units, R, best = _least_squares(found, cad, columns, units_of_bodies, float(np.sqrt(weight)))
 
+    # Constraints: rows x - floor lies in a product of cones.
     names = chain.dynamic_parameters.names
     positive = [k for k, i in enumerate(others) if names[i].endswith(_POSITIVE)]
-    one = (pseudo_inertias(np.eye(10))[:, _ROWS, _COLUMNS] * _FACTORS).T
-    walls = [block_diag(*[one] * free.size, np.eye(others.size)[positive])]
-    floor = [np.tile(_LEAST * (_ROWS == _COLUMNS), free.size), np.zeros(len(positive))]
+    body_rows = (pseudo_inertias(np.eye(10))[:, _ROWS, _COLUMNS] * _FACTORS).T
+    rows = [block_diag(*[body_rows] * free.size, np.eye(others.size)[positive])]
+    least = np.where(_ROWS == _COLUMNS, _LEAST, 0.0)
+    floor = [np.tile(least, free.size), np.zeros(len(positive))]
     cones = [clarabel.PSDTriangleConeT(4)] * free.size + [clarabel.NonnegativeConeT(len(positive))]
     if total_mass is not None:
         fixed = np.delete(masses, free).sum()
-        if (rest := positive_number("total_mass", total_mass) - fixed) <= 0 or not free.size:
+        rest = positive_number("total_mass", total_mass) - fixed
+        if rest <= 0 or not free.size:
             raise InputError("total_mass", f"{total_mass:g} kg; fixed masses have {fixed:g} kg")
-        sums = np.append(np.kron(masses[free], np.eye(10)[0]), np.zeros(others.size))
-        walls.insert(0, sums[None])
+        mass_of_bodies = np.kron(masses[free], np.eye(10)[0])
+        rows.insert(0, np.append(mass_of_bodies, np.zeros(others.size))[None])
         floor.insert(0, np.array([rest]))
         cones.insert(0, clarabel.ZeroConeT(1))
-    wall = np.vstack(walls)
-    y, status = _nearest(np.linalg.solve(R.T, wall.T).T, wall @ best - np.concatenate(floor), cones)
+    A = np.vstack(rows)
+
+    # With x = best + R^-1 y, the shortest y is the nearest solution.
+    y, status = _nearest(np.linalg.solve(R.T, A.T).T, A @ best - np.concatenate(floor), cones)
     best += solve_triangular(R, y)
     _require_bodies(best[: 10 * free.size].reshape(-1, 10), status)
     theta = cad.copy()
@@ -105,7 +116,7 @@ def consistent_parameters(
 
 
 def _least_squares(
-    found: Estimate, cad: Array, columns: Indices, of_bodies: Array, weight: float
+    found: Estimate, cad: Array, columns: Indices, units_of_bodies: Array, weight: float
 ) -> tuple[Array, Array, Array]:
     """Units of the unknowns, R of their least squares with the prior, and their solution."""
     from scipy.linalg import solve_triangular
@@ -118,12 +129,15 @@ def _least_squares(
     rows = solve_triangular(root, found.base.matrix, lower=True)
     # Deviations from the prior keep their digits beside values that are known a million times
     # better.
-    seen = solve_triangular(root, found.values - found.base.matrix @ cad, lower=True)
-    sizes = np.linalg.norm(rows[:, columns[of_bodies.size :]], axis=0)
-    units = np.concatenate([of_bodies, 1 / np.maximum(sizes, 1e-9)])
-    near = np.where(np.arange(units.size) < of_bodies.size, weight, _WEAK)
-    Q, R = np.linalg.qr(np.vstack([rows[:, columns] * units, np.diag(near)]))
-    return units, R, cad[columns] / units + solve_triangular(R, Q[: seen.size].T @ seen)
+    deviations = solve_triangular(root, found.values - found.base.matrix @ cad, lower=True)
+    bodies = units_of_bodies.size
+    sizes = np.linalg.norm(rows[:, columns[bodies:]], axis=0)
+    units = np.concatenate([units_of_bodies, 1 / np.maximum(sizes, 1e-9)])
+    weights = np.full(units.size, _WEAK)
+    weights[:bodies] = weight
+    Q, R = np.linalg.qr(np.vstack([rows[:, columns] * units, np.diag(weights)]))
+    best = cad[columns] / units + solve_triangular(R, Q[: deviations.size].T @ deviations)
+    return units, R, best
 
 
 def _require_bodies(ten: Array, status: str) -> None:
@@ -133,21 +147,24 @@ def _require_bodies(ten: Array, status: str) -> None:
 
 
 def _nearest(reach: Array, room: Array, cones: list[Any]) -> tuple[Array, str]:
-    """The shortest y with `reach` y + `room` in the cones, and what the solver says of it."""
+    """The shortest y with `reach` y + `room` in the cones, and the status of the solver."""
     import clarabel
     from scipy.sparse import csc_matrix, eye
 
-    settings, n = clarabel.DefaultSettings(), reach.shape[1]
-    settings.verbose, settings.tol_feas = False, 1e-9
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.tol_feas = 1e-9
     # Where the prior alone decides, its small weight needs a small gap.
-    settings.tol_gap_abs = settings.tol_gap_rel = 1e-12
-    matrices = eye(n, format="csc"), np.zeros(n), csc_matrix(-reach), room
+    settings.tol_gap_abs = 1e-12
+    settings.tol_gap_rel = 1e-12
+    n = reach.shape[1]
+    problem = (eye(n, format="csc"), np.zeros(n), csc_matrix(-reach), room)
     for scaled in (True, False):  # scaling can spoil well-known values beside poorly known ones
         settings.equilibrate_enable = scaled
-        done = clarabel.DefaultSolver(*matrices, cones, settings).solve()
-        if str(done.status) == "Solved":
+        solution = clarabel.DefaultSolver(*problem, cones, settings).solve()
+        if str(solution.status) == "Solved":
             break
-    return np.array(done.x), str(done.status)
+    return np.array(solution.x), str(solution.status)
 
 
 def pseudo_inertias(ten: Array) -> Array:

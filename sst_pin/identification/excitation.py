@@ -26,8 +26,11 @@ _SAMPLES = 12
 _MOST = 100_000
 #: At this condition number, noise of 0.1 % of the torques hides the worst identified parameter.
 _POOR = 1e3
-#: Factors that scale a series down, tried in this order.
-_PARTS = 0.7 ** np.arange(9)
+#: Factors that scale a series down, tried in this order: to 6 %, and at the end to 76 %.
+_FACTORS = 0.7 ** np.arange(9)
+_FINAL_FACTORS = 0.97 ** np.arange(10)
+#: The part of the tries with random series; the others are steps from the best one.
+_RANDOM_TRIES = 1 / 3
 
 
 def condition_number(chain: ClosedChain, base: BaseParameters, motion: Trajectory) -> float:
@@ -109,26 +112,40 @@ def excitation(
         >>> bool(np.abs(motion.va[[0, -1]]).max() < 1e-3)
         True
     """
-    period, n = positive_number("duration", duration), len(chain.coordinates)
+    period = positive_number("duration", duration)
     fine = positive_number("dt", dt)
     if period > _MOST * fine:
         problem = f"at most {_MOST:g} samples of {fine:g} s; give a shorter duration or a larger dt"
         raise InputError("duration", problem)
-    count, tries = whole_number("harmonics", harmonics, 2), whole_number("tries", tries, 1)
+    count = whole_number("harmonics", harmonics, 2)
+    tries = whole_number("tries", tries, 1)
     random = np.random.default_rng(whole_number("seed", seed, 0))
     series = _Series(chain, period, count, placed(chain.engine, {}, start), rates, torques)
     sizes = _sizes(chain, base)
-    best, center, result = np.inf, np.zeros((2 * count - 3, n)), None
+    coarse = period / (_SAMPLES * count)
+    shape = (series.size, len(chain.coordinates))
+    best = np.inf
+    center = np.zeros(shape)
+    result = None
     for k in counted(range(tries), "excitation", tries):
-        z = np.asarray(random.normal(size=center.shape) / count)
-        if k >= tries / 3 and np.isfinite(best):  # from the best one, ever shorter steps
-            z = center + 0.5 * np.abs(center).max() * count * (1 - k / tries) * z
-        if (judged := series.possible(z, _PARTS, period / (_SAMPLES * count))) is None:
+        z = np.asarray(random.normal(size=shape) / count)
+        if k >= tries * _RANDOM_TRIES and np.isfinite(best):
+            # Steps from the best series, which become shorter to the end.
+            z *= 0.5 * np.abs(center).max() * count * (1 - k / tries)
+            z += center
+        judged = series.possible(z, _FACTORS, coarse)
+        if judged is None:
             continue
-        value = _condition(chain, base, sizes, judged[1])
-        # Check it with the step dt, and scale it down if it exceeds a limit between coarse samples.
-        if value < best and (motion := series.possible(judged[0], 0.97 ** np.arange(10), fine)):
-            best, center, result = value, judged[0], motion[1]
+        coefficients, coarse_motion = judged
+        value = _condition(chain, base, sizes, coarse_motion)
+        if value >= best:
+            continue
+        # A limit may be exceeded between coarse samples: check the final ones, and scale down.
+        final = series.possible(coefficients, _FINAL_FACTORS, fine)
+        if final is not None:
+            best = value
+            center = coefficients
+            result = final[1]
     if result is None:
         raise InputError("start", "no motion about it stays within the limits")
     if best > _POOR:
@@ -152,12 +169,24 @@ class _Series:
     ) -> None:
         from scipy.linalg import null_space  # takes as long to import as all else
 
-        mechanism, model = chain.mechanism, chain.mechanism.model
-        self._chain, self._period, self._first = chain, period, first
-        self._orders = 2 * np.pi * np.arange(1, count + 1) / period
-        zero, one = np.zeros(count), np.ones(count)
-        ends = np.array([[*zero, *one], [*self._orders, *zero], [*zero, *self._orders**2]])
-        self._rest = null_space(ends / np.abs(ends).max(axis=1, keepdims=True))
+        mechanism = chain.mechanism
+        model = mechanism.model
+        self._chain = chain
+        self._period = period
+        self._first = first
+        #: Angular frequencies of the harmonics.
+        self._frequencies = 2 * np.pi * np.arange(1, count + 1) / period
+        # Position, rate and acceleration at the ends, by the factors of the sines and cosines.
+        zero = np.zeros(count)
+        one = np.ones(count)
+        position = [*zero, *one]
+        rate = [*self._frequencies, *zero]
+        acceleration = [*zero, *self._frequencies**2]
+        ends = np.array([position, rate, acceleration])
+        #: Factors of series that begin and end at rest, in columns.
+        self._at_rest = null_space(ends / np.abs(ends).max(axis=1, keepdims=True))
+        #: Number of coefficients of each coordinate.
+        self.size = self._at_rest.shape[1]
         self._units = mechanism.rate_scale[mechanism.coordinates]
         self._start = taken(mechanism.space, first, chain.coordinates)
         self._fastest = _limits("rates", rates, model.velocityLimit[mechanism.coordinates])
@@ -165,31 +194,32 @@ class _Series:
         self._strongest = _limits("torques", torques, np.abs(mechanism.motors).T @ largest)
 
     def possible(
-        self, z: Array, parts: Iterable[float], step: float
+        self, z: Array, factors: Iterable[float], step: float
     ) -> tuple[Array, Trajectory] | None:
         """Coefficients and motion for the first factor that keeps all limits, or None."""
-        for part in parts:
+        for factor in factors:
             with suppress(SSTError):
-                motion = self._sampled(part * z, step)
+                motion = self._sampled(factor * z, step)
                 if self._allows(motion):
-                    return part * z, motion
+                    return factor * z, motion
         return None
 
     def _sampled(self, z: Array, step: float) -> Trajectory:
         t = np.linspace(0, self._period, max(round(self._period / step), 3) + 1)
-        phases = np.outer(t, self._orders)
+        phases = np.outer(t, self._frequencies)
         waves = np.hstack([np.sin(phases), np.cos(phases)])
-        x = self._start + (waves @ self._rest @ z) * self._units
+        x = self._start + (waves @ self._at_rest @ z) * self._units
         return coordinate_motion(self._chain, t, x, self._first)
 
     def _allows(self, motion: Trajectory) -> bool:
         model = self._chain.mechanism.model
-        low, high = model.lowerPositionLimit, model.upperPositionLimit
-        within = (low <= motion.q) & (motion.q <= high) | (low >= high)  # no limits
-        rates, torques = np.abs(motion.va), np.abs(motion.tau)
-        return bool(
-            within.all() and (rates <= self._fastest).all() and (torques <= self._strongest).all()
-        )
+        low = model.lowerPositionLimit
+        high = model.upperPositionLimit
+        unlimited = low >= high
+        positions_allowed = unlimited | ((low <= motion.q) & (motion.q <= high))
+        rates_allowed = np.abs(motion.va) <= self._fastest
+        torques_allowed = np.abs(motion.tau) <= self._strongest
+        return bool(positions_allowed.all() and rates_allowed.all() and torques_allowed.all())
 
 
 def _limits(name: str, values: ArrayLike | None, model: Array) -> Array:

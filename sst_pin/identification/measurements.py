@@ -18,22 +18,41 @@ from ..simulation.coordinate_motions import configurations_of, without_full_turn
 from ..simulation.samples import sample_times, spline
 from ..simulation.trajectories import Trajectory
 
+#: Order of the Butterworth filter.
 _ORDER = 4
-#: The start of names of torques; a cut-off above this, in periods per sample, does not filter.
-_TORQUE, _OPEN = "torque of ", 0.45
-#: An outlier is farther from the smooth curve than this multiple of the median of its part. A part
-#: has at least these numbers of periods and samples.
-_OUTLIER, _PERIODS, _USUAL = 8.0, 10, 141
-#: In each pass one outlier in this number of samples is replaced; the most passes; the part of a
-#: period for which samples may be replaced.
-_AROUND, _PASSES, _BRIDGED = 7, 60, 0.25
+#: The start of names of torques.
+_TORQUE = "torque of "
+#: A cut-off above this, in periods per sample, does not filter: half a period per sample is the
+#: most that samples can show.
+_NO_FILTER = 0.45
+#: Cut-off of the filter of `decimated`, in periods per sample that is kept; below 0.5, so that
+#: faster changes do not appear as slower ones.
+_ANTI_ALIASING = 0.4
+#: Deviations from the smooth curve are compared with their median in parts of the log. A part has
+#: at least this number of periods of the cut-off, and of samples.
+_PART_PERIODS = 10
+_PART_SAMPLES = 141
+#: An outlier is farther from the smooth curve than this multiple of the usual deviation. Of normal
+#: noise, no sample in 10^14 is so far away.
+_OUTLIER = 8.0
+#: Standard deviation of normal noise, in units of the median of its absolute values.
+_DEVIATION_OF_MEDIAN = 1.4826
+#: Deviations below this fraction of the range of a column are no outliers, however small its noise.
+_LEAST_DEVIATION = 1e-3
+#: In each pass at most one outlier in this number of samples is replaced: a bad sample bends the
+#: curve at its neighbours too.
+_NEIGHBOURS = 7
+#: Most passes.
+_PASSES = 60
+#: Part of a period of the cut-off for which samples may be replaced in a row.
+_BRIDGED = 0.25
 #: A torque is compared with the median of this number of samples. One bad sample of an uneven log
 #: spoils three even ones, so that four of them are good.
-_NEAR = 7
+_MEDIAN_SAMPLES = 7
 #: A sample affects this number of outputs of the filter of `decimated`.
 _MEMORY = 20
-#: Largest part of the samples that may be outliers; more would spoil the smooth curve.
-_MOST = 0.05
+#: Largest fraction of the samples that may be outliers; more would spoil the smooth curve.
+_MOST_OUTLIERS = 0.05
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
@@ -103,25 +122,35 @@ def measured_motion(
         True
     """
     even, values, rate = _even_samples(chain, t, x, tau, cutoff)
-    period, count = 1 / cutoff, whole_number("decimate", decimate, 1)
+    period = 1 / cutoff
+    count = whole_number("decimate", decimate, 1)
     per_period = 2 if count == 1 else count
     if per_period * cutoff > rate * (1 + 1e-9):
         problem = f"{per_period} samples in a period of {cutoff:g} Hz"
         most = f"the log has {rate:.4g} in 1 s: at most {int(rate / cutoff)}"
         raise InputError("decimate", f"{problem}; {most}")
+
     n = len(chain.coordinates)
     values, smooth, replaced = _without_outliers(values, n, cutoff / rate)
-    first, last = even[0] + 2 * period, even[-1] - 2 * period
+    # The filter is inaccurate at the ends: two periods are left out.
+    first = even[0] + 2 * period
+    last = even[-1] - 2 * period
     inside = (first <= even) & (even <= last)
     names = [*chain.coordinates, *(_TORQUE + name for name in chain.motor_names)]
     _require_bridged(names, even[inside], replaced[inside], _BRIDGED * period)
+
+    curve = spline(even, smooth[:, :n])
+    torques = smooth[:, n:]
+    if count > 1:
+        # `estimate` filters torques and regressor alike; here the torques need anti-aliasing only.
+        torques = values[:, n:]
+        anti_aliasing = count * cutoff / 2 / rate
+        if anti_aliasing < _NO_FILTER:
+            torques = lowpass(torques, anti_aliasing)
     times = np.linspace(first, last, int((last - first) * per_period / period) + 1)
-    curve, torques = spline(even, smooth[:, :n]), smooth[:, n:]
-    if count > 1:  # anti-aliasing only
-        wide = count * cutoff / 2 / rate
-        torques = lowpass(values[:, n:], wide) if wide < _OPEN else values[:, n:]
-    va, aa = (curve.derivative(k)(times) for k in (1, 2))
     q = configurations_of(chain.engine, curve(times), start)
+    va = curve.derivative(1)(times)
+    aa = curve.derivative(2)(times)
     motion = chain.trajectory(times, q, va, aa, spline(even, torques)(times))
     counts = zip(names, replaced.sum(axis=0).tolist(), strict=True)
     return MeasuredMotion(**vars(motion), replaced={name: k for name, k in counts if k})
@@ -137,7 +166,8 @@ def _even_samples(
     for name, array in (("x", positions), ("tau", torques)):
         if array.ndim != 2 or len(array) != len(times):
             raise InputError(name, f"shape {array.shape}, expected {len(times)} rows")
-    period, duration = 1 / positive_number("cutoff", cutoff), times[-1] - times[0]
+    period = 1 / positive_number("cutoff", cutoff)
+    duration = times[-1] - times[0]
     even = np.linspace(times[0], times[-1], len(times))
     rate = 1 / (even[1] - even[0])
     if not (cutoff < rate / 2 and duration > 8 * period):
@@ -145,11 +175,13 @@ def _even_samples(
         problem = f"{cutoff:g} Hz, of {duration:g} s at {rate:g} Hz; needed: {needed}"
         raise InputError("cutoff", problem)
     gap = int(np.diff(times).argmax())
-    if (missing := times[gap + 1] - times[gap]) > period / 2:
+    missing = times[gap + 1] - times[gap]
+    if missing > period / 2:
         problem = f"no samples for {missing:.3g} s from {times[gap]:.6g} s on"
         raise InputError("t", f"{problem}: more than half a period of {cutoff:g} Hz; split the log")
     columns = np.hstack([without_full_turns(chain.mechanism, positions), torques]).T
-    return even, np.array([np.interp(even, times, column) for column in columns]).T, float(rate)
+    values = np.array([np.interp(even, times, column) for column in columns]).T
+    return even, values, float(rate)
 
 
 def lowpass(values: Array, cutoff: float, ends: str = "odd") -> Array:
@@ -170,7 +202,9 @@ def decimated(values: Array, every: int) -> Array:
     The filter mirrors the values at both ends. The first and the last sample, which have more
     noise, are left out.
     """
-    return values if every == 1 else lowpass(values, 0.4 / every, "even")[::every][1:-1]
+    if every == 1:
+        return values
+    return lowpass(values, _ANTI_ALIASING / every, "even")[::every][1:-1]
 
 
 def noise_correlations(every: int) -> Array:
@@ -179,7 +213,7 @@ def noise_correlations(every: int) -> Array:
         return np.empty(0)
     impulse = np.zeros(2 * _MEMORY * every + 1)
     impulse[_MEMORY * every] = 1.0
-    response = lowpass(impulse, 0.4 / every)
+    response = lowpass(impulse, _ANTI_ALIASING / every)
     lags = np.correlate(response, response, "full")[len(response) - 1 :: every][:_MEMORY]
     return np.asarray(lags[1:] / lags[0])
 
@@ -195,7 +229,8 @@ def _require_bridged(names: Sequence[str], t: Array, replaced: Flags, longest: f
                 problem = f"{name} jumps, or is faster than the cut-off frequency"
                 cure = "clean the log or split it there"
                 raise InputError(argument, f"{problem}, at {t[run.start]:.6g} s; {cure}")
-        if (count := int(column.sum())) > _MOST * len(t):
+        count = int(column.sum())
+        if count > _MOST_OUTLIERS * len(t):
             problem = f"{count} of {len(t)} samples of {name} are outliers"
             cure = "clean the log, or choose a higher cut-off frequency"
             raise InputError(argument, f"{problem}: {cure}")
@@ -209,19 +244,33 @@ def _without_outliers(values: Array, positions: int, cutoff: float) -> tuple[Arr
     """
     from scipy.ndimage import maximum_filter1d, median_filter
 
-    values, replaced = values.copy(), np.zeros(values.shape, bool)
-    parts = max(1, int(len(values) / max(_USUAL, _PERIODS / cutoff)))
+    values = values.copy()
+    replaced = np.zeros(values.shape, bool)
+    parts = max(1, int(len(values) / max(_PART_SAMPLES, _PART_PERIODS / cutoff)))
     for _ in range(_PASSES):
         curve = lowpass(values, cutoff)
-        away = np.abs(values - curve)
-        usual = 1.4826 * np.vstack([0 * a + np.median(a, 0) for a in np.array_split(away, parts)])
-        calm = curve.copy()
-        calm[:, positions:] = median_filter(values[:, positions:], (_NEAR, 1), mode="nearest")
-        away = np.minimum(away, np.abs(values - calm))
-        far = away > _OUTLIER * np.maximum(usual, 1e-3 * np.ptp(curve, axis=0))
-        far &= away >= maximum_filter1d(away, _AROUND, axis=0)
-        if not far.any():
+        deviations = np.abs(values - curve)
+        usual = _DEVIATION_OF_MEDIAN * _medians(deviations, parts)
+        # Positions are replaced by the curve, torques by the median, which keeps jumps.
+        substitutes = curve.copy()
+        torques = values[:, positions:]
+        substitutes[:, positions:] = median_filter(torques, (_MEDIAN_SAMPLES, 1), mode="nearest")
+        deviations = np.minimum(deviations, np.abs(values - substitutes))
+
+        least = _LEAST_DEVIATION * np.ptp(curve, axis=0)
+        outliers = deviations > _OUTLIER * np.maximum(usual, least)
+        outliers &= deviations >= maximum_filter1d(deviations, _NEIGHBOURS, axis=0)
+        if not outliers.any():
             break
-        values[far] = calm[far]
-        replaced |= far
+        values[outliers] = substitutes[outliers]
+        replaced |= outliers
     return values, curve, replaced
+
+
+def _medians(deviations: Array, parts: int) -> Array:
+    """The median of each column in each part of the samples, repeated for all its samples."""
+    medians = [
+        np.broadcast_to(np.median(part, axis=0), part.shape)
+        for part in np.array_split(deviations, parts)
+    ]
+    return np.vstack(medians)
