@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The geometry of a robot in parameters: placements of joints and frames, and lengths of links.
 
-A place is a joint, or a frame of a closure or line. A parameter displaces places; a joint takes all
-bodies behind it along. A displacement is [linear; angular], shape (6,): linear along the axes of
+A place is a joint, or a frame of a closure or line. A parameter moves a place. Moving a joint also
+moves all bodies after it. A displacement is [linear; angular], shape (6,): linear along the axes of
 the body on which the place is, angular about the axes of the place itself.
 """
 
@@ -47,32 +47,43 @@ def parameter_names(mechanism: Mechanism) -> tuple[str, ...]:
 
 def displacements(mechanism: Mechanism, changes: Mapping[str, float]) -> Displacements:
     """Displacements of places by changes of named parameters."""
-    lengths, total = _lengths(mechanism), Displacements()
+    lengths = _lengths(mechanism)
+    total: Displacements = {}
     for name, change in changes.items():
         place, _, axis = name.rpartition(".")
-        is_length = axis == "length"
-        moves = lengths[place] if is_length else {place: np.eye(6)[AXES.index(axis)]}
-        for end, direction in moves.items():
+        if axis == "length":
+            directions = lengths[place]
+        else:
+            directions = {place: np.eye(6)[AXES.index(axis)]}
+        for end, direction in directions.items():
             total[end] = total.get(end, 0) + change * direction
     return total
 
 
 def _lengths(mechanism: Mechanism) -> dict[str, Displacements]:
     """For each link with one end away from its joint: displacements that lengthen it by 1 m."""
-    model, lengths = mechanism.model, dict[str, Displacements]()
-    ends: dict[int, Displacements] = defaultdict(dict)
+    model = mechanism.model
+    # The places on each body that are not at its joint.
+    places: dict[int, Displacements] = defaultdict(dict)
     for place in places_of(mechanism):
-        bearer, at = place_of(model, place)
-        if bearer and at.translation.any():
-            ends[bearer][place] = at.translation
-    for bearer, points in ends.items():
+        body, placement = place_of(model, place)
+        if body and placement.translation.any():
+            places[body][place] = placement.translation
+    lengths: dict[str, Displacements] = {}
+    for body, points in places.items():
         end = next(iter(points.values()))
         size = float(np.linalg.norm(end))
-        here = [(f.name, f.placement.translation) for f in model.frames if f.parentJoint == bearer]
-        near = {name for name, p in here if np.linalg.norm(p - end) <= _SAME_POINT * size}
-        if all(np.linalg.norm(p - end) <= _SAME_POINT * size for p in points.values()):
-            along = np.append(end / size, np.zeros(3))
-            lengths[model.names[bearer]] = dict.fromkeys([*points, *sorted(near)], along)
+
+        def is_end(point: Array, end: Array = end, size: float = size) -> bool:
+            return bool(np.linalg.norm(point - end) <= _SAME_POINT * size)
+
+        # A body whose places are at several points has no single length.
+        if not all(is_end(point) for point in points.values()):
+            continue
+        frames = [frame for frame in model.frames if frame.parentJoint == body]
+        at_end = {frame.name for frame in frames if is_end(frame.placement.translation)}
+        along = np.append(end / size, np.zeros(3))
+        lengths[model.names[body]] = dict.fromkeys([*points, *sorted(at_end)], along)
     return lengths
 
 
@@ -101,10 +112,10 @@ def displaced(model: pin.Model, changes: Displacements) -> pin.Model:
         placement = placement * relative(placement, displacement)
         if model.existJointName(place):
             model.jointPlacements[model.getJointId(place)] = placement
-        for frame in [
-            x for x in model.frames if x.name == place and not model.existJointName(place)
-        ]:
-            frame.placement = placement
+        else:
+            for frame in model.frames:
+                if frame.name == place:
+                    frame.placement = placement
     return model
 
 
@@ -116,29 +127,35 @@ def enlarged(model: pin.Model, joints_at_rest: Iterable[RestingJoint]) -> pin.Mo
     """
     if list(model.mimicking_joints):
         raise InputError("model", "has mimic joints; use ordinary ones with a Coupling")
+    # The joints at each place, by the ends of their names.
     joints: dict[str, dict[str, Any]] = defaultdict(dict)
     for name, place, direction in joints_at_rest:
         slide, turn = np.split(direction / np.linalg.norm(direction), 2)
-        inside = place_of(model, place)[1].rotation.T @ slide
-        joints[place][name.removeprefix(place)] = (
-            pin.JointModelRevoluteUnaligned(turn)
-            if turn.any()
-            else pin.JointModelPrismaticUnaligned(inside)
-        )
+        if turn.any():
+            joint = pin.JointModelRevoluteUnaligned(turn)
+        else:
+            # The direction of a slide is in axes of the body; a joint takes those of its place.
+            _, placement = place_of(model, place)
+            joint = pin.JointModelPrismaticUnaligned(placement.rotation.T @ slide)
+        joints[place][name.removeprefix(place)] = joint
+    # Before a joint, the joints at rest are in series with it.
     changes = {
         j: Series([*Series.named(joints.pop(name)).parts, *Series.whole(model.joints[j]).parts])
         for j, name in enumerate(model.names)
         if name in joints
     }
     large = rebuilt(model, changes)
+    # Before a frame, they are joints of their own, and the frame moves with the last of them.
     for place, series in joints.items():
         frames = [frame for frame in large.frames if frame.name == place]
-        bearer, at = frames[0].parentJoint, frames[0].placement.copy()
+        parent = frames[0].parentJoint
+        placement = frames[0].placement.copy()
         for suffix, joint in series.items():
-            bearer = large.addJoint(bearer, joint, at, place + suffix)
-            at = pin.SE3.Identity()
+            parent = large.addJoint(parent, joint, placement, place + suffix)
+            placement = pin.SE3.Identity()
         for frame in frames:
-            frame.parentJoint, frame.placement = bearer, at
+            frame.parentJoint = parent
+            frame.placement = placement
     for pose in list(large.referenceConfigurations):
         del large.referenceConfigurations[pose.key()]
     return large

@@ -233,12 +233,17 @@ class JointSpace:
     @cached_property
     def plain(self) -> tuple[Indices, Indices]:
         """Indices in q and in v of the entries with q_dot = v."""
-        q, v = np.ones(self._model.nq, dtype=bool), np.ones(self._model.nv, dtype=bool)
-        for size, first, pairs in ((4, 3, self._quaternions), (2, 1, self._circles)):
-            for i, k in pairs:
-                q[i : i + size], v[k : k + first] = False, False
+        q = np.ones(self._model.nq, dtype=bool)
+        v = np.ones(self._model.nv, dtype=bool)
+        for i, k in self._quaternions:
+            q[i : i + 4] = False
+            v[k : k + 3] = False
+        for i, k in self._circles:
+            q[i : i + 2] = False
+            v[k] = False
         for i, k, size in self._frames:
-            q[i : i + size], v[k : k + size] = False, False
+            q[i : i + size] = False
+            v[k : k + size] = False
         return np.flatnonzero(q), np.flatnonzero(v)
 
 

@@ -76,16 +76,21 @@ def orientation_motion(
     except ValueError:
         shapes = ", ".join(str(angle.shape) for angle in angles[::3])
         raise InputError("theta, phi, psi", f"shapes {shapes} do not broadcast") from None
-    (t, t_1, t_2), (p, p_1, p_2), (s, s_1, s_2) = (values[i : i + 3] for i in (0, 3, 6))
-    zero, one = np.zeros_like(t), np.ones_like(t)
+    # Each angle with its first and second derivative.
+    t, t_1, t_2, p, p_1, p_2, s, s_1, s_2 = values
+    zero = np.zeros_like(t)
+    one = np.ones_like(t)
     # {E} = Rot(z, theta) Rot(x, pi/2) Rot(z, pi/2 - phi) Rot(x, psi): leg 1 with mu_1 = pi/2.
     z = np.stack([zero, zero, one], -1)
     n = np.stack([np.sin(t), -np.cos(t), zero], -1)  # its second axis, a horizontal one
     s_axis = np.stack([np.sin(p) * np.cos(t), np.sin(p) * np.sin(t), np.cos(p)], -1)
     y = np.cross(n, s_axis)
-    c, d = np.cos(s)[..., None], np.sin(s)[..., None]
-    R = np.stack([s_axis, c * y + d * n, c * n - d * y], -1)
-    turn_z, turn_n, turn_s = t_1[..., None] * z, -p_1[..., None] * n, s_1[..., None] * s_axis
+    cos_psi = np.cos(s)[..., None]
+    sin_psi = np.sin(s)[..., None]
+    R = np.stack([s_axis, cos_psi * y + sin_psi * n, cos_psi * n - sin_psi * y], -1)
+    turn_z = t_1[..., None] * z
+    turn_n = -p_1[..., None] * n
+    turn_s = s_1[..., None] * s_axis
     omega = turn_z + turn_n + turn_s
     alpha = t_2[..., None] * z - p_2[..., None] * n + s_2[..., None] * s_axis
     # Each axis turns with those before it.
@@ -110,11 +115,14 @@ def paper_circle(t: ArrayLike) -> PlatformMotion:
     b = np.array((-12, 12, 0)) * np.sqrt(2)
     c = np.sqrt(13395) / 3 * np.ones(3)
     rate = 12.0
-    cos, sin = np.cos(rate * time)[..., None], np.sin(rate * time)[..., None]
+    cos = np.cos(rate * time)[..., None]
+    sin = np.sin(rate * time)[..., None]
     s = (a * cos + b * sin + c) / 71
     s_1 = rate * (b * cos - a * sin) / 71
     s_2 = -(rate**2) * (a * cos + b * sin) / 71
-    (x, y, z), (x_1, y_1, z_1), (x_2, y_2, z_2) = (np.moveaxis(v, -1, 0) for v in (s, s_1, s_2))
+    x, y, z = np.moveaxis(s, -1, 0)
+    x_1, y_1, z_1 = np.moveaxis(s_1, -1, 0)
+    x_2, y_2, z_2 = np.moveaxis(s_2, -1, 0)
     h = x * x + y * y
     theta_1 = (x * y_1 - y * x_1) / h
     theta_2 = (x * y_2 - y * x_2) / h - 2 * theta_1 * (x * x_1 + y * y_1) / h
@@ -150,7 +158,8 @@ def interpolate_orientations(t: ArrayLike, R: ArrayLike, at: ArrayLike) -> Platf
     from scipy.spatial.transform import Rotation
 
     times = sample_times(t, 3)
-    t_out, matrices = times_within("at", at, times), finite_array("R", R, (3, 3))
+    t_out = times_within("at", at, times)
+    matrices = finite_array("R", R, (3, 3))
     if matrices.shape[:-2] != times.shape:
         raise InputError("R", f"shape {matrices.shape}, expected {(len(times), 3, 3)}")
     require_rotation(matrices)
@@ -167,7 +176,8 @@ def interpolate_orientations(t: ArrayLike, R: ArrayLike, at: ArrayLike) -> Platf
     p = curve(t_out)
     inverse = p * (-1, -1, -1, 1) / (p * p).sum(axis=-1, keepdims=True)
     # The vector of p_dot / p is omega / 2; its scalar, the rate of ln |p|, does not turn the star.
-    first, second = (_times(curve.derivative(i)(t_out), inverse) for i in (1, 2))
+    first = _times(curve.derivative(1)(t_out), inverse)
+    second = _times(curve.derivative(2)(t_out), inverse)
     omega = 2 * first[..., :3]
     alpha = 2 * second[..., :3] - 2 * first[..., 3:] * omega
     return PlatformMotion(Rotation.from_quat(p).as_matrix(), omega, alpha)
@@ -191,7 +201,8 @@ def orientation_path(R: ArrayLike, count: int = 201) -> Array:
     """
     from scipy.spatial.transform import Rotation, RotationSpline
 
-    matrices, samples = finite_array("R", R, (3, 3)), whole_number("count", count, 2)
+    matrices = finite_array("R", R, (3, 3))
+    samples = whole_number("count", count, 2)
     if matrices.ndim != 3 or len(matrices) < 2:
         raise InputError("R", f"shape {matrices.shape}, expected (N, 3, 3) with N >= 2")
     require_rotation(matrices)
@@ -200,13 +211,17 @@ def orientation_path(R: ArrayLike, count: int = 201) -> Array:
     for i, step in enumerate(steps):
         if not 1e-6 < step < np.pi - 1e-6:
             raise InputError("R", f"{np.degrees(step):.6g} degrees between samples {i} and {i + 1}")
-    path, s = empty((samples, 3, 3)), np.append(0, np.cumsum(steps))
+    s = np.append(0, np.cumsum(steps))
+    path = empty((samples, 3, 3))
     path[:] = RotationSpline(s, rotations)(np.linspace(0, s[-1], samples)).as_matrix()
     return path
 
 
 def _times(p: Array, q: Array) -> Array:
     """Product of quaternions (x, y, z, w), shapes (..., 4)."""
-    u, v, a, b = p[..., :3], q[..., :3], p[..., 3:], q[..., 3:]
+    u = p[..., :3]
+    v = q[..., :3]
+    a = p[..., 3:]
+    b = q[..., 3:]
     scalar = a * b - (u * v).sum(axis=-1, keepdims=True)
     return np.concatenate([a * v + b * u + np.cross(u, v), scalar], axis=-1)
