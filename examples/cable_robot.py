@@ -41,7 +41,7 @@ def cable_robot() -> sst_pin.ClosedChain:
         cables.append(sst_pin.LineForce(f"post_{k}", f"hook_{k}", name=f"cable_{k}"))
     # A positive force of a line pushes; -1 makes a positive torque a tension.
     motors = [{cable.name: -1.0} for cable in cables]
-    return sst_pin.ClosedChain(model, [], motors, forces=cables)
+    return sst_pin.ClosedChain(model, [], motors, lines=cables)
 
 
 def main() -> None:

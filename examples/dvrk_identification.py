@@ -121,7 +121,7 @@ def mtm() -> Arm:
         model,
         [Closure("rod_end", "elbow_pin", "3d"), Coupling("platform", geared)],
         ["outer_yaw", "shoulder", "lever", "motor_4", "wrist_pitch", "wrist_yaw", "wrist_roll"],
-        forces=[spring],
+        lines=[spring],
     )
     return Arm(chain, [*shown(rows, list(rows)), "motor_4.armature", "spring.stiffness"])
 

@@ -47,7 +47,7 @@ def draw(motions: dict[str, sst_pin.Trajectory]) -> Path:
 
     figure, rows = plt.subplots(len(motions), sharex=True, figsize=(7, 4.4), layout="constrained")
     for axes, (name, motion) in zip(rows, motions.items(), strict=True):
-        for k, motor in enumerate(motion.actuated):
+        for k, motor in enumerate(motion.motor_names):
             axes.plot(motion.t, motion.tau[:, k], color=f"C{k}", label=rf"$\{motor}$")
         for side in (-1, 1):
             axes.axhline(side * LIMIT, color="0.6", linestyle="--", linewidth=1)

@@ -76,8 +76,8 @@ class Ankles:
         self.random = np.random.default_rng(seed)
         bare = sst_pin.robots.ankle()
         model, friction = bare.model, np.zeros(bare.model.nv)
-        model.armature[bare.actuated] = 0.02  # rotors behind the gears
-        friction[bare.actuated] = 0.5
+        model.armature[bare.motor_indices] = 0.02  # rotors behind the gears
+        friction[bare.motor_indices] = 0.5
         self.chain = sst_pin.ClosedChain(
             model, bare.closures, bare.motor_names,
             viscous_friction=0.2 * friction, coulomb_friction=friction,
@@ -86,7 +86,7 @@ class Ankles:
         self.batch = self.chain.warp(device).with_parameters(self.parameters())
         self.device = self.batch.device
         self.start = self.array(self.home)
-        self.places = wp.array(bare.actuated, dtype=int, device=self.device)
+        self.places = wp.array(bare.motor_indices, dtype=int, device=self.device)
         self.q, self.va = self.array(np.tile(self.home, (legs, 1))), self.array(np.zeros((legs, 2)))
         self.tau, self.target = self.array(np.zeros((legs, 2))), self.array(np.zeros((legs, 2)))
         self.cost = self.array(np.zeros(legs))
@@ -110,7 +110,7 @@ class Ankles:
     def new_targets(self):
         """Positions of the motors that turn each foot to a random pitch and roll."""
         turned = self.random.uniform(-0.25, 0.25, (self.legs, 2))
-        self.target.assign(self.home[self.chain.actuated] + turned)
+        self.target.assign(self.home[self.chain.motor_indices] + turned)
 
     def step(self, gains):
         """One period of the controller."""

@@ -34,7 +34,7 @@ class Regulator(NamedTuple):
 
     def torques(self, robot: sst_pin.SST, q: Array, va: Array) -> Array:
         """The torques at states (..., 9), (..., 3)."""
-        motors = list(robot.actuated)
+        motors = list(robot.motor_indices)
         off = np.concatenate([q[..., motors] - self.q[motors], va], axis=-1)
         return np.clip(self.hold - off @ self.gain.T, -LIMIT, LIMIT)
 
@@ -53,7 +53,7 @@ def regulator(robot: sst_pin.SST) -> Regulator:
 
 def swing(robot: sst_pin.SST, control: Regulator, q: Array, seconds: float) -> Array:
     """Largest error of a motor of each start (N, 9) at rest, step by step, shape (steps, N)."""
-    motors = list(robot.actuated)
+    motors = list(robot.motor_indices)
     va, errors = np.zeros((len(q), 3)), []
     for _ in range(round(seconds / STEP)):
         errors.append(np.abs(q[:, motors] - control.q[motors]).max(axis=1))

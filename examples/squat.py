@@ -22,7 +22,7 @@ def leg_with_rotors():
     """The leg of the gallery with rotors."""
     leg = sst_pin.robots.leg()
     armature = np.zeros(leg.model.nv)
-    armature[leg.actuated] = ROTORS
+    armature[leg.motor_indices] = ROTORS
     leg.model.armature = armature
     leg.refresh()
     return leg

@@ -66,7 +66,7 @@ def followed(motion: sst_pin.Trajectory) -> Log:
     machine, robot = Machine(), sst_pin.SST()
     control = sst_pin.ComputedTorque(robot, motion, kp=1.5e4, kd=240)
     machine.start(motion.q[0], robot.joint_rates(motion.q[0], motion.va[0]))
-    times, motors = PERIOD * np.arange(round(motion.t[-1] / PERIOD)), list(robot.actuated)
+    times, motors = PERIOD * np.arange(round(motion.t[-1] / PERIOD)), list(robot.motor_indices)
     q, torques = [motion.q[0]], []
     for t in times:
         torques.append(control.torque(t, q[-1], machine.data.qvel[motors].copy()))

@@ -79,7 +79,7 @@ def stance(chain: ClosedChain, q: Array) -> Stance:
     """Least squared torques, and contact forces within their cones of friction."""
     n, motors = chain.degrees_of_freedom, len(chain.motor_names)
     rest = np.zeros(n)
-    of_motors = chain.noc(q, rest).L[list(chain.actuated)].T
+    of_motors = chain.noc(q, rest).L[list(chain.motor_indices)].T
     of_contacts = [chain.frame_jacobian(q, name)[:3].T for name in CONTACTS]
     x, y, z = np.eye(3)
     sides = FRICTION / np.sqrt(2) * z  # four planes inside the cone

@@ -110,7 +110,7 @@ def main() -> None:
     print("at the limit of torque:", ", ".join(f"{x:.1%}" for x in at_limit(solution)))
     for name, q in replays.items():
         print(f"{name} is off by at most {np.abs(q - ends).max():.1e} rad")
-    print("what the machine cannot take of it:", *(robot.check(motion) or ["nothing"]))
+    print("what the machine cannot take of it:", *(robot.check_limits(motion) or ["nothing"]))
     print(draw(solution, motion, {name: np.abs(q - ends).max(1) for name, q in replays.items()}))
 
 

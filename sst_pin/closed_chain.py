@@ -19,6 +19,7 @@ from .dynamics import dynamics, reactions, regressor, torque_sharing
 from .dynamics.quantities import Quantity
 from .engine import DerivativeOptions, Engine, LoadOptions, Options
 from .errors import DescriptionError, InputError, MissingExtraError
+from .former_names import FormerName, former_arguments
 from .loops.assembly_modes import AssemblyModes, modes_of
 from .loops.coordinates import settled
 from .loops.frame_guide import frame_configurations
@@ -80,7 +81,7 @@ class ClosedChain(RobotProperties, Summary):
         model: The tree. The chain computes with a copy.
         closures: `Closure`, `Distance`, `Coupling`, `Rolling`, or pairs of names of frames that
             must coincide; none for an open tree.
-        actuated: The motors: names of joints and of lines in `forces`; for a tendon a mapping from
+        actuated: The motors: names of joints and of `lines`; for a tendon a mapping from
             such names to factors, or {name: mapping}.
         coordinates: Names of the independent joints; a joint with several rates counts with all
             of them. By default as many of the actuated joints as are independent at `home` or,
@@ -92,7 +93,7 @@ class ClosedChain(RobotProperties, Summary):
         coulomb_friction: F_c of each rate, shape (nv,); that of the model by default.
         stiffness: Stiffness of joint springs, shape (nv,), [N m/rad] or [N/m]; zero by default.
         spring_reference: Positions without spring force, shape (nq,); `pin.neutral` by default.
-        forces: Springs, dampers and cylinders between two frames, each a `LineForce`.
+        lines: Springs, dampers and cylinders between two frames, each a `LineForce`.
 
     Raises:
         DescriptionError: If the model cannot be used, as with two joints of one name.
@@ -108,6 +109,10 @@ class ClosedChain(RobotProperties, Summary):
     _platform = "platform"
     _engine: Engine
 
+    path = FormerName("backend")
+    check = FormerName("check_limits")
+
+    @former_arguments(forces="lines")
     def __init__(
         self,
         model: pin.Model,
@@ -120,7 +125,7 @@ class ClosedChain(RobotProperties, Summary):
         coulomb_friction: ArrayLike | None = None,
         stiffness: ArrayLike | None = None,
         spring_reference: ArrayLike | None = None,
-        forces: Sequence[LineForce] = (),
+        lines: Sequence[LineForce] = (),
     ) -> None:
         if not isinstance(model, pin.Model):
             raise InputError("model", f"a pinocchio.Model is needed, not {type(model).__name__}")
@@ -128,7 +133,7 @@ class ClosedChain(RobotProperties, Summary):
             closures,
             actuated,
             coordinates,
-            forces,
+            lines,
             viscous_friction=viscous_friction,
             coulomb_friction=coulomb_friction,
             stiffness=stiffness,
@@ -173,8 +178,8 @@ class ClosedChain(RobotProperties, Summary):
         is a `DescriptionWarning`; see `dynamic_parameters.scale_mass`.
         """
         chain = copy(self)
-        model, numbers, forces = regressor.changed(chain.engine.mechanism, theta)
-        chain._fill(model, partial(chain._mechanism_of, numbers=numbers, forces=forces))
+        model, numbers, lines = regressor.changed(chain.engine.mechanism, theta)
+        chain._fill(model, partial(chain._mechanism_of, numbers=numbers, lines=lines))
         return chain
 
     def __copy__(self: _Chain) -> _Chain:
@@ -210,9 +215,9 @@ class ClosedChain(RobotProperties, Summary):
         return regressor.parameters_of(self.mechanism)
 
     @property
-    def path(self) -> str:
+    def backend(self) -> str:
         """Whether compiled kernels or the reference path compute the dynamics, and why."""
-        return self._engine.path
+        return self._engine.backend
 
     @property
     def home(self) -> Array:
@@ -347,7 +352,7 @@ class ClosedChain(RobotProperties, Summary):
 
         The frame moves straight to the pose, in the assembly and working mode of the start. With
         more degrees of freedom than the pose needs, the joints move least. Joint limits are
-        ignored; `check(q)` names joints beyond them.
+        ignored; `check_limits(q)` names joints beyond them.
 
         Args:
             position: Of the frame's origin in the base, shape (..., 3), [m]; None for any.
@@ -405,10 +410,10 @@ class ClosedChain(RobotProperties, Summary):
         return self._engine.compute(Quantity("actuator_jacobian"), q)
 
     def line_lengths(self, q: ArrayLike) -> Array:
-        """Lengths of the lines of `forces`, shape (..., lines), [m]; q may have open loops."""
+        """Lengths of the `lines`, shape (..., lines), [m]; q may have open loops."""
         engine = self._engine
         array = finite_array("q", q, (engine.mechanism.model.nq,))
-        return for_each_sample(engine.reference.line_lengths, [array], (1,), (len(self.forces),))
+        return for_each_sample(engine.reference.line_lengths, [array], (1,), (len(self.lines),))
 
     # --- dynamics ---------------------------------------------------------------------------
 
@@ -885,7 +890,7 @@ class ClosedChain(RobotProperties, Summary):
         load = engine.wrenches(platform_moment, external_wrenches, "raise")
         return rollout(engine, tau, q0, va0, dt, load, steps, sign_width, threads, on_error)
 
-    def check(self, motion: Trajectory | ArrayLike) -> tuple[Finding, ...]:
+    def check_limits(self, motion: Trajectory | ArrayLike) -> tuple[Finding, ...]:
         """Joints that leave their limits along a motion, and nearby singularities, with times.
 
         The motion may be one configuration, shape (nq,). An SST has arcs as limits too.
@@ -896,7 +901,7 @@ class ClosedChain(RobotProperties, Summary):
         return tuple(self._findings(engine, *samples_of(engine.mechanism, motion)))
 
     def _findings(self, engine: Engine, t: Array, q: Array) -> Iterable[Finding]:
-        """The findings of `check` at configurations of shape (N, nq) at times t."""
+        """The findings of `check_limits` at configurations of shape (N, nq) at times t."""
         from .simulation.check import findings
 
         return findings(engine, t, q)
@@ -1034,7 +1039,7 @@ class ClosedChain(RobotProperties, Summary):
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         """Rows of the printed robot."""
         model = self.mechanism.model
-        names = [force.name for force in self.forces]
+        names = [line.name for line in self.lines]
         lines = [("lines", f"{len(names)} ({listed(names)})")] if names else []
         return f"{type(self).__name__} {model.name}", [
             ("joints", f"{len(self.joint_names)} ({listed(self.joint_names)})"),
@@ -1042,5 +1047,5 @@ class ClosedChain(RobotProperties, Summary):
             ("motors", f"{len(self.motor_names)} ({listed(self.motor_names)})"),
             *lines,
             ("sizes", f"nq = {model.nq}, nv = {model.nv}"),
-            ("computed by", self.path),
+            ("computed by", self.backend),
         ]

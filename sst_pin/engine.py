@@ -153,7 +153,7 @@ class Engine(ClosedLoops):
         return None if isinstance(self._kernels, str) else self._kernels
 
     @property
-    def path(self) -> str:
+    def backend(self) -> str:
         """Whether kernels or the reference path compute, in words."""
         return f"the reference path: {self._kernels}" if self.kernels is None else str(self.kernels)
 

@@ -7,6 +7,7 @@ import copyreg
 import math
 import shlex
 import sys
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,17 @@ def install_command(extra: str = "") -> str:
         place = "." if Path.cwd() == folder else str(folder)
         return f"{command} -e {shlex.quote(place + extras)}"
     return f"{command} {shlex.quote('sst-pin' + extras)}"
+
+
+def warn_caller(message: str, category: type[Warning]) -> None:
+    """Issue a warning that points to the line outside the package that led to it."""
+    folder = str(Path(__file__).parent / "_")[:-1]  # as frames name it, with the last separator
+    level = 1
+    frame = sys._getframe()
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(folder):
+        frame = frame.f_back
+        level += 1
+    warnings.warn(message, category, stacklevel=level)
 
 
 class SSTError(Exception):

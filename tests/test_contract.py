@@ -16,7 +16,7 @@ REFERENCE = json.loads((DATA / "reference.json").read_text(encoding="utf-8"))
 
 CLASSES = {
     sst_pin.ClosedChain: {
-        "__init__": "model closures actuated coordinates forces",
+        "__init__": "model closures actuated coordinates lines",
         "from_urdf": "",
         "from_mjcf": "",
         "assemble": "fixed",
@@ -41,7 +41,7 @@ CLASSES = {
         "design_derivatives": "q va aa names frame",
         "simulate": "torque q0 va0 t through_singularities",
         "rollout": "tau q0 va0 dt",
-        "check": "motion",
+        "check_limits": "motion",
         "compile": "",
         "casadi": "",
         "show": "live",
@@ -60,12 +60,15 @@ CLASSES = {
 PROPERTIES = [
     "model",
     "joint_names",
-    "actuated",
+    "motor_indices",
+    "motor_names",
+    "position_units",
+    "lines",
     "home",
     "design_parameters",
     "coordinates",
     "degrees_of_freedom",
-    "path",
+    "backend",
 ]
 PROPERTIES += ["dynamic_parameters"]
 
@@ -86,6 +89,42 @@ def test_public_functions_take_the_parameters_of_the_contract(
 def test_every_robot_has_the_properties_of_the_contract(make) -> None:
     robot = make()
     assert [name for name in PROPERTIES if not hasattr(robot, name)] == []
+
+
+FORMER_NAMES = {
+    "actuated": "motor_indices",
+    "joint_units": "position_units",
+    "path": "backend",
+    "forces": "lines",
+    "check": "check_limits",
+}
+
+
+@pytest.mark.parametrize(("former", "name"), FORMER_NAMES.items())
+def test_former_names_of_attributes_work_with_a_warning(former: str, name: str) -> None:
+    robot = sst_pin.robots.five_bar()
+    with pytest.warns(DeprecationWarning, match=f"^GalleryRobot.{former} is now {name}$") as told:
+        value = getattr(robot, former)
+    assert np.array_equal(value, getattr(robot, name))
+    assert told[0].filename == __file__
+
+
+def test_former_names_of_arguments_and_results_work_with_a_warning() -> None:
+    bar = sst_pin.robots.four_bar()
+    spring = sst_pin.LineForce("universe", "platform", stiffness=1.0)
+    with pytest.warns(DeprecationWarning, match="^forces= is now lines=$") as told:
+        chain = sst_pin.ClosedChain(bar.model, bar.closures, ["crank"], forces=[spring])
+    assert told[0].filename == __file__
+    assert chain.lines == (spring,)
+    with pytest.raises(TypeError, match="use lines= alone"):
+        sst_pin.ClosedChain(bar.model, bar.closures, ["crank"], forces=[], lines=[spring])
+    with pytest.warns(DeprecationWarning, match="Mobility.actuated is now motor_names"):
+        assert chain.mobility().actuated == ("crank",)
+    arrays = [[0.0, 1.0], [[0.0], [1.0]], [[1.0], [1.0]], [[0.0], [0.0]], [[0.0], [0.0]]]
+    with pytest.warns(DeprecationWarning, match="actuated= is now motor_names="):
+        motion = sst_pin.Trajectory(*arrays, joint_names=["crank"], actuated=["crank"])
+    with pytest.warns(DeprecationWarning, match="Trajectory.actuated is now motor_names"):
+        assert motion.actuated == motion.motor_names == ("crank",)
 
 
 def test_results_of_derivatives_and_reactions_have_the_fields_of_the_contract() -> None:

@@ -102,7 +102,7 @@ def measure(quick: bool, names: list[str]) -> dict[str, Any]:
     rollouts = cases.rollouts(robot, robot.home, resting, starts=256, steps=100)
     return {
         "machine": f"{platform.machine()}, {cores} cores",
-        "path": robot.path,
+        "path": robot.backend,
         "single call": in_turn(cases.of_the_sst(calls), many, turn),
         "sample of a batch": in_turn(cases.of_the_sst(batches), few),
         "rollout step": in_turn(rollouts, few),

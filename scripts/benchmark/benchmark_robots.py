@@ -80,7 +80,7 @@ def measure(
         found[name] = {
             "joints": chain.model.nv,
             "freedoms": n,
-            "path": chain.path,
+            "path": chain.backend,
             "cost": cost,
             "single call": in_turn(calls, many, turn),
             "motors": len(chain.motor_names),

@@ -18,7 +18,7 @@ def describe(chain) -> dict:
     joints = [_joint(model, i) for i in range(1, model.njoints)]
     numbers = ("stiffness", "rest_length", "damping", "preload")
     closures = [{"kind": c.kind, **_ends(model, c)} for c in chain.closures]
-    forces = [_ends(model, f) | {x: getattr(f, x) for x in numbers} for f in chain.forces]
+    forces = [_ends(model, f) | {x: getattr(f, x) for x in numbers} for f in chain.lines]
     return {
         "gravity": _numbers(model.gravity.linear),
         "joints": joints,

@@ -70,7 +70,7 @@ def _parameters(robot: ClosedChain, which: str | None) -> list[str]:
         return which.split(",")
     motors = set(robot.motor_names)
     words = ("damping",), ("stiffness", "damping", "preload")
-    lines = [f"{x}.{word}" for x in map(str, robot.forces) for word in words[x not in motors]]
+    lines = [f"{x}.{word}" for x in map(str, robot.lines) for word in words[x not in motors]]
     return ["*.m*", "*.i*", "*.viscous", "*.coulomb", *lines]
 
 

@@ -28,7 +28,7 @@ def torques(arguments: argparse.Namespace) -> int:
     """Inverse dynamics of a motion file."""
     robot, source = common.robot_of(arguments), common.source_of(arguments.motion)
     motion = read_motion(robot.engine, source, common.table_reader(robot))
-    if common.refuses(robot.check(motion), arguments):
+    if common.refuses(robot.check_limits(motion), arguments):
         return 1
     common.save(motion, arguments)
     peaks = np.abs(motion.tau).max(axis=0)
@@ -36,7 +36,7 @@ def torques(arguments: argparse.Namespace) -> int:
     if len(set(units)) == 1 and len(peaks) <= 3:
         shown = f"{', '.join(f'{peak:.4g}' for peak in peaks)} {units[0]}"
     else:
-        rows = zip(motion.actuated, peaks, units, strict=True)
+        rows = zip(motion.motor_names, peaks, units, strict=True)
         shown = listed([f"{name} {peak:.4g} {unit}" for name, peak, unit in rows])
     common.say(f"{len(motion)} samples, peak torques {shown} -> {arguments.output}", arguments)
     start = zip(motion.joint_names, motion.q[0], strict=True)
@@ -53,7 +53,7 @@ def simulate(arguments: argparse.Namespace) -> int:
         raise FileFormatError(table.path, "one row; a simulation needs at least two times")
     q0, va0 = read_start(robot.engine, table, arguments.q0, arguments.va0)
     motion = robot.simulate(tau, q0, va0, t)
-    if common.refuses(robot.check(motion), arguments):
+    if common.refuses(robot.check_limits(motion), arguments):
         return 1
     common.save(motion, arguments)
     text = f"{len(motion)} samples to t = {motion.t[-1]:g} s -> {arguments.output}"
@@ -71,7 +71,7 @@ def plot(arguments: argparse.Namespace) -> int:
     motion = common.motion_of(robot, arguments.motion)
     if len(motion) < 2:
         raise FileFormatError(arguments.motion, "has one sample; a curve needs at least two")
-    if common.refuses(robot.check(motion), arguments):
+    if common.refuses(robot.check_limits(motion), arguments):
         return 1
     figure = plots.motion_page(robot, motion, arguments.what, arguments.frame)
     common.write({arguments.output: plots.figure_writer(figure, name)}, arguments)

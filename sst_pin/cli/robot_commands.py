@@ -68,7 +68,7 @@ def compile(arguments: argparse.Namespace) -> None:  # noqa: A001
         chain = common.robot_of(arguments)
         start = time.perf_counter()
         chain.compile(all=arguments.all)
-        print(f"{chain.path}\nin {time.perf_counter() - start:.2g} s")
+        print(f"{chain.backend}\nin {time.perf_counter() - start:.2g} s")
 
 
 def _list() -> None:

@@ -32,7 +32,7 @@ def paper(arguments: argparse.Namespace) -> int:
     t, began = np.linspace(0, PERIOD, arguments.samples), time.perf_counter()
     motions = {"example_1": (example := example_1(robot, t))}
     seconds = time.perf_counter() - began
-    if common.refuses(robot.check(example), arguments):
+    if common.refuses(robot.check_limits(example), arguments):
         return 1
     peaks, means = np.abs(example.tau).max(axis=0), np.sqrt((example.tau**2).mean(axis=0))
     lines = [

@@ -180,7 +180,7 @@ def reach_map(
     results = _conditions(A[:, counted] * ratio), holding, used
     condition, torque, used = (_on_grid(why == _REACHED, values) for values in results)
     motors = columns_of("tau", chain.motor_names, chain.motor_units)
-    columns = *motors, *columns_of("q", chain.position_names, chain.joint_units)
+    columns = *motors, *columns_of("q", chain.position_names, chain.position_units)
     values = named[axes[0]], named[axes[1]]
     return ReachMap(axes, values, poses, why, q, condition, torque, used, columns)
 
@@ -251,7 +251,7 @@ def _flood(
 
     def beyond(q: Array) -> list[str]:
         """Joints outside their limits."""
-        return [name for f in chain.check(q) if not f.singular for name in f.joints]
+        return [name for f in chain.check_limits(q) if not f.singular for name in f.joints]
 
     if joints := beyond(home):
         raise InputError("start", f"outside the limits of {listed(joints)}")

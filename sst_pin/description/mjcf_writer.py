@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Any closed chain as MJCF, the format of MuJoCo."""
 
-import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -14,7 +13,7 @@ import pinocchio as pin
 
 from ..arrays import Array
 from ..closed_chain import ClosedChain
-from ..errors import DescriptionError, DescriptionWarning
+from ..errors import DescriptionError, DescriptionWarning, warn_caller
 from ..files import require_ending, text_writer, write_files
 from ..model.closures import Closure, Constraint, Coupling, Distance, Rolling, frames_of
 from ..model.mechanism import Mechanism
@@ -80,7 +79,7 @@ def write_mjcf(chain: ClosedChain, path: str | Path, force: bool = False) -> Non
     writer.add_keyframes(configurations)
     write_files({Path(path): text_writer(writer.text())}, force)
     for note in writer.notes:
-        warnings.warn(f"{path}: {note}", DescriptionWarning, stacklevel=2)
+        warn_caller(f"{path}: {note}", DescriptionWarning)
 
 
 class MjcfWriter:

@@ -7,7 +7,6 @@ parameter. References of springs and rest lengths of lines are constant, so f is
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -16,7 +15,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, positive_number, single_array
-from ..errors import DescriptionWarning, InputError, UnknownNameError
+from ..errors import DescriptionWarning, InputError, UnknownNameError, warn_caller
 from ..model.lines import LineForce
 from ..model.mechanism import Friction, Mechanism, Springs, read_only
 from ..summaries import Summary, listed
@@ -229,12 +228,11 @@ def _warn_of_masses(now: DynamicParameters, theta: Mapping[str, float]) -> None:
         only = word == "mass" and mass != now[name] and not theta.keys() & set(others)
         if only and now[name] and any(now[other] for other in others):
             factor = mass / now[name]
-            warnings.warn(
+            warn_caller(
                 f"{name}: the first moment and the inertia of the body stay as they are; "
                 f"with_parameters(chain.dynamic_parameters.scale_mass({body!r}, {factor:.9g})) "
                 "scales all of them",
                 DescriptionWarning,
-                stacklevel=5,
             )
 
 

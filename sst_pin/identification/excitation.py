@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable
 from contextlib import suppress
 
@@ -12,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array, one_or_each, positive_number, whole_number
 from ..closed_chain import ClosedChain
-from ..errors import InputError, SSTError
+from ..errors import InputError, SSTError, warn_caller
 from ..loops.start import placed
 from ..model.named_positions import taken
 from ..progress import counted
@@ -151,7 +150,7 @@ def excitation(
     if best > _POOR:
         cure = "allow larger rates or torques, more tries or harmonics, or fewer parameters"
         problem = f"the motion shows the parameters poorly: condition number {best:.3g}"
-        warnings.warn(f"{problem}; {cure}", RuntimeWarning, stacklevel=2)
+        warn_caller(f"{problem}; {cure}", RuntimeWarning)
     return result
 
 

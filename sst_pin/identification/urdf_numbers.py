@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from ..closed_chain import ClosedChain
 from ..dynamics.regressor import OF_BODY
-from ..errors import DescriptionError, DescriptionWarning
+from ..errors import DescriptionError, DescriptionWarning, warn_caller
 from ..files import as_path, text_writer, write_files
 from ..reading import RobotFile, Urdf, read_urdf
 from ..reading.joint_graph import origin_of
@@ -66,7 +66,7 @@ def with_dynamics(chain: ClosedChain, urdf: str | Path, folder: Path) -> str:
     lost += _differences(chain, Urdf(text, str(urdf)), partly)
     if lost:
         cure = f"write them into {Path(urdf).stem}.yaml beside it"
-        warnings.warn(f"a URDF cannot store {listed(lost)}; {cure}", DescriptionWarning, 3)
+        warn_caller(f"a URDF cannot store {listed(lost)}; {cure}", DescriptionWarning)
     return _with_meshes(root, Path(urdf).resolve().parent, folder.resolve())
 
 

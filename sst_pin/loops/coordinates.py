@@ -5,7 +5,6 @@ It does not depend on the order of the joints or on units: the random displaceme
 depends on its name, and names decide ties.
 """
 
-import warnings
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -16,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array, Indices
-from ..errors import ClosureError, DescriptionWarning
+from ..errors import ClosureError, DescriptionWarning, warn_caller
 from ..model.mechanism import Mechanism
 from ..model.thresholds import INDEPENDENT, MAX_CONDITION_NUMBER, RANK_TOLERANCE, RESTS
 from ..progress import announced
@@ -101,12 +100,11 @@ def _warn_of_singular_home(mechanism: Mechanism, motions: Array) -> None:
     """Name the joints that can move only at home, by motions of shape (k, nv)."""
     moving = np.flatnonzero(np.abs(motions).max(axis=0) > INDEPENDENT)
     names = listed([mechanism.space.rate_names[k] for k in moving])
-    warnings.warn(
+    warn_caller(
         f"model {mechanism.model.name}: home is singular, with {len(motions)} more degrees of "
         f"freedom than poses beside it, in the joints {names}; the coordinates are chosen beside "
         "home. Make another pose home",
         DescriptionWarning,
-        stacklevel=7,
     )
 
 
@@ -198,11 +196,10 @@ def _warn_of_rigid_motors(mechanism: Mechanism, Phi: Array) -> None:
     moving = np.linalg.norm(free_motions(Phi), axis=1) > RESTS
     names, B = mechanism.motor_names, mechanism.motors
     if rigid := [x for x, b in zip(names, B.T, strict=True) if b.any() and not b[moving].any()]:
-        warnings.warn(
+        warn_caller(
             f"model {mechanism.model.name}: the closures hold the joints of the motors "
             f"{listed(rigid)}, which cannot move; check kinds, axes and digits of the closures",
             DescriptionWarning,
-            stacklevel=5,
         )
 
 

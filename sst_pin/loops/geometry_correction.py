@@ -12,7 +12,6 @@ closed by least squares: there the singular values of the mechanism are orders l
 from rounding. A loop that is open by more in its best pose is refused.
 """
 
-import warnings
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
@@ -21,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array, Indices
-from ..errors import ClosureError, DescriptionWarning
+from ..errors import ClosureError, DescriptionWarning, warn_caller
 from ..model.closures import frames_of
 from ..model.geometry import displaced
 from ..model.mechanism import Mechanism
@@ -220,12 +219,11 @@ def _warn(before: Mechanism, after: Mechanism, errors: Array) -> None:
     )
     moves = [np.abs(pin.log6(x.actInv(y)).vector) for x, y in zip(a, b, strict=True)]
     metres, radians = np.max(moves, axis=0).reshape(2, 3).max(axis=1)
-    warnings.warn(
+    warn_caller(
         f"model {before.model.name}: its numbers have few digits, with which the loops at "
         f"{listed(list(names), 4)} close only to {max(errors * ~turns):.2g} m and "
         f"{np.degrees(max(errors * turns)):.2g} degrees; placements were corrected by up to "
         f"{metres:.2g} m and {np.degrees(radians):.2g} degrees, so that the loops close in all "
         "poses; write more digits",
         DescriptionWarning,
-        stacklevel=6,
     )

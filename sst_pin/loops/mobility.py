@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Array, Indices
+from ..former_names import FormerName
 from ..model.mechanism import Mechanism
 from ..model.thresholds import INDEPENDENT, RANK_TOLERANCE, RESTS
 from ..summaries import as_html, listed
@@ -20,7 +21,7 @@ class Mobility:
 
     Attributes:
         joints: Names of the rates: names of the joints, with a suffix if a joint has several.
-        actuated: Names of the motors.
+        motor_names: Names of the motors.
         coordinates: Names of the n independent joints that describe the motion.
         rows: Name of each closure constraint.
         independent_rows: Indices of independent closure constraints, as many as the rank of Phi.
@@ -36,7 +37,7 @@ class Mobility:
     """
 
     joints: tuple[str, ...]
-    actuated: tuple[str, ...]
+    motor_names: tuple[str, ...]
     coordinates: tuple[str, ...]
     rows: tuple[str, ...]
     independent_rows: tuple[int, ...]
@@ -47,6 +48,8 @@ class Mobility:
     condition_number: float
     where: str
     q: Array
+
+    actuated = FormerName("motor_names")
 
     @property
     def rank(self) -> int:
@@ -66,12 +69,12 @@ class Mobility:
     @property
     def redundantly_actuated(self) -> bool:
         """Whether there are more motors than degrees of freedom."""
-        return len(self.actuated) > self.degrees_of_freedom
+        return len(self.motor_names) > self.degrees_of_freedom
 
     @property
     def inner_stresses(self) -> int:
         """Number of independent motor torques that make no motion; see `preload_directions`."""
-        return len(self.actuated) - self.held
+        return len(self.motor_names) - self.held
 
     def __repr__(self) -> str:
         return str(self)
@@ -83,7 +86,7 @@ class Mobility:
         return as_html("Mobility", self._rows())
 
     def _rows(self) -> list[tuple[str, str]]:
-        n, dof = len(self.actuated), self.degrees_of_freedom
+        n, dof = len(self.motor_names), self.degrees_of_freedom
         if not self.sufficient:
             left = dof - self.held
             move = "degree of freedom moves" if left == 1 else "degrees of freedom move"
@@ -101,7 +104,7 @@ class Mobility:
             ("joints", f"{len(self.joints)}"),
             ("closure equations", ranks),
             ("degrees of freedom", f"{dof}"),
-            ("actuated joints", f"{n} ({listed(self.actuated, 12)})"),
+            ("motors", f"{n} ({listed(self.motor_names, 12)})"),
             ("actuation", verdict),
             ("coordinates", listed(self.coordinates, 12)),
             ("condition number", f"{self.condition_number:.4g} (dependent joints)"),
@@ -191,7 +194,7 @@ def judge(mechanism: Mechanism, loops: Loops, q: Array, where: str) -> Mobility:
     moving = np.abs(motions @ Vt[rank:].T).max(axis=1, initial=0.0) > 1e-6
     return Mobility(
         joints=space.rate_names,
-        actuated=mechanism.motor_names,
+        motor_names=mechanism.motor_names,
         coordinates=space.names_of(coordinates.tolist()),
         rows=tuple(f"{c}: {row}" for c in mechanism.closures for row in c.rows),
         independent_rows=tuple(map(int, independent_rows(Phi))),

@@ -2,7 +2,6 @@
 """The configuration where a robot starts, and closed configurations from positions by name."""
 
 import math
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 
@@ -20,7 +19,7 @@ from ..arrays import (
     single_array,
     whole_number,
 )
-from ..errors import ClosureError, DescriptionWarning
+from ..errors import ClosureError, DescriptionWarning, warn_caller
 from ..model.mechanism import Mechanism
 from ..model.named_positions import angles_and_lengths, put, taken
 from ..summaries import listed
@@ -202,9 +201,8 @@ def _moved(loops: ClosedLoops, start: Array, positions: Mapping[str, float]) -> 
 
 
 def _warn(loops: ClosedLoops, why: str, cure: str) -> None:
-    warnings.warn(
+    warn_caller(
         f"model {loops.mechanism.model.name}: {why}, so an assembly mode was chosen. Other modes "
         f"need other torques. Check the start; to choose it, {cure}",
         DescriptionWarning,
-        stacklevel=5,
     )

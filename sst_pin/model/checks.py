@@ -61,7 +61,7 @@ def recipe_of(
     closures: Sequence[Constraint | tuple[str, str]],
     actuated: Sequence[Motor],
     coordinates: Sequence[str] | None,
-    forces: Sequence[LineForce],
+    lines: Sequence[LineForce],
     **numbers: ArrayLike | None,
 ) -> partial[Mechanism]:
     """A function that makes a mechanism of a tree, with the checked arguments of `ClosedChain`.
@@ -77,7 +77,7 @@ def recipe_of(
             name: None if value is None else read_only(finite_array(name, value, ()))
             for name, value in numbers.items()
         },
-        forces=forces_of(forces),
+        lines=lines_of(lines),
     )
 
 
@@ -87,7 +87,7 @@ def mechanism_of(
     motors: Sequence[Motor],
     coordinates: Sequence[str] | None,
     numbers: Mapping[str, ArrayLike | None],
-    forces: tuple[LineForce, ...],
+    lines: tuple[LineForce, ...],
 ) -> Mechanism:
     """A mechanism from the arguments of `ClosedChain`; the tree is not copied.
 
@@ -96,10 +96,10 @@ def mechanism_of(
     """
     _require_sound(model, closures)
     space = JointSpace(model)
-    B, names = _motors(space, motors, forces)
-    for name in (end for line in forces for end in (line.frame_a, line.frame_b)):
+    B, names = _motors(space, motors, lines)
+    for name in (end for line in lines for end in (line.frame_a, line.frame_b)):
         frame_id(model, name)
-    lines = Lines(forces, read_only(B[model.nv :]))
+    on_lines = Lines(lines, read_only(B[model.nv :]))
 
     def of_rates(name: str, default: Array) -> Array:
         value = numbers[name]
@@ -118,7 +118,7 @@ def mechanism_of(
     rates = space.rates_of(coordinates or ())
     if coordinates is not None and not len(rates):
         raise InputError("coordinates", "the list is empty; omit it to have coordinates chosen")
-    return Mechanism(model, closures, rates, B[: model.nv], names, friction, springs, lines)
+    return Mechanism(model, closures, rates, B[: model.nv], names, friction, springs, on_lines)
 
 
 def without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]) -> pin.Model:
@@ -186,16 +186,16 @@ def tendon_of(motor: Motor) -> tuple[str, Mapping[str, float]]:
     return "", motor  # type: ignore[return-value]  # `_motors` checks its numbers
 
 
-def forces_of(forces: Sequence[LineForce]) -> tuple[LineForce, ...]:
+def lines_of(lines: Sequence[LineForce]) -> tuple[LineForce, ...]:
     """The `LineForce` objects as a tuple; raises an error if two have the same name."""
-    lines = in_order("forces", forces, "LineForce")
-    for force in lines:
+    forces = in_order("lines", lines, "LineForce")
+    for force in forces:
         if not isinstance(force, LineForce):
-            raise InputError("forces", f"{force!r} is not a LineForce")
-    twice = [name for name, k in Counter(map(str, lines)).items() if k > 1]
+            raise InputError("lines", f"{force!r} is not a LineForce")
+    twice = [name for name, k in Counter(map(str, forces)).items() if k > 1]
     if twice:
-        raise InputError("forces", f"several lines have the name {', '.join(twice)}; give name=")
-    return lines
+        raise InputError("lines", f"several lines have the name {', '.join(twice)}; give name=")
+    return forces
 
 
 def _motors(
@@ -204,7 +204,7 @@ def _motors(
     """B with a row for each rate, then for each line, and the motors' names."""
     lines = {line.name: row for row, line in enumerate(forces, len(space.rate_names))}
     if both := lines.keys() & {*space.joint_names, *space.rate_names}:
-        raise InputError("forces", f"line {min(both)} has the name of a joint; give another name=")
+        raise InputError("lines", f"line {min(both)} has the name of a joint; give another name=")
     size = len(space.rate_names) + len(lines)
 
     def rows(names: list[str]) -> Indices:

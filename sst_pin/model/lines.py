@@ -53,11 +53,11 @@ class LineForce:
     def __post_init__(self) -> None:
         for word in (self.frame_a, self.frame_b, self.name):
             if not isinstance(word, str):
-                raise InputError("forces", f"{word!r} is not a name")
+                raise InputError("lines", f"{word!r} is not a name")
         if not self.name:
             object.__setattr__(self, "name", f"{self.frame_a}-{self.frame_b}")
         if self.frame_a == self.frame_b:
-            raise InputError("forces", f"{self}: a line needs two different frames")
+            raise InputError("lines", f"{self}: a line needs two different frames")
         for field in fields(self)[2:-1]:
             name = f"{field.name} of line {self}"
             number = float(single_array(name, getattr(self, field.name), ()))

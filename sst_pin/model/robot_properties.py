@@ -4,6 +4,7 @@
 from abc import abstractmethod
 
 from ..arrays import Array, Indices
+from ..former_names import FormerName
 from .appearance import Appearance, appearance_of
 from .closures import Constraint
 from .lines import LineForce
@@ -24,6 +25,10 @@ _INSTEAD = {
 class RobotProperties:
     """Names, units and parts of a robot, from its `mechanism`."""
 
+    actuated = FormerName("motor_indices")
+    joint_units = FormerName("position_units")
+    forces = FormerName("lines")
+
     @property
     @abstractmethod
     def mechanism(self) -> Mechanism:
@@ -35,8 +40,8 @@ class RobotProperties:
         return self.mechanism.closures
 
     @property
-    def forces(self) -> tuple[LineForce, ...]:
-        """The forces along lines between two frames."""
+    def lines(self) -> tuple[LineForce, ...]:
+        """Springs, dampers and cylinders along lines between two frames."""
         return self.mechanism.lines.forces
 
     @property
@@ -50,7 +55,7 @@ class RobotProperties:
         return self.mechanism.space.position_names
 
     @property
-    def joint_units(self) -> tuple[str, ...]:
+    def position_units(self) -> tuple[str, ...]:
         """Unit of each entry of q: "rad", "m", or "" for quaternions, cosines and sines."""
         return self.mechanism.space.position_units
 
@@ -85,7 +90,7 @@ class RobotProperties:
         return self.mechanism.motor_units
 
     @property
-    def actuated(self) -> Indices:
+    def motor_indices(self) -> Indices:
         """Indices in v of the motors' joints, in the order of the motors, read-only."""
         return self.mechanism.driven
 

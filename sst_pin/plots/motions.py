@@ -101,13 +101,13 @@ def condition_number(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
 
 
 def _torques(motion: Trajectory) -> Curves:
-    return Curves(motion.actuated, motion.torque_units, motion.tau)
+    return Curves(motion.motor_names, motion.torque_units, motion.tau)
 
 
 def _powers(robot: ClosedChain, motion: Trajectory) -> Curves:
     require_motion(motion, robot.mechanism)
-    units = ("W",) * len(motion.actuated)
-    return Curves(motion.actuated, units, motor_powers(robot.engine, motion))
+    units = ("W",) * len(motion.motor_names)
+    return Curves(motion.motor_names, units, motor_powers(robot.engine, motion))
 
 
 def _positions(motion: Trajectory) -> Curves:

@@ -72,14 +72,14 @@ def motion_page(
         parts = [part for name in names for part in _parts(name, robot, motion, frame)]
         columns = min(len(parts), 2)
         rows = -(-len(parts) // columns)
-        longest = max(map(len, (*motion.joint_names, *motion.actuated)))
+        longest = max(map(len, (*motion.joint_names, *motion.motor_names)))
         width = 3.6 if longest < 16 else 4.8  # so that legends of long names have two columns
         figure = StyledFigure(figsize=(width * columns, 2.9 * rows), layout="constrained")
         for place, (projection, draw) in enumerate(parts, 1):
             ax = draw(figure.add_subplot(rows, columns, place, projection=projection))
             if len(parts) > 1:
                 _letter(ax, place)
-        if findings := robot.check(motion):
+        if findings := robot.check_limits(motion):
             lines = [line for f in findings for line in wrap(f"Warning: {f}", 65 * columns)]
             figure.supxlabel("\n".join(lines), x=0.02, ha="left", size=7, color="#B00020")
     return figure
@@ -184,14 +184,14 @@ def torques_page(motion: Trajectory, predicted: ArrayLike) -> Figure:
     tau = finite_array("predicted", predicted, (motion.tau.shape[1],))
     if tau.shape != motion.tau.shape:
         raise InputError("predicted", f"shape {tau.shape}, expected {motion.tau.shape}")
-    if not motion.actuated:
+    if not motion.motor_names:
         raise InputError("motion", "has no motors")
-    count = len(motion.actuated)
+    count = len(motion.motor_names)
     figure = StyledFigure(figsize=(7, 0.6 + 1.2 * count), layout="constrained")
     with style():
         rows = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
         for ax, name, unit, measured, computed in zip(
-            rows, motion.actuated, motion.torque_units, motion.tau.T, tau.T, strict=True
+            rows, motion.motor_names, motion.torque_units, motion.tau.T, tau.T, strict=True
         ):
             zero_line(ax)
             ax.plot(motion.t, measured, color=HUES[0], label="measured")

@@ -106,7 +106,7 @@ def closed(urdf: Urdf, cuts: Cuts) -> RobotFile:
         note = f"no {path.stem}.yaml with closures and motors is beside it; each joint"
         note += f"{' that mimics none' * bool(led)} has a motor; actuated= names the motors"
     shapes = partial(urdf_shapes, urdf.root, path.parent)
-    parts = source, model, closures, motors, shapes, stiffness, rest, srdf, cuts.forces
+    parts = source, model, closures, motors, shapes, stiffness, rest, srdf, cuts.lines
     return RobotFile(*parts, tuple(notes), note)
 
 

@@ -38,7 +38,7 @@ class Cuts(NamedTuple):
     closures: tuple[Constraint, ...] = ()  #: By default frames `closing_NAME_1`, `closing_NAME_2`.
     couplings: tuple[Coupling, ...] = ()
     hinges: tuple[CutJoint, ...] = ()  #: Closures of other YAML files, by places of the joints.
-    forces: tuple[LineForce, ...] = ()
+    lines: tuple[LineForce, ...] = ()
     joints: tuple[tuple[str, str], ...] = ()  #: True kinds of joints by name; see `Urdf.tree`.
     numbers: JointNumbers = MappingProxyType({})
     locked: tuple[str, ...] = ()
@@ -86,8 +86,8 @@ def parse_cuts(text: str, source: str) -> Cuts:
     numbers = {key: dict(pairs) for key, pairs in tables.items()}
     for k, key in enumerate(("stiffness", "reference")):
         numbers[key] = {joint: spring[k] for joint, spring in springs.items()}
-    motors, forces, locked = (tuple(lists[key]) for key in ("name_mot", "line_force", "locked"))
-    parts = motors, tuple(closures), couplings, (), forces, tuple(joints), numbers, locked
+    motors, lines, locked = (tuple(lists[key]) for key in ("name_mot", "line_force", "locked"))
+    parts = motors, tuple(closures), couplings, (), lines, tuple(joints), numbers, locked
     return Cuts(*parts, gravity=gravity, source=source)
 
 

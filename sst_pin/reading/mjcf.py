@@ -58,7 +58,7 @@ def robot_file_of(
     shapes = partial(mjcf_shapes, compiled.mj, tree.bodies)
     parts = source, tree.model, closures, motors, shapes, stiffness, tree.rest
     notes = tuple(warning("file", text) for text in compiled.notes)
-    return RobotFile(*parts, forces=lines, notes=notes)
+    return RobotFile(*parts, lines=lines, notes=notes)
 
 
 def _switched_off(compiled: Compiled, actuated: Sequence[Motor] | None) -> Iterator[str]:

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The description of a closed chain in its files."""
 
-import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, NamedTuple
@@ -9,7 +8,7 @@ from typing import Any, NamedTuple
 import pinocchio as pin
 
 from ..arrays import Array
-from ..errors import DescriptionWarning, SSTError
+from ..errors import DescriptionWarning, SSTError, warn_caller
 from ..loops.coordinates import settled
 from ..model.checks import Motor, copied, mechanism_of, motors_of
 from ..model.closures import Constraint
@@ -30,14 +29,14 @@ class RobotFile(NamedTuple):
     stiffness: Array | None = None  #: Of the joints' springs, shape (nv,).
     spring_reference: Array | None = None  #: Rest positions of these springs, shape (nq,).
     srdf: Srdf | None = None  #: The SRDF beside a URDF.
-    forces: tuple[LineForce, ...] = ()
+    lines: tuple[LineForce, ...] = ()
     notes: tuple[Problem, ...] = ()  #: Content of the files that is ignored.
     open_tree: str = ""  #: A warning if the robot has no loops; else empty.
 
     @property
     def arguments(self) -> dict[str, Any]:
         """Arguments of the constructor of `ClosedChain`."""
-        names = ("model", "closures", "actuated", "stiffness", "spring_reference", "forces")
+        names = ("model", "closures", "actuated", "stiffness", "spring_reference", "lines")
         return {name: getattr(self, name) for name in names}
 
     def mechanism(self) -> Mechanism:
@@ -45,7 +44,7 @@ class RobotFile(NamedTuple):
         names = ("viscous_friction", "coulomb_friction", "stiffness", "spring_reference")
         numbers = {name: getattr(self, name, None) for name in names}
         model, motors = copied(self.model), motors_of(self.actuated)
-        return settled(mechanism_of(model, self.closures, motors, None, numbers, self.forces))
+        return settled(mechanism_of(model, self.closures, motors, None, numbers, self.lines))
 
 
 @contextmanager
@@ -61,5 +60,5 @@ def naming(source: str) -> Iterator[None]:
 def warned(robot: RobotFile, notes: Iterable[str], source: str) -> RobotFile:
     """Warn of each note, pointing to the caller of the reader's caller; returns the robot."""
     for note in dict.fromkeys(notes):
-        warnings.warn(f"{source}: {note}", DescriptionWarning, stacklevel=4)
+        warn_caller(f"{source}: {note}", DescriptionWarning)
     return robot

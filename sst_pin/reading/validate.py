@@ -156,7 +156,7 @@ def _unknown(robot: RobotFile) -> Iterator[Problem]:
     if not model.nv:
         yield error("tree", "all joints are fixed")
     ends = {f"closure {closure}": frames_of(closure) for closure in robot.closures}
-    ends |= {f"line {line}": (line.frame_a, line.frame_b) for line in robot.forces}
+    ends |= {f"line {line}": (line.frame_a, line.frame_b) for line in robot.lines}
     for where, frame in ((where, frame) for where, frames in ends.items() for frame in frames):
         try:
             frame_id(model, frame)
@@ -164,7 +164,7 @@ def _unknown(robot: RobotFile) -> Iterator[Problem]:
             yield from _errors_of(caught, f"frame {frame}")
         except SSTError:
             yield error(where, f"no frame {frame} in the model")
-    known = [*list(model.names)[1:], *map(str, robot.forces)]
+    known = [*list(model.names)[1:], *map(str, robot.lines)]
     for joint in (name for motor in robot.actuated for name in tendon_of(motor)[1]):
         if joint not in known:
             yield error(f"motor {joint}", "no moving joint of this name in the model")
@@ -183,7 +183,7 @@ def _open(robot: RobotFile) -> Iterator[Problem]:
 
 def _gap(robot: RobotFile, closures: Sequence[Constraint]) -> float:
     """Smallest residual of the closures, 0 if the loops can be closed."""
-    bare = robot._replace(closures=tuple(closures), actuated=(), forces=())
+    bare = robot._replace(closures=tuple(closures), actuated=(), lines=())
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DescriptionWarning)  # a note on the whole robot
         engine = Engine(bare.mechanism())
@@ -220,7 +220,7 @@ def _home(engine: Engine) -> Iterator[Problem]:
 
 
 def _actuation(engine: Engine, mobility: Mobility) -> Iterator[Problem]:
-    freedoms, motors = mobility.degrees_of_freedom, len(mobility.actuated)
+    freedoms, motors = mobility.degrees_of_freedom, len(mobility.motor_names)
     count = f"{motors} motor{'s' * (motors != 1)} for {freedoms} degree"
     count += f"{'s' * (freedoms != 1)} of freedom"
     if not freedoms:

@@ -51,7 +51,7 @@ class GalleryRobot(ClosedChain):
             platform; NaN where it is out of reach.
         home: A pose of the platform where the robot is regular.
         point: Whether the platform is a point, so that its orientation does not count.
-        forces: Springs and dampers between two frames.
+        lines: Springs and dampers between two frames.
 
     Raises:
         WorkspaceError: When the loops do not close at home.
@@ -66,7 +66,7 @@ class GalleryRobot(ClosedChain):
         home: pin.SE3,
         *,
         point: bool = False,
-        forces: Sequence[LineForce] = (),
+        lines: Sequence[LineForce] = (),
     ) -> None:
         self._tree, self._shapes, self._joints = tree.model, tree.visual_model, joints
         self._rows = slice(None), slice(3 if point else 0, 4)  # the part of a pose that is compared
@@ -75,7 +75,7 @@ class GalleryRobot(ClosedChain):
         if not np.isfinite(q).all():
             raise WorkspaceError(problem)
         tree.model.referenceConfigurations["home"] = pin.normalize(tree.model, q)
-        super().__init__(tree.model, closures, actuated, forces=forces)
+        super().__init__(tree.model, closures, actuated, lines=lines)
         for shape in joint_shapes(tree, closures, actuated):
             tree.visual_model.addGeometryObject(shape)
         try:

@@ -3,15 +3,13 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, finite_array
 from ..dynamics.quantities import Quantity
 from ..engine import Engine, Robot
-from ..errors import ClosureError, DescriptionWarning, InputError
+from ..errors import ClosureError, DescriptionWarning, InputError, warn_caller
 from ..loops.start import placed
 from ..model.mechanism import Mechanism
 from ..model.named_positions import taken
@@ -83,11 +81,10 @@ def _warn_of_full_turns(mechanism: Mechanism, x: Array) -> None:
     jumps = (steps > 1.5 * np.pi).any(axis=0) & (np.median(steps, axis=0) < np.pi / 2)
     columns = zip(mechanism.coordinate_names, mechanism.coordinate_rate_units, jumps, strict=True)
     if names := [name for name, unit, jump in columns if unit == "rad" and jump]:
-        warnings.warn(
+        warn_caller(
             f"x: {listed(names)} jump by a full turn or more between samples, which takes large "
             "rates and torques; if they were measured modulo one turn, use numpy.unwrap",
             DescriptionWarning,
-            stacklevel=4,
         )
 
 

@@ -61,5 +61,5 @@ def parts_of(table: Table) -> dict[str, Any]:
         **dict(zip(("t", "q", "va", "aa", "tau"), [arrays[0][:, 0], *arrays[1:]], strict=True)),
         **{"joint_names": [c.name for c in q], "units": [c.unit for c in q]},
         **{"coordinates": [c.name for c in va], "rate_units": [c.unit for c in va]},
-        **{"actuated": [c.name for c in tau], "torque_units": [c.unit for c in tau]},
+        **{"motor_names": [c.name for c in tau], "torque_units": [c.unit for c in tau]},
     }

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import warnings
 from contextlib import closing
 from dataclasses import replace
 
@@ -13,7 +12,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Array, positive_number, single_array
 from ..dynamics.quantities import Quantity
 from ..engine import Engine
-from ..errors import InputError, SingularityWarning
+from ..errors import InputError, SingularityWarning, warn_caller
 from ..model.closures import Rolling
 from ..progress import Bar
 from ..states import States
@@ -69,9 +68,9 @@ def simulate(
         q, va, aa, tau = integration.integrate(times, start)
     stopped, missed = integration.stopped, integration.missed
     if stopped:
-        warnings.warn(stopped, SingularityWarning, stacklevel=3)
+        warn_caller(stopped, SingularityWarning)
     if missed:
-        warnings.warn(missed, RuntimeWarning, stacklevel=3)
+        warn_caller(missed, RuntimeWarning)
     crossings = integration.crossings
     return trajectory_of(mechanism, times[: len(q)], q, va, aa, tau, stopped, crossings)
 

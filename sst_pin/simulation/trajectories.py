@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import Array, finite_array, names, single_array
 from ..errors import FileFormatError, InputError, MissingExtraError, OutputError
 from ..files import Table, Writer, as_path, read_table, require_ending, table_writer, write_files
+from ..former_names import FormerName, former_arguments
 from ..model.mechanism import Mechanism
 from ..summaries import Summary, listed
 from .crossings import Crossing
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 #: Fields that are compared and saved.
 _COMPARED = (
     *("t", "q", "va", "aa", "tau"),
-    *("joint_names", "actuated", "units", "coordinates", "rate_units", "torque_units"),
+    *("joint_names", "motor_names", "units", "coordinates", "rate_units", "torque_units"),
 )
 
 
@@ -46,7 +47,7 @@ class Trajectory(Summary):
         aa: Accelerations of the coordinates, shape (N, n).
         tau: Motor torques, shape (N, motors), [N m] or [N].
         joint_names: Names of the entries of q; names of joints if each has one entry.
-        actuated: Names of the motors.
+        motor_names: Names of the motors.
         units: "rad" or "m" for each entry of q; "" for entries of quaternions, cosines and sines.
         coordinates: Names of the rates of the coordinates; the motors by default.
         rate_units: "rad" or "m" for each rate.
@@ -69,7 +70,7 @@ class Trajectory(Summary):
     aa: Array
     tau: Array
     joint_names: tuple[str, ...]
-    actuated: tuple[str, ...]
+    motor_names: tuple[str, ...]
     units: tuple[str, ...]
     stopped: str
     crossings: tuple[Crossing, ...]
@@ -77,6 +78,9 @@ class Trajectory(Summary):
     rate_units: tuple[str, ...]
     torque_units: tuple[str, ...]
 
+    actuated = FormerName("motor_names")
+
+    @former_arguments(actuated="motor_names")
     def __init__(
         self,
         t: ArrayLike,
@@ -85,7 +89,7 @@ class Trajectory(Summary):
         aa: ArrayLike,
         tau: ArrayLike,
         joint_names: Sequence[str],
-        actuated: Sequence[str],
+        motor_names: Sequence[str],
         units: Sequence[str] | None = None,
         stopped: str = "",
         *,
@@ -96,8 +100,8 @@ class Trajectory(Summary):
     ) -> None:
         times = sample_times(t)
         joint_names = _names("joint_names", joint_names)
-        actuated = _names("actuated", actuated)
-        coordinates = actuated if coordinates is None else _names("coordinates", coordinates)
+        motor_names = _names("motor_names", motor_names)
+        coordinates = motor_names if coordinates is None else _names("coordinates", coordinates)
         units = _units("units", units or ("rad",) * len(joint_names), joint_names, ("rad", "m", ""))
         unit = dict(zip(joint_names, units, strict=True))
         if rate_units is None:
@@ -105,8 +109,8 @@ class Trajectory(Summary):
         rate_units = _units("rate_units", rate_units, coordinates, ("rad", "m"))
         if torque_units is None:
             unit |= dict(zip(coordinates, rate_units, strict=True))
-            torque_units = ["N" if unit.get(name) == "m" else "Nm" for name in actuated]
-        torque_units = _units("torque_units", torque_units, actuated, ("Nm", "N"))
+            torque_units = ["N" if unit.get(name) == "m" else "Nm" for name in motor_names]
+        torque_units = _units("torque_units", torque_units, motor_names, ("Nm", "N"))
         if not isinstance(stopped, str):
             raise InputError("stopped", f"{stopped!r} is not a text")
         in_order = isinstance(crossings, (list, tuple))
@@ -114,10 +118,11 @@ class Trajectory(Summary):
             raise InputError("crossings", f"{crossings!r} are no crossings of a simulation")
         fields = vars(self)  # the class is frozen
         fields |= {"t": times, "stopped": stopped, "crossings": tuple(crossings)}
-        fields |= {"joint_names": joint_names, "actuated": actuated, "coordinates": coordinates}
+        fields |= {"joint_names": joint_names, "coordinates": coordinates}
+        fields["motor_names"] = motor_names
         fields |= {"units": units, "rate_units": rate_units, "torque_units": torque_units}
         arrays = ("q", q, joint_names), ("va", va, coordinates), ("aa", aa, coordinates)
-        for name, value, columns in (*arrays, ("tau", tau, actuated)):
+        for name, value, columns in (*arrays, ("tau", tau, motor_names)):
             shape = len(times), len(columns)
             array = fields[name] = finite_array(name, value, shape[1:]).copy()
             if array.shape != shape:
@@ -184,7 +189,7 @@ class Trajectory(Summary):
         """Title and rows of the printed motion."""
         count, peaks = len(self), np.abs(self.tau).max(axis=0)
         units = (unit.replace("Nm", "N m") for unit in self.torque_units)
-        largest = zip(self.actuated, peaks, units, strict=True)
+        largest = zip(self.motor_names, peaks, units, strict=True)
         forces = [f"{name} {peak:.4g} {unit}" for name, peak, unit in largest]
         rows = [
             ("t", f"{self.t[0]:g} to {self.t[-1]:g} s"),
@@ -247,8 +252,13 @@ class Trajectory(Summary):
             return cls(**parts_of(read_table(path)))
         try:
             with np.load(path, allow_pickle=False) as file:
-                older = {"torque_units"} - set(file.files)
-                content = {n: file[n] for n in (*_COMPARED, "stopped") if n not in older}
+                keys = {name: name for name in (*_COMPARED, "stopped")}
+                # Versions before 0.3 had no torque_units at first, and another name for the motors.
+                if "torque_units" not in file:
+                    del keys["torque_units"]
+                if "motor_names" not in file:
+                    keys["motor_names"] = "actuated"
+                content = {name: file[key] for name, key in keys.items()}
         except Exception as error:  # zipfile and NumPy raise many kinds of errors
             raise FileFormatError(path, f"not a motion: {error}") from None
         words = {key: content.pop(key).tolist() for key in content.keys() - set(_COMPARED[:5])}
@@ -263,7 +273,7 @@ class Trajectory(Summary):
             *columns_of("q", self.joint_names, self.units),
             *columns_of("va", self.coordinates, self.rate_units),
             *columns_of("aa", self.coordinates, self.rate_units),
-            *columns_of("tau", self.actuated, self.torque_units),
+            *columns_of("tau", self.motor_names, self.torque_units),
         ]
 
     def torque(self) -> Callable[[float], Array]:
@@ -336,7 +346,7 @@ def require_motion(motion: Trajectory, mechanism: Mechanism, name: str = "motion
     for what, present, needed in (
         ("joints", motion.joint_names, mechanism.space.position_names),
         ("coordinates", motion.coordinates, mechanism.coordinate_rate_names),
-        ("motors", motion.actuated, mechanism.motor_names),
+        ("motors", motion.motor_names, mechanism.motor_names),
         ("units of positions", motion.units, mechanism.space.position_units),
         ("units of rates", motion.rate_units, mechanism.coordinate_rate_units),
     ):

@@ -81,7 +81,7 @@ def torques_of(robot: ClosedChain, tau: Array) -> dict[str, Any]:
 
 def joints_of(robot: ClosedChain, q: Array) -> dict[str, Any]:
     """The set of the joints that have a unit, for q of shape (n, nq)."""
-    units = robot.joint_units
+    units = robot.position_units
     places = [i for i, unit in enumerate(units) if unit]
     names = [robot.position_names[i] for i in places]
     return _set("joints", "joint ", names, names, [units[i] for i in places], q[:, places])
@@ -123,7 +123,7 @@ def warnings_of(robot: ClosedChain, motion: Trajectory | Array) -> list[str]:
     if residuals[worst]:
         when = "" if np.isnan(t[worst]) else f" at t = {t[worst]:.6g} s"
         lines.append(f"the loops are open by {residuals[worst]:.3g} (m or rad){when}")
-    return lines + [str(finding) for finding in robot.check(motion)]
+    return lines + [str(finding) for finding in robot.check_limits(motion)]
 
 
 def live_data(robot: ClosedChain, scene: Scene, q: Array, va: Array) -> dict[str, Any]:
@@ -200,7 +200,9 @@ def _bounds(robot: ClosedChain) -> Iterator[dict[str, Any]]:
     ends = [("limits", model.lowerPositionLimit, model.upperPositionLimit)]
     ends += [] if arcs is None else [("arc", *arcs)]
     for what, low, high in ends:
-        for i, (name, unit) in enumerate(zip(robot.position_names, robot.joint_units, strict=True)):
+        for i, (name, unit) in enumerate(
+            zip(robot.position_names, robot.position_units, strict=True)
+        ):
             least, most = np.clip((low[i], high[i]), -_FAR, _FAR).tolist()
             if unit and (least, most) != (-_FAR, _FAR):
                 bound = {"low": least - over[i], "high": most + over[i]}

@@ -150,7 +150,7 @@ def _lines(robot: ClosedChain, size: float) -> Iterator[tuple[LineForce, Shape]]
     """A motor on a line as a cylinder with its rod, a spring as a coil, others as a thin line."""
     r, z = _BONE_RADIUS * size, np.linspace(0, 1, 12 * _TURNS + 1)
     coil = 2 * r * circle(2 * np.pi * _TURNS * z) + np.outer(z, (0, 0, 1))
-    for k, line in enumerate(robot.forces):
+    for k, line in enumerate(robot.lines):
         motors, colour = np.flatnonzero(robot.mechanism.lines.motors[k]), _BONE
         mesh = tube([(0, 0, 0), (0, 0, 1)], 0.4 * r)
         if len(motors):

@@ -16,7 +16,7 @@ def five_bar():
     """A robot with a spring, whose stiffness is among the parameters."""
     plain, rest = sst_pin.robots.five_bar(), {"stiffness": 5.0, "rest_length": 0.1}
     spring = sst_pin.LineForce("universe", "platform", name="spring", **rest)
-    return sst_pin.ClosedChain(plain.model, plain.closures, plain.motor_names, forces=[spring])
+    return sst_pin.ClosedChain(plain.model, plain.closures, plain.motor_names, lines=[spring])
 
 
 @pytest.fixture(scope="module")

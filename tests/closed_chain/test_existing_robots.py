@@ -29,7 +29,7 @@ def test_dynamics_agree_with_every_referee(name, delta):
 def test_cassie_has_one_motor_for_each_freedom_once_its_springs_are_stiff():
     """Per leg 8 hinges and 2 angles of the rod, less 5 rows: the foot's loop is flat."""
     report = robot_named("cassie").mobility()  # on a stand
-    assert report.actuated == tuple(cassie.MOTORS)
+    assert report.motor_names == tuple(cassie.MOTORS)
     assert (len(report.joints), report.rank, report.redundant_rows) == (20, 10, 2)
     assert report.degrees_of_freedom == 10
     assert report.sufficient

@@ -49,7 +49,7 @@ def test_mobility_counts_the_freedoms_and_the_redundant_rows(robot, chain, gener
     assert report.redundant_rows == robot.redundant_rows
     assert report.sufficient
     assert not report.redundantly_actuated
-    assert report.actuated == tuple(robot.actuated)
+    assert report.motor_names == tuple(robot.actuated)
 
 
 def test_L_is_an_orthogonal_complement_of_Phi(robot, chain, states):

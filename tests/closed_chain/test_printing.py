@@ -44,7 +44,7 @@ def test_a_robot_says_its_class_its_sizes_and_what_computes():
     assert "the reference path: no kernels yet" in text
 
 
-@pytest.mark.parametrize("name", ["actuated", "coordinates", "friction", "home", "model"])
+@pytest.mark.parametrize("name", ["motor_indices", "coordinates", "friction", "home", "model"])
 def test_what_is_computed_from_the_model_cannot_be_assigned(name):
     with pytest.raises(AttributeError):
         setattr(sst_pin.robots.four_bar(), name, None)

@@ -190,7 +190,7 @@ def test_the_path_says_in_plain_words_what_has_no_kernel():
     chain.compile()
     with pytest.raises(sst_pin.ActuationError):
         chain.compute_torques(bars.home, [0.0], [1.0])
-    assert chain.path.endswith(
+    assert chain.backend.endswith(
         "; torques by the reference path: fewer motors (0) than coordinates (1)"
     )
 
@@ -207,11 +207,11 @@ def test_without_a_compiler_the_reason_is_said_and_the_reference_path_computes(
         chain.compile()
     q, va, aa = moving(chain, 1)
     assert np.isfinite(chain.compute_torques(q, va, aa)).all()
-    assert "compile()" in chain.path
+    assert "compile()" in chain.backend
     chain._engine = Engine(chain.mechanism, compiled_backend.CompiledBackend)
     elsewhere = pickle.loads(pickle.dumps(chain))
     assert np.isfinite(elsewhere.compute_torques(q, va, aa)).all()
-    assert "no C compiler found" in elsewhere.path
+    assert "no C compiler found" in elsewhere.backend
 
 
 @pytest.mark.slow
@@ -226,5 +226,5 @@ def test_every_instruction_set_gives_the_same(tmp_path, monkeypatch):
         expected = chain.compute_torques(q, va, aa)
         monkeypatch.setattr(_binding, "INSTRUCTIONS", target)
         chain.compile()
-        assert target in chain.path
+        assert target in chain.backend
         assert np.allclose(chain.compute_torques(q, va, aa), expected, rtol=1e-10)

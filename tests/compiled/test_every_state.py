@@ -87,7 +87,7 @@ def test_kernels_give_the_numbers_of_the_reference_path_or_leave_the_state_to_it
     va, aa = np.random.default_rng(1).normal(size=(2, len(q), reference.degrees_of_freedom))
     motors = len(reference.motor_names)
     allowed = np.maximum(1e-11, 100 * np.finfo(float).eps * conditions)
-    assert kernels.path.startswith("compiled")
+    assert kernels.backend.startswith("compiled")
     tau, result, backend = np.empty((len(q), motors)), np.empty_like(aa), kernels.engine.kernels
     expected = reference.compute_torques(q, va, aa)
     left = backend.kernel(Quantity("torques")).many((q, va, aa), tau)

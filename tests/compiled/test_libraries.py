@@ -131,7 +131,7 @@ def test_robots_that_differ_in_what_a_name_means_have_their_own_kernels(case):
             joint = add(model, 0, pin.JointModelRY(), name, at(0.3 * i), body)
             mark(model, joint, f"{name} end", at(0, 0, 0.2))
         driven = [name for name in names if name in motors]
-        chain = sst_pin.ClosedChain(model, closures, driven, forces=forces)
+        chain = sst_pin.ClosedChain(model, closures, driven, lines=forces)
         contents.add(fingerprint(chain.mechanism, OpenNumbers(chain.mechanism), np.zeros(3)))
     assert len(contents) == 2
 
@@ -167,7 +167,7 @@ def test_a_process_loads_a_library_once(monkeypatch):
     others = copy.deepcopy(chain), pickle.loads(pickle.dumps(chain))
     for one in (chain, *others, chain.with_parameters(chain.dynamic_parameters)):
         one.compute_torques(q, zero, zero)
-        assert one.path.startswith("compiled kernels")
+        assert one.backend.startswith("compiled kernels")
 
 
 def test_kernels_are_made_listed_and_deleted(tmp_path, monkeypatch, capsys):

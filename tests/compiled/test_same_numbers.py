@@ -30,7 +30,7 @@ def full(name):
     model.damping, model.friction, model.armature = random.uniform(0.1, 1, (3, model.nv))
     line = LineForce("universe", model.frames[-1].name, stiffness=50, preload=3, damping=2)
     stiffness = random.uniform(1, 9, model.nv)
-    return ClosedChain(model, robot.closures, robot.motor_names, forces=[line], stiffness=stiffness)
+    return ClosedChain(model, robot.closures, robot.motor_names, lines=[line], stiffness=stiffness)
 
 
 GALLERY = ("delta", "planar_4rrr", "ladder", "bennett", "bricard", "governor", "excavator")
@@ -168,7 +168,7 @@ def test_kernels_compute_what_the_reference_path_computes(name, method, request,
             most = tolerance * (scale or np.abs(right).max(initial=0))
             np.testing.assert_allclose(got, right, rtol=0, atol=most)
             np.testing.assert_allclose(one, right[3], rtol=0, atol=most)
-    assert "by the reference path" not in kernels.path
+    assert "by the reference path" not in kernels.backend
 
 
 def test_samples_at_fault_by_columns_are_named_or_nan_and_the_others_are_as_they_were(by_columns):
@@ -223,14 +223,14 @@ def test_gravity_inertias_and_friction_count_without_compiling_again(no_compiler
     assert np.abs(after - before).max() > 1
     reference = ClosedChain(model, kernels.closures, kernels.motor_names)
     same(after, reference.compute_torques(*motions))
-    assert kernels.path.startswith("compiled")
+    assert kernels.backend.startswith("compiled")
 
 
 def test_numbers_of_lines_change_without_a_new_compilation_and_ends_with_one(no_compiler):
     """Kernels hold the ends, not the numbers."""
     q, va, aa = any_chain.states(any_chain.lines(), 3, 0)
     soft = LineForce("wall", "platform", name="gas", stiffness=7, damping=1, preload=2)
-    robot, twin = (any_chain.lines(forces=(soft, any_chain.SPRING)) for _ in range(2))
+    robot, twin = (any_chain.lines(lines=(soft, any_chain.SPRING)) for _ in range(2))
     robot.compile()
     same(robot.compute_torques(q, va, aa), twin.compute_torques(q, va, aa), 1e-12)
     with pytest.raises(AssertionError, match="a compiler"):

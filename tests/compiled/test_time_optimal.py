@@ -24,6 +24,6 @@ def test_bang_bang_within_the_arcs_and_replayed_in_mujoco(robot):
     ends, motion = solution.q[DEGREE::DEGREE], time_optimal.simulated(robot, solution)
     assert np.abs(motion.q[4::4] - ends).max() < 1e-5
     assert np.abs(time_optimal.replayed(solution) - ends).max() < 1e-3
-    assert robot.check(motion) == ()
+    assert robot.check_limits(motion) == ()
     assert np.degrees(motion.q[:, 0].min()) < 1
     assert solution.duration < found(robot, 20).duration  # whose torques are among its own

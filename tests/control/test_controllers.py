@@ -85,7 +85,7 @@ def test_the_regulator_brings_the_robot_back_to_its_motion():
     control = sst_pin.TrackingLQR(robot, motion, Q=[1000, 0.1], R=[1e-3])
     state = robot.assemble(motion.q[0] + 0.03), motion.va[0]
     result = robot.simulate(control.torque, *state, T, rtol=1e-7, atol=1e-9)
-    error = np.abs(result.q - motion.q)[:, robot.actuated].max(axis=1)
+    error = np.abs(result.q - motion.q)[:, robot.motor_indices].max(axis=1)
     assert error[0] == pytest.approx(0.03)
     assert error[-1] < 1e-5
 

@@ -114,7 +114,7 @@ def test_the_star_points_where_its_arcs_allow(robot, psi):
         < 1e-9
     )
     allowed = [
-        not any("arc" in finding.problem for finding in robot.check(q))
+        not any("arc" in finding.problem for finding in robot.check_limits(q))
         for q in robot.inverse_kinematics(R.reshape(-1, 3, 3))
     ]
     assert np.array_equal(result.reached, np.reshape(allowed, result.why.shape))

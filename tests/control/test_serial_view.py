@@ -23,7 +23,7 @@ def leg_with_rotors():
     chain = robots.leg()
     model = pin.Model(chain.model)
     armature = np.zeros(model.nv)
-    armature[chain.actuated] = 0.03, 0.05, 0.02, 0.02
+    armature[chain.motor_indices] = 0.03, 0.05, 0.02, 0.02
     model.armature = armature
     D = np.linspace(0.01, 0.1, model.nv)
     return sst_pin.ClosedChain(model, chain.closures, chain.motor_names, viscous_friction=D)
@@ -41,7 +41,7 @@ def four_bar_on_a_cylinder():
     place = pin.SE3(np.eye(3), np.array([0.45, 0.0, 0.0]))
     model.addFrame(pin.Frame("foot", 0, place, pin.FrameType.OP_FRAME))
     cylinder = sst_pin.LineForce("foot", "rocker_pin", name="cylinder")
-    how = {"coordinates": ["crank"], "forces": [cylinder]}
+    how = {"coordinates": ["crank"], "lines": [cylinder]}
     return sst_pin.ClosedChain(model, bar.closures, ["cylinder"], **how)
 
 

@@ -157,7 +157,7 @@ def test_accelerations_of_motors_on_lines_are_refused_by_name():
         place = pin.SE3(np.eye(3), np.array(at, float))
         model.addFrame(pin.Frame(name, joint, place, pin.FrameType.OP_FRAME))
     ram = sst_pin.LineForce("base", "tip", name="ram")
-    arm = sst_pin.ClosedChain(model, [], ["ram"], forces=[ram])
+    arm = sst_pin.ClosedChain(model, [], ["ram"], lines=[ram])
     motion = sst_pin.time_optimal(arm, 0.3 * WAY, torques=60.0, rates=0.3)
     assert np.abs(arm.motor_rates(motion.q, motion.va)).max() <= 0.3
     with pytest.raises(sst_pin.InputError, match="not for motors on lines"):

@@ -153,7 +153,7 @@ UNKNOWN = {
     "no damping of single rates of a ball": partial(any_chain.with_joint, "spherical"),
     "more than hinges and slides": partial(any_chain.with_joint, "free-flyer"),
     "no constant force": partial(
-        any_chain.chain, forces=[LineForce("point_arm_2", "point_arm_5", preload=3)]
+        any_chain.chain, lines=[LineForce("point_arm_2", "point_arm_5", preload=3)]
     ),
     "polynomials of one joint": partial(
         any_chain.chain, more=[Coupling("arm_2", {"arm_1": (0, 1, 1), "body": (0, 1, 1)})]

@@ -60,7 +60,7 @@ def unbalanced(chain, q, va, aa, wrenches, w):
         at = data.oMf[model.getFrameId(frames_of(closure)[1])]
         give(ends[1].parentJoint, wrench, at, 1)
         give(ends[0].parentJoint, wrench, at, -1)
-    for line in chain.forces:
+    for line in chain.lines:
         names = line.frame_a, line.frame_b
         frames = [model.getFrameId(name) for name in names]
         way = np.subtract(*(data.oMf[frame].translation for frame in frames))  # from B to A

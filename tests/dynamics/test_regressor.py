@@ -80,7 +80,7 @@ def test_a_robot_with_other_parameters_leaves_the_first_as_it_was():
     before = np.array(robot.dynamic_parameters)
     heavier = robot.with_parameters({"beta_1.mass": 2.0, "mu_1.viscous": 0.3})
     assert isinstance(heavier, sst_pin.SST)
-    assert heavier.path == robot.path
+    assert heavier.backend == robot.backend
     assert_allclose(robot.dynamic_parameters, before, rtol=0)
     assert heavier.dynamic_parameters["beta_1.mass"] == 2.0
     assert heavier.friction.viscous[list(heavier.joint_names).index("mu_1")] == 0.3

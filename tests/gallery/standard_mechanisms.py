@@ -89,7 +89,7 @@ def andrews() -> GalleryRobot:
     spring = LineForce("spring_foot", "spring_eye", stiffness=4530.0, rest_length=0.07785)
     tips = [Closure(f"tip_of_{name}", "tip_of_theta", "3d") for name in ("gamma", "phi", "omega")]
     home = planar(0, 0, -0.0617138900142764496358948458001) * shift((_RR - _D, 0))
-    return GalleryRobot(tree, tips, ["beta"], _andrews_joints, home, forces=[spring])
+    return GalleryRobot(tree, tips, ["beta"], _andrews_joints, home, lines=[spring])
 
 
 def _andrews_joints(pose: pin.SE3) -> Joints:
@@ -133,7 +133,7 @@ def governor() -> GalleryRobot:
     spring = partial(LineForce, stiffness=8e5, rest_length=0.5, damping=4e4)
     springs = [spring(*line) for line in lines]
     motors = ["shaft", "arm_1", "arm_2", "slider"]
-    return GalleryRobot(tree, [], motors, _governor_joints, home, forces=springs)
+    return GalleryRobot(tree, [], motors, _governor_joints, home, lines=springs)
 
 
 def _governor_joints(pose: pin.SE3) -> Joints:

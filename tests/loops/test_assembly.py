@@ -213,7 +213,7 @@ def test_a_batch_of_guesses_is_assembled_sample_by_sample_and_open_ones_are_name
     result = robot.assemble(guesses)
     assert result.shape == guesses.shape
     assert np.array_equal(result[1, 2], robot.assemble(guesses[1, 2]))
-    guesses[0, 1, list(robot.actuated)] = np.pi, 0.0  # the elbows are too far apart
+    guesses[0, 1, list(robot.motor_indices)] = np.pi, 0.0  # the elbows are too far apart
     with pytest.raises(ClosureError) as caught:
         robot.assemble(guesses)
     assert caught.value.samples == ((0, 1),)

@@ -31,7 +31,7 @@ def test_the_configuration_of_a_frame_is_that_of_the_closed_form(name, size, tur
     poses, expected = _poses(robot, size)
     rotations = poses[..., :3, :3] if turned else None
     q = robot.frame_configuration("platform", poses[..., :3, 3], rotations)
-    motors = robot.actuated
+    motors = robot.motor_indices
     assert np.abs(q[..., motors] - expected[..., motors]).max() < LAST
     p, R = robot.frame_placement(q, "platform")
     assert np.abs(p - poses[..., :3, 3]).max() < LAST

@@ -146,7 +146,7 @@ def test_arrays_of_a_robot_are_read_only(copied):
     mechanism = chain.mechanism
     names = "coordinates motors example dependent selection sprung driven row_scale rate_scale"
     arrays = [getattr(mechanism, name) for name in names.split()]
-    arrays += [chain.actuation, chain.actuated, chain.friction.viscous, chain.friction.coulomb]
+    arrays += [chain.actuation, chain.motor_indices, chain.friction.viscous, chain.friction.coulomb]
     arrays += [mechanism.springs.stiffness, mechanism.springs.reference]
     assert not any(array.flags.writeable for array in arrays)
 
@@ -193,9 +193,9 @@ def test_copies_threads_and_other_processes_compute_the_same(make):
     for copied in (copy.copy, copy.deepcopy, lambda c: pickle.loads(pickle.dumps(c))):
         other = copied(chain)
         assert np.array_equal(everything(other, q, random(0)), wanted)
-        for name in ("coordinates", "forces", "path"):
+        for name in ("coordinates", "lines", "backend"):
             assert getattr(other, name) == getattr(chain, name)
-    forces, wanted = chain.forces, [chain.generalized_forces(*x) for x in zip(*states, strict=True)]
+    lines, wanted = chain.lines, [chain.generalized_forces(*x) for x in zip(*states, strict=True)]
     with ThreadPoolExecutor(8) as pool:
         for _ in range(5):
             assert np.array_equal(list(pool.map(make().generalized_forces, *states)), wanted)
@@ -203,4 +203,4 @@ def test_copies_threads_and_other_processes_compute_the_same(make):
         calls = zip(*states, strict=True)
         assert np.array_equal(pool.starmap(chain.generalized_forces, calls), wanted)
     chain.refresh()
-    assert chain.forces == forces
+    assert chain.lines == lines

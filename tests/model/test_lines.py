@@ -26,7 +26,7 @@ STRUTS = [
 def with_lines(robot, motors=("body",)):
     """The robot with lines, and without."""
     how = {"coordinates": robot.coordinates}
-    lined = ClosedChain(robot.model, robot.closures, motors, forces=STRUTS, **how)
+    lined = ClosedChain(robot.model, robot.closures, motors, lines=STRUTS, **how)
     return lined, ClosedChain(robot.model, robot.closures, ["body"], **how)
 
 
@@ -86,7 +86,7 @@ LINES_AND_MOTORS = {
 @pytest.mark.parametrize("name", LINES_AND_MOTORS)
 def test_derivatives_are_those_of_differences(name):
     robot, motors, forces = LINES_AND_MOTORS[name]()
-    some = case(robot.model, robot.closures, motors, forces=forces)
+    some = case(robot.model, robot.closures, motors, lines=forces)
     random = np.random.default_rng(1)
     for state in some.states(2):
         assert_derivatives_are_those_of_differences(some, *state, random)
@@ -95,7 +95,7 @@ def test_derivatives_are_those_of_differences(name):
 def test_both_ends_in_one_place_have_no_direction():
     bar = sst_pin.robots.four_bar()
     gas = LineForce("rocker_pin", "coupler_pin", stiffness=1, name="gas")
-    chain = ClosedChain(bar.model, bar.closures, ["crank"], forces=[gas])
+    chain = ClosedChain(bar.model, bar.closures, ["crank"], lines=[gas])
     for quantity in (chain.compute_torques, chain.compute_accelerations):
         with pytest.raises(sst_pin.SingularConfigurationError, match="line gas is not determined"):
             quantity(bar.home, [0], [0])
@@ -106,7 +106,7 @@ def test_lines_that_do_not_fit_the_robot_are_refused():
     bar = sst_pin.robots.four_bar()
 
     def chain(forces, motors=("crank",)):
-        return ClosedChain(bar.model, bar.closures, motors, forces=forces)
+        return ClosedChain(bar.model, bar.closures, motors, lines=forces)
 
     line = LineForce("universe", "platform")
     with pytest.raises(sst_pin.UnknownNameError, match="platfrom"):

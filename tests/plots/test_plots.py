@@ -112,7 +112,7 @@ def test_a_legible_page_says_what_the_machine_cannot_take(robot, monkeypatch):
     q, va, aa = robot.joint_motion(*rates)
     off = robot.trajectory(t, q, va, aa, 0 * va)
     figure = plots.motion_page(robot, off, plots.SUBJECTS)
-    for finding in robot.check(off):
+    for finding in robot.check_limits(off):
         assert f"Warning: {finding}" in figure.get_supxlabel()
     require_legible(figure, monkeypatch)
     within = robot.trajectory(t, q[[0] * 31], va, aa, 0 * va)

@@ -62,7 +62,7 @@ def test_wheel_of_the_source_archive_brings_the_robot_into_an_empty_environment(
         "import sst_pin; print(sst_pin.__file__); print(sst_pin.URDF_PATH); "
         "import sst_pin.verification.lagrange; "
         "robot = sst_pin.SST(); print(robot.compute_torques(robot.home, [0]*3, [0]*3)); "
-        "robot.compile(); print(robot.path)"
+        "robot.compile(); print(robot.backend)"
     )
     printed = run_python(code, "-I", python=python, cwd=tmp_path)
     module, urdf, torques, path = printed.splitlines()

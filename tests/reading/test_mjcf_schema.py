@@ -94,7 +94,7 @@ def disagreements(path, text):
     mj.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     data, model = mujoco.MjData(mj), read.model
     options = {"stiffness": read.stiffness, "spring_reference": read.spring_reference}
-    options |= {"forces": read.forces, "coulomb_friction": np.zeros(model.nv)}  # no constraints
+    options |= {"lines": read.lines, "coulomb_friction": np.zeros(model.nv)}  # no constraints
     names = list(model.names)[1:]
     chain = sst_pin.ClosedChain(model, [], [], coordinates=names, **options)
     for q, v, dv in np.random.default_rng(0).normal(size=(2, 3, model.nv)):

@@ -54,7 +54,7 @@ def mjcf(tmp_path):
 def test_spatial_tendons_are_lines_as_in_mujoco(mjcf):
     """Forces, accelerations and moment arms of a robot with a coupling, within 1e-9."""
     chain, mj = sst_pin.ClosedChain.from_mjcf(mjcf), mujoco.MjModel.from_xml_path(str(mjcf))
-    assert [str(line) for line in chain.forces] == ["spring", "damper", "both", "cylinder"]
+    assert [str(line) for line in chain.lines] == ["spring", "damper", "both", "cylinder"]
     assert chain.motor_names == ("left", "cylinder", "elbow", "wrist", "spin")
     mj.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     data, random = mujoco.MjData(mj), np.random.default_rng(0)
@@ -120,7 +120,7 @@ def test_limits_of_tendons_and_balls_are_ignored_with_a_warning(mjcf, old, new, 
     with pytest.warns(sst_pin.DescriptionWarning, match=told) as caught:
         chain = sst_pin.ClosedChain.from_mjcf(mjcf)
     assert [warning.filename for warning in caught] == [__file__]
-    assert len(chain.forces) == 4
+    assert len(chain.lines) == 4
     with warnings.catch_warnings():
         warnings.simplefilter("error", sst_pin.DescriptionWarning)
         assert f"warning: file: {told}" in map(str, sst_pin.validate(mjcf))
@@ -128,7 +128,7 @@ def test_limits_of_tendons_and_balls_are_ignored_with_a_warning(mjcf, old, new, 
 
 def test_a_tendon_named_as_a_motor_is_a_line(mjcf):
     chain = sst_pin.ClosedChain.from_mjcf(mjcf, actuated=["idle", "left"])
-    assert [str(line) for line in chain.forces] == ["spring", "damper", "both", "idle"]
+    assert [str(line) for line in chain.lines] == ["spring", "damper", "both", "idle"]
     assert chain.motor_units == ("N", "Nm")
 
 
@@ -158,7 +158,7 @@ def test_a_yaml_lists_forces_along_lines(delta):
     chain = sst_pin.ClosedChain.from_urdf(path)
     gas = {"name": "gas", "stiffness": 60, "rest_length": 0.4, "damping": 2, "preload": -8}
     plain = LineForce("universe", "rod_2a_end")
-    assert chain.forces == (LineForce("universe", "platform", **gas), plain)
+    assert chain.lines == (LineForce("universe", "platform", **gas), plain)
     assert chain.motor_names[0] == "universe-rod_2a_end"
     assert "error" not in {problem.severity for problem in sst_pin.validate(path)}
 

@@ -33,7 +33,7 @@ def test_the_regulator_holds_a_pose_that_is_unstable(compiled_robot):
     slowest = np.abs(np.linalg.eigvals(closed)).max()
     assert slowest < 1
     q = lqr.starts(compiled_robot, np.array([1e-4]))[0]
-    motors = list(compiled_robot.actuated)
+    motors = list(compiled_robot.motor_indices)
     x = np.concatenate([q[0, motors] - control.q[motors], rest])
     expected = []
     for _ in range(100):

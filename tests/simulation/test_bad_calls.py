@@ -13,13 +13,13 @@ from tests.support.bad_calls import faults
 
 T, ONES = np.linspace(0, 1, 5), np.ones((5, 1))
 GOOD = {"t": T, "q": np.ones((5, 3)), "va": ONES, "aa": ONES, "tau": ONES}
-GOOD |= {"joint_names": ("a", "b", "c"), "actuated": ("a",)}
+GOOD |= {"joint_names": ("a", "b", "c"), "motor_names": ("a",)}
 MOTION = Trajectory(**GOOD)
 CHAIN = sst_pin.robots.four_bar()
 MOVES = {"chain": CHAIN, "t": T, "x": 1 + 0.1 * T[:, None], "start": CHAIN.home, "frame": "coupler"}
 MOVES |= {"poses": np.zeros((5, 3)), "motion": CHAIN.simulate([0.0], CHAIN.home, [0.0], T / 500)}
 CALLS = {
-    "Trajectory": (Trajectory, GOOD, {"stopped", "actuated", "coordinates"}),
+    "Trajectory": (Trajectory, GOOD, {"stopped", "motor_names", "coordinates"}),
     "between": (MOTION.between, {"start": 0.0, "end": 1.0}),
     "save": (MOTION.save, {"path": "a.csv"}),
     "load": (Trajectory.load, {"path": "a.csv"}),
@@ -64,7 +64,10 @@ def test_motions_that_do_not_fit_into_memory_are_refused(shape):
 
 def archive(**changes):
     arrays = {name: getattr(MOTION, name) for name in ("t", "q", "va", "aa", "tau")}
-    arrays |= {"joint_names": np.array(MOTION.joint_names), "actuated": np.array(MOTION.actuated)}
+    arrays |= {
+        "joint_names": np.array(MOTION.joint_names),
+        "motor_names": np.array(MOTION.motor_names),
+    }
     arrays |= {"units": np.array(MOTION.units), "stopped": np.array("")} | changes
     file = io.BytesIO()
     np.savez(file, **{name: value for name, value in arrays.items() if value is not None})

@@ -122,7 +122,7 @@ def test_dependent_joints_that_are_given_choose_the_assembly(digits):
     chain = sst_pin.robots.slider_crank()
     names, home = chain.position_names, chain.home
     assert chain.coordinates == ("crank",)
-    (slider,) = [k for k, unit in enumerate(chain.joint_units) if unit == "m"]
+    (slider,) = [k for k, unit in enumerate(chain.position_units) if unit == "m"]
     guess = home.copy()
     guess[slider] *= -1
     assert chain.home[slider] > 0.01

@@ -38,9 +38,9 @@ def test_a_stewart_platform_follows_poses():
     motion = sst_pin.frame_motion(platform, T, "platform", poses)
     assert np.abs(platform.platform_pose(motion.q) - poses).max() < 1e-9
     coordinates = list(platform.mechanism.coordinates)
-    wanted = platform.inverse_kinematics(poses)[:, platform.actuated]
-    assert coordinates == list(platform.actuated)
-    assert np.abs(motion.q[:, platform.actuated] - wanted).max() < 1e-9
+    wanted = platform.inverse_kinematics(poses)[:, platform.motor_indices]
+    assert coordinates == list(platform.motor_indices)
+    assert np.abs(motion.q[:, platform.motor_indices] - wanted).max() < 1e-9
 
 
 def test_the_star_follows_orientations(robot):

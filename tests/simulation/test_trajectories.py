@@ -111,7 +111,7 @@ def test_a_part_of_a_motion_is_a_motion(motion):
         part = motion[samples]
         for name in ("t", "q", "va", "aa", "tau"):
             assert np.array_equal(getattr(part, name), getattr(motion, name)[samples])
-        for name in ("joint_names", "actuated", "units", "coordinates", "rate_units"):
+        for name in ("joint_names", "motor_names", "units", "coordinates", "rate_units"):
             assert getattr(part, name) == getattr(motion, name)
     assert motion[:] == motion
 
@@ -178,7 +178,7 @@ def test_a_motion_with_other_motors_or_coordinates_is_refused(what, tmp_path):
     for use in (
         lambda: sst_pin.energy_error(chain, motion),
         lambda: chain.simulate(motion, chain.home, [0, 0], motion.t),
-        lambda: chain.check(motion),
+        lambda: chain.check_limits(motion),
     ):
         with pytest.raises(sst_pin.InputError, match=f"another robot, with {what}") as caught:
             use()
@@ -190,7 +190,7 @@ def test_a_motion_with_other_motors_or_coordinates_is_refused(what, tmp_path):
     read = load_motion(chain.engine, tmp_path / "other.csv")
     assert read.coordinates == chain.coordinates
     for name in chain.motor_names:
-        ours, theirs = (m.tau[:, m.actuated.index(name)] for m in (read, motion))
+        ours, theirs = (m.tau[:, m.motor_names.index(name)] for m in (read, motion))
         assert np.array_equal(ours, theirs)
 
 
@@ -203,7 +203,7 @@ def test_a_motion_belongs_to_robots_whose_joints_move_alike(tmp_path):
     t = np.linspace(0, 1, 7)
     motion = sst_pin.coordinate_motion(arms[0], t, t[:, None])
     with pytest.raises(sst_pin.InputError, match="units of positions rad; this one has m"):
-        arms[1].check(motion)
+        arms[1].check_limits(motion)
 
 
 def arm(names, motors=None, joint=pin.JointModelRY):

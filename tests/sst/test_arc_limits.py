@@ -26,7 +26,7 @@ def tilted(robot, phi):
 def test_the_papers_circle_is_within_arcs_and_limits_and_away_from_singularities(robot):
     """Sect. 7.2, to which the machine was designed."""
     q = robot.inverse_kinematics(sst_pin.paper_circle(T).R)
-    assert robot.check(motion_of(robot, q)) == ()
+    assert robot.check_limits(motion_of(robot, q)) == ()
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -36,7 +36,9 @@ def test_a_joint_is_found_off_its_arc_where_its_slider_is(seed):
     robot = sst_pin.SST(random_parameters(rng))
     R = sst_pin.orientation(*rng.uniform(-np.pi, np.pi, (3, len(T))))
     q = robot.inverse_kinematics(R)
-    result = {f.joints[0]: f for f in robot.check(motion_of(robot, q)) if " arc of " in f.problem}
+    result = {
+        f.joints[0]: f for f in robot.check_limits(motion_of(robot, q)) if " arc of " in f.problem
+    }
     legs, v = legs_of_joints(robot.geometry, q), robot.geometry.R_0[:, :, 0]
     for k in range(3):
         u, s, n = legs.u[:, k], legs.s[:, k], legs.n[:, k]
@@ -53,7 +55,7 @@ def test_a_joint_is_found_off_its_arc_where_its_slider_is(seed):
 def test_a_finding_carries_times_values_and_limits_and_says_the_worst(robot):
     """beta_1 is 90 deg - phi at theta = 20 deg; its arc begins at 0."""
     phi = np.radians(np.linspace(60, 155, len(T)))
-    result = robot.check(motion_of(robot, tilted(robot, phi)))
+    result = robot.check_limits(motion_of(robot, tilted(robot, phi)))
     beta = next(f for f in result if f.joints == ("beta_1",))
     assert beta.limits == (0, np.pi / 2)
     assert np.array_equal(beta.times, T[phi > np.pi / 2])
@@ -66,13 +68,13 @@ def test_a_finding_carries_times_values_and_limits_and_says_the_worst(robot):
 def test_the_ends_of_an_arc_belong_to_it(robot):
     q = tilted(robot, np.array([np.pi / 2]))
     assert abs(q[0, 2]) < 1e-15
-    assert robot.check(motion_of(robot, q)) == ()
+    assert robot.check_limits(motion_of(robot, q)) == ()
 
 
 def test_whole_turns_leave_no_arc_but_joint_limits(robot):
     """The slider is where it was; the joint's stops are not."""
     once, twice = (robot.home + 2 * np.pi * turns * np.eye(9)[0] for turns in (1, -2))
-    result = robot.check(motion_of(robot, np.array([robot.home, once, twice])))
+    result = robot.check_limits(motion_of(robot, np.array([robot.home, once, twice])))
     assert [f.joints for f in result] == [("gamma_1",)]
     assert "leaves its limits of -360 to 360 deg" in result[0].problem
     assert list(result[0].times) == [T[1], T[2]]
@@ -83,7 +85,7 @@ def test_both_kinds_of_singularity_are_found_where_they_are_near(robot):
     angles = np.random.default_rng(5).uniform(-np.pi, np.pi, (3, 4000))
     q = robot.inverse_kinematics(sst_pin.orientation(*angles))
     t, near = np.arange(len(q)) / 100, robot.singularities(q)
-    result = robot.check(motion_of(robot, q, t))
+    result = robot.check_limits(motion_of(robot, q, t))
     first = [f for f in result if f.joints[0].startswith("mu")]
     second = [f for f in result if f.joints == robot.motor_names]
     flat = near.first_kind < arc_limits.SMALLEST_SINE

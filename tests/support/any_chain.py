@@ -182,7 +182,7 @@ def chain(
     )
     model.damping, model.friction = random.uniform(0, 2, (2, model.nv))
     closures = [Closure("A", "B", kind)] if kind else []
-    return ClosedChain(model, [*closures, *more], options.pop("actuated", names), **options)
+    return ClosedChain(model, [*closures, *more], options.pop("motor_names", names), **options)
 
 
 def with_joint(name: str, **options) -> ClosedChain:
@@ -271,13 +271,13 @@ ON_LINES = ["gas", {"rocker": 0.3, SPRING.name: 2.0}]
 
 
 def lines(
-    where: Sequence[float] = (-0.3, 0.1, 0.3), forces: Sequence[LineForce] = (GAS, SPRING)
+    where: Sequence[float] = (-0.3, 0.1, 0.3), lines: Sequence[LineForce] = (GAS, SPRING)
 ) -> ClosedChain:
     """A four-bar with lines from a point on the wall, one of them a motor."""
     bars = robots.four_bar()
     model = pin.Model(bars.model)
     mark(model, 0, "wall", at(*where))
-    return ClosedChain(model, bars.closures, ON_LINES, forces=forces)
+    return ClosedChain(model, bars.closures, ON_LINES, lines=lines)
 
 
 def states(chain: ClosedChain, count: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -97,7 +97,7 @@ def case(model, closures, motors, home=None, **options):
     chain = ClosedChain(model, closures, motors, coulomb_friction=coulomb, **options)
     twin = ClosedChain(model, closures, motors, coulomb_friction=np.zeros(model.nv), **options)
     if home is None:
-        lines = {"forces": options.get("forces", ())}
+        lines = {"lines": options.get("lines", ())}
         home = regular(ClosedChain(model, closures, motors, **lines))
     # Both choose their coordinates at the same place.
     for robot in (chain, twin):
@@ -118,7 +118,7 @@ def regular(chain):
 
 def of_gallery(name, **options):
     robot = EVERY_ROBOT[name]()
-    options = {"forces": robot.forces} | options
+    options = {"lines": robot.lines} | options
     return case(robot.model, robot.closures, robot.motor_names, robot.home, **options)
 
 
@@ -171,7 +171,7 @@ def floating_four_bar(**options):
 def with_lines(motors, **options):
     """A four-bar with two lines, one of them a motor, and another motor that pulls both ways."""
     robot = any_chain.lines()
-    options = {"forces": robot.forces} | options
+    options = {"lines": robot.lines} | options
     made = any_chain.ON_LINES[:motors]
     return case(robot.model, robot.closures, made, robots.four_bar().home, **options)
 

@@ -17,7 +17,7 @@ LINE = sst_pin.LineForce("point_arm_2", "point_arm_5", **PULL)
 OTHERS = {
     "coupled": any_chain.coupled,
     "rods": any_chain.rods,
-    "line": lambda: any_chain.chain(forces=[LINE]),
+    "line": lambda: any_chain.chain(lines=[LINE]),
     "tree": lambda: any_chain.with_joint("free-flyer", kind=""),  # without closures, in space
     "wheel": lambda: any_chain.rolling(False),
 }

@@ -187,7 +187,7 @@ def test_rods_without_mass_and_forces_along_lines_reach_from_frame_to_frame():
     ends = "universe", "platform"
     kinds = {"cylinder": {}, "coil": {"stiffness": 3}, "damper": {"damping": 2}}
     lines = [sst_pin.LineForce(*ends, name=name, **how) for name, how in kinds.items()]
-    robot = sst_pin.ClosedChain(bar.model, bar.closures, ["crank", "cylinder"], forces=lines)
+    robot = sst_pin.ClosedChain(bar.model, bar.closures, ["crank", "cylinder"], lines=lines)
     scene = Scene(robot, BARE)
     shapes = {shape.name: shape for shape in scene.shapes if shape.mover.startswith("line_")}
     cylinder, coil, damper = (shapes[f"line {name}"] for name in kinds)
