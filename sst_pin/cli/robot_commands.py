@@ -36,21 +36,33 @@ def validate(arguments: argparse.Namespace) -> int:
 
 
 def verify(arguments: argparse.Namespace) -> int:
-    """Comparison of the dynamics with every referee."""
+    """Comparison of the dynamics with every referee.
+
+    Each quantity must agree with all referees that can judge it, and there must be one.
+    """
     from ..verification.verify import referees_of, table, verify_chain
 
     robot = common.robot_of(arguments)
     referees, problems = referees_of(robot)
     rows = list(verify_chain(robot, 5 if arguments.quick else 40, referees))
     disagree = sum(not row.passed for row in rows)
+    judged = {row.compared for row in rows if row.cases}
+    unjudged = sorted({row.compared for row in rows} - judged)
+    passed = not disagree and not unjudged
     if arguments.json:
-        shown = {"passed": not disagree, "comparisons": [row._asdict() for row in rows]}
+        shown = {"passed": passed, "comparisons": [row._asdict() for row in rows]}
         print(json.dumps(shown | {"skipped": list(map(str, problems))}, indent=1))
     else:
         print(table(rows))
-        print(*(f"skipped: {problem}\n" for problem in problems), sep="", end="")
-        print(f"{disagree} of {len(rows)} disagree" if disagree else "all agree")
-    return 1 if disagree else 0
+        for problem in problems:
+            print(f"skipped: {problem}")
+        if disagree:
+            print(f"{disagree} of {len(rows)} disagree")
+        elif unjudged:
+            print(f"no referee can say about: {', '.join(unjudged)}")
+        else:
+            print("all agree")
+    return 0 if passed else 1
 
 
 def compile(arguments: argparse.Namespace) -> None:  # noqa: A001

@@ -29,6 +29,11 @@ _DEPENDENT = 1e-9
 _ROWS = 2.5
 #: Largest condition number of a random configuration.
 _REGULAR = 1e2
+#: A random motion that leaves the limits is halved at most this often.
+_HALVINGS = 6
+#: The start of random motions is searched in at most this number of tries. It suffices when each
+#: joint is farther than a quarter of half its range from its limits.
+_TRIES, _INSIDE = 100, 0.75
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -122,8 +127,10 @@ def base_parameters(
 def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array, Array, Array]:
     """q, va, aa at random assembled configurations of one mode, away from singularities.
 
-    Shapes (count, nq), (count, n), (count, n). With these rates and accelerations weights and
-    inertia take torques of about the same size. `seed` is that of the random numbers.
+    Shapes (count, nq), (count, n), (count, n). The configurations are within the limits of the
+    robot. If no configuration nearby keeps a limit, they violate it less than their start does.
+    With these rates and accelerations weights and inertia take torques of about the same size.
+    `seed` is that of the random numbers.
 
     Raises:
         ClosureError: If too few configurations can be assembled.
@@ -135,18 +142,26 @@ def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array,
         ((5, 3), (5, 1))
     """
     random, mechanism = np.random.default_rng(whole_number("seed", seed, 0)), chain.mechanism
-    model, count = mechanism.model, whole_number("count", count, 1)
+    count = whole_number("count", count, 1)
     units = mechanism.rate_scale[mechanism.coordinates]
-    generic, configurations = chain.generic_configuration(), list[Array]()
+    start = _within_limits(chain, chain.generic_configuration(), random)
+    # A robot that is worse than usual at its start is so elsewhere.
+    largest = max(_REGULAR, 2 * float(chain.condition_number(start)))
+    allowed = _beyond_limits(chain, start)
+
+    def inside(q: Array) -> bool:
+        excess = _beyond_limits(chain, q)
+        return all(excess[joints] <= allowed.get(joints, 0.0) for joints in excess)
+
+    configurations = list[Array]()
     for _ in range(20 * count):
-        q, step = generic, 0.1 * random.normal(size=len(units)) * units
-        try:
-            for _ in range(3):  # along the loops, so that they stay in one assembly mode
-                q = chain.assemble(pin.integrate(model, q, chain.joint_rates(q, step)), fixed=())
-        except (ClosureError, SingularConfigurationError):
-            continue
-        if chain.condition_number(q) < _REGULAR:
-            configurations.append(q)
+        step = 0.1 * random.normal(size=len(units)) * units
+        for _ in range(_HALVINGS):
+            q = _moved(chain, start, step)
+            if q is not None and chain.condition_number(q) < largest and inside(q):
+                configurations.append(q)
+                break
+            step = step / 2
         if len(configurations) == count:
             break
     else:
@@ -155,6 +170,62 @@ def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array,
     va, aa = random.normal(size=(2, count, len(units))) * units
     faster = 9.81 / mechanism.length
     return np.array(configurations), va * np.sqrt(faster), aa * faster
+
+
+def _moved(chain: ClosedChain, start: Array, step: Array) -> Array | None:
+    """The configuration after three small motions along the loops; None if there is none.
+
+    Small motions stay in the assembly mode of the start.
+    """
+    q = start
+    try:
+        for _ in range(3):
+            ahead = pin.integrate(chain.mechanism.model, q, chain.joint_rates(q, step))
+            q = chain.assemble(ahead, fixed=())
+    except (ClosureError, SingularConfigurationError):
+        return None
+    return q
+
+
+def _beyond_limits(chain: ClosedChain, q: Array) -> dict[tuple[str, ...], float]:
+    """How far joints are beyond their limits at q, [rad] or [m]."""
+    excess = dict[tuple[str, ...], float]()
+    for finding in chain.check(q):
+        if not finding.singular:
+            low, high = finding.limits
+            value = float(finding.values[0])
+            excess[finding.joints] = max(low - value, value - high)
+    return excess
+
+
+def _within_limits(chain: ClosedChain, start: Array, random: np.random.Generator) -> Array:
+    """A configuration near the middle of the limits, in the assembly mode of the start.
+
+    Random motions that lead towards the middle are kept.
+    """
+    mechanism = chain.mechanism
+    low, high = mechanism.model.lowerPositionLimit, mechanism.model.upperPositionLimit
+    limited = np.isfinite(low) & np.isfinite(high) & (high > low)
+    if not limited.any():
+        return start
+    low, high = low[limited], high[limited]
+    units = mechanism.rate_scale[mechanism.coordinates]
+    best = start
+
+    def distance(q: Array) -> float:
+        """That from the middle: 1 at a limit."""
+        middle, half = high / 2 + low / 2, high / 2 - low / 2
+        return float((np.abs(q[limited] - middle) / half).max())
+
+    for _ in range(_TRIES):
+        if distance(best) < _INSIDE:
+            break
+        q = _moved(chain, best, 0.1 * random.normal(size=len(units)) * units)
+        if q is None or chain.condition_number(q) > _REGULAR:
+            continue
+        if distance(q) < distance(best):
+            best = q
+    return best
 
 
 def _considered(names: Sequence[str], values: Array, which: Sequence[str] | None) -> Indices:

@@ -3,7 +3,6 @@
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
 from functools import partial
 from typing import NamedTuple, Protocol
 
@@ -12,15 +11,21 @@ import pinocchio as pin
 
 from ..arrays import Array
 from ..closed_chain import ClosedChain
-from ..errors import ClosureError, SSTError
+from ..errors import SSTError
+from ..identification.base_parameters import random_states
 from ..progress import counted
 from .lagrange import LagrangeMultipliers
 from .mujoco_tree import MujocoInverse
 from .virtual_work import VirtualWork
 
-#: Tolerance for the same equations, relative to the largest force or acceleration. Rounding times
-#: the condition numbers of the cases is 1e-12 at worst, a thousandth of it.
+#: Least tolerance for the same equations: rounding is far below it, slips in equations far above.
 SAME_EQUATIONS = 1e-9
+#: Rounding in the sums and products of one computation, relative to its terms.
+_ROUNDING = 1e3 * float(np.finfo(np.float64).eps)
+#: With a larger tolerance a comparison shows nothing.
+_UNCLEAR = 1e-4
+#: What is compared.
+_TORQUES, _FORCES, _ACCELERATIONS = "torques", "forces along the coordinates", "accelerations"
 
 
 class Referee(Protocol):
@@ -53,34 +58,66 @@ class Comparison(NamedTuple):
 
     referee: str
     compared: str
-    cases: int
+    cases: int  #: Cases in which the referee has an answer.
+    unclear: int  #: Cases in which it has none, or rounding is too large for a comparison.
     absolute: float  #: Worst difference, [N m], [N], [rad/s^2] or [m/s^2].
-    relative: float  #: Worst difference relative to the largest value of its case.
-    limit: float  #: Of `relative`.
+    relative: float  #: Worst difference relative to the terms of its case.
+    limit: float  #: Of `relative` in this case.
     seconds: float  #: Time of the referee.
-    passed: bool
+    passed: bool  #: Whether no case disagrees.
+
+    @property
+    def verdict(self) -> str:
+        """The word in the table; "cannot say" if there is no case to compare."""
+        if not self.passed:
+            return "DISAGREES"
+        return "ok" if self.cases else "cannot say"
 
 
 class Differences:
     """The differences from one referee in one quantity."""
 
-    def __init__(self, referee: str, compared: str, limit: float = SAME_EQUATIONS) -> None:
-        self._title, self._limit, self._seconds = (referee, compared), limit, 0.0
-        self._differences: list[tuple[float, float]] = []  # absolute and relative
+    def __init__(self, referee: str, compared: str) -> None:
+        self._referee, self._compared = referee, compared
+        self._seconds, self._unclear = 0.0, 0
+        self._differences: list[tuple[float, float, float]] = []  # absolute, relative, limit
 
-    def add(self, answer: Callable[[], Array], expected: Array) -> None:
-        """Compute an answer and compare it with ours; NaN counts as the largest error."""
+    def add(self, answer: Callable[[], Array], expected: Array, size: float, limit: float) -> None:
+        """Compute an answer and compare it with ours.
+
+        `size` is that of the terms whose sum is the result, `limit` the largest difference relative
+        to it.
+        """
         began = time.perf_counter()
-        off = float(np.abs(answer() - expected).max())
+        try:
+            off = float(np.abs(answer() - expected).max(initial=0.0))
+        except (SSTError, np.linalg.LinAlgError):
+            off = np.nan
         self._seconds += time.perf_counter() - began
-        off = off if np.isfinite(off) else np.inf
-        self._differences.append((off, off / max(float(np.abs(expected).max()), 1e-300)))
+        if np.isfinite(off) and limit <= _UNCLEAR:
+            self._differences.append((off, off / max(size, 1e-300), limit))
+        else:
+            self._unclear += 1
 
     def comparison(self) -> Comparison:
         """The line of the table."""
-        worst, relative = map(max, zip(*self._differences, strict=True))
-        line = *self._title, len(self._differences), worst, relative, self._limit
-        return Comparison(*line, self._seconds, relative <= self._limit)
+        worst = max((absolute for absolute, *_ in self._differences), default=0.0)
+        _, relative, limit = max(
+            self._differences,
+            key=lambda case: case[1] / case[2],
+            default=(0.0, 0.0, SAME_EQUATIONS),
+        )
+        return Comparison(
+            self._referee,
+            self._compared,
+            len(self._differences),
+            self._unclear,
+            worst,
+            relative,
+            limit,
+            self._seconds,
+            passed=bool(relative <= limit),
+        )
 
 
 def referees_of(chain: ClosedChain) -> tuple[list[Referee], list[SSTError]]:
@@ -94,50 +131,91 @@ def referees_of(chain: ClosedChain) -> tuple[list[Referee], list[SSTError]]:
     return available, problems
 
 
+class _Case:
+    """The dynamics of a chain in one state, with the sizes of its terms and the limits of errors.
+
+    A result is a sum of forces of all joints. These may cancel, so the errors are relative to the
+    sum of their sizes.
+
+    Attributes:
+        expected: Our results, by their names.
+        sizes: The sizes of their terms.
+        limits: The largest errors, relative to the sizes.
+    """
+
+    def __init__(
+        self, chain: ClosedChain, q: Array, va: Array, aa: Array, tau: Array, *, sufficient: bool
+    ) -> None:
+        self.q, self.va, self.aa, self.tau = q, va, aa, tau
+        J = chain.actuator_jacobian(q)
+        self.expected = {_FORCES: chain.generalized_forces(q, va, aa)}
+        forces = self._forces(chain)
+        self.sizes = {_FORCES: float(forces.max())}
+        if sufficient:
+            self.tau = chain.compute_torques(q, va, aa)
+            self.expected[_TORQUES] = self.tau
+            self.sizes[_TORQUES] = float((np.abs(np.linalg.pinv(J.T)) @ forces).max(initial=0.0))
+        M = chain.reduced_terms(q, va).inertia
+        self.expected[_ACCELERATIONS] = chain.compute_accelerations(q, va, self.tau)
+        forces = forces + np.abs(M) @ np.abs(aa) + np.abs(J.T) @ np.abs(self.tau)
+        self.sizes[_ACCELERATIONS] = float((np.abs(np.linalg.inv(M)) @ forces).max())
+        # Two systems of equations are solved one after the other: for the rates that close the
+        # loops, and for their derivatives.
+        limit = max(SAME_EQUATIONS, _ROUNDING * float(chain.condition_number(q)) ** 2)
+        units = np.sqrt(np.diag(M))
+        limits = {_ACCELERATIONS: limit * float(np.linalg.cond(M / np.outer(units, units)))}
+        self.limits = dict.fromkeys(self.expected, limit) | limits
+
+    def _forces(self, chain: ClosedChain) -> Array:
+        """Sizes of the joint forces along each coordinate, shape (n,)."""
+        mechanism = chain.mechanism
+        v = chain.joint_rates(self.q, self.va)
+        dv = chain.joint_accelerations(self.q, self.va, self.aa)
+        model = mechanism.model
+        joints = np.abs(pin.rnea(model, model.createData(), self.q, v, dv))
+        joints += np.abs(mechanism.friction.forces(v))
+        joints += np.abs(mechanism.springs.forces(model, self.q))
+        sizes: Array = np.abs(chain.noc(self.q, self.va).L).T @ joints
+        return np.maximum(sizes, np.abs(self.expected[_FORCES]))
+
+
 def verify_chain(
     chain: ClosedChain, count: int = 20, referees: Sequence[Referee] | None = None
 ) -> Iterator[Comparison]:
-    """Compare the dynamics at random configurations in random motion with each referee."""
+    """Compare the dynamics at random configurations in random motion with each referee.
+
+    The states are those of `random_states`: within limits, away from singular configurations.
+    """
     if referees is None:
         referees, _ = referees_of(chain)
     rng, sufficient = np.random.default_rng(0), chain.mobility().sufficient
-    what = (*["torques"] * sufficient, "forces along the coordinates", "accelerations")
-    tables = [[Differences(referee.name, quantity) for quantity in what] for referee in referees]
-    states = counted(_states(chain, count, rng), "verifying", count)
-    for q, va, aa in states:
+    compared = [_FORCES, _ACCELERATIONS]
+    if sufficient:
+        compared.insert(0, _TORQUES)
+    tables = [
+        {quantity: Differences(referee.name, quantity) for quantity in compared}
+        for referee in referees
+    ]
+    states = zip(*random_states(chain, count), strict=True)
+    for q, va, aa in counted(states, "verifying", count):
         tau = rng.normal(size=len(chain.motor_names))
-        expected = [chain.generalized_forces(q, va, aa)]
-        if sufficient:
-            tau = chain.compute_torques(q, va, aa)
-            expected.insert(0, tau)
-        expected.append(chain.compute_accelerations(q, va, tau))
-        for referee, row in zip(referees, tables, strict=True):
-            answers = [partial(referee.generalized_forces, q, va, aa)]
-            if sufficient:
-                answers.insert(0, partial(referee.torques, q, va, aa))
-            answers.append(partial(referee.accelerations, q, va, tau))
-            for differences, answer, ours in zip(row, answers, expected, strict=True):
-                differences.add(answer, ours)
-    yield from (differences.comparison() for row in tables for differences in row)
-
-
-def _states(
-    chain: ClosedChain, count: int, rng: np.random.Generator
-) -> Iterator[tuple[Array, Array, Array]]:
-    """Closed configurations away from singularities, with random rates and accelerations."""
-    start, model = chain.generic_configuration(), chain.mechanism.model
-    n, limit = chain.degrees_of_freedom, max(1e3, float(chain.condition_number(start)))
-    samples = 0
-    for _ in range(100 * count):
-        guess = pin.integrate(model, start, rng.normal(scale=0.3, size=model.nv))
-        with suppress(ClosureError):
-            q = chain.assemble(guess, fixed=())
-            if chain.condition_number(q) < limit:
-                yield q, rng.normal(size=n), rng.normal(size=n)
-                samples += 1
-        if samples == count:
-            return
-    raise ClosureError("no configurations away from singularities were found", np.inf)
+        case = _Case(chain, q, va, aa, tau, sufficient=sufficient)
+        for referee, rows in zip(referees, tables, strict=True):
+            answers = {
+                _TORQUES: partial(referee.torques, q, va, aa),
+                _FORCES: partial(referee.generalized_forces, q, va, aa),
+                _ACCELERATIONS: partial(referee.accelerations, q, va, case.tau),
+            }
+            for quantity, differences in rows.items():
+                differences.add(
+                    answers[quantity],
+                    case.expected[quantity],
+                    case.sizes[quantity],
+                    case.limits[quantity],
+                )
+    for rows in tables:
+        for differences in rows.values():
+            yield differences.comparison()
 
 
 def table(rows: Sequence[Comparison]) -> str:
@@ -145,7 +223,7 @@ def table(rows: Sequence[Comparison]) -> str:
     lines = [("referee", "compared", "cases", "worst abs", "worst rel", "limit", "time", "")]
     for row in rows:
         numbers = f"{row.absolute:.1e}", f"{row.relative:.1e}", f"{row.limit:.0e}"
-        last = f"{row.seconds:.2f} s", "ok" if row.passed else "DISAGREES"
+        last = f"{row.seconds:.2f} s", row.verdict
         lines.append((row.referee, row.compared, str(row.cases), *numbers, *last))
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     return "\n".join(

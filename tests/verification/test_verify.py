@@ -13,6 +13,7 @@ from sst_pin.cli import main
 from sst_pin.errors import install_command
 from sst_pin.verification import verify
 from sst_pin.verification.mujoco_tree import MujocoTree
+from tests.gallery.cylinder_boom import cylinder_boom
 from tests.support.files import ROOT
 
 DELTA = ROOT / "examples" / "delta.urdf"
@@ -70,12 +71,43 @@ def test_wrong_weights_end_in_exit_code_1(monkeypatch, capsys):
     assert "disagree" in capsys.readouterr().out.splitlines()[-1]
 
 
-def test_a_referee_that_answers_nan_disagrees():
+@pytest.mark.parametrize("away", [0.5, 1e-2, 1e-4])
+def test_a_right_robot_agrees_near_a_singular_configuration(away):
+    """Condition numbers up to 5e4; differences of 1e-6 there are rounding."""
+    rows = list(verify.verify_chain(cylinder_boom(-np.pi / 2 + away), 20))
+    assert {row.verdict for row in rows} == {"ok"}
+
+
+def test_the_limit_stays_small_for_usual_robots():
+    """A slip of 1e-6 in a well-conditioned robot is seen."""
+    assert max(row.limit for row in verify.verify_chain(sst_pin.robots.stewart(), 5)) < 1e-7
+
+
+def _fails():
+    raise np.linalg.LinAlgError("singular")
+
+
+@pytest.mark.parametrize("answer", [lambda: np.array((1.0, np.nan)), _fails])
+def test_a_referee_without_an_answer_cannot_say(answer):
     differences = verify.Differences("nobody", "nothing")
-    differences.add(lambda: np.array((1.0, np.nan)), np.ones(2))
+    differences.add(answer, np.ones(2), 1.0, 1e-9)
     row = differences.comparison()
-    assert row.passed is False
-    assert row.relative == np.inf
+    assert (row.verdict, row.cases, row.unclear) == ("cannot say", 0, 1)
+
+
+def test_a_wrong_answer_beside_one_that_is_missing_disagrees():
+    differences = verify.Differences("nobody", "nothing")
+    differences.add(lambda: np.full(2, np.nan), np.ones(2), 1.0, 1e-9)
+    differences.add(lambda: np.full(2, 1.001), np.ones(2), 1.0, 1e-9)
+    assert differences.comparison().verdict == "DISAGREES"
+
+
+def test_a_quantity_that_no_referee_can_judge_ends_in_exit_code_1(monkeypatch, capsys):
+    """Rounding as large as the results: nothing is shown, and nothing is called wrong."""
+    monkeypatch.setattr(verify, "_UNCLEAR", 0.0)
+    assert main(["verify", "--quick"]) == 1
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last == "no referee can say about: accelerations, forces along the coordinates, torques"
 
 
 def test_mujoco_takes_dense_jacobians_of_large_robots():
