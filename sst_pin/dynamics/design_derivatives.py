@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from ..arrays import Array, for_each_sample, in_order
+from ..arrays import Array, for_each_sample, in_order, single_array
 from ..errors import InputError, SingularConfigurationError, UnknownNameError
 from ..model.closures import Coupling
 from ..model.geometry import RestingJoint, displaced, displacements, enlarged, parameter_names
@@ -83,10 +83,19 @@ def groups_of(mechanism: Mechanism, parameters: Iterable[Parameter]) -> list[Gro
 
 
 def changed(
-    mechanism: Mechanism, changes: Mapping[str, float]
+    mechanism: Mechanism, changes: Mapping[str, float] | object
 ) -> tuple[pin.Model, dict[str, float]]:
-    """The tree with a changed geometry, and the values of changed dynamic parameters."""
-    ((_, total),) = groups_of(mechanism, [changes])
+    """The tree with a changed geometry, and the values of changed dynamic parameters.
+
+    Anything that is not a mapping of names to numbers is refused.
+    """
+    if not isinstance(changes, Mapping):
+        problem = (
+            f'{changes!r}: a mapping of names to changes is needed, such as {{"crank.x": 1e-3}}'
+        )
+        raise InputError("changes", problem)
+    numbers = {name: float(single_array("changes", x, ())) for name, x in changes.items()}
+    ((_, total),) = groups_of(mechanism, [numbers])
     theta = regressor.parameters_of(mechanism)
     geometry = parameter_names(mechanism)
     moves = displacements(mechanism, {x: c for x, c in total.items() if x in geometry})

@@ -177,3 +177,13 @@ def test_names_that_are_none_are_refused(names):
     chain = robots.four_bar()
     with pytest.raises((sst_pin.UnknownNameError, sst_pin.InputError)):
         chain.design_derivatives(chain.home, [0], [0], names)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    ["elbow_1.x", ["elbow_1.x"], ("rod*.length",), None, {"elbow_1.x": None}, {"elbow_1.x": "a"}],
+)
+def test_changes_are_a_mapping_of_names_to_numbers(changes):
+    """A name alone once moved the joint by one metre."""
+    with pytest.raises(sst_pin.InputError, match="changes"):
+        robots.five_bar().with_design(changes)
