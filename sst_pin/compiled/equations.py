@@ -105,6 +105,9 @@ class Equations:
         matrix = ca.vertcat(SX(0, len(self._dependent)), *Phi_u)
         pattern = ca.DM(matrix.sparsity(), 1).full() > 0
         values = self.at_samples(matrix) * scale[:, None]
+        # Rows that hold nothing, such as a plane's for a planar arm, are rounding.
+        sizes_of_rows = np.abs(values * units).max(axis=(0, 2), initial=0.0)
+        pattern &= sizes_of_rows[:, None] > RANK_TOLERANCE
         Phi, determinant = [row.Phi for row in self.rows], SX(float(np.prod(units)))
         parts: list[tuple[Factors | Orthogonal, Array]] = []
         for rows, columns in connected(pattern):

@@ -17,6 +17,7 @@ from ..model.mechanism import Mechanism
 from ..model.thresholds import FEW_DIGITS
 from ..summaries import listed
 from .loops import Loops, connected
+from .mobility import free_motions, scaled_Phi
 
 _STEPS = 100
 #: Largest scaled error of an assembled configuration.
@@ -32,7 +33,7 @@ _HALVINGS = 20
 _AT_LIMIT = 1e-12
 #: Relative rounding of a position.
 _ROUNDING = float(np.finfo(float).eps)
-#: Singular values below this part of the largest count as zero.
+#: Singular values below this part of the largest, or of one, count as zero.
 _NO_RANK = 1e-10
 #: Loops that stay open by less, without units, are tried again with the tolerance for few digits.
 _NEARLY = 10 * FEW_DIGITS
@@ -126,11 +127,8 @@ class Assembly:
 
     def aside(self, q: Array, seed: int) -> Array:
         """A closed configuration beside a closed q, about 0.2 rad away along a random motion."""
-        from scipy.linalg import null_space
-
-        mechanism, loops = self.mechanism, self.loops
-        loops.evaluate(q)
-        motions = null_space(loops.Phi * self._scale, rcond=1e-8)
+        mechanism = self.mechanism
+        motions = free_motions(scaled_Phi(mechanism, self.loops, q))
         random = np.random.default_rng(seed)
         # A projection does not depend on the basis of the motions.
         direction = motions @ (motions.T @ random.normal(size=len(motions)))
@@ -232,6 +230,17 @@ def _size(f: Array) -> float:
     return math.sqrt(f.dot(f))
 
 
+def _shortest(A: Array, right: Array, tolerance: float) -> Array:
+    """The shortest x with the least |A x - right|, for rows free of units.
+
+    Singular values below `tolerance` times the largest count as zero. The largest counts as one at
+    least, as rows that hold a motion have the natural size one.
+    """
+    U, s, Vt = np.linalg.svd(A, full_matrices=False)
+    rank = np.count_nonzero(s > tolerance * s.max(initial=1.0))
+    return np.asarray(Vt[:rank].T @ (U[:, :rank].T @ right / s[:rank]), dtype=float)
+
+
 class _Limits:
     """Limits of all joints of one coordinate; only the rates `free` move. None if not `wanted`."""
 
@@ -258,7 +267,7 @@ class _Limits:
     ) -> tuple[Indices, Array]:
         """Newton's step without the rates that lead beyond a limit."""
         while True:
-            part = np.asarray(np.linalg.lstsq(Phi[:, columns], right, rcond=rcond)[0], dtype=float)
+            part = _shortest(Phi[:, columns], right, rcond)
             if not len(self._v):
                 return columns, part
             down, up = self._room(q)[:, columns]

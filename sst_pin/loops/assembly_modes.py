@@ -19,12 +19,12 @@ from ..arrays import Array, Indices, in_one_turn
 from ..errors import InputError
 from ..model.closures import Closure, holds_points
 from ..model.named_positions import put
-from ..model.thresholds import CLOSURE_TOLERANCE, RANK_TOLERANCE, RESTS
+from ..model.thresholds import CLOSURE_TOLERANCE, RESTS
 from ..model.tree import frame_id
 from ..summaries import Summary, listed
 from .assembly import Assembly, home_of
 from .loops import connected
-from .mobility import free_motions, independent_rows, scaled_Phi
+from .mobility import free_motions, independent_rows, rank_of, scaled_Phi
 
 #: A search ends after _STARTS + _STARTS_PER_MODE * modes starts in a row without a new mode, or
 #: after _MOST_STARTS starts in all.
@@ -177,7 +177,8 @@ class _Search:
         matrices = [scaled_Phi(self._mechanism, self._loops, q) for q in configurations]
         for k, part in enumerate(self._parts):
             blocks = [Phi[np.ix_(*part)] for Phi in matrices]
-            regular = [np.linalg.matrix_rank(x, RANK_TOLERANCE) == x.shape[1] for x in blocks]
+            sizes = [np.linalg.svd(block, compute_uv=False) for block in blocks]
+            regular = [rank_of(x) == len(part[1]) for x in sizes]
             if any(regular):
                 rows = independent_rows(blocks[regular.index(True)])
                 signs[:, k] = np.sign(np.linalg.det([x[rows] for x in blocks])) * regular

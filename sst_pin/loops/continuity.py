@@ -32,7 +32,7 @@ CHANGE = 0.5
 TRAVEL = 0.5
 #: The most configurations between two samples of a motion: about forty turns.
 LOOKS = 2000
-#: Smaller singular values of a loop count as zero, relative to its largest.
+#: Smaller singular values of a loop count as zero, relative to its largest or to one.
 _INDEPENDENT = 1e-6
 #: Parts of a step are not divided further, as a fraction of the step.
 _SHORTEST = 1e-12
@@ -81,7 +81,8 @@ class Continuity:
             rows, rates, ranks = part_rows, mechanism.dependent[part], dict[int, int]()
             for k, loop in enumerate(loops.slices):
                 if np.isin(all_rows[loop], rows).any():
-                    ranks[k] = np.linalg.matrix_rank(Phi[loop, rates], rtol=_INDEPENDENT)
+                    sizes = np.linalg.svd(Phi[loop, rates], compute_uv=False)
+                    ranks[k] = int((sizes > _INDEPENDENT * sizes.max(initial=1.0)).sum())
             for _ in range(len(ranks) * (sum(ranks.values()) == len(rates))):
                 for k, rank in ranks.items():
                     loop = loops.slices[k]

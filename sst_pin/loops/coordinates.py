@@ -89,7 +89,7 @@ def _home(assembly: Assembly, fixed: Indices) -> Array | None:
         return q
     there = np.linalg.svd(scaled_Phi(mechanism, loops, beside), compute_uv=False)
     _, here, motions = np.linalg.svd(scaled_Phi(mechanism, loops, q))
-    vanishing = (there > RANK_TOLERANCE * there.max(initial=0.0)) & (here < _VANISHES * there)
+    vanishing = (there > RANK_TOLERANCE * there.max(initial=1.0)) & (here < _VANISHES * there)
     if not vanishing.any():
         return q
     _warn_of_singular_home(mechanism, motions[: len(here)][vanishing])

@@ -113,6 +113,15 @@ class Mobility:
         ]
 
 
+def rank_of(sizes: Array) -> int:
+    """Rank of a matrix from its singular values or pivots; its rows are free of units.
+
+    A row that holds a motion has the natural size one. A smaller largest value is compared with
+    one: where the rows hold nothing, all values are rounding.
+    """
+    return int(np.count_nonzero(sizes > RANK_TOLERANCE * sizes.max(initial=1.0)))
+
+
 def independent_rows(Phi: Array) -> Indices:
     """Indices of independent rows, as many as the rank of Phi, by a pivoted QR of Phi^T."""
     if not Phi.size:
@@ -120,17 +129,15 @@ def independent_rows(Phi: Array) -> Indices:
     from scipy.linalg import qr
 
     R, order = qr(Phi.T, pivoting=True, mode="r")
-    pivots = np.abs(np.diag(R))
-    return np.sort(order[: np.count_nonzero(pivots > RANK_TOLERANCE * pivots[0])])
+    return np.sort(order[: rank_of(np.abs(np.diag(R)))])
 
 
 def free_motions(Phi: Array) -> Array:
     """Orthonormal motions with Phi v = 0, shape (nv, degrees of freedom); Phi free of units."""
     if not Phi.size:
         return np.eye(Phi.shape[1])
-    from scipy.linalg import null_space
-
-    return np.asarray(null_space(Phi, rcond=RANK_TOLERANCE))
+    _, sizes, Vt = np.linalg.svd(Phi)
+    return np.asarray(Vt[rank_of(sizes) :].T)
 
 
 def scaled_Phi(mechanism: Mechanism, loops: Loops, q: Array) -> Array:
@@ -220,7 +227,7 @@ def idle_rates(mechanism: Mechanism, loops: Loops, Phi: Array) -> tuple[str, ...
     for rates in map(list, mechanism.space.rates.values()):
         if loops.touched[:, rates].any() and not np.isin(rates, mechanism.driven).any():
             _, sizes, Vt = np.linalg.svd(Phi[:, rates])
-            spins = Vt[np.count_nonzero(sizes > RANK_TOLERANCE) :]
+            spins = Vt[rank_of(sizes) :]
             order = qr(spins, mode="r", pivoting=True)[1] if len(spins) else []
             idle += sorted(rates[k] for k in order[: len(spins)])
     return tuple(mechanism.space.rate_names[k] for k in idle)
