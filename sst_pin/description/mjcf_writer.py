@@ -97,12 +97,13 @@ class MjcfWriter:
         SubElement(self.root, "option", _OPTION, gravity=numbers(model.gravity.linear))
         SubElement(SubElement(self.root, "default"), "equality", _EQUALITY)
         self._world = base = SubElement(self.root, "worldbody")
-        self._names = dict(enumerate(model.names))
-        for frame in list(model.frames)[::-1]:  # the name of a link, if it is there
-            if frame.type == _LINK and frame.placement.isIdentity() and frame.name not in _WORLDS:
-                self._names[frame.parentJoint] = frame.name
+        self._names = self._body_names()
         if self._names[0] != "universe":
             base = SubElement(self._world, "body", name=self._names[0])
+        # Free bodies must be in the world. The others are written there too, so that the order of
+        # the joints stays.
+        floats = any(_is_free(model.joints[j]) for j in model.children[0])
+        self._base = self._world if floats else base
         self._bodies, self.joints = [base] * model.njoints, list[MjcfJoint]()
         self._problems, self.notes, self._plain = list[str](), list[str](), plain
         self._ends = {name for closure in mechanism.closures for name in frames_of(closure)}
@@ -115,6 +116,24 @@ class MjcfWriter:
             for k, closure in enumerate(mechanism.closures):
                 self._close(k, closure)
             self._add_mimics()
+
+    def _body_names(self) -> dict[int, str]:
+        """Name of the body of each joint: of a link that stands at the joint, else of the joint.
+
+        A name that is a frame elsewhere is left to the site at this frame.
+        """
+        names = dict(enumerate(self._model.names))
+        for frame in list(self._model.frames)[::-1]:
+            if frame.type != _LINK or frame.name in _WORLDS:
+                continue
+            if frame.placement.isIdentity():
+                names[frame.parentJoint] = frame.name
+        at_joints = {(f.name, f.parentJoint) for f in self._model.frames if _is_at_joint(f)}
+        points = {f.name for f in self._model.frames if f.type in (*_POINTS, _LINK)}
+        for joint, name in names.items():
+            if name in points and (name, joint) not in at_joints:
+                names[joint] = f"{name}_joint"
+        return names
 
     def text(self) -> str:
         """The file; an error if MJCF cannot express a part of the robot."""
@@ -169,8 +188,7 @@ class MjcfWriter:
             except DescriptionError as error:
                 self._problems += error.problems
             joints = [joint.seen_from(at) for joint in before] + joints
-            free = any(joint.kind == "free" for joint in joints)
-            bearer = self._world if free else self._bodies[parent]
+            bearer = self._bodies[parent] if parent else self._base
             if self._is_empty(index) and all(joint.kind in _SINGLE for joint in joints):
                 self._bodies[index] = bearer
                 self._children(index, joints, start * at)
@@ -239,15 +257,15 @@ class MjcfWriter:
 
     def _add_sites(self) -> None:
         """Sites at frames other than joints and bodies, and at all ends of closures and lines."""
-        ends = set(self._ends)
-        seen = set(self._names.values()) - ends
-        for frame in self._model.frames:
+        bodies, sites = set(self._names.values()), set[str]()
+        for i, frame in enumerate(self._model.frames):
+            name = frame.name
             world = frame.parentJoint == 0 and frame.placement.isIdentity()
-            plain = frame.type in _POINTS or (frame.type == _LINK and not world)
-            if frame.name in ends or (plain and frame.name not in seen):
-                self._site(frame.name, frame.parentJoint, frame.placement)
-                ends.discard(frame.name)
-            seen.add(frame.name)
+            is_point = frame.type in _POINTS or (frame.type == _LINK and not world)
+            is_end = name in self._ends and frame_id(self._model, name) == i
+            if is_end or (is_point and name not in bodies and name not in sites):
+                self._site(name, frame.parentJoint, frame.placement)
+                sites.add(name)
 
     def _site(self, name: str, joint: int, at: pin.SE3) -> None:
         SubElement(self._bodies[joint], "site", {"name": _site_name(name)} | _pose(at))
@@ -370,6 +388,14 @@ class MjcfWriter:
         else:
             motor["tendon"] = self._fixed(name, {single[int(k)]: on_rates[k] for k in rates})
         SubElement(self._section("actuator"), "motor", motor)
+
+
+def _is_free(joint: Any) -> bool:
+    return bool(joint.shortname() == "JointModelFreeFlyer")
+
+
+def _is_at_joint(frame: pin.Frame) -> bool:
+    return frame.type != pin.FrameType.JOINT and bool(frame.placement.isIdentity())
 
 
 def _site_name(frame: str) -> str:

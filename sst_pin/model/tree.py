@@ -7,22 +7,29 @@ import pinocchio as pin
 
 from ..errors import DescriptionError, UnknownNameError
 
+_OF_JOINTS = (pin.FrameType.JOINT, pin.FrameType.FIXED_JOINT)
+
 
 def frame_id(model: pin.Model, name: str | None) -> int:
-    """Index of a frame; frames of one name (a joint and its link) must coincide."""
+    """Index of a frame.
+
+    A link, a site or a point comes before the joint of the same name, which may stand elsewhere.
+    Other frames of one name must coincide.
+    """
     if not (isinstance(name, str) and model.existFrame(name)):
         raise UnknownNameError("frame", str(name), [f.name for f in model.frames])
     with suppress(ValueError):  # several frames of the name
         return int(model.getFrameId(name))
     same = [i for i, frame in enumerate(model.frames) if frame.name == name]
-    first = model.frames[same[0]]
-    for i in same[1:]:
-        other = model.frames[i]
-        if other.parentJoint != first.parentJoint or other.placement != first.placement:
+    points = [i for i in same if model.frames[i].type not in _OF_JOINTS]
+    first, *others = points or same
+    frame = model.frames[first]
+    for other in (model.frames[i] for i in others):
+        if other.parentJoint != frame.parentJoint or other.placement != frame.placement:
             raise DescriptionError(
                 f"frame {name}", ["several frames have this name, at different places; rename one"]
             )
-    return same[0]
+    return first
 
 
 def body_of(model: pin.Model, frame: str) -> int | None:

@@ -39,7 +39,7 @@ class Compiled:
             self.mj.names.decode()
         except UnicodeDecodeError as error:
             raise DescriptionError(self.source, [f"names that are not UTF-8: {error}"]) from None
-        self._joints = {self.joint(joint) for joint in range(self.mj.njnt)}
+        self._bodies = {self.mj.body(body).name: body for body in range(1, self.mj.nbody)}
 
     def disabled(self, flag: str) -> bool:
         """Whether a flag of the options is "disable"; not every MuJoCo has every flag."""
@@ -50,10 +50,18 @@ class Compiled:
     def name(self, kind: str, i: int) -> str:
         """Name of an element; one without a name is called after its kind and number.
 
-        A site with the name of a joint, both frames here, is called `NAME_site`.
+        A site beside the body of the same name is called `NAME_site`: the name is the body's frame.
         """
         name = getattr(self.mj, kind)(i).name or f"{kind}_{i}"
-        return f"{name}_site" if kind == "site" and name in self._joints else name
+        return f"{name}_site" if kind == "site" and self._is_beside_body(i, name) else name
+
+    def _is_beside_body(self, site: int, name: str) -> bool:
+        """Whether a site has the name of a body whose frame is elsewhere."""
+        body = self._bodies.get(name)
+        if body is None:
+            return False
+        at = pose_of(self.mj.site_pos[site], self.mj.site_quat[site])
+        return body != self.mj.site_bodyid[site] or at != pin.SE3.Identity()
 
     def joint(self, joint: int) -> str:
         """Name of a joint; one without a name is called after its body."""

@@ -36,6 +36,7 @@ class MjcfTree:
         weightless = compiled.disabled("gravity")
         self.model.gravity.linear = np.zeros(3) if weightless else mj.opt.gravity
         self.bodies = [(0, pin.SE3.Identity())]
+        self._points = {"universe"}
         #: For each joint its addresses in `qpos`; the reference pose, if it is free and locked in
         #: part, else None; and its joints in this model.
         self._series: list[tuple[list[int], pin.SE3 | None, Series]] = []
@@ -92,18 +93,22 @@ class MjcfTree:
 
     def add_frame(self, name: str, body: int, place: pin.SE3) -> None:
         """A frame that is fixed to a body."""
-        if self.model.existFrame(name):
+        if name in self._points:
             text = "two frames (sites, ends of equalities) have this name"
             self._compiled.problems.append(f"frame {name}: {text}")
             return
+        self._points.add(name)
         parent, at = self.bodies[body]
         self.model.addFrame(pin.Frame(name, parent, at * place, pin.FrameType.OP_FRAME))
 
     def add_body_frames(self) -> None:
-        """Make frames of the bodies; a joint or site with the name of a body keeps the name."""
+        """Frames of the bodies, where MuJoCo has them.
+
+        A joint of the same name has a frame of its own; `frame_id` prefers the body's.
+        """
         for body, (parent, placement) in enumerate(self.bodies[1:], start=1):
             name = self._compiled.mj.body(body).name
-            if name and not self.model.existFrame(name):
+            if name and name not in self._points:  # else a site with this name stands here
                 self.model.addFrame(pin.Frame(name, parent, placement, pin.FrameType.BODY))
 
     def add_numbers(self) -> Array:

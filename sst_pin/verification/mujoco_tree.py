@@ -9,6 +9,7 @@ from ..description.mjcf_joints import principal_axes
 from ..description.mjcf_writer import MjcfWriter
 from ..errors import DescriptionError, MissingExtraError
 from ..model.mechanism import Mechanism
+from ..model.tree import frame_id
 from .constraint_rows import FrameMotion
 from .lagrange import LagrangeMultipliers
 
@@ -70,7 +71,7 @@ class MujocoTree:
 
     def placement(self, name: str) -> pin.SE3:
         """A frame of the model in the base."""
-        frame = self._model.frames[self._model.getFrameId(name)]
+        frame = self._model.frames[frame_id(self._model, name)]
         body = self._bodies[frame.parentJoint]
         at = pin.SE3(self.data.xmat[body].reshape(3, 3), self.data.xpos[body])
         return at * frame.placement
@@ -78,7 +79,7 @@ class MujocoTree:
     def frame(self, name: str) -> FrameMotion:
         """See `Tree.frame`."""
         mujoco, mj, data, at = self._mujoco, self.mj, self.data, self.placement(name)
-        body = self._bodies[self._model.frames[self._model.getFrameId(name)].parentJoint]
+        body = self._bodies[self._model.frames[frame_id(self._model, name)].parentJoint]
         J, J_dot = np.zeros((6, mj.nv)), np.zeros((6, mj.nv))
         mujoco.mj_jac(mj, data, J[:3], J[3:], at.translation, body)
         mujoco.mj_jacDot(mj, data, J_dot[:3], J_dot[3:], at.translation, body)

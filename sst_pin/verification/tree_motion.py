@@ -8,6 +8,7 @@ import pinocchio as pin
 
 from ..arrays import Array
 from ..model.mechanism import Mechanism
+from ..model.tree import frame_id
 from .constraint_rows import FrameMotion, closure_rows
 
 #: Singular values below this count as redundant closures, relative to the largest.
@@ -47,7 +48,7 @@ class PinocchioTree:
 
     def frame(self, name: str) -> FrameMotion:
         """See `Tree.frame`."""
-        frame, kind = self._model.getFrameId(name), pin.LOCAL_WORLD_ALIGNED
+        frame, kind = frame_id(self._model, name), pin.LOCAL_WORLD_ALIGNED
         J = np.reshape(pin.getFrameJacobian(self._model, self._data, frame, kind), (6, -1))
         drift = pin.getFrameClassicalAcceleration(self._model, self._data, frame, kind).vector
         return FrameMotion(self._data.oMf[frame], J, J @ self._v, drift.copy())
