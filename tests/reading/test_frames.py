@@ -50,7 +50,7 @@ def read(text: str, tmp_path) -> tuple[sst_pin.ClosedChain, mujoco.MjModel]:
 
 
 def placements(mj: mujoco.MjModel, qpos) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Position and orientation of bodies and sites in MuJoCo; a site beside its body is NAME_site."""
+    """Poses of bodies and sites in MuJoCo; a site beside its body is NAME_site."""
     data = mujoco.MjData(mj)
     data.qpos[:] = qpos
     mujoco.mj_kinematics(mj, data)
