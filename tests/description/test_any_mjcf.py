@@ -96,7 +96,7 @@ def test_a_robot_read_back_is_the_same(name, tmp_path):
         assert np.abs(forces_there - forces).max() < 1e-12 * np.abs(forces).max()
         J = chain.actuator_jacobian(q)
         assert np.abs(again.actuator_jacobian(q_there(q)) - J).max() < 1e-12 * np.abs(J).max()
-    if "home" in chain.model.referenceConfigurations:
+    if "home" in chain.mechanism.model.referenceConfigurations:
         assert np.abs(again.home - q_there(chain.home)).max() < 1e-14
 
 
