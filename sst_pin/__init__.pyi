@@ -12,6 +12,7 @@ from . import viewer as viewer
 
 # Robots and what closes and drives them
 from .closed_chain import ClosedChain as ClosedChain
+from .model.closures import Brake as Brake
 from .model.closures import Closure as Closure
 from .model.closures import Coupling as Coupling
 from .model.closures import Distance as Distance

@@ -13,6 +13,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from .arrays import Array, finite_array, for_each_sample, positive_number, single_array
+from .arrays import names as names_of
 from .dynamics import derivatives as slopes
 from .dynamics import design_derivatives as design
 from .dynamics import dynamics, reactions, regressor, torque_sharing
@@ -94,6 +95,9 @@ class ClosedChain(RobotProperties, Summary):
         stiffness: Stiffness of joint springs, shape (nv,), [N m/rad] or [N/m]; zero by default.
         spring_reference: Positions without spring force, shape (nq,); `pin.neutral` by default.
         lines: Springs, dampers and cylinders between two frames, each a `LineForce`.
+        brakes: Names of joints, single rates or lines that are held where they are, at any
+            position. They stay in q, and `reactions` has their forces. A robot with all its motors
+            braked has no degrees of freedom; pass [] for va and aa.
 
     Raises:
         DescriptionError: If the model cannot be used, as with two joints of one name.
@@ -126,6 +130,7 @@ class ClosedChain(RobotProperties, Summary):
         stiffness: ArrayLike | None = None,
         spring_reference: ArrayLike | None = None,
         lines: Sequence[LineForce] = (),
+        brakes: Sequence[str] = (),
     ) -> None:
         if not isinstance(model, pin.Model):
             raise InputError("model", f"a pinocchio.Model is needed, not {type(model).__name__}")
@@ -134,6 +139,7 @@ class ClosedChain(RobotProperties, Summary):
             actuated,
             coordinates,
             lines,
+            brakes,
             viscous_friction=viscous_friction,
             coulomb_friction=coulomb_friction,
             stiffness=stiffness,
@@ -159,6 +165,20 @@ class ClosedChain(RobotProperties, Summary):
         """This robot with other coordinates, on the reference path; None for the default choice."""
         names = None if coordinates is None else coordinates_of(coordinates)
         return self._rebuilt(pin.Model(self.engine.mechanism.model), coordinates=names)
+
+    def with_brakes(self, names: Sequence[str]) -> ClosedChain:
+        """This robot with brakes at these joints, rates or lines only, on the reference path.
+
+        Its coordinates are chosen again; `brakes` of the constructor says what brakes do.
+
+        Example:
+            >>> held = chain.with_brakes(["crank"])
+            >>> held.degrees_of_freedom, held.reactions(held.home).brakes["crank"].round(3)
+            (0, np.float64(0.147))
+        """
+        brakes = names_of("brakes", names)
+        model = pin.Model(self.engine.mechanism.model)
+        return self._rebuilt(model, brakes=brakes, coordinates=None)
 
     def with_model(self, model: pin.Model) -> ClosedChain:
         """This robot with another tree of the same joints and frames, on the reference path."""
@@ -533,7 +553,7 @@ class ClosedChain(RobotProperties, Summary):
     def reactions(
         self,
         q: ArrayLike,
-        va: ArrayLike,
+        va: ArrayLike | None = None,
         aa: ArrayLike | None = None,
         *,
         tau: ArrayLike | None = None,
@@ -542,8 +562,11 @@ class ClosedChain(RobotProperties, Summary):
     ) -> reactions.Reactions:
         """Wrenches in all joints and closures; components that are not unique are NaN.
 
+        `reactions(q)` is about the robot at rest.
+
         Args:
-            aa: If absent, the accelerations follow from tau.
+            va: Zero by default.
+            aa: If absent, the accelerations follow from tau; zero if va and tau are absent too.
             tau: If absent, the torques are the smallest for the motion.
             stiffness: Makes reactions of an overconstrained robot unique: by the name of a joint or
                 closure, stiffnesses about x, y, z [N m/rad] and along x, y, z [N/m] in the axes of
@@ -552,7 +575,12 @@ class ClosedChain(RobotProperties, Summary):
                 joints, closures and the ground, the torques, then for each joint and closure the
                 sum of 2^k of its components k that are not unique, k from 0 to 5.
         """
-        return self._engine.reactions(q, va, aa, tau, stiffness, **options)
+        at_rest = [0.0] * len(self.mechanism.coordinates)
+        if va is aa is tau is None:
+            aa = at_rest
+        return self._engine.reactions(
+            q, at_rest if va is None else va, aa, tau, stiffness, **options
+        )
 
     def preload_directions(self, q: ArrayLike) -> Array:
         """Orthonormal motor torques that stress the robot without moving it, (..., motors, k).

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any, Protocol, TypedDict, TypeVar
@@ -335,7 +335,7 @@ class Engine(ClosedLoops):
         """Arguments as arrays of the mechanism's shapes, q first, the others by name."""
         mechanism = self.mechanism
         n, motors = len(mechanism.coordinates), mechanism.motors.shape[1]
-        if not n:
+        if not n and (mechanism.example is None or any(map(np.size, _of_motion(others)))):
             mechanism.require_freedom()
         arrays = [as_array("q", q, (mechanism.model.nq,))]
         for name, value in others.items():
@@ -380,6 +380,11 @@ class Engine(ClosedLoops):
     def moved(self, q: Array, step: Array) -> Array:
         """The configuration where the coordinates are a step further, in the same assembly mode."""
         return self.reference.moved(q, step)
+
+
+def _of_motion(arguments: Mapping[str, ArrayLike]) -> Iterator[ArrayLike]:
+    """The arguments with a number for each coordinate."""
+    return (value for name, value in arguments.items() if name != "tau")
 
 
 def _loads(name: str, value: ArrayLike, shape: tuple[int, ...], on_error: str) -> Array:

@@ -10,7 +10,8 @@ import pinocchio as pin
 from casadi import SX
 from numpy.polynomial.polynomial import polyder
 
-from ..model.closures import Constraint, Coupling, Distance, Rolling
+from ..model.closures import Brake, Constraint, Coupling, Distance, Rolling
+from ..model.joint_space import JointSpace
 from ..model.tree import frame_named, joint_id
 from .link_kinematics import Kinematics, LinkMotion
 from .symbols import Sparse, add, is_zero, sx
@@ -41,6 +42,10 @@ def closure_rows(kinematics: Kinematics, model: pin.Model, closure: Constraint) 
         return [_coupling(kinematics, model, closure)]
     if isinstance(closure, Rolling):
         return _Pair(kinematics, model, closure.plane, closure.wheel).rolling(closure)
+    if isinstance(closure, Brake):
+        if closure.frames is None:
+            return [_brake(model, closure)]
+        return [_Pair(kinematics, model, *closure.frames).held_length()]
     pair = _Pair(kinematics, model, closure.frame_a, closure.frame_b)
     if isinstance(closure, Distance):
         return [pair.distance(closure.distance)]
@@ -243,6 +248,20 @@ class _Pair:
         residual = (ca.dot(unit, self.d) - length) / 2
         return Row(Phi, velocity, acceleration, residual, residual**2)
 
+    def held_length(self) -> Row:
+        """The distance of the origins keeps the value that it has."""
+        length = ca.sqrt(ca.sumsqr(self.d))
+        unit = self.d / length
+        Phi, velocity = self._row(lambda u, _: ca.dot(unit, u))
+
+        def acceleration(v: Sparse, dv: Sparse) -> SX:
+            a, b = self._ends(v, dv)
+            u = self._velocity(v)
+            along = ca.dot(unit, u)
+            return ca.dot(unit, b.a - a.a) + (ca.sumsqr(u) - along**2) / length
+
+        return Row(Phi, velocity, acceleration, None, SX(0))
+
     def rolling(self, closure: Rolling) -> Iterator[Row]:
         """B touches the x-y plane of A and does not slip; A's axes give the rows."""
         normal, axle, radius = self.a.R[:, 2], self.b.R[:, 2], closure.radius
@@ -279,6 +298,19 @@ class _Pair:
             height = ca.dot(n, contact) if k == 2 else None
             gap = SX(0) if height is None else height**2
             yield Row(*self._row(of_a, of_b), acceleration, height, gap)
+
+
+def _brake(model: pin.Model, closure: Brake) -> Row:
+    """A rate that is held."""
+    (rate,) = JointSpace(model).rates_of([closure.name]).tolist()
+
+    def velocity(v: Sparse, twists: Twists) -> SX:
+        return SX(v.get(rate, 0))
+
+    def acceleration(v: Sparse, dv: Sparse) -> SX:
+        return SX(dv.get(rate, 0))
+
+    return Row({rate: SX(1)}, velocity, acceleration, None, SX(0))
 
 
 def _coupling(kinematics: Kinematics, model: pin.Model, closure: Coupling) -> Row:

@@ -23,7 +23,7 @@ from ..dynamics.quantities import QUANTITIES, Name, Quantity
 from ..dynamics.reference import Reference
 from ..dynamics.regressor import with_springs
 from ..errors import ActuationError, CompilationError, MissingExtraError, SSTError
-from ..model.closures import Rolling
+from ..model.closures import Brake, Rolling
 from ..model.mechanism import Friction, Mechanism
 from ..model.tree import body_of, frame_named
 from . import libraries
@@ -151,8 +151,9 @@ class CompiledBackend:
         path.
         """
         mechanism, kernel = self._mechanism, self.kernel(Quantity("closing"))
-        rolling = any(isinstance(closure, Rolling) for closure in mechanism.closures)
-        if kernel is None or rolling or mechanism.held_in_part:  # the path to the solution counts
+        # Where rows hold rates only, or a joint in part, the path to the solution counts.
+        rates_only = any(isinstance(closure, (Rolling, Brake)) for closure in mechanism.closures)
+        if kernel is None or rates_only or mechanism.held_in_part:
             return None
         result, before = np.full((1, len(q) + 2), np.nan), _NEAR / _SHRINKS
         while True:

@@ -12,10 +12,10 @@ import casadi as ca
 import numpy as np
 from casadi import SX
 
-from ..dynamics.reactions import BITS
-from ..model.closures import Coupling, Distance, frames_of
+from ..dynamics.reactions import BITS, acts_along
+from ..model.closures import Brake, Coupling, Distance, frames_of
 from ..model.thresholds import UNIQUE
-from ..model.tree import frame_named, joint_id
+from ..model.tree import frame_named
 from .closure_rows import Row, by_twists, closure_rows
 from .elimination import Factors, total
 from .equations import Equations
@@ -94,11 +94,9 @@ def _wrenches(
     for closure in mechanism.closures:
         rows = range(starts, starts + len(closure.rows))
         starts = rows.stop
-        if isinstance(closure, Coupling):
-            joint = model.joints[joint_id(model, closure.joint)]
+        if isinstance(closure, (Coupling, Brake)):
             force = Lambda.get(rows[0], SX(1, 1))
-            slides = mechanism.space.rate_units[joint.idx_v] == "m"
-            wrenches.append(column({2 if slides else 5: force}, range(6)))
+            wrenches.append(column({acts_along(mechanism, closure): force}, range(6)))
             continue
         frame = frame_named(model, frames_of(closure)[1])
         on_b, link = SX(6, 1), tree.link_of[frame.parentJoint]

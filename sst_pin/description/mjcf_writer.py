@@ -15,7 +15,7 @@ from ..arrays import Array
 from ..closed_chain import ClosedChain
 from ..errors import DescriptionError, DescriptionWarning, warn_caller
 from ..files import require_ending, text_writer, write_files
-from ..model.closures import Closure, Constraint, Coupling, Distance, Rolling, frames_of
+from ..model.closures import Brake, Closure, Constraint, Coupling, Distance, Rolling, frames_of
 from ..model.mechanism import Mechanism
 from ..model.normal_tree import NormalTree
 from ..model.tree import frame_id, frame_named
@@ -275,6 +275,8 @@ class MjcfWriter:
             self._couple(closure)
         elif isinstance(closure, Rolling):
             self._problems.append(f"closure {closure}: MuJoCo has no rolling without slip")
+        elif isinstance(closure, Brake):
+            self._problems.append(f"{closure}: MuJoCo has no brakes; write the robot without them")
         elif isinstance(closure, Distance):
             self._rod(f"rod_{k}", closure)
         else:

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Array, Flags, as_array
 from ..errors import IndeterminateError, InputError, UnknownNameError
 from ..loops.rows import CouplingRow
+from ..model.closures import Brake, Constraint
 from ..model.mechanism import Mechanism
 from ..model.thresholds import UNIQUE
 from ..summaries import Summary, listed
@@ -51,7 +52,8 @@ class Reactions(Summary):
     of the joint: by the bearing, the motor, friction, springs and gears. It does not include the
     force that rotors (`model.armature`) need along the joint's axis. A closure's wrench is what the
     link of frame A gives to the link of frame B, at the origin and in the axes of B. The wrench of
-    a coupling is its force on the dependent joint, written about or along z.
+    a coupling is its force on the dependent joint, written about or along z, and that of a brake
+    its force on the joint. A brake of a line pushes the ends apart if its force is positive.
 
     Components that are not unique are NaN, unless stiffnesses were given.
 
@@ -64,6 +66,8 @@ class Reactions(Summary):
             shape (..., 6).
         determined: Which components are unique in the rigid robot.
         elastic: Which components are not, but follow from the given stiffnesses.
+        brakes: Torques or forces of the brakes, by the names of joints and lines, shapes (...);
+            NaN where they are not unique.
 
     Example:
         >>> delta = sst_pin.robots.delta()
@@ -79,6 +83,7 @@ class Reactions(Summary):
     ground: Array
     determined: Verdict
     elastic: Verdict
+    brakes: dict[str, Array]
 
     def of(self, name: str) -> Array:
         """The wrench in one joint or closure, shape (..., 6).
@@ -212,16 +217,23 @@ def _wrenches(context: Context, Lambda: Array) -> Array:
     for j in range(tree.model.njoints - 1, 0, -1):
         on_bodies[tree.model.parents[j]] += on_bodies[j]
     wrenches = [-data.oMi[j].toActionMatrix().T @ on_bodies[j] for j in tree.bodies[1:]]
-    for rows, at in zip(loops.closures, loops.slices, strict=True):
-        if isinstance(rows, CouplingRow):
+    for k, (rows, at) in enumerate(zip(loops.closures, loops.slices, strict=True)):
+        closure = context.mechanism.closures[k]
+        if isinstance(rows, CouplingRow) or isinstance(closure, Brake):
             wrench = np.zeros((6, Lambda.shape[1]))
-            slides = context.mechanism.space.rate_units[rows.rate] == "m"
-            wrench[2 if slides else 5] = Lambda[at][0]
+            wrench[acts_along(context.mechanism, closure)] = Lambda[at][0]
         else:
             frame_b = data.oMf[rows.frames[0]]
             wrench = frame_b.toActionMatrix().T @ rows.W[:, :6].T @ Lambda[at]
         wrenches.append(wrench)
     return np.array(wrenches).reshape(-1, 6, Lambda.shape[1])
+
+
+def acts_along(mechanism: Mechanism, closure: Constraint) -> int:
+    """Where the force of a coupling or brake stands in [force; moment]: along or about z."""
+    rate = mechanism.rate_of(closure)
+    slides = rate is None or mechanism.space.rate_units[rate] == "m"
+    return 2 if slides else 5
 
 
 def _relaxed(values: Array, stresses: Array, compliances: Array) -> tuple[Array, Array]:
@@ -266,12 +278,19 @@ def unpacked(mechanism: Mechanism, rows: Array, relaxed: bool) -> Reactions:
     shape = (*rows.shape[:-1], len(names), 6)
     unique, elastic = (np.broadcast_to(x, values.shape).reshape(shape) for x in (~free, elastic))
     values = values.reshape(shape)
+    of_closures = values[..., r:, :]
+    brakes = {
+        closure.name: of_closures[..., k, 2] + of_closures[..., k, 5]  # one of them is zero
+        for k, closure in enumerate(mechanism.closures)
+        if isinstance(closure, Brake)
+    }
     return Reactions(
         names,
         values[..., :r, :],
-        values[..., r:, :],
+        of_closures,
         tau,
         ground,
         Verdict(unique[..., :r, :], unique[..., r:, :]),
         Verdict(elastic[..., :r, :], elastic[..., r:, :]),
+        brakes,
     )

@@ -188,12 +188,11 @@ class Reference(threading.local):
 
     def moved(self, q: Array, step: Array) -> Array:
         """The configuration where the coordinates are a step further, in the same assembly mode."""
-        model, dependent = self.mechanism.model, self.mechanism.dependent
-        assembly = self.context.assembly
+        model, assembly = self.mechanism.model, self.context.assembly
 
         def path(q: Array, low: float, high: float) -> Array:
             ahead = pin.integrate(model, q, self.rates(q, (high - low) * step))
-            return assembly.assemble(ahead, dependent)
+            return assembly.closed(ahead)
 
         if not step.any():
             return q

@@ -139,7 +139,7 @@ def torque_regressor(context: Context, q: Array, va: Array, aa: Array) -> Array:
     rates = [L.T * v, L.T * sign, L.T * v_dot, (L.T * deflections)[:, k], L.T]
     lengths, J = context.lines.evaluate(q)
     pulls = [lengths - mechanism.lines.numbers[1], J.dot(v), np.ones(len(J))]
-    lines = (J.dot(L).T[..., None] * np.array(pulls).T).reshape(len(va), -1)
+    lines = (J.dot(L).T[..., None] * np.array(pulls).T).reshape(len(va), 3 * len(J))
     motors = L.T.dot(context.actuation(q))
     return np.hstack([_of_bodies(context, v, v_dot), *rates, lines, motors])
 

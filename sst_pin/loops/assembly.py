@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import lru_cache
 from zlib import crc32
 
@@ -85,6 +86,17 @@ class Assembly:
                 largest,
             )
         return q
+
+    def closed(self, q: Array) -> Array:
+        """The closed configuration near q with the coordinates fixed.
+
+        Brakes hold their joints if the loops can be closed so.
+        """
+        mechanism = self.mechanism
+        if len(mechanism.braked):
+            with suppress(ClosureError):
+                return self.assemble(q, np.setdiff1d(mechanism.dependent, mechanism.braked))
+        return self.assemble(q, mechanism.dependent)
 
     def try_starts(
         self, q: Array, free: Indices, tries: int, seed: int, *, limits: bool = False

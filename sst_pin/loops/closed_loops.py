@@ -102,7 +102,7 @@ class ClosedLoops(ABC):
         try:
             self.loops_at(q).require_closed(mechanism.row_scale)
         except ClosureError:
-            return self.assembly.assemble(q, mechanism.dependent)
+            return self.assembly.closed(q)
         return q
 
     def example(self) -> Array:
@@ -113,7 +113,7 @@ class ClosedLoops(ABC):
 
     def closed(self, q: Array) -> Array:
         """The closed configuration near q with the coordinates fixed, shape (nq,)."""
-        return self.assembly.assemble(q, self.mechanism.dependent)
+        return self.assembly.closed(q)
 
     @abstractmethod
     def moved(self, q: Array, step: Array) -> Array:

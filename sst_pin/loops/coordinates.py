@@ -14,8 +14,9 @@ from itertools import product
 import numpy as np
 import pinocchio as pin
 
-from ..arrays import Array, Indices
+from ..arrays import Array, Flags, Indices
 from ..errors import ClosureError, DescriptionWarning, warn_caller
+from ..model.closures import Brake
 from ..model.mechanism import Mechanism
 from ..model.thresholds import INDEPENDENT, MAX_CONDITION_NUMBER, RANK_TOLERANCE, RESTS
 from ..progress import announced
@@ -148,7 +149,7 @@ def settled(mechanism: Mechanism) -> Mechanism:
     if q is not None:
         Phi = scaled_Phi(mechanism, loops, q)
         sizes = _row_sizes(loops, Phi)
-        _warn_of_rigid_motors(mechanism, Phi)
+        _warn_of_rigid_motors(mechanism, Phi[~_of_brakes(mechanism)])
     return replace(
         mechanism,
         coordinates=coordinates,
@@ -185,6 +186,8 @@ def _choose(assembly: Assembly, wanted: Indices | None) -> tuple[Indices, Array 
             too_few = controlled == len(rates) < n
             if 0 < n == controlled or (too_few and count >= _FEW):
                 break
+            if n == 0 and mechanism.brakes:
+                break  # as was to be expected
     except ClosureError:
         return preferred, None
     assert best is not None
@@ -201,6 +204,12 @@ def _warn_of_rigid_motors(mechanism: Mechanism, Phi: Array) -> None:
             f"{listed(rigid)}, which cannot move; check kinds, axes and digits of the closures",
             DescriptionWarning,
         )
+
+
+def _of_brakes(mechanism: Mechanism) -> Flags:
+    """Which rows of Phi are those of brakes, shape (rows,)."""
+    rows = [isinstance(c, Brake) for c in mechanism.closures for _ in c.rows]
+    return np.array(rows, dtype=bool)
 
 
 def _row_sizes(loops: Loops, Phi: Array) -> Array:

@@ -46,7 +46,7 @@ class Loops:
         self.closures = [rows_of(model, self.tree, closure) for closure in closures]
         ends = np.cumsum([0, *(len(closure.rows) for closure in closures)])
         self.slices = tuple(slice(a, b) for a, b in pairwise(ends))
-        holonomic = [not row.startswith("slip") for c in closures for row in c.rows]
+        holonomic = [not row.startswith(("slip", "brake")) for c in closures for row in c.rows]
         self.holonomic = np.array(holonomic, dtype=bool)
         none = np.zeros((0, model.nv), dtype=bool)
         self._none = np.zeros(0), np.zeros((0, model.nv))

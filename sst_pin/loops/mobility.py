@@ -34,6 +34,7 @@ class Mobility:
             units; infinite if the coordinates do not suffice.
         where: Which configuration was used.
         q: This configuration, shape (nq,).
+        brakes: Names of the joints and lines that brakes hold.
     """
 
     joints: tuple[str, ...]
@@ -48,6 +49,7 @@ class Mobility:
     condition_number: float
     where: str
     q: Array
+    brakes: tuple[str, ...] = ()
 
     actuated = FormerName("motor_names")
 
@@ -87,7 +89,9 @@ class Mobility:
 
     def _rows(self) -> list[tuple[str, str]]:
         n, dof = len(self.motor_names), self.degrees_of_freedom
-        if not self.sufficient:
+        if not dof:
+            verdict = "nothing moves, so no motor is needed; reactions(q) has the forces"
+        elif not self.sufficient:
             left = dof - self.held
             move = "degree of freedom moves" if left == 1 else "degrees of freedom move"
             verdict = f"INSUFFICIENT: {left} {move} with the motors locked: "
@@ -106,9 +110,10 @@ class Mobility:
             ("degrees of freedom", f"{dof}"),
             ("motors", f"{n} ({listed(self.motor_names, 12)})"),
             ("actuation", verdict),
-            ("coordinates", listed(self.coordinates, 12)),
+            ("coordinates", listed(self.coordinates, 12) or "none"),
             ("condition number", f"{self.condition_number:.4g} (dependent joints)"),
             ("judged at", self.where),
+            *([("brakes", listed(self.brakes, 12))] if self.brakes else []),
             *([("idle joints", idle)] if self.idle_joints else []),
         ]
 
@@ -212,6 +217,7 @@ def judge(mechanism: Mechanism, loops: Loops, q: Array, where: str) -> Mobility:
         condition_number=condition_number(mechanism, Phi, loops.parts(coordinates)),
         where=where,
         q=q.copy(),
+        brakes=tuple(brake.name for brake in mechanism.brakes),
     )
 
 

@@ -21,7 +21,8 @@ from numpy.polynomial import Polynomial
 
 from ..arrays import Array
 from ..errors import DescriptionError
-from ..model.closures import Closure, Constraint, Coupling, Distance, Rolling, frames_of
+from ..model.closures import Brake, Closure, Constraint, Coupling, Distance, Rolling, frames_of
+from ..model.joint_space import JointSpace
 from ..model.normal_tree import NormalTree
 from ..model.tree import frame_id, joint_id
 
@@ -104,6 +105,16 @@ class _RodForce:
     def W_dot(self, M: Array, M_t: Array) -> Array:
         d, d_t = _rod(M), _rod(M_t)
         return _unit_rate(d, d_t) @ _at_two_points(M) + _unit(d) @ _at_two_points(M_t)
+
+
+class _HeldLength(_RodForce):
+    """The force of a rod that has the length which it is found with."""
+
+    def __init__(self) -> None:
+        super().__init__(0.0)
+
+    def error(self, M: Array) -> Array:
+        return np.zeros(1)
 
 
 class _WheelForces:
@@ -214,7 +225,7 @@ class FrameRows:
         touched, curved: Rates that a row depends on, and rates that change the row, (rows, nv).
     """
 
-    def __init__(self, tree: NormalTree, closure: Closure | Distance | Rolling) -> None:
+    def __init__(self, tree: NormalTree, closure: Closure | Distance | Rolling | Brake) -> None:
         frame_b, frame_a = (frame_id(tree.model, name) for name in frames_of(closure)[::-1])
         self._model, self.frames, self.formulas = tree.model, (frame_b, frame_a), _formulas(closure)
         self.bodies = [tree.model.frames[frame].parentJoint for frame in self.frames]
@@ -304,16 +315,38 @@ class CouplingRow:
         return np.array([sum(float(P_2(self._q[i])) * v[k] ** 2 for i, k, _, _, P_2 in self.terms)])
 
 
+class BrakeRow(CouplingRow):
+    """The row of a joint's rate that is held, at any position."""
+
+    def __init__(self, model: pin.Model, brake: Brake) -> None:
+        self.terms = []
+        (self.rate,) = JointSpace(model).rates_of([brake.name])
+        self.touched, self.curved = np.zeros((2, 1, model.nv), dtype=bool)
+        self.touched[0, self.rate] = True
+        self.f, self.Phi = np.zeros(1), self.touched.astype(float)
+
+    def evaluate(self, q: Array, data: pin.Data, J: Array) -> None:
+        """Nothing: f and Phi are constant."""
+
+    def drift(self, v: Array, data: pin.Data) -> Array:
+        """Phi_dot v, shape (1,)."""
+        return np.zeros(1)
+
+
 def rows_of(model: pin.Model, tree: NormalTree, closure: Constraint) -> FrameRows | CouplingRow:
     """The rows of a closure of a model with this normal tree."""
     if isinstance(closure, Coupling):
         return CouplingRow(model, closure)
+    if isinstance(closure, Brake) and closure.frames is None:
+        return BrakeRow(model, closure)
     return FrameRows(tree, closure)
 
 
-def _formulas(closure: Closure | Distance | Rolling) -> Formulas:
+def _formulas(closure: Closure | Distance | Rolling | Brake) -> Formulas:
     if isinstance(closure, Distance):
         return _RodForce(closure.distance)
+    if isinstance(closure, Brake):
+        return _HeldLength()
     if isinstance(closure, Rolling):
         return _WheelForces(closure)
     axes = np.eye(3)[np.array(closure.held[:3])]

@@ -3,7 +3,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Array, Indices, finite_array, in_order, single_array
 from ..arrays import names as names_of
 from ..errors import DescriptionError, InputError
-from .closures import Closure, Constraint, Coupling, Distance, Rolling
+from .closures import Brake, Closure, Constraint, Coupling, Distance, Rolling
 from .joint_series import PartlyLocked, Series
 from .joint_space import JointSpace
 from .lines import LineForce, Lines
@@ -38,7 +38,7 @@ def closures_of(closures: Sequence[Constraint | tuple[str, str]]) -> tuple[Const
     """The closures as objects; a pair of frame names becomes a `Closure` of kind "6d"."""
     result: list[Constraint] = []
     for closure in in_order("closures", closures, "closures"):
-        if isinstance(closure, (Closure, Distance, Coupling, Rolling)):
+        if isinstance(closure, (Closure, Distance, Coupling, Rolling, Brake)):
             result.append(closure)
         elif isinstance(closure, (tuple, list)) and len(closure) == 2:
             result.append(Closure(*closure))
@@ -62,6 +62,7 @@ def recipe_of(
     actuated: Sequence[Motor],
     coordinates: Sequence[str] | None,
     lines: Sequence[LineForce],
+    brakes: Sequence[str] = (),
     **numbers: ArrayLike | None,
 ) -> partial[Mechanism]:
     """A function that makes a mechanism of a tree, with the checked arguments of `ClosedChain`.
@@ -78,6 +79,7 @@ def recipe_of(
             for name, value in numbers.items()
         },
         lines=lines_of(lines),
+        brakes=names_of("brakes", brakes),
     )
 
 
@@ -88,6 +90,7 @@ def mechanism_of(
     coordinates: Sequence[str] | None,
     numbers: Mapping[str, ArrayLike | None],
     lines: tuple[LineForce, ...],
+    brakes: tuple[str, ...] = (),
 ) -> Mechanism:
     """A mechanism from the arguments of `ClosedChain`; the tree is not copied.
 
@@ -96,6 +99,7 @@ def mechanism_of(
     """
     _require_sound(model, closures)
     space = JointSpace(model)
+    closures = (*closures, *_brakes(space, brakes, lines, coordinates or ()))
     B, names = _motors(space, motors, lines)
     for name in (end for line in lines for end in (line.frame_a, line.frame_b)):
         frame_id(model, name)
@@ -119,6 +123,31 @@ def mechanism_of(
     if coordinates is not None and not len(rates):
         raise InputError("coordinates", "the list is empty; omit it to have coordinates chosen")
     return Mechanism(model, closures, rates, B[: model.nv], names, friction, springs, on_lines)
+
+
+def _brakes(
+    space: JointSpace,
+    names: Sequence[str],
+    lines: Sequence[LineForce],
+    coordinates: Sequence[str],
+) -> Iterator[Brake]:
+    """A brake for each line, and for each rate of each joint, of these names."""
+    by_name = {line.name: line for line in lines}
+    wanted = set(space.rates_of(coordinates).tolist())
+    seen = set[str]()
+    for name in names:
+        if name in by_name:
+            brakes = [Brake(name, (by_name[name].frame_a, by_name[name].frame_b))]
+        else:
+            rates = space.rates_of([name])
+            if wanted & set(rates.tolist()):
+                raise InputError("brakes", f"{name} is a coordinate, which must be free to move")
+            brakes = [Brake(space.rate_names[k]) for k in rates]
+        for brake in brakes:
+            if brake.name in seen:
+                raise InputError("brakes", f"{brake.name} appears twice")
+            seen.add(brake.name)
+            yield brake
 
 
 def without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]) -> pin.Model:

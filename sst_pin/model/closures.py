@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The closures of a tree: connected frames, rods, couplings of joints, rolling contacts.
+"""The closures of a tree: connected frames, rods, couplings of joints, rolling contacts, brakes.
 
 Each class describes its closure constraints; `loops` computes f(q) and the rows of Phi.
 """
@@ -203,6 +203,37 @@ class Rolling:
         return f"{self.wheel} on {self.plane}"
 
 
+@dataclass(frozen=True)
+class Brake:
+    """A joint or a line that is held where it is.
+
+    Its row of Phi constrains the rate only, so any position is a closed one.
+    `ClosedChain(..., brakes=[...])` and `with_brakes` make brakes from names.
+
+    Attributes:
+        name: Name of a rate of a joint, or of a line.
+        frames: The two frames of the line; None for a joint.
+
+    Example:
+        >>> sst_pin.Brake("crank").rows
+        ['brake']
+    """
+
+    name: str
+    frames: tuple[str, str] | None = None
+
+    def __post_init__(self) -> None:
+        _require_words(self.name, *(self.frames or ()))
+
+    @property
+    def rows(self) -> list[str]:
+        """Name of the only row of Phi."""
+        return ["brake"]
+
+    def __str__(self) -> str:
+        return f"brake of {self.name}"
+
+
 def _are_coefficients(polynomial: object) -> bool:
     listed = polynomial.tolist() if isinstance(polynomial, np.ndarray) else polynomial
     return isinstance(listed, Sequence) and len(listed) > 0 and all(map(_is_finite, listed))
@@ -226,13 +257,15 @@ def _require_words(*words: str) -> None:
             raise InputError("closures", f"{word!r} is not a name of a frame or joint")
 
 
-Constraint = Union[Closure, Distance, Coupling, Rolling]  # noqa: UP007  (Python 3.10 pickles it)
+Constraint = Union[Closure, Distance, Coupling, Rolling, Brake]  # noqa: UP007  (Python 3.10 pickles it)
 
 
 def frames_of(closure: Constraint) -> tuple[str, ...]:
-    """Names of the frames that a closure connects; a coupling of joints has none."""
+    """Names of the frames that a closure connects; couplings and brakes of joints have none."""
     if isinstance(closure, Coupling):
         return ()
+    if isinstance(closure, Brake):
+        return closure.frames or ()
     if isinstance(closure, Rolling):
         return closure.plane, closure.wheel
     return closure.frame_a, closure.frame_b

@@ -11,7 +11,7 @@ import pinocchio as pin
 from ..arrays import Array, Indices
 from ..errors import DescriptionError, SingularConfigurationError
 from ..summaries import listed
-from .closures import Constraint, Coupling
+from .closures import Brake, Constraint, Coupling
 from .joint_space import JointSpace
 from .lines import Lines
 from .loop_groups import longest_offset, loop_groups
@@ -21,8 +21,9 @@ from .tree import joint_id
 _Numbers = TypeVar("_Numbers", Array, Indices)
 
 _NOTHING_MOVES = (
-    "no coordinates: nothing can move; check kinds and axes of the closures; if another assembly "
-    'moves, make it model.referenceConfigurations["home"]'
+    "no coordinates: nothing can move; reactions(q) has the forces of a robot that stands; "
+    "otherwise check brakes, kinds and axes of the closures; if another assembly moves, make it "
+    'model.referenceConfigurations["home"]'
 )
 _NOTHING_FOUND = (
     "no coordinates: no configuration was assembled where they could be chosen; make a closed one "
@@ -162,6 +163,25 @@ class Mechanism:
             return 0.0
         return float(np.linalg.norm(self.row_sizes[rows]))
 
+    @property
+    def brakes(self) -> tuple[Brake, ...]:
+        """The closures that hold a joint or a line where it is."""
+        return tuple(x for x in self.closures if isinstance(x, Brake))
+
+    @cached_property
+    def braked(self) -> Indices:
+        """Indices in v of the rates that brakes hold, those of lines left out."""
+        names = [brake.name for brake in self.brakes if brake.frames is None]
+        return read_only(self.space.rates_of(names))
+
+    def rate_of(self, closure: Constraint) -> int | None:
+        """Index in v of the rate on which a coupling or a brake acts; None for other closures."""
+        if isinstance(closure, Coupling):
+            return int(self.model.joints[joint_id(self.model, closure.joint)].idx_v)
+        if isinstance(closure, Brake) and closure.frames is None:
+            return int(self.space.rates_of([closure.name])[0])
+        return None
+
     @cached_property
     def selection(self) -> Array:
         """Rows that pick the coordinates, va = selection v, shape (n, nv)."""
@@ -231,7 +251,7 @@ class Mechanism:
         return read_only(np.maximum(on_rates, on_lines))
 
     def require_freedom(self) -> None:
-        """Raise an error if nothing can move."""
+        """Raise an error if nothing can move, or if it is not known what can."""
         if not len(self.coordinates):
             problem = _NOTHING_FOUND if self.example is None else _NOTHING_MOVES
             raise DescriptionError(f"model {self.model.name}", [problem])
@@ -268,9 +288,9 @@ class Mechanism:
         lengths = {c: length or self.length for _, members, length in self._groups for c in members}
         units = []
         for closure in self.closures:
-            if isinstance(closure, Coupling):
-                joint = self.model.joints[joint_id(self.model, closure.joint)]
-                units.append(self.rate_scale[joint.idx_v])
+            rate = self.rate_of(closure)
+            if rate is not None:
+                units.append(self.rate_scale[rate])
             else:
                 turns = (row.startswith("turn") for row in closure.rows)
                 units += [1.0 if turn else lengths[closure] for turn in turns]

@@ -107,7 +107,7 @@ def closed(urdf: Urdf, cuts: Cuts) -> RobotFile:
         note += f"{' that mimics none' * bool(led)} has a motor; actuated= names the motors"
     shapes = partial(urdf_shapes, urdf.root, path.parent)
     parts = source, model, closures, motors, shapes, stiffness, rest, srdf, cuts.lines
-    return RobotFile(*parts, tuple(notes), note)
+    return RobotFile(*parts, cuts.brakes, tuple(notes), note)
 
 
 def _unused(model: pin.Model, cuts: Cuts, marks: Marks) -> Iterator[Problem]:

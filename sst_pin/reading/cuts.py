@@ -42,6 +42,7 @@ class Cuts(NamedTuple):
     joints: tuple[tuple[str, str], ...] = ()  #: True kinds of joints by name; see `Urdf.tree`.
     numbers: JointNumbers = MappingProxyType({})
     locked: tuple[str, ...] = ()
+    brakes: tuple[str, ...] = ()  #: Joints and lines that are held where they are.
     dependent: tuple[str, ...] = ()  #: Joints that closures determine; their `<mimic>` is ignored.
     gravity: Array | None = None  #: In base axes, [m/s^2]; None: the URDF's.
     source: str = ""  #: The YAML, for messages; empty without one.
@@ -88,7 +89,7 @@ def parse_cuts(text: str, source: str) -> Cuts:
         numbers[key] = {joint: spring[k] for joint, spring in springs.items()}
     motors, lines, locked = (tuple(lists[key]) for key in ("name_mot", "line_force", "locked"))
     parts = motors, tuple(closures), couplings, (), lines, tuple(joints), numbers, locked
-    return Cuts(*parts, gravity=gravity, source=source)
+    return Cuts(*parts, tuple(lists["brakes"]), gravity=gravity, source=source)
 
 
 def _motor(value: Any) -> Motor:
@@ -163,6 +164,7 @@ _LISTS: dict[str, Callable[[Any], Any]] = {
     "joint_name": name_in,
     "joint_type": _kind,
     "locked": name_in,
+    "brakes": name_in,
 }
 _TABLES: dict[str, Callable[[str, Any], Any]] = {
     "joint_spring": _spring,

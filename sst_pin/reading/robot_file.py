@@ -30,13 +30,15 @@ class RobotFile(NamedTuple):
     spring_reference: Array | None = None  #: Rest positions of these springs, shape (nq,).
     srdf: Srdf | None = None  #: The SRDF beside a URDF.
     lines: tuple[LineForce, ...] = ()
+    brakes: tuple[str, ...] = ()
     notes: tuple[Problem, ...] = ()  #: Content of the files that is ignored.
     open_tree: str = ""  #: A warning if the robot has no loops; else empty.
 
     @property
     def arguments(self) -> dict[str, Any]:
         """Arguments of the constructor of `ClosedChain`."""
-        names = ("model", "closures", "actuated", "stiffness", "spring_reference", "lines")
+        numbers = "stiffness", "spring_reference"
+        names = ("model", "closures", "actuated", *numbers, "lines", "brakes")
         return {name: getattr(self, name) for name in names}
 
     def mechanism(self) -> Mechanism:
@@ -44,7 +46,8 @@ class RobotFile(NamedTuple):
         names = ("viscous_friction", "coulomb_friction", "stiffness", "spring_reference")
         numbers = {name: getattr(self, name, None) for name in names}
         model, motors = copied(self.model), motors_of(self.actuated)
-        return settled(mechanism_of(model, self.closures, motors, None, numbers, self.lines))
+        parts = model, self.closures, motors, None, numbers, self.lines, self.brakes
+        return settled(mechanism_of(*parts))
 
 
 @contextmanager

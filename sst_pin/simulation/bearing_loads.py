@@ -116,7 +116,8 @@ def reactions_along(
     q, va, tau = motion.q, motion.va, motion.tau
     w = engine.reactions(q, va, None, tau, stiffness)
     aa = engine.compute(Quantity("accelerations"), q, va=va, tau=tau)
-    if np.abs(aa - motion.aa).max() > _DIFFERENCE * (1 + np.abs(motion.aa).max()):
+    largest = np.abs(motion.aa).max(initial=0.0)
+    if np.abs(aa - motion.aa).max(initial=0.0) > _DIFFERENCE * (1 + largest):
         raise InputError("motion", "other forces than its torques and the weights act on it")
     return w
 

@@ -9,7 +9,7 @@ import pinocchio as pin
 from numpy.polynomial import Polynomial
 
 from ..arrays import Array
-from ..model.closures import Closure, Coupling, Distance, Rolling, frames_of
+from ..model.closures import Brake, Closure, Coupling, Distance, Rolling, frames_of
 from ..model.mechanism import Mechanism
 
 _EYE = np.eye(3)
@@ -32,6 +32,9 @@ def closure_rows(
     for closure in mechanism.closures:
         if isinstance(closure, Coupling):
             parts.append(_coupling(mechanism.model, closure, q, v))
+        elif isinstance(closure, Brake) and closure.frames is None:
+            (rate,) = mechanism.space.rates_of([closure.name])
+            parts.append((np.eye(mechanism.model.nv)[[rate]], np.zeros(1)))
         else:
             parts.append(_relative(closure, *map(frame, frames_of(closure))))
     Phi, drift = zip(*parts, strict=True)
@@ -39,7 +42,7 @@ def closure_rows(
 
 
 def _relative(
-    closure: Closure | Distance | Rolling, A: FrameMotion, B: FrameMotion
+    closure: Closure | Distance | Rolling | Brake, A: FrameMotion, B: FrameMotion
 ) -> tuple[Array, Array]:
     """Rows G [r_dot; w] of the position r and the angular velocity w of B in the axes of A.
 
@@ -58,7 +61,7 @@ def _relative(
     drift[3:] -= np.cross(omega, relative[3:])
     r_dot, w = R_a.T @ slid, R_a.T @ relative[3:]
     drift = np.concatenate([R_a.T @ drift[:3], R_a.T @ drift[3:]])
-    if isinstance(closure, Distance):
+    if isinstance(closure, (Distance, Brake)):
         G, G_dot = np.zeros((1, 6)), np.zeros((1, 6))
         G[0, :3], G_dot[0, :3] = r, r_dot
     elif isinstance(closure, Rolling):

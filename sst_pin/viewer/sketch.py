@@ -12,7 +12,7 @@ from ..arrays import Array
 from ..closed_chain import ClosedChain
 from ..description.colours import HUES
 from ..model.appearance import PLATFORM, DrawnFrame
-from ..model.closures import Closure, Coupling, Distance, Rolling, frames_of
+from ..model.closures import Brake, Closure, Coupling, Distance, Rolling, frames_of
 from ..model.lines import LineForce
 from ..model.tree import frame_named
 from .scene_parts import Arrow, Label, Mesh, Pull, Shape, Strut, along, homogeneous
@@ -219,7 +219,7 @@ def pulls_of(robot: ClosedChain, size: float) -> Iterator[Pull]:
     model, mesh = robot.mechanism.model, arrow(np.outer((0, 0.7, 1), (0, 0, 2.0)), 0.04)
     places = [(j, np.eye(4)) for j in range(1, model.njoints)]
     for closure in robot.closures:
-        if isinstance(closure, Coupling):  # gears have no place
+        if isinstance(closure, (Coupling, Brake)):  # which have no place
             places.append((0, np.zeros((4, 4))))
         else:
             frame = frame_named(model, frames_of(closure)[1])

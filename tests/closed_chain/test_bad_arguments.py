@@ -78,7 +78,7 @@ def rigid() -> ClosedChain:
 @pytest.mark.parametrize(
     "use",
     [
-        lambda c, q: c.compute_torques(q, [], []),
+        lambda c, q: c.compute_torques(q, [0], [0]),
         lambda c, q: c.rollout(np.zeros((2, 1)), q, [], 1e-3),
         lambda c, q: c.simulate([0], q, [], [0, 0.1]),
         lambda c, q: c.compile(all=True),

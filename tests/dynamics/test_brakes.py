@@ -1,0 +1,267 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Robots that stand: brakes, and structures without a degree of freedom."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from sst_pin import ClosedChain, Distance, LineForce, robots
+from sst_pin.errors import DescriptionError, InputError, UnknownNameError
+from tests.support.files import ROOT
+
+#: Rounding of torques of 1 N m that sums of a hundred products leave.
+ROUNDING = 1e-12
+
+
+def boom(*closures, **more) -> ClosedChain:
+    """A boom of 3 kg and 2 m on a hinge, level; its foot A is 1.5 m above the hinge of the strut.
+
+    The strut ends 0.8 m along the boom at B, 1.7 m from the foot of the strut.
+    """
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "boom")
+    model.appendBodyToJoint(1, pin.Inertia(3, np.array([1.0, 0, 0]), np.eye(3)), pin.SE3.Identity())
+    for name, joint, place in (("A", 0, (0, 0, -1.5)), ("B", 1, (0.8, 0, 0))):
+        at = pin.SE3(np.eye(3), np.array(place, dtype=float))
+        model.addFrame(pin.Frame(name, joint, at, pin.FrameType.OP_FRAME))
+    model.referenceConfigurations["home"] = np.zeros(1)
+    return ClosedChain(model, closures, more.pop("actuated", []), **more)
+
+
+def strut_force() -> float:
+    """By hand: moments about the hinge, 3 kg at 1 m; the strut pushes B along A to B."""
+    lever = 0.8 * 1.5 / 1.7  # of the strut's line about the hinge
+    return 3 * 9.81 / lever
+
+
+@pytest.mark.parametrize("robot", [robots.four_bar, robots.delta, robots.stewart, robots.five_bar])
+def test_brakes_of_all_motors_carry_the_holding_torques(robot):
+    chain = robot()
+    rest = np.zeros(chain.degrees_of_freedom)
+    standing = chain.with_brakes(chain.motor_names)
+    assert standing.degrees_of_freedom == 0
+    w = standing.reactions(chain.home)
+    torques = chain.compute_torques(chain.home, rest, rest)
+    np.testing.assert_allclose(list(w.brakes.values()), torques, atol=ROUNDING * 100)
+    assert tuple(w.brakes) == chain.motor_names
+    np.testing.assert_array_equal(standing.compute_torques(chain.home, [], []), 0 * torques)
+
+
+def test_a_brake_holds_at_any_position():
+    chain = robots.delta()
+    standing = chain.with_brakes(chain.motor_names)
+    q = chain.assemble(dict(zip(chain.motor_names, (0.1, 0.35, 0.2), strict=True)))
+    brakes = standing.reactions(np.array([chain.home, q])).brakes
+    at_rest = chain.compute_torques([chain.home, q], np.zeros(3), np.zeros(3))
+    np.testing.assert_allclose(np.transpose(list(brakes.values())), at_rest, atol=ROUNDING)
+
+
+def test_bearings_of_a_braked_robot_carry_what_they_carry_under_its_motors():
+    chain = robots.delta()
+    moved, held = np.zeros(3), chain.with_brakes(chain.motor_names).reactions(chain.home)
+    w = chain.reactions(chain.home, moved, moved)
+    np.testing.assert_allclose(held.joints, w.joints, atol=ROUNDING)
+    np.testing.assert_allclose(held.closures[: len(chain.closures)], w.closures, atol=ROUNDING)
+    np.testing.assert_allclose(held.ground, w.ground, atol=ROUNDING)
+
+
+def test_a_strut_that_makes_a_structure_of_a_boom_has_its_force_by_hand():
+    chain = boom(Distance("A", "B", 1.7))
+    assert chain.mobility().degrees_of_freedom == 0
+    assert "nothing moves" in str(chain.mobility())
+    w = chain.reactions([0.0])
+    np.testing.assert_allclose(np.linalg.norm(w.of("A - B")), strut_force(), rtol=ROUNDING)
+    np.testing.assert_allclose(w.ground[2] + w.ground[5], 3 * 9.81, rtol=ROUNDING)
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+def test_the_locked_valve_of_a_ram_has_its_force_by_hand(compiled):
+    ram = LineForce("A", "B", name="ram")
+    standing = boom(lines=[ram], actuated=["ram"], brakes=["ram"])
+    assert standing.degrees_of_freedom == 0
+    np.testing.assert_allclose(standing.reactions([0.0]).brakes["ram"], strut_force(), rtol=1e-12)
+    # Half of it by the pump: the valve carries the rest.
+    w = standing.reactions([0.0], [], tau=[strut_force() / 2])
+    np.testing.assert_allclose(w.brakes["ram"], strut_force() / 2, rtol=1e-12)
+    if compiled:
+        pytest.importorskip("casadi")
+        with pytest.raises(DescriptionError, match="nothing can move"):
+            standing.compile()
+
+
+def test_brakes_beyond_need_are_not_unique_until_stiffnesses_share_the_load():
+    chain = robots.four_bar()
+    standing = chain.with_brakes(["crank", "rocker"])
+    w = standing.reactions(chain.home)
+    assert np.isnan(w.brakes["crank"])
+    assert np.isnan(w.brakes["rocker"])
+    assert "2 redundant" in str(standing.mobility())
+    soft = {name: [np.inf, np.inf, np.inf, np.inf, np.inf, np.inf] for name in w.names}
+    for name in ("brake of crank", "brake of rocker"):
+        soft[name] = [100.0] * 6
+    shared = standing.reactions(chain.home, stiffness=soft).brakes
+    # The least elastic energy among all brakes (x, y) with x + r y = crank torque, r = dr/dc.
+    r = chain.joint_rates(chain.home, [1.0])[list(chain.joint_names).index("rocker")]
+    torque = chain.compute_torques(chain.home, [0.0], [0.0])[0]
+    np.testing.assert_allclose(shared["crank"], torque / (1 + r**2), rtol=1e-9)
+    np.testing.assert_allclose(shared["rocker"], torque * r / (1 + r**2), rtol=1e-9)
+
+
+def test_a_braked_joint_moves_as_a_locked_one():
+    chain = robots.stewart()
+    q, name = chain.generic_configuration(), chain.motor_names[0]
+    braked = chain.with_brakes([name])
+    at = list(chain.joint_names).index(name)
+    position = q[chain.model.joints[at + 1].idx_q]
+    locked = ClosedChain(
+        chain.model,
+        chain.closures,
+        chain.motor_names[1:],
+        coordinates=braked.coordinates,
+        locked={name: float(position)},
+    )
+    q_locked = locked.assemble(np.delete(q, chain.model.joints[at + 1].idx_q))
+    random = np.random.default_rng(3)
+    va, tau = random.normal(size=(2, 5))
+    aa = braked.compute_accelerations(q, va, [7.0, *tau])  # the brake holds against its motor
+    np.testing.assert_allclose(aa, locked.compute_accelerations(q_locked, va, tau), rtol=1e-9)
+    needed = locked.compute_torques(q_locked, va, aa)
+    np.testing.assert_allclose(braked.compute_torques(q, va, aa)[1:], needed, rtol=1e-9)
+    assert abs(braked.joint_rates(q, va)[chain.model.joints[at + 1].idx_v]) < 1e-14
+
+
+def test_kernels_and_casadi_agree_with_the_reference_path_on_brakes():
+    pytest.importorskip("casadi")
+    chain = robots.five_bar().with_brakes(["shoulder_1"])
+    compiled = robots.five_bar().with_brakes(["shoulder_1"])
+    compiled.compile()
+    q, va, aa = chain.generic_configuration(), np.array([0.3]), np.array([0.5])
+    w, other = chain.reactions(q, va, aa), compiled.reactions(q, va, aa)
+    np.testing.assert_allclose(other.brakes["shoulder_1"], w.brakes["shoulder_1"], rtol=1e-10)
+    np.testing.assert_allclose(other.joints, w.joints, atol=1e-10)
+    functions, slopes = chain.casadi(), chain.torque_derivatives(q, va, aa)
+    for one, two in zip(functions.torque_derivatives(q, va, aa), slopes, strict=True):
+        np.testing.assert_allclose(np.array(one), two, atol=1e-10)
+    tau = np.array(functions.torques(q, va, aa)).ravel()
+    np.testing.assert_allclose(tau, chain.compute_torques(q, va, aa), rtol=1e-9)
+
+
+def two_rams() -> tuple[ClosedChain, ClosedChain]:
+    """A boom and a jib, each with a ram; the second robot holds the ram of the boom."""
+    model = pin.Model()
+    joint = 0
+    for name, x in (("boom", 0.0), ("jib", 2.0)):
+        place = pin.SE3(np.eye(3), np.array([x, 0, 0]))
+        joint = model.addJoint(joint, pin.JointModelRY(), place, name)
+        body = pin.Inertia(3, np.array([1.0, 0.1, 0.2]), np.eye(3))
+        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    ends = {"A": (0, (0, 0, -1.5)), "B": (1, (0.8, 0, 0)), "C": (1, (1, 0, 1)), "D": (2, (1, 0, 0))}
+    for name, (parent, place) in ends.items():
+        at = pin.SE3(np.eye(3), np.array(place, dtype=float))
+        model.addFrame(pin.Frame(name, parent, at, pin.FrameType.OP_FRAME))
+    lines = [LineForce("A", "B", name="ram", damping=3), LineForce("C", "D", name="jib_ram")]
+    free = ClosedChain(model, [], ["ram", "jib_ram"], lines=lines)
+    return free, free.with_brakes(["ram"])
+
+
+def test_a_braked_ram_makes_the_rows_of_a_rod_of_its_length():
+    free, held = two_rams()
+    q, rod = np.array([0.3, -0.5]), Distance("A", "B", float(free.line_lengths([0.3, -0.5])[0]))
+    with_rod = ClosedChain(free.model, [rod], ["jib_ram"], coordinates=["jib"], lines=free.lines)
+    for state in ((q, [0.7], [0.4]), (q, [-1.0], [2.0])):
+        tau = with_rod.compute_torques(*state)
+        np.testing.assert_allclose(held.compute_torques(*state), [0.0, *tau], rtol=1e-10)
+        w = with_rod.reactions(*state).closures[0]
+        size = np.linalg.norm(w)
+        np.testing.assert_allclose(abs(held.reactions(*state).brakes["ram"]), size, rtol=1e-10)
+        one, two = held.torque_derivatives(*state), with_rod.torque_derivatives(*state)
+        np.testing.assert_allclose(one.dq, two.dq, atol=1e-10)
+
+
+def test_kernels_agree_on_a_braked_ram():
+    pytest.importorskip("casadi")
+    _, held = two_rams()
+    state = np.array([0.3, -0.5]), np.array([0.7]), np.array([0.4])
+    functions = held.casadi()
+    derivatives = held.torque_derivatives(*state)
+    for part, values in zip(derivatives, functions.torque_derivatives(*state), strict=True):
+        np.testing.assert_allclose(np.array(values), part, atol=1e-10)
+    np.testing.assert_allclose(
+        np.array(functions.torques(*state)).ravel(), held.compute_torques(*state), atol=1e-10
+    )
+
+
+#: MuJoCo's tests of forces in bodies that cannot move, `rne_post/weld`: body 2 hangs from a
+#: weld to body 1; a sensor on body 1 reads the force and the moment of both bodies, 1 kg each.
+MUJOCO = """<mujoco><option gravity="0 0 -1"/><worldbody>
+<body name="body1" {tilt}><geom type="box" size=".05 .05 .05"/><site name="sensor" {site}/></body>
+<body name="body2" {at}><joint name="j" {joint}/>
+<inertial pos="{centre}" mass="1" diaginertia="1 1 1"/></body></worldbody>
+<equality>{equality}</equality></mujoco>"""
+_WELD = '<weld name="w" body1="body1" body2="body2"/>'
+_TILTED = {"tilt": 'euler="0 45 0"', "site": 'euler="0 0 90"'}
+_LEVER = {"joint": 'type="free"', "centre": "1 0 0", "equality": _WELD}
+ROOT_2 = 1.41421356237
+
+
+@pytest.mark.parametrize(
+    ("parts", "force", "moment"),
+    [
+        (_LEVER | {"tilt": "", "site": "", "at": 'pos="0 1 0"'}, (0, 0, 2), (1, -1, 0)),
+        (
+            _LEVER | _TILTED | {"at": 'pos="0 1 0" euler="30 30 30"'},
+            (0, ROOT_2, ROOT_2),
+            (-0.75, -1.166386108, 1.166386108),
+        ),
+    ],
+)
+def test_a_body_that_cannot_move_is_carried_as_in_the_tests_of_mujoco(
+    tmp_path, parts, force, moment
+):
+    pytest.importorskip("mujoco")
+    path = tmp_path / "stands.xml"
+    path.write_text(MUJOCO.format(**parts))
+    chain = ClosedChain.from_mjcf(path)
+    q = chain.home
+    about_b, on_b = np.split(chain.reactions(q).of("w_A - w_B"), 2)
+    p, R = chain.frame_placement(q, "w_B")
+    _, R_sensor = chain.frame_placement(q, "sensor")
+    in_base = R @ on_b
+    weight = np.array([0, 0, 1.0])  # of body 1
+    np.testing.assert_allclose(R_sensor.T @ (in_base + weight), force, atol=1e-9)
+    about_sensor = R @ about_b + np.cross(p, in_base)
+    np.testing.assert_allclose(R_sensor.T @ about_sensor, moment, atol=1e-9)
+
+
+def test_brakes_of_a_yaml_are_those_of_python(tmp_path):
+    for name in ("delta.urdf", "delta.yaml"):
+        (tmp_path / name).write_text((ROOT / "examples" / name).read_text())
+    free = ClosedChain.from_urdf(tmp_path / "delta.urdf")
+    with (tmp_path / "delta.yaml").open("a") as file:
+        file.write("\nbrakes: [motor_1]\n")
+    held = ClosedChain.from_urdf(tmp_path / "delta.urdf")
+    assert [str(closure) for closure in held.closures][-1] == "brake of motor_1"
+    assert held.closures == free.with_brakes(["motor_1"]).closures
+
+
+def test_wrong_brakes_are_refused():
+    chain = robots.four_bar()
+    with pytest.raises(UnknownNameError, match="wheel"):
+        chain.with_brakes(["wheel"])
+    with pytest.raises(InputError, match="appears twice"):
+        chain.with_brakes(["crank", "crank"])
+    with pytest.raises(InputError, match="crank is a coordinate"):
+        ClosedChain(chain.model, chain.closures, ["crank"], coordinates=["crank"], brakes=["crank"])
+    with pytest.raises(DescriptionError, match="nothing can move"):
+        chain.with_brakes(["crank"]).compute_torques(chain.home, [0.0], [0.0])
+
+
+def test_closing_the_loops_keeps_braked_joints_where_they_are():
+    chain = robots.four_bar()
+    guess = chain.home + np.array([0.2, 0.1, 0.1])
+    held = chain.with_brakes(["rocker"]).assemble(guess)
+    rocker = list(chain.joint_names).index("rocker")
+    assert held[rocker] == guess[rocker]
+    # Two brakes at positions that contradict each other give way.
+    both = chain.with_brakes(["crank", "rocker"]).assemble(guess)
+    assert np.abs(chain.residual(both)).max() < 1e-10
