@@ -163,10 +163,15 @@ def cylinder(bar):
     return mass, mass * (across * np.eye(3) + (along - across) * np.outer(u, u))
 
 
-def modelica_four_bar(t):
-    """Angle of the first joint of Modelica's Fourbar1 at times t."""
+def modelica_four_bar(t, rod=True):
+    """Angle of the first joint of Modelica's Fourbar1 at times t; of Fourbar2 without the rod.
+
+    The rod of Fourbar2 has no mass.
+    """
     first, second, third = BARS
     (m1, I1), (m2, _), (m3, I3) = map(cylinder, BARS)
+    if not rod:
+        m3, I3 = 0.0, 0 * I3
 
     def energy(x):
         R1 = turn(0, x)
@@ -223,3 +228,49 @@ def governor(t, K=8e5, C=4e4):
     with np.errstate(over="ignore"):  # SciPy's differences along the shaft's angle, which is free
         result = solve_ivp(slope, (0, t[-1]), start, "Radau", t, rtol=1e-11, atol=1e-12)
     return result.y[:3].T
+
+
+def planar_loops(angle, rate, acceleration, h=0.01):
+    """Torque of Modelica's planar loops; each argument has shape (N,).
+
+    The upper hinges are where circles meet: the next one is on the bar from the one before and on
+    the massless bar from its foot.
+    """
+    at_start = np.array([(0, 0.5), (0.6, 0.5), (1.1, 0.6), (1.5, 0.55)])
+    feet = np.array([(0, 0), (0.5, 0), (1.0, 0), (1.5, 0)])
+    bars = np.linalg.norm(np.diff(at_start, axis=0), axis=1)
+    posts = np.linalg.norm(at_start - feet, axis=1)
+
+    def middles(x):
+        """Mass centres and angles of the three bars, (3, 3)."""
+        upper = 0.5 * np.array([-np.sin(x), np.cos(x)])
+        rows = []
+        for k in (1, 2, 3):
+            across = feet[k] - upper
+            distance = np.hypot(*across)
+            along = (bars[k - 1] ** 2 - posts[k] ** 2 + distance**2) / (2 * distance)
+            up = np.sqrt(bars[k - 1] ** 2 - along**2)
+            u = across / distance
+            step = along * u + up * np.array([-u[1], u[0]])
+            rows.append([*(upper + step / 2), np.arctan2(step[1], step[0])])
+            upper = upper + step
+        return np.array(rows)
+
+    def slope(f, x):
+        return (
+            sum(w * (f(x + k * h) - f(x - k * h)) for k, w in zip(STEPS, WEIGHTS, strict=True)) / h
+        )
+
+    def M(x):
+        rates = slope(middles, x)
+        return np.sum(rates[:, :2] ** 2) + 0.001 * np.sum(rates[:, 2] ** 2)
+
+    def V(x):
+        return 9.80665 * middles(x)[:, 1].sum()
+
+    return np.array(
+        [
+            M(x) * a + slope(M, x) * w**2 / 2 + slope(V, x)
+            for x, w, a in zip(angle, rate, acceleration, strict=True)
+        ]
+    )
