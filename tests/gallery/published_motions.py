@@ -102,7 +102,7 @@ def free_body(
         tree.frame("spring_eye", "free", eye)
         lines.append(LineForce("spring_foot", "spring_eye", stiffness=20.0, rest_length=0.0))
     tree.model.referenceConfigurations["home"] = pin.neutral(tree.model)
-    return ClosedChain(tree.model, [closure("on_ground", "on_body")], [], forces=lines)
+    return ClosedChain(tree.model, [closure("on_ground", "on_body")], [], lines=lines)
 
 
 #: Where the closures of Modelica's examples are: turned about x, then y, then z.
