@@ -864,8 +864,8 @@ class ClosedChain(RobotProperties, Summary):
                 joints that should stick move slowly.
             progress: Function that is called with the time reached.
             max_step: Longest step of the integrator, [s]. By default, where torques or loads are
-                functions, steps are no longer than the distance of the output times. A shorter
-                push can be missed; a RuntimeWarning says so if it is noticed.
+                functions, a step is at most the spacing of `t`. These functions are evaluated
+                eight times within each spacing. A push that is shorter than that can be missed.
 
         Raises:
             SimulationError: If the integrator fails.

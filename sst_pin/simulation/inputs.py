@@ -83,8 +83,6 @@ class Input(NamedTuple):
     sampling: Sampling | None = None
     #: Times, shape (N,); a step that passes two of them may miss a change.
     times: Array | None = None
-    #: Whether it is a function or samples, which a step may miss.
-    varies: bool = False
     #: Whether it is a function.
     callable: bool = False
 
@@ -170,7 +168,6 @@ def _function_or_constant(
             lambda t, state: one(t, *state()),
             lambda t, q, va: np.array(list(map(one, t, q, va))),
             times=times,
-            varies=True,
             callable=True,
         )
     constant = single_array(name, value, shape)
@@ -192,7 +189,7 @@ def _samples(times: Array, torques: Array) -> Input:
         return ((t - start) ** powers).dot(coefficients)
 
     changes = _changes(times, torques)
-    return Input(at, lambda t, q, va: np.asarray(smooth(t)), times=changes, varies=True)
+    return Input(at, lambda t, q, va: np.asarray(smooth(t)), times=changes)
 
 
 def _changes(times: Array, torques: Array) -> Array:

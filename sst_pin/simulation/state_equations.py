@@ -28,6 +28,7 @@ class StateEquations:
         states: The states of y.
         failure: The last error at a trial state.
         close_first: Whether f first moves y onto the closures.
+        evaluations: Torques and loads of the last evaluations of f.
     """
 
     def __init__(self, robot_states: States, torque: Input, load: Input | None) -> None:
@@ -35,6 +36,7 @@ class StateEquations:
         self.torque, self.load = torque, load
         self.failure: SSTError | None = None
         self.close_first = False
+        self.evaluations = list[tuple[Array, Array | None]]()
         self._last_jacobian = np.zeros(())
 
     def robot_state(self, state: Array) -> tuple[Array, Array]:
@@ -58,7 +60,9 @@ class StateEquations:
             if self.close_first:
                 q = self.states.closed(state)
                 state = np.concatenate([q, state[len(q) :]])
-            return self.states.rate(state, *self._inputs(time, state))
+            tau, load = self._inputs(time, state)
+            self.evaluations.append((tau, load))
+            return self.states.rate(state, tau, load)
         except InputError:
             raise  # the caller's torque is at fault
         except SSTError as error:
@@ -92,18 +96,29 @@ class StateEquations:
         aa = self.states.rate(state, *self._inputs(time, state))[len(q) :]
         return q, *self.states.joint_motion(q, va, aa)
 
+    def inputs_along(self, times: Array, states: Array) -> tuple[Array, Array | None]:
+        """Torques, shape (N, motors), and loads, (N, r, 6), at times and states."""
+        q = self.states.closed(states)
+        va = self._robot_rates(q, states[:, q.shape[1] :])
+        load = None if self.load is None else self.load.along(times, q, va)
+        return self.torque.along(times, q, va), load
+
+    def _robot_rates(self, q: Array, rates: Array) -> Array:
+        """Rates of the robot's coordinates, shape (N, n)."""
+        if self.states is self.robot_states:
+            return rates
+        v = [self.states.joint_rates(*x) for x in zip(q, rates, strict=True)]
+        return np.array(v)[:, self.robot_states.coordinates]
+
     def along(self, times: Array, states: Array) -> tuple[Array, Array, Array, Array]:
         """q, va, aa of the robot's coordinates, and torques, at times and states."""
         q = self.states.closed(states)
-        rates = va = states[:, q.shape[1] :]
-        coordinates, other = self.robot_states.coordinates, self.states is not self.robot_states
-        if other:
-            v = [self.states.joint_rates(*x) for x in zip(q, rates, strict=True)]
-            va = np.array(v)[:, coordinates]
+        rates = states[:, q.shape[1] :]
+        va = self._robot_rates(q, rates)
         tau = self.torque.along(times, q, va)
         load = None if self.load is None else self.load.along(times, q, va)
         aa = self.states.rate(states, tau, load)[:, q.shape[1] :]
-        if other:
+        if self.states is not self.robot_states:
             v_dot = [self.states.joint_motion(*x)[1] for x in zip(q, rates, aa, strict=True)]
-            aa = np.array(v_dot)[:, coordinates]
+            aa = np.array(v_dot)[:, self.robot_states.coordinates]
         return q, va, aa, tau

@@ -237,10 +237,52 @@ def test_a_push_of_a_motion_is_seen_though_results_are_wanted_at_three_times(fiv
     assert np.abs(motion.va[-1]).max() > 0.1
 
 
-def test_a_push_that_long_steps_have_missed_is_told(five_bar):
-    options = {"method": "RK45", "max_step": np.inf} | LOOSE
-    with pytest.warns(RuntimeWarning, match="max_step"):
+def _pushed_exactly(chain, start, end):
+    """The end of the same motion at 0.4 s, in three parts of constant torque."""
+    q, va = chain.home, [0.0, 0.0]
+    for tau, part in ([0, 0], [0, start]), (9 * PUSH, [start, end]), ([0, 0], [end, 0.4]):
+        motion = chain.simulate(tau, q, va, part)
+        q, va = motion.q[-1], motion.va[-1]
+    return q
+
+
+@pytest.mark.parametrize(
+    ("method", "max_step"),
+    [
+        ("RK45", np.inf),
+        ("DOP853", None),
+        pytest.param("DOP853", np.inf, marks=pytest.mark.slow),
+        pytest.param("RK45", None, marks=pytest.mark.slow),
+        pytest.param("Radau", None, marks=pytest.mark.slow),
+    ],
+)
+def test_a_push_shorter_than_the_spacing_of_the_times_moves_a_robot_at_rest(
+    five_bar, method, max_step
+):
+    """Pushes of a seventh to nine tenths of the spacing, at any time between two results."""
+    five_bar.compile()
+    random = np.random.default_rng(5)
+    for _ in range(3):
+        length, start = random.uniform(0.15, 0.9) * 0.1, random.uniform(0.1, 0.2)
         motion = five_bar.simulate(
-            lambda t, q, va: pushed(t) * PUSH, five_bar.home, [0, 0], T, **options
+            lambda t, q, va, a=start, b=start + length: 9 * PUSH if a < t < b else 0 * PUSH,
+            five_bar.home,
+            [0, 0],
+            np.linspace(0, 0.4, 5),
+            method=method,
+            max_step=max_step,
+            rtol=1e-8,
+            atol=1e-8,
         )
-    assert np.abs(motion.va[-1]).max() == 0
+        end = _pushed_exactly(five_bar, start, start + length)
+        assert np.abs(end - five_bar.home).max() > 0.1
+        # Two jumps of the torque, each within a few steps of rtol.
+        assert np.abs(motion.q[-1] - end).max() < 1e-5
+
+
+def test_a_push_that_is_too_short_for_any_step_is_told(five_bar):
+    """One of the times, at which torques are evaluated, is the only time of the push."""
+    with pytest.warns(RuntimeWarning, match=r"changes too fast at t = 0\.062"):
+        five_bar.simulate(
+            lambda t, q, va: (abs(t - 1 / 16) < 1e-12) * 1e9 * PUSH, five_bar.home, [0, 0], [0, 1]
+        )
