@@ -79,13 +79,14 @@ def for_each_sample(
     on_error: str = "raise",
     out: Array | None = None,
     fast: Callable[[list[Array | None], Array], NDArray[np.intp]] | None = None,
+    hint: str = "",
 ) -> Array:
     """Apply a function of single samples along the broadcast leading axes.
 
     `core_axes` are the numbers of axes behind the leading ones, array by array; None in `arrays` is
     handed on. `fast` fills rows of results and returns the indices of those that it leaves to
     `function`. `out` gets the results, shape (..., *result), and may overlap the inputs; after an
-    error it may hold a part of them.
+    error it may hold a part of them. `hint` is said if the work takes long.
 
     With `on_error="nan"` samples that fail become NaN. Otherwise the error is that of the first
     sample at fault, and names all samples with an error of this class.
@@ -104,7 +105,7 @@ def for_each_sample(
     if fast is not None:
         left = map(int, fast(flat, results.reshape(n, math.prod(result))))
     failures: dict[int, SSTError] = {}
-    for i in counted(left, "samples", n):
+    for i in counted(left, "samples", n, hint):
         try:
             results[i] = function(*(None if a is None else a[i] for a in flat))
         except SSTError as error:

@@ -32,6 +32,7 @@ from .errors import ClosureError, InputError, SingularConfigurationError, SSTErr
 from .loops.closed_loops import ClosedLoops
 from .model.mechanism import Friction, Mechanism
 from .model.tree import body_of, frame_id
+from .progress import FASTER
 from .states import States
 from .summaries import listed
 
@@ -237,8 +238,20 @@ class Engine(ClosedLoops):
             return kernel.many(tuple(rows), result, min(threads, sys.maxsize))
 
         shape = kind.shape(self.mechanism)
+        hint = ""
+        if self.make_kernels is None:
+            hint = f"computing on the slow reference path; {FASTER}"
         fast = None if self.kernels is None else fill
-        return for_each_sample(function, arrays, axes, shape, on_error=on_error, out=out, fast=fast)
+        return for_each_sample(
+            function,
+            arrays,
+            axes,
+            shape,
+            on_error=on_error,
+            out=out,
+            fast=fast,
+            hint=hint,
+        )
 
     def _answer(
         self,

@@ -1,14 +1,18 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Work that takes more than two seconds shows a progress bar or says what it does."""
+"""Work that takes more than two seconds shows a progress bar or says what it does.
+
+Bars appear on terminals and in notebooks only.
+"""
 
 from __future__ import annotations
 
+import sys
 import threading
 from collections.abc import Iterable, Iterator
 from contextlib import closing, contextmanager
 from functools import cache
 from logging import getLogger
-from time import monotonic
+from time import monotonic, time
 from typing import Any, TypeVar
 
 T = TypeVar("T")
@@ -17,12 +21,17 @@ PATIENCE = 2.0
 _log = getLogger("sst_pin")
 
 
-class Bar:
-    """A bar of tqdm with a hint; it appears only after some seconds."""
+#: What is slow on the reference path.
+FASTER = "in Python, chain.compile() makes the dynamics several hundred times faster"
 
-    def __init__(self, hint: str = "", **how: Any) -> None:
+
+class Bar:
+    """A bar of tqdm with a hint; both appear only after some seconds, the bar on a terminal."""
+
+    def __init__(self, hint: str = "", **options: Any) -> None:
         self._bar: Any = None
-        self._how, self._hint, self._late = how, hint, monotonic() + PATIENCE
+        self._options, self._hint = options, hint
+        self._began, self._late = time(), monotonic() + PATIENCE
 
     def reach(self, done: float) -> None:
         """Show how much is done."""
@@ -30,7 +39,9 @@ class Bar:
             from tqdm import tqdm  # its import takes longer than most calls
 
             say_once(self._hint)
-            self._bar = tqdm(leave=False, **self._how)
+            # The time that is left follows from the average speed since the beginning.
+            self._bar = tqdm(leave=False, smoothing=0, disable=not _watched(), **self._options)
+            self._bar.start_t = self._began
         if self._bar is not None:
             self._bar.update(max(done - self._bar.n, 0))
 
@@ -40,13 +51,20 @@ class Bar:
             self._bar.close()
 
 
-def counted(things: Iterable[T], what: str, total: int | None = None) -> Iterator[T]:
-    """Things one by one, with a bar once they take longer."""
-    with closing(Bar(desc=what, total=total)) as bar:
+def counted(
+    things: Iterable[T], what: str, total: int | None = None, hint: str = ""
+) -> Iterator[T]:
+    """Things one by one, with a bar and a hint once they take longer."""
+    with closing(Bar(hint, desc=what, total=total)) as bar:
         for done, thing in enumerate(things):
             if done:
                 bar.reach(done)
             yield thing
+
+
+def _watched() -> bool:
+    """Whether a person watches the output: a bar in a log is thousands of lines."""
+    return sys.stderr.isatty() or "ipykernel" in sys.modules
 
 
 @contextmanager

@@ -190,7 +190,7 @@ def _moved(chain: ClosedChain, start: Array, step: Array) -> Array | None:
 def _beyond_limits(chain: ClosedChain, q: Array) -> dict[tuple[str, ...], float]:
     """How far joints are beyond their limits at q, [rad] or [m]."""
     excess = dict[tuple[str, ...], float]()
-    for finding in chain.check(q):
+    for finding in chain.check_limits(q):
         if not finding.singular:
             low, high = finding.limits
             value = float(finding.values[0])

@@ -14,7 +14,7 @@ from ..dynamics.quantities import Quantity
 from ..engine import Engine
 from ..errors import InputError, SingularityWarning, warn_caller
 from ..model.closures import Rolling
-from ..progress import Bar
+from ..progress import FASTER, Bar
 from ..states import States
 from .inputs import ExternalLoad, Settings, Torque, load_input, torque_input
 from .integration import Integration
@@ -23,12 +23,7 @@ from .samples import sample_times
 from .state_equations import StateEquations
 from .trajectories import Trajectory, trajectory_of
 
-#: How many times as fast kernels compute accelerations of the SST as the reference path does; see
-#: docs/benchmark.json.
-FASTER = 500
-_HINT = "simulate is on the reference path; in Python, chain.compile() makes accelerations about "
-_HINT += f"{FASTER} times as fast"
-
+_HINT = f"simulate is on the slow reference path; {FASTER}"
 _BAR = "{desc} {percentage:3.0f}% |{bar}| {n:.3g}/{total:.3g} s of motion"
 
 
