@@ -86,7 +86,7 @@ class Ankle:
         self._aa = np.vstack([self.gait.aa, np.zeros((corners, 2))])
         self._load = np.zeros((count + corners, self.drawn.model.njoints - 1, 6))
         foot = self.drawn.joint_names.index("ankle_roll")
-        self._load[:count, foot, :3] = self.gait.moment
+        self._load[:count, foot, 3:] = self.gait.moment
         self._known: tuple[bytes, tuple[np.ndarray, ...]] = (b"", ())
 
     def chain(self, p: np.ndarray) -> sst_pin.ClosedChain:

@@ -100,7 +100,7 @@ def stance(chain: ClosedChain, q: Array) -> Stance:
 
 
 def contact_wrenches(chain: ClosedChain, q: Array, forces: Array) -> Array:
-    """On each body at its mass centre, [moment; force], base axes, shape (bodies, 6)."""
+    """On each body at its mass centre, [force; moment], base axes, shape (bodies, 6)."""
     model, data = chain.model, chain.model.createData()
     pin.framesForwardKinematics(model, data, q)
     wrenches = np.zeros((model.njoints - 1, 6))
@@ -109,7 +109,7 @@ def contact_wrenches(chain: ClosedChain, q: Array, forces: Array) -> Array:
         joint = model.frames[frame].parentJoint
         centre = data.oMi[joint].act(model.inertias[joint].lever)
         arm = data.oMf[frame].translation - centre
-        wrenches[joint - 1] += np.concatenate([np.cross(arm, force), force])
+        wrenches[joint - 1] += np.concatenate([force, np.cross(arm, force)])
     return wrenches
 
 

@@ -64,7 +64,7 @@ class ClosedChain(RobotProperties, Summary):
     - `frame`: name of a frame of the tree.
     - `platform_moment`: external moment on the platform, in base axes, shape (..., 3), [N m]. The
       platform is the body of the frame "platform"; of an SST it is the star.
-    - `external_wrenches`: [moment; force] on each body at its mass centre, in base axes, bodies in
+    - `external_wrenches`: [force; moment] on each body at its mass centre, in base axes, bodies in
       the order of the joints, shape (..., r, 6).
     - `sign_width`: derivatives replace the sign of a rate v in Coulomb friction by
       tanh(v / sign_width); positive, 1e-3 by default, [rad/s] or [m/s].
@@ -569,7 +569,7 @@ class ClosedChain(RobotProperties, Summary):
             aa: If absent, the accelerations follow from tau; zero if va and tau are absent too.
             tau: If absent, the torques are the smallest for the motion.
             stiffness: Makes reactions of an overconstrained robot unique: by the name of a joint or
-                closure, stiffnesses about x, y, z [N m/rad] and along x, y, z [N/m] in the axes of
+                closure, stiffnesses along x, y, z [N/m] and about x, y, z [N m/rad] in the axes of
                 its wrench, infinite where it is rigid. Joints without one are rigid.
             options: Loads, and `out` of shape (..., 7 (r + closures) + 6 + motors): wrenches of
                 joints, closures and the ground, the torques, then for each joint and closure the

@@ -382,7 +382,7 @@ class Engine(ClosedLoops):
             raise InputError("platform_moment", cure)
         moment = _loads("platform_moment", platform_moment, (3,), on_error)
         on_platform = np.zeros((*moment.shape[:-1], *shape))
-        on_platform[..., body, :3] = moment
+        on_platform[..., body, 3:] = moment
         return on_platform if wrenches is None else on_platform + wrenches
 
     def closed(self, q: Array) -> Array:

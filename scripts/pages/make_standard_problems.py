@@ -35,7 +35,7 @@ def andrews_at_its_end() -> list[tuple[str, ...]]:
     q, v, a = (np.array([ANDREWS[x][name] for name in chain.joint_names]) for x in ("q", "v", "dv"))
     tau = chain.compute_torques(q, v[:1], a[:1])[0]
     accelerations = chain.joint_accelerations(q, v[:1], a[:1])
-    forces = -chain.reactions(q, v[:1], a[:1]).closures[:, 3:5]  # in the axes of theta
+    forces = -chain.reactions(q, v[:1], a[:1]).closures[:, :2]  # in the axes of theta
     turned = forces @ referees.turn(2, q[0] + q[1])[:2, :2].T
     given = np.array(list(ANDREWS["forces"].values()))
     worst = [

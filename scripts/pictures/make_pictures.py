@@ -63,7 +63,7 @@ def workspace() -> Figure:
 
 def reach() -> Figure:
     """Where a five-bar and a delta reach, and what 1 kg at the delta takes of motors of 1.2 N m."""
-    side, weight = np.linspace(-0.14, 0.14, 71), (0.0, 0.0, 0.0, 0.0, 0.0, -9.81)
+    side, weight = np.linspace(-0.14, 0.14, 71), (0.0, 0.0, -9.81, 0.0, 0.0, 0.0)
     lift = reach_map(gallery.five_bar(), "platform", x=side, y=np.linspace(-0.18, 0.18, 91))
     x, z = np.linspace(-0.42, 0.42, 71), np.linspace(-0.5, 0.02, 45)
     load = reach_map(gallery.delta(), "platform", 1.2, x=x, z=z, wrench=weight)
@@ -79,7 +79,7 @@ def bearings() -> Figure:
     """Loads of the SST's bearings on the circle of the paper, its joints equally stiff."""
     robot = SST()
     motion = example_1(robot, np.linspace(0, PERIOD, 401))
-    soft = dict.fromkeys(robot.joint_names, [1e6] * 3 + [1e8] * 3)
+    soft = dict.fromkeys(robot.joint_names, [1e8] * 3 + [1e6] * 3)
     return plots.loads_page(robot.loads(motion, stiffness=soft))
 
 

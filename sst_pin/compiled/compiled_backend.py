@@ -95,7 +95,7 @@ class CompiledBackend:
         self._near = near if _closed(reference, near) else None  # the robot may have changed
         self._parameters = OpenNumbers(self._mechanism)
         body = body_of(self._mechanism.model, platform)
-        self._moment = -1 if body is None else 6 * body
+        self._moment = -1 if body is None else 6 * body + 3  # after the force
         self._kernels: dict[Quantity, engine.Kernel | None] = {}
         self._equations: dict[tuple[bool, bool, bool], Equations] = {}
         self._codes: dict[Quantity, list[Code]] = {}

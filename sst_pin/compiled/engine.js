@@ -150,7 +150,7 @@ function engine(functions, d) {
     return r.way === "sliders" ? r.efforts : zeros(motors);
   }
 
-  // The hand on a body, a spring or a push, as moment about the mass centre and force.
+  // The hand on a body, a spring or a push, as [force; moment] about the mass centre.
   function loads(q, q_dot) {
     const { grip } = r;
     if (!grip || !(grip.target || r.time < grip.until)) return rest;
@@ -159,8 +159,8 @@ function engine(functions, d) {
     const force = grip.target ? p.map((x, i) => grip.mass * (grip.pull ** 2 * (grip.target[i] - x) - 1.4 * grip.pull * speed[i])) : grip.force;
     [0, 1, 2].forEach((i) => {
       const [j, k] = [(i + 1) % 3, (i + 2) % 3];
-      W[6 * grip.body - 6 + i] = (p[j] - c[j]) * force[k] - (p[k] - c[k]) * force[j];
-      W[6 * grip.body - 3 + i] = force[i];
+      W[6 * grip.body - 6 + i] = force[i];
+      W[6 * grip.body - 3 + i] = (p[j] - c[j]) * force[k] - (p[k] - c[k]) * force[j];
     });
     return W;
   }

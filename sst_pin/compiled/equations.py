@@ -49,7 +49,7 @@ class Equations:
     """Symbols of one mechanism.
 
     Pivots are chosen by assembled configurations, the samples. `loaded` tells whether external
-    wrenches act: `loads` are [moment; force] on each body at its mass centre, base axes. `smooth`
+    wrenches act: `loads` are [force; moment] on each body at its mass centre, base axes. `smooth`
     tells whether Coulomb friction is tanh(v / sign_width), for derivatives; kernels smooth the sign
     by themselves. `welded` bodies are computed as one. With `displaced` joints derivatives by q
     along the rates can be taken. p are the open numbers, in the order of `parameters`.

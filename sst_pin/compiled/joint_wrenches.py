@@ -41,7 +41,7 @@ def reactions(e: Equations, checks: Checks) -> tuple[dict[str, SX], SX, list[Any
     Lambda = e.multipliers(needed) | _pushes(e, tau)
     values, ground = _wrenches(e, units, Lambda, e.tree.wrenches(e.v, e.dv))
     stresses = [_wrenches(e, units, stress)[0] for stress in _stresses(e)]
-    size, codes = np.repeat([1.0, mechanism.length], 3), [SX(0)] * (values.numel() // 6)
+    size, codes = np.repeat([mechanism.length, 1.0], 3), [SX(0)] * (values.numel() // 6)
     for k in range(values.numel()):
         squares = [stress[k] ** 2 for stress in stresses if not stress[k].is_zero()]
         if squares:
@@ -81,7 +81,7 @@ def _stresses(e: Equations) -> Iterator[Sparse]:
 def _wrenches(
     e: Equations, units: list[dict[int, SX]], Lambda: Sparse, needed: Sequence[SX] | None = None
 ) -> tuple[SX, SX]:
-    """[moment; force] of joints, then closures, and of the ground, from multipliers of the rows."""
+    """[force; moment] of joints, then closures, and of the ground, from multipliers of the rows."""
     mechanism, model, tree = e.mechanism, e.mechanism.model, e.kinematics.tree
     supplied = [SX(6, 1) for _ in tree.links]
     for i, x in Lambda.items():
@@ -106,5 +106,4 @@ def _wrenches(
         R, p = sx(frame.placement.rotation), sx(frame.placement.translation)
         F, N = on_b[:3], on_b[3:]
         wrenches.append(ca.vertcat(R.T @ F, R.T @ (N - ca.cross(p, F))))
-    values = ca.vertcat(*(ca.vertcat(x[3:], x[:3]) for x in wrenches))
-    return values, ca.vertcat(borne[0][3:], borne[0][:3])
+    return ca.vertcat(*wrenches), borne[0]

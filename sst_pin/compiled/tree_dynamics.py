@@ -125,7 +125,7 @@ class TreeDynamics:
 
     def _load(self, body: int) -> SX:
         """External force and moment about the origin of a link, axes of the link."""
-        moment, force = ca.vertsplit(self._loads[6 * body - 6 : 6 * body], 3)
+        force, moment = ca.vertsplit(self._loads[6 * body - 6 : 6 * body], 3)
         R, _ = self._kinematics.pose(0, self._kinematics.tree.link_of[body])
         numbers, force = self._parameters.body(self._p, body), R.T @ force
         lever = sx(self._mechanism.model.inertias[body].lever)

@@ -109,10 +109,10 @@ def reach_map(
 
     The frame moves from the start to neighbouring poses, one after the other. So all poses are in
     the assembly mode and working mode of the start, and none lies beyond a singular configuration
-    or a limit that `ClosedChain.check` knows. If one of x, y, z is given, the position of the frame
-    is prescribed; its other components stay as at the start. If one of roll, pitch, yaw is given,
-    the orientation is prescribed; the other angles are 0. If the frame then has degrees of freedom
-    left, the joints move least, and the map depends on the path to each pose.
+    or a limit that `ClosedChain.check_limits` knows. If one of x, y, z is given, the position of
+    the frame is prescribed; its other components stay as at the start. If one of roll, pitch, yaw
+    is given, the orientation is prescribed; the other angles are 0. If the frame then has degrees
+    of freedom left, the joints move least, and the map depends on the path to each pose.
 
     Args:
         chain: A robot whose motors hold all coordinates.
@@ -129,7 +129,7 @@ def reach_map(
         yaw: About the z axis.
         rotation: Orientation of the frame where the angles are 0, shape (3, 3); by default that at
             the start.
-        wrench: [moment; force] on the frame at its origin, in base axes, [N m] and [N], such as the
+        wrench: [force; moment] on the frame at its origin, in base axes, [N] and [N m], such as the
             weight of what it carries; none by default.
         start: A guess of all joints, shape (nq,), that selects the modes; by default `home`.
 
@@ -172,7 +172,7 @@ def reach_map(
     why, q = _flood(chain, guide, home, poses, nearest)
     reached = q[why == _REACHED]
     A = torques_of_wrenches(chain, reached, frame).mT
-    tau = chain.compute_torques(reached, rest, rest) - np.roll(push, 3) @ A
+    tau = chain.compute_torques(reached, rest, rest) - push @ A
     directions = chain.preload_directions(reached)
     pairs = zip(tau, directions, strict=True)
     holding = np.array([within_limits(*each, limits) for each in pairs]).reshape(tau.shape)

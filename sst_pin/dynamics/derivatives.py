@@ -251,7 +251,7 @@ def _on_mass_centres(tree: TreeMotion, loops: Loops, wrenches: Array) -> _Load:
     levers = [pin.SE3(np.eye(3), loops.tree.model.inertias[joint].lever) for joint in joints]
     places = [loops.data.oMi[j] * lever for j, lever in zip(joints, levers, strict=True)]
     frames = tree.frames(joints, [place.homogeneous for place in places])
-    moments, forces = wrenches[loaded].reshape(-1, 2, 3).swapaxes(0, 1)
+    forces, moments = wrenches[loaded].reshape(-1, 2, 3).swapaxes(0, 1)
     w = np.hstack((forces, moments + cross(frames.M[:, :3, 3], forces)))
     w_q = np.zeros_like(frames.J)
     w_q[:, 3:] = -skew(forces) @ frames.M_q[..., :3, 3].transpose(1, 2, 0)

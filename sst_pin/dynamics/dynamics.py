@@ -38,7 +38,8 @@ class Terms(Summary):
     """Every matrix of Eq. (92): f = inertia aa + coriolis va - gravity - friction - springs.
 
     There are nv rates, of which n belong to the coordinates, and r bodies. Units are SI, axes are
-    those of the base, twists are [omega; v] at mass centres.
+    those of the base. Here, and only here, twists are [omega; v] and wrenches [moment; force], as
+    in the paper, at the mass centres.
 
     Attributes:
         Phi: Independent rows of the constraint Jacobian, shape (nv - n, nv), Eqs. (3), (5).
@@ -216,8 +217,8 @@ def inverse_dynamics(
 ) -> Array:
     """Generalised forces f of a motion, shape (n,), by the short form of Eq. (92).
 
-    `pin.rnea` is N_l forward and N_l^T backward; it forms no K. `wrenches` are external [moment;
-    force] on each body at its mass centre, base axes, shape (r, 6), or None.
+    `pin.rnea` is N_l forward and N_l^T backward; it forms no K. `wrenches` are external [force;
+    moment] on each body at its mass centre, base axes, shape (r, 6), or None.
     """
     v, v_dot = context.complement.motion(q, va, aa)
     applied = applied_forces(context, context.mechanism.friction, q, v, wrenches)
@@ -236,7 +237,8 @@ def force_sizes(context: Context, q: Array, va: Array, aa: Array, wrenches: Arra
     r = model.njoints - 1
     parts = [M @ (K @ v_dot), M @ (K_dot @ v), Omega @ (M @ (K @ v)), weights]
     if wrenches is not None:
-        parts.append(wrenches.ravel())
+        force, moment = np.hsplit(wrenches, 2)
+        parts.append(np.hstack([moment, force]).ravel())  # the order of K
     on_bodies = np.abs(parts).reshape(-1, 2 * r, 3).sum(axis=(0, 2))  # moments and forces
     on_bodies[1::2] += _EARTH * np.abs([body.mass for body in list(model.inertias)[1:]])
     lengths = np.linalg.norm(K.reshape(2 * r, 3, -1), axis=1)

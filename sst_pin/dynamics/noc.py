@@ -2,8 +2,9 @@
 """The natural orthogonal complement: L, K, T and their rates, Eqs. (3)-(25), one configuration.
 
 Sect. 3 of the paper with its letters. Joints keep the order of the tree instead of being sorted
-into actuated and unactuated. Twists are [omega; v] at the mass centres in base axes, as in the
-paper. Pinocchio's are [v; omega] at the frame's origin; `body_jacobians` converts them.
+into actuated and unactuated. In `Bodies`, T and N_l, and only there, twists are [omega; v] and
+wrenches [moment; force], at the mass centres in base axes, as in the paper. Everywhere else they
+are [v; omega] and [force; moment], as Pinocchio's.
 """
 
 import math
@@ -188,18 +189,23 @@ class Bodies(NamedTuple):
 
 
 def body_jacobians(loops: Loops) -> Array:
-    """K alone, shape (6 r, nv), at the current q."""
-    J = _of_bodies(loops, pin.getJointJacobian)
-    return _at_mass_centers(J, mass_centers(loops)).dot(loops.tree.S).reshape(-1, loops.model.nv)
+    """Jacobians [v; omega] of the bodies at their mass centres, shape (6 r, nv), at the current q.
+
+    External wrenches w = [force; moment] there are the forces J^T w on the joints. K has the same
+    rows in the paper's order.
+    """
+    J = _at_mass_centers(_of_bodies(loops, pin.getJointJacobian), mass_centers(loops))
+    return J.dot(loops.tree.S).reshape(-1, loops.model.nv)
 
 
 def bodies(loops: Loops, v: Array) -> Bodies:
     """K, K_dot, M, Omega and w^g at rates v of the tree."""
     model, S, c = loops.model, loops.tree.S, mass_centers(loops)
     pin.computeJointJacobiansTimeVariation(loops.tree.model, loops.data, loops.q, S.dot(v))
-    K = _at_mass_centers(_of_bodies(loops, pin.getJointJacobian), c).dot(S)
+    K = _in_paper_order(_at_mass_centers(_of_bodies(loops, pin.getJointJacobian), c)).dot(S)
     # The reduction moves with the mass centre: d/dt (omega x c) has the term omega x c_dot.
-    K_dot = _at_mass_centers(_of_bodies(loops, pin.getJointJacobianTimeVariation), c).dot(S)
+    J_dot = _at_mass_centers(_of_bodies(loops, pin.getJointJacobianTimeVariation), c)
+    K_dot = _in_paper_order(J_dot).dot(S)
     c_dot = K[:, 3:] @ v
     K_dot[:, 3:] += np.cross(K[:, :3], c_dot[:, :, None], axis=1)
     omega = K[:, :3] @ v
@@ -245,7 +251,7 @@ def decoupled(loops: Loops) -> tuple[Array, Array]:
             N_l[i, :, bearer - 1] = transfer
         if model.parents[i + 1]:
             of_parents[i] = J[model.parents[i + 1] - 1]
-    N_d = _at_mass_centers(J - of_parents, c).dot(loops.tree.S)
+    N_d = _in_paper_order(_at_mass_centers(J - of_parents, c)).dot(loops.tree.S)
     return N_l.reshape(6 * r, 6 * r), N_d.reshape(6 * r, model.nv)
 
 
@@ -263,6 +269,12 @@ def _of_bodies(loops: Loops, of_joint: Callable[..., Array]) -> Array:
 
 
 def _at_mass_centers(J: Array, c: Array) -> Array:
-    """Jacobians [v; omega] at the world's origin -> [omega; v] at each c, shape (r, 6, rates)."""
+    """Jacobians [v; omega] at the world's origin -> those at each c, shape (r, 6, rates)."""
     v, omega = np.split(J, 2, axis=1)
-    return np.concatenate([omega, v + np.cross(omega, c[..., None], axis=1)], axis=1)
+    return np.concatenate([v + np.cross(omega, c[..., None], axis=1), omega], axis=1)
+
+
+def _in_paper_order(J: Array) -> Array:
+    """Jacobians [v; omega] -> [omega; v], Eq. (9), shape (r, 6, rates)."""
+    v, omega = np.split(J, 2, axis=1)
+    return np.concatenate([omega, v], axis=1)

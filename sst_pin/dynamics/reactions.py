@@ -30,7 +30,6 @@ from .noc import mass_centers
 #: Inner stresses are not determined if the root of their elastic energy, relative to the largest,
 #: is smaller: they act in rigid parts only.
 _RESISTED = 1e-9
-_MOMENT_FIRST = [3, 4, 5, 0, 1, 2]
 #: Bits of the components that are not unique, in the code of a joint or closure.
 BITS = 2.0 ** np.arange(6)
 
@@ -46,7 +45,7 @@ class Verdict(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Reactions(Summary):
-    """Wrenches [moment; force] in the joints and closures of a robot, [N m], [N].
+    """Wrenches [force; moment] in the joints and closures of a robot, [N], [N m].
 
     A joint's wrench is all that its parent gives to its child there, at the origin and in the axes
     of the joint: by the bearing, the motor, friction, springs and gears. It does not include the
@@ -72,7 +71,7 @@ class Reactions(Summary):
     Example:
         >>> delta = sst_pin.robots.delta()
         >>> w = delta.reactions(delta.home, np.zeros(3), np.zeros(3))
-        >>> w.ground[5].round(3), w.of("motor_1")[3:].round(3)
+        >>> w.ground[2].round(3), w.of("motor_1")[:3].round(3)
         (np.float64(5.003), array([ 0.65 , -0.   ,  1.668]))
     """
 
@@ -118,10 +117,10 @@ class Reactions(Summary):
         for name, flags in zip(self.names, unique, strict=True):
             free = [_COMPONENTS[i] for i in np.flatnonzero(~flags)]
             rows.append((name, f"not unique: {listed(free)}" if free else "determined"))
-        return "Reactions [moment; force]", rows
+        return "Reactions [force; moment]", rows
 
 
-_COMPONENTS = ("moment x", "moment y", "moment z", "force x", "force y", "force z")
+_COMPONENTS = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
 
 
 def names_of(mechanism: Mechanism) -> tuple[str, ...]:
@@ -179,15 +178,14 @@ def reactions(
 
     both = _wrenches(context, Lambda)
     both[: len(borne), :, 0] += borne
-    both = both[:, _MOMENT_FIRST]
     values, stresses = both[..., 0], both[..., 1:]
-    size = np.repeat([1.0, mechanism.length], 3)
+    size = np.repeat([mechanism.length, 1.0], 3)  # in moments
     changes = np.linalg.norm(stresses, axis=-1) * size
     if compliances is not None:
         values, left = _relaxed(values, stresses, compliances)
         values[np.linalg.norm(left, axis=-1) * size > UNIQUE] = np.nan
     codes = (changes > UNIQUE) @ BITS
-    return np.concatenate([values.ravel(), ground[_MOMENT_FIRST], tau, codes])
+    return np.concatenate([values.ravel(), ground, tau, codes])
 
 
 def _multipliers(context: Context, needed: Array) -> Array:
@@ -204,7 +202,7 @@ def _loads(context: Context, wrenches: Array | None) -> Array:
     """[force; moment] on the joints of the normal tree at the world's origin, shape (joints, 6)."""
     loads = np.zeros((context.tree.model.njoints, 6))
     if wrenches is not None:
-        moment, force = wrenches[:, :3], wrenches[:, 3:]
+        force, moment = wrenches[:, :3], wrenches[:, 3:]
         at_origin = moment + np.cross(mass_centers(context.loops), force)
         loads[context.tree.bodies[1:]] = np.hstack([force, at_origin])
     return loads

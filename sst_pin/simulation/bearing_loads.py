@@ -131,7 +131,7 @@ def loads(engine: Engine, motion: Trajectory, stiffness: Mapping[str, ArrayLike]
     weights = half[:-1] + half[1:] if len(motion) > 1 else np.ones(1)
     rows = []
     for k, name in enumerate(w.names):
-        for kind, part in (("force", slice(3, 6)), ("moment", slice(0, 3))):
+        for kind, part in (("force", slice(0, 3)), ("moment", slice(3, 6))):
             vectors = wrenches[:, k, part]
             sizes = np.linalg.norm(vectors, axis=1)
             peak = float(sizes.max())  # NaN if any is

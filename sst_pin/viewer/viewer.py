@@ -316,13 +316,13 @@ class Viewer:
         except (ActuationError, ClosureError, SingularConfigurationError) as error:
             self._note = f"No reactions: {error}"
         else:
-            wrenches = np.concatenate([w.joints, w.closures], axis=1)[..., 3:]
-            free = np.isnan(wrenches).any(axis=(0, 2))
-            most = float(np.linalg.norm(wrenches[:, ~free], axis=2).max(initial=0.0)) or 1.0
-            forces[:, ~free] = wrenches[:, ~free] / most
+            forces_on = np.concatenate([w.joints, w.closures], axis=1)[..., :3]
+            free = np.isnan(forces_on).any(axis=(0, 2))
+            most = float(np.linalg.norm(forces_on[:, ~free], axis=2).max(initial=0.0)) or 1.0
+            forces[:, ~free] = forces_on[:, ~free] / most
             names = [name for name, not_unique in zip(w.names, free, strict=True) if not_unique]
             if not free.all():
-                curves.append(forces_of(w.names, wrenches, ~free))
+                curves.append(forces_of(w.names, forces_on, ~free))
             drawn = (
                 f"Dark arrows: forces of joints on what they bear; the largest is {most:.3g}\xa0N."
             )

@@ -102,7 +102,7 @@ def test_a_moment_on_the_platform_alone_is_that_of_the_wrenches_of_all_bodies(fi
     platform = robot.model.frames[robot.model.getFrameId("platform")].parentJoint - 1
     for moment in (moments, moments[0].copy()):
         wrenches = np.zeros((*moment.shape[:-1], 4, 6))
-        wrenches[..., platform, :3] = moment
+        wrenches[..., platform, 3:] = moment
         for f in (robot.compute_torques, robot.compute_accelerations):
             loaded = f(q, va, aa, platform_moment=moment)
             assert np.array_equal(loaded, f(q, va, aa, external_wrenches=wrenches))

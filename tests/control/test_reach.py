@@ -77,7 +77,7 @@ def arm(low=-np.inf):
 def test_torques_hold_the_pose_against_its_wrench(name):
     """Inverse dynamics with the wrench on the body's mass centre; also as parts of limits."""
     chain = getattr(sst_pin.robots, name)()
-    side, push = np.array([-0.04, 0.03]), np.array([0.4, 0.2, -0.3, 3.0, -4.0, -20.0])
+    side, push = np.array([-0.04, 0.03]), np.array([3.0, -4.0, -20.0, 0.4, 0.2, -0.3])
     limits = np.array([(-1.0 - k, 9.0) for k in range(len(chain.motor_names))])
     held = {"yaw": 0.0} if name == "stewart" else {}
     result = sst_pin.reach_map(chain, "platform", limits, x=side, y=side, wrench=push, **held)
@@ -87,7 +87,7 @@ def test_torques_hold_the_pose_against_its_wrench(name):
         pin.framesForwardKinematics(model, data, q)
         tip = data.oMf[model.getFrameId("platform")]
         assert np.abs(tip.translation[:2] - side[list(place)]).max() < 1e-9
-        load = wrenches_of(chain, q, push[3:], push[:3])
+        load = wrenches_of(chain, q, push[:3], push[3:])
         tau = chain.compute_torques(q, rest, rest, external_wrenches=load)
         assert np.abs(result.torque[place] - tau).max() < 1e-8 * np.abs(tau).max()
         part = np.abs(tau - limits.mean(axis=1)) / (limits[:, 1] - limits[:, 0]) * 2

@@ -26,8 +26,8 @@ def random_state(chain, seed):
 
 
 def moved(wrench, lever):
-    """[moment; force] about a point, from that about a point `lever` away from it."""
-    return np.concatenate([wrench[:3] + np.cross(lever, wrench[3:]), wrench[3:]])
+    """[force; moment] about a point, from that about a point `lever` away from it."""
+    return np.concatenate([wrench[:3], wrench[3:] + np.cross(lever, wrench[:3])])
 
 
 def unbalanced(chain, q, va, aa, wrenches, w):
@@ -42,7 +42,8 @@ def unbalanced(chain, q, va, aa, wrenches, w):
     v, v_dot = chain.joint_rates(q, va), chain.joint_accelerations(q, va, aa)
     t, t_dot = terms.K @ v, terms.K @ v_dot + terms.K_dot @ v
     left = np.zeros((model.njoints, 6))
-    left[1:] = (terms.M @ t_dot + terms.Omega @ terms.M @ t).reshape(-1, 6) - wrenches
+    of_motion = (terms.M @ t_dot + terms.Omega @ terms.M @ t).reshape(-1, 6)
+    left[1:] = of_motion[:, [3, 4, 5, 0, 1, 2]] - wrenches  # the terms have moments first
     centres = [place * body.lever for place, body in zip(data.oMi, model.inertias, strict=True)]
 
     def give(body, wrench, at, sign):
@@ -50,7 +51,7 @@ def unbalanced(chain, q, va, aa, wrenches, w):
         left[body] -= sign * moved(turned, at.translation - centres[body])
 
     for j in range(1, model.njoints):
-        left[j, 3:] -= model.inertias[j].mass * model.gravity.linear
+        left[j, :3] -= model.inertias[j].mass * model.gravity.linear
         give(j, w.joints[j - 1], data.oMi[j], 1)
         give(model.parents[j], w.joints[j - 1], data.oMi[j], -1)
     for closure, wrench in zip(chain.closures, w.closures, strict=True):
@@ -70,7 +71,7 @@ def unbalanced(chain, q, va, aa, wrenches, w):
         pull = (pull + line.damping * rates @ way / length) * way / length
         for frame, sign in zip(frames, (-1, 1), strict=True):
             at = pin.SE3(np.eye(3), data.oMf[frame].translation)
-            give(model.frames[frame].parentJoint, np.r_[0, 0, 0, pull], at, sign)
+            give(model.frames[frame].parentJoint, np.r_[pull, 0, 0, 0], at, sign)
     return left
 
 
@@ -130,7 +131,7 @@ def test_newton_and_euler_close_for_every_body(name):
 
 
 def inner_stresses(chain, q):
-    """Wrenches [moment; force] that balance on all bodies, shape (joints + closures, 6, k).
+    """Wrenches [force; moment] that balance on all bodies, shape (joints + closures, 6, k).
 
     From the equilibrium of all bodies in absolute coordinates. Unknown are the wrenches that joints
     and closures can transmit, whatever their motors do.
@@ -143,7 +144,7 @@ def inner_stresses(chain, q):
 
     def unknown(at, basis, parent, child):
         start = len(columns)
-        for wrench in basis.T:  # [force; moment] in the axes at `at`
+        for wrench in basis.T:  # in the axes at `at`
             column = np.zeros((model.njoints, 6))
             column[child] += at.act(pin.Force(wrench)).vector
             column[parent] -= at.act(pin.Force(wrench)).vector
@@ -167,7 +168,7 @@ def inner_stresses(chain, q):
         unknown(at, basis, a.parentJoint, b.parentJoint)
     matrix = np.array(columns).T
     free = null_space(matrix, rcond=1e-9)
-    return np.array([basis @ free[own] for basis, own in owners])[:, [3, 4, 5, 0, 1, 2]]
+    return np.array([basis @ free[own] for basis, own in owners])
 
 
 @pytest.mark.parametrize("name", EVERY_ROBOT)
@@ -194,7 +195,7 @@ def test_wrenches_that_are_not_unique_and_wrong_stiffnesses_are_named():
     chain = robots.four_bar()
     state = chain.home, [0], [0]
     w = chain.reactions(*state)
-    with pytest.raises(sst_pin.IndeterminateError, match="rocker: moment y, force z are not"):
+    with pytest.raises(sst_pin.IndeterminateError, match="rocker: force z, moment y are not"):
         w.of("rocker")
     with pytest.raises(sst_pin.UnknownNameError, match="joint or closure 'wheel'"):
         w.of("wheel")
@@ -257,15 +258,15 @@ def test_hinges_of_a_door_share_its_weight_as_their_stiffnesses():
     """The moment of the weight is a couple of horizontal forces, whatever the stiffnesses."""
     chain, weight = door(), 98.1
     w = chain.reactions([0], [0], [0])
-    assert not w.determined.joints[0, 5]
+    assert not w.determined.joints[0, 2]
     with pytest.raises(sst_pin.IndeterminateError):
         w.of("lower")
     turns = [1e-9] * 3  # so soft about all axes that they transmit no moment
-    k = {"lower": [*turns, 1, 1, 3], "frame - leaf": [*turns, 1, 1, 1]}
+    k = {"lower": [1, 1, 3, *turns], "frame - leaf": [1, 1, 1, *turns]}
     w = chain.reactions([0], [0], [0], stiffness=k)
-    assert w.of("lower") == pytest.approx([0, 0, 0, weight / 2, 0, 0.75 * weight], abs=1e-6)
-    assert w.of("frame - leaf") == pytest.approx([0, 0, 0, -weight / 2, 0, weight / 4], abs=1e-6)
-    assert w.elastic.joints[0, 5]
+    assert w.of("lower") == pytest.approx([weight / 2, 0, 0.75 * weight, 0, 0, 0], abs=1e-6)
+    assert w.of("frame - leaf") == pytest.approx([-weight / 2, 0, weight / 4, 0, 0, 0], abs=1e-6)
+    assert w.elastic.joints[0, 2]
 
 
 def test_andrews_multipliers_are_the_published_ones():
@@ -279,11 +280,11 @@ def test_andrews_multipliers_are_the_published_ones():
     published = np.array(list(given["forces"].values()))  # on the common tip
     beta = chain.joint_names.index("beta")
     w = chain.reactions(q, [v[beta]], [v_dot[beta]])
-    assert w.determined.closures[:, 3:5].all()
+    assert w.determined.closures[:, :2].all()
     data = chain.model.createData()
     pin.framesForwardKinematics(chain.model, data, q)
     R = data.oMf[chain.model.getFrameId("tip_of_theta")].rotation[:2, :2]
-    assert w.closures[:, 3:5] @ R.T == pytest.approx(-published, abs=1e-7 * 199)
+    assert w.closures[:, :2] @ R.T == pytest.approx(-published, abs=1e-7 * 199)
 
     context = chain.engine.reference.context
     context.evaluate(q)
@@ -300,7 +301,7 @@ def test_units_change_no_reaction():
     for unit in (1.0, 1e3, 1e-3):
         model, closures, motors = in_units(plain.model, unit), plain.closures, plain.motor_names
         chain = sst_pin.ClosedChain(model, closures, motors, coordinates=list(plain.coordinates))
-        size = np.repeat([unit**2, unit], 3)
+        size = np.repeat([unit, unit**2], 3)
         w = chain.reactions(q, va, tau=unit**2 * tau, external_wrenches=wrenches * size)
         results.append((w.joints / size, w.closures / size, np.concatenate(w.determined)))
     largest = np.nanmax(np.abs(results[0][0]))

@@ -57,10 +57,10 @@ def test_motors_work_against_their_own_rates_whatever_the_coordinates():
 def test_a_load_on_the_star_drives_it(robot):
     """A callable wrench and a constant one are one and the same when they are equal."""
     w = np.zeros((9, 6))
-    w[2, :3] = (0.5, -0.2, 0.1)
+    w[2, 3:] = (0.5, -0.2, 0.1)
     t = np.linspace(0, 0.1, 3)
     hold = robot.compute_torques(robot.home, np.zeros(3), np.zeros(3), external_wrenches=w)
-    moment = w[2, :3]
+    moment = w[2, 3:]
     for loads in (
         {"external_wrenches": w},
         {"platform_moment": moment},  # the same load by its other name
@@ -213,7 +213,7 @@ def pushed(t):
     [
         pytest.param(lambda t, q, va: pushed(t) * PUSH, None, "DOP853", marks=pytest.mark.slow),
         (pushed(T)[:, None] * PUSH, None, "RK45"),
-        ([0, 0], lambda t, q, va: pushed(t) * np.tile(np.eye(6)[2] * 0.05, (4, 1)), "Radau"),
+        ([0, 0], lambda t, q, va: pushed(t) * np.tile(np.eye(6)[5] * 0.05, (4, 1)), "Radau"),
     ],
     ids=["function", "samples", "load"],
 )

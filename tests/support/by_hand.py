@@ -43,7 +43,7 @@ def in_units(model: pin.Model, unit: float) -> pin.Model:
 
 
 def wrenches_of(chain, q, force, moment=(0, 0, 0), name="platform"):
-    """What a force and a moment on the frame are for the body that carries it."""
+    """Wrenches [force; moment] on all bodies of a force and a moment on the frame."""
     model, data = chain.model, chain.model.createData()
     pin.framesForwardKinematics(model, data, q)
     frame = model.frames[model.getFrameId(name)]
@@ -51,5 +51,5 @@ def wrenches_of(chain, q, force, moment=(0, 0, 0), name="platform"):
     center = data.oMi[body].act(model.inertias[body].lever)
     arm = data.oMf[model.getFrameId(name)].translation - center
     wrenches = np.zeros((model.njoints - 1, 6))
-    wrenches[body - 1] = np.concatenate([moment + np.cross(arm, force), force])
+    wrenches[body - 1] = np.concatenate([force, moment + np.cross(arm, force)])
     return wrenches

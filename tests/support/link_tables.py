@@ -129,10 +129,10 @@ class Robot:
         R_t = B[..., :3].swapaxes(1, 2)
         omega, alpha = axial(B_dot[..., :3] @ R_t), axial(B_ddot[..., :3] @ R_t)
         inertias = B[..., :3] @ self.inertias @ R_t
-        forces = self.masses[:, None] * (B_ddot[..., 3] - GRAVITY) - wrenches[:, 3:]
+        forces = self.masses[:, None] * (B_ddot[..., 3] - GRAVITY) - wrenches[:, :3]
         momenta = np.einsum("bij,bj->bi", inertias, omega)
         moments = np.einsum("bij,bj->bi", inertias, alpha) + np.cross(omega, momenta)
-        moments -= wrenches[:, :3]
+        moments -= wrenches[:, 3:]
         efforts = self.armature * q_ddot + self.viscous * q_dot + self.coulomb * np.sign(q_dot)
 
         powers, motor_rates = [], []

@@ -28,7 +28,7 @@ def test_arrows_are_the_forces_of_the_reactions():
     pin.framesForwardKinematics(robot.model, data, q)
     ends = [data.oMf[robot.model.getFrameId(closure.frame_b)] for closure in robot.closures]
     places = [*data.oMi[1:], *ends]
-    forces = np.concatenate([w.joints, w.closures])[:, 3:]
+    forces = np.concatenate([w.joints, w.closures])[:, :3]
     forces = np.array([at.rotation @ f for at, f in zip(places, forces, strict=True)])
     arrows = [
         data.oMi[int(pull.shape.mover)].homogeneous @ placed[f"robot/{pull.shape.node}"]

@@ -29,10 +29,11 @@ VALUES = """states => states.map(({q, va, aa, tau}) => {
 MOVE = "x => { const r = engine(sst_functions, data), said = r.move(x); return [r.q, said] }"
 
 #: A motion in frames of 1/60 s, as the page computes them: times, states, energies, and its end.
-MOTION = """([q, va, seconds, way, efforts]) => {
+MOTION = """([q, va, seconds, way, efforts, grip]) => {
   const r = engine(sst_functions, data), found = [];
   Object.assign(r, { q, va, way, efforts });
   r.start();
+  r.grip = grip;
   for (let k = 0, left = 0; k <= 60 * seconds && typeof left !== "string"; k++) {
     found.push({ t: r.time, q: r.q, va: r.va, energies: r.energies() });
     left = r.advance(1 / 60);
@@ -72,8 +73,9 @@ class Engine:
     def values(self, states):
         return self.page.evaluate(VALUES, [{k: x.tolist() for k, x in s.items()} for s in states])
 
-    def motion(self, q, va, seconds, way="none", efforts=()):
-        arguments = [np.asarray(q).tolist(), np.asarray(va).tolist(), seconds, way, list(efforts)]
+    def motion(self, q, va, seconds, way="none", efforts=(), grip=None):
+        state = np.asarray(q).tolist(), np.asarray(va).tolist()
+        arguments = [*state, seconds, way, list(efforts), grip]
         result = self.page.evaluate(MOTION, arguments)
         return {k: np.array([s[k] for s in result["states"]]) for k in result["states"][0]}, result
 
@@ -161,6 +163,28 @@ def test_the_sst_moves_as_in_the_package_and_its_way_ends_in_words(page):
     q, said = page.evaluate(MOVE, [3.0, 3.0, 3.0])
     assert "singularity" in said or "closed" in said or "assembly" in said
     assert np.abs(robot.residual(q)).max() < 1e-9
+
+
+def test_a_push_on_a_body_is_an_external_wrench_of_the_package(page):
+    """A constant force at a point of the coupler, beside its mass centre."""
+    chain = sst_pin.robots.four_bar()
+    body, force, at = chain.joint_names.index("coupler") + 1, [0.3, -0.2, 0.0], [0.05, 0.1, 0.0]
+    push = {"body": body, "at": at, "force": force, "until": 1.0}
+    motion, result = Engine(page, chain).motion(chain.home, [0.0], 0.3, grip=push)
+    model, data = chain.model, chain.model.createData()
+
+    def load(t, q, va):
+        pin.forwardKinematics(model, data, q)
+        arm = data.oMi[body].rotation @ (at - model.inertias[body].lever)
+        wrenches = np.zeros((model.njoints - 1, 6))
+        wrenches[body - 1] = [*force, *np.cross(arm, force)]
+        return wrenches
+
+    wanted = chain.simulate([0], chain.home, [0], motion["t"], external_wrenches=load)
+    assert result["end"] == ""
+    assert np.abs(motion["q"] - wanted.q).max() < 1e-5  # the tolerance of the page's steps
+    still = chain.simulate([0], chain.home, [0], motion["t"])
+    assert np.abs(still.q - wanted.q).max() > 1e-2
 
 
 def test_what_a_page_cannot_compute_is_named(monkeypatch):
