@@ -37,7 +37,7 @@ class Machine:
 
         self._mujoco = mujoco
         if xml is None:
-            self.model = mujoco.MjModel.from_xml_path(str(sst_pin.MJCF_PATH))
+            self.model = mujoco.MjModel.from_xml_path(str(sst_pin.sst.MJCF_PATH))
         else:
             self.model = mujoco.MjModel.from_xml_string(xml)
         self.model.dof_damping[:] = DAMPING * friction

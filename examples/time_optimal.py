@@ -85,7 +85,7 @@ def replayed(solution: Solution, step: float = 2e-4) -> Array:
     """
     import mujoco
 
-    model = mujoco.MjModel.from_xml_path(sst_pin.MJCF_PATH)
+    model = mujoco.MjModel.from_xml_path(sst_pin.sst.MJCF_PATH)
     interval = solution.duration / len(solution.tau)
     steps = int(np.ceil(interval / step))
     model.opt.timestep = interval / steps

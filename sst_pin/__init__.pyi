@@ -8,6 +8,7 @@ from . import errors as errors
 from . import identification as identification
 from . import plots as plots
 from . import robots as robots
+from . import sst as sst
 from . import viewer as viewer
 
 # Robots and what closes and drives them
@@ -19,16 +20,9 @@ from .model.closures import Distance as Distance
 from .model.closures import Rolling as Rolling
 from .model.lines import LineForce as LineForce
 
-# The SST and its files
-from .description.folder import MJCF_PATH as MJCF_PATH
-from .description.folder import PACKAGE_PATH as PACKAGE_PATH
-from .description.folder import REPOSITORY_PATH as REPOSITORY_PATH
-from .description.folder import SRDF_PATH as SRDF_PATH
+# The SST; its other names are in `sst`
 from .description.folder import URDF_PATH as URDF_PATH
-from .description.folder import YAML_PATH as YAML_PATH
 from .description.parameters import Parameters as Parameters
-from .description.parameters import RigidBody as RigidBody
-from .sst.kinematics import BRANCHES as BRANCHES
 from .sst.robot import SST as SST
 from .sst.robot_wrapper import load as load
 
@@ -53,11 +47,6 @@ from .simulation.frame_motions import frame_motion as frame_motion
 from .simulation.rollouts import Rollout as Rollout
 from .simulation.sampled_torques import SampledTorque as SampledTorque
 from .simulation.trajectories import Trajectory as Trajectory
-from .sst.platform_motion import PlatformMotion as PlatformMotion
-from .sst.platform_motion import interpolate_orientations as interpolate_orientations
-from .sst.platform_motion import orientation as orientation
-from .sst.platform_motion import orientation_motion as orientation_motion
-from .sst.platform_motion import orientation_path as orientation_path
 from .sst.platform_motion import paper_circle as paper_circle
 
 # Control

@@ -874,11 +874,24 @@ class ClosedChain(RobotProperties, Summary):
         from .simulation.simulation import simulate
 
         settings = Settings(
-            method, rtol, atol, max_condition_number, through_singularities, progress, max_step
+            method=method,
+            rtol=rtol,
+            atol=atol,
+            max_condition_number=max_condition_number,
+            through_singularities=through_singularities,
+            progress=progress,
+            max_step=max_step,
         )
-        engine = self._engine
         return simulate(
-            engine, torque, q0, va0, t, platform_moment, external_wrenches, sign_width, settings
+            self._engine,
+            torque,
+            q0,
+            va0,
+            t,
+            platform_moment=platform_moment,
+            external_wrenches=external_wrenches,
+            sign_width=sign_width,
+            settings=settings,
         )
 
     def rollout(
@@ -916,7 +929,18 @@ class ClosedChain(RobotProperties, Summary):
 
         engine = self._engine
         load = engine.wrenches(platform_moment, external_wrenches, "raise")
-        return rollout(engine, tau, q0, va0, dt, load, steps, sign_width, threads, on_error)
+        return rollout(
+            engine,
+            tau,
+            q0,
+            va0,
+            dt,
+            wrenches=load,
+            steps=steps,
+            sign_width=sign_width,
+            threads=threads,
+            on_error=on_error,
+        )
 
     def check_limits(self, motion: Trajectory | ArrayLike) -> tuple[Finding, ...]:
         """Joints that leave their limits along a motion, and nearby singularities, with times.

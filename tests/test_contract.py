@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import sst_pin
@@ -49,7 +50,7 @@ CLASSES = {
     sst_pin.SST: {
         "__init__": "parameters",
         "from_urdf": "",
-        "inverse_kinematics": "R",
+        "inverse_kinematics": "pose branch",
         "forward_kinematics": "gamma",
         "joint_motion": "R omega alpha",
         "platform_orientation": "q",
@@ -125,6 +126,34 @@ def test_former_names_of_arguments_and_results_work_with_a_warning() -> None:
         motion = sst_pin.Trajectory(*arrays, joint_names=["crank"], actuated=["crank"])
     with pytest.warns(DeprecationWarning, match="Trajectory.actuated is now motor_names"):
         assert motion.actuated == motion.motor_names == ("crank",)
+
+
+def test_the_inverse_kinematics_of_all_robots_takes_poses() -> None:
+    star, delta = sst_pin.SST(), sst_pin.robots.delta()
+    position, R = star.frame_placement(star.home, "E")
+    poses = [pin.SE3(R, position), pin.SE3(R, position).homogeneous, R]
+    for pose in poses:
+        assert star.inverse_kinematics(pose=pose) == pytest.approx(star.home, abs=1e-12)
+    with pytest.raises(sst_pin.WorkspaceError, match=r"E is 0\.1 m away"):
+        star.inverse_kinematics(pin.SE3(R, position + np.array([0.0, 0.0, 0.1])))
+    home = delta.platform_pose(delta.home)
+    assert delta.inverse_kinematics(pose=home) == pytest.approx(delta.home, abs=1e-12)
+    with pytest.warns(DeprecationWarning, match="^R= is now pose=$"):
+        star.inverse_kinematics(R=R)
+
+
+OF_SST = """BRANCHES MJCF_PATH PACKAGE_PATH REPOSITORY_PATH SRDF_PATH YAML_PATH
+PlatformMotion RigidBody interpolate_orientations orientation orientation_motion orientation_path"""
+
+
+@pytest.mark.parametrize("name", OF_SST.split())
+def test_names_of_the_sst_work_at_the_top_with_a_warning(name: str) -> None:
+    with pytest.warns(
+        DeprecationWarning, match=f"^sst_pin.{name} is now sst_pin.sst.{name}$"
+    ) as told:
+        value = getattr(sst_pin, name)
+    assert value is getattr(sst_pin.sst, name)
+    assert told[0].filename == __file__
 
 
 def test_results_of_derivatives_and_reactions_have_the_fields_of_the_contract() -> None:

@@ -17,8 +17,9 @@ import markdown_tables
 import method_figures
 from markdown_tables import Table, Tables
 from method_figures import Method
-from sst_pin import SST, Parameters, RigidBody, Trajectory, paper_circle, plots
+from sst_pin import SST, Parameters, Trajectory, paper_circle, plots
 from sst_pin.description.parameters import PAPER_LINK, PAPER_PASSIVE_LINK
+from sst_pin.sst import RigidBody
 from sst_pin.sst.paper import PERIOD, angles_off_path, example_1, example_2
 from sst_pin.verification.lagrange import LagrangeMultipliers
 from sst_pin.verification.mujoco_tree import MujocoInverse

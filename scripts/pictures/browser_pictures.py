@@ -10,7 +10,8 @@ import numpy as np
 import pinocchio as pin
 from PIL import Image, ImageDraw, ImageFont
 
-from sst_pin import PACKAGE_PATH, SST, ClosedChain, GravityPD, Trajectory, frame_motion, robots
+from sst_pin import SST, ClosedChain, GravityPD, Trajectory, frame_motion, robots
+from sst_pin.sst import PACKAGE_PATH
 from sst_pin.sst.paper import PERIOD, example_1
 from sst_pin.viewer import Viewer, pictures
 

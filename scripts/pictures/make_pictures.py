@@ -10,10 +10,11 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import browser_pictures
-from sst_pin import PACKAGE_PATH, SST, Parameters, orientation, paper_circle, plots, reach_map
+from sst_pin import SST, Parameters, paper_circle, plots, reach_map
 from sst_pin import robots as gallery
 from sst_pin.description.colours import LEG_COLOURS
 from sst_pin.files import Writer, write_files
+from sst_pin.sst import PACKAGE_PATH, orientation
 from sst_pin.sst.paper import PERIOD, example_1
 from tests.gallery import adams_spherical_3rrr
 

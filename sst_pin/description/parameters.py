@@ -79,7 +79,7 @@ class RigidBody(_Values):
         inertia: About the mass centre, in the axes of the body's frame, shape (3, 3), [kg m^2].
 
     Example:
-        >>> sst_pin.RigidBody(2.0, (0.1, 0, 0), np.diag([0.01, 0.02, 0.02])).mass
+        >>> sst_pin.sst.RigidBody(2.0, (0.1, 0, 0), np.diag([0.01, 0.02, 0.02])).mass
         2.0
     """
 

@@ -55,6 +55,7 @@ def rollout(
     q0: ArrayLike,
     va0: ArrayLike,
     dt: float,
+    *,
     wrenches: Array | None,
     steps: int | None,
     sign_width: float,

@@ -33,6 +33,7 @@ def simulate(
     q0: ArrayLike,
     va0: ArrayLike,
     t: ArrayLike,
+    *,
     platform_moment: ExternalLoad,
     external_wrenches: ExternalLoad,
     sign_width: float,

@@ -177,11 +177,11 @@ def joint_accelerations(geometry: Geometry, legs: Legs, q_dot: Array, alpha: Arr
     return joint_rates(legs, alpha[..., None, :] - turning)
 
 
-def require_rotation(R: Array) -> None:
+def require_rotation(R: Array, name: str = "R") -> None:
     """Check that matrices are rotations; the error names the samples of a batch."""
     error = np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max(axis=(-1, -2))
     wrong = (error > 1e-8) | (np.linalg.det(R) < 0)
     if wrong.any():
         size, det = float(error.max()), float(np.linalg.det(R).min())
         words = f"not a rotation matrix (|R R^T - 1| = {size:.3g}, det R = {det:.3g})"
-        raise of_samples(InputError("R", words), wrong)
+        raise of_samples(InputError(name, words), wrong)

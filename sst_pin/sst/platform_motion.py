@@ -42,7 +42,7 @@ def orientation(theta: ArrayLike, phi: ArrayLike, psi: ArrayLike = 0.0) -> Array
         R, shape (..., 3, 3).
 
     Example:
-        >>> sst_pin.orientation(theta=0.0, phi=np.pi / 2).round(3)
+        >>> sst_pin.sst.orientation(theta=0.0, phi=np.pi / 2).round(3)
         array([[ 1., -0.,  0.],
                [ 0.,  0., -1.],
                [ 0.,  1.,  0.]])
@@ -150,8 +150,8 @@ def interpolate_orientations(t: ArrayLike, R: ArrayLike, at: ArrayLike) -> Platf
             neighbouring samples differ by more than a quarter turn.
 
     Example:
-        >>> R = sst_pin.orientation([0.7, 0.8, 0.9], 0.9)
-        >>> motion = sst_pin.interpolate_orientations([0, 0.5, 1], R, np.linspace(0, 1, 11))
+        >>> R = sst_pin.sst.orientation([0.7, 0.8, 0.9], 0.9)
+        >>> motion = sst_pin.sst.interpolate_orientations([0, 0.5, 1], R, np.linspace(0, 1, 11))
         >>> motion.omega.shape
         (11, 3)
     """

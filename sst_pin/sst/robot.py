@@ -22,9 +22,11 @@ from ..description.parameters import Parameters
 from ..description.urdf_writer import urdf_of, yaml_of
 from ..engine import Engine
 from ..errors import DescriptionError, InputError, SingularConfigurationError, WorkspaceError
+from ..former_names import former_arguments
 from ..model.appearance import Appearance
 from ..model.closures import Closure
 from ..model.mechanism import Mechanism
+from ..model.thresholds import CLOSURE_TOLERANCE
 from ..model.tree import frame_named
 from ..reading import RobotFile, Urdf, closed, parse_cuts, read_urdf
 from ..simulation.check import Finding
@@ -128,7 +130,7 @@ class SST(ClosedChain):
         Args:
             path: The URDF, with the joint and frame names of `sst_pin.URDF_PATH`.
             cuts: YAML of closures, motors and gravity; by default the file with the name of the
-                URDF and the ending .yaml or, if there is none, `sst_pin.YAML_PATH`.
+                URDF and the ending .yaml or, if there is none, `sst_pin.sst.YAML_PATH`.
 
         Raises:
             DescriptionError: If it is not a URDF of an SST; the message lists all problems.
@@ -183,25 +185,41 @@ class SST(ClosedChain):
             raise DescriptionError(source, problems)
         return parameters
 
-    def inverse_kinematics(self, R: ArrayLike, branch: ArrayLike = (1, 1, 1)) -> Array:
-        """Inverse kinematics: q in (-pi, pi], shape (..., 9), for orientations of the star.
+    @former_arguments(R="pose")
+    def inverse_kinematics(self, pose: pin.SE3 | ArrayLike, branch: ArrayLike = (1, 1, 1)) -> Array:
+        """Inverse kinematics: q in (-pi, pi], shape (..., 9), for poses of the star.
 
         Args:
-            R: {E} in the base, shape (..., 3, 3).
-            branch: Sign of sin(mu_k) for each leg, shape (..., 3), broadcast against R; with
-                `R[..., None, :, :]`, `BRANCHES` gives all eight.
+            pose: {E} in the base: orientations, shape (..., 3, 3), or, as for the robots of the
+                gallery, `pinocchio.SE3` or homogeneous matrices, shape (..., 4, 4).
+            branch: Sign of sin(mu_k) for each leg, shape (..., 3), broadcast against the poses;
+                with `R[..., None, :, :]`, `BRANCHES` gives all eight.
 
         Raises:
-            InputError: If R is not a rotation matrix, or an entry of branch not +1 or -1.
+            InputError: If a rotation is none, or an entry of branch is not +1 or -1.
             SingularConfigurationError: When a leg is in the plane of its arc.
-            WorkspaceError: If a joint would exceed its limits.
+            WorkspaceError: If a joint would exceed its limits, or if a position is not that of E
+                with this orientation.
 
         Example:
-            >>> R = sst_pin.orientation(theta=0.8, phi=0.9, psi=0.1)
+            >>> R = sst_pin.sst.orientation(theta=0.8, phi=0.9, psi=0.1)
             >>> robot.inverse_kinematics(R).round(3)
             array([0.862, 1.649, 0.673, 0.88 , 1.638, 0.579, 0.803, 1.691, 0.602])
         """
-        return _joints(self._engine, R, branch)[1]
+        return _joints(self._engine, "pose", self._orientations(pose), branch)[1]
+
+    def _orientations(self, pose: pin.SE3 | ArrayLike) -> Array:
+        """The rotations of poses; their positions, where given, must be those of E."""
+        poses = finite_array("pose", pose.homogeneous if isinstance(pose, pin.SE3) else pose, ())
+        if poses.shape[-2:] != (4, 4):
+            return poses
+        R, position = poses[..., :3, :3], poses[..., :3, 3]
+        radius = self.star_radius
+        gap = np.linalg.norm(position - radius * R[..., 0], axis=-1)  # E is at radius along s
+        if (gap > CLOSURE_TOLERANCE * radius).any():
+            problem = f"with this orientation E is {gap.max():.3g} m away from this position"
+            raise of_samples(WorkspaceError(problem), gap > CLOSURE_TOLERANCE * radius)
+        return R
 
     def joint_motion(
         self, R: ArrayLike, omega: ArrayLike, alpha: ArrayLike, branch: ArrayLike = (1, 1, 1)
@@ -220,7 +238,7 @@ class SST(ClosedChain):
             ((100, 9), (100, 3), (100, 3))
         """
         engine = self._engine
-        legs, q = _joints(engine, R, branch)
+        legs, q = _joints(engine, "R", R, branch)
         omega, alpha = (
             np.broadcast_to(finite_array(name, value, (3,)), (*q.shape[:-1], 3))
             for name, value in (("omega", omega), ("alpha", alpha))
@@ -314,10 +332,12 @@ class SST(ClosedChain):
         return arc_limits.findings(engine.mechanism.model, _geometry_of(engine), t, q)
 
 
-def _joints(engine: Engine, R: ArrayLike, branch: ArrayLike) -> tuple[kinematics.Legs, Array]:
+def _joints(
+    engine: Engine, name: str, rotation: ArrayLike, branch: ArrayLike
+) -> tuple[kinematics.Legs, Array]:
     """Leg axes and joint angles for orientations; angles are within the limits."""
-    R = finite_array("R", R, (3, 3))
-    kinematics.require_rotation(R)
+    R = finite_array(name, rotation, (3, 3))
+    kinematics.require_rotation(R, name)
     signs = finite_array("branch", branch, (3,))
     if not (np.abs(signs) == 1).all():
         problem = f"{np.asarray(branch).tolist()}: each entry must be +1 or -1"

@@ -43,7 +43,7 @@ def test_a_pose_that_the_machine_cannot_take_is_a_warning_and_with_strict_an_err
 ):
     """One line for each joint; --strict writes nothing and leaves with exit code 1."""
     (here / "off.csv").write_text(OFF_ARC)
-    q = robot.inverse_kinematics(sst_pin.orientation(np.radians(20), np.radians(100)))
+    q = robot.inverse_kinematics(sst_pin.sst.orientation(np.radians(20), np.radians(100)))
     zero = np.zeros((2, 3))
     names = robot.joint_names
     still = sst_pin.Trajectory([0, 0.001], [q, q], zero, zero, zero, names, names[::3])

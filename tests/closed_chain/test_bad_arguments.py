@@ -32,7 +32,7 @@ def test_a_spring_is_at_rest_on_the_manifold(length):
     "make",
     [
         lambda: sst_pin.ClosedChain.from_urdf(sst_pin.URDF_PATH, locked={"gamma_1": 0.7}),
-        lambda: sst_pin.ClosedChain.from_mjcf(sst_pin.MJCF_PATH, locked={"gamma_1": 0.7}),
+        lambda: sst_pin.ClosedChain.from_mjcf(sst_pin.sst.MJCF_PATH, locked={"gamma_1": 0.7}),
         lambda: five_bar(["a1"]).assemble(np.zeros(4), fixed={"a1": 0.9}),
         lambda: five_bar(["a1"]).with_coordinates({"a1": 1, "b1": 2}),
         lambda: five_bar(["a1"], coordinates={"a1", "b1"}),

@@ -104,10 +104,10 @@ def test_the_star_points_where_its_arcs_allow(robot, psi):
         yaw=side,
         pitch=side - np.pi / 2,
         roll=psi,
-        rotation=sst_pin.orientation(0.0, np.pi / 2, 0.0),
+        rotation=sst_pin.sst.orientation(0.0, np.pi / 2, 0.0),
     )
     phi, theta = np.meshgrid(side, side, indexing="ij")
-    R = sst_pin.orientation(theta, phi, psi)
+    R = sst_pin.sst.orientation(theta, phi, psi)
     assert np.abs(result.poses[..., :3, :3] - R).max() < 1e-12
     assert (
         np.abs(robot.platform_orientation(result.q[result.reached]) - R[result.reached]).max()

@@ -51,7 +51,7 @@ def test_the_three_arcs_make_up_body_seven(robot):
 
 def test_cuts_are_in_the_schema_of_laas():
     """closed_loop, type and name_mot; gravity is an additional key."""
-    assert yaml.safe_load(Path(sst_pin.YAML_PATH).read_text()) == {
+    assert yaml.safe_load(Path(sst_pin.sst.YAML_PATH).read_text()) == {
         "closed_loop": [[f"closedloop{k}_{end}" for end in "AB"] for k in (1, 2)],
         "type": ["6d", "6d"],
         "name_mot": ["gamma_1", "gamma_2", "gamma_3"],
@@ -67,7 +67,7 @@ def test_the_star_frame_may_be_turned_in_an_edited_urdf(tmp_path):
     path = tmp_path / "turned.urdf"
     path.write_text(text)
     robot = sst_pin.SST.from_urdf(path)
-    R = sst_pin.orientation(0.9, 0.8, 0.1)
+    R = sst_pin.sst.orientation(0.9, 0.8, 0.1)
     q = robot.inverse_kinematics(R)
     assert np.abs(robot.platform_orientation(q) - R).max() < 1e-14
     assert np.abs(robot.residual(q)).max() < 1e-14

@@ -35,7 +35,7 @@ def described(tmp_path_factory):
 @pytest.fixture(params=["shipped", "described"])
 def folder(request):
     if request.param == "shipped":
-        return Path(sst_pin.PACKAGE_PATH)
+        return Path(sst_pin.sst.PACKAGE_PATH)
     return request.getfixturevalue("described")
 
 

@@ -15,13 +15,13 @@ from sst_pin.sst.robot_wrapper import configurations_of
 from tests.support.sampling import random_parameters, random_state
 
 #: The shipped meshes serve any robot here: they are for the eye.
-SHIPPED = Path(sst_pin.PACKAGE_PATH)
+SHIPPED = Path(sst_pin.sst.PACKAGE_PATH)
 MESHES = {f"meshes/{path.name}": path.read_bytes() for path in SHIPPED.rglob("*.obj")}
 
 
 @pytest.fixture(scope="module")
 def closed():
-    return mujoco.MjModel.from_xml_path(sst_pin.MJCF_PATH)
+    return mujoco.MjModel.from_xml_path(sst_pin.sst.MJCF_PATH)
 
 
 def at(model, robot, state, tau=(0, 0, 0)):
@@ -37,7 +37,7 @@ def at(model, robot, state, tau=(0, 0, 0)):
 @pytest.mark.parametrize("name", ["sst.xml", "scene.xml"])
 def test_mujoco_compiles_and_steps_without_a_word(name, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
-    model = mujoco.MjModel.from_xml_path(f"{sst_pin.PACKAGE_PATH}/{name}")
+    model = mujoco.MjModel.from_xml_path(f"{sst_pin.sst.PACKAGE_PATH}/{name}")
     data = mujoco.MjData(model)
     for key in range(model.nkey):
         mujoco.mj_resetDataKeyframe(model, data, key)
@@ -82,7 +82,7 @@ def test_sensors_measure_what_they_are_called(closed, robot):
 
 
 def test_parts_of_the_robot_meet_the_world_but_not_one_another(closed):
-    scene = mujoco.MjModel.from_xml_path(f"{sst_pin.PACKAGE_PATH}/scene.xml")
+    scene = mujoco.MjModel.from_xml_path(f"{sst_pin.sst.PACKAGE_PATH}/scene.xml")
     visual = closed.geom_group == 2
     collides = (closed.geom_contype[:, None] & closed.geom_conaffinity) != 0
     assert not collides.any()

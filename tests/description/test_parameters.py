@@ -5,7 +5,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from sst_pin import SST, ClosedChain, Parameters, ParametersError, RigidBody
+from sst_pin import SST, ClosedChain, Parameters, ParametersError
+from sst_pin.sst import RigidBody
 from tests.support.sampling import random_parameters
 
 

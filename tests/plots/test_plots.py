@@ -108,7 +108,7 @@ def test_a_star_is_drawn_at_its_own_size(radius):
 def test_a_legible_page_says_what_the_machine_cannot_take(robot, monkeypatch):
     t = np.linspace(0, 1, 31)
     angles = np.full_like(t, np.radians(20)), np.radians(60 + 110 * t)
-    rates = sst_pin.interpolate_orientations(t, sst_pin.orientation(*angles), t)
+    rates = sst_pin.sst.interpolate_orientations(t, sst_pin.sst.orientation(*angles), t)
     q, va, aa = robot.joint_motion(*rates)
     off = robot.trajectory(t, q, va, aa, 0 * va)
     figure = plots.motion_page(robot, off, plots.SUBJECTS)

@@ -73,7 +73,7 @@ def test_reading_about_the_centre_is_the_printed_inertia():
     assert star.mass * x[0] == pytest.approx(2.6 * 0.8 / np.pi, rel=1e-15)
     shift = 2.6 * (0.8 / np.pi) ** 2
     about_centre = np.diag((0.224, 0.224 - shift, 0.150 - shift))
-    impossible = sst_pin.RigidBody(2.6, (0.8 / np.pi, 0, 0), about_centre)
+    impossible = sst_pin.sst.RigidBody(2.6, (0.8 / np.pi, 0, 0), about_centre)
     with pytest.raises(sst_pin.errors.ParametersError, match="not all positive"):
         sst_pin.Parameters(star=impossible)
 

@@ -11,7 +11,7 @@ from tests.support.files import ROOT
 DELTA = ROOT / "examples" / "delta.urdf"
 READERS = {
     "from_urdf": (ClosedChain.from_urdf, DELTA),
-    "from_mjcf": (ClosedChain.from_mjcf, sst_pin.MJCF_PATH),
+    "from_mjcf": (ClosedChain.from_mjcf, sst_pin.sst.MJCF_PATH),
     "SST.from_urdf": (sst_pin.SST.from_urdf, sst_pin.URDF_PATH),
     "load": (sst_pin.load, sst_pin.URDF_PATH),
 }

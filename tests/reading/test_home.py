@@ -23,7 +23,7 @@ _SRDF = """<robot name="sst"><group_state name="home" group="all">
 @pytest.fixture
 def folder(tmp_path):
     """URDF and cuts of the SST, without its SRDF."""
-    for path in (sst_pin.URDF_PATH, sst_pin.YAML_PATH):
+    for path in (sst_pin.URDF_PATH, sst_pin.sst.YAML_PATH):
         shutil.copy(path, tmp_path)
     return tmp_path
 
@@ -49,7 +49,7 @@ def named(q, digits):
 @pytest.mark.parametrize("reader", ["urdf", "mjcf"])
 def test_the_shipped_descriptions_bring_the_home_of_the_closed_form(reader):
     """An SRDF and a keyframe, printed with 15 digits, give the same numbers."""
-    file = {"urdf": sst_pin.URDF_PATH, "mjcf": sst_pin.MJCF_PATH}[reader]
+    file = {"urdf": sst_pin.URDF_PATH, "mjcf": sst_pin.sst.MJCF_PATH}[reader]
     chain = getattr(sst_pin.ClosedChain, f"from_{reader}")(file)
     np.testing.assert_allclose(chain.home, sst_pin.SST().home, rtol=0, atol=1e-14)
     np.testing.assert_array_equal(start_of(chain.engine), chain.home)

@@ -22,7 +22,7 @@ def with_inertia(folder, mass, xx, yy, zz):
     assert count == 1
     path = folder / "sst.urdf"
     path.write_text(text, encoding="utf-8")
-    (folder / "sst.yaml").write_text(Path(sst_pin.YAML_PATH).read_text(encoding="utf-8"))
+    (folder / "sst.yaml").write_text(Path(sst_pin.sst.YAML_PATH).read_text(encoding="utf-8"))
     return path
 
 

@@ -41,7 +41,7 @@ def test_an_unknown_name_is_told_with_the_file(tmp_path, old, new, fault):
 
 def test_an_sst_brings_the_poses_of_its_files(shipped):
     """Those of an SRDF and of keyframes, like any robot that is read."""
-    path = shipped / Path(sst_pin.MJCF_PATH).name
+    path = shipped / Path(sst_pin.sst.MJCF_PATH).name
     path.write_text(path.read_text().replace('<key name="home"', '<key name="shown"'))
     for reader, file in (("from_urdf", sst_pin.URDF_PATH), ("from_mjcf", path)):
         read = [getattr(kind, reader)(file) for kind in (sst_pin.SST, sst_pin.ClosedChain)]
@@ -62,7 +62,7 @@ def test_an_sst_brings_the_poses_of_its_files(shipped):
     ],
 )
 def test_an_mjcf_of_other_equalities_motors_or_axes_is_no_sst(shipped, old, new, told):
-    path = shipped / Path(sst_pin.MJCF_PATH).name
+    path = shipped / Path(sst_pin.sst.MJCF_PATH).name
     assert old in path.read_text()
     path.write_text(path.read_text().replace(old, new))
     with pytest.raises(sst_pin.DescriptionError, match=told):
@@ -95,7 +95,7 @@ TENDON = f'<tendon><spatial stiffness="1">{SITES}</spatial></tendon></mujoco>'
 )
 def test_springs_of_an_mjcf_are_not_lost_in_an_sst(shipped, old, new):
     """They act as in every other chain; `Parameters` have none, and say so."""
-    path = shipped / Path(sst_pin.MJCF_PATH).name
+    path = shipped / Path(sst_pin.sst.MJCF_PATH).name
     path.write_text(path.read_text().replace(old, new, 1))
     robot, chain = sst_pin.SST.from_mjcf(path), sst_pin.ClosedChain.from_mjcf(path)
     q = robot.home
@@ -108,7 +108,7 @@ def test_springs_of_an_mjcf_are_not_lost_in_an_sst(shipped, old, new):
 
 def test_the_shapes_of_an_mjcf_stay_with_its_robot(shipped):
     """The file is compiled once; a copy in another process needs it no more."""
-    chain = sst_pin.ClosedChain.from_mjcf(shipped / Path(sst_pin.MJCF_PATH).name)
+    chain = sst_pin.ClosedChain.from_mjcf(shipped / Path(sst_pin.sst.MJCF_PATH).name)
     shutil.rmtree(shipped)
     copy = pickle.loads(pickle.dumps(chain))
     bodies = [len(c.visual_model.geometryObjects) for c in (chain, copy)]

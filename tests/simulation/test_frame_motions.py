@@ -76,14 +76,14 @@ def test_a_path_of_orientations_goes_through_its_samples():
     R = samples.as_matrix()
     steps = (samples[:-1].inv() * samples[1:]).magnitude()
     s = np.append(0, np.cumsum(steps)) / steps.sum()
-    path = sst_pin.orientation_path(R, 100_001)
+    path = sst_pin.sst.orientation_path(R, 100_001)
     near = np.round(s * 100_000).astype(int)
     assert np.abs(path[near] - R).max() < 1e-4  # samples lie within half a step
     assert np.abs(path[[0, -1]] - R[[0, -1]]).max() < 1e-12
     assert np.abs(path @ np.swapaxes(path, 1, 2) - np.eye(3)).max() < 1e-14
     A = Rotation.random(rng=np.random.default_rng(4)).as_matrix()
-    turned = sst_pin.orientation_path(A @ R, 50)
-    assert np.abs(turned - A @ sst_pin.orientation_path(R, 50)).max() < 1e-12
+    turned = sst_pin.sst.orientation_path(A @ R, 50)
+    assert np.abs(turned - A @ sst_pin.sst.orientation_path(R, 50)).max() < 1e-12
     turns = Rotation.from_matrix(path)
     omega = (turns[:-1].inv() * turns[1:]).as_rotvec() * 100_000
     alpha = np.diff(omega, axis=0) * 100_000
@@ -101,4 +101,4 @@ def test_a_path_of_orientations_goes_through_its_samples():
 )
 def test_orientations_without_one_path_between_are_refused(R, word):
     with pytest.raises(sst_pin.InputError, match=word):
-        sst_pin.orientation_path(R)
+        sst_pin.sst.orientation_path(R)

@@ -20,7 +20,7 @@ def motion_of(robot, q, t=T):
 
 def tilted(robot, phi):
     """The star at theta = 20 deg and some colatitudes."""
-    return robot.inverse_kinematics(sst_pin.orientation(np.radians(20), phi))
+    return robot.inverse_kinematics(sst_pin.sst.orientation(np.radians(20), phi))
 
 
 def test_the_papers_circle_is_within_arcs_and_limits_and_away_from_singularities(robot):
@@ -34,7 +34,7 @@ def test_a_joint_is_found_off_its_arc_where_its_slider_is(seed):
     """R_k between P_k and P_k+1, and between the ends of arc k, by vectors and not by angles."""
     rng = np.random.default_rng(seed)
     robot = sst_pin.SST(random_parameters(rng))
-    R = sst_pin.orientation(*rng.uniform(-np.pi, np.pi, (3, len(T))))
+    R = sst_pin.sst.orientation(*rng.uniform(-np.pi, np.pi, (3, len(T))))
     q = robot.inverse_kinematics(R)
     result = {
         f.joints[0]: f for f in robot.check_limits(motion_of(robot, q)) if " arc of " in f.problem
@@ -83,7 +83,7 @@ def test_whole_turns_leave_no_arc_but_joint_limits(robot):
 def test_both_kinds_of_singularity_are_found_where_they_are_near(robot):
     """|sin mu_k| and the condition number are those of `singularities`."""
     angles = np.random.default_rng(5).uniform(-np.pi, np.pi, (3, 4000))
-    q = robot.inverse_kinematics(sst_pin.orientation(*angles))
+    q = robot.inverse_kinematics(sst_pin.sst.orientation(*angles))
     t, near = np.arange(len(q)) / 100, robot.singularities(q)
     result = robot.check_limits(motion_of(robot, q, t))
     first = [f for f in result if f.joints[0].startswith("mu")]

@@ -20,7 +20,7 @@ BODY = {"mass": 2.6, "center_of_mass": np.full(3, 0.1), "inertia": np.eye(3), "a
 
 
 def star(mass: "float", center_of_mass: "ArrayLike", inertia: "ArrayLike"):  # noqa: F821
-    return sst_pin.Parameters(star=sst_pin.RigidBody(mass, center_of_mass, inertia))
+    return sst_pin.Parameters(star=sst_pin.sst.RigidBody(mass, center_of_mass, inertia))
 
 
 CALLS = {
@@ -30,12 +30,15 @@ CALLS = {
     ),
     "with_payload": (PARAMETERS.with_payload, BODY),
     "star": (star, BODY),
-    "interpolate_orientations": (sst_pin.interpolate_orientations, {"t": T, "R": R, "at": 0.05}),
-    "orientation_path": (sst_pin.orientation_path, {"R": R, "count": 5}),
+    "interpolate_orientations": (
+        sst_pin.sst.interpolate_orientations,
+        {"t": T, "R": R, "at": 0.05},
+    ),
+    "orientation_path": (sst_pin.sst.orientation_path, {"R": R, "count": 5}),
     "paper_circle": (sst_pin.paper_circle, {"t": 0.1}),
-    "orientation": (sst_pin.orientation, {"theta": 0.1, "phi": 0.1, "psi": 0.1}),
+    "orientation": (sst_pin.sst.orientation, {"theta": 0.1, "phi": 0.1, "psi": 0.1}),
     "orientation_motion": (
-        sst_pin.orientation_motion,
+        sst_pin.sst.orientation_motion,
         dict.fromkeys(("theta", "phi", "psi"), np.ones((3, 2))),
     ),
 }
@@ -59,7 +62,7 @@ HALF_TURNS = R @ np.diag([1.0, -1, -1]) ** np.arange(8)[:, None, None]
 )
 def test_orientations_are_interpolated_between_rotations_at_increasing_times(arguments):
     with pytest.raises(SSTError):
-        sst_pin.interpolate_orientations(*arguments)
+        sst_pin.sst.interpolate_orientations(*arguments)
 
 
 @pytest.mark.parametrize("turned", [np.eye(3)[::-1], 2 * np.eye(3), 0 * R[0], np.eye(3) + 0.01])

@@ -50,11 +50,11 @@ def test_inverse_kinematics_closes_the_loops_on_all_branches(seed):
     rng = np.random.default_rng(seed)
     robot = sst_pin.SST(random_parameters(rng))
     R, _, _ = random_states(robot, rng, 5)
-    q = robot.inverse_kinematics(R[:, None], sst_pin.BRANCHES)
+    q = robot.inverse_kinematics(R[:, None], sst_pin.sst.BRANCHES)
     assert q.shape == (5, 8, 9)
     assert np.abs(robot.platform_orientation(q) - R[:, None]).max() < 1e-13
     assert max(np.abs(robot.residual(x)).max() for x in q.reshape(-1, 9)) < 1e-13
-    assert np.array_equal(robot.branch(q), np.broadcast_to(sst_pin.BRANCHES, (5, 8, 3)))
+    assert np.array_equal(robot.branch(q), np.broadcast_to(sst_pin.sst.BRANCHES, (5, 8, 3)))
     assert len(np.unique(q[0].round(6), axis=0)) == 8
     assert np.array_equal(q[:, 0], robot.inverse_kinematics(R))  # the working branch by default
 
@@ -94,7 +94,7 @@ def test_direct_kinematics_holds_the_assembly_one_came_from(seed):
     rng = np.random.default_rng(seed)
     robot = sst_pin.SST(random_parameters(rng))
     R, _, _ = random_state(robot, rng)
-    branch = sst_pin.BRANCHES[rng.integers(8)]
+    branch = sst_pin.sst.BRANCHES[rng.integers(8)]
     q = robot.inverse_kinematics(R, branch)
     solutions = robot.forward_kinematics(q[::3])
     assert 1 <= len(solutions) <= 8
@@ -177,13 +177,13 @@ def test_smooth_interpolation_reproduces_a_motion_and_its_rates():
     for count in (101, 201):
         t = np.linspace(0, np.pi / 6, count)
         between = np.linspace(0.05, 0.45, 333)  # the ends of a spline are less exact
-        motion = sst_pin.interpolate_orientations(t, sst_pin.paper_circle(t).R, between)
+        motion = sst_pin.sst.interpolate_orientations(t, sst_pin.paper_circle(t).R, between)
         exact = sst_pin.paper_circle(between)
         errors.append([np.abs(a - b).max() for a, b in zip(motion, exact, strict=True)])
     orders = np.log2(np.array(errors[0]) / errors[1])
     assert (orders > (5.5, 4.5, 3.5)).all()  # h^6, h^5, h^4 for degree five
     assert (np.array(errors[1]) < (1e-8, 1e-6, 1e-4)).all()
-    at_samples = sst_pin.interpolate_orientations(t, sst_pin.paper_circle(t).R, t)
+    at_samples = sst_pin.sst.interpolate_orientations(t, sst_pin.paper_circle(t).R, t)
     assert np.abs(at_samples.R - sst_pin.paper_circle(t).R).max() < 1e-14
 
 
@@ -191,12 +191,12 @@ def test_interpolated_rates_are_the_derivatives_of_the_interpolated_motion():
     """Between samples so far apart that the spline leaves the unit sphere of quaternions."""
     t = np.linspace(0, 3, 7)
     R = Rotation.from_rotvec(np.array((np.sin(t), t**2 / 4, 1 - t)).T).as_matrix()
-    motion = sst_pin.interpolate_orientations(t, R, 1.2 + AROUND)
+    motion = sst_pin.sst.interpolate_orientations(t, R, 1.2 + AROUND)
     assert max(off_rates(motion)) < 1e-11
 
 
 def test_angles_of_the_paper_and_their_rates_are_consistent():
     t = 0.3 + AROUND
     theta, phi = (np.sin(t), np.cos(t), -np.sin(t)), (1 + 0.3 * t**2, 0.6 * t, 0.6)
-    motion = sst_pin.orientation_motion(theta, phi, (0.5 * t, 0.5, 0))
+    motion = sst_pin.sst.orientation_motion(theta, phi, (0.5 * t, 0.5, 0))
     assert max(off_rates(motion)) < 1e-11

@@ -57,7 +57,7 @@ def test_parameters_survive_the_way_through_urdf(p, tmp_path):
 def test_parameters_survive_the_way_through_mjcf(p, tmp_path):
     """`SST.from_mjcf` reads them, and Pinocchio's reader with what that leaves out."""
     (tmp_path / "sst.xml").write_text(mjcf_of(p, configurations_of(p)))
-    (tmp_path / "meshes").symlink_to(Path(sst_pin.PACKAGE_PATH, "meshes"))
+    (tmp_path / "meshes").symlink_to(Path(sst_pin.sst.PACKAGE_PATH, "meshes"))
     assert_same(sst_pin.SST.from_mjcf(tmp_path / "sst.xml").parameters, p)
     model = pin.buildModelFromMJCF(str(tmp_path / "sst.xml"))
     compiled = mujoco.MjModel.from_xml_path(str(tmp_path / "sst.xml"))

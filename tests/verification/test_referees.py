@@ -86,7 +86,7 @@ def test_torques_and_accelerations_of_any_robot_agree(seed):
 
     On every branch: the antipodal choice of R_k moves the links to the other side.
     """
-    rng, branch = np.random.default_rng(100 + seed), sst_pin.BRANCHES[seed]
+    rng, branch = np.random.default_rng(100 + seed), sst_pin.sst.BRANCHES[seed]
     parameters = random_parameters(rng, friction=seed % 2 == 0)
     robot, judge = sst_pin.SST(parameters), VirtualWork(parameters, branch)
     for R, omega, alpha in zip(*random_states(robot, rng, 10), strict=True):
