@@ -980,30 +980,35 @@ class ClosedChain(RobotProperties, Summary):
         *,
         actuated: Sequence[Motor] | None = None,
         locked: Sequence[str] = (),
+        model: str | None = None,
     ) -> _Chain:
         """A robot from a URDF or SDF and a YAML file, the "extended URDF" of LAAS.
 
         The YAML lists closures, motors, forces, springs and more; docs/own_robot.md. Without
         closures there, frames `closing_NAME_1` and `closing_NAME_2` of the URDF close loops;
-        without any the robot is an open tree with a motor at each joint. An SRDF beside the file
-        defines named configurations, such as `home`.
+        without any the robot is an open tree. Without a YAML the motors are the joints of
+        transmissions, or in an open tree all joints of one axis. An SRDF beside the file defines
+        named configurations, such as `home`. The name of a link or a frame of the file is a frame
+        of the chain.
 
         Args:
             path: The URDF, or an SDF, whose loops are closed; meshes are not needed.
             cuts: The YAML; by default the file beside the URDF with the ending .yaml.
             actuated: The motors, as in the constructor; those of the YAML by default.
             locked: Names of joints or rates that are fixed at zero. A locked motor is removed.
+            model: The model of an SDF, by name; needed if several models move.
 
         Raises:
             DescriptionError: If a file cannot be read; the message lists all problems.
 
         Warns:
-            DescriptionWarning: When an inertia is not physical, a pose moves a locked joint, an
-                element that acts is not read, or the YAML of an open tree may be missing.
+            DescriptionWarning: When an inertia is not physical or missing, a pose moves a locked
+                joint, an element that acts is not read, limits are lost, or the YAML of an open
+                tree may be missing.
         """
         from .reading import read_urdf
 
-        return cls.from_description(read_urdf(path, cuts, locked, actuated))
+        return cls.from_description(read_urdf(path, cuts, locked, actuated, model=model))
 
     @classmethod
     def from_mjcf(

@@ -12,10 +12,10 @@ from ..errors import DescriptionError
 from ..model.checks import Motor, tendon_of, without_locked
 from ..model.closures import Coupling, frames_of
 from ..summaries import listed
-from .acting_words import unread
+from .acting_elements import motors_of
 from .cut_joints import Marks
 from .cuts import Cuts, parse_cuts
-from .joint_numbers import put_numbers, springs_of, updated
+from .joint_numbers import LIMITS, put_numbers, springs_of, updated
 from .problems import Problem, warning
 from .robot_file import RobotFile, naming, warned
 from .shapes import urdf_shapes
@@ -32,12 +32,13 @@ def read_urdf(
     actuated: Sequence[Motor] | None = None,
     *,
     default: str | Path | None = None,
+    model: str | None = None,
 ) -> RobotFile:
     """Read a robot as `ClosedChain.from_urdf`; warnings point to the caller of that method."""
-    urdf = path if isinstance(path, Urdf) else Urdf.read(path)
+    urdf = path if isinstance(path, Urdf) else Urdf.read(path, model)
     content = read_cuts(urdf, cuts, default)
     robot = closed(urdf, content._replace(locked=(*content.locked, *names("locked", locked))))
-    notes = [*robot.notes, *unread(urdf.root)]
+    notes = [*urdf.notices, *robot.notes]
     if actuated is not None:
         robot = robot._replace(actuated=actuated)
     elif robot.open_tree:
@@ -49,13 +50,13 @@ def read_urdf(
 def read_cuts(urdf: Urdf, path: str | Path | None, default: str | Path | None = None) -> Cuts:
     """Cuts of a URDF: from `path`, else the YAML beside it, else `default`.
 
-    The YAML beside it has its name, or is a `loop_closures.yaml` or `robot_data.yaml` of its
-    package. Without a YAML, the cuts have only the motors that the URDF marks.
+    The YAML beside it has its name, or is a `loop_closures.yaml` of its package. Without a YAML,
+    the cuts have only the motors that the URDF marks: as a URDF+, or by transmissions.
     """
     if path is None:
         path = cuts_beside(Path(urdf.source)) or default
     if path is None:
-        return Cuts(urdf.marks.independent)
+        return Cuts(urdf.marks.independent or motors_of(urdf.root))
     return parse_cuts(read_text(path, "YAML of the cuts"), str(path))
 
 
@@ -63,8 +64,7 @@ def cuts_beside(urdf: Path) -> Path | None:
     """The YAML with the cuts of a URDF, if there is one."""
     package = urdf.parent.parent if urdf.parent.name == "urdf" else urdf.parent
     folders = (urdf.parent, package, package / "config")
-    names = ("loop_closures.yaml", "robot_data.yaml")
-    paths = [urdf.with_suffix(".yaml"), *(folder / name for folder in folders for name in names)]
+    paths = [urdf.with_suffix(".yaml"), *(folder / "loop_closures.yaml" for folder in folders)]
     return next((path for path in paths if path.is_file()), None)
 
 
@@ -82,7 +82,9 @@ def closed(urdf: Urdf, cuts: Cuts) -> RobotFile:
     led = {*cuts.dependent, *(coupling.joint for coupling in cuts.couplings)}
     followers = [mimic for mimic in urdf.mimics if mimic.joint not in led]
     couplings = tuple(_unlocked([*followers, *marks.gears, *cuts.couplings], fixed, source))
-    loops, notes = cuts.closures, [*_unused(model, cuts, marks)]
+    limited = {name for key in LIMITS for name in cuts.numbers.get(key, {})}
+    notes = [*_unused(model, cuts, marks), *urdf.lost_limits(dict(cuts.joints), limited)]
+    loops = cuts.closures
     path, srdf = Path(urdf.source).with_suffix(".srdf"), None
     with naming(source):
         if not loops:
@@ -99,12 +101,21 @@ def closed(urdf: Urdf, cuts: Cuts) -> RobotFile:
         locked = [name for name in dict.fromkeys(cuts.locked) if name not in fixed_joints]
         model = without_locked(model, locked) if locked else model
         stiffness, rest = springs_of(model, numbers)
-    closures, note, motors = (*loops, *couplings), "", tuple(_free_motors(cuts.actuated, fixed))
-    if not (cuts.source or cuts.actuated or loops):
-        led = {coupling.joint for coupling in couplings}
-        motors = tuple(name for name in list(model.names)[1:] if name not in led)
-        note = f"no {path.stem}.yaml with closures and motors is beside it; each joint"
-        note += f"{' that mimics none' * bool(led)} has a motor; actuated= names the motors"
+    closures = (*loops, *couplings)
+    motors, note = tuple(_free_motors(cuts.actuated, fixed)), ""
+    if not (cuts.source or loops or marks.independent):
+        note = f"no {path.stem}.yaml with closures and motors is beside it; "
+        if cuts.actuated:
+            note += "its transmissions name the motors"
+        else:
+            led = {coupling.joint for coupling in couplings}
+            motors = tuple(_single_joints(model, led))
+            note += "each joint of one axis"
+            if led:
+                note += " that mimics none"
+            note += " has a motor; actuated= names the motors"
+    if not any(inertia.mass for inertia in list(model.inertias)[1:]):
+        notes.append(_without_mass(model))
     shapes = partial(urdf_shapes, urdf.root, path.parent)
     parts = source, model, closures, motors, shapes, stiffness, rest, srdf, cuts.lines
     return RobotFile(*parts, cuts.brakes, tuple(notes), note)
@@ -119,6 +130,20 @@ def _unused(model: pin.Model, cuts: Cuts, marks: Marks) -> Iterator[Problem]:
     if names and (cuts.closures or cuts.hinges):
         text = f"the URDF also has {listed(names)}, not read because {cuts.source} has closures"
         yield warning("closures", text)
+
+
+def _single_joints(model: pin.Model, led: Collection[str]) -> Iterator[str]:
+    """Joints of one axis that follow no other joint."""
+    for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
+        if joint.nv == 1 and name not in led:
+            yield name
+
+
+def _without_mass(model: pin.Model) -> Problem:
+    """A warning of a robot whose moving links have no mass."""
+    links = [f.name for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint]
+    text = "no moving link has mass, so torques miss weights and inertias; write <inertial>"
+    return warning(f"links {listed(links)}", text)
 
 
 def _free_motors(motors: Sequence[Motor], locked: Collection[str]) -> Iterator[Motor]:

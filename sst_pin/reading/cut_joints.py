@@ -7,7 +7,8 @@ pull request 264).
 """
 
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -16,8 +17,21 @@ import pinocchio as pin
 from ..arrays import Array
 from ..errors import DescriptionError
 from ..model.closures import Closure, Coupling
-from .known_words import unknown
-from .problems import Problem, attribute, direction, error, number, numbers, placement, telling
+from .acting_elements import is_detachable
+from .problems import (
+    Problem,
+    attribute,
+    direction,
+    error,
+    is_true,
+    means,
+    number,
+    numbers,
+    placement,
+    telling,
+    unknown_parts,
+    warning,
+)
 
 #: The two sides of a joint that closes a loop, by element; `<gazebo>` has another form.
 _SIDES = {
@@ -27,37 +41,20 @@ _SIDES = {
     "constraint": ("parent", "child"),
 }
 #: Kind of the closure for each type of joint.
-_KINDS = {"fixed": "6d", **dict.fromkeys(("spherical", "ball"), "3d")}
+_KINDS = {"fixed": "6d", **dict.fromkeys(("spherical", "spherical_joint", "ball"), "3d")}
 _KINDS |= dict.fromkeys(("revolute", "continuous"), "hinge")
 _KINDS |= {kind: kind for kind in ("prismatic", "universal", "cylindrical", "planar")}
 #: For each kind, the axes of the two frames that are turned onto the axes of the joint; else z.
 _ALONG = {"universal": np.eye(3)[:2]}
-_ENDS = [side for sides in _SIDES.values() for side in sides]
 _BALL = "drake:ball_constraint"
+#: Larger limits are none, [rad] or [m].
+_FAR = 1e9
 #: Elements of Drake's balls: their attribute, and the element and attribute of a `<constraint>`.
 _OF_BALLS = {
     "body_A": ("name", "parent", "link"),
     "p_AP": ("value", "parent_origin", "xyz"),
     "body_B": ("name", "child", "link"),
     "p_BQ": ("value", "child_origin", "xyz"),
-}
-_CUT = "@name @type {0} {1} {0}_origin {1}_origin {0}_axis {1}_axis axis limit dynamics"
-#: Elements and attributes of each element, as in `known_words`. Limits are not enforced.
-_WORDS = {
-    **{tag: _CUT.format(*sides) for tag, sides in _SIDES.items()},
-    **dict.fromkeys(_ENDS, "@link @xyz @rpy origin"),
-    **dict.fromkeys(["origin", *(f"{end}_origin" for end in _ENDS)], "@xyz @rpy"),
-    **dict.fromkeys(["axis", *(f"{end}_axis" for end in _ENDS)], "@xyz"),
-    "dynamics": "*=0",
-    "coupling": "@name @type predecessor successor ratio",
-    "ratio": "@value",
-}
-_WORDS_OF_GAZEBO = {
-    "joint": "@name @type parent child pose axis axis2 sensor+ physics",
-    "pose": "@degrees=0",
-    **dict.fromkeys(("axis", "axis2"), "xyz limit dynamics use_parent_model_frame=0"),
-    "xyz": "",
-    "dynamics": "*=0",
 }
 
 
@@ -140,22 +137,27 @@ class Marks:
         self.independent = tuple(_independent(root))
         self._bearers = {attribute(joint, "child/link"): joint for joint in root.findall("joint")}
         self._links = {attribute(link, "name") for link in root.findall("link")}
-        for tag, (side, _) in _SIDES.items():
+        for tag, sides in _SIDES.items():
             for element in root.findall(tag):
-                self._read(self._joint, element, _WORDS)
-            if set(root.iterfind(f".//{tag}[{side}]")).difference(root):
+                self._read(self._joint, element, _faults(element, sides))
+            if set(root.iterfind(f".//{tag}[{sides[0]}]")).difference(root):
                 self.problems.append(error(tag, "it must be a direct child of <robot>"))
         for element in root.findall("gazebo/joint[parent]"):
-            self._read(self._joint, element, _WORDS_OF_GAZEBO)
-        for k, element in enumerate(root.iter(_BALL), 1):
-            self._read(self._joint, _constraint_of(element, k), _WORDS)
+            self._read(self._joint, element, _faults_of_gazebo(element))
+        for k, ball in enumerate(root.iter(_BALL), 1):
+            element = _constraint_of(ball, k)
+            self._read(self._joint, element, _faults(element, _SIDES["constraint"]))
         for element in root.findall("coupling"):
-            self._read(self._gear, element, _WORDS)
+            tags = ("predecessor", "successor", "ratio")
+            self._read(self._gear, element, unknown_parts(element, tags, ("name", "type")))
+        for k, plugin in enumerate(root.findall("gazebo/plugin"), 1):
+            if is_detachable(plugin):
+                self._read(partial(self._weld, root.get("name", ""), k), plugin, ())
 
     def _read(
-        self, reader: Callable[[ET.Element], None], element: ET.Element, words: Mapping[str, str]
+        self, reader: Callable[[ET.Element], None], element: ET.Element, faults: Iterable[str]
     ) -> None:
-        problems, where = list(unknown(element, words)), f"{element.tag} {element.get('name')}"
+        problems, where = list(faults), f"{element.tag} {element.get('name')}"
         with telling(problems):
             reader(element)
         self.problems += [error(where, text) for text in problems]
@@ -172,6 +174,23 @@ class Marks:
         seen = (b, b) if gazebo else (a, b)
         name = attribute(element, "name") or f"{a}_{b}"
         self.joints.append(cut_joint(name, kind, (a, b), places, axes, seen))
+        if _has_limits(element):
+            where = f"{element.tag} {name}"
+            self.problems.append(warning(where, "limits of a joint that closes a loop are ignored"))
+
+    def _weld(self, robot: str, number: int, plugin: ET.Element) -> None:
+        """A `DetachableJoint` of Gazebo: two links that are welded as they are at zero."""
+        model = plugin.findtext("child_model", "").strip()
+        if model not in (robot, "__model__"):
+            raise ValueError(f"it holds a link of another model, {model!r}; delete it")
+        a, b = (plugin.findtext(f"{side}_link", "").strip() for side in ("parent", "child"))
+        self._require_link("parent_link", a)
+        self._require_link("child_link", b)
+        here = pin.SE3.Identity()
+        axes = np.eye(3)[2], np.eye(3)[2]  # of a weld they do not count
+        self.joints.append(
+            cut_joint(f"detachable_{number}", "fixed", (a, b), (here, here), axes, (b, b))
+        )
 
     def _gear(self, element: ET.Element) -> None:
         paths, ratio = [], number(element.find("ratio"), "value")
@@ -196,13 +215,70 @@ class Marks:
 
     def _path(self, link: str) -> Iterator[ET.Element]:
         """Joints from a link to the base."""
+        passed = set[str]()
         while (joint := self._bearers.get(link)) is not None:
+            if link in passed:
+                raise ValueError(f"the joints from {link} lead back to it; a URDF is a tree")
+            passed.add(link)
             yield joint
             link = attribute(joint, "parent/link")
 
     def _require_link(self, side: str, link: str) -> None:
         if link not in self._links:
             raise ValueError(f"{side} {link} is not a link of this file")
+
+
+def _faults(element: ET.Element, sides: tuple[str, str]) -> Iterator[str]:
+    """Parts of a joint that closes a loop that are not known, or that act and are not read."""
+    origins, axes = [f"{side}_origin" for side in sides], [f"{side}_axis" for side in sides]
+    tags = [*sides, *origins, *axes, "axis", "limit", "dynamics"]
+    yield from unknown_parts(element, tags, ["name", "type"])
+    for part in element:
+        if part.tag in sides:
+            yield from unknown_parts(part, ["origin"], ["link", "xyz", "rpy"])
+            for origin in part.findall("origin"):
+                yield from unknown_parts(origin, [], ["xyz", "rpy"])
+        elif part.tag in origins:
+            yield from unknown_parts(part, [], ["xyz", "rpy"])
+        elif part.tag in (*axes, "axis"):
+            yield from unknown_parts(part, [], ["xyz"])
+        elif part.tag == "dynamics":
+            yield from _acting_dynamics(part.attrib)
+
+
+def _faults_of_gazebo(joint: ET.Element) -> Iterator[str]:
+    """The same for a joint of Gazebo."""
+    tags = ["parent", "child", "pose", "axis", "axis2", "physics"]
+    yield from unknown_parts(joint, tags, ["name", "type"], ["sensor"])
+    for pose in joint.findall("pose"):
+        yield from unknown_parts(pose, [], ["degrees"])
+        if is_true(pose.get("degrees")):
+            yield "a <pose> in degrees is not supported here"
+    for axis in (*joint.findall("axis"), *joint.findall("axis2")):
+        yield from unknown_parts(axis, ["xyz", "limit", "dynamics", "use_parent_model_frame"], [])
+        for xyz in axis.findall("xyz"):
+            yield from unknown_parts(xyz, [], [])
+        if is_true(axis.findtext("use_parent_model_frame")):
+            yield "use_parent_model_frame is not supported here"
+        for dynamics in axis.findall("dynamics"):
+            yield from _acting_dynamics({part.tag: part.text or "" for part in dynamics})
+
+
+def _acting_dynamics(numbers_by_name: Mapping[str, str]) -> Iterator[str]:
+    """Friction and springs in a joint that closes a loop."""
+    for key, text in numbers_by_name.items():
+        if not means(text, 0):
+            yield f"<dynamics> with {key} {text.strip()!r} is not supported"
+
+
+def _has_limits(element: ET.Element) -> bool:
+    """Whether a joint has limits of its position."""
+    texts = [
+        *(limit.get(key, "") for limit in element.findall("limit") for key in ("lower", "upper")),
+        *(element.findtext(f"axis/limit/{key}", "") for key in ("lower", "upper")),
+    ]
+    values = [numbers(text, 1) for text in texts]
+    return any(value is not None and 0 < abs(value[0]) < _FAR for value in values)
 
 
 def _constraint_of(ball: ET.Element, number: int) -> ET.Element:

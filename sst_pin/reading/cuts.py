@@ -13,8 +13,8 @@ from ..model.checks import Motor
 from ..model.closures import Closure, Constraint, Coupling, Distance, Rolling
 from ..model.lines import LineForce
 from .cut_joints import CutJoint, cut_joint
-from .joint_numbers import JointNumbers
-from .problems import numbers, placement, telling, vector
+from .joint_numbers import LIMITS, JointNumbers
+from .problems import numbers, telling, vector
 from .urdf import KINDS
 from .yaml_content import (
     YamlContent,
@@ -56,15 +56,14 @@ class Cuts(NamedTuple):
 def parse_cuts(text: str, source: str) -> Cuts:
     """Content of a YAML file in the LAAS schema, with more keys; docs/own_robot.md lists them.
 
-    It has the key `name_mot`; others may be missing. The YAML files of sw2robot and fusion2URDF are
-    read as well. The error names every problem.
+    It has the key `name_mot`; others may be missing. A `loop_closures.yaml` of sw2robot is read as
+    well. The error names every problem.
     """
     content = YamlContent(text, source)
-    for key, parse in _PARSERS.items():
-        if key in content:
-            cuts = parse(content)
-            content.raise_problems()
-            return cuts._replace(source=source)
+    if "closures" in content:
+        cuts = _of_scikit_robot(content)
+        content.raise_problems()
+        return cuts._replace(source=source)
     content.require_known((*_LISTS, *_TABLES, "gravity"))
     content.setdefault("name_mot", None)
     if isinstance(table := content.get("joint_type"), dict) and "joint_name" not in content:
@@ -84,7 +83,10 @@ def parse_cuts(text: str, source: str) -> Cuts:
     content.raise_problems()
     springs = dict(tables.pop("joint_spring"))
     couplings = tuple(tables.pop("coupling"))
+    limits = dict(tables.pop("joint_limit"))
     numbers = {key: dict(pairs) for key, pairs in tables.items()}
+    for key in LIMITS:
+        numbers[key] = {joint: limit[key] for joint, limit in limits.items() if key in limit}
     for k, key in enumerate(("stiffness", "reference")):
         numbers[key] = {joint: spring[k] for joint, spring in springs.items()}
     motors, lines, locked = (tuple(lists[key]) for key in ("name_mot", "line_force", "locked"))
@@ -136,6 +138,15 @@ def _spring(joint: str, value: Any) -> tuple[str, list[float]]:
     return joint, numbers_in(value, stiffness=None, reference="0")
 
 
+def _limit(joint: str, value: Any) -> tuple[str, dict[str, float]]:
+    limit = {key: number_in(x, key) for key, x in mapping_in(value, LIMITS).items()}
+    if limit.get("lower", -np.inf) > limit.get("upper", np.inf):
+        raise ValueError(f"the lower limit of {joint} is above the upper one")
+    if negative := [key for key in ("effort", "velocity") if limit.get(key, 0.0) < 0]:
+        raise ValueError(f"{negative[0]} of {joint} is negative")
+    return joint, limit
+
+
 def _rotor(joint: str, value: Any) -> tuple[str, float]:
     """The reflected inertia of a rotor."""
     fields = value if isinstance(value, dict) else {"rotor_inertia": value}
@@ -168,6 +179,7 @@ _LISTS: dict[str, Callable[[Any], Any]] = {
 }
 _TABLES: dict[str, Callable[[str, Any], Any]] = {
     "joint_spring": _spring,
+    "joint_limit": _limit,
     "viscous_friction": _friction,
     "coulomb_friction": _friction,
     "armature": _rotor,
@@ -199,40 +211,8 @@ def _hinge(value: Any) -> CutJoint:
     return cut_joint("", "revolute", links, (place, place), (axis, axis), base)
 
 
-def _of_fusion(content: YamlContent) -> Cuts:
-    """A `robot_data.yaml` of fusion2URDF: joints whose origins are relative to their parents."""
-
-    def is_motor(name: str, value: Any) -> str:
-        fields = mapping_in(value)
-        return name * (fields.get("passive") == "false" and fields.get("type") != "fixed")
-
-    motors = filter(None, content.entries("joints", is_motor, dict))
-    return Cuts(tuple(motors), hinges=tuple(content.entries("closing_joints", _closing_joint)))
-
-
-def _closing_joint(value: Any) -> CutJoint:
-    fields = mapping_in(value)
-    name, kind, a, b = (_text(fields, key) for key in ("name", "type", "parent", "child"))
-    xyz, rpy, axis = (_vector(fields, k) for k in ("origin_xyz_m", "origin_rpy_rad", "axis"))
-    place = placement(xyz, rpy)
-    return cut_joint(name, kind, (a, b), (place, place), (axis, axis), (a, a))
-
-
-def _text(fields: Mapping[str, Any], key: str) -> str:
-    if key not in fields:
-        raise ValueError(f"{shown(fields)} has no {key}")
-    return name_in(fields[key])
-
-
 def _vector(fields: Mapping[str, Any], key: str) -> Array:
     value = vector(fields.get(key))
     if value is None or (key == "axis" and not value.any()):
         raise ValueError(f"{key} {shown(fields.get(key))} is not three numbers")
     return value
-
-
-#: Readers of other YAML files, by a key that these have.
-_PARSERS: dict[str, Callable[[YamlContent], Cuts]] = {
-    "closures": _of_scikit_robot,
-    "closing_joints": _of_fusion,
-}

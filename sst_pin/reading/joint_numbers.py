@@ -7,12 +7,16 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array
+from ..errors import InputError
 from ..model.joint_space import JointSpace
 from ..model.named_positions import put
+from ..model.tree import joint_id
 
 #: Numbers of joints, or of single rates, by name, for each of these kinds: "stiffness" and
-#: "reference" of springs, "viscous_friction", "coulomb_friction", "armature".
+#: "reference" of springs, "viscous_friction", "coulomb_friction", "armature"; `LIMITS`.
 JointNumbers = Mapping[str, Mapping[str, float]]
+#: Limits of joints with one position: of the position, of the motor's force, of the rate.
+LIMITS = ("lower", "upper", "effort", "velocity")
 
 
 def updated(numbers: JointNumbers, others: JointNumbers, without: Collection[str]) -> JointNumbers:
@@ -22,10 +26,24 @@ def updated(numbers: JointNumbers, others: JointNumbers, without: Collection[str
 
 
 def put_numbers(model: pin.Model, numbers: JointNumbers) -> None:
-    """Write friction and rotors into a model."""
+    """Write friction, rotors and limits into a model."""
     _fill(model.damping, model, numbers.get("viscous_friction", {}))
     _fill(model.friction, model, numbers.get("coulomb_friction", {}))
     _fill(model.armature, model, numbers.get("armature", {}))
+    for joint, value in numbers.get("lower", {}).items():
+        model.lowerPositionLimit[_position(model, joint)] = value
+    for joint, value in numbers.get("upper", {}).items():
+        model.upperPositionLimit[_position(model, joint)] = value
+    _fill(model.effortLimit, model, numbers.get("effort", {}))
+    _fill(model.velocityLimit, model, numbers.get("velocity", {}))
+
+
+def _position(model: pin.Model, name: str) -> int:
+    """The index in q of a joint with one position."""
+    joint = model.joints[joint_id(model, name)]
+    if joint.nq != 1:
+        raise InputError("joint_limit", f"joint {name} has {joint.nq} positions; one is needed")
+    return int(joint.idx_q)
 
 
 def springs_of(model: pin.Model, numbers: JointNumbers) -> tuple[Array, Array]:

@@ -3,9 +3,11 @@
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Iterator
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from difflib import get_close_matches
 from functools import partial
 
 import numpy as np
@@ -17,6 +19,8 @@ from ..summaries import listed
 
 #: Texts that urdfdom and MuJoCo read as the same number.
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+#: Similarity of names above which one is taken for a misspelling of the other.
+_ALIKE = 0.8
 
 
 @dataclass(frozen=True)
@@ -81,6 +85,53 @@ def numbers(text: str, count: int) -> Array | None:
         return None
     values = np.array(words, dtype=float)
     return values if np.isfinite(values).all() else None
+
+
+def is_true(text: str | None) -> bool:
+    """Whether a text is XML's true."""
+    return (text or "").strip().lower() in ("true", "1")
+
+
+def means(text: str, value: float) -> bool:
+    """Whether a text is a number, perhaps repeated; true and false are 1 and 0."""
+    words = {"true": "1", "false": "0"}.get(text.strip().lower(), text)
+    values = numbers(words, len(words.split()))
+    return values is not None and bool((values == value).all())
+
+
+def unknown_parts(
+    element: ET.Element,
+    tags: Collection[str],
+    attributes: Collection[str],
+    several: Collection[str] = (),
+    others: bool = False,
+) -> Iterator[str]:
+    """Faults of the parts of an element that acts: a part of another name could act too.
+
+    Args:
+        element: The element.
+        tags: Elements in it, each at most once.
+        attributes: Its attributes.
+        several: Elements of which there may be several.
+        others: Whether other tools add elements and attributes. Then only those are faults whose
+            names look like a known one.
+    """
+    for tag, count in Counter(child.tag for child in element).items():
+        if count > 1 and tag in tags:
+            yield f"{count} <{tag}>; only one is allowed"
+    for tag in dict.fromkeys(child.tag for child in element):
+        if tag not in tags and tag not in several:
+            if near := get_close_matches(tag.lower(), [*tags, *several], 1, _ALIKE):
+                yield f"<{tag}> is unknown; did you mean {near[0]}?"
+            elif not others:
+                yield f"<{tag}> in <{element.tag}> is not supported"
+    for key in element.attrib:
+        if key not in attributes and not key.startswith("xmlns"):
+            if near := get_close_matches(key.lower(), attributes, 1, _ALIKE):
+                yield f"<{element.tag} {key}=...> is unknown; did you mean {near[0]}?"
+            elif not others:
+                known = f"; it has {', '.join(attributes)}" if attributes else ""
+                yield f"<{element.tag}> has no {key}{known}"
 
 
 def vector(value: object) -> Array | None:

@@ -9,11 +9,13 @@ from pathlib import Path
 from xml.parsers import expat
 
 from ..errors import DescriptionError
+from .problems import Problem, warning
 
 #: Largest size of a description, [byte]; the largest one of a real robot has half a million.
 _LARGEST = 16 * 2**20
 #: The encoding that an XML declares.
 _ENCODING = re.compile(rb"""\s*<\?xml[^>]*encoding=["']([\w.:-]+)""")
+_COMMENT = re.compile("<!--.*?-->", re.S)
 #: Attributes that are names, blanks included.
 _NAMES = {"name", "link", "filename"}
 #: Most links, joints and other elements: Pinocchio crashes in the recursion of deep trees.
@@ -59,6 +61,23 @@ def parse_xml(text: str, source: str, what: str = "a URDF") -> ET.Element:
         text = f"not {what}: {len(root)} elements; at most {_MOST_ELEMENTS} are supported"
         raise DescriptionError(source, [text])
     return root
+
+
+def parse_almost_xml(text: str, source: str, what: str) -> tuple[ET.Element, list[Problem]]:
+    """The elements of a file that other tools read, though XML forbids it; a warning says so.
+
+    Such files have `--` in comments, or white space before `<?xml`.
+    """
+    try:
+        return parse_xml(text, source, what), []
+    except DescriptionError as caught:
+        plain = _COMMENT.sub(lambda comment: "\n" * comment[0].count("\n"), text.lstrip())
+        try:
+            root = parse_xml(plain, source, what)
+        except DescriptionError:
+            raise caught from None
+        fault = caught.problems[0].partition("not XML: ")[2]
+        return root, [warning("file", f"not XML: {fault}; read as if it were")]
 
 
 def bare(root: ET.Element, words: Mapping[str, Collection[str]]) -> ET.Element:

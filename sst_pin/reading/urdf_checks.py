@@ -11,26 +11,31 @@ from pathlib import Path
 import numpy as np
 
 from ..arrays import Array
-from .acting_words import unread
-from .known_words import unknown
-from .problems import Problem, attribute, error, note, number, numbers, warning
+from .problems import (
+    Problem,
+    attribute,
+    error,
+    note,
+    number,
+    numbers,
+    unknown_parts,
+    warning,
+)
 
 ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _ONE_AXIS = ("revolute", "prismatic", "continuous")
 _KINDS = (*_ONE_AXIS, "fixed", "floating", "planar")
-#: Elements and attributes of links and joints; other tools add their own.
-_WORDS = {
-    "link": "inertial visual+ collision+ ...",
-    "inertial": "origin mass inertia ...",
-    "joint": "origin parent child axis limit dynamics mimic calibration+ safety_controller+ ...",
-    "origin": "@xyz @rpy",
-    "mass": "@value",
-    "inertia": " ".join(f"@{key}" for key in ENTRIES),
-    "axis": "@xyz",
-    "limit": "@lower @upper @effort @velocity ...",
-    "dynamics": "@damping @friction ...",
-    "mimic": "@joint @multiplier @offset",
+#: Attributes of elements that act.
+_ATTRIBUTES = {
+    "origin": ["xyz", "rpy"],
+    "mass": ["value"],
+    "inertia": list(ENTRIES),
+    "axis": ["xyz"],
+    "limit": ["lower", "upper", "effort", "velocity"],
+    "dynamics": ["damping", "friction"],
+    "mimic": ["joint", "multiplier", "offset"],
 }
+_OF_FRAMES = ["name", "link", "xyz", "rpy"]
 #: The count of numbers in attributes.
 _COUNTS = {
     "origin": {"xyz": 3, "rpy": 3},
@@ -64,12 +69,15 @@ _REFUSED = {
 def check(root: ET.Element) -> Iterator[Problem]:
     """Errors and warnings of a URDF."""
     if root.tag != "robot":
-        cure = "; ClosedChain.from_mjcf reads an MJCF" if root.tag == "mujoco" else ""
+        cure = ""
+        if root.tag == "mujoco":
+            cure = "; ClosedChain.from_mjcf reads an MJCF"
         yield error("file", f"a URDF starts with <robot>, not with <{root.tag}>{cure}")
         return
     links, joints = root.findall("link"), root.findall("joint")
     if any("xacro" in element.tag for element in root.iter()):
-        yield error("file", "this is a xacro file; convert it to URDF with xacro")
+        cure = "make a URDF of it: xacro FILE.xacro > FILE.urdf (pip install xacro)"
+        yield error("file", f"this is a xacro file; {cure}")
     if not root.get("name"):
         yield error("file", "<robot> has no name")
     if not links:
@@ -81,9 +89,16 @@ def check(root: ET.Element) -> Iterator[Problem]:
             elif count > 1:
                 yield error(f"{tag} {name}", f"{count} have this name")
     yield from _connections([link.get("name", "") for link in links], joints)
-    yield from unread(root)
     for link in links:
         yield from _link(link, f"link {link.get('name')}")
+    for frame in root.findall("frame"):  # of Drake
+        where, link_name = f"frame {frame.get('name')}", frame.get("link", "")
+        yield from (error(where, text) for text in unknown_parts(frame, [], _OF_FRAMES))
+        if link_name not in {link.get("name") for link in links}:
+            yield error(where, f"link {link_name} is not a link of this file")
+        for key in ("xyz", "rpy"):
+            if numbers(text := frame.get(key, "0 0 0"), 3) is None:
+                yield error(where, f"{key}={text!r} is not three numbers")
     kinds = {joint.get("name"): joint.get("type", "") for joint in joints}
     for joint in joints:
         yield from _joint(joint, f"joint {joint.get('name')}", kinds)
@@ -121,8 +136,34 @@ def _connections(links: Sequence[str], joints: Sequence[ET.Element]) -> Iterator
         yield error("tree", f"links that are not connected to the base: {', '.join(lost)}")
 
 
+def _parts(element: ET.Element) -> Iterator[str]:
+    """Faults of the parts of a link or a joint that act; other tools add their own."""
+    if element.tag == "link":
+        tags, several = ["inertial"], ["visual", "collision"]
+    else:
+        tags = ["origin", "parent", "child", "axis", "limit", "dynamics", "mimic"]
+        several = ["calibration", "safety_controller"]
+    yield from unknown_parts(element, tags, ["name", "type"], several, others=True)
+    for part in element:
+        if part.tag in tags:
+            yield from _content(part)
+
+
+def _content(part: ET.Element) -> Iterator[str]:
+    """Faults of a part of a link or a joint."""
+    if part.tag == "inertial":
+        yield from unknown_parts(part, ["origin", "mass", "inertia"], [], others=True)
+        for each in part:
+            if each.tag in ("origin", "mass", "inertia"):
+                yield from _content(each)
+    elif part.tag in ("limit", "dynamics", "axis"):  # the reader names what else is in them
+        yield from unknown_parts(part, [], _ATTRIBUTES[part.tag], others=True)
+    elif part.tag in _ATTRIBUTES:
+        yield from unknown_parts(part, [], _ATTRIBUTES[part.tag])
+
+
 def _link(link: ET.Element, where: str) -> Iterator[Problem]:
-    yield from (error(where, text) for text in unknown(link, _WORDS))
+    yield from (error(where, text) for text in _parts(link))
     for inertial in link.findall("inertial"):
         yield from no_numbers(inertial, where)
         if (mass := number(inertial.find("mass"), "value")) is None:
@@ -135,7 +176,7 @@ def _link(link: ET.Element, where: str) -> Iterator[Problem]:
 
 def _joint(joint: ET.Element, where: str, kinds: Mapping[str | None, str]) -> Iterator[Problem]:
     kind, name = joint.get("type", ""), joint.get("name")
-    yield from (error(where, text) for text in unknown(joint, _WORDS))
+    yield from (error(where, text) for text in _parts(joint))
     yield from no_numbers(joint, where)
     if name == "universe":
         yield error(where, "Pinocchio's base has this name; rename the joint")
@@ -200,13 +241,9 @@ def _friction(joint: ET.Element, where: str, kind: str) -> Iterator[Problem]:
 def _limits(joint: ET.Element, where: str, kind: str) -> Iterator[Problem]:
     limit = joint.find("limit")
     if limit is None:
-        if kind != "continuous":
-            yield error(where, f"{kind} without <limit>")
         return
     for key in ("effort", "velocity"):
-        if key not in limit.attrib:
-            yield error(where, f"limit without {key}")
-        elif (number(limit, key) or 0) < 0:
+        if (number(limit, key) or 0) < 0:
             yield error(where, f"limit {key}={limit.get(key)!r} is negative")
     low, high = (numbers(limit.get(key, "0"), 1) for key in ("lower", "upper"))
     if kind == "continuous" or low is None or high is None:
@@ -347,7 +384,8 @@ def _mesh(name: str, where: str, folder: Path) -> Iterator[Problem]:
         if Path(name.removeprefix("file://")).is_absolute():
             yield warning(where, f"mesh {name}: an absolute path is valid on one machine only")
     if not any(map(isfile, places)):  # which takes names of any length
-        yield error(where, f"mesh {name or '(no name)'}: not found")
+        text = f"mesh {name or '(no name)'}: not found; the shape is not drawn"
+        yield warning(where, text)
     kind = Path(name).suffix.lower()
     if tools := _REFUSED.get(kind):
         yield note(where, f"meshes {kind}: not read by {tools}")

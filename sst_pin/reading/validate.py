@@ -38,7 +38,9 @@ __all__ = ["Problem", "examine", "summary_of", "validate"]
 _WRITTEN = 1e-3
 
 
-def validate(path: str | Path, cuts: str | Path | None = None) -> list[Problem]:
+def validate(
+    path: str | Path, cuts: str | Path | None = None, *, model: str | None = None
+) -> list[Problem]:
     """All problems of a robot's files.
 
     Of a URDF or SDF it checks names, tree, limits, axes, inertias and meshes; of the closures
@@ -49,6 +51,7 @@ def validate(path: str | Path, cuts: str | Path | None = None) -> list[Problem]:
         path: A URDF, an SDF, or an MJCF with the ending .xml or .mjcf.
         cuts: YAML of closures and motors, see `ClosedChain.from_urdf`; by default the one beside
             the URDF, if there is one. An MJCF has none.
+        model: The model of an SDF, by name; needed if several models move.
 
     Returns:
         Errors, which prevent computing or drawing the robot; warnings; and notes, mostly about
@@ -62,17 +65,19 @@ def validate(path: str | Path, cuts: str | Path | None = None) -> list[Problem]:
         >>> sst_pin.validate(sst_pin.URDF_PATH)
         []
     """
-    return examine(path, cuts)[0]
+    return examine(path, cuts, model)[0]
 
 
-def examine(path: str | Path, cuts: str | Path | None = None) -> tuple[list[Problem], str]:
+def examine(
+    path: str | Path, cuts: str | Path | None = None, model: str | None = None
+) -> tuple[list[Problem], str]:
     """The problems of a file, and mobility and moving mass of a robot without errors."""
     if isinstance(path, (str, Path)) and reading.is_mjcf(Path(path)):
         if cuts is not None:
             raise InputError("cuts", "an MJCF contains its closures and motors")
         problems, summary = _mjcf(as_path(path))
     else:
-        problems, summary = _urdf(path, None if cuts is None else as_path(cuts))
+        problems, summary = _urdf(path, None if cuts is None else as_path(cuts), model)
     problems = sorted(merged(problems), key=lambda problem: SEVERITIES.index(problem.severity))
     return problems, summary * all(problem.severity != "error" for problem in problems)
 
@@ -83,16 +88,16 @@ def summary_of(model: pin.Model, mobility: object) -> str:
     return f"{mobility}\nmoving mass         {mass:.6g} kg"
 
 
-def _urdf(path: str | Path, cuts: Path | None) -> tuple[list[Problem], str]:
+def _urdf(path: str | Path, cuts: Path | None, model: str | None) -> tuple[list[Problem], str]:
     try:
-        urdf = reading.Urdf.read(path)
+        urdf = reading.Urdf.read(path, model)
     except DescriptionError as caught:
         return _errors_of(caught, "file"), ""
     problems, summary = list(urdf.problems), ""
     if not any(problem.severity == "error" for problem in problems):  # Pinocchio needs a tree
         more, summary = _with_files(urdf, cuts)
         problems += more
-    problems += check_inertias(urdf.root, urdf.crosses)
+    problems += check_inertias(urdf.root, urdf.helpers)
     return [*problems, *check_shapes(urdf.root, Path(path).parent)], summary
 
 
@@ -127,7 +132,7 @@ def _mjcf(path: Path) -> tuple[list[Problem], str]:
 
 def _errors_of(caught: SSTError, where: str) -> list[Problem]:
     texts = caught.problems if isinstance(caught, DescriptionError) else [str(caught)]
-    return [error(where, re.sub("^not (a URDF|an MJCF): ", "", text)) for text in texts]
+    return [error(where, re.sub("^not (a URDF|an SDF|an MJCF): ", "", text)) for text in texts]
 
 
 def _mechanism(robot: RobotFile) -> tuple[list[Problem], str]:

@@ -137,7 +137,9 @@ def test_a_urdf_without_yaml_is_an_open_tree_and_says_so(tmp_path):
     """It has a motor at each joint, and warns unless the caller names the motors."""
     path = tmp_path / "arm.urdf"
     path.write_text(ARM)
-    with pytest.warns(sst_pin.DescriptionWarning, match=r"no arm\.yaml .* each joint has a motor"):
+    with pytest.warns(
+        sst_pin.DescriptionWarning, match=r"no arm\.yaml .* each joint of one axis has a motor"
+    ):
         arm = sst_pin.ClosedChain.from_urdf(path)
     q, rates = np.array([[0.3, -0.5]]), np.array([[1.0, 2.0]])
     expected = rnea(pin.buildModelFromUrdf(str(path)), q, rates, rates)

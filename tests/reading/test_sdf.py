@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """An SDF is the robot that it describes: poses, reversed joints, loops, gravity."""
 
+import warnings
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -67,8 +69,7 @@ def test_a_tree_is_drakes(tmp_path):
     parsing.Parser(plant).AddModelsFromString(text, "sdf")
     plant.Finalize()
     context = plant.CreateDefaultContext()
-    urdf = Urdf.read(write(text, tmp_path))
-    chain = sst_pin.ClosedChain.from_urdf(urdf.source, actuated=["j_a", "j_b", "j_c"])
+    chain = chain_of(text, tmp_path, "j_a", "j_b", "j_c")
     rng = np.random.default_rng(3)
     q, v, a = rng.normal(size=(3, 3)) * 0.5
     order = [plant.GetJointByName(name).velocity_start() for name in chain.joint_names]
@@ -76,15 +77,11 @@ def test_a_tree_is_drakes(tmp_path):
         values = np.zeros(3)
         values[order] = mine
         theirs(context, values)
-    data = chain.model.createData()
-    pin.framesForwardKinematics(chain.model, data, q)
     for name in "abcd":
         body = plant.EvalBodyPoseInWorld(context, plant.GetBodyByName(name))
-        # the frame of a link is that of its joint here; its mass centre is the same point
-        inertia = plant.GetBodyByName(name).CalcCenterOfMassInBodyFrame(context)
-        origin = urdf.root.find(f"link[@name='{name}']/inertial/origin").get("xyz")
-        mine = data.oMf[chain.model.getFrameId(name)].act(np.array(origin.split(), dtype=float))
-        np.testing.assert_allclose(mine, body.multiply(inertia), atol=1e-12)
+        position, R = chain.frame_placement(q, name)
+        np.testing.assert_allclose(position, body.translation(), atol=1e-12)
+        np.testing.assert_allclose(R, body.rotation().matrix(), atol=1e-12)
     from pydrake.multibody.tree import MultibodyForces
 
     forces = MultibodyForces(plant)
@@ -211,21 +208,24 @@ def closing(inside: str) -> list[str]:
 @pytest.mark.parametrize(
     ("parts", "told"),
     [
-        (["<link name='a'/>"], "link a: no mass, inertia/ixx, inertia/iyy, inertia/izz, for which"),
         ([link("a", "0 0 0 0 0")], "link a: its pose '0 0 0 0 0' is not six or seven numbers"),
         ([link("a", "0 0 0 0 0 0", of="b")], "frame b is not in this model"),
         ([link("a", "0 0 0 0 0 0", of="a")], "frame a: its pose is relative to itself"),
-        ([A, joint("j", "screw", "world", "a")], "joint j: type 'screw' is not supported; suppor"),
+        ([A, joint("j", "rack", "world", "a")], "joint j: type 'rack' is not supported; suppor"),
         ([A, joint("j", "revolute", "world", "nine")], "joint j: its child 'nine' is not a link"),
         (turning(xyz="0 0 0"), "joint j: its <axis> is not a direction"),
-        (["<include/>"], "<include> in <model> is not supported"),
-        ([A.replace("<pose>", '<pose frame="b">', 2)], "<pose> with frame 'b' is not supported"),
-        ([A.replace("<inert", "<gravity>false</gravity><inert", 1)], "<link> with gravity 'false'"),
-        ([A.replace("<inert", "<kinematic>1</kinematic><inert", 1)], "<link> with kinematic '1'"),
-        ([A.replace("<inertial", '<inertial auto="True"')], "<inertial> with auto 'True' is not"),
-        ([A.replace("<mass", "<fluid_added_mass/><mass")], "<fluid_added_mass> in <inertial> is"),
-        ([A.replace("<inert", f"{DECAY}<inert", 1)], "<velocity_decay> with linear '.5' is not"),
-        ([A, f'<plugin name="{WATER}"/>'], f"plugin {WATER}"),
+        ([A, "<include/>"], "<include> : parts of a model in other models are not supported"),
+        (
+            [A.replace("<pose>", '<pose frame="b">', 2)],
+            "link a: its <pose> of inertial relative to b is not",
+        ),
+        ([A.replace("<inert", "<kinematic>1</kinematic><inert", 1)], "link a: a kinematic link"),
+        (
+            [A.replace("<inertial", '<inertial auto="True"')],
+            "link a: the inertia of shapes",
+        ),
+        ([A, A], "link a: 2 have this name"),
+        ([A, *[joint("j", "fixed", "world", "a")] * 2], "joint j: 2 have this name"),
         (turning(RUBS, kind="ball"), "j: ball, and does not have the axis of its axis/dynamics/da"),
         (closing(FOLLOWS), "joint tip: closes a loop and has mimic"),
         (closing(SPRING), "joint tip: closes a loop and has spring_stiffness"),
@@ -288,10 +288,118 @@ def test_a_joint_written_from_far_to_near_keeps_its_limits(tmp_path):
     [
         (sdf("").replace("1.9", "1.x"), "version '1.x' is none of SDF"),
         (sdf(A, world="<gravity>0 down 0</gravity>"), "gravity '0 down 0' is not three numbers"),
-        ('<sdf version="1.7"/>', "models that move; one is needed"),
+        ('<sdf version="1.7"/>', "no model that moves; one is needed"),
         (sdf(A).replace("</sdf>", '<world name="v"/></sdf>'), "2 worlds; one is needed"),
     ],
 )
 def test_a_world_that_cannot_be_meant_is_refused(text, told, tmp_path):
     with pytest.raises(sst_pin.DescriptionError, match=told):
         Urdf.read(write(text, tmp_path))
+
+
+def told_of(text: str, tmp_path) -> tuple[sst_pin.ClosedChain, str]:
+    """A robot, and the texts of its warnings; `validate` has them too, and no errors."""
+    path = write(text, tmp_path)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        chain = sst_pin.ClosedChain.from_urdf(path)
+    texts = "\n".join(str(warning.message) for warning in caught)
+    problems = sst_pin.validate(path)
+    assert not [p for p in problems if p.severity == "error"]
+    assert all(p.text in texts for p in problems if p.severity == "warning" and "link" in p.where)
+    return chain, texts
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("<inert", f"{DECAY}<inert", "link a: <velocity_decay/linear> is not read"),
+        ("<mass", "<fluid_added_mass/><mass", "link a: <fluid_added_mass> is not read"),
+        ("<inert", "<enable_wind>1</enable_wind><inert", "model: wind is not read"),
+        ("</link>", f'</link><plugin name="{WATER}"/>', f"plugin {WATER} None is not read"),
+        (
+            '"a"><pose>',
+            '"a"><pose relative_to="world">',
+            "link a: its pose is relative to the world",
+        ),
+        ("<axis><xyz>0 0 1</xyz></axis>", "", "joint j: revolute without <axis>"),
+        ("</model>", "</model><include><uri>box</uri></include>", "in <world>: box is not read"),
+        ("<inert", "<gravity>false</gravity><inert", ""),
+    ],
+)
+def test_what_acts_in_gazebo_and_is_not_read_is_named(old, new, told, tmp_path):
+    text = sdf(*turning())
+    assert old in text
+    chain, texts = told_of(text.replace(old, new, 1), tmp_path)
+    assert told in texts
+    assert chain.model.gravity.linear.any() == bool(told)
+
+
+def test_a_link_without_numbers_has_those_of_the_specification(tmp_path):
+    text = sdf("<link name='a'/>", joint("j", "revolute", "world", "a", axis("0 1 0")))
+    chain, texts = told_of(text, tmp_path)
+    assert "links a: no mass, inertia/ixx, inertia/iyy, inertia/izz: 1 kg and the unit" in texts
+    assert chain.model.inertias[1].mass == 1
+    np.testing.assert_allclose(chain.compute_torques([0.3], [0], [2]), [2.0], rtol=1e-12)
+
+
+def test_a_model_of_several_is_chosen_by_name(tmp_path):
+    text = sdf(*turning()).replace("</world>", '<model name="s"><link name="b"/></model></world>')
+    path = write(text, tmp_path)
+    with pytest.raises(sst_pin.DescriptionError, match="2 models that move: r, s; model= chooses"):
+        sst_pin.ClosedChain.from_urdf(path)
+    with pytest.raises(sst_pin.DescriptionError, match="0 models are named t; the models are r, s"):
+        sst_pin.ClosedChain.from_urdf(path, model="t")
+    assert sst_pin.ClosedChain.from_urdf(path, model="r", actuated=["j"]).joint_names == ("j",)
+    assert [p for p in sst_pin.validate(path, model="r") if p.severity == "error"] == []
+
+
+SCREW = "<{}>{}</{}>" + axis("0 0 1", RUBS)
+
+
+@pytest.mark.parametrize(
+    ("tag", "pitch", "lead"),
+    [("screw_thread_pitch", 0.02, 0.02), ("thread_pitch", -100, 0.02 * np.pi)],
+)
+@pytest.mark.parametrize("ends", [("world", "a"), ("a", "world")])
+def test_a_nut_advances_by_its_lead_in_each_turn(tag, pitch, lead, ends, tmp_path):
+    """Over several turns; the torque that holds it is weight times lead by angle."""
+    inside = "<pose>0 0 0 0 0 0</pose>" + SCREW.format(tag, pitch, tag)
+    parts = link("a", "0 0 1 0 0 0", at="0 0 0 0 0 0", mass=3.0), joint("j", "screw", *ends, inside)
+    chain, _ = told_of(sdf(*parts, pose="0 0 0 0 0 0"), tmp_path)
+    assert (chain.motor_names, chain.degrees_of_freedom) == (("j",), 1)
+    angle = 5 * 2 * np.pi + 0.3
+    q = chain.assemble({"j": angle})
+    sense = 1 if ends[0] == "world" else -1
+    height = 1 + sense * lead * angle / (2 * np.pi)
+    np.testing.assert_allclose(chain.frame_placement(q, "a")[0], [0, 0, height], atol=1e-12)
+    tau = chain.compute_torques(q, [0], [0])
+    np.testing.assert_allclose(tau, [sense * 3 * 9.81 * lead / (2 * np.pi)], rtol=1e-12)
+
+
+@pytest.mark.parametrize("ends", [("world", "b"), ("b", "world")])
+@pytest.mark.parametrize("second", ["0 0 1", "0 0 -1"])
+def test_a_gear_box_turns_its_child_against_its_parent(ends, second, tmp_path):
+    """theta_2 = -ratio theta_1, both from the reference body about the axes of the gear box."""
+    gear = "<gearbox_ratio>3</gearbox_ratio><gearbox_reference_body>base</gearbox_reference_body>"
+    gear += axis("0 0 1") + axis(second, tag="axis2")
+    base = link("base", "0 0 0 0 0 0"), joint("w", "fixed", "world", "base")
+    ends = tuple("base" if end == "world" else end for end in ends)
+    hinges = (
+        joint("j_a", "revolute", "base", "a", axis("0 0 1")),
+        joint("j_b", "revolute", *ends, axis("0 0 1")),
+    )
+    text = sdf(
+        *base,
+        A,
+        link("b", "1 0 0 0 0 0"),
+        *hinges,
+        joint("g", "gearbox", "a", "b", gear),
+        pose="0 0 0 0 0 0",
+    )
+    chain, _ = told_of(text, tmp_path)
+    assert chain.motor_names == ("j_a",)
+    q = chain.assemble({"j_a": 0.2})
+    _, R = chain.frame_placement(q, "b")
+    theta_2 = -3 * 0.2 * (1 if second == "0 0 1" else -1)
+    np.testing.assert_allclose(pin.log3(R), [0, 0, theta_2], atol=1e-12)

@@ -38,11 +38,42 @@ def read(folder, *elements, cuts="name_mot: [hinge]\n"):
             '<gazebo reference="arm"><dampingFactor>0.1</dampingFactor></gazebo>',
             "dampingFactor '0.1'",
         ),
-        ("<gazebo><static>true</static></gazebo>", "gazebo: <gazebo> with static 'true' is not"),
-        ("<gazebo><buoyancy>true</buoyancy></gazebo>", "<buoyancy> in <gazebo> is not supported"),
+        ("<gazebo><static>true</static></gazebo>", "gazebo: static 'true' is not read"),
+        ("<gazebo><buoyancy>true</buoyancy></gazebo>", "buoyancy 'true' is not read"),
         (
-            '<transmission name="t"><joint name="hinge"/><elasticity>3</elasticity></transmission>',
-            "transmission t: <elasticity> in <transmission> is not supported",
+            '<transmission name="t"><joint name="knee"/></transmission>',
+            "transmission t: 'knee' is not a joint of this file",
+        ),
+        (
+            '<gazebo reference="hing"><springStiffness>3</springStiffness></gazebo>',
+            "gazebo hing: springStiffness is not read: 'hing' is not in this file",
+        ),
+        (
+            '<gazebo><plugin name="w" filename="gz-sim-buoyancy-system"/></gazebo>',
+            "gazebo: plugin w gz-sim-buoyancy-system is not read",
+        ),
+        (
+            '<gazebo reference="arm"><plugin name="t" filename="gz-sim-thruster-system"/></gazebo>',
+            "gazebo arm: plugin t gz-sim-thruster-system is not read",
+        ),
+        (
+            '<mujoco><compiler settotalmass="3" meshdir="a"/></mujoco>',
+            "<mujoco>: <compiler settotalmass='3'> is not read",
+        ),
+        (
+            '<mujoco><option gravity="0 0 -1.6" timestep="0.1"/></mujoco>',
+            "<mujoco>: <option gravity='0 0 -1.6'> is not read",
+        ),
+        (
+            '<frame name="A" link="base"/><frame name="C" link="arm"/>'
+            '<drake:linear_bushing_rpy><drake:bushing_frameA name="A"/>'
+            '<drake:bushing_frameC name="C"/></drake:linear_bushing_rpy>',
+            "<drake:linear_bushing_rpy>: of A, C is not read",
+        ),
+        (
+            '<ros2_control name="c"><joint name="hinge"><param name="mimic">knee</param></joint>'
+            "</ros2_control>",
+            "ros2_control: joint hinge: mimic 'knee' is not read",
         ),
         (
             '<gazebo><plugin name="m" filename="libroboticsgroup_mimic_joint.so"/></gazebo>',
