@@ -63,12 +63,13 @@ def by_twists(rows: Sequence[Row], v: Sparse) -> tuple[list[SX], dict[int, SX]]:
     return [SX(row.velocity(v, twist)) for row in rows], twists
 
 
-def line(kinematics: Kinematics, model: pin.Model, a: str, b: str) -> tuple[SX, Sparse]:
-    """Length of the line between the origins of two frames, and its rate per rate of the tree."""
+def line(kinematics: Kinematics, model: pin.Model, a: str, b: str) -> tuple[SX, Row]:
+    """Length of the line between the origins of two frames, and its row.
+
+    The row has the rate of the length, and its second derivative as `acceleration`.
+    """
     pair = _Pair(kinematics, model, a, b)
-    length = ca.sqrt(ca.sumsqr(pair.d))
-    row, _ = pair._row(lambda u, _: ca.dot(pair.d / length, u))
-    return length, row
+    return pair.length, pair.held_length()
 
 
 class _Pair:
@@ -248,9 +249,14 @@ class _Pair:
         residual = (ca.dot(unit, self.d) - length) / 2
         return Row(Phi, velocity, acceleration, residual, residual**2)
 
+    @property
+    def length(self) -> SX:
+        """The distance of the origins."""
+        return ca.sqrt(ca.sumsqr(self.d))
+
     def held_length(self) -> Row:
         """The distance of the origins keeps the value that it has."""
-        length = ca.sqrt(ca.sumsqr(self.d))
+        length = self.length
         unit = self.d / length
         Phi, velocity = self._row(lambda u, _: ca.dot(unit, u))
 

@@ -233,6 +233,8 @@ def _listed(
         lines += [(1, f"{quantity.replace('_', ' ')} of {of[k]}") for k in where]
     numbers_of = "stiffness, rest length, damping, preload"
     lines += [(LINE, f"line {force}: {numbers_of}") for force in mechanism.lines.forces]
+    masses = parameters.massive_lines
+    lines += [(1, f"line {mechanism.lines.forces[k]}: mass") for k in masses]
     start = 0
     for size, meaning in lines:
         listed = ", ".join(repr(x) + suffix for x in numbers[start : start + size].tolist())

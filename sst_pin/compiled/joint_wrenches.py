@@ -5,6 +5,7 @@ Each row without a pivot gives a state of self-stress: a unit of this row is bal
 dependent rates by the rows with pivots, or by the shortest multipliers of an `Orthogonal` part.
 """
 
+import operator
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -62,7 +63,8 @@ def _rows_of_lines(e: Equations) -> Iterator[Row]:
 def _pushes(e: Equations, tau: SX) -> Sparse:
     """Multipliers of the rows of lines, which follow those of closures."""
     pushes = {}
-    for k, pull in enumerate(e.tree.pulls(e.v)):
+    inertial = e.tree.inertial_pulls(e.v, e.dv)
+    for k, pull in enumerate(map(operator.add, e.tree.pulls(e.v), inertial)):
         shares = enumerate(e.mechanism.lines.motors[k])
         push = total([-pull, *(float(share) * tau[m] for m, share in shares if share)])
         pushes[len(e.rows) + k] = push / e.tree.lines[k].length

@@ -51,8 +51,12 @@ class OpenNumbers:
         for name in _JOINT:
             self._starts[name] = start
             start += len(self.joints[name])
-        self._lines = start, len(mechanism.lines.forces)
-        self.size = start + LINE * len(mechanism.lines.forces)
+        lines = len(mechanism.lines.forces)
+        self._lines = start, lines
+        #: Indices of the lines that have a mass.
+        self.massive_lines = tuple(k for k in range(lines) if complete or mechanism.lines.masses[k])
+        self._masses = start + LINE * lines
+        self.size = self._masses + len(self.massive_lines)
 
     def pack(self, mechanism: Mechanism, friction: Friction) -> Array:
         """The numbers of a mechanism with the same structure, with this friction, shape (size,)."""
@@ -64,6 +68,7 @@ class OpenNumbers:
             parts += [about_origin[:4], _SECOND.dot(about_origin[4:])]
         parts += [values[name][list(self.joints[name])] for name in _JOINT]
         parts.append(mechanism.lines.numbers.T.ravel())
+        parts.append(mechanism.lines.masses[list(self.massive_lines)])
         return np.concatenate(parts)
 
     def names(self, mechanism: Mechanism) -> tuple[str, ...]:
@@ -76,10 +81,14 @@ class OpenNumbers:
             names += [f"{of[k]}.{quantity}" for k in where]
         of_lines = ("stiffness", "rest_length", "damping", "preload")
         names += [f"{force}.{x}" for force in mechanism.lines.forces for x in of_lines]
+        names += [f"{mechanism.lines.forces[k]}.mass" for k in self.massive_lines]
         return tuple(names)
 
     def by_parameters(self) -> list[Array]:
-        """Derivatives by the dynamic parameters of bodies, rates (offsets left out) and lines."""
+        """Derivatives by the dynamic parameters of bodies, rates (offsets left out) and lines.
+
+        The numbers must be `complete`.
+        """
         units = np.eye(self.size)
         first, count = 4, BODY * len(self.bodies)
         bodies = units[:, first : first + count].reshape(self.size, -1, BODY).copy()
@@ -89,11 +98,13 @@ class OpenNumbers:
             blocks.append(units[:, self._starts[name] :][:, : len(self.joints[name])])
         start, count = self._lines
         of_lines = units[:, start : start + LINE * count].reshape(self.size, -1, LINE)
-        blocks.append(of_lines[..., [0, 2, 3]].reshape(self.size, -1))
+        masses = units[:, self._masses :].reshape(self.size, -1, 1)
+        of_lines = np.concatenate([of_lines[..., [0, 2, 3]], masses], axis=-1)
+        blocks.append(of_lines.reshape(self.size, -1))
         return blocks
 
     def inertial(self, numbers: Array) -> Array:
-        """The numbers without gravity, springs and forces along lines."""
+        """The numbers without gravity, springs and forces along lines, masses of lines kept."""
         numbers, (line, lines) = numbers.copy(), self._lines
         spring = self._starts["stiffness"]
         numbers[:3] = numbers[spring : spring + len(self.joints["stiffness"])] = 0
@@ -112,6 +123,10 @@ class OpenNumbers:
         """Stiffness, rest length, damping and preload of each line."""
         start, count = self._lines
         return [[p[start + LINE * i + k] for k in range(LINE)] for i in range(count)]
+
+    def line_masses(self, p: "SX") -> "dict[int, SX]":
+        """Masses of the lines that have one, by their indices."""
+        return {k: p[self._masses + i] for i, k in enumerate(self.massive_lines)}
 
     def of_joints(self, name: str, p: "SX") -> "dict[int, SX]":
         """A quantity of the joints that have it, by indices as those of `joints`."""

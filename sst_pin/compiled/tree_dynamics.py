@@ -17,7 +17,7 @@ from casadi import SX
 from ..model.closures import Closure
 from ..model.mechanism import Mechanism
 from ..model.tree import frame_named
-from .closure_rows import line
+from .closure_rows import Row, line
 from .elimination import total
 from .link_kinematics import Kinematics, LinkMotion
 from .open_numbers import GRAVITY, SIGN_WIDTH, OpenNumbers
@@ -52,12 +52,17 @@ class Line(NamedTuple):
     """A line along which a force acts."""
 
     length: SX
-    #: Its rate per rate of the tree.
-    row: Sparse
+    #: Its rate per rate of the tree, with its second derivative.
+    motion: Row
     stiffness: SX
     rest: SX
     damping: SX
     preload: SX
+
+    @property
+    def row(self) -> Sparse:
+        """Its rate per rate of the tree."""
+        return self.motion.Phi
 
 
 @dataclass(eq=False)
@@ -106,7 +111,8 @@ class TreeDynamics:
         wrenches = self.wrenches(v, dv, loads=loads)
         for i, wrench in (reactions or {}).items():
             wrenches[i] = wrenches[i] + wrench
-        return add(self._kinematics.transmitted(wrenches), self._rotors(dv))
+        forces = add(self._kinematics.transmitted(wrenches), self._rotors(dv))
+        return add(forces, self.along_lines(self.inertial_pulls(v, dv)))
 
     def wrenches(self, v: Sparse, dv: Sparse, *, loads: bool = True) -> list[SX]:
         """Force and moment that each link needs, less its weight and its load."""
@@ -166,6 +172,13 @@ class TreeDynamics:
         rates = (total(entry * v[i] for i, entry in x.row.items() if i in v) for x in self.lines)
         return [x.damping * rate for x, rate in zip(self.lines, rates, strict=True)]
 
+    def inertial_pulls(self, v: Sparse, dv: Sparse) -> list[Any]:
+        """Pull along each line that its mass needs."""
+        pulls: list[Any] = [SX(0)] * len(self.lines)
+        for k, mass in self._parameters.line_masses(self._p).items():
+            pulls[k] = mass * self.lines[k].motion.acceleration(v, dv)
+        return pulls
+
     def along_lines(self, pulls: Iterable[Any]) -> Sparse:
         """Forces along the rates that pulls along the lines need."""
         tau: Sparse = {}
@@ -210,7 +223,8 @@ class TreeDynamics:
         bodies = [self._parameters.body(self._p, i) for i in self._parameters.bodies]
         terms = [mass * length**2 + 2 * ca.trace(J) for mass, _, J in filter(None, bodies)]
         rotors = self._parameters.of_joints("armature", self._p)
-        return total([*terms, *(x * float(scale[i] ** 2) for i, x in rotors.items())])
+        on_lines = [x * length**2 for x in self._parameters.line_masses(self._p).values()]
+        return total([*terms, *(x * float(scale[i] ** 2) for i, x in rotors.items()), *on_lines])
 
     @cached_property
     def inertia(self) -> dict[tuple[int, int], Any]:
@@ -261,6 +275,10 @@ class TreeDynamics:
             composite[link.parent] = mass_0 + mass, c_0 + c + mass * p, moved
         for k, armature in self._parameters.of_joints("armature", self._p).items():
             M[k, k] = M.get((k, k), 0) + armature
+        for k, mass in self._parameters.line_masses(self._p).items():
+            row = self.lines[k].row
+            for i, j in ((i, j) for i in row for j in row if i <= j):
+                M[i, j] = M.get((i, j), 0) + row[i] * mass * row[j]
         return M
 
     def coriolis_forces(self, v: Sparse, L: Sparse, L_dot: Sparse) -> Sparse:
@@ -272,7 +290,21 @@ class TreeDynamics:
             inner = body.inertia - polar * SX.eye(3)
             moment = body.inertia @ x.alpha + ca.cross(x.omega, inner @ x.omega_k)
             wrenches.append(ca.vertcat(mass * x.a + x.U @ c, moment + ca.cross(c, x.a)))
-        return add(self._kinematics.transmitted(wrenches), self._rotors(L_dot))
+        forces = add(self._kinematics.transmitted(wrenches), self._rotors(L_dot))
+        return add(forces, self.along_lines(self._coriolis_pulls(v, L, L_dot)))
+
+    def _coriolis_pulls(self, v: Sparse, L: Sparse, L_dot: Sparse) -> list[Any]:
+        """Masses of lines times J L_dot + J_dot L, with the rates J v of the lengths."""
+        pulls: list[Any] = [SX(0)] * len(self.lines)
+        for k, mass in self._parameters.line_masses(self._p).items():
+            row = self.lines[k].row
+            entries = ca.vertcat(*(SX(x) for x in row.values()))
+            rates = ca.jtimes(entries, self._kinematics.q, self._kinematics.q_rates(v))
+            row_dot = dict(zip(row, ca.vertsplit(rates), strict=True))
+            terms = [row[i] * L_dot[i] for i in row if i in L_dot]
+            terms += [row_dot[i] * L[i] for i in row if i in L]
+            pulls[k] = mass * total(terms)
+        return pulls
 
 
 def _moment(x: LinkMotion, J: SX) -> SX:

@@ -16,6 +16,7 @@ from ..closed_chain import ClosedChain
 from ..errors import DescriptionError, DescriptionWarning, warn_caller
 from ..files import require_ending, text_writer, write_files
 from ..model.closures import Brake, Closure, Constraint, Coupling, Distance, Rolling, frames_of
+from ..model.lines import LineForce
 from ..model.mechanism import Mechanism
 from ..model.normal_tree import NormalTree
 from ..model.tree import frame_id, frame_named
@@ -369,9 +370,19 @@ class MjcfWriter:
                 text = f"its preload {line.preload:g} N: a tendon of MuJoCo has no constant force"
                 self._problems.append(f"line {line}: {text}")
             attributes |= {"damping": numbers([line.damping])} if line.damping else {}
+            attributes |= {"armature": numbers([line.mass])} if line.mass else {}
+            if line.mass and self._joins_branches(line):
+                text = "its mass: MuJoCo leaves out the inertia of a tendon between two branches"
+                self._problems.append(f"line {line}: {text}")
             self._spatial(attributes, line.frame_a, line.frame_b)
         for k, name in enumerate(mechanism.motor_names):
             self._add_motor(name, mechanism.motors[:, k], mechanism.lines.motors[:, k])
+
+    def _joins_branches(self, line: LineForce) -> bool:
+        """Whether both ends move relative to the last body that carries both."""
+        frames = (frame_named(self._model, name) for name in (line.frame_a, line.frame_b))
+        a, b = (set(self._model.supports[frame.parentJoint]) for frame in frames)
+        return bool(a - b) and bool(b - a)
 
     def _add_motor(self, name: str, on_rates: Array, on_lines: Array) -> None:
         forces, effort = self._mechanism.lines.forces, self._mechanism.model.upperEffortLimit

@@ -181,6 +181,7 @@ class Derivatives:
             lengths, J = context.lines.evaluate(q)
             along = partials(context.lines.loops, q, tree)
             pulls = lines.tensions(lengths, J.dot(v), tau)
+            pulls = pulls + context.lines.inertial_tensions(q, v, v_dot)
             loads += [_on_frames(line, -pulls) for line in along.closures]
         if wrenches is not None and wrenches.any():
             loads.append(_on_mass_centres(tree, context.loops, wrenches.reshape(-1, 6)))
@@ -191,6 +192,9 @@ class Derivatives:
             stiffness, _, damping, _ = lines.numbers
             force_q += (J.T * stiffness).dot(J) + (J.T * damping).dot(along.velocity_q)
             force_v += (J.T * damping).dot(J)
+            force_q += (J.T * lines.masses).dot(along.acceleration_q)
+            force_v += (J.T * lines.masses).dot(along.acceleration_v)
+            M = M + (J.T * lines.masses).dot(J)
         force_v += np.diag(-friction.slopes(v))
         if not mechanism.springs.none:
             force_q -= mechanism.springs.slopes(mechanism.model, q)

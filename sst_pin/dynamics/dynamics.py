@@ -170,14 +170,24 @@ class Context:
         return B + self.lines.evaluate(q)[1].T.dot(lines.motors) if lines.motors.any() else B
 
     def tree_forces(self, v: Array, v_dot: Array) -> Array:
-        """Inverse dynamics of the tree at the current q, shape (nv,), by N_l and N_l^T."""
+        """Inverse dynamics of the tree at the current q, shape (nv,), by N_l and N_l^T.
+
+        Masses that move with the lengths of lines are part of the tree.
+        """
         S = self.tree.S
-        return pin.rnea(self.tree.model, self.data, self.loops.q, S.dot(v), S.dot(v_dot)).dot(S)
+        forces = pin.rnea(self.tree.model, self.data, self.loops.q, S.dot(v), S.dot(v_dot)).dot(S)
+        if self.mechanism.lines.masses.any():
+            tensions = self.lines.inertial_tensions(self.loops.at, v, v_dot)
+            forces = forces + tensions.dot(self.lines.loops.Phi)
+        return forces
 
     def tree_inertia(self) -> Array:
         """Mass matrix of the tree at the current q, shape (nv, nv)."""
         S = self.tree.S
-        return S.T.dot(pin.crba(self.tree.model, self.data, self.loops.q)).dot(S)
+        inertia = S.T.dot(pin.crba(self.tree.model, self.data, self.loops.q)).dot(S)
+        if self.mechanism.lines.masses.any():
+            inertia = inertia + self.lines.inertia(self.loops.at)
+        return inertia
 
 
 def whole_inertia(mechanism: Mechanism) -> float:
@@ -186,7 +196,8 @@ def whole_inertia(mechanism: Mechanism) -> float:
     bodies = np.array([body.toDynamicParameters() for body in list(model.inertias)[1:]])
     traces = bodies[:, [4, 6, 9]].sum()  # about the joints' frames
     rotors = model.armature.dot(mechanism.rate_scale**2)
-    return float(bodies[:, 0].sum() * length**2 + traces + rotors)
+    masses = bodies[:, 0].sum() + mechanism.lines.masses.sum()
+    return float(masses * length**2 + traces + rotors)
 
 
 def applied_forces(
@@ -244,7 +255,9 @@ def force_sizes(context: Context, q: Array, va: Array, aa: Array, wrenches: Arra
     lengths = np.linalg.norm(K.reshape(2 * r, 3, -1), axis=1)
     lengths[1::2] += mechanism.length * lengths[::2]
     line_lengths, J = context.lines.evaluate(q)
-    pulls = mechanism.lines.tensions(line_lengths, J.dot(v))[:, None] * J
+    tensions = mechanism.lines.tensions(line_lengths, J.dot(v))
+    tensions = tensions + context.lines.inertial_tensions(q, v, v_dot)
+    pulls = tensions[:, None] * J
     friction, springs = mechanism.friction.forces(v), mechanism.springs.forces(model, q)
     on_joints = np.abs([friction, springs, model.armature * v_dot, *pulls]).sum(axis=0)
     return np.abs(context.complement.L).T @ (lengths.T @ on_bodies + on_joints)
@@ -305,6 +318,8 @@ def terms(context: Context, q: Array, va: Array) -> Terms:
     K, K_dot, M, Omega, w_g = of_bodies
     # Rotors geared to a joint (model.armature) are no bodies of the paper; RNEA counts them too.
     rotors = L.T * model.armature
+    on_lines = L.T @ (J.T * mechanism.lines.masses)  # masses that move with the lengths, likewise
+    J_dot = context.lines.loops.Phi_dot(v) if mechanism.lines.masses.any() else np.zeros_like(J)
     N_l, N_d = decoupled(context.loops)
     scaled = Phi * mechanism.row_scale[:, None] * mechanism.rate_scale
     return Terms(
@@ -319,8 +334,13 @@ def terms(context: Context, q: Array, va: Array) -> Terms:
         T_dot=T_dot,
         M=M,
         Omega=Omega,
-        inertia=T.T @ M @ T + rotors @ L,  # Eq. (93)
-        coriolis=T.T @ M @ T_dot + T.T @ Omega @ M @ T + rotors @ L_dot,  # Eq. (94)
+        inertia=T.T @ M @ T + rotors @ L + on_lines @ J @ L,  # Eq. (93)
+        coriolis=(
+            T.T @ M @ T_dot
+            + T.T @ Omega @ M @ T
+            + rotors @ L_dot
+            + on_lines @ (J @ L_dot + J_dot @ L)
+        ),  # Eq. (94)
         gravity=T.T @ w_g,  # Eq. (95)
         friction=L.T @ (mechanism.friction.forces(v) - damping @ J),  # Eq. (96)
         springs=L.T @ (mechanism.springs.forces(model, q) - at_rest @ J),

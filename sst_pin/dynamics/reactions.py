@@ -167,6 +167,7 @@ def reactions(
     if not mechanism.lines.none:
         lengths, J = context.lines.evaluate(q)
         tensions = mechanism.lines.tensions(lengths, J.dot(v), tau)
+        tensions = tensions + context.lines.inertial_tensions(q, v, v_dot)
         loads += context.lines.loops.forces_on_bodies(-tensions[:, None])[..., 0]
     forces = map(pin.Force, loads)
     local = [place.actInv(load) for place, load in zip(data.oMi, forces, strict=True)]

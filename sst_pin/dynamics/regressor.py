@@ -26,7 +26,7 @@ OF_BODY = ("mass", "mx", "my", "mz", "ixx", "ixy", "iyy", "ixz", "iyz", "izz")
 #: Parameters of each rate, one block of columns after the other.
 OF_RATE = ("viscous", "coulomb", "armature", "stiffness", "offset")
 #: Parameters of a line.
-OF_LINE = ("stiffness", "damping", "preload")
+OF_LINE = ("stiffness", "damping", "preload", "mass")
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -39,8 +39,8 @@ class DynamicParameters(Summary):
         names: For each body the name of its joint with .mass, .mx, .my, .mz [kg m] and
             .ixx, .ixy, .iyy, .ixz, .iyz, .izz [kg m^2], about the joint's frame; then for each rate
             .viscous, .coulomb, .armature, .stiffness (where a spring is possible) and .offset, a
-            constant force [N m] or [N]; for each line .stiffness, .damping, .preload; for each
-            motor .torque_offset, by which measured torques are too large.
+            constant force [N m] or [N]; for each line .stiffness, .damping, .preload, .mass; for
+            each motor .torque_offset, by which measured torques are too large.
         values: Their values, shape (p,), read-only, SI units.
 
     Example:
@@ -77,7 +77,7 @@ class DynamicParameters(Summary):
             >>> (loaded.model.inertias[1].lever == chain.model.inertias[1].lever).all()
             np.True_
         """
-        bodies = [name.removesuffix(".mass") for name in self.names if name.endswith(".mass")]
+        bodies = [name.removesuffix(".mx") for name in self.names if name.endswith(".mx")]
         if body not in bodies:
             raise UnknownNameError("body", body, bodies)
         values, first = self.values.copy(), self.names.index(f"{body}.mass")
@@ -115,7 +115,7 @@ def parameters_of(mechanism: Mechanism) -> DynamicParameters:
     bodies = [body.toDynamicParameters() for body in list(model.inertias)[1:]]
     rates = friction.viscous, friction.coulomb, model.armature
     stiffness, none = mechanism.springs.stiffness[mechanism.sprung], np.zeros(model.nv)
-    lines = mechanism.lines.numbers[[0, 2, 3]].T.ravel()
+    lines = np.vstack([mechanism.lines.numbers[[0, 2, 3]], mechanism.lines.masses]).T.ravel()
     motors = np.zeros(len(mechanism.motor_names))
     values = np.concatenate([*bodies, *rates, stiffness, none, lines, motors])
     return DynamicParameters(names_of(mechanism), read_only(values))
@@ -125,7 +125,7 @@ def size_of(mechanism: Mechanism) -> int:
     """How many parameters there are."""
     bodies, rates = mechanism.model.njoints - 1, mechanism.model.nv
     lines, motors = len(mechanism.lines.forces), len(mechanism.motor_names)
-    return 10 * bodies + 4 * rates + len(mechanism.sprung) + 3 * lines + motors
+    return 10 * bodies + 4 * rates + len(mechanism.sprung) + 4 * lines + motors
 
 
 def torque_regressor(context: Context, q: Array, va: Array, aa: Array) -> Array:
@@ -138,8 +138,13 @@ def torque_regressor(context: Context, q: Array, va: Array, aa: Array) -> Array:
     k = mechanism.sprung
     rates = [L.T * v, L.T * sign, L.T * v_dot, (L.T * deflections)[:, k], L.T]
     lengths, J = context.lines.evaluate(q)
-    pulls = [lengths - mechanism.lines.numbers[1], J.dot(v), np.ones(len(J))]
-    lines = (J.dot(L).T[..., None] * np.array(pulls).T).reshape(len(va), 3 * len(J))
+    pulls = [
+        lengths - mechanism.lines.numbers[1],
+        J.dot(v),
+        np.ones(len(J)),
+        context.lines.accelerations(q, v, v_dot),
+    ]
+    lines = (J.dot(L).T[..., None] * np.array(pulls).T).reshape(len(va), 4 * len(J))
     motors = L.T.dot(context.actuation(q))
     return np.hstack([_of_bodies(context, v, v_dot), *rates, lines, motors])
 
@@ -160,7 +165,7 @@ def changed(
     """Tree (with friction and rotors), `numbers` of `mechanism_of`, and lines with theta."""
     model, nv = pin.Model(mechanism.model), mechanism.model.nv
     k, r = mechanism.sprung, model.njoints - 1
-    ends = np.cumsum([10 * r, nv, nv, nv, len(k), nv, 3 * len(mechanism.lines.forces)])
+    ends = np.cumsum([10 * r, nv, nv, nv, len(k), nv, 4 * len(mechanism.lines.forces)])
     bodies, viscous, coulomb, armature, stiff, offset, lines, motors = np.split(
         _values(mechanism, theta), ends
     )
@@ -182,8 +187,8 @@ def changed(
         "spring_reference": None if at_neutral else read_only(reference),
     }
     forces = tuple(
-        replace(line, stiffness=of[0], damping=of[1], preload=of[2])
-        for line, of in zip(mechanism.lines.forces, lines.reshape(-1, 3), strict=True)
+        replace(line, stiffness=of[0], damping=of[1], preload=of[2], mass=of[3])
+        for line, of in zip(mechanism.lines.forces, lines.reshape(-1, 4), strict=True)
     )
     return model, numbers, forces
 
@@ -225,7 +230,9 @@ def _warn_of_masses(now: DynamicParameters, theta: Mapping[str, float]) -> None:
     for name, mass in theta.items():
         body, _, word = name.rpartition(".")
         others = [f"{body}.{other}" for other in OF_BODY[1:]]
-        only = word == "mass" and mass != now[name] and not theta.keys() & set(others)
+        if word != "mass" or others[0] not in now.names:
+            continue  # no body: a line has a mass too
+        only = mass != now[name] and not theta.keys() & set(others)
         if only and now[name] and any(now[other] for other in others):
             factor = mass / now[name]
             warn_caller(

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array, Flags, Indices
-from ..errors import ClosureError, DescriptionWarning, warn_caller
+from ..errors import ClosureError, DescriptionWarning, SingularConfigurationError, warn_caller
 from ..model.closures import Brake
 from ..model.mechanism import Mechanism
 from ..model.thresholds import INDEPENDENT, MAX_CONDITION_NUMBER, RANK_TOLERANCE, RESTS
@@ -24,6 +24,7 @@ from ..summaries import listed
 from .assembly import Assembly, displacement, home_of
 from .continuity import Continuity
 from .geometry_correction import correct_geometry
+from .line_kinematics import LineKinematics
 from .loops import Loops
 from .mobility import choose_coordinates, free_motions, motor_rates, scaled_Phi
 
@@ -236,13 +237,18 @@ def _without_mass(
         return ()
     L = unit[:, None] * motions @ np.linalg.inv(motions[chosen] * unit[chosen, None])
     tree, L_tree = loops.tree.model, loops.tree.S @ L
-    inertia = L_tree.T @ pin.crba(tree, loops.data, loops.q) @ L_tree
+    on_lines = np.zeros((len(chosen), len(chosen)))
+    if mechanism.lines.masses.any():
+        with suppress(SingularConfigurationError):  # where the ends of a line coincide
+            on_lines = L.T @ LineKinematics(mechanism).inertia(q) @ L
+    inertia = L_tree.T @ pin.crba(tree, loops.data, loops.q) @ L_tree + on_lines
     # The inertia that a coordinate would move if each body turned about its heaviest axis.
     heaviest = pin.Model(tree)
     for j, body in enumerate(tree.inertias):
         moments = abs(np.trace(body.inertia)) * np.eye(3)
         heaviest.inertias[j] = pin.Inertia(abs(body.mass), body.lever, moments)
     most = (L_tree * (pin.crba(heaviest, loops.data, loops.q) @ L_tree)).sum(axis=0)
+    most = most + np.diag(on_lines)
     scale = 1 / np.sqrt(np.maximum(np.abs(most), 1e-300))
     values, vectors = np.linalg.eigh(scale[:, None] * inertia * scale)
     idle = np.abs(vectors[:, np.abs(values) < _NO_MASS]).max(axis=1, initial=0.0) > INDEPENDENT

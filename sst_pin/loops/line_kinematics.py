@@ -7,6 +7,7 @@ A line is a `Distance` that nothing holds: its row of Phi gives the rate of its 
 from functools import cached_property
 
 import numpy as np
+import pinocchio as pin
 
 from ..arrays import Array
 from ..errors import SingularConfigurationError
@@ -49,3 +50,26 @@ class LineKinematics:
                     float("inf"),
                 )
         return lengths, self.loops.Phi
+
+    def inertia(self, q: Array) -> Array:
+        """J^T m J of the masses that move with the lengths, shape (nv, nv)."""
+        _, J = self.evaluate(q)
+        return np.asarray((J.T * self._mechanism.lines.masses).dot(J))
+
+    def inertial_tensions(self, q: Array, v: Array, v_dot: Array) -> Array:
+        """Masses times the second derivatives of the lengths, shape (lines,), [N]."""
+        masses = self._mechanism.lines.masses
+        if not masses.any():
+            return np.zeros(len(masses))
+        return masses * self.accelerations(q, v, v_dot)
+
+    def accelerations(self, q: Array, v: Array, v_dot: Array) -> Array:
+        """Second derivatives of the lengths, J v_dot + J_dot v, shape (lines,), [m/s^2]."""
+        if not self._forces:
+            return np.zeros(0)
+        _, J = self.evaluate(q)
+        tree, data = self.loops.tree, self.loops.data
+        rates = tree.S.dot(v)
+        pin.forwardKinematics(tree.model, data, self.loops.q, rates, np.zeros(len(rates)))
+        drift = np.concatenate([rows.drift(v, data) for rows in self.loops.closures])
+        return np.asarray(J.dot(v_dot) + drift)

@@ -36,6 +36,7 @@ class Loops:
         holonomic: Rows that have an error; the others hold rates only.
         touched: Which rates a row depends on, shape (rows, nv).
         curved: Which rates change Phi, shape (nv,); linear couplings do not.
+        at, q: The configuration, of the model and of the normal tree.
         f: Errors of the closures, Eq. (2), shape (rows,), [m] and [rad], zero in closed loops.
         Phi: Their Jacobian, Eq. (3), shape (rows, nv): Phi v = 0.
     """
@@ -78,7 +79,7 @@ class Loops:
 
     def evaluate(self, q: Array) -> None:
         """Compute what depends on q."""
-        tree, data = self.tree, self.data
+        tree, data, self.at = self.tree, self.data, q
         self.q = tree.factors * q[tree.entries] + tree.offsets
         pin.computeJointJacobians(tree.model, data, self.q)
         pin.updateFramePlacements(tree.model, data)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Forces along lines: springs, dampers and cylinders without mass between two frames."""
+"""Forces along lines: springs, dampers, cylinders and ropes between two frames."""
 
 from dataclasses import KW_ONLY, dataclass, fields
 from functools import cached_property
@@ -15,10 +15,10 @@ class LineForce:
     """A force along the line between the origins of two frames: a spring, a damper, a cylinder.
 
     The tension is preload + stiffness (length - rest_length) + damping times the rate of the
-    length, [N]. A positive tension pulls the two frames together; a gas spring, which pushes, has a
-    negative preload.
+    length + mass times the second derivative of the length, [N]. A positive tension pulls the two
+    frames together; a gas spring, which pushes, has a negative preload.
 
-    If the name of the line is in `actuated`, the line is also a motor: a cylinder without mass. Its
+    If the name of the line is in `actuated`, the line is also a motor: a cylinder. Its
     "torque" is a force, [N], in addition to the tension. A positive one pushes the frames apart;
     force times rate of the length is the motor's power.
 
@@ -29,6 +29,8 @@ class LineForce:
         rest_length: Length at which the spring has no force, zero or positive, [m].
         damping: Zero or positive, [N s/m].
         preload: Tension at the rest length, [N].
+        mass: Inertia of what moves with the length, such as a piston with its oil, or a winch: the
+            inertia of its drum divided by the square of the radius; zero or positive, [kg].
         name: "a-b" from the names of the frames by default.
 
     Raises:
@@ -48,6 +50,7 @@ class LineForce:
     rest_length: float = 0.0
     damping: float = 0.0
     preload: float = 0.0
+    mass: float = 0.0
     name: str = ""
 
     def __post_init__(self) -> None:
@@ -90,8 +93,13 @@ class Lines:
         rows = [(x.stiffness, x.rest_length, x.damping, x.preload) for x in self.forces]
         return np.array(rows).reshape(-1, 4).T
 
+    @cached_property
+    def masses(self) -> Array:
+        """Masses that move with the lengths of the lines, shape (lines,), [kg]."""
+        return np.array([line.mass for line in self.forces])
+
     def tensions(self, lengths: Array, rates: Array, tau: Array | None = None) -> Array:
-        """Tensions of the lines, motors included, shape (..., lines), [N]."""
+        """Tensions of the lines but those of masses, motors included, shape (..., lines), [N]."""
         stiffness, rest, damping, preload = self.numbers
         passive = preload + stiffness * (lengths - rest) + damping * rates
         return np.asarray(passive if tau is None else passive - self.motors.dot(tau))

@@ -27,7 +27,7 @@ from .yaml_content import (
     shown,
 )
 
-_OF_LINES = ("name", "frames", "stiffness", "rest_length", "damping", "preload")
+_OF_LINES = ("name", "frames", "stiffness", "rest_length", "damping", "preload", "mass")
 _WITH_LENGTH = {"distance": Distance, "rolling": Rolling}
 
 

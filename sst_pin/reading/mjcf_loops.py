@@ -177,7 +177,7 @@ def motors_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Motor]:
 
 
 def lines_of(compiled: Compiled, motors: Sequence[Motor]) -> Iterator[LineForce]:
-    """Spatial tendons with a spring or a damper, and those that are motors."""
+    """Spatial tendons with a spring, a damper or inertia, and those that are motors."""
     mj = compiled.mj
     driven = {name for motor in motors for name in tendon_of(motor)[1]}
     for tendon in range(mj.ntendon):
@@ -186,7 +186,9 @@ def lines_of(compiled: Compiled, motors: Sequence[Motor]) -> Iterator[LineForce]
             compiled.notes.append(f"tendon {name}: its limits are ignored")
         stiffness = mj.tendon_stiffness[tendon] * (not compiled.disabled("spring"))
         damping = mj.tendon_damping[tendon] * (not compiled.disabled("damper"))
-        if not compiled.is_spatial(tendon) or not (stiffness or damping or name in driven):
+        mass = getattr(mj, "tendon_armature", np.zeros(mj.ntendon))[tendon]
+        acts = stiffness or damping or mass or name in driven
+        if not compiled.is_spatial(tendon) or not acts:
             continue
         shortest, longest = mj.tendon_lengthspring[tendon]
         problem = _no_line(compiled, tendon)
@@ -198,7 +200,7 @@ def lines_of(compiled: Compiled, motors: Sequence[Motor]) -> Iterator[LineForce]
         ends = (compiled.name("site", mj.wrap_objid[k]) for k in compiled.wraps(tendon))
         values = {"stiffness": stiffness, "rest_length": shortest if stiffness else 0.0}
         with naming(compiled.source):
-            yield LineForce(*ends, **values, damping=damping, name=name)
+            yield LineForce(*ends, **values, damping=damping, mass=mass, name=name)
 
 
 def _no_line(compiled: Compiled, tendon: int) -> str:

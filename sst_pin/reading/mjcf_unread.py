@@ -34,7 +34,7 @@ _FORCES = {
     "actuator_armature": ("the armature of an actuator", ""),
 }
 #: Forces that spatial tendons may have.
-_OF_LINES = ("tendon_stiffness", "tendon_damping")
+_OF_LINES = ("tendon_stiffness", "tendon_damping", "tendon_armature")
 #: Fields that are read, by kind of element.
 _NUMBERS = {
     "body": ("pos", "quat", "ipos", "iquat", "mass", "inertia"),

@@ -49,7 +49,7 @@ class LagrangeMultipliers:
         tree.move(q, zero)
         weight = tree.forces(zero)
         # Column by column: `pin.crba` is wrong for trees whose joints are not added depth-first.
-        M = np.stack([tree.forces(e) - weight for e in np.eye(nv)], axis=1)
+        M = np.stack([tree.forces(e) - weight for e in np.eye(nv)], axis=1) + robot.line_inertia
         # A unit for the multipliers, so that M is not lost in rounding.
         rows, unit = len(robot.Phi), np.abs(M).max()
         system = np.block([[M / unit, robot.Phi.T], [robot.Phi, np.zeros((rows, rows))]])
@@ -61,4 +61,5 @@ class LagrangeMultipliers:
 
     def _needed(self, robot: MovingRobot, aa: Array) -> Array:
         """The forces of motors and closures on the joints, shape (nv,)."""
-        return self._tree.forces(robot.completed(aa, -robot.drift)) - robot.applied
+        dv = robot.completed(aa, -robot.drift)
+        return self._tree.forces(dv) + robot.line_inertia @ dv - robot.applied

@@ -67,7 +67,9 @@ class MovingRobot:
         Phi: The closures' Jacobian, shape (rows, nv).
         drift: Phi_dot v, shape (rows,).
         B: Forces on the joints by motor torques of 1, shape (nv, motors).
-        applied: Forces on the joints by friction, springs and lines, shape (nv,).
+        applied: Forces on the joints by friction, springs and lines, shape (nv,); also by the
+            masses of lines, as if v were constant.
+        line_inertia: Inertia of the masses of lines, shape (nv, nv).
     """
 
     def __init__(self, mechanism: Mechanism, tree: Tree, q: Array, va: Array) -> None:
@@ -80,6 +82,7 @@ class MovingRobot:
         friction, springs, self.B = mechanism.friction, mechanism.springs, mechanism.motors
         force = -friction.viscous * self.v - friction.coulomb * np.sign(self.v)
         force -= springs.stiffness * pin.difference(mechanism.model, springs.reference, q)
+        self.line_inertia = np.zeros((mechanism.model.nv, mechanism.model.nv))
         for line, shares in zip(mechanism.lines.forces, mechanism.lines.motors, strict=True):
             a, b = tree.frame(line.frame_a), tree.frame(line.frame_b)
             d = b.placement.translation - a.placement.translation
@@ -88,6 +91,11 @@ class MovingRobot:
             stretched = line.stiffness * (length - line.rest_length)
             force -= (line.preload + stretched + line.damping * row @ self.v) * row
             self.B = self.B + np.outer(row, shares)
+            d_dot = (b.twist - a.twist)[:3]
+            d_ddot = (b.drift - a.drift)[:3]  # but for v_dot
+            drift = (d_dot @ d_dot + d @ d_ddot) / length - (d @ d_dot) ** 2 / length**3
+            force -= line.mass * drift * row
+            self.line_inertia += line.mass * np.outer(row, row)
         self.applied = force
 
     def completed(self, rates: Array, closing: Array) -> Array:

@@ -51,7 +51,8 @@ class VirtualWork:
         data = model.createData()
         pin.computeJointJacobians(model, data, q)
         pin.forwardKinematics(model, data, q, robot.v, dv)
-        forces, M = model.armature * dv - robot.applied, np.diag(model.armature)
+        M = np.diag(model.armature) + robot.line_inertia
+        forces = M @ dv - robot.applied
         for i in range(1, model.njoints):
             body, R = model.inertias[i], data.oMi[i].rotation
             lever, inertia = pin.skew(R @ body.lever), R @ body.inertia @ R.T

@@ -155,6 +155,9 @@ UNKNOWN = {
     "no constant force": partial(
         any_chain.chain, lines=[LineForce("point_arm_2", "point_arm_5", preload=3)]
     ),
+    "the inertia of a tendon between two branches": partial(
+        any_chain.chain, kind="3d", lines=[LineForce("point_body", "point_arm_3", mass=1)]
+    ),
     "polynomials of one joint": partial(
         any_chain.chain, more=[Coupling("arm_2", {"arm_1": (0, 1, 1), "body": (0, 1, 1)})]
     ),

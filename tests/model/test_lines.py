@@ -17,8 +17,16 @@ from tests.support.derivative_cases import (
 
 #: Ends of lines: from the world, between two links of one branch, over two branches.
 ENDS = [("universe", "point_arm_5"), ("point_arm_1", "point_arm_4"), ("point_body", "point_arm_3")]
+#: The second one has no mass.
 STRUTS = [
-    LineForce(*ends, stiffness=30 + 20 * k, rest_length=0.2 * k, damping=3 + k, preload=7 - 9 * k)
+    LineForce(
+        *ends,
+        stiffness=30 + 20 * k,
+        rest_length=0.2 * k,
+        damping=3 + k,
+        preload=7 - 9 * k,
+        mass=2 * (k - 1) ** 2,
+    )
     for k, ends in enumerate(ENDS)
 ]
 
@@ -30,15 +38,20 @@ def with_lines(robot, motors=("body",)):
     return lined, ClosedChain(robot.model, robot.closures, ["body"], **how)
 
 
-def tension_and_row(chain, line, q, va):
-    """From positions and Jacobians of its two frames alone."""
+def tension_and_row(chain, line, q, va, aa):
+    """From positions, Jacobians and accelerations of its two frames alone."""
     a, b = (chain.frame_placement(q, name)[0] for name in (line.frame_a, line.frame_b))
     d = b - a
     length = np.linalg.norm(d)
     J_a, J_b = (chain.frame_jacobian(q, name)[:3] for name in (line.frame_a, line.frame_b))
     row = d / length @ (J_b - J_a)
     tension = line.preload + line.stiffness * (length - line.rest_length)
-    return length, tension + line.damping * row @ va, row
+    d_dot = (J_b - J_a) @ va
+    drift_a, drift_b = (chain.frame_drift(q, va, x)[:3] for x in (line.frame_a, line.frame_b))
+    d_ddot = (J_b - J_a) @ aa + drift_b - drift_a
+    speed = d @ d_dot / length
+    inertial = line.mass * ((d_dot @ d_dot + d @ d_ddot) - speed**2) / length
+    return length, tension + line.damping * speed + inertial, row
 
 
 def random_states(chain, count=3):
@@ -49,12 +62,14 @@ def random_states(chain, count=3):
 def test_a_line_does_the_work_of_two_opposed_forces(name):
     """f without lines less f with them is the sum of minus tension times the row of the length.
 
+    Masses that move with the length are part of the tension.
+
     A motor on a line pushes along the same row.
     """
     chain, bare = with_lines(with_joint(name), [STRUTS[1].name])
     for q, va, aa in random_states(chain):
         f = bare.generalized_forces(q, va, aa) - chain.generalized_forces(q, va, aa)
-        expected = [tension_and_row(chain, line, q, va) for line in STRUTS]
+        expected = [tension_and_row(chain, line, q, va, aa) for line in STRUTS]
         pulls = -sum(tension * row for _, tension, row in expected)
         close(f, pulls, 1e-12 * np.abs(bare.generalized_forces(q, va, aa)).max())
         assert_allclose(chain.line_lengths(q), [length for length, *_ in expected], rtol=1e-13)
@@ -71,7 +86,7 @@ def test_terms_hold_springs_and_dampers_of_lines():
         close(terms.inertia @ aa + terms.coriolis @ va - applied, f, 1e-11)
         close(terms.springs + terms.gravity, reduced.gravity, 1e-13)
         close(terms.friction, reduced.friction, 1e-13)
-        rates = [tension_and_row(chain, line, q, va)[2] @ va for line in STRUTS]
+        rates = [tension_and_row(chain, line, q, va, aa)[2] @ va for line in STRUTS]
         damped = sum(line.damping * rate**2 for line, rate in zip(STRUTS, rates, strict=True))
         close((bare.noc(q, va).friction - terms.friction) @ va, damped, 1e-12)
 

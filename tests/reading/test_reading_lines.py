@@ -30,7 +30,7 @@ MJCF = """
 </worldbody>
 <equality><joint joint1="right" joint2="left" polycoef="0.1 0.7 0 0 0"/></equality>
 <tendon>
-  <spatial name="spring" stiffness="40" springlength="0.15"><site site="ceiling"/><site site="on_elbow"/></spatial>
+  <spatial name="spring" stiffness="40" springlength="0.15" armature="0.8"><site site="ceiling"/><site site="on_elbow"/></spatial>
   <spatial name="damper" damping="7"><site site="on_left"/><site site="on_right"/></spatial>
   <spatial name="both" stiffness="30" damping="3"><site site="hand"/><site site="tip"/></spatial>
   <spatial name="cylinder"><site site="ceiling"/><site site="hand"/></spatial>
