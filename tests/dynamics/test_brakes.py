@@ -223,7 +223,7 @@ def test_a_body_that_cannot_move_is_carried_as_in_the_tests_of_mujoco(
     path.write_text(MUJOCO.format(**parts))
     chain = ClosedChain.from_mjcf(path)
     q = chain.home
-    about_b, on_b = np.split(chain.reactions(q).of("w_A - w_B"), 2)
+    on_b, about_b = np.split(chain.reactions(q).of("w_A - w_B"), 2)
     p, R = chain.frame_placement(q, "w_B")
     _, R_sensor = chain.frame_placement(q, "sensor")
     in_base = R @ on_b

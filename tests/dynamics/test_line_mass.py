@@ -94,7 +94,7 @@ def test_a_piston_on_a_rail_is_added_to_the_mass_of_the_slide():
 
 
 #: Where a wrench has its force.
-_FORCE = slice(3, 6)
+_FORCE = slice(3)
 
 
 def test_the_referees_agree_on_masses_of_lines():
