@@ -18,6 +18,8 @@ from .model.closures import Closure as Closure
 from .model.closures import Coupling as Coupling
 from .model.closures import Distance as Distance
 from .model.closures import Rolling as Rolling
+from .model.contacts import Contact as Contact
+from .model.contacts import Rope as Rope
 from .model.lines import LineForce as LineForce
 
 # The SST; its other names are in `sst`
@@ -44,6 +46,7 @@ from .simulation.coordinate_motions import coordinate_motion as coordinate_motio
 from .simulation.crossings import Crossing as Crossing
 from .simulation.energy import energy_error as energy_error
 from .simulation.frame_motions import frame_motion as frame_motion
+from .simulation.nonsmooth_rollout import NonsmoothRollout as NonsmoothRollout
 from .simulation.rollouts import Rollout as Rollout
 from .simulation.sampled_torques import SampledTorque as SampledTorque
 from .simulation.trajectories import Trajectory as Trajectory

@@ -28,6 +28,7 @@ from .loops.mobility import Mobility
 from .loops.start import assemble, start_of
 from .model.checks import Motor, coordinates_of, copied, recipe_of, without_locked
 from .model.closures import Constraint
+from .model.contacts import Contact, Rope
 from .model.lines import LineForce
 from .model.mechanism import Mechanism
 from .model.robot_properties import RobotProperties
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
     from .simulation.check import Finding
     from .simulation.crossings import Crossing
     from .simulation.inputs import ExternalLoad, Torque
+    from .simulation.nonsmooth_rollout import NonsmoothRollout
     from .simulation.rollouts import Rollout
     from .simulation.trajectories import Trajectory
     from .viewer import Viewer
@@ -98,6 +100,7 @@ class ClosedChain(RobotProperties, Summary):
         brakes: Names of joints, single rates or lines that are held where they are, at any
             position. They stay in q, and `reactions` has their forces. A robot with all its motors
             braked has no degrees of freedom; pass [] for va and aa.
+        contacts: Each a `Contact` or a `Rope`; they act in `rollout(..., nonsmooth=True)` only.
 
     Raises:
         DescriptionError: If the model cannot be used, as with two joints of one name.
@@ -131,6 +134,7 @@ class ClosedChain(RobotProperties, Summary):
         spring_reference: ArrayLike | None = None,
         lines: Sequence[LineForce] = (),
         brakes: Sequence[str] = (),
+        contacts: Sequence[Contact | Rope] = (),
     ) -> None:
         if not isinstance(model, pin.Model):
             raise InputError("model", f"a pinocchio.Model is needed, not {type(model).__name__}")
@@ -140,6 +144,7 @@ class ClosedChain(RobotProperties, Summary):
             coordinates,
             lines,
             brakes,
+            contacts,
             viscous_friction=viscous_friction,
             coulomb_friction=coulomb_friction,
             stiffness=stiffness,
@@ -907,7 +912,11 @@ class ClosedChain(RobotProperties, Summary):
         sign_width: float = 1e-3,
         threads: int = 1,
         on_error: str = "raise",
-    ) -> Rollout:
+        nonsmooth: bool = False,
+        motor_stiffness: ArrayLike | None = None,
+        motor_damping: ArrayLike | None = None,
+        motor_positions: ArrayLike | None = None,
+    ) -> Rollout | NonsmoothRollout:
         """Simulate many motions with a fixed step; the error is of fourth order in dt.
 
         It returns q, shape (..., N + 1, nq), and va, shape (..., N + 1, n). The loops stay closed,
@@ -924,11 +933,38 @@ class ClosedChain(RobotProperties, Summary):
             dt: Step, [s]; a negative step goes back in time.
             steps: Number of steps N; by default the number of torques.
             sign_width: As in `simulate`.
+            nonsmooth: Whether joints stop at their limits, dry friction sticks, and `contacts` and
+                `pulls_only` act; the result is a `NonsmoothRollout`. The error is then of first
+                order in dt; torques are constant in each step; `sign_width` is not used.
+            motor_stiffness: Gains of position control in the motors, shape (motors,), [N m/rad] or
+                [N/m], for `nonsmooth`. They are implicit, stable for any step: the motors give tau
+                + motor_stiffness (motor_positions - positions) - motor_damping times their rates.
+            motor_damping: Gains of the rates, shape (motors,), [N m s/rad] or [N s/m].
+            motor_positions: Positions to hold, shape (..., N, motors) or (motors,); by default
+                those at q0. Positions are displacements of joints from `pin.neutral`, and lengths
+                of lines, each times its factor.
         """
-        from .simulation.rollouts import rollout
+        from .simulation.nonsmooth_rollout import nonsmooth_rollout
+        from .simulation.rollouts import require_smooth, rollout
 
-        engine = self._engine
+        engine, gains = self._engine, (motor_stiffness, motor_damping, motor_positions)
         load = engine.wrenches(platform_moment, external_wrenches, "raise")
+        if nonsmooth:
+            return nonsmooth_rollout(
+                engine,
+                tau,
+                q0,
+                va0,
+                dt,
+                wrenches=load,
+                steps=steps,
+                gains=gains,
+                threads=threads,
+                on_error=on_error,
+            )
+        require_smooth(engine.mechanism)
+        if any(gain is not None for gain in gains):
+            raise InputError("motor_stiffness, motor_damping", "only with nonsmooth=True")
         return rollout(
             engine,
             tau,

@@ -249,7 +249,7 @@ class Equations:
     def forces(self, dv: Sparse) -> Sparse:
         """All forces along the rates of the tree that a motion at v needs."""
         friction = self.tree.friction(self.v)
-        return add(self.tree.forces(self.v, dv), add(friction, self.tree.springs))
+        return add(self.tree.forces(self.v, dv), add(friction, self.tree.springs(self.v)))
 
     @cached_property
     def tree_forces(self) -> Sparse:

@@ -54,6 +54,7 @@ def fingerprint(
     Closures and lines name joints and frames, so the fingerprint has the properties of these.
     """
     model, lines = mechanism.model, [(x.frame_a, x.frame_b) for x in mechanism.lines.forces]
+    cables = mechanism.lines.pull_only.any()
     named = {name for names in map(frames_of, mechanism.closures) for name in names}
     named.update(*lines, () if frame is None else (frame,))
     frames = {name: frame_named(model, name) for name in sorted(named)}
@@ -62,6 +63,8 @@ def fingerprint(
         (LinkTree.of(model), list(model.names), [(x.idx_q, x.idx_v) for x in model.joints]),
         {name: (x.parentJoint, x.placement.homogeneous) for name, x in frames.items()},
         (mechanism.closures, lines, mechanism.lines.motors),
+        # Springs of cables are written out where they are stiff.
+        (mechanism.lines.pull_only, mechanism.lines.numbers[0] > 0) if cables else (),
         (mechanism.coordinates, mechanism.motors, mechanism.row_scale, mechanism.rate_scale),
         (vars(parameters), mechanism.length),
         [x.lever for i, x in enumerate(model.inertias) if i not in parameters.bodies],

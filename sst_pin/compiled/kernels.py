@@ -145,7 +145,7 @@ def _displacement_rates(e: Equations, checks: Checks) -> _Made:
 
 
 def _reduced_terms(e: Equations, checks: Checks) -> _Made:
-    gravity = e.project(add(e.tree.forces({}, {}, loads=False), e.tree.springs))
+    gravity = e.project(add(e.tree.forces({}, {}, loads=False), e.tree.springs(e.v)))
     friction = e.project(e.tree.friction(e.v))
     terms = [row_by_row(e.inertia), row_by_row(e.coriolis), -gravity, -friction]
     return _moving(e), ca.vertcat(*terms), checks.of_rates + checks.of_complement

@@ -168,4 +168,4 @@ def _forces(e: Equations, v: Sparse, a: Sparse, rows: Sequence[Row], R: list[SX]
     forces = e.tree.forces(v, a, reactions=wrenches)
     coupled = {i: ca.gradient(power, rate) for i, rate in v.items()}
     forces = add(forces, {i: x for i, x in coupled.items() if not is_zero(x)})
-    return add(forces, add(e.tree.friction(v), e.tree.springs))
+    return add(forces, add(e.tree.friction(v), e.tree.springs(v)))

@@ -147,20 +147,29 @@ class TreeDynamics:
         signs = {i: ca.tanh(x / width) if self._smooth else ca.sign(x) for i, x in v.items()}
         tau = {i: D * v[i] for i, D in viscous.items() if i in v}
         tau = add(tau, {i: F * signs[i] for i, F in coulomb.items() if i in v})
-        return add(tau, self.along_lines(self._damping(v)))
+        return add(tau, self.along_lines(self._where_taut(self._damping(v), v)))
 
-    @cached_property
-    def springs(self) -> Sparse:
-        """Forces that springs need, those along lines among them."""
+    def springs(self, v: Sparse) -> Sparse:
+        """Forces that springs need, those along lines among them; cables may be slack at v."""
         stiffness = self._parameters.of_joints("stiffness", self._p)
         rest = self._parameters.of_joints("spring_reference", self._p)
         moves = self._kinematics.difference(rest)
         tau = {k: c * moves[k] for k, c in stiffness.items()}
-        return add(tau, self.along_lines(self._tensions))
+        return add(tau, self.along_lines(self._where_taut(self._tensions, v)))
 
     def pulls(self, v: Sparse) -> list[Any]:
         """Tension of each line, without motors."""
-        return list(map(operator.add, self._tensions, self._damping(v)))
+        pulls = list(map(operator.add, self._tensions, self._damping(v)))
+        return self._where_taut(pulls, v)
+
+    def _where_taut(self, pulls: list[Any], v: Sparse) -> list[Any]:
+        """Pulls along the lines, but zero along slack cables."""
+        forces, tensions, damping = self._mechanism.lines.forces, self._tensions, self._damping(v)
+        result = []
+        for k, pull in enumerate(pulls):
+            slack = tensions[k] + damping[k] <= 0
+            result.append((1 - slack) * pull if forces[k].pulls_only else pull)
+        return result
 
     @property
     def _tensions(self) -> list[Any]:
@@ -211,8 +220,11 @@ class TreeDynamics:
         moves = self._kinematics.difference(rest)
         stiffness = self._parameters.of_joints("stiffness", self._p)
         energies += [c * moves[k] ** 2 / 2 for k, c in stiffness.items()]
-        for x in self.lines:
+        for x, force in zip(self.lines, self._mechanism.lines.forces, strict=True):
             stretch = x.length - x.rest
+            if force.pulls_only and force.stiffness:
+                slack = x.preload + x.stiffness * stretch <= 0
+                stretch = stretch - slack * (stretch + x.preload / x.stiffness)
             energies.append(x.stiffness * stretch**2 / 2 + x.preload * stretch)
         return total(energies)
 

@@ -114,6 +114,9 @@ class SerialView(Linkage):
         v = self.chain.joint_rates(each, np.eye(self.chain.degrees_of_freedom))
         lines = self.chain.engine.line_rates(each, v)
         _, _, on_lines, _ = self.chain.mechanism.lines.numbers
+        if self.chain.mechanism.lines.pull_only.any():
+            problem = "not defined with cables that only pull: they damp only where they are taut"
+            raise InputError("damping", problem)
         return (v * self.chain.friction.viscous) @ v.mT + (lines * on_lines) @ lines.mT
 
     def torque_polygon(self, q: ArrayLike, limits: ArrayLike | None = None) -> Array:

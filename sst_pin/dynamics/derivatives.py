@@ -189,7 +189,7 @@ class Derivatives:
         for row, k, second in rows.coupled:
             force_q[k, k] -= reactions[row] * second
         if not lines.none:
-            stiffness, _, damping, _ = lines.numbers
+            stiffness, _, damping, _ = lines.numbers * lines.taut(lengths, J.dot(v))
             force_q += (J.T * stiffness).dot(J) + (J.T * damping).dot(along.velocity_q)
             force_v += (J.T * damping).dot(J)
             force_q += (J.T * lines.masses).dot(along.acceleration_q)

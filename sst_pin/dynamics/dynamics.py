@@ -312,8 +312,10 @@ def terms(context: Context, q: Array, va: Array) -> Terms:
     L_dot = context.complement.L_dot(context.loops.Phi_dot(v))
     of_bodies = bodies(context.loops, v)
     lengths, J = context.lines.evaluate(q)
-    at_rest = mechanism.lines.tensions(lengths, np.zeros(len(J)))
-    damping = mechanism.lines.tensions(lengths, J @ v) - at_rest
+    taut = mechanism.lines.taut(lengths, J @ v)
+    stiffness, rest_lengths, dampings, preload = mechanism.lines.numbers
+    at_rest = taut * (preload + stiffness * (lengths - rest_lengths))
+    damping = taut * dampings * (J @ v)
     T, T_dot = natural_complement(of_bodies, L, L_dot)
     K, K_dot, M, Omega, w_g = of_bodies
     # Rotors geared to a joint (model.armature) are no bodies of the paper; RNEA counts them too.

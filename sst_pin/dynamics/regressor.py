@@ -138,10 +138,11 @@ def torque_regressor(context: Context, q: Array, va: Array, aa: Array) -> Array:
     k = mechanism.sprung
     rates = [L.T * v, L.T * sign, L.T * v_dot, (L.T * deflections)[:, k], L.T]
     lengths, J = context.lines.evaluate(q)
+    taut = mechanism.lines.taut(lengths, J.dot(v))
     pulls = [
-        lengths - mechanism.lines.numbers[1],
-        J.dot(v),
-        np.ones(len(J)),
+        taut * (lengths - mechanism.lines.numbers[1]),
+        taut * J.dot(v),
+        taut,
         context.lines.accelerations(q, v, v_dot),
     ]
     lines = (J.dot(L).T[..., None] * np.array(pulls).T).reshape(len(va), 4 * len(J))

@@ -14,6 +14,7 @@ from ..arrays import Array, Indices, finite_array, in_order, single_array
 from ..arrays import names as names_of
 from ..errors import DescriptionError, InputError
 from .closures import Brake, Closure, Constraint, Coupling, Distance, Rolling
+from .contacts import Contact, Contacts, Rope, contacts_of
 from .joint_series import PartlyLocked, Series
 from .joint_space import JointSpace
 from .lines import LineForce, Lines
@@ -63,6 +64,7 @@ def recipe_of(
     coordinates: Sequence[str] | None,
     lines: Sequence[LineForce],
     brakes: Sequence[str] = (),
+    contacts: Sequence[Contact | Rope] = (),
     **numbers: ArrayLike | None,
 ) -> partial[Mechanism]:
     """A function that makes a mechanism of a tree, with the checked arguments of `ClosedChain`.
@@ -80,6 +82,7 @@ def recipe_of(
         },
         lines=lines_of(lines),
         brakes=names_of("brakes", brakes),
+        contacts=contacts_of(contacts),
     )
 
 
@@ -91,6 +94,7 @@ def mechanism_of(
     numbers: Mapping[str, ArrayLike | None],
     lines: tuple[LineForce, ...],
     brakes: tuple[str, ...] = (),
+    contacts: Contacts | None = None,
 ) -> Mechanism:
     """A mechanism from the arguments of `ClosedChain`; the tree is not copied.
 
@@ -119,10 +123,13 @@ def mechanism_of(
         space.require_on_manifold(rest, "spring_reference")
     springs = Springs(of_rates("stiffness", np.zeros(model.nv)), space.normalised(rest))
     springs.check(model)
+    contacts = contacts or Contacts()
+    contacts.check(model)
     rates = space.rates_of(coordinates or ())
     if coordinates is not None and not len(rates):
         raise InputError("coordinates", "the list is empty; omit it to have coordinates chosen")
-    return Mechanism(model, closures, rates, B[: model.nv], names, friction, springs, on_lines)
+    parts = closures, rates, B[: model.nv], names, friction, springs, on_lines, contacts
+    return Mechanism(model, *parts)
 
 
 def _brakes(

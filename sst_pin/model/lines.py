@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import Array, single_array
+from ..arrays import Array, Flags, single_array
 from ..errors import InputError
 
 
@@ -32,6 +32,8 @@ class LineForce:
         mass: Inertia of what moves with the length, such as a piston with its oil, or a winch: the
             inertia of its drum divided by the square of the radius; zero or positive, [kg].
         name: "a-b" from the names of the frames by default.
+        pulls_only: Whether it is an elastic cable, which is slack where spring, damper and preload
+            together would push. The motor may push, except in `rollout(..., nonsmooth=True)`.
 
     Raises:
         InputError: For a number that is not finite or, except the preload, negative; for a name
@@ -52,6 +54,7 @@ class LineForce:
     preload: float = 0.0
     mass: float = 0.0
     name: str = ""
+    pulls_only: bool = False
 
     def __post_init__(self) -> None:
         for word in (self.frame_a, self.frame_b, self.name):
@@ -61,12 +64,17 @@ class LineForce:
             object.__setattr__(self, "name", f"{self.frame_a}-{self.frame_b}")
         if self.frame_a == self.frame_b:
             raise InputError("lines", f"{self}: a line needs two different frames")
-        for field in fields(self)[2:-1]:
+        if not isinstance(self.pulls_only, bool):
+            raise InputError(f"pulls_only of line {self}", f"{self.pulls_only!r} is not a boolean")
+        for field in fields(self)[2:-2]:
             name = f"{field.name} of line {self}"
             number = float(single_array(name, getattr(self, field.name), ()))
             if number < 0 and field.name != "preload":
                 raise InputError(name, f"{number:g} is negative")
             object.__setattr__(self, field.name, number)
+        if self.pulls_only and self.mass:
+            problem = "a slack cable moves no mass; give the mass to a body, or the drum a joint"
+            raise InputError(f"mass of line {self}", problem)
 
     def __str__(self) -> str:
         return self.name
@@ -98,13 +106,29 @@ class Lines:
         """Masses that move with the lengths of the lines, shape (lines,), [kg]."""
         return np.array([line.mass for line in self.forces])
 
+    @cached_property
+    def pull_only(self) -> Flags:
+        """Which lines only pull, shape (lines,)."""
+        return np.array([line.pulls_only for line in self.forces], dtype=bool)
+
     def tensions(self, lengths: Array, rates: Array, tau: Array | None = None) -> Array:
         """Tensions of the lines but those of masses, motors included, shape (..., lines), [N]."""
         stiffness, rest, damping, preload = self.numbers
         passive = preload + stiffness * (lengths - rest) + damping * rates
+        if self.pull_only.any():
+            passive = np.where(self.pull_only, np.maximum(passive, 0.0), passive)
         return np.asarray(passive if tau is None else passive - self.motors.dot(tau))
+
+    def taut(self, lengths: Array, rates: Array) -> Array:
+        """1 for lines with a tension of their own, 0 for slack cables, shape (..., lines)."""
+        stiffness, rest, damping, preload = self.numbers
+        passive = preload + stiffness * (lengths - rest) + damping * rates
+        return np.where(self.pull_only & (passive <= 0), 0.0, 1.0)
 
     def energy(self, lengths: Array) -> float:
         """Potential energy, zero where all lines have their rest length, [J]."""
         stiffness, rest, _, preload = self.numbers
-        return float((preload + stiffness * (lengths - rest) / 2).dot(lengths - rest))
+        stretch = lengths - rest
+        slack = self.pull_only & (stiffness > 0) & (preload + stiffness * stretch < 0)
+        stretch[slack] = -preload[slack] / stiffness[slack]  # where the tension begins
+        return float((preload + stiffness * stretch / 2).dot(stretch))

@@ -12,6 +12,7 @@ from ..arrays import Array, Indices
 from ..errors import DescriptionError, SingularConfigurationError
 from ..summaries import listed
 from .closures import Brake, Constraint, Coupling
+from .contacts import Contacts
 from .joint_space import JointSpace
 from .lines import Lines
 from .loop_groups import longest_offset, loop_groups
@@ -130,6 +131,8 @@ class Mechanism:
     springs: Springs
     #: Forces along lines, those of motors on lines among them.
     lines: Lines = Lines((), np.zeros((0, 0)))  # noqa: RUF009
+    #: What acts only in steps of `rollout(..., nonsmooth=True)`.
+    contacts: Contacts = Contacts()  # noqa: RUF009
     #: A configuration with closed loops, shape (nq,), where the coordinates were judged; None if
     #: none was found.
     example: Array | None = None

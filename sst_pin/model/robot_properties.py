@@ -7,6 +7,7 @@ from ..arrays import Array, Indices
 from ..former_names import FormerName
 from .appearance import Appearance, appearance_of
 from .closures import Constraint
+from .contacts import Contact, Rope
 from .lines import LineForce
 from .mechanism import Friction, Mechanism
 
@@ -43,6 +44,11 @@ class RobotProperties:
     def lines(self) -> tuple[LineForce, ...]:
         """Springs, dampers and cylinders along lines between two frames."""
         return self.mechanism.lines.forces
+
+    @property
+    def contacts(self) -> tuple[Contact | Rope, ...]:
+        """The contacts, then the ropes."""
+        return self.mechanism.contacts.points + self.mechanism.contacts.ropes
 
     @property
     def joint_names(self) -> tuple[str, ...]:

@@ -118,7 +118,7 @@ def closed(urdf: Urdf, cuts: Cuts) -> RobotFile:
         notes.append(_without_mass(model))
     shapes = partial(urdf_shapes, urdf.root, path.parent)
     parts = source, model, closures, motors, shapes, stiffness, rest, srdf, cuts.lines
-    return RobotFile(*parts, cuts.brakes, tuple(notes), note)
+    return RobotFile(*parts, cuts.brakes, cuts.contacts, tuple(notes), note)
 
 
 def _unused(model: pin.Model, cuts: Cuts, marks: Marks) -> Iterator[Problem]:

@@ -11,6 +11,7 @@ import pinocchio as pin
 from ..arrays import Array
 from ..model.checks import Motor
 from ..model.closures import Closure, Constraint, Coupling, Distance, Rolling
+from ..model.contacts import Contact, Rope
 from ..model.lines import LineForce
 from .cut_joints import CutJoint, cut_joint
 from .joint_numbers import LIMITS, JointNumbers
@@ -27,7 +28,12 @@ from .yaml_content import (
     shown,
 )
 
-_OF_LINES = ("name", "frames", "stiffness", "rest_length", "damping", "preload", "mass")
+_OF_LINES = (
+    *("name", "frames", "stiffness", "rest_length", "damping", "preload", "mass"),
+    "pulls_only",
+)
+_OF_CONTACTS = ("frame", "name", "ground", "radius", "friction", "restitution")
+_OF_ROPES = ("name", "rope", "length")
 _WITH_LENGTH = {"distance": Distance, "rolling": Rolling}
 
 
@@ -39,6 +45,7 @@ class Cuts(NamedTuple):
     couplings: tuple[Coupling, ...] = ()
     hinges: tuple[CutJoint, ...] = ()  #: Closures of other YAML files, by places of the joints.
     lines: tuple[LineForce, ...] = ()
+    contacts: tuple[Contact | Rope, ...] = ()
     joints: tuple[tuple[str, str], ...] = ()  #: True kinds of joints by name; see `Urdf.tree`.
     numbers: JointNumbers = MappingProxyType({})
     locked: tuple[str, ...] = ()
@@ -89,9 +96,19 @@ def parse_cuts(text: str, source: str) -> Cuts:
         numbers[key] = {joint: limit[key] for joint, limit in limits.items() if key in limit}
     for k, key in enumerate(("stiffness", "reference")):
         numbers[key] = {joint: spring[k] for joint, spring in springs.items()}
-    motors, lines, locked = (tuple(lists[key]) for key in ("name_mot", "line_force", "locked"))
-    parts = motors, tuple(closures), couplings, (), lines, tuple(joints), numbers, locked
-    return Cuts(*parts, tuple(lists["brakes"]), gravity=gravity, source=source)
+    return Cuts(
+        actuated=tuple(lists["name_mot"]),
+        closures=tuple(closures),
+        couplings=couplings,
+        lines=tuple(lists["line_force"]),
+        contacts=tuple(lists["contacts"]),
+        joints=tuple(joints),
+        numbers=numbers,
+        locked=tuple(lists["locked"]),
+        brakes=tuple(lists["brakes"]),
+        gravity=gravity,
+        source=source,
+    )
 
 
 def _motor(value: Any) -> Motor:
@@ -130,8 +147,35 @@ def _line(value: Any) -> LineForce:
     if "frames" not in fields:
         raise ValueError(f"{shown(value)} has no pair of frames")
     a, b = pair_in(fields["frames"])
-    numbers = {key: number_in(fields[key], key) for key in _OF_LINES[2:] if key in fields}
-    return LineForce(a, b, name=name_in(fields.get("name", f"{a}-{b}")), **numbers)
+    numbers = {key: number_in(fields[key], key) for key in _OF_LINES[2:-1] if key in fields}
+    pulls_only = str(fields.get("pulls_only", "false")).lower()
+    if pulls_only not in ("true", "false"):
+        raise ValueError(f"pulls_only {shown(fields['pulls_only'])} is neither true nor false")
+    name = name_in(fields.get("name", f"{a}-{b}"))
+    return LineForce(a, b, name=name, pulls_only=pulls_only == "true", **numbers)
+
+
+def _contact(value: Any) -> Contact | Rope:
+    """A contact `{frame: sole, friction: 0.8}` or a rope `{rope: [a, b], length: 1.2}`."""
+    fields = mapping_in(value)
+    if "rope" in fields:
+        fields = mapping_in(value, _OF_ROPES)
+        if "length" not in fields:
+            raise ValueError(f"{shown(value)} has no length")
+        a, b = pair_in(fields["rope"])
+        length = number_in(fields["length"], "length")
+        return Rope(a, b, length, name=name_in(fields.get("name", f"{a}-{b}")))
+    fields = mapping_in(value, _OF_CONTACTS)
+    if "frame" not in fields:
+        raise ValueError(f"{shown(value)} has no frame and no rope")
+    values: dict[str, Any] = {}
+    for key in _OF_CONTACTS[3:]:
+        if key in fields:
+            values[key] = number_in(fields[key], key)
+    for key in ("ground", "name"):
+        if key in fields:
+            values[key] = name_in(fields[key])
+    return Contact(name_in(fields["frame"]), **values)
 
 
 def _spring(joint: str, value: Any) -> tuple[str, list[float]]:
@@ -169,6 +213,7 @@ def _kind(value: Any) -> str:
 #: Parsers of the entries of lists, and of tables below names of joints, by key.
 _LISTS: dict[str, Callable[[Any], Any]] = {
     "closed_loop": pair_in,
+    "contacts": _contact,
     "type": name_in,
     "name_mot": _motor,
     "line_force": _line,

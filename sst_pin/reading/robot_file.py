@@ -12,6 +12,7 @@ from ..errors import DescriptionWarning, SSTError, warn_caller
 from ..loops.coordinates import settled
 from ..model.checks import Motor, copied, mechanism_of, motors_of
 from ..model.closures import Constraint
+from ..model.contacts import Contact, Rope, contacts_of
 from ..model.lines import LineForce
 from ..model.mechanism import Mechanism
 from .problems import Problem
@@ -31,6 +32,7 @@ class RobotFile(NamedTuple):
     srdf: Srdf | None = None  #: The SRDF beside a URDF.
     lines: tuple[LineForce, ...] = ()
     brakes: tuple[str, ...] = ()
+    contacts: tuple[Contact | Rope, ...] = ()
     notes: tuple[Problem, ...] = ()  #: Content of the files that is ignored.
     open_tree: str = ""  #: A warning if the robot has no loops; else empty.
 
@@ -38,7 +40,7 @@ class RobotFile(NamedTuple):
     def arguments(self) -> dict[str, Any]:
         """Arguments of the constructor of `ClosedChain`."""
         numbers = "stiffness", "spring_reference"
-        names = ("model", "closures", "actuated", *numbers, "lines", "brakes")
+        names = ("model", "closures", "actuated", *numbers, "lines", "brakes", "contacts")
         return {name: getattr(self, name) for name in names}
 
     def mechanism(self) -> Mechanism:
@@ -47,7 +49,7 @@ class RobotFile(NamedTuple):
         numbers = {name: getattr(self, name, None) for name in names}
         model, motors = copied(self.model), motors_of(self.actuated)
         parts = model, self.closures, motors, None, numbers, self.lines, self.brakes
-        return settled(mechanism_of(*parts))
+        return settled(mechanism_of(*parts, contacts_of(self.contacts)))
 
 
 @contextmanager

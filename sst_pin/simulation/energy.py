@@ -64,7 +64,13 @@ def friction_power(engine: Engine, q: ArrayLike, va: ArrayLike) -> Array:
     """Power of friction in all joints, Eq. (87), and of dampers, shape (...), [W]."""
     v, mechanism = engine.compute(Quantity("rates"), q, va=va), engine.mechanism
     _, _, damping, _ = mechanism.lines.numbers
-    on_lines = (damping * engine.line_rates(q, v) ** 2).sum(axis=-1)
+    rates = engine.line_rates(q, v)
+    if mechanism.lines.pull_only.any():
+        array = finite_array("q", q, (mechanism.model.nq,))
+        shape = (len(mechanism.lines.forces),)
+        lengths = for_each_sample(engine.reference.line_lengths, [array], (1,), shape)
+        damping = damping * mechanism.lines.taut(lengths, rates)
+    on_lines = (damping * rates**2).sum(axis=-1)
     return finite_array("power", (mechanism.friction.forces(v) * v).sum(axis=-1) - on_lines, ())
 
 

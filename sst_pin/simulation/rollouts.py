@@ -25,8 +25,10 @@ from ..arrays import (
 from ..dynamics.quantities import Quantity
 from ..engine import Engine
 from ..errors import InputError, SimulationError
+from ..model.mechanism import Mechanism
 from ..progress import announced
 from ..states import RolloutArrays
+from ..summaries import listed
 
 #: Steps of all motions together from which a rollout may take seconds.
 _MANY = 10_000
@@ -47,6 +49,14 @@ class Rollout(NamedTuple):
 
     q: Array
     va: Array
+
+
+def require_smooth(mechanism: Mechanism) -> None:
+    """Refuse contacts and ropes, which only nonsmooth steps know."""
+    if not mechanism.contacts.none:
+        elements = mechanism.contacts.points + mechanism.contacts.ropes
+        names = listed([str(element) for element in elements])
+        raise InputError("contacts", f"{names} act in rollout(..., nonsmooth=True) only; call it")
 
 
 def rollout(

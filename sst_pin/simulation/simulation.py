@@ -18,6 +18,7 @@ from ..progress import FASTER, Bar
 from ..states import States
 from .inputs import ExternalLoad, Settings, Torque, load_input, torque_input
 from .integration import Integration
+from .rollouts import require_smooth
 from .sampled_torques import SampledTorque
 from .samples import sample_times
 from .state_equations import StateEquations
@@ -41,6 +42,7 @@ def simulate(
 ) -> Trajectory:
     """The motion that `ClosedChain.simulate` returns, for the same arguments."""
     times, mechanism = sample_times(t, 2), engine.mechanism
+    require_smooth(mechanism)
     positive_number("sign_width", sign_width, or_zero=True)  # 0 is the sign itself
     if isinstance(torque, SampledTorque) and settings.through_singularities:
         raise InputError("through_singularities", "not with sampled torques, which are not smooth")

@@ -89,7 +89,9 @@ class MovingRobot:
             length = float(np.linalg.norm(d))
             row = d @ (b.J - a.J)[:3] / length  # the rate of the length is row v
             stretched = line.stiffness * (length - line.rest_length)
-            force -= (line.preload + stretched + line.damping * row @ self.v) * row
+            tension = line.preload + stretched + line.damping * row @ self.v
+            if not (line.pulls_only and tension < 0):
+                force -= tension * row
             self.B = self.B + np.outer(row, shares)
             d_dot = (b.twist - a.twist)[:3]
             d_ddot = (b.drift - a.drift)[:3]  # but for v_dot

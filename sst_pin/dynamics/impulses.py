@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Impulses of stops, dry friction, ropes and contacts in one time step.
+
+The step is that of Moreau and Jean [1]: rates are free + M^-1 J^T x with impulses x, and w = J
+rates + bias + compliance x are the rates of the rows. Row by row,
+
+    STOP     0 <= x, 0 <= w, x w = 0
+    DRY      |x| <= bound; w = 0, or x = -bound sign w
+    contact  rows (SIDE, SIDE, NORMAL): the normal row as a stop; the impulse s in the plane has
+             |s| <= friction x_n; w_s = 0, or s = -friction x_n w_s / |w_s|   (Coulomb's cone)
+
+All of it is x = P(x - w), with the projection P of Alart and Curnier [2]. Projected Gauss-Seidel
+sweeps [3] come near the solution, and Newton's method on x - P(x - w) finishes. Redundant contacts,
+as four corners of a sole, make J M^-1 J^T singular; a proximal term in Newton's matrix leaves the
+solution as it is. [4] compares such methods.
+
+[1] M. Jean, The non-smooth contact dynamics method, Comput. Methods Appl. Mech. Eng. 177 (1999).
+[2] P. Alart, A. Curnier, A mixed formulation for frictional contact problems prone to Newton like
+    solution methods, Comput. Methods Appl. Mech. Eng. 92 (1991).
+[3] F. Jourdan, P. Alart, M. Jean, A Gauss-Seidel like algorithm to solve frictional contact
+    problems, Comput. Methods Appl. Mech. Eng. 155 (1998).
+[4] V. Acary, M. Bremond, O. Huber, On solving contact problems with Coulomb friction: formulations
+    and numerical comparisons, in: Advanced Topics in Nonsmooth Dynamics (2018).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..arrays import Array, Flags, Indices
+
+#: Kinds of rows.
+STOP, DRY, SIDE, NORMAL = range(4)
+#: Largest error of x = P(x - w) in a solution, relative to the largest impulse. Both are in the
+#: units of the square root of an energy: rows are divided by the square root of their diagonal
+#: entries of J M^-1 J^T.
+SOLVED = 1e-9
+#: Newton's method goes on to this error: the rest is rounding.
+_ROUNDING = 1e-12
+#: Sweeps before a series of Newton's steps, the most steps in a series, the most series.
+_SWEEPS, _STEPS, _SERIES = 10, 20, 30
+#: A solution that is not exact to rounding is improved in this number of series.
+_REFINED = 6
+#: Impulses larger than this multiple of the rates count as this multiple in the error: where no
+#: impulses solve a step, they grow without bound.
+_LARGEST = 1e3
+#: Proximal terms of the series in turn, relative to the diagonal of J M^-1 J^T. Regular parts of
+#: this matrix are larger than the first. Where redundant contacts contradict each other by little,
+#: as corners of a sole that begins to tilt, larger ones keep the steps short.
+_PROXIMAL = (1e-6, 1e-3, 1e-5, 1e-2)
+
+
+class Rows(NamedTuple):
+    """Rows of stops, dry friction and contacts on the coordinates.
+
+    Attributes:
+        J: Their rates for rates of the coordinates, shape (m, n).
+        bias: Rates that are added, shape (m,).
+        compliance: Rates per impulse, shape (m,); zero for rigid rows.
+        kinds: STOP, DRY, or SIDE, SIDE, NORMAL of a contact, shape (m,).
+        bounds: Largest impulse of a DRY row, coefficient of friction at a NORMAL row, shape (m,).
+    """
+
+    J: Array
+    bias: Array
+    compliance: Array
+    kinds: Indices
+    bounds: Array
+
+
+class Impulses(NamedTuple):
+    """The solution of one step.
+
+    Attributes:
+        rates: Rates of the coordinates after the impulses, shape (n,).
+        x: Impulses, shape (m,).
+        residual: Largest error of x = P(x - w), relative to the largest impulse; see `SOLVED`.
+    """
+
+    rates: Array
+    x: Array
+    residual: float
+
+
+def impulses(inertia: Array, free: Array, rows: Rows, start: Array) -> Impulses:
+    """Impulses of rows on coordinates with an inertia, shape (n, n), and free rates, shape (n,).
+
+    Only rows that act are solved for: dry friction, stops and contacts that the free rates violate,
+    and those that the impulses of the others violate. `start` is near the solution, shape (m,).
+    """
+    Y = np.linalg.solve(inertia, rows.J.T)  # M^-1 J^T
+    normals = np.flatnonzero(rows.kinds == NORMAL)
+    one_sided = (rows.kinds == STOP) | (rows.kinds == NORMAL)
+    moves = np.einsum("ij,ji->i", rows.J, Y) + rows.compliance > 0  # others cannot be changed
+    moves[normals - 1] = moves[normals - 2] = moves[normals]
+    acting, x, rates, residual = np.zeros(len(start), dtype=bool), np.zeros(len(start)), free, 0.0
+    violated = (rows.kinds == DRY) & (rows.bounds > 0)
+    while True:
+        w = rows.J @ rates + rows.bias
+        violated |= one_sided & (w < 0)
+        violated[normals - 1] |= violated[normals]
+        violated[normals - 2] |= violated[normals]
+        violated &= ~acting & moves
+        if not violated.any():
+            return Impulses(rates, x, residual)
+        acting |= violated
+        x, residual = np.zeros(len(start)), np.inf
+        if np.isfinite(w).all():
+            x[acting], residual = _solved(rows, Y, free, start, acting)
+        rates = free + Y @ x
+
+
+def _solved(rows: Rows, Y: Array, free: Array, start: Array, acting: Flags) -> tuple[Array, float]:
+    """Impulses of the rows that act, and their residual."""
+    J = rows.J[acting]
+    A, u = J @ Y[:, acting] + np.diag(rows.compliance[acting]), J @ free + rows.bias[acting]
+    sizes, kinds = np.diag(A).copy(), rows.kinds[acting]
+    normals = np.flatnonzero(kinds == NORMAL)
+    of_contacts = normals[:, None] - [0, 1, 2]
+    sizes[of_contacts] = sizes[of_contacts].max(axis=1, keepdims=True)
+    units = np.sqrt(sizes)
+    bounds = np.where(kinds == DRY, rows.bounds[acting] * units, rows.bounds[acting])
+    problem = _Problem(A / units / units[:, None], u / units, kinds, bounds)
+    x, residual = problem.solution(start[acting] * units)
+    return x / units, residual
+
+
+class _Problem:
+    """x = P(x - w), w = A x + u, with the diagonal of A at most 1."""
+
+    def __init__(self, A: Array, u: Array, kinds: Indices, bounds: Array) -> None:
+        self._A, self._u, self._kinds, self._bounds = A, u, kinds, bounds
+        self._normals = np.flatnonzero(kinds == NORMAL)
+        self._friction = bounds[self._normals]
+
+    def solution(self, start: Array) -> tuple[Array, float]:
+        """The solution near a start, and its residual.
+
+        Every third series of Newton's steps starts from the sweeps alone, which go on; the others
+        from the best impulses. Neither is best for all problems.
+        """
+        swept, best, least = start, start, np.inf
+        for series in range(_SERIES):
+            alone = series % 3 == 0
+            x = swept if alone else best
+            for _ in range(_SWEEPS * (1 + series) if alone else _SWEEPS):
+                x = self._swept(x)
+            if alone:
+                swept = x
+            near, error = self._newton(x, _PROXIMAL[series % len(_PROXIMAL)])
+            if error < least:
+                best, least = near, error
+            if least < _ROUNDING or (least < SOLVED and series >= _REFINED):
+                break
+        return best, least
+
+    def _newton(self, x: Array, proximal: float) -> tuple[Array, float]:
+        """The best of some steps of Newton's method, and its residual."""
+        best, least, largest = x, np.inf, _LARGEST * float(np.abs(self._u).max())
+        for _ in range(_STEPS):
+            y = x - self._A @ x - self._u
+            F = x - self._projected(y)
+            error, size = float(np.abs(F).max()), float(min(np.abs(x).max(), largest))
+            if error:
+                error = error / size if size else np.inf
+            if not error < least and least < SOLVED:
+                break
+            if error < least:
+                best, least = x, error
+            if least < _ROUNDING:
+                break
+            # d(x - P(y)) = dx - dP dy, dy = dx - A dx
+            slopes = self._slopes(y)
+            dF = np.eye(len(x)) - slopes + slopes @ self._A + proximal * slopes
+            try:
+                x = x - np.linalg.solve(dF, F)
+            except np.linalg.LinAlgError:
+                break
+            if not np.isfinite(x).all():
+                break
+        return best, least
+
+    def _projected(self, y: Array) -> Array:
+        """P(y)."""
+        clipped = np.clip(y, -self._bounds, self._bounds)
+        x = np.where(self._kinds == STOP, np.maximum(y, 0.0), clipped)
+        normal = np.maximum(y[self._normals], 0.0)
+        sides = self._normals[:, None] - [1, 2]
+        sizes = np.linalg.norm(y[sides], axis=1)
+        largest = self._friction * normal
+        over = sizes > largest
+        factors = np.where(over, largest / np.where(over, sizes, 1.0), 1.0)
+        x[sides], x[self._normals] = y[sides] * factors[:, None], normal
+        return x
+
+    def _slopes(self, y: Array) -> Array:
+        """Derivatives of P by y, shape (m, m)."""
+        inside = np.where(self._kinds == STOP, y > 0, np.abs(y) <= self._bounds)
+        slopes = np.diag(np.where(inside & (self._kinds <= DRY), 1.0, 0.0))
+        for k, friction in zip(self._normals, self._friction, strict=True):
+            at = slice(k - 2, k)
+            size, largest = float(np.linalg.norm(y[at])), friction * y[k]
+            if y[k] > 0:
+                slopes[k, k] = 1.0
+                slopes[at, at] = np.eye(2)
+                if size > largest:
+                    way = y[at] / size
+                    slopes[at, at] = largest / size * (np.eye(2) - np.outer(way, way))
+                    slopes[at, k] = friction * way
+        return slopes
+
+    def _swept(self, x: Array) -> Array:
+        """One sweep of projected Gauss-Seidel; the sides of a contact follow its normal row."""
+        x, A = x.copy(), self._A
+        for i in np.flatnonzero(self._kinds != SIDE):
+            x[i] -= (A[i] @ x + self._u[i]) / A[i, i]
+            if self._kinds[i] == DRY:
+                x[i] = min(max(x[i], -self._bounds[i]), self._bounds[i])
+                continue
+            x[i] = max(x[i], 0.0)
+            if self._kinds[i] == NORMAL:
+                at, largest = slice(i - 2, i), self._bounds[i] * x[i]
+                trace = A[i - 1, i - 1] + A[i - 2, i - 2]
+                side = x[at] - (A[at] @ x + self._u[at]) / trace if trace > 0 else np.zeros(2)
+                size = np.linalg.norm(side)
+                x[at] = side if size <= largest else side * (largest / size)
+        return x

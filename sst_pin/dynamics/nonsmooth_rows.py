@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""What the rows of a nonsmooth step are: contacts, ropes, cables, stops and dry joints."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from ..arrays import Array, Indices
+from ..errors import InputError
+from ..model.mechanism import Mechanism
+from .impulses import DRY, NORMAL, SIDE, STOP
+
+
+class Stop(NamedTuple):
+    """An end of the range of a joint."""
+
+    rate: int  #: Index in v.
+    position: int  #: Index in q.
+    side: int  #: 1 for the lower end, -1 for the upper one.
+    limit: float
+
+
+class MotorGains(NamedTuple):
+    """Gains of position control in the motors, shapes (motors,)."""
+
+    stiffness: Array
+    damping: Array
+
+
+@dataclass(frozen=True, eq=False)
+class NonsmoothRows:
+    """The rows of one mechanism, in the order contacts, ropes, cables, stops, dry joints.
+
+    A contact has three rows, along x, y and z of its ground.
+    """
+
+    mechanism: Mechanism
+    gains: MotorGains
+
+    def __post_init__(self) -> None:
+        mechanism, acting = self.mechanism, (self.gains.stiffness + self.gains.damping) > 0
+        for k in np.flatnonzero(acting):
+            on_cables = mechanism.lines.motors[self.cables, k]
+            on_others = np.delete(mechanism.lines.motors[:, k], self.cables)
+            if on_cables.any() and (
+                np.count_nonzero(on_cables) > 1 or on_others.any() or mechanism.motors[:, k].any()
+            ):
+                name = mechanism.motor_names[k]
+                problem = f"motor {name} pulls a cable and acts on other joints or lines; "
+                raise InputError("motor_stiffness", problem + "give it its forces as tau")
+        for k in np.flatnonzero(self.gains.stiffness):
+            rates = np.setdiff1d(np.flatnonzero(mechanism.motors[:, k]), mechanism.sprung)
+            if len(rates):
+                name = mechanism.motor_names[k]
+                problem = f"motor {name} drives {mechanism.space.rate_names[rates[0]]}, which has "
+                raise InputError("motor_stiffness", problem + "no position; give it damping only")
+
+    @cached_property
+    def cables(self) -> Indices:
+        """Indices of the lines that only pull."""
+        return np.flatnonzero(self.mechanism.lines.pull_only)
+
+    @cached_property
+    def stops(self) -> Sequence[Stop]:
+        """Both ends of joints with one coordinate for each rate, where they are finite."""
+        model, stops = self.mechanism.model, list[Stop]()
+        for joint in list(model.joints)[1:]:
+            for k in range(joint.nv if joint.nq == joint.nv else 0):
+                at = joint.idx_q + k
+                low, high = model.lowerPositionLimit[at], model.upperPositionLimit[at]
+                for side, limit in ((1, float(low)), (-1, float(high))):
+                    if abs(limit) < 1e30:  # files write 1e30 and more for no limit
+                        stops.append(Stop(joint.idx_v + k, at, side, limit))
+        return stops
+
+    @cached_property
+    def dry(self) -> Indices:
+        """Rates with dry friction."""
+        return np.flatnonzero(self.mechanism.friction.coulomb)
+
+    @cached_property
+    def parts(self) -> tuple[slice, slice, slice, slice, slice]:
+        """Where the rows of contacts, ropes, cables, stops and dry joints are."""
+        contacts = self.mechanism.contacts
+        sizes = 3 * len(contacts.points), len(contacts.ropes), len(self.cables)
+        ends = np.cumsum([0, *sizes, len(self.stops), len(self.dry)]).tolist()
+        a, b, c, d, e = (slice(*pair) for pair in pairwise(ends))
+        return a, b, c, d, e
+
+    @cached_property
+    def kinds(self) -> Indices:
+        """Kinds of the rows, see `impulses`."""
+        points, _, _, _, dry = self.parts
+        kinds = np.full(dry.stop, STOP)
+        kinds[points], kinds[dry] = SIDE, DRY
+        kinds[2 : points.stop : 3] = NORMAL
+        return kinds
+
+    def bounds(self, h: float) -> Array:
+        """Coefficients of friction, and the largest impulses of dry joints in a step."""
+        points, _, _, _, dry = self.parts
+        bounds = np.zeros(dry.stop)
+        bounds[2 : points.stop : 3] = [x.friction for x in self.mechanism.contacts.points]
+        bounds[dry] = h * self.mechanism.friction.coulomb[self.dry]
+        return bounds
+
+    @cached_property
+    def restitution(self) -> Array:
+        """Restitution of each contact, shape (contacts,)."""
+        return np.array([x.restitution for x in self.mechanism.contacts.points])
+
+    def stop_gaps(self, q: Array) -> Array:
+        """How far each stop is away, shape (stops,)."""
+        return np.array([x.side * (q[x.position] - x.limit) for x in self.stops])
+
+    def motor_positions(self, q: Array, lengths: Array) -> Array:
+        """Positions of the motors, shape (motors,): of tendons and lines the weighted lengths."""
+        model = self.mechanism.model
+        displacement = pin.difference(model, pin.neutral(model), q)
+        return displacement @ self.mechanism.motors + lengths @ self.mechanism.lines.motors
+
+    def forces_on_joints(self, x: Array) -> Array:
+        """Forces of stops and dry friction along the rates, shape (nv,), from those of rows."""
+        _, _, _, stops, dry = self.parts
+        forces = np.zeros(self.mechanism.model.nv)
+        for stop, force in zip(self.stops, x[stops], strict=True):
+            forces[stop.rate] += stop.side * force
+        forces[self.dry] += x[dry]
+        return forces
