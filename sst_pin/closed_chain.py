@@ -29,6 +29,7 @@ from .loops.start import assemble, start_of
 from .model.checks import Motor, coordinates_of, copied, recipe_of, without_locked
 from .model.closures import Constraint
 from .model.contacts import Contact, Rope
+from .model.geometry import take_placements
 from .model.lines import LineForce
 from .model.mechanism import Mechanism
 from .model.robot_properties import RobotProperties
@@ -81,7 +82,7 @@ class ClosedChain(RobotProperties, Summary):
     batch the error names the samples.
 
     Args:
-        model: The tree. The chain computes with a copy.
+        model: The tree, which is copied; the property `model` is the robot's own tree.
         closures: `Closure`, `Distance`, `Coupling`, `Rolling`, or pairs of names of frames that
             must coincide; none for an open tree.
         actuated: The motors: names of joints and of `lines`; for a tendon a mapping from
@@ -150,13 +151,19 @@ class ClosedChain(RobotProperties, Summary):
             stiffness=stiffness,
             spring_reference=spring_reference,
         )
-        self._fill(without_locked(model, locked) if locked else model, mechanism)
+        self._fill(without_locked(model, locked) if locked else copied(model), mechanism)
 
     def _fill(self, model: pin.Model, mechanism: partial[Mechanism]) -> None:
-        """Take a model and the function that makes a mechanism of it; kernels are made again."""
+        """Take a tree, which becomes `model`, and the function that makes a mechanism of a tree.
+
+        The engine computes with a copy, so that edits of `model` count after `refresh` only. If
+        this robot had kernels, they are made again at their first use.
+        """
         make_kernels = self._engine.make_kernels if hasattr(self, "_engine") else None
-        self._model, self._mechanism_of = model, mechanism
+        self._model = model
+        self._mechanism_of = mechanism
         settled_mechanism = settled(mechanism(copied(model)))
+        take_placements(model, settled_mechanism.model)
         self._engine = Engine(settled_mechanism, make_kernels, platform=self._platform)
 
     def refresh(self) -> None:
@@ -187,7 +194,7 @@ class ClosedChain(RobotProperties, Summary):
 
     def with_model(self, model: pin.Model) -> ClosedChain:
         """This robot with another tree of the same joints and frames, on the reference path."""
-        return self._rebuilt(model)
+        return self._rebuilt(copied(model))
 
     def _rebuilt(self, model: pin.Model, **changes: object) -> ClosedChain:
         chain = ClosedChain.__new__(ClosedChain)
@@ -221,7 +228,11 @@ class ClosedChain(RobotProperties, Summary):
 
     @property
     def model(self) -> pin.Model:
-        """The caller's tree. Edits take effect after `refresh()`."""
+        """The robot's own tree, with corrected placements; edits take effect after `refresh()`.
+
+        The constructor copies the tree that it is given, and corrects placements of few digits in
+        overconstrained loops, so that Pinocchio computes the same frames with this tree.
+        """
         return self._model
 
     @property

@@ -119,6 +119,14 @@ def displaced(model: pin.Model, changes: Displacements) -> pin.Model:
     return model
 
 
+def take_placements(model: pin.Model, source: pin.Model) -> None:
+    """Give a tree the placements of joints and frames of another tree with the same ones."""
+    for j in range(model.njoints):
+        model.jointPlacements[j] = source.jointPlacements[j]
+    for frame, other in zip(model.frames, source.frames, strict=True):
+        frame.placement = other.placement
+
+
 def enlarged(model: pin.Model, joints_at_rest: Iterable[RestingJoint]) -> pin.Model:
     """The tree with joints at rest, in series from the bodies to the places.
 

@@ -183,6 +183,35 @@ def test_the_warning_says_which_loops_are_open_how_far_and_what_was_changed():
     assert degrees < 0.1
 
 
+def test_the_model_of_a_robot_has_the_corrected_placements_and_is_its_own():
+    """Pinocchio and the robot place frames alike; the given tree stays; a refresh moves nothing."""
+    given, *others = bar(across=2e-4)
+    before = pin.Model(given)
+    chain, _ = with_warnings(ClosedChain, given, *others)
+    assert given == before
+    model, q = chain.model, chain.assemble([1.2, -0.725, 1.969], ["crank"])
+
+    def as_pinocchio_has_them():
+        data = model.createData()
+        pin.framesForwardKinematics(model, data, q)
+        for frame, place in zip(model.frames, data.oMf, strict=True):
+            p, R = chain.frame_placement(q, frame.name)
+            assert np.abs(place.translation - p).max() < 1e-15
+            assert np.abs(place.rotation - R).max() < 1e-15
+
+    as_pinocchio_has_them()
+    mark = pin.Frame("mark", 1, at(0.1, 0.2, 0.3), pin.FrameType.OP_FRAME)
+    model.addFrame(mark)
+    _, records = with_warnings(chain.refresh)
+    assert records == []
+    assert chain.model is model
+    as_pinocchio_has_them()
+    assert chain.frame_placement(q, "mark")[0][2] == pytest.approx(0.3, abs=2e-4)  # as corrected
+    model.gravity.linear = np.zeros(3)
+    chain.refresh()
+    assert np.abs(chain.compute_torques(q, [0], [0])).max() < 1e-15
+
+
 @pytest.mark.parametrize("kind", ["3d", "hinge"])
 def test_a_closure_two_millimetres_across_the_plane_is_refused(kind):
     """On a robot of 0.4 m, when it is made; the error names the loop and the best pose's gap."""
