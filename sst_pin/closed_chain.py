@@ -186,7 +186,7 @@ class ClosedChain(RobotProperties, Summary):
         Example:
             >>> held = chain.with_brakes(["crank"])
             >>> held.degrees_of_freedom, held.reactions(held.home).brakes["crank"].round(3)
-            (0, np.float64(0.147))
+            (0, np.float64(0.16))
         """
         brakes = names_of("brakes", names)
         model = pin.Model(self.engine.mechanism.model)
