@@ -148,7 +148,7 @@ def _reduced_terms(e: Equations, checks: Checks) -> _Made:
     gravity = e.project(add(e.tree.forces({}, {}, loads=False), e.tree.springs(e.v)))
     friction = e.project(e.tree.friction(e.v))
     terms = [row_by_row(e.inertia), row_by_row(e.coriolis), -gravity, -friction]
-    return _moving(e), ca.vertcat(*terms), checks.of_rates + checks.of_complement
+    return _moving(e), ca.vertcat(*terms), checks.of_accelerations
 
 
 def _torque_regressor(e: Equations, checks: Checks) -> _Made:
@@ -156,7 +156,7 @@ def _torque_regressor(e: Equations, checks: Checks) -> _Made:
     nv, by_numbers = e.mechanism.model.nv, ca.jacobian(e.project(e.tree_forces), e.p)
     *blocks, lines = (by_numbers @ ca.sparsify(ca.DM(x)) for x in e.parameters.by_parameters())
     offsets = (e.project({i: 1.0}) for i in range(nv))
-    more = checks.of_rates + checks.unsolved(e.dv, e.drift) + checks.of_complement
+    more = checks.of_rates + checks.solved(e.dv) + checks.of_complement
     Y = row_by_row(*blocks, *offsets, lines, *map(e.project, e.motor_columns))
     return _moving(e) | {"aa": e.aa}, Y, more
 
@@ -166,7 +166,7 @@ def _rates(e: Equations, checks: Checks) -> _Made:
 
 
 def _joint_accelerations(e: Equations, checks: Checks) -> _Made:
-    more = checks.of_rates + checks.unsolved(e.dv, e.drift)
+    more = checks.of_rates + checks.solved(e.dv)
     return _moving(e) | {"aa": e.aa}, column(e.dv, range(e.mechanism.model.nv)), more
 
 

@@ -309,7 +309,9 @@ def terms(context: Context, q: Array, va: Array) -> Terms:
     mechanism, model = context.mechanism, context.mechanism.model
     Phi, L = context.loops.Phi, context.complement.L
     v = L @ va  # Eq. (16)
-    L_dot = context.complement.L_dot(context.loops.Phi_dot(v))
+    Phi_dot = context.loops.Phi_dot(v)
+    L_dot = context.complement.L_dot(Phi_dot)
+    context.complement.require_accelerations(v, L_dot @ va, Phi_dot @ v)
     of_bodies = bodies(context.loops, v)
     lengths, J = context.lines.evaluate(q)
     taut = mechanism.lines.taut(lengths, J @ v)

@@ -19,7 +19,7 @@ from ..errors import SingularConfigurationError
 from ..loops.loops import Loops, connected
 from ..loops.mobility import choose_coordinates, condition_number
 from ..model.mechanism import Mechanism
-from ..model.thresholds import CLOSURE_TOLERANCE, INCONSISTENT, MAX_CONDITION_NUMBER
+from ..model.thresholds import CLOSURE_TOLERANCE, INCONSISTENT, MAX_CONDITION_NUMBER, RESTS
 from ..summaries import listed
 
 
@@ -65,6 +65,8 @@ class JointComplement:
             _Block(mechanism, *part) for part in connected(loops.touched[:, mechanism.dependent])
         ]
         self.inverse = np.zeros(loops.touched.T.shape)
+        pivots = sum(len(b.rates) for b in self.blocks if len(b.rows) == len(b.rates))
+        self._redundant = pivots < len(loops.touched)
 
     def evaluate(self, q: Array, tolerance: float = CLOSURE_TOLERANCE) -> None:
         """Compute L at q; the loops must be closed up to a tolerance."""
@@ -82,8 +84,37 @@ class JointComplement:
         loops = self._loops
         tree, data = loops.tree, loops.data
         pin.forwardKinematics(tree.model, data, loops.q, tree.S.dot(v), self._steady)
-        drift = [rows.drift(v, data) for rows in loops.closures]  # Phi_dot v
-        return v, self.accelerations(aa, np.concatenate([loops.f[:0], *drift]))
+        parts = [rows.drift(v, data) for rows in loops.closures]
+        drift = np.concatenate([loops.f[:0], *parts])  # Phi_dot v
+        v_dot = self.accelerations(aa, drift)
+        self.require_accelerations(v, v_dot, drift)
+        return v, v_dot
+
+    def require_accelerations(self, v: Array, v_dot: Array, drift: Array) -> None:
+        """Check Eq. (8), Phi v_dot + Phi_dot v = 0, in redundant rows too; drift is Phi_dot v.
+
+        Where only velocities fit the closures, as in the pose in which a braced frame shakes, no
+        accelerations do: nothing moves there.
+        """
+        if not self._redundant:
+            return
+        loops, mechanism = self._loops, self._mechanism
+        left = (loops.Phi.dot(v_dot) + drift) * self._row_scale
+        rates, accelerations = v / mechanism.rate_scale, v_dot / mechanism.rate_scale
+        size = rates.dot(rates) + math.sqrt(accelerations.dot(accelerations))
+        worst = int(np.abs(left).argmax())
+        if not np.isfinite(size) or abs(left[worst]) <= self._slack * size:
+            return
+        rows = [(closure, row) for closure in mechanism.closures for row in closure.rows]
+        closure, row = rows[worst]
+        moving = np.abs(rates) > RESTS * np.abs(rates).max()
+        names = listed(np.array(mechanism.space.rate_names)[moving].tolist())
+        raise SingularConfigurationError(
+            f"singular configuration: rates of the joints {names} are possible here, but no motion "
+            f"with them: no accelerations satisfy the row {row} of the closure {closure}; move "
+            "away, or lock joints that cannot move: locked=[...]",
+            float("inf"),
+        )
 
     def _factorise(self, Phi: Array, f: Array) -> None:
         """Compute L and the inverse; the error names the rates that the closures do not determine.
@@ -102,13 +133,13 @@ class JointComplement:
             self._refuse(Phi, largest / MAX_CONDITION_NUMBER, smallest)
         Phi_a = Phi.take(self._mechanism.coordinates, axis=1)
         self.L: Array = self._S_a - self.inverse.dot(Phi_a)  # Eqs. (7), (17)
+        if not self._redundant:
+            return
         left = (Phi.dot(self.L) * self._of_Phi_L).ravel()  # Phi L = 0
-        bound = INCONSISTENT * CLOSURE_TOLERANCE * largest
-        if left.dot(left) <= bound**2:
-            return  # sufficient: the bound below is not smaller, as L has entries 1
         gap = np.abs(self._row_scale * f).max() * largest / min(smallest, default=1.0)
-        bound *= (1 + gap / CLOSURE_TOLERANCE) * np.abs(self.L * self._of_L).max()
-        if not np.abs(left).max() <= bound:
+        bound = INCONSISTENT * (CLOSURE_TOLERANCE + gap) * largest
+        self._slack = bound * np.abs(self.L * self._of_L).max(initial=1.0)
+        if not np.abs(left).max(initial=0.0) <= self._slack:
             self._refuse(Phi, 0.0, smallest)
 
     def _refuse(self, Phi: Array, least: float, smallest: list[float]) -> None:

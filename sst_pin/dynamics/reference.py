@@ -226,8 +226,11 @@ class Reference(threading.local):
     @_finite
     def frame_jacobian_rate(self, q: Array, va: Array, frame: int) -> Array:
         """Rate of `frame_jacobian`, shape (6, n)."""
-        L, loops = self.L(q), self.context.loops
-        L_dot = self.context.complement.L_dot(loops.Phi_dot(L.dot(va)))
+        L, loops, complement = self.L(q), self.context.loops, self.context.complement
+        v = L.dot(va)
+        Phi_dot = loops.Phi_dot(v)
+        L_dot = complement.L_dot(Phi_dot)
+        complement.require_accelerations(v, L_dot.dot(va), Phi_dot.dot(v))
         return loops.frame_jacobian_rate(frame).dot(L) + loops.frame_jacobian(frame).dot(L_dot)
 
     @_finite

@@ -15,6 +15,7 @@ from ..model.thresholds import CLOSURE_TOLERANCE
 from ..model.tree import frame_id
 from .assembly import Assembly, home_of
 from .coordinates import examples
+from .finite_motions import finite_motions
 from .loops import Loops
 from .mobility import Mobility, condition_number, judge, scaled_Phi
 
@@ -88,7 +89,9 @@ class ClosedLoops(ABC):
         """Degrees of freedom and motors; see `ClosedChain.mobility`."""
         where = "a random assembled configuration" if q is None else "the configuration given"
         at = self.example() if q is None else self.single(q)
-        return judge(self.mechanism, self.assembly.loops, at, where)
+        self.loops_at(at).require_closed(self.mechanism.row_scale)
+        motions = finite_motions(self.assembly, at)
+        return judge(self.mechanism, self.assembly.loops, at, where, motions)
 
     # --- closed configurations --------------------------------------------------------------
 

@@ -18,15 +18,16 @@ from ..arrays import Array, Flags, Indices
 from ..errors import ClosureError, DescriptionWarning, SingularConfigurationError, warn_caller
 from ..model.closures import Brake
 from ..model.mechanism import Mechanism
-from ..model.thresholds import INDEPENDENT, MAX_CONDITION_NUMBER, RANK_TOLERANCE, RESTS
+from ..model.thresholds import INDEPENDENT, MAX_CONDITION_NUMBER, RESTS
 from ..progress import announced
 from ..summaries import listed
 from .assembly import Assembly, displacement, home_of
 from .continuity import Continuity
+from .finite_motions import finite_motions, has_accelerations
 from .geometry_correction import correct_geometry
 from .line_kinematics import LineKinematics
 from .loops import Loops
-from .mobility import choose_coordinates, free_motions, motor_rates, scaled_Phi
+from .mobility import choose_coordinates, free_motions, motor_rates, rank_of, scaled_Phi
 
 #: Widths of the random displacements from home or `pin.neutral`, [rad] or lengths of the loop.
 _AROUND_HOME, _AROUND_NEUTRAL = (0.1, 0.03, 0.01), np.linspace(0.1, 2.0, 20)
@@ -36,9 +37,10 @@ _POORER = 10.0
 _FEW = 3
 #: Most configurations on the path from home.
 _LOOKS = 30
-#: Home is singular if a singular value of Phi is below this part of its value beside home, at
-#: this distance.
-_VANISHES, _BESIDE = 1e-2, 1e-3
+#: Home is singular if Phi has a higher rank at this distance, [rad] or lengths of the loop. Its
+#: singular values that vanish at home are of about this size there; those that vanish there too are
+#: at most the square root of rounding, by which the closures fix such a pose.
+_BESIDE, _REGULAR = 1e-3, 1e-5
 #: The cure if no guess can be assembled.
 _GIVE_ONE = 'give q, a closed configuration, or make it model.referenceConfigurations["home"]'
 #: A coordinate with a smaller part of the inertia of its bodies moves no mass.
@@ -74,9 +76,13 @@ def examples(assembly: Assembly) -> Iterator[Array]:
         raise ClosureError(f"{open_by}; {_GIVE_ONE}", nearest.residual)
 
 
-def _home(assembly: Assembly, fixed: Indices) -> Array | None:
-    """Home with closed loops; None if it is missing, cannot be closed, or Phi loses rank there."""
-    mechanism, loops = assembly.mechanism, assembly.loops
+def _home(assembly: Assembly, fixed: Indices) -> tuple[Array, Array] | None:
+    """Home with closed loops and the motions from it; None without a regular home.
+
+    There is none if it is missing, cannot be closed, or if motions branch at home, so that Phi has
+    a lower rank there than beside it.
+    """
+    mechanism = assembly.mechanism
     q = home_of(mechanism)
     if q is None:
         return None
@@ -84,34 +90,52 @@ def _home(assembly: Assembly, fixed: Indices) -> Array | None:
         q = assembly.near(q, fixed)
     except ClosureError:
         return None
+    motions = finite_motions(assembly, q)
+    if motions.shape[1]:
+        only_here = _rates_only_at(assembly, q, fixed)
+        if only_here.shape[1]:
+            _warn_of_singular_home(mechanism, only_here)
+            return None
+    return q, motions
+
+
+def _rates_only_at(assembly: Assembly, q: Array, fixed: Indices) -> Array:
+    """Rates that Phi allows at a closed q but not beside it, as motions branch, shape (nv, k)."""
+    mechanism, loops = assembly.mechanism, assembly.loops
+    _, here, Vt = np.linalg.svd(Phi := scaled_Phi(mechanism, loops, q))
+    rank, none = rank_of(here), Vt[:0].T
+    if has_accelerations(assembly, Phi, Vt[rank:].T):
+        return none
     try:
         guess = pin.integrate(mechanism.model, q, displacement(mechanism, _BESIDE))
         beside = assembly.near(guess, fixed)
     except ClosureError:
-        return q
+        return none
     there = np.linalg.svd(scaled_Phi(mechanism, loops, beside), compute_uv=False)
-    _, here, motions = np.linalg.svd(scaled_Phi(mechanism, loops, q))
-    vanishing = (there > RANK_TOLERANCE * there.max(initial=1.0)) & (here < _VANISHES * there)
-    if not vanishing.any():
-        return q
-    _warn_of_singular_home(mechanism, motions[: len(here)][vanishing])
-    return None
+    return Vt[rank : np.count_nonzero(there > _REGULAR * there.max(initial=1.0))].T
 
 
 def _warn_of_singular_home(mechanism: Mechanism, motions: Array) -> None:
-    """Name the joints that can move only at home, by motions of shape (k, nv)."""
-    moving = np.flatnonzero(np.abs(motions).max(axis=0) > INDEPENDENT)
-    names = listed([mechanism.space.rate_names[k] for k in moving])
+    """Name the joints that can move only at home, by motions of shape (nv, k)."""
+    names, count = _moving_names(mechanism, motions), motions.shape[1]
     warn_caller(
-        f"model {mechanism.model.name}: home is singular, with {len(motions)} more degrees of "
+        f"model {mechanism.model.name}: home is singular, with {count} more degrees of "
         f"freedom than poses beside it, in the joints {names}; the coordinates are chosen beside "
         "home. Make another pose home",
         DescriptionWarning,
     )
 
 
+def _moving_names(mechanism: Mechanism, motions: Array) -> str:
+    """The rates that take part in motions, shape (nv, k), in words."""
+    moving = np.flatnonzero(np.abs(motions).max(axis=1, initial=0.0) > INDEPENDENT)
+    return listed([mechanism.space.rate_names[k] for k in moving])
+
+
 def _without_symmetry(assembly: Assembly, home: Array, coordinates: Indices) -> Array:
     """A configuration near home in the same assembly mode, or home if none is found."""
+    if not len(coordinates):
+        return home
     mechanism = replace(assembly.mechanism, coordinates=coordinates)
     for width, fixed in product(_AROUND_HOME, (mechanism.driven, coordinates)):
         along = partial(_along, assembly, home, displacement(mechanism, width), fixed)
@@ -145,18 +169,23 @@ def settled(mechanism: Mechanism) -> Mechanism:
     with announced(f"model {name}: checking its closures and choosing coordinates"):
         mechanism = correct_geometry(mechanism)
         loops = Loops(mechanism.model, mechanism.closures)
-        coordinates, q = _choose(Assembly(mechanism, loops), wanted)
-    sizes = None
-    if q is not None:
-        Phi = scaled_Phi(mechanism, loops, q)
-        sizes = _row_sizes(loops, Phi)
-        _warn_of_rigid_motors(mechanism, Phi[~_of_brakes(mechanism)])
+        assembly = Assembly(mechanism, loops)
+        coordinates, q = _choose(assembly, wanted)
+    if q is None:
+        return replace(mechanism, coordinates=coordinates)
+    motions = finite_motions(assembly, q)
+    Phi = scaled_Phi(mechanism, loops, q)
+    rates = free_motions(Phi)
+    if rates.shape[1] > motions.shape[1]:
+        _warn_of_shaking(mechanism, rates, motions)
+    else:
+        _warn_of_rigid_motors(mechanism, free_motions(Phi[~_of_brakes(mechanism)]))
     return replace(
         mechanism,
         coordinates=coordinates,
         example=q,
-        row_sizes=sizes,
-        without_mass=_without_mass(mechanism, loops, coordinates, q),
+        row_sizes=_row_sizes(loops, Phi),
+        without_mass=_without_mass(mechanism, loops, coordinates, q, motions),
     )
 
 
@@ -172,18 +201,18 @@ def _choose(assembly: Assembly, wanted: Indices | None) -> tuple[Indices, Array 
     preferred = mechanism.driven if wanted is None else wanted
     home = _home(assembly, preferred)
     if home is not None:
-        Phi = scaled_Phi(mechanism, assembly.loops, home)
-        chosen = choose_coordinates(mechanism, Phi) if wanted is None else wanted
-        return chosen, _without_symmetry(assembly, home, chosen)
+        q, motions = home
+        Phi = scaled_Phi(mechanism, assembly.loops, q)
+        chosen = choose_coordinates(mechanism, Phi, motions=motions) if wanted is None else wanted
+        return chosen, _without_symmetry(assembly, q, chosen)
     best: tuple[tuple[bool, int, int], Array, Array] | None = None
     try:
         for count, q in enumerate(examples(assembly), start=1):
-            Phi = scaled_Phi(mechanism, assembly.loops, q)
-            motions = free_motions(Phi)
+            motions = finite_motions(assembly, q)
             rates = motor_rates(mechanism, q, motions) if wanted is None else motions[wanted]
             controlled, n = int(np.linalg.matrix_rank(rates, RESTS)), motions.shape[1]
             if best is None or (n > 0, controlled - n, controlled) > best[0]:
-                best = (n > 0, controlled - n, controlled), Phi, q
+                best = (n > 0, controlled - n, controlled), motions, q
             too_few = controlled == len(rates) < n
             if 0 < n == controlled or (too_few and count >= _FEW):
                 break
@@ -192,12 +221,27 @@ def _choose(assembly: Assembly, wanted: Indices | None) -> tuple[Indices, Array 
     except ClosureError:
         return preferred, None
     assert best is not None
-    _, Phi, q = best
-    return choose_coordinates(mechanism, Phi) if wanted is None else wanted, q
+    _, motions, q = best
+    if wanted is not None:
+        return wanted, q
+    Phi = scaled_Phi(mechanism, assembly.loops, q)
+    return choose_coordinates(mechanism, Phi, motions=motions), q
 
 
-def _warn_of_rigid_motors(mechanism: Mechanism, Phi: Array) -> None:
-    moving = np.linalg.norm(free_motions(Phi), axis=1) > RESTS
+def _warn_of_shaking(mechanism: Mechanism, rates: Array, motions: Array) -> None:
+    """Name the joints of rates that do not belong to motions, both of shape (nv, k)."""
+    names = _moving_names(mechanism, rates - motions @ (motions.T @ rates))
+    warn_caller(
+        f"model {mechanism.model.name}: the closures allow rates of the joints {names} that lead "
+        f"to no other pose, so degrees of freedom are {motions.shape[1]} instead of "
+        f"{rates.shape[1]}; correct lengths, make another pose home, or lock joints that cannot "
+        "move: locked=[...]",
+        DescriptionWarning,
+    )
+
+
+def _warn_of_rigid_motors(mechanism: Mechanism, motions: Array) -> None:
+    moving = np.linalg.norm(motions, axis=1) > RESTS
     names, B = mechanism.motor_names, mechanism.motors
     if rigid := [x for x, b in zip(names, B.T, strict=True) if b.any() and not b[moving].any()]:
         warn_caller(
@@ -222,17 +266,16 @@ def _row_sizes(loops: Loops, Phi: Array) -> Array:
 
 
 def _without_mass(
-    mechanism: Mechanism, loops: Loops, coordinates: Indices, q: Array | None
+    mechanism: Mechanism, loops: Loops, coordinates: Indices, q: Array, motions: Array
 ) -> tuple[str, ...]:
     """Names of rates that move no mass, such as the spin of a thin rod between two balls.
 
     They are coordinates, or rates that describe the motion where the coordinates fail. The mass
-    matrix is singular there to rounding, at every configuration.
+    matrix is singular there to rounding, at every configuration. The motions, without units, are
+    those from the configuration q.
     """
-    if q is None:
-        return ()
     Phi, unit = scaled_Phi(mechanism, loops, q), mechanism.rate_scale
-    chosen, motions = choose_coordinates(mechanism, Phi, [coordinates]), free_motions(Phi)
+    chosen = choose_coordinates(mechanism, Phi, [coordinates], motions)
     if not len(chosen):
         return ()
     L = unit[:, None] * motions @ np.linalg.inv(motions[chosen] * unit[chosen, None])

@@ -25,11 +25,14 @@ class Mobility:
         coordinates: Names of the n independent joints that describe the motion.
         rows: Name of each closure constraint.
         independent_rows: Indices of independent closure constraints, as many as the rank of Phi.
-        degrees_of_freedom: Number of rates minus the rank of Phi.
+        degrees_of_freedom: Number of independent motions from this configuration. It is the number
+            of rates minus the rank of Phi, unless joints are shaking.
         held: Number of degrees of freedom that the motors hold.
         loose_joints: Rates that can be nonzero while all motors are locked.
         idle_joints: Rates to lock, by name, so that no passive joint of a loop spins while all
             other joints are fixed, as a rod between two balls does.
+        shaking_joints: Names of rates that the closures allow at this configuration although they
+            belong to no motion, as in two bars in one line between fixed points.
         condition_number: Condition number of the columns of Phi for the dependent rates, without
             units; infinite if the coordinates do not suffice.
         where: Which configuration was used.
@@ -46,6 +49,7 @@ class Mobility:
     held: int
     loose_joints: tuple[str, ...]
     idle_joints: tuple[str, ...]
+    shaking_joints: tuple[str, ...]
     condition_number: float
     where: str
     q: Array
@@ -103,6 +107,7 @@ class Mobility:
         if self.inner_stresses:
             verdict += f"; torques of the motors that make no motion: {self.inner_stresses}"
         ranks = f"{len(self.rows)}, rank {self.rank}, {self.redundant_rows} redundant"
+        shaking = f"{', '.join(self.shaking_joints)} have rates, but no motion: locked=[...]"
         idle = f"{', '.join(self.idle_joints)} can spin alone; {cure_of(self.idle_joints)}"
         return [
             ("joints", f"{len(self.joints)}"),
@@ -115,6 +120,7 @@ class Mobility:
             ("judged at", self.where),
             *([("brakes", listed(self.brakes, 12))] if self.brakes else []),
             *([("idle joints", idle)] if self.idle_joints else []),
+            *([("shaking joints", shaking)] if self.shaking_joints else []),
         ]
 
 
@@ -151,14 +157,20 @@ def scaled_Phi(mechanism: Mechanism, loops: Loops, q: Array) -> Array:
     return loops.Phi * mechanism.row_scale[:, None] * mechanism.rate_scale
 
 
-def choose_coordinates(mechanism: Mechanism, Phi: Array, wanted: Sequence[Indices] = ()) -> Indices:
+def choose_coordinates(
+    mechanism: Mechanism,
+    Phi: Array,
+    wanted: Sequence[Indices] = (),
+    motions: Array | None = None,
+) -> Indices:
     """Indices of independent rates that describe all motions, those wanted first.
 
     The order is: the groups `wanted`, each as a whole; rates of motors; joints outside the loops,
     each as a whole, such as the base of a floating robot; then the rate whose motion has the
-    largest part independent of those chosen. Names decide ties. Phi is that of `scaled_Phi`.
+    largest part independent of those chosen. Names decide ties. Phi is that of `scaled_Phi`; the
+    motions are by default all that it allows.
     """
-    left, chosen = free_motions(Phi), list[int]()
+    left, chosen = free_motions(Phi) if motions is None else motions, list[int]()
     alone, n = np.linalg.norm(left, axis=1), left.shape[1]
 
     def take(group: Iterable[int]) -> bool:
@@ -193,14 +205,14 @@ def choose_coordinates(mechanism: Mechanism, Phi: Array, wanted: Sequence[Indice
     return np.array(chosen, dtype=np.intp)
 
 
-def judge(mechanism: Mechanism, loops: Loops, q: Array, where: str) -> Mobility:
-    """Count motions at a closed q, in the mechanism's coordinates if these describe them."""
+def judge(mechanism: Mechanism, loops: Loops, q: Array, where: str, motions: Array) -> Mobility:
+    """Count motions from a closed q, in the mechanism's coordinates if these describe them."""
     Phi = scaled_Phi(mechanism, loops, q)
-    loops.require_closed(mechanism.row_scale)
     space = mechanism.space
     groups = [space.rates_of([name]) for name in space.names_of(mechanism.coordinates.tolist())]
-    coordinates = choose_coordinates(mechanism, Phi, groups)
-    motions = free_motions(Phi)
+    coordinates = choose_coordinates(mechanism, Phi, groups, motions)
+    rates = free_motions(Phi)
+    shaking = np.abs(rates - motions @ (motions.T @ rates)).max(axis=1, initial=0.0) > INDEPENDENT
     _, sizes, Vt = np.linalg.svd(motor_rates(mechanism, q, motions))
     rank = int(np.count_nonzero(sizes > RESTS))
     moving = np.abs(motions @ Vt[rank:].T).max(axis=1, initial=0.0) > 1e-6
@@ -214,6 +226,7 @@ def judge(mechanism: Mechanism, loops: Loops, q: Array, where: str) -> Mobility:
         held=rank,
         loose_joints=tuple(np.array(space.rate_names)[moving].tolist()),
         idle_joints=idle_rates(mechanism, loops, Phi),
+        shaking_joints=tuple(np.array(space.rate_names)[shaking].tolist()),
         condition_number=condition_number(mechanism, Phi, loops.parts(coordinates)),
         where=where,
         q=q.copy(),

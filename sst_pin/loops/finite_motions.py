@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Which rates that Phi allows at a closed pose belong to motions, and which only shake it.
+
+Rates v with Phi v = 0 keep the loops closed to first order. If a motion begins with them, then
+accelerations with Phi a = -Phi_dot v exist, Eq. (8). Where rows of Phi are independent, they always
+do. Where rows are redundant they may not, as in three parallel bars of different lengths between
+two bodies, or in two bars in one line: the velocities look free, but nothing moves.
+
+If accelerations exist for random rates, all rates belong to motions. Otherwise the robot is moved
+along each of them, its loops are closed again, and the poses are compared.
+"""
+
+import numpy as np
+import pinocchio as pin
+
+from ..arrays import Array
+from ..errors import ClosureError
+from ..model.thresholds import CLOSURE_TOLERANCE, INCONSISTENT
+from .assembly import Assembly, displacement
+from .mobility import free_motions, rank_of, scaled_Phi
+
+#: Length of the motions along rates, [rad] or lengths of the loop, the longest first. Shorter ones
+#: are tried if the loops do not close again.
+_LENGTHS = 0.05, 0.01, 0.002
+#: Part of a motion that is left after the loops are closed again. Where rates only shake a pose,
+#: closing returns to this pose, by all but 1e-3 of the motion; along motions it changes the pose by
+#: about the length of the motion times the motion.
+_MOVED = 0.5
+
+
+def finite_motions(assembly: Assembly, q: Array) -> Array:
+    """Orthonormal rates, without units, of the motions from a closed pose q, shape (nv, k).
+
+    At a pose where several motions branch, the rates of all branches count.
+    """
+    Phi = scaled_Phi(assembly.mechanism, assembly.loops, q)
+    motions = free_motions(Phi)
+    if has_accelerations(assembly, Phi, motions):
+        return motions
+    # Projected displacements do not depend on the basis of the motions.
+    scale, count = assembly.mechanism.rate_scale, motions.shape[1]
+    random = [displacement(assembly.mechanism, 1 + k / 100) / scale for k in range(count)]
+    directions, _ = np.linalg.qr(motions @ (motions.T @ np.transpose(random)))
+    moved = [directions.T @ _moved(assembly, q, direction) for direction in directions.T]
+    U, parts, _ = np.linalg.svd(np.transpose(moved))
+    return np.asarray(directions @ U[:, : np.count_nonzero(parts > _MOVED)])
+
+
+def has_accelerations(assembly: Assembly, Phi: Array, motions: Array) -> bool:
+    """Whether Phi a = -Phi_dot v has a solution for random rates v along the motions.
+
+    Phi, free of units, is that of the pose at which the loops are evaluated.
+    """
+    mechanism, loops = assembly.mechanism, assembly.loops
+    U, sizes, _ = np.linalg.svd(Phi)
+    redundant = U[:, rank_of(sizes) :]
+    if not redundant.shape[1] or not motions.shape[1]:
+        return True
+    v = motions @ (motions.T @ (displacement(mechanism, 1.0) / mechanism.rate_scale))
+    v /= np.linalg.norm(v)
+    rates = v * mechanism.rate_scale
+    drift = loops.Phi_dot(rates).dot(rates) * mechanism.row_scale
+    bound = INCONSISTENT * CLOSURE_TOLERANCE * sizes.max(initial=1.0)
+    return bool(np.abs(redundant.T @ drift).max() <= bound)
+
+
+def _moved(assembly: Assembly, q: Array, direction: Array) -> Array:
+    """The motion, relative to its length, that is left after a step is corrected, shape (nv,)."""
+    mechanism = assembly.mechanism
+    model, scale = mechanism.model, mechanism.rate_scale
+    for length in _LENGTHS:
+        guess = pin.integrate(model, q, length * direction * scale)
+        try:
+            closed = assembly.assemble(guess, np.arange(model.nv))
+        except ClosureError:
+            continue
+        return np.asarray(pin.difference(model, q, closed) / scale / length)
+    return np.zeros(model.nv)
