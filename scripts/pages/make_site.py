@@ -174,7 +174,7 @@ def main() -> None:
     """Build the site."""
     argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0]).parse_args()
     build(ROOT)
-    print("site/index.html")
+    print("python -m http.server -d site: http://localhost:8000; from the disk, without search")
 
 
 if __name__ == "__main__":
