@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Controllers, serial views, time-optimal motions, forces and accelerations in a pose, reach."""
+"""Controllers, observers, serial views, fastest motions, cables, what a pose can do, reach."""
 
+from .cables import unstretched_lengths
 from .controllers import Adaptive, ComputedTorque, GravityPD, TrackingLQR
+from .force_observer import ForceObserver
 from .pose_abilities import (
     Ellipsoid,
     acceleration_ellipsoid,
@@ -17,6 +19,7 @@ __all__ = [
     "Adaptive",
     "ComputedTorque",
     "Ellipsoid",
+    "ForceObserver",
     "GravityPD",
     "ReachMap",
     "SerialView",
@@ -27,6 +30,7 @@ __all__ = [
     "force_polytope",
     "reach_map",
     "time_optimal",
+    "unstretched_lengths",
 ]
 
 

@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Forces from outside, observed from motions and motor torques without a force sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..arrays import Array, finite_array, names, one_or_each, single_array
+from ..closed_chain import ClosedChain
+from ..errors import InputError
+from ..model.thresholds import RANK_TOLERANCE
+from ..summaries import listed
+
+#: Components of a wrench, in order.
+_COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
+
+
+class ForceObserver:
+    """The momentum observer: forces along the coordinates that motors and model do not explain.
+
+    The momentum p = M va changes by motors, weights, friction, springs and Coriolis forces, which
+    the model knows, and by other forces f. The observer integrates the first and compares: its
+    estimate r obeys r' = gain (f - r), so it follows a step of f with the time constant 1 / gain.
+    It needs no accelerations (De Luca and Mattone 2003). Errors of the model, above all of
+    friction, appear in r as forces.
+
+    Between two samples, r follows the exact solution for a constant f, so any period is stable.
+
+    Args:
+        chain: The model of the robot.
+        gain: Bandwidth of each coordinate, () or shape (n,), positive, [1/s]. The noise of va
+            enters r times the mass matrix and the gain.
+
+    Example:
+        >>> observer = sst_pin.control.ForceObserver(chain, gain=50.0)
+        >>> motion = chain.simulate([0.1], chain.home, [0.0], np.linspace(0, 0.2, 201))
+        >>> f = observer.forces(motion.t, motion.q, motion.va, motion.tau)
+        >>> bool(np.abs(f).max() < 1e-4)
+        True
+    """
+
+    def __init__(self, chain: ClosedChain, gain: ArrayLike) -> None:
+        chain.mechanism.require_freedom()
+        self.chain = chain
+        self.gain = one_or_each("gain", gain, chain.degrees_of_freedom)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all samples; the estimate of the next one is zero."""
+        self._t = -np.inf
+        self._estimate = np.zeros(self.chain.degrees_of_freedom)
+        self._momentum = self._known = self._estimate
+        self._J = np.zeros((len(self.chain.motor_names), len(self._estimate)))
+
+    def update(self, t: float, q: ArrayLike, va: ArrayLike, tau: ArrayLike) -> Array:
+        """The estimate r at a new sample, shape (n,), [N m] or [N].
+
+        The first sample after the start or `reset` gives zero.
+
+        Args:
+            t: Time, later than that of the sample before, [s].
+            q: Configuration, with closed loops, shape (nq,).
+            va: Rates of the coordinates, shape (n,).
+            tau: Motor torques that acted since the sample before, shape (motors,): the command that
+                was held, or the mean of two measurements.
+
+        Raises:
+            InputError: If t is not later than before.
+        """
+        chain = self.chain
+        time = float(single_array("t", t, ()))
+        rates = single_array("va", va, (chain.degrees_of_freedom,))
+        torques = single_array("tau", tau, (len(chain.motor_names),))
+        if not time > self._t:
+            raise InputError("t", f"{time:g} s is not later than the sample before, {self._t:g} s")
+        configuration = single_array("q", q, (chain.mechanism.model.nq,))
+        momentum, known = self._state(configuration, rates)
+        J = chain.actuator_jacobian(configuration)
+        if np.isfinite(self._t):
+            dt = time - self._t
+            mean = (self._known + known) / 2 + (self._J + J).T @ torques / 2
+            force = (momentum - self._momentum) / dt - mean
+            keep = np.exp(-self.gain * dt)
+            self._estimate = keep * self._estimate + (1 - keep) * force
+        self._t, self._momentum, self._known, self._J = time, momentum, known, J
+        return self._estimate.copy()
+
+    def _state(self, q: Array, va: Array) -> tuple[Array, Array]:
+        """The momentum M va, and its rate by all known forces but the motors, shapes (n,)."""
+        terms = self.chain.reduced_terms(q, va)
+        # M_dot = C + C^T, so p_dot = C^T va + gravity + friction + J^T tau + f.
+        return terms.inertia @ va, terms.coriolis.T @ va + terms.gravity + terms.friction
+
+    def forces(self, t: ArrayLike, q: ArrayLike, va: ArrayLike, tau: ArrayLike) -> Array:
+        """The estimates of a log, shape (N, n), from zero at its first sample; `reset`s first.
+
+        Args:
+            t: Times, increasing, shape (N,), [s].
+            q: Configurations, shape (N, nq).
+            va: Rates of the coordinates, shape (N, n).
+            tau: Motor torques, measured at the samples, shape (N, motors).
+        """
+        chain = self.chain
+        times = finite_array("t", t, ())
+        if times.ndim != 1:
+            raise InputError("t", f"shape {times.shape}: times of samples are needed, shape (N,)")
+        size = len(times)
+        configurations = _samples("q", q, (size, chain.mechanism.model.nq))
+        rates = _samples("va", va, (size, chain.degrees_of_freedom))
+        torques = _samples("tau", tau, (size, len(chain.motor_names)))
+        means = torques.copy()
+        means[1:] = (torques[1:] + torques[:-1]) / 2
+        self.reset()
+        samples = zip(times, configurations, rates, means, strict=True)
+        estimates = [self.update(float(time), *sample) for time, *sample in samples]
+        return np.array(estimates).reshape(size, chain.degrees_of_freedom)
+
+    def wrench(
+        self,
+        q: ArrayLike,
+        forces: ArrayLike,
+        frame: str,
+        components: Sequence[str] = _COMPONENTS,
+    ) -> Array:
+        """The wrench [force; moment] on a frame that causes forces along the coordinates.
+
+        It acts at the origin of the frame, in base axes, shape (6,). With fewer components than
+        degrees of freedom it fits the forces with least squares.
+
+        Args:
+            q: Configuration, shape (nq,).
+            forces: Forces along the coordinates, such as an estimate, shape (n,).
+            frame: Name of the frame that is touched.
+            components: Those that may act, of fx, fy, fz, mx, my, mz; others are zero.
+
+        Raises:
+            InputError: If the coordinates cannot tell these components apart.
+
+        Example:
+            >>> delta = sst_pin.robots.delta()
+            >>> observer = sst_pin.control.ForceObserver(delta, gain=50.0)
+            >>> f = delta.frame_jacobian(delta.home, "platform").T @ [0, 0, -3, 0, 0, 0]
+            >>> w = observer.wrench(delta.home, f, "platform", ["fx", "fy", "fz"])
+            >>> w.round(6) + 0.0
+            array([ 0.,  0., -3.,  0.,  0.,  0.])
+        """
+        chain, words = self.chain, names("components", components)
+        if unknown := [word for word in words if word not in _COMPONENTS]:
+            raise InputError("components", f"{listed(unknown)}: known are {listed(_COMPONENTS)}")
+        f = single_array("forces", forces, (chain.degrees_of_freedom,))
+        chosen = [_COMPONENTS.index(word) for word in dict.fromkeys(words)]
+        mechanism = chain.mechanism
+        J = np.asarray(chain.frame_jacobian(single_array("q", q, (mechanism.model.nq,)), frame))
+        # Free of units: forces times the length of the robot are like moments.
+        size = np.repeat([mechanism.length, 1.0], 3)[chosen]
+        unit = mechanism.rate_scale[mechanism.coordinates]
+        A = (J[chosen] / size[:, None] * unit).T
+        U, s, Vt = np.linalg.svd(A, full_matrices=False)
+        if np.count_nonzero(s > RANK_TOLERANCE * s.max(initial=1e-300)) < len(chosen):
+            raise InputError(
+                "components",
+                f"{chain.degrees_of_freedom} coordinates cannot tell {listed(words)} of {frame} "
+                "apart here; name fewer, those that can act",
+            )
+        result = np.zeros(6)
+        result[chosen] = (Vt.T @ (U.T @ (unit * f) / s)) / size
+        return result
+
+
+def _samples(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
+    array = finite_array(name, value, shape[1:])
+    if array.shape != shape:
+        raise InputError(name, f"shape {array.shape}, expected {shape}: a row for each time")
+    return array
