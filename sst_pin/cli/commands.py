@@ -140,6 +140,7 @@ COMMANDS = (
         _FORCE,
         option("--cutoff HZ", "cut-off frequency of the low-pass filter", float, required=True),
         option("--which NAMES", f"patterns with commas (default: {_WHICH}, and lines)"),
+        option("--masses BODY=KG,..", "known masses, by the joint of the body", named_numbers),
         option("--decimate N", "filter, and use one of N samples (default: up to 10)", int),
         option("--robust", "let outliers count less"),
         option("--urdf FILE", "write the URDF of --robot with the parameters found", Path),

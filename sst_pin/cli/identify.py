@@ -2,9 +2,14 @@
 """`sst-pin identify`: dynamic parameters from measurements."""
 
 import argparse
+from collections.abc import Mapping
+from fnmatch import fnmatchcase
 from pathlib import Path
 
+import numpy as np
+
 from .. import identification
+from ..arrays import positive_number
 from ..closed_chain import ClosedChain
 from ..errors import InputError
 from ..files import Writer, require_ending, text_writer
@@ -29,6 +34,7 @@ def identify(arguments: argparse.Namespace) -> int:
             raise InputError("--robot", "needed: a URDF, which is written with the numbers found")
         require_ending(arguments.urdf, ".urdf")
     robot, source = common.robot_of(arguments), common.source_of(arguments.log)
+    robot = _with_masses(robot, arguments.masses or {})
     t, x, tau, start = read_log(robot.engine, source)
     cutoff, every = arguments.cutoff, arguments.decimate
     if every is None:  # at most the samples of a period of the cut-off frequency
@@ -38,7 +44,8 @@ def identify(arguments: argparse.Namespace) -> int:
     motion = identification.measured_motion(robot, t, x, tau, **options)
     cut = 2 * len(motion) // 3
     first, unseen = motion[:cut], motion[cut:]
-    base = identification.base_parameters(robot, _parameters(robot, arguments.which))
+    which = _parameters(robot, arguments.which, arguments.masses or {})
+    base = identification.base_parameters(robot, which)
     options = {"robust": arguments.robust, "decimate": every}
     estimate = identification.estimate(
         robot, base, first.q, first.va, first.aa, first.tau, **options
@@ -58,20 +65,53 @@ def identify(arguments: argparse.Namespace) -> int:
     common.write({output: text_writer(text), **files}, arguments)
     result = f"{len(base)} combinations, {int(estimate.supported.sum())} supported"
     common.say(f"{len(motion)} samples, {result} -> {output}", arguments)
+    if not estimate.supported.all():
+        common.say(_advice(robot, estimate), arguments)
     return 0
 
 
-def _parameters(robot: ClosedChain, which: str | None) -> list[str]:
+def _advice(robot: ClosedChain, estimate: identification.Estimate) -> str:
+    """What to do about combinations that the log does not support."""
+    names = np.array(robot.dynamic_parameters.names)
+    supported = names[estimate.base.columns[estimate.supported]]
+    if not len(supported):
+        return "no combination is supported: a faster or longer motion is needed"
+    return (
+        "values that are not supported stay unknown; this considers only the supported ones: "
+        f"--which {','.join(supported)}"
+    )
+
+
+def _with_masses(robot: ClosedChain, masses: Mapping[str, float]) -> ClosedChain:
+    """The robot whose bodies have known masses; mass centres and radii of gyration stay."""
+    theta = robot.dynamic_parameters
+    for body, mass in masses.items():
+        present = theta[f"{body}.mass"]
+        if not present > 0:
+            raise InputError("--masses", f"body {body} has no mass that could be scaled")
+        theta = theta.scale_mass(body, positive_number("--masses", mass) / present)
+    return robot.with_parameters(theta) if masses else robot
+
+
+def _parameters(robot: ClosedChain, which: str | None, masses: Mapping[str, float]) -> list[str]:
     """Patterns of the parameters considered: bodies, friction and lines by default.
 
-    For a line that is a motor only its damping is considered: its force is the motor's.
+    For a line that is a motor only its damping is considered: its force is the motor's. Known
+    masses are not considered.
     """
     if which:
-        return which.split(",")
-    motors = set(robot.motor_names)
-    words = ("damping",), ("stiffness", "damping", "preload")
-    lines = [f"{x}.{word}" for x in map(str, robot.lines) for word in words[x not in motors]]
-    return ["*.m*", "*.i*", "*.viscous", "*.coulomb", *lines]
+        patterns = which.split(",")
+    else:
+        motors = set(robot.motor_names)
+        words = ("damping",), ("stiffness", "damping", "preload")
+        lines = [f"{x}.{word}" for x in map(str, robot.lines) for word in words[x not in motors]]
+        patterns = ["*.m*", "*.i*", "*.viscous", "*.coulomb", *lines]
+    if not masses:
+        return patterns
+    known = [f"{body}.mass" for body in masses]
+    names = robot.dynamic_parameters.names
+    considered = [name for name in names if any(fnmatchcase(name, p) for p in patterns)]
+    return [name for name in considered if name not in known]
 
 
 def _with_closures(text: str, urdf: Path, output: Path) -> dict[Path, Writer]:

@@ -48,6 +48,7 @@ class BaseParameters(Summary):
         columns: Columns of the regressor, one for each combination, shape (b,).
         considered: Indices of the parameters considered.
         unseen: Names of the parameters considered that change no force.
+        parameters: Names of all p parameters of the robot.
     """
 
     names: tuple[str, ...]
@@ -55,6 +56,16 @@ class BaseParameters(Summary):
     columns: Indices
     considered: Indices
     unseen: tuple[str, ...]
+    parameters: tuple[str, ...]
+
+    def require_for(self, chain: ClosedChain) -> None:
+        """Raise an `InputError` if these are combinations for another robot."""
+        names = chain.dynamic_parameters.names
+        if self.parameters != names:
+            alien = [name for name in self.parameters if name not in names]
+            what = f"it has {listed(alien, 3)}" if alien else "their order differs"
+            problem = f"its parameters are not those of {chain.mechanism.model.name}: {what}"
+            raise InputError("base", f"{problem}; give base_parameters of this robot")
 
     def __len__(self) -> int:
         return len(self.names)
@@ -87,7 +98,8 @@ def base_parameters(
 
     Raises:
         UnknownNameError: For a name or pattern that fits no parameter.
-        InputError: If the motion has fewer equations than there are parameters considered.
+        InputError: If no names are given, or if the motion has fewer equations than there are
+            parameters considered.
         ClosureError: If no configurations can be assembled.
 
     Example:
@@ -121,7 +133,8 @@ def base_parameters(
     matrix[:, considered[seen]] = np.where(np.abs(factors) > _DEPENDENT, factors * ratios, 0.0)
     names = tuple(_combination(row, theta.names) for row in matrix)
     unseen = tuple(theta.names[k] for k in np.delete(considered, seen))
-    return BaseParameters(names, matrix, considered[seen[first]], considered, unseen)
+    columns = considered[seen[first]]
+    return BaseParameters(names, matrix, columns, considered, unseen, theta.names)
 
 
 def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array, Array, Array]:
@@ -234,6 +247,8 @@ def _considered(names: Sequence[str], values: Array, which: Sequence[str] | None
         of_bodies = np.array([name.rpartition(".")[2] in OF_BODY for name in names])
         return np.flatnonzero(of_bodies | (values != 0))
     patterns = (which,) if isinstance(which, str) else arrays.names("which", which)
+    if not patterns:
+        raise InputError("which", "no names; None considers all parameters of bodies")
     fits = np.array([[fnmatchcase(name, pattern) for name in names] for pattern in patterns])
     for pattern, fit in zip(patterns, fits, strict=True):
         if not fit.any():

@@ -47,9 +47,9 @@ def consistent_parameters(
         total_mass: Sum of the masses of all bodies, [kg], if it is to be held.
 
     Raises:
-        InputError: For a weight or a mass that is not positive, or less mass than the bodies have
-            that are not estimated; if the estimate does not tell its combinations apart, or the
-            solver finds no parameters.
+        InputError: For an estimate of another robot; for a weight or a mass that is not positive,
+            or less mass than the bodies have that are not estimated; if the estimate does not tell
+            its combinations apart, or the solver finds no parameters.
         MissingExtraError: Without Clarabel, `sst-pin[identification]`.
 
     Example:
@@ -69,6 +69,7 @@ def consistent_parameters(
         raise MissingExtraError("clarabel", "identification") from None
     from scipy.linalg import block_diag, solve_triangular
 
+    found.base.require_for(chain)
     cad = np.asarray(chain.dynamic_parameters)
     weight = positive_number("prior", prior)
     # The unknowns: ten parameters of each body that is considered, then all others considered.

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, Flags, finite_array, whole_number
+from ..arrays import Array, Flags, finite_array, positive_number, whole_number
 from ..closed_chain import ClosedChain
 from ..errors import InputError
 from ..simulation.trajectories import Trajectory, require_motion
@@ -20,7 +20,15 @@ from .measurements import decimated, noise_correlations
 _HUBER = 1.345
 #: Combinations with a smaller part in the motion are not shown by it.
 _UNSHOWN = 1e-9
-_ITERATIONS = 10
+#: Most iterations for the noise, and its last relative change.
+_ITERATIONS, _SETTLED = 100, 1e-4
+#: Level of the intervals: that of three standard deviations.
+INTERVAL = 0.9973
+#: Fewest degrees of freedom of the residuals of a motor. With fewer, the noise of one motor can
+#: vanish, and the intervals hold far less than their level.
+_LEAST_FREEDOM = 5.0
+#: Squares of larger torques, in units of their rounding, are not finite.
+_LARGEST = 1e100
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -34,6 +42,8 @@ class Estimate(Summary):
             sample to sample before the filter of `decimate`.
         noise: Standard deviation of each motor's torque from the model, shape (motors,); the same
             for all where there are more motors than degrees of freedom.
+        degrees_of_freedom: Number of independent residuals that show the noise of a motor, for the
+            motor with the fewest.
         decimate: One sample of this many was used, after a filter.
     """
 
@@ -41,6 +51,7 @@ class Estimate(Summary):
     values: Array
     covariance: Array
     noise: Array
+    degrees_of_freedom: float
     decimate: int = 1
 
     @property
@@ -48,18 +59,33 @@ class Estimate(Summary):
         """Standard deviations of the values, shape (b,)."""
         return np.sqrt(np.diag(self.covariance))
 
+    def intervals(self, level: float = INTERVAL) -> Array:
+        """Half-widths of the confidence intervals of the values, shape (b,), by Student's t.
+
+        Args:
+            level: Part of all estimates whose interval contains the true value. The default is that
+                of three standard deviations, if these are known.
+        """
+        from scipy.stats import t
+
+        level = positive_number("level", level)
+        if level >= 1:
+            raise InputError("level", f"{level:g}, expected a part below 1")
+        factors = t.isf((1 - level) / 2, self.degrees_of_freedom)
+        return np.asarray(factors * self.deviations)
+
     @property
     def supported(self) -> Flags:
-        """Which values differ from zero by more than three standard deviations, shape (b,)."""
-        return np.abs(self.values) > 3 * self.deviations
+        """Which values differ from zero by more than `intervals()`, shape (b,)."""
+        return np.abs(self.values) > self.intervals()
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
-        columns = self.base.names, self.values, 3 * self.deviations, self.supported
+        columns = self.base.names, self.values, self.intervals(), self.supported
         rows = [
             (f"{x:.4g} +- {d:.1g}{'' if ok else ', not supported'}", name)
             for name, x, d, ok in zip(*columns, strict=True)
         ]
-        return f"{len(self.base)} base parameters, three standard deviations", rows
+        return f"{len(self.base)} base parameters, intervals of {INTERVAL:.1%}", rows
 
 
 def estimate(
@@ -92,8 +118,9 @@ def estimate(
             forwards and backwards. As in `measured_motion`.
 
     Raises:
-        InputError: For wrong shapes, fewer motors than coordinates, too few samples, or a motion
-            that does not show all combinations.
+        InputError: For wrong shapes, base parameters of another robot, fewer motors than
+            coordinates, too few samples, or a motion that does not show all combinations. Samples
+            are too few if their residuals do not show the noise of each motor.
 
     Example:
         >>> base = sst_pin.identification.base_parameters(chain)
@@ -107,6 +134,9 @@ def estimate(
     """
     n, motors = chain.degrees_of_freedom, len(chain.motor_names)
     measured = finite_array("tau", tau, (motors,))
+    if np.abs(measured).max(initial=0.0) > _LARGEST:
+        raise InputError("tau", f"torques up to {np.abs(measured).max():.2g}: squares overflow")
+    base.require_for(chain)
     Y = chain.torque_regressor(q, va, aa)
     _require_enough(Y, measured, n, len(base), whole_number("decimate", decimate, 1))
     if decimate > 1:
@@ -118,31 +148,96 @@ def estimate(
     known[base.considered] = 0
     right = (measured[:, None, :] @ J)[:, 0] - Y @ known  # J^T tau
     left, right = decimated(Y[..., base.columns], decimate), decimated(right, decimate)
-    J, correlations = J if decimate == 1 else J[::decimate][1:-1], noise_correlations(decimate)
+    if decimate > 1:
+        J = J[::decimate][1:-1]
+    correlations = noise_correlations(decimate)
     noise, weights = np.ones(motors), np.ones(right.shape)
     for _ in range(_ITERATIONS):
         A, z, errors = _weighted(J, noise, left, right)
         values, inverse = solved(A * weights[..., None], z * weights)
-        root, used = _deviations(A * weights[..., None], inverse, correlations)
+        spread = _Spread(A * weights[..., None], inverse, errors / noise[:, None], correlations)
         z = z - A @ values
         residuals = (errors @ z[..., None])[..., 0]
         if robust:
-            scale = np.median(np.abs(residuals), axis=0) / 0.6745
+            squares = len(z) * (np.median(np.abs(residuals), axis=0) / 0.6745) ** 2
             weights = np.sqrt(np.minimum(1, _HUBER / np.maximum(np.abs(z), 1e-300)))
         else:
-            scale = np.sqrt(np.mean(residuals**2, axis=0))
+            squares = np.sum(residuals**2, axis=0)
+        freedom = spread.freedom
         if motors > n:  # the motion does not show the shares of single motors
-            scale = np.full(motors, np.sqrt(np.mean(scale**2)))
-        scale *= np.sqrt(motors / n * z.size / (z.size - used))
-        settled = np.allclose(scale, noise, rtol=1e-6, atol=0)
+            squares, freedom = (np.full(motors, x.sum()) for x in (squares, freedom))
+        fewest = _require_freedom(chain, freedom / spread.repetition, len(Y), len(base))
+        scale = np.sqrt(squares / freedom)
+        settled = np.allclose(scale, noise, rtol=_SETTLED, atol=0)
         noise = np.maximum(scale, 1e-14 * np.abs(measured).max() + 1e-150)
         if settled:
             break
     if robust:
-        root, _ = _deviations(A, solved(A, z)[1], correlations)
-        inside = np.abs(z) < _HUBER
-        root *= np.sqrt(np.mean(np.clip(z, -_HUBER, _HUBER) ** 2)) / inside.mean()
-    return Estimate(base, values, root @ root.T, noise, decimate)
+        spread = _Spread(A, solved(A, z)[1], errors / noise[:, None], correlations)
+    covariance = spread.covariance
+    if robust:
+        covariance = covariance * _huber_factor(z, len(base))
+    return Estimate(base, values, covariance, noise, fewest, decimate)
+
+
+def _huber_factor(z: Array, b: int) -> float:
+    """The variance of Huber's estimate of b values, in units of that by least squares.
+
+    See P. J. Huber, Robust Statistics, 1981, Eq. (7.6.8) and its correction for many parameters.
+    """
+    inside = float((np.abs(z) < _HUBER).mean())
+    correction = 1 + b / z.size * (1 - inside) / inside
+    mean_square = np.sum(np.clip(z, -_HUBER, _HUBER) ** 2) / (z.size - b)
+    return float(correction**2 * mean_square / inside**2)
+
+
+class _Spread:
+    """How the noise of the motors spreads into the values and the residuals, in units of the noise.
+
+    Args:
+        A: The equations in units of the noise, shape (N, n, b).
+        inverse: R^-1 of A = Q R, shape (b, b).
+        back: Torque errors by errors of the equations, shape (N, motors, n).
+        correlations: Those of the noise of samples 1, 2, ... apart.
+
+    Attributes:
+        covariance: That of the values, shape (b, b).
+        freedom: Expected sum of the squared residuals of each motor, shape (motors,).
+        repetition: Number of samples with the same information as one independent sample.
+    """
+
+    def __init__(self, A: Array, inverse: Array, back: Array, correlations: Array) -> None:
+        B = back @ (A @ inverse)
+        motors, b = B.shape[1:]
+        sums = np.empty((motors, b, b))
+        squares = np.empty((motors, b, b))
+        for k in range(motors):
+            rows = B[:, k]
+            squares[k] = rows.T @ rows
+            sums[k] = squares[k]
+            for j, correlation in enumerate(correlations[: len(rows) - 1], 1):
+                pairs = correlation * (rows[:-j].T @ rows[j:])
+                sums[k] += pairs + pairs.T
+        total = sums.sum(axis=0)
+        self.covariance = inverse @ total @ inverse.T
+        # With the hat matrix H and correlations C the residuals have (1 - H) C (1 - H).
+        self.freedom = np.sum(back**2, axis=(0, 2))
+        self.freedom -= 2 * np.trace(sums, axis1=1, axis2=2)
+        self.freedom += np.einsum("kij,ji->k", squares, total)
+        self.repetition = 1 + 2 * float(np.sum(correlations**2))
+
+
+def _require_freedom(chain: ClosedChain, freedom: Array, samples: int, b: int) -> float:
+    """The fewest degrees of freedom; an error if they do not show the noise of a motor."""
+    few = int(np.argmin(freedom))
+    if freedom[few] < _LEAST_FREEDOM:
+        problem = (
+            f"{samples} samples are too few for {b} base parameters: they leave "
+            f"{max(freedom[few], 0):.2g} degrees of freedom for the noise of motor "
+            f"{chain.motor_names[few]}, needed {_LEAST_FREEDOM:g}"
+        )
+        raise InputError("q", f"{problem}; measure longer, or consider fewer")
+    return float(freedom[few])
 
 
 def _require_enough(Y: Array, measured: Array, n: int, b: int, decimate: int) -> None:
@@ -180,20 +275,6 @@ def _weighted(J: Array, noise: Array, left: Array, right: Array) -> tuple[Array,
     return weights @ left, z, noise[:, None] ** 2 * (J @ weights.mT)
 
 
-def _deviations(A: Array, inverse: Array, correlations: Array) -> tuple[Array, float]:
-    """A root of the covariance of the values, and how many degrees of freedom they use.
-
-    `inverse` is R^-1 of A = Q R; the noise of samples j + 1 apart correlates by correlations[j].
-    """
-    B = A @ inverse
-    S = np.eye(B.shape[-1])
-    for j, correlation in enumerate(correlations[: len(B) - 1], 1):
-        pairs = correlation * np.tensordot(B[:-j], B[j:], axes=((0, 1), (0, 1)))
-        S = S + pairs + pairs.T
-    sizes, vectors = np.linalg.eigh(S)
-    return inverse @ (vectors * np.sqrt(np.maximum(sizes, 0))), float(np.trace(S))
-
-
 def predicted_torques(chain: ClosedChain, theta: ArrayLike, motion: Trajectory) -> Array:
     """Motor torques of a motion by dynamic parameters, the smallest ones, shape (N, motors).
 
@@ -226,19 +307,20 @@ def report(chain: ClosedChain, found: Estimate, theta: ArrayLike, unseen: Trajec
         f"# Dynamic parameters of {chain.mechanism.model.name}",
         "",
         f"{len(found.base)} combinations of {len(found.base.considered)} parameters, of which "
-        f"{int(found.supported.sum())} differ from zero by more than three standard deviations.",
+        f"{int(found.supported.sum())} differ from zero by more than their intervals of "
+        f"{INTERVAL:.1%}.",
         "",
         "| motor | noise of the estimate | error in the unseen motion | relative |",
         "|---|---|---|---|",
         *(f"| {n} | {s:.3g} {u} | {e:.3g} {u} | {e / a:.3f} |" for n, u, s, e, a in motors),
         "",
-        "| combination | value | three standard deviations | |",
+        f"| combination | value | interval ({INTERVAL:.1%}) | |",
         "|---|---|---|---|",
     ]
-    rows = zip(found.base.names, found.values, found.deviations, found.supported, strict=True)
-    for name, value, deviation, ok in rows:
+    rows = zip(found.base.names, found.values, found.intervals(), found.supported, strict=True)
+    for name, value, interval, ok in rows:
         remark = "" if ok else "not supported"
-        lines.append(f"| {name} | {value:.5g} | {3 * deviation:.2g} | {remark} |")
+        lines.append(f"| {name} | {value:.5g} | {interval:.2g} | {remark} |")
     if found.base.unseen:
         lines += ["", f"Not identifiable: {', '.join(found.base.unseen)}."]
     if replaced := getattr(unseen, "replaced", {}):

@@ -56,6 +56,7 @@ def condition_number(chain: ClosedChain, base: BaseParameters, motion: Trajector
 
 def _sizes(chain: ClosedChain, base: BaseParameters) -> Array:
     """Root mean squares of the columns of the base regressor at random states, shape (b,)."""
+    base.require_for(chain)
     usual = chain.torque_regressor(*random_states(chain, 200, 0))[..., base.columns]
     return np.asarray(np.sqrt(np.mean(usual**2, axis=(0, 1))))
 

@@ -28,7 +28,7 @@ def measured(five_bar):
     home = five_bar.generic_configuration()
     x = home[[0, 2]] + np.array([0.3, 0.2]) * np.sin(phase)
     tau = np.array(sst_pin.coordinate_motion(true, t, x, home).tau)
-    tau += 0.002 * np.random.default_rng(0).normal(size=tau.shape)
+    tau += 0.001 * np.random.default_rng(0).normal(size=tau.shape)
     return np.column_stack([t, x, tau])
 
 
@@ -60,6 +60,23 @@ def test_a_report_has_the_parameters_of_the_robot_and_the_errors_of_unseen_sampl
     code, out, _ = run(capsys, "identify", log, "-o", "-", *options)
     assert code == 0
     assert out.startswith("# Dynamic parameters of five_bar")
+
+
+def test_it_says_which_parameters_are_supported_and_takes_known_masses(log, capsys):
+    """The names of its advice, as it gives them, are the parameters of the next estimate."""
+    call = "identify", log, "-o", "-", "--robot", "five_bar", "--cutoff", 10
+    code, out, error = run(capsys, *call, "--masses", "elbow_1=0.3")
+    assert code == 0, error
+    assert "elbow_1.mass" not in out
+    (advice,) = [line for line in error.splitlines() if "--which" in line]
+    names = advice.split()[-1]
+    code, out, error = run(capsys, *call, "--masses", "elbow_1=0.3", "--which", names)
+    assert code == 0, error
+    assert len(names.split(",")) < 10
+    assert f"{len(names.split(','))} combinations of {len(names.split(','))} parameters" in out
+    code, _, error = run(capsys, *call, "--masses", "elbow=0.3")
+    assert code == 2
+    assert "elbow_1.mass" in error
 
 
 @pytest.mark.slow

@@ -148,6 +148,69 @@ def test_values_are_within_their_standard_deviations(name, robust):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("count", [14, 17])
+def test_intervals_of_few_samples_cover_the_truth(count):
+    """13 parameters, two motors of different noise: intervals of 95 % hold 95 %.
+
+    Of 13 x 60 values 5 % are 39; they depend on each other, so that twice as many are likely.
+    """
+    friction = {f"{joint}.viscous": 0.1 for joint in ("shoulder_1", "shoulder_2", "elbow_1")}
+    chain = robots.five_bar().with_parameters(
+        {**friction, "elbow_2.viscous": 0.1, "shoulder_1.coulomb": 0.1, "shoulder_2.coulomb": 0.1}
+    )
+    base, motion = base_parameters(chain), random_states(chain, count, 1)
+    assert len(base) == 13
+    tau, random = chain.compute_torques(*motion), np.random.default_rng(0)
+    true, within = base.matrix @ chain.dynamic_parameters, []
+    for _ in range(60):
+        noise = random.normal(size=tau.shape) * [0.01, 0.03]
+        result = estimate(chain, base, *motion, tau + noise)
+        within.append(np.abs(result.values - true) < result.intervals(0.95))
+        assert result.degrees_of_freedom < count
+    assert np.mean(within) > 0.9
+
+
+def test_too_few_samples_for_the_noise_of_a_motor_are_refused():
+    """Eight equations of one motor, seven parameters: its noise would come out as zero."""
+    chain = robots.five_bar()
+    base, motion = base_parameters(chain, BODIES), random_states(chain, 8)
+    tau = chain.compute_torques(*motion)
+    with pytest.raises(InputError, match="degrees of freedom for the noise of motor shoulder_"):
+        estimate(chain, base, *motion, tau)
+
+
+def test_intervals_of_many_samples_are_those_of_the_normal_distribution():
+    chain, base, motion, tau = case("five_bar", 400)
+    noise = 0.01 * np.random.default_rng(0).normal(size=tau.shape)
+    result = estimate(chain, base, *motion, tau + noise)
+    assert_allclose(result.intervals(), 3 * result.deviations, rtol=0.02)
+    with pytest.raises(InputError, match="level"):
+        result.intervals(1.5)
+
+
+def test_an_estimate_belongs_to_its_robot():
+    """The numbers of columns differ, or only their names."""
+    chain, base, motion, tau = case("five_bar")
+    noisy = tau + 0.01 * np.random.default_rng(0).normal(size=tau.shape)
+    found = estimate(chain, base, *motion, noisy)
+    for other in (robots.four_bar(), robots.planar_3rrr()):
+        with pytest.raises(InputError, match="parameters are not those of"):
+            identification.consistent_parameters(other, found)
+    with pytest.raises(InputError, match="parameters are not those of"):
+        estimate(robots.four_bar(), base, *random_states(robots.four_bar(), 40), np.zeros((40, 1)))
+
+
+def test_torques_whose_squares_overflow_are_refused():
+    chain, base, motion, tau = case("five_bar")
+    with pytest.raises(InputError, match="squares overflow"):
+        estimate(chain, base, *motion, 1e200 * tau)
+
+
+def test_no_names_are_no_parameters():
+    with pytest.raises(InputError, match="no names"):
+        base_parameters(robots.four_bar(), [])
+
+
 @pytest.mark.parametrize("decimate", [2, 10])
 @pytest.mark.parametrize("name", ["five_bar", "four_bar", "delta", "planar_3rrr", "sst"])
 def test_intervals_of_five_robots_cover_the_truth(name, decimate, monkeypatch):
