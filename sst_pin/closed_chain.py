@@ -264,7 +264,8 @@ class ClosedChain(RobotProperties, Summary):
         """
         q = self._engine.home
         if q is None:
-            cure = "write group_state home in an SRDF beside the URDF, or assemble(guess) q, set "
+            cure = "write group_state home in an SRDF beside the URDF, the keyframe home in an "
+            cure += "MJCF, or assemble(guess) q, set "
             cure += 'model.referenceConfigurations["home"] = q and call refresh()'
             problems = [f"no configuration is named home; {cure}"]
             raise DescriptionError(f"model {self.mechanism.model.name}", problems)

@@ -16,8 +16,8 @@ from ..model.checks import Motor
 from .mjcf_compiled import Compiled
 from .mjcf_loops import closures_of, lines_of, motors_of, named_motors
 from .mjcf_tree import MjcfTree
-from .mjcf_unread import impossible, unread
-from .problems import warning
+from .mjcf_unread import contact_note, impossible, unread
+from .problems import note, warning
 from .robot_file import RobotFile, naming, warned
 from .shapes import mjcf_shapes
 from .urdf import MOST_JOINTS
@@ -28,7 +28,8 @@ def read_mjcf(
 ) -> RobotFile:
     """Read a robot as `ClosedChain.from_mjcf`; warnings point to the caller of that method."""
     robot = robot_file_of(path, locked, actuated)
-    return warned(robot, (problem.text for problem in robot.notes), robot.source)
+    warnings = (problem.text for problem in robot.notes if problem.severity == "warning")
+    return warned(robot, warnings, robot.source)
 
 
 def robot_file_of(
@@ -57,8 +58,10 @@ def robot_file_of(
     tree.add_home(closures)
     shapes = partial(mjcf_shapes, compiled.mj, tree.bodies)
     parts = source, tree.model, closures, motors, shapes, stiffness, tree.rest
-    notes = tuple(warning("file", text) for text in compiled.notes)
-    return RobotFile(*parts, lines=lines, notes=notes)
+    notes = [warning("file", text) for text in dict.fromkeys(compiled.notes)]
+    if text := contact_note(compiled, tree):
+        notes.append(note("file", text))
+    return RobotFile(*parts, lines=lines, notes=tuple(notes))
 
 
 def _switched_off(compiled: Compiled, actuated: Sequence[Motor] | None) -> Iterator[str]:

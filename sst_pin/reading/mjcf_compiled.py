@@ -4,13 +4,16 @@
 import xml.etree.ElementTree as ET
 from collections.abc import Collection
 from contextlib import suppress
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array
 from ..errors import DescriptionError, MissingExtraError
+from ..summaries import listed
 
 #: Types of joints, as `mjtJoint` has them.
 FREE, BALL, SLIDE, HINGE = range(4)
@@ -28,24 +31,75 @@ class Compiled:
             raise MissingExtraError("mujoco", "mjcf") from None
         self.mujoco, self.source, self.locked = mujoco, str(path), set(locked)
         self.problems, self.notes = list[str](), list[str]()
+        first = _first_element(path)
+        if first not in ("", "mujoco"):  # MuJoCo reads a URDF, which has no closures
+            text = f"an MJCF starts with <mujoco>, not with <{first}>"
+            cure = "; ClosedChain.from_urdf reads a URDF or an SDF"
+            raise DescriptionError(self.source, [f"not an MJCF: {text}{cure}"])
         try:
             self.mj: Any = mujoco.MjModel.from_xml_path(self.source)
-            if _first_element(path) == "robot":  # MuJoCo reads a URDF, which has no closures
-                text = "an MJCF starts with <mujoco>, not with <robot>"
-                raise ValueError(f"{text}; ClosedChain.from_urdf reads a URDF")
         except ValueError as error:
-            raise DescriptionError(self.source, [f"not an MJCF: {error}"]) from None
+            self.mj = self._without_shapes(path, str(error))
         try:
             self.mj.names.decode()
         except UnicodeDecodeError as error:
             raise DescriptionError(self.source, [f"names that are not UTF-8: {error}"]) from None
         self._bodies = {self.mj.body(body).name: body for body in range(1, self.mj.nbody)}
 
+    def _without_shapes(self, path: Path, error: str) -> Any:
+        """The model without meshes and textures whose files are missing, if no mass is of them."""
+        refused = DescriptionError(self.source, [f"MuJoCo refuses it: {error}"])
+        try:
+            spec = self.mujoco.MjSpec.from_file(self.source)
+        except (AttributeError, ValueError):  # an old MuJoCo, or another fault
+            raise refused from None
+        folder, missing = path.parent, set[str]()
+        for mesh in list(spec.meshes):
+            if mesh.file and not (folder / spec.meshdir / mesh.file).is_file():
+                missing.add(mesh.name or Path(mesh.file).stem)
+                spec.delete(mesh)
+        textures = [t for t in spec.textures if _is_missing(folder / spec.texturedir, t)]
+        lost = {texture.name or Path(texture.file).stem for texture in textures}
+        for material in list(spec.materials):
+            material.textures = ["" if name in lost else name for name in material.textures]
+        for texture in textures:
+            spec.delete(texture)
+        always = (
+            spec.compiler.inertiafromgeom == self.mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+        )
+        heavy = list[str]()
+        for body in spec.bodies:
+            for geom in [geom for geom in body.geoms if geom.meshname in missing]:
+                if body.name != "world" and (always or not body.explicitinertial):
+                    heavy.append(f"body {body.name}: its mass is that of the mesh {geom.meshname}")
+                spec.delete(geom)
+        if heavy:
+            heavy = [f"{text}, whose file is missing" for text in dict.fromkeys(heavy)]
+            raise DescriptionError(self.source, heavy)
+        if not (missing or lost):
+            raise refused
+        try:
+            mj = spec.compile()
+        except ValueError as other:
+            raise DescriptionError(self.source, [f"MuJoCo refuses it: {other}"]) from None
+        files = listed(sorted(missing | lost))
+        self.notes.append(f"files of {files} are missing; the robot is read without these shapes")
+        return mj
+
     def disabled(self, flag: str) -> bool:
         """Whether a flag of the options is "disable"; not every MuJoCo has every flag."""
         flags, bits = (flag, _WHOLE.get(flag, flag)), self.mujoco.mjtDisableBit
         known = (getattr(bits, f"mjDSBL_{name.upper()}", 0) for name in flags)
         return any(self.mj.opt.disableflags & int(bit) for bit in known)
+
+    @cached_property
+    def gravcomp(self) -> float | None:
+        """The share of the weights that is compensated, if it is one for all bodies; else None."""
+        mj = self.mj
+        moving = mj.body_weldid > 0
+        shares = set(mj.body_gravcomp[moving & (mj.body_mass > 0)].tolist())
+        by_motors = getattr(mj, "jnt_actgravcomp", np.zeros(0)).any()
+        return shares.pop() if len(shares) == 1 and not by_motors else None
 
     def name(self, kind: str, i: int) -> str:
         """Name of an element; one without a name is called after its kind and number.
@@ -98,6 +152,10 @@ class Compiled:
         """Coefficients of a fixed tendon by joint, without locked joints."""
         parts = ((self.mj.wrap_objid[k], self.mj.wrap_prm[k]) for k in self.wraps(tendon))
         return {int(j): float(share) for j, share in parts if share and not self.is_locked(j)}
+
+
+def _is_missing(folder: Path, texture: Any) -> bool:
+    return bool(texture.file) and not (folder / texture.file).is_file()
 
 
 def _first_element(path: Path) -> str:

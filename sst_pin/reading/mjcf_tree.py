@@ -34,7 +34,8 @@ class MjcfTree:
         self.model, self.rest, self.dofs = pin.Model(), np.empty(0), list[int]()
         self.model.name = mj.names.split(b"\0")[0].decode()
         weightless = compiled.disabled("gravity")
-        self.model.gravity.linear = np.zeros(3) if weightless else mj.opt.gravity
+        gravity = np.zeros(3) if weightless else mj.opt.gravity * (1 - (compiled.gravcomp or 0.0))
+        self.model.gravity.linear = gravity
         self.bodies = [(0, pin.SE3.Identity())]
         self._points = {"universe"}
         #: For each joint its addresses in `qpos`; the reference pose, if it is free and locked in

@@ -229,7 +229,6 @@ ELASTIC = '<elasticity young="1e3" thickness=".01" elastic2d="{}"/>'
         (FLEX.format(ROPE, '<edge damping="3"/>'), "damping of a flex's edges"),
         (FLEX.format(CLOTH, ELASTIC.format("both")), "elasticity of a flex"),
         (FLEX.format(CLOTH, ELASTIC.format("bend")), "bending stiffness of a flex"),
-        (BASE.replace('size=".1 .2 .3"', 'size=".1 .2 .3" adhesion="5"'), "adhesion of a geom"),
     ],
 )
 def test_what_acts_and_is_not_read_is_named(tmp_path, text, problem):

@@ -214,7 +214,7 @@ HELD = '<joint joint1="crank" polycoef="1 0 0 0 0"/><joint joint1="rocker" polyc
     ("old", "new", "told"),
     [
         ("", "", []),
-        ('"bars">', '"bars"', ["error: file: XML parse error"]),
+        ('"bars">', '"bars"', ["error: file: MuJoCo refuses it: XML parse error"]),
         (BARS, '<robot name="a"><link name="a"/></robot>', ["from_urdf reads a URDF"]),
         pytest.param(
             "<connect ", "<weld ", ["warning: home: cannot be closed"], marks=pytest.mark.slow
@@ -235,6 +235,8 @@ def test_an_mjcf_is_judged_too(tmp_path, old, new, told):
     path = tmp_path / "bars.xml"
     path.write_text(BARS.replace(old, new))
     problems = list(map(str, sst_pin.validate(path)))
+    if "note: file: contacts are not computed" in problems:
+        problems.remove("note: file: contacts are not computed")
     assert len(problems) == len(told)
     for problem, text in zip(problems, told, strict=True):
         assert text in problem
