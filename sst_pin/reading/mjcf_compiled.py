@@ -159,8 +159,8 @@ def _is_missing(folder: Path, texture: Any) -> bool:
 
 
 def _first_element(path: Path) -> str:
-    """The name of an XML's root; empty if Python cannot read a file that MuJoCo accepts."""
-    with suppress(ET.ParseError), path.open("rb") as file:
+    """The name of an XML's root; empty if Python cannot read the file."""
+    with suppress(ET.ParseError, OSError, ValueError), path.open("rb") as file:
         for _, element in ET.iterparse(file, events=("start",)):
             return str(element.tag)
     return ""
