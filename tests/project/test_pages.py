@@ -27,7 +27,7 @@ RUN_ELSEWHERE = {"urdf/README.md": "description/test_description_folder.py"}
 RUN_ELSEWHERE |= {"docs/evidence.md": "description/test_other_tools.py"}
 #: These compile, draw, or run for seconds.
 LONG = "assembly_modes batches cables command_line control derivatives export_c gpu "
-LONG += "identification optimal_control own_robot plots pose_abilities simulate "
+LONG += "identification loader optimal_control own_robot plots pose_abilities simulate "
 LONG += "standard_problems timing viewer"
 SLOW = {"README.md"} | {f"docs/{name}.md" for name in LONG.split()}
 
