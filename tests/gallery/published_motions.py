@@ -272,7 +272,7 @@ def chrono() -> dict[str, PublishedMotion]:
 def _place_and_force(chain: ClosedChain, motion: Any) -> np.ndarray:
     """Place of the mass centre and force on the ground."""
     ground = chain.reactions(motion.q, motion.va, motion.aa).ground
-    return np.hstack([_place(chain, motion), -ground[:, 3:]])
+    return np.hstack([_place(chain, motion), -ground[:, :3]])
 
 
 def chrono_pendulum(name: str) -> ClosedChain:
