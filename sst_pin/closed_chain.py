@@ -991,14 +991,20 @@ class ClosedChain(RobotProperties, Summary):
         )
 
     def check_limits(self, motion: Trajectory | ArrayLike) -> tuple[Finding, ...]:
-        """Joints that leave their limits along a motion, and nearby singularities, with times.
+        """What leaves its limits along a motion, and nearby singularities, with times.
 
-        The motion may be one configuration, shape (nq,). An SST has arcs as limits too.
+        Limits are those of joint positions and rates, of motor forces on joints, and of lines; an
+        effort or velocity of 0 is none. The motion may be one configuration, shape (nq,), for
+        which positions and lengths are judged. An SST has arcs as limits too.
         """
-        from .simulation.check import samples_of
+        from .simulation.check import findings_of_motion, samples_of
+        from .simulation.trajectories import Trajectory
 
         engine = self._engine
-        return tuple(self._findings(engine, *samples_of(engine.mechanism, motion)))
+        findings = [*self._findings(engine, *samples_of(engine.mechanism, motion))]
+        if isinstance(motion, Trajectory):
+            findings += findings_of_motion(engine, motion)
+        return tuple(findings)
 
     def _findings(self, engine: Engine, t: Array, q: Array) -> Iterable[Finding]:
         """The findings of `check_limits` at configurations of shape (N, nq) at times t."""

@@ -371,6 +371,10 @@ class MjcfWriter:
                 self._problems.append(f"line {line}: {text}")
             attributes |= {"damping": numbers([line.damping])} if line.damping else {}
             attributes |= {"armature": numbers([line.mass])} if line.mass else {}
+            if line.lower or line.upper < _FAR:
+                attributes |= {"range": numbers([line.lower, min(line.upper, _FAR)])}
+            if line.velocity < _FAR:
+                self.notes.append(f"line {line}: its largest velocity is left out")
             if line.mass and self._joins_branches(line):
                 text = "its mass: MuJoCo leaves out the inertia of a tendon between two branches"
                 self._problems.append(f"line {line}: {text}")
@@ -391,6 +395,8 @@ class MjcfWriter:
         motor = {"name": name}
         if not len(rates) and on_lines[lines].tolist() == [1]:
             motor["tendon"] = forces[lines[0]].name
+            if (limit := forces[lines[0]].effort) < _FAR:
+                motor["ctrlrange"] = numbers([-limit, limit])
         elif len(lines) or not single.keys() >= set(rates.tolist()):
             text = "it acts on more than hinges and slides, or one line"
             self._problems.append(f"motor {name}: {text}")

@@ -3,11 +3,15 @@
 
 from dataclasses import KW_ONLY, dataclass, fields
 from functools import cached_property
+from math import inf
 
 import numpy as np
 
 from ..arrays import Array, Flags, single_array
 from ..errors import InputError
+
+#: Limits that may be infinite.
+_LIMITS = ("upper", "effort", "velocity")
 
 
 @dataclass(frozen=True)
@@ -31,6 +35,11 @@ class LineForce:
         preload: Tension at the rest length, [N].
         mass: Inertia of what moves with the length, such as a piston with its oil, or a winch: the
             inertia of its drum divided by the square of the radius; zero or positive, [kg].
+        lower: Shortest length, such as that of a cylinder at its stop, [m]. This and the next three
+            are for `check_limits` and files; dynamics does not enforce them.
+        upper: Longest length, [m].
+        effort: Largest force of the motor, pushing or pulling, [N].
+        velocity: Largest rate of the length, [m/s].
         name: "a-b" from the names of the frames by default.
         pulls_only: Whether it is an elastic cable, which is slack where spring, damper and preload
             together would push. The motor may push, except in `rollout(..., nonsmooth=True)`.
@@ -53,6 +62,10 @@ class LineForce:
     damping: float = 0.0
     preload: float = 0.0
     mass: float = 0.0
+    lower: float = 0.0
+    upper: float = inf
+    effort: float = inf
+    velocity: float = inf
     name: str = ""
     pulls_only: bool = False
 
@@ -67,11 +80,16 @@ class LineForce:
         if not isinstance(self.pulls_only, bool):
             raise InputError(f"pulls_only of line {self}", f"{self.pulls_only!r} is not a boolean")
         for field in fields(self)[2:-2]:
-            name = f"{field.name} of line {self}"
-            number = float(single_array(name, getattr(self, field.name), ()))
+            name, value = f"{field.name} of line {self}", getattr(self, field.name)
+            if field.name in _LIMITS and value == inf:
+                continue
+            number = float(single_array(name, value, ()))
             if number < 0 and field.name != "preload":
                 raise InputError(name, f"{number:g} is negative")
             object.__setattr__(self, field.name, number)
+        if self.lower > self.upper:
+            text = f"{self.lower:g} is above the upper limit {self.upper:g}"
+            raise InputError(f"lower of line {self}", text)
         if self.pulls_only and self.mass:
             problem = "a slack cable moves no mass; give the mass to a body, or the drum a joint"
             raise InputError(f"mass of line {self}", problem)

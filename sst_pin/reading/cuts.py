@@ -30,6 +30,7 @@ from .yaml_content import (
 
 _OF_LINES = (
     *("name", "frames", "stiffness", "rest_length", "damping", "preload", "mass"),
+    *("lower", "upper", "effort", "velocity"),
     "pulls_only",
 )
 _OF_CONTACTS = ("frame", "name", "ground", "radius", "friction", "restitution")

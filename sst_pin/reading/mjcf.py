@@ -14,6 +14,7 @@ from ..errors import DescriptionError, UnknownNameError
 from ..files import as_path
 from ..model.checks import Motor
 from .mjcf_compiled import Compiled
+from .mjcf_limits import put_efforts
 from .mjcf_loops import closures_of, lines_of, motors_of, named_motors
 from .mjcf_tree import MjcfTree
 from .mjcf_unread import contact_note, impossible, unread
@@ -47,9 +48,9 @@ def robot_file_of(
         motors = tuple(motors_of(compiled, tree))
     else:
         motors = named_motors(compiled, in_order("actuated", actuated))
-    lines = tuple(lines_of(compiled, motors))
     tree.add_body_frames()
     stiffness = tree.add_numbers()
+    lines = tuple(lines_of(compiled, motors, put_efforts(compiled, tree)))
     problems += unread(compiled, tree)
     if (moving := tree.model.njoints - 1) > MOST_JOINTS:
         problems.append(f"{moving} moving joints; at most {MOST_JOINTS} are supported")

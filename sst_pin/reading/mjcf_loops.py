@@ -5,7 +5,7 @@ Equalities are points, welds, couplings of joints and fixed tendons, and rods, w
 tendons of constant length; actuators are motors; spatial tendons are forces along lines.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +19,8 @@ from .mjcf_compiled import HINGE, SLIDE, Compiled, pose_of
 from .mjcf_tree import MjcfTree
 from .robot_file import naming
 
+#: Larger limits are none, [m].
+_FAR = 1e9
 #: Index of a weld's torque scale in `eq_data`; with 0 the bodies can turn.
 _TORQUESCALE = 10
 
@@ -109,6 +111,7 @@ def _coupling(
 class Actuator(NamedTuple):
     """An actuator, and the kind and index of its target, such as a joint or a tendon."""
 
+    number: int
     name: str
     kind: str
     target: int
@@ -130,7 +133,7 @@ def actuators(compiled: Compiled) -> Iterator[Actuator]:
         off = mj.opt.disableactuator >> mj.actuator_group[i] & 1 or compiled.disabled("actuation")
         if not off and not (kind == "joint" and compiled.is_locked(target)):
             gear = mj.actuator_gear[outputs[i], 0]
-            yield Actuator(compiled.name("actuator", i), kind, target, int(controls[i]), gear)
+            yield Actuator(i, compiled.name("actuator", i), kind, target, int(controls[i]), gear)
 
 
 def _fixed_tendon(compiled: Compiled, tendon: int) -> Motor:
@@ -150,7 +153,7 @@ def named_motors(compiled: Compiled, motors: Sequence[Motor]) -> tuple[Motor, ..
 def motors_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Motor]:
     """Joints and tendons that actuators with a control act on, each once."""
     mj, seen = compiled.mj, set[tuple[str, int]]()
-    for name, kind, target, controls, gear in actuators(compiled):
+    for _, name, kind, target, controls, gear in actuators(compiled):
         problem, tendon = "", kind == "tendon"
         if not controls or (kind, target) in seen:
             continue
@@ -176,19 +179,25 @@ def motors_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Motor]:
         seen.add((kind, target))
 
 
-def lines_of(compiled: Compiled, motors: Sequence[Motor]) -> Iterator[LineForce]:
-    """Spatial tendons with a spring, a damper or inertia, and those that are motors."""
+def lines_of(
+    compiled: Compiled, motors: Sequence[Motor], efforts: Mapping[str, float]
+) -> Iterator[LineForce]:
+    """Spatial tendons with a spring, a damper or inertia, and those that are motors.
+
+    `efforts` are the largest forces of motors on tendons, by name.
+    """
     mj = compiled.mj
     driven = {name for motor in motors for name in tendon_of(motor)[1]}
     for tendon in range(mj.ntendon):
         name = compiled.name("tendon", tendon)
-        if mj.tendon_limited[tendon] and not compiled.disabled("limit"):
-            compiled.notes.append(f"tendon {name}: its limits are ignored")
+        limited = mj.tendon_limited[tendon] and not compiled.disabled("limit")
         stiffness = mj.tendon_stiffness[tendon] * (not compiled.disabled("spring"))
         damping = mj.tendon_damping[tendon] * (not compiled.disabled("damper"))
         mass = getattr(mj, "tendon_armature", np.zeros(mj.ntendon))[tendon]
         acts = stiffness or damping or mass or name in driven
         if not compiled.is_spatial(tendon) or not acts:
+            if limited:
+                compiled.notes.append(f"tendon {name}: its limits are ignored")
             continue
         shortest, longest = mj.tendon_lengthspring[tendon]
         problem = _no_line(compiled, tendon)
@@ -199,6 +208,9 @@ def lines_of(compiled: Compiled, motors: Sequence[Motor]) -> Iterator[LineForce]
             continue
         ends = (compiled.name("site", mj.wrap_objid[k]) for k in compiled.wraps(tendon))
         values = {"stiffness": stiffness, "rest_length": shortest if stiffness else 0.0}
+        low, high = mj.tendon_range[tendon] if limited else (0.0, np.inf)
+        upper = high if high < _FAR else np.inf
+        values |= {"lower": max(low, 0.0), "upper": upper, "effort": efforts.get(name, np.inf)}
         with naming(compiled.source):
             yield LineForce(*ends, **values, damping=damping, mass=mass, name=name)
 
