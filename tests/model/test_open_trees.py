@@ -167,5 +167,5 @@ def test_an_mjcf_without_equalities_is_an_open_tree(tmp_path):
         '<actuator><motor joint="a"/><motor joint="b"/></actuator></mujoco>'
     )
     arm = sst_pin.ClosedChain.from_mjcf(path)
-    assert sst_pin.validate(path) == []
+    assert [p.text for p in sst_pin.validate(path)] == ["contacts are not computed"]
     assert arm.motor_names == arm.coordinates == ("a", "b")
