@@ -1,17 +1,19 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Kernels as C99: straight-line code on `real`, a number or a vector of samples."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib.resources import files
 from math import isfinite
 from string import Template
 from typing import NamedTuple
 
 import casadi as ca
+from casadi import SX
 
 from ..loops.continuity import TRAVEL
 from ..model.thresholds import AT_REST, BEND, CLOSURE_TOLERANCE
 from . import statements
+from .along_directions import Directions
 from .compiled_states import CHANGE, NEARBY
 from .kernel_checks import CLOSED
 from .kernels import SymbolicKernel
@@ -34,6 +36,13 @@ _FORMS = {
 }
 #: Other forms for scalars, which depend on parameters only.
 _OF_NUMBERS = {ca.OP_FABS: "{0} < 0 ? -{0} : {0}", ca.OP_LE: "{0} <= {1}"}
+
+
+#: Arguments of the functions of passes.
+_OF_PASSES = (
+    "const number *restrict x, parameters p, const number *restrict o, const real *d, "
+    "real *restrict y"
+)
 
 
 def part(name: str) -> str:
@@ -70,15 +79,23 @@ STYLES = {
 class KernelSource(NamedTuple):
     """The C of a kernel."""
 
-    #: `void <name>(const real *x, parameters p, real *y)`, and before it
-    #: `void <name>_constants(constants p)`. x holds the inputs one after the other, p the open
-    #: parameters, then the constants that `<name>_constants` makes of them; y gets the output, then
-    #: the checks, then what parts of the function hand on. Where the kernel has directions,
-    #: `<name>_once` runs first, with the same arguments, for what does not depend on the direction.
+    #: `void <name>_constants(constants p)`, which makes constants of the open parameters, and the
+    #: kernel, `void <name>(const real *x, parameters p, real *y)`. x holds the inputs one after the
+    #: other, p the open parameters, then these constants; y gets the output, then the checks, then
+    #: what parts of the function hand on.
+    #:
+    #: A kernel along directions has `<name>_once` with these arguments instead; y gets the factors
+    #: of its solution before the checks.
     text: str
     #: Sizes of p and of y.
     size: int
     room: int
+    #: Of a kernel along directions `<name>_once` and the functions of its passes,
+    #: `void <name>_pass_<k>(x, p, const number *o, const real *d, real *y)`. o is the y of `_once`,
+    #: d the direction, y gets the results, then the checks, then what parts hand on.
+    functions: tuple[str, ...] = ()
+    #: The largest y of a pass.
+    room_of_passes: int = 0
 
 
 def body(
@@ -90,59 +107,77 @@ def body(
 
     `size` is that of p before its constants, `suffix` that of numbers, "f" in single precision.
     """
-    writer = written(kernel, size, suffix)
-    prepare = f"static void {kernel.name}_constants(constants p)"
-    texts = [statements.function(prepare, ["(void)p;", *writer.lines["number"]])]
-    lines, room = writer.lines["real"], kernel.output.numel() + kernel.checks.numel()
+    writer, name = written(kernel, size, suffix), kernel.name
+    prepare = f"static void {name}_constants(constants p)"
+    constants = statements.function(prepare, ["(void)p;", *writer.lines[NUMBER]])
     arranged = statements.with_results_in_memory if in_memory else list
-    if len(lines) <= statements.LARGEST and not kernel.directions:
-        functions = {kernel.name: ["(void)p;", *arranged(statements.together(lines))]}
-    else:
-        whole = {kernel.name: lines}
-        if kernel.directions:
-            inputs = sum(symbols.numel() for symbols in kernel.inputs.values())
-            once, each = statements.split(lines, range(inputs - kernel.directions, inputs))
-            whole = {f"{kernel.name}_once": once, kernel.name: each}
-        pieces = {name: statements.pieces(lines) for name, lines in whole.items()}
-        parts, handed_on = statements.in_parts(list(pieces.values()))
-        numbers = iter(range(len(parts)))
-        functions = {
-            name: [f"{kernel.name}_{next(numbers)}(x, p, y, y + {room});" for _ in pieces_of_one]
-            for name, pieces_of_one in pieces.items()
-        }
-        arguments = "const real *x, parameters p, real *restrict y, real *restrict w"
-        for k, piece in enumerate(parts):
-            lines = ["(void)x, (void)p, (void)y, (void)w;", *arranged(piece)]
-            texts.append(statements.function(f"PART {kernel.name}_{k}({arguments})", lines))
-        room += handed_on
-    for name, statements_of in functions.items():
-        head = f"static void {name}(const real *x, parameters p, real *y)"
-        texts.append(statements.function(head, statements_of))
-    return KernelSource("\n".join(texts), writer.size, room)
+    lines, room = writer.lines[ONCE], writer.room
+    arguments = "const real *x, parameters p, real *restrict y"
+    if kernel.along is None:
+        text, room = _function("static", name, arguments, lines, room, arranged)
+        return KernelSource(f"{constants}\n{text}", writer.size, room)
+    once, room = _function("SEPARATE", f"{name}_once", arguments, lines, room, arranged)
+    functions, rooms = [once], []
+    arguments = _OF_PASSES
+    for k, part in enumerate(kernel.along.passes):
+        lines, of_pass = writer.lines[k], part.results.numel() + part.checks.numel()
+        code = _function("SEPARATE", f"{name}_pass_{k}", arguments, lines, of_pass, arranged)
+        functions.append(code[0])
+        rooms.append(code[1])
+    return KernelSource(constants, writer.size, room, tuple(functions), max(rooms))
+
+
+def _function(
+    storage: str,
+    name: str,
+    arguments: str,
+    lines: Sequence[str],
+    room: int,
+    arranged: Callable[[Sequence[str]], list[str]],
+) -> tuple[str, int]:
+    """A function of some statements, divided into parts if it is long, and the size of its y."""
+    names = [argument.split()[-1].lstrip("*") for argument in arguments.split(", ")]
+    unused = " ".join(f"(void){x};" for x in names if x != "y")
+    head = f"{storage} void {name}({arguments})"
+    if len(lines) <= statements.LARGEST:
+        return statements.function(head, [unused, *arranged(statements.together(lines))]), room
+    parts, handed_on = statements.in_parts(statements.pieces(lines))
+    texts, calls = list[str](), list[str]()
+    for k, part in enumerate(parts):
+        of_part = f"PART {name}_{k}({arguments}, real *restrict w)"
+        texts.append(statements.function(of_part, [f"{unused} (void)w;", *arranged(part)]))
+        calls.append(f"{name}_{k}({', '.join(names)}, y + {room});")
+    texts.append(statements.function(head, calls))
+    return "\n".join(texts), room + handed_on
 
 
 def written(kernel: SymbolicKernel, size: int | None = None, suffix: str = "") -> "Writer":
     """Statements of a kernel, each in a form that is C; the arguments are those of `body`."""
-    function = ca.Function(
-        kernel.name,
-        [ca.vertcat(*kernel.inputs.values()), kernel.parameters],
-        [ca.densify(ca.vertcat(kernel.output, kernel.checks))],
-        {"cse": True},
-    )
-    writer = Writer(size or kernel.parameters.numel())
+    inputs = [ca.vertcat(*kernel.inputs.values()), kernel.parameters]
+    passes = kernel.along.passes if kernel.along else []
+    solution = kernel.along.solution if kernel.along else None
+    factors = SX(0, 1) if solution is None else solution.factors
+    outputs = [ca.vertcat(kernel.output, factors, kernel.checks)]
+    for part in passes:
+        inputs.append(part.direction)
+        outputs.append(ca.vertcat(part.results, part.checks))
+    function = ca.Function(kernel.name, inputs, list(map(ca.densify, outputs)), {"cse": True})
+    writer = Writer(size or kernel.parameters.numel(), outputs[0].numel(), len(passes))
     for k in range(function.n_instructions()):
         operation = function.instruction_id(k)
         arguments = function.instruction_input(k)
         (target, *place) = function.instruction_output(k)
         if operation == ca.OP_CONST:
             number = _literal(float(function.instruction_constant(k)), suffix)
-            writer.names[target] = f"({number})" if number[0] == "-" else number, "number"
+            writer.names[target] = f"({number})" if number[0] == "-" else number, NUMBER
         elif operation == ca.OP_INPUT:
             array, i = arguments
-            writer.names[target] = (f"x[{i}]", "real") if array == 0 else (f"p[{i}]", "number")
+            kind = _KINDS_OF_INPUTS.get(array, array - len(_KINDS_OF_INPUTS))
+            writer.names[target] = f"{_NAMES[min(kind, 0)]}[{i}]", kind
         elif operation == ca.OP_OUTPUT:
-            result = writer.use(writer.names[arguments[0]], "real")
-            writer.lines["real"].append(f"y[{place[0]}] = REAL({result});")
+            kind = target - 1
+            result = writer.use(writer.names[arguments[0]], kind)
+            writer.lines[kind].append(f"y[{place[0]}] = REAL({result});")
         else:
             operands = [writer.names[i] for i in arguments]
             writer.names[target] = writer.write(f"t{k}", operation, operands)
@@ -157,36 +192,59 @@ def _literal(x: float, suffix: str) -> str:
     return f"({large})" if x > 0 else f"(-({large}))" if x < 0 else f"(0 * ({large}))"
 
 
-#: The name of an expression and its type: "real" of a sample, "number" of the parameters alone.
-_Name = tuple[str, str]
+#: What an expression depends on: the parameters alone, the sample too, or, from 0 on, the number of
+#: a pass, the direction of that pass too.
+NUMBER, ONCE = -2, -1
+#: The array in which inputs of each kind are; passes have their own directions.
+_NAMES = {NUMBER: "p", ONCE: "x", 0: "d"}
+#: Kinds of the first inputs of CasADi's functions; the others are directions of passes.
+_KINDS_OF_INPUTS = {0: ONCE, 1: NUMBER}
+#: The name of an expression and what it depends on.
+_Name = tuple[str, int]
 
 
 class Writer:
-    """Statements of a kernel, those of parameters apart from those of samples."""
+    """Statements of a kernel, by what they depend on.
 
-    def __init__(self, size: int) -> None:
+    Args:
+        size: Number of open parameters.
+        room: Number of results and checks that are computed once.
+        passes: Number of passes along directions.
+    """
+
+    def __init__(self, size: int, room: int, passes: int = 0) -> None:
         self.names: dict[int, _Name] = {}  # the result in each place of the work vector
-        self.lines: dict[str, list[str]] = {"real": [], "number": []}  # by the type of their result
-        self.size = size  # of p
+        self.lines: dict[int, list[str]] = {kind: [] for kind in range(NUMBER, passes)}
+        self.size = size  # of p, the constants included
+        self.room = room  # of y, the results that the passes use included
         self._constants: dict[str, str] = {}
+        self._handed_on: dict[str, str] = {}
         self._turns: dict[str, int] = {}
         self._inverses: dict[_Name, _Name] = {}
         self._directions: dict[str, str] = {}  # not yet written, with the arguments
 
-    def use(self, name: _Name, kind: str) -> str:
-        """The text of a name in a statement of a type; for samples, constants are read from p."""
-        text, type_name = name
+    def use(self, name: _Name, kind: int) -> str:
+        """The text of a name in a statement of a kind.
+
+        Samples read constants from p, and passes read what is computed once from o.
+        """
+        text, own = name
         if text in self._directions:
             of = self._directions.pop(text)
-            line = f"const {type_name} {text} = direction({of}, {_OF_SIGNS});"
-            self.lines[type_name].append(line)
-        if kind == type_name or text[0] != "t":
+            self.lines[own].append(f"const {_type(own)} {text} = direction({of}, {_OF_SIGNS});")
+        if kind == own or text[0] not in "tsc":
             return text
-        if text not in self._constants:
-            self._constants[text] = f"p[{self.size}]"
-            self.size += 1
-            self.lines[type_name].append(f"{self._constants[text]} = {text};")
-        return self._constants[text]
+        if own == NUMBER:
+            if text not in self._constants:
+                self._constants[text] = f"p[{self.size}]"
+                self.size += 1
+                self.lines[own].append(f"{self._constants[text]} = {text};")
+            return self._constants[text]
+        if text not in self._handed_on:
+            self._handed_on[text] = f"[{self.room}]"
+            self.room += 1
+            self.lines[own].append(f"y{self._handed_on[text]} = {text};")
+        return f"o{self._handed_on[text]}"
 
     def write(self, name: str, operation: int, operands: list[_Name]) -> _Name:
         """One operation, and the name of its result."""
@@ -194,81 +252,136 @@ class Writer:
             return self._inverse(operands[0])
         if operation == ca.OP_DIV:
             operation, operands = ca.OP_MUL, [operands[0], self._inverse(operands[1])]
-        kind = "real" if "real" in {kind for _, kind in operands} else "number"
+        kind = max(kind for _, kind in operands)
+        lines, type_name = self.lines[kind], _type(kind)
         if operation == ca.OP_SIGN:
             self._directions[name] = self.use(operands[0], kind)
             return name, kind
-        if operation == ca.OP_MUL and kind == "real":
+        if operation == ca.OP_MUL and kind != NUMBER:
             for (text, _), (factor, of_factor) in (operands, operands[::-1]):
-                if text in self._directions and of_factor == "number":
+                if text in self._directions and of_factor == NUMBER:
                     x, F = self._directions[text], self.use((factor, of_factor), kind)
-                    line = f"const real {name} = rubbing({x}, {F}, {_OF_SIGNS});"
-                    self.lines[kind].append(line)
+                    lines.append(f"const real {name} = rubbing({x}, {F}, {_OF_SIGNS});")
                     return name, kind
         texts = [self.use(operand, kind) for operand in operands]
         first = texts[0]
         if operation in (ca.OP_SIN, ca.OP_COS):
             t = self._turns.setdefault(first, len(self._turns))
             declared = f"real s{t}, c{t}; sines_cosines(1, &{first}, &s{t}, &c{t});"
-            if declared not in self.lines[kind]:
-                self.lines[kind].append(declared)
+            if declared not in lines:
+                lines.append(declared)
             return f"{'s' if operation == ca.OP_SIN else 'c'}{t}", kind
-        forms = _FORMS if kind == "real" else _FORMS | _OF_NUMBERS
-        self.lines[kind].append(f"const {kind} {name} = {forms[operation].format(*texts)};")
+        forms = _FORMS | _OF_NUMBERS if kind == NUMBER else _FORMS
+        lines.append(f"const {type_name} {name} = {forms[operation].format(*texts)};")
         return name, kind
 
     def _inverse(self, name: _Name) -> _Name:
         """The reciprocal: divisions are slow, and many have the same divisor."""
         text, kind = name
         if name not in self._inverses:
-            self._inverses[name] = f"ti{len(self._inverses)}", kind
-            self.lines[kind].append(f"const {kind} {self._inverses[name][0]} = 1 / {text};")
+            inverse = f"ti{len(self._inverses)}"
+            self._inverses[name] = inverse, kind
+            self.lines[kind].append(f"const {_type(kind)} {inverse} = 1 / {text};")
         return self._inverses[name]
 
 
-def library(entry: str, kernels: Sequence[SymbolicKernel], lanes: int) -> str:
-    """Source of the library of a kernel, or of "closing" and "state_rate" for rollouts.
+def _type(kind: int) -> str:
+    """The C type of an expression."""
+    return "number" if kind == NUMBER else "real"
+
+
+def library(entry: str, kernels: Sequence[SymbolicKernel], lanes: int) -> list[str]:
+    """Sources of the library of a kernel, or of "closing" and "state_rate" for rollouts.
 
     It offers `run_<entry>`, which runs the kernel on rows of samples, `sizes_run_<entry>` (of p, of
     the output, of each input, -1) and `prepare_<entry>`. For rollouts, `run_<entry>` makes steps;
     `rate_<entry>`, with its sizes, runs "state_rate" on samples with q and va in one array.
+
+    The passes of a kernel along directions compute `lanes` of them at once. What is computed once
+    for a sample is in a source of its own, on plain numbers.
     """
-    parts = [f"#define LANES {lanes}", part("real.h"), part("driver.h")]
-    size, room = None, 0
+    head = f"#define LANES {lanes}\n{part('real.h')}"
+    parts, sources = [head, part("driver.h")], list[str]()
+    size, room, of_passes = None, 0, 0
     for kernel in kernels:
-        text, size, own_room = body(kernel, size, in_memory=True)
-        parts.append(text)
-        room = max(room, own_room)
+        source = body(kernel, size, in_memory=True)
+        size, room = source.size, max(room, source.room)
+        of_passes = source.room_of_passes
+        parts.append(source.text)
+        if source.functions:
+            once, *passes = source.functions
+            sources.append(f"#define LANES 1\n{part('real.h')}\n{once}")
+            sources += [f"{head}\n{text}" for text in passes]
     last = kernels[-1]
-    inputs = [symbols.numel() for symbols in last.inputs.values()]
-    outputs, directions = last.output.numel(), last.directions
+    arrays, along = [symbols.numel() for symbols in last.inputs.values()], last.along
+    outputs = last.output.numel()
     numbers: dict[str, object] = {
         "entry": entry,
         "calls": "\n    ".join(f"{kernel.name}_constants(p);" for kernel in kernels),
         "size": size,
         "name": last.name,
-        "q": inputs[0],
-        "inputs": sum(inputs),
+        "q": arrays[0],
+        "inputs": sum(arrays),
         "outputs": outputs,
-        "results": outputs * max(directions, 1),
-        "directions": directions,
+        "results": along.size if along else outputs,
         "checks": last.checks.numel(),
         "room": room,
     }
     parts.append(filled("entries/prepare.c", numbers))
-    word, close, arrays = "run", "NULL", inputs[:-1] if directions else inputs
+    word, close = "run", "NULL"
     if len(kernels) > 1:
-        q, va, tau, *load = inputs
+        q, va, tau, *load = arrays
         word, close, arrays = "rate", kernels[0].name, [q + va, tau, *load]
         more = {"va": va, "tau": tau, "load": sum(load), "states": q + va, "close": close}
         more |= {"units": ", ".join(map(repr, kernels[0].units)), "bend": BEND}
         more |= {"close_checks": kernels[0].checks.numel(), "tolerance": CLOSURE_TOLERANCE}
         more |= {"travel": TRAVEL, "nearby": NEARBY * TRAVEL, "change": CHANGE}
         parts.append(filled("entries/roll.c", numbers | more))
-        runs = {"word": "run", "sizes": ", ".join(map(str, inputs))}
+        runs = {"word": "run", "sizes": ", ".join(map(str, (q, va, tau, *load)))}
         parts.append(filled("entries/sizes.c", numbers | runs))
-    sizes = ", ".join(map(str, arrays))
-    numbers |= {"word": word, "sizes": sizes, "arrays": len(arrays), "close": close}
-    parts.append(filled(f"entries/{'along' if directions else 'run'}.c", numbers))
+    numbers |= {"word": word, "sizes": _listed(arrays), "arrays": len(arrays), "close": close}
+    if along is None:
+        parts.append(filled("entries/run.c", numbers))
+    else:
+        numbers |= blanks_of_directions(along) | _blanks_of_passes(last.name, along)
+        parts.append(filled("entries/along.c", numbers | {"room_of_passes": of_passes}))
     parts.append(filled("entries/sizes.c", numbers))
-    return "\n".join(parts)
+    return ["\n".join(parts), *sources]
+
+
+def _blanks_of_passes(name: str, along: Directions) -> dict[str, object]:
+    """Texts for the blanks that list the passes of a kernel in C."""
+    declarations = [f"void {name}_once(const number *x, parameters p, number *restrict y);"]
+    passes = []
+    for k, part in enumerate(along.passes):
+        declarations.append(f"void {name}_pass_{k}({_OF_PASSES});")
+        sizes = len(part.coordinates), len(part.places), part.checks.numel()
+        passes.append(f"{{{name}_pass_{k}, {_listed(sizes)}, directions_{k}, places_{k}}}")
+    return {"declarations": "\n".join(declarations), "passes": ", ".join(passes)}
+
+
+def blanks_of_directions(along: Directions) -> dict[str, object]:
+    """Texts for the blanks of the templates of kernels along directions, in C and in Warp."""
+    tables, order, entries = list[str](), list[int](), list[tuple[int, int]]()
+    for k, part in enumerate(along.passes):
+        listed = f"directions_{k}[] = {{{_listed(part.coordinates)}}}"
+        tables.append(f"static const int {listed}, places_{k}[] = {{{_listed(part.places)}}};")
+    if along.solution is not None:
+        order, entries = along.solution.order, along.solution.entries
+    return {
+        "results": along.size,
+        "tables": "\n    ".join(tables),
+        "count": len(along.passes),
+        "known_at": _listed(along.places),
+        "width": along.width,
+        "stride": along.stride,
+        "rank": len(order),
+        "order": _listed(order),
+        "entries": len(entries),
+        "entry_at": _listed([i for entry in entries for i in entry]),
+    }
+
+
+def _listed(numbers: Iterable[int]) -> str:
+    """Numbers of an array in C; an empty one gets a zero."""
+    return ", ".join(map(str, numbers)) or "0"

@@ -243,11 +243,11 @@ def _compiled(robot: str, function: Function, order: int) -> Function:
     """A function as an external one, from the cache or compiled now, with a Jacobian if `order`."""
     name, content = function.name(), f"{order} {function.serialize()}".encode()
 
-    def source() -> str:
+    def sources() -> list[str]:
         generator = ca.CodeGenerator(name)
         for one in [function, function.jacobian()] if order else [function]:
             generator.add(one)
-        return str(generator.dump())
+        return [str(generator.dump())]
 
-    library = libraries.load(robot, f"casadi_{name}", content, "scalar", source)
+    library = libraries.load(robot, f"casadi_{name}", content, "scalar", sources)
     return ca.external(name, library._name)

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache, cached_property, partial
-from math import inf
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,7 +26,7 @@ from ..model.closures import Brake, Rolling
 from ..model.mechanism import Friction, Mechanism
 from ..model.tree import body_of, frame_named
 from . import libraries
-from .compiled_states import ByColumns, CompiledStates
+from .compiled_states import ByColumns, CompiledStates, DerivativesByColumns
 from .compiler import LONG, SINGLE, TARGETS
 from .extension import binding
 from .generator_inputs import fingerprint, sample_configurations
@@ -50,10 +49,13 @@ EVERY = tuple(
     for loaded in (False, True)[: 1 + kind.loadable]
     if not kind.of_frame
 )
-#: The most passes for directions side by side.
-_TIMES = 2
-#: The number of coordinates squared times rates up to which matrices are written out.
-_LARGEST = {"": inf, "matrices": 100_000, "derivatives": 10_000}
+#: Quantities of which one sample takes less time direction by direction, if the directions fit into
+#: so many passes.
+_FASTER_ALONG, _TIMES = ("torque_derivatives", "acceleration_derivatives"), 2
+#: The number of coordinates squared times rates up to which batches are computed by whole matrices.
+_LARGEST = 10_000
+#: Quantities that need the factors of the inertia matrix in symbols, and the same number for these.
+WITH_INERTIA, _LARGEST_INERTIA = ("accelerations", "acceleration_derivatives", "rollout"), 100_000
 #: Number of kernels of derivatives, one for each smoothing width, at which all are dropped.
 _WIDTHS = 16
 
@@ -140,9 +142,13 @@ class CompiledBackend:
             smooth = [other for other in list(self._kernels) if other.sign_width is not None]
             for other in smooth if len(smooth) >= _WIDTHS else ():
                 self._kernels.pop(other, None)
-        columns = self._by_columns() if key.name == "accelerations" else None
-        kernel = self._kernels[key] = columns or self._kernel(key)
-        return kernel
+        kernel: engine.Kernel | None = None
+        if key.name == "accelerations":
+            kernel = self._by_columns()
+        elif key.name == "acceleration_derivatives":
+            kernel = self._derivatives_by_columns(key)
+        self._kernels[key] = kernel or self._kernel(key)
+        return self._kernels[key]
 
     def closed(self, q: Array) -> Array | None:
         """The closed configuration near q with the coordinates fixed; None if it is not near.
@@ -203,6 +209,22 @@ class CompiledBackend:
         if inertial is None or rates is None:
             return None
         return ByColumns(mechanism, cache(of_loads), inertial, rates)
+
+    def _derivatives_by_columns(self, key: Quantity) -> DerivativesByColumns | None:
+        """Derivatives of accelerations where these are computed by columns; None otherwise."""
+        mechanism, forces = self._mechanism, key._replace(name="torque_derivatives")
+        smooth = replace(mechanism.friction, sign_width=key.sign_width or 0.0)
+        accelerations = self._by_columns(smooth)
+        if accelerations is None or mechanism.motors[mechanism.dependent].any():
+            return None
+
+        def of_loads(loaded: bool) -> "Kernel":
+            kernel = self._kernel(forces._replace(loaded=loaded))
+            if kernel is None:
+                raise CompilationError(str(self))
+            return kernel
+
+        return DerivativesByColumns(mechanism, accelerations, cache(of_loads))
 
     def _kernel(
         self,
@@ -271,12 +293,15 @@ class CompiledBackend:
         if problem := impossible(self._mechanism, key.name):
             raise CompilationError(problem)
         best = self._binding.INSTRUCTIONS
-        if not _has_directions(self._mechanism, key.name, TARGETS[best][0]):
-            return [(key, SINGLE[best]), (key, best)]
+        n, directions = len(self._mechanism.coordinates), key._replace(along=True)
         # Eight directions at once are slower than four.
         narrow = "avx2" if best == "avx512" else best
-        fit = len(self._mechanism.coordinates) <= TARGETS[narrow][0]
-        return [(key._replace(along=True), narrow if fit else best), (key, best)]
+        suits_one = narrow if n <= TARGETS[narrow][0] else best
+        if is_large(self._mechanism, key.name):
+            return [(directions, suits_one)]
+        if key.name in _FASTER_ALONG and 1 < n <= _TIMES * TARGETS[best][0]:
+            return [(directions, suits_one), (key, best)]
+        return [(key, SINGLE[best]), (key, best)]
 
     def _from_cache(self, key: Quantity, target: str) -> Code:
         """Code from the cache, or compiled now."""
@@ -284,7 +309,7 @@ class CompiledBackend:
         if key.frame is not None:
             content = fingerprint(self._mechanism, self._parameters, self._near, key.frame)
 
-        def source() -> str:
+        def sources() -> list[str]:
             try:
                 from . import c_code, kernels
             except ImportError:
@@ -296,7 +321,7 @@ class CompiledBackend:
                 return c_code.library(key.entry, expressions, TARGETS[target][0])
 
         options = LONG if smooth else ()
-        library = libraries.load(self._robot, str(key), content, target, source, options)
+        library = libraries.load(self._robot, str(key), content, target, sources, options)
         return Code(library, key.entry)
 
     def _equations_of(self, key: Quantity) -> "Equations":
@@ -327,20 +352,19 @@ def _closed(reference: Reference, q: Array | None) -> bool:
 def impossible(mechanism: Mechanism, quantity: Name) -> str:
     """The reason why a quantity has no kernel; empty where it has one."""
     nv, motors = mechanism.motors.shape
-    n, written = len(mechanism.coordinates), QUANTITIES[quantity].written
+    n = len(mechanism.coordinates)
     if mechanism.without_mass and quantity in ("accelerations", "acceleration_derivatives"):
         return "the mass matrix is singular"
     if quantity == "actuator_jacobian" and not motors:
         return "there are no motors"
     if quantity == "torques" and motors < n:
         return f"fewer motors ({motors}) than coordinates ({n})"
-    if n * n * nv > _LARGEST[written]:
-        return f"{n} coordinates of {nv} rates are too many for {written} to be written out"
+    if quantity in WITH_INERTIA and n * n * nv > _LARGEST_INERTIA:
+        return f"{n} coordinates of {nv} rates are too many for an inertia matrix in symbols"
     return ""
 
 
-def _has_directions(mechanism: Mechanism, quantity: Name, lanes: int) -> bool:
-    """Whether derivatives of one sample take less time direction by direction, `lanes` at once."""
-    n, motors = len(mechanism.coordinates), mechanism.motors.shape[1]
-    counts = {"torque_derivatives": n, "acceleration_derivatives": motors}
-    return counts.get(quantity) == n and 1 < n <= _TIMES * lanes
+def is_large(mechanism: Mechanism, quantity: Name) -> bool:
+    """Whether a quantity is computed direction by direction for batches too."""
+    n, nv = len(mechanism.coordinates), mechanism.model.nv
+    return QUANTITIES[quantity].by_directions and n * n * nv > _LARGEST

@@ -229,3 +229,41 @@ class ByColumns:
         if len(self.many((*state, tau[None], *load), aa)) or len(self._rates.many(state, v)):
             return None
         return np.concatenate([self._mechanism.space.coordinate_rates(q, v[0]), aa[0]])
+
+
+class DerivativesByColumns:
+    """Derivatives of accelerations from those of generalized forces at these accelerations.
+
+    Motors act on coordinates only, so that their forces along the coordinates are constant.
+
+    The kernels are those of accelerations, and of derivatives of forces, with or without loads.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        accelerations: ByColumns,
+        forces: Callable[[bool], "BoundKernel"],
+    ) -> None:
+        self._accelerations, self._forces = accelerations, forces
+        self._driven = mechanism.motors[mechanism.coordinates]  # L^T B
+
+    def answer(self, *_: object) -> None:
+        """None, after which the engine calls `many`."""
+
+    derivatives = answer
+
+    def many(self, arrays: tuple[Array, ...], out: Array, threads: int = 1) -> Indices:
+        """Fill the derivatives; indices of samples that fail the checks of the kernels."""
+        q, va, tau, *load = arrays
+        samples, (n, _) = len(out), self._driven.shape
+        aa, slopes = np.empty((samples, n)), np.empty((samples, 3 * n * n))
+        left = np.zeros(samples, dtype=bool)
+        left[self._accelerations.many((q, va, tau, *load), aa, threads)] = True
+        left[self._forces(bool(load)).many((q, va, aa, *load), slopes, threads)] = True
+        for i in np.flatnonzero(~left):
+            by_motion, inertia = np.split(slopes[i].reshape(n, 3 * n), [2 * n], axis=1)
+            aa_x = solved(inertia, np.hstack([-by_motion, self._driven]))
+            left[i] = aa_x is None or not np.isfinite(aa_x).all()
+            out[i] = np.nan if aa_x is None else aa_x.ravel()
+        return np.flatnonzero(left)

@@ -4,6 +4,7 @@
 import os
 import shutil
 import sys
+import threading
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -27,6 +28,9 @@ SINGLE = {"avx512": "avx2_one", "avx2": "avx2_one", "plain": "plain_one"}
 LONG = ("-O1", "-fexpensive-optimizations")
 _OPTIONS = ("-std=gnu11", "-O2", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast")
 
+#: Processes of the compiler that may run at once.
+_PROCESSES = threading.BoundedSemaphore(os.cpu_count() or 1)
+
 
 def compiler() -> list[str]:
     """The command of a C compiler: `$CC`, the system's, or the one of the package ziglang."""
@@ -45,19 +49,37 @@ def compiler() -> list[str]:
     )
 
 
-def compile_library(source: str, library: Path, options: Sequence[str]) -> None:
-    """Compile C to a shared library; later options override earlier ones."""
+def compile_library(sources: Sequence[str], library: Path, options: Sequence[str]) -> None:
+    """Compile sources of C to a shared library; later options override earlier ones.
+
+    Each source is compiled by a process of its own; as many run at once as there are processors.
+    """
+    from concurrent.futures import ThreadPoolExecutor  # slow to import
+
+    objects = [library.with_name(f"{library.stem}_{k}.o") for k in range(len(sources))]
+
+    def compile_one(source: str, target: Path) -> None:
+        code = target.with_suffix(".c")
+        code.write_text(source, encoding="utf-8")
+        with _PROCESSES:
+            _run([*_OPTIONS, *options, "-c", "-fPIC", str(code), "-o", str(target)], target)
+
+    with ThreadPoolExecutor() as pool:
+        for _ in pool.map(compile_one, sources, objects):
+            pass
+    _run(["-shared", *map(str, objects), "-o", str(library), "-lm"], library)
+
+
+def _run(arguments: Sequence[str], result: Path) -> None:
+    """Run the compiler, which has to write a file."""
     import subprocess
 
-    code = library.with_suffix(".c")
-    code.write_text(source, encoding="utf-8")
-    output = ["-shared", "-fPIC", str(code), "-o", str(library), "-lm"]
-    command = [*compiler(), *_OPTIONS, *options, *output]
+    command = [*compiler(), *arguments]
     try:
-        result = subprocess.run(command, capture_output=True, errors="replace", check=False)
+        done = subprocess.run(command, capture_output=True, errors="replace", check=False)
     except OSError as error:
         raise CompilationError(f"{command[0]} cannot be run: {error.strerror}") from None
-    if result.returncode or not library.is_file():
-        message = "\n".join(result.stderr.strip().splitlines()[:5])
+    if done.returncode or not result.is_file():
+        message = "\n".join(done.stderr.strip().splitlines()[:5])
         message = message or "it wrote no library; set CC to another compiler"
-        raise CompilationError(f"{command[0]} failed with code {result.returncode}:\n{message}")
+        raise CompilationError(f"{command[0]} failed with code {done.returncode}:\n{message}")

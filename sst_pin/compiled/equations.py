@@ -222,6 +222,11 @@ class Equations:
         changes = zip(places, ca.vertsplit(rates), strict=True)
         return [(i, j, rate) for (i, j), rate in changes if not is_zero(rate)]
 
+    @cached_property
+    def Phi_dot(self) -> Entries:
+        """Rates of change of the entries of Phi."""
+        return self.Phi_change(self.v)
+
     def held(self, x: Sparse, Phi_change: Entries) -> tuple[Sparse, Sparse]:
         """Change of rates x with Phi x = 0 as Phi changes, Eq. (20), and Phi times this change."""
         right: Sparse = {}
@@ -343,10 +348,9 @@ class Equations:
     @cached_property
     def coriolis(self) -> SX:
         """The Coriolis matrix, shape (n, n), Eq. (94)."""
-        Phi_dot = self.Phi_change(self.v)
         columns = []
         for L in self.L:
-            L_dot, _ = self.held(L, Phi_dot)
+            L_dot, _ = self.held(L, self.Phi_dot)
             columns.append(self.project(self.tree.coriolis_forces(self.v, L, L_dot)))
         return ca.horzcat(*columns)
 

@@ -1,16 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""All kernels that can be compiled: inputs, a column of results, and checks.
+"""All kernels that can be compiled: inputs, a column of results, and checks."""
 
-Columns of Jacobians of frames are velocities too: those of the motions L e_k. So all their rates
-and derivatives are changes of a velocity along a motion, at constant rates of the coordinates:
-
-    rate of the Jacobian, column k    that of L e_k, along v
-    derivative by q, column k         that of v, along L e_k
-    drift                             that of v, along v
-"""
-
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import casadi as ca
@@ -18,12 +11,13 @@ from casadi import SX
 
 from ..dynamics.quantities import Quantity
 from ..model.tree import frame_named
-from . import symbolic_derivatives
+from . import along_directions, frame_velocities, symbolic_derivatives
+from .along_directions import Directions
 from .elimination import total
 from .equations import Equations
 from .joint_wrenches import reactions
 from .kernel_checks import Checks
-from .symbols import Sparse, add, column, row_by_row, sx
+from .symbols import add, column, row_by_row
 
 #: Inputs by name, results, and checks beside those of the state.
 _Made = tuple[dict[str, SX], SX, list[Any]]
@@ -47,11 +41,10 @@ class SymbolicKernel:
     output: SX
     #: Checks: numbers that are at most 1 if the results are right.
     checks: SX
-    #: Number of directions, if the last input is a direction and the output is along it, else 0.
-    #: The results of a sample are those of all directions, side by side in rows.
-    directions: int = 0
     #: Factors that make the numbers of q free of units.
     units: tuple[float, ...] = ()
+    #: How it computes along directions; None if `output` is the whole result.
+    along: Directions | None = None
 
 
 def make(
@@ -64,16 +57,14 @@ def make(
 ) -> SymbolicKernel:
     """The kernel of a quantity, by default with the checks for double precision.
 
-    With `along` derivatives are taken along a direction, the last input.
+    With `along` its results are computed along directions of the coordinates.
     """
-    checks = checks or Checks(equations)
-    directions = len(equations.mechanism.coordinates) if along else 0
-    if frame is not None:
+    checks, directions = checks or Checks(equations), None
+    if along:
+        made = along_directions.make(equations, checks, quantity, frame)
+        inputs, output, more, directions = made
+    elif frame is not None:
         inputs, output, more = OF_FRAMES[quantity](equations, checks, frame)
-    elif along:
-        direction = SX.sym("direction", directions)
-        inputs, output, more = ALONG[quantity](equations, checks, direction)
-        inputs["direction"] = direction
     else:
         inputs, output, more = KERNELS[quantity](equations, checks)
     loaded = WRENCHES in inputs and inputs[WRENCHES].numel() > 0
@@ -84,8 +75,8 @@ def make(
         equations.p,
         ca.densify(output),
         ca.vertcat(*(SX(check) for check in [*checks.of_state, *more])),
-        directions,
         tuple(1 / length if unit == "m" else 1.0 for unit in units),
+        directions,
     )
 
 
@@ -128,20 +119,21 @@ def _accelerations(e: Equations, checks: Checks) -> _Made:
     return _driven(e), aa, checks.of_accelerations + checks.massless(inverses)
 
 
-def _torque_derivatives(e: Equations, checks: Checks, direction: SX | None = None) -> _Made:
+def _torque_derivatives(e: Equations, checks: Checks) -> _Made:
     """Derivatives of f by q, va and aa side by side, row by row."""
-    derivatives, more = symbolic_derivatives.of_torques(e, checks, direction)
+    derivatives, more = symbolic_derivatives.of_torques(e, checks)
     return _motion(e), row_by_row(derivatives), checks.of_forces + more
 
 
-def _acceleration_derivatives(e: Equations, checks: Checks, direction: SX | None = None) -> _Made:
+def _acceleration_derivatives(e: Equations, checks: Checks) -> _Made:
     """Derivatives of aa by q, va and tau side by side, row by row."""
-    derivatives, more = symbolic_derivatives.of_accelerations(e, checks, direction)
+    derivatives, more = symbolic_derivatives.of_accelerations(e, checks)
     return _driven(e), row_by_row(derivatives), checks.of_accelerations + more
 
 
 def _displacement_rates(e: Equations, checks: Checks) -> _Made:
-    return _moving(e), row_by_row(symbolic_derivatives.of_displacements(e)), checks.of_rates
+    columns = (symbolic_derivatives.of_displacement(e, L) for L in e.L)
+    return _moving(e), row_by_row(*columns), checks.of_rates
 
 
 def _reduced_terms(e: Equations, checks: Checks) -> _Made:
@@ -200,15 +192,12 @@ def _closing(e: Equations, checks: Checks) -> _Made:
     return {"q": e.q}, result, []
 
 
-ALONG: dict[str, Callable[..., _Made]] = {
-    "torque_derivatives": _torque_derivatives,
-    "acceleration_derivatives": _acceleration_derivatives,
-}
 KERNELS: dict[str, Callable[..., _Made]] = {
     "generalized_forces": _forces,
     "torques": _torques,
     "accelerations": _accelerations,
-    **ALONG,
+    "torque_derivatives": _torque_derivatives,
+    "acceleration_derivatives": _acceleration_derivatives,
     "displacement_rates": _displacement_rates,
     "reduced_terms": _reduced_terms,
     "torque_regressor": _torque_regressor,
@@ -222,25 +211,28 @@ KERNELS: dict[str, Callable[..., _Made]] = {
 
 
 def _jacobian(e: Equations, checks: Checks, frame: str) -> _Made:
-    return {"q": e.q}, row_by_row(*_columns(e, frame)), checks.of_complement
+    columns = (frame_velocities.velocity(e, frame, L) for L in e.L)
+    return {"q": e.q}, row_by_row(*columns), checks.of_complement
 
 
 def _jacobian_rate(e: Equations, checks: Checks, frame: str) -> _Made:
-    Phi_dot = e.Phi_change(e.v)
-    changes, more = _changes(e, checks, frame, ((L, e.v, *e.held(L, Phi_dot)) for L in e.L))
-    return _moving(e), row_by_row(*changes), checks.of_rates + checks.of_complement + more
+    made = (frame_velocities.rate_of_column(e, checks, frame, L) for L in e.L)
+    changes, more = zip(*made, strict=True)
+    of_all = [*checks.of_rates, *checks.of_complement, *chain.from_iterable(more)]
+    return _moving(e), row_by_row(*changes), of_all
 
 
 def _velocity_derivatives(e: Equations, checks: Checks, frame: str) -> _Made:
     """Derivatives of the velocity by q and va side by side."""
-    motions = ((e.v, L, *e.held(e.v, e.Phi_change(L))) for L in e.L)
-    changes, more = _changes(e, checks, frame, motions)
-    more = checks.of_rates + checks.of_complement + more
-    return _moving(e), row_by_row(*changes, *_columns(e, frame)), more
+    made = (frame_velocities.derivative_along(e, checks, frame, L) for L in e.L)
+    changes, more = zip(*made, strict=True)
+    velocities = (frame_velocities.velocity(e, frame, L) for L in e.L)
+    of_all = [*checks.of_rates, *checks.of_complement, *chain.from_iterable(more)]
+    return _moving(e), row_by_row(*changes, *velocities), of_all
 
 
 def _drift(e: Equations, checks: Checks, frame: str) -> _Made:
-    (drift,), more = _changes(e, checks, frame, [(e.v, e.v, e.at_rest, e.drift)])
+    drift, more = frame_velocities.drift(e, checks, frame)
     return _moving(e), drift, checks.of_rates + more
 
 
@@ -257,35 +249,3 @@ OF_FRAMES: dict[str, Callable[[Equations, Checks, str], _Made]] = {
     "frame_drift": _drift,
     "frame_placement": _placement,
 }
-
-
-def _columns(e: Equations, frame: str) -> list[SX]:
-    """Columns of the Jacobian."""
-    point = e.kinematics.point(0, frame_named(e.mechanism.model, frame))
-    columns = []
-    for L in e.L:
-        twists = [point.columns[i] * x for i, x in L.items() if i in point.columns]
-        columns.append(sum(twists, SX(6, 1)))
-    return columns
-
-
-def _changes(
-    e: Equations,
-    checks: Checks,
-    frame: str,
-    motions: Iterable[tuple[Sparse, Sparse, Sparse, Sparse]],
-) -> tuple[list[SX], list[Any]]:
-    """Changes of velocities of a frame, and checks that the changes of rates are solutions.
-
-    A motion: rates x of the velocity, rates along which it changes, the change of x, Phi times it.
-    """
-    kinematics, place = e.kinematics, frame_named(e.mechanism.model, frame)
-    link = kinematics.tree.link_of[place.parentJoint]
-    R, _ = kinematics.pose(0, link)
-    changes, more = [], []
-    for of, along, change, right in motions:
-        x = kinematics.motions(along, change, v_k=of)[link]
-        linear = x.a + x.U @ sx(place.placement.translation)
-        changes.append(ca.vertcat(R @ linear, R @ x.alpha))
-        more += checks.unsolved(change, right)
-    return changes, more

@@ -132,7 +132,7 @@ def load(
     kernel: str,
     content: bytes,
     target: str,
-    source: Callable[[], str],
+    sources: Callable[[], Sequence[str]],
     options: Sequence[str] = (),
 ) -> ctypes.CDLL:
     """The library of a kernel: of this process, from the cache, or compiled now.
@@ -142,7 +142,7 @@ def load(
         kernel: Name of the kernel.
         content: All that the source is made from.
         target: One of `TARGETS`.
-        source: Returns the C.
+        sources: Returns the C, file by file.
         options: More options of the compiler, the same for each kernel of this name.
     """
     path = _path(robot, kernel, content, target, ".so")
@@ -151,7 +151,7 @@ def load(
         if library is None:
             _announce(robot)
             _log.info("compiling %s of %s for %s; the cache keeps it", kernel, robot, target)
-            library = _compiled(path, source(), (*TARGETS[target][1], *options))
+            library = _compiled(path, sources(), (*TARGETS[target][1], *options))
         _loaded[path] = library
     return _loaded[path]
 
@@ -205,12 +205,12 @@ def _stored(path: Path) -> ctypes.CDLL | None:
     return library
 
 
-def _compiled(path: Path, source: str, options: Sequence[str]) -> ctypes.CDLL:
+def _compiled(path: Path, sources: Sequence[str], options: Sequence[str]) -> ctypes.CDLL:
     """A library that is compiled now and stored at a path."""
 
     def write(part: Path) -> None:
         with tempfile.TemporaryDirectory() as scratch:
-            compile_library(source, Path(scratch, "kernel.so"), options)
+            compile_library(sources, Path(scratch, "kernel.so"), options)
             shutil.copyfile(Path(scratch, "kernel.so"), part)
 
     _stored_whole(path, write)

@@ -175,8 +175,8 @@ def _function(kernel: SymbolicKernel, name: str) -> tuple[str, str]:
     """The functions of a kernel, whose names begin with `name`, and their description."""
     writer = c_code.written(kernel)
     lines = {kind: list(map(_in_javascript, of_kind)) for kind, of_kind in writer.lines.items()}
-    parts, room = statements.in_parts([statements.pieces(lines["real"], _LARGEST)])
-    texts = [statements.function(f"function {name}_constants(p)", lines["number"])]
+    parts, room = statements.in_parts(statements.pieces(lines[c_code.ONCE], _LARGEST))
+    texts = [statements.function(f"function {name}_constants(p)", lines[c_code.NUMBER])]
     for k, part in enumerate(parts):
         texts.append(statements.function(f"function {name}_{k}(x, p, y, w)", part))
     sizes: dict[str, Any] = {"inputs": [x.numel() for x in kernel.inputs.values()]}

@@ -20,8 +20,6 @@ _REACH, _POINTERS = 32, 12
 _RESULT = re.compile(r"\b(?:ti?|s|c)\d+\b")
 #: Sine and cosine of a number of the input.
 _TURN = re.compile(r"real s(\d+), c\d+; sines_cosines\(1, &(x\[\d+\])")
-#: Numbers of the input.
-_INPUT = re.compile(r"\bx\[\d+\]")
 
 
 def function(head: str, lines: Sequence[str]) -> str:
@@ -88,21 +86,6 @@ def _place(k: int) -> str:
     return f"w{k // _REACH}[{k % _REACH - _REACH // 2}]"
 
 
-def split(lines: Sequence[str], inputs: range) -> tuple[list[str], list[str]]:
-    """Statements that do not depend on some inputs, and those that do."""
-    once, each, depending = list[str](), list[str](), set[str]()
-    of_inputs = {f"x[{i}]" for i in inputs}
-    for line in lines:
-        used = _used(line)
-        if not depending.isdisjoint(used) or not of_inputs.isdisjoint(_INPUT.findall(line)):
-            # A const defines its first name; other statements define all their names.
-            depending.update(used[:1] if line.startswith("const") else used)
-            each.append(line)
-        else:
-            once.append(line)
-    return once, each
-
-
 def pieces(lines: Sequence[str], largest: int | None = None) -> list[Sequence[str]]:
     """Statements in one piece if there are at most `largest`, else in pieces of at most `_PART`."""
     if len(lines) <= (largest or LARGEST):
@@ -111,32 +94,27 @@ def pieces(lines: Sequence[str], largest: int | None = None) -> list[Sequence[st
     return [lines[i : i + size] for i in range(0, len(lines), size)]
 
 
-def in_parts(groups: Sequence[Sequence[Sequence[str]]]) -> tuple[list[list[str]], int]:
+def in_parts(pieces: Sequence[Sequence[str]]) -> tuple[list[list[str]], int]:
     """Statements of functions that run in sequence and pass results in an array w, and its size.
 
-    Compile time grows faster than functions do. All groups but the first may run several times.
+    Compile time grows faster than functions do.
     """
-    parts = [part for group in groups for part in group]
-    last = {result: k for k, part in enumerate(parts) for line in part for result in _used(line)}
-    for part in groups[0] if len(groups) > 1 else []:
-        for line in part:
-            later = (result for result in _used(line) if last[result] >= len(groups[0]))
-            last.update(dict.fromkeys(later, len(parts)))
-    places, free, bodies, handed_on = dict[str, int](), list[int](), list[list[str]](), 0
-    for k, part in enumerate(parts):
+    last = {x: k for k, piece in enumerate(pieces) for line in piece for x in _used(line)}
+    places, free, bodies, size = dict[str, int](), list[int](), list[list[str]](), 0
+    for k, piece in enumerate(pieces):
         at = {result: f"w[{place}]" for result, place in places.items()}
-        body = [_renamed(line, at) for line in part]
+        body = [_renamed(line, at) for line in piece]
         free += [places.pop(result) for result in at if last[result] == k]
-        results = {result for line in part for result in _used(line)} - at.keys()
+        results = {result for line in piece for result in _used(line)} - at.keys()
         for result in sorted(results):
             if last[result] > k:
                 if not free:
-                    free.append(handed_on)
-                    handed_on += 1
+                    free.append(size)
+                    size += 1
                 places[result] = free.pop()
                 body.append(f"w[{places[result]}] = {result};")
         bodies.append(body)
-    return bodies, handed_on
+    return bodies, size
 
 
 def _renamed(line: str, names: Mapping[str, str]) -> str:

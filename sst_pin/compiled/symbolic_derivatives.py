@@ -6,8 +6,8 @@ implicitly, by the one factorisation of Phi_u. For many samples whole matrices t
 operations. For one sample, its directions are computed side by side like samples of a batch.
 """
 
-from collections.abc import Sequence
-from functools import partial
+from collections.abc import Callable, Sequence
+from functools import cached_property, partial
 from typing import Any
 
 import casadi as ca
@@ -20,28 +20,23 @@ from .kernel_checks import Checks
 from .symbols import Sparse, add, column, is_zero, solve_symmetric, sparse, sx, symmetric
 
 
-def of_torques(e: Equations, checks: Checks, direction: SX | None = None) -> tuple[SX, list[Any]]:
-    """Derivatives of f by q, va and aa side by side, or times a `direction`, and checks."""
-    return _of_forces(e, checks, _OnTree(e, e.aa, SX(*e.tau.shape)), direction)
+def of_torques(e: Equations, checks: Checks) -> tuple[SX, list[Any]]:
+    """Derivatives of f by q, va and aa side by side, and checks."""
+    return _of_forces(e, checks, OnTree(e, e.aa, SX(*e.tau.shape)))
 
 
-def of_accelerations(
-    e: Equations, checks: Checks, direction: SX | None = None
-) -> tuple[SX, list[Any]]:
-    """Derivatives of aa by q, va and tau side by side, or times a direction, and checks."""
+def of_accelerations(e: Equations, checks: Checks) -> tuple[SX, list[Any]]:
+    """Derivatives of aa by q, va and tau side by side, and checks."""
     aa, inverses = e.accelerations
-    by_motion, residual_checks = _of_forces(e, checks, _OnTree(e, aa, e.tau), direction)
+    by_motion, residual_checks = _of_forces(e, checks, OnTree(e, aa, e.tau))
     n = by_motion.shape[1] // 3
-    driven = e.motor_matrix if direction is None else e.project(e.motor_forces(direction))
-    aa_x, _ = solve_symmetric(e.inertia, ca.horzcat(-by_motion[:, : 2 * n], driven))
+    aa_x, _ = solve_symmetric(e.inertia, ca.horzcat(-by_motion[:, : 2 * n], e.motor_matrix))
     return aa_x, residual_checks + checks.massless(inverses)
 
 
-def of_displacements(e: Equations) -> SX:
-    """-S [v, L e_k], shape (n, n): the effect of moving joint axes on a displacement xi."""
-    nv = e.mechanism.model.nv
-    moved = ca.horzcat(*(column(_brackets(e, e.v, L), range(nv)) for L in e.L))
-    return -moved[e.mechanism.coordinates.tolist(), :]
+def of_displacement(e: Equations, step: Sparse) -> SX:
+    """-S [v, step], shape (n,): the effect of moving joint axes on a displacement xi."""
+    return -column(_brackets(e, e.v, step), e.mechanism.coordinates.tolist())
 
 
 def _brackets(e: Equations, a: Sparse, b: Sparse) -> Sparse:
@@ -56,7 +51,11 @@ def _brackets(e: Equations, a: Sparse, b: Sparse) -> Sparse:
     return brackets
 
 
-class _OnTree:
+#: Derivative of a function of q, v and v_dot, from changes of these along the rates of the tree.
+Change = Callable[[Sparse, Sparse, Sparse], SX]
+
+
+class OnTree:
     """Derivatives on the tree, where q, v, v_dot and the forces of the closures are independent.
 
     Functions of displacements q along the rates, of v and of v_dot: `slips`, Phi v of the rows that
@@ -68,6 +67,7 @@ class _OnTree:
         of_v_dot = e.complete(ca.vertsplit(aa), e.drift)
         force = add(e.forces(of_v_dot), e.motor_forces(-tau))
         nv, twin = e.mechanism.model.nv, e.displaced
+        self.rates = range(nv)
         rows = [twin.rows[i] for i in e.factors.rows]
         self.q = twin.kinematics.displacement
         self.v, self.v_dot = SX.sym("v", nv), SX.sym("v_dot", nv)
@@ -89,22 +89,37 @@ class _OnTree:
         results = [ca.jacobian(of, x) for of, x in pairs]
         return list(ca.Function("by", self._symbols, results).call(self._values))
 
-    def along(self, of: SX, q: Sparse, v: Sparse, v_dot: Sparse) -> SX:
-        """Derivative of one of them where q, v and v_dot change."""
+    @cached_property
+    def change_of_slips(self) -> Change:
+        """Derivative of `slips`."""
+        return self._change(self.slips)
+
+    @cached_property
+    def change_of_c(self) -> Change:
+        """Derivative of `c`."""
+        return self._change(self.c)
+
+    @cached_property
+    def change_of_forces(self) -> Change:
+        """Derivative of `forces`."""
+        return self._change(self.forces)
+
+    def _change(self, of: SX) -> Change:
+        """Derivative of one of the functions by changes of q, v and v_dot."""
         nv = self.v.numel()
-        step = ca.vertcat(*(column(x, range(nv)) for x in (q, v, v_dot)))
-        symbol = SX.sym("step", 3 * nv)
-        result = ca.jtimes(of, ca.vertcat(self.q, self.v, self.v_dot), symbol)
-        function = ca.Function("along", [*self._symbols, symbol], [result])
-        return function(*self._values, step)
+        change = SX.sym("change", 3 * nv)
+        result = ca.jtimes(of, ca.vertcat(self.q, self.v, self.v_dot), change)
+        function = ca.Function("change", [*self._symbols, change], [result])
+
+        def along(q: Sparse, v: Sparse, v_dot: Sparse) -> SX:
+            changes = (column(x, range(nv)) for x in (q, v, v_dot))
+            return function(*self._values, ca.vertcat(*changes))
+
+        return along
 
 
-def _of_forces(
-    e: Equations, checks: Checks, tree: _OnTree, direction: SX | None
-) -> tuple[SX, list[Any]]:
+def _of_forces(e: Equations, checks: Checks, tree: OnTree) -> tuple[SX, list[Any]]:
     """Derivatives of f by q, va and aa at constant motor forces, and checks of the solutions."""
-    if direction is not None:
-        return _of_forces_along(e, checks, tree, direction)
     nv, rows = e.mechanism.model.nv, e.factors.rows
     of_rows = (tree.slips, tree.q), (tree.c, tree.q), (tree.c, tree.v)
     of_forces = (tree.forces, tree.q), (tree.forces, tree.v)
@@ -122,27 +137,35 @@ def _of_forces(
     return ca.horzcat(of_q, by_v @ L, e.inertia), residual_checks
 
 
-def _of_forces_along(
-    e: Equations, checks: Checks, tree: _OnTree, direction: SX
-) -> tuple[SX, list[Any]]:
-    """`_of_forces` times a direction of the coordinates."""
-    rows, zero = e.factors.rows, [0.0] * direction.numel()
-    step = e.complete(ca.vertsplit(direction), {})
-    c_v = tree.along(tree.c, {}, step, {})
-    slips = tree.along(tree.slips, step, {}, {})
+def of_forces_along(
+    e: Equations, checks: Checks, tree: OnTree, direction: SX
+) -> tuple[SX, SX, list[Any]]:
+    """Changes of f by q and by va along a direction of the coordinates, and checks of them."""
+    rows, still, none = e.factors.rows, [0.0] * direction.numel(), Sparse()
+    step = e.complete(ca.vertsplit(direction), none)
+    c_v = tree.change_of_c(none, step, none)
+    slips = tree.change_of_slips(step, none, none)
     lost = sparse(rows, -_phi_dot_v(e, slips, c_v, [step]))
-    v_q = e.complete(zero, lost)
-    c_q = sparse(rows, -tree.along(tree.c, step, v_q, {}))
+    v_q = e.complete(still, lost)
+    c_q = sparse(rows, -tree.change_of_c(step, v_q, none))
     c_va = sparse(rows, -c_v)
-    v_dot_q, v_dot_va = e.complete(zero, c_q), e.complete(zero, c_va)
-    none: Sparse = {}
-    changes = (step, v_q, v_dot_q), (none, step, v_dot_va), (none, none, step)
-    columns = [tree.along(tree.forces, *change) for change in changes]
-    forces = [sparse(range(e.mechanism.model.nv), x) for x in columns]
+    v_dot_q, v_dot_va = e.complete(still, c_q), e.complete(still, c_va)
+    by_q = sparse(tree.rates, tree.change_of_forces(step, v_q, v_dot_q))
+    by_va = sparse(tree.rates, tree.change_of_forces(none, step, v_dot_va))
     solved = (step, none), (v_q, lost), (v_dot_q, c_q), (v_dot_va, c_va)
-    residual_checks = [check for x, right in solved for check in checks.unsolved(x, right)]
-    residual_checks += [check for x in forces for check in checks.unbalanced(x)]
-    return ca.horzcat(*map(e.reduced, forces)), residual_checks
+    more = [check for x, right in solved for check in checks.unsolved(x, right)]
+    more += [*checks.unbalanced(by_q), *checks.unbalanced(by_va)]
+    return e.reduced(by_q), e.reduced(by_va), more
+
+
+def of_inertia_along(
+    e: Equations, checks: Checks, tree: OnTree, direction: SX
+) -> tuple[SX, list[Any]]:
+    """The mass matrix times a direction of the coordinates, and a check of it."""
+    none = Sparse()
+    step = e.complete(ca.vertsplit(direction), none)
+    by_aa = sparse(tree.rates, tree.change_of_forces(none, none, step))
+    return e.reduced(by_aa), checks.unbalanced(by_aa)
 
 
 def _phi_dot_v(e: Equations, slip_q: SX, c_v: SX, steps: Sequence[Sparse] | None = None) -> SX:

@@ -105,18 +105,22 @@ class TreeDynamics:
         dv: Sparse,
         *,
         loads: bool = True,
+        weight: bool = True,
         reactions: Mapping[int, SX] | None = None,
     ) -> Sparse:
         """tau by Newton and Euler without friction and springs; closures take `reactions`."""
-        wrenches = self.wrenches(v, dv, loads=loads)
+        wrenches = self.wrenches(v, dv, loads=loads, weight=weight)
         for i, wrench in (reactions or {}).items():
             wrenches[i] = wrenches[i] + wrench
         forces = add(self._kinematics.transmitted(wrenches), self._rotors(dv))
         return add(forces, self.along_lines(self.inertial_pulls(v, dv)))
 
-    def wrenches(self, v: Sparse, dv: Sparse, *, loads: bool = True) -> list[SX]:
+    def wrenches(
+        self, v: Sparse, dv: Sparse, *, loads: bool = True, weight: bool = True
+    ) -> list[SX]:
         """Force and moment that each link needs, less its weight and its load."""
-        wrenches, motions = list[SX](), self._kinematics.motions(v, dv, self._p[GRAVITY])
+        gravity = self._p[GRAVITY] if weight else None
+        wrenches, motions = list[SX](), self._kinematics.motions(v, dv, gravity)
         for link, x in zip(self._kinematics.tree.links, motions, strict=True):
             mass, c, J, _ = self._bodies[link.body]
             wrench = ca.vertcat(mass * x.a + x.U @ c, _moment(x, J) + ca.cross(c, x.a))

@@ -313,9 +313,8 @@ class WarpBatch:
         if problem := impossible(mechanism, size.get(name, name)):
             raise CompilationError(problem)
         entry = {"rollout": "step", "closing": "close"}.get(name, "run")
-        motors = mechanism.motors.shape[1]
-        if name == "torque_derivatives" or (name, motors) == ("acceleration_derivatives", self._n):
-            key = key._replace(along=True)
+        if name.endswith("derivatives"):
+            key, entry = key._replace(along=True), "along"
 
         def source() -> str:
             equations = self._equations_of(key.loaded, name.endswith("derivatives"))

@@ -50,15 +50,15 @@ def module(kernels: Sequence[SymbolicKernel], entry: str, style: Style) -> str:
 
     Args:
         kernels: The kernel, for steps the one of closing before it.
-        entry: "run", "close" or "step".
+        entry: "run", "along", "close" or "step".
         style: Numbers of its precision.
     """
-    size, room, texts = None, 0, []
+    size, room, of_passes, texts = None, 0, 0, list[str]()
     for kernel in kernels:
         source = c_code.body(kernel, size, style.suffix)
-        size, room = source.size, max(room, source.room)
-        texts.append(source.text)
-    blanks = _blanks(kernels, style) | {"room": room}
+        size, room, of_passes = source.size, max(room, source.room), source.room_of_passes
+        texts += [source.text, *source.functions]
+    blanks = _blanks(kernels, style) | {"room": room, "room_of_passes": of_passes}
     parts = [_HEAD.format(dtype=style.dtype, size=size)]
     for name, arguments, file in (("prepare", _PREPARE, "prepare"), ("run", _RUN, entry)):
         names = ", ".join(arguments)
@@ -82,18 +82,21 @@ def _blanks(kernels: Sequence[SymbolicKernel], style: Style) -> dict[str, object
     for array, (name, symbols) in zip(_RUN, last.inputs.items(), strict=False):
         if name == WRENCHES:
             takes.append(f"take_wrenches(x + {at}, {name}, i, {symbols.numel()});")
-        elif name != "direction":
+        else:
             takes.append(f"take(x + {at}, {array}, i, {symbols.numel()});")
         at += symbols.numel()
-    return {
+    along: dict[str, object] = {}
+    if last.along is not None:
+        sizes = ((len(x.coordinates), len(x.places), x.checks.numel()) for x in last.along.passes)
+        calls = (f"PASS({k}, {', '.join(map(str, size))})" for k, size in enumerate(sizes))
+        along = c_code.blanks_of_directions(last.along) | {"passes": "\n    ".join(calls)}
+    return along | {
         "name": last.name,
-        "once": f"{last.name}_once(x, own, y);" if last.directions else "",
         "close": first.name,
         "takes": "\n    ".join(takes),
         "q": last.inputs["q"].numel(),
         "inputs": at,
         "outputs": last.output.numel(),
-        "directions": last.directions,
         "checks": last.checks.numel(),
         "close_checks": first.checks.numel(),
         "units": ", ".join(map(repr, last.units)),

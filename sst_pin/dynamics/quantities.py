@@ -40,9 +40,8 @@ class Properties(NamedTuple):
     reference: Callable[..., Array]
     #: Shape of the result of one sample.
     shape: Callable[[Mechanism], tuple[int, ...]]
-    #: Matrices that a kernel writes out entry by entry: none, those of the size of the inertia
-    #: matrix, or their derivatives too.
-    written: Literal["", "matrices", "derivatives"] = "matrices"
+    #: Whether a kernel can compute it direction by direction: one result for each coordinate.
+    by_directions: bool = False
     #: Whether external wrenches may act.
     loadable: bool = False
     #: Whether Coulomb friction is smooth, within the `sign_width` of the key.
@@ -58,6 +57,7 @@ def _integrators_only(*_: object) -> Array:
 
 
 def _n(mechanism: Mechanism) -> int:
+    """Number of rates of the coordinates."""
     return len(mechanism.coordinates)
 
 
@@ -65,51 +65,76 @@ def _motors(mechanism: Mechanism) -> int:
     return mechanism.motors.shape[1]
 
 
+def _of_motors(mechanism: Mechanism) -> tuple[int, ...]:
+    return (_motors(mechanism),)
+
+
+def _of_coordinates(mechanism: Mechanism) -> tuple[int, ...]:
+    return (_n(mechanism),)
+
+
+def _of_joints(mechanism: Mechanism) -> tuple[int, ...]:
+    return (mechanism.model.nv,)
+
+
+def _twists(mechanism: Mechanism) -> tuple[int, ...]:
+    """A twist for each coordinate."""
+    return 6, _n(mechanism)
+
+
 QUANTITIES: Mapping[Name, Properties] = {
-    "torques": Properties(Reference.torques, lambda m: (_motors(m),), "", loadable=True),
-    "generalized_forces": Properties(
-        Reference.generalized_forces, lambda m: (_n(m),), "", loadable=True
-    ),
-    "accelerations": Properties(Reference.accelerations, lambda m: (_n(m),), loadable=True),
+    "torques": Properties(Reference.torques, _of_motors, loadable=True),
+    "generalized_forces": Properties(Reference.generalized_forces, _of_coordinates, loadable=True),
+    "accelerations": Properties(Reference.accelerations, _of_coordinates, loadable=True),
     "torque_derivatives": Properties(
         Reference.torque_derivatives,
         lambda m: (_n(m), 3 * _n(m)),
-        "derivatives",
+        by_directions=True,
         loadable=True,
         smooth=True,
     ),
     "acceleration_derivatives": Properties(
         Reference.acceleration_derivatives,
         lambda m: (_n(m), 2 * _n(m) + _motors(m)),
-        "derivatives",
+        by_directions=True,
         loadable=True,
         smooth=True,
     ),
     "reactions": Properties(
         Reference.reactions,
         lambda m: (reactions.size_of(m),),
-        "",
         loadable=True,
         tau_optional=True,
     ),
     "torque_regressor": Properties(
-        Reference.torque_regressor, lambda m: (_n(m), regressor.size_of(m)), "derivatives"
+        Reference.torque_regressor, lambda m: (_n(m), regressor.size_of(m)), by_directions=True
     ),
-    "rates": Properties(Reference.rates, lambda m: (m.model.nv,), ""),
-    "joint_accelerations": Properties(Reference.joint_accelerations, lambda m: (m.model.nv,), ""),
-    "actuator_jacobian": Properties(Reference.actuator_jacobian, lambda m: (_motors(m), _n(m)), ""),
-    "reduced_terms": Properties(Reference.reduced_terms, lambda m: (2 * _n(m) * (_n(m) + 1),)),
-    "displacement_rates": Properties(Reference.displacement_rates, lambda m: (_n(m), _n(m))),
-    "frame_jacobian": Properties(Reference.frame_jacobian, lambda m: (6, _n(m)), of_frame=True),
+    "rates": Properties(Reference.rates, _of_joints),
+    "joint_accelerations": Properties(Reference.joint_accelerations, _of_joints),
+    "actuator_jacobian": Properties(Reference.actuator_jacobian, lambda m: (_motors(m), _n(m))),
+    # Inertia and Coriolis matrix, forces of gravity and of friction.
+    "reduced_terms": Properties(
+        Reference.reduced_terms, lambda m: (2 * _n(m) * (_n(m) + 1),), by_directions=True
+    ),
+    "displacement_rates": Properties(
+        Reference.displacement_rates, lambda m: (_n(m), _n(m)), by_directions=True
+    ),
+    "frame_jacobian": Properties(
+        Reference.frame_jacobian, _twists, by_directions=True, of_frame=True
+    ),
     "frame_jacobian_rate": Properties(
-        Reference.frame_jacobian_rate, lambda m: (6, _n(m)), of_frame=True
+        Reference.frame_jacobian_rate, _twists, by_directions=True, of_frame=True
     ),
     "frame_velocity_derivatives": Properties(
-        Reference.frame_velocity_derivatives, lambda m: (6, 2 * _n(m)), of_frame=True
+        Reference.frame_velocity_derivatives,
+        lambda m: (6, 2 * _n(m)),
+        by_directions=True,
+        of_frame=True,
     ),
-    "frame_drift": Properties(Reference.frame_drift, lambda m: (6,), "", of_frame=True),
-    # A closed q, a determinant and a sum of squares; states of a rollout.
-    "closing": Properties(_integrators_only, lambda m: (m.model.nq + 2,), ""),
+    "frame_drift": Properties(Reference.frame_drift, lambda m: (6,), of_frame=True),
+    # A closed q, a determinant and a sum of squares.
+    "closing": Properties(_integrators_only, lambda m: (m.model.nq + 2,)),
+    # The states q and va of a rollout.
     "rollout": Properties(_integrators_only, lambda m: (m.model.nq + _n(m),), loadable=True),
 }
 
@@ -121,7 +146,7 @@ class Quantity(NamedTuple):
         name: Its name in the table of quantities.
         frame: Name of the frame, for a quantity of a frame.
         loaded: Whether external wrenches act.
-        along: Whether it takes one sample at a time, several directions of derivatives at once.
+        along: Whether its kernel computes one sample at a time, several directions side by side.
         sign_width: Width within which Coulomb friction is smooth, for derivatives.
     """
 
@@ -139,7 +164,12 @@ class Quantity(NamedTuple):
     @property
     def entry(self) -> str:
         """The name of its functions in C."""
-        return "_".join([self.name, *["along"] * self.along, *["loaded"] * self.loaded])
+        parts = [str(self.name)]
+        if self.along:
+            parts.append("along")
+        if self.loaded:
+            parts.append("loaded")
+        return "_".join(parts)
 
     def __str__(self) -> str:
         return self.entry if self.frame is None else f"{self.entry} {self.frame}"

@@ -15,7 +15,7 @@ def folder(tmp_path, monkeypatch):
 
 def answer():
     return libraries.load(
-        "robot", "kernel", b"content", "plain", lambda: "int answer(void) { return 42; }"
+        "robot", "kernel", b"content", "plain", lambda: ["int answer(void) { return 42; }"]
     ).answer()
 
 

@@ -32,7 +32,7 @@ def folder(tmp_path, monkeypatch):
 
 def answer():
     """Messages about a library that is compiled, or found in the cache."""
-    return libraries.load("robot", "kernel", b"content", "plain", lambda: SOURCE).answer()
+    return libraries.load("robot", "kernel", b"content", "plain", lambda: [SOURCE]).answer()
 
 
 def another_process():
@@ -52,7 +52,7 @@ def test_a_person_is_told_once_in_a_process_and_a_log_of_all_that_is_compiled(fo
     caplog.set_level("INFO", logger="sst_pin")
     libraries._announce_once.cache_clear()
     for robot, kernel in (("bars", "a"), ("bars", "b"), ("quick", "a"), ("quick", "a")):
-        libraries.load(robot, kernel, b"content", "plain", lambda: SOURCE)
+        libraries.load(robot, kernel, b"content", "plain", lambda: [SOURCE])
         another_process()
     assert [(record.levelname, record.getMessage()) for record in caplog.records] == [
         ("WARNING", "sst-pin: compiling kernels of bars; the cache keeps them"),
@@ -139,7 +139,7 @@ def test_robots_that_differ_in_what_a_name_means_have_their_own_kernels(case):
 def test_the_cache_stays_below_its_bound_and_loses_what_was_used_longest_ago(folder, monkeypatch):
     def made(k):
         source = f"int answer(void) {{ return {k}; }}"
-        return libraries.load(f"robot{k}", "kernel", bytes([k]), "plain", lambda: source)
+        return libraries.load(f"robot{k}", "kernel", bytes([k]), "plain", lambda: [source])
 
     loaded = {0: made(0)}
     (entry,) = libraries.cached()

@@ -33,6 +33,11 @@ def full(name):
     return ClosedChain(model, robot.closures, robot.motor_names, lines=[line], stiffness=stiffness)
 
 
+def _four_bar_without_motors():
+    robot = robots.four_bar()
+    return robot.model, robot.closures, []
+
+
 GALLERY = ("delta", "planar_4rrr", "ladder", "bennett", "bricard", "governor", "excavator")
 ROBOTS = {
     **{name: EVERY_ROBOT[name] for name in GALLERY},
@@ -54,6 +59,11 @@ ROBOTS = {
     ),
     **{f"{name} by columns": lambda name=name: full(name) for name in ("five_bar", "four_bar")},
     "planar_4rrr by columns": lambda: full("planar_4rrr"),
+    "four-bar by directions": lambda: link_tables.four_bar(link_tables.SKEW_PLANE).chain(),
+    "five_bar by directions": lambda: full("five_bar"),
+    "floating four-bar by directions": lambda: floating_four_bar().chain,
+    "no motors by directions": lambda: ClosedChain(*_four_bar_without_motors()),
+    "lines by directions": any_chain.lines,
 }
 DYNAMICS, LOADABLE = [*METHODS][:3], {*[*METHODS][:3], "linearize", "reactions"}
 LOADABLE |= {"torque_derivatives", "acceleration_derivatives"}
@@ -61,6 +71,7 @@ FRAMES = [name for name in METHODS if name.startswith("frame")]
 DERIVATIVES = ["torque_derivatives", "acceleration_derivatives", "linearize"]
 OF_TREE = ["joint_rates", "joint_accelerations", "frame_jacobian", "reduced_terms"]
 BY_COLUMNS = [name for name in ROBOTS if name.endswith("by columns")]
+BY_DIRECTIONS = [name for name in ROBOTS if name.endswith("by directions")]
 REACTING = (*GALLERY, "SST", "five-bar", "cart", "lines", "rods", "coupled", "composite")
 #: Robots and what is compared of them: what compiles quickly, and the others.
 QUICK = [
@@ -68,6 +79,10 @@ QUICK = [
     (["lines"], [*DYNAMICS, "torque_derivatives"]),
     (["five-bar"], [*DERIVATIVES[1:], *FRAMES]),
     ([BY_COLUMNS[1], "no motors"], ["compute_accelerations"]),
+    ([BY_COLUMNS[1]], ["acceleration_derivatives"]),
+    (["four-bar by directions"], ["torque_regressor", "reduced_terms", "linearize"]),
+    (["five_bar by directions"], ["frame_velocity_derivatives"]),
+    (["no motors by directions"], DERIVATIVES[1:2]),
 ]
 SLOW = [
     (["five-bar"], DERIVATIVES[:1]),
@@ -76,7 +91,10 @@ SLOW = [
     (["SST", "Cassie", "cart"], DYNAMICS),
     (["no motors"], DERIVATIVES[1:2]),
     (["sprung", "cart", "delta", "governor"], ["torque_regressor"]),
-    ([BY_COLUMNS[0], BY_COLUMNS[2]], ["compute_accelerations"]),
+    ([BY_COLUMNS[0], BY_COLUMNS[2]], ["compute_accelerations", "acceleration_derivatives"]),
+    (BY_DIRECTIONS[1:3], [*DERIVATIVES, *OF_TREE[2:], "torque_regressor"]),
+    (BY_DIRECTIONS[2:3], FRAMES),
+    (BY_DIRECTIONS[4:], DERIVATIVES[:2]),
     ([*REACTING, "motors on dependent joints"], ["actuator_jacobian", "reactions"]),
 ]
 CASES = [
@@ -89,7 +107,7 @@ CASES = [
 #: Largest differences, of the largest number of a sample; 1e-11 for the others: two ways of
 #: solving, with condition numbers up to 1e3.
 TOLERANCES = {"cart": 1e-12, "five-bar": 1e-10, "floating four-bar": 1e-10}
-TOLERANCES |= dict.fromkeys(BY_COLUMNS, 1e-10)
+TOLERANCES |= dict.fromkeys([*BY_COLUMNS, *BY_DIRECTIONS], 1e-10)
 
 
 def same(actual, expected, tolerance=1e-12):
@@ -109,7 +127,13 @@ def pair(name):
 @pytest.fixture
 def by_columns(monkeypatch):
     """Mass matrices count as too large for all."""
-    monkeypatch.setitem(compiled_backend._LARGEST, "matrices", 0)
+    monkeypatch.setattr(compiled_backend, "_LARGEST_INERTIA", 0)
+
+
+@pytest.fixture
+def by_directions(monkeypatch):
+    """Whole matrices count as too large for all."""
+    monkeypatch.setattr(compiled_backend, "_LARGEST", 0)
 
 
 @cache
@@ -144,6 +168,8 @@ def test_kernels_compute_what_the_reference_path_computes(name, method, request,
     """Batches and single samples, with wrenches and without; none is handed over."""
     if name in BY_COLUMNS:
         request.getfixturevalue("by_columns")
+    if name in BY_DIRECTIONS:
+        request.getfixturevalue("by_directions")
     (kernels, reference), (given, wrenches) = pair(name), samples(name)
     loaded = [None, wrenches] if method in LOADABLE else [None]
     expected = [results(reference, method, given, loads) for loads in loaded]

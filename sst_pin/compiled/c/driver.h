@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-2-Clause */
 /* Rows of samples in, LANES samples at once through a kernel, rows out, with a verdict on each. */
 #include <stddef.h>
+#include <string.h>
 
 /* An array of samples, its numbers `column` bytes apart, its samples `row` bytes. */
 typedef struct {
@@ -92,34 +93,107 @@ INLINE int run(body *f, body *close, int arrays, const int *sizes, int q, int in
     return any;
 }
 
-/* As `run`, of a kernel whose last input is one of `directions`. A sample at a time, LANES unit
- * vectors at once; what belongs to different ones stands side by side. `once` computes what is the
- * same for all of them. */
-INLINE int along(body *once, body *f, int arrays, const int *sizes, int q, int directions, int inputs,
-    int outputs, int checks, real *x, real *y, const rows *in, const rows *out, const double *p,
-    ptrdiff_t count, unsigned char *bad)
+/* Results along directions of the coordinates; `directions` has the numbers of their columns, and
+ * `places` those of the results in the whole result, for column 0. Behind `results` are checks. */
+typedef struct {
+    void (*compute)(const double *x, const double *p, const double *once, const real *d, real *y);
+    int count, results, checks;
+    const int *directions, *places;
+} pass;
+
+/* A kernel whose results are computed along directions. `once` computes what is the same for all of
+ * them: `known` numbers of the result, which are at `known_at`, then factors of a matrix A, then
+ * checks. The columns of the result are `stride` numbers apart. */
+typedef struct {
+    void (*once)(const double *x, const double *p, double *y);
+    int inputs, angles, known, checks, size, width, stride, passes;
+    const int *known_at;
+    const pass *pass;
+    /* the result is A^-1 times what was computed: rows of the result by rows of L, places in L */
+    int rank, entries;
+    const int *order, *entry_at;
+} columns;
+
+/* A^-1 times the result, A = L D L^T, from 1 / D and the entries of L; LANES columns at once. */
+INLINE void solve(const columns *f, const double *factors, double *result)
 {
-    real *const direction = x + inputs - directions;
+    const double *L = factors + f->rank;
+    real x[f->rank];
+    for (int first = 0; first < f->width; first += LANES) {
+        const int lanes = f->width - first < LANES ? f->width - first : LANES;
+        for (int i = 0; i < f->rank; i++)
+            memcpy(&x[i], result + f->order[i] * f->width + first, lanes * sizeof(double));
+        for (int k = 0; k < f->entries; k++)
+            x[f->entry_at[2 * k]] -= L[k] * x[f->entry_at[2 * k + 1]];
+        for (int i = 0; i < f->rank; i++)
+            x[i] *= factors[i];
+        for (int k = f->entries - 1; k >= 0; k--)
+            x[f->entry_at[2 * k + 1]] -= L[k] * x[f->entry_at[2 * k]];
+        for (int i = 0; i < f->rank; i++)
+            memcpy(result + f->order[i] * f->width + first, &x[i], lanes * sizeof(double));
+    }
+}
+
+/* The result of one sample; returns whether it is good. */
+INLINE int compute_columns(
+    const columns *f, const double *x, const double *p, double *once, double *result, real *y)
+{
+    double squares = 0, zero = 0;
+    mask good = (real){0} == 0.0;
+    const double *factors = once + f->known, *checks = factors + f->rank + f->entries;
+    int bad = 0;
+    f->once(x, p, once);
+    memset(result, 0, f->size * sizeof(double));
+    for (int k = 0; k < f->known; k++)
+        result[f->known_at[k]] = once[k];
+    for (int i = 0; i < f->passes; i++) {
+        const pass *g = &f->pass[i];
+        for (int first = 0; first < g->count; first += LANES) {
+            const int lanes = g->count - first < LANES ? g->count - first : LANES;
+            real d[g->count];
+            for (int j = 0; j < g->count; j++)
+                for (int l = 0; l < LANES; l++)
+                    LANE(d[j], l) = j == first + l;
+            g->compute(x, p, once, d, y);
+            for (int l = 0; l < lanes; l++) {
+                double *column = result + g->directions[first + l] * f->stride;
+                for (int k = 0; k < g->results; k++)
+                    column[g->places[k]] = LANE(y[k], l);
+            }
+            for (int k = 0; k < g->checks; k++)
+                good &= y[g->results + k] <= 1.0;
+        }
+    }
+    if (f->rank)
+        solve(f, factors, result);
+    for (int j = 0; j < f->angles; j++)
+        squares += x[j] * x[j];
+    for (int j = f->angles; j < f->inputs; j++)
+        zero += x[j] * 0.0;
+    for (int j = 0; j < f->size; j++)
+        zero += result[j] * 0.0;
+    for (int k = 0; k < f->checks; k++)
+        bad |= !(checks[k] <= 1.0);
+    return !bad && !some(~good) && squares < LARGEST_ANGLE * LARGEST_ANGLE && zero == 0.0;
+}
+
+/* As `run`, for a kernel with columns. */
+INLINE int run_columns(const columns *f, int arrays, const int *sizes, double *x, double *once,
+    double *result, real *y, const rows *in, const rows *out, const double *p, ptrdiff_t count,
+    unsigned char *bad)
+{
     int any = 0;
     for (ptrdiff_t sample = 0; sample < count; sample++) {
-        int at = 0;
-        for (int a = 0; a < arrays; at += sizes[a++])
-            take(x + at, &in[a], sample, 1, sizes[a]);
-        once(x, p, y);
-        for (int first = 0; first < directions; first += LANES) {
-            const int lanes = directions - first < LANES ? directions - first : LANES;
-            rows to = {out->data + sample * out->row + first * out->column, out->column,
-                directions * out->column};
-            for (int j = 0; j < directions; j++)
-                for (int l = 0; l < LANES; l++)
-                    LANE(direction[j], l) = j == first + l;
-            f(x, p, y);
-            const mask good = judge(x, q, inputs, y, outputs, checks);
-            give(y, &to, 0, lanes, outputs);
-            for (int l = 0; l < lanes; l++)
-                if (!LANE(good, l))
-                    bad[sample] = 1, any = 1;
-        }
+        double *to = x;
+        for (int a = 0; a < arrays; a++)
+            for (int j = 0; j < sizes[a]; j++) {
+                const char *row = in[a].data + sample * in[a].row;
+                *to++ = in[a].data ? *(const double *)(row + j * in[a].column) : 0.0;
+            }
+        if (!compute_columns(f, x, p, once, result, y))
+            bad[sample] = 1, any = 1;
+        for (int j = 0; j < f->size; j++)
+            *(double *)(out->data + sample * out->row + j * out->column) = result[j];
     }
     return any;
 }

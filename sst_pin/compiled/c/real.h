@@ -32,6 +32,12 @@ typedef const number *parameters;
 typedef number *constants; /* parameters, then what is computed from them alone */
 #endif
 
+#if defined(__GNUC__) && !defined(__cplusplus)
+#define SEPARATE __attribute__((visibility("hidden"))) /* used by another file */
+#else
+#define SEPARATE static
+#endif
+
 #ifdef __GNUC__
 #define HELPER static inline __attribute__((unused))
 #define PART static __attribute__((noinline)) void /* of a function that is too large for one */

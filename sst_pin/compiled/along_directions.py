@@ -1,0 +1,260 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Quantities whose columns are computed along directions of the coordinates, side by side.
+
+The code of one direction grows in proportion to the robot, that of whole matrices faster. What no
+direction changes is computed once for a sample. The coordinates come in groups (`branches`), and
+each group has its own code, a pass, which runs for as many directions at once as a register has
+lanes.
+
+Derivatives of accelerations are those of the forces at these accelerations, then one solution with
+the inertia matrix, for all columns: docs/derivatives.md, The direct dynamics.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import casadi as ca
+from casadi import SX
+
+from . import branches, frame_velocities, symbolic_derivatives
+from .elimination import total
+from .equations import Equations
+from .kernel_checks import Checks
+from .symbols import Sparse, add, column
+
+
+class Pass(NamedTuple):
+    """Results along some directions of the coordinates."""
+
+    #: The part of the direction along each of these coordinates.
+    direction: SX
+    #: Indices of the coordinates.
+    coordinates: list[int]
+    #: Results along the direction, in a column; results that are zero are left out.
+    results: SX
+    #: Where they are in the result of the quantity, for coordinate 0.
+    places: list[int]
+    #: Checks, as those of a kernel.
+    checks: SX
+
+
+class Solution(NamedTuple):
+    """The result is A^-1 times what was computed, A = P^T L D L^T P of full rank."""
+
+    #: Reciprocals of D, then the entries of L below its unit diagonal.
+    factors: SX
+    #: Row of the result by row of L.
+    order: list[int]
+    #: Row and column in L of the entries, column by column.
+    entries: list[tuple[int, int]]
+
+
+class Directions(NamedTuple):
+    """How a kernel computes its result along directions."""
+
+    #: Size of the result, and of its rows.
+    size: int
+    width: int
+    #: Where the output of the kernel, which is computed once, is in the result.
+    places: list[int]
+    #: How far the results of coordinates k and k + 1 are apart.
+    stride: int
+    passes: list[Pass]
+    solution: Solution | None = None
+
+
+#: Results by their places in the result of a quantity; what is left out is zero.
+_Placed = dict[int, SX]
+#: Results and checks along a direction.
+_Along = Callable[[SX], tuple[_Placed, list[Any]]]
+
+
+class _Made(NamedTuple):
+    """A quantity by directions."""
+
+    inputs: dict[str, SX]
+    size: int
+    width: int
+    along: _Along
+    #: What is computed once, and checks of it.
+    once: _Placed
+    checks: list[Any]
+    stride: int = 1
+    solution: Solution | None = None
+
+
+def make(
+    e: Equations, checks: Checks, quantity: str, frame: str | None
+) -> tuple[dict[str, SX], SX, list[Any], Directions]:
+    """Inputs of a quantity, what is computed once, checks of that, and the rest by directions."""
+    made = QUANTITIES[quantity](e, checks) if frame is None else FRAMES[quantity](e, checks, frame)
+    passes = []
+    for group in branches.groups(e):
+        symbols, direction = SX.sym("direction", len(group)), SX(len(e.L), 1)
+        for k, symbol in zip(group, ca.vertsplit(symbols), strict=True):
+            direction[k] = symbol
+        placed, more = made.along(direction)
+        placed = {place: x for place, x in placed.items() if not x.is_zero()}
+        results = ca.vertcat(SX(0, 1), *placed.values())
+        of_pass = ca.vertcat(SX(0, 1), *map(SX, more))
+        passes.append(Pass(symbols, group, results, list(placed), of_pass))
+    once = {place: x for place, x in made.once.items() if not x.is_zero()}
+    directions = Directions(made.size, made.width, list(once), made.stride, passes, made.solution)
+    return made.inputs, ca.vertcat(SX(0, 1), *once.values()), made.checks, directions
+
+
+def _in_column(x: SX, width: int, first: int) -> _Placed:
+    """The entries of a column of a matrix with rows of this width, by their places."""
+    return {i * width + first: entry for i, entry in enumerate(ca.vertsplit(x))}
+
+
+def _torque_derivatives(e: Equations, checks: Checks) -> _Made:
+    """Derivatives of f by q, va and aa side by side, row by row."""
+    n = len(e.L)
+    tree = symbolic_derivatives.OnTree(e, e.aa, SX(*e.tau.shape))
+
+    def along(direction: SX) -> tuple[_Placed, list[Any]]:
+        by_q, by_va, more = symbolic_derivatives.of_forces_along(e, checks, tree, direction)
+        by_aa, of_inertia = symbolic_derivatives.of_inertia_along(e, checks, tree, direction)
+        placed = _in_column(by_q, 3 * n, 0) | _in_column(by_va, 3 * n, n)
+        return placed | _in_column(by_aa, 3 * n, 2 * n), more + of_inertia
+
+    inputs = {"q": e.q, "va": e.va, "aa": e.aa, "external_wrenches": e.loads}
+    return _Made(inputs, 3 * n * n, 3 * n, along, {}, checks.of_forces)
+
+
+def _acceleration_derivatives(e: Equations, checks: Checks) -> _Made:
+    """Derivatives of aa by q, va and tau side by side, row by row."""
+    n, motors = len(e.L), e.tau.numel()
+    width = 2 * n + motors
+    aa, inverses = e.accelerations
+    tree = symbolic_derivatives.OnTree(e, aa, e.tau)
+
+    def along(direction: SX) -> tuple[_Placed, list[Any]]:
+        by_q, by_va, more = symbolic_derivatives.of_forces_along(e, checks, tree, direction)
+        return _in_column(-by_q, width, 0) | _in_column(-by_va, width, n), more
+
+    once = {i * width + 2 * n + k: e.motor_matrix[i, k] for i in range(n) for k in range(motors)}
+    inputs = {"q": e.q, "va": e.va, "tau": e.tau, "external_wrenches": e.loads}
+    more = checks.of_accelerations + checks.massless(inverses)
+    return _Made(inputs, n * width, width, along, once, more, solution=_solution(e.inertia))
+
+
+def _solution(A: SX) -> Solution:
+    """Factors of a symmetric matrix."""
+    D, upper, order = ca.ldl(ca.sparsify(A), True)
+    entries = [(j, i) for i, j in zip(*upper.sparsity().get_triplet(), strict=True)]
+    places = sorted(range(len(entries)), key=lambda k: entries[k][::-1])
+    values = ca.vertsplit(upper.nz[:])
+    factors = ca.vertcat(1 / ca.densify(D), SX(0, 1), *(values[k] for k in places))
+    return Solution(factors, list(order), [entries[k] for k in places])
+
+
+def _displacement_rates(e: Equations, checks: Checks) -> _Made:
+    n = len(e.L)
+
+    def along(direction: SX) -> tuple[_Placed, list[Any]]:
+        moved = symbolic_derivatives.of_displacement(e, _step(e, direction))
+        return _in_column(moved, n, 0), []
+
+    return _Made({"q": e.q, "va": e.va}, n * n, n, along, {}, checks.of_rates)
+
+
+def _reduced_terms(e: Equations, checks: Checks) -> _Made:
+    """Inertia and Coriolis matrix, forces of gravity and springs, of friction."""
+    n = len(e.L)
+
+    def along(direction: SX) -> tuple[_Placed, list[Any]]:
+        step = _step(e, direction)
+        change, right = e.held(step, e.Phi_dot)
+        inertial = e.tree.forces({}, step, loads=False, weight=False)
+        coriolis = e.tree.coriolis_forces(e.v, step, change)
+        more = checks.unsolved(step, {}) + checks.unsolved(change, right)
+        more += checks.unbalanced(inertial) + checks.unbalanced(coriolis)
+        placed = _in_column(e.reduced(inertial), n, 0)
+        placed |= {n * n + i: x for i, x in _in_column(e.reduced(coriolis), n, 0).items()}
+        return placed, more
+
+    gravity = add(e.tree.forces({}, {}, loads=False), e.tree.springs)
+    friction = e.tree.friction(e.v)
+    terms = ca.vertcat(-e.reduced(gravity), -e.reduced(friction))
+    once = {2 * n * n + i: x for i, x in enumerate(ca.vertsplit(terms))}
+    more = checks.of_rates + checks.unbalanced(gravity) + checks.unbalanced(friction)
+    return _Made({"q": e.q, "va": e.va}, 2 * n * (n + 1), n, along, once, more)
+
+
+def _torque_regressor(e: Equations, checks: Checks) -> _Made:
+    """Y row by row: row k has the derivatives of the power along L e_k by the open numbers."""
+    nv, blocks = e.mechanism.model.nv, e.parameters.by_parameters()
+    sizes = [block.shape[1] for block in blocks]
+    motors = len(e.motor_columns)
+    width = sum(sizes) + nv + motors
+    forces = column(e.tree_forces, range(nv))
+
+    def along(direction: SX) -> tuple[_Placed, list[Any]]:
+        step = _step(e, direction)
+        rates = column(step, range(nv))
+        of_numbers = ca.gradient(ca.dot(rates, forces), e.p).T
+        *first, lines = (of_numbers @ ca.sparsify(ca.DM(block)) for block in blocks)
+        pushed = (total(x * step[i] for i, x in B.items() if i in step) for B in e.motor_columns)
+        row = ca.horzcat(*first, rates.T, lines, *map(SX, pushed))
+        return dict(enumerate(ca.horzsplit(row))), checks.unsolved(step, {})
+
+    inputs = {"q": e.q, "va": e.va, "aa": e.aa}
+    more = checks.of_rates + checks.unsolved(e.dv, e.drift)
+    return _Made(inputs, len(e.L) * width, width, along, {}, more, stride=width)
+
+
+def _frame_jacobian(e: Equations, checks: Checks, frame: str) -> _Made:
+    n = len(e.L)
+
+    def along(direction: SX) -> tuple[_Placed, list[Any]]:
+        step = _step(e, direction)
+        velocity = frame_velocities.velocity(e, frame, step)
+        return _in_column(velocity, n, 0), checks.unsolved(step, {})
+
+    return _Made({"q": e.q}, 6 * n, n, along, {}, [])
+
+
+def _frame_jacobian_rate(e: Equations, checks: Checks, frame: str) -> _Made:
+    n = len(e.L)
+
+    def along(direction: SX) -> tuple[_Placed, list[Any]]:
+        step = _step(e, direction)
+        rate, more = frame_velocities.rate_of_column(e, checks, frame, step)
+        return _in_column(rate, n, 0), checks.unsolved(step, {}) + more
+
+    return _Made({"q": e.q, "va": e.va}, 6 * n, n, along, {}, checks.of_rates)
+
+
+def _frame_velocity_derivatives(e: Equations, checks: Checks, frame: str) -> _Made:
+    """Derivatives of the velocity by q and va side by side."""
+    n = len(e.L)
+
+    def along(direction: SX) -> tuple[_Placed, list[Any]]:
+        step = _step(e, direction)
+        by_q, more = frame_velocities.derivative_along(e, checks, frame, step)
+        by_va = frame_velocities.velocity(e, frame, step)
+        placed = _in_column(by_q, 2 * n, 0) | _in_column(by_va, 2 * n, n)
+        return placed, checks.unsolved(step, {}) + more
+
+    return _Made({"q": e.q, "va": e.va}, 12 * n, 2 * n, along, {}, checks.of_rates)
+
+
+QUANTITIES: dict[str, Callable[[Equations, Checks], _Made]] = {
+    "torque_derivatives": _torque_derivatives,
+    "acceleration_derivatives": _acceleration_derivatives,
+    "displacement_rates": _displacement_rates,
+    "reduced_terms": _reduced_terms,
+    "torque_regressor": _torque_regressor,
+}
+FRAMES: dict[str, Callable[[Equations, Checks, str], _Made]] = {
+    "frame_jacobian": _frame_jacobian,
+    "frame_jacobian_rate": _frame_jacobian_rate,
+    "frame_velocity_derivatives": _frame_velocity_derivatives,
+}
+
+
+def _step(e: Equations, direction: SX) -> Sparse:
+    """Rates of the tree along a direction of the coordinates."""
+    return e.complete(ca.vertsplit(direction), {})

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Coordinates in groups that move the same branches of a robot.
+
+Derivatives are computed for several coordinates side by side, in the lanes of one register, by code
+that is generated for their group: bodies that none of them moves cost nothing. In a humanoid the
+base is a group, and each limb.
+"""
+
+from collections.abc import Sequence
+
+from .equations import Equations
+
+#: The most coordinates whose derivatives are computed side by side: lanes of a register.
+LANES = 8
+
+
+def groups(equations: Equations) -> list[list[int]]:
+    """Coordinates in groups, by index; in all at most about twice the code of a single group."""
+    return _groups(range(len(equations.L)), _moved_links(equations))
+
+
+def _moved_links(equations: Equations) -> list[set[int]]:
+    """For each coordinate the links that it moves, those behind the joints that follow included."""
+    tree = equations.kinematics.tree
+    moved: list[set[int]] = []
+    for L in equations.L:
+        links = set[int]()
+        for i, link in enumerate(tree.links):  # parents come first
+            if link.parent in links or not L.keys().isdisjoint(link.v):
+                links.add(i)
+        moved.append(links)
+    return moved
+
+
+def _groups(coordinates: Sequence[int], moved: Sequence[set[int]]) -> list[list[int]]:
+    """Coordinates that move the same branches, split where that saves time."""
+    parts = _connected(coordinates, moved)
+    if len(parts) > 1:
+        return [group for part in parts for group in _groups(part, moved)]
+    whole = list(coordinates)
+    links = set[int]().union(*(moved[k] for k in whole))
+    trunk = [k for k in whole if moved[k] == links]
+    rest = [k for k in whole if moved[k] != links]
+    if not trunk or not rest:
+        return [whole]
+    split = [trunk, *_groups(rest, moved)]
+    if sum(_time(group, moved) for group in split) < _time(whole, moved):
+        return split
+    return [whole]
+
+
+def _connected(coordinates: Sequence[int], moved: Sequence[set[int]]) -> list[list[int]]:
+    """Parts of the coordinates that move no link together."""
+    parts: list[tuple[list[int], set[int]]] = []
+    for k in coordinates:
+        members, links, others = [k], set(moved[k]), []
+        for part in parts:
+            if part[1].isdisjoint(moved[k]):
+                others.append(part)
+            else:
+                members, links = part[0] + members, links | part[1]
+        parts = [*others, (members, links)]
+    return [sorted(members) for members, _ in parts]
+
+
+def _time(group: Sequence[int], moved: Sequence[set[int]]) -> int:
+    """Links that move in all passes of a group."""
+    links = set[int]().union(*(moved[k] for k in group))
+    return len(links) * -(-len(group) // LANES)

@@ -1,0 +1,50 @@
+/* As `compute_columns` in driver.h, one direction after the other; the result is in `out`. */
+#define PASS(k, count, results, checks) \
+    _Pragma("unroll 1") for (int l = 0; l < count; l++) { \
+        real d[count]; \
+        for (int j = 0; j < count; j++) \
+            d[j] = j == l; \
+        ${name}_pass_##k(x, own, once, d, y); \
+        for (int j = 0; j < results; j++) \
+            at(out, i, places_##k[j] + directions_##k[l] * ${stride}) = y[j]; \
+        for (int j = 0; j < checks; j++) \
+            bad = bad || y[results + j] <= 1 ? bad : SINGULAR; \
+    }
+RUN
+{
+    static const int known_at[] = {${known_at}};
+    static const int order[] = {${order}}, entry_at[] = {${entry_at}};
+    ${tables}
+    const parameters own = column(p, i);
+    real x[${inputs}], once[${room}], y[${room_of_passes}];
+    const real *factors = once + ${outputs}, *checks = factors + ${rank} + ${entries};
+    ${takes}
+    ${name}_once(x, own, once);
+    int bad = judge_numbers(x, ${q}, ${inputs});
+    bad = bad ? bad : judge_checks(checks, ${checks});
+    for (int j = 0; j < ${results}; j++)
+        at(out, i, j) = 0;
+    for (int j = 0; j < ${outputs}; j++)
+        at(out, i, known_at[j]) = once[j];
+    ${passes}
+    for (int k = 0; k < ${entries}; k++) {
+        const int to = order[entry_at[2 * k]] * ${width}, from = order[entry_at[2 * k + 1]] * ${width};
+        for (int j = 0; j < ${width}; j++)
+            at(out, i, to + j) -= factors[${rank} + k] * at(out, i, from + j);
+    }
+    for (int k = 0; k < ${rank}; k++)
+        for (int j = 0; j < ${width}; j++)
+            at(out, i, order[k] * ${width} + j) *= factors[k];
+    for (int k = ${entries} - 1; k >= 0; k--) {
+        const int to = order[entry_at[2 * k + 1]] * ${width}, from = order[entry_at[2 * k]] * ${width};
+        for (int j = 0; j < ${width}; j++)
+            at(out, i, to + j) -= factors[${rank} + k] * at(out, i, from + j);
+    }
+    real zero = 0;
+    for (int j = 0; j < ${results}; j++)
+        zero += at(out, i, j) * 0;
+    bad = bad || zero == 0 ? bad : NOT_FINITE;
+    for (int j = 0; bad && j < ${results}; j++)
+        at(out, i, j) = (number)NAN;
+    tell(status, i, bad);
+}
