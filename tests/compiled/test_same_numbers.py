@@ -17,6 +17,7 @@ from sst_pin import ClosedChain, ClosureError, LineForce, SingularConfigurationE
 from sst_pin.compiled import compiled_backend, libraries
 from sst_pin.dynamics.quantities import QUANTITIES
 from tests.gallery import EVERY_ROBOT
+from tests.gallery.humanoids import humanoid
 from tests.support import any_chain, link_tables
 from tests.support.derivative_cases import WIDTH, floating_four_bar, of_gallery
 from tests.support.methods import METHODS
@@ -46,6 +47,8 @@ ROBOTS = {
     "five-bar": lambda: of_gallery("five_bar").chain,
     "floating four-bar": lambda: floating_four_bar().chain,
     "Cassie": lambda: copy.deepcopy(robot_named("cassie")),
+    "floating Cassie": lambda: copy.deepcopy(robot_named("floating cassie")),
+    "humanoid": humanoid,
     "floating": lambda: any_chain.with_joint("free-flyer", kind="hinge"),
     "cart": any_chain.cart,
     "lines": any_chain.lines,
@@ -95,6 +98,8 @@ SLOW = [
     (BY_DIRECTIONS[1:3], [*DERIVATIVES, *OF_TREE[2:], "torque_regressor"]),
     (BY_DIRECTIONS[2:3], FRAMES),
     (BY_DIRECTIONS[4:], DERIVATIVES[:2]),
+    (["floating Cassie"], [*DERIVATIVES, "torque_regressor"]),
+    (["humanoid"], [*DERIVATIVES, *FRAMES[:2], *OF_TREE[2:], "torque_regressor"]),
     ([*REACTING, "motors on dependent joints"], ["actuator_jacobian", "reactions"]),
 ]
 CASES = [

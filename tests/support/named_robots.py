@@ -28,11 +28,12 @@ def robot_named(name):
     """A robot of the gallery, of `OTHERS`, or one with a joint of this kind."""
     if name == "sst":
         return sst_pin.SST(sst_pin.Parameters(viscous_friction=0.1, coulomb_friction=0.02))
-    if name == "cassie":  # on a stand
+    if name in ("cassie", "floating cassie"):
+        locked = cassie.HELD if name == "cassie" else ()  # on a stand, or free with soft springs
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder, "cassie.xml")
             path.write_text(cassie.mjcf())
-            return sst_pin.ClosedChain.from_mjcf(path, locked=cassie.HELD)
+            return sst_pin.ClosedChain.from_mjcf(path, locked=locked)
     if name in any_chain.JOINTS or name in any_chain.IN_A_ROW:
         return any_chain.with_joint(name)
     return (OTHERS.get(name) or EVERY_ROBOT[name])()
