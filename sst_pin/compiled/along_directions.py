@@ -175,7 +175,7 @@ def _reduced_terms(e: Equations, checks: Checks) -> _Made:
         placed |= {n * n + i: x for i, x in _in_column(e.reduced(coriolis), n, 0).items()}
         return placed, more
 
-    gravity = add(e.tree.forces({}, {}, loads=False), e.tree.springs)
+    gravity = add(e.tree.forces({}, {}, loads=False), e.tree.springs(e.v))
     friction = e.tree.friction(e.v)
     terms = ca.vertcat(-e.reduced(gravity), -e.reduced(friction))
     once = {2 * n * n + i: x for i, x in enumerate(ca.vertsplit(terms))}
@@ -201,7 +201,7 @@ def _torque_regressor(e: Equations, checks: Checks) -> _Made:
         return dict(enumerate(ca.horzsplit(row))), checks.unsolved(step, {})
 
     inputs = {"q": e.q, "va": e.va, "aa": e.aa}
-    more = checks.of_rates + checks.unsolved(e.dv, e.drift)
+    more = checks.of_rates + checks.solved(e.dv)
     return _Made(inputs, len(e.L) * width, width, along, {}, more, stride=width)
 
 
