@@ -90,9 +90,8 @@ def _put_friction(root: ET.Element, chain: ClosedChain) -> None:
     """Give each joint its friction; none where the rates of a joint have different friction."""
     friction, space = chain.mechanism.friction, chain.mechanism.space
     for joint in root.findall("joint"):
-        name = joint.get("name", "")
-        parts = [name, *(f"{name}_{axis}" for axis in "XYZ")]  # of a universal joint in the YAML
-        rates = [k for part in parts for k in space.rates.get(part, ())]
+        series = _series(joint, chain.mechanism.model)
+        rates = [k for part in series for k in space.rates[part]]
         pairs = {"damping": friction.viscous[rates], "friction": friction.coulomb[rates]}
         numbers = {key: x[0] if np.ptp(x) == 0 else 0.0 for key, x in pairs.items() if len(x)}
         dynamics = joint.find("dynamics")
@@ -102,15 +101,16 @@ def _put_friction(root: ET.Element, chain: ClosedChain) -> None:
             dynamics.attrib.update({key: repr(float(x)) for key, x in numbers.items()})
 
 
-def _differences(chain: ClosedChain, urdf: Urdf, partly: Sequence[str]) -> list[str]:
+def _differences(chain: ClosedChain, urdf: Urdf, partly: Mapping[str, Sequence[str]]) -> list[str]:
     """Names of the parameters that a URDF, with the YAML beside it, gives other values."""
     again = ClosedChain.from_description(_read_again(urdf)).dynamic_parameters
     values, theta = dict(zip(again.names, again.values, strict=True)), chain.dynamic_parameters
     words = np.array([name.rpartition(".")[2] for name in theta.names])
     sizes = np.array([np.abs(theta.values[words == word]).max() for word in words])
     away = np.abs([values.get(name, 0.0) for name in theta.names] - theta.values)
-    joints = [name.rpartition(".")[0].rpartition("_")[0] for name in theta.names]
-    differ = (away > _EQUAL * sizes) & ~np.isin(joints, partly)
+    joints = [name.rpartition(".")[0] for name in theta.names]
+    parts = [part for series in partly.values() for part in series]
+    differ = (away > _EQUAL * sizes) & ~np.isin(joints, parts)
     lost = [theta.names[k] for k in np.flatnonzero(differ)]
     if bodies := [name for name in lost if name.rpartition(".")[2] in OF_BODY]:
         raise DescriptionError(urdf.source, [f"it is another robot: {listed(bodies)} differ"])
@@ -164,28 +164,54 @@ def _read_again(urdf: Urdf) -> RobotFile:
         return read_urdf(urdf)
 
 
-def _fix_locked(root: ET.Element, model: pin.Model) -> list[str]:
+def _fix_locked(root: ET.Element, model: pin.Model) -> dict[str, list[str]]:
     """Make joints of a URDF fixed that are locked in the robot, where they are locked.
 
-    Returns the joints of which single rates are locked, which a URDF cannot say.
+    Returns the joints of which single rates are locked, which a URDF cannot say, with the joints
+    that are left of each.
     """
-    links = {f.name: f for f in model.frames if f.type == pin.FrameType.BODY}
-    partly = []
+    links = _links_of(model)
+    partly = dict[str, list[str]]()
     for joint in root.findall("joint"):
-        name = joint.get("name", "")
-        parts = [n for n in model.names if n.rpartition("_")[0] == name and n[-1] in "XYZxyzw"]
-        if parts and (len(parts) == 1 or parts[0][-1].islower()):
-            partly.append(name)
-        if parts or joint.get("type") == "fixed" or name in list(model.names):
+        name, series = joint.get("name", ""), _series(joint, model)
+        suffixes = [part.removeprefix(f"{name}_") for part in series if part != name]
+        if suffixes and (len(series) == 1 or suffixes[0].islower()):
+            partly[name] = series
+        a, b = _ends(joint, links)
+        if series or joint.get("type") == "fixed" or a is None or b is None:
             continue
         joint.set("type", "fixed")
         joint[:] = [child for child in joint if child.tag in ("origin", "parent", "child")]
-        a, b = (links.get(joint.find(side).get("link")) for side in ("parent", "child"))  # type: ignore[union-attr]
-        if a is not None and b is not None:  # else it is the URDF of another robot
-            place = a.placement.actInv(b.placement)
-            if not _origin(joint).isApprox(place, _ROUNDING):
-                _place(joint, place)
+        place = a.placement.actInv(b.placement)
+        if not _origin(joint).isApprox(place, _ROUNDING):
+            _place(joint, place)
     return partly
+
+
+def _series(joint: ET.Element, model: pin.Model) -> list[str]:
+    """The joints of the model between the links of a joint of a URDF; none if it is fixed."""
+    a, b = _ends(joint, _links_of(model))
+    if a is None or b is None:
+        return []
+    series, j = list[str](), b.parentJoint
+    while j not in (0, a.parentJoint):
+        series.insert(0, model.names[j])
+        j = model.parents[j]
+    return series if j == a.parentJoint else []
+
+
+def _links_of(model: pin.Model) -> dict[str, pin.Frame]:
+    return {f.name: f for f in model.frames if f.type == pin.FrameType.BODY}
+
+
+def _ends(
+    joint: ET.Element, links: Mapping[str, pin.Frame]
+) -> tuple[pin.Frame | None, pin.Frame | None]:
+    """The frames of the parent and the child of a joint; None in the URDF of another robot."""
+    parent, child = joint.find("parent"), joint.find("child")
+    names = ("" if end is None else end.get("link", "") for end in (parent, child))
+    a, b = (links.get(name) for name in names)
+    return a, b
 
 
 def _origin(joint: ET.Element) -> pin.SE3:

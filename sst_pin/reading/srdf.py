@@ -3,6 +3,7 @@
 
 import xml.etree.ElementTree as ET
 from collections.abc import Collection, Mapping
+from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,20 @@ from ..arrays import Array
 from ..errors import DescriptionError
 from .problems import numbers, telling
 from .text import parse_xml, read_text
+
+#: Elements of an SRDF. Others are left alone, unless they look like one of these.
+_ELEMENTS = (
+    "group",
+    "group_state",
+    "end_effector",
+    "virtual_joint",
+    "passive_joint",
+    "joint_property",
+    "disable_collisions",
+    "enable_collisions",
+    "disable_default_collisions",
+    "link_sphere_approximation",
+)
 
 
 class Srdf:
@@ -33,6 +48,9 @@ class Srdf:
         problems, notes, poses = list[str](), list[str](), dict[str, dict[str, Array]]()
         if self._root.tag != "robot":
             problems.append(f"an SRDF starts with <robot>, not with <{self._root.tag}>")
+        for tag in sorted({element.tag for element in self._root}.difference(_ELEMENTS)):
+            if near := get_close_matches(tag, _ELEMENTS, 1, 0.8):
+                problems.append(f"<{tag}> is unknown; did you mean {near[0]}?")
         for state in self._root.findall("group_state"):
             name, where = state.get("name", ""), f"group_state {state.get('name')}: "
             if not name:
@@ -72,7 +90,8 @@ class Srdf:
 def _value(model: pin.Model, joints: Collection[str], joint: str, text: str) -> Array:
     """The position of a joint; one number for a joint that is fixed in the model."""
     moves = model.existJointName(joint)
-    parts = [part for part in model.names if part[:-2] == joint and part[-2] == "_"]
+    axes = [f"{joint}_{axis}" for axis in "XYZ"]  # of a universal joint in the YAML
+    parts = [part for part in axes if model.existJointName(part) and part not in joints]
     if not moves and parts:
         raise ValueError(f"{joint} is {' and '.join(parts)} here")
     if not moves and joint not in joints:

@@ -178,3 +178,54 @@ def test_files_of_other_robots_are_refused(tmp_path):
         write_urdf(robot, tmp_path / "none.urdf", tmp_path / "found.urdf")
     with pytest.raises(sst_pin.OutputError, match="exists"):
         write_urdf(robot, source, source)
+
+
+def named(*names: str) -> str:
+    """A row of links on hinges with these names."""
+    body = '<inertial><origin xyz="0.1 0 0"/><mass value="1"/><inertia ixx="0.1" ixy="0" ixz="0" '
+    body += 'iyy="0.2" iyz="0" izz="0.25"/></inertial>'
+    links = '<link name="l0"/>'
+    for k, name in enumerate(names):
+        links += f'<link name="l{k + 1}">{body}</link><joint name="{name}" type="continuous">'
+        links += f'<parent link="l{k}"/><child link="l{k + 1}"/><origin xyz="0 0 0.2"/>'
+        links += '<axis xyz="0 1 0"/></joint>'
+    return f'<robot name="r">{links}</robot>'
+
+
+def test_joints_whose_names_end_like_rates_are_joints(tmp_path):
+    """`left_elbow` is no rate of `left`; what a URDF cannot store of it is told by its name."""
+    path = tmp_path / "r.urdf"
+    chain = read(path, named("left", "left_elbow", "left_x"), actuated=["left"])
+    model = chain.model
+    model.armature[:] = [0.0, 0.3, 0.0]
+    heavy = sst_pin.ClosedChain(model, [], ["left"], stiffness=[0, 0, 2.0])
+    with pytest.warns(sst_pin.DescriptionWarning, match="left_elbow.armature") as caught:
+        write_urdf(heavy, path, tmp_path / "new.urdf")
+    text = str(caught[0].message)
+    assert "left_x.stiffness" in text
+    assert "lock it again" not in text
+
+
+def test_a_locked_joint_is_fixed_beside_joints_named_like_its_axes(tmp_path):
+    path = tmp_path / "r.urdf"
+    whole = read(path, named("arm", "arm_X", "arm_wy"), actuated=["arm_X"])
+    locked = sst_pin.ClosedChain(whole.model, [], ["arm_X"], locked={"arm": 0.3})
+    write_urdf(locked, path, tmp_path / "new.urdf")
+    again = read(tmp_path / "new.urdf", actuated=["arm_X"])
+    assert again.joint_names == ("arm_X", "arm_wy")
+    q, va, aa = np.random.default_rng(0).normal(size=(3, 2))
+    forces = locked.generalized_forces(q, va, aa)
+    assert_allclose(again.generalized_forces(q, va, aa), forces, rtol=1e-10)
+
+
+def test_states_of_an_srdf_name_joints_by_whole_names(tmp_path):
+    path = tmp_path / "r.urdf"
+    state = (
+        '<robot name="r"><{0} name="home" group="all"><joint name="arm" value="0"/></{0}></robot>'
+    )
+    (tmp_path / "r.srdf").write_text(state.format("group_state"))
+    text = named("arm", "arm_X").replace('"arm" type="continuous"', '"arm" type="fixed"')
+    assert read(path, text, actuated=["arm_X"]).home.tolist() == [0.0]
+    (tmp_path / "r.srdf").write_text(state.format("group_states"))
+    with pytest.raises(sst_pin.DescriptionError, match="did you mean group_state"):
+        read(path, actuated=["arm_X"])
