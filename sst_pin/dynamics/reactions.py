@@ -84,16 +84,17 @@ class Reactions(Summary):
     elastic: Verdict
     brakes: dict[str, Array]
 
-    def of(self, name: str) -> Array:
-        """The wrench in one joint or closure, shape (..., 6).
+    def of(self, name: str, *, complete: bool = False) -> Array:
+        """The wrench in one joint or closure, shape (..., 6); NaN where it is not unique.
 
         Args:
             name: As in `names`; a closure is called by its frames, "a - b", or "a - b (1)" where
                 there are several.
+            complete: Whether components that are not unique raise an error.
 
         Raises:
             UnknownNameError: If there is none of that name.
-            IndeterminateError: If components of it are not unique.
+            IndeterminateError: With `complete`, if components of it are not unique.
 
         Example:
             >>> crank = sst_pin.robots.slider_crank()
@@ -105,7 +106,7 @@ class Reactions(Summary):
         k, joints = self.names.index(name), self.joints.shape[-2]
         wrench = self.joints[..., k, :] if k < joints else self.closures[..., k - joints, :]
         missing = np.isnan(wrench).reshape(-1, 6).any(axis=0)
-        if missing.any():
+        if complete and missing.any():
             raise IndeterminateError(name, [_COMPONENTS[i] for i in np.flatnonzero(missing)])
         return wrench
 

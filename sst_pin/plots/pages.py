@@ -9,6 +9,7 @@ from typing import cast
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
 from ..arrays import finite_array
@@ -26,7 +27,9 @@ from .style import Axes, StyledFigure, style
 
 #: Subjects of a page about a motion.
 SUBJECTS = ("path", *CURVES)
-_LOADS = {"force": "force (N)", "moment": "moment (N m)"}
+#: Units of loads, and the largest load of the smaller unit.
+_LOADS = {"force": "N", "moment": "N m"}
+_UNITS = ((1e7, 1e6, "M"), (1e4, 1e3, "k"))
 #: Loads that are smaller than this part of the largest are rounding.
 _NO_LOAD = 1e-9
 
@@ -129,7 +132,8 @@ def loads_page(loads: Loads) -> Figure:
     """Bars of the peak forces and moments of joints and closures along a motion.
 
     The inner bar is the root mean square. The numbers are the direction at the peak, x, y, z in the
-    axes of the wrench. Hatched bars come from stiffnesses.
+    axes of the wrench; letters in front say which components are unique, if not all are. Hatched
+    bars come from stiffnesses.
 
     Args:
         loads: Table of `ClosedChain.loads`.
@@ -143,27 +147,48 @@ def loads_page(loads: Loads) -> Figure:
     figure = StyledFigure(figsize=(7, 1 + 0.12 * len(loads.rows)), layout="constrained")
     with style():
         for kind, ax in zip(_LOADS, figure.subplots(1, 2, sharey=True), strict=True):
-            _bars(ax, [row for row in loads.rows if row.kind == kind], _NO_LOAD * largest)
-            ax.set_xlabel(_LOADS[kind])
+            rows = [row for row in loads.rows if row.kind == kind]
+            unit, prefix = _unit(rows)
+            _bars(ax, rows, _NO_LOAD * largest, unit)
+            ax.xaxis.set_major_locator(MaxNLocator(4))
+            ax.set_xlabel(f"{kind} ({prefix}{_LOADS[kind]})")
     return figure
 
 
-def _bars(ax: Axes, rows: list[Load], zero: float) -> None:
+def _unit(rows: list[Load]) -> tuple[float, str]:
+    """The unit of a kind of loads and its prefix: large loads in kN or MN."""
+    largest = np.nanmax([row.peak for row in rows] + [0.0])
+    for least, unit, prefix in _UNITS:
+        if largest >= least:
+            return unit, prefix
+    return 1.0, ""
+
+
+def _direction(row: Load) -> str:
+    """The direction of the peak, with the letters of its components if not all are unique."""
+    numbers = [f"{round(x, 2) + 0.0:.2f}" for x in row[4:7] if np.isfinite(x)]
+    letters = "" if len(row.components) == 3 else f"{row.components}: "
+    return letters + ", ".join(numbers)
+
+
+def _bars(ax: Axes, rows: list[Load], zero: float, unit: float) -> None:
+    """Bars for one kind of loads, in units of `unit`; those up to `zero` count as zero."""
     labelled = set()
     for y, row in enumerate(rows):
         text = "0" if row.peak <= zero else "not unique"
         if row.peak > zero:
-            what = "peak" if row.determined else "peak, from stiffnesses"
-            hatch = "" if row.determined else "/////"
+            soft = not row.determined and len(row.components) == 3
+            what = "peak, from stiffnesses" if soft else "peak"
+            hatch = "/////" if soft else ""
             outline = {"facecolor": "white", "edgecolor": HUES[0], "linewidth": 0.8}
             for size, name, width, look in (
                 (row.peak, what, 0.7, outline | {"hatch": hatch}),
                 (row.rms, "root mean square", 0.35, {"color": HUES[1]}),
             ):
-                ax.barh(y, size, width, label=None if name in labelled else name, **look)
+                ax.barh(y, size / unit, width, label=None if name in labelled else name, **look)
                 labelled.add(name)
-            text = ", ".join(f"{round(x, 2) + 0.0:.2f}" for x in row[4:7])
-        at = (row.peak if row.peak > zero else 0.0, y)
+            text = _direction(row)
+        at = (row.peak / unit if row.peak > zero else 0.0, y)
         ax.annotate(text, at, (3, 0), textcoords="offset points", va="center", fontsize=6)
     ax.set_yticks(range(len(rows)), [label(row.name) for row in rows])
     ax.set(xlim=(0, 1.5 * ax.dataLim.x1 if labelled else 1), ylim=(len(rows) - 0.5, -0.5))

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..arrays import Array
 from ..dynamics.quantities import Quantity
 from ..dynamics.reactions import Reactions
 from ..engine import Engine
@@ -25,21 +26,27 @@ if TYPE_CHECKING:
 
 #: Largest relative difference between a motion's accelerations and those that its torques cause.
 _DIFFERENCE = 1e-6
+#: Components below this part of the largest are rounding.
+_ROUNDING = 1e-9
 
 
 class Load(NamedTuple):
     """Magnitude of the force or the moment of a joint or closure along a motion.
 
+    Where only some components are unique, as in the plane of a planar robot, it is theirs.
+
     Attributes:
         name: Name of the joint or closure.
         kind: "force" [N] or "moment" [N m].
-        peak: Largest magnitude; NaN where it is not unique.
+        peak: Largest magnitude of the unique components; NaN if there are none.
         time: Time of the peak, [s]; NaN without a peak.
-        x: First component of the direction at the peak, a unit vector in the axes of the wrench.
+        x: First component of the direction at the peak, a unit vector in the axes of the wrench;
+            NaN if it is not unique.
         y: Second component.
         z: Third component.
         rms: Root mean square of the magnitude over time, by the trapezoidal rule.
-        determined: Whether it is unique in the rigid robot at all samples.
+        determined: Whether all components are unique in the rigid robot at all samples.
+        components: Those that the row is about, "x", "y" and "z" in one word.
     """
 
     name: str
@@ -51,6 +58,7 @@ class Load(NamedTuple):
     z: float
     rms: float
     determined: bool
+    components: str
 
 
 @dataclass(frozen=True, repr=False)
@@ -72,13 +80,7 @@ class Loads(Summary):
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         units = {"force": "N", "moment": "N m"}
         return f"Loads of {len(self.rows) // 2} joints and closures", [
-            (
-                f"{row.name}, {row.kind}",
-                f"peak {row.peak:.4g} {units[row.kind]} at {row.time:.4g} s, rms {row.rms:.4g}"
-                if np.isfinite(row.peak)
-                else "not unique; see stiffness=",
-            )
-            for row in self.rows
+            (f"{row.name}, {row.kind}", _described(row, units[row.kind])) for row in self.rows
         ]
 
     def to_dataframe(self) -> pd.DataFrame:
@@ -108,6 +110,18 @@ class Loads(Summary):
         write_files({as_path(path): text_writer(self.csv)}, force)
 
 
+def _described(row: Load, unit: str) -> str:
+    """A row in words."""
+    if not row.components:
+        return "not unique; see stiffness="
+    text = f"peak {row.peak:.4g} {unit} at {row.time:.4g} s, rms {row.rms:.4g}"
+    others = [axis for axis in "xyz" if axis not in row.components]
+    if others:
+        verb = "is" if len(others) == 1 else "are"
+        text += f"; {', '.join(others)} {verb} not unique"
+    return text
+
+
 def reactions_along(
     engine: Engine, motion: Trajectory, stiffness: Mapping[str, ArrayLike] | None
 ) -> Reactions:
@@ -125,7 +139,9 @@ def reactions_along(
 def loads(engine: Engine, motion: Trajectory, stiffness: Mapping[str, ArrayLike] | None) -> Loads:
     """Loads along a motion under its torques and the weights."""
     w = reactions_along(engine, motion, stiffness)
-    wrenches = np.concatenate([w.joints, w.closures], axis=-2)
+    wrenches = _without_noise(
+        np.concatenate([w.joints, w.closures], axis=-2), engine.mechanism.length
+    )
     unique = np.all(np.concatenate(w.determined, axis=-2), axis=0)
     half = np.diff(motion.t, prepend=motion.t[0], append=motion.t[-1]) / 2
     weights = half[:-1] + half[1:] if len(motion) > 1 else np.ones(1)
@@ -133,12 +149,28 @@ def loads(engine: Engine, motion: Trajectory, stiffness: Mapping[str, ArrayLike]
     for k, name in enumerate(w.names):
         for kind, part in (("force", slice(0, 3)), ("moment", slice(3, 6))):
             vectors = wrenches[:, k, part]
-            sizes = np.linalg.norm(vectors, axis=1)
-            peak = float(sizes.max())  # NaN if any is
-            at = int(np.argmax(~(sizes < (1 - 1e-9) * peak)))  # first of equal peaks
-            time = float(motion.t[at]) if np.isfinite(peak) else np.nan
-            rms = np.sqrt(np.average(sizes**2, weights=weights))
-            x, y, z = (vectors[at] / (peak or 1.0)).tolist()
             determined = bool(np.all(unique[k, part]))
-            rows.append(Load(name, kind, peak, time, x, y, z, float(rms), determined))
+            rows.append(_load(name, kind, vectors, motion.t, weights, determined))
     return Loads(tuple(rows))
+
+
+def _load(name: str, kind: str, vectors: Array, t: Array, weights: Array, determined: bool) -> Load:
+    """A row of the table, for vectors of shape (N, 3)."""
+    known = np.asarray(np.isfinite(vectors).all(axis=0))
+    components = "".join(axis for axis, here in zip("xyz", known.tolist(), strict=True) if here)
+    if not components:
+        nan = float("nan")
+        return Load(name, kind, nan, nan, nan, nan, nan, nan, determined, components)
+    sizes = np.linalg.norm(vectors[:, known], axis=1)
+    peak = float(sizes.max())
+    at = int(np.argmax(sizes >= (1 - 1e-9) * peak))  # first of equal peaks
+    rms = float(np.sqrt(np.average(sizes**2, weights=weights)))
+    x, y, z = np.where(known, vectors[at] / (peak or 1.0), np.nan).tolist()
+    return Load(name, kind, peak, float(t[at]), x, y, z, rms, determined, components)
+
+
+def _without_noise(wrenches: Array, length: float) -> Array:
+    """Wrenches [force; moment] with zeros for what is rounding beside the largest force."""
+    sizes = np.repeat([1.0, length], 3)  # with the largest force, [N] and [N m]
+    largest = np.nanmax(np.abs(wrenches) / sizes, initial=0.0)
+    return np.where(np.abs(wrenches) < _ROUNDING * largest * sizes, 0.0, wrenches)

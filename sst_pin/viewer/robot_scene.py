@@ -23,6 +23,8 @@ TRAIL_SIDES = 8
 _ARROW = 0.45
 #: Directions in which the robot's reach is computed, and samples of a motion for it.
 _DIRECTIONS, _SAMPLES = 150, 60
+#: Unit vectors are parallel if their cross product is smaller.
+_PARALLEL = 1e-3
 
 
 class Scene:
@@ -74,7 +76,14 @@ class Scene:
         ]
         present = {shape.layer for shape in (*self.shapes, *(a.shape for a in self.arrows))}
         present |= {"trail"} if self.point else set()
-        shown = {"skeleton": bare, "inertia": bare, "axes": axes, "frames": frames}
+        #: Where the camera stands to see a planar robot face-on, seen from the robot; or None.
+        self.face = self._face(lines)
+        shown = {
+            "skeleton": bare,
+            "inertia": bare and self.face is None,
+            "axes": axes,
+            "frames": frames,
+        }
         #: The layers of this scene, and whether each is shown at first.
         self.layers = {
             name: shown.get(name, True) for name in (*LAYERS, "reactions") if name in present
@@ -121,6 +130,25 @@ class Scene:
     def reference(self, q: Array) -> Shape:
         """The path of the point as a thin line."""
         return Shape("0", "trail", "path", tube(self._path(q), 0.004 * self.size), _PATH)
+
+    def _face(self, axes: list[sketch.Axis]) -> list[float] | None:
+        """The normal of a robot whose joints all move it in parallel planes, else None."""
+        self._joints(self.start)
+        directions = [self._data.oMi[axis.mover].rotation @ axis.direction for axis in axes]
+        turning = [d for axis, d in zip(axes, directions, strict=True) if axis.turns]
+        sliding = [d for axis, d in zip(axes, directions, strict=True) if not axis.turns]
+        if not turning:
+            return None
+        normal = turning[0]
+        planar = all(np.linalg.norm(np.cross(d, normal)) < _PARALLEL for d in turning)
+        if not planar or any(abs(d @ normal) > _PARALLEL for d in sliding):
+            return None
+        # From above, from the front, or from the right: the views of technical drawings.
+        sign = 1.0 if normal @ (1, -1, 1) > 0 else -1.0
+        x, y, z = sign * normal
+        if np.hypot(x, y) < _PARALLEL:
+            y = -1e-4  # a view from above needs a direction that is up
+        return [float(x), float(y), float(z)]
 
     def _joints(self, q: Array) -> Array:
         pin.forwardKinematics(self._model, self._data, q)

@@ -10,6 +10,8 @@ from ..arrays import Array
 from ..description.solids import axes_along
 
 _SMALLEST = 1e-3  # a scale of zero has no normals
+#: Smaller shares of the largest torque or force are rounding.
+_NOISE = 1e-6
 
 
 class Mesh(NamedTuple):
@@ -47,7 +49,7 @@ class Arrow(NamedTuple):
     def at(self, effort: Array) -> Array:
         """Placement of the arrow, for motor torques as shares of the largest, shape (motors,)."""
         size = self.share * effort[self.motor]
-        scale = max(abs(size), _SMALLEST) * np.array(self.mirror if size < 0 else (1.0, 1.0, 1.0))
+        scale = _length(abs(size)) * np.array(self.mirror if size < 0 else (1.0, 1.0, 1.0))
         return np.asarray(self.shape.at @ np.diag([*scale, 1.0]))
 
 
@@ -60,9 +62,14 @@ class Pull(NamedTuple):
     def at(self, effort: Array) -> Array:
         """Placement of the arrow, for motor torques and then forces as shares of the largest."""
         force = effort[self.first : self.first + 3]
-        size = max(float(np.linalg.norm(force)), _SMALLEST)
-        matrix = homogeneous(size * along(force), np.zeros(3))
+        size = float(np.linalg.norm(force))
+        matrix = homogeneous(_length(size) * along(force), np.zeros(3))
         return np.asarray(self.shape.at @ matrix)
+
+
+def _length(share: float) -> float:
+    """Length of an arrow for its share of the largest: the square root, so that all are seen."""
+    return max(float(np.sqrt(share)), _SMALLEST) if share > _NOISE else _SMALLEST
 
 
 class Strut(NamedTuple):

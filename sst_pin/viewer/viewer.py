@@ -52,7 +52,8 @@ class Viewer:
 
     Args:
         robot: Any closed chain, with the shapes of its URDF, MJCF or gallery function. Without any
-            it is drawn as a skeleton, with an ellipsoid for the mass and inertia of each body.
+            it is drawn as a skeleton, with an ellipsoid for the mass and inertia of each body. A
+            planar robot is seen face-on, and its ellipsoids are hidden at first.
         visual_model: Shapes that replace these; `pinocchio.GeometryModel()` gives the skeleton.
         axes: Whether the axes of the joints are shown at first, e_1..9 of an `SST`.
         frames: Whether the frames of the closures are shown at first, {0k}..{3k}, {E} of an `SST`.
@@ -317,14 +318,22 @@ class Viewer:
             self._note = f"No reactions: {error}"
         else:
             forces_on = np.concatenate([w.joints, w.closures], axis=1)[..., :3]
-            free = np.isnan(forces_on).any(axis=(0, 2))
-            most = float(np.linalg.norm(forces_on[:, ~free], axis=2).max(initial=0.0)) or 1.0
-            forces[:, ~free] = forces_on[:, ~free] / most
-            names = [name for name, not_unique in zip(w.names, free, strict=True) if not_unique]
+            # Of a planar robot only the forces in its plane are unique, and drawn.
+            unknown = np.isnan(forces_on).any(axis=0)
+            free = unknown.all(axis=1)
+            forces_on = np.where(unknown, 0.0, forces_on)
+            most = float(np.linalg.norm(forces_on, axis=2).max(initial=0.0)) or 1.0
+            forces[:] = forces_on / most
+            names = [
+                name if none else f"{name} ({', '.join(np.array(['x', 'y', 'z'])[missing])})"
+                for name, none, missing in zip(w.names, free, unknown, strict=True)
+                if missing.any()
+            ]
             if not free.all():
                 curves.append(forces_of(w.names, forces_on, ~free))
             drawn = (
-                f"Dark arrows: forces of joints on what they bear; the largest is {most:.3g}\xa0N."
+                f"Dark arrows: forces of joints on what they bear; the largest is {most:.3g}\xa0N. "
+                "Lengths grow with the square root."
             )
             missing = f"Not unique, so not drawn: {listed(names)}."
             self._note = " ".join([*[drawn] * (not free.all()), *[missing] * bool(names)])
@@ -347,6 +356,7 @@ class Viewer:
             "note": self._note,
             "live": live_data(robot, scene, q, va) if self._live else None,
             "reach": reach.tolist(),
+            "face": scene.face,
             "trail": 6 * TRAIL_SIDES,  # indices of its triangles for each sample passed
             "credit": f"sst_pin {__version__}, Meshcat {version('meshcat')}",
         } | panel

@@ -158,10 +158,19 @@ def test_bars_are_peaks_and_means_and_what_is_not_unique_has_none(soft):
         for row, text in zip(rows, texts, strict=True):
             assert (text == "not unique") == np.isnan(row.peak)
             if row.peak > 1e-9 * largest:
-                assert [float(x) for x in text.split(", ")] == pytest.approx(row[4:7], abs=0.006)
+                letters, _, numbers = text.rpartition(": ")
+                assert letters == ("" if row.determined or soft else row.components)
+                direction = [x for x in row[4:7] if np.isfinite(x)]
+                shown = [float(x) for x in numbers.split(", ")]
+                assert shown == pytest.approx(direction, abs=0.006)
         hatched = [bool(patch.get_hatch()) for patch in ax.patches[::2]]
-        assert hatched == [not row.determined for row in rows if row.peak > 1e-9 * largest]
-    assert ["not unique" in text.get_text() for text in page.axes[0].texts] == [not soft] * 4
+        from_stiffness = [soft and not row.determined for row in rows]
+        seen = [row.peak > 1e-9 * largest for row in rows]
+        assert hatched == [x for x, drawn in zip(from_stiffness, seen, strict=True) if drawn]
+    in_plane = ["xy: " in text.get_text() for text in page.axes[0].texts]
+    assert in_plane == [not soft] * 4
+    heavy = plots.loads_page(replace(loads, rows=tuple(r._replace(peak=2e4) for r in loads.rows)))
+    assert [ax.get_xlabel() for ax in heavy.axes] == ["force (kN)", "moment (kN m)"]
     with pytest.raises(sst_pin.InputError, match="a table of loads is needed, not list"):
         plots.loads_page([])
 

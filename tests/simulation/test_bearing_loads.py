@@ -37,12 +37,36 @@ def test_peaks_and_means_are_those_of_the_reactions(motion):
 def test_what_is_not_unique_is_no_number_in_the_table():
     chain = robots.four_bar()
     swing = chain.simulate([0], chain.home, [0], np.linspace(0, 0.1, 11))
-    rows = chain.loads(swing).rows
-    forces = [row for row in rows if row.kind == "force"]
-    assert all(np.isnan([row.peak, row.time]).all() and not row.determined for row in forces)
-    assert "not unique" in repr(chain.loads(swing))
+    rows = {(row.name, row.kind): row for row in chain.loads(swing).rows}
+    moment = rows["crank", "moment"]
+    assert moment.components == "z"  # that of the motor
+    assert "; z is not unique" in repr(chain.loads(swing))
+    w = chain.reactions(swing.q, swing.va, tau=swing.tau)
+    for name in w.names:
+        row, in_plane = rows[name, "force"], w.of(name)[:, :2]
+        assert row.components == "xy"
+        assert not row.determined
+        assert row.peak == pytest.approx(np.linalg.norm(in_plane, axis=1).max(), rel=1e-12)
+        assert np.isnan(row.z)
+    (pin,) = chain.closures
+    doubled = sst_pin.ClosedChain(chain.model, [pin, pin], chain.motor_names)
+    (row,) = (r for r in doubled.loads(swing).rows if r.name == f"{pin} (1)" and r.kind == "force")
+    assert row.components == ""
+    assert np.isnan([row.peak, row.time, row.rms]).all()
+    assert "not unique; see stiffness=" in repr(doubled.loads(swing))
     soft = dict.fromkeys((*chain.joint_names, str(chain.closures[0])), np.ones(6))
     assert all(np.isfinite(row.peak) for row in chain.loads(swing, stiffness=soft).rows)
+
+
+def test_the_table_has_no_noise():
+    """Forces in the plane of a planar robot make no moments in its plane; rounding is 0."""
+    chain = robots.slider_crank()
+    swing = chain.simulate([0], chain.home, [0], np.linspace(0, 0.1, 11))
+    soft = dict.fromkeys((*chain.joint_names, *map(str, chain.closures)), np.ones(6))
+    rows = chain.loads(swing, stiffness=soft).rows
+    peaks = np.array([row.peak for row in rows])
+    assert (peaks == 0).any()
+    assert peaks[peaks > 0].min() > 1e-9 * peaks.max() * chain.mechanism.length
 
 
 def test_a_motion_under_other_loads_is_refused(motion):

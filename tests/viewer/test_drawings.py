@@ -37,24 +37,55 @@ def test_arrows_are_the_forces_of_the_reactions():
     starts, ways = np.array(arrows)[:, :3, 3], np.array(arrows)[:, :3, 2]
     assert starts == pytest.approx(np.array([at.translation for at in places]), abs=1e-12)
     sizes = np.linalg.norm(forces, axis=1)
-    large = sizes > 0.01 * sizes.max()  # arrows have a smallest size
-    factor = np.linalg.norm(ways, axis=1).max() / sizes.max()
-    assert ways[large] == pytest.approx(factor * forces[large], abs=1e-9 * factor)
+    large = sizes > 1e-4 * sizes.max()  # arrows have a smallest size
+    longest = np.linalg.norm(ways, axis=1).max()
+    lengths = longest * np.sqrt(sizes / sizes.max())
+    directions = forces[large] / sizes[large, None]
+    assert ways[large] == pytest.approx(lengths[large, None] * directions, abs=1e-9 * longest)
     assert f"the largest is {sizes.max():.3g}\\u00a0N" in viewer.html
 
 
-def test_forces_that_are_not_unique_are_named_and_drawn_with_stiffnesses_only():
+def test_unique_forces_of_a_planar_robot_are_drawn_and_the_others_named():
     robot = robots.four_bar()
     swing = robot.simulate([0], robot.home, [0], np.linspace(0, 0.1, 5))
     with robot.show(swing, open_browser=False, reactions=True) as viewer:
-        assert "Not unique, so not drawn: crank, coupler, rocker" in viewer.html
-        assert "Dark arrows" not in viewer.html
+        assert "Not unique, so not drawn: crank (z), coupler (z), rocker (z)" in viewer.html
+        assert "Dark arrows" in viewer.html
+    (pin,) = robot.closures
+    doubled = sst_pin.ClosedChain(robot.model, [pin, pin], robot.motor_names)
+    viewer = Viewer(doubled, reactions=True)
+    viewer.show(doubled.home, [0.1])
+    assert f"{pin} (1), {pin} (2)." in viewer.html  # nothing of them is unique
     soft = dict.fromkeys((*robot.joint_names, str(robot.closures[0])), np.ones(6))
     with robot.show(swing, open_browser=False, reactions=soft) as viewer:
         assert "Not unique" not in viewer.html
         assert "Dark arrows" in viewer.html
         assert viewer._panel["layers"]["reactions"]
     assert "reactions" not in Viewer(robot)._panel["layers"]
+
+
+def test_an_arrow_is_seen_beside_one_that_is_a_hundred_times_longer():
+    robot = robots.delta()
+    viewer = Viewer(robot, pin.GeometryModel())
+    arrows = viewer._scene.arrows
+    small, _, large = (
+        np.linalg.norm(arrow.at(np.array([0.01, 0.0, 1.0]))[:3, 0]) for arrow in arrows
+    )
+    assert small == pytest.approx(0.1 * large)
+
+
+@pytest.mark.parametrize("name", ["four_bar", "five_bar"])
+def test_a_planar_robot_is_seen_face_on_without_ellipsoids(name):
+    """Along the axes of its hinges; spatial robots are not planar."""
+    robot = getattr(robots, name)()
+    viewer = Viewer(robot, pin.GeometryModel())
+    data = robot.model.createData()
+    J = pin.computeJointJacobians(robot.model, data, robot.home)
+    turning = J[3:, np.linalg.norm(J[3:], axis=0) > 0.5]
+    face = np.array(viewer._panel["face"])
+    assert np.abs(np.cross(turning.T, face)).max() < 1e-3
+    assert not viewer._panel["layers"]["inertia"]
+    assert Viewer(robots.delta())._panel["face"] is None
 
 
 @pytest.mark.parametrize("reactions", ["yes", 1, None, {"crank": [1, 2]}])

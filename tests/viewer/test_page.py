@@ -112,10 +112,8 @@ def test_bodies_are_where_pinocchio_has_them_and_so_are_extras(page, robot, moti
         sizes.append(np.linalg.norm(arrow[:, 0]))
         if abs(tau[k]) > 0.1:  # mirrored where the torque is negative
             assert np.sign(np.linalg.det(arrow)) == np.sign(tau[k])
-    largest = np.abs(motion.tau).max()
-    ratio = max(sizes) / np.abs(tau).max()
-    assert np.abs(np.array(sizes) - ratio * np.abs(tau)).max() < 2e-3
-    assert ratio == pytest.approx(0.45 * 0.4 / largest, rel=1e-5)
+    shares = np.abs(tau) / np.abs(motion.tau).max()
+    assert sizes == pytest.approx(0.45 * 0.4 * np.sqrt(shares), abs=2e-3)
     ends = 2 * 8 * 3  # of the trail, an eight-sided tube
     passed = result["robot/0/trail/passed"]
     assert passed["drawn"] == sample / 60 * (passed["indices"] - ends)

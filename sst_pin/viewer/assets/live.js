@@ -80,7 +80,7 @@ const live = (() => {
     d.motors.units.forEach((unit, k) => { most[unit] = Math.max(most[unit] || 1e-9, Math.abs(tau[k])); });
     for (const { node, at: base, motor, share, mirror } of d.arrows) {
       const size = share * tau[motor] / most[d.motors.units[motor]], sense = new THREE.Vector3(...(size < 0 ? mirror : [1, 1, 1]));
-      stage.place(node, new THREE.Matrix4().fromArray(base).scale(sense.multiplyScalar(Math.max(Math.abs(size), 1e-3))));
+      stage.place(node, new THREE.Matrix4().fromArray(base).scale(sense.multiplyScalar(Math.max(Math.sqrt(Math.abs(size)), 1e-3))));
     }
     line.visible = Boolean(r.grip);
     if (!r.grip) return;

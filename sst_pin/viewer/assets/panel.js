@@ -58,7 +58,7 @@ const panel = (() => {
     for (const row of values) row.forEach((v, k) => { largest[units[k]] = Math.max(largest[units[k]] || 0, Math.abs(v)); });
     const sizes = Object.entries(largest).filter(([, value]) => value > 0)
       .map(([unit, value]) => `${Number(value.toPrecision(3))}\u00a0${unit.replace(" ", "\u00a0")}`);
-    const ofMotors = `Arrows at the joints: motor torques and forces, in the colours of the curves; the largest is ${sizes.join(", ")}.`;
+    const ofMotors = `Arrows at the joints: motor torques and forces, in the colours of the curves; the largest is ${sizes.join(", ")}. ${/square root/.test(data.note) ? "" : "Lengths grow with the square root."}`;
     at("arrows").textContent = [...(sizes.length ? [ofMotors] : []), data.note].join(" ");
     at("arrows").hidden = !at("arrows").textContent.trim();
   }

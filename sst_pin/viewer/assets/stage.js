@@ -24,7 +24,7 @@ const stage = (() => {
   const VIEWS = { front: [0, -1, 0], side: [1, 0, 0], top: [0, -1e-4, 1], iso: [1, 0.7, 0.6] };
   const up = ([x, y, z]) => new THREE.Vector3(x, z, -y); // three.js has y up
   const MARGIN = 0.9; // of the picture, that the robot fills
-  let reach = [], size = 1, view = null, labels = [];
+  let reach = [], face = null, size = 1, view = null, labels = [];
 
   // --- light and floor, in base axes ---------------------------------------------------------
 
@@ -61,7 +61,8 @@ const stage = (() => {
 
   // --- camera --------------------------------------------------------------------------------
 
-  function usual() { // of a flat robot its face, a little from the side
+  function usual() { // of a planar robot its face, of a flat one too, a little from the side
+    if (face) return face;
     const [x, y, z] = [0, 1, 2].map((i) => Math.max(...reach.map((p) => p[i])) - Math.min(...reach.map((p) => p[i])));
     const flat = 0.25 * Math.max(x, y, z);
     return z < flat ? [0.25, -0.6, 1.2] : y < flat ? [0.3, -1, 0.25] : x < flat ? [1, 0.3, 0.25] : VIEWS.iso;
@@ -180,6 +181,7 @@ const stage = (() => {
 
   function load(data) {
     reach = data.reach;
+    face = data.face;
     illuminate();
     at("labels").replaceChildren();
     labels = data.labels.map((label) => {
