@@ -188,7 +188,7 @@ def side_view(axes: plt.Axes, ankle: Ankle, p: np.ndarray, **look: str) -> None:
 def picture(ankle: Ankle, p: np.ndarray, path: Path) -> None:
     """Torques and shape, before in grey and after."""
     figure, (torques, shape) = plt.subplots(
-        1, 2, figsize=(9, 3.6), width_ratios=(2, 1), layout="constrained"
+        1, 2, figsize=(8, 4.4), width_ratios=(3, 2), layout="constrained"
     )
     phase = 100 * np.arange(len(ankle.gait.x)) / len(ankle.gait.x)
     for label, changes, colour in (("before", 0 * p, "0.6"), ("after", p, "C0")):
@@ -199,8 +199,13 @@ def picture(ankle: Ankle, p: np.ndarray, path: Path) -> None:
         torques.axhline(np.abs(tau).max(), color=colour, lw=0.6, ls=":")
         side_view(shape, ankle, changes, color=colour)
     torques.set(xlabel="gait cycle (%)", ylabel="motor torque (N m)")
+    torques.set_title("torques of the gait", fontsize="medium")
     torques.legend()
-    shape.set(xlabel="x (mm)", ylabel="z (mm)", aspect="equal")
+    shape.set(xlabel="x (mm)", ylabel="z (mm)", aspect="equal", xlim=(-110, 50))
+    shape.set_title("the links from the side", fontsize="medium")
+    for height, word in ((266, "crank"), (230, "rod"), (4, "lever to the ankle")):
+        x = -20 if word == "crank" else -25
+        shape.text(x if word != "rod" else -46, height, word, fontsize="small", va="bottom")
     figure.savefig(path, dpi=150)
 
 

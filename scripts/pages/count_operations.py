@@ -78,7 +78,7 @@ def torques_long(e: Equations) -> ca.SX:
 
 def _bias(e: Equations) -> ca.SX:
     """The terms of Eq. (92) without the accelerations."""
-    forces = add(e.tree.forces({}, {}), add(e.tree.friction(e.v), e.tree.springs))
+    forces = add(e.tree.forces({}, {}), add(e.tree.friction(e.v), e.tree.springs(e.v)))
     return e.coriolis @ e.va + e.project(forces)
 
 

@@ -40,7 +40,8 @@ def write_loop_closures(chain: ClosedChain, path: str | Path, force: bool = Fals
         >>> bars = {"crank": 0.2, "rocker": 0.2, "coupler": 0.3, "ground": 0.3, "point": 0.3}
         >>> chain = sst_pin.robots.four_bar(**bars)  # a parallelogram
         >>> sst_pin.write_loop_closures(chain, "loop_closures.yaml")
-        >>> print(open("loop_closures.yaml").readlines()[-1].strip())
+        >>> from pathlib import Path
+        >>> print(Path("loop_closures.yaml").read_text().splitlines()[-1].strip())
         independent: [crank]
     """
     require_ending(path, ".yaml", ".yml")

@@ -40,7 +40,9 @@ def _ranges(compiled: Compiled) -> dict[tuple[str, int], Array]:
     mj, ranges = compiled.mj, dict[tuple[str, int], Array]()
     for actuator in actuators(compiled):
         key = actuator.kind, actuator.target
-        of_one = np.sort(actuator.gear * _range_of(compiled, actuator.number))
+        of_one = np.zeros(2)
+        if actuator.gear:  # the range may be infinite
+            of_one = np.sort(actuator.gear * _range_of(compiled, actuator.number))
         ranges[key] = ranges.get(key, 0.0) + of_one
     for (kind, target), force in ranges.items():
         prefix = {"joint": "jnt", "tendon": "tendon"}.get(kind, "")

@@ -251,7 +251,8 @@ class Trajectory(Summary):
         if path.suffix.lower() != ".npz":
             return cls(**parts_of(read_table(path)))
         try:
-            with np.load(path, allow_pickle=False) as file:
+            # NumPy leaves a file open that it cannot read.
+            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
                 keys = {name: name for name in (*_COMPARED, "stopped")}
                 # Versions before 0.3 had no torque_units at first, and another name for the motors.
                 if "torque_units" not in file:

@@ -75,6 +75,7 @@ def rigid() -> ClosedChain:
     return ClosedChain(model, [*chain.closures, Closure("fa", "w", "6d")], ["a1"])
 
 
+@pytest.mark.filterwarnings("ignore:.*the closures hold the joints of the motors")
 @pytest.mark.parametrize(
     "use",
     [
@@ -93,6 +94,7 @@ def test_where_nothing_moves_there_are_no_dynamics(use):
         use(chain, chain.home)
 
 
+@pytest.mark.filterwarnings("ignore:.*the closures hold the joints of the motors")
 def test_where_nothing_moves_no_other_coordinates_are_proposed():
     chain = rigid().with_coordinates(["a1"])
     with pytest.raises(SingularConfigurationError, match="; nothing can move here"):

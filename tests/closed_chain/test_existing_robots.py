@@ -26,6 +26,7 @@ def test_dynamics_agree_with_every_referee(name, delta):
     assert all(row.passed for row in rows)
 
 
+@pytest.mark.filterwarnings("ignore:.*its friction acts about each axis")
 def test_cassie_has_one_motor_for_each_freedom_once_its_springs_are_stiff():
     """Per leg 8 hinges and 2 angles of the rod, less 5 rows: the foot's loop is flat."""
     report = robot_named("cassie").mobility()  # on a stand
@@ -53,6 +54,7 @@ def test_the_platform_of_a_delta_does_not_turn_and_obeys_three_spheres(delta):
         assert np.abs(np.linalg.norm(elbows - centre, axis=1) - 0.32).max() < 1e-10
 
 
+@pytest.mark.filterwarnings("ignore:.*its friction acts about each axis")
 def test_the_robot_stands_still_within_the_cones_of_friction():
     """The ground bears its weight, and direct dynamics with the floating base stay at rest."""
     chain = example.robot()

@@ -228,6 +228,7 @@ def no_compiler(monkeypatch):
     monkeypatch.setattr(libraries, "compile_library", forbidden)
 
 
+@pytest.mark.filterwarnings("ignore:.*the first moment and the inertia of the body stay")
 def test_regressors_of_other_masses_need_no_new_kernel(no_compiler):
     kernels, given = pair("four-bar")[0], samples("four-bar")[0]
     motions = [given[name] for name in ("q", "va", "aa")]

@@ -164,6 +164,7 @@ UNKNOWN = {
 }
 
 
+@pytest.mark.filterwarnings("ignore:.*the closures hold the joints of the motors")
 @pytest.mark.parametrize("words", UNKNOWN)
 def test_what_mjcf_cannot_say_is_named(words, tmp_path):
     with pytest.raises(sst_pin.DescriptionError, match=words):

@@ -57,6 +57,7 @@ def test_forces_are_linear_in_the_parameters_for_every_kind_of_joint_and_closure
     assert_allclose(Y @ theta, f, rtol=0, atol=1e-11 * np.abs(f).max())
 
 
+@pytest.mark.filterwarnings("ignore:.*the first moment and the inertia of the body stay")
 def test_columns_are_what_a_change_of_one_parameter_does():
     chain, theta = drawn(any_chain.lines())
     motions = states(chain, 2, 1)
@@ -75,6 +76,7 @@ def test_the_offset_in_a_ball_is_refused():
         any_chain.sprung("spherical").with_parameters({"body_wy.offset": 0.1})
 
 
+@pytest.mark.filterwarnings("ignore:.*the first moment and the inertia of the body stay")
 def test_a_robot_with_other_parameters_leaves_the_first_as_it_was():
     robot = sst_pin.SST()
     before = np.array(robot.dynamic_parameters)

@@ -71,6 +71,7 @@ def test_a_tendon_holds_the_sum_of_its_joints_and_not_each():
     assert set(still.loose_joints) == {"slide", "bar_s", "bar_g"}
 
 
+@pytest.mark.filterwarnings("ignore:.*the closures hold the joints of the motors")
 def test_coordinates_do_not_depend_on_what_was_called_before():
     model, closures, folded = rhombus()
     chain = ClosedChain(model, closures, ["rocker", "crank"])
@@ -94,6 +95,7 @@ def engine():
     return model, [Closure("rod_tip", "pin", "3d")]
 
 
+@pytest.mark.filterwarnings("ignore:.*the closures hold the joints of the motors")
 @pytest.mark.parametrize(
     ("robot", "home", "motors", "coordinates"),
     [
@@ -161,6 +163,7 @@ def test_a_singular_configuration_is_refused_without_warnings_of_numpy():
             chain.noc(home, [1.0])
 
 
+@pytest.mark.filterwarnings("ignore:.*the closures hold the joints of the motors")
 def test_coordinates_of_another_mode_than_home_serve_where_they_hold():
     """Preload and limits are judged at the q given; compile and casadi ask for one."""
     model, closures, folded = rhombus()

@@ -134,6 +134,7 @@ def cure_in(text) -> list[str]:
     return re.findall(r"'([^']+)'", re.search(r"locked=(\[.*?\])", str(text))[1])
 
 
+@pytest.mark.filterwarnings("ignore:.*no configuration is named home")
 @pytest.mark.parametrize("rod", [X, SKEW], ids=str)
 def test_the_cure_that_messages_print_removes_the_spin_alone(rod):
     """The rod can still have any direction, and the motor moves it with the same torques."""

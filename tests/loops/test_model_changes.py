@@ -111,6 +111,7 @@ def test_a_changed_model_counts_after_refresh_and_not_before(chain, name):
     assert np.array_equal(one, other)
 
 
+@pytest.mark.filterwarnings("ignore:.*the first moment and the inertia of the body stay")
 def test_what_the_caller_gave_is_the_robot_and_not_the_caller_s_own():
     """Lists, dictionaries and arrays changed afterwards, and generators, count once."""
     plain = sst_pin.robots.four_bar()

@@ -220,6 +220,7 @@ def test_a_closure_two_millimetres_across_the_plane_is_refused(kind):
     assert caught.value.residual == pytest.approx(2e-3, rel=0.01)
 
 
+@pytest.mark.filterwarnings("ignore:.*the closures hold the joints of the motors")
 @pytest.mark.parametrize(
     ("kind", "tilted"), [("3d", "coupler"), ("hinge", "crank"), ("hinge", "rocker")]
 )

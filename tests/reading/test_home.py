@@ -99,6 +99,7 @@ def test_a_home_that_cannot_be_closed_is_told_by_its_reader_and_by_validate(fold
     assert problem.startswith("warning: home: cannot be closed")
 
 
+@pytest.mark.filterwarnings("ignore:.*no configuration is named home")
 def test_a_robot_without_a_home_says_how_to_give_it_one(folder):
     """Pinocchio's own place for configurations takes it; copies and pickles keep it."""
     chain = read(folder)
@@ -137,6 +138,7 @@ def test_a_pose_that_would_lose_a_value_is_refused(folder, old, new, text):
     assert told(folder) == [f"error: srdf: {problem}"]
 
 
+@pytest.mark.filterwarnings("ignore::sst_pin.errors.DescriptionWarning")
 def test_states_of_several_groups_with_one_name_are_one_pose(folder):
     """MoveIt has such: a joint may be in two groups, and fixed joints stand at zero."""
     put_home(folder, left_knee=1)
@@ -170,6 +172,7 @@ BARS = """<mujoco><worldbody>
 <actuator><motor joint="crank"/></actuator>{}</mujoco>"""
 
 
+@pytest.mark.filterwarnings("ignore:.*home is singular")
 @pytest.mark.parametrize(
     ("place", "key", "home"),
     [

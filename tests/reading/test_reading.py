@@ -277,6 +277,7 @@ JOINTS = '<joint joint1="a" joint2="b" polycoef="0.1 0.2 0.3 0.4 0.5"/>'
 TENDONS = '<tendon tendon1="ab" tendon2="bc" polycoef="0.1 0.7 0 0 0"/>'
 
 
+@pytest.mark.filterwarnings("ignore:.*the closures hold the joints of the motors")
 @pytest.mark.parametrize(
     ("equality", "locked"),
     [

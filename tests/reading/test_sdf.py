@@ -172,6 +172,7 @@ def test_a_model_that_nothing_holds_floats_and_gravity_is_the_worlds(tmp_path):
     np.testing.assert_array_equal(chain.model.gravity.linear, [0, 1.62, 0])
 
 
+@pytest.mark.filterwarnings("ignore:.*no configuration is named home")
 def test_limits_friction_and_mimicry_are_those_of_the_axis(tmp_path):
     limits = "<limit><lower>-0.5</lower><upper>0.7</upper><effort>9</effort></limit>"
     rubs = "<dynamics><damping>0.3</damping><friction>0.2</friction></dynamics>"

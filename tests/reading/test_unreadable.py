@@ -145,6 +145,7 @@ ENTITIES = "".join(f"<!ENTITY a{i + 1} '{f'&a{i};' * 10}'>" for i in range(12))
 ANCHORS = "".join(f"a{i + 1}: &a{i + 1} [{', '.join([f'*a{i}'] * 10)}]\n" for i in range(8))
 
 
+@pytest.mark.filterwarnings("ignore:.*no moving link has mass")
 @pytest.mark.parametrize(
     ("urdf", "word"),
     [

@@ -182,7 +182,7 @@ def chain(
     )
     model.damping, model.friction = random.uniform(0, 2, (2, model.nv))
     closures = [Closure("A", "B", kind)] if kind else []
-    return ClosedChain(model, [*closures, *more], options.pop("motor_names", names), **options)
+    return ClosedChain(model, [*closures, *more], options.pop("actuated", names), **options)
 
 
 def with_joint(name: str, **options) -> ClosedChain:
