@@ -864,7 +864,8 @@ class ClosedChain(RobotProperties, Summary):
                 shape (N, motors), or a `Trajectory` with its own times, both interpolated by a
                 smooth spline; a controller; or a `SampledTorque`. Pass jumps as a function.
             q0: Configuration at t[0], on the closures, shape (nq,).
-            va0: Rates of the coordinates at t[0], shape (n,).
+            va0: Rates of the coordinates at t[0], shape (n,). Where the coordinates are dependent,
+                a motion can start from rest only.
             t: Times of the output, increasing, shape (N,), N >= 2, [s].
             platform_moment: A function (t, q, va) -> (3,), or a constant.
             external_wrenches: A function (t, q, va) -> (r, 6), or a constant.

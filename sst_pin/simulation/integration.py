@@ -88,10 +88,13 @@ class Integration:
     def integrate(self, times: Array, start: Array) -> list[Array]:
         """q, va, aa of the robot's coordinates and torques, at the times reached."""
         equations, self._times, self._t = self._equations, times, float(times[0])
+        q0, rates = np.split(start, [self._mechanism.model.nq])
+        if not rates.any():  # at rest the rates of all coordinates are 0
+            equations.states, _ = equations.robot_states.suited(q0)
         if not np.isfinite(equations.rate(self._t, start)).all():
             why = equations.failure or "its rates are not finite"
             raise SimulationError(f"the motion cannot start ({why})", self._t)
-        self._q = equations.robot_states.closed(start)
+        self._q = equations.states.closed(start)
         self._state, self._bounds = start, [float(times[-1])]
         self._watch = InputWatch(equations, times, self._settings)
         self._settle()

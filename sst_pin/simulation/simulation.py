@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Array, positive_number, single_array
 from ..dynamics.quantities import Quantity
 from ..engine import Engine
-from ..errors import InputError, SingularityWarning, warn_caller
+from ..errors import InputError, SingularConfigurationError, SingularityWarning, warn_caller
 from ..model.closures import Rolling
 from ..progress import FASTER, Bar
 from ..states import States
@@ -80,8 +80,16 @@ def _start(
     mechanism = engine.mechanism
     n = len(mechanism.coordinates)
     q = single_array("q0", q0, (mechanism.model.nq,))
-    engine.compute(Quantity("rates"), q, va=np.zeros(n))  # refuses open loops, bad coordinates
     va = single_array("va0", va0, (n,))
-    if not states.condition_number(q) < max_condition_number:
+    condition = np.inf
+    try:
+        engine.compute(Quantity("rates"), q, va=np.zeros(n))  # refuses open loops, bad coordinates
+        condition = states.condition_number(q)
+    except SingularConfigurationError:
+        if va.any():  # rates of dependent coordinates do not determine the motion
+            raise
+    if not condition < max_condition_number and not va.any():
+        _, condition = states.suited(q)  # other coordinates have the rate 0 too
+    if not condition < max_condition_number:
         raise InputError("q0", f"closer to a singularity than {max_condition_number=:g}")
     return np.concatenate([q, va])
