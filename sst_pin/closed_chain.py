@@ -24,6 +24,7 @@ from .former_names import FormerName, former_arguments
 from .loops.assembly_modes import AssemblyModes, modes_of
 from .loops.coordinates import settled
 from .loops.frame_guide import frame_configurations
+from .loops.geometry_correction import correct_geometry
 from .loops.mobility import Mobility
 from .loops.start import assemble, start_of
 from .model.checks import Motor, coordinates_of, copied, recipe_of, without_locked
@@ -162,9 +163,9 @@ class ClosedChain(RobotProperties, Summary):
         make_kernels = self._engine.make_kernels if hasattr(self, "_engine") else None
         self._model = model
         self._mechanism_of = mechanism
-        settled_mechanism = settled(mechanism(copied(model)))
-        take_placements(model, settled_mechanism.model)
-        self._engine = Engine(settled_mechanism, make_kernels, platform=self._platform)
+        corrected = correct_geometry(mechanism(copied(model)))
+        take_placements(model, corrected.model)
+        self._engine = Engine(settled(corrected), make_kernels, platform=self._platform)
 
     def refresh(self) -> None:
         """Apply all edits of `model` and choose the coordinates again, as the constructor does.

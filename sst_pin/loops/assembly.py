@@ -54,7 +54,7 @@ class Assembly:
         self.mechanism, self.loops = mechanism, loops
         self._rows = np.flatnonzero(loops.holonomic | (not slipping))
         self._scale = mechanism.row_scale[:, None] * mechanism.rate_scale
-        self._known_parts: dict[bytes, tuple[list[tuple[Indices, Indices]], Array]] = {}
+        self._known_parts: dict[bytes, list[tuple[Indices, Indices]]] = {}
 
     def assemble(self, q: Array, free: Indices, *, limits: bool = False) -> Array:
         """A configuration with closed loops near q; only the rates `free` move.
@@ -156,10 +156,12 @@ class Assembly:
         key = free.tobytes()
         if key not in self._known_parts:
             parts = list(self._parts(free))
-            scales = np.array([self.mechanism.row_scale[rows].max() for rows, _ in parts])
-            self._known_parts[key] = parts, scales
-        parts, scales = self._known_parts[key]
-        least = np.maximum(1e-4 * _ASSEMBLED, _ROUNDING * self.loops.largest_coordinate * scales)
+            self._known_parts[key] = parts
+        parts = self._known_parts[key]
+        rounding = _ROUNDING * self.loops.largest_coordinates * self.mechanism.row_scale
+        least = np.array(
+            [max(1e-4 * _ASSEMBLED, rounding[rows].max(initial=0.0)) for rows, _ in parts]
+        )
         before = [np.full(len(parts), np.inf)] * _PATIENCE
         open_still = np.ones(len(parts), dtype=bool)
         for _ in range(_STEPS):
@@ -194,7 +196,7 @@ class Assembly:
         """
         entries, rates = self.mechanism.space.plain
         size = np.abs(Phi[:, rates]) @ np.abs(q[entries] / self.mechanism.rate_scale[rates])
-        return 4 * _ROUNDING * (size + self.loops.largest_coordinate * self.mechanism.row_scale)
+        return 4 * _ROUNDING * (size + self.loops.largest_coordinates * self.mechanism.row_scale)
 
     def _descend(
         self,

@@ -24,7 +24,6 @@ from ..summaries import listed
 from .assembly import Assembly, displacement, home_of
 from .continuity import Continuity
 from .finite_motions import finite_motions, has_accelerations
-from .geometry_correction import correct_geometry
 from .line_kinematics import LineKinematics
 from .loops import Loops
 from .mobility import choose_coordinates, free_motions, motor_rates, rank_of, scaled_Phi
@@ -166,8 +165,7 @@ def settled(mechanism: Mechanism) -> Mechanism:
     """
     wanted = mechanism.coordinates if len(mechanism.coordinates) else None
     name = mechanism.model.name
-    with announced(f"model {name}: checking its closures and choosing coordinates"):
-        mechanism = correct_geometry(mechanism)
+    with announced(f"model {name}: choosing coordinates"):
         loops = Loops(mechanism.model, mechanism.closures)
         assembly = Assembly(mechanism, loops)
         coordinates, q = _choose(assembly, wanted)

@@ -16,10 +16,8 @@ import pinocchio as pin
 from ..arrays import Array, Flags, Indices
 from ..errors import ClosureError, InputError
 from ..model.closures import Constraint
-from ..model.geometry import place_of
 from ..model.normal_tree import NormalTree
 from ..model.thresholds import CLOSURE_TOLERANCE
-from ..model.tree import frame_id
 from .rows import CouplingRow, FrameRows, rows_of
 
 
@@ -96,9 +94,15 @@ class Loops:
         self.require_closed(scale, tolerance)
 
     @property
-    def largest_coordinate(self) -> float:
-        """Largest absolute coordinate of the closures' frames in the world, [m]."""
-        return max((rows.largest_coordinate for _, rows in self.of_frames), default=0.0)
+    def largest_coordinates(self) -> Array:
+        """Largest absolute coordinate of the frames of each row in the world, (rows,), [m].
+
+        The rounding of f is that of these coordinates. Couplings have no frames: 0.
+        """
+        largest = np.zeros(len(self.f))
+        for at, rows in self.of_frames:
+            largest[at] = rows.largest_coordinate
+        return largest
 
     def require_closed(self, scale: Array, tolerance: float = CLOSURE_TOLERANCE) -> None:
         """Check that all errors, times the scale of their rows, are below the tolerance."""
@@ -145,29 +149,6 @@ class Loops:
             for body, force in zip(rows.bodies, on_frames, strict=True):
                 forces[body] += force
         return forces
-
-    def by_displacements(self, places: Sequence[str]) -> Array:
-        """Derivatives of f by displacements of places, see `geometry`, shape (rows, 6 places)."""
-        model, data, bodies = self.model, self.data, self.tree.bodies
-        by = np.zeros((len(self.touched), len(places), 6))
-        for k, place in enumerate(places):
-            joint = model.getJointId(place) if model.existJointName(place) else 0
-            frame = 0 if joint else frame_id(model, place)
-            body, placement = place_of(model, place)
-            bearer = data.oMi[bodies[body]]
-            # Linear along the axes of the bearer, angular about those of the place.
-            twists = (bearer * placement).action
-            twists[:3, :3] = bearer.rotation
-            for at, rows in self.of_frames:
-                if joint:
-                    bearers = [model.frames[x].parentJoint for x in rows.frames]
-                    on_b, on_a = (joint in list(model.supports[body]) for body in bearers)
-                else:
-                    on_b, on_a = (x == frame for x in rows.frames)
-                if on_b != on_a:
-                    W = rows.W[:, :6] if on_b else rows.W[:, 6:]
-                    by[at, k] = W @ twists
-        return by.reshape(len(by), -1)
 
 
 def _twice(twists: Array) -> Array:

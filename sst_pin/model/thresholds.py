@@ -6,6 +6,9 @@ CLOSURE_TOLERANCE = 1e-6
 #: Smaller errors of loops, relative to their length or in [rad], and smaller singular values of Phi
 #: may come from numbers with few digits.
 FEW_DIGITS = 3e-3
+#: Displacements that correct rounded placements, in multiples of the rounding of their numbers. A
+#: displacement is of the size of the rounding, unless many placements have to be in line.
+EXPLAINED = 5.0
 #: Largest violation of redundant rows of Phi, in multiples of the errors of their loops. That of
 #: overconstrained linkages is smaller; with too many coordinates it is about the rows' size.
 INCONSISTENT = 10.0

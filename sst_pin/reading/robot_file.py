@@ -10,6 +10,7 @@ import pinocchio as pin
 from ..arrays import Array
 from ..errors import DescriptionWarning, SSTError, warn_caller
 from ..loops.coordinates import settled
+from ..loops.geometry_correction import correct_geometry
 from ..model.checks import Motor, copied, mechanism_of, motors_of
 from ..model.closures import Constraint
 from ..model.contacts import Contact, Rope, contacts_of
@@ -49,7 +50,8 @@ class RobotFile(NamedTuple):
         numbers = {name: getattr(self, name, None) for name in names}
         model, motors = copied(self.model), motors_of(self.actuated)
         parts = model, self.closures, motors, None, numbers, self.lines, self.brakes
-        return settled(mechanism_of(*parts, contacts_of(self.contacts)))
+        mechanism = mechanism_of(*parts, contacts_of(self.contacts))
+        return settled(correct_geometry(mechanism))
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 import sst_pin
 from sst_pin import ClosedChain, Closure, ClosureError, DescriptionWarning, SSTError, robots
 from tests.support.any_chain import states
-from tests.support.by_hand import at
+from tests.support.by_hand import add, at, in_units, mark
 from tests.support.planar_bars import planar
 
 #: How far torques of a robot may be off, relative to the largest, in units of its last digit.
@@ -79,16 +79,7 @@ def rounded(chain, digits):
 
     Beside it stand the texts of the warnings.
     """
-    model = pin.Model(chain.model)
-
-    def few(place):
-        angles = pin.rpy.matrixToRpy(place.rotation).round(digits)
-        return pin.SE3(pin.rpy.rpyToMatrix(angles), place.translation.round(digits))
-
-    for j in range(1, model.njoints):
-        model.jointPlacements[j] = few(model.jointPlacements[j])
-    for frame in model.frames:
-        frame.placement = few(frame.placement)
+    model = with_digits(chain.model, digits)
     return with_warnings(ClosedChain, model, chain.closures, chain.motor_names)
 
 
@@ -238,3 +229,180 @@ def test_a_motor_whose_joint_is_held_is_named():
     with pytest.warns(DescriptionWarning, match="joints of the motors crank, which cannot move"):
         chain = ClosedChain(model, closures, ["crank", "arm"])
     assert chain.coordinates == ("arm",)
+
+
+def hinges(branches, home, world=None):
+    """A loop of two branches of hinges about their z axes, closed at home by a weld."""
+    model, ends = pin.Model(), []
+    model.gravity.linear = np.array([1.0, -9.0, 2.0])
+    body = pin.Inertia(1.0, np.array([0.1, 0, 0]), 0.01 * np.eye(3))
+    for branch, placements in branches.items():
+        joint = 0
+        for k, placement in enumerate(placements):
+            place = (world or at()) * placement if k == 0 else placement
+            joint = add(model, joint, pin.JointModelRZ(), f"{branch}{k}", place, body)
+        ends.append(joint)
+    return closed_at(model, ends, home), [Closure("A", "B")]
+
+
+def closed_at(model, ends, home):
+    """The model with a frame A on one body, and B where A is at home on another."""
+    data = model.createData()
+    pin.forwardKinematics(model, data, home)
+    place = at(0.4, 0.1)
+    mark(model, ends[0], "A", place)
+    mark(model, ends[1], "B", data.oMi[ends[1]].actInv(data.oMi[ends[0]] * place))
+    model.referenceConfigurations["home"] = home
+    return model
+
+
+def in_plane(random, turned=None):
+    """A place in the x-y plane."""
+    x, y = random.uniform(0.3, 0.8), random.uniform(-0.5, 0.5)
+    return at(x, y, turned=turned)
+
+
+def with_digits(model, digits):
+    """The model with rounded placements."""
+    model = pin.Model(model)
+
+    def few(place):
+        angles = pin.rpy.matrixToRpy(place.rotation).round(digits)
+        return pin.SE3(pin.rpy.rpyToMatrix(angles), place.translation.round(digits))
+
+    for j in range(1, model.njoints):
+        model.jointPlacements[j] = few(model.jointPlacements[j])
+    for frame in model.frames:
+        frame.placement = few(frame.placement)
+    return model
+
+
+def gap_along(chain, model, joint, travel):
+    """The largest gap of A and B while a joint travels from home, by Newton's method."""
+    data, worst, q = model.createData(), 0.0, chain.home
+
+    def gap(x):
+        pin.framesForwardKinematics(model, data, x)
+        a, b = (data.oMf[model.getFrameId(name)] for name in "AB")
+        return pin.log6(a.actInv(b)).vector
+
+    steps = 1e-6 * np.delete(np.eye(model.nq), joint, axis=0)
+    for _ in range(5):
+        q[joint] += travel / 5
+        for _ in range(10):
+            J = np.transpose([(gap(q + step) - gap(q - step)) / 2e-6 for step in steps])
+            q[np.arange(model.nq) != joint] -= np.linalg.lstsq(J, gap(q), rcond=1e-13)[0]
+        worst = max(worst, float(np.abs(gap(q)).max()))
+    return worst
+
+
+@pytest.mark.parametrize(("seed", "digits"), [(7, None), (8, None), (7, 8), (7, 6)])
+def test_axes_that_are_tilted_on_purpose_stay_as_they_are(seed, digits):
+    """Seven hinges, six of them parallel to 0.1 degrees, are a loop with one freedom.
+
+    It closes along its motion, by a Newton's method of the test. If its axes were made parallel, it
+    would have three.
+    """
+    random = np.random.default_rng(seed)
+    tilts = 1e-3 * random.normal(size=(7, 3))
+    tilts[2] *= 700
+    places = [in_plane(random, pin.exp3(tilt)) for tilt in tilts]
+    branches = {"a": places[:3], "b": places[3:]}
+    model, closures = hinges(branches, random.uniform(-1, 1, 7))
+    if digits:
+        model = with_digits(model, digits)
+    chain, texts = with_warnings(ClosedChain, model, closures, ["a0"])
+    assert not texts
+    assert chain.coordinates == ("a0",)
+    assert gap_along(chain, model, 0, 0.1) < 1e-12
+
+
+@pytest.mark.parametrize("digits", [4, 6, 8])
+@pytest.mark.parametrize("seed", range(2))
+def test_home_closes_in_rounded_loops_with_hinges_that_rest(seed, digits):
+    """Five parallel hinges and two across them, as self-aligning pins: two freedoms.
+
+    With rounded placements the loop has one freedom beside home, along which it closes, but home is
+    no pose of it.
+    """
+    random = np.random.default_rng(seed)
+    across = [pin.exp3(random.normal(size=3)) for _ in range(2)]
+    places = [in_plane(random) for _ in range(5)]
+    branches = {"a": [*places[:2], in_plane(random, across[0])]}
+    branches["b"] = [*places[2:], in_plane(random, across[1])]
+    world = pin.SE3(pin.exp3(random.normal(size=3)), random.normal(size=3))
+    model, closures = hinges(branches, random.uniform(-1, 1, 7), world)
+    exact = ClosedChain(model, closures, ["a0", "b0"])
+    chain, (_,) = with_warnings(ClosedChain, with_digits(model, digits), closures, ["a0", "b0"])
+    assert chain.coordinates == exact.coordinates == ("a0", "b0")
+    motion = [1.0, -0.5], [0.3, 2.0]
+    tau = exact.compute_torques(exact.home, *motion)
+    off = np.abs(chain.compute_torques(chain.home, *motion) - tau).max()
+    assert off < EXPLAINED * exact.condition_number(exact.home) * 10.0**-digits * np.abs(tau).max()
+
+
+@pytest.mark.parametrize("digits", [4, 6, 8])
+@pytest.mark.parametrize("seed", range(2))
+def test_slides_whose_orientations_a_closure_holds_are_free(seed, digits):
+    """The error of the orientation is that of rounding at all poses; no row depends on the joints.
+
+    The torques are those of Pinocchio for the open arm.
+    """
+    random, model, joint = np.random.default_rng(seed), pin.Model(), 0
+    body = pin.Inertia(1.0, np.array([0.1, 0, 0]), 0.01 * np.eye(3))
+    for k, kind in enumerate([pin.JointModelPX, pin.JointModelPY, pin.JointModelPX]):
+        place = at(*random.uniform(-0.5, 0.5, 3), turned=pin.exp3(random.normal(size=3)))
+        joint = add(model, joint, kind(), f"slide_{k}", place, body)
+    model = closed_at(model, [joint, 0], random.uniform(-0.5, 0.5, 3))
+    names = list(model.names)[1:]
+    closures = [Closure("A", "B", "orientation")]
+    chain, (_,) = with_warnings(ClosedChain, with_digits(model, digits), closures, names)
+    assert chain.coordinates == tuple(names)
+    q, va, aa = random.normal(size=(3, 3))
+    tau = pin.rnea(model, model.createData(), q, va, aa)
+    off = np.abs(chain.compute_torques(q, va, aa) - tau).max()
+    assert off < EXPLAINED * 10.0**-digits * np.abs(tau).max()
+
+
+def beside(small, large, scale):
+    """Both robots in one model, the first one scaled; its names end with `_small`."""
+    model, home, closures = pin.Model(), list[float](), list[Closure]()
+    turn = pin.exp3(np.array([0.3, -0.5, 0.7]))
+    for chain, unit, ending in ((small, scale, "_small"), (large, 1e3, "")):
+        old, first = in_units(chain.model, unit), model.njoints - 1
+        ground = pin.SE3(turn, unit * np.array([0.11, -0.23, 0.31]))
+
+        def moved(parent, place, first=first, ground=ground):
+            return (first + parent, place) if parent else (0, ground * place)
+
+        for j in range(1, old.njoints):
+            parent, place = moved(old.parents[j], old.jointPlacements[j])
+            add(model, parent, old.joints[j], old.names[j] + ending, place, old.inertias[j])
+        for closure in chain.closures:
+            ends = closure.frame_a, closure.frame_b
+            for name in ends:
+                frame = old.frames[old.getFrameId(name)]
+                parent, place = moved(frame.parentJoint, frame.placement)
+                mark(model, parent, name + ending, place)
+            closures.append(Closure(*(name + ending for name in ends), closure.kind))
+        home += chain.home.tolist()
+    model.referenceConfigurations["home"] = np.array(home)
+    return model, closures
+
+
+@pytest.mark.parametrize("digits", [10, 8])
+def test_each_loop_has_its_own_scale(digits):
+    """A rounded Bennett loop of half a millimetre moves beside a four-bar of a kilometre."""
+    small, large = robots.bennett(), robots.four_bar()
+    model, closures = beside(small, large, 5e-4)
+    motors = [f"{small.motor_names[0]}_small", large.motor_names[0]]
+    exact = ClosedChain(model, closures, motors)
+    chain, (text,) = with_warnings(ClosedChain, with_digits(model, digits), closures, motors)
+    assert "_small" in text
+    assert chain.coordinates == exact.coordinates == tuple(motors)
+    q = chain.assemble(exact.generic_configuration(), motors)
+    motion = [1.0, 1.0], [0.5, -0.5]
+    tau = exact.compute_torques(exact.generic_configuration(), *motion)
+    rounding = 10.0**-digits / np.array([5e-4, 1e3])  # relative to each loop
+    off = np.abs(chain.compute_torques(q, *motion) / tau - 1)
+    assert (off < EXPLAINED * rounding + 1e-9).all()
