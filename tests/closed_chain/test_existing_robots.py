@@ -18,6 +18,7 @@ def delta() -> sst_pin.ClosedChain:
     return sst_pin.ClosedChain.from_urdf(ROOT / "examples" / "delta.urdf")
 
 
+@pytest.mark.filterwarnings("ignore:.*its friction acts about each axis")
 @pytest.mark.parametrize("name", ["delta", pytest.param("cassie", marks=pytest.mark.slow)])
 def test_dynamics_agree_with_every_referee(name, delta):
     """At random assembled configurations in random motion."""
