@@ -75,16 +75,15 @@ def screens_tablet() -> Image.Image:
     """A Gough-Stewart platform on a tablet in dark mode."""
     robot = robots.stewart()
     viewer = Viewer(robot)
-    viewer.play(sway(robot, robot.home, 0.15), title="Sway")
+    viewer.play(sway(robot, robot.home, 0.07), title="Sway")
     return screen(viewer, 820, 1180, "dark")
 
 
 def screens_desk() -> Image.Image:
     """The delta of the examples, drawn as a skeleton."""
     robot = ClosedChain.from_urdf(ROOT / "examples" / "delta.urdf")
-    start = robot.assemble(pin.neutral(robot.model), fixed=())
     viewer = Viewer(robot)
-    viewer.play(sway(robot, start, 0.6), title="A delta, bare")
+    viewer.play(sway(robot, robot.home, 0.6), title="A delta, bare")
     return screen(viewer, 1440, 900)
 
 
