@@ -346,6 +346,10 @@ class ClosedChain(RobotProperties, Summary):
             >>> modes.q.shape, modes.branches.tolist(), modes.complete
             ((2, 3), [[-1], [1]], True)
         """
+        if not isinstance(positions, Mapping):
+            raise InputError(
+                "positions", f"{positions!r}: a mapping of names to positions is needed"
+            )
         solutions = self._solutions(positions)
         return modes_of(self._engine.assembly, positions, frame, solutions)
 

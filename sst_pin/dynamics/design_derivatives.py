@@ -18,6 +18,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array, for_each_sample, in_order, single_array
+from ..arrays import names as words
 from ..errors import InputError, SingularConfigurationError, UnknownNameError
 from ..model.closures import Coupling
 from ..model.geometry import RestingJoint, displaced, displacements, enlarged, parameter_names
@@ -69,14 +70,15 @@ def groups_of(mechanism: Mechanism, parameters: Iterable[Parameter]) -> list[Gro
         elif isinstance(parameter, Mapping):
             patterns = parameter
         else:
-            patterns = dict.fromkeys(parameter, 1.0)
+            patterns = dict.fromkeys(words("names", parameter), 1.0)
         factors: dict[str, float] = {}
         for pattern, factor in patterns.items():
+            number = float(single_array("factors", factor, ()))
             names = [pattern] if pattern in known else fitting(known, str(pattern))
             if not names:
                 raise UnknownNameError("design parameter", str(pattern), list(known))
             for name in names:
-                factors[name] = factors.get(name, 0.0) + float(factor)
+                factors[name] = factors.get(name, 0.0) + number
         label = " + ".join(map(str, patterns))
         groups.append((label, factors))
     return groups

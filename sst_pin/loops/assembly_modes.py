@@ -23,6 +23,7 @@ from ..model.thresholds import CLOSURE_TOLERANCE, RESTS
 from ..model.tree import frame_id
 from ..summaries import Summary, listed
 from .assembly import Assembly, home_of
+from .finite_motions import finite_motions
 from .loops import connected
 from .mobility import free_motions, independent_rows, rank_of, scaled_Phi
 
@@ -151,10 +152,26 @@ class _Search:
             step[free] = width[free] * random.uniform(-1, 1, len(free))
             q = pin.integrate(self._model, start, step * turns)
             q = self._assembly.closer(pin.integrate(self._model, q, step * ~turns), free)
-            idle = 0 if not self._assembly.gap(q, rows) and modes.add(q) else idle + 1
+            if not self._assembly.gap(q, rows) and modes.add(q):
+                self._require_isolated(q, free)
+                idle = 0
+            else:
+                idle += 1
             if idle > _STARTS + _STARTS_PER_MODE * len(modes.q):
                 break
         return modes.q
+
+    def _require_isolated(self, q: Array, free: Indices) -> None:
+        """Raise an error for a mode in which joints move although the others are held."""
+        motions = finite_motions(self._assembly, q, free)
+        if motions.shape[1]:
+            moving = np.flatnonzero(np.abs(motions).max(axis=1) > RESTS)
+            names = listed([self._space.rate_names[k] for k in moving])
+            raise InputError(
+                "positions",
+                f"with these positions the joints {names} can move in an assembly, so that its "
+                "configurations are a continuum; give other positions, or name one of these joints",
+            )
 
     def in_one_turn(self, q: Array) -> Array:
         """q with its angles in [-pi, pi), unless that opens a loop, as with geared joints."""

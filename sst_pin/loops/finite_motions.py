@@ -13,7 +13,7 @@ along each of them, its loops are closed again, and the poses are compared.
 import numpy as np
 import pinocchio as pin
 
-from ..arrays import Array
+from ..arrays import Array, Indices
 from ..errors import ClosureError
 from ..model.thresholds import CLOSURE_TOLERANCE, INCONSISTENT
 from .assembly import Assembly, displacement
@@ -28,20 +28,26 @@ _LENGTHS = 0.05, 0.01, 0.002
 _MOVED = 0.5
 
 
-def finite_motions(assembly: Assembly, q: Array) -> Array:
+def finite_motions(assembly: Assembly, q: Array, rates: Indices | None = None) -> Array:
     """Orthonormal rates, without units, of the motions from a closed pose q, shape (nv, k).
 
-    At a pose where several motions branch, the rates of all branches count.
+    Only `rates` move, by default all. At a pose where several motions branch, the rates of all
+    branches count.
     """
-    Phi = scaled_Phi(assembly.mechanism, assembly.loops, q)
-    motions = free_motions(Phi)
+    nv = assembly.mechanism.model.nv
+    if rates is None:
+        rates = np.arange(nv)
+    Phi = scaled_Phi(assembly.mechanism, assembly.loops, q)[:, rates]
+    of_rates = free_motions(Phi)
+    motions = np.zeros((nv, of_rates.shape[1]))
+    motions[rates] = of_rates
     if has_accelerations(assembly, Phi, motions):
         return motions
     # Projected displacements do not depend on the basis of the motions.
     scale, count = assembly.mechanism.rate_scale, motions.shape[1]
     random = [displacement(assembly.mechanism, 1 + k / 100) / scale for k in range(count)]
     directions, _ = np.linalg.qr(motions @ (motions.T @ np.transpose(random)))
-    moved = [directions.T @ _moved(assembly, q, direction) for direction in directions.T]
+    moved = [directions.T @ _moved(assembly, q, direction, rates) for direction in directions.T]
     U, parts, _ = np.linalg.svd(np.transpose(moved))
     return np.asarray(directions @ U[:, : np.count_nonzero(parts > _MOVED)])
 
@@ -49,7 +55,7 @@ def finite_motions(assembly: Assembly, q: Array) -> Array:
 def has_accelerations(assembly: Assembly, Phi: Array, motions: Array) -> bool:
     """Whether Phi a = -Phi_dot v has a solution for random rates v along the motions.
 
-    Phi, free of units, is that of the pose at which the loops are evaluated.
+    Phi, free of units, has the columns of the rates that move, at the pose of the loops.
     """
     mechanism, loops = assembly.mechanism, assembly.loops
     U, sizes, _ = np.linalg.svd(Phi)
@@ -58,20 +64,20 @@ def has_accelerations(assembly: Assembly, Phi: Array, motions: Array) -> bool:
         return True
     v = motions @ (motions.T @ (displacement(mechanism, 1.0) / mechanism.rate_scale))
     v /= np.linalg.norm(v)
-    rates = v * mechanism.rate_scale
-    drift = loops.Phi_dot(rates).dot(rates) * mechanism.row_scale
+    joint_rates = v * mechanism.rate_scale
+    drift = loops.Phi_dot(joint_rates).dot(joint_rates) * mechanism.row_scale
     bound = INCONSISTENT * CLOSURE_TOLERANCE * sizes.max(initial=1.0)
     return bool(np.abs(redundant.T @ drift).max() <= bound)
 
 
-def _moved(assembly: Assembly, q: Array, direction: Array) -> Array:
+def _moved(assembly: Assembly, q: Array, direction: Array, rates: Indices) -> Array:
     """The motion, relative to its length, that is left after a step is corrected, shape (nv,)."""
     mechanism = assembly.mechanism
     model, scale = mechanism.model, mechanism.rate_scale
     for length in _LENGTHS:
         guess = pin.integrate(model, q, length * direction * scale)
         try:
-            closed = assembly.assemble(guess, np.arange(model.nv))
+            closed = assembly.assemble(guess, rates)
         except ClosureError:
             continue
         return np.asarray(pin.difference(model, q, closed) / scale / length)

@@ -27,6 +27,9 @@ _MIMIC = re.compile(
     r"Mimicking joint type: JointModel([RP][XYZ]|(Revolute|Prismatic)Unaligned)$", re.M
 )
 
+#: Products of three larger numbers, as in inertias times accelerations, may overflow.
+_TOO_LARGE = 1e100
+
 #: Largest error of R^T R for a rotation R. Quaternions that are not normalised have larger ones.
 _NO_ROTATION = 1e-6
 
@@ -355,6 +358,11 @@ def _impossible_numbers(model: pin.Model) -> list[str]:
     numbers += [(f"body of {name}", body.toDynamicParameters()) for name, body in bodies]
     numbers += [(f"placement of {name}", place.homogeneous) for name, place in places]
     problems = [f"{name}: not finite" for name, array in numbers if not np.isfinite(array).all()]
+    problems += [
+        f"{name}: {np.abs(array).max():.3g} is too large to be computed with"
+        for name, array in numbers
+        if _TOO_LARGE < np.abs(array).max(initial=0.0) < np.inf
+    ]
     with np.errstate(over="ignore", invalid="ignore"):
         problems += [
             f"placement of {name}: {R.tolist()} is no rotation"

@@ -26,6 +26,10 @@ _NOTHING_MOVES = (
     "otherwise check brakes, kinds and axes of the closures; if another assembly moves, make it "
     'model.referenceConfigurations["home"]'
 )
+_NOT_ASSEMBLED = (
+    "no configuration was assembled, so its degrees of freedom are not known; correct lengths and "
+    'placements, or make a closed configuration model.referenceConfigurations["home"]'
+)
 _NOTHING_FOUND = (
     "no coordinates: no configuration was assembled where they could be chosen; make a closed one "
     'model.referenceConfigurations["home"], or give coordinates='
@@ -252,6 +256,11 @@ class Mechanism:
         on_rates = np.abs(self.motors * self.rate_scale[:, None]).max(axis=0, initial=0.0)
         on_lines = np.abs(self.lines.motors * self.length).max(axis=0, initial=0.0)
         return read_only(np.maximum(on_rates, on_lines))
+
+    def require_assembly(self) -> None:
+        """Raise an error if no configuration with closed loops is known."""
+        if self.example is None:
+            raise DescriptionError(f"model {self.model.name}", [_NOT_ASSEMBLED])
 
     def require_freedom(self) -> None:
         """Raise an error if nothing can move, or if it is not known what can."""

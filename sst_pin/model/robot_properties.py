@@ -82,7 +82,11 @@ class RobotProperties:
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Number n of the coordinates' rates."""
+        """Number n of the coordinates' rates.
+
+        If no configuration with closed loops was found, it raises a `DescriptionError`.
+        """
+        self.mechanism.require_assembly()
         return len(self.mechanism.coordinates)
 
     @property

@@ -172,7 +172,13 @@ def test_parameters_that_open_the_loops_alone_are_named_and_close_together():
     assert_allclose(together.q, 0, atol=1e-12)
 
 
-@pytest.mark.parametrize("names", ["crank.length", ["crank.width"], ["rod*.length"], [["crank"]]])
+@pytest.mark.parametrize(
+    "names",
+    [
+        *("crank.length", ["crank.width"], ["rod*.length"], [["crank"]]),
+        *([3], [None], [{"crank.length": "a"}], [{"crank.length": None}]),
+    ],
+)
 def test_names_that_are_none_are_refused(names):
     chain = robots.four_bar()
     with pytest.raises((sst_pin.UnknownNameError, sst_pin.InputError)):
@@ -187,3 +193,8 @@ def test_changes_are_a_mapping_of_names_to_numbers(changes):
     """A name alone once moved the joint by one metre."""
     with pytest.raises(sst_pin.InputError, match="changes"):
         robots.five_bar().with_design(changes)
+
+
+def test_changes_beyond_all_measures_are_refused():
+    with pytest.raises(sst_pin.SSTError, match="too large"):
+        robots.five_bar().with_design({"elbow_1.x": 1e200})

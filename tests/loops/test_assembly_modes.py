@@ -185,7 +185,15 @@ def test_an_sst_has_the_eight_assemblies_of_its_closed_form():
         assert np.abs(np.sin((modes.q - q) / 2)).max(axis=1).min() < 1e-12
 
 
-@pytest.mark.parametrize("positions", [{}, {"shoulder_1": 0.5}, {"motor_1": 0.1}])
+@pytest.mark.parametrize("positions", [{}, {"shoulder_1": 0.5}, {"motor_1": 0.1}, None])
 def test_positions_that_leave_a_freedom_or_name_no_joint_are_refused(positions):
     with pytest.raises((sst_pin.InputError, sst_pin.UnknownNameError)):
         robots.five_bar().assembly_modes(positions)
+
+
+def test_a_continuum_of_configurations_is_named():
+    """Coupler and rocker of a folded kite turn together about the end of the crank."""
+    chain = robots.four_bar(crank=0.3, coupler=0.25, rocker=0.25, ground=0.3, point=0.2)
+    with pytest.raises(sst_pin.InputError, match="coupler, rocker can move"):
+        chain.assembly_modes({"crank": 0.0})
+    assert len(chain.assembly_modes({"crank": 0.1})) == 2

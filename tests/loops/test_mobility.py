@@ -12,13 +12,14 @@ from scipy.optimize import brentq
 from sst_pin import (
     ClosedChain,
     Closure,
+    DescriptionError,
     DescriptionWarning,
     Distance,
     SingularConfigurationError,
     SSTError,
 )
 from tests.support.by_hand import add, at, mark
-from tests.support.planar_bars import planar
+from tests.support.planar_bars import planar, rhombus
 
 
 def plane_arm(seed, size, joints):
@@ -212,3 +213,24 @@ def test_calls_refuse_rates_to_which_no_accelerations_exist(compiled):
     assert np.isfinite(chain.compute_torques(q, [0.0], [1.0])).all()
     with pytest.raises(SSTError):  # it must not crawl from rest with ever shorter steps
         chain.simulate([1.0], q, [0.0], [0.0, 1.0])
+
+
+@pytest.mark.parametrize("angle", [1e-3, 1e-6])
+def test_a_parallelogram_beside_its_flat_pose_is_regular(angle):
+    """Its inertia is that of two bars that turn and of one that is carried along a circle."""
+    model, closures, _ = rhombus()
+    model.referenceConfigurations["home"] = np.array([angle, -angle, angle])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        chain = ClosedChain(model, closures, ["crank"])
+    tau = [chain.compute_torques(chain.home, [1.0], [aa]) for aa in (0.0, 1.0)]
+    about_joint, carried = 0.004 + 0.15**2, 0.3**2
+    assert_allclose(tau[1] - tau[0], 2 * about_joint + carried, rtol=1e-8)
+
+
+def test_freedoms_of_a_robot_that_cannot_be_assembled_are_not_known():
+    """Two bars do not reach each other; the number of motors is no answer."""
+    model = planar([("crank", "universe", 0.0, 0.1), ("rocker", "universe", 1.0, 0.1)])
+    chain = ClosedChain(model, [Closure("crank_end", "rocker_end", "3d")], ["crank", "rocker"])
+    with pytest.raises(DescriptionError, match="no configuration was assembled"):
+        _ = chain.degrees_of_freedom
