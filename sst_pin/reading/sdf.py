@@ -87,6 +87,8 @@ class Sdf:
             link = self._link_of(name)
             if link:
                 graph.add_frame(name, link, self._place(link).actInv(self._place(name)))
+            else:
+                self._refuse(element, "it is not attached to a link of this model")
         if problems := dict.fromkeys([*self._problems, *graph.problems]):
             raise DescriptionError(self._source, problems)
         return graph
@@ -122,6 +124,10 @@ class Sdf:
                     self._problems.append(f"{tag}: {count} without a name")
                 elif count > 1:
                     self._problems.append(f"{tag} {name}: {count} have this name")
+
+        canonical = self._model.get("canonical_link")
+        if canonical and canonical not in self._links:
+            self._problems.append(f"model: its canonical_link {canonical} is not one of its links")
 
     def _require_no_other_parts(self) -> None:
         """Refuse parts of the robot that are not in its links and joints."""

@@ -226,6 +226,8 @@ def closing(inside: str) -> list[str]:
             "link a: the inertia of shapes",
         ),
         ([A, A], "link a: 2 have this name"),
+        ([A, '<frame name="f" attached_to="b"/>'], "frame f: it is not attached to a link of"),
+        ([A, '<frame name="f" attached_to="f"/>'], "frame f: it is not attached to a link of"),
         ([A, *[joint("j", "fixed", "world", "a")] * 2], "joint j: 2 have this name"),
         (turning(RUBS, kind="ball"), "j: ball, and does not have the axis of its axis/dynamics/da"),
         (closing(FOLLOWS), "joint tip: closes a loop and has mimic"),
