@@ -2,20 +2,25 @@
 """Identification of the parameters of a robot from measurements."""
 
 from .base_parameters import BaseParameters, base_parameters, random_states
-from .calibration import Calibration, calibrate
+from .calibration import Calibration, calibrate, calibrate_with
 from .consistency import consistent_parameters
 from .estimation import Estimate, estimate, predicted_torques, report
 from .excitation import condition_number, excitation
+from .geometry_measurements import Distances, Heights, Poses
 from .measurements import MeasuredMotion, measured_motion
 from .urdf_numbers import write_urdf
 
 __all__ = [
     "BaseParameters",
     "Calibration",
+    "Distances",
     "Estimate",
+    "Heights",
     "MeasuredMotion",
+    "Poses",
     "base_parameters",
     "calibrate",
+    "calibrate_with",
     "condition_number",
     "consistent_parameters",
     "estimate",

@@ -267,9 +267,21 @@ def _combination(row: Array, names: Sequence[str]) -> str:
 
 
 def independent(A: Array, tolerance: float) -> Indices:
-    """Columns that columns before them do not explain up to the tolerance."""
+    """Columns that columns before them do not explain up to the tolerance.
+
+    Gram and Schmidt's process: QR without pivots would lose a row to each dependent column.
+    """
     sizes = np.linalg.norm(A, axis=0)
     seen = np.flatnonzero(sizes > tolerance * sizes.max(initial=0.0))
-    missing = np.zeros((max(0, seen.size - len(A)), seen.size))
-    scaled = np.vstack([A[:, seen] / sizes[seen], missing])
-    return seen[np.abs(np.diag(np.linalg.qr(scaled, mode="r"))) > tolerance]
+    basis = np.zeros((len(A), min(A.shape)))
+    chosen = list[int]()
+    for k in seen:
+        left = A[:, k] / sizes[k]
+        before = basis[:, : len(chosen)]
+        for _ in range(2):  # the second time removes the rounding of the first
+            left = left - before @ (before.T @ left)
+        size = float(np.linalg.norm(left))
+        if size > tolerance and len(chosen) < basis.shape[1]:
+            basis[:, len(chosen)] = left / size
+            chosen.append(int(k))
+    return np.array(chosen, dtype=np.intp)

@@ -1,0 +1,308 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Measurements from which a geometry is calibrated: poses, heights and distances.
+
+Each measurement compares a frame B of the robot with a reference frame A. Rows are differences
+from the measured values, and their derivatives by errors of the geometry.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import KW_ONLY, dataclass
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from ..arrays import Array, as_array, positive_number
+from ..errors import InputError
+from ..loops.frame_guide import rotations
+from ..loops.rows import skew
+
+
+class Sight(NamedTuple):
+    """The two frames of a measurement in N configurations, and their derivatives by k errors.
+
+    Attributes:
+        a, b: Placements in the base, shape (N, 4, 4).
+        J_a, J_b: [linear; angular] in base axes, shape (N, 6, k).
+    """
+
+    a: Array
+    b: Array
+    J_a: Array
+    J_b: Array
+
+    def positions(self) -> tuple[Array, Array]:
+        """The origin of B in A, shape (N, 3), and its derivatives, shape (N, 3, k)."""
+        to_a = self.a[:, :3, :3].mT
+        d = self.b[:, :3, 3] - self.a[:, :3, 3]
+        J = self.J_b[:, :3] - self.J_a[:, :3] + skew(d) @ self.J_a[:, 3:]
+        return (to_a @ d[:, :, None])[..., 0], to_a @ J
+
+
+class Rows(NamedTuple):
+    """Rows of one kind: measured less computed values, and derivatives of the computed ones.
+
+    Attributes:
+        z: Shape (rows,), [m] or [rad].
+        A: Shape (rows, k).
+        turns: Whether they are angles.
+    """
+
+    z: Array
+    A: Array
+    turns: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Measurement(ABC):
+    """A frame that was measured in several configurations: the base of all kinds.
+
+    Attributes:
+        frame: Name of the frame that was measured.
+        x: Measured positions of the coordinates, shape (N, n), [rad] or [m].
+        noise: Standard deviation of the measured values, [m] or [rad]; estimated by default. Give
+            it where there are few more values than errors.
+        unknown_base: Whether the placement of the measuring system in the base is unknown. It is
+            estimated as the errors `<name>_base.x` to `.rz`.
+        unknown_target: Whether the place that was measured is unknown relative to the frame. It is
+            estimated as the errors `<name>_target.x` to `.rz`.
+        name: Name of the measuring system. Measurements with one name share what is unknown.
+        start: As in `calibrate`, for these configurations.
+    """
+
+    frame: str
+    x: ArrayLike
+    _: KW_ONLY
+    noise: float | tuple[float, float] | None = None
+    unknown_base: bool = False
+    unknown_target: bool = False
+    name: str = "measured"
+    start: ArrayLike | None = None
+
+    @property
+    def reference(self) -> str:
+        """Name of the reference frame."""
+        return f"{self.name}_base" if self.unknown_base else "universe"
+
+    @property
+    def end(self) -> str:
+        """Name of the frame that is compared with the reference."""
+        return f"{self.name}_target" if self.unknown_target else self.frame
+
+    def count(self, coordinates: int) -> int:
+        """N; raises an error unless x has a row of coordinates for each value."""
+        angles = as_array("x", self.x, (coordinates,))
+        if angles.ndim != 2:
+            raise InputError("x", f"shape {angles.shape}, expected (N, {coordinates})")
+        return len(angles)
+
+    @property
+    def noises(self) -> list[float | None]:
+        """The noise of each kind of row; None to estimate it."""
+        given = self.noise if isinstance(self.noise, tuple) else (self.noise, self.noise)
+        return [None if x is None else positive_number("noise", x) for x in given]
+
+    @property
+    def kinds(self) -> int:
+        """How many kinds of rows there are."""
+        return 1
+
+    @abstractmethod
+    def rows(self, sight: Sight) -> list[Rows]:
+        """Rows of each kind, without those that were not measured."""
+
+    def placed(self, b: Array) -> pin.SE3:
+        """A first guess of the reference in the base, from placements of B as drawn."""
+        return pin.SE3.Identity()
+
+
+@dataclass(frozen=True, eq=False)
+class Poses(Measurement):
+    """Poses of a frame, or some entries of them, such as those of a laser tracker.
+
+    Attributes:
+        poses: Positions of the frame's origin, shape (N, 3), or poses, shape (N, 4, 4), in the
+            axes of the measuring system, the base by default; [m]. NaN: not measured, such as one
+            coordinate, or a whole orientation.
+
+    Example:
+        >>> poses = np.full((8, 3), np.nan)
+        >>> poses[:, 2] = 0.35  # only z was measured
+        >>> sst_pin.identification.Poses("platform", np.zeros((8, 3)), poses).name
+        'measured'
+    """
+
+    poses: ArrayLike = ()
+
+    def count(self, coordinates: int) -> int:
+        """N; the poses must have the shape of poses, or of positions."""
+        size = super().count(coordinates)
+        array = as_array("poses", self.poses, ())
+        if array.shape == (size, 3, 3):
+            raise InputError("poses", "orientations alone; expected shapes (N, 3) or (N, 4, 4)")
+        if array.shape not in ((size, 3), (size, 4, 4)):
+            shapes = f"({size}, 3) or ({size}, 4, 4)"
+            raise InputError("poses", f"shape {array.shape}, expected {shapes}")
+        if np.isinf(array).any():
+            raise InputError("poses", "an entry is infinite; NaN says that it was not measured")
+        if array.ndim == 3:
+            turned = array[:, :3, :3]
+            if isinstance(self.noise, (int, float)):
+                raise InputError("noise", "of poses: two numbers, of positions and orientations")
+            partly = np.isnan(turned).any(axis=(1, 2)) & ~np.isnan(turned).all(axis=(1, 2))
+            if partly.any():
+                k = int(np.flatnonzero(partly)[0])
+                raise InputError("poses", f"pose {k}: an orientation is measured whole, or is NaN")
+            rotations("poses", turned[~np.isnan(turned).any(axis=(1, 2))])
+            last = array[:, 3]
+            if np.abs(np.where(np.isnan(last), (0, 0, 0, 1), last) - (0, 0, 0, 1)).max() > 0:
+                raise InputError("poses", "the last row of a homogeneous matrix is 0, 0, 0, 1")
+        return size
+
+    @property
+    def kinds(self) -> int:
+        """Positions, and perhaps orientations."""
+        return np.ndim(self.poses) - 1
+
+    @property
+    def measured_positions(self) -> Array:
+        """Shape (N, 3)."""
+        array = np.asarray(self.poses, dtype=float)
+        return array if array.ndim == 2 else array[:, :3, 3]
+
+    def rows(self, sight: Sight) -> list[Rows]:
+        """Rows of positions, then of orientations if there are any."""
+        p, J = sight.positions()
+        measured = self.measured_positions
+        seen = np.isfinite(measured)
+        kinds = [Rows((measured - p)[seen], J[seen])]
+        array = np.asarray(self.poses, dtype=float)
+        if array.ndim == 3:
+            k = np.flatnonzero(np.isfinite(array[:, :3, :3]).all(axis=(1, 2)))
+            to_a, R = sight.a[k, :3, :3].mT, sight.b[k, :3, :3]
+            turned = to_a @ R
+            z = [x @ pin.log3(x.T @ y) for x, y in zip(turned, array[k, :3, :3], strict=True)]
+            A = to_a @ (sight.J_b[k, 3:] - sight.J_a[k, 3:])
+            kinds.append(Rows(np.reshape(z, -1), A.reshape(-1, A.shape[2]), turns=True))
+        return kinds
+
+    def placed(self, b: Array) -> pin.SE3:
+        """The rigid motion that fits the measured positions to the frame's (Kabsch)."""
+        measured = self.measured_positions
+        k = np.isfinite(measured).all(axis=1)
+        there, here = measured[k], b[k, :3, 3]
+        if len(there) < 3:
+            problem = "of an unknown system: at least three whole positions are needed"
+            raise InputError("poses", problem)
+        U, s, Vt = np.linalg.svd((here - here.mean(0)).T @ (there - there.mean(0)))
+        if s[1] <= _IN_A_ROW * s[0]:
+            raise InputError("poses", "of an unknown system: the positions are in a row")
+        R = U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt
+        return pin.SE3(R, here.mean(0) - R @ there.mean(0))
+
+
+#: Positions are in a row if their second principal extent, squared, is below this part.
+_IN_A_ROW = 1e-8
+
+
+@dataclass(frozen=True, eq=False)
+class Heights(Measurement):
+    """Positions of a frame along one direction, such as those of a touch probe or a dial gauge.
+
+    Attributes:
+        heights: Along the direction, from the origin of the measuring system, shape (N,), [m].
+            NaN: not measured.
+        direction: In the axes of the measuring system, shape (3,) or (N, 3); z by default.
+
+    Example:
+        >>> heights = sst_pin.identification.Heights("platform", np.zeros((7, 3)), np.zeros(7))
+        >>> heights.direction
+        (0.0, 0.0, 1.0)
+    """
+
+    heights: ArrayLike = ()
+    direction: ArrayLike = (0.0, 0.0, 1.0)
+
+    def count(self, coordinates: int) -> int:
+        """N; there must be a height for each configuration."""
+        size = super().count(coordinates)
+        _values("heights", self.heights, size)
+        directions = as_array("direction", self.direction, (3,))
+        if directions.shape not in ((3,), (size, 3)) or not directions.any(axis=-1).all():
+            raise InputError("direction", f"shape {directions.shape}, expected (3,) or ({size}, 3)")
+        return size
+
+    def rows(self, sight: Sight) -> list[Rows]:
+        """One kind: heights."""
+        p, J = sight.positions()
+        u = np.broadcast_to(np.asarray(self.direction, dtype=float), p.shape)
+        u = u / np.linalg.norm(u, axis=1, keepdims=True)
+        z = np.asarray(self.heights, dtype=float) - np.vecdot(u, p)
+        k = np.isfinite(z)
+        return [Rows(z[k], (u[:, None] @ J)[k, 0])]
+
+
+@dataclass(frozen=True, eq=False)
+class Distances(Measurement):
+    """Distances of two frames, such as those of a ball bar or a tape.
+
+    Attributes:
+        distances: Shape (N,), [m]; NaN: not measured.
+        other: Name of the other frame, from which distances are measured.
+
+    Example:
+        >>> bar = sst_pin.identification.Distances("platform", np.zeros((5, 3)), np.ones(5))
+        >>> bar.other
+        'universe'
+    """
+
+    distances: ArrayLike = ()
+    other: str = "universe"
+
+    @property
+    def reference(self) -> str:
+        """Name of the other frame, or of that of the unknown system."""
+        return f"{self.name}_base" if self.unknown_base else self.other
+
+    def count(self, coordinates: int) -> int:
+        """N; there must be a distance for each configuration."""
+        size = super().count(coordinates)
+        if not (_values("distances", self.distances, size)[np.isfinite(self.distances)] > 0).all():
+            raise InputError("distances", "must be positive")
+        return size
+
+    def rows(self, sight: Sight) -> list[Rows]:
+        """One kind: distances."""
+        p, J = sight.positions()
+        lengths = np.linalg.norm(p, axis=1)
+        z = np.asarray(self.distances, dtype=float) - lengths
+        k = np.isfinite(z)
+        if not lengths[k].all():
+            raise InputError("distances", f"{self.reference} and {self.end} are in one place")
+        u = p[k] / lengths[k, None]
+        return [Rows(z[k], (u[:, None] @ J[k])[:, 0])]
+
+
+def _values(name: str, values: ArrayLike, size: int) -> Array:
+    array = as_array(name, values, ())
+    if array.shape != (size,) or np.isinf(array).any():
+        problem = f"shape {array.shape}, expected ({size},), of finite numbers or NaN"
+        raise InputError(name, problem)
+    return array
+
+
+def frames_of(measurements: list[Measurement]) -> Iterator[str]:
+    """Names of the frames that measurements compare."""
+    for measurement in measurements:
+        yield measurement.reference
+        yield measurement.end
+
+
+def unknown_frames(measurement: Measurement) -> list[str]:
+    """Names of the frames whose placement is unknown."""
+    names = [measurement.reference] if measurement.unknown_base else []
+    return [*names, measurement.end] if measurement.unknown_target else names

@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The geometry from heights, distances and incomplete poses, and of unknown measuring systems."""
+
+import importlib.util
+from functools import cache
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.testing import assert_allclose
+
+import sst_pin
+from sst_pin.errors import InputError
+from sst_pin.identification import Distances, Heights, Poses, calibrate, calibrate_with
+from tests.support.files import ROOT
+
+SPEC = importlib.util.spec_from_file_location("printer", ROOT / "examples" / "delta_printer.py")
+PRINTER = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(PRINTER)
+
+MOTORS = ["motor_*.ry"]
+#: What heights on a bed tell: end stops, the radius of one tower, and the angles of two.
+SEEN = [f"tower_{k}.z" for k in (1, 2, 3)] + ["tower_1.x", "tower_1.y", "tower_2.y"]
+
+
+def configurations_of(chain, x):
+    return np.array([chain.assemble(dict(zip(chain.coordinates, each, strict=True))) for each in x])
+
+
+def poses_of(chain, x, frame="platform"):
+    p, R = chain.frame_placement(configurations_of(chain, x), frame)
+    poses = np.tile(np.eye(4), (len(x), 1, 1))
+    poses[:, :3, 3], poses[:, :3, :3] = p, R
+    return poses
+
+
+@cache
+def delta():
+    """A delta as drawn, one whose motors are off, their errors, positions, and poses there."""
+    drawn, random = sst_pin.robots.delta(), np.random.default_rng(8)
+    errors = {f"motor_{k}.ry": float(5e-3 * random.normal()) for k in (1, 2, 3)}
+    at_home = [drawn.home[drawn.position_names.index(name)] for name in drawn.coordinates]
+    x = at_home + random.uniform(-0.3, 0.3, (14, 3))
+    return drawn, errors, x, poses_of(drawn.with_design(errors), x)
+
+
+def assert_found(result, errors, atol=1e-10):
+    found = dict(zip(result.names, result.values, strict=True))
+    assert_allclose([found[name] for name in errors], list(errors.values()), atol=atol)
+
+
+def test_entries_that_were_not_measured_are_left_out():
+    drawn, errors, x, poses = delta()
+    some = poses.copy()
+    some[::2, :3, 3] = np.nan
+    some[1::3, 0, 3] = np.nan
+    some[::3, :3, :3] = np.nan
+    assert_found(calibrate(drawn, "platform", x, some, which=MOTORS), errors)
+    noise = np.random.default_rng(0).normal(scale=1e-5, size=(14, 3))
+    heights = poses[:, :3, 3] + noise
+    heights[:, :2] = np.nan
+    one = calibrate(drawn, "platform", x, heights, which=MOTORS)
+    two = calibrate_with(drawn, [Heights("platform", x, heights=heights[:, 2])], which=MOTORS)
+    assert_allclose(one.values, two.values, rtol=1e-9)
+    assert_allclose(one.covariance, two.covariance, rtol=1e-6)
+
+
+def test_heights_along_any_direction_tell_the_motors():
+    drawn, errors, x, poses = delta()
+    directions = np.random.default_rng(1).normal(size=(14, 3))
+    along = np.vecdot(poses[:, :3, 3], directions / np.linalg.norm(directions, axis=1)[:, None])
+    heights = Heights("platform", x, heights=along, direction=directions)
+    assert_found(calibrate_with(drawn, [heights], which=MOTORS), errors)
+
+
+def test_a_ball_bar_from_an_unknown_post_tells_the_motors_and_the_post():
+    drawn, errors, x, poses = delta()
+    post = np.array([0.1, -0.05, -0.4])
+    lengths = np.linalg.norm(poses[:, :3, 3] - post, axis=1)
+    model = pin.Model(drawn.model)
+    near = pin.SE3(np.eye(3), post + np.array([0.002, -0.001, 0.003]))
+    model.addFrame(pin.Frame("post", 0, near, pin.FrameType.OP_FRAME))
+    bar = Distances("platform", x, distances=lengths, other="post")
+    which = [*MOTORS, "post.[xyz]"]
+    result = calibrate_with(drawn.with_model(model), [bar], which=which)
+    assert_found(result, errors | {"post.x": -0.002, "post.y": 0.001, "post.z": -0.003})
+
+
+def test_a_tracker_with_unknown_base_and_target_is_placed_with_the_robot():
+    drawn, errors, x, poses = delta()
+    tracker = pin.SE3(pin.exp3(np.array([0.3, -1.0, 2.0])), np.array([2.0, 1.0, 0.5]))
+    target = np.array([0.01, 0.02, 0.03])
+    seen = poses[:, :3, 3] + poses[:, :3, :3] @ target
+    measured = (seen - tracker.translation) @ tracker.rotation
+    system = Poses(
+        "platform", x, poses=measured, unknown_base=True, unknown_target=True, name="tracker"
+    )
+    which = ["motor_*.ry", "rod_1a.x"]
+    result = calibrate_with(drawn, [system], which=which)
+    # The platform does not turn: its target's offset looks like one of the base.
+    assert {f"tracker_target.{axis}" for axis in ("rx", "ry", "rz")} <= set(result.hidden)
+    again = result.chain.frame_placement(configurations_of(result.chain, x), "platform")
+    placed, held = pin.SE3(result.placements["tracker_base"]), result.placements["tracker_target"]
+    there = again[0] + again[1] @ held[:3, 3]
+    assert_allclose((there - placed.translation) @ placed.rotation, measured, atol=1e-9)
+    moves = dict(zip(result.names, result.values, strict=True))
+    assert {name for name in moves if not name.startswith("tracker")} >= set(errors) - {
+        *result.hidden
+    }
+
+
+def test_what_only_moves_the_robot_as_a_whole_is_hidden_behind_an_unknown_base():
+    chain = sst_pin.robots.four_bar()
+    x = chain.home[:1] + np.linspace(-0.4, 0.4, 12)[:, None]
+    seen = poses_of(chain, x)[:, :3, 3]
+    system = Poses("platform", x, poses=seen, unknown_base=True)
+    which = ["crank.x", "crank.z", "rocker.x", "rocker.z", "crank.length"]
+    with pytest.raises(sst_pin.UnknownNameError):
+        calibrate_with(chain, [system], which=which)
+    result = calibrate_with(chain, [system], which=which[:4])
+    assert "rocker.x" in result.hidden or "rocker.z" in result.hidden
+    assert {"measured_base.x", "measured_base.z"} <= {*result.names}
+    assert_allclose(result.values, 0, atol=1e-9)
+
+
+def test_each_kind_has_its_own_noise():
+    drawn, errors, _, _ = delta()
+    random = np.random.default_rng(5)
+    at_home = [drawn.home[drawn.position_names.index(name)] for name in drawn.coordinates]
+    x = at_home + random.uniform(-0.3, 0.3, (60, 3))
+    start = configurations_of(drawn, x)
+    p = drawn.with_design(errors).frame_placement(
+        drawn.with_design(errors).assemble(start), "platform"
+    )[0]
+    heights = p[:, 2] + 1e-5 * random.normal(size=60)
+    probe = Heights("platform", x, heights=heights, start=start)
+    lengths = np.linalg.norm(p, axis=1) + 3e-4 * random.normal(size=60)
+    tape = Distances("platform", x, distances=lengths, start=start)
+    result = calibrate_with(drawn, [probe, tape], which=MOTORS)
+    # Of 60 values each; three of their standard deviations are 27 percent.
+    assert_allclose(result.noise, [1e-5, 3e-4], rtol=0.27)
+    off = np.abs(result.values - [errors[name] for name in result.names])
+    assert (off < 3 * result.deviations).all()
+    alone = calibrate_with(drawn, [probe], which=MOTORS)
+    assert (result.deviations <= alone.deviations * 1.3).all()
+
+
+@pytest.mark.parametrize("count", [7, 16, 50])
+def test_heights_of_a_bed_tell_six_numbers_of_a_delta_printer(count):
+    """Its placement on the bed is hidden: two radii and an angle follow from the first ones."""
+    drawn, random = PRINTER.printer(), np.random.default_rng(0)
+    errors = {name: float(2e-4 * random.normal()) for name in SEEN}
+    where = PRINTER.points(count)
+    at = [drawn.position_names.index(tower) for tower in PRINTER.TOWERS]
+    real = drawn.with_design(errors)
+    q = drawn.frame_configuration("nozzle", np.column_stack([where, 0 * where[:, 0]]))
+    heights = real.frame_placement(real.assemble(q), "nozzle")[0][:, 2]
+    probe = Heights("nozzle", q[:, at], heights=heights, noise=1e-5, start=q)
+    result = calibrate_with(drawn, [probe], which=PRINTER.WHICH)
+    assert sorted(result.names) == sorted(SEEN)
+    assert set(result.hidden) == set(PRINTER.WHICH) - set(SEEN)
+    assert_found(result, errors, atol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [7, 16, 50])
+def test_errors_of_a_printer_are_within_three_standard_deviations_in_95_of_100_runs(count):
+    drawn, random = PRINTER.printer(), np.random.default_rng(1)
+    errors = {name: float(3e-4 * random.normal()) for name in SEEN}
+    at = [drawn.position_names.index(tower) for tower in PRINTER.TOWERS]
+    where = PRINTER.points(count)
+    q = drawn.frame_configuration("nozzle", np.column_stack([where, 0 * where[:, 0]]))
+    real = drawn.with_design(errors)
+    exact = real.frame_placement(real.assemble(q), "nozzle")[0][:, 2]
+    noise = 1e-5 if count == 7 else None  # one degree of freedom cannot tell it
+    within = 0
+    for seed in range(100):
+        heights = exact + 1e-5 * np.random.default_rng(seed).normal(size=count)
+        probe = Heights("nozzle", q[:, at], heights=heights, noise=noise, start=q)
+        result = calibrate_with(drawn, [probe], which=SEEN)
+        assert not result.hidden
+        true = np.array([errors[name] for name in result.names])
+        within += bool((np.abs(result.values - true) < 3 * result.deviations).all())
+    assert within >= 95
+
+
+def test_wrong_measurements_are_refused():
+    drawn, _, x, poses = delta()
+    z = poses[:, 2, 3]
+    with pytest.raises(InputError, match="at least one of Poses, Heights, Distances"):
+        calibrate_with(drawn, [])
+    with pytest.raises(InputError, match="heights: shape"):
+        calibrate_with(drawn, [Heights("platform", x, heights=z[:3])])
+    with pytest.raises(InputError, match="direction"):
+        calibrate_with(drawn, [Heights("platform", x, heights=z, direction=(0, 0, 0))])
+    with pytest.raises(InputError, match="must be positive"):
+        calibrate_with(drawn, [Distances("platform", x, distances=-z * 0 - 1)])
+    some = poses.copy()
+    some[2, 0, 1] = np.nan
+    with pytest.raises(InputError, match="measured whole"):
+        calibrate(drawn, "platform", x, some)
+    few = Heights("platform", x[:3], heights=z[:3])
+    with pytest.raises(InputError, match="3 equations for 3 errors"):
+        calibrate_with(drawn, [few], which=MOTORS)
+    base = Poses("platform", x[:2], poses=poses[:2, :3, 3], unknown_base=True)
+    with pytest.raises(InputError, match="at least three whole positions"):
+        calibrate_with(drawn, [base], which=MOTORS)
+
+
+def test_a_noise_that_does_not_explain_what_is_left_is_told():
+    drawn, _, x, poses = delta()
+    z = poses[:, 2, 3] + 1e-3 * np.random.default_rng(0).normal(size=14)
+    with pytest.warns(sst_pin.DescriptionWarning, match="times the given noise"):
+        calibrate_with(drawn, [Heights("platform", x, heights=z, noise=1e-6)], which=MOTORS)
