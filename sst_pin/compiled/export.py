@@ -46,6 +46,16 @@ _STEP = """\
 A step of Newton's method that closes the loops and keeps the coordinates. Start with
  * measured coordinates and the previous q of the other joints, and call it with
  * q_next = q until it returns 0. ROBOT_OPEN: the loops were open before the step."""
+#: How `robot_computed_torque` computes torques: without surplus motors, and with them.
+_SMALLEST = "const int bad = robot_torques(q, va, aa, tau);"
+_WITHIN = """\
+for (int i = 0; i < COUNT; i++) {
+        both[2 * i] = -limits[i];
+        both[2 * i + 1] = limits[i];
+    }
+    int bad = robot_limited_torques(q, va, aa, both, tau);
+    if (bad)
+        bad = robot_torques(q, va, aa, tau);"""
 _FUNCTIONS = {
     "torques": _Function("torques", "tau", "Torques of a motion."),
     "forces": _Function("generalized_forces", "f", _FORCES),
@@ -64,7 +74,8 @@ def write_c(
 
     robot.h declares `robot_torques` and `robot_computed_torque` (`robot_forces` where the motors do
     not hold all coordinates), `robot_accelerations`, `robot_actuator_jacobian` and
-    `robot_assembly_step`, if the robot has them. main.c is an example.
+    `robot_assembly_step`, if the robot has them; with more motors than coordinates also
+    `robot_limited_torques`. main.c is an example.
 
     Args:
         chain: The robot.
@@ -132,7 +143,40 @@ def _functions(equations: Equations, dynamics: str, style: Style) -> Iterator[tu
         except DescriptionError as error:
             yield f"/* There is no robot_{name}: {_comment(str(error))} */\n", ""
     if dynamics == "torques":
+        if _has_surplus(mechanism):
+            yield _limited_torques(mechanism, style)
         yield _computed_torque(mechanism, style)
+
+
+def _has_surplus(mechanism: Mechanism) -> bool:
+    """Whether there are more motors than coordinates, so that torques can be chosen."""
+    return len(mechanism.motor_names) > len(mechanism.coordinates)
+
+
+def _limited_torques(mechanism: Mechanism, style: Style) -> tuple[str, str]:
+    """Declaration and definition of `compute_torques(limits=)` in C."""
+    n, motors = len(mechanism.coordinates), len(mechanism.motor_names)
+    arrays = [("q", mechanism.model.nq), ("va", n), ("aa", n), ("limits", 2 * motors)]
+    inputs = ", ".join(f"const {style.type} {x}[{size}]" for x, size in arrays)
+    head = f"int robot_limited_torques({inputs}, {style.type} tau[{motors}])"
+    units = mechanism.rate_scale[mechanism.coordinates].tolist()
+    double = style.type == "double"
+    blanks = {
+        "head": head,
+        "type": style.type,
+        "n": n,
+        "motors": motors,
+        "units": ", ".join(f"{x!r}{style.suffix}" for x in units),
+        # Where the motors at their limits leave too few, a pivot is lifted by this part.
+        "least_pivot": "1e-12" if double else "1e-6f",
+        "tolerance": "1e-11" if double else "1e-5f",
+        "halvings": 60 if double else 30,
+    }
+    meaning = (
+        "Torques within limits of a motion, for surplus motors: the smallest ones, or those\n"
+        " * nearest to them. limits: the least and the largest torque of each motor, in pairs."
+    )
+    return f"/* {meaning} */\n{head};\n", c_code.filled("export/limited_torques.c", blanks)
 
 
 def _about(mechanism: Mechanism, q: Array, dynamics: str, style: Style) -> dict[str, object]:
@@ -210,7 +254,11 @@ def _computed_torque(mechanism: Mechanism, style: Style) -> tuple[str, str]:
         "turns": ", ".join(str(int(unit == "rad")) for unit in mechanism.coordinate_rate_units),
         "turn": f"{2 * np.pi!r}{style.suffix}",
         "half": f"0.5{style.suffix}",
+        "torques": _SMALLEST,
     }
+    if _has_surplus(mechanism):
+        declared = f"{style.type} both[{2 * motors}];\n    "
+        blanks["torques"] = declared + _WITHIN.replace("COUNT", str(motors))
     meaning = (
         "Torques that follow a motion with feedback: errors e of the coordinates obey\n"
         " * e'' + kd e' + kp e = 0 for the model. x, v, a: wanted positions, rates and\n"

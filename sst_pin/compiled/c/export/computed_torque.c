@@ -11,7 +11,7 @@ ${head}
             error -= turn * (${type})(long)(error / turn + (error < 0 ? -${half} : ${half}));
         aa[i] = a[i] + kd[i] * (v[i] - va[i]) + kp[i] * error;
     }
-    const int bad = robot_torques(q, va, aa, tau);
+    ${torques}
     for (int i = 0; i < ${motors}; i++)
         tau[i] = tau[i] > limits[i] ? limits[i] : tau[i] < -limits[i] ? -limits[i] : tau[i];
     return bad;

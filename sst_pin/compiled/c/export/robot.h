@@ -17,7 +17,8 @@ enum {
     ROBOT_OPEN = 1, /* the loops are open by more than $closed */
     ROBOT_SINGULAR, /* the coordinates do not fix the motion, or the motors do not hold it, or
                      * nearly so; or the ends of a line coincide */
-    ROBOT_NOT_FINITE /* a number is not finite, or an angle beyond $angle */
+    ROBOT_NOT_FINITE, /* a number is not finite, or an angle beyond $angle */
+    ROBOT_LIMITS /* no torques within the limits make the motion; or it was not found */
 };
 
 /* Gravity, masses, inertias, friction, springs, rotors, lines; robot.c says which is which. They
