@@ -19,6 +19,8 @@ from ..summaries import listed
 FREE, BALL, SLIDE, HINGE = range(4)
 #: Flags that another flag disables too.
 _WHOLE = dict.fromkeys(("equality", "frictionloss", "limit"), "constraint")
+#: First bytes of a file that Git LFS has not fetched.
+_POINTER = b"version https://git-lfs"
 
 
 class Compiled:
@@ -55,7 +57,7 @@ class Compiled:
             raise refused from None
         folder, missing = path.parent, set[str]()
         for mesh in list(spec.meshes):
-            if mesh.file and not (folder / spec.meshdir / mesh.file).is_file():
+            if _is_missing(folder / spec.meshdir, mesh):
                 missing.add(mesh.name or Path(mesh.file).stem)
                 spec.delete(mesh)
         textures = [t for t in spec.textures if _is_missing(folder / spec.texturedir, t)]
@@ -154,8 +156,15 @@ class Compiled:
         return {int(j): float(share) for j, share in parts if share and not self.is_locked(j)}
 
 
-def _is_missing(folder: Path, texture: Any) -> bool:
-    return bool(texture.file) and not (folder / texture.file).is_file()
+def _is_missing(folder: Path, asset: Any) -> bool:
+    """Whether the file of a mesh or a texture is missing, or a pointer of Git LFS to it."""
+    if not asset.file:
+        return False
+    path = folder / asset.file
+    if not path.is_file():
+        return True
+    with path.open("rb") as file:
+        return file.read(len(_POINTER)) == _POINTER
 
 
 def _first_element(path: Path) -> str:

@@ -44,7 +44,11 @@ def forces_of_mujoco(text: str, q, v, a) -> np.ndarray:
 STATE = np.array([[0.4, -0.7], [1.0, 2.0], [0.5, -3.0]])
 
 
-def test_a_mesh_that_is_missing_is_not_needed_where_bodies_have_their_mass(tmp_path):
+@pytest.mark.parametrize("pointer", ["", "version https://git-lfs.github.com/spec/v1\n"])
+def test_a_mesh_that_is_missing_is_not_needed_where_bodies_have_their_mass(tmp_path, pointer):
+    """Missing, or not fetched by Git LFS."""
+    if pointer:
+        (tmp_path / "a.stl").write_text(pointer)
     text = mjcf(inertial=INERTIAL, assets=MESH, geoms=OF_MESH)
     chain, texts = read(text, tmp_path, actuated=["j", "k"])
     assert len(texts) == 1
