@@ -50,6 +50,7 @@ def test_intervals_of_ratios_hold_the_true_one():
     assert nothing.ratio(1) is None
 
 
+@pytest.mark.filterwarnings("ignore:.*the first moment and the inertia of the body stay")
 @pytest.mark.slow
 def test_a_log_of_an_mtm_that_is_known_is_predicted_by_physical_parameters(capsys):
     """Training and test of 12 s with friction that jumps, encoder steps and noise of 1 %."""

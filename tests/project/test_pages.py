@@ -89,7 +89,8 @@ def test_code_of_the_page_runs_and_prints_what_it_shows(name, tmp_path, monkeypa
             f"shown:\n{block.text}\nprinted:\n{printed}\n"
             f"python scripts/pages/run_pages.py {name} writes what is printed"
         )
-        assert "nan" not in printed
+        if name != "docs/reactions.md":  # there NaN is what is not unique
+            assert "nan" not in printed
 
 
 REFERENCE = {path.name: path.read_text(encoding="utf-8") for path in DOCS.glob("reference/*.md")}
