@@ -5,11 +5,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 
 from ..arrays import Array, Indices
 from ..former_names import FormerName
 from ..model.mechanism import Mechanism
 from ..model.thresholds import INDEPENDENT, RANK_TOLERANCE, RESTS
+from ..model.tree import joint_id
 from ..summaries import as_html, listed
 from .line_kinematics import LineKinematics
 from .loops import Loops
@@ -238,18 +240,42 @@ def idle_rates(mechanism: Mechanism, loops: Loops, Phi: Array) -> tuple[str, ...
     """Rates to lock, so that no passive joint of a loop moves while all others are fixed.
 
     Each such motion gives the rate with the largest part in it. For a rod between two balls this is
-    the turn about the axis that is nearest to the rod.
+    the turn about the axis that is nearest to the rod. Both balls may be joints of the tree; then
+    the second one turns back what the first one turns. `loops` are evaluated.
     """
+    idle, joints = list[int](), dict[int, list[int]]()
+    model = mechanism.model
+    for name, rates in mechanism.space.rates.items():
+        if loops.touched[:, list(rates)].any() and not np.isin(rates, mechanism.driven).any():
+            joints[joint_id(model, name)] = list(rates)
+            idle += _free_rates(Phi, list(rates))
+    for joint, turns in joints.items():
+        before = joints.get(int(model.parents[joint]), [])
+        if before and not np.isin([*before, *turns], idle).any():
+            body = _twist(mechanism, loops, joint)
+            idle += _free_rates(np.vstack([Phi, body]), [*before, *turns])
+    return tuple(mechanism.space.rate_names[k] for k in idle)
+
+
+def _free_rates(rows: Array, rates: list[int]) -> list[int]:
+    """Some of the rates, as many as there are motions of them alone, with the largest parts."""
     from scipy.linalg import qr
 
-    idle = list[int]()
-    for rates in map(list, mechanism.space.rates.values()):
-        if loops.touched[:, rates].any() and not np.isin(rates, mechanism.driven).any():
-            _, sizes, Vt = np.linalg.svd(Phi[:, rates])
-            spins = Vt[rank_of(sizes) :]
-            order = qr(spins, mode="r", pivoting=True)[1] if len(spins) else []
-            idle += sorted(rates[k] for k in order[: len(spins)])
-    return tuple(mechanism.space.rate_names[k] for k in idle)
+    _, sizes, Vt = np.linalg.svd(rows[:, rates])
+    motions = Vt[rank_of(sizes) :]
+    if not len(motions):
+        return []
+    order = qr(motions, mode="r", pivoting=True)[1]
+    return sorted(rates[k] for k in order[: len(motions)])
+
+
+def _twist(mechanism: Mechanism, loops: Loops, joint: int) -> Array:
+    """The velocity of a joint's body by the rates, free of units, shape (6, nv)."""
+    tree = loops.tree
+    where = tree.model, loops.data, tree.bodies[joint], pin.LOCAL
+    J = pin.getJointJacobian(*where).reshape(6, -1).dot(tree.S) * mechanism.rate_scale
+    J[:3] /= mechanism.length
+    return J
 
 
 def cure_of(idle: Sequence[str]) -> str:

@@ -156,3 +156,31 @@ def test_the_cure_that_messages_print_removes_the_spin_alone(rod):
     t = np.linspace(0, 1, 21)
     motion = sst_pin.coordinate_motion(cured, t, np.sin(2 * np.pi * t)[:, None])
     assert np.abs(motion.q).max() < 10
+
+
+@pytest.mark.filterwarnings("ignore:.*no configuration is named home")
+@pytest.mark.parametrize("rod", [X, SKEW], ids=str)
+def test_the_spin_of_a_rod_between_two_balls_of_the_tree_is_idle(rod):
+    """The loop is cut behind the second ball, which turns back what the first one turns."""
+
+    def slider_crank_cut_at_its_slide(locked=()):
+        model, length = pin.Model(), 0.5
+        weight = pin.Inertia.FromSphere(1.0, 0.1)
+        crank = add(model, 0, pin.JointModelRZ(), "crank", at(), weight)
+        place = at(0, 0.2, 0.1, turned=pin.Quaternion.FromTwoVectors(rod, X).matrix())
+        first = add(model, crank, pin.JointModelSpherical(), "first", place, weight)
+        end = at(*length * rod, turned=place.rotation.T)
+        second = add(model, first, pin.JointModelSpherical(), "second", end, weight)
+        mark(model, second, "slider", at())
+        mark(model, 0, "rail", at(turned=pin.Quaternion.FromTwoVectors(np.eye(3)[2], X).matrix()))
+        mark(model, second, "along", at(turned=model.frames[-1].placement.rotation))
+        closures = [Closure("rail", "along", "prismatic")]
+        return ClosedChain(model, closures, ["crank"], locked=locked)
+
+    free = slider_crank_cut_at_its_slide()
+    mobility = free.mobility()
+    assert (free.degrees_of_freedom, len(mobility.idle_joints)) == (2, 1)
+    cured = slider_crank_cut_at_its_slide(cure_in(mobility))
+    assert cured.degrees_of_freedom == 1
+    assert cured.mobility().sufficient
+    assert not cured.mobility().idle_joints
