@@ -24,6 +24,7 @@ from .arrays import (
     whole_number,
 )
 from .dynamics.derivatives import AccelerationDerivatives, TorqueDerivatives
+from .dynamics.nonsmooth_rows import NonsmoothRows
 from .dynamics.quantities import QUANTITIES, Name, Quantity
 from .dynamics.reactions import Reactions, compliances_of, unpacked
 from .dynamics.reference import Reference
@@ -100,6 +101,9 @@ class Kernels(Protocol):
 
     def states(self, friction: Friction) -> States:
         """The state space with this friction instead of the mechanism's."""
+
+    def nonsmooth(self, rows: NonsmoothRows, loaded: bool) -> Any:
+        """Steps with stops, friction and contacts; None if they cannot be compiled."""
 
 
 class Robot(Protocol):

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from .. import engine
 from ..arrays import Array
+from ..dynamics.nonsmooth_rows import NonsmoothRows
 from ..dynamics.quantities import QUANTITIES, Name, Quantity
 from ..dynamics.reference import Reference
 from ..dynamics.regressor import with_springs
@@ -31,6 +32,7 @@ from .compiler import LONG, SINGLE, TARGETS
 from .extension import binding
 from .generator_inputs import fingerprint, sample_configurations
 from .libraries import Code
+from .nonsmooth_motions import NonsmoothCode
 from .open_numbers import OpenNumbers
 
 if TYPE_CHECKING:
@@ -102,6 +104,7 @@ class CompiledBackend:
         self._equations: dict[tuple[bool, bool, bool], Equations] = {}
         self._codes: dict[Quantity, list[Code]] = {}
         self._why: dict[Quantity, str] = {}
+        self._nonsmooth: dict[bool, NonsmoothCode | None] = {}
         self._lock = threading.RLock()
         self._stopped = False  # whether `make` failed: other threads then stop
 
@@ -180,6 +183,42 @@ class CompiledBackend:
         derivatives = Quantity("acceleration_derivatives", sign_width=friction.sign_width)
         slopes = partial(self.kernel, derivatives)
         return CompiledStates(self._reference, friction, closing, slopes, rate, course, columns)
+
+    def nonsmooth(self, rows: NonsmoothRows, loaded: bool) -> NonsmoothCode | None:
+        """Compiled steps with stops, friction and contacts; None if they cannot be compiled."""
+        if loaded not in self._nonsmooth:
+            try:
+                if problem := impossible(self._mechanism, "accelerations"):
+                    raise CompilationError(problem)
+                best = self._binding.INSTRUCTIONS
+                self._nonsmooth[loaded] = NonsmoothCode(
+                    self._mechanism,
+                    self._parameters,
+                    self._nonsmooth_code(rows, loaded, SINGLE[best]),
+                    self._nonsmooth_code(rows, loaded, best),
+                    TARGETS[best][0],
+                )
+            except SSTError as error:
+                self._nonsmooth[loaded] = None
+                self._why[Quantity("rollout", loaded=loaded)] = str(error)
+        return self._nonsmooth[loaded]
+
+    def _nonsmooth_code(self, rows: NonsmoothRows, loaded: bool, target: str) -> Code:
+        """Code from the cache, or compiled now."""
+        key = Quantity("rollout", loaded=loaded)
+        content = fingerprint(self._mechanism, self._parameters, self._near, rows=rows)
+
+        def source() -> list[str]:
+            try:
+                from . import nonsmooth_c
+            except ImportError:
+                raise MissingExtraError("casadi", "compile") from None
+            with self._lock:
+                lanes = TARGETS[target][0]
+                return nonsmooth_c.library("nonsmooth", self._equations_of(key), rows, lanes)
+
+        name = f"nonsmooth{'_loaded' if loaded else ''}"
+        return Code(libraries.load(self._robot, name, content, target, source), "nonsmooth")
 
     # --- inside -----------------------------------------------------------------------------
 

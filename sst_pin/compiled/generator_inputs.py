@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array
+from ..dynamics.nonsmooth_rows import NonsmoothRows
 from ..dynamics.reference import Reference
 from ..errors import ClosureError, SingularConfigurationError
 from ..loops.coordinates import examples
@@ -47,9 +48,13 @@ def sample_configurations(reference: Reference, near: Array | None = None) -> Ar
 
 
 def fingerprint(
-    mechanism: Mechanism, parameters: OpenNumbers, near: Array | None, frame: str | None = None
+    mechanism: Mechanism,
+    parameters: OpenNumbers,
+    near: Array | None,
+    frame: str | None = None,
+    rows: NonsmoothRows | None = None,
 ) -> bytes:
-    """All that the kernels of a mechanism, or of one of its frames, are generated from.
+    """All that the kernels of a mechanism, of one of its frames, or of its rows, are made from.
 
     Closures and lines name joints and frames, so the fingerprint has the properties of these.
     """
@@ -57,6 +62,16 @@ def fingerprint(
     cables = mechanism.lines.pull_only.any()
     named = {name for names in map(frames_of, mechanism.closures) for name in names}
     named.update(*lines, () if frame is None else (frame,))
+    nonsmooth: tuple[Any, ...] = ()
+    if rows is not None:
+        contacts = mechanism.contacts
+        points = [(x.frame, x.ground) for x in contacts.points]
+        ropes = [(x.frame_a, x.frame_b) for x in contacts.ropes]
+        radii = [x.radius for x in contacts.points]
+        stops = [(x.rate, x.position, x.side) for x in rows.stops]
+        nonsmooth = points, ropes, radii, stops, rows.dry, rows.cables
+        for ends in (*points, *ropes):
+            named.update(ends)
     frames = {name: frame_named(model, name) for name in sorted(named)}
     near = mechanism.example if near is None else near
     parts = (
@@ -69,6 +84,7 @@ def fingerprint(
         (vars(parameters), mechanism.length),
         [x.lever for i, x in enumerate(model.inertias) if i not in parameters.bodies],
         (frame, near if near is None else near.round(6) + 0.0),
+        *nonsmooth,
     )
     return _exact(parts).encode()
 

@@ -15,6 +15,13 @@ from ..errors import InputError
 from ..model.mechanism import Mechanism
 from .impulses import DRY, NORMAL, SIDE, STOP
 
+#: Largest correction that closes the loops after a step, relative to the step: it is of second
+#: order in the step.
+LARGEST_BEND = 0.25
+#: Contacts, ropes and stops may be violated by this part of the robot's length, or this angle, at
+#: the start: the first step corrects it with a speed of this per step.
+_VIOLATED = 1e-3
+
 
 class Stop(NamedTuple):
     """An end of the range of a joint."""
@@ -114,6 +121,15 @@ class NonsmoothRows:
         """Restitution of each contact, shape (contacts,)."""
         return np.array([x.restitution for x in self.mechanism.contacts.points])
 
+    @cached_property
+    def least_gaps(self) -> Array:
+        """The least gaps of contacts, ropes and stops that a motion can start with."""
+        mechanism = self.mechanism
+        of_lengths = len(mechanism.contacts.points) + len(mechanism.contacts.ropes)
+        units = [mechanism.length] * of_lengths
+        units += [float(mechanism.rate_scale[stop.rate]) for stop in self.stops]
+        return -_VIOLATED * np.array(units)
+
     def stop_gaps(self, q: Array) -> Array:
         """How far each stop is away, shape (stops,)."""
         return np.array([x.side * (q[x.position] - x.limit) for x in self.stops])
@@ -124,11 +140,12 @@ class NonsmoothRows:
         displacement = pin.difference(model, pin.neutral(model), q)
         return displacement @ self.mechanism.motors + lengths @ self.mechanism.lines.motors
 
-    def forces_on_joints(self, x: Array) -> Array:
-        """Forces of stops and dry friction along the rates, shape (nv,), from those of rows."""
+    @cached_property
+    def on_joints(self) -> Array:
+        """Which impulses of stops and dry friction act on which rates, 1 or -1, shape (m, nv)."""
         _, _, _, stops, dry = self.parts
-        forces = np.zeros(self.mechanism.model.nv)
-        for stop, force in zip(self.stops, x[stops], strict=True):
-            forces[stop.rate] += stop.side * force
-        forces[self.dry] += x[dry]
-        return forces
+        matrix = np.zeros((dry.stop, self.mechanism.model.nv))
+        for k, stop in enumerate(self.stops, stops.start):
+            matrix[k, stop.rate] = stop.side
+        matrix[range(dry.start, dry.stop), self.dry] = 1
+        return matrix

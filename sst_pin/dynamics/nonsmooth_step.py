@@ -9,11 +9,12 @@ gains of motors are taken at the end of the step:
 `impulses` changes these rates, and Newton's method closes the loops at their end.
 """
 
+from __future__ import annotations
+
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
 from ..arrays import Array
 from ..loops.loops import Loops
@@ -56,6 +57,46 @@ class Step(NamedTuple):
     v: Array
     x: Array
     residual: float
+
+
+class NonsmoothArrays(NamedTuple):
+    """Arguments and results of N motions side by side.
+
+    Attributes:
+        dt: Step, [s].
+        tau: Torques, shape (N, steps, motors).
+        positions: Positions that the gains hold, shape (N, steps, motors).
+        load: Constant external wrenches, shape (N, r, 6), or None.
+        q: Configurations, shape (N, steps + 1, nq); the first are the starts, the others results.
+        va: Rates of the coordinates, shape (N, steps + 1, n), likewise.
+        forces: Forces of the rows to fill, shape (N, steps, m).
+        residual: To fill, shape (N, steps).
+        impulses: Impulses of the step before, shape (N, m); of the last step afterwards.
+    """
+
+    dt: float
+    tau: Array
+    positions: Array
+    load: Array | None
+    q: Array
+    va: Array
+    forces: Array
+    residual: Array
+    impulses: Array
+
+    def part(self, motions: slice, first: int = 0) -> NonsmoothArrays:
+        """Some of the motions, from step `first` on."""
+        return NonsmoothArrays(
+            self.dt,
+            self.tau[motions, first:],
+            self.positions[motions, first:],
+            None if self.load is None else self.load[motions],
+            self.q[motions, first:],
+            self.va[motions, first:],
+            self.forces[motions, first:],
+            self.residual[motions, first:],
+            self.impulses[motions],
+        )
 
 
 class NonsmoothStep:
@@ -149,7 +190,7 @@ class NonsmoothStep:
         x[of_cables] += h * pulls
 
         v = L @ after
-        ahead = pin.integrate(mechanism.model, q, h * v)
+        ahead = mechanism.space.normalised(q + h * mechanism.space.coordinate_rates(q, v))
         end = context.without_slip.assemble(ahead, mechanism.dependent)
         return Step(end, after, v, x, residual)
 

@@ -25,19 +25,16 @@ from ..arrays import (
     whole_number,
 )
 from ..dynamics.impulses import SOLVED
-from ..dynamics.nonsmooth_rows import MotorGains, NonsmoothRows
-from ..dynamics.nonsmooth_step import Forces, NonsmoothStep, Step
+from ..dynamics.nonsmooth_rows import LARGEST_BEND, MotorGains, NonsmoothRows
+from ..dynamics.nonsmooth_step import Forces, NonsmoothArrays, NonsmoothStep, Step
 from ..dynamics.quantities import Quantity
 from ..dynamics.reference import Reference
 from ..engine import Engine
 from ..errors import InputError, SimulationError, SSTError
-from ..model.thresholds import BEND, CLOSURE_TOLERANCE, MAX_CONDITION_NUMBER
+from ..model.thresholds import CLOSURE_TOLERANCE, MAX_CONDITION_NUMBER
 from ..progress import counted
 from ..states import States
 
-#: Contacts, ropes and stops may be violated by this part of the robot's length, or this angle, at
-#: the start: the first step corrects it with a speed of this per step.
-_VIOLATED = 1e-3
 #: Condition number of the dependent joints above which better coordinates are searched.
 _POOR = 10.0
 #: Codes of steps in `NonsmoothRollout.status`.
@@ -75,34 +72,6 @@ class NonsmoothRollout(NamedTuple):
     joint_forces: Array
     residual: Array
     status: Indices
-
-
-class NonsmoothArrays(NamedTuple):
-    """Arguments and results of N motions.
-
-    Attributes:
-        dt: Step, [s].
-        q0: Starts, shape (N, nq).
-        va0: Rates at the starts, shape (N, n).
-        tau: Torques, shape (N, steps, motors).
-        positions: Positions that the gains hold, shape (N, steps, motors).
-        load: Constant external wrenches, shape (N, r, 6), or None.
-        q: Configurations to fill, shape (N, steps + 1, nq).
-        va: Rates to fill, shape (N, steps + 1, n).
-        forces: Forces of the rows to fill, shape (N, steps, m).
-        residual: To fill, shape (N, steps).
-    """
-
-    dt: float
-    q0: Array
-    va0: Array
-    tau: Array
-    positions: Array
-    load: Array | None
-    q: Array
-    va: Array
-    forces: Array
-    residual: Array
 
 
 def nonsmooth_rollout(
@@ -147,19 +116,19 @@ def nonsmooth_rollout(
     targets = np.broadcast_to(targets, (*targets.shape[:-2], count, motors))
     batch, flat = flattened((start, rates, torques, targets, wrenches), (1, 1, 2, 2, 2))
     samples, size = math.prod(batch), len(rows.kinds)
-    q_0, va_0, tau_0, held_positions = (np.require(x, float) for x in flat[:4])
+    q_0, va_0, tau_0, held_positions = (np.require(x, float, "C") for x in flat[:4])
     arrays = NonsmoothArrays(
         h,
-        q_0,
-        va_0,
         tau_0,
         held_positions,
-        load=flat[4],
+        load=None if flat[4] is None else np.require(flat[4], float, "C"),
         q=np.full((samples, count + 1, nq), np.nan),
         va=np.full((samples, count + 1, n), np.nan),
         forces=np.full((samples, count, size), np.nan),
         residual=np.full((samples, count), np.nan),
+        impulses=np.zeros((samples, size)),
     )
+    arrays.q[:, 0], arrays.va[:, 0] = q_0, va_0
     reached, stopped = _run(engine, rows, arrays, threads)
     if stopped and on_error == "raise":
         first = min(stopped)
@@ -192,15 +161,30 @@ def _run(
     engine: Engine, rows: NonsmoothRows, arrays: NonsmoothArrays, threads: int
 ) -> tuple[Indices, dict[int, SSTError]]:
     """Fill the results; numbers of steps made, and why motions ended early."""
-    reached, stopped = np.zeros(len(arrays.q), dtype=np.intp), dict[int, SSTError]()
-    reference = _ReferenceMotion(engine, rows)
-    for i in counted(range(len(arrays.q)), "rollout", len(arrays.q)):
+    motions, steps = len(arrays.q), arrays.forces.shape[1]
+    reached, stopped = np.zeros(motions, dtype=np.intp), dict[int, SSTError]()
+    reference, kernels = _ReferenceMotion(engine, rows), engine.kernels
+    code = None if kernels is None else kernels.nonsmooth(rows, arrays.load is not None)
+    if code is not None:
+        reached[:] = code.run(rows, arrays, threads)
+    for i in map(int, np.flatnonzero(reached == 0)):
         try:
-            reference.require_start(arrays.q0[i], arrays.va0[i])
-            reached[i] = reference.run(arrays, i)
+            reference.require_start(arrays.q[i, 0], arrays.va[i, 0])
         except SSTError as error:
             stopped[i] = error
-            reached[i] = max(0, int(np.isfinite(arrays.q[i, :, 0]).sum()) - 1)
+    for i in counted(range(motions), "rollout", motions):
+        while reached[i] < steps and i not in stopped:
+            try:
+                reached[i] = reference.run(arrays, i, int(reached[i]), 1 if code else steps)
+            except SSTError as error:
+                stopped[i] = error
+                reached[i] = reference.done
+            if code is not None and reached[i] < steps and i not in stopped:
+                rest = arrays.part(slice(i, i + 1), int(reached[i]))
+                reached[i] += int(code.run(rows, rest, 1)[0])
+    for i in range(motions):
+        arrays.q[i, reached[i] + 1 :], arrays.va[i, reached[i] + 1 :] = np.nan, np.nan
+        arrays.forces[i, reached[i] :], arrays.residual[i, reached[i] :] = np.nan, np.nan
     return reached, stopped
 
 
@@ -220,11 +204,7 @@ class _ReferenceMotion:
         names = [f"contact {x}" for x in mechanism.contacts.points]
         names += [f"rope {x}" for x in mechanism.contacts.ropes]
         names += [f"the range of {mechanism.space.rate_names[x.rate]}" for x in rows.stops]
-        lengths = np.full(
-            len(mechanism.contacts.points + mechanism.contacts.ropes), mechanism.length
-        )
-        units = [mechanism.rate_scale[x.rate] for x in rows.stops]
-        over = gaps < -_VIOLATED * np.concatenate([lengths, units])
+        over = gaps < rows.least_gaps
         if over.any():
             k = int(np.flatnonzero(over)[0])
             problem = f"{names[k]} is violated by {-gaps[k]:.3g} (m or rad); start on its free side"
@@ -241,24 +221,30 @@ class _ReferenceMotion:
         return self._steps[key]
 
     @np.errstate(over="ignore", invalid="ignore")  # a motion that diverges ends
-    def run(self, arrays: NonsmoothArrays, i: int) -> int:
-        """Fill motion i; the number of steps."""
+    def run(self, arrays: NonsmoothArrays, i: int, first: int, most: int) -> int:
+        """Fill at least `most` steps of motion i from step `first` on; the number of steps.
+
+        It goes on until the robot's coordinates describe the motion well. `done` is the number of
+        steps if it raises an error.
+        """
         q, va, h = arrays.q[i], arrays.va[i], arrays.dt
-        q[0], va[0] = arrays.q0[i], arrays.va0[i]
         load = None if arrays.load is None else arrays.load[i]
-        states, rates, x = self._states, va[0], np.zeros(len(self._rows.kinds))
-        v = states.joint_rates(q[0], rates)
-        for s in range(len(q) - 1):
+        states, rates, x = self._states, va[first], arrays.impulses[i]
+        v, self.done = states.joint_rates(q[first], rates), first
+        for s in range(first, len(q) - 1):
             suited, _ = self._states.suited(q[s], _POOR)
             if suited is not states:
                 states, rates = suited, v[suited.coordinates]
+            if s - first >= most and states is self._states:
+                break
             forces = Forces(arrays.tau[i, s], arrays.positions[i, s], load)
             step = self._step_of(states).step(q[s], rates, forces, h, x)
             self._require_regular(states, q[s], step, h)
             v, rates, x = states.joint_rates(step.q, step.va), step.va, step.x
             q[s + 1], va[s + 1] = step.q, v[self._states.coordinates]
             arrays.forces[i, s], arrays.residual[i, s] = x / h, step.residual
-        return len(q) - 1
+            arrays.impulses[i], self.done = x, s + 1
+        return self.done
 
     def _require_regular(self, states: States, q: Array, step: Step, h: float) -> None:
         """Refuse steps that diverge, change the assembly mode, or are too long for the loops."""
@@ -268,7 +254,7 @@ class _ReferenceMotion:
         way = pin.difference(model, q, step.q)
         correction = float(np.abs((way - h * step.v) / units).max())
         length = float(np.abs(h * step.v / units).max())
-        if correction > BEND * length + max(length**2, CLOSURE_TOLERANCE):
+        if correction > LARGEST_BEND * length + CLOSURE_TOLERANCE:
             raise SimulationError("the step is too long for the curvature of the motion", 0.0)
 
         def path(start: Array, low: float, high: float) -> Array:
@@ -286,7 +272,7 @@ def _results(
     points, ropes, cables, _, _ = rows.parts
     forces = arrays.forces.reshape(*batch, count, -1)
     on_contacts = forces[..., points].reshape(*batch, count, len(mechanism.contacts.points), 3)
-    on_joints = np.apply_along_axis(rows.forces_on_joints, -1, forces)
+    on_joints = forces @ rows.on_joints
     status = np.where(arrays.residual <= SOLVED, SOLVED_STEP, NOT_SOLVED)
     status[np.arange(count) >= reached[:, None]] = NOT_REACHED
     if (bad := status == NOT_SOLVED).any():

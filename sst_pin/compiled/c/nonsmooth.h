@@ -1,0 +1,655 @@
+/* SPDX-License-Identifier: BSD-2-Clause */
+/* Impulses of stops, dry friction, ropes, cables and contacts in one step, as dynamics/impulses.py
+ * and dynamics/nonsmooth_step.py compute them; those files say why. Matrices are row-major. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define FAST static __attribute__((optimize("O3", "associative-math", "no-signed-zeros"), unused))
+enum { STOP, DRY, SIDE, NORMAL };
+#define SOLVED 1e-9
+#define ROUNDING 1e-12
+#define SWEEPS 10
+#define STEPS 20
+#define SERIES 30
+#define REFINED 6
+#define LARGEST 1e3
+/* Steps of Newton's method from the impulses of the step before, without sweeps. */
+#define WARM_STEPS 6
+/* Pivots of the inertia below this part of their diagonal entries are rounding. */
+#define LEAST_PIVOT 1e-12
+
+/* The rows of a robot; the numbers are those of nonsmooth_kernel.Layout. */
+typedef struct {
+    int n, q, load, motors, m, contacts, ropes, cables, stops, dry, implicit;
+    int at_inertia, at_forces, at_gaps, at_lengths, at_positions, at_entries, outputs, checks;
+    const int *row_start, *row_column, *impulse_row, *impulse_sign, *implicit_row, *stop_position;
+} rows_of_robot;
+
+/* A problem x = P(x - w), w = A x + u, with the diagonal of A at most 1. */
+typedef struct {
+    int m;
+    const double *A, *u, *bounds;
+    const int *kinds;
+    double *w, *F, *y, *dx, *D, *right, *row; /* workspace: m each, D m * m */
+    int *inside;
+} problem;
+
+FAST void add_multiple(double *restrict y, double a, const double *restrict x, int n)
+{
+    for (int i = 0; i < n; i++)
+        y[i] += a * x[i];
+}
+
+FAST double length_of(double a, double b)
+{
+    return sqrt(a * a + b * b);
+}
+
+/* A = U^T U in place, upper triangle; false if a pivot is too small. */
+FAST int factorize(double *A, int n)
+{
+    double least[n];
+    for (int k = 0; k < n; k++)
+        least[k] = LEAST_PIVOT * A[k * n + k];
+    for (int k = 0; k < n; k++) {
+        double *row = A + k * n;
+        if (!(row[k] > least[k]))
+            return 0;
+        const double inverse = 1 / sqrt(row[k]);
+        for (int j = k; j < n; j++)
+            row[j] *= inverse;
+        for (int i = k + 1; i < n; i++)
+            if (row[i] != 0)
+                add_multiple(A + i * n + i, -row[i], row + i, n - i);
+    }
+    return 1;
+}
+
+/* U^T z = b, in place, for m right sides side by side. */
+FAST void solve_transposed(const double *U, double *b, int n, int m)
+{
+    for (int k = 0; k < n; k++) {
+        const double inverse = 1 / U[k * n + k];
+        for (int j = 0; j < m; j++)
+            b[k * m + j] *= inverse;
+        for (int i = k + 1; i < n; i++)
+            if (U[k * n + i] != 0)
+                add_multiple(b + i * m, -U[k * n + i], b + k * m, m);
+    }
+}
+
+/* U x = b, in place. */
+FAST void solve_upper(const double *U, double *b, int n)
+{
+    for (int k = n - 1; k >= 0; k--) {
+        double sum = b[k];
+        for (int j = k + 1; j < n; j++)
+            sum -= U[k * n + j] * b[j];
+        b[k] = sum / U[k * n + k];
+    }
+}
+
+/* D x = right by elimination with pivots, in place; false if a pivot is zero. */
+FAST int solve_general(double *D, double *right, int n)
+{
+    for (int k = 0; k < n; k++) {
+        int largest = k;
+        for (int i = k + 1; i < n; i++)
+            if (fabs(D[i * n + k]) > fabs(D[largest * n + k]))
+                largest = i;
+        if (!(fabs(D[largest * n + k]) > 0))
+            return 0;
+        if (largest != k) {
+            for (int j = k; j < n; j++) {
+                const double kept = D[k * n + j];
+                D[k * n + j] = D[largest * n + j];
+                D[largest * n + j] = kept;
+            }
+            const double kept = right[k];
+            right[k] = right[largest];
+            right[largest] = kept;
+        }
+        const double inverse = 1 / D[k * n + k];
+        for (int i = k + 1; i < n; i++) {
+            const double factor = D[i * n + k] * inverse;
+            if (factor != 0) {
+                add_multiple(D + i * n + k, -factor, D + k * n + k, n - k);
+                right[i] -= factor * right[k];
+            }
+        }
+    }
+    solve_upper(D, right, n);
+    return 1;
+}
+
+/* w = A x + u, F = x - P(x - w), and the largest |F| relative to the impulses. */
+FAST double residual_at(problem *p, const double *x)
+{
+    const int m = p->m;
+    double largest = 0, size = 0, rates = 0;
+    memcpy(p->w, p->u, m * sizeof(double));
+    for (int i = 0; i < m; i++)
+        if (x[i] != 0)
+            add_multiple(p->w, x[i], p->A + i * m, m);
+    for (int i = 0; i < m; i++)
+        p->y[i] = x[i] - p->w[i];
+    for (int i = 0; i < m; i++) {
+        const double y = p->y[i], bound = p->bounds[i];
+        if (p->kinds[i] == STOP)
+            p->F[i] = x[i] - (y > 0 ? y : 0);
+        else if (p->kinds[i] == DRY)
+            p->F[i] = x[i] - (y > bound ? bound : y < -bound ? -bound : y);
+        else if (p->kinds[i] == NORMAL) {
+            const double normal = y > 0 ? y : 0, most = bound * normal;
+            const double side = length_of(p->y[i - 2], p->y[i - 1]);
+            const double factor = side > most ? most / side : 1;
+            p->F[i] = x[i] - normal;
+            p->F[i - 1] = x[i - 1] - factor * p->y[i - 1];
+            p->F[i - 2] = x[i - 2] - factor * p->y[i - 2];
+        }
+    }
+    for (int i = 0; i < m; i++) {
+        largest = fabs(p->F[i]) > largest || isnan(p->F[i]) ? fabs(p->F[i]) : largest;
+        size = fabs(x[i]) > size ? fabs(x[i]) : size;
+        rates = fabs(p->u[i]) > rates ? fabs(p->u[i]) : rates;
+    }
+    size = size < LARGEST * rates ? size : LARGEST * rates;
+    return largest == 0 ? 0 : largest / size;
+}
+
+/* One step of Newton's method on F, from x and what `residual_at` left; false if it fails. */
+FAST int newton_step(problem *p, double *x, double proximal)
+{
+    const int m = p->m;
+    int k = 0, slides = 0;
+    for (int i = 0; i < m; i++) {
+        const double y = p->y[i];
+        p->inside[i] = 0;
+        if (p->kinds[i] == STOP)
+            p->inside[i] = y > 0;
+        else if (p->kinds[i] == DRY)
+            p->inside[i] = fabs(y) <= p->bounds[i];
+        else if (p->kinds[i] == NORMAL && y > 0) {
+            const int slips = length_of(p->y[i - 2], p->y[i - 1]) > p->bounds[i] * y;
+            p->inside[i] = 1;
+            p->inside[i - 1] = p->inside[i - 2] = 1 + slips;
+            slides |= slips;
+        }
+        p->dx[i] = -p->F[i];
+    }
+    for (int i = 0; i < m; i++)
+        k += p->inside[i] > 0;
+    int at = 0;
+    for (int i = 0; i < m; i++) {
+        if (!p->inside[i])
+            continue;
+        double *row = p->row;
+        memcpy(row, p->A + i * m, m * sizeof(double));
+        row[i] += proximal;
+        if (p->inside[i] == 2) {
+            const int normal = p->kinds[i + 1] == NORMAL ? i + 1 : i + 2, first = normal - 2;
+            const double a = p->y[first], b = p->y[first + 1], side = length_of(a, b);
+            const double way[2] = {a / side, b / side};
+            const double mu = p->bounds[normal], share = mu * p->y[normal] / side;
+            memset(row, 0, m * sizeof(double));
+            row[i] = 1;
+            for (int c = 0; c < 3; c++) {
+                double slope = mu * way[i - first];
+                if (c < 2)
+                    slope = share * ((c == i - first) - way[i - first] * way[c]);
+                add_multiple(row, slope, p->A + (first + c) * m, m);
+                row[first + c] -= slope * (1 - proximal);
+            }
+        }
+        double right = -p->F[i];
+        int column = 0;
+        for (int j = 0; j < m; j++) {
+            if (p->inside[j])
+                p->D[at * k + column++] = row[j];
+            else
+                right -= row[j] * p->dx[j];
+        }
+        p->right[at++] = right;
+    }
+    if (slides) {
+        if (!solve_general(p->D, p->right, k))
+            return 0;
+    } else {
+        if (!factorize(p->D, k))
+            return 0;
+        solve_transposed(p->D, p->right, k, 1);
+        solve_upper(p->D, p->right, k);
+    }
+    at = 0;
+    for (int i = 0; i < m; i++) {
+        x[i] += p->inside[i] ? p->right[at++] : p->dx[i];
+        if (!isfinite(x[i]))
+            return 0;
+    }
+    return 1;
+}
+
+/* The best of some steps of Newton's method from x, in `best`; its residual. */
+FAST double newton(problem *p, double *x, double *best, double proximal, int steps)
+{
+    double least = INFINITY;
+    for (int step = 0; step < steps; step++) {
+        const double error = residual_at(p, x);
+        if (!(error < least) && least < SOLVED)
+            break;
+        if (error < least) {
+            least = error;
+            memcpy(best, x, p->m * sizeof(double));
+        }
+        if (least < ROUNDING || !newton_step(p, x, proximal))
+            break;
+    }
+    return least;
+}
+
+/* One sweep of projected Gauss-Seidel; p->w is A x + u before and after. */
+FAST void sweep(problem *p, double *x)
+{
+    const int m = p->m;
+    for (int i = 0; i < m; i++) {
+        const double *row = p->A + i * m;
+        if (p->kinds[i] == SIDE)
+            continue;
+        double new = x[i] - p->w[i] / row[i], change;
+        if (p->kinds[i] == DRY)
+            new = new > p->bounds[i] ? p->bounds[i] : new < -p->bounds[i] ? -p->bounds[i] : new;
+        else
+            new = new > 0 ? new : 0;
+        if ((change = new - x[i]) != 0) {
+            x[i] = new;
+            add_multiple(p->w, change, row, m);
+        }
+        if (p->kinds[i] == NORMAL) {
+            const int a = i - 2, b = i - 1;
+            const double trace = p->A[a * m + a] + p->A[b * m + b], most = p->bounds[i] * x[i];
+            double sides[2] = {0, 0};
+            if (trace > 0) {
+                sides[0] = x[a] - p->w[a] / trace;
+                sides[1] = x[b] - p->w[b] / trace;
+                const double size = length_of(sides[0], sides[1]);
+                const double factor = size > most ? most / size : 1;
+                sides[0] *= factor;
+                sides[1] *= factor;
+            }
+            for (int c = 0; c < 2; c++)
+                if ((change = sides[c] - x[a + c]) != 0) {
+                    x[a + c] = sides[c];
+                    add_multiple(p->w, change, p->A + (a + c) * m, m);
+                }
+        }
+    }
+}
+
+/* The solution near x, in x, and its residual. `swept` and `near` are workspace. */
+FAST double solve_rows(problem *p, double *x, double *swept, double *near, double *best)
+{
+    static const double proximal[] = {1e-6, 1e-3, 1e-5, 1e-2};
+    const size_t size = p->m * sizeof(double);
+    memcpy(swept, x, size);
+    double least = newton(p, x, best, proximal[0], WARM_STEPS);
+    for (int series = 0; series < SERIES; series++) {
+        if (least < ROUNDING || (least < SOLVED && series >= REFINED))
+            break;
+        const int alone = series % 3 == 0;
+        memcpy(x, alone ? swept : best, size);
+        residual_at(p, x);
+        for (int k = 0; k < (alone ? SWEEPS * (1 + series) : SWEEPS); k++)
+            sweep(p, x);
+        if (alone)
+            memcpy(swept, x, size);
+        const double error = newton(p, x, near, proximal[series % 4], STEPS);
+        if (error < least) {
+            least = error;
+            memcpy(best, near, size);
+        }
+    }
+    memcpy(x, best, size);
+    return least;
+}
+
+/* Numbers of doubles and integers of the workspace of `nonsmooth_step`. */
+#define WORKSPACE(n, m) ((n) * (n) + 2 * (n) + (n) * (m) + 2 * (m) * (m) + 16 * (m) + 8)
+
+/* One step: rates `va` become those at its end, `x` the impulses, from those of the step before.
+ * y are the terms at q. False if the inertia is not positive definite or a number is not finite. */
+FAST int nonsmooth_step(const rows_of_robot *f, const double *y, const double *q, double *va,
+    const double *tau, const double *held, double h, const double *numbers, double *x,
+    double *residual, double *work, int *flags)
+{
+    const int n = f->n, m = f->m, c = f->contacts, gaps = c + f->ropes, k = f->cables;
+    const double *friction = numbers, *restitution = friction + c, *offsets = restitution + c;
+    const double *line_k = offsets + gaps, *rest = line_k + k, *line_d = rest + k;
+    const double *preload = line_d + k, *on_cables = preload + k;
+    const double *limits = on_cables + k * f->motors, *coulomb = limits + f->stops;
+    const double *damping = coulomb + f->dry, *stiffness = damping + f->implicit;
+    const int first_motor = f->implicit - f->motors;
+    const double *entries = y + f->at_entries;
+    double *A = work, *free = A + n * n, *change = free + n, *Z = change + n, *G = Z + n * m;
+    double *D = G + m * m, *bias = D + m * m, *compliance = bias + m, *bounds = compliance + m;
+    double *vectors = bounds + m;
+    int *acting = flags, *index = flags + m, *kinds = flags + 2 * m, *inside = flags + 3 * m;
+    double effort[f->motors + 1];
+
+    /* the inertia, with damping and stiffness at the end of the step */
+    for (int i = 0, at = f->at_inertia; i < n; i++)
+        for (int j = i; j < n; j++)
+            A[i * n + j] = y[at++];
+    for (int i = 0; i < n; i++)
+        free[i] = h * y[f->at_forces + i];
+    for (int i = 0; i < n; i++) {
+        free[i] += A[i * n + i] * va[i];
+        for (int j = i + 1; j < n; j++) {
+            free[i] += A[i * n + j] * va[j];
+            free[j] += A[i * n + j] * va[i];
+        }
+    }
+    for (int i = 0; i < f->motors; i++)
+        effort[i] = tau[i] - stiffness[first_motor + i] * (y[f->at_positions + i] - held[i]);
+    for (int i = 0; i < f->implicit; i++) {
+        const int row = f->implicit_row[i], begin = f->row_start[row], end = f->row_start[row + 1];
+        const double factor = h * damping[i] + h * h * stiffness[i];
+        for (int a = begin; a < end; a++) {
+            if (i >= first_motor)
+                free[f->row_column[a]] += h * effort[i - first_motor] * entries[a];
+            if (factor != 0)
+                for (int b = a; b < end; b++)
+                    A[f->row_column[a] * n + f->row_column[b]] += factor * entries[a] * entries[b];
+        }
+    }
+
+    /* cables: w = J va + bias + compliance x; one of constant tension is a force */
+    for (int i = 0; i < m; i++) {
+        acting[i] = 0;
+        bias[i] = compliance[i] = bounds[i] = 0;
+    }
+    const int first_cable = 3 * c + f->ropes, first_stop = first_cable + k;
+    for (int i = 0; i < k; i++) {
+        const double length = y[f->at_lengths + i], *share = on_cables + i * f->motors;
+        double tension = preload[i] + line_k[i] * (length - rest[i]);
+        double hard = line_k[i], soft = line_d[i];
+        for (int j = 0; j < f->motors; j++) {
+            tension -= share[j] * effort[j];
+            hard += share[j] * share[j] * stiffness[first_motor + j];
+            soft += share[j] * share[j] * damping[first_motor + j];
+        }
+        const int at = first_cable + i, row = f->impulse_row[at];
+        if (hard + soft > 0) {
+            bias[at] = -tension / (soft + h * hard);
+            compliance[at] = 1 / (h * (soft + h * hard));
+            continue;
+        }
+        acting[at] = -1; /* never acts as a row */
+        bounds[at] = tension > 0 ? h * tension : 0;
+        for (int a = f->row_start[row]; a < f->row_start[row + 1]; a++)
+            free[f->row_column[a]] += bounds[at] * entries[a];
+    }
+    if (!factorize(A, n))
+        return 0;
+    solve_transposed(A, free, n, 1);
+    solve_upper(A, free, n);
+
+#define RATE(v, i) ({ \
+    const int row_ = f->impulse_row[i]; \
+    double sum_ = 0; \
+    for (int a_ = f->row_start[row_]; a_ < f->row_start[row_ + 1]; a_++) \
+        sum_ += entries[a_] * v[f->row_column[a_]]; \
+    f->impulse_sign[i] * sum_; })
+    for (int i = 0; i < c; i++) {
+        const int at = 3 * i + 2;
+        const double gap = y[f->at_gaps + i] - offsets[i];
+        bias[at] = gap / h;
+        bounds[at] = friction[i];
+        if (restitution[i] > 0) {
+            const double before = RATE(va, at), ahead = RATE(free, at);
+            if (before < 0 && gap + h * (before < ahead ? before : ahead) <= 0)
+                bias[at] = restitution[i] * before;
+        }
+    }
+    for (int i = 0; i < f->ropes; i++)
+        bias[3 * c + i] = (y[f->at_gaps + c + i] - offsets[c + i]) / h;
+    for (int i = 0; i < f->stops; i++)
+        bias[first_stop + i] = f->impulse_sign[first_stop + i]
+            * (q[f->stop_position[i]] - limits[i]) / h;
+    for (int i = 0; i < f->dry; i++) {
+        const int at = first_stop + f->stops + i;
+        bounds[at] = h * coulomb[i];
+        acting[at] = bounds[at] > 0 ? 1 : -1;
+    }
+
+    /* rows that act, until the others are not violated */
+    const double *rates = free;
+    double worst = 0;
+    for (;;) {
+        int more = 0, count = 0;
+        for (int i = 0; i < first_stop + f->stops; i++) {
+            const int contact = i < 3 * c;
+            const int at = contact ? i + 2 : i;
+            if (acting[at] == 0 && RATE(rates, at) + bias[at] < 0) {
+                more = acting[at] = 1;
+                if (contact)
+                    acting[i] = acting[i + 1] = 1;
+            }
+            i = at;
+        }
+        for (int i = 0; i < m; i++)
+            if (acting[i] == 1)
+                index[count++] = i;
+        if (rates == free && count)
+            more = 1;
+        if (!more)
+            break;
+        memset(Z, 0, n * count * sizeof(double));
+        for (int a = 0; a < count; a++) {
+            const int row = f->impulse_row[index[a]], sign = f->impulse_sign[index[a]];
+            for (int b = f->row_start[row]; b < f->row_start[row + 1]; b++)
+                Z[f->row_column[b] * count + a] = sign * entries[b];
+        }
+        solve_transposed(A, Z, n, count);
+        double *unit = vectors, *u = unit + m, *most = u + m, *now = most + m;
+        for (int a = 0; a < count; a++)
+            unit[a] = compliance[index[a]];
+        for (int b = 0; b < n; b++)
+            for (int a = 0; a < count; a++)
+                unit[a] += Z[b * count + a] * Z[b * count + a];
+        int kept = 0;
+        for (int a = 0; a < count; a++) {
+            const int at = index[a];
+            kinds[a] = at >= first_stop + f->stops ? DRY : at >= 3 * c ? STOP : SIDE;
+            if (at < 3 * c && at % 3 == 2) {
+                kinds[a] = NORMAL;
+                if (!(unit[a] > 0)) /* it cannot be changed */
+                    acting[at] = acting[at - 1] = acting[at - 2] = -1;
+                const double larger = unit[a - 1] > unit[a - 2] ? unit[a - 1] : unit[a - 2];
+                unit[a] = unit[a] > larger ? unit[a] : larger;
+                unit[a - 1] = unit[a - 2] = unit[a];
+            } else if (kinds[a] != SIDE && !(unit[a] > 0))
+                acting[at] = -1;
+        }
+        for (int a = 0; a < count; a++)
+            kept += acting[index[a]] == 1;
+        if (kept < count) {
+            rates = free;
+            continue;
+        }
+        for (int a = 0; a < count; a++) {
+            const int at = index[a];
+            unit[a] = sqrt(unit[a]);
+            u[a] = (RATE(free, at) + bias[at]) / unit[a];
+            most[a] = kinds[a] == DRY ? bounds[at] * unit[a] : bounds[at];
+            now[a] = x[at] * unit[a];
+        }
+        for (int b = 0; b < n; b++)
+            for (int a = 0; a < count; a++)
+                Z[b * count + a] /= unit[a];
+        memset(G, 0, count * count * sizeof(double));
+        for (int b = 0; b < n; b++)
+            for (int a = 0; a < count; a++)
+                if (Z[b * count + a] != 0)
+                    add_multiple(G + a * count + a, Z[b * count + a], Z + b * count + a, count - a);
+        for (int a = 0; a < count; a++) {
+            G[a * count + a] += compliance[index[a]] / (unit[a] * unit[a]);
+            for (int b = 0; b < a; b++)
+                G[a * count + b] = G[b * count + a];
+        }
+        double *room = now + m;
+        problem p = {count, G, u, most, kinds, room, room + m, room + 2 * m, room + 3 * m, D,
+            room + 4 * m, room + 5 * m, inside};
+        worst = solve_rows(&p, now, room + 6 * m, room + 7 * m, room + 8 * m);
+        for (int b = 0; b < n; b++) {
+            change[b] = 0;
+            for (int a = 0; a < count; a++)
+                change[b] += Z[b * count + a] * now[a];
+        }
+        solve_upper(A, change, n);
+        for (int b = 0; b < n; b++)
+            change[b] += free[b];
+        memset(x, 0, m * sizeof(double));
+        for (int a = 0; a < count; a++)
+            x[index[a]] = now[a] / unit[a];
+        rates = change;
+    }
+    if (rates == free)
+        memset(x, 0, m * sizeof(double));
+    double sum = 0;
+    for (int i = 0; i < n; i++)
+        sum += va[i] = rates[i];
+    for (int i = 0; i < k; i++)
+        if (acting[first_cable + i] == -1)
+            x[first_cable + i] = bounds[first_cable + i];
+    *residual = worst;
+    return isfinite(sum);
+#undef RATE
+}
+
+/* Whether contacts, ropes and stops are hardly violated at a start. */
+FAST int starts_free(const rows_of_robot *f, const double *y, const double *q, const double *numbers)
+{
+    const int gaps = f->contacts + f->ropes, first_stop = 3 * f->contacts + f->ropes + f->cables;
+    const double *offsets = numbers + 2 * f->contacts;
+    const double *limits = offsets + gaps + (4 + f->motors) * f->cables;
+    const double *least = limits + f->stops + f->dry + 2 * f->implicit;
+    for (int i = 0; i < gaps; i++)
+        if (!(y[f->at_gaps + i] - offsets[i] >= least[i]))
+            return 0;
+    for (int i = 0; i < f->stops; i++) {
+        const double gap = q[f->stop_position[i]] - limits[i];
+        if (!(f->impulse_sign[first_stop + i] * gap >= least[gaps + i]))
+            return 0;
+    }
+    return 1;
+}
+
+/* Steps of many motions, LANES at once. `x` are the inputs q, va and load of the kernels, `start`
+ * has room for q. Motion k ends where a check fails; `reached` gets its number of steps. */
+typedef struct {
+    const rows_of_robot *rows;
+    body *close, *terms, *advance;
+    int close_checks;
+    const double *units;
+    double bend, tolerance, travel, change, least;
+} nonsmooth_stepper;
+
+INLINE real way_of(const nonsmooth_stepper *f, const real *from, const real *to)
+{
+    real longest = {0};
+    for (int j = 0; j < f->rows->q; j++) {
+        const real way = ABSOLUTE(to[j] - from[j]) * f->units[j];
+        longest = choose(way <= longest, longest, way);
+    }
+    return longest;
+}
+
+static void nonsmooth_roll(const nonsmooth_stepper *f, const double *p, const double *numbers,
+    double h, ptrdiff_t steps, ptrdiff_t count, const double *tau, const double *held,
+    const double *load, double *q, double *va, double *forces, double *residual, double *impulses,
+    ptrdiff_t *reached, real *x, real *y, real *start, double *work, int *flags, double *one)
+{
+    const rows_of_robot *r = f->rows;
+    const int nq = r->q, n = r->n, m = r->m, motors = r->motors;
+    for (ptrdiff_t first = 0; first < count; first += LANES) {
+        const int lanes = count - first < LANES ? (int)(count - first) : LANES;
+        const real zero = {0};
+        int alive[LANES], any = 1;
+        real before = zero;
+        for (int l = 0; l < LANES; l++) {
+            const ptrdiff_t k = first + (l < lanes ? l : lanes - 1);
+            alive[l] = l < lanes;
+            for (int j = 0; j < nq; j++)
+                LANE(x[j], l) = q[k * (steps + 1) * nq + j];
+            for (int j = 0; j < n; j++)
+                LANE(x[nq + j], l) = va[k * (steps + 1) * n + j];
+            for (int j = 0; j < r->load; j++)
+                LANE(x[nq + n + j], l) = load[k * r->load + j];
+        }
+        f->close(x, p, y);
+        before = y[nq];
+        for (ptrdiff_t s = 0; s < steps && any; s++) {
+            f->terms(x, p, y);
+            const mask good = judge(x, nq, nq + n + r->load, y, r->outputs, r->checks);
+            for (int l = 0; l < lanes; l++) {
+                const ptrdiff_t k = first + l, step = k * steps + s;
+                if (!alive[l])
+                    continue;
+                double *terms = one, *now = one + r->outputs, *rates = now + nq;
+                for (int j = 0; j < r->outputs; j++)
+                    terms[j] = LANE(y[j], l);
+                for (int j = 0; j < nq; j++)
+                    now[j] = LANE(x[j], l);
+                for (int j = 0; j < n; j++)
+                    rates[j] = LANE(x[nq + j], l);
+                alive[l] = LANE(good, l) && (s || starts_free(r, terms, now, numbers))
+                    && nonsmooth_step(r, terms, now, rates, tau + step * motors,
+                        held + step * motors, h, numbers, impulses + k * m, residual + step, work,
+                        flags);
+                if (!alive[l])
+                    continue;
+                for (int j = 0; j < m; j++)
+                    forces[step * m + j] = impulses[k * m + j] / h;
+                for (int j = 0; j < n; j++)
+                    LANE(x[nq + j], l) = rates[j];
+            }
+            f->advance(x, p, y);
+            real *ahead = start + nq;
+            for (int j = 0; j < nq; j++) {
+                start[j] = x[j];
+                x[j] = ahead[j] = x[j] + h * y[j];
+            }
+            mask open = zero == zero;
+            real det = zero;
+            for (int step = 0; step < 4 && some(open); step++) {
+                real squares = {0};
+                f->close(x, p, y);
+                det = choose(open, y[nq], det);
+                for (int j = 0; j < nq; j++) {
+                    squares += (y[j] - x[j]) * (y[j] - x[j]);
+                    x[j] = choose(open, y[j], x[j]);
+                }
+                open &= squares > LARGEST_LAST_STEP * LARGEST_LAST_STEP;
+            }
+            const real way = way_of(f, start, x), ratio = det / before;
+            const mask sound = (way <= f->travel) & (ratio < f->change) & (ratio > 1 / f->change)
+                & (ABSOLUTE(det) > f->least)
+                & (way_of(f, ahead, x) <= f->bend * way + f->tolerance);
+            before = det;
+            any = 0;
+            for (int l = 0; l < lanes; l++) {
+                const ptrdiff_t k = first + l;
+                alive[l] = alive[l] && LANE(sound, l);
+                if (!alive[l])
+                    continue;
+                any = 1;
+                reached[k] = s + 1;
+                for (int j = 0; j < nq; j++)
+                    q[(k * (steps + 1) + s + 1) * nq + j] = LANE(x[j], l);
+                for (int j = 0; j < n; j++)
+                    va[(k * (steps + 1) + s + 1) * n + j] = LANE(x[nq + j], l);
+            }
+        }
+    }
+}

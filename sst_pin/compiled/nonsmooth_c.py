@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""The C of nonsmooth steps: generated kernels of the terms, and a solver written by hand."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..dynamics.nonsmooth_rows import LARGEST_BEND, NonsmoothRows
+from ..loops.continuity import TRAVEL
+from ..model.thresholds import CLOSURE_TOLERANCE
+from . import kernels
+from .c_code import body, filled, part
+from .equations import Equations
+from .kernel_checks import Checks
+from .nonsmooth_kernel import NonsmoothTerms, advance
+from .nonsmooth_motions import DETERMINANT_CHANGE, LEAST_DETERMINANT
+
+
+def library(entry: str, equations: Equations, rows: NonsmoothRows, lanes: int) -> list[str]:
+    """Source of a library with `run_<entry>`, which makes steps, for `lanes` samples at once."""
+    checks, terms = Checks(equations), NonsmoothTerms(equations, rows)
+    close = kernels.make(equations, "closing", checks)
+    three = close, terms.kernel(checks), advance(equations)
+    parts = [f"#define LANES {lanes}"]
+    parts += [part(name) for name in ("real.h", "driver.h", "nonsmooth.h")]
+    size, room = None, 0
+    for kernel in three:
+        source = body(kernel, size, in_memory=True)
+        size, room = source.size, max(room, source.room)
+        parts.append(source.text)
+    mechanism, layout, kernel = rows.mechanism, terms.layout, three[1]
+    inputs = [symbols.numel() for symbols in kernel.inputs.values()]
+    contacts, motors = mechanism.contacts, mechanism.motors.shape[1]
+    counts = (
+        layout.n,
+        inputs[0],
+        sum(inputs[2:]),
+        motors,
+        len(rows.kinds),
+        len(contacts.points),
+        len(contacts.ropes),
+        len(rows.cables),
+        len(rows.stops),
+        len(rows.dry),
+        len(layout.implicit_row),
+    )
+    determinants = np.abs(equations.at_samples(equations.pivots.determinant))
+    numbers: dict[str, object] = {
+        "entry": entry,
+        "calls": "\n    ".join(f"{each.name}_constants(p);" for each in three),
+        "size": size,
+        "word": "run",
+        "results": kernel.output.numel(),
+        "sizes": _listed(inputs),
+        "row_start": _listed(layout.row_start),
+        "row_column": _listed(layout.row_column),
+        "impulse_row": _listed(layout.impulse_row),
+        "impulse_sign": _listed(layout.impulse_sign),
+        "implicit_row": _listed(layout.implicit_row),
+        "stop_position": _listed([stop.position for stop in rows.stops]),
+        "units": ", ".join(map(repr, close.units)),
+        "counts": _listed(counts),
+        "places": _listed(list(layout.places.values())),
+        "terms": kernel.name,
+        "outputs": kernel.output.numel(),
+        "checks": kernel.checks.numel(),
+        "close_checks": close.checks.numel(),
+        "bend": LARGEST_BEND,
+        "tolerance": CLOSURE_TOLERANCE,
+        "travel": TRAVEL,
+        "change": DETERMINANT_CHANGE,
+        "least": LEAST_DETERMINANT * float(determinants.max()),
+        "n": layout.n,
+        "m": len(rows.kinds),
+        "q": inputs[0],
+        "inputs": sum(inputs),
+        "room": room,
+    }
+    names = ("prepare", "sizes", "nonsmooth")
+    parts += [filled(f"entries/{name}.c", numbers) for name in names]
+    return ["\n".join(parts)]
+
+
+def _listed(numbers: Sequence[int]) -> str:
+    """Numbers of an array of C, which must not be empty."""
+    return ", ".join(map(str, numbers)) or "0"
