@@ -237,7 +237,18 @@ class MjcfWriter:
         ends = np.array([model.lowerPositionLimit, model.upperPositionLimit])[:, joint.entries]
         if single and ends.size == 2 and (np.abs(ends) < _FAR).any():
             attributes["range"] = numbers(ends.clip(-_FAR, _FAR).ravel())
+        effort = self._shared_effort(joint) if single else 0.0
+        if effort:
+            attributes["actuatorfrcrange"] = numbers([-effort, effort])
         return attributes
+
+    def _shared_effort(self, joint: MjcfJoint) -> float:
+        """The largest force on a joint of motors that act on others too; 0 if it has no limit."""
+        motors, effort = self._mechanism.motors, self._mechanism.model.upperEffortLimit
+        rate = int(joint.rates[0])
+        shared = (motors != 0).sum(axis=0) > 1
+        limit = float(effort[rate])
+        return limit if motors[rate, shared].any() and 0 < limit < _FAR else 0.0
 
     def _add_inertia(self, index: int) -> None:
         inertia, name = self._model.inertias[index], self._names[index]

@@ -19,6 +19,13 @@ def put_efforts(compiled: Compiled, tree: MjcfTree) -> dict[str, float]:
     with a note.
     """
     mj, model, of_lines = compiled.mj, tree.model, dict[str, float]()
+    limited = getattr(mj, "jnt_actfrclimited", np.zeros(0))
+    for target in map(int, np.flatnonzero(limited)):
+        dof = int(mj.jnt_dofadr[target])
+        if mj.jnt_type[target] in (HINGE, SLIDE) and dof in tree.dofs:
+            force = mj.jnt_actfrcrange[target]
+            effort = _effort(compiled, f"joint {compiled.joint(target)}", force)
+            model.effortLimit[tree.dofs.index(dof)] = effort
     for (kind, target), force in _ranges(compiled).items():
         if kind == "joint" and mj.jnt_type[target] in (HINGE, SLIDE):
             effort = _effort(compiled, f"joint {compiled.joint(target)}", force)

@@ -3,6 +3,7 @@
 
 import mujoco
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import sst_pin
@@ -140,3 +141,19 @@ def test_a_range_that_is_not_symmetric_is_named(tmp_path):
 def test_limits_of_a_line_that_cannot_be_meant_are_refused(limits, problem):
     with pytest.raises(sst_pin.InputError, match=problem):
         sst_pin.LineForce("a", "b", **limits)
+
+
+def test_efforts_of_joints_on_one_belt_come_over_in_an_mjcf(tmp_path):
+    path = tmp_path / "boom.urdf"
+    path.write_text(BOOM.format(velocity=0).replace('effort="0"', 'effort="40"'))
+    chain = sst_pin.ClosedChain.from_urdf(path, actuated=["hinge"])
+    model = chain.model
+    inertia = model.inertias[1]
+    arm = model.addJoint(1, pin.JointModelRY(), pin.SE3.Identity(), "arm")
+    model.appendBodyToJoint(arm, inertia, pin.SE3.Identity())
+    model.effortLimit[:] = [40, 7]
+    two = sst_pin.ClosedChain(model, [], [{"belt": {"hinge": 1.0, "arm": -2.0}}, "arm"])
+    sst_pin.write_mjcf(two, tmp_path / "two.xml")
+    again = sst_pin.ClosedChain.from_mjcf(tmp_path / "two.xml")
+    assert again.model.effortLimit.tolist() == [40, 7]
+    assert again.motor_names == ("belt", "arm")
