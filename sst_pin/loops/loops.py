@@ -81,7 +81,7 @@ class Loops:
         self.q = tree.factors * q[tree.entries] + tree.offsets
         pin.computeJointJacobians(tree.model, data, self.q)
         pin.updateFramePlacements(tree.model, data)
-        J = _twice(data.J)
+        J = data.J.reshape(6, -1)
         for rows in self.closures:
             rows.evaluate(q, data, J)
         no_f, no_Phi = self._none
@@ -123,7 +123,7 @@ class Loops:
         """Rate of Phi at rates v, shape (rows, nv); sets the rates of `frame_jacobian_rate` too."""
         model, data = self.tree.model, self.data
         pin.computeJointJacobiansTimeVariation(model, data, self.q, self.tree.S.dot(v))
-        J_dot = _twice(data.dJ)
+        J_dot = data.dJ.reshape(6, -1)
         rates = [rows.Phi_dot(v, data, J_dot) for rows in self.closures]
         return np.concatenate([self._none[1], *rates])
 
@@ -149,11 +149,6 @@ class Loops:
             for body, force in zip(rows.bodies, on_frames, strict=True):
                 forces[body] += force
         return forces
-
-
-def _twice(twists: Array) -> Array:
-    """Twists of the joints, for frames B and A, shape (12, rates of the normal tree)."""
-    return np.concatenate((twists, twists)).reshape(12, -1)
 
 
 def connected(touched: Flags) -> Iterator[tuple[Indices, Indices]]:

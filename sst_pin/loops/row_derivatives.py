@@ -16,7 +16,7 @@ import pinocchio as pin
 from ..arrays import Array
 from ..model.normal_tree import NormalTree
 from .loops import Loops
-from .rows import FrameRows, cross, skew
+from .rows import Frame, FrameRows, cross, skew
 
 #: In complex numbers M + i _STEP M_q the imaginary part of W is _STEP W_q, exact to rounding.
 _STEP = 1e-50
@@ -118,7 +118,7 @@ def partials(loops: Loops, q: Array, tree: TreeMotion) -> Partials:
             x.reshape(12, -1)
             for x in (frames.J, frames.twist_q, frames.acceleration_q, frames.acceleration_v)
         )
-        W, W_t = rows.W, rows.formulas.W_dot(frames.M, frames.M_t)
+        W, W_t = rows.W, rows.formulas.W_dot(*_ends(frames.M), *_ends(frames.M_t))
         W_q, W_tq = _wrench_derivatives(rows, frames)
         turning = W_q.swapaxes(1, 2) @ twist
         velocity_q[at] = W @ twist_q + turning
@@ -141,8 +141,13 @@ def partials(loops: Loops, q: Array, tree: TreeMotion) -> Partials:
 def _wrench_derivatives(rows: FrameRows, frames: FrameMotions) -> tuple[Array, Array]:
     """Derivatives of W and of its rate by q, shapes (rows, 12, nv)."""
     M, M_t = frames.M + 1j * _STEP * frames.M_q, frames.M_t + 1j * _STEP * frames.M_tq
-    W, W_t = rows.formulas.W(M), rows.formulas.W_dot(M, M_t)
+    W, W_t = rows.formulas.W(*_ends(M)), rows.formulas.W_dot(*_ends(M), *_ends(M_t))
     return np.moveaxis(W.imag, 0, -1) / _STEP, np.moveaxis(W_t.imag, 0, -1) / _STEP
+
+
+def _ends(M: Array) -> tuple[Frame, Frame]:
+    """Frames B and A of homogeneous matrices or their rates, shape (..., 2, 4, 4)."""
+    return Frame.of(M[..., 0, :, :]), Frame.of(M[..., 1, :, :])
 
 
 def hat(twists: Array) -> Array:

@@ -1,19 +1,19 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The rows of one closure: its error f, its Jacobian Phi and the rate of Phi, by vector formulas.
 
-A row of Phi is a wrench W on frame B and the opposite one on frame A, [force; moment] at the
-world's origin: Phi = W_B J_B - W_A J_A, with Pinocchio's frame Jacobians J in world axes. There are
-two sorts of rows:
+A row of Phi is a wrench W_B on frame B and the opposite of a wrench W_A on frame A, [force; moment]
+at the world's origin: Phi = W_B J_B - W_A J_A, with Pinocchio's frame Jacobians J in world axes.
+There are two sorts of rows:
 
-- a unit force along u at a point p of each frame: W = [u; p x u]; the row is the velocity along u
-  of the point of B relative to that of A;
-- a unit moment about n: W = [0; n]; the row is the rate at which B turns about n relative to A.
+- a unit force along u at a point p of each frame: [u; p x u]; the row is the velocity along u of
+  the point of B relative to that of A;
+- a unit moment about n, the same on both frames: [0; n]; the row is the rate at which B turns about
+  n relative to A.
 
-The rate is Phi_dot = W_dot J + W J_dot. M are the homogeneous matrices of B and A, shape
-(..., 2, 4, 4), and M_t their rates. W is [W_B, -W_A], shape (..., rows, 12).
+The rate is Phi_dot = W_dot J + W J_dot.
 """
 
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -26,67 +26,76 @@ from ..model.joint_space import JointSpace
 from ..model.normal_tree import NormalTree
 from ..model.tree import frame_id, joint_id
 
-#: e_i x e_j.
-_CROSS = np.cross(np.eye(3)[:, None], np.eye(3))
-#: A point [p; 1] times this: wrenches of unit forces along x, y, z there.
-_FORCES = np.zeros((4, 3, 6))
-_FORCES[:3, :, 3:], _FORCES[3, :, :3] = _CROSS, np.eye(3)
-#: The same on B, and with the opposite sign on A: at one point, and at a point of each.
-_AT_ONE = np.concatenate((_FORCES, -_FORCES), axis=2).reshape(4, 36)
-_AT_TWO = np.zeros((8, 3, 12))
-_AT_TWO[:4, :, :6], _AT_TWO[4:, :, 6:] = _FORCES, -_FORCES
-_FLAT_AT_TWO = _AT_TWO.reshape(8, -1)
-#: Unit moments about x, y, z on B, and with the opposite sign on A.
-_MOMENTS = np.kron([0.0, 1.0, 0.0, -1.0], np.eye(3))
+#: Row i of the cross-product matrix of a vector a is the sum of a_k _SKEW[i, k].
+_SKEW = np.stack([pin.skew(axis) for axis in np.eye(3)], axis=1)
+
+
+class Frame(NamedTuple):
+    """A frame in the world, or the rates of its numbers; leading axes are those of a batch."""
+
+    #: The origin, shape (..., 3).
+    p: Array
+    #: The axes in rows, shape (..., 3, 3).
+    axes: Array
+
+    @classmethod
+    def of(cls, matrix: Array) -> "Frame":
+        """The frame of a homogeneous matrix, or of its rate, shape (..., 4, 4)."""
+        return cls(matrix[..., :3, 3], matrix[..., :3, :3].swapaxes(-1, -2))
 
 
 class Formulas(Protocol):
-    """f and W of rows, and the rate of W."""
+    """f and W of the rows of one closure, and the rate of W. `b_t` and `a_t` are rates of frames.
 
-    def error(self, M: Array) -> Array:
+    W are the wrenches [W_B, -W_A], shape (..., rows, 12).
+    """
+
+    def error(self, b: Frame, a: Frame) -> Array:
         """f, shape (rows,), zero where the closure is closed; 0 for rows that hold rates only."""
 
-    def W(self, M: Array) -> Array:
+    def W(self, b: Frame, a: Frame) -> Array:
         """The wrenches."""
 
-    def W_dot(self, M: Array, M_t: Array) -> Array:
+    def W_dot(self, b: Frame, a: Frame, b_t: Frame, a_t: Frame) -> Array:
         """Their rates."""
 
 
 class _WorldForces:
-    """Forces along axes of the world at the origins of B and A."""
+    """Forces along axes of the world, shape (rows, 3), at the origins of B and A."""
 
     def __init__(self, axes: Array) -> None:
-        self._axes, self._forces = axes, (axes @ _AT_TWO).reshape(8, -1)
+        self._u = axes
 
-    def error(self, M: Array) -> Array:
-        return self._axes.dot(M[0, :3, 3] - M[1, :3, 3])
+    def error(self, b: Frame, a: Frame) -> Array:
+        return self._u @ (b.p - a.p)
 
-    def W(self, M: Array) -> Array:
-        return _at_two_points(M, self._forces)
+    def W(self, b: Frame, a: Frame) -> Array:
+        return _opposed(_forces(b.p, self._u), _forces(a.p, self._u))
 
-    def W_dot(self, M: Array, M_t: Array) -> Array:
-        return _at_two_points(M_t, self._forces)
+    def W_dot(self, b: Frame, a: Frame, b_t: Frame, a_t: Frame) -> Array:
+        on_b, on_a = -self._u @ skew(b_t.p), -self._u @ skew(a_t.p)
+        return _opposed(_moments(on_b), _moments(on_a))
 
 
 class _AxisForces:
-    """Forces along axes of A at the origin of B."""
+    """Forces along axes of A, numbered from 0, at the origin of B."""
 
-    def __init__(self, axes: Array) -> None:
-        self._axes = axes
+    def __init__(self, axes: list[int]) -> None:
+        self._numbers = axes
 
-    def error(self, M: Array) -> Array:
-        return self._along(M).dot(M[0, :3, 3] - M[1, :3, 3])
+    def error(self, b: Frame, a: Frame) -> Array:
+        return self._along(a) @ (b.p - a.p)
 
-    def W(self, M: Array) -> Array:
-        return self._along(M) @ _at_one_point(M[..., 0, :, 3])
+    def W(self, b: Frame, a: Frame) -> Array:
+        forces = _forces(b.p, self._along(a))
+        return _opposed(forces, forces)
 
-    def W_dot(self, M: Array, M_t: Array) -> Array:
-        p, p_t = M[..., 0, :, 3], M_t[..., 0, :, 3]
-        return self._along(M_t) @ _at_one_point(p) + self._along(M) @ _at_one_point(p_t)
+    def W_dot(self, b: Frame, a: Frame, b_t: Frame, a_t: Frame) -> Array:
+        rates = _force_rates(b.p, self._along(a), b_t.p, self._along(a_t))
+        return _opposed(rates, rates)
 
-    def _along(self, M: Array) -> Array:
-        return self._axes @ _axes(M[..., 1, :, :])
+    def _along(self, a: Frame) -> Array:
+        return a.axes[..., self._numbers, :]
 
 
 class _RodForce:
@@ -95,16 +104,17 @@ class _RodForce:
     def __init__(self, length: float) -> None:
         self._length = length
 
-    def error(self, M: Array) -> Array:
-        d = _rod(M)
-        return np.sqrt(np.vecdot(d, d)) - self._length
+    def error(self, b: Frame, a: Frame) -> Array:
+        return np.array([np.linalg.norm(b.p - a.p) - self._length])
 
-    def W(self, M: Array) -> Array:
-        return _unit(_rod(M)) @ _at_two_points(M)
+    def W(self, b: Frame, a: Frame) -> Array:
+        u = _one_row(_unit(b.p - a.p))
+        return _opposed(_forces(b.p, u), _forces(a.p, u))
 
-    def W_dot(self, M: Array, M_t: Array) -> Array:
-        d, d_t = _rod(M), _rod(M_t)
-        return _unit_rate(d, d_t) @ _at_two_points(M) + _unit(d) @ _at_two_points(M_t)
+    def W_dot(self, b: Frame, a: Frame, b_t: Frame, a_t: Frame) -> Array:
+        u, u_t = _one_row(_unit(b.p - a.p)), _one_row(_unit_rate(b.p - a.p, b_t.p - a_t.p))
+        on_b, on_a = _force_rates(b.p, u, b_t.p, u_t), _force_rates(a.p, u, a_t.p, u_t)
+        return _opposed(on_b, on_a)
 
 
 class _HeldLength(_RodForce):
@@ -113,7 +123,7 @@ class _HeldLength(_RodForce):
     def __init__(self) -> None:
         super().__init__(0.0)
 
-    def error(self, M: Array) -> Array:
+    def error(self, b: Frame, a: Frame) -> Array:
         return np.zeros(1)
 
 
@@ -123,77 +133,95 @@ class _WheelForces:
     def __init__(self, closure: Rolling) -> None:
         self._radius, self._ball = closure.radius, closure.ball
 
-    def error(self, M: Array) -> Array:
-        height = M[1, :, 2].dot(self._contact(M) - M[1, :, 3])
+    def error(self, b: Frame, a: Frame) -> Array:
+        height = a.axes[2] @ (self._contact(b, a) - a.p)
         return np.array([0.0, 0.0, height])
 
-    def W(self, M: Array) -> Array:
-        return _axes(M[..., 1, :, :]) @ _at_one_point(self._contact(M))
+    def W(self, b: Frame, a: Frame) -> Array:
+        forces = _forces(self._contact(b, a), a.axes)
+        return _opposed(forces, forces)
 
-    def W_dot(self, M: Array, M_t: Array) -> Array:
-        z, n, z_t, n_t = M[..., 0, :, 2], M[..., 1, :, 2], M_t[..., 0, :, 2], M_t[..., 1, :, 2]
-        across_t = n_t
-        if not self._ball:
-            across_t = n_t - (_dot(n_t, z) + _dot(n, z_t)) * z - _dot(n, z) * z_t
-        contact_t = M_t[..., 0, :, 3] - self._radius * _unit_rate(self._across(M), across_t)
-        u, u_t = _axes(M[..., 1, :, :]), _axes(M_t[..., 1, :, :])
-        return u_t @ _at_one_point(self._contact(M)) + u @ _at_one_point(contact_t)
+    def W_dot(self, b: Frame, a: Frame, b_t: Frame, a_t: Frame) -> Array:
+        up, up_t = self._up(b, a), self._up_rate(b, a, b_t, a_t)
+        contact_t = b_t.p - self._radius * _unit_rate(up, up_t)
+        rates = _force_rates(self._contact(b, a), a.axes, contact_t, a_t.axes)
+        return _opposed(rates, rates)
 
-    def _contact(self, M: Array) -> Array:
-        """[p; 1]."""
-        return np.asarray(M[..., 0, :, 3] - self._radius * _unit(self._across(M)))
+    def _contact(self, b: Frame, a: Frame) -> Array:
+        """The point of contact."""
+        return np.asarray(b.p - self._radius * _unit(self._up(b, a)))
 
-    def _across(self, M: Array) -> Array:
-        """[n; 0] with the normal n of the plane; for a disc, its part normal to the axle z."""
-        z, n = M[..., 0, :, 2], M[..., 1, :, 2]
-        return n if self._ball else n - _dot(n, z) * z
+    def _up(self, b: Frame, a: Frame) -> Array:
+        """The normal n of the plane; for a disc, its part normal to the axle z."""
+        z, n = b.axes[..., 2, :], a.axes[..., 2, :]
+        if self._ball:
+            return n
+        return np.asarray(n - _dot(n, z) * z)
+
+    def _up_rate(self, b: Frame, a: Frame, b_t: Frame, a_t: Frame) -> Array:
+        z, n = b.axes[..., 2, :], a.axes[..., 2, :]
+        z_t, n_t = b_t.axes[..., 2, :], a_t.axes[..., 2, :]
+        if self._ball:
+            return n_t
+        return np.asarray(n_t - (_dot(n_t, z) + _dot(n, z_t)) * z - _dot(n, z) * z_t)
 
 
 class _WorldMoments:
     """Moments about all axes of the world."""
 
-    def error(self, M: Array) -> Array:
-        return pin.log3(M[0, :3, :3].dot(M[1, :3, :3].T))
+    def error(self, b: Frame, a: Frame) -> Array:
+        return pin.log3(b.axes.T @ a.axes)
 
-    def W(self, M: Array) -> Array:
-        return M[..., 0, 3:, 3:] * _MOMENTS
+    def W(self, b: Frame, a: Frame) -> Array:
+        moments = _moments(np.broadcast_to(np.eye(3), b.axes.shape))
+        return _opposed(moments, moments)
 
-    def W_dot(self, M: Array, M_t: Array) -> Array:
-        return M_t[..., 0, 3:, 3:] * _MOMENTS  # zero: the last entry of M is 1
+    def W_dot(self, b: Frame, a: Frame, b_t: Frame, a_t: Frame) -> Array:
+        return np.zeros((*b.axes.shape[:-2], 3, 12), dtype=b.axes.dtype)
 
 
 class _RightAngles:
-    """One or two moments about cross(x, y): axis x of A stays at a right angle to axis y of B."""
+    """One or two moments about x x y: axis x of A stays at a right angle to axis y of B."""
 
     def __init__(self, turns: list[int]) -> None:
-        self._x, self._y = np.zeros((2, len(turns), 3))
         #: The axis that stays parallel, if two are at right angles.
         self._parallel = 3 - sum(turns) if len(turns) == 2 else None
-        for row, turn in enumerate(turns):
+        #: For each row the number of axis y, the number of axis x, and the sign of x.
+        self._y, self._x = list[int](), list[int]()
+        signs = list[float]()
+        for turn in turns:
             y = (turn + 2) % 3 if self._parallel is None else self._parallel
             x = 3 - turn - y
-            self._x[row, x] = 1.0 if x == (turn + 1) % 3 else -1.0
-            self._y[row, y] = 1.0
+            self._y.append(y)
+            self._x.append(x)
+            signs.append(1.0 if x == (turn + 1) % 3 else -1.0)
+        self._signs = np.array(signs)[:, None]
 
-    def error(self, M: Array) -> Array:
-        f: Array = -np.vecdot(*self._xy(M))
+    def error(self, b: Frame, a: Frame) -> Array:
+        f: Array = -_dot(self._of_a(a), self._of_b(b))[:, 0]
         k = self._parallel
-        if k is not None and M[1, :3, k].dot(M[0, :3, k]) < 0:
+        if k is not None and a.axes[k] @ b.axes[k] < 0:
             # Their angle exceeds a right angle: continue f so that Newton's steps still reduce it.
             size = np.linalg.norm(f)
             f -= 2 * (f / size if size else np.array([1.0, 0.0]))
         return f
 
-    def W(self, M: Array) -> Array:
-        x, y = self._xy(M)
-        return cross(x, y) @ _MOMENTS
+    def W(self, b: Frame, a: Frame) -> Array:
+        moments = _moments(cross(self._of_a(a), self._of_b(b)))
+        return _opposed(moments, moments)
 
-    def W_dot(self, M: Array, M_t: Array) -> Array:
-        (x, y), (x_t, y_t) = self._xy(M), self._xy(M_t)
-        return (cross(x_t, y) + cross(x, y_t)) @ _MOMENTS
+    def W_dot(self, b: Frame, a: Frame, b_t: Frame, a_t: Frame) -> Array:
+        x, y, x_t, y_t = self._of_a(a), self._of_b(b), self._of_a(a_t), self._of_b(b_t)
+        rates = _moments(cross(x_t, y) + cross(x, y_t))
+        return _opposed(rates, rates)
 
-    def _xy(self, M: Array) -> tuple[Array, Array]:
-        return self._x @ _axes(M[..., 1, :, :]), self._y @ _axes(M[..., 0, :, :])
+    def _of_a(self, a: Frame) -> Array:
+        """Axis x of each row."""
+        return np.asarray(self._signs * a.axes[..., self._x, :])
+
+    def _of_b(self, b: Frame) -> Array:
+        """Axis y of each row."""
+        return b.axes[..., self._y, :]
 
 
 class _Stacked:
@@ -202,14 +230,14 @@ class _Stacked:
     def __init__(self, *parts: Formulas) -> None:
         self._parts = parts
 
-    def error(self, M: Array) -> Array:
-        return np.concatenate([part.error(M) for part in self._parts])
+    def error(self, b: Frame, a: Frame) -> Array:
+        return np.concatenate([part.error(b, a) for part in self._parts])
 
-    def W(self, M: Array) -> Array:
-        return np.concatenate([part.W(M) for part in self._parts], axis=-2)
+    def W(self, b: Frame, a: Frame) -> Array:
+        return np.concatenate([part.W(b, a) for part in self._parts], axis=-2)
 
-    def W_dot(self, M: Array, M_t: Array) -> Array:
-        return np.concatenate([part.W_dot(M, M_t) for part in self._parts], axis=-2)
+    def W_dot(self, b: Frame, a: Frame, b_t: Frame, a_t: Frame) -> Array:
+        return np.concatenate([part.W_dot(b, a, b_t, a_t) for part in self._parts], axis=-2)
 
 
 class FrameRows:
@@ -231,46 +259,56 @@ class FrameRows:
         self.bodies = [tree.model.frames[frame].parentJoint for frame in self.frames]
         moves_b, moves_a = (tree.supports[body] for body in self.bodies)
         # Joints that move both frames in the same way do not change the closure.
-        self._moving = np.flatnonzero(moves_b != moves_a)
-        self._moves = np.repeat([moves_b, moves_a], 6, axis=0)[:, self._moving].astype(float)
-        self._S = tree.S[self._moving]
+        self._between = np.flatnonzero(moves_b != moves_a)
+        self._moves_b = moves_b[self._between].astype(float)
+        self._moves_a = moves_a[self._between].astype(float)
+        self._S = tree.S[self._between]
         self.touched = self.curved = np.tile(self._S.any(axis=0), (len(closure.rows), 1))
 
     def evaluate(self, q: Array, data: pin.Data, J: Array) -> None:
-        """f, W and Phi, from placements in `data`; J has the joints' twists twice, for B and A."""
-        places = data.oMf
-        self._M = np.array([places[frame].homogeneous for frame in self.frames])
-        self.f, self.W = self.formulas.error(self._M), self.formulas.W(self._M)
+        """f, W and Phi, from placements in `data`; J are the twists of the joints, (6, rates)."""
+        self._matrices = [data.oMf[frame].homogeneous for frame in self.frames]
+        self._b, self._a = map(Frame.of, self._matrices)
+        self.f = self.formulas.error(self._b, self._a)
+        self.W = self.formulas.W(self._b, self._a)
         self._J = self._of_frames(J)
         self.Phi = self.W.dot(self._J).dot(self._S)  # Eqs. (3), (4)
 
     @property
     def largest_coordinate(self) -> float:
         """Largest absolute coordinate of both origins in the world, [m]."""
-        return float(np.abs(self._M[:, :3, 3]).max())
+        return float(max(np.abs(self._b.p).max(), np.abs(self._a.p).max()))
 
     def Phi_dot(self, v: Array, data: pin.Data, J_dot: Array) -> Array:
         """Rate of Phi, shape (rows, nv); velocities in `data` and the rates of J are at v."""
-        twists = self._twists(data)
-        return (self._W_dot(twists).dot(self._J) + self.W.dot(self._of_frames(J_dot))).dot(self._S)
+        W_dot = self._W_dot(self._twists(data))
+        return (W_dot.dot(self._J) + self.W.dot(self._of_frames(J_dot))).dot(self._S)
 
     def drift(self, v: Array, data: pin.Data) -> Array:
         """Phi_dot v, shape (rows,); `data` has velocities, and accelerations with v_dot = 0."""
-        model, where, twists = self._model, pin.WORLD, self._twists(data)
-        rates = [pin.getFrameAcceleration(model, data, k, where).vector for k in self.frames]
+        twists = self._twists(data)
+        rates = [
+            pin.getFrameAcceleration(self._model, data, frame, pin.WORLD).vector
+            for frame in self.frames
+        ]
         t, t_dot = np.concatenate([twist.vector for twist in twists]), np.concatenate(rates)
         return self._W_dot(twists).dot(t) + self.W.dot(t_dot)
 
     def _twists(self, data: pin.Data) -> list[pin.Motion]:
+        """Twists of B and A, world axes at the world's origin."""
         return [pin.getFrameVelocity(self._model, data, k, pin.WORLD) for k in self.frames]
 
     def _W_dot(self, twists: list[pin.Motion]) -> Array:
-        M_t = np.array([twist.homogeneous for twist in twists]) @ self._M
-        return self.formulas.W_dot(self._M, M_t)
+        b_t, a_t = (
+            Frame.of(twist.homogeneous.dot(matrix))
+            for twist, matrix in zip(twists, self._matrices, strict=True)
+        )
+        return self.formulas.W_dot(self._b, self._a, b_t, a_t)
 
     def _of_frames(self, J: Array) -> Array:
         """Jacobians of B and A to the joints between them, shape (12, joints)."""
-        return J.take(self._moving, axis=1) * self._moves
+        between = J.take(self._between, axis=1)
+        return np.concatenate([between * self._moves_b, between * self._moves_a])
 
 
 class CouplingRow:
@@ -349,45 +387,66 @@ def _formulas(closure: Closure | Distance | Rolling | Brake) -> Formulas:
         return _HeldLength()
     if isinstance(closure, Rolling):
         return _WheelForces(closure)
-    axes = np.eye(3)[np.array(closure.held[:3])]
-    turns = [k for k in range(3) if closure.held[3 + k]]
-    forces = (_WorldForces if closure.kind in ("6d", "3d") else _AxisForces)(axes)
-    if not turns:
-        return forces
-    moments = _WorldMoments() if len(turns) == 3 else _RightAngles(turns)
-    return _Stacked(forces, moments) if len(axes) else moments
+    parts = list[Formulas]()
+    slides, turns = (
+        [k for k in range(3) if held[k]] for held in (closure.held[:3], closure.held[3:])
+    )
+    if slides and closure.kind in ("6d", "3d"):
+        parts.append(_WorldForces(np.eye(3)))
+    elif slides:
+        parts.append(_AxisForces(slides))
+    if len(turns) == 3:
+        parts.append(_WorldMoments())
+    elif turns:
+        parts.append(_RightAngles(turns))
+    return _Stacked(*parts)
 
 
-def _at_one_point(point: Array) -> Array:
-    """Unit forces at a point [p; 1] of B and A, or their rates, shape (..., 3, 12)."""
-    return np.asarray(point.dot(_AT_ONE).reshape(*point.shape[:-1], 3, 12))
+def _forces(p: Array, u: Array) -> Array:
+    """Unit forces along u, shape (..., rows, 3), at a point p, (..., 3): [u; p x u]."""
+    return _wrenches(u, -u @ skew(p))
 
 
-def _at_two_points(M: Array, forces: Array = _FLAT_AT_TWO) -> Array:
-    """Unit forces at the origins of B and A, or their rates, shape (..., forces, 12)."""
-    origins = M[..., 3].reshape(*M.shape[:-3], 8)
-    return np.asarray(origins.dot(forces).reshape(*M.shape[:-3], -1, 12))
+def _force_rates(p: Array, u: Array, p_t: Array, u_t: Array) -> Array:
+    """Rates of `_forces` where p and u have the rates p_t and u_t."""
+    return _wrenches(u_t, -u_t @ skew(p) - u @ skew(p_t))
 
 
-def _axes(frame: Array) -> Array:
-    """Axes of frames in rows, shape (..., 3, 3)."""
-    return frame[..., :3, :3].swapaxes(-1, -2)
+def _moments(n: Array) -> Array:
+    """Moments n, shape (..., rows, 3): [0; n]."""
+    return _wrenches(0.0, n)
 
 
-def _rod(M: Array) -> Array:
-    """The vector from A to B, shape (..., 1, 3)."""
-    return M[..., :1, :3, 3] - M[..., 1:, :3, 3]
+def _wrenches(force: Array | float, moment: Array) -> Array:
+    """[force; moment], shape (..., rows, 6)."""
+    wrenches = np.empty((*moment.shape[:-1], 6), dtype=moment.dtype)
+    wrenches[..., :3] = force
+    wrenches[..., 3:] = moment
+    return wrenches
+
+
+def _opposed(on_b: Array, on_a: Array) -> Array:
+    """[W_B, -W_A], shape (..., rows, 12)."""
+    return np.concatenate([on_b, -on_a], axis=-1)
+
+
+def _one_row(vector: Array) -> Array:
+    """Vectors with an axis for rows, shape (..., 1, 3)."""
+    return vector[..., None, :]
 
 
 def skew(a: Array) -> Array:
     """Cross-product matrices, shape (..., 3, 3), of vectors, shape (..., 3)."""
-    return a.dot(_CROSS.swapaxes(1, 2).reshape(3, 9)).reshape(*a.shape, 3)
+    return a.dot(_SKEW)
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Cross products, shape (..., 3); `np.cross` takes ten times as long."""
-    products = a[..., :, None] * b[..., None, :]
-    return np.asarray(products.reshape(*products.shape[:-2], 9).dot(_CROSS.reshape(9, 3)))
+    """Cross products, shape (..., 3); `np.cross` takes several times as long."""
+    product = np.empty(np.broadcast_shapes(a.shape, b.shape), dtype=np.result_type(a, b))
+    product[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
+    product[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
+    product[..., 2] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return product
 
 
 def _dot(a: Array, b: Array) -> Array:
