@@ -54,8 +54,8 @@ _LEAST_NOISE = 1e-4
 _UNSURE = 0.01
 #: Degrees of freedom that must be left to estimate a noise.
 _LEAST_FREEDOM = 0.5
-#: Standard deviations by which the sum of squared residuals may exceed its expectation.
-_MISFIT = 6.0
+#: Probability of a warning where the given noise is true.
+_FALSE_ALARM = 1e-6
 _TOO_LARGE = "errors too large for Newton's method, or which= leaves out those that matter"
 
 
@@ -354,19 +354,28 @@ class _Fit:
             if (np.abs(step) > _UNSURE * np.linalg.norm(root, axis=1)).any():
                 problem = f"the errors do not settle in {_STEPS} steps; give which= or better poses"
                 raise InputError("poses", problem)
+        self._require_noise(given, left, taken)
+        return values * units, root * units[:, None], noise * [unit for *_, unit in kinds]
+
+    def _require_noise(
+        self, given: list[float | None], left: Sequence[Array], taken: Sequence[Array]
+    ) -> None:
+        """Refuse noises that cannot be estimated; warn of given ones that the rows contradict."""
+        from scipy.special import chdtri
+
         for x, rest, used in zip(given, left, taken, strict=True):
             freedom = len(rest) - used.sum()
             if x is None and freedom < _LEAST_FREEDOM:
                 problem = f"{len(rest)} values are too few to estimate it with the errors; give it"
                 raise InputError("noise", problem)
-            if x is not None and rest @ rest > freedom + _MISFIT * np.sqrt(2 * freedom + 1):
-                times = np.sqrt(rest @ rest / max(freedom, _LEAST_FREEDOM))
+            freedom = max(float(freedom), _LEAST_FREEDOM)
+            if x is not None and rest @ rest > chdtri(freedom, _FALSE_ALARM):
+                times = np.sqrt(rest @ rest / freedom)
                 warn_caller(
                     f"calibrate: what is left is {times:.3g} times the given noise: the noise is "
                     "larger, or errors that matter are not considered",
                     DescriptionWarning,
                 )
-        return values * units, root * units[:, None], noise * [unit for *_, unit in kinds]
 
     def given_noise(self, kinds: list[tuple[Array, Array, float]]) -> list[float | None]:
         """The noise of each kind of row as given, free of units; None to estimate it."""
