@@ -92,8 +92,9 @@ class _Distinct:
         """Add a configuration if it is new."""
         key = self._key(q)
         new = not self.q or bool((np.abs(np.array(self._keys) - key).max(axis=1) > _ONE).all())
-        self.q += [q] * new
-        self._keys += [key] * new
+        if new:
+            self.q.append(q)
+            self._keys.append(key)
         return new
 
 

@@ -83,17 +83,18 @@ class Continuity:
                 if np.isin(all_rows[loop], rows).any():
                     sizes = np.linalg.svd(Phi[loop, rates], compute_uv=False)
                     ranks[k] = int((sizes > _INDEPENDENT * sizes.max(initial=1.0)).sum())
-            for _ in range(len(ranks) * (sum(ranks.values()) == len(rates))):
+            block = True
+            while block and sum(ranks.values()) == len(rates) > 0:
+                block = False
                 for k, rank in ranks.items():
                     loop = loops.slices[k]
                     loop_rates = rates[loops.touched[loop, rates].any(axis=0)]
                     if 0 < len(loop_rates) == rank:
                         yield all_rows[loop], loop_rates
-                        rates, rows = (
-                            np.setdiff1d(rates, loop_rates),
-                            np.setdiff1d(rows, all_rows[loop]),
-                        )
+                        rates = np.setdiff1d(rates, loop_rates)
+                        rows = np.setdiff1d(rows, all_rows[loop])
                         del ranks[k]
+                        block = True
                         break
             if len(rates):
                 yield rows, rates
