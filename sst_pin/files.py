@@ -5,6 +5,7 @@ import csv
 import io
 import math
 import os
+import shutil
 import stat
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
@@ -150,22 +151,30 @@ def write_files(
 ) -> None:
     """Write files whole or not at all; with `force` also those that exist.
 
-    All targets are checked before the first is written. Each content goes to a temporary file,
-    which replaces the target when it is complete. A file that is replaced keeps its mode, and a
-    link to it remains. Only `folder` and folders inside it are created if they are missing.
+    All targets are checked before the first is written. Each content goes to a temporary file
+    beside its target. When all are complete, they replace the targets; if this fails, the targets
+    get their content back. A file that is replaced keeps its mode, and a link to it remains. Only
+    `folder` and folders inside it are created if they are missing.
     """
     places = {path: _place(as_path(path), force) for path in files}
     parents = [folder.absolute()] if folder else [place for place, _ in places.values()]
     for parent in (path.parent for path in parents):
         if not parent.exists():
             raise OutputError(parent, "the folder does not exist; create it first")
-    for path, write in files.items():
-        try:
+    complete = list[tuple[Path, Path]]()
+    path = next(iter(files), Path())
+    try:
+        for path, write in files.items():
+            target, mode = places[path]
             if folder is not None:
-                places[path][0].parent.mkdir(parents=True, exist_ok=True)
-            _write_whole(*places[path], write)
-        except OSError as error:
-            raise OutputError(path, f"cannot be written: {error.strerror or error}") from None
+                target.parent.mkdir(parents=True, exist_ok=True)
+            complete.append((_written(target, mode, write), target))
+        _replace(complete)
+    except OSError as error:
+        raise OutputError(path, f"cannot be written: {error.strerror or error}") from None
+    finally:
+        for partial, _ in complete:
+            partial.unlink(missing_ok=True)
 
 
 def _place(path: Path, force: bool) -> tuple[Path, int]:
@@ -185,13 +194,46 @@ def _place(path: Path, force: bool) -> tuple[Path, int]:
     return target, stat.S_IMODE(mode)
 
 
-def _write_whole(path: Path, mode: int, write: Writer) -> None:
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=".sst_pin.")
-    partial = Path(name)
+def _written(path: Path, mode: int, write: Writer) -> Path:
+    """A temporary file beside a path, with the content that the path will get."""
+    partial = _beside(path)
     try:
-        with os.fdopen(handle, "wb") as file:
+        with partial.open("wb") as file:
             write(file)
         partial.chmod(mode)  # mkstemp makes files that only their owner can read
-        partial.replace(path)
-    finally:
+    except BaseException:
         partial.unlink(missing_ok=True)
+        raise
+    return partial
+
+
+def _beside(path: Path) -> Path:
+    """A new empty file in the folder of a path."""
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=".sst_pin.")
+    os.close(handle)
+    return Path(name)
+
+
+def _replace(files: Sequence[tuple[Path, Path]]) -> None:
+    """Replace targets by complete files, all or none."""
+    copies = dict[Path, Path]()
+    done = list[Path]()
+    try:
+        if len(files) > 1:  # the replacement of one file needs no copy
+            for _, target in files:
+                if target.exists():
+                    copies[target] = _beside(target)
+                    shutil.copy2(target, copies[target])
+        for partial, target in files:
+            partial.replace(target)
+            done.append(target)
+    except BaseException:
+        for target in done:
+            if target in copies:
+                copies[target].replace(target)
+            else:
+                target.unlink(missing_ok=True)
+        raise
+    finally:
+        for copy in copies.values():
+            copy.unlink(missing_ok=True)

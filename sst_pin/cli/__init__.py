@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The command `sst-pin`."""
 
+import errno
+import io
 import os
 import signal
 import sys
@@ -22,13 +24,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     try:
         try:
+            _refuse_closed_streams()
             with _sigterm_unwinds():
                 from .commands import run  # slow, so inside `try`: Ctrl-C works meanwhile
 
                 return run(argv)
         finally:
-            if sys.stdout is not None:  # closed by the caller
-                sys.stdout.flush()
+            sys.stdout.flush()
     except KeyboardInterrupt:
         return _end(128 + signal.SIGINT, "interrupted")
     except BrokenPipeError:  # the reader, such as `head`, has closed the pipe
@@ -49,6 +51,31 @@ def _sigterm_unwinds() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+class ClosedStream(io.TextIOBase):
+    """Standard input or output that the caller has closed: reading and writing raise an error."""
+
+    @property
+    def buffer(self) -> "ClosedStream":
+        """The stream of bytes."""
+        return self
+
+    def write(self, text: object) -> int:
+        """Raise the error of a closed stream."""
+        raise OSError(errno.EBADF, os.strerror(errno.EBADF), "standard output")
+
+    def read(self, size: int | None = -1) -> str:
+        """Raise the error of a closed stream."""
+        raise OSError(errno.EBADF, os.strerror(errno.EBADF), "standard input")
+
+
+def _refuse_closed_streams() -> None:
+    """Python has None in place of closed streams, and `print` drops what it should write."""
+    if sys.stdin is None:
+        sys.stdin = ClosedStream()
+    if sys.stdout is None:
+        sys.stdout = ClosedStream()
 
 
 def _end(code: int, message: str = "") -> int:

@@ -21,6 +21,7 @@ from ..simulation.motion_files import TableReader, load_motion
 from ..simulation.trajectories import Trajectory
 from ..sst.robot import SST
 from ..sst.star_tables import star_motion
+from . import ClosedStream
 from .commands import tell
 from .parser import gallery, misplaced
 
@@ -99,7 +100,9 @@ def write(files: Mapping[Path, Writer], arguments: argparse.Namespace) -> None:
 
 def say(text: str, arguments: argparse.Namespace) -> None:
     """Print a message: to standard output, or to standard error if that holds the result."""
-    print(text, file=sys.stderr if str(arguments.output) == "-" else sys.stdout)
+    stream = sys.stderr if str(arguments.output) == "-" else sys.stdout
+    if not isinstance(stream, ClosedStream):
+        print(text, file=stream)
 
 
 def save(motion: Trajectory, arguments: argparse.Namespace) -> None:

@@ -22,6 +22,10 @@ from tornado.netutil import bind_sockets
 from ..errors import ServerError
 
 Message = bytes | str
+#: A page that has not read so much yet gets no further messages, [byte].
+_MOST_WAITING = 2**22
+#: Time for clients to close their connections, [s].
+_GOODBYE = 1.0
 
 
 class Server:
@@ -33,7 +37,7 @@ class Server:
         sockets = listen(host, port)
         self.url = url_of(host, sockets[0].getsockname()[1])
         self.visited = threading.Event()  #: Set when a page has connected.
-        self._pages: set[tornado.websocket.WebSocketHandler] = set()
+        self._pages = dict[tornado.websocket.WebSocketHandler, Reader]()
         self._loop = asyncio.new_event_loop()
         self._done = asyncio.Event()
 
@@ -44,7 +48,13 @@ class Server:
             http.stop()
             for listener in tuple(self._pages):
                 listener.close()
-            await http.close_all_connections()
+            # A client that does not answer would hold the server for seconds.
+            with suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(http.close_all_connections(), _GOODBYE)
+            others = asyncio.all_tasks() - {asyncio.current_task()}
+            for task in others:
+                task.cancel()
+            await asyncio.gather(*others, return_exceptions=True)
 
         self._thread = threading.Thread(
             target=lambda: self._loop.run_until_complete(run()), name=self.url, daemon=True
@@ -68,13 +78,16 @@ class Server:
 
         class Socket(Ours, tornado.websocket.WebSocketHandler):
             def open(self, *_: str, **__: str) -> None:
-                server._pages.add(self)
-                for message in state():
-                    _write(self, message)
+                self.reader = Reader(self, state)
+                server._pages[self] = self.reader
+                self.reader.send_state()
                 server.visited.set()
 
+            def on_message(self, message: Message) -> None:
+                """Pages have nothing to say."""
+
             def on_close(self) -> None:
-                server._pages.discard(self)
+                server._pages.pop(self, None)
 
         return tornado.web.Application([("/", Page), ("/socket", Socket)])
 
@@ -82,8 +95,8 @@ class Server:
         """Send a message to every connected page."""
 
         def tell() -> None:
-            for page in tuple(self._pages):
-                _write(page, message)
+            for reader in tuple(self._pages.values()):
+                reader.send(message)
 
         self._loop.call_soon_threadsafe(tell)
 
@@ -95,9 +108,47 @@ class Server:
             self._loop.close()
 
 
-def _write(page: Any, message: Message) -> None:
-    with suppress(tornado.websocket.WebSocketClosedError):  # the page has closed
-        page.write_message(message, binary=isinstance(message, bytes))
+class Reader:
+    """Sends messages to one page, no more than it reads.
+
+    While the page lags, as in a suspended tab, messages are dropped. When it has read what it was
+    sent, it gets the whole state.
+    """
+
+    def __init__(
+        self, page: tornado.websocket.WebSocketHandler, state: Callable[[], Iterable[Message]]
+    ) -> None:
+        self._page, self._state = page, state
+        self._waiting, self._lags = 0, False
+
+    def send(self, message: Message) -> None:
+        """Send a message, or drop it if the page lags."""
+        if self._waiting > _MOST_WAITING:
+            self._lags = True
+        else:
+            self._write(message)
+
+    def send_state(self) -> None:
+        """Send all that the page shows."""
+        self._lags = False
+        for message in self._state():
+            self._write(message)
+
+    def _write(self, message: Message) -> None:
+        size = len(message)
+        try:
+            future = self._page.write_message(message, binary=isinstance(message, bytes))
+        except tornado.websocket.WebSocketClosedError:  # the page has closed
+            return
+        self._waiting += size
+
+        def read(done: Any) -> None:
+            self._waiting -= size
+            failed = done.cancelled() or done.exception() is not None  # the page has closed
+            if self._lags and not self._waiting and not failed:
+                self.send_state()
+
+        asyncio.ensure_future(future).add_done_callback(read)
 
 
 def listen(host: str, port: int) -> list[socket.socket]:

@@ -6,6 +6,7 @@ import signal
 import stat
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -112,3 +113,65 @@ def test_links_lead_to_the_file_that_is_written_and_its_mode_stays(here):
     assert (here / "new.csv").read_text() == "first"
     names = ["dangling.csv", "data.csv", "far", "link.csv", "new.csv"]
     assert sorted(path.name for path in here.rglob("*")) == names
+
+
+def test_a_set_of_files_is_replaced_whole_or_not_at_all(tmp_path, monkeypatch):
+    """The second content fails, then the second replacement; old files stay, new ones go."""
+
+    def fail(file):
+        raise OSError(28, "No space left on device")
+
+    old, new = tmp_path / "robot.h", tmp_path / "robot.c"
+    old.write_text("old")
+    with pytest.raises(sst_pin.OutputError, match="No space left"):
+        write_files({old: text_writer("new"), new: fail}, force=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["robot.h"]
+    assert old.read_text() == "old"
+    replace = Path.replace
+
+    def second_fails(self, target):
+        if Path(target).name == "robot.c" and self.read_text() == "code":
+            raise OSError(5, "Input/output error")
+        return replace(self, target)
+
+    monkeypatch.setattr(Path, "replace", second_fails)
+    with pytest.raises(sst_pin.OutputError, match="Input/output error"):
+        write_files({old: text_writer("new"), new: text_writer("code")}, force=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["robot.h"]
+    assert old.read_text() == "old"
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        f"torques {SAMPLE} -o - >&-",
+        "torques - -o torques.csv <&-",
+        "robots >&-",
+        "compile --list >&-",
+        "validate four_bar >&-",
+    ],
+)
+def test_a_closed_stream_is_an_error_in_one_line(command, tmp_path):
+    code = "from sst_pin.cli import main; raise SystemExit(main())"
+    line = f'exec "$0" -c "{code}" {command}'
+    done = subprocess.run(
+        ["bash", "-c", line, sys.executable],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        stderr=subprocess.PIPE,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "Bad file descriptor" in done.stderr
+
+
+def test_a_command_that_writes_a_file_needs_no_output(tmp_path):
+    code = "from sst_pin.cli import main; raise SystemExit(main())"
+    line = f'exec "$0" -c "{code}" torques {SAMPLE} -o torques.csv >&-'
+    command = ["bash", "-c", line, sys.executable]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run(command, cwd=tmp_path, env=environment, check=False)
+    assert done.returncode == 0
+    assert (tmp_path / "torques.csv").stat().st_size > 100

@@ -1,7 +1,7 @@
 /* ${meaning} of the robot ${robot}
  * for the motions on standard input: per line q[${nq}], va[${n}], aa[${n}].
  *
- *     cc -std=c99 -O2 -o dynamics main.c robot.c
+ *     cc -std=c99 -O2 -o dynamics main.c robot.c -lm
  *     ./dynamics < motions.txt
  *
  * For example, at rest: ${example}
