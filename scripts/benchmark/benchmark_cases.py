@@ -54,6 +54,25 @@ def torques_of(chain: ClosedChain) -> Callable[..., Array]:
     return chain.compute_torques if enough else chain.generalized_forces
 
 
+def derivatives(chain: ClosedChain, motion: Motion) -> Calls:
+    """Derivatives of one configuration, and Pinocchio's of the open tree."""
+    q, va, aa = motion
+    model, data, tau = chain.model, chain.model.createData(), np.ones(len(chain.motor_names))
+    v = chain.joint_rates(q, va)
+    return {
+        "torque derivatives": (lambda: chain.torque_derivatives(q, va, aa), 1),
+        "acceleration derivatives": (lambda: chain.acceleration_derivatives(q, va, tau), 1),
+        "pin.computeRNEADerivatives, open tree": (
+            lambda: pin.computeRNEADerivatives(model, data, q, v, v),
+            1,
+        ),
+        "pin.computeABADerivatives, open tree": (
+            lambda: pin.computeABADerivatives(model, data, q, v, v),
+            1,
+        ),
+    }
+
+
 def single_calls(
     chain: ClosedChain, reference: ClosedChain, motion: Motion, closed: Closed | None
 ) -> Calls:

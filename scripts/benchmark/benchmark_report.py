@@ -70,6 +70,18 @@ COLUMNS = (
     ("mj_step", "single call", "accelerations", "mj_step"),
     ("rneaInParallel", "sample of a batch", "torques, batch", "pin.rneaInParallel, 1 thread"),
     ("mujoco.rollout", "rollout step", "rollout", "mujoco.rollout"),
+    (
+        "computeRNEADerivatives",
+        "derivatives",
+        "torque derivatives",
+        "pin.computeRNEADerivatives, open tree",
+    ),
+    (
+        "computeABADerivatives",
+        "derivatives",
+        "acceleration derivatives",
+        "pin.computeABADerivatives, open tree",
+    ),
 )
 
 
@@ -91,14 +103,19 @@ def _shares(robot: dict[str, Any]) -> list[str]:
 
 def robots_table(results: dict[str, Any]) -> str:
     """How many times as fast as each; the reference path against `pin.rnea`; costs."""
-    header = ["robot", *(heading for heading, *_ in COLUMNS), "torques"]
+    columns = [
+        (heading, group, ours, theirs)
+        for heading, group, ours, theirs in COLUMNS
+        if any(group in robot for robot in results["robots"].values())
+    ]
+    header = ["robot", *(heading for heading, *_ in columns), "torques"]
     header += ["joints, degrees of freedom", "reference path, times pin.rnea"]
     header += ["step in accelerations", "reaction in torques", "compiled in"]
     rows = []
     for name, robot in results["robots"].items():
         single, cost = robot["single call"], robot["cost"]
         row = [name]
-        for _, group, ours, theirs in COLUMNS:
+        for _, group, ours, theirs in columns:
             times = robot.get(group, {})
             known = ours in times and theirs in times
             row.append(f"{times[theirs][0] / times[ours][0]:.3g}" if known else "")

@@ -18,6 +18,7 @@ import cassie
 from sst_pin import ClosedChain, robots
 from sst_pin.dynamics import reactions
 from tests.gallery import ladder
+from tests.gallery.humanoids import humanoid
 
 
 def cassie_of_mujoco(locked: Sequence[str] = ()) -> ClosedChain:
@@ -34,6 +35,7 @@ ROBOTS: dict[str, Callable[[], ClosedChain]] = {
     "delta": robots.delta,
     "hexapod": robots.stewart,
     "Cassie, floating": cassie_of_mujoco,
+    "humanoid": humanoid,
     "ladder of 4": partial(ladder, 4),
     "ladder of 96": partial(ladder, 96),
 }
@@ -83,6 +85,7 @@ def measure(
             "path": chain.backend,
             "cost": cost,
             "single call": in_turn(calls, many, turn),
+            "derivatives": in_turn(cases.derivatives(chain, motion), many, turn),
             "motors": len(chain.motor_names),
             "reaction numbers": reactions.size_of(chain.mechanism),
             "sample of a batch": in_turn(cases.batches(chain, many_motions, n > MOST), few),
