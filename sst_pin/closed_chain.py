@@ -1130,6 +1130,9 @@ class ClosedChain(RobotProperties, Summary):
         reactions: bool | Mapping[str, ArrayLike] = False,
         live: bool = False,
         ghost: Trajectory | None = None,
+        axes: bool = False,
+        frames: bool = False,
+        frame: str | None = None,
     ) -> Viewer:
         """Show a motion or a configuration in the browser, or in a Jupyter notebook.
 
@@ -1144,14 +1147,20 @@ class ClosedChain(RobotProperties, Summary):
             live: Whether the page also computes: the robot can be dragged, released and pushed,
                 without a server, in one file.
             ghost: A second motion, which a translucent robot plays at the same times.
+            axes: Whether the axes of the joints are shown at first.
+            frames: Whether the frames of the closures are shown at first.
+            frame: Name of the frame whose path is drawn; by default `platform`.
 
         Raises:
+            UnknownNameError: For an unknown frame.
             MissingExtraError: Without the extra `sst-pin[viz]`.
             DescriptionError: If a mesh cannot be loaded, or a live page cannot be compiled.
         """
-        from .viewer import show
+        from .viewer import Viewer, show
 
-        return show(self, what, speed, open_browser, reactions, live, ghost)
+        viewer = Viewer(self, axes=axes, frames=frames, frame=frame, reactions=reactions, live=live)
+        show(viewer, self, what, speed, open_browser, ghost)
+        return viewer
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         """Rows of the printed robot."""

@@ -2,7 +2,6 @@
 """Shows a robot in a browser (Meshcat), as a page in one file, in a notebook, in pictures."""
 
 import sys
-from collections.abc import Mapping
 from importlib.util import find_spec
 
 from numpy.typing import ArrayLike
@@ -29,16 +28,14 @@ __all__ = ["Viewer"]
 
 
 def show(
+    viewer: Viewer,
     robot: ClosedChain,
     what: Trajectory | ArrayLike | None,
     speed: float,
     open_browser: bool,
-    reactions: bool | Mapping[str, ArrayLike],
-    live: bool,
     ghost: Trajectory | None,
-) -> Viewer:
-    """See `ClosedChain.show`, which has the same arguments."""
-    viewer = Viewer(robot, reactions=reactions, live=live)
+) -> None:
+    """Show a motion or a configuration; see `ClosedChain.show`, which has the same arguments."""
     if isinstance(what, Trajectory):
         viewer.play(what, speed=speed, ghost=ghost)
     elif ghost is not None:
@@ -48,4 +45,3 @@ def show(
     viewer._functions  # noqa: B018  (raises an error now if CasADi is missing)
     if open_browser and "ipykernel" not in sys.modules:
         viewer.open()
-    return viewer

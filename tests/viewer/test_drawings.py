@@ -64,6 +64,15 @@ def test_unique_forces_of_a_planar_robot_are_drawn_and_the_others_named():
     assert "reactions" not in Viewer(robot)._panel["layers"]
 
 
+def test_show_takes_the_keywords_of_the_viewer():
+    robot = robots.four_bar()
+    viewer = robot.show(open_browser=False, frame="coupler_pin", axes=True, frames=True)
+    assert viewer._scene.point.name == "coupler_pin"
+    assert viewer._panel["layers"]["axes"]
+    with pytest.raises(sst_pin.UnknownNameError):
+        robot.show(open_browser=False, frame="nothing")
+
+
 def test_an_arrow_is_seen_beside_one_that_is_a_hundred_times_longer():
     robot = robots.delta()
     viewer = Viewer(robot, pin.GeometryModel())
