@@ -1077,6 +1077,7 @@ class ClosedChain(RobotProperties, Summary):
         *,
         actuated: Sequence[Motor] | None = None,
         locked: Sequence[str] = (),
+        contacts: bool = False,
     ) -> _Chain:
         """A robot from a MuJoCo file; its equalities close the loops; docs/existing_robots.md.
 
@@ -1089,6 +1090,9 @@ class ClosedChain(RobotProperties, Summary):
             actuated: The motors, as in the constructor; those of the file by default.
             locked: Joints or rates that are fixed at their reference. A joint without a name has
                 the name of its body.
+            contacts: Whether to read `contacts` too: spheres and corners of boxes against planes,
+                and tendons with a largest length only as ropes. A `DescriptionWarning` names other
+                pairs of shapes.
 
         Raises:
             MissingExtraError: Without MuJoCo, `sst-pin[mjcf]`.
@@ -1096,7 +1100,7 @@ class ClosedChain(RobotProperties, Summary):
         """
         from .reading.mjcf import read_mjcf
 
-        return cls.from_description(read_mjcf(path, locked, actuated))
+        return cls.from_description(read_mjcf(path, locked, actuated, contacts))
 
     @classmethod
     def from_description(cls: type[_Chain], description: RobotFile) -> _Chain:

@@ -83,6 +83,12 @@ def write_mjcf(chain: ClosedChain, path: str | Path, force: bool = False) -> Non
         warn_caller(f"{path}: {note}", DescriptionWarning)
 
 
+#: Radius of the sphere of a point, [m].
+POINT = 1e-9
+#: Geoms that touch nothing but by their pairs.
+_UNTOUCHED = {"contype": "0", "conaffinity": "0"}
+
+
 class MjcfWriter:
     """Builds an MJCF; with `plain` only the bodies and their joints.
 
@@ -109,11 +115,13 @@ class MjcfWriter:
         self._problems, self.notes, self._plain = list[str](), list[str](), plain
         self._ends = {name for closure in mechanism.closures for name in frames_of(closure)}
         self._ends |= {x for line in mechanism.lines.forces for x in (line.frame_a, line.frame_b)}
+        self._ends |= {x for rope in mechanism.contacts.ropes for x in (rope.frame_a, rope.frame_b)}
         self._children(0)
         self.bodies = [self._bodies[index] for index in self._tree.bodies]
         if not plain:
             self._add_sites()
             self._add_forces_and_motors()
+            self._add_contacts()
             for k, closure in enumerate(mechanism.closures):
                 self._close(k, closure)
             self._add_mimics()
@@ -380,6 +388,11 @@ class MjcfWriter:
             if rest < 0 or (line.preload and not line.stiffness):
                 text = f"its preload {line.preload:g} N: a tendon of MuJoCo has no constant force"
                 self._problems.append(f"line {line}: {text}")
+            if line.pulls_only:
+                attributes["springlength"] = numbers([0, rest])
+                if line.damping or not line.stiffness:
+                    text = "of the cables of MuJoCo only the springs are slack; its damper is not"
+                    self._problems.append(f"line {line}: {text}")
             attributes |= {"damping": numbers([line.damping])} if line.damping else {}
             attributes |= {"armature": numbers([line.mass])} if line.mass else {}
             if line.lower or line.upper < _FAR:
@@ -398,6 +411,36 @@ class MjcfWriter:
         frames = (frame_named(self._model, name) for name in (line.frame_a, line.frame_b))
         a, b = (set(self._model.supports[frame.parentJoint]) for frame in frames)
         return bool(a - b) and bool(b - a)
+
+    def _add_contacts(self) -> None:
+        """Spheres and planes that touch in pairs, and ropes as tendons of limited length."""
+        contacts, planes = self._mechanism.contacts, dict[str, str]()
+        for contact in contacts.points:
+            frame, ground = (
+                frame_named(self._model, name) for name in (contact.frame, contact.ground)
+            )
+            if ground.parentJoint:
+                text = "planes of MuJoCo stand still, and its ground moves"
+                self._problems.append(f"contact {contact}: {text}")
+                continue
+            if contact.restitution:
+                self.notes.append(f"contact {contact}: its restitution is left out")
+            if contact.ground not in planes:
+                planes[contact.ground] = f"{contact.ground} plane"
+                plane = {"name": planes[contact.ground], "type": "plane", "size": "1 1 1"}
+                SubElement(self._base, "geom", plane | _UNTOUCHED | _pose(ground.placement))
+            sphere = {"name": f"{contact} sphere", "type": "sphere", "mass": "0"}
+            sphere |= {"size": numbers([max(contact.radius, POINT)])}
+            place = pin.SE3(np.eye(3), frame.placement.translation)
+            bearer = self._bodies[frame.parentJoint]
+            SubElement(bearer, "geom", sphere | _UNTOUCHED | _pose(place))
+            pair = {"name": contact.name, "geom1": sphere["name"], "geom2": planes[contact.ground]}
+            sliding = [contact.friction, contact.friction, 0, 0, 0]
+            pair |= {"condim": "3", "friction": numbers(sliding)}
+            SubElement(self._section("contact"), "pair", pair)
+        for rope in contacts.ropes:
+            attributes = {"name": rope.name, "range": numbers([0, rope.length])}
+            self._spatial(attributes, rope.frame_a, rope.frame_b)
 
     def _add_motor(self, name: str, on_rates: Array, on_lines: Array) -> None:
         forces, effort = self._mechanism.lines.forces, self._mechanism.model.upperEffortLimit

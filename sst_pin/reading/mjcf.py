@@ -14,6 +14,7 @@ from ..errors import DescriptionError, UnknownNameError
 from ..files import as_path
 from ..model.checks import Motor
 from .mjcf_compiled import Compiled
+from .mjcf_contacts import contacts_of
 from .mjcf_limits import put_efforts
 from .mjcf_loops import closures_of, lines_of, motors_of, named_motors
 from .mjcf_tree import MjcfTree
@@ -25,18 +26,27 @@ from .urdf import MOST_JOINTS
 
 
 def read_mjcf(
-    path: str | Path, locked: Sequence[str] = (), actuated: Sequence[Motor] | None = None
+    path: str | Path,
+    locked: Sequence[str] = (),
+    actuated: Sequence[Motor] | None = None,
+    contacts: bool = False,
 ) -> RobotFile:
     """Read a robot as `ClosedChain.from_mjcf`; warnings point to the caller of that method."""
-    robot = robot_file_of(path, locked, actuated)
+    robot = robot_file_of(path, locked, actuated, contacts)
     warnings = (problem.text for problem in robot.notes if problem.severity == "warning")
     return warned(robot, warnings, robot.source)
 
 
 def robot_file_of(
-    path: str | Path, locked: Sequence[str] = (), actuated: Sequence[Motor] | None = None
+    path: str | Path,
+    locked: Sequence[str] = (),
+    actuated: Sequence[Motor] | None = None,
+    contacts: bool = False,
 ) -> RobotFile:
-    """Tree, closures and motors; `actuated` replaces the motors of the file."""
+    """Tree, closures and motors; `actuated` replaces the motors of the file.
+
+    With `contacts`, those that can act in nonsmooth rollouts are read too.
+    """
     compiled = Compiled(as_path(path), names("locked", locked))
     source, problems = compiled.source, compiled.problems
     problems += [*impossible(compiled), *_switched_off(compiled, actuated)] or _names(compiled)
@@ -51,6 +61,7 @@ def robot_file_of(
     tree.add_body_frames()
     stiffness = tree.add_numbers()
     lines = tuple(lines_of(compiled, motors, put_efforts(compiled, tree)))
+    touching = tuple(contacts_of(compiled, tree)) if contacts else ()
     problems += unread(compiled, tree)
     if (moving := tree.model.njoints - 1) > MOST_JOINTS:
         problems.append(f"{moving} moving joints; at most {MOST_JOINTS} are supported")
@@ -60,9 +71,9 @@ def robot_file_of(
     shapes = partial(mjcf_shapes, compiled.mj, tree.bodies)
     parts = source, tree.model, closures, motors, shapes, stiffness, tree.rest
     notes = [warning("file", text) for text in dict.fromkeys(compiled.notes)]
-    if text := contact_note(compiled, tree):
+    if not contacts and (text := contact_note(compiled, tree)):
         notes.append(note("file", text))
-    return RobotFile(*parts, lines=lines, notes=tuple(notes))
+    return RobotFile(*parts, lines=lines, contacts=touching, notes=tuple(notes))
 
 
 def _switched_off(compiled: Compiled, actuated: Sequence[Motor] | None) -> Iterator[str]:
