@@ -24,7 +24,8 @@ FRICTION = 0.01  # N m s/rad in the motors, unknown to the model
 def pushed(delta: sst_pin.ClosedChain) -> sst_pin.Trajectory:
     """A motion under computed torque with a push."""
     t = np.arange(0, 0.6 + 5e-4, 1e-3)
-    angles = delta.home[delta.motor_indices] + 0.15 * (1 - np.cos(2 * np.pi * t / 0.6))[:, None]
+    at = [delta.position_names.index(name) for name in delta.motor_names]
+    angles = delta.home[at] + 0.15 * (1 - np.cos(2 * np.pi * t / 0.6))[:, None]
     control = sst_pin.ComputedTorque(
         delta, sst_pin.coordinate_motion(delta, t, angles), kp=2500, kd=100
     )

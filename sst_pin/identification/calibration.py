@@ -161,7 +161,8 @@ def calibrate(
 
     Example:
         >>> machine = sst_pin.robots.delta(arm=0.151)  # drawn with 0.15
-        >>> x = machine.home[[0, 5, 9]] + np.random.default_rng(0).uniform(-0.3, 0.3, (8, 3))
+        >>> at = [machine.position_names.index(name) for name in machine.coordinates]
+        >>> x = machine.home[at] + np.random.default_rng(0).uniform(-0.3, 0.3, (8, 3))
         >>> q = [machine.assemble(dict(zip(machine.coordinates, each))) for each in x]
         >>> drawn, poses = sst_pin.robots.delta(arm=0.15), machine.platform_pose(q)
         >>> which = ["rod_*.x"]
@@ -198,7 +199,8 @@ def calibrate_with(
 
     Example:
         >>> machine = sst_pin.robots.delta(arm=0.151)  # drawn with 0.15
-        >>> x = machine.home[[0, 5, 9]] + np.random.default_rng(0).uniform(-0.3, 0.3, (12, 3))
+        >>> at = [machine.position_names.index(name) for name in machine.coordinates]
+        >>> x = machine.home[at] + np.random.default_rng(0).uniform(-0.3, 0.3, (12, 3))
         >>> q = [machine.assemble(dict(zip(machine.coordinates, each))) for each in x]
         >>> z = machine.platform_pose(q)[:, 2, 3]
         >>> heights = sst_pin.identification.Heights("platform", x, heights=z)
