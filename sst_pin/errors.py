@@ -45,7 +45,7 @@ class SSTError(Exception):
         ...     robot.inverse_kinematics(2 * np.eye(3))
         ... except sst_pin.SSTError as error:
         ...     print(error)
-        R: not a rotation matrix (|R R^T - 1| = 3, det R = 8)
+        pose: not a rotation matrix (|R R^T - 1| = 3, det R = 8)
     """
 
     samples: tuple[tuple[int, ...], ...] = ()

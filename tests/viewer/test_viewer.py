@@ -180,6 +180,8 @@ def test_pages_of_this_machine_and_programs_alone_are_answered(robot):
     viewer.close()
 
 
+# Tornado leaves a socket that it cannot bind to the garbage collector.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_an_address_that_cannot_be_listened_on_is_told(robot):
     impossible = [("203.0.113.7", 0), ("256.1.1.1", 0), ("", 0), (300 * "x", 0)]
     with socket.socket() as taken, Viewer(robot) as viewer:
