@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Kernels of NVIDIA Warp compute what the chain computes, and flag samples that they cannot."""
 
+import copy
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -10,6 +12,7 @@ from sst_pin.compiled import extension, libraries
 from tests.gallery import EVERY_ROBOT
 from tests.support import any_chain
 from tests.support.files import load
+from tests.support.named_robots import robot_named
 
 wp = pytest.importorskip("warp", reason="needs the extra 'gpu'")
 
@@ -256,6 +259,23 @@ def test_steps_are_captured_in_a_cuda_graph(four_bar):
     for _ in range(2):
         wp.capture_launch(capture.graph)
     assert np.abs(q.numpy() - expected).max() < 1e-15
+
+
+@pytest.mark.slow
+def test_derivatives_of_a_floating_cassie_are_those_of_the_reference_path():
+    """More coordinates than motors, and a pelvis that floats; on the CPU."""
+    chain = copy.deepcopy(robot_named("floating cassie"))
+    batch, (q, va, aa) = chain.warp("cpu"), any_chain.states(chain, 3, 0)
+    tau = np.random.default_rng(0).normal(size=(3, len(chain.motor_names)))
+    Q, VA, AA, TAU = arrays(batch, q, va, aa, tau)
+    pairs = (
+        (batch.torque_derivatives(Q, VA, AA), chain.torque_derivatives(q, va, aa)),
+        (batch.acceleration_derivatives(Q, VA, TAU), chain.acceleration_derivatives(q, va, tau)),
+    )
+    for slopes, expected in pairs:
+        for part, right in zip(slopes, expected, strict=True):
+            # The inertia matrix has a condition number of 1e4.
+            np.testing.assert_allclose(part.numpy(), right, atol=1e-11 * np.abs(right).max())
 
 
 @pytest.mark.parametrize("name", KINDS)
