@@ -28,14 +28,25 @@ from .yaml_content import (
     shown,
 )
 
-_OF_LINES = (
-    *("name", "frames", "stiffness", "rest_length", "damping", "preload", "mass"),
-    *("lower", "upper", "effort", "velocity"),
-    "pulls_only",
+#: Numbers of an entry of `line_force`, and all its keys.
+_LINE_NUMBERS = (
+    "stiffness",
+    "rest_length",
+    "damping",
+    "preload",
+    "mass",
+    "lower",
+    "upper",
+    "effort",
+    "velocity",
 )
-_OF_CONTACTS = ("frame", "name", "ground", "radius", "friction", "restitution")
-_OF_ROPES = ("name", "rope", "length")
-_WITH_LENGTH = {"distance": Distance, "rolling": Rolling}
+_LINE_KEYS = ("name", "frames", *_LINE_NUMBERS, "pulls_only")
+#: Numbers of a contact, and all its keys.
+_CONTACT_NUMBERS = ("radius", "friction", "restitution")
+_CONTACT_KEYS = ("frame", "name", "ground", *_CONTACT_NUMBERS)
+_ROPE_KEYS = ("name", "rope", "length")
+#: Closures whose type has a length after the word, such as "distance 0.3" [m].
+_CLOSURES_WITH_LENGTH = {"distance": Distance, "rolling": Rolling}
 
 
 class Cuts(NamedTuple):
@@ -64,113 +75,136 @@ class Cuts(NamedTuple):
 def parse_cuts(text: str, source: str) -> Cuts:
     """Content of a YAML file in the LAAS schema, with more keys; docs/own_robot.md lists them.
 
-    It has the key `name_mot`; others may be missing. A `loop_closures.yaml` of sw2robot is read as
-    well. The error names every problem.
+    The key `name_mot` is required; all others are optional. A `loop_closures.yaml` of sw2robot is
+    read as well. The error names every problem.
     """
     content = YamlContent(text, source)
-    if "closures" in content:
-        cuts = _of_scikit_robot(content)
-        content.raise_problems()
-        return cuts._replace(source=source)
-    content.require_known((*_LISTS, *_TABLES, "gravity"))
-    content.setdefault("name_mot", None)
-    if isinstance(table := content.get("joint_type"), dict) and "joint_name" not in content:
-        content |= {"joint_name": [*table], "joint_type": [*table.values()]}
-    lists = {key: content.entries(key, parse) for key, parse in _LISTS.items()}
-    tables = {key: content.entries(key, parse, dict) for key, parse in _TABLES.items()}
+    if "closures" in content:  # only sw2robot's files have this key
+        cuts = _scikit_robot_cuts(content)
+    else:
+        cuts = _laas_cuts(content)
+    content.raise_problems()
+    return cuts._replace(source=source)
+
+
+def _laas_cuts(content: YamlContent) -> Cuts:
+    """The cuts of a file in the LAAS schema; problems are added to the content."""
+    content.require_known((*_LIST_PARSERS, *_TABLE_PARSERS, "gravity"))
+    content.setdefault("name_mot", None)  # so that a missing key is a problem
+    _split_joint_types(content)
+    lists = {key: content.entries(key, parse) for key, parse in _LIST_PARSERS.items()}
+    tables = {key: content.entries(key, parse, dict) for key, parse in _TABLE_PARSERS.items()}
     joints = content.zipped(lists, "joint_name", "joint_type")
-    content.problems += [f"joint_name: {j} appears twice" for j in repeated(j for j, _ in joints)]
+    for joint in repeated(name for name, _ in joints):
+        content.problems.append(f"joint_name: {joint} appears twice")
     closures = list[Constraint]()
     for pair, kind in content.zipped(lists, "closed_loop", "type"):
         with telling(content.problems):
             closures.append(_closure(pair, kind))
-    gravity = vector(content.get("gravity"))
-    if gravity is None and "gravity" in content:
-        text = f"gravity: {shown(content['gravity'])} is not a list of three numbers"
-        content.problems.append(text)
-    content.raise_problems()
-    springs = dict(tables.pop("joint_spring"))
-    couplings = tuple(tables.pop("coupling"))
-    limits = dict(tables.pop("joint_limit"))
-    numbers = {key: dict(pairs) for key, pairs in tables.items()}
-    for key in LIMITS:
-        numbers[key] = {joint: limit[key] for joint, limit in limits.items() if key in limit}
-    for k, key in enumerate(("stiffness", "reference")):
-        numbers[key] = {joint: spring[k] for joint, spring in springs.items()}
     return Cuts(
         actuated=tuple(lists["name_mot"]),
         closures=tuple(closures),
-        couplings=couplings,
+        couplings=tuple(tables["coupling"]),
         lines=tuple(lists["line_force"]),
         contacts=tuple(lists["contacts"]),
         joints=tuple(joints),
-        numbers=numbers,
+        numbers=_joint_numbers(tables),
         locked=tuple(lists["locked"]),
         brakes=tuple(lists["brakes"]),
-        gravity=gravity,
-        source=source,
+        gravity=_gravity(content),
     )
 
 
+def _split_joint_types(content: YamlContent) -> None:
+    """Replace a mapping `joint_type: {NAME: TYPE}` by the two lists of the LAAS schema."""
+    types = content.get("joint_type")
+    if isinstance(types, dict) and "joint_name" not in content:
+        content["joint_name"] = list(types)
+        content["joint_type"] = list(types.values())
+
+
+def _gravity(content: YamlContent) -> Array | None:
+    if "gravity" not in content:
+        return None
+    gravity = vector(content["gravity"])
+    if gravity is None:
+        shown_value = shown(content["gravity"])
+        content.problems.append(f"gravity: {shown_value} is not a list of three numbers")
+    return gravity
+
+
+def _joint_numbers(tables: Mapping[str, list[Any]]) -> JointNumbers:
+    """Friction, rotors, limits and springs, each as a mapping from joints to numbers."""
+    by_key = {key: dict(tables[key]) for key in _FRICTION_AND_ROTORS}
+    limits = dict(tables["joint_limit"])
+    for key in LIMITS:
+        by_key[key] = {joint: limit[key] for joint, limit in limits.items() if key in limit}
+    springs = dict(tables["joint_spring"])
+    by_key["stiffness"] = {joint: stiffness for joint, (stiffness, _) in springs.items()}
+    by_key["reference"] = {joint: reference for joint, (_, reference) in springs.items()}
+    return by_key
+
+
 def _motor(value: Any) -> Motor:
-    """A joint or a line, or a tendon with its name: `split: {left: 1, right: 1}`."""
+    """The name of a joint or a line, or a named tendon: `split: {left: 1, right: 1}`."""
     if isinstance(value, dict) and len(value) == 1:
-        ((name, shares),) = value.items()
-        return {name: {joint: number_in(x) for joint, x in mapping_in(shares).items()}}
+        ((tendon, shares),) = value.items()
+        return {tendon: {joint: number_in(share) for joint, share in mapping_in(shares).items()}}
     return name_in(value)
 
 
 def _closure(pair: tuple[str, str], kind: str) -> Constraint:
-    kind = {"ball": "3d"}.get(kind.lower(), kind.lower())
+    """A closure of two frames, of a kind such as "6d" or "distance 0.3"."""
+    kind = kind.lower()
+    if kind == "ball":
+        kind = "3d"
     if kind in Closure.KINDS:
         return Closure(*pair, kind)
-    word, _, length = kind.partition(" ")
-    value = numbers(length, 1)
-    if word in _WITH_LENGTH and value is not None and value[0] > 0:
-        return _WITH_LENGTH[word](*pair, float(value[0]))
-    known = ", ".join([*Closure.KINDS, "ball", *(f"{word} LENGTH" for word in _WITH_LENGTH)])
-    raise ValueError(f"type: {kind!r} unknown; known: {known}")
+    word, _, length_text = kind.partition(" ")
+    length = numbers(length_text, 1)
+    if word in _CLOSURES_WITH_LENGTH and length is not None and length[0] > 0:
+        return _CLOSURES_WITH_LENGTH[word](*pair, float(length[0]))
+    known = [*Closure.KINDS, "ball", *(f"{word} LENGTH" for word in _CLOSURES_WITH_LENGTH)]
+    raise ValueError(f"type: {kind!r} unknown; known: {', '.join(known)}")
 
 
 def _coupling(joint: str, value: Any) -> Coupling:
-    """The position of a joint by those of others: factors, or coefficients of polynomials."""
-    shares = {
-        other: [number_in(c) for c in share] if isinstance(share, list) else [0.0, number_in(share)]
-        for other, share in mapping_in(value).items()
-    }
-    if not shares:
+    """A joint whose position is a sum of factors or polynomials of other joints' positions."""
+    polynomials = dict[str, list[float]]()
+    for other, share in mapping_in(value).items():
+        if isinstance(share, list):
+            polynomials[other] = [number_in(coefficient) for coefficient in share]
+        else:  # a factor
+            polynomials[other] = [0.0, number_in(share)]
+    if not polynomials:
         raise ValueError(f"{joint} follows no joint; `locked` holds joints")
-    return Coupling(joint, shares)
+    return Coupling(joint, polynomials)
 
 
 def _line(value: Any) -> LineForce:
-    fields = mapping_in(value, _OF_LINES)
+    """A force along the line between two frames."""
+    fields = mapping_in(value, _LINE_KEYS)
     if "frames" not in fields:
         raise ValueError(f"{shown(value)} has no pair of frames")
-    a, b = pair_in(fields["frames"])
-    numbers = {key: number_in(fields[key], key) for key in _OF_LINES[2:-1] if key in fields}
+    frame_a, frame_b = pair_in(fields["frames"])
+    values = {key: number_in(fields[key], key) for key in _LINE_NUMBERS if key in fields}
     pulls_only = str(fields.get("pulls_only", "false")).lower()
     if pulls_only not in ("true", "false"):
         raise ValueError(f"pulls_only {shown(fields['pulls_only'])} is neither true nor false")
-    name = name_in(fields.get("name", f"{a}-{b}"))
-    return LineForce(a, b, name=name, pulls_only=pulls_only == "true", **numbers)
+    name = name_in(fields.get("name", f"{frame_a}-{frame_b}"))
+    return LineForce(frame_a, frame_b, name=name, pulls_only=pulls_only == "true", **values)
 
 
 def _contact(value: Any) -> Contact | Rope:
     """A contact `{frame: sole, friction: 0.8}` or a rope `{rope: [a, b], length: 1.2}`."""
     fields = mapping_in(value)
     if "rope" in fields:
-        fields = mapping_in(value, _OF_ROPES)
-        if "length" not in fields:
-            raise ValueError(f"{shown(value)} has no length")
-        a, b = pair_in(fields["rope"])
-        length = number_in(fields["length"], "length")
-        return Rope(a, b, length, name=name_in(fields.get("name", f"{a}-{b}")))
-    fields = mapping_in(value, _OF_CONTACTS)
+        return _rope(value)
+    fields = mapping_in(value, _CONTACT_KEYS)
     if "frame" not in fields:
         raise ValueError(f"{shown(value)} has no frame and no rope")
     values: dict[str, Any] = {}
-    for key in _OF_CONTACTS[3:]:
+    for key in _CONTACT_NUMBERS:
         if key in fields:
             values[key] = number_in(fields[key], key)
     for key in ("ground", "name"):
@@ -179,40 +213,56 @@ def _contact(value: Any) -> Contact | Rope:
     return Contact(name_in(fields["frame"]), **values)
 
 
+def _rope(value: Any) -> Rope:
+    fields = mapping_in(value, _ROPE_KEYS)
+    if "length" not in fields:
+        raise ValueError(f"{shown(value)} has no length")
+    frame_a, frame_b = pair_in(fields["rope"])
+    length = number_in(fields["length"], "length")
+    name = name_in(fields.get("name", f"{frame_a}-{frame_b}"))
+    return Rope(frame_a, frame_b, length, name=name)
+
+
 def _spring(joint: str, value: Any) -> tuple[str, list[float]]:
+    """A joint with the stiffness of its spring and the position where the spring is relaxed."""
     return joint, numbers_in(value, stiffness=None, reference="0")
 
 
 def _limit(joint: str, value: Any) -> tuple[str, dict[str, float]]:
-    limit = {key: number_in(x, key) for key, x in mapping_in(value, LIMITS).items()}
+    """A joint with its limits by name."""
+    limit = {key: number_in(number, key) for key, number in mapping_in(value, LIMITS).items()}
     if limit.get("lower", -np.inf) > limit.get("upper", np.inf):
         raise ValueError(f"the lower limit of {joint} is above the upper one")
-    if negative := [key for key in ("effort", "velocity") if limit.get(key, 0.0) < 0]:
-        raise ValueError(f"{negative[0]} of {joint} is negative")
+    for key in ("effort", "velocity"):
+        if limit.get(key, 0.0) < 0:
+            raise ValueError(f"{key} of {joint} is negative")
     return joint, limit
 
 
 def _rotor(joint: str, value: Any) -> tuple[str, float]:
-    """The reflected inertia of a rotor."""
+    """A joint with the inertia of its rotor, reflected to the joint by the gear."""
     fields = value if isinstance(value, dict) else {"rotor_inertia": value}
-    inertia, gear = numbers_in(fields, rotor_inertia=None, gear_ratio="1")
-    return joint, inertia * gear**2
+    inertia, gear_ratio = numbers_in(fields, rotor_inertia=None, gear_ratio="1")
+    return joint, inertia * gear_ratio**2
 
 
 def _friction(joint: str, value: Any) -> tuple[str, float]:
-    if (number := number_in(value)) < 0:
+    """A joint with a coefficient of friction."""
+    coefficient = number_in(value)
+    if coefficient < 0:
         raise ValueError(f"{value} of {joint} is negative: it would accelerate the joint")
-    return joint, number
+    return joint, coefficient
 
 
 def _kind(value: Any) -> str:
-    if (kind := name_in(value).upper()) not in KINDS:
+    kind = name_in(value).upper()
+    if kind not in KINDS:
         raise ValueError(f"{value!r} unknown; known: {', '.join(KINDS)}")
     return kind
 
 
-#: Parsers of the entries of lists, and of tables below names of joints, by key.
-_LISTS: dict[str, Callable[[Any], Any]] = {
+#: Keys with a list of entries, and the parser of one entry.
+_LIST_PARSERS: dict[str, Callable[[Any], Any]] = {
     "closed_loop": pair_in,
     "contacts": _contact,
     "type": name_in,
@@ -223,7 +273,8 @@ _LISTS: dict[str, Callable[[Any], Any]] = {
     "locked": name_in,
     "brakes": name_in,
 }
-_TABLES: dict[str, Callable[[str, Any], Any]] = {
+#: Keys with a mapping from joints, and the parser of a joint's name and value.
+_TABLE_PARSERS: dict[str, Callable[[str, Any], Any]] = {
     "joint_spring": _spring,
     "joint_limit": _limit,
     "viscous_friction": _friction,
@@ -231,29 +282,39 @@ _TABLES: dict[str, Callable[[str, Any], Any]] = {
     "armature": _rotor,
     "coupling": _coupling,
 }
+#: Keys whose table is already a mapping from joints to one number.
+_FRICTION_AND_ROTORS = ("viscous_friction", "coulomb_friction", "armature")
+#: Keys of a hinge in a `loop_closures.yaml`.
 OF_HINGE = ("link_a", "link_b", "point", "axis")
 
 
-def _of_scikit_robot(content: YamlContent) -> Cuts:
-    """A `loop_closures.yaml`: hinges, by point and axis in base axes at q = 0."""
+def _scikit_robot_cuts(content: YamlContent) -> Cuts:
+    """The cuts of a `loop_closures.yaml`: hinges, by point and axis in base axes at q = 0."""
     content.require_known(("closures", "dependent", "independent"))
     hinges = content.entries("closures", _hinge)
     if not content["closures"]:
         content.problems.append("closures: a list of hinges is needed")
-    content.update({key: content.get(key) for key in ("dependent", "independent")})
-    dependent, independent = (content.entries(k, name_in) for k in ("dependent", "independent"))
-    content.problems += [f"{name}: named twice" for name in repeated(dependent + independent)]
-    joints = (hinge._replace(name=f"loop_closure_{k}") for k, hinge in enumerate(hinges, 1))
-    return Cuts(tuple(independent), hinges=tuple(joints), dependent=tuple(dependent))
+    for key in ("dependent", "independent"):  # a missing list is a problem
+        content.setdefault(key, None)
+    dependent = content.entries("dependent", name_in)
+    independent = content.entries("independent", name_in)
+    for name in repeated(dependent + independent):
+        content.problems.append(f"{name}: named twice")
+    named_hinges = [
+        hinge._replace(name=f"loop_closure_{number}") for number, hinge in enumerate(hinges, 1)
+    ]
+    return Cuts(actuated=tuple(independent), hinges=tuple(named_hinges), dependent=tuple(dependent))
 
 
 def _hinge(value: Any) -> CutJoint:
     fields = mapping_in(value, OF_HINGE)
     if len(fields) < len(OF_HINGE):
         raise ValueError(f"{shown(value)} needs {', '.join(OF_HINGE)}")
+    # Point and axis are relative to the base for both links.
     place = pin.SE3(np.eye(3), _vector(fields, "point"))
-    axis, base = _vector(fields, "axis"), ("universe", "universe")
+    axis = _vector(fields, "axis")
     links = name_in(fields["link_a"]), name_in(fields["link_b"])
+    base = ("universe", "universe")
     return cut_joint("", "revolute", links, (place, place), (axis, axis), base)
 
 
