@@ -41,16 +41,25 @@ _SIDES = {
     "constraint": ("parent", "child"),
 }
 #: Kind of the closure for each type of joint.
-_KINDS = {"fixed": "6d", **dict.fromkeys(("spherical", "spherical_joint", "ball"), "3d")}
-_KINDS |= dict.fromkeys(("revolute", "continuous"), "hinge")
-_KINDS |= {kind: kind for kind in ("prismatic", "universal", "cylindrical", "planar")}
-#: For each kind, the axes of the two frames that are turned onto the axes of the joint; else z.
-_ALONG = {"universal": np.eye(3)[:2]}
+_KINDS = {
+    "fixed": "6d",
+    "spherical": "3d",
+    "spherical_joint": "3d",
+    "ball": "3d",
+    "revolute": "hinge",
+    "continuous": "hinge",
+    "prismatic": "prismatic",
+    "universal": "universal",
+    "cylindrical": "cylindrical",
+    "planar": "planar",
+}
+_X, _Y, _Z = np.eye(3)
 _BALL = "drake:ball_constraint"
-#: Larger limits are none, [rad] or [m].
+#: Limits beyond this position are ignored, [rad] or [m]: tools write them for "no limit".
 _FAR = 1e9
-#: Elements of Drake's balls: their attribute, and the element and attribute of a `<constraint>`.
-_OF_BALLS = {
+#: Elements of a ball constraint of Drake: for each the attribute that is read, and the element and
+#: the attribute of a `<constraint>` that get its value.
+_DRAKE_BALL = {
     "body_A": ("name", "parent", "link"),
     "p_AP": ("value", "parent_origin", "xyz"),
     "body_B": ("name", "child", "link"),
@@ -77,21 +86,33 @@ class CutJoint(NamedTuple):
         data = model.createData()
         pin.framesForwardKinematics(model, data, pin.neutral(model))
         sides = zip(names, self.links, self.places, self.seen_from, strict=True)
-        for name, link, offset, other in sides:
+        for name, link, place, reference in sides:
             if model.existFrame(name):
                 raise DescriptionError(self.name, [f"a frame {name} exists; rename this joint"])
-            number, seen = self._frame(model, link), self._frame(model, other)
-            body, there = model.frames[number], data.oMf[number].actInv(data.oMf[seen])
-            place = body.placement * (offset if seen == number else there * offset)
-            kind = pin.FrameType.OP_FRAME
-            model.addFrame(pin.Frame(name, body.parentJoint, number, place, kind))
+            link_id = self._link_id(model, link)
+            reference_id = self._link_id(model, reference)
+            on_link = place
+            if reference_id != link_id:
+                on_link = data.oMf[link_id].actInv(data.oMf[reference_id]) * place
+            link_frame = model.frames[link_id]
+            frame = pin.Frame(
+                name,
+                link_frame.parentJoint,
+                link_id,
+                link_frame.placement * on_link,
+                pin.FrameType.OP_FRAME,
+            )
+            model.addFrame(frame)
         return Closure(*names, self.kind)
 
-    def _frame(self, model: pin.Model, link: str) -> int:
-        number = 0 if link == "universe" else model.getFrameId(link, pin.FrameType.BODY)
-        if number == model.nframes:
+    def _link_id(self, model: pin.Model, link: str) -> int:
+        """Index of the frame of a link; the base has index 0."""
+        if link == "universe":
+            return 0
+        link_id = model.getFrameId(link, pin.FrameType.BODY)
+        if link_id == model.nframes:  # Pinocchio's answer for an unknown frame
             raise DescriptionError(self.name, [f"{self.name}: no link {link}"])
-        return int(number)
+        return int(link_id)
 
 
 def cut_joint(
@@ -102,7 +123,10 @@ def cut_joint(
     axes: Sequence[Array],
     seen_from: tuple[str, str],
 ) -> CutJoint:
-    """A joint of a type of URDFs, with its axis in each of its two frames.
+    """The joint of a URDF type `kind`, with its axis in each of its two frames.
+
+    A closure has fixed axes in its frames: z, or x and y for a universal joint. So each frame is
+    rotated until this axis is the axis of the joint.
 
     Raises:
         ValueError: If the type is unknown, both links are the same, or the axes of a slide differ.
@@ -113,15 +137,17 @@ def cut_joint(
         raise ValueError(f"connects {links[0]} with itself")
     if kind == "prismatic" and not np.allclose(axes[0], axes[1]):
         raise ValueError("the axes of a prismatic joint must be the same on both sides")
-    if _KINDS[kind] not in ("6d", "3d"):
-        along = _ALONG.get(kind, np.eye(3)[[2, 2]])
-        places = [_turned(*each) for each in zip(places, axes, along, strict=True)]
-    return CutJoint(name, _KINDS[kind], links, (places[0], places[1]), seen_from)
+    place_a, place_b = places
+    if _KINDS[kind] not in ("6d", "3d"):  # welds and balls have no axis
+        frame_axes = (_X, _Y) if kind == "universal" else (_Z, _Z)
+        place_a = _rotate_axis(place_a, frame_axes[0], axes[0])
+        place_b = _rotate_axis(place_b, frame_axes[1], axes[1])
+    return CutJoint(name, _KINDS[kind], links, (place_a, place_b), seen_from)
 
 
-def _turned(place: pin.SE3, axis: Array, along: Array) -> pin.SE3:
-    """A frame turned until its axis `along` is `axis`, both in axes of the frame."""
-    return place * pin.SE3(pin.Quaternion.FromTwoVectors(along, axis).matrix(), np.zeros(3))
+def _rotate_axis(place: pin.SE3, start: Array, end: Array) -> pin.SE3:
+    """The frame after the rotation that takes axis `start` to `end`, both in its own axes."""
+    return place * pin.SE3(pin.Quaternion.FromTwoVectors(start, end).matrix(), np.zeros(3))
 
 
 class Marks:
@@ -135,7 +161,9 @@ class Marks:
         self.gears: list[Coupling] = []
         self.problems: list[Problem] = []
         self.independent = tuple(_independent(root))
-        self._bearers = {attribute(joint, "child/link"): joint for joint in root.findall("joint")}
+        self._parent_joints = {
+            attribute(joint, "child/link"): joint for joint in root.findall("joint")
+        }
         self._links = {attribute(link, "name") for link in root.findall("link")}
         for tag, sides in _SIDES.items():
             for element in root.findall(tag):
@@ -143,83 +171,123 @@ class Marks:
             if set(root.iterfind(f".//{tag}[{sides[0]}]")).difference(root):
                 self.problems.append(error(tag, "it must be a direct child of <robot>"))
         for element in root.findall("gazebo/joint[parent]"):
-            self._read(self._joint, element, _faults_of_gazebo(element))
-        for k, ball in enumerate(root.iter(_BALL), 1):
-            element = _constraint_of(ball, k)
+            self._read(self._gazebo_joint, element, _faults_of_gazebo(element))
+        for index, ball in enumerate(root.iter(_BALL), 1):
+            element = _constraint_of(ball, index)
             self._read(self._joint, element, _faults(element, _SIDES["constraint"]))
         for element in root.findall("coupling"):
             tags = ("predecessor", "successor", "ratio")
             self._read(self._gear, element, unknown_parts(element, tags, ("name", "type")))
-        for k, plugin in enumerate(root.findall("gazebo/plugin"), 1):
+        robot = root.get("name", "")
+        for index, plugin in enumerate(root.findall("gazebo/plugin"), 1):
             if is_detachable(plugin):
-                self._read(partial(self._weld, root.get("name", ""), k), plugin, ())
+                self._read(partial(self._weld, robot, index), plugin, ())
 
     def _read(
         self, reader: Callable[[ET.Element], None], element: ET.Element, faults: Iterable[str]
     ) -> None:
-        problems, where = list(faults), f"{element.tag} {element.get('name')}"
-        with telling(problems):
+        """Read an element; its faults and what the reader raises become problems."""
+        texts = list(faults)
+        with telling(texts):
             reader(element)
-        self.problems += [error(where, text) for text in problems]
+        where = f"{element.tag} {element.get('name')}"
+        self.problems += [error(where, text) for text in texts]
 
     def _joint(self, element: ET.Element) -> None:
-        kind, gazebo = attribute(element, "type"), element.tag == "joint"
-        sides = _SIDES["constraint" if gazebo else element.tag]
-        read = _side_of_gazebo if gazebo else _side
-        (a, b), places, axes = zip(*(read(element, side) for side in sides), strict=True)
-        for side, link in zip(sides, (a, b), strict=True):
-            self._require_link(side, link)
-        if kind == "universal" and not gazebo and element.find("parent_axis") is None:
+        """Read a joint; each link has the joint's frame in its own axes."""
+        side_a, side_b = _SIDES[element.tag]
+        link_a, place_a, axis_a = _side(element, side_a)
+        link_b, place_b, axis_b = _side(element, side_b)
+        self._require_link(side_a, link_a)
+        self._require_link(side_b, link_b)
+        kind = attribute(element, "type")
+        if kind == "universal" and element.find("parent_axis") is None:
             raise ValueError("a universal joint needs parent_axis and child_axis in a <constraint>")
-        seen = (b, b) if gazebo else (a, b)
-        name = attribute(element, "name") or f"{a}_{b}"
-        self.joints.append(cut_joint(name, kind, (a, b), places, axes, seen))
+        links = (link_a, link_b)
+        self._add(element, kind, links, (place_a, place_b), (axis_a, axis_b), seen_from=links)
+
+    def _gazebo_joint(self, element: ET.Element) -> None:
+        """Read a joint of Gazebo; its frame is relative to the child for both links."""
+        parent, place_a, axis_a = _side_of_gazebo(element, "parent")
+        child, place_b, axis_b = _side_of_gazebo(element, "child")
+        self._require_link("parent", parent)
+        self._require_link("child", child)
+        kind = attribute(element, "type")
+        places = (place_a, place_b)
+        self._add(element, kind, (parent, child), places, (axis_a, axis_b), (child, child))
+
+    def _add(
+        self,
+        element: ET.Element,
+        kind: str,
+        links: tuple[str, str],
+        places: tuple[pin.SE3, pin.SE3],
+        axes: tuple[Array, Array],
+        seen_from: tuple[str, str],
+    ) -> None:
+        name = attribute(element, "name") or f"{links[0]}_{links[1]}"
+        self.joints.append(cut_joint(name, kind, links, places, axes, seen_from))
         if _has_limits(element):
             where = f"{element.tag} {name}"
             self.problems.append(warning(where, "limits of a joint that closes a loop are ignored"))
 
-    def _weld(self, robot: str, number: int, plugin: ET.Element) -> None:
-        """A `DetachableJoint` of Gazebo: two links that are welded as they are at zero."""
+    def _weld(self, robot: str, index: int, plugin: ET.Element) -> None:
+        """Read a `DetachableJoint` of Gazebo: it welds two links in their pose at q = 0."""
         model = plugin.findtext("child_model", "").strip()
         if model not in (robot, "__model__"):
             raise ValueError(f"it holds a link of another model, {model!r}; delete it")
-        a, b = (plugin.findtext(f"{side}_link", "").strip() for side in ("parent", "child"))
-        self._require_link("parent_link", a)
-        self._require_link("child_link", b)
-        here = pin.SE3.Identity()
-        axes = np.eye(3)[2], np.eye(3)[2]  # of a weld they do not count
-        self.joints.append(
-            cut_joint(f"detachable_{number}", "fixed", (a, b), (here, here), axes, (b, b))
+        parent = plugin.findtext("parent_link", "").strip()
+        child = plugin.findtext("child_link", "").strip()
+        self._require_link("parent_link", parent)
+        self._require_link("child_link", child)
+        places = (pin.SE3.Identity(), pin.SE3.Identity())
+        axes = (_Z, _Z)  # a weld does not use them
+        weld = cut_joint(
+            f"detachable_{index}", "fixed", (parent, child), places, axes, (child, child)
         )
+        self.joints.append(weld)
 
     def _gear(self, element: ET.Element) -> None:
-        paths, ratio = [], number(element.find("ratio"), "value")
+        """Read a gear of a URDF+: the angle of the successor is `ratio` times the predecessor's.
+
+        Both angles are sums over the joints from the nearest common link to the link. The gear is
+        solved for the first joint that is not independent.
+        """
+        paths = []
         for side in ("predecessor", "successor"):
-            self._require_link(side, link := attribute(element, f"{side}/link"))
+            link = attribute(element, f"{side}/link")
+            self._require_link(side, link)
             paths.append(list(self._path(link)))
+        predecessor, successor = paths
+        ratio = number(element.find("ratio"), "value")
         if ratio is None:
             raise ValueError("its ratio is not a number")
-        factors = {
-            attribute(joint, "name"): factor
-            for path, factor, other in zip(paths[::-1], (-1.0, ratio), paths, strict=True)
-            for joint in path
-            if joint not in other and joint.get("type") != "fixed"
-        }
-        names = [name for name in factors if name not in self.independent and factors[name]]
-        if not names:
+        # ratio * (angle of the predecessor) - (angle of the successor) = 0
+        factors = dict[str, float]()
+        for joint in successor:
+            if joint not in predecessor and joint.get("type") != "fixed":
+                factors[attribute(joint, "name")] = -1.0
+        for joint in predecessor:
+            if joint not in successor and joint.get("type") != "fixed":
+                factors[attribute(joint, "name")] = ratio
+        dependent = [name for name in factors if name not in self.independent and factors[name]]
+        if not dependent:
             raise ValueError(
                 'all joints between its links are independent; mark one with independent="false"'
             )
-        slope = factors.pop(names[0])
-        self.gears.append(Coupling(names[0], {n: (0.0, -f / slope) for n, f in factors.items()}))
+        follower = dependent[0]
+        slope = factors.pop(follower)
+        polynomials = {name: (0.0, -factor / slope) for name, factor in factors.items()}
+        self.gears.append(Coupling(follower, polynomials))
 
     def _path(self, link: str) -> Iterator[ET.Element]:
         """Joints from a link to the base."""
-        passed = set[str]()
-        while (joint := self._bearers.get(link)) is not None:
-            if link in passed:
+        visited = set[str]()
+        while link in self._parent_joints:
+            if link in visited:
                 raise ValueError(f"the joints from {link} lead back to it; a URDF is a tree")
-            passed.add(link)
+            visited.add(link)
+            joint = self._parent_joints[link]
             yield joint
             link = attribute(joint, "parent/link")
 
@@ -229,8 +297,9 @@ class Marks:
 
 
 def _faults(element: ET.Element, sides: tuple[str, str]) -> Iterator[str]:
-    """Parts of a joint that closes a loop that are not known, or that act and are not read."""
-    origins, axes = [f"{side}_origin" for side in sides], [f"{side}_axis" for side in sides]
+    """Parts of a joint that are unknown, or that exert forces and are not read."""
+    origins = [f"{side}_origin" for side in sides]
+    axes = [f"{side}_axis" for side in sides]
     tags = [*sides, *origins, *axes, "axis", "limit", "dynamics"]
     yield from unknown_parts(element, tags, ["name", "type"])
     for part in element:
@@ -247,7 +316,7 @@ def _faults(element: ET.Element, sides: tuple[str, str]) -> Iterator[str]:
 
 
 def _faults_of_gazebo(joint: ET.Element) -> Iterator[str]:
-    """The same for a joint of Gazebo."""
+    """Parts of a joint of Gazebo that are unknown, or that exert forces and are not read."""
     tags = ["parent", "child", "pose", "axis", "axis2", "physics"]
     yield from unknown_parts(joint, tags, ["name", "type"], ["sensor"])
     for pose in joint.findall("pose"):
@@ -273,22 +342,26 @@ def _acting_dynamics(numbers_by_name: Mapping[str, str]) -> Iterator[str]:
 
 def _has_limits(element: ET.Element) -> bool:
     """Whether a joint has limits of its position."""
-    texts = [
-        *(limit.get(key, "") for limit in element.findall("limit") for key in ("lower", "upper")),
-        *(element.findtext(f"axis/limit/{key}", "") for key in ("lower", "upper")),
-    ]
-    values = [numbers(text, 1) for text in texts]
-    return any(value is not None and 0 < abs(value[0]) < _FAR for value in values)
+    texts = []
+    for key in ("lower", "upper"):
+        texts += [limit.get(key, "") for limit in element.findall("limit")]
+        texts.append(element.findtext(f"axis/limit/{key}", ""))
+    for text in texts:
+        position = numbers(text, 1)
+        if position is not None and 0 < abs(position[0]) < _FAR:
+            return True
+    return False
 
 
-def _constraint_of(ball: ET.Element, number: int) -> ET.Element:
+def _constraint_of(ball: ET.Element, index: int) -> ET.Element:
     """A ball joint of Drake as a `<constraint>`."""
-    constraint = ET.Element("constraint", name=f"ball_constraint_{number}", type="ball")
+    constraint = ET.Element("constraint", name=f"ball_constraint_{index}", type="ball")
     parts = {part.tag.removeprefix(f"{_BALL}_"): part for part in ball}
-    for tag, (key, there, word) in _OF_BALLS.items():
+    for tag, (key, constraint_tag, constraint_key) in _DRAKE_BALL.items():
         text = "" if tag not in parts else parts[tag].get(key, "")
-        ET.SubElement(constraint, there, {word: text})
-    constraint.extend(part for tag, part in parts.items() if tag not in _OF_BALLS)
+        ET.SubElement(constraint, constraint_tag, {constraint_key: text})
+    # Unknown parts are copied, so that `_faults` names them.
+    constraint.extend(part for tag, part in parts.items() if tag not in _DRAKE_BALL)
     return constraint
 
 
@@ -297,13 +370,18 @@ _Side = tuple[str, pin.SE3, Array]
 
 
 def _side(element: ET.Element, side: str) -> _Side:
-    end, origin = element.find(side), element.find(f"{side}_origin")
-    if origin is None and end is not None:
-        origin = end if end.find("origin") is None else end.find("origin")
+    """One side of a joint, where tools write the origin in three places."""
+    link = element.find(side)
+    origin = element.find(f"{side}_origin")
+    if origin is None and link is not None:
+        origin = link.find("origin")
+        if origin is None:
+            origin = link  # <parent link="..." xyz="..." rpy="..."/>
     vectors = []
     for key in ("xyz", "rpy"):
         text = "0 0 0" if origin is None else origin.get(key, "0 0 0")
-        if (vector := numbers(text, 3)) is None:
+        vector = numbers(text, 3)
+        if vector is None:
             raise ValueError(f"{key}={text!r} is not three numbers")
         vectors.append(vector)
     tag = "axis" if element.find(f"{side}_axis") is None else f"{side}_axis"
@@ -312,6 +390,7 @@ def _side(element: ET.Element, side: str) -> _Side:
 
 
 def _side_of_gazebo(element: ET.Element, side: str) -> _Side:
+    """One side of a joint of Gazebo; a universal joint has its second axis on the child."""
     pose = numbers(element.findtext("pose", "0 0 0 0 0 0"), 6)
     if pose is None:
         raise ValueError("its pose is not six numbers")
@@ -323,9 +402,13 @@ def _side_of_gazebo(element: ET.Element, side: str) -> _Side:
 def _independent(root: ET.Element) -> Iterator[str]:
     """Joints of a URDF+ that are not marked `independent="false"`."""
     joints = root.findall("joint")
-    marks = [joint.get("independent") for joint in joints]
-    if any(marks) or any(root.find(tag) is not None for tag in ("loop", "coupling")):
-        for joint, mark in zip(joints, marks, strict=True):
-            free = joint.get("type") not in ("fixed", "floating") and joint.find("mimic") is None
-            if free and (mark or "true").lower() not in ("false", "0"):
-                yield attribute(joint, "name")
+    has_marks = any(joint.get("independent") for joint in joints)
+    if not has_marks and root.find("loop") is None and root.find("coupling") is None:
+        return  # not a URDF+
+    for joint in joints:
+        can_have_motor = (
+            joint.get("type") not in ("fixed", "floating") and joint.find("mimic") is None
+        )
+        mark = joint.get("independent") or "true"
+        if can_have_motor and mark.lower() not in ("false", "0"):
+            yield attribute(joint, "name")
