@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Writes bodies and joints as the tree of a URDF; joints beyond the tree close loops.
 
-An SDF has no tree. A joint is reversed if its child is in the tree first. A body without a joint
-floats. In a URDF a link stands at its joint. Where the file has them apart, the joint bears a link
-without mass, to which the link is fixed; so the name of a link is its frame in the file.
+An SDF is a graph of bodies, not a tree. The tree is grown from the world, body by body. A joint is
+reversed if its child is in the tree before its parent. A body without a joint floats. In a URDF the
+frame of a link is at its joint. If the file has them at different poses, the joint moves a helper
+link without mass, and the link is fixed to the helper. So each link keeps its frame from the file.
 """
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,16 +18,18 @@ from ..arrays import Array
 from .acting_elements import SPRINGS
 
 WORLD = "world"
-#: Larger limits count as none, [rad] or [m].
+#: Limits beyond this position are ignored, [rad] or [m]: SDF files have 1e16 for "no limit".
 _WIDE = 1e9
 #: Smaller distances and angles between a link and its joint are rounding of the poses, [m], [rad].
 _ROUNDING = 1e-13
+#: Largest cosine of the angle between two axes that count as orthogonal.
+_ORTHOGONAL = 1e-9
 
 
 class Axis(NamedTuple):
-    """Direction of an axis in the joint's frame, and attributes as a URDF has them.
+    """Direction of an axis in the joint's frame, and attributes of URDF elements.
 
-    An effort or a velocity of 0 is no limit.
+    An effort or a velocity of 0 means that there is no limit.
     """
 
     direction: Array = np.eye(3)[2]
@@ -51,7 +54,7 @@ class GraphJoint(NamedTuple):
 
 
 class _Step(NamedTuple):
-    """A joint of a URDF, one of those in series for a `GraphJoint`."""
+    """A joint of a URDF. A `GraphJoint` of two axes becomes two of these in series."""
 
     name: str
     kind: str
@@ -61,8 +64,9 @@ class _Step(NamedTuple):
 class JointGraph:
     """A URDF of bodies and joints; `add_link` adds the bodies, `add_frame` other frames.
 
-    `balls` are the ball joints, which a URDF lacks. `helpers` are the links without mass that the
-    file does not have: between two axes of a joint, between a joint and its link, and its frames.
+    `balls` are the names of the ball joints, which URDF does not have. `helpers` are the names of
+    links without mass that are not in the file: between two axes of a joint, between a joint and
+    its link, and for frames.
     """
 
     def __init__(
@@ -70,65 +74,77 @@ class JointGraph:
     ) -> None:
         """`rest` has the pose of each body in the world at zero, for bodies that float."""
         self.urdf = ET.Element("robot", name=name)
-        self.balls, self.helpers, self.problems = list[str](), list[str](), list[str]()
-        self._bodies, left = [WORLD], list(joints)
-        self._taken = {WORLD, *rest, *(joint.name for joint in joints)}
+        self.balls = list[str]()
+        self.helpers = list[str]()
+        self.problems = list[str]()
+        self._bodies = [WORLD]  # those in the tree
+        self._names = {WORLD, *rest, *(joint.name for joint in joints)}
         ET.SubElement(self.urdf, "link", name=WORLD)
-        while free := [body for body in rest if body not in self._bodies]:
-            joint = next(self._next(left), None)
-            if joint is None:  # nothing holds this body: it floats
-                called = "floating_base" if len(self._bodies) == 1 else f"{free[0]}_floats"
-                places = rest[free[0]], pin.SE3.Identity()
-                joint = GraphJoint(called, "floating", (WORLD, free[0]), places)
-            else:
-                left.remove(joint)
-            self._branch(joint)
-        for joint in left:
-            self._cut(joint)
+        remaining = list(joints)
+        for body in rest:
+            while body not in self._bodies:
+                joint = self._next_joint(remaining)
+                if joint is None:
+                    joint = self._floating_joint(body, rest[body])
+                else:
+                    remaining.remove(joint)
+                self._add_to_tree(joint)
+        for joint in remaining:
+            self._add_constraint(joint)
 
-    def _next(self, joints: list[GraphJoint]) -> Iterator[GraphJoint]:
-        """Joints that add a body to the tree, in the order of its bodies."""
-        for link in self._bodies:
+    def _next_joint(self, joints: list[GraphJoint]) -> GraphJoint | None:
+        """The first joint that adds a body to the tree, in the order of its bodies."""
+        for body in self._bodies:
             for joint in joints:
                 a, b = joint.links
-                if link in (a, b) and (a in self._bodies) != (b in self._bodies):
-                    yield joint
+                if body in (a, b) and (a in self._bodies) != (b in self._bodies):
+                    return joint
+        return None
 
-    def _branch(self, joint: GraphJoint) -> None:
-        """Add a joint to the tree; a reversed joint keeps its positions."""
-        (parent, child), (on_parent, on_child) = joint.links, joint.places
-        steps, sign = _steps(joint), 1
+    def _floating_joint(self, body: str, pose: pin.SE3) -> GraphJoint:
+        """A joint for a body that no joint connects with the tree."""
+        name = "floating_base" if len(self._bodies) == 1 else f"{body}_floats"
+        return GraphJoint(name, "floating", (WORLD, body), (pose, pin.SE3.Identity()))
+
+    def _add_to_tree(self, joint: GraphJoint) -> None:
+        """Add a joint and its body; a reversed joint has the same positions."""
+        parent, child = joint.links
+        parent_pose, child_pose = joint.places
+        steps = _steps(joint)
+        sign = 1
         if child in self._bodies:
             parent, child = child, parent
-            on_parent, on_child = on_child, on_parent
-            steps, sign = steps[::-1], -1
+            parent_pose, child_pose = child_pose, parent_pose
+            steps = steps[::-1]
+            sign = -1
         self._bodies.append(child)
         if joint.kind == "ball":
             self.balls.append(joint.name)
-        apart = not on_child.isIdentity(_ROUNDING)
-        link, at = parent, on_parent
-        for k, step in enumerate(steps):
-            bearer, last = link, k == len(steps) - 1
-            if not last:
-                link = self._helper(f"{joint.name}_cross")
-            elif apart:
-                link = self._helper(f"{child}_at_{joint.name}")
+        needs_helper = not child_pose.isIdentity(_ROUNDING)
+        step_parent = parent
+        pose = parent_pose
+        for step in steps:
+            if step is not steps[-1]:
+                step_child = self._helper(f"{joint.name}_cross")
+            elif needs_helper:
+                step_child = self._helper(f"{child}_at_{joint.name}")
             else:
-                link = child
-            element = self._joint(step.name, step.kind, (bearer, link), at)
+                step_child = child
+            element = self._joint(step.name, step.kind, (step_parent, step_child), pose)
             if step.kind != "floating":
                 ET.SubElement(element, "axis", xyz=text_of(sign * step.axis.direction))
             if step.kind not in ("fixed", "floating"):
                 _detail(element, step.axis, joint.kind != "ball")
             self._add_spring(step)
-            at = pin.SE3.Identity()
-        if apart:
-            self._joint(
-                self._new_name(f"{child}_fixed"), "fixed", (link, child), on_child.inverse()
-            )
+            step_parent = step_child
+            pose = pin.SE3.Identity()  # all steps have the frame of the joint
+        if needs_helper:
+            name = self._new_name(f"{child}_fixed")
+            self._joint(name, "fixed", (step_parent, child), child_pose.inverse())
 
     def _joint(self, name: str, kind: str, links: tuple[str, str], place: pin.SE3) -> ET.Element:
-        kind = "revolute" if kind == "ball" else kind
+        if kind == "ball":  # `balls` says which these are
+            kind = "revolute"
         element = ET.SubElement(self.urdf, "joint", name=name, type=kind)
         ET.SubElement(element, "parent", link=links[0])
         ET.SubElement(element, "child", link=links[1])
@@ -136,51 +152,58 @@ class JointGraph:
         return element
 
     def _add_spring(self, step: _Step) -> None:
-        """A spring as Gazebo has it in a URDF."""
+        """Add the spring of a joint as Gazebo's element of a URDF."""
         dynamics = step.axis.dynamics
-        if dynamics.get("spring_stiffness"):
-            spring = ET.SubElement(self.urdf, "gazebo", reference=step.name)
-            for key, tag in SPRINGS.items():
-                ET.SubElement(spring, tag).text = repr(dynamics[f"spring_{key}"])
+        if not dynamics.get("spring_stiffness"):
+            return
+        spring = ET.SubElement(self.urdf, "gazebo", reference=step.name)
+        for key, tag in SPRINGS.items():
+            ET.SubElement(spring, tag).text = repr(dynamics[f"spring_{key}"])
 
     def _new_name(self, name: str) -> str:
-        """The name, or a longer one if the file has it."""
-        while name in self._taken:
+        """The name, with underscores appended until it is unique."""
+        while name in self._names:
             name += "_"
-        self._taken.add(name)
+        self._names.add(name)
         return name
 
     def _helper(self, name: str) -> str:
+        """Add a link without mass; returns its unique name."""
         name = self._new_name(name)
         self.helpers.append(name)
         ET.SubElement(self.urdf, "link", name=name)
         return name
 
-    def _cut(self, joint: GraphJoint) -> None:
-        """Add a joint that closes a loop."""
-        cut = ET.SubElement(self.urdf, "constraint", name=joint.name, type=joint.kind)
-        first, last = joint.axes[0], joint.axes[-1]
-        sides = zip(("parent", "child"), joint.links, joint.places, (first, last), strict=True)
+    def _add_constraint(self, joint: GraphJoint) -> None:
+        """Add a joint that closes a loop, and problems of what such a joint cannot have."""
+        element = ET.SubElement(self.urdf, "constraint", name=joint.name, type=joint.kind)
+        first_axis = joint.axes[0]
+        last_axis = joint.axes[-1]
+        sides = zip(
+            ("parent", "child"), joint.links, joint.places, (first_axis, last_axis), strict=True
+        )
         for side, link, place, axis in sides:
-            ET.SubElement(cut, side, link=link)
-            ET.SubElement(cut, f"{side}_origin", origin_of(place))
-            ET.SubElement(cut, f"{side}_axis", xyz=text_of(axis.direction))
+            ET.SubElement(element, side, link=link)
+            ET.SubElement(element, f"{side}_origin", origin_of(place))
+            ET.SubElement(element, f"{side}_axis", xyz=text_of(axis.direction))
         texts = []
         if joint.kind == "screw":
             texts.append("is a screw, which no closure is")
         for axis in joint.axes:
-            acting = ("damping", "friction", "spring_stiffness")
-            texts += [f"has {key}" for key in acting if axis.dynamics.get(key)]
+            for key in ("damping", "friction", "spring_stiffness"):
+                if axis.dynamics.get(key):
+                    texts.append(f"has {key}")
             if axis.mimic:
                 texts.append("has mimic")
-        if joint.kind == "universal" and abs(first.direction @ last.direction) > 1e-9:
+        cosine = first_axis.direction @ last_axis.direction
+        if joint.kind == "universal" and abs(cosine) > _ORTHOGONAL:
             texts.append("its axes are not at a right angle")
         self.problems += [f"joint {joint.name}: closes a loop and {text}" for text in texts]
 
     def add_link(
         self, name: str, place: pin.SE3, mass: float, inertia: Mapping[str, float]
     ) -> ET.Element:
-        """A link with its inertia, whose frame has a place on the link."""
+        """Add a link; `place` is the pose of the inertia's frame on the link."""
         element = ET.SubElement(self.urdf, "link", name=name)
         part = ET.SubElement(element, "inertial")
         ET.SubElement(part, "origin", origin_of(place))
@@ -189,43 +212,50 @@ class JointGraph:
         return element
 
     def add_frame(self, name: str, link: str, place: pin.SE3) -> None:
-        """A frame on a link."""
+        """Add a frame that is fixed to a link, as a link without mass."""
         self.helpers.append(name)
         ET.SubElement(self.urdf, "link", name=name)
         self._joint(self._new_name(f"{name}_fixed"), "fixed", (link, name), place)
 
 
 def _steps(joint: GraphJoint) -> list[_Step]:
-    """The joints of one axis that a joint consists of."""
+    """The joints of one axis that replace a joint, in series."""
     if joint.kind == "universal":
-        names = axis_names(joint.name, 2)
-        return [_Step(*each) for each in zip(names, ("revolute",) * 2, joint.axes, strict=True)]
+        name_1, name_2 = axis_names(joint.name, 2)
+        axis_1, axis_2 = joint.axes
+        return [_Step(name_1, "revolute", axis_1), _Step(name_2, "revolute", axis_2)]
     if joint.kind == "screw":
         (axis,) = joint.axes
-        per_radian = repr(joint.lead / (2 * np.pi))
-        follows = {"joint": joint.name, "multiplier": per_radian, "offset": "0.0"}
-        slide = Axis(axis.direction, mimic=follows)
+        metres_per_radian = joint.lead / (2 * np.pi)
+        mimic = {"joint": joint.name, "multiplier": repr(metres_per_radian), "offset": "0.0"}
         turn = _Step(joint.name, "revolute", axis)
-        return [turn, _Step(f"{joint.name}_slide", "prismatic", slide)]
+        slide = _Step(f"{joint.name}_slide", "prismatic", Axis(axis.direction, mimic=mimic))
+        return [turn, slide]
     return [_Step(joint.name, joint.kind, joint.axes[0])]
 
 
 def axis_names(joint: str, count: int) -> list[str]:
     """Names of the joints of one axis for a joint of several axes."""
-    return [joint] if count < 2 else [f"{joint}_{k}" for k in range(1, count + 1)]
+    if count < 2:
+        return [joint]
+    return [f"{joint}_{k}" for k in range(1, count + 1)]
 
 
-def _detail(element: ET.Element, axis: Axis, may_be_endless: bool) -> None:
+def _detail(element: ET.Element, axis: Axis, may_be_continuous: bool) -> None:
     """Add the limits, friction and mimic of an axis to a joint."""
-    low, high = axis.limit["lower"], axis.limit["upper"]
-    if may_be_endless and element.get("type") == "revolute" and low <= -_WIDE and high >= _WIDE:
+    lower = axis.limit["lower"]
+    upper = axis.limit["upper"]
+    is_unlimited = lower <= -_WIDE and upper >= _WIDE
+    if may_be_continuous and element.get("type") == "revolute" and is_unlimited:
         element.set("type", "continuous")
-    limit = {"lower": max(low, -_WIDE), "upper": min(high, _WIDE)}
+    limit = {"lower": max(lower, -_WIDE), "upper": min(upper, _WIDE)}
     for key in ("effort", "velocity"):
         value = axis.limit.get(key, 0.0)
         limit[key] = value if 0 < value < _WIDE else 0.0
-    ET.SubElement(element, "limit", {key: repr(float(x)) for key, x in limit.items()})
-    friction = {key: repr(x) for key, x in axis.dynamics.items() if not key.startswith("spring")}
+    ET.SubElement(element, "limit", {key: repr(float(value)) for key, value in limit.items()})
+    friction = {
+        key: repr(value) for key, value in axis.dynamics.items() if not key.startswith("spring")
+    }
     ET.SubElement(element, "dynamics", friction)
     if axis.mimic:
         ET.SubElement(element, "mimic", dict(axis.mimic))
@@ -238,4 +268,4 @@ def origin_of(place: pin.SE3) -> dict[str, Any]:
 
 def text_of(vector: Array) -> str:
     """Numbers with all their digits, separated by blanks."""
-    return " ".join(map(repr, map(float, vector)))
+    return " ".join(repr(float(entry)) for entry in vector)
