@@ -12,11 +12,11 @@ import yaml
 from ..errors import DescriptionError
 from .problems import numbers, telling
 
-#: The most characters of a YAML; that of a robot with 400 joints has a tenth of it.
-_LONGEST = 200_000
-#: Depth of brackets in brackets; two are needed.
-_DEEPEST = 50
-_BRACKETS = {"[": 1, "{": 1, "]": -1, "}": -1}
+#: Largest number of characters; the YAML of a robot with 400 joints has a tenth of it.
+_MAX_LENGTH = 200_000
+#: Largest depth of nested brackets; two are needed, and PyYAML is slow for many.
+_MAX_DEPTH = 50
+_DEPTH_CHANGE = {"[": 1, "{": 1, "]": -1, "}": -1}
 
 _T = TypeVar("_T")
 
@@ -26,7 +26,8 @@ class YamlContent(dict[str, Any]):
 
     def __init__(self, text: str, source: str) -> None:
         super().__init__(_content(text, source))
-        self._source, self.problems = source, list[str]()
+        self._source = source
+        self.problems = list[str]()
 
     def require_known(self, keys: Collection[str]) -> None:
         """Report the keys that are not known."""
@@ -35,20 +36,30 @@ class YamlContent(dict[str, Any]):
 
     def entries(self, key: str, parse: Callable[..., _T], kind: type[Any] = list) -> list[_T]:
         """The entries of a list, or the names and values of a mapping, each parsed."""
-        value, results = self.get(key, kind()), list[_T]()
+        value = self.get(key, kind())
+        results = list[_T]()
         if not isinstance(value, kind):
             what = "list" if kind is list else "mapping from names"
             self.problems.append(f"{key}: a {what} is needed")
             return results
         for entry in value:
             with telling(self.problems, f"{key}: "):
-                results.append(parse(entry, value[entry]) if kind is dict else parse(entry))
+                if kind is dict:
+                    results.append(parse(entry, value[entry]))
+                else:
+                    results.append(parse(entry))
         return results
 
     def zipped(self, lists: Mapping[str, list[Any]], first: str, second: str) -> list[Any]:
-        """Pairs of the entries of two lists; reports lists of different length."""
-        if (m := len(self.get(first, ()))) != (n := len(self.get(second, ()))):
-            self.problems.append(f"{first} has {m} entries, {second} has {n}")
+        """Pairs of the entries of two lists; lists of different lengths are a problem.
+
+        The lengths in the file are compared: `lists` lacks the entries that are problems already.
+        """
+        first_length = len(self.get(first, ()))
+        second_length = len(self.get(second, ()))
+        if first_length != second_length:
+            text = f"{first} has {first_length} entries, {second} has {second_length}"
+            self.problems.append(text)
         return list(zip(lists[first], lists[second], strict=False))
 
     def raise_problems(self) -> None:
@@ -70,7 +81,7 @@ def name_in(value: Any) -> str:
 
 
 def number_in(value: Any, key: str = "") -> float:
-    """A number; a ValueError for anything else, with the key of it."""
+    """A number; a ValueError for anything else, which names the key."""
     number = numbers(value, 1) if isinstance(value, str) else None
     if number is None:
         raise ValueError(f"{key} {shown(value)} is not a number".lstrip())
@@ -79,34 +90,45 @@ def number_in(value: Any, key: str = "") -> float:
 
 def pair_in(value: Any) -> tuple[str, str]:
     """Two names; a ValueError for anything else."""
-    names = value if isinstance(value, list) else []
-    if len(names) != 2 or not all(isinstance(name, str) and name for name in names):
+    is_pair = isinstance(value, list) and len(value) == 2
+    if not is_pair or not all(isinstance(name, str) and name for name in value):
         raise ValueError(f"{shown(value)} is not a pair of frame names")
-    return names[0], names[1]
+    return value[0], value[1]
 
 
 def mapping_in(value: Any, keys: Collection[str] = ()) -> dict[str, Any]:
-    """A mapping, with no keys but these; a ValueError for anything else."""
+    """A mapping; a ValueError for anything else, and for keys that are not in `keys`.
+
+    Without `keys` all keys are allowed.
+    """
     if not isinstance(value, dict):
         raise ValueError(f"{shown(value)} is not a mapping")
-    if unknown := [key for key in value if keys and key not in keys]:
+    unknown = [key for key in value if keys and key not in keys]
+    if unknown:
         raise ValueError(f"{', '.join(unknown)} unknown; known: {', '.join(keys)}")
     return value
 
 
 def numbers_in(value: Any, **defaults: str | None) -> list[float]:
-    """Numbers of a mapping by their keys; a ValueError for others, or if one is missing."""
+    """Numbers of a mapping, in the order of `defaults`; None means that there is no default.
+
+    A ValueError for unknown keys and for missing numbers.
+    """
     fields = {**defaults, **mapping_in(value, defaults)}
-    if missing := [key for key, number in fields.items() if number is None]:
-        raise ValueError(f"{shown(value)} has no {missing[0]}")
+    for key, number in fields.items():
+        if number is None:
+            raise ValueError(f"{shown(value)} has no {key}")
     return [number_in(number, key) for key, number in fields.items()]
 
 
 def shown(value: Any) -> str:
-    """A short form of a value; aliases can make a few lines of YAML a list of lists of lists."""
-    short = reprlib.Repr()
-    short.maxlevel = 2
-    return short.repr(value)
+    """A short text of a value for messages.
+
+    With aliases a few lines of YAML can be a list of lists whose full text fills the memory.
+    """
+    representation = reprlib.Repr()
+    representation.maxlevel = 2
+    return representation.repr(value)
 
 
 class _Loader(yaml.BaseLoader):
@@ -120,21 +142,27 @@ class _Loader(yaml.BaseLoader):
 
 
 def _content(text: str, source: str) -> dict[str, Any]:
-    problem, content = "no keys; name_mot is needed", None
-    if len(text) > _LONGEST:
-        problem = f"more than {_LONGEST} characters"
-    elif max(accumulate(_BRACKETS.get(c, 0) for c in text), default=0) > _DEEPEST:  # slow to scan
-        problem = "lists are nested too deeply"
-    else:
-        try:
-            content = yaml.load(text, _Loader)
-        except yaml.YAMLError as error:
-            text = " ".join(str(error).split())
-            problem = "not YAML: " + text.replace('in "<unicode string>", ', "at ")
-        except ValueError as error:
-            problem = str(error)
-        except RecursionError:
-            problem = "lists are nested too deeply"
+    """The mapping that is the content of a YAML; a DescriptionError for anything else."""
+    if len(text) > _MAX_LENGTH:
+        raise DescriptionError(source, [f"more than {_MAX_LENGTH} characters"])
+    if _depth(text) > _MAX_DEPTH:
+        raise DescriptionError(source, ["lists are nested too deeply"])
+    try:
+        content = yaml.load(text, _Loader)
+    except yaml.YAMLError as error:
+        one_line = " ".join(str(error).split())
+        problem = "not YAML: " + one_line.replace('in "<unicode string>", ', "at ")
+        raise DescriptionError(source, [problem]) from None
+    except ValueError as error:  # of `_Loader`
+        raise DescriptionError(source, [str(error)]) from None
+    except RecursionError:  # nesting by indentation
+        raise DescriptionError(source, ["lists are nested too deeply"]) from None
     if not isinstance(content, dict) or not content:
-        raise DescriptionError(source, [problem])
+        raise DescriptionError(source, ["no keys; name_mot is needed"])
     return content
+
+
+def _depth(text: str) -> int:
+    """Largest depth of nested brackets."""
+    depths = accumulate(_DEPTH_CHANGE.get(character, 0) for character in text)
+    return max(depths, default=0)
