@@ -16,7 +16,7 @@ from .acting_elements import acting_plugins
 from .joint_graph import WORLD, Axis, GraphJoint, JointGraph, axis_names, origin_of
 from .problems import Problem, is_true, numbers, placement, warning
 
-#: Types of joints, by the number of their axes.
+#: Number of axes for each type of joint.
 _AXES = {
     "revolute": 1,
     "continuous": 1,
@@ -26,58 +26,84 @@ _AXES = {
     "revolute2": 2,
 }
 _KINDS = (*_AXES, "ball", "fixed", "gearbox")
-#: Forces of a joint's axis.
+#: Elements of an axis that exert forces.
 _ACTING = ("damping", "friction", "spring_stiffness")
-#: Entries of an inertia and their values by default, by the specification.
+#: Default entries of an inertia, from the specification [kg m^2].
 _UNIT_INERTIA = {"ixx": 1.0, "ixy": 0.0, "ixz": 0.0, "iyy": 1.0, "iyz": 0.0, "izz": 1.0}
+#: Name of the model's own frame.
 _MODEL = "__model__"
+#: Before this minor version axes are in the frame of the model by default, from it on of the joint.
+_AXES_IN_JOINT = 5
+#: A shorter axis counts as zero; below 1e-154 the square of its length underflows.
+_SHORTEST_AXIS = 1e-100
+#: Rounding of the cosine of the angle between two axes that are written as parallel.
+_PARALLEL = 1e-9
 
 
 class Sdf:
     """The model of an SDF; its base is the world of the SDF.
 
-    `gravity` is that of the world; `notes` are warnings of content that is not read, or that is
-    missing and has a default.
+    `gravity` is the gravity of the world. `notes` are warnings of content that is not read, or that
+    is missing and has a default.
     """
 
     def __init__(self, root: ET.Element, source: str, model: str | None = None) -> None:
-        self._source, version = source, root.get("version", "1.7").strip()
-        minor = re.fullmatch(r"1\.(\d+)(\.\d+)?", version)
-        if minor is None:
-            raise DescriptionError(source, [f"version {version!r} is none of SDF, such as 1.12"])
-        self._minor = int(minor[1])
+        self._source = source
+        self._minor = self._minor_version(root)
         worlds = root.findall("world")
         if len(worlds) > 1:
             raise DescriptionError(source, [f"{len(worlds)} worlds; one is needed"])
-        self._model = self._chosen(root, model)
+        self._model = self._chosen_model(root, model)
         self._in_world = self._model not in root.findall("model")
-        self._problems, self.notes = list[str](), list[Problem]()
+        self._problems = list[str]()
+        self.notes = list[Problem]()
         self._links = {e.get("name", ""): e for e in self._model.findall("link")}
-        self._frames = {e.get("name", ""): e for e in self._named()}
+        self._frames = {e.get("name", ""): e for e in self._elements_with_frames()}
         self._require_distinct_names()
         self._require_no_other_parts()
         for world in worlds:
             self._note_rest_of_world(world)
         self._note_unread([*worlds, self._model])
-        old = root.findtext("world/physics/gravity")  # until version 1.4
-        text = root.findtext("world/gravity", "0 0 -9.81" if old is None else old)
+        self.gravity = self._gravity(root)
+        #: Poses in the frame of the model. None marks a pose that is being computed.
+        self._poses: dict[str, pin.SE3 | None] = {_MODEL: pin.SE3.Identity()}
+        placement_frame = self._place(self._model.get("placement_frame") or _MODEL)
+        model_in_world = self._fixed_pose(self._model, self._model)  # of the placement frame
+        self._poses[WORLD] = placement_frame * model_in_world.inverse()
+
+    def _minor_version(self, root: ET.Element) -> int:
+        version = root.get("version", "1.7").strip()
+        match = re.fullmatch(r"1\.(\d+)(\.\d+)?", version)
+        if match is None:
+            text = f"version {version!r} is none of SDF, such as 1.12"
+            raise DescriptionError(self._source, [text])
+        return int(match[1])
+
+    def _gravity(self, root: ET.Element) -> Array:
+        text = root.findtext("world/gravity")
+        if text is None:
+            text = root.findtext("world/physics/gravity")  # until version 1.4
+        if text is None:
+            text = "0 0 -9.81"
         gravity = numbers(text, 3)
         if gravity is None:
             self._problems.append(f"gravity {text!r} is not three numbers")
-        self.gravity: Array = np.zeros(3) if gravity is None else gravity
-        #: Poses in the frame of the model; None while a pose is being computed.
-        self._at: dict[str, pin.SE3 | None] = {_MODEL: pin.SE3.Identity()}
-        placed = self._place(self._model.get("placement_frame") or _MODEL)
-        self._at[WORLD] = placed * self._fixed_pose(self._model, self._model).inverse()
+            return np.zeros(3)
+        return gravity
 
     def graph(self) -> JointGraph:
         """The robot as joints between bodies; all problems in one DescriptionError."""
-        elements = self._model.findall("joint")
-        gears = [element for element in elements if element.get("type") == "gearbox"]
-        parsed = [self._joint(element) for element in elements if element not in gears]
-        joints = [joint for joint in parsed if joint is not None]
-        for gear in gears:
-            joints = self._geared(gear, joints)
+        gears = list[ET.Element]()
+        joints = list[GraphJoint]()
+        for element in self._model.findall("joint"):
+            if element.get("type") == "gearbox":
+                gears.append(element)
+                continue
+            joint = self._joint(element)
+            if joint is not None:
+                joints.append(joint)
+        for gear in gears:  # each needs the joints
+            joints = self._couple(gear, joints)
         world = self._place(WORLD)
         rest = {name: world.actInv(self._place(name)) for name in self._links}
         graph = JointGraph(self._model.get("name", ""), joints, rest)
@@ -89,30 +115,33 @@ class Sdf:
                 graph.add_frame(name, link, self._place(link).actInv(self._place(name)))
             else:
                 self._refuse(element, "it is not attached to a link of this model")
-        if problems := dict.fromkeys([*self._problems, *graph.problems]):
+        problems = dict.fromkeys([*self._problems, *graph.problems])  # each once
+        if problems:
             raise DescriptionError(self._source, problems)
         return graph
 
     # --- what is read -----------------------------------------------------------------------
 
-    def _chosen(self, root: ET.Element, name: str | None) -> ET.Element:
-        """The model that is read."""
+    def _chosen_model(self, root: ET.Element, name: str | None) -> ET.Element:
+        """The model of this name; without a name, the only model that is not static."""
         models = [*root.findall("model"), *root.findall("world/model")]
         moving = [model for model in models if not is_true(model.findtext("static"))]
-        names = [model.get("name", "") for model in moving]
+        names = ", ".join(model.get("name", "") for model in moving)
+        if name is None:
+            candidates = moving
+        else:
+            candidates = [model for model in models if model.get("name") == name]
+        if len(candidates) == 1:
+            return candidates[0]
         if name is not None:
-            moving = [model for model in models if model.get("name") == name]
-        if len(moving) == 1:
-            return moving[0]
-        if name is not None:
-            text = f"{len(moving)} models are named {name}; the models are {', '.join(names)}"
-        elif moving:
-            text = f"{len(moving)} models that move: {', '.join(names)}; model= chooses one"
+            text = f"{len(candidates)} models are named {name}; the models are {names}"
+        elif candidates:
+            text = f"{len(candidates)} models that move: {names}; model= chooses one"
         else:
             text = "no model that moves; one is needed"
         raise DescriptionError(self._source, [text])
 
-    def _named(self) -> list[ET.Element]:
+    def _elements_with_frames(self) -> list[ET.Element]:
         return [e for tag in ("link", "frame", "joint") for e in self._model.findall(tag)]
 
     def _require_distinct_names(self) -> None:
@@ -124,7 +153,6 @@ class Sdf:
                     self._problems.append(f"{tag}: {count} without a name")
                 elif count > 1:
                     self._problems.append(f"{tag} {name}: {count} have this name")
-
         canonical = self._model.get("canonical_link")
         if canonical and canonical not in self._links:
             self._problems.append(f"model: its canonical_link {canonical} is not one of its links")
@@ -139,12 +167,13 @@ class Sdf:
         for link in self._links.values():
             if is_true(link.findtext("kinematic")):
                 self._refuse(link, "a kinematic link, moved without forces, is not supported")
-            if is_true(getattr(link.find("inertial"), "attrib", {}).get("auto")):
+            inertial = link.find("inertial")
+            if inertial is not None and is_true(inertial.get("auto")):
                 text = "the inertia of shapes (auto) is not computed; write mass and inertia"
                 self._refuse(link, text)
 
     def _note_rest_of_world(self, world: ET.Element) -> None:
-        """Warnings of what else in the world may touch or hold the model."""
+        """Warn of elements of the world that may touch or hold the model."""
         for include in world.findall("include"):
             text = f"{include.findtext('uri', '').strip()} is not read"
             self.notes.append(warning("<include> in <world>", text))
@@ -152,10 +181,10 @@ class Sdf:
             text = "a joint of the world is not read; put it into the model"
             self.notes.append(warning(f"joint {joint.get('name')}", text))
 
-    def _note_unread(self, holders: Sequence[ET.Element]) -> None:
-        """Warnings of forces that are not read."""
-        for holder in holders:
-            self.notes += acting_plugins(holder, holder.tag)
+    def _note_unread(self, parents: Sequence[ET.Element]) -> None:
+        """Warn of forces that are not read; `parents` can have plugins."""
+        for parent in parents:
+            self.notes += acting_plugins(parent, parent.tag)
         windy = is_true(self._model.findtext("enable_wind"))
         for link in self._links.values():
             where = f"link {link.get('name')}"
@@ -182,11 +211,12 @@ class Sdf:
         """The pose of an element, relative to the frame that it names."""
         pose = element.find("pose")
         text = "" if pose is None else pose.text or ""
-        values = numbers(text or "0 0 0 0 0 0", 7 if len(text.split()) == 7 else 6)
+        has_quaternion = len(text.split()) == 7
+        values = numbers(text or "0 0 0 0 0 0", 7 if has_quaternion else 6)
         if values is None:
             self._refuse(element, f"its pose {text!r} is not six or seven numbers")
             return pin.SE3.Identity()
-        if len(values) == 7:
+        if has_quaternion:  # x y z w, as in Pinocchio
             return pin.SE3(pin.Quaternion(values[3:]).normalized().matrix(), values[:3])
         if pose is not None and is_true(pose.get("degrees")):
             values[3:] = np.deg2rad(values[3:])
@@ -194,39 +224,39 @@ class Sdf:
 
     def _fixed_pose(self, element: ET.Element, owner: ET.Element) -> pin.SE3:
         """The pose of the model or of an inertia, which can be relative to one frame only."""
-        pose = element.find("pose")
-        frame = "" if pose is None else pose.get("relative_to") or pose.get("frame", "")
-        if frame and not (owner is self._model and self._in_world and frame == WORLD):
+        frame = _reference_frame(element)
+        is_model_in_world = owner is self._model and self._in_world and frame == WORLD
+        if frame and not is_model_in_world:
             self._refuse(owner, f"its <pose> of {element.tag} relative to {frame} is not supported")
         return self._pose(element)
 
     def _place(self, name: str) -> pin.SE3:
-        """A frame in the frame of the model."""
-        if name not in self._at:
-            self._at[name] = None
+        """The pose of a frame in the frame of the model."""
+        if name not in self._poses:
+            self._poses[name] = None
             element = self._frames.get(name)
             if element is None:
                 self._problems.append(f"frame {name} is not in this model")
                 return pin.SE3.Identity()
-            pose = element.find("pose")
-            base = "" if pose is None else pose.get("relative_to") or pose.get("frame", "")
-            if not base and element.tag == "joint":
-                base = element.findtext("child", "").strip()
-            elif not base:
-                base = element.get("attached_to") or _MODEL
-            self._at[name] = self._place(base) * self._pose(element)
-        place = self._at[name]
-        if place is None:
+            reference = _reference_frame(element)
+            if not reference and element.tag == "joint":
+                reference = element.findtext("child", "").strip()
+            elif not reference:
+                reference = element.get("attached_to") or _MODEL
+            self._poses[name] = self._place(reference) * self._pose(element)
+        pose = self._poses[name]
+        if pose is None:
             self._problems.append(f"frame {name}: its pose is relative to itself")
             return pin.SE3.Identity()
-        return place
+        return pose
 
     def _link_of(self, name: str) -> str:
         """The link, or the world, that a link, a joint or a frame is attached to; "" if none is.
 
         A joint is attached to its child.
         """
-        for _ in range(len(self._frames) + 2):  # a frame may be attached to a frame
+        # A frame may be attached to a frame. Longer chains go around in a circle.
+        for _ in range(len(self._frames) + 2):
             if name == _MODEL:
                 name = self._model.get("canonical_link") or next(iter(self._links), "")
             element = self._frames.get(name)
@@ -251,43 +281,55 @@ class Sdf:
         return link
 
     def _joint(self, joint: ET.Element) -> GraphJoint | None:
-        name, kind = joint.get("name", ""), joint.get("type", "")
-        a, b = self._end(joint, "parent"), self._end(joint, "child")
+        """A joint but a gear box; None and a problem if it cannot be read."""
+        name = joint.get("name", "")
+        kind = joint.get("type", "")
+        parent = self._end(joint, "parent")
+        child = self._end(joint, "child")
         if kind not in _KINDS:
             self._refuse(joint, f"type {kind!r} is not supported; supported: {', '.join(_KINDS)}")
             return None
-        if not (a and b):
+        if not parent or not child:
             return None
-        if a == b:
-            self._refuse(joint, f"it connects {a} with itself")
+        if parent == child:
+            self._refuse(joint, f"it connects {parent} with itself")
             return None
         place = self._place(name)
-        places = self._place(a).actInv(place), self._place(b).actInv(place)
-        tags, count = ("axis", "axis2"), _AXES.get(kind, 0)
-        for path in (f"{tag}/dynamics/{key}" for tag in tags[count:] for key in _ACTING):
-            if self._number(joint, joint, path, 0.0):
-                self._refuse(joint, f"{kind}, and does not have the axis of its {path}")
-        for tag in tags[:count]:
-            if joint.find(tag) is None:
-                text = f"{kind} without <{tag}>: read as about 0 0 1, which other tools refuse"
-                self.notes.append(warning(f"joint {name}", text))
-        axes = tuple(self._axis(joint, tag) for tag in tags[:count])
-        kind = "universal" if kind == "revolute2" else kind
-        graph_joint = GraphJoint(name, kind, (a, b), places)
+        places = self._place(parent).actInv(place), self._place(child).actInv(place)
+        axes = self._axes(joint, name, kind)
+        graph_kind = "universal" if kind == "revolute2" else kind
+        graph_joint = GraphJoint(name, graph_kind, (parent, child), places)
         if axes:
             graph_joint = graph_joint._replace(axes=axes)
         if kind == "screw":
             graph_joint = graph_joint._replace(lead=self._lead(joint))
         return graph_joint
 
+    def _axes(self, joint: ET.Element, name: str, kind: str) -> tuple[Axis, ...]:
+        """The axes of a joint; forces about axes that the joint does not have are problems."""
+        count = _AXES.get(kind, 0)
+        tags = ("axis", "axis2")[:count]
+        unused_tags = ("axis", "axis2")[count:]
+        for tag in unused_tags:
+            for key in _ACTING:
+                path = f"{tag}/dynamics/{key}"
+                if self._number(joint, joint, path, 0.0):
+                    self._refuse(joint, f"{kind}, and does not have the axis of its {path}")
+        for tag in tags:
+            if joint.find(tag) is None:
+                text = f"{kind} without <{tag}>: read as about 0 0 1, which other tools refuse"
+                self.notes.append(warning(f"joint {name}", text))
+        return tuple(self._axis(joint, tag) for tag in tags)
+
     def _lead(self, joint: ET.Element) -> float:
         """Metres of a screw in one turn; positive for a right-handed thread."""
         if joint.find("screw_thread_pitch") is None and joint.find("thread_pitch") is not None:
-            old = self._number(joint, joint, "thread_pitch", 1.0)  # rad/m, of a left-handed thread
-            if not old:
+            # The old element has rad/m, positive for a left-handed thread.
+            radians_per_metre = self._number(joint, joint, "thread_pitch", 1.0)
+            if not radians_per_metre:
                 self._refuse(joint, "its thread_pitch is 0")
                 return 0.0
-            return -2 * np.pi / old
+            return -2 * np.pi / radians_per_metre
         return self._number(joint, joint, "screw_thread_pitch", 1.0)
 
     def _direction(self, joint: ET.Element, tag: str) -> Array:
@@ -296,12 +338,12 @@ class Sdf:
         axis = ET.Element(tag) if axis is None else axis
         xyz = axis.find("xyz")
         direction = numbers("0 0 1" if xyz is None else xyz.text or "", 3)
-        if direction is None or not np.linalg.norm(direction) > 1e-100:
+        if direction is None or not np.linalg.norm(direction) > _SHORTEST_AXIS:
             self._refuse(joint, f"its <{tag}> is not a direction")
             direction = np.array([0.0, 0.0, 1.0])
         frame = "" if xyz is None else xyz.get("expressed_in", "")
-        old = str(self._minor < 5)
-        if not frame and is_true(axis.findtext("use_parent_model_frame", old)):
+        in_model = str(self._minor < _AXES_IN_JOINT)
+        if not frame and is_true(axis.findtext("use_parent_model_frame", in_model)):
             frame = _MODEL
         if frame:
             place = self._place(joint.get("name", ""))
@@ -325,38 +367,43 @@ class Sdf:
         if limit["lower"] > limit["upper"]:
             self._refuse(joint, "its lower limit is above the upper one")
         dynamics = {key: value(f"dynamics/{key}") for key in (*_ACTING, "spring_reference")}
-        mimic, follows = axis.find("mimic"), dict[str, str]()
-        if mimic is not None:
-            factor = value("mimic/multiplier", 1.0)
-            offset = value("mimic/offset") - factor * value("mimic/reference")
-            follows["joint"] = self._axis_name(mimic.get("joint", ""), mimic.get("axis", "axis"))
-            follows["multiplier"], follows["offset"] = repr(factor), repr(offset)
-        return Axis(self._direction(joint, tag), limit, dynamics, follows)
+        mimic = dict[str, str]()
+        mimic_element = axis.find("mimic")
+        if mimic_element is not None:
+            leader = mimic_element.get("joint", "")
+            leader_axis = mimic_element.get("axis", "axis")
+            # SDF: position = multiplier * (leader - reference) + offset
+            multiplier = value("mimic/multiplier", 1.0)
+            offset = value("mimic/offset") - multiplier * value("mimic/reference")
+            mimic["joint"] = self._axis_name(leader, leader_axis)
+            mimic["multiplier"] = repr(multiplier)
+            mimic["offset"] = repr(offset)
+        return Axis(self._direction(joint, tag), limit, dynamics, mimic)
 
     def _axis_name(self, joint: str, axis: str) -> str:
-        """The joint of one axis that an axis of a joint becomes."""
+        """Name of the joint of one axis that stands for an axis of a joint."""
         element = self._frames.get(joint)
         count = 1 if element is None else _AXES.get(element.get("type", ""), 1)
-        return axis_names(joint, count)[1 if axis == "axis2" and count == 2 else 0]
+        names = axis_names(joint, count)
+        return names[1] if axis == "axis2" and count == 2 else names[0]
 
-    def _geared(self, gear: ET.Element, joints: list[GraphJoint]) -> list[GraphJoint]:
-        """The joints with the coupling of a gear box.
+    def _couple(self, gear: ET.Element, joints: list[GraphJoint]) -> list[GraphJoint]:
+        """The joints, one of them with the coupling of a gear box.
 
-        Angle 2, of the child on the reference body about axis 2, is -ratio times angle 1, of the
-        parent there about axis 1. Both must be angles of hinges.
+        The gear box couples two angles of links on its reference body: angle 2, of its child about
+        axis 2, is -ratio times angle 1, of its parent about axis 1. Both must be angles of hinges.
         """
-        base = gear.findtext("gearbox_reference_body", "").strip()
+        body = gear.findtext("gearbox_reference_body", "").strip()
         ratio = self._number(gear, gear, "gearbox_ratio", 1.0)
-        first, second = (
-            self._hinge(gear, joints, self._link_of(base), self._end(gear, side), tag)
-            for side, tag in (("parent", "axis"), ("child", "axis2"))
-        )
+        first = self._hinge(gear, joints, self._link_of(body), self._end(gear, "parent"), "axis")
+        second = self._hinge(gear, joints, self._link_of(body), self._end(gear, "child"), "axis2")
         if first is None or second is None:
-            text = f"its links have no hinges about its axes on the body {base!r}"
+            text = f"its links have no hinges about its axes on the body {body!r}"
             self._refuse(gear, f"{text}, between which the gear box acts")
             return joints
-        (leader, sign_1), (follower, sign_2) = first, second
-        factor = -ratio * sign_1 * sign_2
+        leader, leader_sign = first
+        follower, follower_sign = second
+        factor = -ratio * leader_sign * follower_sign
         axis = joints[follower].axes[0]
         if axis.mimic:
             self._refuse(gear, f"joint {joints[follower].name} mimics another joint already")
@@ -365,69 +412,87 @@ class Sdf:
         return [*joints[:follower], coupled, *joints[follower + 1 :]]
 
     def _hinge(
-        self, gear: ET.Element, joints: list[GraphJoint], base: str, link: str, tag: str
+        self, gear: ET.Element, joints: list[GraphJoint], body: str, link: str, tag: str
     ) -> tuple[int, float] | None:
-        """The hinge of a link on a base, by its index, and its sense about an axis of the gear."""
+        """Index of the hinge between a link and a body, and its sign; None if there is none.
+
+        The sign is 1 if a positive position turns the link on the body about the gear's axis, -1
+        if it turns it the other way.
+        """
         gear_axis = self._place(gear.get("name", "")).rotation @ self._direction(gear, tag)
-        for k, joint in enumerate(joints):
-            if joint.kind not in ("revolute", "continuous") or {*joint.links} != {base, link}:
+        for index, joint in enumerate(joints):
+            if joint.kind not in ("revolute", "continuous") or {*joint.links} != {body, link}:
                 continue
             axis = self._place(joint.name).rotation @ joint.axes[0].direction
-            sense = float(axis @ gear_axis)
-            if abs(abs(sense) - 1) < 1e-9:
-                return k, float(np.sign(sense)) * (1.0 if joint.links[0] == base else -1.0)
+            cosine = float(axis @ gear_axis)
+            if abs(abs(cosine) - 1) < _PARALLEL:
+                sign = float(np.sign(cosine))
+                if joint.links[0] != body:  # the hinge moves the body on the link
+                    sign = -sign
+                return index, sign
         return None
 
     # --- links ------------------------------------------------------------------------------
 
     def _add_links(self, graph: JointGraph) -> None:
-        unknown = dict[str, list[str]]()
+        """Add the links with inertias, gravity and shapes."""
+        missing_entries = dict[str, list[str]]()
         for name, link in self._links.items():
             inertial = link.find("inertial")
-            inertial = ET.Element("inertial") if inertial is None else inertial
-            needed = ("mass", *(f"inertia/{key}" for key in ("ixx", "iyy", "izz")))
-            if missing := ", ".join(key for key in needed if inertial.find(key) is None):
-                unknown.setdefault(missing, []).append(name)
-            values = {
+            if inertial is None:
+                inertial = ET.Element("inertial")
+            needed = ("mass", "inertia/ixx", "inertia/iyy", "inertia/izz")
+            missing = ", ".join(path for path in needed if inertial.find(path) is None)
+            if missing:
+                missing_entries.setdefault(missing, []).append(name)
+            inertia = {
                 key: self._number(link, inertial, f"inertia/{key}", default)
                 for key, default in _UNIT_INERTIA.items()
             }
             mass = self._number(link, inertial, "mass", 1.0)
-            element = graph.add_link(name, self._fixed_pose(inertial, link), mass, values)
+            element = graph.add_link(name, self._fixed_pose(inertial, link), mass, inertia)
             if not is_true(link.findtext("gravity", "true")):
-                ET.SubElement(
-                    ET.SubElement(graph.urdf, "gazebo", reference=name), "gravity"
-                ).text = "false"
+                gazebo = ET.SubElement(graph.urdf, "gazebo", reference=name)
+                ET.SubElement(gazebo, "gravity").text = "false"
             for tag in ("visual", "collision"):
                 for shape in link.findall(tag):
                     place = self._shape_pose(name, shape)
                     element.extend(_shape(tag, shape, place, f"{name}_{len(element)}"))
-        for missing, names in unknown.items():
+        for missing, names in missing_entries.items():
             text = f"no {missing}: 1 kg and the unit inertia by the specification"
             self.notes.append(warning(f"links {listed(names)}", text))
 
     def _shape_pose(self, link: str, shape: ET.Element) -> pin.SE3:
         """The pose of a shape on its link."""
-        pose = shape.find("pose")
-        frame = "" if pose is None else pose.get("relative_to") or pose.get("frame", "")
+        frame = _reference_frame(shape)
         if not frame:
             return self._pose(shape)
         return self._place(link).actInv(self._place(frame)) * self._pose(shape)
 
-    def _number(self, of: ET.Element, inside: ET.Element, path: str, default: float) -> float:
+    def _number(self, owner: ET.Element, inside: ET.Element, path: str, default: float) -> float:
+        """The number at a path in an element; a problem of `owner` if it is not a number."""
         text = inside.findtext(path, "").strip() or repr(default)
         if text.lstrip("+-").lower() in ("inf", "infinity"):
             return float(text)
         value = numbers(text, 1)
         if value is None:
-            self._refuse(of, f"{path} {text!r} is not a number")
-        return default if value is None else float(value[0])
+            self._refuse(owner, f"{path} {text!r} is not a number")
+            return default
+        return float(value[0])
 
     def _refuse(self, element: ET.Element, text: str) -> None:
         self._problems.append(f"{element.tag} {element.get('name')}: {text}")
 
 
-#: Shapes that are drawn, and the names of their sizes in a URDF; others are left out.
+def _reference_frame(element: ET.Element) -> str:
+    """Name of the frame to which the pose of an element is relative; empty if it names none."""
+    pose = element.find("pose")
+    if pose is None:
+        return ""
+    return pose.get("relative_to", "") or pose.get("frame", "")  # `frame` until version 1.6
+
+
+#: Shapes that are drawn: the names of their sizes in an SDF and in a URDF.
 _SHAPES: dict[str, dict[str, str]] = {
     "box": {"size": "size"},
     "cylinder": {"radius": "radius", "length": "length"},
@@ -439,15 +504,22 @@ _SHAPES: dict[str, dict[str, str]] = {
 def _shape(tag: str, shape: ET.Element, place: pin.SE3, name: str) -> Iterator[ET.Element]:
     """A shape as an element of a URDF; planes and height maps are left out."""
     geometry = shape.find("geometry")
-    kind = next(iter(geometry), None) if geometry is not None else None
-    if kind is None or kind.tag not in _SHAPES:
+    if geometry is None or not len(geometry):
+        return
+    solid = geometry[0]
+    if solid.tag not in _SHAPES:
         return
     part = ET.Element(tag)
     ET.SubElement(part, "origin", origin_of(place))
-    sizes = {to: (kind.findtext(key) or "").strip() for key, to in _SHAPES[kind.tag].items()}
-    if kind.tag == "mesh":
-        sizes["scale"] = sizes["scale"] or "1 1 1"
-    ET.SubElement(ET.SubElement(part, "geometry"), kind.tag, sizes)
-    if colour := shape.findtext("material/diffuse", "").strip():
-        ET.SubElement(ET.SubElement(part, "material", name=name), "color", rgba=colour)
+    sizes = {
+        urdf_key: (solid.findtext(key) or "").strip()
+        for key, urdf_key in _SHAPES[solid.tag].items()
+    }
+    if solid.tag == "mesh" and not sizes["scale"]:
+        sizes["scale"] = "1 1 1"
+    ET.SubElement(ET.SubElement(part, "geometry"), solid.tag, sizes)
+    colour = shape.findtext("material/diffuse", "").strip()
+    if colour:
+        material = ET.SubElement(part, "material", name=name)
+        ET.SubElement(material, "color", rgba=colour)
     yield part
