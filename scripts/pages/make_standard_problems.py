@@ -3,8 +3,7 @@
 
     python -m scripts.pages.make_standard_problems [PROBLEM ...]
 
-computes all problems, or those named, on their full time; "modelica" and "chrono" are the tables of
-many small ones.
+computes all problems, or those named, on their full time.
 """
 
 import sys
@@ -16,7 +15,7 @@ import pinocchio as pin
 from matplotlib.figure import Figure
 
 from sst_pin import plots
-from tests.gallery import andrews, published_motions
+from tests.gallery import andrews
 from tests.gallery import standard_referees as referees
 from tests.gallery.standard_problems import ANDREWS, Problem, problems
 from tests.support.files import load
@@ -26,7 +25,6 @@ tables = load("scripts/pages/markdown_tables.py")
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 PAGE, FOLDER = DOCS / "standard_problems.md", DOCS / "standard_problems"
 HEADER = ("quantity", "published", "this package", "difference")
-CHRONO_HEADER = ("case", "time [s]", "z of ADAMS [m]", "this package", "positions", "forces [N]")
 
 
 def andrews_at_its_end() -> list[tuple[str, ...]]:
@@ -66,34 +64,6 @@ def table(problem: Problem, motion: Any, exact: np.ndarray | None) -> list[tuple
     return rows
 
 
-def modelica_table() -> list[tuple[str, ...]]:
-    """The last published value of each example's first column, and the largest difference."""
-    rows: list[tuple[str, ...]] = [HEADER]
-    for name, motion in published_motions.modelica().items():
-        ours = motion.simulate()
-        quantity = f"{name}, {motion.columns[0].split('.', 1)[-1]} at {motion.times[-1]:g} s"
-        published, value = motion.values[-1, 0], ours[-1, 0]
-        difference = f"{np.abs(ours - motion.values).max():.0e}"
-        rows.append((quantity, f"{published:.9g}", f"{value:.10f}", difference))
-    return rows
-
-
-def chrono_table() -> list[tuple[str, ...]]:
-    """The first published height of each case, and the largest differences at all times."""
-    rows: list[tuple[str, ...]] = [CHRONO_HEADER]
-    for name, motion in published_motions.chrono().items():
-        ours = motion.simulate()
-        off = np.abs(ours - motion.values).max(axis=0)
-        height = f"{motion.values[0, 2]:.7g}", f"{ours[0, 2]:.9f}"
-        largest = f"{off[:3].max():.0e}", f"{off[3:].max():.0e}"
-        rows.append((name, f"{motion.times[0]:g}", *height, *largest))
-    return rows
-
-
-#: Tables without pictures and CSV files.
-TABLES = {"modelica": modelica_table, "chrono": chrono_table}
-
-
 def picture(problem: Problem, motion: Any) -> Figure:
     """The axes of the bodies at the start, and the compared columns over time."""
     chain = problem.chain
@@ -127,10 +97,7 @@ def main(names: list[str]) -> None:
     FOLDER.mkdir(exist_ok=True)
     every = problems()
     done = {}
-    for name in names or [*every, *TABLES]:
-        if name in TABLES:
-            done[name] = TABLES[name]()
-            continue
+    for name in names or every:
         problem = every[name]
         problem.chain.compile()
         problem.simulate(problem.t[:2])  # compiles
