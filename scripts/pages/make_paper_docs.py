@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Write the tables of readings and referees in docs/paper.md, and its three figures.
+"""Write the table of referees in docs/paper.md, and its three figures.
 
-Tables stand between `<!-- table: name -->` and `<!-- end -->`; the others, and what is around them,
-are written by hand. With --check nothing is written: tables must be what would be written now.
+The table stands between `<!-- table: referees -->` and `<!-- end -->`; all else is written by hand.
+With --check nothing is written: the table must be there.
 """
 
 import re
@@ -73,18 +73,6 @@ def readings() -> dict[str, Parameters]:
 def _motions() -> dict[str, Trajectory]:
     t = np.linspace(0, PERIOD, 401)
     return {name: example_1(SST(parameters), t) for name, parameters in readings().items()}
-
-
-def reading_table(_: Table) -> Table:
-    table = [("reading", "peaks", "at t = 0", "largest change")]
-    motions = _motions()
-    for name, motion in motions.items():
-        change = np.abs(motion.tau - motions[DEFAULT].tau).max()
-        peaks = np.abs(motion.tau).max(axis=0)
-        start = motion.tau[0].round(9) + 0.0  # no minus zero
-        numbers = (", ".join(f"{x:.2f}" for x in values) for values in (peaks, start, [change]))
-        table.append((name, *numbers))
-    return table
 
 
 def draw_readings() -> None:
@@ -202,11 +190,8 @@ def _paths(robot: SST, example: Trajectory) -> Iterator[tuple[str, float]]:
 
 # --- the page -----------------------------------------------------------------------------------
 
-TABLES: Tables = {
-    "readings": reading_table,
-}
 SLOW: Tables = {"referees": compare_referees}
 
 
 if __name__ == "__main__":
-    sys.exit(markdown_tables.main(PAGE, TABLES, SLOW))
+    sys.exit(markdown_tables.main(PAGE, {}, SLOW))
