@@ -229,17 +229,11 @@ def resource_table(rows: list[Row]) -> list[tuple[str, ...]]:
 
 
 def write_page(results: dict[str, Any]) -> None:
-    """Write the tables of docs/gpu.md."""
+    """Write the table of docs/gpu.md."""
     sys.path.insert(0, str(ROOT / "scripts" / "pages"))
     import markdown_tables
 
-    tables = {}
-    if results.get("speeds"):
-        tables["speeds"] = lambda _: table(results["speeds"])
-    if results.get("resources"):
-        steps = [row for row in results["resources"] if row["kernel"] == "steps"]
-        rows = [row for row in steps if row["dtype"] == "float64"]
-        tables["resources"] = lambda _: resource_table(rows)
+    tables = {"speeds": lambda _: table(results["speeds"])}
     markdown_tables.rewrite(ROOT / "docs" / "gpu.md", tables)
 
 
@@ -255,7 +249,7 @@ def main() -> int:
     parser.add_argument("--resources", action="store_true", help="of machine code; no speeds")
     parser.add_argument("--arch", type=int, default=90)
     parser.add_argument("--out", type=Path, help="a JSON file for the results")
-    parser.add_argument("--page", type=Path, help="write the tables of docs/gpu.md from this file")
+    parser.add_argument("--page", type=Path, help="write the table of docs/gpu.md from this file")
     options = parser.parse_args()
     if options.page:
         write_page(json.loads(options.page.read_text()))

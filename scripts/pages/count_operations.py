@@ -230,20 +230,9 @@ def counts_of(problem: str, _: Table) -> Table:
     return table
 
 
-def ladders(_: Table) -> Table:
-    """Operations by the number of cells, and of one more cell."""
-    table, before = [("cells", "bodies", "inverse", "direct", "inverse, a further cell")], None
-    for cells, (inverse, direct) in count_ladders().items():
-        more = "" if before is None else f"{(inverse - before[1]) / (cells - before[0]):.0f}"
-        table.append((*map(str, (cells, 3 * cells, inverse, direct)), more))
-        before = cells, inverse
-    return table
-
-
 TABLES: Tables = {
     "inverse": partial(counts_of, "inverse"),
     "direct": partial(counts_of, "direct"),
-    "ladders": ladders,
 }
 
 
