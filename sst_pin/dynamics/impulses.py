@@ -35,19 +35,21 @@ STOP, DRY, SIDE, NORMAL = range(4)
 #: units of the square root of an energy: rows are divided by the square root of their diagonal
 #: entries of J M^-1 J^T.
 SOLVED = 1e-9
-#: Newton's method goes on to this error: the rest is rounding.
-_ROUNDING = 1e-12
+#: Newton's method goes on to this error. Its last step squares the error, so that most solutions
+#: are exact to rounding.
+_ROUNDING = 1e-11
 #: Sweeps before a series of Newton's steps, the most steps in a series, the most series.
 _SWEEPS, _STEPS, _SERIES = 10, 20, 30
 #: A solution that is not exact to rounding is improved in this number of series.
-_REFINED = 6
+_REFINED = 3
 #: Impulses larger than this multiple of the rates count as this multiple in the error: where no
 #: impulses solve a step, they grow without bound.
 _LARGEST = 1e3
 #: Proximal terms of the series in turn, relative to the diagonal of J M^-1 J^T. Regular parts of
-#: this matrix are larger than the first. Where redundant contacts contradict each other by little,
-#: as corners of a sole that begins to tilt, larger ones keep the steps short.
-_PROXIMAL = (1e-6, 1e-3, 1e-5, 1e-2)
+#: this matrix are larger than the first. Where redundant contacts contradict each other, as corners
+#: of a sole that begins to tilt, larger ones keep the steps short; smaller ones are for
+#: contradictions of a billionth, where the solution is far away.
+_PROXIMAL = (1e-6, 1e-8, 1e-3, 1e-7, 1e-5, 1e-2)
 
 
 class Rows(NamedTuple):

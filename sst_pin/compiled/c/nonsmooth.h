@@ -8,16 +8,21 @@
 #define FAST static __attribute__((optimize("O3", "associative-math", "no-signed-zeros"), unused))
 enum { STOP, DRY, SIDE, NORMAL };
 #define SOLVED 1e-9
-#define ROUNDING 1e-12
+#define ROUNDING 1e-11
 #define SWEEPS 10
 #define STEPS 20
 #define SERIES 30
-#define REFINED 6
+#define REFINED 3
 #define LARGEST 1e3
 /* Steps of Newton's method from the impulses of the step before, without sweeps. */
 #define WARM_STEPS 6
 /* Pivots of the inertia below this part of their diagonal entries are rounding. */
 #define LEAST_PIVOT 1e-12
+
+/* Rows of matrices are filled with zeros up to a multiple of WIDE numbers, so that vectors have no
+ * rest; what stands left of a diagonal is not read. */
+#define WIDE 8
+#define FILLED(n) (((n) + WIDE - 1) / WIDE * WIDE)
 
 /* The rows of a robot; the numbers are those of nonsmooth_kernel.Layout. */
 typedef struct {
@@ -28,32 +33,34 @@ typedef struct {
 
 /* A problem x = P(x - w), w = A x + u, with the diagonal of A at most 1. */
 typedef struct {
-    int m;
+    int m, wide; /* wide is FILLED(m), the length of rows of A */
     const double *A, *u, *bounds;
     const int *kinds;
     double *w, *F, *y, *dx, *D, *right, *row; /* workspace: m each, D m * m */
     int *inside;
 } problem;
 
-FAST void add_multiple(double *restrict y, double a, const double *restrict x, int n)
-{
-    for (int i = 0; i < n; i++)
-        y[i] += a * x[i];
-}
-
 FAST double length_of(double a, double b)
 {
     return sqrt(a * a + b * b);
 }
 
+/* y += a x from number `first` of rows of `wide` numbers on, or from a few before it. */
+FAST void add_row(double *restrict y, double a, const double *restrict x, int first, int wide)
+{
+    for (int i = first / WIDE * WIDE; i < wide; i += WIDE)
+        for (int j = 0; j < WIDE; j++)
+            y[i + j] += a * x[i + j];
+}
+
 /* A = U^T U in place, upper triangle; false if a pivot is too small. */
-FAST int factorize(double *A, int n)
+FAST int factorize(double *A, int n, int wide)
 {
     double least[n];
     for (int k = 0; k < n; k++)
-        least[k] = LEAST_PIVOT * A[k * n + k];
+        least[k] = LEAST_PIVOT * A[k * wide + k];
     for (int k = 0; k < n; k++) {
-        double *row = A + k * n;
+        double *row = A + k * wide;
         if (!(row[k] > least[k]))
             return 0;
         const double inverse = 1 / sqrt(row[k]);
@@ -61,65 +68,75 @@ FAST int factorize(double *A, int n)
             row[j] *= inverse;
         for (int i = k + 1; i < n; i++)
             if (row[i] != 0)
-                add_multiple(A + i * n + i, -row[i], row + i, n - i);
+                add_row(A + i * wide, -row[i], row, i, wide);
     }
     return 1;
 }
 
-/* U^T z = b, in place, for m right sides side by side. */
-FAST void solve_transposed(const double *U, double *b, int n, int m)
+/* U^T z = b, in place. */
+FAST void solve_transposed(const double *U, double *b, int n, int wide)
 {
     for (int k = 0; k < n; k++) {
-        const double inverse = 1 / U[k * n + k];
-        for (int j = 0; j < m; j++)
-            b[k * m + j] *= inverse;
+        b[k] /= U[k * wide + k];
         for (int i = k + 1; i < n; i++)
-            if (U[k * n + i] != 0)
-                add_multiple(b + i * m, -U[k * n + i], b + k * m, m);
+            b[i] -= U[k * wide + i] * b[k];
+    }
+}
+
+/* U^T z = b, in place, for many right sides in rows of `many` numbers, a multiple of WIDE. */
+FAST void solve_many(const double *U, double *b, int n, int wide, int many)
+{
+    for (int k = 0; k < n; k++) {
+        const double inverse = 1 / U[k * wide + k];
+        for (int j = 0; j < many; j++)
+            b[k * many + j] *= inverse;
+        for (int i = k + 1; i < n; i++)
+            if (U[k * wide + i] != 0)
+                add_row(b + i * many, -U[k * wide + i], b + k * many, 0, many);
     }
 }
 
 /* U x = b, in place. */
-FAST void solve_upper(const double *U, double *b, int n)
+FAST void solve_upper(const double *U, double *b, int n, int wide)
 {
     for (int k = n - 1; k >= 0; k--) {
         double sum = b[k];
         for (int j = k + 1; j < n; j++)
-            sum -= U[k * n + j] * b[j];
-        b[k] = sum / U[k * n + k];
+            sum -= U[k * wide + j] * b[j];
+        b[k] = sum / U[k * wide + k];
     }
 }
 
 /* D x = right by elimination with pivots, in place; false if a pivot is zero. */
-FAST int solve_general(double *D, double *right, int n)
+FAST int solve_general(double *D, double *right, int n, int wide)
 {
     for (int k = 0; k < n; k++) {
         int largest = k;
         for (int i = k + 1; i < n; i++)
-            if (fabs(D[i * n + k]) > fabs(D[largest * n + k]))
+            if (fabs(D[i * wide + k]) > fabs(D[largest * wide + k]))
                 largest = i;
-        if (!(fabs(D[largest * n + k]) > 0))
+        if (!(fabs(D[largest * wide + k]) > 0))
             return 0;
         if (largest != k) {
             for (int j = k; j < n; j++) {
-                const double kept = D[k * n + j];
-                D[k * n + j] = D[largest * n + j];
-                D[largest * n + j] = kept;
+                const double kept = D[k * wide + j];
+                D[k * wide + j] = D[largest * wide + j];
+                D[largest * wide + j] = kept;
             }
             const double kept = right[k];
             right[k] = right[largest];
             right[largest] = kept;
         }
-        const double inverse = 1 / D[k * n + k];
+        const double inverse = 1 / D[k * wide + k];
         for (int i = k + 1; i < n; i++) {
-            const double factor = D[i * n + k] * inverse;
+            const double factor = D[i * wide + k] * inverse;
             if (factor != 0) {
-                add_multiple(D + i * n + k, -factor, D + k * n + k, n - k);
+                add_row(D + i * wide, -factor, D + k * wide, k, wide);
                 right[i] -= factor * right[k];
             }
         }
     }
-    solve_upper(D, right, n);
+    solve_upper(D, right, n, wide);
     return 1;
 }
 
@@ -129,9 +146,10 @@ FAST double residual_at(problem *p, const double *x)
     const int m = p->m;
     double largest = 0, size = 0, rates = 0;
     memcpy(p->w, p->u, m * sizeof(double));
+    memset(p->w + m, 0, (p->wide - m) * sizeof(double));
     for (int i = 0; i < m; i++)
         if (x[i] != 0)
-            add_multiple(p->w, x[i], p->A + i * m, m);
+            add_row(p->w, x[i], p->A + i * p->wide, 0, p->wide);
     for (int i = 0; i < m; i++)
         p->y[i] = x[i] - p->w[i];
     for (int i = 0; i < m; i++) {
@@ -161,7 +179,7 @@ FAST double residual_at(problem *p, const double *x)
 /* One step of Newton's method on F, from x and what `residual_at` left; false if it fails. */
 FAST int newton_step(problem *p, double *x, double proximal)
 {
-    const int m = p->m;
+    const int m = p->m, wide = p->wide;
     int k = 0, slides = 0;
     for (int i = 0; i < m; i++) {
         const double y = p->y[i];
@@ -180,25 +198,26 @@ FAST int newton_step(problem *p, double *x, double proximal)
     }
     for (int i = 0; i < m; i++)
         k += p->inside[i] > 0;
+    const int filled = FILLED(k);
     int at = 0;
     for (int i = 0; i < m; i++) {
         if (!p->inside[i])
             continue;
         double *row = p->row;
-        memcpy(row, p->A + i * m, m * sizeof(double));
+        memcpy(row, p->A + i * wide, wide * sizeof(double));
         row[i] += proximal;
         if (p->inside[i] == 2) {
             const int normal = p->kinds[i + 1] == NORMAL ? i + 1 : i + 2, first = normal - 2;
             const double a = p->y[first], b = p->y[first + 1], side = length_of(a, b);
             const double way[2] = {a / side, b / side};
             const double mu = p->bounds[normal], share = mu * p->y[normal] / side;
-            memset(row, 0, m * sizeof(double));
+            memset(row, 0, wide * sizeof(double));
             row[i] = 1;
             for (int c = 0; c < 3; c++) {
                 double slope = mu * way[i - first];
                 if (c < 2)
                     slope = share * ((c == i - first) - way[i - first] * way[c]);
-                add_multiple(row, slope, p->A + (first + c) * m, m);
+                add_row(row, slope, p->A + (first + c) * wide, 0, wide);
                 row[first + c] -= slope * (1 - proximal);
             }
         }
@@ -206,20 +225,22 @@ FAST int newton_step(problem *p, double *x, double proximal)
         int column = 0;
         for (int j = 0; j < m; j++) {
             if (p->inside[j])
-                p->D[at * k + column++] = row[j];
+                p->D[at * filled + column++] = row[j];
             else
                 right -= row[j] * p->dx[j];
         }
+        while (column < filled)
+            p->D[at * filled + column++] = 0;
         p->right[at++] = right;
     }
     if (slides) {
-        if (!solve_general(p->D, p->right, k))
+        if (!solve_general(p->D, p->right, k, filled))
             return 0;
     } else {
-        if (!factorize(p->D, k))
+        if (!factorize(p->D, k, filled))
             return 0;
-        solve_transposed(p->D, p->right, k, 1);
-        solve_upper(p->D, p->right, k);
+        solve_transposed(p->D, p->right, k, filled);
+        solve_upper(p->D, p->right, k, filled);
     }
     at = 0;
     for (int i = 0; i < m; i++) {
@@ -251,9 +272,9 @@ FAST double newton(problem *p, double *x, double *best, double proximal, int ste
 /* One sweep of projected Gauss-Seidel; p->w is A x + u before and after. */
 FAST void sweep(problem *p, double *x)
 {
-    const int m = p->m;
+    const int m = p->m, wide = p->wide;
     for (int i = 0; i < m; i++) {
-        const double *row = p->A + i * m;
+        const double *row = p->A + i * wide;
         if (p->kinds[i] == SIDE)
             continue;
         double new = x[i] - p->w[i] / row[i], change;
@@ -263,11 +284,11 @@ FAST void sweep(problem *p, double *x)
             new = new > 0 ? new : 0;
         if ((change = new - x[i]) != 0) {
             x[i] = new;
-            add_multiple(p->w, change, row, m);
+            add_row(p->w, change, row, 0, wide);
         }
         if (p->kinds[i] == NORMAL) {
             const int a = i - 2, b = i - 1;
-            const double trace = p->A[a * m + a] + p->A[b * m + b], most = p->bounds[i] * x[i];
+            const double trace = p->A[a * wide + a] + p->A[b * wide + b], most = p->bounds[i] * x[i];
             double sides[2] = {0, 0};
             if (trace > 0) {
                 sides[0] = x[a] - p->w[a] / trace;
@@ -280,7 +301,7 @@ FAST void sweep(problem *p, double *x)
             for (int c = 0; c < 2; c++)
                 if ((change = sides[c] - x[a + c]) != 0) {
                     x[a + c] = sides[c];
-                    add_multiple(p->w, change, p->A + (a + c) * m, m);
+                    add_row(p->w, change, p->A + (a + c) * wide, 0, wide);
                 }
         }
     }
@@ -289,7 +310,7 @@ FAST void sweep(problem *p, double *x)
 /* The solution near x, in x, and its residual. `swept` and `near` are workspace. */
 FAST double solve_rows(problem *p, double *x, double *swept, double *near, double *best)
 {
-    static const double proximal[] = {1e-6, 1e-3, 1e-5, 1e-2};
+    static const double proximal[] = {1e-6, 1e-8, 1e-3, 1e-7, 1e-5, 1e-2};
     const size_t size = p->m * sizeof(double);
     memcpy(swept, x, size);
     double least = newton(p, x, best, proximal[0], WARM_STEPS);
@@ -303,7 +324,7 @@ FAST double solve_rows(problem *p, double *x, double *swept, double *near, doubl
             sweep(p, x);
         if (alone)
             memcpy(swept, x, size);
-        const double error = newton(p, x, near, proximal[series % 4], STEPS);
+        const double error = newton(p, x, near, proximal[series % 6], STEPS);
         if (error < least) {
             least = error;
             memcpy(best, near, size);
@@ -314,7 +335,8 @@ FAST double solve_rows(problem *p, double *x, double *swept, double *near, doubl
 }
 
 /* Numbers of doubles and integers of the workspace of `nonsmooth_step`. */
-#define WORKSPACE(n, m) ((n) * (n) + 2 * (n) + (n) * (m) + 2 * (m) * (m) + 16 * (m) + 8)
+#define WORKSPACE(n, m) ((n) * FILLED(n) + 2 * FILLED(n) + (n) * FILLED(m) \
+    + 2 * (m) * FILLED(m) + 16 * FILLED(m))
 
 /* One step: rates `va` become those at its end, `x` the impulses, from those of the step before.
  * y are the terms at q. False if the inertia is not positive definite or a number is not finite. */
@@ -322,7 +344,7 @@ FAST int nonsmooth_step(const rows_of_robot *f, const double *y, const double *q
     const double *tau, const double *held, double h, const double *numbers, double *x,
     double *residual, double *work, int *flags)
 {
-    const int n = f->n, m = f->m, c = f->contacts, gaps = c + f->ropes, k = f->cables;
+    const int n = f->n, m = f->m, wide = FILLED(n), c = f->contacts, gaps = c + f->ropes, k = f->cables;
     const double *friction = numbers, *restitution = friction + c, *offsets = restitution + c;
     const double *line_k = offsets + gaps, *rest = line_k + k, *line_d = rest + k;
     const double *preload = line_d + k, *on_cables = preload + k;
@@ -330,23 +352,26 @@ FAST int nonsmooth_step(const rows_of_robot *f, const double *y, const double *q
     const double *damping = coulomb + f->dry, *stiffness = damping + f->implicit;
     const int first_motor = f->implicit - f->motors;
     const double *entries = y + f->at_entries;
-    double *A = work, *free = A + n * n, *change = free + n, *Z = change + n, *G = Z + n * m;
-    double *D = G + m * m, *bias = D + m * m, *compliance = bias + m, *bounds = compliance + m;
-    double *vectors = bounds + m;
+    const int most_rows = FILLED(m);
+    double *A = work, *free = A + n * wide, *change = free + wide, *Z = change + wide;
+    double *G = Z + n * most_rows, *D = G + m * most_rows, *bias = D + m * most_rows;
+    double *compliance = bias + most_rows, *bounds = compliance + most_rows;
+    double *vectors = bounds + most_rows;
     int *acting = flags, *index = flags + m, *kinds = flags + 2 * m, *inside = flags + 3 * m;
     double effort[f->motors + 1];
 
     /* the inertia, with damping and stiffness at the end of the step */
+    memset(A, 0, n * wide * sizeof(double));
     for (int i = 0, at = f->at_inertia; i < n; i++)
         for (int j = i; j < n; j++)
-            A[i * n + j] = y[at++];
+            A[i * wide + j] = y[at++];
     for (int i = 0; i < n; i++)
         free[i] = h * y[f->at_forces + i];
     for (int i = 0; i < n; i++) {
-        free[i] += A[i * n + i] * va[i];
+        free[i] += A[i * wide + i] * va[i];
         for (int j = i + 1; j < n; j++) {
-            free[i] += A[i * n + j] * va[j];
-            free[j] += A[i * n + j] * va[i];
+            free[i] += A[i * wide + j] * va[j];
+            free[j] += A[i * wide + j] * va[i];
         }
     }
     for (int i = 0; i < f->motors; i++)
@@ -359,7 +384,7 @@ FAST int nonsmooth_step(const rows_of_robot *f, const double *y, const double *q
                 free[f->row_column[a]] += h * effort[i - first_motor] * entries[a];
             if (factor != 0)
                 for (int b = a; b < end; b++)
-                    A[f->row_column[a] * n + f->row_column[b]] += factor * entries[a] * entries[b];
+                    A[f->row_column[a] * wide + f->row_column[b]] += factor * entries[a] * entries[b];
         }
     }
 
@@ -389,10 +414,10 @@ FAST int nonsmooth_step(const rows_of_robot *f, const double *y, const double *q
         for (int a = f->row_start[row]; a < f->row_start[row + 1]; a++)
             free[f->row_column[a]] += bounds[at] * entries[a];
     }
-    if (!factorize(A, n))
+    if (!factorize(A, n, wide))
         return 0;
-    solve_transposed(A, free, n, 1);
-    solve_upper(A, free, n);
+    solve_transposed(A, free, n, wide);
+    solve_upper(A, free, n, wide);
 
 #define RATE(v, i) ({ \
     const int row_ = f->impulse_row[i]; \
@@ -444,19 +469,21 @@ FAST int nonsmooth_step(const rows_of_robot *f, const double *y, const double *q
             more = 1;
         if (!more)
             break;
-        memset(Z, 0, n * count * sizeof(double));
+        const int filled = FILLED(count);
+        memset(Z, 0, n * filled * sizeof(double));
         for (int a = 0; a < count; a++) {
             const int row = f->impulse_row[index[a]], sign = f->impulse_sign[index[a]];
             for (int b = f->row_start[row]; b < f->row_start[row + 1]; b++)
-                Z[f->row_column[b] * count + a] = sign * entries[b];
+                Z[f->row_column[b] * filled + a] = sign * entries[b];
         }
-        solve_transposed(A, Z, n, count);
-        double *unit = vectors, *u = unit + m, *most = u + m, *now = most + m;
+        solve_many(A, Z, n, wide, filled);
+        double *unit = vectors, *u = unit + most_rows, *most = u + most_rows;
+        double *now = most + most_rows;
         for (int a = 0; a < count; a++)
             unit[a] = compliance[index[a]];
         for (int b = 0; b < n; b++)
             for (int a = 0; a < count; a++)
-                unit[a] += Z[b * count + a] * Z[b * count + a];
+                unit[a] += Z[b * filled + a] * Z[b * filled + a];
         int kept = 0;
         for (int a = 0; a < count; a++) {
             const int at = index[a];
@@ -484,29 +511,30 @@ FAST int nonsmooth_step(const rows_of_robot *f, const double *y, const double *q
             most[a] = kinds[a] == DRY ? bounds[at] * unit[a] : bounds[at];
             now[a] = x[at] * unit[a];
         }
-        for (int b = 0; b < n; b++)
-            for (int a = 0; a < count; a++)
-                Z[b * count + a] /= unit[a];
-        memset(G, 0, count * count * sizeof(double));
-        for (int b = 0; b < n; b++)
-            for (int a = 0; a < count; a++)
-                if (Z[b * count + a] != 0)
-                    add_multiple(G + a * count + a, Z[b * count + a], Z + b * count + a, count - a);
         for (int a = 0; a < count; a++) {
-            G[a * count + a] += compliance[index[a]] / (unit[a] * unit[a]);
-            for (int b = 0; b < a; b++)
-                G[a * count + b] = G[b * count + a];
+            const double inverse = 1 / unit[a];
+            for (int b = 0; b < n; b++)
+                Z[b * filled + a] *= inverse;
         }
-        double *room = now + m;
-        problem p = {count, G, u, most, kinds, room, room + m, room + 2 * m, room + 3 * m, D,
-            room + 4 * m, room + 5 * m, inside};
-        worst = solve_rows(&p, now, room + 6 * m, room + 7 * m, room + 8 * m);
+        memset(G, 0, count * filled * sizeof(double));
+        for (int b = 0; b < n; b++)
+            for (int a = 0; a < count; a++)
+                if (Z[b * filled + a] != 0)
+                    add_row(G + a * filled, Z[b * filled + a], Z + b * filled, 0, filled);
+        for (int a = 0; a < count; a++)
+            G[a * filled + a] += compliance[index[a]] / (unit[a] * unit[a]);
+        double *room[9];
+        for (int a = 0; a < 9; a++)
+            room[a] = now + (a + 1) * most_rows;
+        problem p = {count, filled, G, u, most, kinds, room[0], room[1], room[2], room[3], D, room[4],
+            room[5], inside};
+        worst = solve_rows(&p, now, room[6], room[7], room[8]);
         for (int b = 0; b < n; b++) {
             change[b] = 0;
             for (int a = 0; a < count; a++)
-                change[b] += Z[b * count + a] * now[a];
+                change[b] += Z[b * filled + a] * now[a];
         }
-        solve_upper(A, change, n);
+        solve_upper(A, change, n, wide);
         for (int b = 0; b < n; b++)
             change[b] += free[b];
         memset(x, 0, m * sizeof(double));
