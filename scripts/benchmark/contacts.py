@@ -7,10 +7,8 @@ the least of some repeats. Depths and open loops are the largest of all steps.
 """
 
 import sys
-import tempfile
 import time
 import warnings
-import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,41 +16,12 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
-import sst_pin
-
 sys.path.insert(0, str(Path(__file__).parents[2]))
 from tests.gallery.on_feet import RADIUS, biped
+from tests.support.biped_in_mujoco import mujoco_biped, start_of
 
 STEP, STEPS, MANY, FRICTION = 5e-4, 600, 64, 0.8
 STIFFNESS, DAMPING = 150.0, 1.0
-
-
-def mujoco_model(chain: sst_pin.ClosedChain, step: float = STEP) -> mujoco.MjModel:
-    """The biped in MuJoCo: spheres on a plane, position actuators with the same gains."""
-    bare = biped(contacts=False)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, "biped.xml")
-        sst_pin.write_mjcf(bare, path)
-        root = ET.parse(path).getroot()
-    option, world = root.find("option"), root.find("worldbody")
-    assert option is not None
-    assert world is not None
-    option.attrib |= {"timestep": str(step), "integrator": "implicitfast"}
-    for geom in root.iter("geom"):
-        geom.attrib |= {"contype": "0", "conaffinity": "0"}
-    stiff = {"solref": f"{2 * step} 1", "solimp": "0.99 0.999 0.001", "friction": f"{FRICTION} 0 0"}
-    ET.SubElement(world, "geom", type="plane", size="9 9 1", conaffinity="0", condim="3", **stiff)
-    bodies = {body.get("name"): body for body in root.iter("body")}
-    for contact in chain.contacts:
-        frame = chain.model.frames[chain.model.getFrameId(contact.frame)]
-        body = bodies[chain.model.names[frame.parentJoint]]
-        place = " ".join(map(str, frame.placement.translation))
-        attributes = {"type": "sphere", "size": str(RADIUS), "pos": place, "mass": "0"}
-        ET.SubElement(body, "geom", contype="0", conaffinity="1", condim="3", **attributes, **stiff)
-    for motor in root.iter("motor"):
-        motor.tag = "position"
-        motor.attrib |= {"kp": str(STIFFNESS), "kv": str(DAMPING)}
-    return mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"))
 
 
 def least_time(call: Callable[[], object], repeats: int) -> float:
@@ -76,15 +45,9 @@ def main() -> None:
         "motor_stiffness": np.full(motors, STIFFNESS),
         "motor_damping": np.full(motors, DAMPING),
     }
-    model = mujoco_model(chain)
+    model, home = mujoco_biped(STEP, STIFFNESS, DAMPING, FRICTION), chain.home
     data = mujoco.MjData(model)
-    home = chain.home
-    start = home.copy()
-    start[3:7] = home[[6, 3, 4, 5]]  # w first
-    order = [model.joint(name).qposadr[0] for name in chain.position_names[7:]]
-    qpos = start.copy()
-    qpos[order] = home[7:]
-    held = qpos[[model.joint(name).qposadr[0] for name in chain.motor_names]]
+    qpos, held = start_of(chain, model)
 
     def reset() -> None:
         mujoco.mj_resetData(model, data)

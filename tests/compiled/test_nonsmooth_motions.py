@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Compiled steps with stops, dry friction, ropes, cables and contacts; the referee is NumPy."""
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -9,6 +10,7 @@ import sst_pin
 from sst_pin import Contact, LineForce, Rope, robots
 from tests.gallery.on_feet import biped
 from tests.gallery.touching import block_on_slope, frame
+from tests.support.biped_in_mujoco import mujoco_biped, start_of
 
 
 def _compiled(chain):
@@ -165,3 +167,21 @@ def test_a_biped_with_six_loops_stands_on_eight_points():
     assert np.min(heights) - 0.01 > -1e-6
     forces = motion.contact_forces
     assert (np.linalg.norm(forces[..., :2], axis=-1) <= 0.8 * forces[..., 2] + 1e-6).all()
+
+
+@pytest.mark.slow
+def test_a_biped_stands_up_as_in_mujoco_with_stiff_contacts():
+    """0.3 s with a fall of 10 mm; halving MuJoCo's steps moves its pelvis by 0.07 mm."""
+    chain, step, steps = _compiled(biped()), 2.5e-4, 1200
+    n, motors = chain.degrees_of_freedom, len(chain.motor_names)
+    gains = {"motor_stiffness": np.full(motors, 150.0), "motor_damping": np.full(motors, 1.0)}
+    motion = chain.rollout(
+        np.zeros((steps, motors)), chain.home, np.zeros(n), step, nonsmooth=True, **gains
+    )
+    model = mujoco_biped(step, 150.0, 1.0, 0.8)
+    data = mujoco.MjData(model)
+    data.qpos[:], data.ctrl[:] = start_of(chain, model)
+    for _ in range(steps):
+        mujoco.mj_step(model, data)
+    assert np.abs(motion.q[-1, :3] - data.qpos[:3]).max() < 1e-4
+    assert np.abs(motion.q[-1, :3] - chain.home[:3]).max() > 0.01
