@@ -18,7 +18,7 @@ from .dynamics import derivatives as slopes
 from .dynamics import design_derivatives as design
 from .dynamics import dynamics, reactions, regressor, torque_sharing
 from .dynamics.quantities import Quantity
-from .engine import DerivativeOptions, Engine, LoadOptions, Options
+from .engine import DerivativeOptions, Engine, LoadOptions, Options, Wrenches
 from .errors import DescriptionError, InputError, MissingExtraError
 from .former_names import FormerName, former_arguments
 from .loops.assembly_modes import AssemblyModes, modes_of
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from .simulation.bearing_loads import Loads
     from .simulation.check import Finding
     from .simulation.crossings import Crossing
-    from .simulation.inputs import ExternalLoad, Torque
+    from .simulation.inputs import ExternalLoad, Torque, WrenchLoad
     from .simulation.nonsmooth_rollout import NonsmoothRollout
     from .simulation.rollouts import Rollout
     from .simulation.trajectories import Trajectory
@@ -69,7 +69,8 @@ class ClosedChain(RobotProperties, Summary):
     - `platform_moment`: external moment on the platform, in base axes, shape (..., 3), [N m]. The
       platform is the body of the frame "platform"; of an SST it is the star.
     - `external_wrenches`: [force; moment] on each body at its mass centre, in base axes, bodies in
-      the order of the joints, shape (..., r, 6).
+      the order of the joints, shape (..., r, 6). Or a mapping from names of frames to [force;
+      moment] at the origin of the frame, in base axes, shapes (..., 6).
     - `sign_width`: derivatives replace the sign of a rate v in Coulomb friction by
       tanh(v / sign_width); positive, 1e-3 by default, [rad/s] or [m/s].
     - `out`: float64 array for the result, of its shape.
@@ -466,7 +467,7 @@ class ClosedChain(RobotProperties, Summary):
         aa: ArrayLike,
         *,
         platform_moment: ArrayLike | None = None,
-        external_wrenches: ArrayLike | None = None,
+        external_wrenches: Wrenches | None = None,
         weights: ArrayLike | None = None,
         preload: ArrayLike | None = None,
         limits: ArrayLike | None = None,
@@ -534,7 +535,7 @@ class ClosedChain(RobotProperties, Summary):
         tau: ArrayLike,
         *,
         platform_moment: ArrayLike | None = None,
-        external_wrenches: ArrayLike | None = None,
+        external_wrenches: Wrenches | None = None,
         out: Array | None = None,
         threads: int = 1,
         on_error: str = "raise",
@@ -711,13 +712,13 @@ class ClosedChain(RobotProperties, Summary):
         names: Iterable[design.Parameter],
         *,
         frame: str | None = None,
-        external_wrenches: ArrayLike | None = None,
+        external_wrenches: Wrenches | None = None,
         sign_width: float = 1e-3,
     ) -> design.DesignDerivatives:
         """Derivatives of q, torques, L and a frame's pose by `design_parameters`.
 
         The loops stay closed; each parameter alone must allow this. The coordinates, va, aa and
-        the places of external wrenches on the bodies are constant.
+        the places of external wrenches on the bodies are constant; no wrenches at frames.
 
         Args:
             names: Parameters, or patterns of names that change together, such as "rod*.length".
@@ -849,7 +850,7 @@ class ClosedChain(RobotProperties, Summary):
         t: ArrayLike,
         *,
         platform_moment: ExternalLoad = None,
-        external_wrenches: ExternalLoad = None,
+        external_wrenches: WrenchLoad = None,
         method: str = "DOP853",
         rtol: float = 1e-12,
         atol: float = 1e-12,
@@ -873,7 +874,8 @@ class ClosedChain(RobotProperties, Summary):
                 a motion can start from rest only.
             t: Times of the output, increasing, shape (N,), N >= 2, [s].
             platform_moment: A function (t, q, va) -> (3,), or a constant.
-            external_wrenches: A function (t, q, va) -> (r, 6), or a constant.
+            external_wrenches: A function (t, q, va) -> (r, 6), a mapping from frames to wrenches, a
+                function that returns one, or a constant.
             method: Integrator of SciPy: RK23, RK45, DOP853, Radau or BDF; the last two are for
                 stiff motions.
             rtol: Relative tolerance of the integrator.
@@ -925,7 +927,7 @@ class ClosedChain(RobotProperties, Summary):
         dt: float,
         *,
         platform_moment: ArrayLike | None = None,
-        external_wrenches: ArrayLike | None = None,
+        external_wrenches: Wrenches | None = None,
         steps: int | None = None,
         sign_width: float = 1e-3,
         threads: int = 1,
@@ -940,7 +942,7 @@ class ClosedChain(RobotProperties, Summary):
         It returns q, shape (..., N + 1, nq), and va, shape (..., N + 1, n). The loops stay closed,
         also through dead points of the coordinates. A motion that reaches a singularity of the
         mechanism, diverges or opens its loops (dt is too long) raises a `SimulationError`, or is
-        NaN from there on. Loads are constant for each motion.
+        NaN from there on. Loads are constant for each motion, on the bodies; no frames.
 
         Args:
             tau: Motor torques, shape (..., N, motors), constant in each step. For torques that

@@ -24,6 +24,7 @@ from .arrays import (
     whole_number,
 )
 from .dynamics.derivatives import AccelerationDerivatives, TorqueDerivatives
+from .dynamics.dynamics import ReducedTerms
 from .dynamics.nonsmooth_rows import NonsmoothRows
 from .dynamics.quantities import QUANTITIES, Name, Quantity
 from .dynamics.reactions import Reactions, compliances_of, unpacked
@@ -37,6 +38,9 @@ from .progress import FASTER
 from .states import States
 from .summaries import listed
 
+#: External wrenches: [force; moment] on all bodies at their mass centres, shape (..., r, 6), or a
+#: mapping from names of frames to [force; moment] at their origins, shapes (..., 6).
+Wrenches = ArrayLike | Mapping[str, ArrayLike]
 D = TypeVar("D", TorqueDerivatives, AccelerationDerivatives)
 #: Names of derivatives, and of their third argument.
 _DERIVATIVES: dict[type, tuple[Name, str]] = {
@@ -57,13 +61,13 @@ class LoadOptions(Options, total=False):
     """Loads besides the weights, and how samples are computed."""
 
     platform_moment: ArrayLike | None
-    external_wrenches: ArrayLike | None
+    external_wrenches: Wrenches | None
 
 
 class DerivativeOptions(Options, total=False):
     """Loads and the smoothing of friction, and how samples are computed."""
 
-    external_wrenches: ArrayLike | None
+    external_wrenches: Wrenches | None
     sign_width: float
 
 
@@ -192,7 +196,7 @@ class Engine(ClosedLoops):
         q: ArrayLike,
         *,
         platform_moment: ArrayLike | None = None,
-        external_wrenches: ArrayLike | None = None,
+        external_wrenches: Wrenches | None = None,
         extra: Mapping[str, Array] | None = None,
         out: Array | None = None,
         threads: int = 1,
@@ -210,7 +214,7 @@ class Engine(ClosedLoops):
             if result is not None:
                 return result
         kind = QUANTITIES[key.name]
-        load = self.wrenches(platform_moment, external_wrenches, on_error)
+        load = self.wrenches(platform_moment, external_wrenches, on_error, q)
         absent: list[None] = []
         if kind.tau_optional and arguments["tau"] is None:
             absent = [arguments.pop("tau")]
@@ -286,7 +290,7 @@ class Engine(ClosedLoops):
         va: ArrayLike,
         x: ArrayLike,
         *,
-        external_wrenches: ArrayLike | None = None,
+        external_wrenches: Wrenches | None = None,
         sign_width: float = 1e-3,
         **options: Any,
     ) -> D:
@@ -301,6 +305,14 @@ class Engine(ClosedLoops):
         options |= {"va": va, argument: x, "external_wrenches": external_wrenches}
         rows = np.asarray(self.compute(key, q, **options))
         n = rows.shape[-2]
+        if isinstance(external_wrenches, Mapping):
+            policy = options.get("on_error", "raise")
+            slope = self._slope_of_arms(external_wrenches, q, policy)  # of forces by q
+            if kind is TorqueDerivatives:
+                rows[..., :n] -= slope
+            else:
+                terms = self.compute(Quantity("reduced_terms"), q, va=va, on_error=policy)
+                rows[..., :n] += np.linalg.solve(ReducedTerms.of_rows(terms, n).inertia, slope)
         return kind(*np.split(rows, (n, 2 * n), axis=-1))
 
     def reactions(
@@ -369,14 +381,21 @@ class Engine(ClosedLoops):
         return arrays
 
     def wrenches(
-        self, platform_moment: ArrayLike | None, external_wrenches: ArrayLike | None, on_error: str
+        self,
+        platform_moment: ArrayLike | None,
+        external_wrenches: Wrenches | None,
+        on_error: str,
+        q: ArrayLike | None = None,
     ) -> Array | None:
         """Wrenches on all bodies, shape (..., r, 6), with a moment on the platform, or None.
 
-        Kernels leave out wrenches that do no work, so numbers that are not finite are refused here.
+        Wrenches at frames need the configurations q. Kernels leave out wrenches that do no work, so
+        numbers that are not finite are refused here.
         """
         shape, wrenches = (self.mechanism.model.njoints - 1, 6), None
-        if external_wrenches is not None:
+        if isinstance(external_wrenches, Mapping):
+            wrenches = self._at_mass_centres(external_wrenches, q, on_error)
+        elif external_wrenches is not None:
             wrenches = _loads("external_wrenches", external_wrenches, shape, on_error)
         if platform_moment is None:
             return wrenches
@@ -388,6 +407,80 @@ class Engine(ClosedLoops):
         on_platform = np.zeros((*moment.shape[:-1], *shape))
         on_platform[..., body, 3:] = moment
         return on_platform if wrenches is None else on_platform + wrenches
+
+    def _at_mass_centres(
+        self, wrenches: Mapping[str, ArrayLike], q: ArrayLike | None, on_error: str
+    ) -> Array:
+        """Wrenches at frames as wrenches on all bodies at their mass centres, shape (..., r, 6)."""
+        if q is None:
+            raise InputError(
+                "external_wrenches",
+                "wrenches at frames change with the pose at the mass centres, and are not possible "
+                "here; give an array of wrenches on the bodies at their mass centres",
+            )
+        size = self.mechanism.model.njoints - 1
+        on_bodies = np.zeros((size, 6))
+        for name, value in wrenches.items():
+            body, wrench = self._at_frame(name, value, on_error)
+            force, moment = wrench[..., :3], wrench[..., 3:]
+            arm = self._arms(name, q, on_error)
+            try:
+                shifted = moment + np.cross(arm, force)
+            except ValueError:
+                problem = f"shape {wrench.shape} does not fit q of shape {np.shape(q)}"
+                raise InputError(f"external_wrenches[{name!r}]", problem) from None
+            on_one = np.zeros((*shifted.shape[:-1], size, 6))
+            on_one[..., body, :3] = force
+            on_one[..., body, 3:] = shifted
+            try:
+                on_bodies = on_bodies + on_one
+            except ValueError:
+                problem = "wrenches of several frames have batches of different shapes"
+                raise InputError("external_wrenches", problem) from None
+        return on_bodies
+
+    def _at_frame(self, name: str, value: ArrayLike, on_error: str) -> tuple[int, Array]:
+        """The body of a frame, from 0, and the wrench at the frame, shape (..., 6)."""
+        argument = f"external_wrenches[{name!r}]"
+        wrench = _loads(argument, value, (6,), on_error)
+        frame_id(self.mechanism.model, name)  # refuses unknown names
+        body = body_of(self.mechanism.model, name)
+        if body is None:
+            raise InputError(
+                argument, "the frame is fixed to the base, where a wrench does no work"
+            )
+        return body, wrench
+
+    def _arms(self, name: str, q: ArrayLike, on_error: str) -> Array:
+        """The way from the mass centre of a frame's body to the frame, in base axes, (..., 3)."""
+        model = self.mechanism.model
+        index = frame_id(model, name)
+        frame = model.frames[index]
+        centre = frame.placement.actInv(model.inertias[frame.parentJoint].lever)
+
+        def one(q: Array) -> Array:
+            return -np.asarray(self.loops_at(q).data.oMf[index].rotation @ centre)
+
+        return for_each_sample(one, [self.configurations(q)], (1,), (3,), on_error=on_error)
+
+    def _slope_of_arms(
+        self, wrenches: Mapping[str, ArrayLike], q: ArrayLike, on_error: str
+    ) -> Array:
+        """Derivative of the generalized forces of wrenches at frames by q, as the arms turn.
+
+        It is what derivatives for constant wrenches at the mass centres lack, shape (..., n, n).
+        """
+        n = len(self.mechanism.coordinates)
+        slope = np.zeros((n, n))
+        for name, value in wrenches.items():
+            _, wrench = self._at_frame(name, value, on_error)
+            arm = self._arms(name, q, on_error)
+            J = self.compute(Quantity("frame_jacobian", name), q, on_error=on_error)[..., 3:, :]
+            # An arm r of a body with the angular velocity w turns with w x r.
+            turned = np.cross(J.mT, arm[..., None, :])
+            moments = np.cross(turned, wrench[..., None, :3])
+            slope = slope + J.mT @ moments.mT
+        return slope
 
     def closed(self, q: Array) -> Array:
         """The closed configuration near q with the coordinates fixed, shape (nq,)."""

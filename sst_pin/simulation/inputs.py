@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import factorial
 from typing import Any, NamedTuple
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, as_array, positive_number, single_array
-from ..engine import Engine
+from ..engine import Engine, Wrenches
 from ..errors import InputError
 from ..model.mechanism import Mechanism
 from .sampled_torques import (
@@ -36,8 +36,10 @@ Torque = (
     | SampledTorque
     | TorqueSource
 )
-#: Loads: a function of (t, q, va), a constant, or none.
+#: A moment on the platform: a function of (t, q, va), a constant, or none.
 ExternalLoad = Callable[[float, Array, Array], ArrayLike] | ArrayLike | None
+#: Wrenches on bodies or at frames: likewise.
+WrenchLoad = Callable[[float, Array, Array], Wrenches] | Wrenches | None
 
 #: Integrators of SciPy.
 IMPLICIT = ("Radau", "BDF")
@@ -121,7 +123,7 @@ def torque_input(mechanism: Mechanism, torque: Torque, times: Array, *, watch: b
 def load_input(
     engine: Engine,
     platform_moment: ExternalLoad,
-    external_wrenches: ExternalLoad,
+    external_wrenches: WrenchLoad,
     times: Array,
     *,
     watch: bool,
@@ -135,19 +137,22 @@ def load_input(
 
 
 def _wrenches(
-    engine: Engine, platform_moment: ExternalLoad, external_wrenches: ExternalLoad
+    engine: Engine, platform_moment: ExternalLoad, external_wrenches: WrenchLoad
 ) -> ExternalLoad:
-    if not (callable(platform_moment) or callable(external_wrenches)):
+    at_frames = isinstance(external_wrenches, Mapping)
+    if not (callable(platform_moment) or callable(external_wrenches) or at_frames):
         return engine.wrenches(platform_moment, external_wrenches, "raise")
-    if platform_moment is None:
-        return external_wrenches
 
-    def wrenches(t: float, q: Array, va: Array) -> Array:
-        loads = (platform_moment, external_wrenches)
-        moment, others = (x(t, q, va) if callable(x) else x for x in loads)
-        if moment is None:
+    def wrenches(t: float, q: Array, va: Array) -> Any:
+        moment = platform_moment(t, q, va) if callable(platform_moment) else platform_moment
+        others = external_wrenches
+        if callable(others):
+            others = others(t, q, va)
+        if moment is None and platform_moment is not None:
             raise InputError("platform_moment(t, q, va)", "None: three numbers are needed")
-        return np.asarray(engine.wrenches(moment, others, "raise"))
+        if moment is None and not isinstance(others, Mapping):
+            return others  # checked as one sample
+        return engine.wrenches(moment, others, "raise", q)
 
     return wrenches
 

@@ -16,7 +16,7 @@ from ..errors import InputError, SingularConfigurationError, SingularityWarning,
 from ..model.closures import Rolling
 from ..progress import FASTER, Bar
 from ..states import States
-from .inputs import ExternalLoad, Settings, Torque, load_input, torque_input
+from .inputs import ExternalLoad, Settings, Torque, WrenchLoad, load_input, torque_input
 from .integration import Integration
 from .rollouts import require_smooth
 from .sampled_torques import SampledTorque
@@ -36,7 +36,7 @@ def simulate(
     t: ArrayLike,
     *,
     platform_moment: ExternalLoad,
-    external_wrenches: ExternalLoad,
+    external_wrenches: WrenchLoad,
     sign_width: float,
     settings: Settings,
 ) -> Trajectory:
