@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Closures, motors and lines of an MJCF.
 
-Equalities are points, welds, couplings of joints and fixed tendons, and rods, which are spatial
-tendons of constant length; actuators are motors; spatial tendons are forces along lines.
+Equalities become closures: points, welds, couplings of joints and fixed tendons, and rods, which
+are spatial tendons of constant length. Actuators become motors. Spatial tendons become forces along
+lines.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,93 +20,137 @@ from .mjcf_compiled import HINGE, SLIDE, Compiled, pose_of
 from .mjcf_tree import MjcfTree
 from .robot_file import naming
 
-#: Larger limits are none, [m].
+#: Longer limits of tendons are ignored, [m].
 _FAR = 1e9
-#: Index of a weld's torque scale in `eq_data`; with 0 the bodies can turn.
+#: MuJoCo's polynomials of equalities have five coefficients, the first in `eq_data`.
+_COEFFICIENTS = 5
+#: Index of a weld's torque scale in `eq_data`. If the scale is 0, the bodies can rotate.
 _TORQUESCALE = 10
 
 
 def closures_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Constraint]:
     """Closures of the active equalities; frames of their ends are added to the tree."""
-    mj, kinds = compiled.mj, compiled.mujoco.mjtEq
+    mj = compiled.mj
+    kinds = compiled.mujoco.mjtEq
     for i in map(int, np.flatnonzero(mj.eq_active0)):
-        name, kind = compiled.name("equality", i), kinds(mj.eq_type[i])
-        ends, data = (int(mj.eq_obj1id[i]), int(mj.eq_obj2id[i])), mj.eq_data[i]
-        if kind == kinds.mjEQ_TENDON and ends[1] < 0 and compiled.is_spatial(ends[0]):
-            yield from _rod(compiled, name, ends[0], float(data[0]))
-        elif kind in (kinds.mjEQ_JOINT, kinds.mjEQ_TENDON):
-            first, second = (_length(compiled, kind == kinds.mjEQ_TENDON, end) for end in ends)
-            yield from _coupling(compiled, name, first, second, data[:5])
-        elif kind not in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
+        name = compiled.name("equality", i)
+        kind = kinds(mj.eq_type[i])
+        first, second = int(mj.eq_obj1id[i]), int(mj.eq_obj2id[i])
+        data = mj.eq_data[i]
+        if kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
+            yield _closure(compiled, tree, i, name)
+        elif kind == kinds.mjEQ_TENDON and second < 0 and compiled.is_spatial(first):
+            yield from _rod(compiled, name, first, float(data[0]))
+        elif kind == kinds.mjEQ_TENDON:
+            lengths = _tendon_length(compiled, first), _tendon_length(compiled, second)
+            yield from _coupling(compiled, name, *lengths, data[:_COEFFICIENTS])
+        elif kind == kinds.mjEQ_JOINT:
+            lengths = _joint_length(compiled, first), _joint_length(compiled, second)
+            yield from _coupling(compiled, name, *lengths, data[:_COEFFICIENTS])
+        else:
             what = kind.name.removeprefix("mjEQ_").lower()
             text = 'only connect, weld, joint and tendon are supported; active="false" disables it'
             compiled.problems.append(f"{name}: an equality of kind {what}; {text}")
-        else:
-            turns = kind == kinds.mjEQ_CONNECT or not data[_TORQUESCALE]  # freely
-            names = f"{name}_A", f"{name}_B"
-            if mj.eq_objtype[i] == int(compiled.mujoco.mjtObj.mjOBJ_SITE):
-                names = compiled.name("site", ends[0]), compiled.name("site", ends[1])
-            else:
-                places = [pin.SE3(np.eye(3), data[:3]), pin.SE3(np.eye(3), data[3:6])]
-                if kind == kinds.mjEQ_WELD:  # pose of the second body in the first, then anchor
-                    places = [pose_of(data[3:6], data[6:10]), pin.SE3(np.eye(3), data[:3])]
-                for frame, body, place in zip(names, ends, places, strict=True):
-                    tree.add_frame(frame, body, place)
-            yield Closure(*names, "3d" if turns else "6d")
 
 
-def _rod(compiled: Compiled, name: str, tendon: int, longer: float) -> Iterator[Distance]:
-    """A spatial tendon whose length stays that at the reference plus the constant `longer`."""
-    if problem := _no_line(compiled, tendon):
+def _closure(compiled: Compiled, tree: MjcfTree, i: int, name: str) -> Closure:
+    """The closure of equality `i`, which connects or welds two bodies or two sites."""
+    mj = compiled.mj
+    is_weld = compiled.mujoco.mjtEq(mj.eq_type[i]) == compiled.mujoco.mjtEq.mjEQ_WELD
+    ends = int(mj.eq_obj1id[i]), int(mj.eq_obj2id[i])
+    data = mj.eq_data[i]
+    kind = "6d" if is_weld and data[_TORQUESCALE] else "3d"
+    if mj.eq_objtype[i] == int(compiled.mujoco.mjtObj.mjOBJ_SITE):
+        return Closure(compiled.name("site", ends[0]), compiled.name("site", ends[1]), kind)
+    if is_weld:
+        # MuJoCo stores the anchor in the second body, then the pose that the anchor, with the
+        # axes of the second body, has in the first body.
+        places = [pose_of(data[3:6], data[6:10]), pin.SE3(np.eye(3), data[:3])]
+    else:
+        places = [pin.SE3(np.eye(3), data[:3]), pin.SE3(np.eye(3), data[3:6])]
+    names = f"{name}_A", f"{name}_B"
+    for frame, body, place in zip(names, ends, places, strict=True):
+        tree.add_frame(frame, body, place)
+    return Closure(*names, kind)
+
+
+def _rod(compiled: Compiled, name: str, tendon: int, extension: float) -> Iterator[Distance]:
+    """A spatial tendon of constant length: its length at `qpos0` plus an extension."""
+    problem = _line_problem(compiled, tendon)
+    if problem:
         compiled.problems.append(f"{name}: {problem}")
         return
-    a, b = (compiled.name("site", k) for k in compiled.mj.wrap_objid[compiled.wraps(tendon)])
+    site_a, site_b = compiled.mj.wrap_objid[compiled.wraps(tendon)]
+    frames = compiled.name("site", site_a), compiled.name("site", site_b)
     with naming(compiled.source):
-        yield Distance(a, b, float(compiled.mj.tendon_length0[tendon]) + longer)
+        yield Distance(*frames, float(compiled.mj.tendon_length0[tendon]) + extension)
 
 
-#: A sum of joints by name, and its value with all joints at their reference.
+#: Factors of a sum of joint positions by name, and the sum at the reference `qpos0`.
 _Length = tuple[dict[str, float], float]
 
 
-def _length(compiled: Compiled, of_tendon: bool, index: int) -> _Length:
-    """A fixed tendon, or a joint as a tendon of one joint; index -1 means none."""
-    mj, shares = compiled.mj, dict[int, float]()
-    if of_tendon and index >= 0 and compiled.is_spatial(index):
+def _tendon_length(compiled: Compiled, tendon: int) -> _Length:
+    """The length of a fixed tendon; index -1 means that there is none."""
+    if tendon < 0:
+        return _length(compiled, {})
+    if compiled.is_spatial(tendon):
         text = "a spatial tendon in an equality; only fixed tendons are supported there"
-        compiled.problems.append(f"{compiled.name('tendon', index)}: {text}")
-    elif of_tendon and index >= 0:
-        shares = compiled.shares(index)
-    elif index >= 0 and not compiled.is_locked(index):
-        shares = {index: 1.0}
-    start = sum(share * mj.qpos0[mj.jnt_qposadr[j]] for j, share in shares.items())
-    return {compiled.joint(j): share for j, share in shares.items()}, float(start)
+        compiled.problems.append(f"{compiled.name('tendon', tendon)}: {text}")
+        return _length(compiled, {})
+    return _length(compiled, compiled.shares(tendon))
+
+
+def _joint_length(compiled: Compiled, joint: int) -> _Length:
+    """The position of a joint; zero if it is locked. Index -1 means that there is none."""
+    if joint < 0 or compiled.is_locked(joint):
+        return _length(compiled, {})
+    return _length(compiled, {joint: 1.0})
+
+
+def _length(compiled: Compiled, factors: dict[int, float]) -> _Length:
+    mj = compiled.mj
+    reference = sum(factor * mj.qpos0[mj.jnt_qposadr[j]] for j, factor in factors.items())
+    return {compiled.joint(j): factor for j, factor in factors.items()}, float(reference)
 
 
 def _coupling(
     compiled: Compiled, name: str, first: _Length, second: _Length, coefficients: Array
 ) -> Iterator[Coupling]:
-    """The coupling that makes first - start a polynomial of second - start."""
-    (shares, offset), (others, start) = first, second
+    """The coupling first - first_reference = P(second - second_reference), with a polynomial P.
+
+    As a row: offset + sum of polynomials of the joints = 0. The row is solved for a joint in which
+    it is linear.
+    """
+    first_factors, first_reference = first
+    second_factors, second_reference = second
     polynomial = np.polynomial.Polynomial(coefficients)
-    row = {joint: np.array([0.0, -share, 0.0, 0.0, 0.0]) for joint, share in shares.items()}
-    for joint, share in others.items():
-        powers = polynomial(np.polynomial.Polynomial([-start, share])).coef
-        row.setdefault(joint, np.zeros(5))[1 : len(powers)] += powers[1:]
-    offset += polynomial(-start)
+    row = dict[str, Array]()
+    for joint, factor in first_factors.items():
+        row[joint] = np.zeros(_COEFFICIENTS)
+        row[joint][1] = -factor
+    for joint, factor in second_factors.items():
+        # P in powers of this joint's position; exact for a linear P or for a single joint.
+        composed = polynomial(np.polynomial.Polynomial([-second_reference, factor])).coef
+        powers = np.asarray(composed, dtype=float)
+        row.setdefault(joint, np.zeros(_COEFFICIENTS))[1 : len(powers)] += powers[1:]
+    offset = first_reference + polynomial(-second_reference)
     row = {joint: np.trim_zeros(powers, "b") for joint, powers in row.items() if powers.any()}
     if not row and not offset:
         return  # all joints that it couples are locked
     slopes = {joint: abs(powers[1]) for joint, powers in row.items() if len(powers) == 2}
-    joint = max(shares or slopes, key=lambda joint: slopes.get(joint, 0.0), default="")
-    if joint not in slopes or (coefficients[2:].any() and len(others) > 1):
+    # The largest slope divides with the smallest rounding.
+    candidates = first_factors or slopes
+    follower = max(candidates, key=lambda joint: slopes.get(joint, 0.0), default="")
+    is_curved_sum = coefficients[2:].any() and len(second_factors) > 1
+    if follower not in slopes or is_curved_sum:
         text = f"{name}: this equality cannot be solved for a joint: "
         text += "lock both sides or none, and use polynomials of one joint only"
         compiled.problems.append(text)
         return
-    slope = row.pop(joint)[1]
+    slope = row.pop(follower)[1]
     polynomials = {joint: tuple(powers / -slope) for joint, powers in row.items()}
-    yield Coupling(joint, polynomials, float(offset / -slope))
+    yield Coupling(follower, polynomials, float(offset / -slope))
 
 
 class Actuator(NamedTuple):
@@ -124,59 +169,91 @@ def actuators(compiled: Compiled) -> Iterator[Actuator]:
 
     Since MuJoCo 4 an actuator can have several controls and outputs.
     """
-    mj, kinds = compiled.mj, compiled.mujoco.mjtTrn
+    mj = compiled.mj
+    kinds = compiled.mujoco.mjtTrn
     outputs = getattr(mj, "actuator_outadr", range(mj.nu))
-    controls = getattr(mj, "actuator_ctrlnum", [1] * mj.nu)
+    control_counts = getattr(mj, "actuator_ctrlnum", [1] * mj.nu)
     for i in range(len(outputs)):
+        # "jointinparent" means the same as "joint" for hinges and slides.
         kind = kinds(mj.actuator_trntype[i]).name.removeprefix("mjTRN_").lower()
-        kind, target = kind.removesuffix("inparent"), int(mj.actuator_trnid[i, 0])
-        off = mj.opt.disableactuator >> mj.actuator_group[i] & 1 or compiled.disabled("actuation")
-        if not off and not (kind == "joint" and compiled.is_locked(target)):
-            gear = mj.actuator_gear[outputs[i], 0]
-            yield Actuator(i, compiled.name("actuator", i), kind, target, int(controls[i]), gear)
+        kind = kind.removesuffix("inparent")
+        target = int(mj.actuator_trnid[i, 0])
+        group_is_off = mj.opt.disableactuator >> mj.actuator_group[i] & 1
+        if group_is_off or compiled.disabled("actuation"):
+            continue
+        if kind == "joint" and compiled.is_locked(target):
+            continue
+        name = compiled.name("actuator", i)
+        gear = mj.actuator_gear[outputs[i], 0]
+        yield Actuator(i, name, kind, target, int(control_counts[i]), gear)
 
 
 def _fixed_tendon(compiled: Compiled, tendon: int) -> Motor:
+    """A fixed tendon as a motor: its name with the factors of its joints."""
     shares = compiled.shares(tendon)
     return {compiled.name("tendon", tendon): {compiled.joint(j): x for j, x in shares.items()}}
 
 
 def named_motors(compiled: Compiled, motors: Sequence[Motor]) -> tuple[Motor, ...]:
-    """Motors that a caller names, with fixed tendons in the place of their names."""
+    """Motors that a caller names, each name of a fixed tendon replaced by its joints.
+
+    A name of both a joint and a tendon means the joint.
+    """
     joints = {compiled.joint(joint) for joint in range(compiled.mj.njnt)}
-    fixed = (i for i in range(compiled.mj.ntendon) if not compiled.is_spatial(i))
-    tendons = {compiled.name("tendon", i): _fixed_tendon(compiled, i) for i in fixed}
-    alone = tendons.keys() - joints
-    return tuple(tendons[m] if isinstance(m, str) and m in alone else m for m in motors)
+    tendons = dict[str, Motor]()
+    for i in range(compiled.mj.ntendon):
+        name = compiled.name("tendon", i)
+        if not compiled.is_spatial(i) and name not in joints:
+            tendons[name] = _fixed_tendon(compiled, i)
+    return tuple(tendons.get(m, m) if isinstance(m, str) else m for m in motors)
 
 
 def motors_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Motor]:
     """Joints and tendons that actuators with a control act on, each once."""
-    mj, seen = compiled.mj, set[tuple[str, int]]()
-    for _, name, kind, target, controls, gear in actuators(compiled):
-        problem, tendon = "", kind == "tendon"
-        if not controls or (kind, target) in seen:
+    targets = set[tuple[str, int]]()
+    for actuator in actuators(compiled):
+        target = (actuator.kind, actuator.target)
+        if not actuator.controls or target in targets:
             continue
-        if kind not in ("joint", "tendon"):
-            problem = f"an actuator on a {kind}, not on a joint or a tendon"
-        elif not tendon and mj.jnt_type[target] not in (HINGE, SLIDE):
-            problem = "an actuator on a ball or a free joint; use hinges in series"
-        elif not gear:
-            problem = "its gear is 0, so it moves nothing"
-        elif not tendon:
-            yield compiled.joint(target)
-        elif compiled.is_spatial(target):
-            ends = () if _no_line(compiled, target) else mj.wrap_objid[compiled.wraps(target)]
-            bearers = {tree.bodies[mj.site_bodyid[site]][0] for site in ends}
-            if len(bearers) != 1:  # `lines_of` says why there is no line
-                yield compiled.name("tendon", target)
-        elif compiled.shares(target):
-            yield _fixed_tendon(compiled, target)
-        elif not mj.wrap_prm[compiled.wraps(target)].any():
-            problem = "the coefficients of its tendon are 0"
+        targets.add(target)
+        problem = _motor_problem(compiled, actuator)
         if problem:
-            compiled.problems.append(f"{name}: {problem}; name the motors by actuated=")
-        seen.add((kind, target))
+            text = f"{actuator.name}: {problem}; name the motors by actuated="
+            compiled.problems.append(text)
+        elif actuator.kind == "joint":
+            yield compiled.joint(actuator.target)
+        elif compiled.is_spatial(actuator.target):
+            if not _is_within_one_body(compiled, tree, actuator.target):
+                yield compiled.name("tendon", actuator.target)
+        elif compiled.shares(actuator.target):  # else all its joints are locked
+            yield _fixed_tendon(compiled, actuator.target)
+
+
+def _motor_problem(compiled: Compiled, actuator: Actuator) -> str:
+    """Why an actuator cannot be a motor; empty if it can."""
+    mj = compiled.mj
+    if actuator.kind not in ("joint", "tendon"):
+        return f"an actuator on a {actuator.kind}, not on a joint or a tendon"
+    if actuator.kind == "joint" and mj.jnt_type[actuator.target] not in (HINGE, SLIDE):
+        return "an actuator on a ball or a free joint; use hinges in series"
+    if not actuator.gear:
+        return "its gear is 0, so it moves nothing"
+    is_fixed_tendon = actuator.kind == "tendon" and not compiled.is_spatial(actuator.target)
+    if is_fixed_tendon and not mj.wrap_prm[compiled.wraps(actuator.target)].any():
+        return "the coefficients of its tendon are 0"
+    return ""
+
+
+def _is_within_one_body(compiled: Compiled, tree: MjcfTree, tendon: int) -> bool:
+    """Whether the same joint moves all sites of a spatial tendon, so that its length is constant.
+
+    False for a tendon that cannot be a line; `lines_of` reports why.
+    """
+    if _line_problem(compiled, tendon):
+        return False
+    sites = compiled.mj.wrap_objid[compiled.wraps(tendon)]
+    joints = {tree.bodies[compiled.mj.site_bodyid[site]][0] for site in sites}
+    return len(joints) == 1
 
 
 def lines_of(
@@ -187,35 +264,48 @@ def lines_of(
     `efforts` are the largest forces of motors on tendons, by name.
     """
     mj = compiled.mj
-    driven = {name for motor in motors for name in tendon_of(motor)[1]}
+    motor_names = {name for motor in motors for name in tendon_of(motor)[1]}
     for tendon in range(mj.ntendon):
         name = compiled.name("tendon", tendon)
-        limited = mj.tendon_limited[tendon] and not compiled.disabled("limit")
-        stiffness = mj.tendon_stiffness[tendon] * (not compiled.disabled("spring"))
-        damping = mj.tendon_damping[tendon] * (not compiled.disabled("damper"))
+        has_limits = mj.tendon_limited[tendon] and not compiled.disabled("limit")
+        stiffness = damping = 0.0
+        if not compiled.disabled("spring"):
+            stiffness = mj.tendon_stiffness[tendon]
+        if not compiled.disabled("damper"):
+            damping = mj.tendon_damping[tendon]
+        # Not every MuJoCo has inertias of tendons.
         mass = getattr(mj, "tendon_armature", np.zeros(mj.ntendon))[tendon]
-        acts = stiffness or damping or mass or name in driven
-        if not compiled.is_spatial(tendon) or not acts:
-            if limited:
+        exerts_force = stiffness or damping or mass or name in motor_names
+        if not compiled.is_spatial(tendon) or not exerts_force:
+            if has_limits:
                 compiled.notes.append(f"tendon {name}: its limits are ignored")
             continue
         shortest, longest = mj.tendon_lengthspring[tendon]
-        problem = _no_line(compiled, tendon)
-        if stiffness and shortest != longest:
-            problem = problem or "a springlength with a dead band is not supported; give one number"
+        problem = _line_problem(compiled, tendon)
+        if not problem and stiffness and shortest != longest:
+            problem = "a springlength with a dead band is not supported; give one number"
         if problem:
             compiled.problems.append(f"tendon {name}: {problem}")
             continue
-        ends = (compiled.name("site", mj.wrap_objid[k]) for k in compiled.wraps(tendon))
-        values = {"stiffness": stiffness, "rest_length": shortest if stiffness else 0.0}
-        low, high = mj.tendon_range[tendon] if limited else (0.0, np.inf)
-        upper = high if high < _FAR else np.inf
-        values |= {"lower": max(low, 0.0), "upper": upper, "effort": efforts.get(name, np.inf)}
+        lower, upper = 0.0, np.inf
+        if has_limits:
+            lower, upper = mj.tendon_range[tendon]
+        frames = (compiled.name("site", mj.wrap_objid[k]) for k in compiled.wraps(tendon))
         with naming(compiled.source):
-            yield LineForce(*ends, **values, damping=damping, mass=mass, name=name)
+            yield LineForce(
+                *frames,
+                name=name,
+                stiffness=stiffness,
+                rest_length=shortest if stiffness else 0.0,
+                damping=damping,
+                mass=mass,
+                lower=max(lower, 0.0),
+                upper=upper if upper < _FAR else np.inf,
+                effort=efforts.get(name, np.inf),
+            )
 
 
-def _no_line(compiled: Compiled, tendon: int) -> str:
+def _line_problem(compiled: Compiled, tendon: int) -> str:
     """Why a spatial tendon cannot be a line between two sites; empty if it can."""
     mj = compiled.mj
     kinds = mj.wrap_type[compiled.wraps(tendon)]
@@ -223,5 +313,6 @@ def _no_line(compiled: Compiled, tendon: int) -> str:
         return "a tendon with pulleys or around geoms is not supported"
     if len(kinds) != 2:
         return f"a tendon through {len(kinds)} sites is not supported; two are"
-    joints = map(compiled.joint, range(mj.njnt))
-    return "a joint has this name too; rename one" * (compiled.name("tendon", tendon) in joints)
+    if compiled.name("tendon", tendon) in map(compiled.joint, range(mj.njnt)):
+        return "a joint has this name too; rename one"
+    return ""
