@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The tree of a compiled MJCF as a Pinocchio model.
 
-Coordinates of hinges and slides are MuJoCo's `qpos`, `ref` included. Balls and free joints are
-Pinocchio's: a quaternion has its scalar last, MuJoCo's first; the linear rates of a free joint are
-along the body's axes, MuJoCo's `qvel` has them along the world's. Angular rates are in body axes in
-both.
+Hinges and slides have the coordinates of MuJoCo's `qpos`, which include `ref`. Balls and free
+joints have Pinocchio's coordinates. In Pinocchio a quaternion has its scalar last, in MuJoCo first.
+In Pinocchio the linear rates of a free joint are in axes of the body, in MuJoCo in axes of the
+world. Angular rates are in axes of the body in both.
 """
 
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -22,25 +22,41 @@ from ..model.thresholds import CLOSURE_TOLERANCE
 from .mjcf_compiled import BALL, FREE, HINGE, SLIDE, Compiled, pose_of
 
 
+class _Coordinates(NamedTuple):
+    """How the positions of one of MuJoCo's joints follow from `qpos`.
+
+    `addresses` are the indices in `qpos`, in Pinocchio's order. `reference` is the pose of a free
+    joint that is locked in part, relative to which its remaining joints move; else None. `series`
+    are its joints in the Pinocchio model.
+    """
+
+    addresses: list[int]
+    reference: pin.SE3 | None
+    series: Series
+
+
 class MjcfTree:
     """The tree, with frames at sites and bodies.
 
-    `bodies` has for each body the joint that bears it and its placement there, `dofs` for each rate
-    its degree of freedom in MuJoCo, `rest` where the joints' springs are at rest.
+    `bodies` has a pair for each body: the joint that moves it, and its placement relative to this
+    joint. `dofs` has the degree of freedom in MuJoCo of each rate. `rest` is the configuration in
+    which the springs of the joints are relaxed.
     """
 
     def __init__(self, compiled: Compiled) -> None:
-        self._compiled, mj = compiled, compiled.mj
-        self.model, self.rest, self.dofs = pin.Model(), np.empty(0), list[int]()
+        mj = compiled.mj
+        self._compiled = compiled
+        self.model = pin.Model()
+        self.rest = np.empty(0)
+        self.dofs = list[int]()
         self.model.name = mj.names.split(b"\0")[0].decode()
-        weightless = compiled.disabled("gravity")
-        gravity = np.zeros(3) if weightless else mj.opt.gravity * (1 - (compiled.gravcomp or 0.0))
-        self.model.gravity.linear = gravity
+        if compiled.disabled("gravity"):
+            self.model.gravity.linear = np.zeros(3)
+        else:
+            self.model.gravity.linear = mj.opt.gravity * (1 - (compiled.gravcomp or 0.0))
         self.bodies = [(0, pin.SE3.Identity())]
-        self._points = {"universe"}
-        #: For each joint its addresses in `qpos`; the reference pose, if it is free and locked in
-        #: part, else None; and its joints in this model.
-        self._series: list[tuple[list[int], pin.SE3 | None, Series]] = []
+        self._frame_names = {"universe"}
+        self._coordinates = list[_Coordinates]()
         for body in range(1, mj.nbody):
             self._add_body(body)
         for site in range(mj.nsite):
@@ -52,7 +68,7 @@ class MjcfTree:
         parent, placement = self.bodies[mj.body_parentid[body]]
         placement = placement * pose_of(mj.body_pos[body], mj.body_quat[body])
         first = mj.body_jntadr[body]
-        for joint in range(first, first + mj.body_jntnum[body]):
+        for joint in range(first, first + mj.body_jntnum[body]):  # in series
             if not self._compiled.is_locked(joint):
                 parent, placement = self._add_joint(joint, parent, placement)
         self.bodies.append((parent, placement))
@@ -62,77 +78,119 @@ class MjcfTree:
         self.model.appendBodyToJoint(parent, inertia, placement)
 
     def _add_joint(self, joint: int, parent: int, placement: pin.SE3) -> tuple[int, pin.SE3]:
-        """The joint that bears the body now, and the body's placement there."""
-        compiled, mj = self._compiled, self._compiled.mj
-        kind, axis, address = mj.jnt_type[joint], mj.jnt_axis[joint], mj.jnt_qposadr[joint]
+        """Add a joint; returns the last joint of its series and the body's placement there.
+
+        `placement` is the placement of the body at `qpos0`, relative to joint `parent`.
+        """
+        compiled = self._compiled
+        mj = compiled.mj
+        kind = mj.jnt_type[joint]
+        axis = mj.jnt_axis[joint]
+        address = mj.jnt_qposadr[joint]
+        at_qpos0 = mj.qpos0[address]  # of a hinge or a slide
         anchor = pin.SE3(np.eye(3), mj.jnt_pos[joint])
-        reference, addresses, start = mj.qpos0[address], [address], None
-        zero, locked = pin.SE3.Identity(), compiled.locked_rates(joint)
+        locked = compiled.locked_rates(joint)
+        reference = None
+        to_zero = pin.SE3.Identity()  # from qpos0 to position zero
         if kind == FREE:
-            model, placement = pin.JointModelFreeFlyer(), pin.SE3.Identity()
+            model = pin.JointModelFreeFlyer()
             addresses = [*range(address, address + 3), *_scalar_last(address + 3)]
+            placement = pin.SE3.Identity()  # the coordinates are the pose in the world
             if locked:
-                placement = start = pin.XYZQUATToSE3(mj.qpos0[addresses])
+                placement = reference = pin.XYZQUATToSE3(mj.qpos0[addresses])
         elif kind == HINGE:
             model = _along(axis, TURNS, pin.JointModelRevoluteUnaligned)
-            zero = pin.SE3(pin.AngleAxis(-reference, axis).matrix(), np.zeros(3))
+            addresses = [address]
+            to_zero = pin.SE3(pin.AngleAxis(-at_qpos0, axis).matrix(), np.zeros(3))
         elif kind == SLIDE:
             model = _along(axis, SLIDES, pin.JointModelPrismaticUnaligned)
-            zero = pin.SE3(np.eye(3), -reference * axis)
+            addresses = [address]
+            to_zero = pin.SE3(np.eye(3), -at_qpos0 * axis)
         else:
-            model, addresses = pin.JointModelSpherical(), _scalar_last(address)
-        series = PartlyLocked(model, dict.fromkeys(locked, 0.0)) if locked else Series.whole(model)
-        at, dof = placement * anchor * zero, mj.jnt_dofadr[joint]
+            model = pin.JointModelSpherical()
+            addresses = _scalar_last(address)
+        if locked:
+            series: Series = PartlyLocked(model, dict.fromkeys(locked, 0.0))
+        else:
+            series = Series.whole(model)
+        dof = mj.jnt_dofadr[joint]
+        part_placement = placement * anchor * to_zero
         for part in series.parts:
             name = compiled.joint(joint) + part.suffix
-            parent = self.model.addJoint(parent, part.joint, at * part.place, name)
+            parent = self.model.addJoint(parent, part.joint, part_placement * part.place, name)
             self.model.addJointFrame(parent)
-            self.dofs += [dof + k for k in part.rates]
-            at = pin.SE3.Identity()
-        self._series.append((addresses, start, series))
-        return parent, at * series.place * anchor.inverse()
+            self.dofs += [dof + rate for rate in part.rates]
+            part_placement = pin.SE3.Identity()
+        self._coordinates.append(_Coordinates(addresses, reference, series))
+        return parent, part_placement * series.place * anchor.inverse()
 
     def add_frame(self, name: str, body: int, place: pin.SE3) -> None:
-        """A frame that is fixed to a body."""
-        if name in self._points:
+        """Add a frame that is fixed to a body."""
+        if name in self._frame_names:
             text = "two frames (sites, ends of equalities) have this name"
             self._compiled.problems.append(f"frame {name}: {text}")
             return
-        self._points.add(name)
-        parent, at = self.bodies[body]
-        self.model.addFrame(pin.Frame(name, parent, at * place, pin.FrameType.OP_FRAME))
+        self._frame_names.add(name)
+        parent, placement = self.bodies[body]
+        self.model.addFrame(pin.Frame(name, parent, placement * place, pin.FrameType.OP_FRAME))
 
     def add_body_frames(self) -> None:
-        """Frames of the bodies, where MuJoCo has them.
+        """Add the frames of the bodies.
 
-        A joint of the same name has a frame of its own; `frame_id` prefers the body's.
+        A joint with the name of a body has a frame too; `frame_id` prefers the body's frame.
         """
         for body, (parent, placement) in enumerate(self.bodies[1:], start=1):
             name = self._compiled.mj.body(body).name
-            if name and name not in self._points:  # else a site with this name stands here
+            if (
+                name and name not in self._frame_names
+            ):  # else a site of this name is at the body's frame
                 self.model.addFrame(pin.Frame(name, parent, placement, pin.FrameType.BODY))
 
     def add_numbers(self) -> Array:
-        """Put limits, friction, rotors and keyframes into the model; returns springs' stiffness."""
-        compiled, mj, model = self._compiled, self._compiled.mj, self.model
-        joints = mj.dof_jntid[self.dofs]
-        limited = (mj.jnt_limited[joints] != 0) & (not compiled.disabled("limit"))
-        balls = mj.jnt_type[joints] == BALL
-        for joint in dict.fromkeys(map(int, joints[limited & balls])):
-            compiled.notes.append(f"joint {compiled.joint(joint)}: the limit of a ball is ignored")
-        ranges = np.where((limited & ~balls)[:, None], mj.jnt_range[joints], [-np.inf, np.inf])
-        model.lowerPositionLimit = np.full(model.nq, -np.inf)
-        model.upperPositionLimit = np.full(model.nq, np.inf)
-        for joint in (joint for joint in list(model.joints)[1:] if joint.nv == 1):
-            low, high = ranges[joint.idx_v]
-            model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q] = low, high
+        """Put limits, friction, rotors and keyframes into the model.
+
+        Returns:
+            Stiffness of the joints' springs, shape (nv,).
+        """
+        compiled = self._compiled
+        mj = compiled.mj
+        model = self.model
+        joints = mj.dof_jntid[self.dofs]  # of each rate
+        self._add_position_limits(joints)
         model.armature = mj.dof_armature[self.dofs]
-        model.damping = mj.dof_damping[self.dofs] * (not compiled.disabled("damper"))
-        model.friction = mj.dof_frictionloss[self.dofs] * (not compiled.disabled("frictionloss"))
-        for name, qpos in self._poses():
+        model.damping = np.zeros(model.nv)
+        model.friction = np.zeros(model.nv)
+        stiffness = np.zeros(model.nv)
+        if not compiled.disabled("damper"):
+            model.damping = mj.dof_damping[self.dofs]
+        if not compiled.disabled("frictionloss"):
+            model.friction = mj.dof_frictionloss[self.dofs]
+        if not compiled.disabled("spring"):
+            stiffness = np.asarray(mj.jnt_stiffness[joints])
+        for name, qpos in self._keyframes():
             model.referenceConfigurations[name] = pin.normalize(model, self._configuration(qpos))
         self.rest = self._configuration(mj.qpos_spring)
-        return np.asarray(mj.jnt_stiffness[joints] * (not compiled.disabled("spring")))
+        return stiffness
+
+    def _add_position_limits(self, joints: Array) -> None:
+        """Put the ranges of hinges and slides into the model; `joints` are those of its rates."""
+        compiled = self._compiled
+        mj = compiled.mj
+        model = self.model
+        has_limit = mj.jnt_limited[joints] != 0
+        if compiled.disabled("limit"):
+            has_limit[:] = False
+        is_ball = mj.jnt_type[joints] == BALL
+        for joint in dict.fromkeys(map(int, joints[has_limit & is_ball])):
+            compiled.notes.append(f"joint {compiled.joint(joint)}: the limit of a ball is ignored")
+        model.lowerPositionLimit = np.full(model.nq, -np.inf)
+        model.upperPositionLimit = np.full(model.nq, np.inf)
+        for joint in list(model.joints)[1:]:
+            rate = joint.idx_v
+            if joint.nv == 1 and has_limit[rate] and not is_ball[rate]:
+                lower, upper = mj.jnt_range[joints[rate]]
+                model.lowerPositionLimit[joint.idx_q] = lower
+                model.upperPositionLimit[joint.idx_q] = upper
 
     def add_home(self, closures: Sequence[Constraint]) -> None:
         """Make `qpos0` the home if it closes the loops and no keyframe is named home."""
@@ -147,45 +205,60 @@ class MjcfTree:
             model.referenceConfigurations["home"] = q
 
     def _configuration(self, qpos: Array) -> Array:
-        """Our coordinates for MuJoCo's."""
-        parts = [np.empty(0)]
-        for addresses, start, series in self._series:
-            q = qpos[addresses]
-            if start is not None:
-                q = pin.SE3ToXYZQUAT(start.actInv(pin.XYZQUATToSE3(q)))
-            parts += series.positions(q)
+        """The configuration q of the Pinocchio model for MuJoCo's `qpos`."""
+        parts = [np.empty(0)]  # so that a model without joints has an empty configuration
+        for coordinates in self._coordinates:
+            q = qpos[coordinates.addresses]
+            if coordinates.reference is not None:
+                pose = pin.XYZQUATToSE3(q)
+                q = pin.SE3ToXYZQUAT(coordinates.reference.actInv(pose))
+            parts += coordinates.series.positions(q)
         return np.concatenate(parts)
 
-    def _poses(self) -> Iterator[tuple[str, Array]]:
-        """Named keyframes; a note says where they move a locked joint."""
-        compiled, mj = self._compiled, self._compiled.mj
+    def _keyframes(self) -> Iterator[tuple[str, Array]]:
+        """Names and `qpos` of the keyframes that have a name."""
+        mj = self._compiled.mj
         for key in range(mj.nkey):
-            where, qpos = f"key {mj.key(key).name}", mj.key_qpos[key]
-            if where == "key ":
-                continue
-            for body in map(int, np.flatnonzero(mj.body_mocapid >= 0)):
-                poses = mj.key_mpos[key].reshape(-1, 3), mj.key_mquat[key].reshape(-1, 4)
-                at = np.hstack([pose[mj.body_mocapid[body]] for pose in poses])
-                if not np.allclose(at, [*mj.body_pos[body], *mj.body_quat[body]]):
-                    text = f"it moves the mocap body {compiled.name('body', body)}"
-                    compiled.problems.append(f"{where}: {text}, which is fixed here")
-            for joint in filter(compiled.is_locked, range(mj.njnt)):
-                address = mj.jnt_qposadr[joint]
-                size = {FREE: 7, BALL: 4}.get(int(mj.jnt_type[joint]), 1)
-                entries = slice(address, address + size)
-                if not np.allclose(qpos[entries], mj.qpos0[entries]):
-                    text = f"{compiled.joint(joint)} is locked elsewhere; its value is left out"
-                    compiled.notes.append(f"{where}: {text}")
-            yield mj.key(key).name, qpos
+            name = mj.key(key).name
+            if name:
+                self._check_mocap_bodies(key)
+                self._note_locked_joints(key)
+                yield name, mj.key_qpos[key]
+
+    def _check_mocap_bodies(self, key: int) -> None:
+        """Report the bodies that a keyframe moves by `mocap`; here they are fixed."""
+        compiled = self._compiled
+        mj = compiled.mj
+        positions = mj.key_mpos[key].reshape(-1, 3)
+        quaternions = mj.key_mquat[key].reshape(-1, 4)
+        for body in map(int, np.flatnonzero(mj.body_mocapid >= 0)):
+            mocap = mj.body_mocapid[body]
+            pose = [*positions[mocap], *quaternions[mocap]]
+            if not np.allclose(pose, [*mj.body_pos[body], *mj.body_quat[body]]):
+                text = f"it moves the mocap body {compiled.name('body', body)}"
+                where = f"key {mj.key(key).name}"
+                compiled.problems.append(f"{where}: {text}, which is fixed here")
+
+    def _note_locked_joints(self, key: int) -> None:
+        """Note the locked joints to which a keyframe gives another position."""
+        compiled = self._compiled
+        mj = compiled.mj
+        sizes = {FREE: 7, BALL: 4, HINGE: 1, SLIDE: 1}
+        for joint in filter(compiled.is_locked, range(mj.njnt)):
+            address = mj.jnt_qposadr[joint]
+            entries = slice(address, address + sizes[int(mj.jnt_type[joint])])
+            if not np.allclose(mj.key_qpos[key][entries], mj.qpos0[entries]):
+                text = f"{compiled.joint(joint)} is locked elsewhere; its value is left out"
+                compiled.notes.append(f"key {mj.key(key).name}: {text}")
 
 
 def _scalar_last(address: int) -> list[int]:
-    """Addresses of a quaternion's entries in Pinocchio's order."""
+    """Addresses of a quaternion's entries x, y, z, w; MuJoCo has w, x, y, z."""
     return [address + 1, address + 2, address + 3, address]
 
 
 def _along(axis: Array, aligned: Sequence[type], unaligned: type) -> Any:
-    """A joint with an axis, of the simple kind if the axis is x, y or z."""
+    """A joint with an axis: a class of `aligned` if the axis is x, y or z, else `unaligned`."""
     for model, direction in zip(aligned, np.eye(3), strict=True):
         if np.array_equal(axis, direction):
             return model()
