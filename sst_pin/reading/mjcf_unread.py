@@ -3,6 +3,7 @@
 
 from collections.abc import Iterator
 from copy import copy
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -35,10 +36,16 @@ _NOT_READ = {
     "actuator_damping": "the damping of an actuator",
     "actuator_armature": "the armature of an actuator",
 }
-#: Fields whose forces appear only in some states: they count wherever they are not zero.
+#: Fields whose forces appear only in some states, so that random states may miss them. They are
+#: refused wherever they are not zero.
 _IN_SOME_STATES = ("jnt_springyield", "tendon_springyield", "tendon_frictionloss")
 #: Forces and inertias of spatial tendons that are read as lines.
 _OF_LINES = ("tendon_stiffness", "tendon_damping", "tendon_armature")
+#: Standard deviation of the random displacements from `qpos0`, [rad] or [m]: large enough that
+#: springs act, small enough that joints stay within a turn.
+_STEP = 0.3
+#: Number of random states.
+_STATES = 3
 #: Fields that are read, by kind of element.
 _NUMBERS = {
     "body": ("pos", "quat", "ipos", "iquat", "mass", "inertia"),
@@ -48,8 +55,8 @@ _NUMBERS = {
     "eq": ("data",),
     "key": ("qpos",),
 }
-#: Names of these elements in an MJCF.
-_WORDS = {"eq": "equality", "jnt": "joint", "dof": "joint"}
+#: Names in an MJCF of kinds that MuJoCo's model abbreviates.
+_WORDS = {"eq": "equality"}
 
 
 def impossible(compiled: Compiled) -> Iterator[str]:
@@ -58,131 +65,159 @@ def impossible(compiled: Compiled) -> Iterator[str]:
     for kind, fields in _NUMBERS.items():
         for field in fields:
             array = getattr(mj, f"{kind}_{field}")
-            odd = np.isnan(array) if field == "range" else ~np.isfinite(array)
-            negative = (array < 0) & (kind == "dof")
-            for i in map(int, np.unique(np.nonzero(odd | negative)[0])):
-                wrong = f"{array[i]:g} is negative" if negative[i].any() else "is not finite"
-                yield f"{_named(compiled, kind, i)}: {field} {wrong}"
-    for what, array in (("gravity", mj.opt.gravity), ("a joint's ref", mj.qpos0)):
-        if not np.isfinite(array).all():
-            yield f"{what} is not finite"
+            if field == "range":  # can be infinite
+                not_finite = np.isnan(array)
+            else:
+                not_finite = ~np.isfinite(array)
+            negative = np.zeros_like(not_finite)
+            if kind == "dof":
+                negative = array < 0
+            for i in map(int, np.unique(np.nonzero(not_finite | negative)[0])):
+                text = f"{array[i]:g} is negative" if negative[i].any() else "is not finite"
+                yield f"{_description(compiled, kind, i)}: {field} {text}"
+    if not np.isfinite(mj.opt.gravity).all():
+        yield "gravity is not finite"
+    if not np.isfinite(mj.qpos0).all():
+        yield "a joint's ref is not finite"
 
 
-def _named(compiled: Compiled, kind: str, i: int) -> str:
-    """An element in words, such as "joint knee"."""
-    what = _WORDS.get(kind, kind)
-    if what == "joint":
-        return f"joint {compiled.joint(compiled.mj.dof_jntid[i] if kind == 'dof' else i)}"
-    return f"{what} {compiled.name(what, i)}"
+def _description(compiled: Compiled, kind: str, i: int) -> str:
+    """Kind and name of an element, such as "joint knee"."""
+    word = _WORDS.get(kind, kind)
+    if kind == "dof":
+        return f"joint {compiled.joint(compiled.mj.dof_jntid[i])}"
+    if kind == "jnt":
+        return f"joint {compiled.joint(i)}"
+    return f"{word} {compiled.name(word, i)}"
 
 
 def unread(compiled: Compiled, tree: MjcfTree) -> list[str]:
     """Forces and inertias that act on moving joints and are not supported."""
-    mj, forces = compiled.mj, _Forces(compiled, tree)
-    problems = list(_of_joints(compiled))
+    mj = compiled.mj
+    forces = _Forces(compiled, tree)
+    problems = list(_joint_problems(compiled))
     for field, what in _NOT_READ.items():
-        if forces.act(field):
+        if forces.depend_on(field):
             problems.append(f"{what} is not supported")
-    if forces.of_medium():
+    if forces.depend_on_medium():
         problems.append("a medium (density, viscosity, wind) is not supported")
     for body in map(int, np.flatnonzero(getattr(mj, "body_plugin", np.empty(0)) >= 0)):
         plugin = mj.plugin(mj.body_plugin[body]).name
-        words = f"a plugin {plugin}" if plugin else "a plugin"
+        what = f"a plugin {plugin}" if plugin else "a plugin"
         name = compiled.name("body", body)
-        problems.append(f"body {name}: {words} with forces is not supported")
-    free = (actuator.name for actuator in actuators(compiled) if not actuator.controls)
-    problems += [f"{name}: it acts without a control, which is not supported" for name in free]
-    if not problems:
-        for joint in forces.others():
+        problems.append(f"body {name}: {what} with forces is not supported")
+    for actuator in actuators(compiled):
+        if not actuator.controls:
+            text = "it acts without a control, which is not supported"
+            problems.append(f"{actuator.name}: {text}")
+    if not problems:  # else these forces have a name already
+        for joint in forces.joints_with_other_forces():
             text = "a passive force of MuJoCo on it is not supported"
             problems.append(f"joint {compiled.joint(joint)}: {text}")
     return problems
 
 
 def contact_note(compiled: Compiled, tree: MjcfTree) -> str:
-    """A note on shapes that can touch something, as contacts are not computed; else empty."""
+    """A note if shapes of the robot can touch something, as contacts are not computed."""
     mj = compiled.mj
     if compiled.disabled("contact"):
         return ""
     moving = np.array([tree.bodies[body][0] > 0 for body in mj.geom_bodyid], dtype=bool)
-    touches = (mj.geom_contype | mj.geom_conaffinity)[moving].any()
-    special = [
-        word
-        for word, fields in (
-            ("adhesion", ("geom_adhesion", "pair_adhesion")),
-            ("surfacevel", ("geom_surfacevel",)),
-        )
-        if any(np.any(getattr(mj, field, 0)) for field in fields)
-    ]
-    if not (touches or mj.npair or special):
-        return ""
-    return f"contacts are not computed{f', nor {listed(special)}' if special else ''}"
+    can_touch = (mj.geom_contype | mj.geom_conaffinity)[moving].any()
+    special = list[str]()
+    # Not every MuJoCo has these fields.
+    if np.any(getattr(mj, "geom_adhesion", 0)) or np.any(getattr(mj, "pair_adhesion", 0)):
+        special.append("adhesion")
+    if np.any(getattr(mj, "geom_surfacevel", 0)):
+        special.append("surfacevel")
+    if special:
+        return f"contacts are not computed, nor {listed(special)}"
+    if can_touch or mj.npair:
+        return "contacts are not computed"
+    return ""
 
 
-def _of_joints(compiled: Compiled) -> Iterator[str]:
+def _joint_problems(compiled: Compiled) -> Iterator[str]:
     """Free joints and partly locked balls with forces or inertias that are not read."""
     mj = compiled.mj
-    for joint in (joint for joint in range(mj.njnt) if not compiled.is_locked(joint)):
-        kind, dof, stiffness = mj.jnt_type[joint], mj.jnt_dofadr[joint], mj.jnt_stiffness[joint]
+    for joint in range(mj.njnt):
+        if compiled.is_locked(joint):
+            continue
         name = compiled.joint(joint)
-        spring = stiffness and not compiled.disabled("spring")
-        friction = mj.dof_frictionloss[dof] and not compiled.disabled("frictionloss")
-        if kind == FREE:
-            acting = {
-                "armature": mj.dof_armature[dof],
-                "frictionloss": friction,
-                "a spring": spring,
-            }
-            for word in (word for word, value in acting.items() if value):
-                yield f"joint {name}: a free joint with {word}; use <freejoint> instead"
-        elif kind == BALL and 0 < len(compiled.locked_rates(joint)) < 3:
-            if spring:
+        dof = mj.jnt_dofadr[joint]
+        has_spring = mj.jnt_stiffness[joint] and not compiled.disabled("spring")
+        has_friction = mj.dof_frictionloss[dof] and not compiled.disabled("frictionloss")
+        is_ball = mj.jnt_type[joint] == BALL
+        if mj.jnt_type[joint] == FREE:
+            text = "use <freejoint> instead"
+            if mj.dof_armature[dof]:
+                yield f"joint {name}: a free joint with armature; {text}"
+            if has_friction:
+                yield f"joint {name}: a free joint with frictionloss; {text}"
+            if has_spring:
+                yield f"joint {name}: a free joint with a spring; {text}"
+        elif is_ball and 0 < len(compiled.locked_rates(joint)) < 3:
+            if has_spring:
                 yield f"joint {name}: a ball with a spring; it can only be locked as a whole"
-            if friction or mj.dof_damping[dof]:
+            if has_friction or mj.dof_damping[dof]:
                 text = "its friction acts about each axis that is not locked"
                 compiled.notes.append(f"joint {name}: {text}")
 
 
 class _Forces:
-    """Forces of MuJoCo on the joints that move, at random states in which the others stand."""
+    """Forces that MuJoCo computes on the joints that move, at a few random states.
+
+    Whether numbers of the model matter is tested, not derived: without them the forces are the
+    same bit for bit, or not. Joints that do not move stay at `qpos0` with zero rate.
+    """
 
     def __init__(self, compiled: Compiled, tree: MjcfTree) -> None:
-        self._compiled, self._mujoco, self._mj = compiled, compiled.mujoco, compiled.mj
+        self._compiled = compiled
+        self._mujoco = compiled.mujoco
+        self._mj = compiled.mj
         self._moves = np.isin(np.arange(self._mj.nv), tree.dofs)
-        self._states = np.random.default_rng(0).normal(size=(3, 3, self._mj.nv)) * self._moves
-        self._whole: Array | None = None
+        # Each state has a step from qpos0, rates and accelerations.
+        random = np.random.default_rng(0).normal(size=(_STATES, 3, self._mj.nv))
+        self._states = random * self._moves
 
-    def act(self, field: str) -> bool:
-        """Whether the numbers of a field change the forces."""
+    @cached_property
+    def _forces_of_file(self) -> Array:
+        return self._forces(self._mj)
+
+    def depend_on(self, field: str) -> bool:
+        """Whether the forces depend on the numbers of a field that are not read."""
         values = self._unread_numbers(field)
         if not np.any(values):
             return False
         if field in _IN_SOME_STATES:
-            return bool(self._on_moving(field, np.atleast_1d(values)))
-        changed = copy(self._mj)
-        array = getattr(changed, field)
+            return self._is_on_moving_joint(field, np.atleast_1d(values))
+        without = copy(self._mj)
+        array = getattr(without, field)
         array[:] = array - values
-        return not np.array_equal(self._of(changed), self._of_file())
+        return not np.array_equal(self._forces(without), self._forces_of_file)
 
-    def of_medium(self) -> bool:
-        """Whether a medium changes the forces."""
-        changed = copy(self._mj)
-        changed.opt.density = changed.opt.viscosity = 0
-        return not np.array_equal(self._of(changed), self._of_file())
+    def depend_on_medium(self) -> bool:
+        """Whether the forces depend on the density and the viscosity of a medium."""
+        without = copy(self._mj)
+        without.opt.density = 0
+        without.opt.viscosity = 0
+        return not np.array_equal(self._forces(without), self._forces_of_file)
 
-    def others(self) -> list[int]:
-        """Joints on which passive forces act beside those that are read."""
-        plain = copy(self._mj)
-        plain.jnt_stiffness[:], plain.dof_damping[:] = 0, 0
-        plain.tendon_stiffness[:], plain.tendon_damping[:] = 0, 0
+    def joints_with_other_forces(self) -> list[int]:
+        """Joints on which passive forces act other than those that are read."""
+        without = copy(self._mj)
+        without.jnt_stiffness[:] = 0
+        without.dof_damping[:] = 0
+        without.tendon_stiffness[:] = 0
+        without.tendon_damping[:] = 0
         if self._compiled.gravcomp is not None:
-            plain.body_gravcomp[:] = 0
-        forces, _, _ = self._parts(plain)
-        acting = self._moves & (forces != 0).any(axis=0)
-        return list(dict.fromkeys(map(int, self._mj.dof_jntid[acting])))
+            without.body_gravcomp[:] = 0
+        passive, _, _ = self._force_parts(without)
+        has_force = self._moves & (passive != 0).any(axis=0)
+        return list(dict.fromkeys(map(int, self._mj.dof_jntid[has_force])))
 
     def _unread_numbers(self, field: str) -> Array:
-        """The numbers of a field, zero where they are read."""
+        """The numbers of a field, with zeros in place of those that are read."""
         values = np.array(getattr(self._mj, field, 0.0), dtype=float)
         if field in _OF_LINES:
             spatial = [self._compiled.is_spatial(i) for i in range(self._mj.ntendon)]
@@ -191,8 +226,8 @@ class _Forces:
             values[:] = 0
         return values
 
-    def _on_moving(self, field: str, values: Array) -> bool:
-        """Whether a joint or a tendon with such a number moves, and no flag switches it off."""
+    def _is_on_moving_joint(self, field: str, values: Array) -> bool:
+        """Whether a joint or tendon that moves has a number, and no flag disables its force."""
         flag = "frictionloss" if field.endswith("frictionloss") else "spring"
         if self._compiled.disabled(flag):
             return False
@@ -205,28 +240,30 @@ class _Forces:
                 return True
         return False
 
-    def _of_file(self) -> Array:
-        if self._whole is None:
-            self._whole = self._of(self._mj)
-        return self._whole
+    def _forces(self, mj: Any) -> Array:
+        """All forces on the moving joints, one row for each state and part."""
+        return np.concatenate([part[:, self._moves] for part in self._force_parts(mj)])
 
-    def _of(self, mj: Any) -> Array:
-        """Passive forces, forces of actuators without control, and inertial forces."""
-        return np.concatenate([part[:, self._moves] for part in self._parts(mj)])
+    def _force_parts(self, mj: Any) -> tuple[Array, Array, Array]:
+        """Passive forces, forces of actuators without control, inertial forces, each (states, nv).
 
-    def _parts(self, mj: Any) -> tuple[Array, Array, Array]:
+        Constraints are disabled: closures, limits and contacts are read elsewhere.
+        """
         mujoco = self._mujoco
         mj = copy(mj)
         mj.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
-        data, rows = mujoco.MjData(mj), []
-        for step, rates, accelerations in self._states:
-            data.qpos, data.qvel = mj.qpos0, rates
-            mujoco.mj_integratePos(mj, data.qpos, 0.3 * step, 1)
+        data = mujoco.MjData(mj)
+        passive = np.zeros((_STATES, mj.nv))
+        actuator = np.zeros((_STATES, mj.nv))
+        inertial = np.zeros((_STATES, mj.nv))
+        for k, (step, rates, accelerations) in enumerate(self._states):
+            data.qpos = mj.qpos0
+            data.qvel = rates
+            mujoco.mj_integratePos(mj, data.qpos, _STEP * step, 1)
             mujoco.mj_fwdPosition(mj, data)
             mujoco.mj_fwdVelocity(mj, data)
             mujoco.mj_fwdActuation(mj, data)
-            inertial = np.zeros(mj.nv)
-            mujoco.mj_mulM(mj, data, inertial, accelerations)
-            rows.append((data.qfrc_passive.copy(), data.qfrc_actuator.copy(), inertial))
-        passive, actuator, inertia = (np.array(part) for part in zip(*rows, strict=True))
-        return passive, actuator, inertia
+            passive[k] = data.qfrc_passive
+            actuator[k] = data.qfrc_actuator
+            mujoco.mj_mulM(mj, data, inertial[k], accelerations)
+        return passive, actuator, inertial
