@@ -34,8 +34,8 @@ from .urdf_checks import check_inertias, check_shapes
 
 __all__ = ["Problem", "examine", "summary_of", "validate"]
 
-#: Residual of the loops that rounding to four digits leaves, [m] or [rad].
-_WRITTEN = 1e-3
+#: Largest residual of the loops at a `home` that is rounded to four digits, [m] or [rad].
+_ROUNDED_HOME = 1e-3
 
 
 def validate(
@@ -77,9 +77,16 @@ def examine(
             raise InputError("cuts", "an MJCF contains its closures and motors")
         problems, summary = _mjcf(as_path(path))
     else:
-        problems, summary = _urdf(path, None if cuts is None else as_path(cuts), model)
+        cuts_path = None if cuts is None else as_path(cuts)
+        problems, summary = _urdf(path, cuts_path, model)
     problems = sorted(merged(problems), key=lambda problem: SEVERITIES.index(problem.severity))
-    return problems, summary * all(problem.severity != "error" for problem in problems)
+    if _have_error(problems):
+        summary = ""
+    return problems, summary
+
+
+def _have_error(problems: Sequence[Problem]) -> bool:
+    return any(problem.severity == "error" for problem in problems)
 
 
 def summary_of(model: pin.Model, mobility: object) -> str:
@@ -89,35 +96,41 @@ def summary_of(model: pin.Model, mobility: object) -> str:
 
 
 def _urdf(path: str | Path, cuts: Path | None, model: str | None) -> tuple[list[Problem], str]:
+    """Problems of a URDF or an SDF, and the robot's summary."""
     try:
         urdf = reading.Urdf.read(path, model)
     except DescriptionError as caught:
         return _errors_of(caught, "file"), ""
-    problems, summary = list(urdf.problems), ""
-    if not any(problem.severity == "error" for problem in problems):  # Pinocchio needs a tree
-        more, summary = _with_files(urdf, cuts)
-        problems += more
+    problems = list(urdf.problems)
+    summary = ""
+    if not _have_error(problems):  # Pinocchio needs a tree
+        robot_problems, summary = _with_files(urdf, cuts)
+        problems += robot_problems
     problems += check_inertias(urdf.root, urdf.helpers)
-    return [*problems, *check_shapes(urdf.root, Path(path).parent)], summary
+    problems += check_shapes(urdf.root, Path(path).parent)
+    return problems, summary
 
 
 def _with_files(urdf: reading.Urdf, cuts: Path | None) -> tuple[list[Problem], str]:
     """Problems of the robot as a whole, of its YAML and its SRDF; its summary."""
+    srdf = str(Path(urdf.source).with_suffix(".srdf"))
     where = "cuts"
     try:
         content = reading.read_cuts(urdf, cuts)
         where = "file"
         robot = reading.closed(urdf, content)
     except SSTError as caught:
-        srdf = str(Path(urdf.source).with_suffix(".srdf"))
-        return _errors_of(caught, "srdf" if str(caught).startswith(srdf) else where), ""
-    tree = f"open tree           {robot.open_tree}\n" if robot.open_tree else ""
+        if str(caught).startswith(srdf):
+            where = "srdf"
+        return _errors_of(caught, where), ""
     problems, summary = _mechanism(robot)
-    return [*robot.notes, *problems], tree + summary
+    if robot.open_tree:
+        summary = f"open tree           {robot.open_tree}\n{summary}"
+    return [*robot.notes, *problems], summary
 
 
 def _mjcf(path: Path) -> tuple[list[Problem], str]:
-    """Problems of an MJCF, those that MuJoCo reports included, and the robot's summary."""
+    """Problems of an MJCF, including those that MuJoCo reports, and the robot's summary."""
     from .mjcf import robot_file_of
 
     try:
@@ -131,13 +144,18 @@ def _mjcf(path: Path) -> tuple[list[Problem], str]:
 
 
 def _errors_of(caught: SSTError, where: str) -> list[Problem]:
+    """The problems of an exception as errors."""
     texts = caught.problems if isinstance(caught, DescriptionError) else [str(caught)]
     return [error(where, re.sub("^not (a URDF|an SDF|an MJCF): ", "", text)) for text in texts]
 
 
 def _mechanism(robot: RobotFile) -> tuple[list[Problem], str]:
+    """Problems of closures, motors and home, and the robot's summary."""
     try:
-        if problems := list(_unknown(robot)) or list(_open(robot)):
+        problems = list(_unknown(robot))
+        if not problems:  # the closures need their frames
+            problems = list(_open(robot))
+        if problems:
             return problems, ""
         with warnings.catch_warnings(record=True) as caught_warnings:
             warnings.simplefilter("always", DescriptionWarning)
@@ -160,41 +178,49 @@ def _unknown(robot: RobotFile) -> Iterator[Problem]:
     model = robot.model
     if not model.nv:
         yield error("tree", "all joints are fixed")
-    ends = {f"closure {closure}": frames_of(closure) for closure in robot.closures}
-    ends |= {f"line {line}": (line.frame_a, line.frame_b) for line in robot.lines}
-    for where, frame in ((where, frame) for where, frames in ends.items() for frame in frames):
-        try:
-            frame_id(model, frame)
-        except DescriptionError as caught:
-            yield from _errors_of(caught, f"frame {frame}")
-        except SSTError:
-            yield error(where, f"no frame {frame} in the model")
+    frames = {f"closure {closure}": frames_of(closure) for closure in robot.closures}
+    for line in robot.lines:
+        frames[f"line {line}"] = (line.frame_a, line.frame_b)
+    for where, names in frames.items():
+        for name in names:
+            try:
+                frame_id(model, name)
+            except DescriptionError as caught:
+                yield from _errors_of(caught, f"frame {name}")
+            except SSTError:
+                yield error(where, f"no frame {name} in the model")
     known = [*list(model.names)[1:], *map(str, robot.lines)]
-    for joint in (name for motor in robot.actuated for name in tendon_of(motor)[1]):
-        if joint not in known:
-            yield error(f"motor {joint}", "no moving joint of this name in the model")
+    for motor in robot.actuated:
+        for name in tendon_of(motor)[1]:
+            if name not in known:
+                yield error(f"motor {name}", "no moving joint of this name in the model")
 
 
 def _open(robot: RobotFile) -> Iterator[Problem]:
     """Closures that Newton's method cannot close from any of its starts."""
-    alone = {closure: _gap(robot, [closure]) for closure in robot.closures}
-    for closure, gap in alone.items():
+    # A closure that cannot be closed alone names the fault; all together do not.
+    gaps = {closure: _gap(robot, [closure]) for closure in robot.closures}
+    for closure, gap in gaps.items():
         if gap:
             yield error(f"closure {closure}", f"cannot be closed: {gap:.3g} (m or rad) stays open")
-    if not any(alone.values()) and (gap := _gap(robot, robot.closures)):
+    if any(gaps.values()):
+        return
+    gap = _gap(robot, robot.closures)
+    if gap:
         text = f"each can be closed alone, but not all together: {gap:.3g} (m or rad) stays open"
         yield error("closures", text)
 
 
 def _gap(robot: RobotFile, closures: Sequence[Constraint]) -> float:
-    """Smallest residual of the closures, 0 if the loops can be closed."""
-    bare = robot._replace(closures=tuple(closures), actuated=(), lines=())
+    """Smallest residual of the closures; 0 if the loops can be closed."""
+    without_forces = robot._replace(closures=tuple(closures), actuated=(), lines=())
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DescriptionWarning)  # a note on the whole robot
-        engine = Engine(bare.mechanism())
+        warnings.simplefilter("ignore", DescriptionWarning)  # `_mechanism` reports them
+        engine = Engine(without_forces.mechanism())
     try:
         engine.example()
     except ClosureError as caught:
+        # Examples start from displaced joints; some robots close only from q = 0 itself.
         model = engine.mechanism.model
         try:
             assembly = engine.reference.context.assembly
@@ -205,34 +231,45 @@ def _gap(robot: RobotFile, closures: Sequence[Constraint]) -> float:
 
 
 def _home(engine: Engine) -> Iterator[Problem]:
+    """Warnings of a home that is open, singular or beyond limits."""
     mechanism = engine.mechanism
-    if (q := home_of(mechanism)) is None or not len(mechanism.coordinates):
+    q = home_of(mechanism)
+    if q is None or not len(mechanism.coordinates):
         return
     gap = np.abs(engine.loops_at(q).f).max(initial=0.0)
     try:
         change = pin.difference(mechanism.model, q, engine.home)
     except ClosureError:
         yield warning("home", f"cannot be closed: open by {gap:.3g} (m or rad); correct the pose")
-    else:
-        if gap > _WRITTEN:
-            k, space = int(np.abs(change).argmax()), mechanism.space
-            text = f"the loops are open by {gap:.3g} (m or rad); `chain.home` closes them with "
-            text += f"{', '.join(mechanism.coordinate_names)} fixed and moves "
-            text += f"{space.rate_names[k]} by {change[k]:.3g} {space.rate_units[k]}; if the pose "
-            yield warning("home", text + "is right, a length or a frame is wrong")
-        for finding in findings(engine, np.array([np.nan]), np.array([engine.home])):
-            yield warning("home", str(finding))
+        return
+    if gap > _ROUNDED_HOME:
+        largest = int(np.abs(change).argmax())
+        rate = mechanism.space.rate_names[largest]
+        unit = mechanism.space.rate_units[largest]
+        coordinates = ", ".join(mechanism.coordinate_names)
+        yield warning(
+            "home",
+            f"the loops are open by {gap:.3g} (m or rad); `chain.home` closes them with "
+            f"{coordinates} fixed and moves {rate} by {change[largest]:.3g} {unit}; "
+            "if the pose is right, a length or a frame is wrong",
+        )
+    for finding in findings(engine, np.array([np.nan]), np.array([engine.home])):
+        yield warning("home", str(finding))
 
 
 def _actuation(engine: Engine, mobility: Mobility) -> Iterator[Problem]:
-    freedoms, motors = mobility.degrees_of_freedom, len(mobility.motor_names)
-    count = f"{motors} motor{'s' * (motors != 1)} for {freedoms} degree"
-    count += f"{'s' * (freedoms != 1)} of freedom"
+    """Problems of too few motors, and a note on more motors than degrees of freedom."""
+    freedoms = mobility.degrees_of_freedom
+    motors = len(mobility.motor_names)
+    motor_word = "motor" if motors == 1 else "motors"
+    degree_word = "degree" if freedoms == 1 else "degrees"
+    count = f"{motors} {motor_word} for {freedoms} {degree_word} of freedom"
     if not freedoms:
         yield error("mobility", "nothing can move; check kinds and axes of the closures")
     elif not mobility.sufficient:
         loose = freedoms - mobility.held
-        text = f"{count}; {loose} of them move{'s' * (loose == 1)} with the motors locked: "
+        verb = "moves" if loose == 1 else "move"
+        text = f"{count}; {loose} of them {verb} with the motors locked: "
         yield warning("actuation", text + listed(mobility.loose_joints))
     elif mobility.redundantly_actuated:
         yield note("actuation", f"{count}; the smallest torques are computed")
