@@ -17,7 +17,7 @@ from .along_directions import Directions
 from .compiled_states import CHANGE, NEARBY
 from .kernel_checks import CLOSED
 from .kernels import SymbolicKernel
-from .open_numbers import SIGN_WIDTH
+from .symbolic_parameters import SIGN_WIDTH
 
 #: Arguments of the sign function after the rate: its width, and the rate below which a joint rests.
 _OF_SIGNS = f"p[{SIGN_WIDTH}], N({AT_REST})"

@@ -33,7 +33,7 @@ from .extension import binding
 from .generator_inputs import fingerprint, sample_configurations
 from .libraries import Code
 from .nonsmooth_motions import NonsmoothCode
-from .open_numbers import OpenNumbers
+from .symbolic_parameters import OpenNumbers
 
 if TYPE_CHECKING:
     from ._binding import Kernel, RolloutKernel

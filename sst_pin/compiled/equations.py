@@ -24,7 +24,7 @@ from ..model.thresholds import RANK_TOLERANCE
 from .closure_rows import Row, closure_rows
 from .elimination import Blocks, Factors, Orthogonal, Rows, pivot_order, total
 from .link_kinematics import Kinematics
-from .open_numbers import GRAVITY, OpenNumbers
+from .symbolic_parameters import GRAVITY, OpenNumbers
 from .symbols import Sparse, add, column, is_zero, solve_symmetric, sparse, symmetric
 from .tree_dynamics import TreeDynamics
 

@@ -24,7 +24,7 @@ from .compiled_backend import impossible
 from .equations import Equations
 from .generator_inputs import sample_configurations
 from .kernel_checks import Checks
-from .open_numbers import BODY, LINE, OpenNumbers
+from .symbolic_parameters import BODY, LINE, OpenNumbers
 
 #: Numbers of the exported C.
 Precision = Literal["double", "single"]

@@ -15,7 +15,7 @@ from ..model.closures import frames_of
 from ..model.mechanism import Mechanism
 from ..model.tree import frame_named
 from .links import LinkTree
-from .open_numbers import OpenNumbers
+from .symbolic_parameters import OpenNumbers
 
 #: Configurations by which pivots are chosen.
 _SAMPLES = 8

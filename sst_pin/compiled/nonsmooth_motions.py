@@ -13,7 +13,7 @@ from ..dynamics.nonsmooth_rows import NonsmoothRows
 from ..dynamics.nonsmooth_step import NonsmoothArrays
 from ..model.mechanism import Mechanism
 from .libraries import Code
-from .open_numbers import OpenNumbers
+from .symbolic_parameters import OpenNumbers
 
 #: Largest change of det Phi_u in a step, a factor, and smallest det Phi_u, as a part of the largest
 #: at the sample configurations; other steps are left to the reference path.

@@ -30,7 +30,7 @@ from .equations import Equations
 from .generator_inputs import sample_configurations
 from .kernel_checks import Checks
 from .kernels import SymbolicKernel
-from .open_numbers import OpenNumbers
+from .symbolic_parameters import OpenNumbers
 from .symbols import column
 
 #: Translation of a statement from C to JavaScript.

@@ -20,7 +20,7 @@ from ..model.tree import frame_named
 from .closure_rows import Row, line
 from .elimination import total
 from .link_kinematics import Kinematics, LinkMotion
-from .open_numbers import GRAVITY, SIGN_WIDTH, OpenNumbers
+from .symbolic_parameters import GRAVITY, SIGN_WIDTH, OpenNumbers
 from .symbols import Sparse, add, is_zero, sx
 
 

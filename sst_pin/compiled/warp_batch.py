@@ -22,7 +22,7 @@ from .compiled_backend import impossible
 from .equations import Equations
 from .generator_inputs import fingerprint, sample_configurations
 from .kernel_checks import Checks
-from .open_numbers import OpenNumbers
+from .symbolic_parameters import OpenNumbers
 
 #: Precisions of the C by Warp's types of numbers.
 _PRECISIONS = {style.dtype: style for style in STYLES.values()}

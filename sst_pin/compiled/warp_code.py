@@ -13,7 +13,7 @@ from . import c_code
 from .c_code import Style
 from .compiled_states import CHANGE, NEARBY
 from .kernels import WRENCHES, SymbolicKernel
-from .open_numbers import SIGN_WIDTH
+from .symbolic_parameters import SIGN_WIDTH
 
 #: The longest first Newton step onto the closures, [rad] or robot lengths, and the largest ratio of
 #: a step to the one before.

@@ -17,7 +17,7 @@ import sst_pin
 from sst_pin.cli import main
 from sst_pin.compiled import libraries
 from sst_pin.compiled.generator_inputs import fingerprint
-from sst_pin.compiled.open_numbers import OpenNumbers
+from sst_pin.compiled.symbolic_parameters import OpenNumbers
 from sst_pin.errors import CompilationError
 from tests.support.by_hand import add, at, mark
 
