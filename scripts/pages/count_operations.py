@@ -165,7 +165,7 @@ ROBOTS: dict[str, Callable[[], sst_pin.ClosedChain]] = {
 
 
 def expression(e: Equations, problem: str, name: str) -> ca.Function:
-    """One method for one robot: a function of q, va, aa or tau, and the open numbers."""
+    """One method for one robot: a function of q, va, aa or tau, and the symbolic parameters."""
     inverse = problem == "inverse"
     last, output = e.aa if inverse else e.tau, (INVERSE if inverse else DIRECT)[name](e)
     return ca.Function("count", [e.q, e.va, last, e.p], [ca.densify(output)], {"cse": True})

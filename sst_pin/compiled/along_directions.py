@@ -184,7 +184,7 @@ def _reduced_terms(e: Equations, checks: Checks) -> _Made:
 
 
 def _torque_regressor(e: Equations, checks: Checks) -> _Made:
-    """Y row by row: row k has the derivatives of the power along L e_k by the open numbers."""
+    """Y row by row: row k has the derivatives of the power along L e_k by all parameters."""
     nv, blocks = e.mechanism.model.nv, e.parameters.by_parameters()
     sizes = [block.shape[1] for block in blocks]
     motors = len(e.motor_columns)

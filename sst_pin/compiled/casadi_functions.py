@@ -225,13 +225,13 @@ class CasadiFunctions:
         """
         symbols = [*inputs.values(), self._equations.p]
         results = [ca.densify(x) for x in outputs.values()]
-        open_numbers = Function(name, symbols, results, _OPTIONS)
+        expressions = Function(name, symbols, results, _OPTIONS)
         arguments = dict(inputs)
         values: list[SX] = list(inputs.values())
         if WRENCHES in inputs:
             arguments[WRENCHES] = SX.sym(WRENCHES, self._bodies, 6)
             values[-1] = ca.vec(arguments[WRENCHES].T)
-        results = open_numbers.call([*values, SX(self._numbers)])
+        results = expressions.call([*values, SX(self._numbers)])
         names = list(arguments), list(outputs)
         function = Function(name, list(arguments.values()), results, *names, _OPTIONS)
         if not self._compiled:

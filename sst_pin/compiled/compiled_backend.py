@@ -33,7 +33,7 @@ from .extension import binding
 from .generator_inputs import fingerprint, sample_configurations
 from .libraries import Code
 from .nonsmooth_motions import NonsmoothCode
-from .symbolic_parameters import OpenNumbers
+from .symbolic_parameters import SymbolicParameters
 
 if TYPE_CHECKING:
     from ._binding import Kernel, RolloutKernel
@@ -97,7 +97,7 @@ class CompiledBackend:
         self._reference, self._mechanism = reference, reference.mechanism
         self._robot = self._mechanism.model.name or "robot"
         self._near = near if _closed(reference, near) else None  # the robot may have changed
-        self._parameters = OpenNumbers(self._mechanism)
+        self._parameters = SymbolicParameters(self._mechanism)
         body = body_of(self._mechanism.model, platform)
         self._moment = -1 if body is None else 6 * body + 3  # after the force
         self._kernels: dict[Quantity, engine.Kernel | None] = {}
@@ -223,8 +223,8 @@ class CompiledBackend:
     # --- inside -----------------------------------------------------------------------------
 
     @cached_property
-    def _all_numbers(self) -> OpenNumbers:
-        return OpenNumbers(with_springs(self._mechanism), complete=True)
+    def _all_numbers(self) -> SymbolicParameters:
+        return SymbolicParameters(with_springs(self._mechanism), complete=True)
 
     @cached_property
     def _content(self) -> bytes:

@@ -4,7 +4,7 @@
 The rows of a closure are in the axes of the last link that carries both branches of its loop, and
 contain only rates beyond this link. Phi_u, the columns of the dependent rates, is factorised once,
 for rates, accelerations and, transposed, forces, so that inverse dynamics forms no L. The geometry
-is fixed numbers; `OpenNumbers` lists the numbers that stay symbols.
+is fixed numbers; `SymbolicParameters` lists the numbers that stay symbols.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,7 +24,7 @@ from ..model.thresholds import RANK_TOLERANCE
 from .closure_rows import Row, closure_rows
 from .elimination import Blocks, Factors, Orthogonal, Rows, pivot_order, total
 from .link_kinematics import Kinematics
-from .symbolic_parameters import GRAVITY, OpenNumbers
+from .symbolic_parameters import GRAVITY, SymbolicParameters
 from .symbols import Sparse, add, column, is_zero, solve_symmetric, sparse, symmetric
 from .tree_dynamics import TreeDynamics
 
@@ -52,7 +52,7 @@ class Equations:
     wrenches act: `loads` are [force; moment] on each body at its mass centre, base axes. `smooth`
     tells whether Coulomb friction is tanh(v / sign_width), for derivatives; kernels smooth the sign
     by themselves. `welded` bodies are computed as one. With `displaced` joints derivatives by q
-    along the rates can be taken. p are the open numbers, in the order of `parameters`.
+    along the rates can be taken. p are the symbolic parameters, in the order of `parameters`.
     """
 
     def __init__(
@@ -62,11 +62,11 @@ class Equations:
         loaded: bool = False,
         smooth: bool = False,
         welded: bool = True,
-        parameters: OpenNumbers | None = None,
+        parameters: SymbolicParameters | None = None,
         displaced: bool = False,
     ) -> None:
         self.mechanism, model = mechanism, mechanism.model
-        self.parameters = parameters or OpenNumbers(mechanism)
+        self.parameters = parameters or SymbolicParameters(mechanism)
         self.p = SX.sym("p", self.parameters.size)
         self.kinematics = Kinematics(model, displaced)
         if displaced:

@@ -24,7 +24,7 @@ from .compiled_backend import impossible
 from .equations import Equations
 from .generator_inputs import sample_configurations
 from .kernel_checks import Checks
-from .symbolic_parameters import BODY, LINE, OpenNumbers
+from .symbolic_parameters import BODY, LINE, SymbolicParameters
 
 #: Numbers of the exported C.
 Precision = Literal["double", "single"]
@@ -269,9 +269,9 @@ def _computed_torque(mechanism: Mechanism, style: Style) -> tuple[str, str]:
 
 
 def _listed(
-    parameters: OpenNumbers, mechanism: Mechanism, numbers: Array, suffix: str
+    parameters: SymbolicParameters, mechanism: Mechanism, numbers: Array, suffix: str
 ) -> Iterator[str]:
-    """Lines of the open numbers, each with its index and meaning."""
+    """Lines of the symbolic parameters, each with its index and meaning."""
     space, names = mechanism.space, mechanism.model.names
     lines = [(3, "gravity, base axes"), (1, "rate within which friction is tanh, not sign")]
     moments = "mass, first moment, second moments xx, xy, xz, yy, yz, zz in its joint's frame"

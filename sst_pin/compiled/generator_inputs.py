@@ -15,7 +15,7 @@ from ..model.closures import frames_of
 from ..model.mechanism import Mechanism
 from ..model.tree import frame_named
 from .links import LinkTree
-from .symbolic_parameters import OpenNumbers
+from .symbolic_parameters import SymbolicParameters
 
 #: Configurations by which pivots are chosen.
 _SAMPLES = 8
@@ -49,7 +49,7 @@ def sample_configurations(reference: Reference, near: Array | None = None) -> Ar
 
 def fingerprint(
     mechanism: Mechanism,
-    parameters: OpenNumbers,
+    parameters: SymbolicParameters,
     near: Array | None,
     frame: str | None = None,
     rows: NonsmoothRows | None = None,

@@ -35,7 +35,7 @@ class SymbolicKernel:
     name: str
     #: Symbols of each input by its name, column vectors.
     inputs: dict[str, SX]
-    #: Symbols of the open numbers.
+    #: Symbols of the symbolic parameters.
     parameters: SX
     #: All results in a column.
     output: SX
@@ -144,7 +144,7 @@ def _reduced_terms(e: Equations, checks: Checks) -> _Made:
 
 
 def _torque_regressor(e: Equations, checks: Checks) -> _Made:
-    """Y row by row: derivatives of f by the open numbers, all of them, those of springs too."""
+    """Y row by row: derivatives of f by all symbolic parameters, those of springs too."""
     nv, by_numbers = e.mechanism.model.nv, ca.jacobian(e.project(e.tree_forces), e.p)
     *blocks, lines = (by_numbers @ ca.sparsify(ca.DM(x)) for x in e.parameters.by_parameters())
     offsets = (e.project({i: 1.0}) for i in range(nv))

@@ -13,7 +13,7 @@ from ..dynamics.nonsmooth_rows import NonsmoothRows
 from ..dynamics.nonsmooth_step import NonsmoothArrays
 from ..model.mechanism import Mechanism
 from .libraries import Code
-from .symbolic_parameters import OpenNumbers
+from .symbolic_parameters import SymbolicParameters
 
 #: Largest change of det Phi_u in a step, a factor, and smallest det Phi_u, as a part of the largest
 #: at the sample configurations; other steps are left to the reference path.
@@ -26,7 +26,7 @@ class NonsmoothCode:
     def __init__(
         self,
         mechanism: Mechanism,
-        parameters: OpenNumbers,
+        parameters: SymbolicParameters,
         single: Code,
         batch: Code,
         lanes: int,
@@ -38,7 +38,7 @@ class NonsmoothCode:
 
     def run(self, rows: NonsmoothRows, motions: NonsmoothArrays, threads: int) -> Indices:
         """Fill motions as far as their steps are sound; the numbers of steps, shape (N,)."""
-        numbers, count = open_numbers(rows, self._parameters), len(motions.q)
+        numbers, count = parameter_values(rows, self._parameters), len(motions.q)
         reached = np.zeros(count, dtype=np.intp)
         workers = min(threads, -(-count // self._lanes), 64)
         if workers < 2:
@@ -71,7 +71,7 @@ class NonsmoothCode:
         )
 
 
-def implicit_rates(parameters: OpenNumbers) -> list[int]:
+def implicit_rates(parameters: SymbolicParameters) -> list[int]:
     """Rates with viscous friction or a spring."""
     return sorted({*parameters.joints["viscous"], *parameters.joints["stiffness"]})
 
@@ -82,7 +82,7 @@ def other_lines(rows: NonsmoothRows) -> list[int]:
     return [k for k in range(len(rows.mechanism.lines.forces)) if k not in cables]
 
 
-def open_numbers(rows: NonsmoothRows, parameters: OpenNumbers) -> Array:
+def parameter_values(rows: NonsmoothRows, parameters: SymbolicParameters) -> Array:
     """The numbers of a step in the order of `c/nonsmooth.h`."""
     mechanism, gains = rows.mechanism, rows.gains
     stiffness, rest, damping, preload = mechanism.lines.numbers

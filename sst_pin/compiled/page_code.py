@@ -30,7 +30,7 @@ from .equations import Equations
 from .generator_inputs import sample_configurations
 from .kernel_checks import Checks
 from .kernels import SymbolicKernel
-from .symbolic_parameters import OpenNumbers
+from .symbolic_parameters import SymbolicParameters
 from .symbols import column
 
 #: Translation of a statement from C to JavaScript.
@@ -59,7 +59,7 @@ _LARGEST = 600
 
 
 def functions_of(reference: Reference, q: Array) -> tuple[str, Array]:
-    """`page_code` of a robot that starts at q, and its open numbers."""
+    """`page_code` of a robot that starts at q, and its symbolic parameters."""
     mechanism, equations = reference.mechanism, choices(reference, q)
     return page_code(equations), equations[0].parameters.pack(mechanism, mechanism.friction)
 
@@ -73,7 +73,7 @@ def choices(reference: Reference, q: Array) -> list[Equations]:
     """
     mechanism, random = reference.mechanism, np.random.default_rng(0)
     model, data, n = mechanism.model, mechanism.model.createData(), len(mechanism.coordinates)
-    numbers = OpenNumbers(mechanism).pack(mechanism, mechanism.friction)
+    numbers = SymbolicParameters(mechanism).pack(mechanism, mechanism.friction)
     states, equations, smallness = States(reference, mechanism.friction), [], []
 
     def add(reference: Reference, q: Array) -> None:
@@ -111,9 +111,9 @@ def choices(reference: Reference, q: Array) -> list[Equations]:
 def page_code(equations: Sequence[Equations]) -> str:
     """JavaScript of `sst_functions`, an object with what `engine.js` needs of a robot.
 
-    A function has the sizes of its arrays, `constants(p)`, which completes the open numbers, and
-    `parts`, functions of x, p, y, w that run one after the other. `sets` have the dynamics by each
-    of the choices. Without motors that act on all coordinates there are no torques.
+    A function has the sizes of its arrays, `constants(p)`, which completes the symbolic parameters,
+    and `parts`, functions of x, p, y, w that run one after the other. `sets` have the dynamics by
+    each of the choices. Without motors that act on all coordinates there are no torques.
     """
     first = equations[0]
     if problem := impossible(first.mechanism, "accelerations"):

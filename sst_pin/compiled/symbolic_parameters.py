@@ -29,8 +29,8 @@ _SECOND = np.array([-_xx, -_xy, -_xz, -_yy, -_yz, -_zz])
 _SECOND[[0, 3, 5]] += (_xx + _yy + _zz) / 2
 
 
-class OpenNumbers:
-    """Order of the open numbers of a mechanism; `size` is their count.
+class SymbolicParameters:
+    """Order of the symbolic parameters of a mechanism; `size` is their count.
 
     If `complete`, all bodies have mass and all joints friction and a rotor, which may be zero.
     """

@@ -20,7 +20,7 @@ from ..model.tree import frame_named
 from .closure_rows import Row, line
 from .elimination import total
 from .link_kinematics import Kinematics, LinkMotion
-from .symbolic_parameters import GRAVITY, SIGN_WIDTH, OpenNumbers
+from .symbolic_parameters import GRAVITY, SIGN_WIDTH, SymbolicParameters
 from .symbols import Sparse, add, is_zero, sx
 
 
@@ -71,7 +71,7 @@ class TreeDynamics:
 
     _mechanism: Mechanism
     _kinematics: Kinematics
-    _parameters: OpenNumbers
+    _parameters: SymbolicParameters
     _p: SX
     _loads: SX
     _smooth: bool

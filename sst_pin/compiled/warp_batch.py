@@ -22,7 +22,7 @@ from .compiled_backend import impossible
 from .equations import Equations
 from .generator_inputs import fingerprint, sample_configurations
 from .kernel_checks import Checks
-from .symbolic_parameters import OpenNumbers
+from .symbolic_parameters import SymbolicParameters
 
 #: Precisions of the C by Warp's types of numbers.
 _PRECISIONS = {style.dtype: style for style in STYLES.values()}
@@ -81,7 +81,7 @@ class WarpBatch:
         self._reference, self._mechanism, self._near = reference, reference.mechanism, near
         self._mechanism.require_freedom()
         self.device, self.dtype = wp.get_device(device), getattr(wp, dtype)
-        self._style, self._open = _PRECISIONS[dtype], OpenNumbers(self._mechanism)
+        self._style, self._open = _PRECISIONS[dtype], SymbolicParameters(self._mechanism)
         self._modules: dict[Quantity, ModuleType] = {}
         self._equations: dict[tuple[bool, bool], Equations] = {}
         self._set(self._open.pack(self._mechanism, self._mechanism.friction))

@@ -17,7 +17,7 @@ import sst_pin
 from sst_pin.cli import main
 from sst_pin.compiled import libraries
 from sst_pin.compiled.generator_inputs import fingerprint
-from sst_pin.compiled.symbolic_parameters import OpenNumbers
+from sst_pin.compiled.symbolic_parameters import SymbolicParameters
 from sst_pin.errors import CompilationError
 from tests.support.by_hand import add, at, mark
 
@@ -132,7 +132,7 @@ def test_robots_that_differ_in_what_a_name_means_have_their_own_kernels(case):
             mark(model, joint, f"{name} end", at(0, 0, 0.2))
         driven = [name for name in names if name in motors]
         chain = sst_pin.ClosedChain(model, closures, driven, lines=forces)
-        contents.add(fingerprint(chain.mechanism, OpenNumbers(chain.mechanism), np.zeros(3)))
+        contents.add(fingerprint(chain.mechanism, SymbolicParameters(chain.mechanism), np.zeros(3)))
     assert len(contents) == 2
 
 
