@@ -116,6 +116,18 @@ def test_a_motion_is_beside_the_live_robot(chromium, tmp_path):
         page.get_by_role("button", name="Live").click()
         assert page.locator("#live").is_visible()
         assert page.evaluate("live.robot.va") == [1.0]
+        assert page.locator("#energy").inner_text().startswith("energy: kinetic 0.00")  # it is held
+        assert not page.locator("#clock").is_visible()  # the clock of the player
         page.get_by_role("button", name="Motion").click()
         assert page.locator("#chart").is_visible()
+        assert page.locator("#clock").is_visible()
         assert not page.evaluate("live.running")
+
+
+def test_a_long_name_breaks_behind_an_underscore(chromium, tmp_path):
+    """Beside its slider, where "shoulder_1" would break within a word."""
+    viewer = robot_named("five_bar").show(live=True, open_browser=False)
+    with opened(chromium, viewer, tmp_path / "page.html", (600, 400)) as page:
+        name = page.locator("#sliders span").first
+        assert name.inner_html() == "shoulder_<wbr>1"
+        assert name.inner_text() == "shoulder_1"

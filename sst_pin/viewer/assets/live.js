@@ -26,7 +26,7 @@ const live = (() => {
 
   function slider(name, low, high, oninput) {
     const row = Object.assign(document.createElement("label"), { className: "slider" });
-    row.append(Object.assign(document.createElement("span"), { textContent: name }),
+    row.append(Object.assign(document.createElement("span"), { innerHTML: breakable(escaped(name)) }),
       Object.assign(document.createElement("input"), { type: "range", min: low, max: high, step: "any", value: 0, ariaLabel: name }), document.createElement("output"));
     row.children[1].oninput = ({ target }) => oninput(Number(target.value));
     return row;
@@ -97,7 +97,7 @@ const live = (() => {
     if (running) well.push(`t = ${r.time.toFixed(1)} s${pace < 0.9 ? `, at ${pace.toFixed(2)} of real time` : ""}`);
     else if (!r.holds) well.push(`${tau.length} motors do not hold ${r.va.length} coordinates: no torques at rest`);
     else if (!words.length) well.push("loops closed, not singular; the torques below hold this pose");
-    const [kinetic, potential] = r.energies();
+    const [ofRates, potential] = r.energies(), kinetic = running ? ofRates : 0; // a pose is held at rest
     if (resting && !kinetic) well.push("no force moves this robot at rest: drag a part, or drive its motors");
     at("told").replaceChildren(...listed(words, ""), ...listed(well, "well"));
     const digits = Math.min(3, Math.max(0, 3 - Math.floor(Math.log10(Math.abs(kinetic) + Math.abs(potential) + 1e-3))));

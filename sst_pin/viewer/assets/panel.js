@@ -4,7 +4,6 @@ const panel = (() => {
   const SPEEDS = [2, 1, 0.5, 0.2, 0.1, 0.05, 0.02];
   let data = null, curves = null, picked = null, time = 0, playing = false, before = null, answering = false;
 
-  const escaped = (text) => text.replace(/[&<>"]/g, (c) => `&#${c.charCodeAt(0)};`);
   const moves = () => data !== null && data.t.length > 1;
 
   function load(next) {
@@ -72,9 +71,9 @@ const panel = (() => {
 
   function legend(curves) {
     at("legend").innerHTML = curves.names.map((name, k) => {
-      const owner = curves.owners[k] === name ? "" : `<i>${escaped(curves.owners[k])}</i>`;
+      const owner = curves.owners[k] === name ? "" : `<i>${breakable(escaped(curves.owners[k]))}</i>`;
       return `<div title="${escaped(curves.owners[k])}"><b><svg width="34" height="8"><line x1="0" x2="34" y1="4" y2="4" ` +
-        `${chart.stroke(k, data.colours)}/></svg>${subscript(escaped(name))}</b>${owner}` +
+        `${chart.stroke(k, data.colours)}/></svg>${breakable(subscript(escaped(name)))}</b>${owner}` +
         `<span><span class="value"></span> <small>${curves.units[k]}</small></span></div>`;
     }).join("");
   }

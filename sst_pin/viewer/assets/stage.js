@@ -1,6 +1,8 @@
 "use strict";
 // The picture: light, floor, camera, layers and words around Meshcat's scene.
 const at = (id) => document.getElementById(id);
+const escaped = (text) => text.replace(/[&<>"]/g, (c) => `&#${c.charCodeAt(0)};`);
+const breakable = (html) => html.replace(/_/g, "_<wbr>"); // long names break behind underscores first
 const subscript = (name) => name.replace(/^tau/, "\u03c4").replace(/_(\d+|[A-Za-z])$/, "<sub>$1</sub>");
 
 const stage = (() => {
