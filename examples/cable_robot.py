@@ -40,7 +40,7 @@ def cable_robot() -> sst_pin.ClosedChain:
         mark(f"hook_{k}", platform, *hook)
         cables.append(sst_pin.LineForce(f"post_{k}", f"hook_{k}", name=f"cable_{k}"))
     # A positive force of a line pushes; -1 makes a positive torque a tension.
-    motors = [{cable.name: -1.0} for cable in cables]
+    motors = [{f"tension_{k}": {cable.name: -1.0}} for k, cable in enumerate(cables)]
     return sst_pin.ClosedChain(model, [], motors, lines=cables)
 
 

@@ -143,7 +143,9 @@ def draw(chain: GalleryRobot, motions: dict[str, sst_pin.Trajectory]) -> Path:
     mpl.use("Agg")
     import matplotlib.pyplot as plt
 
-    figure, (paths, torques, powers) = plt.subplots(1, 3, figsize=(10.5, 3.4), layout="constrained")
+    rows = [["paths", "powers"], ["torques", "torques"]]
+    figure, places = plt.subplot_mosaic(rows, figsize=(7.5, 6.2), layout="constrained")
+    paths, torques, powers = places["paths"], places["torques"], places["powers"]
     x = np.linspace(-HALF, HALF, 200)
     paths.fill_between(1e3 * x, 1e3 * ground(x), color="0.85", label="to be cleared")
     for (name, motion), style in zip(motions.items(), ("--", "-"), strict=True):
@@ -156,8 +158,8 @@ def draw(chain: GalleryRobot, motions: dict[str, sst_pin.Trajectory]) -> Path:
     paths.set(xlabel="platform's x (mm)", ylabel="height (mm)")
     torques.set(xlabel="time (s)", ylabel="torque (N m)")
     powers.set(xlabel="time (s)", ylabel="electric power (W)")
-    for axes in (paths, torques, powers):
-        axes.legend(fontsize="small", loc="lower center", bbox_to_anchor=(0.5, 1), ncols=2)
+    for axes, columns in ((paths, 2), (torques, 2), (powers, 1)):
+        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1), ncols=columns)
     path = Path("least_energy.png")
     figure.savefig(path, dpi=150)
     return path

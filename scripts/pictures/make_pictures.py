@@ -133,7 +133,8 @@ def adams() -> Figure:
             left.plot(t[::8], theirs[::8, k], "o", color=colour, markersize=3, fillstyle="none")
             right.plot(t, 1e3 * (ours - theirs)[:, k], color=colour)
         left.set(xlabel="time (s)", ylabel="motor torque (N m)")
-        left.legend(title="lines: sst_pin; marks: ADAMS", ncols=3, fontsize="small")
+        above = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
+        left.legend(title="lines: sst_pin; marks: ADAMS", ncols=3, fontsize="small", **above)
         right.set(xlabel="time (s)", ylabel="difference (mN m)")
     return figure
 
