@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from ..arrays import Array, Flags, Indices
 from ..errors import ClosureError, DescriptionWarning, SingularConfigurationError, warn_caller
-from ..model.closures import Brake
+from ..model.closures import Brake, Closure
 from ..model.mechanism import Mechanism
 from ..model.thresholds import INDEPENDENT, MAX_CONDITION_NUMBER, RESTS
 from ..progress import announced
@@ -242,11 +242,13 @@ def _warn_of_rigid_motors(mechanism: Mechanism, motions: Array) -> None:
     moving = np.linalg.norm(motions, axis=1) > RESTS
     names, B = mechanism.motor_names, mechanism.motors
     if rigid := [x for x, b in zip(names, B.T, strict=True) if b.any() and not b[moving].any()]:
-        warn_caller(
+        text = (
             f"model {mechanism.model.name}: the closures hold the joints of the motors "
-            f"{listed(rigid)}, which cannot move; check kinds, axes and digits of the closures",
-            DescriptionWarning,
+            f"{listed(rigid)}, which cannot move; check kinds, axes and digits of the closures"
         )
+        if any(isinstance(c, Closure) and c.kind == "hinge" for c in mechanism.closures):
+            text += "; a hinge turns about z of its frames"
+        warn_caller(text, DescriptionWarning)
 
 
 def _of_brakes(mechanism: Mechanism) -> Flags:

@@ -64,7 +64,8 @@ def start_of(loops: ClosedLoops, *, chosen: bool = False) -> Array:
             loops,
             "no configuration is named home",
             "name a configuration home (an SRDF beside the URDF, a keyframe of an MJCF, or "
-            'model.referenceConfigurations["home"]), or give positions of dependent joints too',
+            'model.referenceConfigurations["home"]), or give positions of dependent joints too, '
+            "as in assemble(positions, fixed=[joints that stay there])",
         )
     return q
 
@@ -152,7 +153,8 @@ def placed(
         _warn(
             loops,
             why,
-            "give a configuration near them as start, or positions of dependent joints too",
+            "give a configuration near them as start, or positions of dependent joints too, as "
+            "assemble({joint: position, ...}, fixed=[joints whose positions hold])",
         )
     elif far:
         _warn(
