@@ -156,11 +156,7 @@ COMMANDS = (
         option("--list", "list the kernels in the cache"),
         option("--clear", "delete all kernels in the cache"),
         option("--export-c FOLDER", "write the dynamics as C code with an example", Path),
-        option(
-            "--precision P",
-            "format of numbers in C: double (default) or single",
-            default="double",
-        ),
+        option("--precision P", "format of numbers in C: double (default) or single"),
         _FORCE,
     ),
     Command("robots", "robot_commands", "the names of the gallery, for --robot"),

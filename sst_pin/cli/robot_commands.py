@@ -67,6 +67,8 @@ def verify(arguments: argparse.Namespace) -> int:
 
 def compile(arguments: argparse.Namespace) -> None:  # noqa: A001
     """Compile kernels, list or clear their cache, or export the dynamics as C code."""
+    if arguments.export_c is None and arguments.precision is not None:
+        raise InputError("--precision", "only of exported C; add --export-c FOLDER")
     if arguments.clear:
         print(f"{libraries.delete()} kernels deleted from {libraries.cache_folder()}")
     elif arguments.list:
@@ -74,7 +76,12 @@ def compile(arguments: argparse.Namespace) -> None:  # noqa: A001
     elif (folder := arguments.export_c) is not None:
         from ..compiled.export import write_c
 
-        write_c(common.robot_of(arguments), folder, arguments.precision, force=arguments.force)
+        write_c(
+            common.robot_of(arguments),
+            folder,
+            arguments.precision or "double",
+            force=arguments.force,
+        )
         print(f"robot.h, robot.c, main.c in {folder}")
     else:
         chain = common.robot_of(arguments)

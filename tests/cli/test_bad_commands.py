@@ -45,6 +45,7 @@ COMMANDS = [
     (f"torques {SAMPLE} -o x.csv --robot nowhere.urdf", "the URDF cannot be read"),
     (f"torques {SAMPLE} -o x.csv --robot text.csv", "not a URDF"),
     ("compile --robot nowhere.xml", "nowhere.xml"),
+    ("compile --robot delta --precision single", "--precision: only of exported C"),
     ("compile --robot delat", "did you mean delta?"),
     ("compile --robot DELTA", "did you mean delta?"),
     ("paper --robot delta", "delta is not an SST"),
