@@ -20,6 +20,7 @@ from ..model.lines import LineForce
 from ..model.mechanism import Mechanism
 from ..model.normal_tree import NormalTree
 from ..model.tree import frame_id, frame_named
+from ..summaries import listed
 from .mjcf_joints import MjcfJoint, joints_of, principal_axes
 from .urdf_writer import numbers, rounded
 
@@ -34,6 +35,8 @@ _LEAST_MASS, _LEAST_INERTIA = 1e-12, 1e-14
 _ROUNDING = 1e-9
 #: Larger limits are left out.
 _FAR = 1e9
+#: URDF demands a largest velocity; this or a larger one stands for none, [rad/s] or [m/s].
+_FAST = 1e3
 _FIXED, _BALL = Closure.KINDS["6d"], Closure.KINDS["3d"]
 _HERE, _WORLDS = pin.SE3.Identity(), ("universe", "world")
 _SINGLE = ("hinge", "slide")
@@ -113,6 +116,7 @@ class MjcfWriter:
         self._base = self._world if floats else base
         self._bodies, self.joints = [base] * model.njoints, list[MjcfJoint]()
         self._problems, self.notes, self._plain = list[str](), list[str](), plain
+        self._with_velocity_limit = list[str]()
         self._ends = {name for closure in mechanism.closures for name in frames_of(closure)}
         self._ends |= {x for line in mechanism.lines.forces for x in (line.frame_a, line.frame_b)}
         self._ends |= {x for rope in mechanism.contacts.ropes for x in (rope.frame_a, rope.frame_b)}
@@ -125,6 +129,9 @@ class MjcfWriter:
             for k, closure in enumerate(mechanism.closures):
                 self._close(k, closure)
             self._add_mimics()
+            if fast := self._with_velocity_limit:
+                text = f"largest velocities of the joints {listed(fast)} are left out"
+                self.notes.append(f"{text}: MuJoCo has none")
 
     def _body_names(self) -> dict[int, str]:
         """Name of the body of each joint: of a link that stands at the joint, else of the joint.
@@ -242,6 +249,9 @@ class MjcfWriter:
                 attributes["springref"] = numbers(rest)
             elif np.abs(rest - np.eye(4)[0]).max() > 1e-12:
                 self._problems.append(f"joint {joint.name}: a spring of a ball rests at zero only")
+        fastest = model.velocityLimit[joint.rates]
+        if ((fastest > 0) & (fastest < _FAST)).any():
+            self._with_velocity_limit.append(joint.name)
         ends = np.array([model.lowerPositionLimit, model.upperPositionLimit])[:, joint.entries]
         if single and ends.size == 2 and (np.abs(ends) < _FAR).any():
             attributes["range"] = numbers(ends.clip(-_FAR, _FAR).ravel())

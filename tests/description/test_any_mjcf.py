@@ -12,6 +12,7 @@ import pytest
 import sst_pin
 from sst_pin import Coupling, LineForce
 from sst_pin.description.mjcf_writer import MjcfWriter
+from sst_pin.errors import DescriptionWarning
 from tests.support import any_chain
 from tests.support.by_hand import add, at, mark
 from tests.support.named_robots import robot_named
@@ -192,3 +193,13 @@ def test_what_is_written_otherwise_is_told(tmp_path):
     state = [0.3, 0.4], [1.0, 2.0], [3.0, 4.0]
     off = again.compute_torques(*state) - chain.compute_torques(*state)
     assert np.abs(off).max() < 1e-10  # 1e-12 kg weigh 1e-11 N
+
+
+def test_velocity_limits_are_left_out_with_a_warning(tmp_path):
+    chain = robot_named("five_bar")
+    model = chain.model.copy()
+    model.velocityLimit[:] = [5.0, 0.0, 1000.0, np.inf]  # three of them stand for none
+    limited = sst_pin.ClosedChain(model, chain.closures, chain.motor_names)
+    name = model.names[1]
+    with pytest.warns(DescriptionWarning, match=f"velocities of the joints {name} are left out"):
+        sst_pin.write_mjcf(limited, tmp_path / "robot.xml")
