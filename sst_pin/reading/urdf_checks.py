@@ -25,7 +25,7 @@ from .problems import (
 ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _ONE_AXIS = ("revolute", "prismatic", "continuous")
 _KINDS = (*_ONE_AXIS, "fixed", "floating", "planar")
-#: Attributes of elements that act.
+#: Known attributes of elements that change the motion.
 _ATTRIBUTES = {
     "origin": ["xyz", "rpy"],
     "mass": ["value"],
@@ -35,7 +35,7 @@ _ATTRIBUTES = {
     "dynamics": ["damping", "friction"],
     "mimic": ["joint", "multiplier", "offset"],
 }
-_OF_FRAMES = ["name", "link", "xyz", "rpy"]
+_FRAME_ATTRIBUTES = ["name", "link", "xyz", "rpy"]
 #: The count of numbers in attributes.
 _COUNTS = {
     "origin": {"xyz": 3, "rpy": 3},
@@ -50,13 +50,19 @@ _COUNTS = {
 }
 #: Rounding of the moments of a rod or disc, as a share of the largest moment.
 _ROUNDING = 1e-9
-#: The most links that a warning names.
-_NAMED = 5
+#: Largest number of links that a warning names.
+_MAX_NAMES = 5
 #: Largest ratio of the masses of moving links; beyond it, half of the digits are lost.
-_SPREAD = 1e8
-#: Largest ratio of a link's size to its radius of gyration, 3.5 for a rod, and of this radius to
-#: the largest size. Lengths or moments in millimetres make one of them a thousand times larger.
-_SIZES = 100
+_MAX_MASS_RATIO = 1e8
+#: Largest ratio of a link's size to its radius of gyration, which is 3.5 for a rod, and of this
+#: radius to the largest size. Lengths or moments in millimetres make one of the ratios a thousand
+#: times larger.
+_MAX_SIZE_RATIO = 100
+#: Range of the largest entry of an axis. The squares of others underflow or overflow in its norm.
+_MIN_AXIS = 1e-100
+_MAX_AXIS = 1e100
+#: Largest deviation of an axis from unit length that is rounding of its written digits.
+_AXIS_ROUNDING = 1e-6
 #: Tools that refuse a kind of file.
 _REFUSED = {
     ".stl": "Drake",
@@ -69,12 +75,11 @@ _REFUSED = {
 def check(root: ET.Element) -> Iterator[Problem]:
     """Errors and warnings of a URDF."""
     if root.tag != "robot":
-        cure = ""
-        if root.tag == "mujoco":
-            cure = "; ClosedChain.from_mjcf reads an MJCF"
+        cure = "; ClosedChain.from_mjcf reads an MJCF" if root.tag == "mujoco" else ""
         yield error("file", f"a URDF starts with <robot>, not with <{root.tag}>{cure}")
         return
-    links, joints = root.findall("link"), root.findall("joint")
+    links = root.findall("link")
+    joints = root.findall("joint")
     if any("xacro" in element.tag for element in root.iter()):
         cure = "make a URDF of it: xacro FILE.xacro > FILE.urdf (pip install xacro)"
         yield error("file", f"this is a xacro file; {cure}")
@@ -82,64 +87,87 @@ def check(root: ET.Element) -> Iterator[Problem]:
         yield error("file", "<robot> has no name")
     if not links:
         yield error("file", "no links")
-    for tag, elements in (("link", links), ("joint", joints)):
-        for name, count in Counter(element.get("name") for element in elements).items():
-            if not name:
-                yield error(tag, f"{count} without a name")
-            elif count > 1:
-                yield error(f"{tag} {name}", f"{count} have this name")
-    yield from _connections([link.get("name", "") for link in links], joints)
+    yield from _repeated_names("link", links)
+    yield from _repeated_names("joint", joints)
+    link_names = [link.get("name", "") for link in links]
+    yield from _connections(link_names, joints)
     for link in links:
         yield from _link(link, f"link {link.get('name')}")
-    for frame in root.findall("frame"):  # of Drake
-        where, link_name = f"frame {frame.get('name')}", frame.get("link", "")
-        yield from (error(where, text) for text in unknown_parts(frame, [], _OF_FRAMES))
-        if link_name not in {link.get("name") for link in links}:
-            yield error(where, f"link {link_name} is not a link of this file")
-        for key in ("xyz", "rpy"):
-            if numbers(text := frame.get(key, "0 0 0"), 3) is None:
-                yield error(where, f"{key}={text!r} is not three numbers")
+    frame_links = {link.get("name") for link in links}
+    for frame in root.findall("frame"):
+        yield from _drake_frame(frame, frame_links)
     kinds = {joint.get("name"): joint.get("type", "") for joint in joints}
     for joint in joints:
         yield from _joint(joint, f"joint {joint.get('name')}", kinds)
 
 
+def _repeated_names(tag: str, elements: Sequence[ET.Element]) -> Iterator[Problem]:
+    for name, count in Counter(element.get("name") for element in elements).items():
+        if not name:
+            yield error(tag, f"{count} without a name")
+        elif count > 1:
+            yield error(f"{tag} {name}", f"{count} have this name")
+
+
+def _drake_frame(frame: ET.Element, links: Collection[str | None]) -> Iterator[Problem]:
+    where = f"frame {frame.get('name')}"
+    for text in unknown_parts(frame, [], _FRAME_ATTRIBUTES):
+        yield error(where, text)
+    link = frame.get("link", "")
+    if link not in links:
+        yield error(where, f"link {link} is not a link of this file")
+    for key in ("xyz", "rpy"):
+        text = frame.get(key, "0 0 0")
+        if numbers(text, 3) is None:
+            yield error(where, f"{key}={text!r} is not three numbers")
+
+
 def _connections(links: Sequence[str], joints: Sequence[ET.Element]) -> Iterator[Problem]:
     """Errors of links and joints that form no tree."""
-    known, bearers, children = set(links), dict[str, str](), dict[str, list[str]]()
+    known = set(links)
+    parent_joints = dict[str, str]()  # by child
+    children = dict[str, list[str]]()  # by parent
     for joint in joints:
         name = joint.get("name", "")
-        parent, child = (attribute(joint, f"{role}/link") for role in ("parent", "child"))
+        parent = attribute(joint, "parent/link")
+        child = attribute(joint, "child/link")
         for role, link in (("parent", parent), ("child", child)):
             if not link:
                 yield error(f"joint {name}", f"no <{role} link=...>")
             elif link not in known:
                 yield error(f"joint {name}", f"{role} {link} is not a link of this file")
-        if not (parent and child):
+        if not parent or not child:
             continue
-        if child in bearers:
-            text = f"link {child} is already the child of joint {bearers[child]}; a URDF is a tree"
+        if child in parent_joints:
+            other = parent_joints[child]
+            text = f"link {child} is already the child of joint {other}; a URDF is a tree"
             text += ": cut the loop here and add a closure to the YAML of the cuts"
             yield error(f"joint {name}", text)
         else:
-            bearers[child] = name
+            parent_joints[child] = name
             children.setdefault(parent, []).append(child)
-    branches = [link for link in dict.fromkeys(links) if link not in bearers]
-    if len(branches) > 1:
-        text = f"{len(branches)} links without a parent: {', '.join(branches)}"
+    roots = [link for link in dict.fromkeys(links) if link not in parent_joints]
+    if len(roots) > 1:
+        text = f"{len(roots)} links without a parent: {', '.join(roots)}"
         yield error("tree", f"{text}; only the base may have none")
-    lost = dict.fromkeys(links)
-    for link in branches:  # which grows
-        branches += children.get(link, [])
-        lost.pop(link, None)
-    if lost:
-        yield error("tree", f"links that are not connected to the base: {', '.join(lost)}")
+    unreachable = dict.fromkeys(links)  # a dictionary, to keep the order
+    queue = list(roots)
+    while queue:
+        link = queue.pop()
+        unreachable.pop(link, None)
+        queue += children.get(link, [])
+    if unreachable:
+        yield error("tree", f"links that are not connected to the base: {', '.join(unreachable)}")
 
 
 def _parts(element: ET.Element) -> Iterator[str]:
-    """Faults of the parts of a link or a joint that act; other tools add their own."""
+    """Faults of the parts of a link or a joint that change the motion.
+
+    Other tools add parts of their own, which are no faults.
+    """
     if element.tag == "link":
-        tags, several = ["inertial"], ["visual", "collision"]
+        tags = ["inertial"]
+        several = ["visual", "collision"]
     else:
         tags = ["origin", "parent", "child", "axis", "limit", "dynamics", "mimic"]
         several = ["calibration", "safety_controller"]
@@ -153,9 +181,9 @@ def _content(part: ET.Element) -> Iterator[str]:
     """Faults of a part of a link or a joint."""
     if part.tag == "inertial":
         yield from unknown_parts(part, ["origin", "mass", "inertia"], [], others=True)
-        for each in part:
-            if each.tag in ("origin", "mass", "inertia"):
-                yield from _content(each)
+        for child in part:
+            if child.tag in ("origin", "mass", "inertia"):
+                yield from _content(child)
     elif part.tag in ("limit", "dynamics", "axis"):  # the reader names what else is in them
         yield from unknown_parts(part, [], _ATTRIBUTES[part.tag], others=True)
     elif part.tag in _ATTRIBUTES:
@@ -163,22 +191,27 @@ def _content(part: ET.Element) -> Iterator[str]:
 
 
 def _link(link: ET.Element, where: str) -> Iterator[Problem]:
-    yield from (error(where, text) for text in _parts(link))
+    for text in _parts(link):
+        yield error(where, text)
     for inertial in link.findall("inertial"):
         yield from no_numbers(inertial, where)
-        if (mass := number(inertial.find("mass"), "value")) is None:
+        mass = number(inertial.find("mass"), "value")
+        if mass is None:
             yield error(where, "its mass is not a number")
         elif mass < 0:
             yield error(where, f"its mass is negative, {mass:g} kg")
-        if missing := [key for key in ENTRIES if number(inertial.find("inertia"), key) is None]:
+        inertia = inertial.find("inertia")
+        missing = [key for key in ENTRIES if number(inertia, key) is None]
+        if missing:
             yield error(where, f"its inertia has no number {', '.join(missing)}")
 
 
 def _joint(joint: ET.Element, where: str, kinds: Mapping[str | None, str]) -> Iterator[Problem]:
-    kind, name = joint.get("type", ""), joint.get("name")
-    yield from (error(where, text) for text in _parts(joint))
+    kind = joint.get("type", "")
+    for text in _parts(joint):
+        yield error(where, text)
     yield from no_numbers(joint, where)
-    if name == "universe":
+    if joint.get("name") == "universe":
         yield error(where, "Pinocchio's base has this name; rename the joint")
     if kind not in _KINDS:
         yield error(where, f"type {kind!r} unknown; known: {', '.join(_KINDS)}")
@@ -192,46 +225,56 @@ def _joint(joint: ET.Element, where: str, kinds: Mapping[str | None, str]) -> It
     if kind in _ONE_AXIS:
         yield from _limits(joint, where, kind)
     for mimic in joint.findall("mimic"):
-        other = mimic.get("joint")
-        for each in (name, other):
-            if each not in kinds:
-                yield error(where, f"mimics {each}, which is not a joint of this file")
-            elif kinds[each] not in _ONE_AXIS:
-                yield error(where, f"mimics {other}: {each} is {kinds[each]}")
-        if other == name:
-            yield error(where, "mimics itself")
+        yield from _mimic(joint.get("name"), mimic.get("joint"), where, kinds)
+
+
+def _mimic(
+    follower: str | None, leader: str | None, where: str, kinds: Mapping[str | None, str]
+) -> Iterator[Problem]:
+    """Errors of a joint that follows another one; both need one axis."""
+    for name in (follower, leader):
+        if name not in kinds:
+            yield error(where, f"mimics {name}, which is not a joint of this file")
+        elif kinds[name] not in _ONE_AXIS:
+            yield error(where, f"mimics {leader}: {name} is {kinds[name]}")
+    if leader == follower:
+        yield error(where, "mimics itself")
 
 
 def no_numbers(parent: ET.Element, where: str) -> Iterator[Problem]:
     """Attributes of the children of an element that are not the right count of numbers."""
     for element in parent:
         for key, count in _COUNTS.get(element.tag, {}).items():
-            if key in element.attrib and numbers(text := element.attrib[key], count) is None:
+            text = element.get(key)
+            if text is not None and numbers(text, count) is None:
                 need = "a number" if count == 1 else "three numbers"
                 yield error(where, f"{element.tag} {key}={text!r} is not {need}")
 
 
 def _axis(joint: ET.Element, where: str, kind: str) -> Iterator[Problem]:
+    """Problems of the direction of an axis."""
     axis = joint.find("axis")
     text = "1 0 0" if axis is None else axis.get("xyz", "0 0 0")
     direction = numbers(text, 3)
     if direction is None:
         return
-    if not 1e-100 < np.abs(direction).max() < 1e100:  # the norm of 1e200 overflows
+    if not _MIN_AXIS < np.abs(direction).max() < _MAX_AXIS:
         yield error(where, "its axis is zero")
-    elif abs(np.linalg.norm(direction) - 1) > 1e-6:
+    elif abs(np.linalg.norm(direction) - 1) > _AXIS_ROUNDING:
         yield warning(where, f"its axis has length {np.linalg.norm(direction):.6g}, not 1")
-    if kind == "planar" and (direction[:2].any() or not direction[2] > 0):
+    is_along_z = direction[2] > 0 and not direction[:2].any()
+    if kind == "planar" and not is_along_z:
         text = f"planar about {text}; Pinocchio moves it in x and y whatever its axis: turn "
         yield error(where, text + "the joint's frame until the axis is 0 0 1")
 
 
 def _friction(joint: ET.Element, where: str, kind: str) -> Iterator[Problem]:
-    for key, name in (("damping", "viscous_friction"), ("friction", "coulomb_friction")):
-        dynamics = joint.find("dynamics")
+    """Errors of friction that is negative or that Pinocchio does not read."""
+    dynamics = joint.find("dynamics")
+    for key, yaml_key in (("damping", "viscous_friction"), ("friction", "coulomb_friction")):
         value = number(dynamics, key) or 0.0
         if value and kind not in _ONE_AXIS:
-            cure = f"write {name}: {{{joint.get('name')}: {value:g}}} in the YAML"
+            cure = f"write {yaml_key}: {{{joint.get('name')}: {value:g}}} in the YAML"
             yield error(where, f"{key} of a {kind} joint is not read; {cure}")
         elif value < 0:
             text = f"dynamics {key}={attribute(joint, f'dynamics/{key}')!r} is negative"
@@ -239,19 +282,21 @@ def _friction(joint: ET.Element, where: str, kind: str) -> Iterator[Problem]:
 
 
 def _limits(joint: ET.Element, where: str, kind: str) -> Iterator[Problem]:
+    """Problems of limits that are negative, reversed or equal."""
     limit = joint.find("limit")
     if limit is None:
         return
     for key in ("effort", "velocity"):
         if (number(limit, key) or 0) < 0:
             yield error(where, f"limit {key}={limit.get(key)!r} is negative")
-    low, high = (numbers(limit.get(key, "0"), 1) for key in ("lower", "upper"))
-    if kind == "continuous" or low is None or high is None:
+    lower = numbers(limit.get("lower", "0"), 1)
+    upper = numbers(limit.get("upper", "0"), 1)
+    if kind == "continuous" or lower is None or upper is None:
         return
-    if low > high:
-        yield error(where, f"lower limit {low[0]:g} above the upper one {high[0]:g}")
-    elif low == high:
-        text = f"limits [{low[0]:g}, {high[0]:g}]: tools that enforce limits lock the joint"
+    if lower > upper:
+        yield error(where, f"lower limit {lower[0]:g} above the upper one {upper[0]:g}")
+    elif lower == upper:
+        text = f"limits [{lower[0]:g}, {upper[0]:g}]: tools that enforce limits lock the joint"
         yield note(where, text)
 
 
@@ -270,8 +315,8 @@ def bodies_of(root: ET.Element) -> dict[str, tuple[float, Array]]:
 
 def principal_moments(inertia: Array) -> Array:
     """Principal moments of inertia, ascending, shape (3,), [kg m^2]."""
-    size = np.abs(inertia).max() or 1.0  # of 1e300 the eigenvalues overflow
-    return np.linalg.eigvalsh(inertia / size) * size
+    scale = np.abs(inertia).max() or 1.0  # without it, the eigenvalues of 1e300 overflow
+    return np.linalg.eigvalsh(inertia / scale) * scale
 
 
 def impossible(mass: float, inertia: Array) -> str:
@@ -294,59 +339,86 @@ def impossible(mass: float, inertia: Array) -> str:
 
 def inertia_notes(root: ET.Element) -> Iterator[str]:
     """Notes on links of a URDF with impossible inertias, which are used unchanged."""
-    reasons = ((name, impossible(*body)) for name, body in bodies_of(root).items())
-    if problems := [f"link {name}: {text}" for name, text in reasons if text]:
-        more = f" and {len(problems) - _NAMED} more" * (len(problems) > _NAMED)
-        listed = "; ".join(problems[:_NAMED])
-        yield f"{listed}{more}. The dynamics are computed with these numbers"
+    problems = list[str]()
+    for name, (mass, inertia) in bodies_of(root).items():
+        reason = impossible(mass, inertia)
+        if reason:
+            problems.append(f"link {name}: {reason}")
+    if not problems:
+        return
+    text = "; ".join(problems[:_MAX_NAMES])
+    if len(problems) > _MAX_NAMES:
+        text += f" and {len(problems) - _MAX_NAMES} more"
+    yield f"{text}. The dynamics are computed with these numbers"
 
 
-def check_inertias(root: ET.Element, without: Collection[str] = ()) -> Iterator[Problem]:
-    """Problems of a URDF's inertials, but for some links that need none."""
-    joints, bodies = root.findall("joint"), bodies_of(root)
-    moves = {attribute(joint, "child/link"): joint.get("type") != "fixed" for joint in joints}
+def check_inertias(root: ET.Element, helpers: Collection[str] = ()) -> Iterator[Problem]:
+    """Problems of a URDF's inertials; the links in `helpers` need none."""
+    bodies = bodies_of(root)
+    moves = {
+        attribute(joint, "child/link"): joint.get("type") != "fixed"
+        for joint in root.findall("joint")
+    }
     for link in root.findall("link"):
         name = link.get("name", "")
         where = f"link {name}"
         if name in bodies:
             yield from _body(*bodies[name], where, moves.get(name, False))
-        elif link.find("inertial") is not None or name in without:
-            continue  # the reader's checks name a missing number
+        elif link.find("inertial") is not None or name in helpers:
+            continue  # `_link` reports missing numbers
         elif moves.get(name):
             yield note(where, "moves without <inertial>: 1 kg in PyBullet, refused by MuJoCo")
         elif name in moves:
             text = "1 kg in PyBullet; add an <inertial> of zeros"
             yield note(where, f"fixed link without <inertial>: {text}")
     masses = {name: mass for name, (mass, _) in bodies.items() if moves.get(name) and mass > 0}
-    heavy, light = (end(masses, key=lambda n: masses[n], default="") for end in (max, min))
-    if masses and masses[heavy] > _SPREAD * masses[light]:
+    yield from _mass_ratio(masses)
+    yield from _sizes(root, bodies)
+
+
+def _mass_ratio(masses: Mapping[str, float]) -> Iterator[Problem]:
+    """A warning of very different masses of moving links."""
+    if not masses:
+        return
+    heavy = max(masses, key=lambda name: masses[name])
+    light = min(masses, key=lambda name: masses[name])
+    if masses[heavy] > _MAX_MASS_RATIO * masses[light]:
         text = f"very different masses, {masses[heavy]:.3g} kg and {masses[light]:.3g} kg"
         yield warning(f"links {heavy} and {light}", text)
-    yield from _sizes(root, bodies)
 
 
 def _sizes(root: ET.Element, bodies: Mapping[str, tuple[float, Array]]) -> Iterator[Problem]:
     """Links whose lengths and inertias are in different units."""
-    sizes = dict[str, float]()
+    sizes = dict[str, float]()  # largest distance of a joint from the link's frame
     for joint in root.findall("joint"):
         for parent, origin in zip(joint.findall("parent"), joint.findall("origin"), strict=False):
-            if (place := numbers(origin.get("xyz", "0 0 0"), 3)) is not None:
+            place = numbers(origin.get("xyz", "0 0 0"), 3)
+            if place is not None:
                 name = parent.get("link", "")
                 sizes[name] = max(sizes.get(name, 0.0), float(np.linalg.norm(place)))
-    largest = max(sizes.values(), default=0.0)
+    largest_size = max(sizes.values(), default=0.0)
     for name, (mass, inertia) in bodies.items():
-        size, moment = sizes.get(name, 0.0), principal_moments(inertia)[2]
-        radius = math.sqrt(moment / mass) if mass > 0 and moment > 0 else 0.0
-        if radius and (size > _SIZES * radius or radius > _SIZES * largest > 0):
+        size = sizes.get(name, 0.0)
+        moment = principal_moments(inertia)[2]
+        if mass <= 0 or moment <= 0:
+            continue
+        radius = math.sqrt(moment / mass)  # of gyration
+        if not radius:
+            continue  # it underflows
+        is_too_small = size > _MAX_SIZE_RATIO * radius
+        is_too_large = radius > _MAX_SIZE_RATIO * largest_size > 0
+        if is_too_small or is_too_large:
             text = f"joints {size:.3g} m apart, but a radius of gyration of {radius:.3g} m; URDF "
             yield warning(f"link {name}", text + "needs m, kg and kg m^2")
 
 
 def _body(mass: float, inertia: Array, where: str, moves: bool) -> Iterator[Problem]:
+    """A problem of the mass and the inertia of a link, also for other tools."""
     if mass < 0:
-        return  # an error of the reader's checks
-    if text := impossible(mass, inertia):
-        yield warning(where, text)
+        return  # `_link` reports it
+    reason = impossible(mass, inertia)
+    if reason:
+        yield warning(where, reason)
     elif moves and mass == 0:
         yield note(where, "moves without mass: refused by MuJoCo")
     elif moves and not inertia.any():
@@ -375,17 +447,20 @@ def check_shapes(root: ET.Element, folder: Path) -> Iterator[Problem]:
 
 
 def _mesh(name: str, where: str, folder: Path) -> Iterator[Problem]:
+    """Problems of the file of a mesh, also for other tools."""
     if name.startswith("package://"):
         yield note(where, "meshes by package://: not resolved by MuJoCo; use relative paths")
-        package, _, rest = name.removeprefix("package://").partition("/")
-        places = [base / package / rest for base in (folder, *folder.resolve().parents)]
+        package, _, path_in_package = name.removeprefix("package://").partition("/")
+        folders = (folder, *folder.resolve().parents)
+        paths = [base / package / path_in_package for base in folders]
     else:
-        places = [folder / name.removeprefix("file://")]
-        if Path(name.removeprefix("file://")).is_absolute():
+        path = name.removeprefix("file://")
+        paths = [folder / path]
+        if Path(path).is_absolute():
             yield warning(where, f"mesh {name}: an absolute path is valid on one machine only")
-    if not any(map(isfile, places)):  # which takes names of any length
+    if not any(map(isfile, paths)):  # unlike Path.is_file, it takes names of any length
         text = f"mesh {name or '(no name)'}: not found; the shape is not drawn"
         yield warning(where, text)
     kind = Path(name).suffix.lower()
-    if tools := _REFUSED.get(kind):
-        yield note(where, f"meshes {kind}: not read by {tools}")
+    if kind in _REFUSED:
+        yield note(where, f"meshes {kind}: not read by {_REFUSED[kind]}")
