@@ -48,10 +48,11 @@ def read_urdf(
 
 
 def read_cuts(urdf: Urdf, path: str | Path | None, default: str | Path | None = None) -> Cuts:
-    """Cuts of a URDF: from `path`, else the YAML beside it, else `default`.
+    """Cuts of a URDF: from `path`, else from the YAML beside the URDF, else from `default`.
 
-    The YAML beside it has its name, or is a `loop_closures.yaml` of its package. Without a YAML,
-    the cuts have only the motors that the URDF marks: as a URDF+, or by transmissions.
+    The YAML beside a URDF has the name of the URDF, or is a `loop_closures.yaml` of its package.
+    Without a YAML, the cuts have only the motors that the URDF marks: the independent joints of a
+    URDF+, or the joints of transmissions.
     """
     if path is None:
         path = cuts_beside(Path(urdf.source)) or default
@@ -69,73 +70,110 @@ def cuts_beside(urdf: Path) -> Path | None:
 
 
 def closed(urdf: Urdf, cuts: Cuts) -> RobotFile:
-    """The tree of a URDF with closures from its cuts, or else from its marks, and its mimic joints.
+    """The robot of a URDF and its cuts.
 
-    Without cuts and marks it is an open tree. An SRDF beside it names configurations.
+    Its closures are those of the cuts, else those that the URDF marks, and its mimic joints.
+    Without any it is an open tree. An SRDF beside the URDF names configurations.
     """
-    model, marks, fixed = urdf.tree(dict(cuts.joints)), urdf.marks, cuts.fixed
+    model = urdf.tree(dict(cuts.joints))
     model.gravity.linear = urdf.gravity if cuts.gravity is None else cuts.gravity
     source = f"{urdf.source} with {cuts.source}" if cuts.source else urdf.source
-    unknown = [name for name in cuts.dependent if name not in list(model.names)[1:]]
-    if unknown:
-        raise DescriptionError(source, [f"dependent: no moving joint {name}" for name in unknown])
-    led = {*cuts.dependent, *(coupling.joint for coupling in cuts.couplings)}
-    followers = [mimic for mimic in urdf.mimics if mimic.joint not in led]
-    couplings = tuple(_unlocked([*followers, *marks.gears, *cuts.couplings], fixed, source))
-    limited = {name for key in LIMITS for name in cuts.numbers.get(key, {})}
-    notes = [*_unused(model, cuts, marks), *urdf.lost_limits(dict(cuts.joints), limited)]
+    marks = urdf.marks
+    fixed = cuts.fixed
+    _require_dependent(model, cuts, source)
+    couplings = _couplings(urdf, cuts, source)
+    joints_with_limits = {name for key in LIMITS for name in cuts.numbers.get(key, {})}
+    notes = [
+        *_unused(model, cuts, marks),
+        *urdf.lost_limits(dict(cuts.joints), joints_with_limits),
+    ]
     loops = cuts.closures
-    path, srdf = Path(urdf.source).with_suffix(".srdf"), None
     with naming(source):
         if not loops:
             joints = cuts.hinges or marks.joints
             loops = (*closing_frames(model), *(joint.closure(model) for joint in joints))
         numbers = updated(urdf.numbers, cuts.numbers, fixed)
         put_numbers(model, numbers)
-    if path.is_file():
-        srdf = Srdf(path)
+    srdf = None
+    srdf_path = Path(urdf.source).with_suffix(".srdf")
+    if srdf_path.is_file():
+        srdf = Srdf(srdf_path)
         texts = srdf.load_configurations(model, urdf.joint_names, cuts.locked)
         notes += [warning("srdf", text) for text in texts]
     with naming(source):
-        fixed_joints = {j.get("name") for j in urdf.root.iterfind("joint[@type='fixed']")}
+        fixed_joints = {joint.get("name") for joint in urdf.root.iterfind("joint[@type='fixed']")}
         locked = [name for name in dict.fromkeys(cuts.locked) if name not in fixed_joints]
-        model = without_locked(model, locked) if locked else model
+        if locked:
+            model = without_locked(model, locked)
         stiffness, rest = springs_of(model, numbers)
-    closures = (*loops, *couplings)
-    motors, note = tuple(_free_motors(cuts.actuated, fixed)), ""
-    if not (cuts.source or loops or marks.independent):
-        note = f"no {path.stem}.yaml with closures and motors is beside it; "
+    motors = tuple(_free_motors(cuts.actuated, fixed))
+    open_tree = ""
+    if not cuts.source and not loops and not marks.independent:
+        open_tree = f"no {srdf_path.stem}.yaml with closures and motors is beside it; "
         if cuts.actuated:
-            note += "its transmissions name the motors"
+            open_tree += "its transmissions name the motors"
         else:
-            led = {coupling.joint for coupling in couplings}
-            motors = tuple(_single_joints(model, led))
-            note += "each joint of one axis"
-            if led:
-                note += " that mimics none"
-            note += " has a motor; actuated= names the motors"
+            followers = {coupling.joint for coupling in couplings}
+            motors = tuple(_single_joints(model, followers))
+            open_tree += "each joint of one axis"
+            if followers:
+                open_tree += " that mimics none"
+            open_tree += " has a motor; actuated= names the motors"
     if not any(inertia.mass for inertia in list(model.inertias)[1:]):
         notes.append(_without_mass(model))
-    shapes = partial(urdf_shapes, urdf.root, path.parent)
-    parts = source, model, closures, motors, shapes, stiffness, rest, srdf, cuts.lines
-    return RobotFile(*parts, cuts.brakes, cuts.contacts, tuple(notes), note)
+    return RobotFile(
+        source=source,
+        model=model,
+        closures=(*loops, *couplings),
+        actuated=motors,
+        shapes=partial(urdf_shapes, urdf.root, srdf_path.parent),
+        stiffness=stiffness,
+        spring_reference=rest,
+        srdf=srdf,
+        lines=cuts.lines,
+        brakes=cuts.brakes,
+        contacts=cuts.contacts,
+        notes=tuple(notes),
+        open_tree=open_tree,
+    )
+
+
+def _require_dependent(model: pin.Model, cuts: Cuts, source: str) -> None:
+    """The dependent joints of the cuts must be in the tree."""
+    known = list(model.names)[1:]
+    problems = [f"dependent: no moving joint {n}" for n in cuts.dependent if n not in known]
+    if problems:
+        raise DescriptionError(source, problems)
+
+
+def _couplings(urdf: Urdf, cuts: Cuts, source: str) -> tuple[Coupling, ...]:
+    """The mimic joints and gears of a URDF and the couplings of its cuts, without fixed joints.
+
+    The cuts replace the mimic joints whose position they determine.
+    """
+    determined = {*cuts.dependent, *(coupling.joint for coupling in cuts.couplings)}
+    mimics = [mimic for mimic in urdf.mimics if mimic.joint not in determined]
+    couplings = [*mimics, *urdf.marks.gears, *cuts.couplings]
+    return tuple(_unlocked(couplings, cuts.fixed, source))
 
 
 def _unused(model: pin.Model, cuts: Cuts, marks: Marks) -> Iterator[Problem]:
-    """A warning of the closures of the URDF that those of the YAML replace."""
+    """A warning of closures of the URDF that the closures of the YAML replace."""
     names = [joint.name for joint in marks.joints]
     if cuts.closures:
-        ends = {name for closure in cuts.closures for name in frames_of(closure)}
-        names += [f.name for f in model.frames if is_closing(f) and f.name not in ends]
+        used_frames = {name for closure in cuts.closures for name in frames_of(closure)}
+        for frame in model.frames:
+            if is_closing(frame) and frame.name not in used_frames:
+                names.append(frame.name)
     if names and (cuts.closures or cuts.hinges):
         text = f"the URDF also has {listed(names)}, not read because {cuts.source} has closures"
         yield warning("closures", text)
 
 
-def _single_joints(model: pin.Model, led: Collection[str]) -> Iterator[str]:
+def _single_joints(model: pin.Model, followers: Collection[str]) -> Iterator[str]:
     """Joints of one axis that follow no other joint."""
     for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
-        if joint.nv == 1 and name not in led:
+        if joint.nv == 1 and name not in followers:
             yield name
 
 
@@ -149,9 +187,14 @@ def _without_mass(model: pin.Model) -> Problem:
 def _free_motors(motors: Sequence[Motor], locked: Collection[str]) -> Iterator[Motor]:
     """Motors without the joints that are locked."""
     for motor in motors:
-        name, shares = tendon_of(motor)
-        if free := {joint: x for joint, x in shares.items() if joint not in locked}:
-            yield motor if isinstance(motor, str) else {name: free}
+        tendon, shares = tendon_of(motor)
+        free = {joint: share for joint, share in shares.items() if joint not in locked}
+        if not free:
+            continue
+        if isinstance(motor, str):
+            yield motor
+        else:
+            yield {tendon: free}
 
 
 def _unlocked(
@@ -159,11 +202,18 @@ def _unlocked(
 ) -> Iterator[Coupling]:
     """The couplings that remain when some joints are locked at zero."""
     for coupling in couplings:
-        free = {n: c for n, c in coupling.polynomials.items() if n not in locked}
+        free = {}
         offset = coupling.offset
-        offset += sum(c[0] for n, c in coupling.polynomials.items() if n in locked)
+        constants = 0.0
+        for name, coefficients in coupling.polynomials.items():
+            if name in locked:
+                constants += coefficients[0]
+            else:
+                free[name] = coefficients
+        offset += constants
         if coupling.joint not in locked:
             yield Coupling(coupling.joint, free, offset)
         elif free or offset:
-            text = f"locked joint {coupling.joint} mimics {', '.join(free) or 'with an offset'}: "
+            leaders = ", ".join(free) or "with an offset"
+            text = f"locked joint {coupling.joint} mimics {leaders}: "
             raise DescriptionError(source, [text + "lock both joints, at zero, or none"])
