@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The file `loop_closures.yaml` of sw2robot and scikit-robot, from any chain."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +17,17 @@ from ..model.thresholds import RANK_TOLERANCE
 from ..model.tree import frame_id
 from ..reading.cuts import OF_HINGE
 
+#: Distance of the second configuration at which the axis of a closure is judged, [rad] or [m]: far
+#: beyond the rounding of axes, near enough that the robot stays in its assembly mode.
+_STEP = 0.1
+
 
 def write_loop_closures(chain: ClosedChain, path: str | Path, force: bool = False) -> None:
     """Write the closures of a robot as `loop_closures.yaml`, for sw2robot and scikit-robot.
 
-    The file has hinges only, each at its place at q = 0. A weld becomes two hinges, and a point
-    closure a hinge if the robot turns there about one axis only. Couplings stay in the URDF.
-    `independent` are the coordinates of the robot.
+    The file has only hinges, each with its point and axis at q = 0. A weld becomes two hinges. A
+    point closure becomes a hinge if the robot can rotate there about one axis only. Couplings stay
+    in the URDF. `independent` lists the coordinates of the robot.
 
     Args:
         chain: A robot whose loops are closed at q = 0.
@@ -32,8 +35,8 @@ def write_loop_closures(chain: ClosedChain, path: str | Path, force: bool = Fals
         force: Whether an existing file may be replaced.
 
     Raises:
-        DescriptionError: If the loops are open at q = 0, or for what the file cannot say: other
-            closures, forces along lines. The message lists all.
+        DescriptionError: If the loops are open at q = 0, or if the robot has other closures or
+            forces along lines. The message lists all.
         OutputError: If the file cannot be written, or exists.
 
     Example:
@@ -45,7 +48,8 @@ def write_loop_closures(chain: ClosedChain, path: str | Path, force: bool = Fals
         independent: [crank]
     """
     require_ending(path, ".yaml", ".yml")
-    mechanism, model = chain.mechanism, chain.mechanism.model
+    mechanism = chain.mechanism
+    model = mechanism.model
     problems = [f"{line}: a force along a line" for line in mechanism.lines.forces]
     if not chain.engine.are_closed(pin.neutral(model)):
         problems.append("the loops are open at q = 0, where the file gives points and axes")
@@ -53,10 +57,12 @@ def write_loop_closures(chain: ClosedChain, path: str | Path, force: bool = Fals
     for closure in chain.closures:
         if isinstance(closure, Coupling):
             continue
-        more = list(_hinges(chain, closure)) if isinstance(closure, Closure) else []
-        if not more:
+        closure_hinges = []
+        if isinstance(closure, Closure):
+            closure_hinges = _hinges(chain, closure)
+        if not closure_hinges:
             problems.append(f"closure {closure}: neither a hinge nor a weld")
-        hinges += more
+        hinges += closure_hinges
     if problems:
         raise DescriptionError(str(path), problems)
     independent = list(chain.coordinates)
@@ -66,36 +72,59 @@ def write_loop_closures(chain: ClosedChain, path: str | Path, force: bool = Fals
     write_files({as_path(path): text_writer(text)}, force)
 
 
-def _hinges(chain: ClosedChain, closure: Closure) -> Iterator[dict[str, Any]]:
-    """Hinges that constrain the same freedoms as a closure; none if no hinges do."""
+def _hinges(chain: ClosedChain, closure: Closure) -> list[dict[str, Any]]:
+    """Hinges that constrain the same freedoms as a closure; empty if no hinges do."""
     model = chain.mechanism.model
     data = model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
-    ids = [frame_id(model, name) for name in (closure.frame_a, closure.frame_b)]
-    (x, _, z), kinds, place = np.eye(3), Closure.KINDS, data.oMf[ids[0]]
-    axes = {kinds["6d"]: [x, z], kinds["hinge"]: [z]}.get(closure.held, [])
-    for axis in _only_axis(chain, closure) if closure.held == kinds["3d"] else axes:
-        links = (model.frames[_link(model, number)].name for number in ids)
-        hinge = (*links, place.translation.tolist(), (place.rotation @ axis).tolist())
-        yield dict(zip(OF_HINGE, hinge, strict=True))
+    frame_a = frame_id(model, closure.frame_a)
+    frame_b = frame_id(model, closure.frame_b)
+    place = data.oMf[frame_a]
+    links = [model.frames[_link(model, frame)].name for frame in (frame_a, frame_b)]
+    hinges = []
+    for axis in _hinge_axes(chain, closure):
+        values = (*links, place.translation.tolist(), (place.rotation @ axis).tolist())
+        hinges.append(dict(zip(OF_HINGE, values, strict=True)))
+    return hinges
+
+
+def _hinge_axes(chain: ClosedChain, closure: Closure) -> list[Array]:
+    """Axes of the hinges that replace a closure, in its frame A."""
+    x, _, z = np.eye(3)
+    if closure.held == Closure.KINDS["6d"]:
+        return [x, z]  # two hinges with different axes hold all rotations
+    if closure.held == Closure.KINDS["hinge"]:
+        return [z]
+    if closure.held == Closure.KINDS["3d"]:
+        return _only_axis(chain, closure)
+    return []
 
 
 def _link(model: pin.Model, frame: int) -> int:
+    """Index of the link that has a frame; 0 for the base."""
     while frame and model.frames[frame].type != pin.FrameType.BODY:
         frame = model.frames[frame].parentFrame
     return frame
 
 
 def _only_axis(chain: ClosedChain, closure: Closure) -> list[Array]:
-    """The axis in A about which the frames of a closure turn; none if there are several."""
-    model, turns = chain.mechanism.model, []
+    """The axis in A about which the frames of a closure can rotate; empty if there are several.
+
+    It must be the same axis at two configurations.
+    """
+    model = chain.mechanism.model
     data = model.createData()
     q = chain.generic_configuration()
-    near = chain.assemble(pin.integrate(model, q, np.full(model.nv, 0.1)), fixed=[])
-    for at in (q, near):
-        pin.framesForwardKinematics(model, data, at)
+    near = chain.assemble(pin.integrate(model, q, np.full(model.nv, _STEP)), fixed=[])
+    rotations = []
+    for configuration in (q, near):
+        pin.framesForwardKinematics(model, data, configuration)
         R = data.oMf[frame_id(model, closure.frame_a)].rotation
-        a, b = (chain.frame_jacobian(at, name)[3:] for name in (closure.frame_a, closure.frame_b))
-        turns.append(R.T @ (b - a))
-    U, sizes, _ = np.linalg.svd(np.hstack(turns))
-    return [U[:, 0]] if sizes[1] < RANK_TOLERANCE * sizes[0] else []
+        angular_a = chain.frame_jacobian(configuration, closure.frame_a)[3:]
+        angular_b = chain.frame_jacobian(configuration, closure.frame_b)[3:]
+        rotations.append(R.T @ (angular_b - angular_a))
+    # All relative angular velocities are along one axis if their matrix has rank 1.
+    U, singular_values, _ = np.linalg.svd(np.hstack(rotations))
+    if singular_values[1] < RANK_TOLERANCE * singular_values[0]:
+        return [U[:, 0]]
+    return []
