@@ -11,16 +11,19 @@ from ..errors import DescriptionError
 from ..model.joint_space import JointSpace
 from ..model.normal_tree import NormalTree
 
-_WHOLE = {"JointModelFreeFlyer": "free", "JointModelSpherical": "ball"}
+#: Kinds of joints of several rates.
+_KINDS_OF_SEVERAL_RATES = {"JointModelFreeFlyer": "free", "JointModelSpherical": "ball"}
+#: Largest relative size of the off-diagonal entries of an inertia that counts as diagonal.
+_ROUNDING = 1e-15
 
 
 class MjcfJoint(NamedTuple):
     """A joint of MuJoCo: "hinge", "slide", "ball" or "free".
 
-    A hinge turns about `axis` through `point`, a slide moves along `axis`, both in axes of its
-    body. A free joint moves from the placement `at`. The coordinates are factor * q[entries] +
-    offset and the rates factor * v[rates], with q and v of the chain. If it `mimics` another
-    joint, it has no rates of its own.
+    A hinge rotates about `axis` through `point`, a slide translates along `axis`, both in axes of
+    its body. The pose of a free joint is relative to the placement `at`. The coordinates are
+    factor * q[entries] + offset and the rates are factor * v[rates], with q and v of the chain. A
+    joint that `mimics` another joint has the entries and rates of this joint.
     """
 
     name: str
@@ -44,8 +47,11 @@ class MjcfJoint(NamedTuple):
         if self.kind == "free":
             x = pin.SE3ToXYZQUAT(self.at * pin.XYZQUATToSE3(x))
         if self.kind in ("free", "ball"):
-            return np.append(x[:-4], np.roll(x[-4:], -3))  # the scalar first
-        return np.arctan2(x[1:], x[:1]) if len(x) == 2 else x
+            # MuJoCo has the scalar of a quaternion first, Pinocchio last.
+            return np.append(x[:-4], np.roll(x[-4:], -3))
+        if len(x) == 2:  # cosine and sine of a continuous joint
+            return np.arctan2(x[1:], x[:1])
+        return x
 
 
 def joints_of(original: pin.Model, tree: NormalTree, index: int) -> list[MjcfJoint]:
@@ -55,28 +61,47 @@ def joints_of(original: pin.Model, tree: NormalTree, index: int) -> list[MjcfJoi
         DescriptionError: For a joint that MuJoCo does not have.
     """
     model = tree.model
-    joint, name, at = model.joints[index], model.names[index], model.jointPlacements[index]
-    short, k, rows = joint.shortname(), joint.idx_q, tree.S[joint.idx_v : joint.idx_v + joint.nv]
-    entries, rates = tree.entries[k : k + joint.nq], np.abs(rows).argmax(axis=1)
-    factor, offset = float(rows[0, rates[0]]), float(tree.offsets[k])
+    joint = model.joints[index]
+    name = model.names[index]
+    at = model.jointPlacements[index]
+    type_name = joint.shortname()
+    entries = tree.entries[joint.idx_q : joint.idx_q + joint.nq]
+    # Each rate of the normal tree is a factor times one rate of the chain.
+    rows = tree.S[joint.idx_v : joint.idx_v + joint.nv]
+    rates = np.abs(rows).argmax(axis=1)
+    factor = float(rows[0, rates[0]])
+    offset = float(tree.offsets[joint.idx_q])
+    # A mimic joint has no rates in the original tree.
     mimics = index in tree.bodies and not original.joints[tree.bodies.index(index)].nv
-    more, zero = (factor, offset, mimics), np.zeros(3)
-    if short in _WHOLE and not (_WHOLE[short] == "free" and model.parents[index]):
-        return [MjcfJoint(name, _WHOLE[short], np.eye(3)[2], zero, at, entries, rates, *more)]
-    words = JointSpace(original).rate_names
-    if short == "JointModelTranslation":
-        each = zip(np.eye(3), entries[:, None], rates[:, None], strict=True)
-        return [MjcfJoint(words[v[0]], "slide", e, zero, at, q, v, *more) for e, q, v in each]
+    scale = (factor, offset, mimics)
+    origin = np.zeros(3)
+    kind = _KINDS_OF_SEVERAL_RATES.get(type_name)
+    # MuJoCo's free joints are relative to the world only.
+    is_free_on_body = kind == "free" and model.parents[index]
+    if kind and not is_free_on_body:
+        return [MjcfJoint(name, kind, np.eye(3)[2], origin, at, entries, rates, *scale)]
+    rate_names = JointSpace(original).rate_names
+    if type_name == "JointModelTranslation":
+        joints = []
+        for direction, entry, rate in zip(np.eye(3), entries[:, None], rates[:, None], strict=True):
+            slide = rate_names[rate[0]]
+            joints.append(
+                MjcfJoint(slide, "slide", direction, origin, at, entry, rate, *scale),
+            )
+        return joints
     data = joint.createData()
-    joint.calc(data, np.eye(model.nq)[k])
+    joint.calc(data, np.eye(model.nq)[joint.idx_q])  # S is constant; 1 is a cosine
     S = np.reshape(data.S, (6, -1))[:, 0]
-    if joint.nv != 1 or (S[:3].any() and S[3:].any()):
-        cure = "; use two slides and a hinge" if short == "JointModelPlanar" else ""
-        problem = f"joint {name}: MuJoCo has no joint {short[10:]}{cure}"
+    is_helical = S[:3].any() and S[3:].any()
+    if joint.nv != 1 or is_helical:
+        cure = "; use two slides and a hinge" if type_name == "JointModelPlanar" else ""
+        short_name = type_name.removeprefix("JointModel")
+        problem = f"joint {name}: MuJoCo has no joint {short_name}{cure}"
         raise DescriptionError(f"model {original.name}", [problem])
-    kind, axis = ("hinge", S[3:]) if S[3:].any() else ("slide", S[:3])
-    word = name if mimics else words[rates[0]]
-    return [MjcfJoint(word, kind, axis, zero, at, entries, rates, *more)]
+    joint_name = name if mimics else rate_names[rates[0]]
+    if S[3:].any():
+        return [MjcfJoint(joint_name, "hinge", S[3:], origin, at, entries, rates, *scale)]
+    return [MjcfJoint(joint_name, "slide", S[:3], origin, at, entries, rates, *scale)]
 
 
 def principal_axes(inertia: Array) -> tuple[Array, Array]:
@@ -84,8 +109,10 @@ def principal_axes(inertia: Array) -> tuple[Array, Array]:
     from scipy.optimize import linear_sum_assignment
 
     moments, R = np.linalg.eigh(inertia)
-    if np.abs(inertia - np.diag(np.diag(inertia))).max() <= 1e-15 * np.abs(moments).max():
+    off_diagonal = inertia - np.diag(np.diag(inertia))
+    if np.abs(off_diagonal).max() <= _ROUNDING * np.abs(moments).max():
         return np.diag(inertia).copy(), np.eye(3)
+    # Of the 24 rotations to principal axes, the one near the identity: order, then signs.
     _, order = linear_sum_assignment(-np.abs(R))
     R = R[:, order] * np.sign(np.diag(R[:, order]))
     R[:, np.diag(R).argmin()] *= np.linalg.det(R)
