@@ -24,25 +24,37 @@ from ..summaries import listed
 from .mjcf_joints import MjcfJoint, joints_of, principal_axes
 from .urdf_writer import numbers, rounded
 
-#: Runge-Kutta: on the paper's circle its error is 1e-5 rad where Euler's is 1e-2. For large robots
-#: MuJoCo takes sparse Jacobians by default, and version 4.0.0 factorises them wrongly.
+#: Integrator: on the paper's circle the error of Runge-Kutta is 1e-5 rad, that of Euler 1e-2 rad.
+#: Jacobian: for large robots MuJoCo uses sparse Jacobians by default, and version 4.0.0 factorises
+#: them wrongly.
 _OPTION = {"timestep": "0.0005", "integrator": "RK4", "jacobian": "dense"}
-#: Critically damped with a time constant of two steps; MuJoCo lengthens it with a longer step.
+#: Closures are critically damped with a time constant of two steps. MuJoCo lengthens it for longer
+#: steps.
 _EQUALITY = {"solref": "0.001 1", "solimp": "0.9999 0.9999 0.001"}
 #: The smallest mass and moment that MuJoCo compiles, [kg], [kg m^2].
-_LEAST_MASS, _LEAST_INERTIA = 1e-12, 1e-14
+_LEAST_MASS = 1e-12
+_LEAST_INERTIA = 1e-14
 #: A smaller relative violation of the triangle inequality of moments is rounding.
 _ROUNDING = 1e-9
 #: Larger limits are left out.
 _FAR = 1e9
 #: URDF demands a largest velocity; this or a larger one stands for none, [rad/s] or [m/s].
 _FAST = 1e3
-_FIXED, _BALL = Closure.KINDS["6d"], Closure.KINDS["3d"]
-_HERE, _WORLDS = pin.SE3.Identity(), ("universe", "world")
+#: Largest entry of the rotation at which the spring of a ball is relaxed that counts as zero.
+_REST_ROUNDING = 1e-12
+#: Degree of MuJoCo's polynomials of joints.
+_MAX_DEGREE = 4
+_FIXED = Closure.KINDS["6d"]
+_BALL = Closure.KINDS["3d"]
+_IDENTITY = pin.SE3.Identity()
+_WORLDS = ("universe", "world")
+#: Joints of one rate.
 _SINGLE = ("hinge", "slide")
-_POINTS, _LINK = (pin.FrameType.OP_FRAME, pin.FrameType.SENSOR), pin.FrameType.BODY
+_POINTS = (pin.FrameType.OP_FRAME, pin.FrameType.SENSOR)
+_LINK = pin.FrameType.BODY
+#: Attributes of shapes without mass and contacts, in the group of visual geoms.
 _LOOK = {"mass": "0", "group": "2", "contype": "0", "conaffinity": "0"}
-#: Types of geoms, and what gives their sizes.
+#: For each shape its type of geom and the function that returns its sizes.
 _SHAPES: dict[type, tuple[str, Callable[[Any], Iterable[float]]]] = {
     coal.Sphere: ("sphere", lambda s: [s.radius]),
     coal.Capsule: ("capsule", lambda s: [s.radius, s.halfLength]),
@@ -61,8 +73,9 @@ def write_mjcf(chain: ClosedChain, path: str | Path, force: bool = False) -> Non
         force: Whether an existing file may be replaced.
 
     Raises:
-        DescriptionError: For what MJCF cannot say: rolling contacts, universal, cylindrical,
-            prismatic and planar closures, helical and planar joints. The message lists all.
+        DescriptionError: If the robot has parts that MJCF cannot express: rolling contacts,
+            universal, cylindrical, prismatic and planar closures, helical and planar joints. The
+            message lists all.
         OutputError: If the file cannot be written, or exists.
 
     Warns:
@@ -100,7 +113,11 @@ class MjcfWriter:
     """
 
     def __init__(self, mechanism: Mechanism, plain: bool = False) -> None:
-        self._mechanism, self._tree = mechanism, NormalTree(mechanism.model)
+        self._mechanism = mechanism
+        self._plain = plain
+        self._problems = list[str]()
+        self.notes = list[str]()
+        self._tree = NormalTree(mechanism.model)
         self._model = model = self._tree.model
         self.root = ET.Element("mujoco", model=model.name)
         SubElement(self.root, "compiler", angle="radian", autolimits="true")
@@ -114,13 +131,17 @@ class MjcfWriter:
         # the joints stays.
         floats = any(_is_free(model.joints[j]) for j in model.children[0])
         self._base = self._world if floats else base
-        self._bodies, self.joints = [base] * model.njoints, list[MjcfJoint]()
-        self._problems, self.notes, self._plain = list[str](), list[str](), plain
+        self._bodies = [base] * model.njoints
+        self.joints = list[MjcfJoint]()
         self._with_velocity_limit = list[str]()
-        self._ends = {name for closure in mechanism.closures for name in frames_of(closure)}
-        self._ends |= {x for line in mechanism.lines.forces for x in (line.frame_a, line.frame_b)}
-        self._ends |= {x for rope in mechanism.contacts.ropes for x in (rope.frame_a, rope.frame_b)}
-        self._children(0)
+        self._end_frames = set[str]()  # of closures, lines and ropes
+        for closure in mechanism.closures:
+            self._end_frames.update(frames_of(closure))
+        for line in mechanism.lines.forces:
+            self._end_frames.update((line.frame_a, line.frame_b))
+        for rope in mechanism.contacts.ropes:
+            self._end_frames.update((rope.frame_a, rope.frame_b))
+        self._add_children(0)
         self.bodies = [self._bodies[index] for index in self._tree.bodies]
         if not plain:
             self._add_sites()
@@ -134,12 +155,12 @@ class MjcfWriter:
                 self.notes.append(f"{text}: MuJoCo has none")
 
     def _body_names(self) -> dict[int, str]:
-        """Name of the body of each joint: of a link that stands at the joint, else of the joint.
+        """Name of the body of each joint: the name of a link at the joint, else of the joint.
 
-        A name that is a frame elsewhere is left to the site at this frame.
+        If a frame elsewhere has this name, its site gets it, and the body `NAME_joint`.
         """
         names = dict(enumerate(self._model.names))
-        for frame in list(self._model.frames)[::-1]:
+        for frame in list(self._model.frames)[::-1]:  # so that the first link counts
             if frame.type != _LINK or frame.name in _WORLDS:
                 continue
             if frame.placement.isIdentity():
@@ -170,129 +191,183 @@ class MjcfWriter:
     def add_shapes(self, shapes: pin.GeometryModel, **how: str) -> None:
         """Add shapes; by default they are visual: without mass and without contacts."""
         for k, shape in enumerate(shapes.geometryObjects):
-            geometry, look = shape.geometry, how or {**_LOOK, "rgba": rounded(shape.meshColor)}
+            geometry = shape.geometry
+            look = how or {**_LOOK, "rgba": rounded(shape.meshColor)}
             attributes = look | _pose(shape.placement, rounded)
             if type(geometry) in _SHAPES:
                 kind, size = _SHAPES[type(geometry)]
                 attributes |= {"type": kind, "size": rounded(list(size(geometry)))}
             elif isinstance(geometry, coal.BVHModelBase):
-                mesh = self._section("asset"), "mesh", {"name": f"shape_{k}", "inertia": "shell"}
-                faces = (geometry.tri_indices(i) for i in range(geometry.num_tris))
-                corners = " ".join(str(face[i]) for face in faces for i in range(3))
-                points = rounded(geometry.vertices().ravel())
-                SubElement(*mesh, vertex=points, face=corners)
+                self._add_mesh(f"shape_{k}", geometry)
                 attributes |= {"type": "mesh", "mesh": f"shape_{k}"}
             else:
                 self.notes.append(f"shape {shape.name} is left out: MuJoCo has none of its kind")
                 continue
             SubElement(self.bodies[shape.parentJoint], "geom", attributes)
 
+    def _add_mesh(self, name: str, geometry: coal.BVHModelBase) -> None:
+        corners = list[str]()
+        for i in range(geometry.num_tris):
+            triangle = geometry.tri_indices(i)
+            corners += [str(triangle[k]) for k in range(3)]
+        SubElement(
+            self._section("asset"),
+            "mesh",
+            {"name": name, "inertia": "shell"},  # for meshes that enclose no volume too
+            vertex=rounded(geometry.vertices().ravel()),
+            face=" ".join(corners),
+        )
+
     def _section(self, name: str) -> ET.Element:
         """A section of the file; the first call adds it."""
         section = self.root.find(name)
         return SubElement(self.root, name) if section is None else section
 
-    def _children(
-        self, parent: int, before: Sequence[MjcfJoint] = (), start: pin.SE3 = _HERE
+    def _add_children(
+        self, parent: int, before: Sequence[MjcfJoint] = (), start: pin.SE3 = _IDENTITY
     ) -> None:
-        """Add the bodies that a joint bears; they get the joints of empty bodies `before` them."""
+        """Add the bodies that move with a joint, and all bodies after them.
+
+        In MuJoCo a body can have several joints, so an empty body between two joints is left out.
+        Its joints are in `before`, and `start` is its placement in the last body that is written.
+        """
         model = self._model
         for index in model.children[parent]:
-            joints, at = list[MjcfJoint](), model.jointPlacements[index]
+            at = model.jointPlacements[index]
+            joints = [joint.seen_from(at) for joint in before]
             try:
-                joints = joints_of(self._mechanism.model, self._tree, index)
+                joints += joints_of(self._mechanism.model, self._tree, index)
             except DescriptionError as error:
                 self._problems += error.problems
-            joints = [joint.seen_from(at) for joint in before] + joints
-            bearer = self._bodies[parent] if parent else self._base
+            parent_body = self._bodies[parent] if parent else self._base
             if self._is_empty(index) and all(joint.kind in _SINGLE for joint in joints):
-                self._bodies[index] = bearer
-                self._children(index, joints, start * at)
+                self._bodies[index] = parent_body
+                self._add_children(index, joints, start * at)
                 self._bodies[index] = self._bodies[model.children[index][0]]
                 continue
             name = {"name": self._names[index]}
-            self._bodies[index] = body = SubElement(bearer, "body", name | _pose(start * at))
+            body = SubElement(parent_body, "body", name | _pose(start * at))
+            self._bodies[index] = body
             self.joints += joints
             for joint in joints:
                 SubElement(body, "joint", self._joint(joint))
             self._add_inertia(index)
-            self._children(index)
+            self._add_children(index)
 
     def _is_empty(self, index: int) -> bool:
-        """Whether a joint bears one other joint only, such as the first axis of a universal one."""
-        model, kind = self._model, pin.FrameType.JOINT
+        """Whether the body of a joint only carries one other joint.
+
+        Example: the body between the axes of a universal joint.
+        """
+        model = self._model
         frames = [frame for frame in model.frames if frame.parentJoint == index]
-        bare = all(frame.type == kind and frame.name not in self._ends for frame in frames)
-        empty = model.inertias[index] == pin.Inertia.Zero()
-        return bool(bare and empty and len(model.children[index]) == 1)
+        has_only_joint_frames = all(
+            frame.type == pin.FrameType.JOINT and frame.name not in self._end_frames
+            for frame in frames
+        )
+        is_massless = bool(model.inertias[index] == pin.Inertia.Zero())
+        has_one_child = len(model.children[index]) == 1
+        return has_only_joint_frames and is_massless and has_one_child
 
     def _joint(self, joint: MjcfJoint) -> dict[str, str]:
-        attributes, single = {"name": joint.name, "type": joint.kind}, joint.kind in _SINGLE
-        if single:
-            attributes |= {"axis": numbers(joint.axis)}
-            attributes |= {"pos": numbers(joint.point)} if joint.point.any() else {}
+        """Attributes of a joint."""
+        attributes = {"name": joint.name, "type": joint.kind}
+        is_single = joint.kind in _SINGLE
+        if is_single:
+            attributes["axis"] = numbers(joint.axis)
+            if joint.point.any():
+                attributes["pos"] = numbers(joint.point)
         if self._plain or joint.mimics:
             return attributes
-        mechanism, model = self._mechanism, self._mechanism.model
-        friction, springs, kind = mechanism.friction, mechanism.springs, joint.kind
-        numbers_of = {"damping": friction.viscous, "frictionloss": friction.coulomb}
-        numbers_of |= {"armature": model.armature, "stiffness": springs.stiffness}
-        for name, of_rates in numbers_of.items():
-            value = of_rates[joint.rates]
-            if np.ptp(value) or (kind == "free" and name != "damping" and value.any()):
-                text = f"joint {joint.name}: no {name} of single rates of a {kind} joint"
-                self._problems.append(text)
-            attributes |= {name: numbers(value[:1])} if value.any() else {}
+        attributes |= self._joint_numbers(joint)
         if "stiffness" in attributes:
-            rest = joint.qpos(springs.reference)
-            if single:
+            rest = joint.qpos(self._mechanism.springs.reference)
+            if is_single:
                 attributes["springref"] = numbers(rest)
-            elif np.abs(rest - np.eye(4)[0]).max() > 1e-12:
+            elif np.abs(rest - np.eye(4)[0]).max() > _REST_ROUNDING:
                 self._problems.append(f"joint {joint.name}: a spring of a ball rests at zero only")
-        fastest = model.velocityLimit[joint.rates]
+        fastest = self._mechanism.model.velocityLimit[joint.rates]
         if ((fastest > 0) & (fastest < _FAST)).any():
             self._with_velocity_limit.append(joint.name)
-        ends = np.array([model.lowerPositionLimit, model.upperPositionLimit])[:, joint.entries]
-        if single and ends.size == 2 and (np.abs(ends) < _FAR).any():
-            attributes["range"] = numbers(ends.clip(-_FAR, _FAR).ravel())
-        effort = self._shared_effort(joint) if single else 0.0
-        if effort:
-            attributes["actuatorfrcrange"] = numbers([-effort, effort])
+        if is_single:
+            attributes |= self._joint_limits(joint)
         return attributes
+
+    def _joint_numbers(self, joint: MjcfJoint) -> dict[str, str]:
+        """Friction, rotor and spring of a joint; MuJoCo has one number for all its rates."""
+        mechanism = self._mechanism
+        by_rate = {
+            "damping": mechanism.friction.viscous,
+            "frictionloss": mechanism.friction.coulomb,
+            "armature": mechanism.model.armature,
+            "stiffness": mechanism.springs.stiffness,
+        }
+        attributes = {}
+        for name, of_rates in by_rate.items():
+            values = of_rates[joint.rates]
+            differ = np.ptp(values)
+            # `from_mjcf` reads only the damping of a free joint.
+            is_refused_for_free = joint.kind == "free" and name != "damping" and values.any()
+            if differ or is_refused_for_free:
+                text = f"joint {joint.name}: no {name} of single rates of a {joint.kind} joint"
+                self._problems.append(text)
+            if values.any():
+                attributes[name] = numbers(values[:1])
+        return attributes
+
+    def _joint_limits(self, joint: MjcfJoint) -> dict[str, str]:
+        """Limits of the position and of the force of a hinge or a slide."""
+        model = self._mechanism.model
+        limits = {}
+        ends = np.array([model.lowerPositionLimit, model.upperPositionLimit])[:, joint.entries]
+        # A continuous joint has two entries, cosine and sine, and no range.
+        if ends.size == 2 and (np.abs(ends) < _FAR).any():
+            limits["range"] = numbers(ends.clip(-_FAR, _FAR).ravel())
+        effort = self._shared_effort(joint)
+        if effort:
+            limits["actuatorfrcrange"] = numbers([-effort, effort])
+        return limits
 
     def _shared_effort(self, joint: MjcfJoint) -> float:
         """The largest force on a joint of motors that act on others too; 0 if it has no limit."""
-        motors, effort = self._mechanism.motors, self._mechanism.model.upperEffortLimit
+        motors = self._mechanism.motors
         rate = int(joint.rates[0])
-        shared = (motors != 0).sum(axis=0) > 1
-        limit = float(effort[rate])
-        return limit if motors[rate, shared].any() and 0 < limit < _FAR else 0.0
+        acts_on_several = (motors != 0).sum(axis=0) > 1
+        limit = float(self._mechanism.model.upperEffortLimit[rate])
+        if motors[rate, acts_on_several].any() and 0 < limit < _FAR:
+            return limit
+        return 0.0
 
     def _add_inertia(self, index: int) -> None:
-        inertia, name = self._model.inertias[index], self._names[index]
+        """Add mass and inertia of a body, with MuJoCo's smallest values where they are smaller."""
+        inertia = self._model.inertias[index]
+        name = self._names[index]
         moments, R = principal_axes(inertia.inertia)
         if inertia.mass < _LEAST_MASS or moments.min() < _LEAST_INERTIA:
             text = f"at least {_LEAST_MASS:g} kg and {_LEAST_INERTIA:g} kg m^2"
             needs = "MuJoCo needs mass, and inertia about all axes"
             self.notes.append(f"body {name}: {needs}; each is written as {text}")
-        moments, large = np.maximum(moments, _LEAST_INERTIA), moments.argmax()
-        most = np.delete(moments, large).sum()  # the triangle inequality
-        if moments[large] > most * (1 + _ROUNDING):
+        largest = moments.argmax()
+        moments = np.maximum(moments, _LEAST_INERTIA)
+        sum_of_others = np.delete(moments, largest).sum()
+        if moments[largest] > sum_of_others * (1 + _ROUNDING):
             text = f"one of the principal moments {moments.round(6)} exceeds the sum of the others"
             self._problems.append(f"body {name}: {text}, which no body has")
-        moments[large] = min(moments[large], most)
+        # MuJoCo refuses even rounding beyond the triangle inequality.
+        moments[largest] = min(moments[largest], sum_of_others)
         attributes = {"pos": numbers(inertia.lever), "diaginertia": numbers(moments)}
         attributes["mass"] = numbers([max(inertia.mass, _LEAST_MASS)])
         SubElement(self._bodies[index], "inertial", _pose(pin.SE3(R, inertia.lever)) | attributes)
 
     def _add_sites(self) -> None:
         """Sites at frames other than joints and bodies, and at all ends of closures and lines."""
-        bodies, sites = set(self._names.values()), set[str]()
+        bodies = set(self._names.values())
+        sites = set[str]()
         for i, frame in enumerate(self._model.frames):
             name = frame.name
-            world = frame.parentJoint == 0 and frame.placement.isIdentity()
-            is_point = frame.type in _POINTS or (frame.type == _LINK and not world)
-            is_end = name in self._ends and frame_id(self._model, name) == i
+            is_world = frame.parentJoint == 0 and frame.placement.isIdentity()
+            is_point = frame.type in _POINTS or (frame.type == _LINK and not is_world)
+            is_end = name in self._end_frames and frame_id(self._model, name) == i
             if is_end or (is_point and name not in bodies and name not in sites):
                 self._site(name, frame.parentJoint, frame.placement)
                 sites.add(name)
@@ -301,6 +376,7 @@ class MjcfWriter:
         SubElement(self._bodies[joint], "site", {"name": _site_name(name)} | _pose(at))
 
     def _close(self, k: int, closure: Constraint) -> None:
+        """Add closure `k`, or a problem if MuJoCo has none of its kind."""
         if isinstance(closure, Coupling):
             self._couple(closure)
         elif isinstance(closure, Rolling):
@@ -310,71 +386,96 @@ class MjcfWriter:
         elif isinstance(closure, Distance):
             self._rod(f"rod_{k}", closure)
         else:
-            rows = closure.held
-            self._connect("weld" if rows == _FIXED else "connect", *frames_of(closure))
-            if rows[:3] == _BALL[:3] and rows.count(False) == 1:
-                self._connect("connect", *self._beside(k, closure, rows.index(False) - 3))
-            elif rows not in (_FIXED, _BALL):
-                kind = closure.kind if isinstance(closure.kind, str) else "of these directions"
-                self._problems.append(f"closure {closure}: MuJoCo has no closure {kind}")
+            self._close_frames(k, closure)
 
-    def _connect(self, kind: str, a: str, b: str) -> None:
-        where = {"name": f"{a}-{b}", "site1": _site_name(a), "site2": _site_name(b)}
-        SubElement(self._section("equality"), kind, where)
+    def _close_frames(self, k: int, closure: Closure) -> None:
+        held = closure.held
+        kind = "weld" if held == _FIXED else "connect"
+        self._connect(kind, *frames_of(closure))
+        is_hinge = held[:3] == _BALL[:3] and held.count(False) == 1
+        if is_hinge:
+            free_axis = held.index(False) - 3
+            self._connect("connect", *self._sites_on_axis(k, closure, free_axis))
+        elif held not in (_FIXED, _BALL):
+            words = closure.kind if isinstance(closure.kind, str) else "of these directions"
+            self._problems.append(f"closure {closure}: MuJoCo has no closure {words}")
 
-    def _beside(self, k: int, hinge: Closure, axis: int) -> Iterator[str]:
-        """Two sites aside on the axis of a hinge; two connected points make a hinge."""
-        aside = pin.SE3(np.eye(3), self._mechanism.length * np.eye(3)[axis])
-        for end in frames_of(hinge):
-            frame = frame_named(self._model, end)
-            self._site(f"{end}_axis_{k}", frame.parentJoint, frame.placement * aside)
-            yield f"{end}_axis_{k}"
+    def _connect(self, kind: str, frame_a: str, frame_b: str) -> None:
+        attributes = {
+            "name": f"{frame_a}-{frame_b}",
+            "site1": _site_name(frame_a),
+            "site2": _site_name(frame_b),
+        }
+        SubElement(self._section("equality"), kind, attributes)
+
+    def _sites_on_axis(self, k: int, hinge: Closure, axis: int) -> Iterator[str]:
+        """Add two more sites on the axis of a hinge; two connected points make a hinge."""
+        offset = pin.SE3(np.eye(3), self._mechanism.length * np.eye(3)[axis])
+        for name in frames_of(hinge):
+            frame = frame_named(self._model, name)
+            site = f"{name}_axis_{k}"
+            self._site(site, frame.parentJoint, frame.placement * offset)
+            yield site
 
     def _rod(self, name: str, rod: Distance) -> None:
-        """A tendon of constant length."""
-        model, data = self._mechanism.model, self._mechanism.model.createData()
+        """Add a tendon of constant length; MuJoCo's length is relative to the one at q = 0."""
+        model = self._mechanism.model
+        data = model.createData()
         pin.framesForwardKinematics(model, data, pin.neutral(model))
-        a, b = (data.oMf[frame_id(model, end)].translation for end in frames_of(rod))
+        a, b = (data.oMf[frame_id(model, frame)].translation for frame in frames_of(rod))
         self._spatial({"name": name}, *frames_of(rod))
-        length = numbers([rod.distance - np.linalg.norm(b - a), 0, 0, 0, 0])
-        SubElement(self._section("equality"), "tendon", tendon1=name, polycoef=length)
+        extension = rod.distance - np.linalg.norm(b - a)
+        polynomial = numbers([extension, 0, 0, 0, 0])
+        SubElement(self._section("equality"), "tendon", tendon1=name, polycoef=polynomial)
 
     def _spatial(self, attributes: dict[str, str], *frames: str) -> None:
-        """A line between two frames."""
+        """Add a tendon along the line between two frames."""
         tendon = SubElement(self._section("tendon"), "spatial", attributes)
         for frame in frames:
             SubElement(tendon, "site", site=_site_name(frame))
 
     def _fixed(self, name: str, shares: Mapping[str, float]) -> str:
-        """A tendon whose length is a sum of joint coordinates."""
+        """Add a tendon whose length is a sum of joint positions; returns its name."""
         tendon = SubElement(self._section("tendon"), "fixed", name=name)
         for joint, share in shares.items():
             SubElement(tendon, "joint", joint=joint, coef=numbers([share]))
         return name
 
     def _couple(self, coupling: Coupling) -> None:
-        """A joint as a polynomial of another; sums of joints are tendons."""
-        known, offset = {joint.name for joint in self.joints}, coupling.offset
+        """Add a joint as a polynomial of another one; sums of joints are tendons.
+
+        follower - (linear terms of other joints) = polynomial of one joint
+        """
         rows = {name: np.trim_zeros(p, "b") for name, p in coupling.polynomials.items()}
-        curved = [name for name, p in rows.items() if len(p) > 2] or list(rows)[:1]
-        if len(curved) > 1 or max(map(len, rows.values()), default=0) > 5 or not known >= {*rows}:
+        curved = [name for name, powers in rows.items() if len(powers) > 2]
+        arguments = curved or list(rows)[:1]  # none if the follower is constant
+        degree = max((len(powers) for powers in rows.values()), default=0) - 1
+        known = {joint.name for joint in self.joints}
+        if len(arguments) > 1 or degree > _MAX_DEGREE or not known >= {*rows}:
             text = "MuJoCo has polynomials of one joint, up to the fourth power"
             self._problems.append(f"coupling {coupling}: {text}")
             return
-        polynomial = np.zeros(5)
-        polynomial[0] = offset + sum(p[0] for p in rows.values() if len(p))
-        for name in curved:
+        polynomial = np.zeros(_MAX_DEGREE + 1)
+        polynomial[0] = coupling.offset + sum(powers[0] for powers in rows.values() if len(powers))
+        for name in arguments:
             polynomial[1 : len(rows[name])] = rows[name][1:]
-        others = {name: -p[1] for name, p in rows.items() if name not in curved and len(p) > 1}
-        sides, kind = [coupling.joint, *curved], "joint"
+        others = {
+            name: -powers[1]
+            for name, powers in rows.items()
+            if name not in arguments and len(powers) > 1
+        }
+        kind = "joint"
+        sides = [coupling.joint, *arguments]
         if others:
-            kind, count = "tendon", len(self.root.findall("tendon/fixed"))
+            kind = "tendon"
+            count = len(self.root.findall("tendon/fixed"))
             sides = [self._fixed(f"sum_{count}", {coupling.joint: 1.0} | others)]
-            sides += [self._fixed(f"sum_{count + 1}", {name: 1.0}) for name in curved]
+            sides += [self._fixed(f"sum_{count + 1}", {name: 1.0}) for name in arguments]
         names = {f"{kind}{i}": side for i, side in enumerate(sides, 1)}
         SubElement(self._section("equality"), kind, names, polycoef=numbers(polynomial))
 
     def _add_mimics(self) -> None:
+        """Add an equality for each joint that mimics another one."""
         leaders = self._by_rate()
         for joint in self.joints:
             if joint.mimics:
@@ -384,35 +485,46 @@ class MjcfWriter:
 
     def _by_rate(self) -> dict[int, str]:
         """Names of hinges and slides, by the index of their rate."""
-        single = (j for j in self.joints if j.kind in _SINGLE and not j.mimics)
-        return {int(joint.rates[0]): joint.name for joint in single}
+        names = dict[int, str]()
+        for joint in self.joints:
+            if joint.kind in _SINGLE and not joint.mimics:
+                names[int(joint.rates[0])] = joint.name
+        return names
+
+    def _add_line(self, line: LineForce) -> None:
+        """Add a force along a line as a tendon."""
+        attributes = {"name": line.name}
+        rest_length = 0.0
+        if line.stiffness:
+            # The preload of a spring shifts its rest length.
+            rest_length = line.rest_length - line.preload / line.stiffness
+            attributes["stiffness"] = numbers([line.stiffness])
+            attributes["springlength"] = numbers([rest_length])
+        if rest_length < 0 or (line.preload and not line.stiffness):
+            text = f"its preload {line.preload:g} N: a tendon of MuJoCo has no constant force"
+            self._problems.append(f"line {line}: {text}")
+        if line.pulls_only:
+            attributes["springlength"] = numbers([0, rest_length])
+            if line.damping or not line.stiffness:
+                text = "of the cables of MuJoCo only the springs are slack; its damper is not"
+                self._problems.append(f"line {line}: {text}")
+        if line.damping:
+            attributes["damping"] = numbers([line.damping])
+        if line.mass:
+            attributes["armature"] = numbers([line.mass])
+        if line.lower or line.upper < _FAR:
+            attributes["range"] = numbers([line.lower, min(line.upper, _FAR)])
+        if line.velocity < _FAR:
+            self.notes.append(f"line {line}: its largest velocity is left out")
+        if line.mass and self._joins_branches(line):
+            text = "its mass: MuJoCo leaves out the inertia of a tendon between two branches"
+            self._problems.append(f"line {line}: {text}")
+        self._spatial(attributes, line.frame_a, line.frame_b)
 
     def _add_forces_and_motors(self) -> None:
         mechanism = self._mechanism
         for line in mechanism.lines.forces:
-            attributes, rest = {"name": line.name}, 0.0
-            if line.stiffness:
-                rest = line.rest_length - line.preload / line.stiffness
-                attributes |= {"stiffness": numbers([line.stiffness])}
-                attributes |= {"springlength": numbers([rest])}
-            if rest < 0 or (line.preload and not line.stiffness):
-                text = f"its preload {line.preload:g} N: a tendon of MuJoCo has no constant force"
-                self._problems.append(f"line {line}: {text}")
-            if line.pulls_only:
-                attributes["springlength"] = numbers([0, rest])
-                if line.damping or not line.stiffness:
-                    text = "of the cables of MuJoCo only the springs are slack; its damper is not"
-                    self._problems.append(f"line {line}: {text}")
-            attributes |= {"damping": numbers([line.damping])} if line.damping else {}
-            attributes |= {"armature": numbers([line.mass])} if line.mass else {}
-            if line.lower or line.upper < _FAR:
-                attributes |= {"range": numbers([line.lower, min(line.upper, _FAR)])}
-            if line.velocity < _FAR:
-                self.notes.append(f"line {line}: its largest velocity is left out")
-            if line.mass and self._joins_branches(line):
-                text = "its mass: MuJoCo leaves out the inertia of a tendon between two branches"
-                self._problems.append(f"line {line}: {text}")
-            self._spatial(attributes, line.frame_a, line.frame_b)
+            self._add_line(line)
         for k, name in enumerate(mechanism.motor_names):
             self._add_motor(name, mechanism.motors[:, k], mechanism.lines.motors[:, k])
 
@@ -442,8 +554,8 @@ class MjcfWriter:
             sphere = {"name": f"{contact} sphere", "type": "sphere", "mass": "0"}
             sphere |= {"size": numbers([max(contact.radius, POINT)])}
             place = pin.SE3(np.eye(3), frame.placement.translation)
-            bearer = self._bodies[frame.parentJoint]
-            SubElement(bearer, "geom", sphere | _UNTOUCHED | _pose(place))
+            body = self._bodies[frame.parentJoint]
+            SubElement(body, "geom", sphere | _UNTOUCHED | _pose(place))
             pair = {"name": contact.name, "geom1": sphere["name"], "geom2": planes[contact.ground]}
             sliding = [contact.friction, contact.friction, 0, 0, 0]
             pair |= {"condim": "3", "friction": numbers(sliding)}
@@ -453,23 +565,27 @@ class MjcfWriter:
             self._spatial(attributes, rope.frame_a, rope.frame_b)
 
     def _add_motor(self, name: str, on_rates: Array, on_lines: Array) -> None:
-        forces, effort = self._mechanism.lines.forces, self._mechanism.model.upperEffortLimit
+        """Add a motor by its shares in the forces on rates and lines."""
         single = self._by_rate()
-        rates, lines = np.flatnonzero(on_rates), np.flatnonzero(on_lines)
+        rates = np.flatnonzero(on_rates)
+        lines = np.flatnonzero(on_lines)
         motor = {"name": name}
         if not len(rates) and on_lines[lines].tolist() == [1]:
-            motor["tendon"] = forces[lines[0]].name
-            if (limit := forces[lines[0]].effort) < _FAR:
-                motor["ctrlrange"] = numbers([-limit, limit])
+            line = self._mechanism.lines.forces[lines[0]]
+            motor["tendon"] = line.name
+            if line.effort < _FAR:
+                motor["ctrlrange"] = numbers([-line.effort, line.effort])
         elif len(lines) or not single.keys() >= set(rates.tolist()):
             text = "it acts on more than hinges and slides, or one line"
             self._problems.append(f"motor {name}: {text}")
         elif on_rates[rates].tolist() == [1]:
             motor["joint"] = single[int(rates[0])]
-            if 0 < (limit := float(effort[rates[0]])) < _FAR:
-                motor["ctrlrange"] = numbers([-limit, limit])
+            effort = float(self._mechanism.model.upperEffortLimit[rates[0]])
+            if 0 < effort < _FAR:
+                motor["ctrlrange"] = numbers([-effort, effort])
         else:
-            motor["tendon"] = self._fixed(name, {single[int(k)]: on_rates[k] for k in rates})
+            shares = {single[int(rate)]: on_rates[rate] for rate in rates}
+            motor["tendon"] = self._fixed(name, shares)
         SubElement(self._section("actuator"), "motor", motor)
 
 
@@ -487,11 +603,13 @@ def _site_name(frame: str) -> str:
 
 
 def _pose(at: pin.SE3, write: Callable[[Any], str] = numbers) -> dict[str, str]:
-    """Position and orientation, where they are not zero."""
+    """Attributes for position and orientation; zeros are left out."""
     from scipy.spatial.transform import Rotation
 
-    pose = {"pos": write(at.translation)} if at.translation.any() else {}
+    pose = {}
+    if at.translation.any():
+        pose["pos"] = write(at.translation)
     if not np.array_equal(at.rotation, np.eye(3)):
-        w = Rotation.from_matrix(at.rotation).as_quat(canonical=True)[[3, 0, 1, 2]]
-        pose["quat"] = write(w)
+        x, y, z, w = Rotation.from_matrix(at.rotation).as_quat(canonical=True)
+        pose["quat"] = write(np.array([w, x, y, z]))
     return pose
