@@ -23,7 +23,11 @@ _MOTOR = 0.032  # radius
 _HUB = 0.125  # of an actuator link, from O along the axis of its motor
 _WIDTH = 0.024  # of the link's arm
 _RAIL = (0.020, 0.024)  # section of the star's arcs: with the hub the paper's 2.6 kg in aluminium
-_ROLLER = 0.007
+_ROLLER = 0.007  # radius
+_PAPER_BASE_RADIUS = 0.35
+_PAPER_GAP = 0.05
+#: Smallest distance of the two spheres, relative to the radius of the base.
+_LEAST_GAP = 0.01
 #: Options of trimesh's export, by format.
 _EXPORT: dict[str, dict[str, Any]] = {
     "stl": {},
@@ -36,8 +40,8 @@ def parts_of(p: Parameters) -> dict[str, tuple[Solid, ...]]:
 
     `base` and `motors` are in base axes, `link` in {1k}, `passive` in {2k}, the others in {3k}.
     """
-    # In proportion to the base, but a carriage must fit between the spheres.
-    scale = min(p.base_radius / 0.35, abs(_gap(p)) / 0.05)
+    # Sizes are proportional to the base, but a carriage must fit between the spheres.
+    scale = min(p.base_radius / _PAPER_BASE_RADIUS, abs(_gap(p)) / _PAPER_GAP)
     return {
         "base": tuple(_base(p, scale)),
         "motors": tuple(_motors(p, scale)),
@@ -69,18 +73,24 @@ def mesh_writers(p: Parameters) -> dict[str, Writer]:
         content = mesh.export(file_type=kind, **_EXPORT[kind])
         file.write(content if isinstance(content, bytes) else content.encode())
 
-    meshes = meshes_of(p).items()
-    return {f"meshes/{n}.{k}": partial(write, mesh, k) for n, mesh in meshes for k in _EXPORT}
+    writers = dict[str, Writer]()
+    for name, mesh in meshes_of(p).items():
+        for kind in _EXPORT:
+            writers[f"meshes/{name}.{kind}"] = partial(write, mesh, kind)
+    return writers
 
 
 def _gap(p: Parameters) -> float:
-    """Distance from the base sphere to the star's, negative when that is inside, never zero."""
+    """Distance from the sphere of the base to the sphere of the star.
+
+    It is negative if the star is inside, and never zero, as sizes are scaled by it.
+    """
     gap = p.star_radius - p.base_radius
-    return float(np.copysign(max(abs(gap), 0.01 * p.base_radius), gap))
+    return float(np.copysign(max(abs(gap), _LEAST_GAP * p.base_radius), gap))
 
 
 def _outside(p: Parameters) -> float:
-    """Sign of the direction along e_k that leads out of the triangle: there are the motors."""
+    """Sign of the direction along e_k that leads out of the triangle, where the motors are."""
     return -float(np.sign(np.linalg.det(p.base_directions)))
 
 

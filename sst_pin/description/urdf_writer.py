@@ -16,7 +16,8 @@ from .parameters import Parameters, RigidBody
 from .parts import parts_of
 from .solids import Arc, Ball, Box, Primitive, Solid, axes_along
 
-#: The paper limits no joint; a bounded joint keeps nq == nv (a continuous one has two coordinates).
+#: Limits of the joints. The paper has none, but only a joint with limits has one coordinate in
+#: Pinocchio; a continuous joint has two.
 _TURN = {"lower": repr(-2 * np.pi), "upper": repr(2 * np.pi)}
 
 _HEADER = """
@@ -27,8 +28,10 @@ _HEADER = """
   Where each number comes from: README.md beside this file.
 """
 #: Bodies of a leg from the base on, and the axes of their joints.
-_BODIES, _AXES = ("link", "passive", "star"), ("0 0 1", "1 0 0", "0 0 1")
-_O, _I = np.zeros(3), np.eye(3)
+_BODIES = ("link", "passive", "star")
+_AXES = ("0 0 1", "1 0 0", "0 0 1")
+_O = np.zeros(3)
+_I = np.eye(3)
 
 
 def urdf_of(p: Parameters, *, shapes: bool = True) -> str:
@@ -42,15 +45,18 @@ def urdf_of(p: Parameters, *, shapes: bool = True) -> str:
     SubElement(robot, "link", name="world")
     base = _frame(robot, "base", "world")
     parts = parts_of(p) if shapes else None
-    R_0, R_E = base_orientations(p), star_orientations(p)
+    R_0 = base_orientations(p)
+    R_E = star_orientations(p)
     _add_shapes(base, parts)
     joints = zip(JOINT_NAMES, p.viscous_friction, p.coulomb_friction, strict=True)
     for k, bodies in enumerate(zip(p.links, p.passive_links, star_arcs(p), strict=True)):
         robot.append(ET.Comment(f" leg {k + 1} "))
-        parent, R = "base", R_0[k]
+        parent = "base"
+        R = R_0[k]
         for kind, axis, body in zip(_BODIES, _AXES, bodies, strict=True):
             name, damping, dry = next(joints)
-            joint, child = SubElement(robot, "joint", name=name, type="revolute"), f"{kind}_{k + 1}"
+            child = f"{kind}_{k + 1}"
+            joint = SubElement(robot, "joint", name=name, type="revolute")
             _origin(joint, R=R)
             SubElement(joint, "parent", link=parent)
             SubElement(joint, "child", link=child)
@@ -60,7 +66,8 @@ def urdf_of(p: Parameters, *, shapes: bool = True) -> str:
             link = SubElement(robot, "link", name=child)
             _inertial(link, body)
             _add_shapes(link, parts)
-            parent, R = child, _I
+            parent = child
+            R = _I  # in a leg the frames of the links coincide at q = 0
     robot.append(ET.Comment(" frames of the cuts: {E} as each arc of the star sees it "))
     for loop, k in ((1, 1), (2, 2)):
         _frame(robot, f"closedloop{loop}_A", "star_1", R=R_E[0])
@@ -97,9 +104,10 @@ def rounded(values: ArrayLike) -> str:
 
 
 def _rpy(R: Array) -> Array:
-    """Roll, pitch, yaw of URDF; exact at pitch = +-90 degrees too, where {03} of the paper lies."""
+    """Roll, pitch, yaw of URDF; also exact at a pitch of 90 degrees, as for {03} of the paper."""
     yaw = np.arctan2(R[1, 0], R[0, 0])
-    c, s = np.cos(yaw), np.sin(yaw)
+    c = np.cos(yaw)
+    s = np.sin(yaw)
     pitch = np.arctan2(-R[2, 0], np.hypot(R[0, 0], R[1, 0]))
     roll = np.arctan2(s * R[0, 2] - c * R[1, 2], c * R[1, 1] - s * R[0, 1])
     # The last bit of an arctangent differs between machines; the files must not differ.
@@ -114,10 +122,9 @@ def _inertial(link: ET.Element, body: RigidBody) -> None:
     inertial = SubElement(link, "inertial")
     _origin(inertial, body.center_of_mass)
     SubElement(inertial, "mass", value=numbers([body.mass]))
-    entries = {
-        f"i{'xyz'[i]}{'xyz'[j]}": numbers([body.inertia[i, j]])
-        for i, j in itertools.combinations_with_replacement(range(3), 2)
-    }
+    entries = {}
+    for i, j in itertools.combinations_with_replacement(range(3), 2):
+        entries[f"i{'xyz'[i]}{'xyz'[j]}"] = numbers([body.inertia[i, j]])
     SubElement(inertial, "inertia", entries)
 
 
@@ -135,22 +142,33 @@ def _add_shapes(link: ET.Element, parts: Mapping[str, Sequence[Solid]] | None) -
         SubElement(SubElement(visual, "geometry"), "mesh", filename=filename)
         material = SubElement(visual, "material", name=colour)
         SubElement(material, "color", rgba=COLOURS[colour])
-    for solid in (s for name in colours for s in parts[name]):
-        for primitive in solid.pieces() if isinstance(solid, Arc) else (solid,):
-            _collision(link, primitive)
+    for name in colours:
+        for solid in parts[name]:
+            if isinstance(solid, Arc):  # URDF has no arcs
+                for piece in solid.pieces():
+                    _collision(link, piece)
+            else:
+                _collision(link, solid)
 
 
 def _collision(link: ET.Element, primitive: Primitive) -> None:
+    """Add a solid as a collision shape."""
     sizes: dict[str, ArrayLike]
     if isinstance(primitive, Ball):
-        kind, center, R = "sphere", primitive.center, np.eye(3)
+        kind = "sphere"
+        center = primitive.center
+        R = np.eye(3)
         sizes = {"radius": primitive.radius}
     elif isinstance(primitive, Box):
-        kind, center, R = "box", primitive.center, primitive.axes
+        kind = "box"
+        center = primitive.center
+        R = primitive.axes
         sizes = {"size": primitive.size}
     else:
         axis = primitive.end - primitive.start
-        kind, center, R = "cylinder", (primitive.start + primitive.end) / 2, axes_along(axis)
+        kind = "cylinder"
+        center = (primitive.start + primitive.end) / 2
+        R = axes_along(axis)
         radius = max(primitive.radius, primitive.end_radius)  # around a cone
         sizes = {"radius": radius, "length": np.linalg.norm(axis)}
     collision = SubElement(link, "collision")
