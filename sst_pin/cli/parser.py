@@ -18,15 +18,20 @@ class Command:
     def __init__(
         self, usage: str, module: str, text: str, *options: Option, more: str = ""
     ) -> None:
-        self.name, self.usage, self.module = usage.partition(" ")[0], usage, module
-        self.text, self.options, self.more = text, options, more
+        self.name = usage.partition(" ")[0]
+        self.usage = usage
+        self.module = module
+        self.text = text
+        self.options = options
+        self.more = more
 
 
 def option(spec: str, text: str, kind: Callable[[str], Any] = str, **how: Any) -> Option:
     """An option such as "-o, --output FILE", a flag such as "--all", an argument "file FILE"."""
-    names, _, metavar = spec.rpartition(" ") if " " in spec else (spec, "", "")
-    value = {"metavar": metavar, "type": kind} if metavar else {"action": "store_true"}
-    return names.split(", "), {"help": text, **value, **how}
+    if " " not in spec:
+        return [spec], {"help": text, "action": "store_true", **how}
+    names, _, metavar = spec.rpartition(" ")
+    return names.split(", "), {"help": text, "metavar": metavar, "type": kind, **how}
 
 
 class Parser(argparse.ArgumentParser):
@@ -34,11 +39,11 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, **how: Any) -> None:
         super().__init__(add_help=False, formatter_class=_Help, **how)
-        # What begins like a negative number is a value, as in --gravity -1,0,0.
+        # By default only a whole negative number is a value; in --gravity -1,0,0 a list is.
         self._negative_number_matcher = re.compile(r"-\.?\d")
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse; keep the words for the message of an error."""
+        """Parse, and store the words for error messages."""
         self._words = sys.argv[1:] if args is None else list(args)
         return super().parse_known_args(args, namespace)
 

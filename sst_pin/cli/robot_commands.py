@@ -11,9 +11,13 @@ from ..errors import InputError
 from . import common
 from .parser import gallery
 
+#: Number of random states at which `verify` compares.
+_STATES = 40
+_QUICK_STATES = 5
+
 
 def validate(arguments: argparse.Namespace) -> int:
-    """All problems in the files of a robot."""
+    """Print all problems in the files of a robot; the exit code is 1 if there is an error."""
     from ..reading.validate import examine, summary_of
 
     if arguments.file is not None and arguments.robot is not None:
@@ -27,7 +31,10 @@ def validate(arguments: argparse.Namespace) -> int:
     for problem in problems:
         print(problem)
     counts = Counter(problem.severity for problem in problems)
-    texts = [f"{n} {severity}{'s' * (n > 1)}" for severity, n in counts.items()]
+    texts = []
+    for severity, count in counts.items():
+        word = severity if count == 1 else f"{severity}s"
+        texts.append(f"{count} {word}")
     print(", ".join(texts) or "no problems found")
     if counts["error"]:
         return 1
@@ -36,28 +43,33 @@ def validate(arguments: argparse.Namespace) -> int:
 
 
 def verify(arguments: argparse.Namespace) -> int:
-    """Comparison of the dynamics with every referee.
+    """Print a comparison of the dynamics with every referee; the exit code is 1 if it fails.
 
-    Each quantity must agree with all referees that can judge it, and there must be one.
+    Each quantity must agree with all referees that can judge it, and at least one must.
     """
     from ..verification.verify import referees_of, table, verify_chain
 
     robot = common.robot_of(arguments)
     referees, problems = referees_of(robot)
-    rows = list(verify_chain(robot, 5 if arguments.quick else 40, referees))
-    disagree = sum(not row.passed for row in rows)
+    states = _QUICK_STATES if arguments.quick else _STATES
+    rows = list(verify_chain(robot, states, referees))
+    failures = sum(not row.passed for row in rows)
     judged = {row.compared for row in rows if row.cases}
     unjudged = sorted({row.compared for row in rows} - judged)
-    passed = not disagree and not unjudged
+    passed = not failures and not unjudged
     if arguments.json:
-        shown = {"passed": passed, "comparisons": [row._asdict() for row in rows]}
-        print(json.dumps(shown | {"skipped": list(map(str, problems))}, indent=1))
+        content = {
+            "passed": passed,
+            "comparisons": [row._asdict() for row in rows],
+            "skipped": [str(problem) for problem in problems],
+        }
+        print(json.dumps(content, indent=1))
     else:
         print(table(rows))
         for problem in problems:
             print(f"skipped: {problem}")
-        if disagree:
-            print(f"{disagree} of {len(rows)} disagree")
+        if failures:
+            print(f"{failures} of {len(rows)} disagree")
         elif unjudged:
             print(f"no referee can say about: {', '.join(unjudged)}")
         else:
@@ -91,18 +103,20 @@ def compile(arguments: argparse.Namespace) -> None:  # noqa: A001
 
 
 def _list() -> None:
-    entries, folder = libraries.cached(), libraries.cache_folder()
-    robot = max((len(entry.robot) for entry in entries), default=0)
-    kernel = max((len(entry.kernel) for entry in entries), default=0)
+    """Print the kernels in the cache, in columns."""
+    entries = libraries.cached()
+    robot_width = max((len(entry.robot) for entry in entries), default=0)
+    kernel_width = max((len(entry.kernel) for entry in entries), default=0)
     for entry in entries:
-        when = time.strftime("%Y-%m-%d", time.localtime(entry.used))
-        names = f"{entry.robot:{robot}}  {entry.kernel:{kernel}}"
-        print(f"{names} {entry.size / 1e3:6.0f} kB  used {when}")
-    print(f"{len(entries)} kernels, {sum(e.size for e in entries) / 1e6:.1f} MB in {folder}")
+        date = time.strftime("%Y-%m-%d", time.localtime(entry.used))
+        names = f"{entry.robot:{robot_width}}  {entry.kernel:{kernel_width}}"
+        print(f"{names} {entry.size / 1e3:6.0f} kB  used {date}")
+    megabytes = sum(entry.size for entry in entries) / 1e6
+    print(f"{len(entries)} kernels, {megabytes:.1f} MB in {libraries.cache_folder()}")
 
 
 def robots(arguments: argparse.Namespace) -> None:
-    """The gallery: a line for each robot."""
+    """Print the gallery, a line for each robot."""
     from .. import SST
     from .. import robots as room
 
