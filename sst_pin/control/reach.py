@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import Array, Flags, finite_array, single_array
 from ..closed_chain import ClosedChain
 from ..dynamics.torque_sharing import finite_limits, within_limits
-from ..errors import InputError
+from ..errors import InputError, warn_caller
 from ..files import as_path, table_writer, write_files
 from ..loops.frame_guide import FrameGuide
 from ..loops.start import start_of
@@ -114,6 +114,12 @@ def reach_map(
     is given, the orientation is prescribed; the other angles are 0. If the frame then has degrees
     of freedom left, the joints move least, and the map depends on the path to each pose.
 
+    All three angles of a prescribed orientation count, and rotations about y and then about x are
+    others than about x and then about y. So a frame behind a universal joint whose first axis is x
+    reaches only the poses where roll or pitch is 0. A warning says when a map is such a cross. Then
+    take the joints as the grid: `assemble` closes the loops for a batch of coordinates, and
+    `frame_placement` has the poses.
+
     Args:
         chain: A robot whose motors hold all coordinates.
         frame: Name of a frame.
@@ -138,6 +144,10 @@ def reach_map(
             if the frame cannot move along the grid.
         ActuationError: If the motors cannot hold the robot.
         ClosureError: If the start cannot be assembled.
+
+    Warns:
+        RuntimeWarning: If the frame cannot leave most of the poses that it reaches along both axes
+            of the grid, so that other poses are out of reach for any size of the robot.
 
     Example:
         >>> lift = sst_pin.robots.five_bar()
@@ -172,6 +182,8 @@ def reach_map(
     why, q = _flood(chain, guide, home, poses, nearest)
     reached = q[why == _REACHED]
     A = torques_of_wrenches(chain, reached, frame).mT
+    directions = _directions(named, axes)[why == _REACHED][:, counted]
+    _warn_of_thin_map(A[:, counted] * ratio, directions, axes, np.array(_AXES)[counted])
     tau = chain.compute_torques(reached, rest, rest) - push @ A
     directions = chain.preload_directions(reached)
     pairs = zip(tau, directions, strict=True)
@@ -226,6 +238,48 @@ def _require_motion(A: Array, counted: NDArray[np.str_], axes: Sequence[str]) ->
             problem = f"at the start the motors cannot move the frame along it with {others} fixed"
             cause = "the robot has fewer freedoms or motors, or the start is singular"
             raise InputError(axis, f"{problem}: {cause}")
+
+
+def _directions(named: dict[str, Array], axes: tuple[str, str]) -> Array:
+    """Twists [linear; angular] along both axes of the grid at its poses, shape (N, M, 6, 2)."""
+    mesh = np.meshgrid(*(named[axis] for axis in axes), indexing="ij")
+    angles = {name: named.get(name, np.zeros(())) for name in ("pitch", "yaw")}
+    angles |= {axis: values for axis, values in zip(axes, mesh, strict=True) if axis in angles}
+    pitch, yaw = (np.broadcast_to(angles[name], mesh[0].shape) for name in ("pitch", "yaw"))
+    zero, one = np.zeros(mesh[0].shape), np.ones(mesh[0].shape)
+    # The orientation is R_z(yaw) R_y(pitch) R_x(roll).
+    about = {
+        "roll": [np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)],
+        "pitch": [-np.sin(yaw), np.cos(yaw), zero],
+        "yaw": [zero, zero, one],
+    }
+    twists = np.zeros((*mesh[0].shape, 6, 2))
+    for k, axis in enumerate(axes):
+        if axis in about:
+            twists[..., 3:, k] = np.stack(about[axis], axis=-1)
+        else:
+            twists[..., _AXES.index(axis), k] = 1.0
+    return twists
+
+
+def _warn_of_thin_map(
+    A: Array, directions: Array, axes: tuple[str, str], counted: NDArray[np.str_]
+) -> None:
+    """Warn if at most poses that are reached the frame cannot move along both axes of the grid.
+
+    A maps rates of the motors to the components that count, free of units, shape (k, c, motors);
+    directions have shape (k, c, 2).
+    """
+    left = directions - A @ (np.linalg.pinv(A, rcond=RANK_TOLERANCE) @ directions)
+    stuck = np.abs(left).max(axis=(1, 2)) > np.sqrt(RANK_TOLERANCE)
+    if stuck.sum() > len(stuck) / 2:
+        warn_caller(
+            f"at {stuck.sum()} of {len(stuck)} poses that are reached the frame cannot move along "
+            f"both {axes[0]} and {axes[1]} with {', '.join(counted)} prescribed, so the map holds "
+            "only some lines of the grid; take the joints as the grid: assemble(...) for a batch "
+            "of coordinates, then frame_placement",
+            RuntimeWarning,
+        )
 
 
 def _poses(

@@ -172,3 +172,27 @@ def test_a_start_beyond_its_limits_and_idle_motors_are_refused():
     loose = sst_pin.ClosedChain(tree, [], ["hinge_0"], coordinates=["hinge_0", "hinge_1"])
     with pytest.raises(sst_pin.ActuationError):
         sst_pin.reach_map(loose, "hinge_1_end", x=[0, 1], y=[0, 1], start=[0.1, 0.5])
+
+
+def two_turns(first, second):
+    """A body behind a universal joint of two hinges."""
+    model = pin.Model()
+    middle = model.addJoint(0, first, pin.SE3.Identity(), "first")
+    last = model.addJoint(middle, second, pin.SE3.Identity(), "second")
+    model.appendBodyToJoint(last, pin.Inertia.FromBox(1, 0.1, 0.1, 0.1), pin.SE3.Identity())
+    model.addFrame(pin.Frame("tool", last, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    model.referenceConfigurations["home"] = np.zeros(2)
+    return sst_pin.ClosedChain(model, [], ["first", "second"])
+
+
+def test_a_map_is_a_cross_where_axes_turn_in_the_other_order_and_this_is_told():
+    """Rx(a) Ry(b) is Ry(pitch) Rx(roll) only where one of the angles is 0."""
+    angles = np.linspace(-0.4, 0.4, 9)
+    with pytest.warns(RuntimeWarning, match="take the joints as the grid"):
+        cross = sst_pin.reach_map(
+            two_turns(pin.JointModelRX(), pin.JointModelRY()), "tool", roll=angles, pitch=angles
+        )
+    on_cross = (np.abs(angles)[:, None] < 1e-12) | (np.abs(angles) < 1e-12)
+    assert np.array_equal(cross.reached, on_cross)
+    right = two_turns(pin.JointModelRY(), pin.JointModelRX())  # no warning, which would raise
+    assert sst_pin.reach_map(right, "tool", roll=angles, pitch=angles).reached.all()
