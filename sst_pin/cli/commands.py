@@ -14,6 +14,7 @@ from .parser import Command, Parser, directions, named_numbers, names_robot, num
 
 _FILES = "URDF, SDF, MJCF, or a name of the gallery (default: the SST)"
 _ROBOT = option("--robot ROBOT", _FILES)
+_MODEL = option("--model NAME", "the model of an SDF with several that move")
 _FORCE = option("--force", "replace existing files")
 _STRICT = option("--strict", "refuse what the robot cannot execute; exit code 1")
 _WHICH = "*.m*,*.i*,*.viscous,*.coulomb"
@@ -36,6 +37,7 @@ COMMANDS = (
         "motor torques of a motion (inverse dynamics)",
         option("motion MOTION.csv", "the motion; - means standard input", Path),
         _ROBOT,
+        _MODEL,
         _TABLE,
         _FORCE,
         _STRICT,
@@ -48,6 +50,7 @@ COMMANDS = (
         "motion for given torques (direct dynamics)",
         option("torques TORQUES.csv", "the torques; - means standard input", Path),
         _ROBOT,
+        _MODEL,
         _TABLE,
         _FORCE,
         option("--q0 JOINT=X,..", "positions at the start, rad or m", named_numbers),
@@ -64,6 +67,7 @@ COMMANDS = (
         "figures of a motion",
         option("motion MOTION", "what `torques` reads, it or `simulate` writes", Path),
         _ROBOT,
+        _MODEL,
         option("-o, --output FILE", ".png, .svg or .pdf; - writes PNG", Path, required=True),
         _FORCE,
         option("--what WHAT", "what is drawn", words),
@@ -78,6 +82,7 @@ COMMANDS = (
         "a motion in the browser, or as a page or a picture",
         option("motion MOTION", "default: example 1, or home of ROBOT", Path, nargs="?"),
         _ROBOT,
+        _MODEL,
         option("--ghost FILE", "a second motion, of a translucent robot", Path),
         option("--speed S", "1 is real time (default: 1; 0.1 of example 1)", float),
         option("--html FILE", "write one page that needs no network", Path),
@@ -100,6 +105,7 @@ COMMANDS = (
         "sst_commands",
         "any robot as MJCF; an SST also as URDF and meshes",
         _ROBOT,
+        _MODEL,
         option("-o, --output OUTPUT", "FILE.xml, or the folder of an SST", Path, required=True),
         _FORCE,
         option("--alpha A1,A2,A3", "angles between the arcs, degrees", numbers),
@@ -120,6 +126,7 @@ COMMANDS = (
         "all problems of a robot's files, its mobility and its moving mass",
         option("file ROBOT", _FILES, nargs="?"),
         option("--robot ROBOT", "the same"),
+        _MODEL,
         option("--cuts YAML", "its closures and motors (default: YAML of its name)", Path),
     ),
     Command(
@@ -127,6 +134,7 @@ COMMANDS = (
         "robot_commands",
         "comparison of the dynamics with independent computations",
         _ROBOT,
+        _MODEL,
         option("--quick", "fewer cases"),
         option("--json", "print the table as JSON"),
     ),
@@ -136,6 +144,7 @@ COMMANDS = (
         "masses, inertias and friction from measured torques",
         option("log LOG.csv", "the log; - means standard input", Path),
         _ROBOT,
+        _MODEL,
         option("-o, --output FILE", "Markdown, a picture beside it", Path, required=True),
         _FORCE,
         option("--cutoff HZ", "cut-off frequency of the low-pass filter", float, required=True),
@@ -152,6 +161,7 @@ COMMANDS = (
         "robot_commands",
         "compiled kernels of a robot, or C code for a controller",
         _ROBOT,
+        _MODEL,
         option("--all", "all kernels, not only torques and accelerations"),
         option("--list", "list the kernels in the cache"),
         option("--clear", "delete all kernels in the cache"),

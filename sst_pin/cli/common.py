@@ -28,7 +28,9 @@ from .parser import gallery, misplaced
 
 def robot_of(arguments: argparse.Namespace) -> ClosedChain:
     """The robot that --robot names, by default an SST; a URDF with the joints of an SST is one."""
-    name, names = arguments.robot, gallery()
+    name, names, model = arguments.robot, gallery(), arguments.model
+    if model is not None and (name is None or name in names or is_mjcf(Path(name))):
+        raise InputError("--model", "only for an SDF; name it by --robot")
     if name is None or name in names:
         return SST() if name in (None, "sst") else getattr(robots, name)()
     path = Path(name)
@@ -38,7 +40,7 @@ def robot_of(arguments: argparse.Namespace) -> ClosedChain:
         raise InputError("--robot", text)
     if is_mjcf(path):
         return ClosedChain.from_mjcf(path)
-    urdf = Urdf.read(path)
+    urdf = Urdf.read(path, model)
     if set(JOINT_NAMES) <= set(urdf.joint_names):
         return SST.from_description(read_urdf(urdf, default=YAML_PATH))
     return ClosedChain.from_description(read_urdf(urdf))
@@ -61,6 +63,8 @@ def sst_of(arguments: argparse.Namespace) -> SST:
         return SST()
     if name in gallery():
         raise InputError("--robot", f"{name} is not an SST, which this command needs")
+    if getattr(arguments, "model", None) is not None:
+        raise InputError("--model", "not for the folder of an SST; write the model to a file .xml")
     return (SST.from_mjcf if is_mjcf(Path(name)) else SST.from_urdf)(name)
 
 

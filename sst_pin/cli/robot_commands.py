@@ -24,7 +24,7 @@ def validate(arguments: argparse.Namespace) -> int:
         raise InputError("validate", "give one robot")
     arguments.robot = arguments.robot or arguments.file
     if arguments.robot is not None and arguments.robot not in gallery():
-        problems, summary = examine(arguments.robot, arguments.cuts)
+        problems, summary = examine(arguments.robot, arguments.cuts, arguments.model)
     else:
         chain = common.robot_of(arguments)
         problems, summary = [], summary_of(chain.mechanism.model, chain.mobility())

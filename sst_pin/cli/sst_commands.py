@@ -19,7 +19,7 @@ from ..sst.robot_wrapper import configurations_of
 from . import common
 
 #: Options of `describe` that every robot has.
-_COMMON = {"command", "robot", "output", "force"}
+_COMMON = {"command", "robot", "model", "output", "force"}
 
 
 def paper(arguments: argparse.Namespace) -> int:

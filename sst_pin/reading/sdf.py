@@ -136,7 +136,8 @@ class Sdf:
         if name is not None:
             text = f"{len(candidates)} models are named {name}; the models are {names}"
         elif candidates:
-            text = f"{len(candidates)} models that move: {names}; model= chooses one"
+            text = f"{len(candidates)} models that move: {names}; model= chooses one, --model in "
+            text += "the shell"
         else:
             text = "no model that moves; one is needed"
         raise DescriptionError(self._source, [text])

@@ -143,3 +143,29 @@ def test_all_missing_extras_are_named_at_once(here, capsys, monkeypatch):
     code, _, err = run(capsys, "describe", "-o", "d")
     assert code == 2
     assert f"trimesh, matplotlib are not installed; run: {install_command('mesh,plot')}" in err
+
+
+LINK = "<link name='{0}'><inertial><mass>1</mass></inertial></link>"
+JOINT = (
+    "<joint name='{0}_j' type='revolute'><parent>world</parent><child>{0}</child>"
+    "<axis><xyz>0 1 0</xyz></axis></joint>"
+)
+
+
+def test_a_model_of_an_sdf_world_is_chosen(here, capsys):
+    models = "".join(
+        f"<model name='{name}'>{LINK.format(name)}{JOINT.format(name)}</model>" for name in "rs"
+    )
+    world = f"<sdf version='1.9'><world name='w'>{models}</world></sdf>"
+    (here / "w.sdf").write_text(world, encoding="utf-8")
+    code, out, _ = run(capsys, "validate", "w.sdf")
+    assert code == 1
+    assert "--model in the shell" in out
+    code, out, _ = run(capsys, "validate", "w.sdf", "--model", "s")
+    assert code == 0
+    assert "s_j" in out
+    assert "r_j" not in out
+    for robot in (("--robot", "delta"), ()):
+        code, _, err = run(capsys, "verify", *robot, "--model", "s")
+        assert code == 2
+        assert "--model: only for an SDF" in err
