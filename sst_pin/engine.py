@@ -423,7 +423,7 @@ class Engine(ClosedLoops):
         for name, value in wrenches.items():
             body, wrench = self._at_frame(name, value, on_error)
             force, moment = wrench[..., :3], wrench[..., 3:]
-            arm = self._arms(name, q, on_error)
+            arm = self._arms(name, q)
             try:
                 shifted = moment + np.cross(arm, force)
             except ValueError:
@@ -451,17 +451,24 @@ class Engine(ClosedLoops):
             )
         return body, wrench
 
-    def _arms(self, name: str, q: ArrayLike, on_error: str) -> Array:
-        """The way from the mass centre of a frame's body to the frame, in base axes, (..., 3)."""
-        model = self.mechanism.model
+    def _arms(self, name: str, q: ArrayLike) -> Array:
+        """The way from the mass centre of a frame's body to the frame, in base axes, (..., 3).
+
+        What is wrong with q is found where the quantity itself is computed.
+        """
+        model, tree = self.mechanism.model, self.assembly.loops.tree
         index = frame_id(model, name)
         frame = model.frames[index]
-        centre = frame.placement.actInv(model.inertias[frame.parentJoint].lever)
+        # Axes of the body of the normal tree are those of the frame's parent joint.
+        from_centre = frame.placement.translation - model.inertias[frame.parentJoint].lever
+        body, data = tree.bodies[frame.parentJoint], tree.model.createData()
 
         def one(q: Array) -> Array:
-            return -np.asarray(self.loops_at(q).data.oMf[index].rotation @ centre)
+            pin.forwardKinematics(tree.model, data, q)
+            return np.asarray(data.oMi[body].rotation @ from_centre)
 
-        return for_each_sample(one, [self.configurations(q)], (1,), (3,), on_error=on_error)
+        on_tree = tree.factors * self.configurations(q)[..., tree.entries] + tree.offsets
+        return for_each_sample(one, [on_tree], (1,), (3,))
 
     def _slope_of_arms(
         self, wrenches: Mapping[str, ArrayLike], q: ArrayLike, on_error: str
@@ -474,7 +481,7 @@ class Engine(ClosedLoops):
         slope = np.zeros((n, n))
         for name, value in wrenches.items():
             _, wrench = self._at_frame(name, value, on_error)
-            arm = self._arms(name, q, on_error)
+            arm = self._arms(name, q)
             J = self.compute(Quantity("frame_jacobian", name), q, on_error=on_error)[..., 3:, :]
             # An arm r of a body with the angular velocity w turns with w x r.
             turned = np.cross(J.mT, arm[..., None, :])
