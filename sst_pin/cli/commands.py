@@ -3,6 +3,7 @@
 
 import sys
 import warnings
+from argparse import SUPPRESS
 from collections.abc import Sequence
 from difflib import get_close_matches
 from importlib import import_module
@@ -82,7 +83,7 @@ COMMANDS = (
         "a motion in the browser, or as a page or a picture",
         option("motion MOTION", "default: example 1, or home of ROBOT", Path, nargs="?"),
         _ROBOT,
-        _MODEL,
+        option("--model NAME", SUPPRESS),  # the help has a screen of lines; errors name it
         option("--ghost FILE", "a second motion, of a translucent robot", Path),
         option("--speed S", "1 is real time (default: 1; 0.1 of example 1)", float),
         option("--html FILE", "write one page that needs no network", Path),
