@@ -252,3 +252,16 @@ def test_a_robot_without_surplus_motors_has_no_torques_within_limits(tmp_path):
     chain = robots.four_bar()
     sst_pin.write_c(chain, tmp_path)
     assert "robot_limited_torques" not in (tmp_path / "robot.h").read_text()
+
+
+@pytest.mark.parametrize("kind", [pin.JointModelPX, pin.JointModelRY])
+def test_a_robot_without_loops_compiles_strictly(kind, tmp_path):
+    """Where q, rates or parameters have no influence, no parameter is unused."""
+    model = pin.Model()
+    joint = model.addJoint(0, kind(), pin.SE3.Identity(), "joint")
+    model.appendBodyToJoint(joint, pin.Inertia.FromBox(2, 0.1, 0.1, 0.1), pin.SE3.Identity())
+    code, tau = Exported(ClosedChain(model, [], ["joint"]), tmp_path)(
+        "torques", 1, *np.eye(3)[2:].T
+    )
+    assert code == 0
+    assert np.isfinite(tau).all()
