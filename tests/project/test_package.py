@@ -104,15 +104,6 @@ def test_python_of_the_readme_runs_and_prints(code, tmp_path, monkeypatch, capsy
         assert first == pytest.approx([0, 17.0141, -17.0141], abs=1e-4)
 
 
-def test_ci_runs_the_two_commands_of_the_readme_and_the_slow_tests():
-    script = (ROOT / ".ci" / "run").read_text()
-    assert len(re.findall("^python3 -m venv", README, re.MULTILINE)) == 2
-    assert "grep '^python3 -m venv' README.md" in script
-    assert '"${commands[0]}"' in script
-    assert '"${commands[1]}"' in script
-    assert ".venv/bin/pytest -m slow" in script
-
-
 def test_public_names_resolve_and_say_what_they_are():
     """Each once; classes and functions with words of their own."""
     assert len(set(sst_pin.__all__)) == len(sst_pin.__all__)
