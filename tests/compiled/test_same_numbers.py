@@ -94,7 +94,9 @@ SLOW = [
     (["SST", "Cassie", "cart"], DYNAMICS),
     (["no motors"], DERIVATIVES[1:2]),
     (["sprung", "cart", "delta", "governor"], ["torque_regressor"]),
-    ([BY_COLUMNS[0], BY_COLUMNS[2]], ["compute_accelerations", "acceleration_derivatives"]),
+    ([BY_COLUMNS[0], BY_COLUMNS[2]], ["compute_accelerations"]),
+    # Motors on dependent joints stay on the reference path there.
+    ([BY_COLUMNS[0]], ["acceleration_derivatives"]),
     (BY_DIRECTIONS[1:3], [*DERIVATIVES, *OF_TREE[2:], "torque_regressor"]),
     (BY_DIRECTIONS[2:3], FRAMES),
     (BY_DIRECTIONS[4:], DERIVATIVES[:2]),
