@@ -15,7 +15,8 @@ from typing import Any
 
 def install_command(extra: str = "") -> str:
     """The command that installs this package, with an extra, for the Python that runs."""
-    folder, extras = Path(__file__).resolve().parents[1], f"[{extra}]" if extra else ""
+    folder = Path(__file__).resolve().parents[1]
+    extras = f"[{extra}]" if extra else ""
     command = f"{shlex.quote(sys.executable or 'python')} -m pip install"
     if (folder / "setup.py").is_file():  # a clone
         place = "." if Path.cwd() == folder else str(folder)
@@ -116,7 +117,8 @@ class UnknownNameError(SSTError, KeyError):
     """
 
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
-        self.name, self.known = name, list(known)
+        self.name = name
+        self.known = list(known)
         super().__init__(f"{kind} {name!r} not in the model; known: {', '.join(self.known)}")
 
     def __str__(self) -> str:  # KeyError would show the repr
@@ -154,7 +156,8 @@ class IndeterminateError(SSTError):
     def __init__(self, name: str, components: Sequence[str]) -> None:
         cure = "the robot is overconstrained; stiffness= of joints and closures makes them unique"
         super().__init__(f"{name}: {', '.join(components)} are not unique: {cure}")
-        self.name, self.components = name, tuple(components)
+        self.name = name
+        self.components = tuple(components)
 
 
 class ClosureError(SSTError):
@@ -214,7 +217,8 @@ class FileFormatError(SSTError):
 
     def __init__(self, path: str | Path, problem: str, line: int | None = None) -> None:
         super().__init__(f"{path}{'' if line is None else f', line {line}'}: {problem}")
-        self.path, self.line = Path(path), line
+        self.path = Path(path)
+        self.line = line
 
 
 class OutputError(SSTError):
@@ -240,7 +244,8 @@ class MissingExtraError(SSTError, ImportError):
     def __init__(self, package: str, extra: str) -> None:
         verb = "are" if "," in package else "is"
         super().__init__(f"{package} {verb} not installed; run: {install_command(extra)}")
-        self.package, self.extra = package, extra
+        self.package = package
+        self.extra = extra
 
 
 class CompilationError(SSTError):

@@ -30,8 +30,10 @@ class Bar:
 
     def __init__(self, hint: str = "", **options: Any) -> None:
         self._bar: Any = None
-        self._options, self._hint = options, hint
-        self._began, self._late = time(), monotonic() + PATIENCE
+        self._options = options
+        self._hint = hint
+        self._began = time()
+        self._late = monotonic() + PATIENCE
 
     def reach(self, done: float) -> None:
         """Show how much is done."""

@@ -76,7 +76,8 @@ class RolloutArrays(NamedTuple):
         q0, va0 = (self.q[one, done], self.va[one, done]) if done else (self.q0[one], self.va0[one])
         tau = self.tau[one, (1 if self.constant else 2) * done :]
         load = None if self.load is None else self.load[one]
-        q, va = self.q[one, done:], self.va[one, done:]
+        q = self.q[one, done:]
+        va = self.va[one, done:]
         return RolloutArrays(self.dt, q0.copy(), va0.copy(), tau, load, q, va)
 
 
@@ -93,8 +94,10 @@ class States:
     def __init__(self, reference: Reference, friction: Friction) -> None:
         reference.mechanism.require_freedom()
         reference.mechanism.require_mass()
-        self._reference, self._mechanism = reference, reference.mechanism
-        self._friction, self._nq = friction, reference.mechanism.model.nq
+        self._reference = reference
+        self._mechanism = reference.mechanism
+        self._friction = friction
+        self._nq = reference.mechanism.model.nq
         self.coordinates = reference.mechanism.coordinates
         self._others = dict[bytes, States]()
 
@@ -112,7 +115,8 @@ class States:
             loads = [None] * len(states) if wrenches is None else wrenches
             samples = zip(states, tau, loads, strict=True)
             return np.array([self.rate(*sample) for sample in samples])
-        q, va = self.closed(states), states[self._nq :]
+        q = self.closed(states)
+        va = states[self._nq :]
         return self._rate(q, va, tau, wrenches, CLOSURE_TOLERANCE)
 
     def _rate(
@@ -129,12 +133,17 @@ class States:
         The coordinates and their rates determine the state, so columns of other joints are zero.
         Where wheels roll, the state has more degrees of freedom, and this does not hold.
         """
-        reference, space, nq = self._reference, self._mechanism.space, self._nq
-        q, va = self.closed(state), state[nq:]
-        n, loops = len(va), reference.context.loops
+        reference = self._reference
+        space = self._mechanism.space
+        nq = self._nq
+        q = self.closed(state)
+        va = state[nq:]
+        n = len(va)
+        loops = reference.context.loops
         aa_by = self._acceleration_derivatives(q, va, tau, wrenches)
         L = reference.L(q)
-        v, turns = L.dot(va), np.array([space.coordinate_rates(q, e) for e in np.eye(len(L))]).T
+        v = L.dot(va)
+        turns = np.array([space.coordinate_rates(q, e) for e in np.eye(len(L))]).T
         L_dot = reference.context.complement.L_dot
         v_q = np.transpose([L_dot(loops.Phi_dot(e)).dot(va) for e in L.T])
         rates_q, q_dot_va = turns.dot(v_q), turns.dot(L)
@@ -142,7 +151,8 @@ class States:
             # Rates of positions are quadratic in q, so central differences are exact.
             ends = [[space.coordinate_rates(q + s * d, v) for s in (1, -1)] for d in q_dot_va.T]
             rates_q += np.transpose([(ahead - behind) / 2 for ahead, behind in ends])
-        by_state, by_tau = np.zeros((nq + n, nq + n)), np.zeros((nq + n, len(tau)))
+        by_state = np.zeros((nq + n, nq + n))
+        by_tau = np.zeros((nq + n, len(tau)))
         by_q = np.linalg.pinv(turns)[self._mechanism.coordinates]
         by_state[:, :nq] = np.vstack((rates_q, aa_by[:, :n])).dot(by_q)
         by_state[:, nq:] = np.vstack((q_dot_va, aa_by[:, n : 2 * n]))
@@ -183,7 +193,8 @@ class States:
         condition = self.condition_number(q)
         if not condition > sound:
             return self, condition
-        Phi, n = self.Phi(q), len(self.coordinates)
+        Phi = self.Phi(q)
+        n = len(self.coordinates)
         if not np.isfinite(Phi).all():
             return self, condition
         # Motions of the smallest singular values: near a singularity more than n are free.
@@ -239,10 +250,13 @@ class States:
         Where rates of other joints describe the motion better, they are integrated. With `back` it
         returns where the coordinates describe it well again.
         """
-        states, q, va = self, motions.q[i], motions.va[i]
+        states = self
+        q = motions.q[i]
+        va = motions.va[i]
         q[:], va[:] = np.nan, np.nan
         load = None if motions.load is None else motions.load[i].reshape(-1, 6)
-        state, before = np.concatenate([motions.q0[i], motions.va0[i]]), motions.q0[i]
+        state = np.concatenate([motions.q0[i], motions.va0[i]])
+        before = motions.q0[i]
         done = 0
         for s in range(motions.steps + 1):
             q_s, rates = np.split(state, [self._nq])
@@ -252,12 +266,14 @@ class States:
                     break
                 v = states.joint_rates(q_s, rates)
                 q[s], va[s] = q_s, rates if states is self else v[self.coordinates]
-                before, done = q_s, s + 1
+                before = q_s
+                done = s + 1
                 suited = self._suited_ahead(q_s, motions.dt * v)
                 if s == motions.steps or (back and s and suited is self):
                     return done, True
                 if suited is not states:
-                    states, state = suited, np.concatenate([q_s, v[suited.coordinates]])
+                    states = suited
+                    state = np.concatenate([q_s, v[suited.coordinates]])
                 state, short = states._step(state, motions.torques(i, s), load, motions.dt)
                 if not short:
                     break
@@ -283,7 +299,9 @@ class States:
 
         Before its correction the end of the step is off the closures by an error of order h^5.
         """
-        nq, model, space = self._nq, self._mechanism.model, self._mechanism.space
+        nq = self._nq
+        model = self._mechanism.model
+        space = self._mechanism.space
 
         def rate(when: int, stage: Array) -> Array:
             q = space.normalised(stage[:nq])

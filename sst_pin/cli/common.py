@@ -28,7 +28,9 @@ from .parser import gallery, misplaced
 
 def robot_of(arguments: argparse.Namespace) -> ClosedChain:
     """The robot that --robot names, by default an SST; a URDF with the joints of an SST is one."""
-    name, names, model = arguments.robot, gallery(), arguments.model
+    name = arguments.robot
+    names = gallery()
+    model = arguments.model
     if model is not None and (name is None or name in names or is_mjcf(Path(name))):
         raise InputError("--model", "only for an SDF; name it by --robot")
     if name is None or name in names:

@@ -33,10 +33,12 @@ def identify(arguments: argparse.Namespace) -> int:
         if not urdf.is_file() or is_mjcf(urdf):
             raise InputError("--robot", "needed: a URDF, which is written with the numbers found")
         require_ending(arguments.urdf, ".urdf")
-    robot, source = common.robot_of(arguments), common.source_of(arguments.log)
+    robot = common.robot_of(arguments)
+    source = common.source_of(arguments.log)
     robot = _with_masses(robot, arguments.masses or {})
     t, x, tau, start = read_log(robot.engine, source)
-    cutoff, every = arguments.cutoff, arguments.decimate
+    cutoff = arguments.cutoff
+    every = arguments.decimate
     if every is None:  # at most the samples of a period of the cut-off frequency
         in_period = (len(t) - 1) / (t[-1] - t[0]) / cutoff if cutoff > 0 else 1
         every = max(1, min(_EVERY, int(in_period)))
@@ -51,7 +53,8 @@ def identify(arguments: argparse.Namespace) -> int:
         robot, base, first.q, first.va, first.aa, first.tau, **options
     )
     theta = identification.consistent_parameters(robot, estimate)
-    text, files = identification.report(robot, estimate, theta, unseen), dict[Path, Writer]()
+    text = identification.report(robot, estimate, theta, unseen)
+    files = dict[Path, Writer]()
     if pictures:
         from .. import plots
 

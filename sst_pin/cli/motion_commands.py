@@ -26,7 +26,8 @@ CUT_SHORT = 3
 
 def torques(arguments: argparse.Namespace) -> int:
     """Inverse dynamics of a motion file."""
-    robot, source = common.robot_of(arguments), common.source_of(arguments.motion)
+    robot = common.robot_of(arguments)
+    source = common.source_of(arguments.motion)
     motion = read_motion(robot.engine, source, common.table_reader(robot))
     if common.refuses(robot.check_limits(motion), arguments):
         return 1
@@ -48,7 +49,8 @@ def simulate(arguments: argparse.Namespace) -> int:
     """Direct dynamics of a torque file."""
     robot = common.robot_of(arguments)
     table = motion_table(robot.mechanism, common.source_of(arguments.torques))
-    tau, t = read_torques(robot.mechanism, table), table.column("t_s")
+    tau = read_torques(robot.mechanism, table)
+    t = table.column("t_s")
     if len(t) < 2:
         raise FileFormatError(table.path, "one row; a simulation needs at least two times")
     q0, va0 = read_start(robot.engine, table, arguments.q0, arguments.va0)
@@ -118,7 +120,8 @@ def show(arguments: argparse.Namespace) -> int:
 
 
 def _asked_for(arguments: argparse.Namespace) -> tuple[ClosedChain, Trajectory | None, float, str]:
-    path, robot = arguments.motion, common.robot_of(arguments)
+    path = arguments.motion
+    robot = common.robot_of(arguments)
     if path is not None:
         return robot, common.motion_of(robot, path), 1.0, path.name
     if arguments.robot is None:

@@ -27,7 +27,8 @@ def validate(arguments: argparse.Namespace) -> int:
         problems, summary = examine(arguments.robot, arguments.cuts, arguments.model)
     else:
         chain = common.robot_of(arguments)
-        problems, summary = [], summary_of(chain.mechanism.model, chain.mobility())
+        problems = []
+        summary = summary_of(chain.mechanism.model, chain.mobility())
     for problem in problems:
         print(problem)
     counts = Counter(problem.severity for problem in problems)

@@ -28,13 +28,16 @@ def paper(arguments: argparse.Namespace) -> int:
 
     if not 10 <= arguments.samples <= 10**7:
         raise InputError("--samples", f"{arguments.samples} is not from 10 to 10 million")
-    robot, out = common.sst_of(arguments), arguments.output
-    t, began = np.linspace(0, PERIOD, arguments.samples), time.perf_counter()
+    robot = common.sst_of(arguments)
+    out = arguments.output
+    t = np.linspace(0, PERIOD, arguments.samples)
+    began = time.perf_counter()
     motions = {"example_1": (example := example_1(robot, t))}
     seconds = time.perf_counter() - began
     if common.refuses(robot.check_limits(example), arguments):
         return 1
-    peaks, means = np.abs(example.tau).max(axis=0), np.sqrt((example.tau**2).mean(axis=0))
+    peaks = np.abs(example.tau).max(axis=0)
+    means = np.sqrt((example.tau**2).mean(axis=0))
     lines = [
         f"Example 1: inverse dynamics along the circle, {len(t)} samples, {seconds:.3f} s",
         "                    tau_1      tau_2      tau_3",
@@ -46,7 +49,8 @@ def paper(arguments: argparse.Namespace) -> int:
     for name, rounded in (("exact", False), ("printed", True)):
         began = time.perf_counter()
         motion = motions[f"example_2_{name}_start"] = example_2(robot, example, rounded)
-        seconds, errors = time.perf_counter() - began, compare(robot, example, motion)
+        seconds = time.perf_counter() - began
+        errors = compare(robot, example, motion)
         text = f"{name:8}  {errors.path_error:.1e} rad  {errors.closure:.1e}    "
         text += f"{errors.energy:.1e} J     {seconds:.2f} s{common.remark(motion)}"
         lines.append(text)
@@ -60,7 +64,8 @@ def paper(arguments: argparse.Namespace) -> int:
 
 def describe(arguments: argparse.Namespace) -> None:
     """Write any robot as MJCF, or an SST as a description folder such as urdf/."""
-    robot, output = common.robot_of(arguments), arguments.output
+    robot = common.robot_of(arguments)
+    output = arguments.output
     if output.suffix.lower() in (".xml", ".mjcf"):
         if any(value is not None for name, value in vars(arguments).items() if name not in _COMMON):
             robot = SST(_changed(common.sst_of(arguments).parameters, arguments))

@@ -90,7 +90,8 @@ def make(
     made = QUANTITIES[quantity](e, checks) if frame is None else FRAMES[quantity](e, checks, frame)
     passes = []
     for group in branches.groups(e):
-        symbols, direction = SX.sym("direction", len(group)), SX(len(e.L), 1)
+        symbols = SX.sym("direction", len(group))
+        direction = SX(len(e.L), 1)
         for k, symbol in zip(group, ca.vertsplit(symbols), strict=True):
             direction[k] = symbol
         placed, more = made.along(direction)
@@ -125,7 +126,8 @@ def _torque_derivatives(e: Equations, checks: Checks) -> _Made:
 
 def _acceleration_derivatives(e: Equations, checks: Checks) -> _Made:
     """Derivatives of aa by q, va and tau side by side, row by row."""
-    n, motors = len(e.L), e.tau.numel()
+    n = len(e.L)
+    motors = e.tau.numel()
     width = 2 * n + motors
     aa, inverses = e.accelerations
     tree = symbolic_derivatives.OnTree(e, aa, e.tau)
@@ -185,7 +187,8 @@ def _reduced_terms(e: Equations, checks: Checks) -> _Made:
 
 def _torque_regressor(e: Equations, checks: Checks) -> _Made:
     """Y row by row: row k has the derivatives of the power along L e_k by all parameters."""
-    nv, blocks = e.mechanism.model.nv, e.parameters.by_parameters()
+    nv = e.mechanism.model.nv
+    blocks = e.parameters.by_parameters()
     sizes = [block.shape[1] for block in blocks]
     motors = len(e.motor_columns)
     width = sum(sizes) + nv + motors

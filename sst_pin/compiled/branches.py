@@ -53,12 +53,15 @@ def _connected(coordinates: Sequence[int], moved: Sequence[set[int]]) -> list[li
     """Parts of the coordinates that move no link together."""
     parts: list[tuple[list[int], set[int]]] = []
     for k in coordinates:
-        members, links, others = [k], set(moved[k]), []
+        members = [k]
+        links = set(moved[k])
+        others = []
         for part in parts:
             if part[1].isdisjoint(moved[k]):
                 others.append(part)
             else:
-                members, links = part[0] + members, links | part[1]
+                members = part[0] + members
+                links = links | part[1]
         parts = [*others, (members, links)]
     return [sorted(members) for members, _ in parts]
 

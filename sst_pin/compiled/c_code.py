@@ -107,20 +107,24 @@ def body(
 
     `size` is that of p before its constants, `suffix` that of numbers, "f" in single precision.
     """
-    writer, name = written(kernel, size, suffix), kernel.name
+    writer = written(kernel, size, suffix)
+    name = kernel.name
     prepare = f"static void {name}_constants(constants p)"
     constants = statements.function(prepare, ["(void)p;", *writer.lines[NUMBER]])
     arranged = statements.with_results_in_memory if in_memory else list
-    lines, room = writer.lines[ONCE], writer.room
+    lines = writer.lines[ONCE]
+    room = writer.room
     arguments = "const real *x, parameters p, real *restrict y"
     if kernel.along is None:
         text, room = _function("static", name, arguments, lines, room, arranged)
         return KernelSource(f"{constants}\n{text}", writer.size, room)
     once, room = _function("SEPARATE", f"{name}_once", arguments, lines, room, arranged)
-    functions, rooms = [once], []
+    functions = [once]
+    rooms = []
     arguments = _OF_PASSES
     for k, part in enumerate(kernel.along.passes):
-        lines, of_pass = writer.lines[k], part.results.numel() + part.checks.numel()
+        lines = writer.lines[k]
+        of_pass = part.results.numel() + part.checks.numel()
         code = _function("SEPARATE", f"{name}_pass_{k}", arguments, lines, of_pass, arranged)
         functions.append(code[0])
         rooms.append(code[1])
@@ -251,16 +255,19 @@ class Writer:
         if operation == ca.OP_INV:
             return self._inverse(operands[0])
         if operation == ca.OP_DIV:
-            operation, operands = ca.OP_MUL, [operands[0], self._inverse(operands[1])]
+            operation = ca.OP_MUL
+            operands = [operands[0], self._inverse(operands[1])]
         kind = max(kind for _, kind in operands)
-        lines, type_name = self.lines[kind], _type(kind)
+        lines = self.lines[kind]
+        type_name = _type(kind)
         if operation == ca.OP_SIGN:
             self._directions[name] = self.use(operands[0], kind)
             return name, kind
         if operation == ca.OP_MUL and kind != NUMBER:
             for (text, _), (factor, of_factor) in (operands, operands[::-1]):
                 if text in self._directions and of_factor == NUMBER:
-                    x, F = self._directions[text], self.use((factor, of_factor), kind)
+                    x = self._directions[text]
+                    F = self.use((factor, of_factor), kind)
                     lines.append(f"const real {name} = rubbing({x}, {F}, {_OF_SIGNS});")
                     return name, kind
         texts = [self.use(operand, kind) for operand in operands]
@@ -301,11 +308,15 @@ def library(entry: str, kernels: Sequence[SymbolicKernel], lanes: int) -> list[s
     for a sample is in a source of its own, on plain numbers.
     """
     head = f"#define LANES {lanes}\n{part('real.h')}"
-    parts, sources = [head, part("driver.h")], list[str]()
-    size, room, of_passes = None, 0, 0
+    parts = [head, part("driver.h")]
+    sources = list[str]()
+    size = None
+    room = 0
+    of_passes = 0
     for kernel in kernels:
         source = body(kernel, size, in_memory=True)
-        size, room = source.size, max(room, source.room)
+        size = source.size
+        room = max(room, source.room)
         of_passes = source.room_of_passes
         parts.append(source.text)
         if source.functions:
@@ -313,7 +324,8 @@ def library(entry: str, kernels: Sequence[SymbolicKernel], lanes: int) -> list[s
             sources.append(f"#define LANES 1\n{part('real.h')}\n{once}")
             sources += [f"{head}\n{text}" for text in passes]
     last = kernels[-1]
-    arrays, along = [symbols.numel() for symbols in last.inputs.values()], last.along
+    arrays = [symbols.numel() for symbols in last.inputs.values()]
+    along = last.along
     outputs = last.output.numel()
     numbers: dict[str, object] = {
         "entry": entry,
@@ -328,10 +340,13 @@ def library(entry: str, kernels: Sequence[SymbolicKernel], lanes: int) -> list[s
         "room": room,
     }
     parts.append(filled("entries/prepare.c", numbers))
-    word, close = "run", "NULL"
+    word = "run"
+    close = "NULL"
     if len(kernels) > 1:
         q, va, tau, *load = arrays
-        word, close, arrays = "rate", kernels[0].name, [q + va, tau, *load]
+        word = "rate"
+        close = kernels[0].name
+        arrays = [q + va, tau, *load]
         more = {"va": va, "tau": tau, "load": sum(load), "states": q + va, "close": close}
         more |= {"units": ", ".join(map(repr, kernels[0].units)), "bend": BEND}
         more |= {"close_checks": kernels[0].checks.numel(), "tolerance": CLOSURE_TOLERANCE}
@@ -362,12 +377,15 @@ def _blanks_of_passes(name: str, along: Directions) -> dict[str, object]:
 
 def blanks_of_directions(along: Directions) -> dict[str, object]:
     """Texts for the blanks of the templates of kernels along directions, in C and in Warp."""
-    tables, order, entries = list[str](), list[int](), list[tuple[int, int]]()
+    tables = list[str]()
+    order = list[int]()
+    entries = list[tuple[int, int]]()
     for k, part in enumerate(along.passes):
         listed = f"directions_{k}[] = {{{_listed(part.coordinates)}}}"
         tables.append(f"static const int {listed}, places_{k}[] = {{{_listed(part.places)}}};")
     if along.solution is not None:
-        order, entries = along.solution.order, along.solution.entries
+        order = along.solution.order
+        entries = along.solution.entries
     return {
         "results": along.size,
         "tables": "\n    ".join(tables),

@@ -50,7 +50,8 @@ class CasadiFunctions:
         compiled: bool = False,
     ) -> None:
         self._mechanism = mechanism = reference.mechanism
-        self.nq, self.n = mechanism.model.nq, len(mechanism.coordinates)
+        self.nq = mechanism.model.nq
+        self.n = len(mechanism.coordinates)
         self.motors = mechanism.motors.shape[1]
         self._compiled = compiled
         samples = sample_configurations(reference, near)
@@ -138,7 +139,8 @@ class CasadiFunctions:
         Either the loops are open, or q is near a singularity or too far from the configurations for
         which the order of elimination was chosen, or the motors hardly hold the robot.
         """
-        checks, of_motors = Checks(self._equations, CLOSED), []
+        checks = Checks(self._equations, CLOSED)
+        of_motors = []
         if self._equations.driven:
             of_motors = checks.of_motors
         verdicts = ca.vertcat(*checks.of_state, *checks.of_complement, *of_motors)
@@ -176,7 +178,8 @@ class CasadiFunctions:
         method that closes the loops.
         """
         self._mechanism.require_mass()
-        nq, rate = self.nq, self._function("state_rate", "rate")
+        nq = self.nq
+        rate = self._function("state_rate", "rate")
         q_next = kernels.make(self._equations, "closing").output[:nq]
         closed = self._made("closing", {"q": self._equations.q}, {"closed": q_next})
         sizes = {"q": nq, "va": self.n, "tau": self.motors, "dt": 1}
@@ -208,7 +211,8 @@ class CasadiFunctions:
     @announced("casadi: deriving the equations")
     def _function(self, kernel: str, *outputs: str) -> Function:
         """A kernel as a function; one of derivatives has three results, side by side."""
-        expression, derivatives = kernels.make(self._equations, kernel), len(outputs) > 1
+        expression = kernels.make(self._equations, kernel)
+        derivatives = len(outputs) > 1
         parts = [expression.output]
         if derivatives:
             rows = ca.reshape(expression.output, -1, self.n).T
@@ -241,7 +245,8 @@ class CasadiFunctions:
 
 def _compiled(robot: str, function: Function, order: int) -> Function:
     """A function as an external one, from the cache or compiled now, with a Jacobian if `order`."""
-    name, content = function.name(), f"{order} {function.serialize()}".encode()
+    name = function.name()
+    content = f"{order} {function.serialize()}".encode()
 
     def sources() -> list[str]:
         generator = ca.CodeGenerator(name)

@@ -76,7 +76,8 @@ class _Pair:
     """Rows between two frames; vectors in the axes of the last link that both hang on."""
 
     def __init__(self, kinematics: Kinematics, model: pin.Model, a: str, b: str) -> None:
-        self._kinematics, tree = kinematics, kinematics.tree
+        self._kinematics = kinematics
+        tree = kinematics.tree
         self._frames = [frame_named(model, name) for name in (a, b)]
         self._links = [tree.link_of[frame.parentJoint] for frame in self._frames]
         paths = [tree.ancestors(link) for link in self._links]
@@ -90,7 +91,8 @@ class _Pair:
         for link, frame in zip(self._links, self._frames, strict=True):
             R, _ = self._kinematics.pose(self._base, link)
             x = self._kinematics.relative_motion(self._base, link, v, dv)
-            a, omega = R @ (x.a + x.U @ sx(frame.placement.translation)), R @ x.omega
+            a = R @ (x.a + x.U @ sx(frame.placement.translation))
+            omega = R @ x.omega
             ends.append(LinkMotion(omega, omega, R @ x.alpha, a))
         return ends[0], ends[1]
 
@@ -155,7 +157,8 @@ class _Pair:
 
     def _slide(self, k: int) -> Row:
         """Axis k of A stays at a right angle to the line from A to B."""
-        n, d = self.a.R[:, k], self.d
+        n = self.a.R[:, k]
+        d = self.d
         Phi, velocity = self._row(
             lambda u, turn: ca.dot(n, u + ca.cross(turn, d)), lambda u, _: ca.dot(n, u)
         )
@@ -171,7 +174,8 @@ class _Pair:
         """B does not turn relative to A."""
         # Link C bears the last joint of B's branch. In its axes, the axes of the last two joints
         # are constant. The path from A's link to C goes through B.
-        kinematics, links = self._kinematics, self._kinematics.tree.links
+        kinematics = self._kinematics
+        links = self._kinematics.tree.links
         (link_a, link_b), (frame_a, frame_b) = self._links, self._frames
         C = link_b
         if link_b != self._base and links[link_b].kind == "turn":
@@ -224,7 +228,8 @@ class _Pair:
 
     def _angle(self, i: int, j: int, sign: float, gap: SX) -> Row:
         """Axis i of A stays at a right angle to axis j of B."""
-        n, m = self.a.R[:, i], self.b.R[:, j]
+        n = self.a.R[:, i]
+        m = self.b.R[:, j]
         across = sign * ca.cross(m, n)
         Phi, velocity = self._row(lambda _, turn: ca.dot(across, turn))
 
@@ -270,7 +275,9 @@ class _Pair:
 
     def rolling(self, closure: Rolling) -> Iterator[Row]:
         """B touches the x-y plane of A and does not slip; A's axes give the rows."""
-        normal, axle, radius = self.a.R[:, 2], self.b.R[:, 2], closure.radius
+        normal = self.a.R[:, 2]
+        axle = self.b.R[:, 2]
+        radius = closure.radius
         across = normal if closure.ball else normal - ca.dot(normal, axle) * axle
         size = ca.sqrt(ca.sumsqr(across))
         up = normal if closure.ball else across / size
@@ -328,7 +335,8 @@ def _coupling(kinematics: Kinematics, model: pin.Model, closure: Coupling) -> Ro
     second: Sparse = {}
     for name, coefficients in terms.items():
         joint = model.joints[joint_id(model, name)]
-        q, powers = kinematics.moved_q[joint.idx_q], [polyder(coefficients, k) for k in range(3)]
+        q = kinematics.moved_q[joint.idx_q]
+        powers = [polyder(coefficients, k) for k in range(3)]
         value, slope, curvature = (SX(ca.polyval(ca.DM(p[::-1]), q)) for p in powers)
         residual += value
         if not slope.is_zero():

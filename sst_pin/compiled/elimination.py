@@ -51,7 +51,8 @@ def pivot_order(pattern: Flags, values: Array) -> tuple[list[tuple[int, int]], A
         i, j = np.unravel_index(np.argmin(cost), cost.shape)
         order.append((int(i), int(j)))
         sizes.append(size[:, i, j].max())
-        below, right = np.flatnonzero(pattern[:, j]), np.flatnonzero(pattern[i])
+        below = np.flatnonzero(pattern[:, j])
+        right = np.flatnonzero(pattern[i])
         factors = values[:, below, j] / values[:, i, j, None]
         block = np.ix_(np.arange(len(values)), below, right)
         values[block] -= factors[:, :, None] * values[:, None, i, right]
@@ -66,7 +67,8 @@ class Factors:
     def __init__(self, rows: Rows, order: Sequence[tuple[int, int]]) -> None:
         columns = {j for _, j in order}
         work = {i: {j: x for j, x in rows[i].items() if j in columns} for i, _ in order}
-        self._order, self.rows = list(order), [i for i, _ in order]
+        self._order = list(order)
+        self.rows = [i for i, _ in order]
         #: Row and column of each pivot before the core, factors by the row they change, inverse.
         self._steps: list[tuple[int, int, dict[int, Any], Any]] = []
         self.pivots: list[Any] = []  # for a last 2 x 2 block its determinant
@@ -77,7 +79,8 @@ class Factors:
             if len(waiting) == 2 and self._invert_core([work[k] for k in waiting]):
                 break
             waiting.remove(i)
-            row, pivot = work[i], work[i].pop(j)
+            row = work[i]
+            pivot = work[i].pop(j)
             inverse = 1 / pivot
             factors = {}
             for k in waiting:
@@ -169,9 +172,13 @@ class Orthogonal:
     changed: tuple[list[int], list[int]] = [], []  #: No element of Q grows.
 
     def __init__(self, rows: Rows, scale: Mapping[int, float], columns: Sequence[int]) -> None:
-        self.rows, self._columns, self._scale = list(scale), list(columns), scale
+        self.rows = list(scale)
+        self._columns = list(columns)
+        self._scale = scale
         A = [{i: rows[i][j] * x for i, x in scale.items() if j in rows[i]} for j in columns]
-        self._Q, self.squares, self.inverses = A, list[Any](), list[Any]()
+        self._Q = A
+        self.squares = list[Any]()
+        self.inverses = list[Any]()
         self._R: list[dict[int, Any]] = []  # above the diagonal, which is one, row by row
         for k, q in enumerate(A):
             self.squares.append(_product(q, q))

@@ -81,7 +81,8 @@ class Equations:
         self.tree = TreeDynamics(
             mechanism, self.kinematics, self.parameters, self.p, self.loads, smooth, welded
         )
-        self._samples, self._smooth = samples, smooth
+        self._samples = samples
+        self._smooth = smooth
 
     @cached_property
     def displaced(self) -> "Equations":
@@ -100,7 +101,8 @@ class Equations:
     @cached_property
     def pivots(self) -> Pivots:
         """Phi_u in parts that share no row and no rate."""
-        scale, units = self.mechanism.row_scale, self.mechanism.rate_scale[self._dependent]
+        scale = self.mechanism.row_scale
+        units = self.mechanism.rate_scale[self._dependent]
         Phi_u = (column(row.Phi, self._dependent).T for row in self.rows)
         matrix = ca.vertcat(SX(0, len(self._dependent)), *Phi_u)
         pattern = ca.DM(matrix.sparsity(), 1).full() > 0
@@ -108,7 +110,8 @@ class Equations:
         # Rows that hold nothing, such as a plane's for a planar arm, are rounding.
         sizes_of_rows = np.abs(values * units).max(axis=(0, 2), initial=0.0)
         pattern &= sizes_of_rows[:, None] > RANK_TOLERANCE
-        Phi, determinant = [row.Phi for row in self.rows], SX(float(np.prod(units)))
+        Phi = [row.Phi for row in self.rows]
+        determinant = SX(float(np.prod(units)))
         parts: list[tuple[Factors | Orthogonal, Array]] = []
         for rows, columns in connected(pattern):
             if numbers := self._all_of(values, rows, columns):
@@ -289,7 +292,9 @@ class Equations:
     @cached_property
     def motor_rows(self) -> list[dict[int, Any]]:
         """Rows of L^T B without zeros; refuses motors that at no sample drive all coordinates."""
-        mechanism, A, n = self.mechanism, self.motor_matrix, len(self._coordinates)
+        mechanism = self.mechanism
+        A = self.motor_matrix
+        n = len(self._coordinates)
         rows = mechanism.rate_scale[mechanism.coordinates, None]
         sizes = np.linalg.svd(self.at_samples(A) * rows / mechanism.motor_scale, compute_uv=False)
         rank = int((sizes > RANK_TOLERANCE * np.maximum(sizes[:, :1], 1)).sum(axis=1).max())
@@ -312,7 +317,8 @@ class Equations:
     @cached_property
     def motor_factors(self) -> tuple[Orthogonal, Array]:
         """(L^T B)^T, factorised, and the largest squares of its pivots in the samples."""
-        rows, motors = list(enumerate(self.motor_rows)), range(len(self.mechanism.motor_names))
+        rows = list(enumerate(self.motor_rows))
+        motors = range(len(self.mechanism.motor_names))
         by_motor = [{i: row[k] for i, row in rows if k in row} for k in motors]
         return self._orthogonal(by_motor, dict.fromkeys(motors, 1.0), range(len(rows)))
 

@@ -48,7 +48,8 @@ def drift(e: Equations, checks: Checks, frame: str) -> tuple[SX, list[Any]]:
 
 def _change(e: Equations, frame: str, of: Sparse, along: Sparse, change: Sparse) -> SX:
     """Change of the velocity at rates `of` along other rates; `change` is that of the rates."""
-    kinematics, place = e.kinematics, frame_named(e.mechanism.model, frame)
+    kinematics = e.kinematics
+    place = frame_named(e.mechanism.model, frame)
     link = kinematics.tree.link_of[place.parentJoint]
     R, _ = kinematics.pose(0, link)
     x = kinematics.motions(along, change, v_k=of)[link]

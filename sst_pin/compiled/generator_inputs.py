@@ -24,7 +24,8 @@ _SAMPLES = 8
 def sample_configurations(reference: Reference, near: Array | None = None) -> Array:
     """Assembled configurations, the same at each call, shape (samples, nq), `near` the first."""
     reference.mechanism.require_freedom()
-    assembly, anywhere = reference.context.assembly, near is None
+    assembly = reference.context.assembly
+    anywhere = near is None
     if near is None:
         near = reference.mechanism.example
     if near is None:
@@ -58,7 +59,8 @@ def fingerprint(
 
     Closures and lines name joints and frames, so the fingerprint has the properties of these.
     """
-    model, lines = mechanism.model, [(x.frame_a, x.frame_b) for x in mechanism.lines.forces]
+    model = mechanism.model
+    lines = [(x.frame_a, x.frame_b) for x in mechanism.lines.forces]
     cables = mechanism.lines.pull_only.any()
     named = {name for names in map(frames_of, mechanism.closures) for name in names}
     named.update(*lines, () if frame is None else (frame,))

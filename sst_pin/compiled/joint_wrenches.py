@@ -33,8 +33,10 @@ def on_links(rows: Sequence[Row], v: Sparse) -> list[dict[int, SX]]:
 
 def reactions(e: Equations, checks: Checks) -> tuple[dict[str, SX], SX, list[Any]]:
     """Wrenches of joints and closures, the ground's, torques and codes, in a column."""
-    mechanism, needed = e.mechanism, e.tree_forces
-    inputs, tau = {"q": e.q, "va": e.va, "aa": e.aa}, e.generalized_forces
+    mechanism = e.mechanism
+    needed = e.tree_forces
+    inputs = {"q": e.q, "va": e.va, "aa": e.aa}
+    tau = e.generalized_forces
     if not mechanism.driven_one_to_one:
         inputs["tau"] = tau = e.tau
         needed = add(needed, e.motor_forces(-tau))
@@ -42,7 +44,8 @@ def reactions(e: Equations, checks: Checks) -> tuple[dict[str, SX], SX, list[Any
     Lambda = e.multipliers(needed) | _pushes(e, tau)
     values, ground = _wrenches(e, units, Lambda, e.tree.wrenches(e.v, e.dv))
     stresses = [_wrenches(e, units, stress)[0] for stress in _stresses(e)]
-    size, codes = np.repeat([mechanism.length, 1.0], 3), [SX(0)] * (values.numel() // 6)
+    size = np.repeat([mechanism.length, 1.0], 3)
+    codes = [SX(0)] * (values.numel() // 6)
     for k in range(values.numel()):
         squares = [stress[k] ** 2 for stress in stresses if not stress[k].is_zero()]
         if squares:
@@ -101,11 +104,13 @@ def _wrenches(
             wrenches.append(column({acts_along(mechanism, closure): force}, range(6)))
             continue
         frame = frame_named(model, frames_of(closure)[1])
-        on_b, link = SX(6, 1), tree.link_of[frame.parentJoint]
+        on_b = SX(6, 1)
+        link = tree.link_of[frame.parentJoint]
         for i in rows:
             if i in Lambda and link in units[i]:
                 on_b += Lambda[i] * units[i][link]
-        R, p = sx(frame.placement.rotation), sx(frame.placement.translation)
+        R = sx(frame.placement.rotation)
+        p = sx(frame.placement.translation)
         F, N = on_b[:3], on_b[3:]
         wrenches.append(ca.vertcat(R.T @ F, R.T @ (N - ca.cross(p, F))))
     return ca.vertcat(*wrenches), borne[0]

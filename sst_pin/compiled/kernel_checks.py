@@ -62,9 +62,12 @@ class Checks:
     def __init__(
         self, equations: Equations, closed: float = CLOSED, rounding: float = _DOUBLE
     ) -> None:
-        self._equations, self._closed, self._rounding = equations, closed, rounding
+        self._equations = equations
+        self._closed = closed
+        self._rounding = rounding
         mechanism = equations.mechanism
-        self._row_scale, self._rate_scale = mechanism.row_scale, mechanism.rate_scale
+        self._row_scale = mechanism.row_scale
+        self._rate_scale = mechanism.rate_scale
         self._dependent = [int(i) for i in mechanism.dependent]
 
     @cached_property
@@ -112,7 +115,8 @@ class Checks:
         Where only rates fit the closures, as in the pose in which a braced frame shakes, redundant
         rows are left over.
         """
-        e, scale = self._equations, self._rate_scale
+        e = self._equations
+        scale = self._rate_scale
         checks = self.unsolved(x, e.drift)
         if not self._redundant:
             return checks
@@ -162,8 +166,10 @@ class Checks:
 
     def massless(self, inverses: list[Any]) -> list[Any]:
         """More than 1 where a pivot of the mass matrix is too small; `inverses` are 1 / pivots."""
-        e, scale = self._equations, self._rate_scale
-        least, precision = WITHOUT_MASS * e.tree.whole_inertia, self._rounding / _DOUBLE
+        e = self._equations
+        scale = self._rate_scale
+        least = WITHOUT_MASS * e.tree.whole_inertia
+        precision = self._rounding / _DOUBLE
         small = []
         for k, (inverse, L) in enumerate(zip(inverses, e.L, strict=True)):
             fastest = total((x / float(scale[j])) ** 2 for j, x in L.items())
@@ -186,7 +192,8 @@ class Checks:
     def unbalanced(self, tau: Sparse) -> list[Any]:
         """More than 1 where the multipliers do not balance tau along the dependent rates."""
         unit, signs, sums = self._column_sums
-        x, scale = self._equations.multipliers(tau), self._row_scale
+        x = self._equations.multipliers(tau)
+        scale = self._row_scale
         terms = [entry * x[i] for i, entry in sums.items() if i in x]
         terms += [-(sign * tau[j]) for j, sign in signs.items() if j in tau]
         return self._exceeds(unit, terms, [x[i] / scale[i] for i in x])
@@ -197,8 +204,10 @@ class Checks:
         The rest of f is compared with the torques that act on the coordinate, and with the rounding
         of all coordinates.
         """
-        e, precision = self._equations, self._rounding / _DOUBLE
-        A, units = e.motor_matrix, self._rate_scale[e.mechanism.coordinates]
+        e = self._equations
+        precision = self._rounding / _DOUBLE
+        A = e.motor_matrix
+        units = self._rate_scale[e.mechanism.coordinates]
         sizes = units * (ca.fabs(A) @ ca.fabs(column(tau, range(A.shape[1]))))
         left = units * ca.fabs(A @ column(tau, range(A.shape[1])) - f)
         floor = _BALANCED * precision * ca.sum1(sizes)

@@ -59,7 +59,8 @@ def make(
 
     With `along` its results are computed along directions of the coordinates.
     """
-    checks, directions = checks or Checks(equations), None
+    checks = checks or Checks(equations)
+    directions = None
     if along:
         made = along_directions.make(equations, checks, quantity, frame)
         inputs, output, more, directions = made
@@ -68,7 +69,8 @@ def make(
     else:
         inputs, output, more = KERNELS[quantity](equations, checks)
     loaded = WRENCHES in inputs and inputs[WRENCHES].numel() > 0
-    units, length = equations.mechanism.space.position_units, equations.mechanism.length
+    units = equations.mechanism.space.position_units
+    length = equations.mechanism.length
     return SymbolicKernel(
         f"{quantity}{'_along' * along}{'_loaded' * loaded}",
         {name: x for name, x in inputs.items() if loaded or name != WRENCHES},
@@ -145,7 +147,8 @@ def _reduced_terms(e: Equations, checks: Checks) -> _Made:
 
 def _torque_regressor(e: Equations, checks: Checks) -> _Made:
     """Y row by row: derivatives of f by all symbolic parameters, those of springs too."""
-    nv, by_numbers = e.mechanism.model.nv, ca.jacobian(e.project(e.tree_forces), e.p)
+    nv = e.mechanism.model.nv
+    by_numbers = ca.jacobian(e.project(e.tree_forces), e.p)
     *blocks, lines = (by_numbers @ ca.sparsify(ca.DM(x)) for x in e.parameters.by_parameters())
     offsets = (e.project({i: 1.0}) for i in range(nv))
     more = checks.of_rates + checks.solved(e.dv) + checks.of_complement
@@ -181,7 +184,8 @@ def _closing(e: Equations, checks: Checks) -> _Made:
     residuals = {i: e.rows[i].residual for i in e.factors.rows}
     right = {i: -x for i, x in residuals.items() if x is not None}
     step = e.kinematics.q_rates(e.factors.solve(right))
-    rows, columns = e.mechanism.row_scale, e.mechanism.rate_scale
+    rows = e.mechanism.row_scale
+    columns = e.mechanism.rate_scale
     squares = total(
         (rows[i] * columns[j] * row.Phi[j]) ** 2
         for i, row in enumerate(e.rows)

@@ -110,7 +110,8 @@ class Kinematics:
 
     def difference(self, reference: Mapping[int, SX]) -> Sparse:
         """Smallest displacements of joints from a reference, by index in q, along their rates."""
-        q, step = self.moved_q, Sparse()
+        q = self.moved_q
+        step = Sparse()
         for link in self.tree.links:
             at = [i for i in link.q if i in reference]
             if at and link.kind == "ball":
@@ -189,7 +190,9 @@ class Kinematics:
 
     def _next(self, i: int, before: LinkMotion, v: Sparse, v_k: Sparse, dv: Sparse) -> LinkMotion:
         """LinkMotion of link i from that of its parent."""
-        link, placement, back = self.tree.links[i], self._placed[i], self._placed[i].back
+        link = self.tree.links[i]
+        placement = self._placed[i]
+        back = self._placed[i].back
         u, turn = _joint_motion(link, v)
         u_k, turn_k = (u, turn) if v_k is v else _joint_motion(link, v_k)
         du, dturn = _joint_motion(link, dv)
@@ -208,7 +211,8 @@ class Kinematics:
         """
         borne = list(wrenches)
         for i in range(len(self.tree.links) - 1, 0, -1):
-            parent, placement = self.tree.links[i].parent, self._placed[i]
+            parent = self.tree.links[i].parent
+            placement = self._placed[i]
             F, N = map(placement.out, ca.vertsplit(borne[i], 3))
             lever = ca.vertcat(SX(3, 1), ca.cross(placement.p, F))
             borne[parent] = borne[parent] + ca.vertcat(F, N) + lever
@@ -226,7 +230,8 @@ class Kinematics:
         """Rates of the entries of q, those of quaternions and cosine-sine pairs among them."""
         q, rates = self.q, SX(self.q.numel(), 1)
         for link in self.tree.links[1:]:
-            first, last = link.q.start, link.q.stop
+            first = link.q.start
+            last = link.q.stop
             link_rates = column(v, link.v)
             if link.kind not in _UNIT:
                 rates[first:last] = link_rates
@@ -234,7 +239,9 @@ class Kinematics:
                 c, s = q[last - 2], q[last - 1]
                 rates[last - 2 : last] = ca.vertcat(-s, c) * link_rates[-1]
             else:
-                vector, w, omega = q[last - 4 : last - 1], q[last - 1], link_rates[-3:]
+                vector = q[last - 4 : last - 1]
+                w = q[last - 1]
+                omega = link_rates[-3:]
                 turned = w * omega + ca.cross(vector, omega)
                 rates[last - 4 : last] = ca.vertcat(turned, -ca.dot(vector, omega)) / 2
             if link.kind in ("planar", "free"):
@@ -277,8 +284,10 @@ def _joint_motion(link: Link, x: Sparse) -> list[SX]:
 
 def _joint_placement(link: Link, q: list[SX]) -> tuple[SX, SX]:
     """Orientation and displacement of a joint."""
-    kind, S = link.kind, link.S
-    R, d = SX.eye(3), SX(3, 1)
+    kind = link.kind
+    S = link.S
+    R = SX.eye(3)
+    d = SX(3, 1)
     if kind in ("slide", "screw"):
         d = sx(S[:3, 0]) * q[0]
     elif kind in ("slides", "free"):
@@ -291,7 +300,8 @@ def _joint_placement(link: Link, q: list[SX]) -> tuple[SX, SX]:
     elif kind in ("unbounded", "planar"):
         R = _turn(S[3:, -1], q[-2], q[-1])
     elif kind in ("ball", "free"):
-        vector, w = ca.vertcat(*q[-4:-1]), q[-1]
+        vector = ca.vertcat(*q[-4:-1])
+        w = q[-1]
         W = ca.skew(vector)
         R = SX.eye(3) + 2 * (w * W + W @ W)
     return R, d

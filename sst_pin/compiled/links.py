@@ -65,9 +65,11 @@ class LinkTree:
         base = Link(0, np.eye(3), np.zeros(3), "fixed", range(0), range(0), np.zeros((6, 0)))
         tree = cls([base], [0])
         for i in range(1, model.njoints):
-            parent, body = tree.link_of[model.parents[i]], 0
+            parent = tree.link_of[model.parents[i]]
+            body = 0
             placement = model.jointPlacements[i]
-            q, v = model.joints[i].idx_q, model.joints[i].idx_v
+            q = model.joints[i].idx_q
+            v = model.joints[i].idx_v
             for joint, inner in series_of(model.joints[i]):
                 link = _link(parent, placement * inner, joint, q, v)
                 if link is None:
@@ -76,7 +78,9 @@ class LinkTree:
                 placement = pin.SE3.Identity()
                 tree.links.append(link)
                 parent = len(tree.links) - 1
-                body, q, v = i, q + joint.nq, v + joint.nv
+                body = i
+                q = q + joint.nq
+                v = v + joint.nv
             tree.links[-1].body = body
             tree.link_of.append(parent)
         return tree
@@ -93,11 +97,13 @@ def _link(parent: int, placement: pin.SE3, joint: pin.JointModel, q: int, v: int
     """A joint of one axis or of fixed axes; None for one without compiled equations."""
     short = joint.shortname().removeprefix("JointModel")
     kind = _KINDS.get(short, "")
-    data, at_rest = joint.createData(), _NEUTRAL.get(kind, [0.0])
+    data = joint.createData()
+    at_rest = _NEUTRAL.get(kind, [0.0])
     joint.calc(data, np.concatenate([np.zeros(max(joint.idx_q, 0)), at_rest]))
     S = np.asarray(data.S if isinstance(data.S, np.ndarray) else data.S.matrix()).reshape(6, -1)
     if short == "Mimic":  # its twist is scaled; it rests where the other joint is zero
-        kind, placement = "turn" if S[3:].any() else "slide", placement * data.M
+        kind = "turn" if S[3:].any() else "slide"
+        placement = placement * data.M
     if not kind:
         return None
     return Link(

@@ -18,19 +18,25 @@ from .nonsmooth_motions import DETERMINANT_CHANGE, LEAST_DETERMINANT
 
 def library(entry: str, equations: Equations, rows: NonsmoothRows, lanes: int) -> list[str]:
     """Source of a library with `run_<entry>`, which makes steps, for `lanes` samples at once."""
-    checks, terms = Checks(equations), NonsmoothTerms(equations, rows)
+    checks = Checks(equations)
+    terms = NonsmoothTerms(equations, rows)
     close = kernels.make(equations, "closing", checks)
     three = close, terms.kernel(checks), advance(equations)
     parts = [f"#define LANES {lanes}"]
     parts += [part(name) for name in ("real.h", "driver.h", "nonsmooth.h")]
-    size, room = None, 0
+    size = None
+    room = 0
     for kernel in three:
         source = body(kernel, size, in_memory=True)
-        size, room = source.size, max(room, source.room)
+        size = source.size
+        room = max(room, source.room)
         parts.append(source.text)
-    mechanism, layout, kernel = rows.mechanism, terms.layout, three[1]
+    mechanism = rows.mechanism
+    layout = terms.layout
+    kernel = three[1]
     inputs = [symbols.numel() for symbols in kernel.inputs.values()]
-    contacts, motors = mechanism.contacts, mechanism.motors.shape[1]
+    contacts = mechanism.contacts
+    motors = mechanism.motors.shape[1]
     counts = (
         layout.n,
         inputs[0],

@@ -47,7 +47,9 @@ class NonsmoothTerms:
     """The kernel of one mechanism. Numbers of contacts, ropes and gains stay open."""
 
     def __init__(self, equations: Equations, rows: NonsmoothRows) -> None:
-        self._e, self._rows, self._mechanism = equations, rows, equations.mechanism
+        self._e = equations
+        self._rows = rows
+        self._mechanism = equations.mechanism
         self.layout = Layout(len(self._mechanism.coordinates))
         self._entries: list[SX] = []
         self._joints: dict[int, int] = {}
@@ -84,7 +86,8 @@ class NonsmoothTerms:
     @property
     def _forces(self) -> SX:
         """What acts on the coordinates but friction, dampers, motors and cables, shape (n,)."""
-        e, pulls_only = self._e, set(self._rows.cables.tolist())
+        e = self._e
+        pulls_only = set(self._rows.cables.tolist())
         tensions = [
             SX(0) if k in pulls_only else x.preload + x.stiffness * (x.length - x.rest)
             for k, x in enumerate(e.tree.lines)
@@ -98,7 +101,9 @@ class NonsmoothTerms:
     # --- rows -------------------------------------------------------------------------------
 
     def _add_rows(self) -> None:
-        rows, layout, mechanism = self._rows, self.layout, self._mechanism
+        rows = self._rows
+        layout = self.layout
+        mechanism = self._mechanism
         self._gaps: list[SX] = []
         for gap, of_contact in self._contacts():
             self._gaps.append(gap)
@@ -141,7 +146,8 @@ class NonsmoothTerms:
 
     def _of_motor(self, k: int) -> int:
         """The row of the rate of a motor; cables are left out."""
-        on_rates, on_lines = self._mechanism.motors[:, k], self._mechanism.lines.motors[:, k].copy()
+        on_rates = self._mechanism.motors[:, k]
+        on_lines = self._mechanism.lines.motors[:, k].copy()
         on_lines[self._rows.cables] = 0
         (driven,) = np.nonzero(on_rates)
         if len(driven) == 1 and on_rates[driven[0]] == 1 and not on_lines.any():
@@ -159,7 +165,8 @@ class NonsmoothTerms:
     @property
     def _motor_positions(self) -> SX:
         """Position of each motor; of rates without a position, zero."""
-        model, sprung = self._mechanism.model, set(self._mechanism.sprung.tolist())
+        model = self._mechanism.model
+        sprung = set(self._mechanism.sprung.tolist())
         neutral = {i: SX(float(x)) for i, x in enumerate(pin.neutral(model))}
         moves = self._e.kinematics.difference(
             {i: x for i, x in neutral.items() if i in self._positioned}
@@ -195,7 +202,8 @@ class NonsmoothTerms:
             frame, ground = (
                 frame_named(self._mechanism.model, name) for name in (contact.frame, contact.ground)
             )
-            place, plane = self._e.kinematics.point(0, frame), self._e.kinematics.point(0, ground)
+            place = self._e.kinematics.point(0, frame)
+            plane = self._e.kinematics.point(0, ground)
             normal = plane.R[:, 2]
             height = ca.dot(normal, place.p - plane.p)
             touching = place.p - contact.radius * normal

@@ -38,7 +38,8 @@ class NonsmoothCode:
 
     def run(self, rows: NonsmoothRows, motions: NonsmoothArrays, threads: int) -> Indices:
         """Fill motions as far as their steps are sound; the numbers of steps, shape (N,)."""
-        numbers, count = parameter_values(rows, self._parameters), len(motions.q)
+        numbers = parameter_values(rows, self._parameters)
+        count = len(motions.q)
         reached = np.zeros(count, dtype=np.intp)
         workers = min(threads, -(-count // self._lanes), 64)
         if workers < 2:
@@ -84,9 +85,12 @@ def other_lines(rows: NonsmoothRows) -> list[int]:
 
 def parameter_values(rows: NonsmoothRows, parameters: SymbolicParameters) -> Array:
     """The numbers of a step in the order of `c/nonsmooth.h`."""
-    mechanism, gains = rows.mechanism, rows.gains
+    mechanism = rows.mechanism
+    gains = rows.gains
     stiffness, rest, damping, preload = mechanism.lines.numbers
-    rates, others, cables = implicit_rates(parameters), other_lines(rows), rows.cables
+    rates = implicit_rates(parameters)
+    others = other_lines(rows)
+    cables = rows.cables
     parts = [
         [x.friction for x in mechanism.contacts.points],
         rows.restitution,

@@ -60,7 +60,8 @@ _LARGEST = 600
 
 def functions_of(reference: Reference, q: Array) -> tuple[str, Array]:
     """`page_code` of a robot that starts at q, and its symbolic parameters."""
-    mechanism, equations = reference.mechanism, choices(reference, q)
+    mechanism = reference.mechanism
+    equations = choices(reference, q)
     return page_code(equations), equations[0].parameters.pack(mechanism, mechanism.friction)
 
 
@@ -71,10 +72,13 @@ def choices(reference: Reference, q: Array) -> list[Equations]:
     pivots chosen near q. Walks from there, downhill and the same at each call, look for
     configurations where all choices so far have small pivots.
     """
-    mechanism, random = reference.mechanism, np.random.default_rng(0)
+    mechanism = reference.mechanism
+    random = np.random.default_rng(0)
     model, data, n = mechanism.model, mechanism.model.createData(), len(mechanism.coordinates)
     numbers = SymbolicParameters(mechanism).pack(mechanism, mechanism.friction)
-    states, equations, smallness = States(reference, mechanism.friction), [], []
+    states = States(reference, mechanism.friction)
+    equations = []
+    smallness = []
 
     def add(reference: Reference, q: Array) -> None:
         # Rounded, because legs are alike: the last digits must not choose the order.
@@ -121,7 +125,9 @@ def page_code(equations: Sequence[Equations]) -> str:
     common = list(_common(first))
     if first.driven:
         common.append(replace(kernels.make(first, "torques"), name="torques"))
-    sets, texts, listed = [common], [], []
+    sets = [common]
+    texts = []
+    listed = []
     for e in equations:
         dynamics = [replace(kernels.make(e, x), name=x) for x in ("state_rate", "closing")]
         results = e.kinematics.q_rates(e.v), column(e.v, range(e.mechanism.model.nv))
@@ -151,11 +157,14 @@ def _parts(mechanism: Mechanism) -> str:
 
 def _common(e: Equations) -> Iterator[SymbolicKernel]:
     """Functions that do not depend on the choice of coordinates; q_dot and v are given."""
-    kinematics, model, mechanism = e.kinematics, e.mechanism.model, e.mechanism
+    kinematics = e.kinematics
+    model = e.mechanism.model
+    mechanism = e.mechanism
     poses = [kinematics.pose(0, kinematics.tree.link_of[i]) for i in range(model.njoints)]
     places = ca.vertcat(*(ca.vec(ca.horzcat(R, p)) for R, p in poses))
     yield _kernel(e, "places", {"q": e.q}, places)
-    q_dot, v = SX.sym("q_dot", model.nq), SX.sym("v", model.nv)
+    q_dot = SX.sym("q_dot", model.nq)
+    v = SX.sym("v", model.nv)
     yield _kernel(e, "flow", {"q": e.q, "q_dot": q_dot}, ca.jtimes(places, e.q, q_dot))
     kinetic = e.tree.kinetic_energy(dict(enumerate(ca.vertsplit(v))))
     yield _kernel(e, "energies", {"q": e.q, "v": v}, kinetic, e.tree.potential_energy)

@@ -29,14 +29,16 @@ def function(head: str, lines: Sequence[str]) -> str:
 
 def together(lines: Sequence[str]) -> list[str]:
     """Statements with the sines and cosines of all inputs before them, several at once."""
-    names, angles = dict[str, str](), list[str]()
+    names = dict[str, str]()
+    angles = list[str]()
     for match in filter(None, map(_TURN.match, lines)):
         names |= {f"{x}{match[1]}": f"{x}[{len(angles)}]" for x in "sc"}
         angles.append(match[2])
     rest = [_renamed(line, names) for line in lines if not _TURN.match(line)]
     if not angles:
         return rest
-    n, listed = len(angles), ", ".join(angles)
+    n = len(angles)
+    listed = ", ".join(angles)
     arrays = f"real s[{n}], c[{n}]; const real angles[] = {{{listed}}};"
     return [arrays, f"sines_cosines({n}, angles, s, c);", *rest]
 
@@ -57,7 +59,10 @@ def with_results_in_memory(lines: Sequence[str]) -> list[str]:
             uses.setdefault(result, []).append(i)
     gaps = {x: (b for a, b in pairwise(at) if b - a > _NEAR) for x, at in uses.items()}
     waits = {result: next(late, None) for result, late in gaps.items()}
-    places, free, body, size = dict[str, int](), list[int](), list[str](), 0
+    places = dict[str, int]()
+    free = list[int]()
+    body = list[str]()
+    size = 0
     for i, line in enumerate(lines):
         used = dict.fromkeys(_used(line))
         late = {x: _place(places[x]) for x in used if x in places and i >= (waits[x] or 0)}
@@ -100,7 +105,10 @@ def in_parts(pieces: Sequence[Sequence[str]]) -> tuple[list[list[str]], int]:
     Compile time grows faster than functions do.
     """
     last = {x: k for k, piece in enumerate(pieces) for line in piece for x in _used(line)}
-    places, free, bodies, size = dict[str, int](), list[int](), list[list[str]](), 0
+    places = dict[str, int]()
+    free = list[int]()
+    bodies = list[list[str]]()
+    size = 0
     for k, piece in enumerate(pieces):
         at = {result: f"w[{place}]" for result, place in places.items()}
         body = [_renamed(line, at) for line in piece]

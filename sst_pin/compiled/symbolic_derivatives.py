@@ -66,12 +66,14 @@ class OnTree:
     def __init__(self, e: Equations, aa: SX, tau: SX) -> None:
         of_v_dot = e.complete(ca.vertsplit(aa), e.drift)
         force = add(e.forces(of_v_dot), e.motor_forces(-tau))
-        nv, twin = e.mechanism.model.nv, e.displaced
+        nv = e.mechanism.model.nv
+        twin = e.displaced
         self.rates = range(nv)
         rows = [twin.rows[i] for i in e.factors.rows]
         self.q = twin.kinematics.displacement
         self.v, self.v_dot = SX.sym("v", nv), SX.sym("v_dot", nv)
-        v, a = {i: self.v[i] for i in e.v}, {i: self.v_dot[i] for i in of_v_dot}
+        v = {i: self.v[i] for i in e.v}
+        a = {i: self.v_dot[i] for i in of_v_dot}
         R = SX.sym("reactions", len(rows))
         twists = partial(twin.kinematics.twist, v=v)
         slips = (row.velocity(v, twists) if row.residual is None else SX(0) for row in rows)
@@ -120,15 +122,18 @@ class OnTree:
 
 def _of_forces(e: Equations, checks: Checks, tree: OnTree) -> tuple[SX, list[Any]]:
     """Derivatives of f by q, va and aa at constant motor forces, and checks of the solutions."""
-    nv, rows = e.mechanism.model.nv, e.factors.rows
+    nv = e.mechanism.model.nv
+    rows = e.factors.rows
     of_rows = (tree.slips, tree.q), (tree.c, tree.q), (tree.c, tree.v)
     of_forces = (tree.forces, tree.q), (tree.forces, tree.v)
     slip_q, c_q, c_v, force_q, force_v = tree.by(*of_rows, *of_forces)
-    L, M = e.L_matrix, symmetric(e.tree.inertia, nv)
+    L = e.L_matrix
+    M = symmetric(e.tree.inertia, nv)
     inertial = [sparse(range(nv), ca.vec(row)) for row in ca.vertsplit(L.T @ M)]
     g = ca.vertcat(*(column(e.multipliers(x), rows).T for x in inertial))
     residual_checks = [check for x in inertial for check in checks.unbalanced(x)]
-    by_q, by_v = L.T @ force_q - g @ c_q, L.T @ force_v - g @ c_v
+    by_q = L.T @ force_q - g @ c_q
+    by_v = L.T @ force_v - g @ c_v
     lost = [sparse(rows, -x) for x in ca.horzsplit(_phi_dot_v(e, slip_q @ L, c_v @ L))]
     v_q = [e.factors.solve(x) for x in lost]
     pairs = zip(v_q, lost, strict=True)
@@ -141,7 +146,9 @@ def of_forces_along(
     e: Equations, checks: Checks, tree: OnTree, direction: SX
 ) -> tuple[SX, SX, list[Any]]:
     """Changes of f by q and by va along a direction of the coordinates, and checks of them."""
-    rows, still, none = e.factors.rows, [0.0] * direction.numel(), Sparse()
+    rows = e.factors.rows
+    still = [0.0] * direction.numel()
+    none = Sparse()
     step = e.complete(ca.vertsplit(direction), none)
     c_v = tree.change_of_c(none, step, none)
     slips = tree.change_of_slips(step, none, none)
@@ -149,7 +156,8 @@ def of_forces_along(
     v_q = e.complete(still, lost)
     c_q = sparse(rows, -tree.change_of_c(step, v_q, none))
     c_va = sparse(rows, -c_v)
-    v_dot_q, v_dot_va = e.complete(still, c_q), e.complete(still, c_va)
+    v_dot_q = e.complete(still, c_q)
+    v_dot_va = e.complete(still, c_va)
     by_q = sparse(tree.rates, tree.change_of_forces(step, v_q, v_dot_q))
     by_va = sparse(tree.rates, tree.change_of_forces(none, step, v_dot_va))
     solved = (step, none), (v_q, lost), (v_dot_q, c_q), (v_dot_va, c_va)

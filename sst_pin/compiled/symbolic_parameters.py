@@ -47,7 +47,9 @@ class SymbolicParameters:
         self.joints["spring_reference"] = _ends_of_springs(mechanism)
         if complete:
             self.joints |= dict.fromkeys(("armature", "viscous", "coulomb"), tuple(range(model.nv)))
-        self._starts, start = {}, 4 + BODY * len(self.bodies)  # gravity, sign_width
+        # gravity, sign_width
+        self._starts = {}
+        start = 4 + BODY * len(self.bodies)
         for name in _JOINT:
             self._starts[name] = start
             start += len(self.joints[name])
@@ -60,7 +62,8 @@ class SymbolicParameters:
 
     def pack(self, mechanism: Mechanism, friction: Friction) -> Array:
         """The numbers of a mechanism with the same structure, with this friction, shape (size,)."""
-        model, values = mechanism.model, _of_joints(mechanism)
+        model = mechanism.model
+        values = _of_joints(mechanism)
         values |= {"viscous": friction.viscous, "coulomb": friction.coulomb}
         parts = [model.gravity.linear, [friction.sign_width]]
         for i in self.bodies:
@@ -73,7 +76,8 @@ class SymbolicParameters:
 
     def names(self, mechanism: Mechanism) -> tuple[str, ...]:
         """Names of the numbers; a body has the name of its joint."""
-        space, moments = mechanism.space, ("mass", *"xyz", "xx", "xy", "xz", "yy", "yz", "zz")
+        space = mechanism.space
+        moments = ("mass", *"xyz", "xx", "xy", "xz", "yy", "yz", "zz")
         names = [f"gravity.{axis}" for axis in "xyz"] + ["sign_width"]
         names += [f"{mechanism.model.names[i]}.{x}" for i in self.bodies for x in moments]
         for quantity, where in self.joints.items():
@@ -90,7 +94,8 @@ class SymbolicParameters:
         The numbers must be `complete`.
         """
         units = np.eye(self.size)
-        first, count = 4, BODY * len(self.bodies)
+        first = 4
+        count = BODY * len(self.bodies)
         bodies = units[:, first : first + count].reshape(self.size, -1, BODY).copy()
         bodies[..., 4:] = bodies[..., 4:] @ _SECOND
         blocks = [bodies.reshape(self.size, count)]
@@ -135,7 +140,8 @@ class SymbolicParameters:
 
 
 def _of_joints(mechanism: Mechanism) -> dict[str, Array]:
-    friction, springs = mechanism.friction, mechanism.springs
+    friction = mechanism.friction
+    springs = mechanism.springs
     return {
         "armature": mechanism.model.armature,
         "viscous": friction.viscous,
@@ -147,7 +153,8 @@ def _of_joints(mechanism: Mechanism) -> dict[str, Array]:
 
 def _ends_of_springs(mechanism: Mechanism) -> tuple[int, ...]:
     """Entries of q of joints with springs: all entries of a ball or an unbounded joint."""
-    stiff, places = mechanism.springs.stiffness, []
+    stiff = mechanism.springs.stiffness
+    places = []
     for joint in list(mechanism.model.joints)[1:]:
         of_rates = stiff[joint.idx_v : joint.idx_v + joint.nv]
         one_each = joint.nq == joint.nv

@@ -91,7 +91,8 @@ def _arc_over_sine(cosine: Any) -> Any:
     """An arc up to a right angle over its sine."""
     halved = 1
     for _ in range(3):
-        square, cosine = (1 - cosine) / 2, ca.sqrt((1 + cosine) / 2)
+        square = (1 - cosine) / 2
+        cosine = ca.sqrt((1 + cosine) / 2)
         halved *= cosine
     series = 0
     for coefficient in reversed(_SERIES):

@@ -91,7 +91,8 @@ class TreeDynamics:
             if isinstance(closure, Closure) and all(closure.held):
                 ends = (closure.frame_a, closure.frame_b)
                 a, b = (frame_named(model, name) for name in ends)
-                i, j = a.parentJoint, b.parentJoint
+                i = a.parentJoint
+                j = b.parentJoint
                 if i and not is_zero(bodies[j].mass):
                     R = sx(a.placement.rotation @ b.placement.rotation.T)
                     p = sx(a.placement.translation) - R @ sx(b.placement.translation)
@@ -120,7 +121,8 @@ class TreeDynamics:
     ) -> list[SX]:
         """Force and moment that each link needs, less its weight and its load."""
         gravity = self._p[GRAVITY] if weight else None
-        wrenches, motions = list[SX](), self._kinematics.motions(v, dv, gravity)
+        wrenches = list[SX]()
+        motions = self._kinematics.motions(v, dv, gravity)
         for link, x in zip(self._kinematics.tree.links, motions, strict=True):
             mass, c, J, _ = self._bodies[link.body]
             wrench = ca.vertcat(mass * x.a + x.U @ c, _moment(x, J) + ca.cross(c, x.a))
@@ -137,7 +139,8 @@ class TreeDynamics:
         """External force and moment about the origin of a link, axes of the link."""
         force, moment = ca.vertsplit(self._loads[6 * body - 6 : 6 * body], 3)
         R, _ = self._kinematics.pose(0, self._kinematics.tree.link_of[body])
-        numbers, force = self._parameters.body(self._p, body), R.T @ force
+        numbers = self._parameters.body(self._p, body)
+        force = R.T @ force
         lever = sx(self._mechanism.model.inertias[body].lever)
         if numbers is not None:
             lever = numbers[1] / numbers[0]
@@ -168,7 +171,9 @@ class TreeDynamics:
 
     def _where_taut(self, pulls: list[Any], v: Sparse) -> list[Any]:
         """Pulls along the lines, but zero along slack cables."""
-        forces, tensions, damping = self._mechanism.lines.forces, self._tensions, self._damping(v)
+        forces = self._mechanism.lines.forces
+        tensions = self._tensions
+        damping = self._damping(v)
         result = []
         for k, pull in enumerate(pulls):
             slack = tensions[k] + damping[k] <= 0
@@ -203,7 +208,8 @@ class TreeDynamics:
     @cached_property
     def lines(self) -> list[Line]:
         """All lines along which forces act."""
-        model, forces = self._mechanism.model, self._mechanism.lines.forces
+        model = self._mechanism.model
+        forces = self._mechanism.lines.forces
         places = (line(self._kinematics, model, x.frame_a, x.frame_b) for x in forces)
         numbers = self._parameters.of_lines(self._p)
         return [Line(*place, *of_line) for place, of_line in zip(places, numbers, strict=True)]
@@ -216,7 +222,8 @@ class TreeDynamics:
     @property
     def potential_energy(self) -> Any:
         """Potential energy of gravity, the springs and the forces along lines."""
-        gravity, energies = self._p[GRAVITY], []
+        gravity = self._p[GRAVITY]
+        energies = []
         for i, link in enumerate(self._kinematics.tree.links):
             body, (R, p) = self._bodies[link.body], self._kinematics.pose(0, i)
             energies.append(-ca.dot(gravity, body.mass * p + R @ body.c))
@@ -235,7 +242,8 @@ class TreeDynamics:
     @cached_property
     def whole_inertia(self) -> Any:
         """Inertia of all bodies and rotors, as `dynamics.whole_inertia`."""
-        length, scale = self._mechanism.length, self._mechanism.rate_scale
+        length = self._mechanism.length
+        scale = self._mechanism.rate_scale
         bodies = [self._parameters.body(self._p, i) for i in self._parameters.bodies]
         terms = [mass * length**2 + 2 * ca.trace(J) for mass, _, J in filter(None, bodies)]
         rotors = self._parameters.of_joints("armature", self._p)
@@ -253,7 +261,8 @@ class TreeDynamics:
         `following` has, by link, rows of L of rates behind it that follow from coordinates behind
         it. From this link to the base, the wrenches of these rates count for the coordinates.
         """
-        links, placements = self._kinematics.tree.links, self._kinematics.placements
+        links = self._kinematics.tree.links
+        placements = self._kinematics.placements
         bodies = [self._bodies[link.body] for link in links]
         composite = [(body.mass, body.c, body.inertia) for body in bodies]
         forces: list[Sparse] = [{} for _ in links]  # wrenches by rate
@@ -299,7 +308,8 @@ class TreeDynamics:
 
     def coriolis_forces(self, v: Sparse, L: Sparse, L_dot: Sparse) -> Sparse:
         """The term of Eq. (94) that T^T multiplies: M t_dot + Omega M t, t and t_dot of L."""
-        wrenches, motions = list[SX](), self._kinematics.motions(v, L_dot, v_k=L)
+        wrenches = list[SX]()
+        motions = self._kinematics.motions(v, L_dot, v_k=L)
         for link, x in zip(self._kinematics.tree.links, motions, strict=True):
             mass, c, _, polar = body = self._bodies[link.body]
             # About the mass centre the paper's term is omega x (I omega_k).

@@ -78,16 +78,21 @@ class WarpBatch:
     def __init__(self, reference: Reference, near: Array | None, device: Any, dtype: str) -> None:
         if not isinstance(dtype, str) or dtype not in _PRECISIONS:
             raise InputError("dtype", f"{dtype!r} is not one of {', '.join(_PRECISIONS)}")
-        self._reference, self._mechanism, self._near = reference, reference.mechanism, near
+        self._reference = reference
+        self._mechanism = reference.mechanism
+        self._near = near
         self._mechanism.require_freedom()
-        self.device, self.dtype = wp.get_device(device), getattr(wp, dtype)
-        self._style, self._open = _PRECISIONS[dtype], SymbolicParameters(self._mechanism)
+        self.device = wp.get_device(device)
+        self.dtype = getattr(wp, dtype)
+        self._style = _PRECISIONS[dtype]
+        self._open = SymbolicParameters(self._mechanism)
         self._modules: dict[Quantity, ModuleType] = {}
         self._equations: dict[tuple[bool, bool], Equations] = {}
         self._set(self._open.pack(self._mechanism, self._mechanism.friction))
 
     def __repr__(self) -> str:
-        robot, samples = self._mechanism.model.name, self.parameters.shape[0]
+        robot = self._mechanism.model.name
+        samples = self.parameters.shape[0]
         each = "" if samples == 1 else f", parameters of {samples} robots"
         return f"WarpBatch({robot}: {self._style.dtype} on {self.device}{each})"
 
@@ -163,7 +168,8 @@ class WarpBatch:
     ) -> TorqueDerivatives:
         """Derivatives of the generalized forces, each (N, n, n), as those of `ClosedChain`."""
         key = Quantity("torque_derivatives", sign_width=positive_number("sign_width", sign_width))
-        result, n = self._run(key, {"q": q, "va": va, "aa": aa}, **options), self._n
+        result = self._run(key, {"q": q, "va": va, "aa": aa}, **options)
+        n = self._n
         return TorqueDerivatives(*(result[:, :, k * n : (k + 1) * n] for k in range(3)))
 
     def acceleration_derivatives(
@@ -172,7 +178,8 @@ class WarpBatch:
         """Derivatives of the accelerations by q, va and tau, as those of `ClosedChain`."""
         width = positive_number("sign_width", sign_width)
         key = Quantity("acceleration_derivatives", sign_width=width)
-        result, n = self._run(key, {"q": q, "va": va, "tau": tau}, **options), self._n
+        result = self._run(key, {"q": q, "va": va, "tau": tau}, **options)
+        n = self._n
         parts = result[:, :, :n], result[:, :, n : 2 * n], result[:, :, 2 * n :]
         return AccelerationDerivatives(*parts)
 
@@ -205,7 +212,8 @@ class WarpBatch:
         steps = whole_number("substeps", substeps, 1)
         width = positive_number("sign_width", sign_width)
         key, (q, va) = Quantity("rollout", sign_width=width), state
-        out, h = out or (None, None), float(dt) / steps
+        out = out or (None, None)
+        h = float(dt) / steps
         return self._run(key, {"q": q, "va": va, "tau": tau}, out, h=h, steps=steps, **options)
 
     def module(self, key: Quantity) -> ModuleType:
@@ -222,7 +230,9 @@ class WarpBatch:
 
     def _shape(self, name: str) -> tuple[int, ...]:
         """Shape of an array of one sample."""
-        model, n, motors = self._mechanism.model, self._n, self._mechanism.motors.shape[1]
+        model = self._mechanism.model
+        n = self._n
+        motors = self._mechanism.motors.shape[1]
         return {
             "q": (model.nq,),
             "tau": (motors,),
@@ -248,8 +258,10 @@ class WarpBatch:
     ) -> Any:
         """Launch the kernel of a quantity."""
         if external_wrenches is not None:
-            key, inputs = key._replace(loaded=True), inputs | {kernels.WRENCHES: external_wrenches}
-        count, arrays = None, []
+            key = key._replace(loaded=True)
+            inputs = inputs | {kernels.WRENCHES: external_wrenches}
+        count = None
+        arrays = []
         for name, value in inputs.items():
             arrays.append(self._array(name, value, self._shape(name), count))
             count = arrays[0].shape[0]
@@ -308,13 +320,15 @@ class WarpBatch:
 
     def _module(self, key: Quantity) -> ModuleType:
         """A module from the cache, or generated now."""
-        mechanism, name = self._mechanism, key.name
+        mechanism = self._mechanism
+        name = key.name
         size: dict[Name, Name] = {"rollout": "accelerations", "frame_placement": "rates"}
         if problem := impossible(mechanism, size.get(name, name)):
             raise CompilationError(problem)
         entry = {"rollout": "step", "closing": "close"}.get(name, "run")
         if name.endswith("derivatives"):
-            key, entry = key._replace(along=True), "along"
+            key = key._replace(along=True)
+            entry = "along"
 
         def source() -> str:
             equations = self._equations_of(key.loaded, name.endswith("derivatives"))

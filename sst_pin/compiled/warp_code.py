@@ -53,10 +53,15 @@ def module(kernels: Sequence[SymbolicKernel], entry: str, style: Style) -> str:
         entry: "run", "along", "close" or "step".
         style: Numbers of its precision.
     """
-    size, room, of_passes, texts = None, 0, 0, list[str]()
+    size = None
+    room = 0
+    of_passes = 0
+    texts = list[str]()
     for kernel in kernels:
         source = c_code.body(kernel, size, style.suffix)
-        size, room, of_passes = source.size, max(room, source.room), source.room_of_passes
+        size = source.size
+        room = max(room, source.room)
+        of_passes = source.room_of_passes
         texts += [source.text, *source.functions]
     blanks = _blanks(kernels, style) | {"room": room, "room_of_passes": of_passes}
     parts = [_HEAD.format(dtype=style.dtype, size=size)]
@@ -78,7 +83,8 @@ def module(kernels: Sequence[SymbolicKernel], entry: str, style: Style) -> str:
 def _blanks(kernels: Sequence[SymbolicKernel], style: Style) -> dict[str, object]:
     """Texts for the blanks of the templates."""
     first, last = kernels[0], kernels[-1]
-    at, takes = 0, []
+    at = 0
+    takes = []
     for array, (name, symbols) in zip(_RUN, last.inputs.items(), strict=False):
         if name == WRENCHES:
             takes.append(f"take_wrenches(x + {at}, {name}, i, {symbols.numel()});")

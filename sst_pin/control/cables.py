@@ -44,7 +44,8 @@ def unstretched_lengths(
         >>> bool(np.allclose(length / l0, 1.01))
         True
     """
-    mechanism, motors = chain.mechanism, len(chain.motor_names)
+    mechanism = chain.mechanism
+    motors = len(chain.motor_names)
     factors = mechanism.lines.motors
     on_one_line = (np.count_nonzero(factors, axis=0) == 1) & ~mechanism.motors.any(axis=0)
     if others := [

@@ -41,7 +41,8 @@ class Controller(ABC):
     def __init__(
         self, chain: ClosedChain, motion: Trajectory, *, limits: ArrayLike | None = None
     ) -> None:
-        self.chain, self.motion = chain, motion
+        self.chain = chain
+        self.motion = motion
         require_motion(motion, chain.mechanism)
         if len(motion) < 3:
             raise InputError("motion", "at least three samples are needed")
@@ -202,8 +203,10 @@ class TrackingLQR(Controller):
         steps = np.diff(motion.t)
         if np.ptp(steps) > 1e-9 * steps.mean():
             raise InputError("motion", "its times must have equal steps")
-        n, motors = chain.degrees_of_freedom, len(chain.motor_names)
-        cost, effort = _weights("Q", Q, 2 * n, 0.0), _weights("R", R, motors, 1e-12)
+        n = chain.degrees_of_freedom
+        motors = len(chain.motor_names)
+        cost = _weights("Q", Q, 2 * n, 0.0)
+        effort = _weights("R", R, motors, 1e-12)
         A, B = chain.linearize(motion.q, motion.va, motion.tau, dt=float(steps.mean()))
         try:
             P = solve_discrete_are(A[-1], B[-1], cost, effort)
@@ -217,7 +220,8 @@ class TrackingLQR(Controller):
             gains_backwards.append(K)
         self.gains = np.array(gains_backwards[::-1])
         self._between = make_interp_spline(motion.t, self.gains, k=1)
-        self._feed, still = spline(motion.t, motion.tau), np.zeros((2, n))
+        self._feed = spline(motion.t, motion.tau)
+        still = np.zeros((2, n))
         self._holding = chain.compute_torques(motion.q[[0, -1]], still, still)
 
     def _torque(self, t: float, q: Array, va: Array) -> Array:
@@ -264,7 +268,8 @@ class Adaptive(Controller):
         super().__init__(chain, motion, limits=limits)
         self.stiffness = self._gains("stiffness", stiffness)
         self.damping = self._gains("damping", damping)
-        mechanism, parameters = chain.mechanism, chain.dynamic_parameters
+        mechanism = chain.mechanism
+        parameters = chain.dynamic_parameters
         mass = sum(body.mass for body in mechanism.model.inertias) / len(chain.joint_names)
         length, inertia = mechanism.length, mass * mechanism.length**2
         sizes = dict(zip(OF_BODY, [mass, *[mass * length] * 3, *[inertia] * 6], strict=True))
@@ -273,7 +278,8 @@ class Adaptive(Controller):
         rate = positive_number("learning", learning, or_zero=True)
         self._learning = rate * np.array([sizes.get(word, 0.0) ** 2 for word in words]) / inertia
         self._odd = np.array([word in ("viscous", "coulomb", "damping") for word in words])
-        self.theta, self._last = np.array(parameters.values), float(motion.t[0])
+        self.theta = np.array(parameters.values)
+        self._last = float(motion.t[0])
 
     def _torque(self, t: float, q: Array, va: Array) -> Array:
         error, rate_error, accelerations = self._errors(t, q, va)

@@ -85,7 +85,10 @@ class ForceObserver:
             force = (momentum - self._momentum) / dt - mean
             keep = np.exp(-self.gain * dt)
             self._estimate = keep * self._estimate + (1 - keep) * force
-        self._t, self._momentum, self._known, self._J = time, momentum, known, J
+        self._t = time
+        self._momentum = momentum
+        self._known = known
+        self._J = J
         return self._estimate.copy()
 
     def _state(self, q: Array, va: Array) -> tuple[Array, Array]:
@@ -147,7 +150,8 @@ class ForceObserver:
             >>> w.round(6) + 0.0
             array([ 0.,  0., -3.,  0.,  0.,  0.])
         """
-        chain, words = self.chain, names("components", components)
+        chain = self.chain
+        words = names("components", components)
         if unknown := [word for word in words if word not in _COMPONENTS]:
             raise InputError("components", f"{listed(unknown)}: known are {listed(_COMPONENTS)}")
         f = single_array("forces", forces, (chain.degrees_of_freedom,))

@@ -115,7 +115,8 @@ def force_polytope(
     parts = 2 / np.ptp(limits, axis=1)[:, None] * G @ moving.T
     rows = sums_of(factors, parts.T).T
     # Forces x with rows x < room; the corners are the facets of the dual body of rows / room.
-    rows, room = np.vstack([rows, -rows]), np.concatenate([1 - sums, 1 + sums])
+    rows = np.vstack([rows, -rows])
+    room = np.concatenate([1 - sums, 1 + sums])
     if np.linalg.matrix_rank(rows, RANK_TOLERANCE * np.abs(rows).max(initial=0.0)) < len(moving):
         raise SingularConfigurationError("forces of the frame take no torques", np.inf)
     dual = rows / room[:, None]
@@ -182,7 +183,8 @@ def _largest_torques(chain: ClosedChain, torques: ArrayLike) -> Array:
 
 def _jacobian(chain: ClosedChain, q: ArrayLike, frame: str) -> Array:
     """The frame's Jacobian, shape (..., 6, n); entries that are only rounding are zero."""
-    mechanism, J = chain.mechanism, chain.frame_jacobian(q, frame)
+    mechanism = chain.mechanism
+    J = chain.frame_jacobian(q, frame)
     units = np.repeat([mechanism.length, 1.0], 3)[:, None]
     sizes = np.abs(J) / units * mechanism.rate_scale[mechanism.coordinates]
     return np.where(sizes > RANK_TOLERANCE * sizes.max(axis=(-1, -2), keepdims=True), J, 0)
@@ -206,11 +208,13 @@ def _torques_of_forces(
     G gives torques in multiples of sizes; the sum of the squares of these is the least. Refuses
     forces that move coordinates which no motor holds.
     """
-    mechanism, J = chain.mechanism, _jacobian(chain, q, frame)[..., _half(turning), :]
+    mechanism = chain.mechanism
+    J = _jacobian(chain, q, frame)[..., _half(turning), :]
     A = (chain.actuator_jacobian(q) * np.reshape(sizes, (-1, 1))).mT
     G = np.asarray(np.linalg.pinv(A) @ J.mT)
     units = mechanism.rate_scale[mechanism.coordinates, None]
-    forces, left = np.abs(J.mT) * units, np.abs(J.mT - A @ G) * units
+    forces = np.abs(J.mT) * units
+    left = np.abs(J.mT - A @ G) * units
     over = left > UNSUPPLIED * forces.max(axis=(-1, -2), keepdims=True)
     if over.any():
         loose = over.any(axis=-1)
@@ -225,7 +229,8 @@ def _accelerations_by_torques(
     chain: ClosedChain, q: ArrayLike, va: ArrayLike | None, frame: str, turning: bool
 ) -> tuple[Array, Array]:
     """Accelerations of a frame without torques, shape (..., 3), and by each, (..., 3, motors)."""
-    n, motors = chain.degrees_of_freedom, len(chain.motor_names)
+    n = chain.degrees_of_freedom
+    motors = len(chain.motor_names)
     configurations = finite_array("q", q, (chain.mechanism.model.nq,))
     rates = np.zeros(n) if va is None else finite_array("va", va, (n,))
     tau = np.vstack([np.zeros(motors), np.eye(motors)])

@@ -164,7 +164,8 @@ def reach_map(
     if not np.isin(chain.mechanism.coordinates, chain.mechanism.driven).all():
         # coordinates without motors may have dead points where the motors have none
         chain = chain.with_coordinates(None)
-    mechanism, limits = chain.mechanism, finite_limits(torques, len(chain.motor_names), "torques")
+    mechanism = chain.mechanism
+    limits = finite_limits(torques, len(chain.motor_names), "torques")
     push = single_array("wrench", np.zeros(6) if wrench is None else wrench, (6,))
     guess = start_of(chain.engine) if start is None else start
     home = chain.assemble(single_array("start", guess, (mechanism.model.nq,)))
@@ -246,7 +247,8 @@ def _directions(named: dict[str, Array], axes: tuple[str, str]) -> Array:
     angles = {name: named.get(name, np.zeros(())) for name in ("pitch", "yaw")}
     angles |= {axis: values for axis, values in zip(axes, mesh, strict=True) if axis in angles}
     pitch, yaw = (np.broadcast_to(angles[name], mesh[0].shape) for name in ("pitch", "yaw"))
-    zero, one = np.zeros(mesh[0].shape), np.ones(mesh[0].shape)
+    zero = np.zeros(mesh[0].shape)
+    one = np.ones(mesh[0].shape)
     # The orientation is R_z(yaw) R_y(pitch) R_x(roll).
     about = {
         "roll": [np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)],
@@ -309,7 +311,8 @@ def _flood(
 
     if joints := beyond(home):
         raise InputError("start", f"outside the limits of {listed(joints)}")
-    why, q = np.full(shape, _CUT_OFF, dtype=np.int8), np.full((*shape, len(home)), np.nan)
+    why = np.full(shape, _CUT_OFF, dtype=np.int8)
+    q = np.full((*shape, len(home)), np.nan)
     far = np.linalg.norm(np.indices(shape) - nearest[:, None, None], axis=0)
     first = np.argsort(far, axis=None, kind="stable")[:_FIRST]
     queue = deque((home, divmod(int(k), shape[1])) for k in first)

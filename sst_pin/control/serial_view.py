@@ -189,7 +189,8 @@ class SerialView(Linkage):
         Raises:
             InputError: See `joint_gains`.
         """
-        back, K = np.linalg.pinv(self.actuator_jacobian(q)), _matrix(gains, len(self.joints))
+        back = np.linalg.pinv(self.actuator_jacobian(q))
+        K = _matrix(gains, len(self.joints))
         return np.asarray(back.mT @ (K if tau is None else K + self._slope(q, tau)) @ back)
 
     def _slope(self, q: ArrayLike, tau: ArrayLike) -> Array:
@@ -201,7 +202,8 @@ class SerialView(Linkage):
         mechanism = self.chain.mechanism
         if mechanism.lines.motors[:, self._rows].any():
             raise InputError("tau", "not for motors on lines")
-        k, n = len(self.joints), self.chain.degrees_of_freedom
+        k = len(self.joints)
+        n = self.chain.degrees_of_freedom
         tau = finite_array("tau", tau, (len(self.motors),))
         sums = np.zeros((k, k, n))
         sums[..., self._columns] = np.eye(k)[:, None] + np.eye(k)
@@ -216,7 +218,8 @@ class SerialView(Linkage):
 def _without_serial_bodies(chain: ClosedChain) -> pin.Model:
     """The model without mass and armature of the bodies that only coordinates carry."""
     mechanism = chain.mechanism
-    model, coordinates = pin.Model(mechanism.model), set(mechanism.coordinates.tolist())
+    model = pin.Model(mechanism.model)
+    coordinates = set(mechanism.coordinates.tolist())
     armature = model.armature.copy()
     for i in range(1, model.njoints):
         bearers = [model.joints[j] for j in list(model.supports[i])[1:]]

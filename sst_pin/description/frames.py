@@ -14,7 +14,8 @@ MOTOR_NAMES = JOINT_NAMES[::3]
 
 def base_orientations(parameters: Parameters) -> Array:
     """R_0k: {0k} in the base, x = v_k and z = e_k, shape (3, 3, 3) (Eqs. 32, 36)."""
-    v, e = parameters.base_directions, parameters.actuated_axes
+    v = parameters.base_directions
+    e = parameters.actuated_axes
     return np.stack([v, np.cross(e, v), e], axis=-1)
 
 

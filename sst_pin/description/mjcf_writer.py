@@ -536,7 +536,8 @@ class MjcfWriter:
 
     def _add_contacts(self) -> None:
         """Spheres and planes that touch in pairs, and ropes as tendons of limited length."""
-        contacts, planes = self._mechanism.contacts, dict[str, str]()
+        contacts = self._mechanism.contacts
+        planes = dict[str, str]()
         for contact in contacts.points:
             frame, ground = (
                 frame_named(self._model, name) for name in (contact.frame, contact.ground)

@@ -111,7 +111,8 @@ class RigidBody(_Values):
         Raises:
             ParametersError: For a negative mass, or numbers that are not finite.
         """
-        added, place = _number(mass, "mass"), _frozen(at, "at")
+        added = _number(mass, "mass")
+        place = _frozen(at, "at")
         problems = _shape_problems("at", place, (3,))
         if not (np.isfinite(added) and added >= 0):
             problems.append(f"mass: {added:g} kg is negative or not finite")
@@ -241,7 +242,8 @@ class Parameters(_Values):
         groups = self.links, self.passive_links, (self.star,)
         masses = (dict.fromkeys(f"{body.mass:g}" for body in bodies) for bodies in groups)
         links, passive, star = (f"{', '.join(each)} kg" for each in masses)
-        viscous, coulomb = _range(self.viscous_friction), _range(self.coulomb_friction)
+        viscous = _range(self.viscous_friction)
+        coulomb = _range(self.coulomb_friction)
         return "Parameters of an SST", [
             ("base", f"radius {self.base_radius:g} m, directions {directions}"),
             ("star", f"radius {self.star_radius:g} m, arc angles {angles} deg"),
@@ -325,7 +327,8 @@ def _numbers(values: Array) -> str:
 
 def _range(values: Array) -> str:
     """One number where all are the same."""
-    low, high = values.min(), values.max()
+    low = values.min()
+    high = values.max()
     return f"{low:g}" if low == high else f"{low:g} to {high:g}"
 
 

@@ -165,7 +165,8 @@ def _passive(p: Parameters, scale: float) -> Iterator[Solid]:
     plate, slack, strip = 0.005 * scale, 0.002 * scale, 0.004 * scale
     radius, length = _ROLLER * scale, 0.05 * scale
     across = width / 2 + radius + 0.1 * slack
-    near, far = star - (depth / 2 + slack) * towards, star + (depth / 2 + slack) * towards
+    near = star - (depth / 2 + slack) * towards
+    far = star + (depth / 2 + slack) * towards
     yield rod(_head(p, scale)[1] * x, near - plate * towards, 0.3 * _WIDTH * scale)
     size = np.array((plate, length, 2 * (across + radius)))
     yield Box(near - plate / 2 * towards, np.eye(3), size)
@@ -196,5 +197,6 @@ def _tool(p: Parameters, scale: float) -> Iterator[Solid]:
         (0.022, 0.045, 0.009, 0.009),
         (0.045, 0.075, 0.009, 0.001),
     ):
-        start, end = (p.star_radius + low * scale) * x, (p.star_radius + high * scale) * x
+        start = (p.star_radius + low * scale) * x
+        end = (p.star_radius + high * scale) * x
         yield Cylinder(start, end, radius * scale, end_radius * scale)

@@ -101,12 +101,15 @@ class Arc(NamedTuple):
         count = int(np.ceil(self.angle / _PIECE - 1e-9))
         half = self.angle / count / 2
         depth, width = self.section
-        inner, outer = (self.radius - depth / 2) * np.cos(half), self.radius + depth / 2
-        middle, length = (inner + outer) / 2, 2 * outer * np.tan(half)
+        inner = (self.radius - depth / 2) * np.cos(half)
+        outer = self.radius + depth / 2
+        middle = (inner + outer) / 2
+        length = 2 * outer * np.tan(half)
         x, y, z = self.axes.T
         for angle in half * (2 * np.arange(count) + 1):
             c, s = np.cos(angle), np.sin(angle)
-            radial, along = c * x + s * y, c * y - s * x
+            radial = c * x + s * y
+            along = c * y - s * x
             if self.round:
                 center, reach = middle * radial, length / 2 * along
                 yield rod(center - reach, center + reach, (outer - inner) / 2)
@@ -137,7 +140,8 @@ def lofted(loops: Array) -> tuple[Array, Indices]:
     ends = loops[[0, -1]].mean(axis=1)
     here = np.arange(count * points).reshape(count, points)
     beside = np.roll(here, -1, axis=1)
-    first, last = np.full(points, count * points), np.full(points, count * points + 1)
+    first = np.full(points, count * points)
+    last = np.full(points, count * points + 1)
     faces = [
         (here[:-1], beside[:-1], beside[1:]),
         (here[:-1], beside[1:], here[1:]),

@@ -36,11 +36,13 @@ _SCENE = Path(__file__).with_name("scene.xml")
 
 def mjcf_of(p: Parameters, configurations: Mapping[str, Array]) -> str:
     """XML of an SST: the closed robot with its parts and sensors, keyframes q by name."""
-    urdf, cuts = Urdf(urdf_of(p), "URDF"), parse_cuts(yaml_of(p), "cuts")
+    urdf = Urdf(urdf_of(p), "URDF")
+    cuts = parse_cuts(yaml_of(p), "cuts")
     sst = closed(urdf, cuts)
     writer = MjcfWriter(sst.mechanism())
     writer.add_keyframes(configurations)
-    robot, asset = writer.root, ET.Element("asset")
+    robot = writer.root
+    asset = ET.Element("asset")
     robot.insert(0, ET.Comment(_HEADER))
     for name, geom in _GEOMS.items():
         SubElement(SubElement(robot[3], "default", {"class": name}), "geom", geom)

@@ -72,7 +72,8 @@ def tolerances(
         >>> result.shares["position"].round(2)
         array([0.33, 0.26, 0.42])
     """
-    sizes, known = dict[str, float](), chain.design_parameters
+    sizes = dict[str, float]()
+    known = chain.design_parameters
     for pattern, value in deviations.items():
         names = [pattern] if pattern in known else fitting(known, pattern)
         if not names:

@@ -112,7 +112,8 @@ class Derivatives:
     """
 
     def __init__(self, context: Context) -> None:
-        self._memory, self._mechanism = context, context.mechanism
+        self._memory = context
+        self._mechanism = context.mechanism
         #: The normal tree with its last body at the world's origin.
         self._near = pin.Model(context.tree.model)
 
@@ -143,21 +144,26 @@ class Derivatives:
 
     def displacement_rates(self, q: Array, va: Array) -> Array:
         """-S [v, L e_k]: rates of a displacement due to joints' axes that move, shape (n, n)."""
-        context, tree = self._memory, self._memory.tree
+        context = self._memory
+        tree = self._memory.tree
         v, _ = context.complement.motion(q, va, context.steady)
-        v, L = tree.S.dot(v), tree.S.dot(context.complement.L)
+        v = tree.S.dot(v)
+        L = tree.S.dot(context.complement.L)
         rates = np.zeros_like(L)
         for joint, data in zip(tree.model.joints, context.data.joints, strict=True):
             if joint.nv > 1:
-                k, S = slice(joint.idx_v, joint.idx_v + joint.nv), np.array(data.S)
+                k = slice(joint.idx_v, joint.idx_v + joint.nv)
+                S = np.array(data.S)
                 rates[k] = S.T.dot(brackets(S.dot(v[k])[:, None], S.dot(L[k])))
         return -tree.S.T.dot(rates)[self._mechanism.coordinates]
 
     def frame_velocity(self, q: Array, va: Array, frame: int) -> Array:
         """Derivatives of a frame's velocity by q and va side by side, shape (6, 2 n)."""
-        loops, complement = self._memory.loops, self._memory.complement
+        loops = self._memory.loops
+        complement = self._memory.complement
         v, v_dot = complement.motion(q, va, self._memory.steady)
-        tree, L = TreeMotion(loops, v, v_dot), complement.L
+        tree = TreeMotion(loops, v, v_dot)
+        L = complement.L
         v_q = -complement.inverse.dot(partials(loops, q, tree).velocity_q.dot(L))
         motion = tree.frames_of([frame])
         J = np.concatenate((motion.M_q[:, 0, :3, 3].T, motion.J[0, 3:]))
@@ -168,14 +174,17 @@ class Derivatives:
         self, friction: Friction, q: Array, va: Array, aa: Array, tau: Array, wrenches: Array | None
     ) -> tuple[Array, Array, Array, Array]:
         """Derivatives of f - L^T B tau by q, va and aa, and L."""
-        context, mechanism = self._memory, self._mechanism
+        context = self._memory
+        mechanism = self._mechanism
         v, v_dot = context.complement.motion(q, va, aa)
-        L, G = context.complement.L, context.complement.inverse
+        L = context.complement.L
+        G = context.complement.inverse
         tree = TreeMotion(context.loops, v, v_dot)
         rows = partials(context.loops, q, tree)
         force = context.tree_forces(v, v_dot)
         force -= applied_forces(context, friction, q, v, wrenches, tau)
-        reactions, lines = G.T.dot(force), mechanism.lines
+        reactions = G.T.dot(force)
+        lines = mechanism.lines
         loads = [_on_frames(closure, reactions) for closure in rows.closures]
         if not lines.none:
             lengths, J = context.lines.evaluate(q)
@@ -215,7 +224,9 @@ class Derivatives:
         derivative of such a wrench is taken into account here. Pinocchio takes inertias about the
         world's origin, which loses digits with the square of the distance: the tree is moved there.
         """
-        context, model, S = self._memory, self._memory.tree.model, self._memory.tree.S
+        context = self._memory
+        model = self._memory.tree.model
+        S = self._memory.tree.S
         total = np.zeros((model.njoints, 6))
         for joints, _, w, _ in loads:
             np.add.at(total, joints, w)
@@ -242,7 +253,8 @@ class Derivatives:
 
 def _on_frames(closure: ClosurePartials, reactions: Array) -> _Load:
     """Forces along the rows of a closure or line, as wrenches on the frames that it connects."""
-    rows, forces = closure.rows, reactions[closure.at]
+    rows = closure.rows
+    forces = reactions[closure.at]
     w = (rows.W.T @ forces).reshape(2, 6)
     w_q = np.tensordot(forces, closure.W_q, axes=1).reshape(2, 6, -1)
     return rows.bodies, closure.frames, w, w_q
@@ -264,6 +276,7 @@ def _on_mass_centres(tree: TreeMotion, loops: Loops, wrenches: Array) -> _Load:
 
 def _turning_along(twists: Array, w: Array) -> Array:
     """Derivatives of wrenches, shape (k, 6), that move with the twists, shape (k, 6, nv)."""
-    force, moment = -skew(w[:, :3]), -skew(w[:, 3:])
+    force = -skew(w[:, :3])
+    moment = -skew(w[:, 3:])
     linear, omega = twists[:, :3], twists[:, 3:]
     return np.concatenate((force @ omega, moment @ omega + force @ linear), axis=1)

@@ -145,7 +145,8 @@ class Context:
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
         self.loops = Loops(mechanism.model, mechanism.closures)
-        self.tree, self.data = self.loops.tree, self.loops.data
+        self.tree = self.loops.tree
+        self.data = self.loops.data
         self.complement = JointComplement(mechanism, self.loops)
         self.lines = LineKinematics(mechanism)
         self.assembly = Assembly(mechanism, self.loops)
@@ -166,7 +167,8 @@ class Context:
 
     def actuation(self, q: Array) -> Array:
         """B at q, motors on lines included: forces on the tree are B tau, shape (nv, motors)."""
-        B, lines = self.mechanism.motors, self.mechanism.lines
+        B = self.mechanism.motors
+        lines = self.mechanism.lines
         return B + self.lines.evaluate(q)[1].T.dot(lines.motors) if lines.motors.any() else B
 
     def tree_forces(self, v: Array, v_dot: Array) -> Array:
@@ -192,7 +194,8 @@ class Context:
 
 def whole_inertia(mechanism: Mechanism) -> float:
     """Inertia of all bodies and rotors, each at the distance of the robot's length, [kg m^2]."""
-    model, length = mechanism.model, mechanism.length
+    model = mechanism.model
+    length = mechanism.length
     bodies = np.array([body.toDynamicParameters() for body in list(model.inertias)[1:]])
     traces = bodies[:, [4, 6, 9]].sum()  # about the joints' frames
     rotors = model.armature.dot(mechanism.rate_scale**2)
@@ -209,7 +212,8 @@ def applied_forces(
     tau: Array | None = None,
 ) -> Array:
     """Motors, friction, springs, lines, external wrenches as forces on the tree, shape (nv,)."""
-    springs, lines = context.mechanism.springs, context.mechanism.lines
+    springs = context.mechanism.springs
+    lines = context.mechanism.lines
     force = np.zeros(len(v)) if tau is None else context.mechanism.motors.dot(tau)
     if not friction.none:
         force = force + friction.forces(v)
@@ -258,7 +262,8 @@ def force_sizes(context: Context, q: Array, va: Array, aa: Array, wrenches: Arra
     tensions = mechanism.lines.tensions(line_lengths, J.dot(v))
     tensions = tensions + context.lines.inertial_tensions(q, v, v_dot)
     pulls = tensions[:, None] * J
-    friction, springs = mechanism.friction.forces(v), mechanism.springs.forces(model, q)
+    friction = mechanism.friction.forces(v)
+    springs = mechanism.springs.forces(model, q)
     on_joints = np.abs([friction, springs, model.armature * v_dot, *pulls]).sum(axis=0)
     return np.abs(context.complement.L).T @ (lengths.T @ on_bodies + on_joints)
 
@@ -307,7 +312,8 @@ def terms(context: Context, q: Array, va: Array) -> Terms:
     """All matrices of Eq. (92), long form; arguments as `inverse_dynamics`."""
     context.complement.evaluate(q)
     mechanism, model = context.mechanism, context.mechanism.model
-    Phi, L = context.loops.Phi, context.complement.L
+    Phi = context.loops.Phi
+    L = context.complement.L
     v = L @ va  # Eq. (16)
     Phi_dot = context.loops.Phi_dot(v)
     L_dot = context.complement.L_dot(Phi_dot)

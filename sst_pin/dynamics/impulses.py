@@ -95,7 +95,10 @@ def impulses(inertia: Array, free: Array, rows: Rows, start: Array) -> Impulses:
     one_sided = (rows.kinds == STOP) | (rows.kinds == NORMAL)
     moves = np.einsum("ij,ji->i", rows.J, Y) + rows.compliance > 0  # others cannot be changed
     moves[normals - 1] = moves[normals - 2] = moves[normals]
-    acting, x, rates, residual = np.zeros(len(start), dtype=bool), np.zeros(len(start)), free, 0.0
+    acting = np.zeros(len(start), dtype=bool)
+    x = np.zeros(len(start))
+    rates = free
+    residual = 0.0
     violated = (rows.kinds == DRY) & (rows.bounds > 0)
     while True:
         w = rows.J @ rates + rows.bias
@@ -106,7 +109,8 @@ def impulses(inertia: Array, free: Array, rows: Rows, start: Array) -> Impulses:
         if not violated.any():
             return Impulses(rates, x, residual)
         acting |= violated
-        x, residual = np.zeros(len(start)), np.inf
+        x = np.zeros(len(start))
+        residual = np.inf
         if np.isfinite(w).all():
             x[acting], residual = _solved(rows, Y, free, start, acting)
         rates = free + Y @ x
@@ -115,8 +119,10 @@ def impulses(inertia: Array, free: Array, rows: Rows, start: Array) -> Impulses:
 def _solved(rows: Rows, Y: Array, free: Array, start: Array, acting: Flags) -> tuple[Array, float]:
     """Impulses of the rows that act, and their residual."""
     J = rows.J[acting]
-    A, u = J @ Y[:, acting] + np.diag(rows.compliance[acting]), J @ free + rows.bias[acting]
-    sizes, kinds = np.diag(A).copy(), rows.kinds[acting]
+    A = J @ Y[:, acting] + np.diag(rows.compliance[acting])
+    u = J @ free + rows.bias[acting]
+    sizes = np.diag(A).copy()
+    kinds = rows.kinds[acting]
     normals = np.flatnonzero(kinds == NORMAL)
     of_contacts = normals[:, None] - [0, 1, 2]
     sizes[of_contacts] = sizes[of_contacts].max(axis=1, keepdims=True)
@@ -131,7 +137,10 @@ class _Problem:
     """x = P(x - w), w = A x + u, with the diagonal of A at most 1."""
 
     def __init__(self, A: Array, u: Array, kinds: Indices, bounds: Array) -> None:
-        self._A, self._u, self._kinds, self._bounds = A, u, kinds, bounds
+        self._A = A
+        self._u = u
+        self._kinds = kinds
+        self._bounds = bounds
         self._normals = np.flatnonzero(kinds == NORMAL)
         self._friction = bounds[self._normals]
 
@@ -141,7 +150,9 @@ class _Problem:
         Every third series of Newton's steps starts from the sweeps alone, which go on; the others
         from the best impulses. Neither is best for all problems.
         """
-        swept, best, least = start, start, np.inf
+        swept = start
+        best = start
+        least = np.inf
         for series in range(_SERIES):
             alone = series % 3 == 0
             x = swept if alone else best
@@ -151,24 +162,29 @@ class _Problem:
                 swept = x
             near, error = self._newton(x, _PROXIMAL[series % len(_PROXIMAL)])
             if error < least:
-                best, least = near, error
+                best = near
+                least = error
             if least < _ROUNDING or (least < SOLVED and series >= _REFINED):
                 break
         return best, least
 
     def _newton(self, x: Array, proximal: float) -> tuple[Array, float]:
         """The best of some steps of Newton's method, and its residual."""
-        best, least, largest = x, np.inf, _LARGEST * float(np.abs(self._u).max())
+        best = x
+        least = np.inf
+        largest = _LARGEST * float(np.abs(self._u).max())
         for _ in range(_STEPS):
             y = x - self._A @ x - self._u
             F = x - self._projected(y)
-            error, size = float(np.abs(F).max()), float(min(np.abs(x).max(), largest))
+            error = float(np.abs(F).max())
+            size = float(min(np.abs(x).max(), largest))
             if error:
                 error = error / size if size else np.inf
             if not error < least and least < SOLVED:
                 break
             if error < least:
-                best, least = x, error
+                best = x
+                least = error
             if least < _ROUNDING:
                 break
             # d(x - P(y)) = dx - dP dy, dy = dx - A dx
@@ -201,7 +217,8 @@ class _Problem:
         slopes = np.diag(np.where(inside & (self._kinds <= DRY), 1.0, 0.0))
         for k, friction in zip(self._normals, self._friction, strict=True):
             at = slice(k - 2, k)
-            size, largest = float(np.linalg.norm(y[at])), friction * y[k]
+            size = float(np.linalg.norm(y[at]))
+            largest = friction * y[k]
             if y[k] > 0:
                 slopes[k, k] = 1.0
                 slopes[at, at] = np.eye(2)
@@ -213,7 +230,8 @@ class _Problem:
 
     def _swept(self, x: Array) -> Array:
         """One sweep of projected Gauss-Seidel; the sides of a contact follow its normal row."""
-        x, A = x.copy(), self._A
+        x = x.copy()
+        A = self._A
         for i in np.flatnonzero(self._kinds != SIDE):
             x[i] -= (A[i] @ x + self._u[i]) / A[i, i]
             if self._kinds[i] == DRY:
@@ -221,7 +239,8 @@ class _Problem:
                 continue
             x[i] = max(x[i], 0.0)
             if self._kinds[i] == NORMAL:
-                at, largest = slice(i - 2, i), self._bounds[i] * x[i]
+                at = slice(i - 2, i)
+                largest = self._bounds[i] * x[i]
                 trace = A[i - 1, i - 1] + A[i - 2, i - 2]
                 side = x[at] - (A[at] @ x + self._u[at]) / trace if trace > 0 else np.zeros(2)
                 size = np.linalg.norm(side)

@@ -34,7 +34,8 @@ class _Block:
     """
 
     def __init__(self, mechanism: Mechanism, rows: Indices, dependent: Indices) -> None:
-        self.rows, self.rates = rows, mechanism.dependent[dependent]
+        self.rows = rows
+        self.rates = mechanism.dependent[dependent]
         self.scale = mechanism.row_scale[rows, None] * mechanism.rate_scale[self.rates]
         self.of_inverse = np.ix_(self.rates, rows)
         self.twice = 2 * np.eye(len(rows))
@@ -54,10 +55,13 @@ class JointComplement:
     """
 
     def __init__(self, mechanism: Mechanism, loops: Loops) -> None:
-        self._mechanism, self._loops = mechanism, loops
-        self._S_a, self._row_scale = mechanism.selection.T, mechanism.row_scale
+        self._mechanism = mechanism
+        self._loops = loops
+        self._S_a = mechanism.selection.T
+        self._row_scale = mechanism.row_scale
         self._steady = np.zeros(loops.tree.model.nv)
-        per_rate, per_coordinate = mechanism.rate_scale, mechanism.rate_scale[mechanism.coordinates]
+        per_rate = mechanism.rate_scale
+        per_coordinate = mechanism.rate_scale[mechanism.coordinates]
         #: Factors that make Phi L and L free of units.
         self._of_Phi_L = mechanism.row_scale[:, None] * per_coordinate
         self._of_L = per_coordinate / per_rate[:, None]
@@ -82,7 +86,8 @@ class JointComplement:
         self.evaluate(q, tolerance)
         v = self.L.dot(va)  # Eq. (16)
         loops = self._loops
-        tree, data = loops.tree, loops.data
+        tree = loops.tree
+        data = loops.data
         pin.forwardKinematics(tree.model, data, loops.q, tree.S.dot(v), self._steady)
         parts = [rows.drift(v, data) for rows in loops.closures]
         drift = np.concatenate([loops.f[:0], *parts])  # Phi_dot v
@@ -98,9 +103,11 @@ class JointComplement:
         """
         if not self._redundant:
             return
-        loops, mechanism = self._loops, self._mechanism
+        loops = self._loops
+        mechanism = self._mechanism
         left = (loops.Phi.dot(v_dot) + drift) * self._row_scale
-        rates, accelerations = v / mechanism.rate_scale, v_dot / mechanism.rate_scale
+        rates = v / mechanism.rate_scale
+        accelerations = v_dot / mechanism.rate_scale
         size = rates.dot(rates) + math.sqrt(accelerations.dot(accelerations))
         worst = int(np.abs(left).argmax())
         if not np.isfinite(size) or abs(left[worst]) <= self._slack * size:
@@ -121,7 +128,9 @@ class JointComplement:
 
         Redundant rows must hold too, up to the errors f of the loops, Eq. (2).
         """
-        smallest, largest = [], 1.0  # the block of the coordinates is the identity
+        # the block of the coordinates is the identity
+        smallest = []
+        largest = 1.0
         for block in self.blocks:
             A = Phi.take(block.rows, axis=0).take(block.rates, axis=1) * block.scale
             inverse, sizes = _inverse(A)
@@ -153,7 +162,8 @@ class JointComplement:
             names = listed([mechanism.space.rate_names[k] for k in loose])
             why = f"the coordinates do not determine the rates of the dependent joints {names}"
         others = choose_coordinates(mechanism, np.nan_to_num(scaled))
-        names, k = listed(mechanism.space.names_of(others.tolist())), len(others)
+        names = listed(mechanism.space.names_of(others.tolist()))
+        k = len(others)
         n = len(mechanism.coordinates)
         cure = f"move away, or use chain.with_coordinates([...]); here {names} describe the motion"
         if k > n:
@@ -231,7 +241,9 @@ def body_jacobians(loops: Loops) -> Array:
 
 def bodies(loops: Loops, v: Array) -> Bodies:
     """K, K_dot, M, Omega and w^g at rates v of the tree."""
-    model, S, c = loops.model, loops.tree.S, mass_centers(loops)
+    model = loops.model
+    S = loops.tree.S
+    c = mass_centers(loops)
     pin.computeJointJacobiansTimeVariation(loops.tree.model, loops.data, loops.q, S.dot(v))
     K = _in_paper_order(_at_mass_centers(_of_bodies(loops, pin.getJointJacobian), c)).dot(S)
     # The reduction moves with the mass centre: d/dt (omega x c) has the term omega x c_dot.
@@ -242,7 +254,9 @@ def bodies(loops: Loops, v: Array) -> Bodies:
     omega = K[:, :3] @ v
 
     r = model.njoints - 1
-    M, Omega, weights = np.zeros((r, 6, r, 6)), np.zeros((r, 6, r, 6)), np.zeros((r, 6))
+    M = np.zeros((r, 6, r, 6))
+    Omega = np.zeros((r, 6, r, 6))
+    weights = np.zeros((r, 6))
     for i, body in enumerate(list(model.inertias)[1:]):
         R = loops.data.oMi[loops.tree.bodies[i + 1]].rotation
         M[i, :3, i, :3] = R @ body.inertia @ R.T  # Eq. (67)
@@ -272,9 +286,12 @@ def decoupled(loops: Loops) -> tuple[Array, Array]:
     on the diagonal and zeros above; it adds the twist of a body to those of all bodies behind it.
     The forward recursion of inverse dynamics is N_l, the backward recursion is its transpose.
     """
-    model, c = loops.model, mass_centers(loops)
-    r, J = len(c), _of_bodies(loops, pin.getJointJacobian)
-    N_l, of_parents = np.zeros((r, 6, r, 6)), np.zeros_like(J)
+    model = loops.model
+    c = mass_centers(loops)
+    r = len(c)
+    J = _of_bodies(loops, pin.getJointJacobian)
+    N_l = np.zeros((r, 6, r, 6))
+    of_parents = np.zeros_like(J)
     for i in range(r):
         for bearer in list(model.supports[i + 1])[1:]:
             transfer = np.eye(6)
@@ -294,7 +311,8 @@ def mass_centers(loops: Loops) -> Array:
 
 def _of_bodies(loops: Loops, of_joint: Callable[..., Array]) -> Array:
     """Jacobians [v; omega] of all bodies at the world's origin, shape (r, 6, normal rates)."""
-    model, data = loops.tree.model, loops.data
+    model = loops.tree.model
+    data = loops.data
     J = [of_joint(model, data, joint, pin.WORLD) for joint in loops.tree.bodies[1:]]
     return np.array(J).reshape(len(J), 6, -1)
 

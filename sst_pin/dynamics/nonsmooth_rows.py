@@ -50,7 +50,8 @@ class NonsmoothRows:
     gains: MotorGains
 
     def __post_init__(self) -> None:
-        mechanism, acting = self.mechanism, (self.gains.stiffness + self.gains.damping) > 0
+        mechanism = self.mechanism
+        acting = (self.gains.stiffness + self.gains.damping) > 0
         for k in np.flatnonzero(acting):
             on_cables = mechanism.lines.motors[self.cables, k]
             on_others = np.delete(mechanism.lines.motors[:, k], self.cables)
@@ -75,11 +76,13 @@ class NonsmoothRows:
     @cached_property
     def stops(self) -> Sequence[Stop]:
         """Both ends of joints with one coordinate for each rate, where they are finite."""
-        model, stops = self.mechanism.model, list[Stop]()
+        model = self.mechanism.model
+        stops = list[Stop]()
         for joint in list(model.joints)[1:]:
             for k in range(joint.nv if joint.nq == joint.nv else 0):
                 at = joint.idx_q + k
-                low, high = model.lowerPositionLimit[at], model.upperPositionLimit[at]
+                low = model.lowerPositionLimit[at]
+                high = model.upperPositionLimit[at]
                 for side, limit in ((1, float(low)), (-1, float(high))):
                     if abs(limit) < 1e30:  # files write 1e30 and more for no limit
                         stops.append(Stop(joint.idx_v + k, at, side, limit))

@@ -103,7 +103,9 @@ class NonsmoothStep:
     """Steps of one mechanism; one object per thread."""
 
     def __init__(self, context: Context, rows: NonsmoothRows) -> None:
-        self._context, self._rows, self._mechanism = context, rows, context.mechanism
+        self._context = context
+        self._rows = rows
+        self._mechanism = context.mechanism
         model = self._mechanism.model
         self._frames = [
             (frame_id(model, x.frame), frame_id(model, x.ground), x.radius)
@@ -125,7 +127,9 @@ class NonsmoothStep:
 
     def step(self, q: Array, va: Array, forces: Forces, h: float, start: Array) -> Step:
         """The end of a step of length h; `start` are impulses near the solution, shape (m,)."""
-        context, mechanism, rows = self._context, self._mechanism, self._rows
+        context = self._context
+        mechanism = self._mechanism
+        rows = self._rows
         v, bias = context.complement.motion(q, va, context.steady)
         L = context.complement.L
         M = context.tree_inertia()
@@ -207,9 +211,11 @@ class NonsmoothStep:
         Shapes (contacts,) and (3 contacts, nv), at the configuration of the loops.
         """
         loops = self._context.loops
-        gaps, rows = np.zeros(len(self._frames)), np.zeros((3 * len(self._frames), loops.model.nv))
+        gaps = np.zeros(len(self._frames))
+        rows = np.zeros((3 * len(self._frames), loops.model.nv))
         for k, (frame, ground, radius) in enumerate(self._frames):
-            plane, p = loops.data.oMf[ground], loops.data.oMf[frame].translation
+            plane = loops.data.oMf[ground]
+            p = loops.data.oMf[frame].translation
             normal = plane.rotation[:, 2]
             height = normal @ (p - plane.translation)
             gaps[k] = height - radius

@@ -111,7 +111,8 @@ class Reference(threading.local):
         names = self.mechanism.coordinate_rate_names
         missing = {names[k]: float(left[k]) for k in over}
         listed = ", ".join(f"{name} {x:.4g}" for name, x in list(missing.items())[:6])
-        loops, scale = self.context.loops, self.mechanism.row_scale[:, None]
+        loops = self.context.loops
+        scale = self.mechanism.row_scale[:, None]
         idle = idle_rates(self.mechanism, loops, loops.Phi * scale * self.mechanism.rate_scale)
         problem = (
             f"the motors cannot produce this motion: no motor supplies the forces {listed} "
@@ -188,7 +189,8 @@ class Reference(threading.local):
 
     def moved(self, q: Array, step: Array) -> Array:
         """The configuration where the coordinates are a step further, in the same assembly mode."""
-        model, assembly = self.mechanism.model, self.context.assembly
+        model = self.mechanism.model
+        assembly = self.context.assembly
 
         def path(q: Array, low: float, high: float) -> Array:
             ahead = pin.integrate(model, q, self.rates(q, (high - low) * step))
@@ -226,7 +228,9 @@ class Reference(threading.local):
     @_finite
     def frame_jacobian_rate(self, q: Array, va: Array, frame: int) -> Array:
         """Rate of `frame_jacobian`, shape (6, n)."""
-        L, loops, complement = self.L(q), self.context.loops, self.context.complement
+        L = self.L(q)
+        loops = self.context.loops
+        complement = self.context.complement
         v = L.dot(va)
         Phi_dot = loops.Phi_dot(v)
         L_dot = complement.L_dot(Phi_dot)
@@ -271,7 +275,8 @@ class Reference(threading.local):
 
     def potential_energy(self, q: Array) -> Array:
         """Potential energy of weights, zero with all masses at the origin, springs, lines, [J]."""
-        context, springs = self.context, self.mechanism.springs
+        context = self.context
+        springs = self.mechanism.springs
         self.mechanism.space.require_on_manifold(q)
         context.loops.evaluate(q)
         model = self.mechanism.model

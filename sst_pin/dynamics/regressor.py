@@ -80,7 +80,8 @@ class DynamicParameters(Summary):
         bodies = [name.removesuffix(".mx") for name in self.names if name.endswith(".mx")]
         if body not in bodies:
             raise UnknownNameError("body", body, bodies)
-        values, first = self.values.copy(), self.names.index(f"{body}.mass")
+        values = self.values.copy()
+        first = self.names.index(f"{body}.mass")
         values[first : first + len(OF_BODY)] *= positive_number("factor", factor, or_zero=True)
         return replace(self, values=read_only(values))
 
@@ -111,10 +112,12 @@ def names_of(mechanism: Mechanism) -> tuple[str, ...]:
 
 def parameters_of(mechanism: Mechanism) -> DynamicParameters:
     """The parameters of a mechanism; its offsets are zero."""
-    model, friction = mechanism.model, mechanism.friction
+    model = mechanism.model
+    friction = mechanism.friction
     bodies = [body.toDynamicParameters() for body in list(model.inertias)[1:]]
     rates = friction.viscous, friction.coulomb, model.armature
-    stiffness, none = mechanism.springs.stiffness[mechanism.sprung], np.zeros(model.nv)
+    stiffness = mechanism.springs.stiffness[mechanism.sprung]
+    none = np.zeros(model.nv)
     lines = np.vstack([mechanism.lines.numbers[[0, 2, 3]], mechanism.lines.masses]).T.ravel()
     motors = np.zeros(len(mechanism.motor_names))
     values = np.concatenate([*bodies, *rates, stiffness, none, lines, motors])
@@ -123,16 +126,21 @@ def parameters_of(mechanism: Mechanism) -> DynamicParameters:
 
 def size_of(mechanism: Mechanism) -> int:
     """How many parameters there are."""
-    bodies, rates = mechanism.model.njoints - 1, mechanism.model.nv
-    lines, motors = len(mechanism.lines.forces), len(mechanism.motor_names)
+    bodies = mechanism.model.njoints - 1
+    rates = mechanism.model.nv
+    lines = len(mechanism.lines.forces)
+    motors = len(mechanism.motor_names)
     return 10 * bodies + 4 * rates + len(mechanism.sprung) + 4 * lines + motors
 
 
 def torque_regressor(context: Context, q: Array, va: Array, aa: Array) -> Array:
     """Y = L^T Y_tree, shape (n, p)."""
     v, v_dot = context.complement.motion(q, va, aa)
-    mechanism, L = context.mechanism, context.complement.L
-    model, one, none = mechanism.model, np.ones(len(v)), np.zeros(len(v))
+    mechanism = context.mechanism
+    L = context.complement.L
+    model = mechanism.model
+    one = np.ones(len(v))
+    none = np.zeros(len(v))
     sign = -Friction(none, one, mechanism.friction.sign_width).forces(v)
     deflections = pin.difference(model, mechanism.springs.reference, q)
     k = mechanism.sprung
@@ -152,8 +160,11 @@ def torque_regressor(context: Context, q: Array, va: Array, aa: Array) -> Array:
 
 def _of_bodies(context: Context, v: Array, v_dot: Array) -> Array:
     """Columns of the bodies, shape (n, 10 r)."""
-    tree, data, L = context.tree, context.data, context.complement.L
-    q, S = context.loops.q, tree.S
+    tree = context.tree
+    data = context.data
+    L = context.complement.L
+    q = context.loops.q
+    S = tree.S
     Y = pin.computeJointTorqueRegressor(tree.model, data, q, S.dot(v), S.dot(v_dot))
     Y = Y.reshape(tree.model.nv, -1)  # a vector, of a tree with one rate
     by_joint = S.dot(L).T.dot(Y).reshape(L.shape[1], -1, 10)
@@ -165,7 +176,8 @@ def changed(
 ) -> tuple[pin.Model, dict[str, ArrayLike | None], tuple[LineForce, ...]]:
     """Tree (with friction and rotors), `numbers` of `mechanism_of`, and lines with theta."""
     model, nv = pin.Model(mechanism.model), mechanism.model.nv
-    k, r = mechanism.sprung, model.njoints - 1
+    k = mechanism.sprung
+    r = model.njoints - 1
     ends = np.cumsum([10 * r, nv, nv, nv, len(k), nv, 4 * len(mechanism.lines.forces)])
     bodies, viscous, coulomb, armature, stiff, offset, lines, motors = np.split(
         _values(mechanism, theta), ends
@@ -176,7 +188,9 @@ def changed(
         )
     for i, ten in enumerate(bodies.reshape(r, 10), 1):
         model.inertias[i] = _body(model.names[i], model.inertias[i], ten)
-    model.damping, model.friction, model.armature = viscous, coulomb, armature
+    model.damping = viscous
+    model.friction = coulomb
+    model.armature = armature
     stiffness = np.zeros(nv)
     stiffness[k] = stiff
     reference = _spring_reference(mechanism, stiffness, offset)
@@ -209,7 +223,8 @@ def _values(mechanism: Mechanism, theta: ArrayLike | Mapping[str, float]) -> Arr
 
 def _spring_reference(mechanism: Mechanism, stiffness: Array, offset: Array) -> Array:
     """The reference of springs that also give the constant forces `offset`, shape (nq,)."""
-    names, reference = mechanism.space.rate_names, mechanism.springs.reference
+    names = mechanism.space.rate_names
+    reference = mechanism.springs.reference
     if lost := [names[i] for i in np.flatnonzero(offset * (stiffness == 0))]:
         raise InputError(
             "theta", f"offset of {listed(lost)}: a chain has offsets only of springs with stiffness"

@@ -19,5 +19,6 @@ def runge_kutta_step(rate: Callable[[int, X], X], state: X, h: Any) -> X:
     stage = end = state
     for when, weight, ahead in _SLOPES:
         slope = rate(when, stage)
-        end, stage = end + weight * h * slope, state + ahead * h * slope
+        end = end + weight * h * slope
+        stage = state + ahead * h * slope
     return end

@@ -154,7 +154,8 @@ def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array,
         >>> q.shape, va.shape
         ((5, 3), (5, 1))
     """
-    random, mechanism = np.random.default_rng(whole_number("seed", seed, 0)), chain.mechanism
+    random = np.random.default_rng(whole_number("seed", seed, 0))
+    mechanism = chain.mechanism
     count = whole_number("count", count, 1)
     units = mechanism.rate_scale[mechanism.coordinates]
     start = _within_limits(chain, chain.generic_configuration(), random)
@@ -217,17 +218,20 @@ def _within_limits(chain: ClosedChain, start: Array, random: np.random.Generator
     Random motions that lead towards the middle are kept.
     """
     mechanism = chain.mechanism
-    low, high = mechanism.model.lowerPositionLimit, mechanism.model.upperPositionLimit
+    low = mechanism.model.lowerPositionLimit
+    high = mechanism.model.upperPositionLimit
     limited = np.isfinite(low) & np.isfinite(high) & (high > low)
     if not limited.any():
         return start
-    low, high = low[limited], high[limited]
+    low = low[limited]
+    high = high[limited]
     units = mechanism.rate_scale[mechanism.coordinates]
     best = start
 
     def distance(q: Array) -> float:
         """That from the middle: 1 at a limit."""
-        middle, half = high / 2 + low / 2, high / 2 - low / 2
+        middle = high / 2 + low / 2
+        half = high / 2 - low / 2
         return float((np.abs(q[limited] - middle) / half).max())
 
     for _ in range(_TRIES):

@@ -132,7 +132,8 @@ def estimate(
         >>> result.noise.round(2), bool((np.abs(off) < 3 * result.deviations).all())
         (array([0.01]), True)
     """
-    n, motors = chain.degrees_of_freedom, len(chain.motor_names)
+    n = chain.degrees_of_freedom
+    motors = len(chain.motor_names)
     measured = finite_array("tau", tau, (motors,))
     if np.abs(measured).max(initial=0.0) > _LARGEST:
         raise InputError("tau", f"torques up to {np.abs(measured).max():.2g}: squares overflow")
@@ -147,7 +148,8 @@ def estimate(
     known = np.array(chain.dynamic_parameters)
     known[base.considered] = 0
     right = (measured[:, None, :] @ J)[:, 0] - Y @ known  # J^T tau
-    left, right = decimated(Y[..., base.columns], decimate), decimated(right, decimate)
+    left = decimated(Y[..., base.columns], decimate)
+    right = decimated(right, decimate)
     if decimate > 1:
         J = J[::decimate][1:-1]
     correlations = noise_correlations(decimate)

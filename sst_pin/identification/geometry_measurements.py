@@ -183,7 +183,8 @@ class Poses(Measurement):
         array = np.asarray(self.poses, dtype=float)
         if array.ndim == 3:
             k = np.flatnonzero(np.isfinite(array[:, :3, :3]).all(axis=(1, 2)))
-            to_a, R = sight.a[k, :3, :3].mT, sight.b[k, :3, :3]
+            to_a = sight.a[k, :3, :3].mT
+            R = sight.b[k, :3, :3]
             turned = to_a @ R
             z = [x @ pin.log3(x.T @ y) for x, y in zip(turned, array[k, :3, :3], strict=True)]
             A = to_a @ (sight.J_b[k, 3:] - sight.J_a[k, 3:])
@@ -194,7 +195,8 @@ class Poses(Measurement):
         """The rigid motion that fits the measured positions to the frame's (Kabsch)."""
         measured = self.measured_positions
         k = np.isfinite(measured).all(axis=1)
-        there, here = measured[k], b[k, :3, 3]
+        there = measured[k]
+        here = b[k, :3, 3]
         if len(there) < 3:
             problem = "of an unknown system: at least three whole positions are needed"
             raise InputError("poses", problem)

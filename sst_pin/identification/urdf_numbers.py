@@ -57,7 +57,8 @@ def write_urdf(chain: ClosedChain, urdf: str | Path, path: str | Path, force: bo
 def with_dynamics(chain: ClosedChain, urdf: str | Path, folder: Path) -> str:
     """The text that `write_urdf` writes to a folder, read back and compared."""
     source = Urdf.read(urdf)
-    root, model = source.root, chain.mechanism.model
+    root = source.root
+    model = chain.mechanism.model
     partly = _fix_locked(root, model)
     _put_bodies(root, model, str(urdf))
     _put_friction(root, chain)
@@ -88,7 +89,8 @@ def _put_bodies(root: ET.Element, model: pin.Model, urdf: str) -> None:
 
 def _put_friction(root: ET.Element, chain: ClosedChain) -> None:
     """Give each joint its friction; none where the rates of a joint have different friction."""
-    friction, space = chain.mechanism.friction, chain.mechanism.space
+    friction = chain.mechanism.friction
+    space = chain.mechanism.space
     for joint in root.findall("joint"):
         series = _series(joint, chain.mechanism.model)
         rates = [k for part in series for k in space.rates[part]]
@@ -104,7 +106,8 @@ def _put_friction(root: ET.Element, chain: ClosedChain) -> None:
 def _differences(chain: ClosedChain, urdf: Urdf, partly: Mapping[str, Sequence[str]]) -> list[str]:
     """Names of the parameters that a URDF, with the YAML beside it, gives other values."""
     again = ClosedChain.from_description(_read_again(urdf)).dynamic_parameters
-    values, theta = dict(zip(again.names, again.values, strict=True)), chain.dynamic_parameters
+    values = dict(zip(again.names, again.values, strict=True))
+    theta = chain.dynamic_parameters
     words = np.array([name.rpartition(".")[2] for name in theta.names])
     sizes = np.array([np.abs(theta.values[words == word]).max() for word in words])
     away = np.abs([values.get(name, 0.0) for name in theta.names] - theta.values)
@@ -173,7 +176,8 @@ def _fix_locked(root: ET.Element, model: pin.Model) -> dict[str, list[str]]:
     links = _links_of(model)
     partly = dict[str, list[str]]()
     for joint in root.findall("joint"):
-        name, series = joint.get("name", ""), _series(joint, model)
+        name = joint.get("name", "")
+        series = _series(joint, model)
         suffixes = [part.removeprefix(f"{name}_") for part in series if part != name]
         if suffixes and (len(series) == 1 or suffixes[0].islower()):
             partly[name] = series
@@ -193,7 +197,8 @@ def _series(joint: ET.Element, model: pin.Model) -> list[str]:
     a, b = _ends(joint, _links_of(model))
     if a is None or b is None:
         return []
-    series, j = list[str](), b.parentJoint
+    series = list[str]()
+    j = b.parentJoint
     while j not in (0, a.parentJoint):
         series.insert(0, model.names[j])
         j = model.parents[j]

@@ -172,12 +172,16 @@ def without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]
     ]
     if problems:
         raise DescriptionError(f"model {model.name}", problems)
-    space, q = JointSpace(model), pin.neutral(model)
+    space = JointSpace(model)
+    q = pin.neutral(model)
     owners = {k: name for name, rates in space.rates.items() for k in rates}
-    rates, series = dict[str, dict[int, float]](), dict[int, Series]()
+    rates = dict[str, dict[int, float]]()
+    series = dict[int, Series]()
     for name in names_of("locked", list(locked) if isinstance(locked, Mapping) else locked):
-        indices, value = space.rates_of([name]).tolist(), 0.0
-        owner, joint = owners[indices[0]], model.joints[joint_id(model, owners[indices[0]])]
+        indices = space.rates_of([name]).tolist()
+        value = 0.0
+        owner = owners[indices[0]]
+        joint = model.joints[joint_id(model, owners[indices[0]])]
         if isinstance(locked, Mapping):
             value = float(single_array("locked", locked[name], ()))
             if len(indices) > 1 or (joint.nq, joint.nv) == (2, 1):

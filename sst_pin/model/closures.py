@@ -58,7 +58,8 @@ class Closure:
     )
 
     def __post_init__(self) -> None:
-        kind, problem = self.kind, ""
+        kind = self.kind
+        problem = ""
         _require_two(self.frame_a, self.frame_b)
         if isinstance(kind, str):
             if kind not in self.KINDS:

@@ -53,7 +53,8 @@ class Series:
     """
 
     def __init__(self, parts: Sequence[Part], place: pin.SE3 | None = None) -> None:
-        self.parts, self.place = tuple(parts), place or pin.SE3.Identity()
+        self.parts = tuple(parts)
+        self.place = place or pin.SE3.Identity()
 
     @classmethod
     def named(cls, joints: Mapping[str, Any]) -> Series:
@@ -95,7 +96,8 @@ class PartlyLocked(Series):
     """
 
     def __init__(self, joint: Any, locked: Mapping[int, float]) -> None:
-        kind, suffixes = joint.shortname(), kind_of(joint).v
+        kind = joint.shortname()
+        suffixes = kind_of(joint).v
         models = [model() for model in _SINGLES.get(kind, ())]
         if kind == "JointModelUniversal":
             axes = joint.extract()
@@ -108,7 +110,8 @@ class PartlyLocked(Series):
         self._order = [k - first for k in turns]
         ball = Part("", pin.JointModelSpherical(), rates=turns, entries=range(first, first + 4))
         is_ball = bool(turns) and locked.keys().isdisjoint(turns)
-        parts, place = list[Part](), pin.SE3.Identity()
+        parts = list[Part]()
+        place = pin.SE3.Identity()
         for k in [*range(first), *([] if is_ball else turns)]:
             if k in locked:
                 place = place * Series.fixed(models[k], np.array([locked[k]])).place
@@ -137,7 +140,8 @@ def _angles(quaternion: Array, order: Sequence[int]) -> Array:
     """Angles about x, y, z of turns that follow one another in this order."""
     from scipy.spatial.transform import Rotation
 
-    angles, axes = np.empty(3), "".join("XYZ"[k] for k in order)
+    angles = np.empty(3)
+    axes = "".join("XYZ"[k] for k in order)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # in gimbal lock SciPy warns and sets the last angle to 0
         angles[list(order)] = Rotation.from_quat(quaternion).as_euler(axes)

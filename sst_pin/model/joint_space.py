@@ -20,7 +20,8 @@ class _Kind(NamedTuple):
     units: tuple[str, ...]
 
 
-_XYZ, _QUATERNION = ("x", "y", "z"), ("qx", "qy", "qz", "qw")
+_XYZ = ("x", "y", "z")
+_QUATERNION = ("qx", "qy", "qz", "qw")
 _TURNS = ("wx", "wy", "wz")
 _OF_SEVERAL = {
     "JointModelFreeFlyer": _Kind(
@@ -70,7 +71,9 @@ class JointSpace:
         self, q: list[tuple[str, str]], v: list[tuple[str, str]], name: str, joint: Any
     ) -> None:
         kind = kind_of(joint)
-        short, i, k = joint.shortname(), len(q), len(v)
+        short = joint.shortname()
+        i = len(q)
+        k = len(v)
         if short == "JointModelFreeFlyer":
             self._frames.append((i, k, 3))
             self._quaternions.append((i + 3, k + 3))

@@ -22,10 +22,12 @@ def loop_groups(
     for closure in closures:
         bodies = (frame_named(model, name).parentJoint for name in frames_of(closure))
         supports = [set(model.supports[body]) for body in bodies]
-        joints, members = set.symmetric_difference(*supports) if supports else set(), [closure]
+        joints = set.symmetric_difference(*supports) if supports else set()
+        members = [closure]
         for group in [x for x in groups if not joints.isdisjoint(x[0])]:
             groups.remove(group)
-            joints, members = joints | group[0], group[1] + members
+            joints = joints | group[0]
+            members = group[1] + members
         groups.append((joints, members))
     return groups
 

@@ -284,7 +284,8 @@ class Mechanism:
 
         It does not depend on where the robot stands in the world.
         """
-        joints, lengths = range(1, self.model.njoints), [x for _, _, x in self._groups]
+        joints = range(1, self.model.njoints)
+        lengths = [x for _, _, x in self._groups]
         offset = longest_offset(self.model, joints, self.closures, ground=False)
         return max([offset, *lengths]) or 1.0
 

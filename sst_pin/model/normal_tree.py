@@ -27,17 +27,24 @@ class NormalTree:
     """
 
     def __init__(self, original: pin.Model) -> None:
-        self.model, self.bodies = pin.Model(), [0] * original.njoints
-        self.model.name, self.model.gravity = original.name, original.gravity
+        self.model = pin.Model()
+        self.bodies = [0] * original.njoints
+        self.model.name = original.name
+        self.model.gravity = original.gravity
         q: list[tuple[int, float, float]] = []
         v: list[tuple[int, float, float]] = []
         waiting = list(original.children[0])[::-1]
         while waiting:
             j = waiting.pop()
-            joint, factor, offset, rotors = original.joints[j], 1.0, 0.0, 1.0
+            joint = original.joints[j]
+            factor = 1.0
+            offset = 0.0
+            rotors = 1.0
             if not joint.nv:  # a mimic joint; the joint that it follows has the rotors of both
                 mimic = joint.extract()
-                factor, offset, rotors = mimic.scaling, mimic.offset, 0.0
+                factor = mimic.scaling
+                offset = mimic.offset
+                rotors = 0.0
             self._add(original, j)
             q += [(joint.idx_q + k, factor, offset) for k in range(joint.nq or 1)]
             v += [(joint.idx_v + k, factor, rotors) for k in range(joint.nv or 1)]
@@ -47,7 +54,8 @@ class NormalTree:
             self.model.addFrame(frame, False)
         entries, self.factors, self.offsets = np.array(q).reshape(-1, 3).T.copy()
         rates, factors, rotors_of = np.array(v).reshape(-1, 3).T
-        self.entries, rates = entries.astype(np.intp), rates.astype(np.intp)
+        self.entries = entries.astype(np.intp)
+        rates = rates.astype(np.intp)
         self.S = factors[:, None] * np.eye(original.nv)[rates]
         self.model.armature = original.armature[rates] * rotors_of
 
@@ -68,7 +76,8 @@ class NormalTree:
         return np.asarray(self.supports[bearers].T)
 
     def _add(self, original: pin.Model, j: int) -> None:
-        joint, parent = original.joints[j], self.bodies[original.parents[j]]
+        joint = original.joints[j]
+        parent = self.bodies[original.parents[j]]
         series = series_of(joint) if joint.nv else [(_followed(joint), pin.SE3.Identity())]
         placement = original.jointPlacements[j]
         for number, (part, offset) in enumerate(series):
@@ -81,7 +90,8 @@ class NormalTree:
 
 def series_of(joint: Any) -> list[tuple[Any, pin.SE3]]:
     """The joints of one axis, or of fixed axes, that a joint consists of, with placements."""
-    short, here = joint.shortname(), pin.SE3.Identity()
+    short = joint.shortname()
+    here = pin.SE3.Identity()
     if short == "JointModelSphericalZYX":
         axes = (pin.JointModelRZ, pin.JointModelRY, pin.JointModelRX)
         return [(axis(), here) for axis in axes]

@@ -45,7 +45,8 @@ def rebuilt(old: pin.Model, changes: Mapping[int, Series]) -> pin.Model:
     the process.
     """
     model = pin.Model()
-    model.name, model.gravity = old.name, old.gravity
+    model.name = old.name
+    model.gravity = old.gravity
     model.inertias[0] = old.inertias[0]
     bearers = [(0, pin.SE3.Identity())]  # of each old joint, the new one and its place there
     each = [changes.get(i) or Series.whole(joint) for i, joint in enumerate(old.joints)]
@@ -80,9 +81,11 @@ def _copy_frames(
     """Copy the frames; a joint's frame becomes one for each new joint, or a fixed-joint frame."""
     numbers = {0: 0}  # of the new frames, by those of the old ones
     for i, frame in enumerate(list(old.frames)[1:], 1):
-        joint, kind = frame.parentJoint, frame.type
+        joint = frame.parentJoint
+        kind = frame.type
         bearer, place = bearers[joint]
-        bearing, place = numbers.get(frame.parentFrame, 0), place * frame.placement
+        bearing = numbers.get(frame.parentFrame, 0)
+        place = place * frame.placement
         if kind == pin.FrameType.JOINT and frame.name == old.names[joint]:
             for k in range(bearer - sizes[joint] + 1, bearer + 1):
                 new = pin.Frame(model.names[k], k, bearing, pin.SE3.Identity(), kind)

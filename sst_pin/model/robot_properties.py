@@ -131,7 +131,8 @@ class _Instead:
     """
 
     def __init__(self, name: str, cure: str) -> None:
-        self._name, self._cure = name, cure
+        self._name = name
+        self._cure = cure
 
     def __get__(self, robot: object, kind: type) -> None:
         text = f"{kind.__name__} has no {self._name}; use {self._cure}"

@@ -104,7 +104,8 @@ def equal_area(directions: ArrayLike, middle: ArrayLike) -> Array:
         array([[0.   , 1.414],
                [1.414, 0.   ]])
     """
-    s, ahead = finite_array("directions", directions, (3,)), single_array("middle", middle, (3,))
+    s = finite_array("directions", directions, (3,))
+    ahead = single_array("middle", middle, (3,))
     ahead = ahead / np.linalg.norm(ahead)
     up = np.array([0.0, 0.0, 1.0]) if abs(ahead[2]) < 1 - 1e-9 else np.array([0.0, 1.0, 0.0])
     right = np.cross(up, ahead) / np.linalg.norm(np.cross(up, ahead))
@@ -173,7 +174,8 @@ def _fill(ax: Axes, poses: ReachMap, show: str, x: Array, y: Array) -> None:
         cmap = mpl.colormaps["viridis_r"].with_extremes(over="#D55E00")
         norm = BoundaryNorm(np.linspace(0, 1, 11), cmap.N, extend="max")
         colours = {"cmap": cmap, "norm": norm}
-    corners, flat = (_corners(x), _corners(y)), {"rasterized": True}
+    corners = (_corners(x), _corners(y))
+    flat = {"rasterized": True}
     field = ax.pcolormesh(*corners, getattr(poses, show), **colours, **flat)
     names = [name for name in _ENDS if (poses.why == REASONS.index(name)).any()]
     for name in names:

@@ -93,10 +93,12 @@ def condition_number(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
     """
     require_motion(motion, robot.mechanism)
     measures = robot.singularity_measures(motion.q)
-    names, values = tuple(measures), np.stack([*measures.values()], axis=1)
+    names = tuple(measures)
+    values = np.stack([*measures.values()], axis=1)
     if values.max() > max(20, 10 * values.min()):
         ax.set_yscale("log")
-    shown, labels = Curves(names, ("",) * len(names), values), map(curves.formula, names)
+    shown = Curves(names, ("",) * len(names), values)
+    labels = map(curves.formula, names)
     return curves.draw(ax, motion.t, shown, [*labels], "condition number (1)")
 
 

@@ -81,7 +81,8 @@ def origins_of(robot: ClosedChain, motion: Trajectory, frame: str) -> Array:
     """Positions of the origin of a frame in the axes of the base, shape (N, 3), [m]."""
     require_motion(motion, robot.mechanism)
     model = robot.mechanism.model
-    number, data = frame_id(model, frame), model.createData()
+    number = frame_id(model, frame)
+    data = model.createData()
     points = np.empty((len(motion), 3))
     for point, q in zip(points, motion.q, strict=True):
         pin.forwardKinematics(model, data, q)
@@ -177,7 +178,8 @@ def robot_pose(ax: Axes, robot: SST, q: Array, radii: tuple[float, float] | None
 
 def _patch(ax: Axes, robot: SST, radius: float, letter: str) -> None:
     """The base triangle on a sphere about O, with a fine net that shows its curvature."""
-    v, share = robot.geometry.R_0[:, :, 0], np.linspace(0, 1, 60)
+    v = robot.geometry.R_0[:, :, 0]
+    share = np.linspace(0, 1, 60)
     for k in range(3):
         here, there, opposite = v[k], v[(k + 1) % 3], v[(k + 2) % 3]
         side = geometric_slerp(here, there, share)

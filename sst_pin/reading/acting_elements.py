@@ -123,7 +123,8 @@ def _transmission(element: ET.Element, named: set[str]) -> Iterator[Problem]:
 def _ros2_control(element: ET.Element, named: set[str]) -> Iterator[Problem]:
     """Warnings of joints of a `<ros2_control>` that cannot follow another joint as it says."""
     for joint in element.findall("joint"):
-        name, values = joint.get("name", ""), _parameters(joint)
+        name = joint.get("name", "")
+        values = _parameters(joint)
         if "mimic" in values and not _can_follow(name, values, named):
             yield warning("ros2_control", f"joint {name}: mimic {values['mimic']!r} is not read")
 
@@ -175,7 +176,8 @@ def joint_numbers(root: ET.Element) -> JointNumbers:
                 values[kind][name] = float(value[0])
     for element in root.findall("transmission"):
         parts = {part.tag: number(part, "value") for part in element.iter()}
-        rotor, gear = parts.get(_ROTORS[0], 0.0), parts.get(_ROTORS[1], 1.0)
+        rotor = parts.get(_ROTORS[0], 0.0)
+        gear = parts.get(_ROTORS[1], 1.0)
         for name in (joint.get("name", "") for joint in element.findall("joint")):
             if rotor and gear and name in joints:
                 values["armature"][name] = rotor * gear**2
@@ -209,11 +211,13 @@ def mimics_of(root: ET.Element) -> Iterator[tuple[str, str, str, str]]:
         for mimic in joint.findall("mimic"):
             name = joint.get("name", "")
             followers.add(name)
-            factor, offset = mimic.get("multiplier", "1"), mimic.get("offset", "0")
+            factor = mimic.get("multiplier", "1")
+            offset = mimic.get("offset", "0")
             yield name, mimic.get("joint", ""), factor, offset
     single = _single_joints(root)
     for joint in root.findall("ros2_control/joint"):
-        name, values = joint.get("name", ""), _parameters(joint)
+        name = joint.get("name", "")
+        values = _parameters(joint)
         if "mimic" in values and name not in followers and _can_follow(name, values, single):
             followers.add(name)
             yield name, values["mimic"], values.get("multiplier", "1"), values.get("offset", "0")

@@ -48,7 +48,8 @@ def _position(model: pin.Model, name: str) -> int:
 
 def springs_of(model: pin.Model, numbers: JointNumbers) -> tuple[Array, Array]:
     """Stiffness of the joints' springs, shape (nv,), and where they rest, shape (nq,)."""
-    stiffness, rest = np.zeros(model.nv), pin.neutral(model)
+    stiffness = np.zeros(model.nv)
+    rest = pin.neutral(model)
     _fill(stiffness, model, numbers.get("stiffness", {}))
     positions = {name: x for name, x in numbers.get("reference", {}).items() if x}
     return stiffness, put(JointSpace(model), rest, positions) if positions else rest

@@ -48,7 +48,8 @@ def robot_file_of(
     With `contacts`, those that can act in nonsmooth rollouts are read too.
     """
     compiled = Compiled(as_path(path), names("locked", locked))
-    source, problems = compiled.source, compiled.problems
+    source = compiled.source
+    problems = compiled.problems
     problems += [*impossible(compiled), *_switched_off(compiled, actuated)] or _names(compiled)
     if problems:
         raise DescriptionError(source, problems)
@@ -78,7 +79,8 @@ def robot_file_of(
 
 def _switched_off(compiled: Compiled, actuated: Sequence[Motor] | None) -> Iterator[str]:
     """Disabled flags that switch off the closures or the motors."""
-    closes, drives = compiled.mj.eq_active0.any(), compiled.mj.nu and actuated is None
+    closes = compiled.mj.eq_active0.any()
+    drives = compiled.mj.nu and actuated is None
     for flag, what in (("constraint", closes), ("equality", closes), ("actuation", drives)):
         if what and compiled.disabled(flag):
             motor = "motor then; name some by actuated="

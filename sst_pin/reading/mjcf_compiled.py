@@ -31,7 +31,9 @@ class Compiled:
             import mujoco
         except ImportError:
             raise MissingExtraError("mujoco", "mjcf") from None
-        self.mujoco, self.source, self.locked = mujoco, str(path), set(locked)
+        self.mujoco = mujoco
+        self.source = str(path)
+        self.locked = set(locked)
         self.problems, self.notes = list[str](), list[str]()
         first = _first_element(path)
         if first not in ("", "mujoco"):  # MuJoCo reads a URDF, which has no closures
@@ -55,7 +57,8 @@ class Compiled:
             spec = self.mujoco.MjSpec.from_file(self.source)
         except (AttributeError, ValueError):  # an old MuJoCo, or another fault
             raise refused from None
-        folder, missing = path.parent, set[str]()
+        folder = path.parent
+        missing = set[str]()
         for mesh in list(spec.meshes):
             if _is_missing(folder / spec.meshdir, mesh):
                 missing.add(mesh.name or Path(mesh.file).stem)
@@ -90,7 +93,8 @@ class Compiled:
 
     def disabled(self, flag: str) -> bool:
         """Whether a flag of the options is "disable"; not every MuJoCo has every flag."""
-        flags, bits = (flag, _WHOLE.get(flag, flag)), self.mujoco.mjtDisableBit
+        flags = (flag, _WHOLE.get(flag, flag))
+        bits = self.mujoco.mjtDisableBit
         known = (getattr(bits, f"mjDSBL_{name.upper()}", 0) for name in flags)
         return any(self.mj.opt.disableflags & int(bit) for bit in known)
 

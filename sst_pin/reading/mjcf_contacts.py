@@ -21,7 +21,9 @@ _SAME = 1e-9
 
 def contacts_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Contact | Rope]:
     """Contacts and ropes; a note names the pairs of shapes that are left out."""
-    mj, geoms, left_out = compiled.mj, compiled.mujoco.mjtGeom, Counter[str]()
+    mj = compiled.mj
+    geoms = compiled.mujoco.mjtGeom
+    left_out = Counter[str]()
     plane, sphere, box = (int(getattr(geoms, f"mjGEOM_{x}")) for x in ("PLANE", "SPHERE", "BOX"))
     for a, b, friction in _pairs(compiled, tree):
         ground, shape = (a, b) if mj.geom_type[a] == plane else (b, a)
@@ -78,7 +80,8 @@ def _frame(compiled: Compiled, tree: MjcfTree, geom: int, offset: np.ndarray, na
 
     Without a name it is that of a plane, whose axes count.
     """
-    mj, model = compiled.mj, tree.model
+    mj = compiled.mj
+    model = tree.model
     joint, on_body = tree.bodies[mj.geom_bodyid[geom]]
     place = on_body * pose_of(mj.geom_pos[geom], mj.geom_quat[geom])
     place = place * pin.SE3(np.eye(3), offset)

@@ -18,7 +18,9 @@ def put_efforts(compiled: Compiled, tree: MjcfTree) -> dict[str, float]:
     Several actuators on one joint add up. Where a range is not symmetric, the larger side counts,
     with a note.
     """
-    mj, model, of_lines = compiled.mj, tree.model, dict[str, float]()
+    mj = compiled.mj
+    model = tree.model
+    of_lines = dict[str, float]()
     limited = getattr(mj, "jnt_actfrclimited", np.zeros(0))
     for target in map(int, np.flatnonzero(limited)):
         dof = int(mj.jnt_dofadr[target])
@@ -44,7 +46,8 @@ def put_efforts(compiled: Compiled, tree: MjcfTree) -> dict[str, float]:
 
 def _ranges(compiled: Compiled) -> dict[tuple[str, int], Array]:
     """The range of the force of all actuators on a target, by its kind and index."""
-    mj, ranges = compiled.mj, dict[tuple[str, int], Array]()
+    mj = compiled.mj
+    ranges = dict[tuple[str, int], Array]()
     for actuator in actuators(compiled):
         key = actuator.kind, actuator.target
         of_one = np.zeros(2)
@@ -61,7 +64,8 @@ def _ranges(compiled: Compiled) -> dict[tuple[str, int], Array]:
 
 def _range_of(compiled: Compiled, i: int) -> Array:
     """The range of the force of one actuator, before its gear."""
-    mj, mujoco = compiled.mj, compiled.mujoco
+    mj = compiled.mj
+    mujoco = compiled.mujoco
     force = _ANY.copy()
     first = getattr(mj, "actuator_ctrladr", np.arange(mj.nu))[i]
     is_force = mj.actuator_gaintype[i] == int(mujoco.mjtGain.mjGAIN_FIXED)

@@ -287,7 +287,8 @@ def lines_of(
         if problem:
             compiled.problems.append(f"tendon {name}: {problem}")
             continue
-        lower, upper = 0.0, np.inf
+        lower = 0.0
+        upper = np.inf
         if has_limits:
             lower, upper = mj.tendon_range[tendon]
         frames = (compiled.name("site", mj.wrap_objid[k]) for k in compiled.wraps(tendon))

@@ -48,7 +48,8 @@ class RobotFile(NamedTuple):
         """The mechanism of this robot, whose dynamics are computed."""
         names = ("viscous_friction", "coulomb_friction", "stiffness", "spring_reference")
         numbers = {name: getattr(self, name, None) for name in names}
-        model, motors = copied(self.model), motors_of(self.actuated)
+        model = copied(self.model)
+        motors = motors_of(self.actuated)
         parts = model, self.closures, motors, None, numbers, self.lines, self.brakes
         mechanism = mechanism_of(*parts, contacts_of(self.contacts))
         return settled(correct_geometry(mechanism))

@@ -73,7 +73,8 @@ def mjcf_shapes(mj: Any, bodies: Sequence[tuple[int, pin.SE3]], _: pin.Model) ->
 
 def _geometry(mj: Any, i: int) -> coal.CollisionGeometry | None:
     """A geom as a shape; None for planes, height fields and others that are no bodies."""
-    kind, mesh = int(mj.geom_type[i]), mj.geom_dataid[i]
+    kind = int(mj.geom_type[i])
+    mesh = mj.geom_dataid[i]
     if kind in _SHAPES:
         shape, factors = _SHAPES[kind]
         return shape(*(f * x for f, x in zip(factors, mj.geom_size[i].tolist(), strict=False)))

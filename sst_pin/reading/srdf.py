@@ -45,19 +45,23 @@ class Srdf:
         States of several groups with one name are one configuration. `joints` are those of the
         URDF; the result says which states move joints that the caller locks.
         """
-        problems, notes, poses = list[str](), list[str](), dict[str, dict[str, Array]]()
+        problems = list[str]()
+        notes = list[str]()
+        poses = dict[str, dict[str, Array]]()
         if self._root.tag != "robot":
             problems.append(f"an SRDF starts with <robot>, not with <{self._root.tag}>")
         for tag in sorted({element.tag for element in self._root}.difference(_ELEMENTS)):
             if near := get_close_matches(tag, _ELEMENTS, 1, 0.8):
                 problems.append(f"<{tag}> is unknown; did you mean {near[0]}?")
         for state in self._root.findall("group_state"):
-            name, where = state.get("name", ""), f"group_state {state.get('name')}: "
+            name = state.get("name", "")
+            where = f"group_state {state.get('name')}: "
             if not name:
                 problems.append("a group_state has no name")
             pose = poses.setdefault(name, {})
             for element in state.findall("joint"):
-                joint, text = element.get("name", ""), element.get("value", "")
+                joint = element.get("name", "")
+                text = element.get("value", "")
                 with telling(problems, where):
                     value = _value(model, joints, joint, text)
                     if (pose.setdefault(joint, value) != value).any():

@@ -49,8 +49,10 @@ def parse_xml(text: str, source: str, what: str = "a URDF") -> ET.Element:
 
     Prefixes such as `drake:` stay in the tags, whether or not the file declares them.
     """
-    builder, parser = ET.TreeBuilder(), expat.ParserCreate()
-    parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
+    builder = ET.TreeBuilder()
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = builder.start
+    parser.EndElementHandler = builder.end
     parser.CharacterDataHandler = builder.data
     try:
         parser.Parse(text, True)

@@ -51,14 +51,18 @@ class Urdf:
     """
 
     def __init__(self, text: str, source: str, model: str | None = None) -> None:
-        self.source, self._what = source, "an SDF" if "<sdf" in text else "a URDF"
+        self.source = source
+        self._what = "an SDF" if "<sdf" in text else "a URDF"
         self.root, notices = parse_almost_xml(text, source, self._what)
-        self.gravity, self._balls = np.array([0, 0, -9.81]), list[str]()
+        self.gravity = np.array([0, 0, -9.81])
+        self._balls = list[str]()
         self.helpers: list[str] = []
         if self.root.tag == "sdf":
             sdf = Sdf(self.root, source, model)
             graph = sdf.graph()
-            self.root, self.gravity, self._balls = graph.urdf, sdf.gravity, graph.balls
+            self.root = graph.urdf
+            self.gravity = sdf.gravity
+            self._balls = graph.balls
             self.helpers = graph.helpers
             notices += sdf.notes
         elif model is not None:
@@ -90,7 +94,8 @@ class Urdf:
         joint for each axis, `name_X` and `name_Y`.
         """
         joints = {**dict.fromkeys(self._balls, "BALL"), **(joints or {})}
-        names, errors = self.joint_names, [p for p in self.problems if p.severity == "error"]
+        names = self.joint_names
+        errors = [p for p in self.problems if p.severity == "error"]
         problems = [
             f"{p.where}: {p.text}".replace("file:", f"not {self._what}:", 1) for p in errors
         ]
@@ -207,7 +212,8 @@ def closing_frames(model: pin.Model) -> Iterator[Closure]:
     With them PlaCo closes loops as well.
     """
     for name in [frame.name for frame in model.frames if is_closing(frame)]:
-        first, second = f"{name[:-1]}1", f"{name[:-1]}2"
+        first = f"{name[:-1]}1"
+        second = f"{name[:-1]}2"
         if not (model.existFrame(first) and model.existFrame(second)):
             raise DescriptionError(name, [f"{first} and {second} close a loop; one is missing"])
         if name == first:

@@ -18,7 +18,8 @@ def add_defaults(root: ET.Element) -> Iterator[Problem]:
     if "world" not in links and root.find("joint/parent[@link='world']") is not None:
         ET.SubElement(root, "link", name="world")
         yield warning("link world", "it is missing; it is added, without mass")
-    unlimited, parts = list[str](), dict[str, list[str]]()
+    unlimited = list[str]()
+    parts = dict[str, list[str]]()
     for joint in joints:
         name = joint.get("name", "")
         if joint.get("type") not in ("revolute", "prismatic"):

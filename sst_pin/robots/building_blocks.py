@@ -14,7 +14,8 @@ from ..model.closures import Closure, Constraint
 from ..model.tree import frame_named
 from .placements import HERE, shift
 
-_GREY, _ORANGE = np.array([0.55, 0.6, 0.65, 1.0]), np.array([0.95, 0.55, 0.15, 1.0])
+_GREY = np.array([0.55, 0.6, 0.65, 1.0])
+_ORANGE = np.array([0.95, 0.55, 0.15, 1.0])
 #: Colours of pins and balls of joints, of motors, and of the feet on the ground.
 _STEEL, _MOTOR, _GROUND = (
     np.array([*rgb, 1.0]) for rgb in ((0.25, 0.28, 0.32), (0.1, 0.45, 0.7), (0.4, 0.36, 0.32))
@@ -98,7 +99,8 @@ class Tree:
     """A Pinocchio tree under construction, weight along -z, with the shapes of its bodies."""
 
     def __init__(self, name: str) -> None:
-        self.model, self.visual_model = pin.Model(), pin.GeometryModel()
+        self.model = pin.Model()
+        self.visual_model = pin.GeometryModel()
         self.model.name = name
 
     def joint(
@@ -146,9 +148,11 @@ def joint_shapes(
     tree: Tree, closures: Sequence[Constraint], motors: Sequence[str]
 ) -> list[pin.GeometryObject]:
     """Pins, balls and sleeves for the joints and closures, and feet on the ground, without mass."""
-    model, shapes = tree.model, tree.visual_model
+    model = tree.model
+    shapes = tree.visual_model
     joint_bodies: list[pin.GeometryObject] = []
-    home, thick = model.referenceConfigurations["home"], _thicknesses(shapes, model.njoints)
+    home = model.referenceConfigurations["home"]
+    thick = _thicknesses(shapes, model.njoints)
 
     def add(name: str, joint: int, at: pin.SE3, shape: coal.ShapeBase, colour: Array) -> None:
         joint_bodies.append(
@@ -157,8 +161,11 @@ def joint_shapes(
         joint_bodies[-1].meshColor = colour
 
     for number, joint in list(enumerate(model.joints))[1:]:
-        name, parent, at = model.names[number], model.parents[number], model.jointPlacements[number]
-        colour, r = _MOTOR if name in motors else _STEEL, thick[number]
+        name = model.names[number]
+        parent = model.parents[number]
+        at = model.jointPlacements[number]
+        colour = _MOTOR if name in motors else _STEEL
+        r = thick[number]
         data = joint.createData()
         joint.calc(data, home)
         S = np.reshape(data.S, (6, joint.nv))
@@ -166,7 +173,8 @@ def joint_shapes(
         origin = HERE
         if joint.nv == 1 and turns[0]:
             origin = shift(_nearest_on_axis(S[3:, 0], shapes, number))
-            along, shape = pin.SE3(_z_along(S[3:, 0]), np.zeros(3)), coal.Cylinder(1.3 * r, 5 * r)
+            along = pin.SE3(_z_along(S[3:, 0]), np.zeros(3))
+            shape = coal.Cylinder(1.3 * r, 5 * r)
             add(name, number, origin * along, shape, colour)
         elif joint.nv == 1:
             rail = parent == 0  # else a sleeve about a rod
@@ -179,7 +187,8 @@ def joint_shapes(
             add("ground", 0, at * data.M * origin, coal.Box(4 * r, 4 * r, 4 * r), _GROUND)
     for closure in (c for c in closures if isinstance(c, Closure)):
         if closure.kind in (*_BALLS, "hinge", "cylindrical"):
-            frame, is_ball = frame_named(model, closure.frame_a), closure.kind in _BALLS
+            frame = frame_named(model, closure.frame_a)
+            is_ball = closure.kind in _BALLS
             r = thick[frame.parentJoint]
             shape = coal.Sphere(1.7 * r) if is_ball else coal.Cylinder(1.3 * r, 5 * r)
             add(closure.frame_a, frame.parentJoint, frame.placement, shape, _STEEL)

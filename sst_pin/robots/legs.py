@@ -38,7 +38,9 @@ class _Drive(NamedTuple):
 
     def add(self, tree: Tree, parent: str, at: pin.SE3, rod_mass: float, crank_mass: float) -> None:
         """Add crank and rod; `at` is the placement of the link's joint on the parent."""
-        knee, motor, link = self.link == "knee", f"motor_{self.name}", f"rod_{self.name}"
+        knee = self.link == "knee"
+        motor = f"motor_{self.name}"
+        link = f"rod_{self.name}"
         crank = rod(crank_mass, (-self.crank, 0, 0), 0.008)
         tree.joint(motor, _RY(), crank, parent, at * shift(self.motor))
         kind = _RY() if knee else pin.JointModelUniversal(*np.eye(3)[:2])
@@ -122,7 +124,8 @@ def knee(
         rod_mass: Mass of rod and crank each, [kg].
     """
     tree = Tree("knee")
-    drive, at = _knee_drive(height, crank, lever), shift((0, 0, -thigh))
+    drive = _knee_drive(height, crank, lever)
+    at = shift((0, 0, -thigh))
     closures = _add_knee(tree, "universe", at, drive, (rod_mass, link_mass), shank)
     tree.platform("knee")
     home = at * pin.SE3(_pitch_roll(0.8), np.zeros(3))
@@ -174,14 +177,16 @@ def _ankle_drives(width: float, lever: float, heights: tuple[float, float]) -> l
     """The two drives of the ankle; their rods are vertical where the ankle is at 0."""
     drives = []
     for name, y, height in zip(("left", "right"), (width, -width), heights, strict=True):
-        motor, eye = np.array([0, y, height]), np.array([-lever, y, 0])
+        motor = np.array([0, y, height])
+        eye = np.array([-lever, y, 0])
         drives.append(_Drive(name, "ankle_roll", motor, lever, eye, height))
     return drives
 
 
 def _knee_drive(height: float, crank: float, lever: float) -> _Drive:
     """The drive of the knee; where the knee is bent by 1 rad, lever and crank are horizontal."""
-    eye, length = _pitch_roll(-1.0) @ (-lever, 0.0, 0.0), float(np.hypot(height, crank - lever))
+    eye = _pitch_roll(-1.0) @ (-lever, 0.0, 0.0)
+    length = float(np.hypot(height, crank - lever))
     return _Drive("knee", "knee", np.array([0.0, 0.0, height]), crank, eye, length)
 
 
@@ -202,7 +207,8 @@ def _add_ankle(
         drive.add(tree, parent, at, rod_mass, crank_mass)
     size = drives[0].crank  # and that of levers: the foot is drawn by it
     tree.joint("ankle_pitch", _RY(), disc(0.05 * foot_mass, 0.4 * size, 0.4 * size), parent, at)
-    edges, centre = np.multiply(size, (4.8, 1.8, 0.6)), np.multiply(size, (0.8, 0, -1))
+    edges = np.multiply(size, (4.8, 1.8, 0.6))
+    centre = np.multiply(size, (0.8, 0, -1))
     foot = box(0.95 * foot_mass, edges, centre)
     tree.joint("ankle_roll", pin.JointModelRX(), foot, "ankle_pitch")
     tree.platform("ankle_roll")
@@ -221,7 +227,8 @@ def _knee_joints(drive: _Drive, pose: pin.SE3) -> Joints:
 
 def _ankle_joints(drives: list[_Drive], pose: pin.SE3) -> Joints:
     R = pose.rotation
-    pitch, roll = float(np.arctan2(-R[2, 0], R[0, 0])), float(np.arctan2(-R[1, 2], R[1, 1]))
+    pitch = float(np.arctan2(-R[2, 0], R[0, 0]))
+    roll = float(np.arctan2(-R[1, 2], R[1, 1]))
     joints: Joints = {"ankle_pitch": pitch, "ankle_roll": roll}
     for drive in drives:
         joints |= drive.joints(_pitch_roll(pitch, roll))

@@ -75,7 +75,8 @@ def _spherical_3rrr(
 ) -> GalleryRobot:
     """Legs of two quarter-circle links; leg 1 carries the platform, hinges close legs 2 and 3."""
     tree = Tree(name)
-    quarter, thickness = turned_x(np.pi / 2), 0.06 * radius
+    quarter = turned_x(np.pi / 2)
+    thickness = 0.06 * radius
     for k in _LEGS:
         upper = arc(masses[0], np.pi / 2, radius, thickness)
         lower = arc(masses[1], np.pi / 2, 0.85 * radius, thickness)
@@ -102,7 +103,8 @@ def _spherical_joints(pose: pin.SE3) -> Joints:
     joints: Joints = {}
     quarter = turned_x(np.pi / 2).rotation
     for k in _LEGS:
-        R, axis = _motor_frame(k).rotation, pose.rotation @ _platform_frame(k).rotation
+        R = _motor_frame(k).rotation
+        axis = pose.rotation @ _platform_frame(k).rotation
         x, y, _ = R.T @ axis[:, 2]
         motor = np.arctan2(y, x)
         R = R @ rpyToMatrix(0.0, 0.0, motor) @ quarter

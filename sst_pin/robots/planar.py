@@ -58,7 +58,8 @@ def four_bar(
     tree.frame("coupler_pin", "coupler", (coupler, 0))
     tree.frame("rocker_pin", "rocker", (rocker, 0))
     tree.platform("coupler", (point, 0))
-    x, y = crank * np.cos(np.pi / 3), crank * np.sin(np.pi / 3)
+    x = crank * np.cos(np.pi / 3)
+    y = crank * np.sin(np.pi / 3)
     angle, _ = two_link((ground - x, -y), coupler, rocker, -1)
     home = UPRIGHT * planar(x, y, angle) * shift((point, 0))
     joints = partial(_four_bar_joints, coupler, ground, point)
@@ -68,7 +69,8 @@ def four_bar(
 def _four_bar_joints(coupler: float, ground: float, point: float, pose: pin.SE3) -> Joints:
     pose = UPRIGHT.actInv(pose)
     first, second = (pose.act(np.array([x - point, 0, 0])) for x in (0, coupler))
-    crank, rocker = direction(first), direction(second - (ground, 0, 0))
+    crank = direction(first)
+    rocker = direction(second - (ground, 0, 0))
     turn = float(in_one_turn(angle_about_z(pose.rotation) - crank))
     return {"crank": crank, "coupler": turn, "rocker": rocker}
 
@@ -96,7 +98,8 @@ def five_bar(
         linear_density: Mass of a link per length, [kg/m].
         radius: Radius of the links, [m].
     """
-    tree, lengths = Tree("five_bar"), (proximal, distal)
+    tree = Tree("five_bar")
+    lengths = (proximal, distal)
     for k, x in enumerate((-span / 2, span / 2), 1):
         _add_arm(tree, k, (x, 0), lengths, linear_density, radius)
         tree.frame(f"tip_{k}", f"elbow_{k}", (distal, 0))
@@ -144,7 +147,8 @@ def planar_3rrr(
         radius: Radius of the links, [m].
     """
     angles = np.pi / 2 + 2 * np.pi / 3 * np.arange(3)
-    radii, masses = (base_radius, platform_radius, radius), (platform_mass, linear_density)
+    radii = (base_radius, platform_radius, radius)
+    masses = (platform_mass, linear_density)
     return _planar_platform("planar_3rrr", angles, radii, masses, (proximal, distal))
 
 
@@ -166,7 +170,8 @@ def planar_4rrr(
     (2005)). Arguments as `planar_3rrr`.
     """
     angles = np.pi / 4 + np.pi / 2 * np.arange(4)
-    radii, masses = (base_radius, platform_radius, radius), (platform_mass, linear_density)
+    radii = (base_radius, platform_radius, radius)
+    masses = (platform_mass, linear_density)
     return _planar_platform("planar_4rrr", angles, radii, masses, (proximal, distal))
 
 
@@ -180,7 +185,8 @@ def _planar_platform(
     """A platform in the horizontal plane; leg 1 carries it, the other legs are pinned to it."""
     base, vertices = (circle(radius, angles) for radius in radii[:2])
     plate = star(masses[0], vertices - vertices[0], radii[2])
-    tree, legs = Tree(name), range(1, len(base) + 1)
+    tree = Tree(name)
+    legs = range(1, len(base) + 1)
     for k in legs:
         _add_arm(tree, k, base[k - 1], lengths, masses[1], radii[2])
         if k == 1:

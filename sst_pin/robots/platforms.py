@@ -94,7 +94,8 @@ def ups_pu(
     """
     tree = Tree("ups_pu")
     angles = 2 * np.pi / 3 * np.arange(3)
-    base, vertices = circle(base_radius, angles), circle(platform_radius, angles)
+    base = circle(base_radius, angles)
+    vertices = circle(platform_radius, angles)
     tree.joint("post", pin.JointModelPZ(), rod(post_mass, (0, 0, post), 0.03))
     plate = disc(platform_mass, platform_radius, 0.03)
     tree.joint("platform", pin.JointModelUniversal(_X, _Y), plate, "post", shift((0, 0, post)))
@@ -235,14 +236,17 @@ def delta(
         rod_mass: Mass of each of the six rods, [kg].
         platform_mass: [kg].
     """
-    tree, closures = Tree("delta"), []
-    first, end = np.array([platform_radius, spacing / 2, 0]), (0, 0, -forearm)
+    tree = Tree("delta")
+    closures = []
+    first = np.array([platform_radius, spacing / 2, 0])
+    end = (0, 0, -forearm)
     for k in (1, 2, 3):
         leg = planar(0, 0, 2 * np.pi / 3 * (k - 1))
         motor = leg * shift((base_radius, 0))
         tree.joint(f"motor_{k}", pin.JointModelRY(), bar(arm_mass, arm, 0.008), at=motor)
         for name, offset in ((f"{k}a", spacing / 2), (f"{k}b", -spacing / 2)):
-            bars, at = rod(rod_mass, end, 0.004), shift((arm, offset))
+            bars = rod(rod_mass, end, 0.004)
+            at = shift((arm, offset))
             kind = pin.JointModelUniversal(_X, _Y)
             tree.joint(f"rod_{name}", kind, bars, f"motor_{k}", at)
             if name == "1a":

@@ -16,7 +16,9 @@ from .building_blocks import Tree, body, box
 from .gallery_robot import GalleryRobot, Joints, of_dimensions
 from .placements import HERE, of_two_turns, shift
 
-_RX, _RY, _RZ = pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ
+_RX = pin.JointModelRX
+_RY = pin.JointModelRY
+_RZ = pin.JointModelRZ
 _ALONG_Y = np.array([0.0, -9.81, 0.0])
 
 
@@ -36,22 +38,26 @@ def bricard(*, length: float = 1.0, mass: float = 1.0, thickness: float = 0.1) -
     tree = Tree("bricard")
     tree.model.gravity.linear = _ALONG_Y
     edges = length * np.array([(1, 0, 0), (0, -1, 0), (0, 0, 1), (-1, 0, 0), (0, 1, 0)])
-    parent, at = "universe", HERE
+    parent = "universe"
+    at = HERE
     for k, (kind, edge) in enumerate(zip((_RY, _RZ, _RX, _RY, _RZ), edges, strict=True), 1):
         size = np.maximum(np.abs(edge), thickness)
         tree.joint(f"hinge_{k}", kind(), box(mass, size, edge / 2), parent, at)
-        parent, at = f"hinge_{k}", shift(edge)
+        parent = f"hinge_{k}"
+        at = shift(edge)
     z_to_x = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
     tree.frame("ground_pin", "universe", pin.SE3(z_to_x, np.array([0, 0, length])))
     tree.frame("end_pin", parent, pin.SE3(z_to_x, edges[-1]))
     tree.platform("hinge_3")
-    closures, joints = [Closure("ground_pin", "end_pin", "hinge")], partial(_bricard_joints, length)
+    closures = [Closure("ground_pin", "end_pin", "hinge")]
+    joints = partial(_bricard_joints, length)
     return GalleryRobot(tree, closures, ["hinge_1"], joints, shift(edges[0] + edges[1]))
 
 
 def _bricard_joints(length: float, pose: pin.SE3) -> Joints:
     x, y, z = pose.translation / length
-    first, second = np.arctan2(-z, x), np.arctan2(np.hypot(x, z) - 1, -y)
+    first = np.arctan2(-z, x)
+    second = np.arctan2(np.hypot(x, z) - 1, -y)
     turned = rpyToMatrix(0.0, first, 0.0) @ rpyToMatrix(0.0, 0.0, second)
     rolled = turned.T @ pose.rotation
     x, y, z = pose.actInv(np.array([0, 0, length])) / length - (0, 0, 1)
@@ -77,7 +83,8 @@ def slider_crank() -> GalleryRobot:
     slider. The motor drives the crank.
     """
     tree = Tree("slider_crank")
-    tip, end = np.array([0.0, 0.0, 0.08]), np.array([-0.3, 0.0, 0.0])
+    tip = np.array([0.0, 0.0, 0.08])
+    end = np.array([-0.3, 0.0, 0.0])
     crank = body(0.12, tip / 2, (1e-4, 1e-4, 1e-5), [np.zeros(3), tip], 0.006)
     bar = body(0.5, end / 2, (4e-4, 4e-3, 4e-3), [np.zeros(3), end], 0.006)
     tree.joint("crank", _RX(), crank, at=shift(_CRANK))

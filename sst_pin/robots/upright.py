@@ -46,15 +46,18 @@ def scissor_lift(
     foot = box(slider_mass, (6 * radius, 4 * radius, 4 * radius))
     tip = shift((arm, 0))
     for order in ("ab", "ba"):  # the arms that begin at the hinge, and those at the slider
-        parent, at = "universe", UPRIGHT
+        parent = "universe"
+        at = UPRIGHT
         if order == "ba":
             tree.joint("slider", pin.JointModelPX(), foot, at=UPRIGHT)
-            parent, at = "slider", HERE
+            parent = "slider"
+            at = HERE
         for k in range(1, cells + 1):
             name = f"{order[(k - 1) % 2]}_{k}"
             tree.hinge(name, bar(arm_mass, arm, radius), parent, at)
             tree.frame(f"middle_of_{name}", name, (arm / 2, 0))
-            parent, at = name, tip
+            parent = name
+            at = tip
         if parent.startswith("b"):
             plate = box(platform_mass, (arm, 2 * radius, arm / 2), (arm / 2, radius, 0))
             tree.hinge("platform_hinge", plate, parent, tip)
@@ -143,7 +146,9 @@ def excavator(
         link_mass: Mass of link and rocker each, [kg].
         cylinder_mass: Mass of each barrel; a rod weighs half as much, [kg].
     """
-    foot, pivot, bucket_pin = (0.3, 0.5), (arm - 0.3, 0.0), (0.08, 0.25)
+    foot = (0.3, 0.5)
+    pivot = (arm - 0.3, 0.0)
+    bucket_pin = (0.08, 0.25)
     cylinders = (
         _Cylinder("boom", "swing", (0.6, 0.3), "boom", (1.1, 0.2), 0.8),
         _Cylinder("arm", "boom", (1.2, 0.45), "arm", (-0.3, 0.2), 1.0),
@@ -174,7 +179,8 @@ def excavator(
     home = UPRIGHT * shift(foot)
     for angle, length in zip((0.5, -1.7, -1.0), (boom, arm, bucket), strict=True):
         home = home * planar(0, 0, angle) * shift((length, 0))
-    lengths, bars = (boom, arm, bucket), (rocker, link)
+    lengths = (boom, arm, bucket)
+    bars = (rocker, link)
     joints = partial(_excavator_joints, foot, lengths, pivot, bucket_pin, bars, cylinders)
     motors = ["swing", *(f"{c.name}_stroke" for c in cylinders)]
     return GalleryRobot(tree, closures, motors, joints, home)

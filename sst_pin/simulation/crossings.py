@@ -65,7 +65,9 @@ class Branch:
         space = mechanism.space
         q_dot = np.array([space.coordinate_rates(*each) for each in zip(q, v, strict=True)])
         x = np.repeat((times - times[0]) / unit, 2)
-        self._start, self._unit, self._normalised = times[0], unit, space.normalised
+        self._start = times[0]
+        self._unit = unit
+        self._normalised = space.normalised
         self._q, self._v = (
             KroghInterpolator(x, np.stack([a, unit * b], axis=1).reshape(len(x), -1))
             for a, b in ((q, q_dot), (v, v_dot))
@@ -91,11 +93,14 @@ def crossing_of(states: States, branch: Branch, start: float, remaining: float) 
     U, before, Vt = np.linalg.svd(states.Phi(branch.q(start)))
     rank = Vt.shape[0] - len(states.coordinates)
     # Leave out the singular vectors of values that are zero everywhere.
-    rows, rates = U[:, :rank].T, Vt[:rank].T
-    at, until = start, start + _AHEAD * remaining
+    rows = U[:, :rank].T
+    rates = Vt[:rank].T
+    at = start
+    until = start + _AHEAD * remaining
     for _ in range(2):  # singular vectors vary a little along the branch
         left_vectors, _, right_vectors = np.linalg.svd(rows @ states.Phi(branch.q(at)) @ rates)
-        u, w = left_vectors[:, -1] @ rows, rates @ right_vectors[-1]
+        u = left_vectors[:, -1] @ rows
+        w = rates @ right_vectors[-1]
 
         def signed(t: float, u: Array = u, w: Array = w) -> float:
             return float(u @ states.Phi(branch.q(t)) @ w)
@@ -123,18 +128,22 @@ def gauss_step(
     guess: Branch,
 ) -> tuple[Array, Array]:
     """A step of Gauss' implicit method of order 16: times and states of start, stages and end."""
-    x, powers = (1 + np.polynomial.legendre.leggauss(_STAGES)[0]) / 2, np.arange(_STAGES)
+    x = (1 + np.polynomial.legendre.leggauss(_STAGES)[0]) / 2
+    powers = np.arange(_STAGES)
     weights = np.append(x, 1)[:, None] ** (powers + 1) / (powers + 1)
     weights = weights.dot(np.linalg.inv(x[:, None] ** powers))  # integrals to the stages and to 1
     times = start + (end - start) * np.append(x, 1)
-    coordinates, change = space.coordinates, np.inf
+    coordinates = space.coordinates
+    change = np.inf
     states = np.array([[*guess.q(t), *guess.v(t)[coordinates]] for t in times])
     nq = states.shape[1] - len(coordinates)
     for _ in range(_ITERATIONS):
         states[:, :nq] = space.closed(states)
         rates = np.array([rate(t, y) for t, y in zip(times[:-1], states, strict=False)])
-        before, states = states, state + (end - start) * weights.dot(rates)
-        last, change = change, float(np.abs(states - before).max())
+        before = states
+        states = state + (end - start) * weights.dot(rates)
+        last = change
+        change = float(np.abs(states - before).max())
         if not change < last / 2:  # the rest is rounding
             break
     states[:, :nq] = space.closed(states)

@@ -39,7 +39,8 @@ class InputWatch:
     """
 
     def __init__(self, equations: StateEquations, times: Array, settings: Settings) -> None:
-        self._equations, self._settings = equations, settings
+        self._equations = equations
+        self._settings = settings
         self._active = any(x.callable for x in (equations.torque, equations.load) if x)
         spacings = np.diff(times)[:, None] / _SAMPLES
         # Samples are not at the output times, where many pushes begin and end.
@@ -77,7 +78,8 @@ class InputWatch:
                 self.missed = float(solver.t)
             return False
         if missed:
-            self._until, self._longest = float(solver.t), _SHORTER * step
+            self._until = float(solver.t)
+            self._longest = _SHORTER * step
         return missed
 
     def _misses(
@@ -99,7 +101,8 @@ class InputWatch:
             return False
         aa = self._accelerations(states, tau, load, differs)
         expected = self._accelerations(states, expected_tau, expected_load, differs)
-        settings, rates = self._settings, states[:, -aa.shape[1] :]
+        settings = self._settings
+        rates = states[:, -aa.shape[1] :]
         tolerance = settings.atol + settings.rtol * float(np.abs(rates).max())
         return bool(step * np.abs(aa - expected).max() > tolerance)
 
@@ -114,6 +117,7 @@ class InputWatch:
 def _within(values: Array, stages: list[Array]) -> Array:
     """Values moved into the range of the first of them and of the stages, and half of it more."""
     seen = np.array([values[0], *stages])
-    low, high = seen.min(axis=0), seen.max(axis=0)
+    low = seen.min(axis=0)
+    high = seen.max(axis=0)
     room = (high - low) / 2
     return np.clip(values, low - room, high + room)

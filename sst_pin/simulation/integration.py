@@ -64,14 +64,20 @@ class Integration:
     ) -> None:
         from scipy import integrate
 
-        self._equations, self._mechanism, self._settings = equations, mechanism, settings
+        self._equations = equations
+        self._mechanism = mechanism
+        self._settings = settings
         self._solver = getattr(integrate, settings.method)
         if exact and settings.method in IMPLICIT:
             self._solver = partial(self._solver, jac=equations.jacobian)
         self._progress = settings.progress or (lambda time: None)
-        self._stride, self._limit, self._left, self._noticed = np.inf, 0.0, 0.0, -np.inf
+        self._stride = np.inf
+        self._limit = 0.0
+        self._left = 0.0
+        self._noticed = -np.inf
         self._nodes = deque[Node](maxlen=3 * _NODES)
-        self._no_branch, self.crossings = "", list[Crossing]()
+        self._no_branch = ""
+        self.crossings = list[Crossing]()
         self.stopped = ""
 
     @property
@@ -87,7 +93,9 @@ class Integration:
     @np.errstate(over="ignore", invalid="ignore")  # a motion that diverges ends
     def integrate(self, times: Array, start: Array) -> list[Array]:
         """q, va, aa of the robot's coordinates and torques, at the times reached."""
-        equations, self._times, self._t = self._equations, times, float(times[0])
+        equations = self._equations
+        self._times = times
+        self._t = float(times[0])
         q0, rates = np.split(start, [self._mechanism.model.nq])
         if not rates.any():  # at rest the rates of all coordinates are 0
             equations.states, _ = equations.robot_states.suited(q0)
@@ -95,11 +103,13 @@ class Integration:
             why = equations.failure or "its rates are not finite"
             raise SimulationError(f"the motion cannot start ({why})", self._t)
         self._q = equations.states.closed(start)
-        self._state, self._bounds = start, [float(times[-1])]
+        self._state = start
+        self._bounds = [float(times[-1])]
         self._watch = InputWatch(equations, times, self._settings)
         self._settle()
         self._sample_torques()
-        self._results, self._done = [equations.along(times[:1], self._state[None])], 1
+        self._results = [equations.along(times[:1], self._state[None])]
+        self._done = 1
         self._progress(self._t)
         while self._t < times[-1] and not self.stopped:
             equations.close_first = len(self._bounds) > 1
@@ -124,7 +134,9 @@ class Integration:
 
     def _advance(self, bound: float) -> None:
         """Integrate until a time, or until other coordinates are needed."""
-        equations, states, cuts = self._equations, self._equations.states, 0
+        equations = self._equations
+        states = self._equations.states
+        cuts = 0
         solver = self._begin(bound)
         self._nodes.append((self._t, states, self._state))
         while solver.status == "running" and states is equations.states:
@@ -143,10 +155,13 @@ class Integration:
                 # A part of a step is less exact than a step: integrate again until there.
                 t -= (t - self._t) * min(0.5, _SHY * 10**cuts)
                 if t > self._t:
-                    solver, cuts = self._begin(t), cuts + 1
+                    solver = self._begin(t)
+                    cuts = cuts + 1
                     continue
             else:
-                self._t, self._q, self._state = t, q, solver.y
+                self._t = t
+                self._q = q
+                self._state = solver.y
                 self._nodes.append((t, states, solver.y))
             if fraction < 1 or (cuts and solver.status == "finished"):
                 self._settle(irregular=True)
@@ -179,7 +194,8 @@ class Integration:
 
     def _better_coordinates(self, q: Array) -> bool:
         """Whether the robot's coordinates are good again, or the condition far below its limit."""
-        states, robot_states = self._equations.states, self._equations.robot_states
+        states = self._equations.states
+        robot_states = self._equations.robot_states
         if states is not robot_states and robot_states.condition_number(q) < WELL_CONDITIONED:
             return True
         if len(self._bounds) > 1 or not self._limit > _POOR:
@@ -236,7 +252,8 @@ class Integration:
 
         The motion ends after an irregular step if steps are too short or no coordinates are better.
         """
-        equations, q = self._equations, self._q
+        equations = self._equations
+        q = self._q
         before, (states, condition) = equations.states, equations.robot_states.suited(q)
         rates = self._state[len(q) :]
         if states is not before:
@@ -244,7 +261,8 @@ class Integration:
             equations.states = states
         self._state = np.concatenate([q, rates])
         largest = self._settings.max_condition_number
-        limit, self._limit = self._limit, min(largest, max(_POOR, MARGIN * condition))
+        limit = self._limit
+        self._limit = min(largest, max(_POOR, MARGIN * condition))
         self._bounds = self._bounds[-1:]
         stuck = self._stride < _STUCK * (self._times[-1] - self._times[0])
         alike = states is before and limit >= largest == self._limit
@@ -256,7 +274,9 @@ class Integration:
 
     def _follow(self, solver: OdeSolver, before: Array) -> tuple[float, Array]:
         """The fraction of the last step that is regular, and the configuration at its end."""
-        states, start, length = self._equations.states, solver.t_old, solver.t - solver.t_old
+        states = self._equations.states
+        start = solver.t_old
+        length = solver.t - solver.t_old
 
         def path(q: Array, low: float, high: float) -> Array:
             state = solver.y if high == 1 else self._dense()(start + high * length)
@@ -269,7 +289,8 @@ class Integration:
 
         A step there and back may be long although its ends are close.
         """
-        nq, scale = len(self._q), self._mechanism.rate_scale[self._equations.states.coordinates]
+        nq = len(self._q)
+        scale = self._mechanism.rate_scale[self._equations.states.coordinates]
         before, after = self._state[nq:] / scale, state[nq:] / scale
         slowed = before - after
         at = float(before.dot(slowed) / max(slowed.dot(slowed), 1e-300))
@@ -281,7 +302,8 @@ class Integration:
 
     def _approaches(self, t: float, q: Array) -> bool:
         """Whether a singular configuration is ahead of q; if so, go back some steps."""
-        states, last = self._equations.states, self._bounds[-1]
+        states = self._equations.states
+        last = self._bounds[-1]
         if not self._settings.through_singularities or len(self._bounds) > 1:
             return False
         if states.suited(q)[0] is not states:
@@ -303,12 +325,14 @@ class Integration:
         va = before.joint_rates(self._q, state[len(q) :])[states.coordinates]
         self._state = np.concatenate([self._q, va])
         self._left = at - max(at - wide, self._t)
-        self._bounds, self._limit = [at - self._left, last], MARGIN * _EARLIER * self._limit
+        self._bounds = [at - self._left, last]
+        self._limit = MARGIN * _EARLIER * self._limit
         return True
 
     def _cross(self) -> bool:
         """Step over the singular configuration ahead, along the smooth branch."""
-        equations, start = self._equations, self._t
+        equations = self._equations
+        start = self._t
         self._no_branch = ""
         self._limit = min(self._settings.max_condition_number, self._limit)
         try:
@@ -327,7 +351,10 @@ class Integration:
         self._record_branch(branch, far)
         self.crossings.append(crossing)
         self._nodes.clear()
-        self._t, self._q, self._state, self._limit = far, motion[0], states[-1], 0.0
+        self._t = far
+        self._q = motion[0]
+        self._state = states[-1]
+        self._limit = 0.0
         self._settle()
         condition = equations.states.condition_number(self._q)
         self._limit = max(self._limit, MARGIN * condition)  # it falls from here on
@@ -335,15 +362,19 @@ class Integration:
 
     def _branch_behind(self, start: float) -> tuple[Branch, Crossing | str, Array, float]:
         """The branch, where it is singular, states of the step over it and the end of the step."""
-        equations, middle, far = self._equations, np.inf, start
-        states, branch = self._state[None], self._branch(self._last_nodes())
+        equations = self._equations
+        middle = np.inf
+        far = start
+        states = self._state[None]
+        branch = self._branch(self._last_nodes())
         for step in range(_STEPS + 1):
             crossing = crossing_of(equations.states, branch, start, self._left)
             if isinstance(crossing, str) or step == _STEPS:
                 break
             if abs(crossing.time - middle) < _CENTRED * self._left:
                 break
-            middle, far = crossing.time, 2 * crossing.time - start
+            middle = crossing.time
+            far = 2 * crossing.time - start
             times, states = gauss_step(
                 equations.states, equations.rate, start, self._state, far, branch
             )
@@ -359,7 +390,8 @@ class Integration:
             coordinates = self._equations.robot_states.coordinates
             curves = branch.q, branch.v, branch.v_dot
             q, v, v_dot = (np.array([curve(t) for t in new]) for curve in curves)
-            va, aa = v[:, coordinates], v_dot[:, coordinates]
+            va = v[:, coordinates]
+            aa = v_dot[:, coordinates]
             self._results.append((q, va, aa, self._equations.torque.along(new, q, va)))
             self._done += len(new)
 
@@ -374,7 +406,8 @@ class Integration:
 
     def _branch(self, nodes: list[Node]) -> Branch:
         """The smooth motion through some states."""
-        equations, states = self._equations, self._equations.states
+        equations = self._equations
+        states = self._equations.states
         motions = []
         for time, equations.states, state in nodes:
             motions.append(equations.joint_motion(time, state))

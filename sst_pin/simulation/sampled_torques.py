@@ -66,7 +66,8 @@ class SampledTorque:
         calls = torque_function(function)
         if not callable(calls):
             raise InputError("function", f"{function!r} cannot be called")
-        self.function, self.period = calls, positive_number("period", period)
+        self.function = calls
+        self.period = positive_number("period", period)
         self.delay = positive_number("delay", delay, or_zero=True)
         self._loop: Sampling | None = None
         self._last = -np.inf
@@ -104,7 +105,9 @@ class Sampling:
     """The torques of a `SampledTorque` from a start time."""
 
     def __init__(self, torque: SampledTorque, start: float, motors: int | None = None) -> None:
-        self._torque, self._start, self._calls = torque, start, 0
+        self._torque = torque
+        self._start = start
+        self._calls = 0
         self._waiting = deque[tuple[float, Array]]()
         #: The torques that act, shape (motors,).
         self.now = np.zeros(motors or 0)
@@ -119,12 +122,14 @@ class Sampling:
 
     def reach(self, t: float, state: Callable[[], tuple[Array, Array]]) -> None:
         """Call the function and change the torques if this is due; `state` computes q and va."""
-        period, name = self._torque.period, "torque(t, q, va)"
+        period = self._torque.period
+        name = "torque(t, q, va)"
         periods = floor((t - self._start) / period + _SAME)
         if periods >= self._calls:
             tau = finite_array(name, self._torque.function(t, *map(np.copy, state())), ())
             if self._motors is None:
-                self._motors, self.now = len(tau), np.zeros(len(tau))
+                self._motors = len(tau)
+                self.now = np.zeros(len(tau))
             tau = single_array(name, tau, (self._motors,))
             self._calls = periods + 1  # a late loop skips periods
             at = self._start + periods * period + self._torque.delay

@@ -33,7 +33,8 @@ class StateEquations:
 
     def __init__(self, robot_states: States, torque: Input, load: Input | None) -> None:
         self.robot_states = self.states = robot_states
-        self.torque, self.load = torque, load
+        self.torque = torque
+        self.load = load
         self.failure: SSTError | None = None
         self.close_first = False
         self.evaluations = list[tuple[Array, Array | None]]()
@@ -92,7 +93,8 @@ class StateEquations:
     def joint_motion(self, time: float, state: Array) -> tuple[Array, Array, Array]:
         """q with closed loops, v and v_dot of all joints."""
         q = self.states.closed(state)
-        va, state = state[len(q) :], np.concatenate([q, state[len(q) :]])
+        va = state[len(q) :]
+        state = np.concatenate([q, state[len(q) :]])
         aa = self.states.rate(state, *self._inputs(time, state))[len(q) :]
         return q, *self.states.joint_motion(q, va, aa)
 

@@ -187,7 +187,8 @@ class Trajectory(Summary):
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         """Title and rows of the printed motion."""
-        count, peaks = len(self), np.abs(self.tau).max(axis=0)
+        count = len(self)
+        peaks = np.abs(self.tau).max(axis=0)
         units = (unit.replace("Nm", "N m") for unit in self.torque_units)
         largest = zip(self.motor_names, peaks, units, strict=True)
         forces = [f"{name} {peak:.4g} {unit}" for name, peak, unit in largest]
@@ -289,7 +290,8 @@ class Trajectory(Summary):
             >>> motion.torque()(0.05).round(3)
             array([ -4.703,  18.389, -11.313])
         """
-        smooth, times = spline(self.t, self.tau), self.t
+        smooth = spline(self.t, self.tau)
+        times = self.t
         step = float(np.diff(times).max(initial=0.0))  # integrators ask for times a little beyond
         return lambda t: np.asarray(smooth(times_within("t", t, times, step)))
 

@@ -42,14 +42,17 @@ def findings(
     turned = middle + in_one_turn(q - middle)  # a whole turn leads to the same place
     beyond = np.maximum(low - turned, turned - high) > _END
     yield from outside("arc", names, units, t, turned, beyond, (low, high))
-    low, high = model.lowerPositionLimit, model.upperPositionLimit
+    low = model.lowerPositionLimit
+    high = model.upperPositionLimit
     yield from outside("limits", names, units, t, q, (q < low) | (q > high), (low, high))
     legs = kinematics.legs_of_joints(geometry, q)
     for k, sine in enumerate(np.abs(legs.sin_mu).T, 1):
         problem = f"leg {k} is close to the plane of its arc, |sin mu_{k}| < {SMALLEST_SINE}"
-        out, limits = sine < SMALLEST_SINE, (SMALLEST_SINE, np.inf)
+        out = sine < SMALLEST_SINE
+        limits = (SMALLEST_SINE, np.inf)
         yield from singular(problem, (names[3 * k - 2],), t, sine, out, limits)
     condition = np.linalg.cond(legs.y_2)
     problem = f"close to a singularity (second kind), condition number > {LARGEST_CONDITION:g}"
-    out, limits = condition > LARGEST_CONDITION, (-np.inf, LARGEST_CONDITION)
+    out = condition > LARGEST_CONDITION
+    limits = (-np.inf, LARGEST_CONDITION)
     yield from singular(problem, names[::3], t, condition, out, limits)

@@ -95,7 +95,8 @@ def legs_of_joints(geometry: Geometry, q: Array) -> Legs:
 
 def _legs(geometry: Geometry, u: Array, R: Array) -> Legs:
     """Axes of the legs that carry the star at R, with passive axes u."""
-    R_3, y_1 = R[..., None, :, :] @ geometry.R_E.mT, np.cross(geometry.e, u)
+    R_3 = R[..., None, :, :] @ geometry.R_E.mT
+    y_1 = np.cross(geometry.e, u)
     s, n = R_3[..., 0], R_3[..., 2]
     return Legs(u, n, y_1, np.cross(n, u), s, -_dot(n, y_1), _dot(n, geometry.e))
 
@@ -131,7 +132,8 @@ def orientation_of_joints(geometry: Geometry, q: Array) -> Array:
 
 def home_orientation(geometry: Geometry) -> Array:
     """{E} in the base, shape (3, 3): s in the middle of the base triangle, R_1 in that of P1P2."""
-    v, e_1 = geometry.R_0[:, :, 0], geometry.e[0]
+    v = geometry.R_0[:, :, 0]
+    e_1 = geometry.e[0]
     s = v.sum(axis=0)
     s /= np.linalg.norm(s)
     middle = v[0] / np.linalg.norm(v[0]) + v[1] / np.linalg.norm(v[1])
@@ -182,6 +184,7 @@ def require_rotation(R: Array, name: str = "R") -> None:
     error = np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max(axis=(-1, -2))
     wrong = (error > 1e-8) | (np.linalg.det(R) < 0)
     if wrong.any():
-        size, det = float(error.max()), float(np.linalg.det(R).min())
+        size = float(error.max())
+        det = float(np.linalg.det(R).min())
         words = f"not a rotation matrix (|R R^T - 1| = {size:.3g}, det R = {det:.3g})"
         raise of_samples(InputError(name, words), wrong)

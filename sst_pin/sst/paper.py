@@ -31,7 +31,8 @@ def example_2(robot: SST, example: Trajectory, rounded: bool = False) -> Traject
 
     It starts at the first state of example 1 or, if `rounded`, at the state printed in the paper.
     """
-    q0, va0 = example.q[0], example.va[0]
+    q0 = example.q[0]
+    va0 = example.va[0]
     if rounded:
         q0 = robot.forward_kinematics(ROUNDED_GAMMA, near=q0)
         va0 = np.array(ROUNDED_GAMMA_DOT)

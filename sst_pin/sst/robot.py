@@ -76,7 +76,8 @@ def _description_of(parameters: Parameters) -> RobotFile:
 
 def _require_sst(description: RobotFile) -> None:
     """Refuse closures and motors that are not those of an SST."""
-    problems, closures = list[str](), description.closures
+    problems = list[str]()
+    closures = description.closures
     welds = [c for c in closures if isinstance(c, Closure)]
     ends = {(frozenset((c.frame_a, c.frame_b)), c.held) for c in welds}
     if len(closures) != len(_WELDS) or ends != _WELDS:
@@ -265,7 +266,8 @@ class SST(ClosedChain):
             >>> near.round(3)
             array([0.8  , 1.591, 0.616, 0.8  , 1.591, 0.616, 0.8  , 1.591, 0.616])
         """
-        gamma, geometry = single_array("gamma", gamma, (3,)), self.geometry
+        gamma = single_array("gamma", gamma, (3,))
+        geometry = self.geometry
         u = kinematics.passive_axes(geometry, gamma)
         R = direct_kinematics.orientations(u, geometry.arc_normals)
         solutions = kinematics.joints_of_actuated(geometry, gamma, R)
@@ -350,7 +352,8 @@ def _joints(
 
 
 def _require_limits(model: pin.Model, q: Array) -> None:
-    lower, upper = model.lowerPositionLimit, model.upperPositionLimit
+    lower = model.lowerPositionLimit
+    upper = model.upperPositionLimit
     outside = (q < lower) | (q > upper)
     if outside.any():
         first = tuple(np.argwhere(outside)[0])

@@ -35,7 +35,8 @@ def load(urdf: str | Path = URDF_PATH) -> pin.RobotWrapper:
     path = as_path(urdf)
     description = read_urdf(path, default=YAML_PATH)
     sst = SST.from_description(description)
-    model, srdf = sst.model, description.srdf
+    model = sst.model
+    srdf = description.srdf
     if srdf is None:
         raise DescriptionError(
             str(path.with_suffix(".srdf")), ["the SRDF beside the URDF is missing"]
@@ -54,7 +55,8 @@ def configurations_of(parameters: Parameters) -> dict[str, Array]:
 
     Poses out of reach, or with a leg in the plane of its arc, are left out.
     """
-    robot, configurations = SST(parameters), dict[str, Array]()
+    robot = SST(parameters)
+    configurations = dict[str, Array]()
     poses = robot.model.referenceConfigurations
     if "home" in poses:
         configurations["home"] = np.array(poses["home"])

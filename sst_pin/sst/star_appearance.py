@@ -45,9 +45,11 @@ def _frames(geometry: Geometry, r: float) -> Iterator[DrawnFrame]:
     apart = ((1, 0, 0), (0.72, 0, 0), (1.16, 0, 0), (1.06 * np.cos(0.7), -1.06 * np.sin(0.7), 0))
     for k in range(3):
         for i, where in enumerate(apart):
-            joint, at = 3 * k + i, pin.SE3(np.eye(3), r * np.array(where, dtype=float))
+            joint = 3 * k + i
+            at = pin.SE3(np.eye(3), r * np.array(where, dtype=float))
             if i == 0:
-                joint, at = 0, pin.SE3(geometry.R_0[k], np.zeros(3)) * at
+                joint = 0
+                at = pin.SE3(geometry.R_0[k], np.zeros(3)) * at
             yield DrawnFrame(f"{{{i}{k + 1}}}", joint, at, LEG_COLOURS[k])
     R_E = geometry.R_E[0]
     yield DrawnFrame("{E}", 3, pin.SE3(R_E, 1.12 * r * R_E[:, 0]))

@@ -48,7 +48,8 @@ def _joint_problems(model: pin.Model) -> list[str]:
 def _axis_problems(model: pin.Model) -> Iterator[str]:
     for index, name in enumerate(JOINT_NAMES, start=1):
         joint = name.split("_")[0]
-        placement, kind = model.jointPlacements[index], model.joints[index].shortname()
+        placement = model.jointPlacements[index]
+        kind = model.joints[index].shortname()
         expected = "JointModelRX" if joint == "mu" else "JointModelRZ"
         parent = 0 if joint == "gamma" else index - 1
         if kind != expected:
@@ -91,7 +92,8 @@ def parameters_of(model: pin.Model, geometry: Geometry, friction: Friction) -> P
     ]
     # Eqs. (30), (31), (35): {E} in {3k} is Rot(x, -(alpha_2 + ... + alpha_k)).
     turns = np.arctan2(geometry.R_E[1:, 1, 2], geometry.R_E[1:, 1, 1]) % (2 * np.pi)
-    alpha_2, alpha_3 = turns[0], (turns[1] - turns[0]) % (2 * np.pi)
+    alpha_2 = turns[0]
+    alpha_3 = (turns[1] - turns[0]) % (2 * np.pi)
     return Parameters(
         base_directions=[frame_named(model, f"P_{k}").placement.translation for k in (1, 2, 3)],
         arc_angles=_rounded((2 * np.pi - alpha_2 - alpha_3, alpha_2, alpha_3)),

@@ -54,7 +54,8 @@ def _relative(
     J = B.J - A.J
     J[:3] += pin.skew(d) @ A.J[3:]
     J = np.vstack([R_a.T @ J[:3], R_a.T @ J[3:]])
-    omega, relative = A.twist[3:], B.twist - A.twist
+    omega = A.twist[3:]
+    relative = B.twist - A.twist
     drift = B.drift - A.drift
     slid = relative[:3] - np.cross(omega, d)
     drift[:3] -= np.cross(A.drift[3:], d) + np.cross(omega, np.cross(omega, d) + 2 * slid)
@@ -68,17 +69,21 @@ def _relative(
         G, G_dot = _rolling(closure, R[:, 2], np.cross(w, R[:, 2]))
     else:
         fixed = np.array(closure.held)
-        G, G_dot = np.eye(6)[fixed], np.zeros((fixed.sum(), 6))
+        G = np.eye(6)[fixed]
+        G_dot = np.zeros((fixed.sum(), 6))
         if fixed[3:].sum() == 1:  # one axis of A and one of B stay at a right angle
             k = int(np.flatnonzero(fixed[3:])[0])
-            a, b = _EYE[(k + 1) % 3], R[:, (k + 2) % 3]
+            a = _EYE[(k + 1) % 3]
+            b = R[:, (k + 2) % 3]
             G[-1, 3:], G_dot[-1, 3:] = np.cross(a, b), np.cross(a, np.cross(w, b))
     return G @ J, G @ drift + G_dot @ np.concatenate([r_dot, w])
 
 
 def _rolling(closure: Rolling, axle: Array, axle_dot: Array) -> tuple[Array, Array]:
     """The velocity r_dot - radius w x up of the contact."""
-    up, up_dot, normal = _EYE[2], np.zeros(3), _EYE[2]
+    up = _EYE[2]
+    up_dot = np.zeros(3)
+    normal = _EYE[2]
     if not closure.ball:  # up is at a right angle to the axle
         g = normal - normal @ axle * axle
         g_dot = -(normal @ axle_dot) * axle - normal @ axle * axle_dot
@@ -90,7 +95,8 @@ def _rolling(closure: Rolling, axle: Array, axle_dot: Array) -> tuple[Array, Arr
 
 
 def _coupling(model: pin.Model, closure: Coupling, q: Array, v: Array) -> tuple[Array, Array]:
-    row, drift = np.zeros((1, model.nv)), 0.0
+    row = np.zeros((1, model.nv))
+    drift = 0.0
     for name, polynomial in {closure.joint: (0.0, -1.0), **closure.polynomials}.items():
         joint = model.joints[model.getJointId(name)]
         P = Polynomial(polynomial or (0.0,))

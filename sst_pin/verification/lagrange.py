@@ -43,7 +43,9 @@ class LagrangeMultipliers:
 
     def accelerations(self, q: Array, va: Array, tau: Array) -> Array:
         """Direct dynamics: accelerations of the coordinates, shape (n,)."""
-        robot, tree, nv = self._moving(q, va), self._tree, self._mechanism.model.nv
+        robot = self._moving(q, va)
+        tree = self._tree
+        nv = self._mechanism.model.nv
         zero = np.zeros(nv)
         force = robot.B @ tau + robot.applied - tree.forces(zero)
         tree.move(q, zero)
@@ -51,7 +53,8 @@ class LagrangeMultipliers:
         # Column by column: `pin.crba` is wrong for trees whose joints are not added depth-first.
         M = np.stack([tree.forces(e) - weight for e in np.eye(nv)], axis=1) + robot.line_inertia
         # A unit for the multipliers, so that M is not lost in rounding.
-        rows, unit = len(robot.Phi), np.abs(M).max()
+        rows = len(robot.Phi)
+        unit = np.abs(M).max()
         system = np.block([[M / unit, robot.Phi.T], [robot.Phi, np.zeros((rows, rows))]])
         dv = consistent(system, np.concatenate([force / unit, -robot.drift]))[:nv]
         return self._mechanism.selection @ dv

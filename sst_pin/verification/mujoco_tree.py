@@ -35,14 +35,16 @@ class MujocoTree:
             import mujoco
         except ImportError:
             raise MissingExtraError("mujoco", "verify") from None
-        self._mujoco, writer = mujoco, MjcfWriter(mechanism, plain=closed is None)
+        self._mujoco = mujoco
+        writer = MjcfWriter(mechanism, plain=closed is None)
         try:
             self.mj = mj = mujoco.MjModel.from_xml_string(writer.text())
         except ValueError as error:
             raise DescriptionError(f"model {model.name}", [f"not for MuJoCo: {error}"]) from None
         if closed is not None:
             mj.eq_solref[:] = -closed, -2 * np.sqrt(closed)  # negative: stiffness and damping
-        self.data, self._joints = mujoco.MjData(mj), writer.joints
+        self.data = mujoco.MjData(mj)
+        self._joints = writer.joints
         names = (body.get("name") for body in writer.bodies)
         self._bodies = [0 if name is None else mj.body(name).id for name in names]
         for body, inertia in zip(self._bodies[1:], list(model.inertias)[1:], strict=True):
@@ -51,13 +53,19 @@ class MujocoTree:
 
     def move(self, q: Array, v: Array) -> None:
         """See `Tree.move`."""
-        mj, data, self._v = self.mj, self.data, v
+        mj = self.mj
+        data = self.data
+        self._v = v
         # qvel = S v and qacc = S dv + S_dot v; of a free joint MuJoCo takes the velocity of its
         # origin in base axes.
-        self._S, self._S_dot_v = np.zeros((mj.nv, self._model.nv)), np.zeros(mj.nv)
+        self._S = np.zeros((mj.nv, self._model.nv))
+        self._S_dot_v = np.zeros(mj.nv)
         for joint in self._joints:
-            there, numbers, rates = mj.joint(joint.name), joint.qpos(q), v[joint.rates]
-            first, position = there.dofadr[0], there.qposadr[0]
+            there = mj.joint(joint.name)
+            numbers = joint.qpos(q)
+            rates = v[joint.rates]
+            first = there.dofadr[0]
+            position = there.qposadr[0]
             data.qpos[position : position + len(numbers)] = numbers
             rows = self._S[first : first + len(rates)]
             rows[:, joint.rates] = joint.factor * np.eye(len(rates))
@@ -78,7 +86,10 @@ class MujocoTree:
 
     def frame(self, name: str) -> FrameMotion:
         """See `Tree.frame`."""
-        mujoco, mj, data, at = self._mujoco, self.mj, self.data, self.placement(name)
+        mujoco = self._mujoco
+        mj = self.mj
+        data = self.data
+        at = self.placement(name)
         body = self._bodies[self._model.frames[frame_id(self._model, name)].parentJoint]
         J, J_dot = np.zeros((6, mj.nv)), np.zeros((6, mj.nv))
         mujoco.mj_jac(mj, data, J[:3], J[3:], at.translation, body)

@@ -37,18 +37,21 @@ class PinocchioTree:
     """The tree in Pinocchio."""
 
     def __init__(self, mechanism: Mechanism) -> None:
-        self._model, self._data = mechanism.model, mechanism.model.createData()
+        self._model = mechanism.model
+        self._data = mechanism.model.createData()
 
     def move(self, q: Array, v: Array) -> None:
         """See `Tree.move`."""
-        self._q, self._v = q, v
+        self._q = q
+        self._v = v
         pin.computeJointJacobians(self._model, self._data, q)
         pin.forwardKinematics(self._model, self._data, q, v, np.zeros(self._model.nv))
         pin.updateFramePlacements(self._model, self._data)
 
     def frame(self, name: str) -> FrameMotion:
         """See `Tree.frame`."""
-        frame, kind = frame_id(self._model, name), pin.LOCAL_WORLD_ALIGNED
+        frame = frame_id(self._model, name)
+        kind = pin.LOCAL_WORLD_ALIGNED
         J = np.reshape(pin.getFrameJacobian(self._model, self._data, frame, kind), (6, -1))
         drift = pin.getFrameClassicalAcceleration(self._model, self._data, frame, kind).vector
         return FrameMotion(self._data.oMf[frame], J, J @ self._v, drift.copy())
@@ -79,12 +82,15 @@ class MovingRobot:
         self.v = self.completed(va, np.zeros(len(self.Phi)))
         tree.move(q, self.v)
         _, self.drift = closure_rows(mechanism, tree.frame, q, self.v)
-        friction, springs, self.B = mechanism.friction, mechanism.springs, mechanism.motors
+        friction = mechanism.friction
+        springs = mechanism.springs
+        self.B = mechanism.motors
         force = -friction.viscous * self.v - friction.coulomb * np.sign(self.v)
         force -= springs.stiffness * pin.difference(mechanism.model, springs.reference, q)
         self.line_inertia = np.zeros((mechanism.model.nv, mechanism.model.nv))
         for line, shares in zip(mechanism.lines.forces, mechanism.lines.motors, strict=True):
-            a, b = tree.frame(line.frame_a), tree.frame(line.frame_b)
+            a = tree.frame(line.frame_a)
+            b = tree.frame(line.frame_b)
             d = b.placement.translation - a.placement.translation
             length = float(np.linalg.norm(d))
             row = d @ (b.J - a.J)[:3] / length  # the rate of the length is row v

@@ -78,8 +78,10 @@ class Differences:
     """The differences from one referee in one quantity."""
 
     def __init__(self, referee: str, compared: str) -> None:
-        self._referee, self._compared = referee, compared
-        self._seconds, self._unclear = 0.0, 0
+        self._referee = referee
+        self._compared = compared
+        self._seconds = 0.0
+        self._unclear = 0
         self._differences: list[tuple[float, float, float]] = []  # absolute, relative, limit
 
     def add(self, answer: Callable[[], Array], expected: Array, size: float, limit: float) -> None:
@@ -122,7 +124,8 @@ class Differences:
 
 def referees_of(chain: ClosedChain) -> tuple[list[Referee], list[SSTError]]:
     """The referees for a chain, and why the others do not apply."""
-    available, problems = list[Referee](), list[SSTError]()
+    available = list[Referee]()
+    problems = list[SSTError]()
     for kind in REFEREES:
         try:
             available.append(kind(chain))
@@ -146,7 +149,10 @@ class _Case:
     def __init__(
         self, chain: ClosedChain, q: Array, va: Array, aa: Array, tau: Array, *, sufficient: bool
     ) -> None:
-        self.q, self.va, self.aa, self.tau = q, va, aa, tau
+        self.q = q
+        self.va = va
+        self.aa = aa
+        self.tau = tau
         J = chain.actuator_jacobian(q)
         self.expected = {_FORCES: chain.generalized_forces(q, va, aa)}
         forces = self._forces(chain)
@@ -188,7 +194,8 @@ def verify_chain(
     """
     if referees is None:
         referees, _ = referees_of(chain)
-    rng, sufficient = np.random.default_rng(0), chain.mobility().sufficient
+    rng = np.random.default_rng(0)
+    sufficient = chain.mobility().sufficient
     compared = [_FORCES, _ACCELERATIONS]
     if sufficient:
         compared.insert(0, _TORQUES)

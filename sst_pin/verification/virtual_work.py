@@ -18,7 +18,8 @@ class VirtualWork:
     name = "virtual work"
 
     def __init__(self, chain: ClosedChain) -> None:
-        self._mechanism, self._tree = chain.mechanism, PinocchioTree(chain.mechanism)
+        self._mechanism = chain.mechanism
+        self._tree = PinocchioTree(chain.mechanism)
 
     def torques(self, q: Array, va: Array, aa: Array) -> Array:
         """The smallest motor torques of a motion, shape (motors,)."""
@@ -47,15 +48,18 @@ class VirtualWork:
 
     def _forces(self, robot: MovingRobot, q: Array, dv: Array) -> tuple[Array, Array]:
         """Joint forces that the motion needs, shape (nv,), and the mass matrix of the joints."""
-        model, kind = self._mechanism.model, pin.LOCAL_WORLD_ALIGNED
+        model = self._mechanism.model
+        kind = pin.LOCAL_WORLD_ALIGNED
         data = model.createData()
         pin.computeJointJacobians(model, data, q)
         pin.forwardKinematics(model, data, q, robot.v, dv)
         M = np.diag(model.armature) + robot.line_inertia
         forces = M @ dv - robot.applied
         for i in range(1, model.njoints):
-            body, R = model.inertias[i], data.oMi[i].rotation
-            lever, inertia = pin.skew(R @ body.lever), R @ body.inertia @ R.T
+            body = model.inertias[i]
+            R = data.oMi[i].rotation
+            lever = pin.skew(R @ body.lever)
+            inertia = R @ body.inertia @ R.T
             # Pinocchio returns a vector where nv is 1.
             J_v, J_w = np.reshape(pin.getJointJacobian(model, data, i, kind), (2, 3, model.nv))
             J_v = J_v - lever @ J_w  # of the mass centre

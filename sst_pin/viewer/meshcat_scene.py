@@ -33,7 +33,8 @@ class CommandBuffer:
     def send(self, command: Any) -> None:
         """Receive a command of Meshcat."""
         lowered = command.lower()
-        kind, path = lowered["type"], lowered.get("path", "")
+        kind = lowered["type"]
+        path = lowered.get("path", "")
         packed = umsgpack.packb(lowered)
         if kind == "delete":
             for key in [key for key in self.commands if f"{key[1]}/".startswith(f"{path}/")]:

@@ -17,7 +17,8 @@ from .triangles import body_shapes, tube
 #: Layers that can be shown and hidden, in the order of their checkboxes; reactions are added on
 #: request.
 LAYERS = ("bodies", "skeleton", "inertia", "torques", "trail", "axes", "frames")
-_TRAIL, _PATH = "#8E24AA", "#A9B0B6"
+_TRAIL = "#8E24AA"
+_PATH = "#A9B0B6"
 TRAIL_SIDES = 8
 #: The largest arrow, as a share of the robot's length.
 _ARROW = 0.45
@@ -156,7 +157,8 @@ class Scene:
 
     def _path(self, q: Array) -> Array:
         assert self.point is not None
-        joint, origin = self.point.joint, self.point.placement.translation
+        joint = self.point.joint
+        origin = self.point.placement.translation
         return np.array([self._data.oMi[joint].act(origin) for _ in map(self._joints, q)])
 
     def _size(self, robot: ClosedChain) -> float:

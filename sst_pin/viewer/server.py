@@ -118,8 +118,10 @@ class Reader:
     def __init__(
         self, page: tornado.websocket.WebSocketHandler, state: Callable[[], Iterable[Message]]
     ) -> None:
-        self._page, self._state = page, state
-        self._waiting, self._lags = 0, False
+        self._page = page
+        self._state = state
+        self._waiting = 0
+        self._lags = False
 
     def send(self, message: Message) -> None:
         """Send a message, or drop it if the page lags."""

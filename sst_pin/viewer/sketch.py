@@ -18,7 +18,11 @@ from ..model.tree import frame_named
 from .scene_parts import Arrow, Label, Mesh, Pull, Shape, Strut, along, homogeneous
 from .triangles import arrow, circle, ellipsoid, solid, tube
 
-_BONE, _JOINT, _END, _MASS, _FORCE = "#8A9199", "#5C656E", "#B3261E", "#C98A2B", "#263238"
+_BONE = "#8A9199"
+_JOINT = "#5C656E"
+_END = "#B3261E"
+_MASS = "#C98A2B"
+_FORCE = "#263238"
 #: Colours of the axes x, y, z of a frame.
 _XYZ = ("#C0392B", "#27AE60", "#2E5FA8")
 #: Radii as shares of the robot's length.
@@ -50,8 +54,10 @@ def axes_of(model: pin.Model, data: pin.Data, q: Array) -> list[Axis]:
     axes = []
     for i, (number, count) in enumerate(owner for owner in owners for _ in range(owner[1])):
         mover = int(model.parents[number]) if count == 1 else number
-        at, origin = data.oMi[mover], data.oMi[number].translation
-        v, w = J[:3, i] + np.cross(J[3:, i], origin), J[3:, i]
+        at = data.oMi[mover]
+        origin = data.oMi[number].translation
+        v = J[:3, i] + np.cross(J[3:, i], origin)
+        w = J[3:, i]
         turns = bool(np.linalg.norm(w) > 1e-9)
         direction = w if turns else v
         direction = at.rotation.T @ (direction / np.linalg.norm(direction))
@@ -79,24 +85,30 @@ def skeleton(
                 yield Shape(str(joint), "skeleton", f"bone_{i}", line, _BONE)
     for joint in range(1, model.njoints):
         of_joint = [axis for axis in axes if axis.joint == joint]
-        colour, r = colours.get(joint, _JOINT), _JOINT_RADIUS * size
-        carrier, at = joint, np.eye(4)
+        colour = colours.get(joint, _JOINT)
+        r = _JOINT_RADIUS * size
+        carrier = joint
+        at = np.eye(4)
         drawn: coal.ShapeBase = coal.Sphere(r)
         if len(of_joint) == 1:
             (axis,) = of_joint
-            carrier, at = axis.mover, homogeneous(along(axis.direction), axis.origin)
+            carrier = axis.mover
+            at = homogeneous(along(axis.direction), axis.origin)
             drawn = coal.Cylinder(r, 3 * r) if axis.turns else coal.Box(2 * r, 2 * r, 3 * r)
         name = f"joint_{model.names[joint]}"
         yield Shape(str(carrier), "skeleton", name, solid(drawn), colour, at=at)
     ball = solid(coal.Sphere(_END_RADIUS * size))
     for end in _ends(robot):
-        mover, at = str(end.parentJoint), end.placement.homogeneous
+        mover = str(end.parentJoint)
+        at = end.placement.homogeneous
         yield Shape(mover, "skeleton", f"end_{end.name}", ball, _END, at=at)
     for closure in robot.closures:
         if isinstance(closure, Rolling):
-            frame, r = frame_named(model, closure.wheel), closure.radius
+            frame = frame_named(model, closure.wheel)
+            r = closure.radius
             wheel = coal.Sphere(r) if closure.ball else coal.Cylinder(r, 0.1 * r)
-            mover, at = str(frame.parentJoint), frame.placement.homogeneous
+            mover = str(frame.parentJoint)
+            at = frame.placement.homogeneous
             yield Shape(mover, "skeleton", f"wheel_{frame.name}", solid(wheel), _BONE, 0.5, at)
 
 
@@ -148,14 +160,17 @@ def struts(robot: ClosedChain, axes: Sequence[Axis], size: float) -> Iterator[St
 
 def _lines(robot: ClosedChain, size: float) -> Iterator[tuple[LineForce, Shape]]:
     """A motor on a line as a cylinder with its rod, a spring as a coil, others as a thin line."""
-    r, z = _BONE_RADIUS * size, np.linspace(0, 1, 12 * _TURNS + 1)
+    r = _BONE_RADIUS * size
+    z = np.linspace(0, 1, 12 * _TURNS + 1)
     coil = 2 * r * circle(2 * np.pi * _TURNS * z) + np.outer(z, (0, 0, 1))
     for k, line in enumerate(robot.lines):
-        motors, colour = np.flatnonzero(robot.mechanism.lines.motors[k]), _BONE
+        motors = np.flatnonzero(robot.mechanism.lines.motors[k])
+        colour = _BONE
         mesh = tube([(0, 0, 0), (0, 0, 1)], 0.4 * r)
         if len(motors):
             ends = [(0, 0, x) for x in (0, 0.6, 0.6, 1)]
-            mesh, colour = tube(ends, [1.8 * r, 1.8 * r, 0.8 * r, 0.8 * r]), HUES[motors[0] % 6]
+            mesh = tube(ends, [1.8 * r, 1.8 * r, 0.8 * r, 0.8 * r])
+            colour = HUES[motors[0] % 6]
         elif line.stiffness:
             mesh = tube(coil, 0.4 * r, 6)
         yield line, Shape(f"line_{k}", "bodies", f"line {line}", mesh, colour)
@@ -173,7 +188,8 @@ def joined_points(robot: ClosedChain) -> list[list[Array]]:
     for end in _ends(robot):
         points[end.parentJoint].append(end.placement.translation)
     for frame in model.frames:
-        on_body, point = points[frame.parentJoint], frame.placement.translation
+        on_body = points[frame.parentJoint]
+        point = frame.placement.translation
         seen = any(np.linalg.norm(point - other) < 1e-9 for other in on_body)
         if frame.parentJoint and frame.type in _ENDS and not seen:
             on_body.append(point)
@@ -196,8 +212,10 @@ def arrows_of(
     driven = [axes[i] for i in np.flatnonzero(B.any(axis=1))]
     places = np.array([data.oMi[axis.mover].act(axis.origin) for axis in driven])
     for i, motor in np.argwhere(B):
-        axis, share = axes[i], B[i, motor] / np.abs(B[:, motor]).max()
-        R, origin = along(axis.direction), axis.origin
+        axis = axes[i]
+        share = B[i, motor] / np.abs(B[:, motor]).max()
+        R = along(axis.direction)
+        origin = axis.origin
         apart = np.linalg.norm(places - data.oMi[axis.mover].act(origin), axis=1)
         if not axis.turns:  # beside what slides
             origin = origin + 0.35 * size * R[:, 0]
@@ -216,7 +234,8 @@ def pulls_of(robot: ClosedChain, size: float) -> Iterator[Pull]:
 
     `size` is the length of the largest arrow, [m].
     """
-    model, mesh = robot.mechanism.model, arrow(np.outer((0, 0.7, 1), (0, 0, 2.0)), 0.04)
+    model = robot.mechanism.model
+    mesh = arrow(np.outer((0, 0.7, 1), (0, 0, 2.0)), 0.04)
     places = [(j, np.eye(4)) for j in range(1, model.njoints)]
     for closure in robot.closures:
         if isinstance(closure, (Coupling, Brake)):  # which have no place
@@ -235,12 +254,15 @@ def labelled(
     robot: ClosedChain, axes: Sequence[Axis], point: DrawnFrame | None, size: float
 ) -> tuple[list[Shape], list[Label]]:
     """Axes of the joints and frames, with their labels; the path of `point` is drawn."""
-    shapes, labels, appearance = list[Shape](), list[Label](), robot.appearance
+    shapes = list[Shape]()
+    labels = list[Label]()
+    appearance = robot.appearance
     length = appearance.axis_length * size
     line = arrow(np.outer((0, 0.95, 1), (0, 0, length)), 0.007 * size)
     for i, (axis, (name, colour)) in enumerate(zip(axes, appearance.axes, strict=True)):
         mover = str(axis.mover)
-        at, tip = homogeneous(along(axis.direction), axis.origin), 1.06 * length * axis.direction
+        at = homogeneous(along(axis.direction), axis.origin)
+        tip = 1.06 * length * axis.direction
         shapes.append(Shape(mover, "axes", f"{name}_{i}", line, colour, at=at))
         labels.append(Label(name, colour, "axes", mover, axis.origin + tip))
     triad = [arrow(np.outer((0, 0.75, 1), 0.17 * size * x), 0.006 * size) for x in np.eye(3)]

@@ -54,7 +54,8 @@ def _tangents(points: Array) -> Array:
     steps = steps[np.maximum.accumulate(np.where(lengths > 0, np.arange(len(steps)), 0))]
     steps[: np.argmax(lengths > 0)] = steps[np.argmax(lengths > 0)]
     steps /= np.linalg.norm(steps, axis=1, keepdims=True)
-    before, after = np.vstack([steps[:1], steps]), np.vstack([steps, steps[-1:]])
+    before = np.vstack([steps[:1], steps])
+    after = np.vstack([steps, steps[-1:]])
     around = before + after
     turned = np.linalg.norm(around, axis=1) < 1e-9  # straight back
     around[turned] = after[turned]
@@ -121,11 +122,13 @@ def body_shapes(body: pin.GeometryObject) -> Iterator[Shape]:
     A colour in the description takes precedence over those in the mesh file, as in the URDF's
     rules.
     """
-    whole, plain = solid(body.geometry), _hex(body.meshColor)
+    whole = solid(body.geometry)
+    plain = _hex(body.meshColor)
     parts = {} if body.overrideMaterial else _coloured(body, whole, plain)
     for i, (colour, mesh) in enumerate((parts or {plain: whole}).items()):
         name = f"{body.name}_{i}" if len(parts) > 1 else body.name
-        opacity, at = float(body.meshColor[3]), body.placement.homogeneous
+        opacity = float(body.meshColor[3])
+        at = body.placement.homogeneous
         yield Shape(str(body.parentJoint), "bodies", name, mesh, colour, opacity, at)
 
 

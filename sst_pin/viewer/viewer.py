@@ -93,7 +93,8 @@ class Viewer:
         self._scene = Scene(
             robot, visual_model, axes=axes, frames=frames, frame=frame, reactions=self._loaded
         )
-        self._robot, self._live = robot, live
+        self._robot = robot
+        self._live = live
         self._server: Server | None = None
         self._drawing = MeshcatScene(self._scene)
         self._drawing.buffer.listener = self._tell
@@ -114,10 +115,12 @@ class Viewer:
         """
         motors = len(self._robot.motor_names)
         q = single_array("q", q, (len(self._robot.position_names),))[None]
-        curves, effort = [joints_of(self._robot, q)], np.zeros((1, motors))
+        curves = [joints_of(self._robot, q)]
+        effort = np.zeros((1, motors))
         if tau is not None:
             tau = single_array("tau", tau, (motors,))[None]
-            curves, effort = [torques_of(self._robot, tau), *curves], self._shares(tau)
+            curves = [torques_of(self._robot, tau), *curves]
+            effort = self._shares(tau)
         rest = np.zeros((1, self._robot.degrees_of_freedom))
         if self._loaded:
             rates = q, rest, rest if tau is None else None
@@ -166,7 +169,8 @@ class Viewer:
         if len(motion) == 1:
             self.show(motion.q[0], motion.tau[0])
             return
-        known, effort = _thinned(motion), self._shares(_thinned(motion).tau)
+        known = _thinned(motion)
+        effort = self._shares(_thinned(motion).tau)
         curves = curves_of(self._robot, known)
         if self._loaded:
             reactions = partial(reactions_along, self._robot.engine, known, self._stiffness)
@@ -174,7 +178,8 @@ class Viewer:
             curves += forces
         reference = _thinned(wanted or motion).q
         self._drawing.animate(known, effort, reference, ghost)
-        reach, layers = self._scene.outermost_points(known.q, effort, reference), self._scene.layers
+        reach = self._scene.outermost_points(known.q, effort, reference)
+        layers = self._scene.layers
         if ghost is not None:
             reach = np.vstack([reach, self._scene.outermost_points(ghost.q, 0 * effort[:1])])
             layers = layers | {"ghost": True}
@@ -258,7 +263,8 @@ class Viewer:
         Returns:
             Whether the page is loaded; then it plays even after this process has ended.
         """
-        url, server = self.serve(), self._server
+        url = self.serve()
+        server = self._server
         return server is not None and webbrowser.open(url) and server.visited.wait(wait)
 
     def close(self) -> None:
@@ -300,7 +306,8 @@ class Viewer:
 
     def _shares(self, tau: Array) -> Array:
         """Torques as shares of the largest torque, forces as shares of the largest force."""
-        shares, units = np.zeros_like(tau), np.array(self._robot.motor_units)
+        shares = np.zeros_like(tau)
+        units = np.array(self._robot.motor_units)
         for unit in set(self._robot.motor_units):
             alike = units == unit
             shares[:, alike] = tau[:, alike] / (np.abs(tau[:, alike]).max(initial=0.0) or 1.0)
@@ -311,7 +318,8 @@ class Viewer:
     ) -> tuple[Array, list[dict[str, Any]]]:
         """Torques, then unique forces of joints and closures, as shares of the largest; curves."""
         count = len(self._robot.mechanism.model.names) - 1 + len(self._robot.closures)
-        forces, curves = np.zeros((len(effort), count, 3)), []
+        forces = np.zeros((len(effort), count, 3))
+        curves = []
         try:
             w = reactions()
         except (ActuationError, ClosureError, SingularConfigurationError) as error:
@@ -343,7 +351,8 @@ class Viewer:
         self, title: str, shown: Trajectory | Array, q: Array, va: Array, reach: Array, **panel: Any
     ) -> None:
         """Set the data of the panel and send them; a live page starts at q and va."""
-        robot, scene = self._robot, self._scene
+        robot = self._robot
+        scene = self._scene
         self._panel = {
             "title": title,
             "robot": robot.mechanism.model.name,
@@ -377,9 +386,11 @@ def _thinned(motion: Trajectory) -> Trajectory:
 
 def _during(motion: Trajectory, ghost: Trajectory) -> Trajectory:
     """The samples of a second motion between the ends of the first."""
-    low, high = max(motion.t[0], ghost.t[0]), min(motion.t[-1], ghost.t[-1])
+    low = max(motion.t[0], ghost.t[0])
+    high = min(motion.t[-1], ghost.t[-1])
     if low >= high:
         spans = [f"{m.t[0]:g} to {m.t[-1]:g} s" for m in (ghost, motion)]
         raise InputError("ghost", f"from {spans[0]}, the motion from {spans[1]}: no time in common")
-    first, last = np.searchsorted(ghost.t, low, "right") - 1, np.searchsorted(ghost.t, high)
+    first = np.searchsorted(ghost.t, low, "right") - 1
+    last = np.searchsorted(ghost.t, high)
     return _thinned(ghost[first : last + 1])
