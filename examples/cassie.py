@@ -39,17 +39,17 @@ def mjcf(floor: float | None = None) -> str:
     model = _sdf().find("model")
     links = {link.get("name"): link for link in model.findall("link")}
     joints = {joint.get("name"): joint for joint in model.findall("joint")}
-    bearers = {j.findtext("child"): j for j in joints.values() if j.get("type") == "revolute"}
+    carriers = {j.findtext("child"): j for j in joints.values() if j.get("type") == "revolute"}
     for side in ("left", "right"):  # the rod hangs on the hip; its other end is a point
-        bearers[f"{side}-achilles-rod"] = joints[f"{side}-pitch-rod-joint"]
+        carriers[f"{side}-achilles-rod"] = joints[f"{side}-pitch-rod-joint"]
     root = ET.Element("mujoco", model="cassie")
     world = ET.SubElement(root, "worldbody")
     bodies = {"pelvis": _body(world, links["pelvis"], pin.SE3.Identity())}
     ET.SubElement(bodies["pelvis"], "freejoint")
-    waiting = [name for name in links if name in bearers]
+    waiting = [name for name in links if name in carriers]
     while waiting:
         name = waiting.pop(0)
-        joint = bearers[name]
+        joint = carriers[name]
         ball = joint.get("type") == "ball"
         parent = joint.findtext("child" if ball else "parent")
         if parent not in bodies:
@@ -97,9 +97,9 @@ def _sdf() -> ET.Element:
     return ET.parse(path.locate()).getroot()
 
 
-def _body(parent: ET.Element, link: ET.Element, bearer: pin.SE3) -> ET.Element:
-    """A body with its mass; `bearer` is the parent's pose in the robot."""
-    pose = bearer.actInv(_pose(link))
+def _body(parent: ET.Element, link: ET.Element, carrier: pin.SE3) -> ET.Element:
+    """A body with its mass; `carrier` is the parent's pose in the robot."""
+    pose = carrier.actInv(_pose(link))
     body = ET.SubElement(
         parent, "body", name=link.get("name"), pos=_text(pose.translation), quat=_quaternion(pose)
     )

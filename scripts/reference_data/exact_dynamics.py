@@ -177,11 +177,11 @@ class ExactRobot:
         found = []
         still = Body((UNIT, ZERO), (ZERO, ZERO), (ZERO, ZERO), [], ZERO)
         for i, joint in enumerate(self.joints):
-            bearer = found[self.parents[i]] if self.parents[i] >= 0 else still
+            carrier = found[self.parents[i]] if self.parents[i] >= 0 else still
             own_q = q[self.start_q[i] : self.start_q[i + 1]]
             rates = v[self.start_v[i] : self.start_v[i + 1]]
-            at = moved(bearer.at, self.placements[i])
-            V, A = bearer.V, bearer.A
+            at = moved(carrier.at, self.placements[i])
+            V, A = carrier.V, carrier.A
             columns = []
             if joint["type"] in ("spherical", "free-flyer"):
                 local = of_quaternion(own_q[-4:])

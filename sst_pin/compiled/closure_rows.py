@@ -172,7 +172,7 @@ class _Pair:
 
     def _turned_alike(self) -> Iterator[Row]:
         """B does not turn relative to A."""
-        # Link C bears the last joint of B's branch. In its axes, the axes of the last two joints
+        # Link C carries the last joint of B's branch. In its axes, the axes of the last two joints
         # are constant. The path from A's link to C goes through B.
         kinematics = self._kinematics
         links = self._kinematics.tree.links

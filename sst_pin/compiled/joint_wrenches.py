@@ -93,8 +93,8 @@ def _wrenches(
         for link, unit in units[i].items():
             supplied[link] += x * unit
     pairs = zip(needed or [SX(6, 1)] * len(supplied), supplied, strict=True)
-    borne = e.kinematics.borne([x - y for x, y in pairs])
-    wrenches = [borne[tree.link_of[j]] for j in range(1, model.njoints)]
+    carried = e.kinematics.carried([x - y for x, y in pairs])
+    wrenches = [carried[tree.link_of[j]] for j in range(1, model.njoints)]
     starts = 0
     for closure in mechanism.closures:
         rows = range(starts, starts + len(closure.rows))
@@ -113,4 +113,4 @@ def _wrenches(
         p = sx(frame.placement.translation)
         F, N = on_b[:3], on_b[3:]
         wrenches.append(ca.vertcat(R.T @ F, R.T @ (N - ca.cross(p, F))))
-    return ca.vertcat(*wrenches), borne[0]
+    return ca.vertcat(*wrenches), carried[0]

@@ -204,24 +204,24 @@ class Kinematics:
             a += ca.cross(back(before.omega_k), u) + ca.cross(omega, u_k)
         return LinkMotion(omega, omega_k, alpha, a)
 
-    def borne(self, wrenches: Sequence[SX]) -> list[SX]:
-        """Wrench of each joint on all that it bears, from what each link needs; ground first.
+    def carried(self, wrenches: Sequence[SX]) -> list[SX]:
+        """Wrench of each joint on all that it carries, from what each link needs; ground first.
 
         Wrenches are [force; moment] about the origin of a link, in its axes.
         """
-        borne = list(wrenches)
+        carried = list(wrenches)
         for i in range(len(self.tree.links) - 1, 0, -1):
             parent = self.tree.links[i].parent
             placement = self._placed[i]
-            F, N = map(placement.out, ca.vertsplit(borne[i], 3))
+            F, N = map(placement.out, ca.vertsplit(carried[i], 3))
             lever = ca.vertcat(SX(3, 1), ca.cross(placement.p, F))
-            borne[parent] = borne[parent] + ca.vertcat(F, N) + lever
-        return borne
+            carried[parent] = carried[parent] + ca.vertcat(F, N) + lever
+        return carried
 
     def transmitted(self, wrenches: Sequence[SX]) -> Sparse:
         """Forces along the rates, from what each link needs."""
         tau: Sparse = {}
-        pairs = zip(self.tree.links, self.borne(wrenches), strict=True)
+        pairs = zip(self.tree.links, self.carried(wrenches), strict=True)
         for link, wrench in reversed(list(pairs)):
             tau = add(tau, sparse(link.v, sx(link.S).T @ wrench))
         return tau

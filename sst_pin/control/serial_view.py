@@ -222,10 +222,10 @@ def _without_serial_bodies(chain: ClosedChain) -> pin.Model:
     coordinates = set(mechanism.coordinates.tolist())
     armature = model.armature.copy()
     for i in range(1, model.njoints):
-        bearers = [model.joints[j] for j in list(model.supports[i])[1:]]
-        if all(set(range(b.idx_v, b.idx_v + b.nv)) <= coordinates for b in bearers):
+        carriers = [model.joints[j] for j in list(model.supports[i])[1:]]
+        if all(set(range(b.idx_v, b.idx_v + b.nv)) <= coordinates for b in carriers):
             model.inertias[i] = pin.Inertia.Zero()
-            armature[bearers[-1].idx_v : bearers[-1].idx_v + bearers[-1].nv] = 0
+            armature[carriers[-1].idx_v : carriers[-1].idx_v + carriers[-1].nv] = 0
     model.armature = armature
     return model
 

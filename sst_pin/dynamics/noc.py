@@ -293,10 +293,10 @@ def decoupled(loops: Loops) -> tuple[Array, Array]:
     N_l = np.zeros((r, 6, r, 6))
     of_parents = np.zeros_like(J)
     for i in range(r):
-        for bearer in list(model.supports[i + 1])[1:]:
+        for carrier in list(model.supports[i + 1])[1:]:
             transfer = np.eye(6)
-            transfer[3:, :3] = -pin.skew(c[i] - c[bearer - 1])  # v_i = v_j + omega x (c_i - c_j)
-            N_l[i, :, bearer - 1] = transfer
+            transfer[3:, :3] = -pin.skew(c[i] - c[carrier - 1])  # v_i = v_j + omega x (c_i - c_j)
+            N_l[i, :, carrier - 1] = transfer
         if model.parents[i + 1]:
             of_parents[i] = J[model.parents[i + 1] - 1]
     N_d = _in_paper_order(_at_mass_centers(J - of_parents, c)).dot(loops.tree.S)

@@ -174,12 +174,12 @@ def reactions(
     local = [place.actInv(load) for place, load in zip(data.oMi, forces, strict=True)]
     S = tree.S
     pin.rnea(tree.model, data, context.loops.q, S @ v, S @ v_dot, pin.StdVec_Force(local))
-    borne = np.array([data.f[j].vector for j in tree.bodies[1:]])
+    carried = np.array([data.f[j].vector for j in tree.bodies[1:]])
     on_ground = [data.oMi[j].act(data.f[j]).vector for j in tree.model.children[0]]
     ground = sum(on_ground, -loads[0])  # less what lines take from it
 
     both = _wrenches(context, Lambda)
-    both[: len(borne), :, 0] += borne
+    both[: len(carried), :, 0] += carried
     values, stresses = both[..., 0], both[..., 1:]
     size = np.repeat([mechanism.length, 1.0], 3)  # in moments
     changes = np.linalg.norm(stresses, axis=-1) * size

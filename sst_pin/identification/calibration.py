@@ -40,7 +40,7 @@ from ..summaries import Summary, listed
 from .base_parameters import independent
 from .estimation import solved
 from .geometry_measurements import Measurement, Poses, Sight, frames_of, unknown_frames
-from .urdf_numbers import bearers_of, with_origins
+from .urdf_numbers import carriers_of, with_origins
 
 #: An error opens the loops if the joints leave a larger gap, free of units.
 _CLOSED = 1e-6
@@ -64,7 +64,7 @@ class Calibration(Summary):
     """Errors of a geometry.
 
     Attributes:
-        names: The errors found, such as "elbow.x" along x of the link that bears the joint, and
+        names: The errors found, such as "elbow.x" along x of the link that carries the joint, and
             "elbow.rz" about z of the joint's frame before it moves: [m] and [rad]. An offset of a
             motor is the turn about its axis.
         values: Their values, shape (k,).
@@ -263,9 +263,9 @@ def _with_systems(
         body = model.frames[frame_id(model, system.frame)]
         for name in unknown_frames(system):
             is_base = name == system.reference
-            bearer = "universe" if is_base else system.frame
-            if relative_to.setdefault(name, bearer) != bearer:
-                problem = f"{name} is on {relative_to[name]} and on {bearer}; give name="
+            carrier = "universe" if is_base else system.frame
+            if relative_to.setdefault(name, carrier) != carrier:
+                problem = f"{name} is on {relative_to[name]} and on {carrier}; give name="
                 raise InputError("measurements", problem)
             if model.existFrame(name):
                 continue
@@ -282,10 +282,10 @@ def _placements(
     """Placements of unknown bases in the base, and of unknown targets on their frames."""
     model = geometry.displaced(machine.mechanism.model, moves)
     result = dict[str, Array]()
-    for name, bearer in unknown.items():
+    for name, carrier in unknown.items():
         place = geometry.place_of(model, name)[1]
-        if bearer != "universe":
-            place = geometry.place_of(model, bearer)[1].actInv(place)
+        if carrier != "universe":
+            place = geometry.place_of(model, carrier)[1].actInv(place)
         result[name] = place.homogeneous
     return result
 
@@ -439,7 +439,7 @@ def _considered(
     joints_and_ends = geometry.places_of(mechanism)
     places = list(dict.fromkeys([*joints_and_ends, *known]))
     names = [f"{place}.{axis}" for place in places for axis in geometry.AXES]
-    stored = places if urdf is None else bearers_of(Urdf.read(urdf).root, mechanism.model)
+    stored = places if urdf is None else carriers_of(Urdf.read(urdf).root, mechanism.model)
     by_default = [f"{x}.*" for x in joints_and_ends if x not in known and x in stored]
     patterns = by_default if which is None else which
     for pattern in patterns:

@@ -83,8 +83,8 @@ def _put_bodies(root: ET.Element, model: pin.Model, urdf: str) -> None:
         for frame in heavy:
             links[frame.name].remove(links[frame.name].find("inertial"))  # type: ignore[arg-type]
         if inertia.mass:
-            bearer = (heavy or moving)[0]
-            links[bearer.name].append(_inertial(bearer.placement.actInv(inertia)))
+            carrier = (heavy or moving)[0]
+            links[carrier.name].append(_inertial(carrier.placement.actInv(inertia)))
 
 
 def _put_friction(root: ET.Element, chain: ClosedChain) -> None:
@@ -129,7 +129,7 @@ def _with_meshes(root: ET.Element, source: Path, folder: Path) -> str:
     return ET.tostring(root, encoding="unicode", xml_declaration=True)
 
 
-def bearers_of(root: ET.Element, model: pin.Model) -> dict[str, ET.Element]:
+def carriers_of(root: ET.Element, model: pin.Model) -> dict[str, ET.Element]:
     """Joints of a URDF by the joints and links whose placements in the model they store."""
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
     for joint in root.findall("joint[child]"):
@@ -147,9 +147,9 @@ def with_origins(
 ) -> str:
     """The text of a URDF for a folder in which places of a model are moved, read back, compared."""
     root = Urdf.read(urdf).root
-    joints = bearers_of(root, model)
+    joints = carriers_of(root, model)
     if lost := [place for place in moved if place not in joints]:
-        problem = f"no joint bears {listed(lost)}; calibrate(..., urdf=) leaves out such errors"
+        problem = f"no joint carries {listed(lost)}; calibrate(..., urdf=) leaves out such errors"
         raise DescriptionError(str(urdf), [problem])
     for place, by in moved.items():
         _place(joints[place], _origin(joints[place]) * by)

@@ -21,7 +21,7 @@ class NormalTree:
 
     Attributes:
         model: The normal tree.
-        bodies: For each joint of the original model the joint that bears its body, 0 first.
+        bodies: For each joint of the original model the joint that carries its body, 0 first.
         entries, factors, offsets: q of the normal tree is factors * q[entries] + offsets.
         S: Rates of the normal tree are S v, shape (rates of the normal tree, nv).
     """
@@ -72,8 +72,8 @@ class NormalTree:
     def before(self) -> Flags:
         """Entry (i, k): whether rate i moves the parent of rate k's joint, (rates, rates)."""
         joints = list(zip(self.model.parents, self.model.joints, strict=True))[1:]
-        bearers = [parent for parent, joint in joints for _ in range(joint.nv)]
-        return np.asarray(self.supports[bearers].T)
+        carriers = [parent for parent, joint in joints for _ in range(joint.nv)]
+        return np.asarray(self.supports[carriers].T)
 
     def _add(self, original: pin.Model, j: int) -> None:
         joint = original.joints[j]

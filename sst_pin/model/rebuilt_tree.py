@@ -48,22 +48,22 @@ def rebuilt(old: pin.Model, changes: Mapping[int, Series]) -> pin.Model:
     model.name = old.name
     model.gravity = old.gravity
     model.inertias[0] = old.inertias[0]
-    bearers = [(0, pin.SE3.Identity())]  # of each old joint, the new one and its place there
+    carriers = [(0, pin.SE3.Identity())]  # of each old joint, the new one and its place there
     each = [changes.get(i) or Series.whole(joint) for i, joint in enumerate(old.joints)]
     for i in range(1, old.njoints):
-        bearer, place = bearers[old.parents[i]]
+        carrier, place = carriers[old.parents[i]]
         place = place * old.jointPlacements[i]
         for part in each[i].parts:
             name = old.names[i] + part.suffix
-            bearer = model.addJoint(bearer, part.joint, place * part.place, name)
+            carrier = model.addJoint(carrier, part.joint, place * part.place, name)
             place = pin.SE3.Identity()
-        bearers.append((bearer, place * each[i].place))
-        model.appendBodyToJoint(bearer, old.inertias[i], bearers[i][1])
-    _copy_frames(old, model, bearers, [len(series.parts) for series in each])
+        carriers.append((carrier, place * each[i].place))
+        model.appendBodyToJoint(carrier, old.inertias[i], carriers[i][1])
+    _copy_frames(old, model, carriers, [len(series.parts) for series in each])
     poses = {pair.key(): np.array(pair.data()) for pair in old.referenceConfigurations}
     new_poses = {name: pin.neutral(model) for name in poses}
     for i, whole in enumerate(list(old.joints)[1:], 1):
-        first = bearers[i][0] - len(each[i].parts) + 1
+        first = carriers[i][0] - len(each[i].parts) + 1
         for k, part in enumerate(each[i].parts):
             joint = model.joints[first + k]
             _copy_numbers(old, whole, model, joint, part)
@@ -76,24 +76,24 @@ def rebuilt(old: pin.Model, changes: Mapping[int, Series]) -> pin.Model:
 
 
 def _copy_frames(
-    old: pin.Model, model: pin.Model, bearers: Sequence[tuple[int, pin.SE3]], sizes: Sequence[int]
+    old: pin.Model, model: pin.Model, carriers: Sequence[tuple[int, pin.SE3]], sizes: Sequence[int]
 ) -> None:
     """Copy the frames; a joint's frame becomes one for each new joint, or a fixed-joint frame."""
     numbers = {0: 0}  # of the new frames, by those of the old ones
     for i, frame in enumerate(list(old.frames)[1:], 1):
         joint = frame.parentJoint
         kind = frame.type
-        bearer, place = bearers[joint]
+        carrier, place = carriers[joint]
         bearing = numbers.get(frame.parentFrame, 0)
         place = place * frame.placement
         if kind == pin.FrameType.JOINT and frame.name == old.names[joint]:
-            for k in range(bearer - sizes[joint] + 1, bearer + 1):
+            for k in range(carrier - sizes[joint] + 1, carrier + 1):
                 new = pin.Frame(model.names[k], k, bearing, pin.SE3.Identity(), kind)
                 numbers[i] = bearing = model.addFrame(new, False)
             kind = pin.FrameType.FIXED_JOINT
             if sizes[joint] or old.existFrame(frame.name, kind):
                 continue
-        new = pin.Frame(frame.name, bearer, bearing, place, kind)
+        new = pin.Frame(frame.name, carrier, bearing, place, kind)
         numbers[i] = model.addFrame(new, False)
 
 

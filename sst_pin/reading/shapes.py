@@ -55,7 +55,7 @@ def urdf_shapes(
 def mjcf_shapes(mj: Any, bodies: Sequence[tuple[int, pin.SE3]], _: pin.Model) -> pin.GeometryModel:
     """Geoms of an MJCF in the groups that MuJoCo's viewer shows, for the tree as it was read.
 
-    `bodies` has for each body the joint that bears it and its placement there.
+    `bodies` has for each body the joint that carries it and its placement there.
     """
     shapes = pin.GeometryModel()
     for i in range(mj.ngeom):

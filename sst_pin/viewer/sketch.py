@@ -37,7 +37,7 @@ class Axis(NamedTuple):
     """The axis of one rate of a joint."""
 
     joint: int
-    mover: int  #: Number of the joint whose body bears the axis.
+    mover: int  #: Number of the joint whose body carries the axis.
     turns: bool  #: Whether the joint turns about it rather than sliding along it.
     direction: Array  #: Unit vector in the axes of this body.
     origin: Array  #: A point of it on this body, close to the joint's frame (at position 0), [m].

@@ -57,7 +57,7 @@ def test_the_platform_of_a_delta_does_not_turn_and_obeys_three_spheres(delta):
 
 @pytest.mark.filterwarnings("ignore:.*its friction acts about each axis")
 def test_the_robot_stands_still_within_the_cones_of_friction():
-    """The ground bears its weight, and direct dynamics with the floating base stay at rest."""
+    """The ground carries its weight, and direct dynamics with the floating base stay at rest."""
     chain = example.robot()
     q = example.standing(chain)
     torques, forces = example.stance(chain, q)

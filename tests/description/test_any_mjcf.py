@@ -147,7 +147,7 @@ def heavy_about_one_axis():
 
 UNKNOWN = {
     "body a: one of the principal moments": heavy_about_one_axis,
-    "no rolling": partial(any_chain.rolling, False),  # beside the joint that bears the plane
+    "no rolling": partial(any_chain.rolling, False),  # beside the joint that carries the plane
     "no joint Planar": partial(any_chain.with_joint, "planar"),
     "no joint HelicalUnaligned": partial(any_chain.with_joint, "helical"),
     "no closure cylindrical": partial(any_chain.chain, kind="cylindrical"),

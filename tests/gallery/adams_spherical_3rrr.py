@@ -33,7 +33,7 @@ def turned(x=0.0, y=0.0, z=0.0):
 
 
 def spherical_3rrr():
-    """Leg 1 bears the platform; hinges close the other legs."""
+    """Leg 1 carries the platform; hinges close the other legs."""
     model, closures = pin.Model(), []
     model.gravity.linear = np.array([0, 0, -9.80665])
     ends = [turned(z=2 * np.pi / 3 * k) * turned(x=-BETA) for k in range(3)]

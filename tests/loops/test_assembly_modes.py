@@ -133,12 +133,12 @@ def slider_crank(kind):
         end = body(model, 0, pin.JointModelPX(), "slide", tilted(0.3, 0.2, 0.1))
         end_place = at(0.05, 0.02)
     elif kind == "hinge, slide":
-        bearer = body(model, 0, pin.JointModelRZ(), "hinge", at(0.6, 0.1))
-        end = body(model, bearer, pin.JointModelPY(), "slide", tilted(0.2, 0.1))
+        carrier = body(model, 0, pin.JointModelRZ(), "hinge", at(0.6, 0.1))
+        end = body(model, carrier, pin.JointModelPY(), "slide", tilted(0.2, 0.1))
         end_place = at()
     else:
-        bearer = body(model, 0, pin.JointModelPX(), "slide", tilted(-0.2, 0.1, -0.1))
-        end, end_place = body(model, bearer, pin.JointModelRZ(), "hinge", at(0, 0.1)), at(0.7)
+        carrier = body(model, 0, pin.JointModelPX(), "slide", tilted(-0.2, 0.1, -0.1))
+        end, end_place = body(model, carrier, pin.JointModelRZ(), "hinge", at(0, 0.1)), at(0.7)
     mark(model, tip, "tip", place)
     mark(model, end, "end", end_place)
     return sst_pin.ClosedChain(model, [sst_pin.Closure("tip", "end", "3d")], ["crank"])

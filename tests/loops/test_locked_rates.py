@@ -50,8 +50,8 @@ def tree(joint, random) -> pin.Model:
     model = pin.Model()
     for name, part in (("j", joint), ("hinge", pin.JointModelRY())):
         body = pin.Inertia.Random()
-        bearer = add(model, model.njoints - 1, part, name, pin.SE3.Random(), body)
-        mark(model, bearer, f"tip_{name}", pin.SE3.Random())
+        carrier = add(model, model.njoints - 1, part, name, pin.SE3.Random(), body)
+        mark(model, carrier, f"tip_{name}", pin.SE3.Random())
     model.damping = random.uniform(1, 2, model.nv)
     return model
 

@@ -98,7 +98,7 @@ PARALLEL = [1.2, 1.2, -1.2]
 
 
 def braced_four_bar(first=0.15, second=0.25):
-    """A parallelogram whose coupler bears two bars in one line, fixed at both ends."""
+    """A parallelogram whose coupler carries two bars in one line, fixed at both ends."""
     braces = [("brace_1", "coupler", 0.1, first), ("brace_2", "brace_1", first, second)]
     model = planar([*BARS, *braces])
     mark(model, model.getJointId("coupler"), "brace_end", at(0.1 + first + second))

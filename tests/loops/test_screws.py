@@ -50,7 +50,7 @@ def test_a_nut_keeps_its_pitch_over_many_turns():
 
 @pytest.mark.parametrize("path", ["reference", "casadi"])
 def test_the_torque_of_a_screw_lifts_its_load_by_hand(path):
-    """By hand: the nut bears its weight and, where the lever is level, that of the load."""
+    """By hand: the nut carries its weight and, where the lever is level, that of the load."""
     chain = jack()
     q, one = chain.home, np.ones(1)
     rest = 0 * one

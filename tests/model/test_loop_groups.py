@@ -14,12 +14,12 @@ from tests.support.planar_bars import planar
 BARS = [("crank", 0.0, 0.1), ("coupler", 0.1, 0.3), ("rocker", 0.4, 0.25)]
 
 
-def four_bars(sizes, places, bearer="universe", model=None):
+def four_bars(sizes, places, carrier="universe", model=None):
     """Four-bars of these sizes, at these places on the ground or on a joint."""
     bars, closures = [], []
     for k, (size, place) in enumerate(zip(sizes, places, strict=True)):
         for name, x, length in BARS:
-            parent = f"crank_{k}" if name == "coupler" else bearer
+            parent = f"crank_{k}" if name == "coupler" else carrier
             start = size * x + (0.0 if name == "coupler" else place)
             bars.append((f"{name}_{k}", parent, start, size * length))
         closures.append(Closure(f"coupler_{k}_end", f"rocker_{k}_end", "3d"))

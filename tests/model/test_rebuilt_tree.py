@@ -47,8 +47,8 @@ def test_frames_keep_the_frames_that_bear_them():
     old = pin.Model(sst_pin.ClosedChain.from_urdf(sst_pin.URDF_PATH).model)
     new = sst_pin.ClosedChain(old, [], [], locked=["mu_1"]).model
 
-    def bearers(model):
+    def carriers(model):
         bodies = [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
         return {frame.name: model.frames[frame.parentFrame].name for frame in bodies}
 
-    assert bearers(new) == bearers(old)
+    assert carriers(new) == carriers(old)

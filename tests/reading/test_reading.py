@@ -326,7 +326,7 @@ def test_a_tendon_is_a_motor_of_all_its_joints(mjcf):
 def test_closures_are_open_by_what_mujoco_measures(mjcf, loose):
     """Gaps of points in base axes, and turns, of every form of `connect` and `weld`.
 
-    A weld that bears no torque is a point.
+    A weld that carries no torque is a point.
     """
     if loose:
         mjcf.write_text(MJCF.replace("<weld", '<weld torquescale="0"'))

@@ -40,7 +40,7 @@ def at_once(text):
 
 @pytest.fixture
 def files(tmp_path):
-    """A joint of the delta that turns, the link that it bears, and a function that writes all."""
+    """A joint of the delta that turns, the link that it carries, and a function that writes all."""
     root, path = ET.parse(DELTA).getroot(), tmp_path / "robot.urdf"
     path.with_suffix(".yaml").write_bytes(DELTA.with_suffix(".yaml").read_bytes())
     joint = root.find("joint[@type='revolute']")

@@ -64,7 +64,7 @@ def test_each_limit_that_a_motion_leaves_is_a_finding(tmp_path, limits, velocity
 
 
 def test_forces_of_motors_on_joints_are_judged_with_their_tendons(tmp_path):
-    """A motor of 10 N m with a factor of 3 drives a joint that bears 40 N m."""
+    """A motor of 10 N m with a factor of 3 drives a joint that carries 40 N m."""
     path = tmp_path / "boom.urdf"
     path.write_text(BOOM.format(velocity=0).replace('effort="0"', 'effort="40"'))
     chain = sst_pin.ClosedChain.from_urdf(path, actuated=[{"belt": {"hinge": 3.0}}])

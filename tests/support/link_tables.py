@@ -317,7 +317,7 @@ def _planar_legs(plane) -> list[Link]:
 
 
 def planar_3rrr() -> Robot:
-    """Three planar legs; leg 1 bears the platform, legs 2 and 3 are pinned to it."""
+    """Three planar legs; leg 1 carries the platform, legs 2 and 3 are pinned to it."""
     plane = PLANE_YZ
     arms = (PLATFORM_TRIANGLE - PLATFORM_TRIANGLE[0]) @ plane[:2]
     return Robot(
@@ -370,7 +370,7 @@ def _universal_prismatic_leg(k) -> list[Link]:
 
 
 def hexapod() -> Robot:
-    """A Gough-Stewart platform 6-UPS borne by leg 0 through three revolutes."""
+    """A Gough-Stewart platform 6-UPS carried by leg 0 through three revolutes."""
 
     def joints(x):
         yaw, pitch, stroke = _hexapod_leg(x, 0)

@@ -16,11 +16,11 @@ DRAG_LINK = [
 
 
 def planar(bars, joint=pin.JointModelRZ, model=None, moment=0.004):
-    """Bars as (name, the bar that bears it, where on it, x of its end); frames `name_end`."""
+    """Bars as (name, the bar that carries it, where on it, x of its end); frames `name_end`."""
     model = model or pin.Model()
-    for name, bearer, x, length in bars:
+    for name, carrier, x, length in bars:
         body = pin.Inertia(1.0, np.array([length / 2, 0, 0]), moment * np.eye(3))
-        k = add(model, model.getJointId(bearer), joint(), name, at(x), body)
+        k = add(model, model.getJointId(carrier), joint(), name, at(x), body)
         mark(model, k, f"{name}_end", at(length))
     return model
 
