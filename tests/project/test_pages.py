@@ -75,6 +75,7 @@ def test_tables_are_whole(name):
 
 
 @pytest.mark.filterwarnings("default::sst_pin.errors.SingularityWarning")
+@pytest.mark.filterwarnings("default:.*largest velocities.*:sst_pin.errors.DescriptionWarning")
 @pytest.mark.parametrize(
     "name",
     [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in RUN_HERE],
