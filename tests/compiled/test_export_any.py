@@ -12,6 +12,7 @@ import sst_pin
 from sst_pin import ActuationError, ClosedChain, robots
 from sst_pin.cli import main
 from tests.gallery import EVERY_ROBOT
+from tests.gallery.cable_printer import cable_printer
 from tests.support import any_chain
 from tests.support.exported_c import STRICT, TYPES, Exported
 
@@ -196,29 +197,11 @@ def test_export_replaces_nothing_unasked(tmp_path, capsys):
     assert "robot_torques" in (tmp_path / "main.c").read_text(encoding="utf-8")
 
 
-def on_cables() -> ClosedChain:
-    """A load of 2 kg that hangs on four cables, which only pull."""
-    model, load, lines = pin.Model(), 0, []
-    slides = {"x": pin.JointModelPX(), "y": pin.JointModelPY(), "z": pin.JointModelPZ()}
-    for name, joint in slides.items():
-        load = model.addJoint(load, joint, pin.SE3.Identity(), name)
-    body = pin.Inertia(2.0, np.zeros(3), 0.01 * np.eye(3))
-    model.appendBodyToJoint(load, body, pin.SE3.Identity())
-    model.addFrame(pin.Frame("load", load, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
-    anchors = {"A": (0, -2, -0.1), "B": (2, 1, -0.1), "C": (-2, 1, -0.1), "D": (0, 0, 3)}
-    for name, place in anchors.items():
-        at = pin.SE3(np.eye(3), np.array(place, dtype=float))
-        model.addFrame(pin.Frame(name, 0, at, pin.FrameType.OP_FRAME))
-        lines.append(sst_pin.LineForce(name, "load", name=f"cable_{name}"))
-    model.referenceConfigurations["home"] = np.zeros(3)
-    return ClosedChain(model, [], [{line.name: -1.0} for line in lines], lines=lines)
-
-
 @pytest.mark.parametrize("precision", TYPES)
 @pytest.mark.parametrize("name", ["planar_4rrr", "cables"])
 def test_exported_torques_within_limits_are_those_of_the_package(name, precision, tmp_path):
     """Limits that the smallest torques often exceed; none where the package finds none."""
-    chain = on_cables() if name == "cables" else robots.planar_4rrr()
+    chain = cable_printer() if name == "cables" else robots.planar_4rrr()
     exported, random = Exported(chain, tmp_path, precision), np.random.default_rng(2)
     exact = 1e-8 if precision == "double" else 2e-3
     motors, n, answers = len(chain.motor_names), chain.degrees_of_freedom, set()
