@@ -399,6 +399,8 @@ def _formulas(closure: Closure | Distance | Rolling | Brake) -> Formulas:
         parts.append(_WorldMoments())
     elif turns:
         parts.append(_RightAngles(turns))
+    if len(parts) == 1:
+        return parts[0]
     return _Stacked(*parts)
 
 
