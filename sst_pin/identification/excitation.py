@@ -108,7 +108,7 @@ def excitation(
     Example:
         >>> chain = sst_pin.robots.four_bar()
         >>> base = sst_pin.identification.base_parameters(chain)
-        >>> motion = sst_pin.identification.excitation(chain, base, 3.0, harmonics=2, tries=1)
+        >>> motion = sst_pin.identification.excitation(chain, base, 3.0, tries=3)
         >>> bool(np.abs(motion.va[[0, -1]]).max() < 1e-3)
         True
     """
