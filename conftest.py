@@ -10,7 +10,14 @@ import numpy as np
 import pytest
 
 #: Modules whose examples draw, or take seconds.
-SLOW = ("sst_pin.plots", "sst_pin.viewer", "sst_pin.identification")
+SLOW = (
+    "sst_pin.plots",
+    "sst_pin.viewer",
+    "sst_pin.identification",
+    "sst_pin.control.force_observer",
+    "sst_pin.control.timing",
+    "sst_pin.simulation.energy",
+)
 
 
 def pytest_collection_modifyitems(items):

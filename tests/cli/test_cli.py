@@ -12,6 +12,7 @@ from sst_pin.sst import paper
 from tests.support.command_line import run
 
 
+@pytest.mark.slow
 def test_paper_writes_data_and_figures_and_prints_its_table(here, capsys, robot):
     code, out, _ = run(capsys, "paper", "--samples", 201)
     assert code == 0

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: BSD-2-Clause
 import numpy as np
+import pytest
 
 import sst_pin
 from sst_pin import LineForce
 from tests.gallery.touching import PLANAR, frame, planar
 
 
+@pytest.mark.slow
 def test_kernels_know_which_cables_are_slack():
     """A mass on two cables that only pull, many states; the reference path is the referee."""
     model = planar(1.0, 0.01)

@@ -112,6 +112,7 @@ def test_kernels_of_one_motion_step_with_a_load_as_the_reference_path_does():
         _same(a, b, 1e-11)
 
 
+@pytest.mark.slow
 def test_both_paths_pass_dead_points_with_an_error_of_first_order():
     """A rocker as coordinate turns back; the referee is the smooth rollout, of fourth order.
 
@@ -132,6 +133,7 @@ def test_both_paths_pass_dead_points_with_an_error_of_first_order():
         assert errors[1] < 0.6 * errors[0] < 0.06
 
 
+@pytest.mark.slow
 def test_both_paths_refuse_the_same_starts_and_mark_the_same_steps():
     slow, q0 = block_on_slope(0.0, 0.3)
     fast = _compiled(slow)

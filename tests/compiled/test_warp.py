@@ -128,6 +128,7 @@ def test_results_in_single_precision_have_some_digits(name, device):
         assert not status.numpy().any(), result
 
 
+@pytest.mark.slow
 def test_single_precision_has_five_digits(four_bar, device):
     """The largest error of 250 samples is 3e-6: some fifty roundings."""
     batch = four_bar.warp(device, "float32")

@@ -76,6 +76,7 @@ def test_the_regulator_of_a_held_pose_is_the_stationary_one(robot):
     assert_allclose(control.gains, np.broadcast_to(expected, (9, 3, 6)), rtol=1e-7)
 
 
+@pytest.mark.slow
 def test_the_regulator_brings_the_robot_back_to_its_motion():
     """By kernels, as in a loop at 1 kHz; a four-bar whose coupler is aligned and pinned."""
     table = ROBOTS["four-bar, coupler aligned and pinned"]

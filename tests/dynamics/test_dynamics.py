@@ -45,7 +45,7 @@ def test_smoothed_coulomb_friction_tends_to_the_sign():
     assert Friction(np.zeros(2), np.ones(2)).forces(np.array((0, -2.0))).tolist() == [0, 1]
 
 
-@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize("compiled", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_joints_at_rest_have_no_coulomb_friction(compiled):
     """All motors alike at home: by symmetry beta_k rest, and mu_k turn by sqrt(2) each.
 

@@ -42,6 +42,7 @@ def pair(tmp_path) -> tuple[ClosedChain, ClosedChain]:
     return robots[0], robots[1]
 
 
+@pytest.mark.slow
 def test_a_tendon_moves_as_its_rigid_equivalent_of_mujoco(tmp_path):
     tendon, slide = pair(tmp_path)
     assert tendon.lines[0].mass == 9
@@ -111,6 +112,7 @@ def test_the_referees_agree_on_masses_of_lines():
         np.testing.assert_allclose(work.accelerations(q, va, tau), given, rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_the_energy_of_a_free_motion_is_kept():
     chain = any_chain.lines()
     frictionless = chain.with_parameters({"gas.damping": 0.0})

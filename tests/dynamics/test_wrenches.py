@@ -70,6 +70,7 @@ def test_casadi_functions_add_the_work_of_a_wrench(robot, case):
     close(functions.generalized_forces(q, va, aa, wrenches).full()[:, 0], f - work)
 
 
+@pytest.mark.slow
 def test_warp_kernels_add_the_work_of_a_wrench(robot, case):
     wp = pytest.importorskip("warp", reason="needs the extra 'gpu'")
     batch, (q, va, aa, wrenches, work) = robot.warp(device="cpu"), case

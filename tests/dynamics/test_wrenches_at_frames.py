@@ -26,7 +26,9 @@ def with_edges():
     return chain.with_model(model)
 
 
-@pytest.fixture(scope="module", params=["reference", "compiled"])
+@pytest.fixture(
+    scope="module", params=["reference", pytest.param("compiled", marks=pytest.mark.slow)]
+)
 def chain(request):
     robot = with_edges()
     if request.param == "compiled":

@@ -211,6 +211,7 @@ def test_no_names_are_no_parameters():
         base_parameters(robots.four_bar(), [])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("decimate", [2, 10])
 @pytest.mark.parametrize("name", ["five_bar", "four_bar", "delta", "planar_3rrr", "sst"])
 def test_intervals_of_five_robots_cover_the_truth(name, decimate, monkeypatch):

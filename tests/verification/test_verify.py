@@ -20,7 +20,7 @@ DELTA = ROOT / "examples" / "delta.urdf"
 NAMES = {"virtual work", "Lagrange multipliers", "MuJoCo mj_inverse"}
 
 
-@pytest.mark.parametrize("robot", ["stewart", str(DELTA)])
+@pytest.mark.parametrize("robot", [pytest.param("stewart", marks=pytest.mark.slow), str(DELTA)])
 def test_every_referee_agrees(robot, capsys):
     """One command, one table, exit code 0; JSON for machines."""
     pytest.importorskip("mujoco", reason="MuJoCo is missing (extra 'verify')")
@@ -71,7 +71,7 @@ def test_wrong_weights_end_in_exit_code_1(monkeypatch, capsys):
     assert "disagree" in capsys.readouterr().out.splitlines()[-1]
 
 
-@pytest.mark.parametrize("away", [0.5, 1e-2, 1e-4])
+@pytest.mark.parametrize("away", [0.5, 1e-2, pytest.param(1e-4, marks=pytest.mark.slow)])
 def test_a_right_robot_agrees_near_a_singular_configuration(away):
     """Condition numbers up to 5e4; differences of 1e-6 there are rounding."""
     rows = list(verify.verify_chain(cylinder_boom(-np.pi / 2 + away), 20))

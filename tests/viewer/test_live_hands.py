@@ -8,6 +8,8 @@ from sst_pin.viewer import Viewer
 from tests.support.browser import DESK, PHONE, TABLET, opened, with_slow
 from tests.support.named_robots import robot_named
 
+pytestmark = pytest.mark.slow
+
 #: Where a body, the last that is met, is seen in the window.
 FOUND = """() => {
   const { left, top, width, height } = document.getElementById("pane").getBoundingClientRect();

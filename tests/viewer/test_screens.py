@@ -9,6 +9,8 @@ from sst_pin.sst import paper
 from sst_pin.viewer import Viewer
 from tests.support.browser import DESK, EXTENT, LYING, PHONE, TABLET, opened, with_slow
 
+pytestmark = pytest.mark.slow
+
 
 def example(name):
     if name == "sst":
