@@ -16,7 +16,6 @@ from ..identification.base_parameters import random_states
 from ..progress import counted
 from .lagrange import LagrangeMultipliers
 from .mujoco_tree import MujocoInverse
-from .virtual_work import VirtualWork
 
 #: Least tolerance for the same equations: rounding is far below it, slips in equations far above.
 SAME_EQUATIONS = 1e-9
@@ -46,11 +45,7 @@ class Referee(Protocol):
         ...
 
 
-REFEREES: tuple[Callable[[ClosedChain], Referee], ...] = (
-    VirtualWork,
-    LagrangeMultipliers,
-    MujocoInverse,
-)
+REFEREES: tuple[Callable[[ClosedChain], Referee], ...] = (LagrangeMultipliers, MujocoInverse)
 
 
 class Comparison(NamedTuple):

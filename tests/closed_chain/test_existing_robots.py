@@ -23,7 +23,7 @@ def delta() -> sst_pin.ClosedChain:
 def test_dynamics_agree_with_every_referee(name, delta):
     """At random assembled configurations in random motion."""
     rows = list(verify_chain(delta if name == "delta" else robot_named(name), 5))
-    assert {row.referee for row in rows} >= {"virtual work", "Lagrange multipliers"}
+    assert "Lagrange multipliers" in {row.referee for row in rows}
     assert all(row.passed for row in rows)
 
 

