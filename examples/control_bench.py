@@ -17,6 +17,7 @@ import pinocchio as pin
 from scipy.interpolate import make_interp_spline
 
 import sst_pin
+from adaptive import Adaptive
 
 PERIOD, CIRCLE, CIRCLES = 1e-3, np.pi / 6, 10
 #: Steps of an encoder in a turn; first-order filter of the rates, [s].
@@ -150,8 +151,8 @@ def controllers(robot, motion, limit=LIMIT, inertia=1.0, learning=0.1):
     return {
         "PD + gravity": sst_pin.GravityPD(robot, motion, kp=600 * inertia, kd=12 * inertia, **both),
         "LQR": sst_pin.TrackingLQR(robot, motion, **weights, **both),
-        "adaptive": sst_pin.Adaptive(
-            robot, motion, stiffness=60, damping=12 * inertia, learning=learning, **both
+        "adaptive": Adaptive(
+            robot, motion, stiffness=60, damping=12 * inertia, learning=learning, limit=limit
         ),
         "computed torque": sst_pin.ComputedTorque(robot, motion, kp=1.5e4, kd=240, **both),
     }

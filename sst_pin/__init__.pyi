@@ -53,7 +53,6 @@ from .simulation.trajectories import Trajectory as Trajectory
 from .sst.platform_motion import paper_circle as paper_circle
 
 # Control
-from .control.controllers import Adaptive as Adaptive
 from .control.controllers import ComputedTorque as ComputedTorque
 from .control.controllers import GravityPD as GravityPD
 from .control.controllers import TrackingLQR as TrackingLQR

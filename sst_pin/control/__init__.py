@@ -2,7 +2,7 @@
 """Controllers, observers, serial views, fastest motions, cables, what a pose can do, reach."""
 
 from .cables import unstretched_lengths
-from .controllers import Adaptive, ComputedTorque, GravityPD, TrackingLQR
+from .controllers import ComputedTorque, GravityPD, TrackingLQR
 from .force_observer import ForceObserver
 from .pose_abilities import (
     Ellipsoid,
@@ -16,7 +16,6 @@ from .serial_view import SerialView
 from .timing import time_optimal
 
 __all__ = [
-    "Adaptive",
     "ComputedTorque",
     "Ellipsoid",
     "ForceObserver",

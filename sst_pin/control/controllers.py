@@ -8,9 +8,8 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, finite_array, in_one_turn, one_or_each, positive_number
+from ..arrays import Array, finite_array, in_one_turn, one_or_each
 from ..closed_chain import ClosedChain
-from ..dynamics.regressor import OF_BODY
 from ..dynamics.torque_sharing import finite_limits, within_limits
 from ..errors import ActuationError, InputError
 from ..loops.mobility import cure_of
@@ -229,82 +228,6 @@ class TrackingLQR(Controller):
         error, rate, _ = self._errors(t, q, va)
         feed = self._feed(t) if t == inside else self._holding[int(t > inside)]
         return feed + self._between(inside) @ np.concatenate([error, rate])
-
-
-class Adaptive(Controller):
-    """Slotine and Li's controller: it learns the dynamic parameters while it follows a motion.
-
-    With the sliding variable s = (va_d - va) + stiffness (x_d - x), the motors produce the
-    generalized forces Y theta + damping s, and theta changes at a rate proportional to Y^T s.
-    Y theta are the forces that the model needs for the reference rates va + s and the reference
-    accelerations; its Coriolis matrix C makes M_dot - 2 C skew-symmetric. J.-J. Slotine and W. Li,
-    On the adaptive control of robot manipulators, Int. J. Robotics Research 6(3), 1987.
-
-    It learns at each call, so time must not decrease between calls: `simulate` accepts it only in a
-    `SampledTorque`. It does not learn while its torques exceed the limits. The other arguments are
-    those of `Controller`; the learning starts with the parameters of the chain.
-
-    Args:
-        stiffness: Decay rate of errors where s is 0, () or shape (n,), [1/s].
-        damping: Generalized force per s, () or shape (n,), [N m s/rad] or [N s/m].
-        learning: Speed of learning, without unit; with 0 it does not learn.
-
-    Attributes:
-        theta: The parameters learned so far, in the order of `chain.dynamic_parameters`.
-    """
-
-    sampled_only = True
-
-    def __init__(
-        self,
-        chain: ClosedChain,
-        motion: Trajectory,
-        *,
-        stiffness: ArrayLike,
-        damping: ArrayLike,
-        learning: float,
-        limits: ArrayLike | None = None,
-    ) -> None:
-        super().__init__(chain, motion, limits=limits)
-        self.stiffness = self._gains("stiffness", stiffness)
-        self.damping = self._gains("damping", damping)
-        mechanism = chain.mechanism
-        parameters = chain.dynamic_parameters
-        mass = sum(body.mass for body in mechanism.model.inertias) / len(chain.joint_names)
-        length, inertia = mechanism.length, mass * mechanism.length**2
-        sizes = dict(zip(OF_BODY, [mass, *[mass * length] * 3, *[inertia] * 6], strict=True))
-        sizes |= {"viscous": inertia, "coulomb": inertia}
-        words = [name.rpartition(".")[2] for name in parameters.names]
-        rate = positive_number("learning", learning, or_zero=True)
-        self._learning = rate * np.array([sizes.get(word, 0.0) ** 2 for word in words]) / inertia
-        self._odd = np.array([word in ("viscous", "coulomb", "damping") for word in words])
-        self.theta = np.array(parameters.values)
-        self._last = float(motion.t[0])
-
-    def _torque(self, t: float, q: Array, va: Array) -> Array:
-        error, rate_error, accelerations = self._errors(t, q, va)
-        s = rate_error + self.stiffness * error
-        Y = self._regressor(q, va, va + s, accelerations + self.stiffness * rate_error)
-        tau = self._shared(q, self._motors(q, Y @ self.theta + self.damping * s))
-        if self._within(tau):
-            self.theta += max(0.0, t - self._last) * self._learning * (Y.T @ s)
-        self._last = t
-        return tau
-
-    def _regressor(self, q: Array, va: Array, wanted: Array, aa: Array) -> Array:
-        """Y of M aa + C(va) wanted and of the other forces at va, shape (n, p).
-
-        With C from the Christoffel symbols, C(va) wanted is symmetric and bilinear in both rates.
-        So polarization gives it from the forces, which are quadratic in the rates. Friction is
-        taken at va.
-        """
-        none = np.zeros_like(va)
-        at = np.array([va + wanted, va, wanted, none, none])
-        both, first, second, rest, still = self.chain.torque_regressor(
-            np.tile(q, (5, 1)), at, np.array([none, none, none, none, aa])
-        )
-        Y = still + (both - first - second + rest) / 2
-        return np.where(self._odd, first, Y)
 
 
 def _weights(name: str, value: ArrayLike, size: int, least: float) -> Array:

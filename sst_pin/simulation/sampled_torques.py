@@ -36,7 +36,7 @@ class SampledTorque:
 
     The torques act until the next ones do; before the first ones they are zero. `simulate` starts a
     new integration where the torques change. It calls the function in the order of time, so that
-    the function may have a state, as `Adaptive` has.
+    the function may have a state, as a controller that learns.
 
     Args:
         function: (t, q, va) -> torques, shape (motors,), or a controller.

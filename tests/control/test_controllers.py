@@ -11,6 +11,7 @@ from sst_pin.errors import ActuationError, InputError
 from tests.support.files import ROOT, load
 from tests.support.link_tables import ROBOTS
 
+adaptive = load("examples/adaptive.py")
 control_bench = load("examples/control_bench.py")
 control_loop = load("examples/control_loop.py")
 read_table = load("scripts/pages/markdown_tables.py").read_table
@@ -93,7 +94,7 @@ def test_the_regulator_brings_the_robot_back_to_its_motion():
 
 def test_the_coriolis_matrix_of_the_adaptive_controller_is_skew_with_the_inertia(five_bar, sway):
     """s (M_dot - 2 C) s = 0 for every s, M_dot by differences; and C va is the robot's own."""
-    control = sst_pin.Adaptive(five_bar, sway, stiffness=20, damping=1, learning=1)
+    control = adaptive.Adaptive(five_bar, sway, stiffness=20, damping=1, learning=1)
     random, none = np.random.default_rng(0), np.zeros(2)
     for k in (3, 20, 40):
         q, va, aa = sway.q[k], random.standard_normal(2), random.standard_normal(2)
@@ -108,20 +109,20 @@ def test_the_coriolis_matrix_of_the_adaptive_controller_is_skew_with_the_inertia
 
 
 def test_simulate_takes_a_controller_and_refuses_one_that_depends_on_its_calls(five_bar, sway):
-    """Adaptive learns from call to call; as sampled torques it is simulated."""
+    """An adaptive controller learns from call to call; as sampled torques it is simulated."""
     gains = {"kp": 400, "kd": 40}
     control = sst_pin.ComputedTorque(five_bar, sway, **gains)
     start = sway.q[0], sway.va[0], sway.t[:3]
     by_object, by_method = (five_bar.simulate(x, *start) for x in (control, control.torque))
     assert by_object == by_method
 
-    def adaptive():
-        return sst_pin.Adaptive(five_bar, sway, stiffness=20, damping=1, learning=1)
+    def learner():
+        return adaptive.Adaptive(five_bar, sway, stiffness=20, damping=1, learning=1)
 
-    for torque in (adaptive(), adaptive().torque):
+    for torque in (learner(), learner().torque):
         with pytest.raises(InputError, match=r"Adaptive depends on the calls.*SampledTorque"):
             five_bar.simulate(torque, *start)
-    sampled = [sst_pin.SampledTorque(x, 0.01) for x in (adaptive(), adaptive().torque)]
+    sampled = [sst_pin.SampledTorque(x, 0.01) for x in (learner(), learner().torque)]
     assert five_bar.simulate(sampled[0], *start) == five_bar.simulate(sampled[1], *start)
 
 
