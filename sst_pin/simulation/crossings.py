@@ -6,7 +6,7 @@ it; they close the loops on one branch only. They are the initial guess of an im
 step over the configuration. No stage of the step is at the configuration.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -22,8 +22,16 @@ _AHEAD = 2.0
 _VANISHED = 0.03
 #: Halfway there, a singular value that falls linearly is between these parts of its first size.
 _HALFWAY = (0.3, 0.7)
-#: Stages of the step, an even number so that none is in the middle, and the most iterations.
-_STAGES, _ITERATIONS = 8, 20
+#: Stages of the step, an even number so that none is in the middle.
+_STAGES = 8
+#: The most iterations of the step.
+_ITERATIONS = 20
+#: The first words of a `BranchError` error.
+_UNDETERMINED = "the branch behind it is not determined"
+
+
+class BranchError(Exception):
+    """No motion leads through a singular configuration; the text says why."""
 
 
 class Crossing(NamedTuple):
@@ -63,15 +71,19 @@ class Branch:
         from scipy.interpolate import KroghInterpolator
 
         space = mechanism.space
-        q_dot = np.array([space.coordinate_rates(*each) for each in zip(q, v, strict=True)])
-        x = np.repeat((times - times[0]) / unit, 2)
         self._start = times[0]
         self._unit = unit
         self._normalised = space.normalised
-        self._q, self._v = (
-            KroghInterpolator(x, np.stack([a, unit * b], axis=1).reshape(len(x), -1))
-            for a, b in ((q, q_dot), (v, v_dot))
-        )
+        # A time that stands twice has a value, then a derivative.
+        x = np.repeat((times - times[0]) / unit, 2)
+
+        def interpolator(values: Array, derivatives: Array) -> KroghInterpolator:
+            rows = np.stack([values, unit * derivatives], axis=1)
+            return KroghInterpolator(x, rows.reshape(len(x), -1))
+
+        q_dot = np.array([space.coordinate_rates(*sample) for sample in zip(q, v, strict=True)])
+        self._q = interpolator(q, q_dot)
+        self._v = interpolator(v, v_dot)
 
     def q(self, t: float) -> Array:
         """The configuration."""
@@ -86,11 +98,21 @@ class Branch:
         return np.asarray(self._v.derivative((t - self._start) / self._unit)) / self._unit
 
 
-def crossing_of(states: States, branch: Branch, start: float, remaining: float) -> Crossing | str:
-    """The `Crossing` on a branch about `remaining` after `start`, or why there is none."""
+def crossing_of(states: States, branch: Branch, start: float, remaining: float) -> Crossing:
+    """The singular configuration on a branch, expected at `remaining` after `start`.
+
+    Phi loses rank where its smallest singular value vanishes. With its singular vectors u and w
+    the function u^T Phi w changes its sign there, so that its root is found by bisection.
+
+    Raises:
+        BranchError: If the branch through it is not determined.
+    """
     from scipy.optimize import brentq
 
-    U, before, Vt = np.linalg.svd(states.Phi(branch.q(start)))
+    def Phi(t: float) -> Array:
+        return states.Phi(branch.q(t))
+
+    U, sizes, Vt = np.linalg.svd(Phi(start))
     rank = Vt.shape[0] - len(states.coordinates)
     # Leave out the singular vectors of values that are zero everywhere.
     rows = U[:, :rank].T
@@ -98,24 +120,29 @@ def crossing_of(states: States, branch: Branch, start: float, remaining: float) 
     at = start
     until = start + _AHEAD * remaining
     for _ in range(2):  # singular vectors vary a little along the branch
-        left_vectors, _, right_vectors = np.linalg.svd(rows @ states.Phi(branch.q(at)) @ rates)
+        left_vectors, _, right_vectors = np.linalg.svd(rows @ Phi(at) @ rates)
         u = left_vectors[:, -1] @ rows
         w = rates @ right_vectors[-1]
 
         def signed(t: float, u: Array = u, w: Array = w) -> float:
-            return float(u @ states.Phi(branch.q(t)) @ w)
+            return float(u @ Phi(t) @ w)
 
         if signed(start) * signed(until) > 0:
-            return "the extrapolated motion does not cross it"
+            raise BranchError(f"{_UNDETERMINED}: the extrapolated motion does not cross it")
         at = float(brentq(signed, start, until, xtol=1e-15, rtol=1e-14))
-    there = np.linalg.svd(states.Phi(branch.q(at)), compute_uv=False)[:rank]
-    lost = int(np.count_nonzero(there < _VANISHED * before[:rank]))
-    halfway = np.linalg.svd(states.Phi(branch.q((start + at) / 2)), compute_uv=False)[rank - 1]
-    ends = [rows @ states.Phi(branch.q(t)) @ rates for t in (start, 2 * at - start)]
-    if np.linalg.slogdet(np.array(ends)).sign.prod() != (-1) ** lost:
-        return "another singular configuration is next to it"
-    if not lost or not _HALFWAY[0] < halfway / before[rank - 1] < _HALFWAY[1]:
-        return "branches are tangent to each other there"
+
+    sizes_there = np.linalg.svd(Phi(at), compute_uv=False)
+    lost = int(np.count_nonzero(sizes_there[:rank] < _VANISHED * sizes[:rank]))
+    # Each lost rank changes the sign of the determinant once; another singular configuration would
+    # change it too.
+    sign_before, _ = np.linalg.slogdet(rows @ Phi(start) @ rates)
+    sign_behind, _ = np.linalg.slogdet(rows @ Phi(2 * at - start) @ rates)
+    if sign_before * sign_behind != (-1) ** lost:
+        raise BranchError(f"{_UNDETERMINED}: another singular configuration is next to it")
+    # The smallest singular value falls linearly unless branches are tangent to each other.
+    halfway = np.linalg.svd(Phi((start + at) / 2), compute_uv=False)[rank - 1] / sizes[rank - 1]
+    if not lost or not _HALFWAY[0] < halfway < _HALFWAY[1]:
+        raise BranchError(f"{_UNDETERMINED}: branches are tangent to each other there")
     return Crossing(at, branch.q(at), rank, rank - lost)
 
 
@@ -127,35 +154,44 @@ def gauss_step(
     end: float,
     guess: Branch,
 ) -> tuple[Array, Array]:
-    """A step of Gauss' implicit method of order 16: times and states of start, stages and end."""
-    x = (1 + np.polynomial.legendre.leggauss(_STAGES)[0]) / 2
+    """A step of Gauss' implicit method of order 16: times and states of start, stages and end.
+
+    With h the step, x_i in (0, 1) the stages, and A_ij the integral of the Lagrange polynomial of
+    stage j from 0 to x_i (to 1 for the end), y_i = y_0 + h sum_j A_ij f(t_j, y_j). The stages are
+    found by iteration from those of `guess`; after each iteration loops are closed.
+    """
+    nodes, _ = np.polynomial.legendre.leggauss(_STAGES)
+    x = (1 + nodes) / 2
+    upper = np.append(x, 1)[:, None]
     powers = np.arange(_STAGES)
-    weights = np.append(x, 1)[:, None] ** (powers + 1) / (powers + 1)
-    weights = weights.dot(np.linalg.inv(x[:, None] ** powers))  # integrals to the stages and to 1
-    times = start + (end - start) * np.append(x, 1)
+    integrals_of_powers = upper ** (powers + 1) / (powers + 1)
+    A = integrals_of_powers.dot(np.linalg.inv(x[:, None] ** powers))
+    h = end - start
+    times = start + h * upper[:, 0]
     coordinates = space.coordinates
-    change = np.inf
     states = np.array([[*guess.q(t), *guess.v(t)[coordinates]] for t in times])
     nq = states.shape[1] - len(coordinates)
+    change = np.inf
     for _ in range(_ITERATIONS):
         states[:, :nq] = space.closed(states)
-        rates = np.array([rate(t, y) for t, y in zip(times[:-1], states, strict=False)])
+        rates = np.array([rate(t, y) for t, y in zip(times[:-1], states[:-1], strict=True)])
         before = states
-        states = state + (end - start) * weights.dot(rates)
-        last = change
+        states = state + h * A.dot(rates)
+        last_change = change
         change = float(np.abs(states - before).max())
-        if not change < last / 2:  # the rest is rounding
+        if not change < last_change / 2:  # the rest is rounding
             break
     states[:, :nq] = space.closed(states)
     return np.append(start, times), np.vstack([state, states])
 
 
 def mismatch(
-    mechanism: Mechanism, branch: Branch, t: float, motion: Sequence[Array], remaining: float
+    mechanism: Mechanism, branch: Branch, t: float, q: Array, v: Array, remaining: float
 ) -> float:
     """How far q and v at a time are from a branch, relative to the motion in `remaining`."""
-    q, v, _ = motion
     scale = mechanism.rate_scale
-    off = pin.difference(mechanism.model, branch.q(t), q), remaining * (v - branch.v(t))
+    q_error = pin.difference(mechanism.model, branch.q(t), q) / scale
+    v_error = remaining * (v - branch.v(t)) / scale
     travel = remaining * float(np.abs(v / scale).max())
-    return max(float(np.abs(x / scale).max()) for x in off) / max(travel, 1e-300)
+    error = max(float(np.abs(q_error).max()), float(np.abs(v_error).max()))
+    return error / max(travel, 1e-300)

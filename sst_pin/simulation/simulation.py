@@ -62,8 +62,8 @@ def simulate(
     with closing(Bar(hint, desc="simulating", total=np.ptp(times), bar_format=_BAR)) as bar:
         shown = settings.progress or (lambda t: bar.reach(t - times[0]))
         settings = replace(settings, progress=shown)
-        integration = Integration(equations, mechanism, settings, exact=exact)
-        q, va, aa, tau = integration.integrate(times, start)
+        integration = Integration(equations, mechanism, times, settings, exact=exact)
+        q, va, aa, tau = integration.integrate(start)
     stopped, missed = integration.stopped, integration.missed
     if stopped:
         warn_caller(stopped, SingularityWarning)

@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+from collections import deque
 from functools import partial
 from math import isfinite
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,30 +17,80 @@ from .inputs import Input
 
 #: Step of the finite differences; relative for entries of y above 1.
 _DIFFERENCE = 1e-8
+#: The most evaluations that an integrator of SciPy needs for one step (DOP853).
+_STAGES = 12
+
+
+class MotionState(NamedTuple):
+    """A state of a motion.
+
+    Attributes:
+        t: Time, [s].
+        states: The state space of y; it says which coordinates the rates belong to.
+        q: Configuration with closed loops, shape (nq,).
+        y: State of the integrator: the configuration, whose loops an integration closes only
+            nearly, and the rates of the coordinates; shape (nq + n,).
+    """
+
+    t: float
+    states: States
+    q: Array
+    y: Array
+
+    @property
+    def rates(self) -> Array:
+        """Rates of the coordinates of `states`, shape (n,)."""
+        return self.y[len(self.q) :]
+
+    def in_coordinates_of(self, states: States) -> MotionState:
+        """The same state with the rates of other coordinates; its y has closed loops."""
+        rates = self.rates
+        if states is not self.states:
+            rates = self.states.joint_rates(self.q, rates)[states.coordinates]
+        return MotionState(self.t, states, self.q, np.concatenate([self.q, rates]))
 
 
 class StateEquations:
     """y' = f(t, y) with y = (q, rates of the coordinates of `states`).
 
-    `robot_states` are the states in the robot's coordinates; torques and loads are functions of
-    these. `states` are in other coordinates while those of the robot do not determine the motion
-    well.
+    Torques and loads are functions of the robot's coordinates. The rates in y belong to other
+    coordinates while those of the robot do not determine the motion well.
+
+    Args:
+        robot_states: The state space with the robot's coordinates.
+        torque: Torques of the motors.
+        load: External wrenches, or None.
+        states: The state space of y; by default that of the robot.
+        close_first: Whether f first moves y onto the closures.
 
     Attributes:
-        states: The states of y.
-        failure: The last error at a trial state.
-        close_first: Whether f first moves y onto the closures.
-        evaluations: Torques and loads of the last evaluations of f.
+        failure: The last error at a trial state; None if there was none.
+        evaluations: Torques and loads of the last evaluations of f, in the order of the calls.
     """
 
-    def __init__(self, robot_states: States, torque: Input, load: Input | None) -> None:
-        self.robot_states = self.states = robot_states
+    def __init__(
+        self,
+        robot_states: States,
+        torque: Input,
+        load: Input | None,
+        states: States | None = None,
+        *,
+        close_first: bool = False,
+    ) -> None:
+        self.robot_states = robot_states
         self.torque = torque
         self.load = load
+        self.states = robot_states if states is None else states
+        self.close_first = close_first
         self.failure: SSTError | None = None
-        self.close_first = False
-        self.evaluations = list[tuple[Array, Array | None]]()
+        self.evaluations = deque[tuple[Array, Array | None]](maxlen=_STAGES)
         self._last_jacobian = np.zeros(())
+
+    def in_coordinates_of(self, states: States, *, close_first: bool = False) -> StateEquations:
+        """The equations of the same motion for states in other coordinates."""
+        return StateEquations(
+            self.robot_states, self.torque, self.load, states, close_first=close_first
+        )
 
     def robot_state(self, state: Array) -> tuple[Array, Array]:
         """q with closed loops, and the rates of the robot's coordinates."""
@@ -49,6 +101,7 @@ class StateEquations:
         return q, va
 
     def _inputs(self, time: float, state: Array) -> tuple[Array, Array | None]:
+        """Torques and load at one time and state."""
         robot_state = partial(self.robot_state, state)
         load = None if self.load is None else self.load.at(time, robot_state)
         return self.torque.at(time, robot_state), load
@@ -72,7 +125,10 @@ class StateEquations:
             return np.full_like(state, np.nan)
 
     def jacobian(self, time: float, state: Array) -> Array:
-        """Derivatives of f by y; those of a torque function are differences."""
+        """Derivatives of f by y; those of a torque function are differences.
+
+        At a trial state that is too far away there are none: the last ones are returned.
+        """
         if not self._last_jacobian.shape:
             self._last_jacobian = np.zeros((len(state), len(state)))
         if not isfinite(state.dot(state)):
@@ -83,10 +139,11 @@ class StateEquations:
             steps = _DIFFERENCE * np.maximum(1, np.abs(state))
             neighbours = state + np.diag(steps)
             ahead = [self.torque.at(time, partial(self.robot_state, y)) for y in neighbours]
-            self._last_jacobian = by_state + by_tau.dot(((ahead - tau) / steps[:, None]).T)
+            tau_by_state = ((ahead - tau) / steps[:, None]).T
+            self._last_jacobian = by_state + by_tau.dot(tau_by_state)
         except InputError:
             raise
-        except SSTError as error:  # at a trial state that is too far away
+        except SSTError as error:
             self.failure = error
         return self._last_jacobian
 
@@ -94,9 +151,11 @@ class StateEquations:
         """q with closed loops, v and v_dot of all joints."""
         q = self.states.closed(state)
         va = state[len(q) :]
-        state = np.concatenate([q, state[len(q) :]])
-        aa = self.states.rate(state, *self._inputs(time, state))[len(q) :]
-        return q, *self.states.joint_motion(q, va, aa)
+        closed = np.concatenate([q, va])
+        tau, load = self._inputs(time, closed)
+        aa = self.states.rate(closed, tau, load)[len(q) :]
+        v, v_dot = self.states.joint_motion(q, va, aa)
+        return q, v, v_dot
 
     def inputs_along(self, times: Array, states: Array) -> tuple[Array, Array | None]:
         """Torques, shape (N, motors), and loads, (N, r, 6), at times and states."""
@@ -109,7 +168,7 @@ class StateEquations:
         """Rates of the robot's coordinates, shape (N, n)."""
         if self.states is self.robot_states:
             return rates
-        v = [self.states.joint_rates(*x) for x in zip(q, rates, strict=True)]
+        v = [self.states.joint_rates(*sample) for sample in zip(q, rates, strict=True)]
         return np.array(v)[:, self.robot_states.coordinates]
 
     def along(self, times: Array, states: Array) -> tuple[Array, Array, Array, Array]:
@@ -121,6 +180,7 @@ class StateEquations:
         load = None if self.load is None else self.load.along(times, q, va)
         aa = self.states.rate(states, tau, load)[:, q.shape[1] :]
         if self.states is not self.robot_states:
-            v_dot = [self.states.joint_motion(*x)[1] for x in zip(q, rates, aa, strict=True)]
+            samples = zip(q, rates, aa, strict=True)
+            v_dot = [self.states.joint_motion(*sample)[1] for sample in samples]
             aa = np.array(v_dot)[:, self.robot_states.coordinates]
         return q, va, aa, tau

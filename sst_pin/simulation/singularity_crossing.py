@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Carries a simulated motion through the singular configurations that are ahead of it.
+
+An integrator cannot step over a singular configuration, and its accelerations are noisy next to it.
+So the motion is integrated until some time before it; from there, one step of `crossings` leads to
+a state as long after it.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..arrays import Array
+from ..errors import SSTError
+from ..model.mechanism import Mechanism
+from ..states import States
+from .crossings import Branch, BranchError, Crossing, crossing_of, gauss_step, mismatch
+from .inputs import Settings
+from .state_equations import MotionState, StateEquations
+
+#: The most states from which a motion is extrapolated through a singular configuration.
+_EXTRAPOLATED = 6
+#: The times from these states to the singular configuration differ by more than this factor.
+_SPREAD = 1.5
+#: The step over a singular configuration starts at this multiple of the time that remains until it
+#: when it is noticed.
+_EARLIER = 4.0
+#: The middle of the step is at the singular configuration to this part of half the step, after at
+#: most `_STEPS` tries.
+_CENTRED = 0.01
+_STEPS = 3
+#: Largest `mismatch` of the branch and the end of the step: the larger one of the first number and
+#: of the second one times rtol.
+_EXACT = 1e-7
+_TOLERANCES = 100.0
+
+
+class Approach(NamedTuple):
+    """A singular configuration that a motion approaches.
+
+    Attributes:
+        start: When the step over it starts, [s].
+        singular: When the motion is expected to reach it, [s].
+    """
+
+    start: float
+    singular: float
+
+    @property
+    def remaining(self) -> float:
+        """Time from the start of the step to the singular configuration, [s]."""
+        return self.singular - self.start
+
+
+class SingularityCrossing:
+    """Notices singular configurations ahead of a motion, and steps over them.
+
+    Attributes:
+        approach: The singular configuration that the motion approaches, or None.
+        crossings: The singular configurations that the motion went through.
+        problem: Why the motion did not go through the last one, as the end of a sentence.
+    """
+
+    def __init__(self, mechanism: Mechanism, settings: Settings, end: float) -> None:
+        self._mechanism = mechanism
+        self._active = settings.through_singularities
+        self._largest_mismatch = max(_EXACT, _TOLERANCES * settings.rtol)
+        self._end = end
+        #: States at the ends of the last steps; three times as many as are used, because the motion
+        #: goes back before it steps over a singular configuration.
+        self._past = deque[MotionState](maxlen=3 * _EXTRAPOLATED)
+        #: The last time at which a singular configuration was noticed.
+        self._noticed = -np.inf
+        self.approach: Approach | None = None
+        self.crossings = list[Crossing]()
+        self.problem = ""
+
+    def remember(self, state: MotionState) -> None:
+        """Add a state to those from which the motion is extrapolated."""
+        self._past.append(state)
+
+    def go_back(self, state: MotionState, t: float, q: Array) -> MotionState | None:
+        """An earlier state if a singular configuration is ahead of q at time t; it is approached.
+
+        `state` is the last one before t. The smallest singular value of Phi falls from a to b on
+        the way from there to q, so it is expected to be zero (t - state.t) b / (a - b) after t.
+        """
+        states = state.states
+        if not self._active or self.approach is not None:
+            return None
+        if states.suited(q)[0] is not states:
+            return None  # only the coordinates are singular
+        a = _smallest_singular_value(states, state.q)
+        b = _smallest_singular_value(states, q)
+        if not b < a:
+            return None
+        remaining = (t - state.t) * b / (a - b)
+        singular = t + remaining
+        # The step over the singular configuration is as long behind it, and ends before the motion.
+        half_step = min(_EARLIER * remaining, (self._end - singular) / 2)
+        if half_step < remaining / _EARLIER or t <= self._noticed:
+            return None
+        self._noticed = t
+        while len(self._past) > 1 and self._past[-1].t > singular - half_step:
+            self._past.pop()
+        earlier = self._past[-1].in_coordinates_of(states)
+        self.approach = Approach(max(singular - half_step, earlier.t), singular)
+        return earlier
+
+    def cross(
+        self, equations: StateEquations, state: MotionState
+    ) -> tuple[MotionState, Branch] | None:
+        """The state behind the singular configuration that is approached, and the motion to there.
+
+        None if there is no such motion; then `approach` is a nearer start for another try, or None.
+        """
+        approach = self.approach
+        assert approach is not None
+        self.approach = None
+        self.problem = ""
+        try:
+            crossing, branch, behind = self._step_over(equations, state, approach)
+        except BranchError as error:
+            self.problem = f"; {error}"
+        except SSTError as error:
+            self.problem = f"; the motion behind it is not found ({error})"
+        else:
+            self.crossings.append(crossing)
+            self._past.clear()
+            return behind, branch
+        # The accelerations between here and where it was noticed were good enough for the
+        # integrator: extrapolate from nearer.
+        nearer = approach.start + approach.remaining / 2
+        if nearer <= self._noticed:
+            self.approach = Approach(nearer, approach.singular)
+        return None
+
+    def _step_over(
+        self, equations: StateEquations, state: MotionState, approach: Approach
+    ) -> tuple[Crossing, Branch, MotionState]:
+        """The singular configuration, the motion through it, and the state behind it.
+
+        The step is repeated until its middle is at the singular configuration.
+
+        Raises:
+            BranchError: If the branch is not determined, or does not continue the motion.
+        """
+        states = state.states
+        remaining = approach.remaining
+        branch = self._branch(equations, self._last_states(approach), remaining)
+        crossing = crossing_of(states, branch, state.t, remaining)
+        middle = np.inf
+        end, y = state.t, state.y
+        for _ in range(_STEPS):
+            if abs(crossing.time - middle) < _CENTRED * remaining:
+                break
+            middle = crossing.time
+            end = 2 * middle - state.t
+            times, ys = gauss_step(states, equations.rate, state.t, state.y, end, branch)
+            y = ys[-1]
+            stages = [
+                MotionState(time, states, stage[: len(state.q)], stage)
+                for time, stage in zip(times[1:-1], ys[1:-1], strict=True)
+            ]
+            branch = self._branch(equations, [state, *stages], remaining)
+            crossing = crossing_of(states, branch, state.t, remaining)
+        q, v, _ = equations.joint_motion(end, y)
+        error = mismatch(self._mechanism, branch, end, q, v, end - state.t)
+        if not error < self._largest_mismatch:
+            raise BranchError(f"the motion behind it does not continue this one (by {error:.1g})")
+        return crossing, branch, MotionState(end, states, q, y)
+
+    def _last_states(self, approach: Approach) -> list[MotionState]:
+        """The last states of the motion, spread over the time before a singular configuration."""
+        chosen = [self._past[-1]]
+        for state in reversed(self._past):
+            nearest_so_far = approach.singular - chosen[-1].t
+            if approach.singular - state.t > _SPREAD * nearest_so_far:
+                chosen.append(state)
+            if len(chosen) == _EXTRAPOLATED:
+                break
+        return chosen
+
+    def _branch(
+        self, equations: StateEquations, past: Sequence[MotionState], unit: float
+    ) -> Branch:
+        """The smooth motion through some states."""
+        motions = [equations.in_coordinates_of(x.states).joint_motion(x.t, x.y) for x in past]
+        q, v, v_dot = (np.array(arrays) for arrays in zip(*motions, strict=True))
+        times = np.array([state.t for state in past])
+        return Branch(self._mechanism, times, q, v, v_dot, unit)
+
+
+def _smallest_singular_value(states: States, q: Array) -> float:
+    """The smallest singular value of Phi that is not zero everywhere.
+
+    Phi has nv columns. Its rank is nv - n where it is regular.
+    """
+    Phi = states.Phi(q)
+    rank = Phi.shape[1] - len(states.coordinates)
+    return float(np.linalg.svd(Phi, compute_uv=False)[rank - 1])

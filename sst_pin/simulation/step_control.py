@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Steps of SciPy's integrators: how long they may be, and how exact they have to be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..arrays import Array
+from ..errors import SimulationError
+from ..model.thresholds import MARGIN
+from .input_watch import InputWatch
+from .inputs import IMPLICIT, Settings
+from .integrator_step import IntegratorStep
+from .state_equations import MotionState, StateEquations
+
+if TYPE_CHECKING:
+    from scipy.integrate import OdeSolver
+
+#: An irregular step is repeated with its regular part, or at least this part of its length.
+_SHORTER = 0.25
+#: A motion is stuck when its steps are shorter than this part of its duration.
+_STUCK = 1e-12
+#: rtol and atol are not tightened below this: SciPy does not go far below 1e-13.
+_FINEST = 1e-12
+#: atol is at least this many roundings of max |q|.
+_ROUNDINGS = 16
+#: Evaluations of the equations in one step of an implicit method, at least.
+_IMPLICIT_STAGES = 3
+
+
+class StepControl:
+    """Chooses lengths and tolerances of steps, and makes the steps.
+
+    Implicit methods use the Jacobian of the equations if it is `exact`.
+    """
+
+    def __init__(
+        self, equations: StateEquations, times: Array, settings: Settings, *, exact: bool
+    ) -> None:
+        from scipy import integrate
+
+        self._settings = settings
+        self._method: Callable[..., OdeSolver] = getattr(integrate, settings.method)
+        self._uses_jacobian = exact and settings.method in IMPLICIT
+        self._watch = InputWatch(equations, times, settings)
+        inputs = [equations.torque, equations.load]
+        self._input_times = [x.times for x in inputs if x is not None and x.times is not None]
+        self._duration = float(times[-1] - times[0])
+        #: Length of the next step, [s]; infinite as long as the integrator chooses it.
+        self._next = np.inf
+
+    @property
+    def missed(self) -> str:
+        """Where no step was short enough for a torque or load; empty if there is no such place."""
+        if np.isnan(self._watch.missed):
+            return ""
+        return (
+            f"a torque or load function changes too fast at t = {self._watch.missed:.9g} s: the "
+            "motion has missed a part of it"
+        )
+
+    @property
+    def stuck(self) -> bool:
+        """Whether steps have become too short for the motion to go on."""
+        return self._next < _STUCK * self._duration
+
+    def solver(self, equations: StateEquations, state: MotionState, until: float) -> OdeSolver:
+        """An integrator from a state to a time."""
+        first_step = None
+        if np.isfinite(self._next):
+            first_step = min(self._next, until - state.t)
+        # The dependent joints have the errors of the coordinates times the condition number.
+        factor = MARGIN * state.states.condition_number(state.q)
+        # Forces are no smoother than the rounding of the positions.
+        rounding = _ROUNDINGS * float(np.spacing(np.abs(state.q).max()))
+        method = self._method
+        if self._uses_jacobian:
+            method = partial(method, jac=equations.jacobian)
+        return method(
+            equations.rate,
+            state.t,
+            state.y,
+            until,
+            first_step=first_step,
+            max_step=self._longest(state.t),
+            rtol=_tightened(self._settings.rtol, factor),
+            atol=max(_tightened(self._settings.atol, factor), rounding),
+        )
+
+    def step(self, solver: OdeSolver, equations: StateEquations) -> IntegratorStep:
+        """Make the next step of an integrator.
+
+        Raises:
+            SimulationError: If the integrator fails.
+        """
+        solver.max_step = self._longest(solver.t)
+        message = solver.step()
+        if solver.status == "failed":
+            why = equations.failure or message
+            raise SimulationError(f"the integrator stopped ({why})", float(solver.t))
+        count = getattr(solver, "n_stages", _IMPLICIT_STAGES)
+        stages = list(equations.evaluations)[-count:]
+        return IntegratorStep(
+            float(solver.t_old), float(solver.t), solver.y, equations, stages, solver
+        )
+
+    def misses_input(self, step: IntegratorStep) -> bool:
+        """Whether a step misses a change of a torque or load; if so, the next one is shorter."""
+        if not self._watch.misses(step):
+            return False
+        self._next = min(self._next, self._watch.longest(step.start))
+        return True
+
+    def go_on_after(self, step: IntegratorStep, *, torques_change: bool) -> None:
+        """Use the length that the integrator proposes after a step.
+
+        A step that ends because torques change there could have been longer.
+        """
+        length = float(step.solver.step_size)
+        if torques_change and np.isfinite(self._next):
+            length = max(length, self._next)
+        self._next = length
+
+    def shorten(self, regular: float) -> None:
+        """Make the next step shorter, after a step of which only a fraction is regular."""
+        self._next *= max(regular, _SHORTER)
+
+    def _longest(self, t: float) -> float:
+        """The longest step from a time that misses no change of a torque or load."""
+        longest = min(self._settings.max_step or np.inf, self._watch.longest(t))
+        for times in self._input_times:
+            k = min(int(times.searchsorted(t, "right")), len(times) - 1)
+            until_the_second_next = times[min(k + 1, len(times) - 1)] - t
+            longest = min(longest, times[k] - times[k - 1], until_the_second_next)
+        return float(longest)
+
+
+def _tightened(tolerance: float, factor: float) -> float:
+    """A tolerance divided by a factor, but no finer than `_FINEST` or the tolerance itself."""
+    return max(tolerance / factor, min(tolerance, _FINEST))
