@@ -15,8 +15,6 @@ from sst_pin.viewer import server as module
 from sst_pin.viewer.server import Server
 
 STATE = [b"scene", "panel"]
-#: The pages of these tests leave their own ends of the connections open.
-pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 
 
 @pytest.fixture
@@ -80,6 +78,9 @@ def test_pages_that_close_or_talk_leave_no_traceback(server, caplog):
         for _ in range(20):
             server.send(bytes(1000))
             await asyncio.sleep(0.01)
+        for page in pages:  # until the server has closed the connection too
+            while await page.read_message() is not None:
+                pass
 
     asyncio.run(visit())
     server.close()
