@@ -3,10 +3,12 @@
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import cycle
 from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
+from cycler import cycler
 
 from ..arrays import Array
 from ..description.colours import HUES
@@ -15,8 +17,18 @@ from .style import DASHES, Axes
 
 #: The most curves in one pair of axes.
 MOST = 6
-_HUES = (*HUES, "#000000", "#7F7F7F", "#8C510A")
-_MARKS = ("", "o", "s")
+#: Colours, dashes and marks of successive curves: any nine of them differ, also in grey print.
+_LOOKS = (
+    cycler(color=(*HUES, "#000000", "#7F7F7F", "#8C510A"))
+    + cycler(linestyle=3 * DASHES)
+    + cycler(marker=["", "", "", "o", "o", "o", "s", "s", "s"])
+)
+_MARKS: dict[str, Any] = {
+    "markevery": 0.17,
+    "markersize": 3.5,
+    "markerfacecolor": "white",
+    "markeredgewidth": 0.8,
+}
 
 _GREEK = "alpha|beta|gamma|delta|theta|phi|psi|mu|nu|xi|rho|sigma|omega"
 _LETTER = re.compile(rf"({_GREEK})_(\d+)")
@@ -77,10 +89,15 @@ def draw(
     what: str,
     *others: tuple[Array, str, Mapping[str, Any]],
     zero: bool = False,
+    columns: int | None = None,
 ) -> Axes:
-    """Draw curves, and `others` with their own labels and styles; `zero` adds a line at 0."""
-    for look, values, label in zip(looks(curves.names), curves.values.T, labels, strict=True):
-        ax.plot(t, values, label=label, **look)
+    """Draw curves, and `others` with their own labels and styles.
+
+    `what` is the label of the y axis, `zero` adds a line at 0. `columns` are those of the legend; by
+    default three for curves whose labels are a letter and a number, two for others.
+    """
+    for look, values, label in zip(cycle(_LOOKS), curves.values.T, labels, strict=False):
+        ax.plot(t, values, label=label, **look, **_MARKS)
     for values, label, style in others:
         ax.plot(t, values, label=label, **style)
     if zero:
@@ -88,7 +105,9 @@ def draw(
     ax.set(xlabel="time (s)", ylabel=what, xlim=(t[0], t[-1]))
     if ax.get_yscale() == "linear":
         _plain_numbers(ax)
-    legend_above(ax)
+    if columns is None:
+        columns = 3 if all(digits_of(name) for name in curves.names) else 2
+    legend_above(ax, columns)
     return ax
 
 
@@ -109,35 +128,6 @@ def _plain_numbers(ax: Axes) -> None:
         ax.yaxis.set_major_formatter(plain)
     else:
         ax.yaxis.set_major_formatter(lambda y, _: f"{y:.6g}".replace("-", "\N{MINUS SIGN}"))
-
-
-def looks(names: Sequence[str]) -> list[dict[str, Any]]:
-    """Colours, dashes and marks of curves, distinct on a screen and in grey print.
-
-    Up to three curves differ in colour and dashes, more also in marks. If there are more than three
-    names like gamma_1, the number selects colour and mark, the letter the dashes.
-    """
-    if len(names) <= len(DASHES):
-        return [_look(i, i, 0) for i in range(len(names))]
-    matches = [_LETTER.fullmatch(name) for name in names]
-    if all(matches):
-        letters, numbers = (list(dict.fromkeys(m[i] for m in matches if m)) for i in (1, 2))
-        if len(letters) <= len(DASHES) and len(numbers) <= len(_MARKS):
-            places = [(numbers.index(m[2]), letters.index(m[1])) for m in matches if m]
-            return [_look(k, kind, k, place) for place, (k, kind) in enumerate(places)]
-    return [_look(i % len(_HUES), i % 3, i // 3 % 3, i) for i in range(len(names))]
-
-
-def _look(colour: int, dashes: int, mark: int, place: int = 0) -> dict[str, Any]:
-    return {
-        "color": _HUES[colour],
-        "linestyle": DASHES[dashes],
-        "marker": _MARKS[mark],
-        "markevery": (0.02 + 0.018 * place, 0.17),  # not below one another
-        "markersize": 3.5,
-        "markerfacecolor": "white",
-        "markeredgewidth": 0.8,
-    }
 
 
 def label(name: str, accent: str = "") -> str:
@@ -164,22 +154,6 @@ def digits_of(name: str) -> str:
     return match[2] if match else ""
 
 
-def legend_above(ax: Axes) -> None:
-    """A legend above the axes, where it covers no curve, in as many columns as fit."""
-    handles, labels = ax.get_legend_handles_labels()
-    longest = max(map(_letters, labels), default=1)
-    size = mpl.rcParams["font.size"] * (1 if longest < 8 else 0.83)
-    entry = size * (5.2 + 0.45 * longest)  # [pt]: handle, gaps, letters
-    spec = ax.get_subplotspec()
-    share = 1 / spec.get_gridspec().ncols if spec else ax.get_position().width
-    width = 72 * ax.figure.get_figwidth() * share - 55  # [pt], roughly
-    columns = int(np.clip(width // entry, 1, 3))
-    place = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.3}
-    look = {"handlelength": 2.8, "columnspacing": 1.2, "fontsize": size}
-    ax.legend(handles, labels, ncols=columns, **place, **look)
-
-
-def _letters(text: str) -> int:
-    """About how many letters a label has; a command of mathematics counts as one."""
-    plain = re.sub(r"\\[a-z]+\s?|\^\{.*?\}", "x", text)
-    return len(re.sub(r"[${}_\\,]", "", plain) if "$" in text else text)
+def legend_above(ax: Axes, columns: int = 2) -> None:
+    """A legend above the axes, where it covers no curve; constrained layout makes room for it."""
+    ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, fontsize="small")

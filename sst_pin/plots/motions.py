@@ -98,8 +98,8 @@ def condition_number(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
     if values.max() > max(20, 10 * values.min()):
         ax.set_yscale("log")
     shown = Curves(names, ("",) * len(names), values)
-    labels = map(curves.formula, names)
-    return curves.draw(ax, motion.t, shown, [*labels], "condition number (1)")
+    labels = [curves.formula(name) for name in names]
+    return curves.draw(ax, motion.t, shown, labels, "condition number (1)", columns=1)
 
 
 def _torques(motion: Trajectory) -> Curves:

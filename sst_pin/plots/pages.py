@@ -224,5 +224,5 @@ def torques_page(motion: Trajectory, predicted: ArrayLike) -> Figure:
             ax.plot(motion.t, measured - computed, color="black", linewidth=0.6, label="difference")
             ax.set_ylabel(f"{label(name)} ({unit.replace('Nm', 'N m')})")
         rows[-1].set_xlabel("time (s)")
-        legend_above(rows[0])
+        legend_above(rows[0], columns=3)
     return figure
