@@ -28,7 +28,7 @@ def as_array(name: str, value: ArrayLike | None, core: tuple[int, ...]) -> Array
         raise InputError(name, "None, expected an array of numbers")
     try:
         array = np.asarray(value)
-    except Exception as error:  # what an object's own __array__ raises may be anything
+    except (TypeError, ValueError) as error:
         raise InputError(name, f"not an array of numbers ({error})") from error
     if array.dtype.kind not in "iuf":
         raise InputError(name, f"not an array of numbers (dtype {array.dtype}, expected real ones)")
@@ -160,12 +160,12 @@ def whole_number(name: str, value: int, least: int) -> int:
     """A count of at least `least`."""
     if type(value) is int and value >= least:
         return value  # the short way for one sample in a control loop
-    try:
-        number = int(operator.index(value)) if not isinstance(value, (bool, np.bool)) else None
-    except Exception:  # what an object's own __index__ raises may be anything
-        number = None
-    if number is None:
+    if isinstance(value, (bool, np.bool)):
         raise InputError(name, f"{value!r} is not a whole number")
+    try:
+        number = operator.index(value)
+    except TypeError:
+        raise InputError(name, f"{value!r} is not a whole number") from None
     if number < least:
         raise InputError(name, f"{number}, expected at least {least}")
     return number

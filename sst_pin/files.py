@@ -29,12 +29,9 @@ _LARGEST = 2**30
 
 def as_path(path: str | os.PathLike[str]) -> Path:
     """The path of a file; impossible paths are refused."""
-    try:
-        if b"\0" not in os.fsencode(path):
-            return Path(path)
-    except (TypeError, ValueError):  # no text, or one that is no file name here
-        pass
-    raise InputError("path", f"{path!r} is not the path of a file")
+    if not isinstance(path, str | os.PathLike) or "\0" in str(path):
+        raise InputError("path", f"{path!r} is not the path of a file")
+    return Path(path)
 
 
 def require_ending(path: str | Path, *known: str) -> str:

@@ -19,7 +19,7 @@ from .joint_series import PartlyLocked, Series
 from .joint_space import JointSpace
 from .lines import LineForce, Lines
 from .mechanism import Friction, Mechanism, Springs, read_only
-from .rebuilt_tree import JOINT_LISTS, POSITION_ARRAYS, RATE_ARRAYS, rebuilt
+from .rebuilt_tree import POSITION_ARRAYS, RATE_ARRAYS, rebuilt
 from .tree import frame_id, joint_id
 
 #: Mimic joints that Pinocchio computes correctly. It omits the pitch of helical ones.
@@ -315,19 +315,16 @@ def _require_sound(model: pin.Model, closures: Sequence[Constraint]) -> None:
 
 
 def copied(model: pin.Model) -> pin.Model:
-    """A copy of a model after a check of its lists: Pinocchio reads past the end of short ones."""
-    lists = (
-        ("numbers", RATE_ARRAYS, model.nv),
-        ("numbers", POSITION_ARRAYS, model.nq),
-        ("entries", JOINT_LISTS, model.njoints),
-        ("entries", ("frames",), model.nframes),
-    )
-    problems = [
-        f"{name}: {len(getattr(model, name))} {what}, {size} are needed"
-        for what, names, size in lists
-        for name in names
-        if len(getattr(model, name)) != size
-    ]
+    """A copy of a model, whose arrays and parents are checked before.
+
+    Pinocchio reads past the end of short arrays, and ends the process for wrong parents.
+    """
+    problems = []
+    for names, size in ((RATE_ARRAYS, model.nv), (POSITION_ARRAYS, model.nq)):
+        for name in names:
+            length = len(getattr(model, name))
+            if length != size:
+                problems.append(f"{name}: {length} numbers, {size} are needed")
     problems += [
         f"joint {i}: its parent {parent} does not come before it"
         for i, parent in enumerate(list(model.parents)[1:], 1)
@@ -337,12 +334,6 @@ def copied(model: pin.Model) -> pin.Model:
         f"frame {frame.name}: its parent joint {frame.parentJoint} does not exist"
         for frame in model.frames
         if frame.parentJoint >= model.njoints
-    ]
-    entries = zip(model.idx_qs, model.nqs, model.idx_vs, model.nvs, strict=False)
-    problems += [
-        f"joint {i}: its indices in q and v differ from those in the lists of the model"
-        for i, (joint, listed) in enumerate(zip(model.joints, entries, strict=False))
-        if i and (joint.idx_q, joint.nq, joint.idx_v, joint.nv) != listed
     ]
     if problems:
         raise DescriptionError(f"model {model.name}", problems)

@@ -10,21 +10,6 @@ import pinocchio as pin
 
 from .joint_series import Part, Series
 
-#: Lists of a model with an entry for each joint, the world among them.
-JOINT_LISTS = (
-    "inertias",
-    "jointPlacements",
-    "joints",
-    "parents",
-    "names",
-    "children",
-    "subtrees",
-    "supports",
-    "idx_qs",
-    "nqs",
-    "idx_vs",
-    "nvs",
-)
 #: Arrays of a model with a number for each rate, and for each position.
 RATE_ARRAYS = (
     "armature",

@@ -93,8 +93,8 @@ def draw(
 ) -> Axes:
     """Draw curves, and `others` with their own labels and styles.
 
-    `what` is the label of the y axis, `zero` adds a line at 0. `columns` are those of the legend; by
-    default three for curves whose labels are a letter and a number, two for others.
+    `what` is the label of the y axis, `zero` adds a line at 0. `columns` are those of the legend:
+    by default three for curves whose labels are a letter and a number, two for others.
     """
     for look, values, label in zip(cycle(_LOOKS), curves.values.T, labels, strict=False):
         ax.plot(t, values, label=label, **look, **_MARKS)
