@@ -4,6 +4,7 @@
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import casadi as ca
 import pinocchio as pin
@@ -20,6 +21,17 @@ from .symbols import Sparse, add, is_zero, sx
 Twists = Callable[[int, int], tuple[SX, SX]]
 
 
+class End(NamedTuple):
+    """One of the two frames that a row connects; vectors in the axes of a link, the base."""
+
+    base: int
+    link: int
+    #: The origin of the frame.
+    point: SX
+    #: What the velocity of the origin and the angular velocity of the frame add to Phi v.
+    rate: Callable[[SX, SX], SX]
+
+
 @dataclass(frozen=True)
 class Row:
     """One equation of a constraint."""
@@ -34,6 +46,8 @@ class Row:
     residual: SX | None
     #: The term of the row in the squared residual.
     gap: SX
+    #: The frames by whose velocities Phi v is known; empty if it is known by the rates only.
+    ends: tuple[End, ...] = ()
 
 
 def closure_rows(kinematics: Kinematics, model: pin.Model, closure: Constraint) -> Iterable[Row]:
@@ -107,8 +121,8 @@ class _Pair:
 
     def _row(
         self, of_a: Callable[[SX, SX], SX], of_b: Callable[[SX, SX], SX] | None = None
-    ) -> tuple[Sparse, Callable[[Sparse, Twists], SX]]:
-        """Coefficients and velocity of a row, from functions of the velocities of A and of B."""
+    ) -> tuple[Sparse, Callable[[Sparse, Twists], SX], tuple[End, ...]]:
+        """Coefficients, velocity and ends of a row, from functions of the velocities of A and B."""
         of_b = of_b or of_a
         row = {k: of_b(twist[:3], twist[3:]) for k, twist in self.b.columns.items()}
         row = add(row, {k: -of_a(x[:3], x[3:]) for k, x in self.a.columns.items()})
@@ -123,7 +137,9 @@ class _Pair:
                 value += sign * of(R @ at_frame, R @ turn)
             return value
 
-        return {k: entry for k, entry in row.items() if not entry.is_zero()}, velocity
+        a = End(self._base, self._links[0], self.a.p, lambda u, turn: -of_a(u, turn))
+        b = End(self._base, self._links[1], self.b.p, of_b)
+        return {k: entry for k, entry in row.items() if not entry.is_zero()}, velocity, (a, b)
 
     def rows_along(self, directions: tuple[bool, ...]) -> Iterator[Row]:
         """Rows for the held motions of B, in the axes of A."""
@@ -147,19 +163,19 @@ class _Pair:
 
     def _coincide(self, k: int) -> Row:
         """The origins have the same coordinate k."""
-        Phi, velocity = self._row(lambda u, _: u[k])
+        Phi, velocity, ends = self._row(lambda u, _: u[k])
 
         def acceleration(v: Sparse, dv: Sparse) -> SX:
             a, b = self._ends(v, dv)
             return b.a[k] - a.a[k]
 
-        return Row(Phi, velocity, acceleration, self.d[k], self.d[k] ** 2)
+        return Row(Phi, velocity, acceleration, self.d[k], self.d[k] ** 2, ends)
 
     def _slide(self, k: int) -> Row:
         """Axis k of A stays at a right angle to the line from A to B."""
         n = self.a.R[:, k]
         d = self.d
-        Phi, velocity = self._row(
+        Phi, velocity, ends = self._row(
             lambda u, turn: ca.dot(n, u + ca.cross(turn, d)), lambda u, _: ca.dot(n, u)
         )
 
@@ -168,7 +184,7 @@ class _Pair:
             apart = ca.cross(a.omega, ca.cross(a.omega, d)) - ca.cross(a.alpha, d)
             return ca.dot(n, b.a - a.a + apart - 2 * ca.cross(a.omega, self._velocity(v)))
 
-        return Row(Phi, velocity, acceleration, ca.dot(n, d), ca.dot(n, d) ** 2)
+        return Row(Phi, velocity, acceleration, ca.dot(n, d), ca.dot(n, d) ** 2, ends)
 
     def _turned_alike(self) -> Iterator[Row]:
         """B does not turn relative to A."""
@@ -231,7 +247,7 @@ class _Pair:
         n = self.a.R[:, i]
         m = self.b.R[:, j]
         across = sign * ca.cross(m, n)
-        Phi, velocity = self._row(lambda _, turn: ca.dot(across, turn))
+        Phi, velocity, ends = self._row(lambda _, turn: ca.dot(across, turn))
 
         def acceleration(v: Sparse, dv: Sparse) -> SX:
             a, b = self._ends(v, dv)
@@ -240,19 +256,19 @@ class _Pair:
             m_ddot = ca.cross(b.alpha, m) + ca.cross(b.omega, m_dot)
             return sign * (ca.dot(n, m_ddot) + ca.dot(m, n_ddot) + 2 * ca.dot(n_dot, m_dot))
 
-        return Row(Phi, velocity, acceleration, sign * ca.dot(n, m), gap)
+        return Row(Phi, velocity, acceleration, sign * ca.dot(n, m), gap, ends)
 
     def distance(self, length: float) -> Row:
         """The origins stay at a distance: (d.d - l^2) / 2 l."""
         unit = self.d / length
-        Phi, velocity = self._row(lambda u, _: ca.dot(unit, u))
+        Phi, velocity, ends = self._row(lambda u, _: ca.dot(unit, u))
 
         def acceleration(v: Sparse, dv: Sparse) -> SX:
             a, b = self._ends(v, dv)
             return ca.dot(unit, b.a - a.a) + ca.sumsqr(self._velocity(v)) / length
 
         residual = (ca.dot(unit, self.d) - length) / 2
-        return Row(Phi, velocity, acceleration, residual, residual**2)
+        return Row(Phi, velocity, acceleration, residual, residual**2, ends)
 
     @property
     def length(self) -> SX:
@@ -263,7 +279,7 @@ class _Pair:
         """The distance of the origins keeps the value that it has."""
         length = self.length
         unit = self.d / length
-        Phi, velocity = self._row(lambda u, _: ca.dot(unit, u))
+        Phi, velocity, ends = self._row(lambda u, _: ca.dot(unit, u))
 
         def acceleration(v: Sparse, dv: Sparse) -> SX:
             a, b = self._ends(v, dv)
@@ -271,7 +287,7 @@ class _Pair:
             along = ca.dot(unit, u)
             return ca.dot(unit, b.a - a.a) + (ca.sumsqr(u) - along**2) / length
 
-        return Row(Phi, velocity, acceleration, None, SX(0))
+        return Row(Phi, velocity, acceleration, None, SX(0), ends)
 
     def rolling(self, closure: Rolling) -> Iterator[Row]:
         """B touches the x-y plane of A and does not slip; A's axes give the rows."""
@@ -310,7 +326,8 @@ class _Pair:
 
             height = ca.dot(n, contact) if k == 2 else None
             gap = SX(0) if height is None else height**2
-            yield Row(*self._row(of_a, of_b), acceleration, height, gap)
+            Phi, velocity, ends = self._row(of_a, of_b)
+            yield Row(Phi, velocity, acceleration, height, gap, ends)
 
 
 def _brake(model: pin.Model, closure: Brake) -> Row:

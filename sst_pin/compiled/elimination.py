@@ -5,6 +5,9 @@
 and in every sample not much smaller than the rest of their column, so that no element grows. Rows
 that follow from others with constant coefficients get no pivot. Where the coefficients change with
 the configuration, each choice is singular somewhere: `Orthogonal` takes all of these rows.
+
+A matrix is factorised block by block: `triangular_blocks` orders loops so that each needs only the
+ones before it, and `Blocks` solves them in this order.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Array, Flags
+from ..arrays import Array, Flags, Indices
 from ..errors import SingularConfigurationError
 
 #: Rows of a sparse matrix: entries by column. The entries are symbols or numbers.
@@ -61,6 +64,23 @@ def pivot_order(pattern: Flags, values: Array) -> tuple[list[tuple[int, int]], A
     return order, np.array(sizes)
 
 
+def triangular_blocks(pattern: Flags) -> list[Indices]:
+    """Blocks of a square matrix, in an order in which it is block lower triangular.
+
+    The pattern, shape (n, n), has the pivots on its diagonal. Each block is an array of indices;
+    the rows of a block have entries in its columns and in those of blocks before it only.
+    """
+    needs = pattern | np.eye(len(pattern), dtype=bool)  # row i needs the unknown j
+    for _ in range(len(pattern).bit_length()):
+        needs = needs @ needs
+    # Unknowns that need one another form a block. It needs more unknowns than each block that it
+    # depends on, so that the order by this number is a right one.
+    together = needs & needs.T
+    first = together.argmax(axis=1)
+    starts = sorted(set(first.tolist()), key=lambda k: (int(needs[k].sum()), k))
+    return [np.flatnonzero(first == k) for k in starts]
+
+
 class Factors:
     """Factors of the part of a matrix that has pivots; the last two may form one 2 x 2 block."""
 
@@ -69,6 +89,7 @@ class Factors:
         work = {i: {j: x for j, x in rows[i].items() if j in columns} for i, _ in order}
         self._order = list(order)
         self.rows = [i for i, _ in order]
+        self.columns = [j for _, j in order]
         #: Row and column of each pivot before the core, factors by the row they change, inverse.
         self._steps: list[tuple[int, int, dict[int, Any], Any]] = []
         self.pivots: list[Any] = []  # for a last 2 x 2 block its determinant
@@ -173,7 +194,7 @@ class Orthogonal:
 
     def __init__(self, rows: Rows, scale: Mapping[int, float], columns: Sequence[int]) -> None:
         self.rows = list(scale)
-        self._columns = list(columns)
+        self.columns = list(columns)
         self._scale = scale
         A = [{i: rows[i][j] * x for i, x in scale.items() if j in rows[i]} for j in columns]
         self._Q = A
@@ -211,11 +232,11 @@ class Orthogonal:
             for j, entry in self._R[k].items():
                 if j in y:
                     _add(y, k, -(entry * y[j]))
-        return {self._columns[k]: value for k, value in y.items()}
+        return {self.columns[k]: value for k, value in y.items()}
 
     def solve_transposed(self, right: Mapping[int, Any]) -> dict[int, Any]:
         """The shortest x by row with A^T x = right; entries of `right` by column."""
-        w = {k: right[j] for k, j in enumerate(self._columns) if j in right}
+        w = {k: right[j] for k, j in enumerate(self.columns) if j in right}
         for k in range(len(self._Q)):
             if k in w:
                 for j, entry in self._R[k].items():
@@ -230,12 +251,50 @@ class Orthogonal:
         return {i: value * self._scale[i] for i, value in x.items()}
 
 
-class Blocks:
-    """A sparse matrix of full column rank, part by part; no two parts share a row or a column."""
+class Definition:
+    """A row that defines an auxiliary unknown: its entry in the column of this unknown is one."""
 
-    def __init__(self, parts: Sequence[Factors | Orthogonal]) -> None:
-        self.parts = list(parts)
-        self.rows = [i for part in parts for i in part.rows]
+    def __init__(self, row: int, column: int) -> None:
+        self.rows = [row]
+        self.columns = [column]
+
+    def solve(self, right: Mapping[int, Any]) -> dict[int, Any]:
+        """The unknown by its column."""
+        return dict(zip(self.columns, right.values(), strict=False))
+
+    def solve_transposed(self, right: Mapping[int, Any]) -> dict[int, Any]:
+        """The multiplier by its row."""
+        return dict(zip(self.rows, right.values(), strict=False))
+
+
+#: A block of a block lower triangular matrix.
+Block = Factors | Orthogonal | Definition
+
+
+class Blocks:
+    """A sparse block lower triangular matrix of full column rank.
+
+    The rows of a block have entries in its own columns and in columns of blocks before it; entries
+    in all other columns are ignored. Solutions leave auxiliary unknowns out.
+    """
+
+    def __init__(
+        self,
+        rows: Mapping[int, Mapping[int, Any]],
+        sequence: Sequence[Factors | Orthogonal | Definition],
+    ) -> None:
+        self._sequence = list(sequence)
+        #: The blocks without those that define auxiliary unknowns.
+        self.parts = [block for block in sequence if not isinstance(block, Definition)]
+        self.rows = [i for part in self.parts for i in part.rows]
+        self._columns = {j for part in self.parts for j in part.columns}
+        #: Entries of each row in the columns of blocks before its own.
+        self._before: dict[int, dict[int, Any]] = {}
+        known = set[int]()
+        for block in sequence:
+            for i in block.rows:
+                self._before[i] = {j: x for j, x in rows[i].items() if j in known}
+            known.update(block.columns)
 
     @property
     def changed(self) -> tuple[list[int], list[int]]:
@@ -245,14 +304,28 @@ class Blocks:
         return [i for rows, _ in both for i in rows], columns
 
     def solve(self, right: Mapping[int, Any]) -> dict[int, Any]:
-        """x by column, each part by its own solution."""
-        sides = ({i: b for i, b in right.items() if i in part.rows} for part in self.parts)
-        pairs = zip(self.parts, sides, strict=True)
-        return {j: x for part, b in pairs for j, x in part.solve(b).items()}
+        """x by column, from the first block to the last one."""
+        b = dict(right)
+        x: dict[int, Any] = {}
+        for block in self._sequence:
+            for i in block.rows:
+                for j, entry in self._before[i].items():
+                    if j in x:
+                        _add(b, i, -(entry * x[j]))
+            x |= block.solve({i: b[i] for i in block.rows if i in b})
+        return {j: value for j, value in x.items() if j in self._columns}
 
     def solve_transposed(self, right: Mapping[int, Any]) -> dict[int, Any]:
-        """x by row, each part by its own solution."""
-        return {i: x for part in self.parts for i, x in part.solve_transposed(right).items()}
+        """x by row, from the last block to the first one."""
+        b = dict(right)
+        x: dict[int, Any] = {}
+        for block in reversed(self._sequence):
+            of_block = block.solve_transposed({j: b[j] for j in block.columns if j in b})
+            for i, value in of_block.items():
+                for j, entry in self._before[i].items():
+                    _add(b, j, -(entry * value))
+            x |= of_block
+        return {i: x[i] for i in self.rows if i in x}
 
 
 def _product(a: Mapping[int, Any], b: Mapping[int, Any]) -> Any:

@@ -7,7 +7,7 @@ for rates, accelerations and, transposed, forces, so that inverse dynamics forms
 is fixed numbers; `SymbolicParameters` lists the numbers that stay symbols.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property, partial
 from typing import Any, NamedTuple
 
@@ -15,19 +15,32 @@ import casadi as ca
 import numpy as np
 from casadi import SX
 
-from ..arrays import Array, Indices
+from ..arrays import Array, Flags, Indices
 from ..errors import ActuationError
 from ..loops.loops import connected
 from ..loops.mobility import independent_rows
 from ..model.mechanism import Mechanism
 from ..model.thresholds import RANK_TOLERANCE
 from .closure_rows import Row, closure_rows
-from .elimination import Blocks, Factors, Orthogonal, Rows, pivot_order, total
+from .elimination import (
+    Block,
+    Blocks,
+    Factors,
+    Orthogonal,
+    Rows,
+    pivot_order,
+    total,
+    triangular_blocks,
+)
 from .link_kinematics import Kinematics
+from .shared_links import coupled
 from .symbolic_parameters import GRAVITY, SymbolicParameters
 from .symbols import Sparse, add, column, is_zero, solve_symmetric, sparse, symmetric
 from .tree_dynamics import TreeDynamics
 
+#: Above this number of `pairs_per_column` the product of a matrix of the tree and L takes fewer
+#: operations column by column: of the mass matrix, and of derivatives of forces.
+_MASS_BY_COLUMNS, _DERIVATIVES_BY_COLUMNS = 2.5, 1.5
 #: Entries of a matrix: row, column, value.
 Entries = list[tuple[int, int, Any]]
 
@@ -100,7 +113,7 @@ class Equations:
 
     @cached_property
     def pivots(self) -> Pivots:
-        """Phi_u in parts that share no row and no rate."""
+        """Phi_u in parts that share no row and no rate, and these in blocks of loops."""
         scale = self.mechanism.row_scale
         units = self.mechanism.rate_scale[self._dependent]
         Phi_u = (column(row.Phi, self._dependent).T for row in self.rows)
@@ -112,26 +125,36 @@ class Equations:
         pattern &= sizes_of_rows[:, None] > RANK_TOLERANCE
         Phi = [row.Phi for row in self.rows]
         determinant = SX(float(np.prod(units)))
-        parts: list[tuple[Factors | Orthogonal, Array]] = []
+        entries = dict[int, Sparse]()
+        sequence = list[Block]()
+        all_sizes = list[Array]()
         for rows, columns in connected(pattern):
             if numbers := self._all_of(values, rows, columns):
                 rates = [self._dependent[k] for k in columns]
-                parts.append(self._orthogonal(Phi, numbers, rates))
-            else:
-                block = pattern[np.ix_(rows, columns)], values[:, rows][:, :, columns]
-                order, sizes = pivot_order(*block)
+                orthogonal, sizes = self._orthogonal(Phi, numbers, rates)
+                entries |= {i: Phi[i] for i in numbers}
+                sequence.append(orthogonal)
+                all_sizes.append(sizes)
+                continue
+            factors = list[Factors]()
+            block = np.ix_(rows, columns)
+            for order, sizes in _pivots_by_blocks(pattern[block], values[:, rows][:, :, columns]):
                 chosen = rows[[i for i, _ in order]]
-                # Sizes of the pivots of the rows without scales.
                 rates = [self._dependent[columns[k]] for _, k in order]
-                pivots = list(zip(chosen.tolist(), rates, strict=True))
-                parts.append((Factors(Phi, pivots), sizes / scale[chosen]))
+                factors.append(Factors(Phi, list(zip(chosen.tolist(), rates, strict=True))))
+                # Sizes of the pivots of the rows without scales.
+                all_sizes.append(sizes / scale[chosen])
                 determinant *= float(np.prod(scale[chosen]))
-        for factors, _ in parts:
-            for pivot in factors.pivots:
+            free = len(Phi) + len(entries), len(self._rates) + len(entries)
+            of_part, in_order = coupled(self.kinematics, self.rows, factors, free)
+            entries |= of_part
+            sequence += in_order
+        blocks = Blocks(entries, sequence)
+        for part in blocks.parts:
+            for pivot in part.pivots:
                 determinant *= pivot
-        blocks = Blocks([factors for factors, _ in parts])
         norm = np.linalg.norm(values[:, blocks.rows] * units, axis=(1, 2)).max(initial=0.0)
-        return Pivots(blocks, [sizes for _, sizes in parts], determinant, float(norm))
+        return Pivots(blocks, all_sizes, determinant, float(norm))
 
     def _all_of(self, values: Array, rows: Indices, columns: Indices) -> dict[int, float]:
         """Rows of a part of Phi_u that all count, with their scales, or none.
@@ -334,8 +357,34 @@ class Equations:
     def inertia(self) -> SX:
         """L^T M L, shape (n, n), Eq. (93)."""
         L = self.L_matrix
-        M = symmetric(self.tree.composed(self._following), len(self._rates))
-        return ca.triu2symm(ca.triu(L.T @ (M @ L)))
+        if self._pairs_per_column > _MASS_BY_COLUMNS:
+            forces = (self.tree.forces({}, x, loads=False, weight=False) for x in self.L)
+            ML = ca.horzcat(*(column(x, self._rates) for x in forces))
+        else:
+            ML = symmetric(self.tree.composed(self._following), len(self._rates)) @ L
+        return ca.triu2symm(ca.triu(L.T @ ML))
+
+    @property
+    def derivatives_by_columns(self) -> bool:
+        """Whether derivatives along single coordinates take fewer operations than matrices do."""
+        return len(self.L) == 1 or self._pairs_per_column > _DERIVATIVES_BY_COLUMNS
+
+    @cached_property
+    def _pairs_per_column(self) -> float:
+        """Number of entries of a matrix of the tree for each link and column of L.
+
+        There is an entry for each pair of rates of which one moves the other. In a long tree with
+        few coordinates most of these pairs are of dependent rates.
+        """
+        links = self.kinematics.tree.links
+        behind = [set[int]() for _ in links]
+        pairs = 0
+        for i in range(len(links) - 1, 0, -1):
+            link = links[i]
+            behind[i].update(link.v)
+            pairs += len(link.v) * len(behind[i])
+            behind[link.parent] |= behind[i]
+        return pairs / (len(links) * len(self._coordinates))
 
     @cached_property
     def _following(self) -> dict[int, dict[int, Sparse]]:
@@ -370,3 +419,21 @@ class Equations:
         without = self.forces(self.at_rest)
         supplied = self.project(self.motor_forces(self.tau))
         return solve_symmetric(self.inertia, supplied - self.project(without))
+
+
+def _pivots_by_blocks(
+    pattern: Flags, values: Array
+) -> Iterator[tuple[list[tuple[int, int]], Array]]:
+    """As `pivot_order`, for each block of the rows that have pivots."""
+    order, sizes = pivot_order(pattern, values)
+    rows = np.array([i for i, _ in order])
+    columns = np.array([j for _, j in order])
+    blocks = triangular_blocks(pattern[np.ix_(rows, columns)])
+    if len(blocks) == 1:
+        yield order, sizes
+        return
+    for block in blocks:
+        i = rows[block]
+        j = columns[block]
+        of_block, sizes = pivot_order(pattern[np.ix_(i, j)], values[:, i][:, :, j])
+        yield [(int(i[k]), int(j[m])) for k, m in of_block], sizes

@@ -82,6 +82,7 @@ class Kinematics:
         self.displacement = SX.sym("displacement", model.nv if displaced else 0)
         self._displaced: Sparse = dict(enumerate(ca.vertsplit(self.displacement)))
         self.pose, self._still = cache(self._pose), cache(self._pose_as_is)
+        self._step, self._axes = cache(self._displacement_of), cache(self._axes_of)
         self._at_rates: tuple[Sparse, Sparse, dict[tuple[int, int], LinkMotion]] = {}, {}, {}
 
     @cached_property
@@ -128,8 +129,22 @@ class Kinematics:
     def _pose(self, base: int, link: int) -> tuple[SX, SX]:
         """Orientation and origin of a link, in the axes of one of its ancestors."""
         R, p = self._still(base, link)
-        u, turn = self.twist(base, link, self._displaced)
+        if not self._displaced:
+            return R, p
+        u, turn = self._step(base, link)
         return R @ (SX.eye(3) + ca.skew(turn)), p + R @ u
+
+    def _displacement_of(self, base: int, link: int) -> tuple[SX, SX]:
+        """Displacement and turn of a link relative to one of its ancestors, axes of the link."""
+        if link == base:
+            return SX(3, 1), SX(3, 1)
+        before = self._step(base, self.tree.links[link].parent)
+        return self._next_twist(link, before, self._displaced)
+
+    def _axes_of(self, base: int, link: int) -> list[tuple[SX, SX]]:
+        """Linear and angular part of the twist of each rate of a link, axes of an ancestor."""
+        R, _ = self.pose(base, link)
+        return [(R @ sx(S[:3]), R @ sx(S[3:])) for S in self.tree.links[link].S.T]
 
     def _pose_as_is(self, base: int, link: int) -> tuple[SX, SX]:
         """Orientation and origin of a link in an ancestor, without displacements."""
@@ -143,11 +158,13 @@ class Kinematics:
         """Velocity of a link's origin and angular velocity, relative to one of its ancestors."""
         if link == base:
             return SX(3, 1), SX(3, 1)
-        placement, (joint_u, joint_turn) = (
-            self._placed[link],
-            _joint_motion(self.tree.links[link], v),
-        )
-        u, turn = self.twist(base, self.tree.links[link].parent, v)
+        return self._next_twist(link, self.twist(base, self.tree.links[link].parent, v), v)
+
+    def _next_twist(self, link: int, before: tuple[SX, SX], v: Sparse) -> tuple[SX, SX]:
+        """Twist of a link from that of its parent."""
+        placement = self._placed[link]
+        joint_u, joint_turn = _joint_motion(self.tree.links[link], v)
+        u, turn = before
         u = placement.back(u + ca.cross(turn, placement.p)) + joint_u
         return u, placement.back(turn) + joint_turn
 
@@ -159,11 +176,11 @@ class Kinematics:
         columns: Sparse = {}
         path = self.tree.ancestors(link)
         for i in path[path.index(base) + 1 :]:
-            R_i, o_i = self.pose(base, i)
-            for k, S in zip(self.tree.links[i].v, self.tree.links[i].S.T, strict=True):
-                turn = R_i @ sx(S[3:])
-                u = R_i @ sx(S[:3]) + ca.cross(turn, p - o_i)
-                columns = add(columns, {k: ca.vertcat(u, turn)})  # a mimic joint shares its rate
+            lever = p - self.pose(base, i)[1]
+            for k, (u, turn) in zip(self.tree.links[i].v, self._axes(base, i), strict=True):
+                column = ca.vertcat(u + ca.cross(turn, lever), turn)
+                # A mimic joint shares its rate with the joint that it follows.
+                columns[k] = columns[k] + column if k in columns else column
         return Point(p, R @ sx(frame.placement.rotation), columns)
 
     def motions(

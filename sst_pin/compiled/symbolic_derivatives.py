@@ -122,6 +122,8 @@ class OnTree:
 
 def _of_forces(e: Equations, checks: Checks, tree: OnTree) -> tuple[SX, list[Any]]:
     """Derivatives of f by q, va and aa at constant motor forces, and checks of the solutions."""
+    if e.derivatives_by_columns:
+        return _of_forces_by_columns(e, checks, tree)
     nv = e.mechanism.model.nv
     rows = e.factors.rows
     of_rows = (tree.slips, tree.q), (tree.c, tree.q), (tree.c, tree.v)
@@ -140,6 +142,22 @@ def _of_forces(e: Equations, checks: Checks, tree: OnTree) -> tuple[SX, list[Any
     residual_checks += [check for pair in pairs for check in checks.unsolved(*pair)]
     of_q = by_q @ L + by_v @ ca.horzcat(*(column(x, range(nv)) for x in v_q))
     return ca.horzcat(of_q, by_v @ L, e.inertia), residual_checks
+
+
+def _of_forces_by_columns(e: Equations, checks: Checks, tree: OnTree) -> tuple[SX, list[Any]]:
+    """As `_of_forces`, along one coordinate after the other."""
+    n = len(e.L)
+    by_q = list[SX]()
+    by_va = list[SX]()
+    solution_checks = list[Any]()
+    for k in range(n):
+        along = SX(n, 1)
+        along[k] = 1
+        of_q, of_va, more = of_forces_along(e, checks, tree, along)
+        by_q.append(of_q)
+        by_va.append(of_va)
+        solution_checks += more
+    return ca.horzcat(*by_q, *by_va, e.inertia), solution_checks
 
 
 def of_forces_along(

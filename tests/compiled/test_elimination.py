@@ -1,0 +1,111 @@
+"""Elimination block by block, and loops that share links."""
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from sst_pin import ClosedChain, robots
+from sst_pin.compiled import kernels
+from sst_pin.compiled.elimination import Blocks, Definition, Factors, triangular_blocks
+from sst_pin.compiled.equations import Equations
+from sst_pin.compiled.generator_inputs import sample_configurations
+from tests.gallery import n_four_bar
+
+
+def equations(chain):
+    return Equations(chain.mechanism, sample_configurations(chain.engine.reference))
+
+
+def tilted(chain):
+    """The same robot with its base at an oblique placement: no entry of Phi is zero by chance."""
+    model = chain.model.copy()
+    turn = pin.exp3(np.array([0.3, 1.2, -0.7]))
+    base = pin.SE3(turn, np.array([1, -2, 0.5]))
+    for i in range(1, model.njoints):
+        if not model.parents[i]:
+            model.jointPlacements[i] = base * model.jointPlacements[i]
+    for frame in model.frames:
+        if not frame.parentJoint and frame.name != "universe":
+            frame.placement = base * frame.placement
+    return ClosedChain(model, chain.closures, chain.motor_names)
+
+
+def operations(kernel):
+    inputs = [*kernel.inputs.values(), kernel.parameters]
+    results = [ca.vertcat(kernel.output, kernel.checks)]
+    return ca.Function("count", inputs, results, {"cse": True}).n_instructions()
+
+
+def test_blocks_are_found_in_a_matrix_whose_rows_and_columns_are_shuffled():
+    random = np.random.default_rng(0)
+    sizes = [1, 3, 2, 1, 2]
+    ends = np.cumsum(sizes)
+    block_of = np.repeat(range(5), sizes)
+    pattern = block_of[:, None] == block_of  # dense blocks
+    pattern |= (block_of[:, None] > block_of) & (random.uniform(size=(9, 9)) < 0.5)
+    order = random.permutation(9)
+    blocks = triangular_blocks(pattern[np.ix_(order, order)])
+    assert sorted(sorted(order[block].tolist()) for block in blocks) == [
+        list(range(end - size, end)) for end, size in zip(ends, sizes, strict=True)
+    ]
+    known = set()
+    for block in blocks:
+        known.update(block.tolist())
+        for i in block:
+            assert known.issuperset(np.flatnonzero(pattern[np.ix_(order, order)][i]))
+
+
+def test_blocks_solve_with_an_auxiliary_unknown_and_without_one_alike():
+    """The matrix [A 0; C B], where C x is known by an auxiliary unknown only."""
+    random = np.random.default_rng(1)
+    A, B, row, column = (random.normal(size=size) for size in ((2, 2), (2, 2), 2, 2))
+    whole = np.block([[A, np.zeros((2, 2))], [np.outer(column, row), B]])
+    entries = [dict(enumerate(line)) for line in whole]
+    blocks = [Factors(entries, [(0, 0), (1, 1)]), Factors(entries, [(2, 2), (3, 3)])]
+    auxiliary = {7: dict(enumerate(-row)) | {9: 1.0}}  # x_9 = row . (x_0, x_1)
+    for i in (0, 1):
+        auxiliary[i] = entries[i]
+        auxiliary[2 + i] = {9: column[i]} | {2 + j: B[i, j] for j in (0, 1)}
+    b = random.normal(size=4)
+    by_auxiliary = Blocks(auxiliary, [blocks[0], Definition(7, 9), blocks[1]])
+    for system in (Blocks(dict(enumerate(entries)), blocks), by_auxiliary):
+        x = system.solve(dict(enumerate(b)))
+        y = system.solve_transposed(dict(enumerate(b)))
+        assert np.allclose([x[j] for j in range(4)], np.linalg.solve(whole, b), rtol=1e-12)
+        assert np.allclose([y[i] for i in range(4)], np.linalg.solve(whole.T, b), rtol=1e-12)
+        assert x.keys() == y.keys() == set(range(4))
+
+
+@pytest.mark.parametrize("placed", [lambda chain: chain, tilted], ids=["upright", "tilted"])
+def test_loops_on_shared_links_move_as_on_the_reference_path(placed):
+    """1e-10: the condition number of its loops is below 1e3, roundings are 1e-16 for each cell."""
+    chain = placed(robots.scissor_lift(5))
+    e = equations(chain)
+    assert len(e.factors.parts) == 6  # a loop for each cell and that of the platform's slider
+    random = np.random.default_rng(2)
+    q = chain.generic_configuration()
+    va, aa = random.normal(size=(2, 1))
+    numbers = e.parameters.pack(chain.mechanism, chain.mechanism.friction)
+    expected = {
+        "generalized_forces": (chain.generalized_forces(q, va, aa), aa),
+        "accelerations": (chain.compute_accelerations(q, va, [300.0]), np.array([300.0])),
+        "torque_derivatives": (np.hstack(chain.torque_derivatives(q, va, aa)), aa),
+    }
+    for name, (reference, last) in expected.items():
+        kernel = kernels.make(e, name)
+        inputs = [*kernel.inputs.values(), kernel.parameters]
+        function = ca.Function("kernel", inputs, [kernel.output, kernel.checks])
+        output, checks = function(q, va, last, numbers)
+        assert (checks.full() <= 1).all()
+        error = np.abs(output.full().ravel() - np.ravel(reference)).max()
+        assert error < 1e-10 * np.abs(reference).max()
+
+
+@pytest.mark.parametrize("robot", [robots.scissor_lift, n_four_bar])
+def test_twice_the_cells_take_twice_the_operations(robot):
+    """2.3 leaves some room: a square would take 4 times as many."""
+    small, large = equations(robot(4)), equations(robot(8))
+    for quantity in ("generalized_forces", "accelerations", "torque_derivatives"):
+        count = operations(kernels.make(small, quantity))
+        assert operations(kernels.make(large, quantity)) < 2.3 * count, quantity
