@@ -93,7 +93,7 @@ def for_each_sample(
     """
     require_policy(on_error)
     batch, flat = flattened(arrays, core_axes)
-    _require_fitting(out, batch + result)
+    require_fitting(out, batch + result)
     n = math.prod(batch)
     plain = None if out is None else np.asarray(out)  # no matrix, no memory map
     if plain is not None and (
@@ -224,7 +224,8 @@ def name_samples(error: SSTError, flat: Sequence[int], batch: tuple[int, ...]) -
         error.name_samples([tuple(map(int, index)) for index in indices], math.prod(batch))
 
 
-def _require_fitting(out: Array | None, shape: tuple[int, ...]) -> None:
+def require_fitting(out: Array | None, shape: tuple[int, ...]) -> None:
+    """Check that `out` is a float64 array of a shape that can be written to, or None."""
     if out is None:
         return
     if not isinstance(out, np.ndarray) or out.dtype != _FLOAT64 or not out.flags.writeable:

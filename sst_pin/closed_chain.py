@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from .arrays import Array, finite_array, for_each_sample, positive_number, single_array
+from .arrays import Array, positive_number, single_array
 from .arrays import names as names_of
 from .dynamics import derivatives as slopes
 from .dynamics import design_derivatives as design
 from .dynamics import dynamics, reactions, regressor, torque_sharing
-from .dynamics.quantities import Quantity
-from .engine import DerivativeOptions, Engine, LoadOptions, Options, Wrenches
+from .engine import DerivativeOptions, Engine, LoadOptions, Options
+from .engine_arguments import Wrenches
 from .errors import DescriptionError, InputError, MissingExtraError
 from .former_names import FormerName, former_arguments
 from .loops.assembly_modes import AssemblyModes, modes_of
@@ -264,7 +264,7 @@ class ClosedChain(RobotProperties, Summary):
         It comes from the SRDF beside a URDF, from the keyframe `home` of an MJCF, or from you. Open
         loops are closed with fixed coordinates. Without a home it raises a `DescriptionError`.
         """
-        q = self._engine.home
+        q = self._engine.loops.home
         if q is None:
             cure = "write group_state home in an SRDF beside the URDF, the keyframe home in an "
             cure += "MJCF, or assemble(guess) q, set "
@@ -277,16 +277,16 @@ class ClosedChain(RobotProperties, Summary):
 
     def residual(self, q: ArrayLike) -> Array:
         """f(q) of Eq. (2), zero if the loops are closed, shape (..., rows), [m] and [rad]."""
-        return self._engine.residuals(self._engine.configurations(q))
+        return self._engine.loops.residuals(self._engine.loops.configurations(q))
 
     def Phi(self, q: ArrayLike) -> Array:
         """Constraint Jacobian with all rows, also redundant ones, Eqs. (3), (4); (rows, nv)."""
-        return self._engine.loops_at(q).Phi
+        return self._engine.loops.at(q).Phi
 
     def Phi_dot(self, q: ArrayLike, q_dot: ArrayLike) -> Array:
         """Rate of `Phi` for rates of all joints that keep the loops closed, shape (rows, nv)."""
         v = single_array("q_dot", q_dot, (self.mechanism.model.nv,))
-        return self._engine.loops_at(q).Phi_dot(v)
+        return self._engine.loops.at(q).Phi_dot(v)
 
     def condition_number(self, q: ArrayLike) -> Array:
         """Condition number of the columns of Phi for the dependent joints, shape (...).
@@ -295,7 +295,7 @@ class ClosedChain(RobotProperties, Summary):
         loop counts. For one dependent rate it compares the sizes of its column at q and at a
         generic configuration.
         """
-        return self._engine.condition_numbers(self._engine.configurations(q))
+        return self._engine.loops.condition_numbers(self._engine.loops.configurations(q))
 
     def singularity_measures(self, q: ArrayLike) -> dict[str, Array]:
         """Numbers that grow without bound towards a singularity, by name; shapes (...)."""
@@ -352,7 +352,7 @@ class ClosedChain(RobotProperties, Summary):
                 "positions", f"{positions!r}: a mapping of names to positions is needed"
             )
         solutions = self._solutions(positions)
-        return modes_of(self._engine.assembly, positions, frame, solutions)
+        return modes_of(self._engine.loops.assembly, positions, frame, solutions)
 
     def _solutions(self, positions: Mapping[str, float]) -> Array | None:
         """All modes, where there is a closed form for the whole robot."""
@@ -360,28 +360,28 @@ class ClosedChain(RobotProperties, Summary):
 
     def generic_configuration(self) -> Array:
         """A closed configuration without symmetry, near `home` if there is one, shape (nq,)."""
-        return self._engine.example()
+        return self._engine.loops.example()
 
     def mobility(self, q: ArrayLike | None = None) -> Mobility:
         """Degrees of freedom, redundant closure constraints, and whether the motors suffice.
 
         The report is about q, shape (nq,), or `generic_configuration()`; `print` shows it as text.
         """
-        return self._engine.mobility(q)
+        return self._engine.loops.mobility(q)
 
     # --- kinematics -------------------------------------------------------------------------
 
     def joint_rates(self, q: ArrayLike, va: ArrayLike) -> Array:
         """Rates of all joints, v = L va, Eq. (16), shape (..., nv)."""
-        return self._engine.compute(Quantity("rates"), q, va=va)
+        return self._engine.joint_rates(q, va)
 
     def joint_accelerations(self, q: ArrayLike, va: ArrayLike, aa: ArrayLike) -> Array:
         """Accelerations of all joints, L aa + L_dot va, Eqs. (8), (20), shape (..., nv)."""
-        return self._engine.compute(Quantity("joint_accelerations"), q, va=va, aa=aa)
+        return self._engine.joint_accelerations(q, va, aa)
 
     def frame_placement(self, q: ArrayLike, frame: str) -> tuple[Array, Array]:
         """Position, shape (..., 3), [m], and orientation, (..., 3, 3), of a frame in the base."""
-        poses = self._engine.placements(q, frame)
+        poses = self._engine.loops.placements(q, frame)
         return poses[..., :3, 3], poses[..., :3, :3]
 
     def frame_configuration(
@@ -413,24 +413,24 @@ class ClosedChain(RobotProperties, Summary):
             array([0.02, 0.1 , 0.  ])
         """
         engine, guess = self._engine, start_of(self._engine) if start is None else start
-        assembly, generic = engine.assembly, engine.example()
+        assembly, generic = engine.loops.assembly, engine.loops.example()
         return frame_configurations(assembly, generic, frame, position, rotation, guess)
 
     def frame_jacobian(self, q: ArrayLike, frame: str, **options: Unpack[Options]) -> Array:
         """J, shape (..., 6, n): a frame's [linear; angular] velocity J va, in base axes."""
-        return self._engine.compute(Quantity("frame_jacobian", frame), q, **options)
+        return self._engine.frame_jacobian(q, frame, **options)
 
     def frame_jacobian_rate(
         self, q: ArrayLike, va: ArrayLike, frame: str, **options: Unpack[Options]
     ) -> Array:
         """Rate of `frame_jacobian` along a motion, shape (..., 6, n)."""
-        return self._engine.compute(Quantity("frame_jacobian_rate", frame), q, va=va, **options)
+        return self._engine.frame_jacobian_rate(q, va, frame, **options)
 
     def frame_drift(
         self, q: ArrayLike, va: ArrayLike, frame: str, **options: Unpack[Options]
     ) -> Array:
         """[linear; angular] acceleration of a frame for aa = 0, J_dot va, shape (..., 6)."""
-        return self._engine.compute(Quantity("frame_drift", frame), q, va=va, **options)
+        return self._engine.frame_drift(q, va, frame, **options)
 
     def frame_velocity_derivatives(
         self, q: ArrayLike, va: ArrayLike, frame: str, **options: Unpack[Options]
@@ -439,10 +439,7 @@ class ClosedChain(RobotProperties, Summary):
 
         They are taken as in `torque_derivatives`; `out` has both side by side, (..., 6, 2 n).
         """
-        quantity = Quantity("frame_velocity_derivatives", frame)
-        rows = self._engine.compute(quantity, q, va=va, **options)
-        n = rows.shape[-1] // 2
-        return slopes.FrameVelocityDerivatives(rows[..., :n], rows[..., n:])
+        return self._engine.frame_velocity_derivatives(q, va, frame, **options)
 
     def motor_rates(self, q: ArrayLike, va: ArrayLike) -> Array:
         """Rates of the motors, shape (..., motors)."""
@@ -450,13 +447,11 @@ class ClosedChain(RobotProperties, Summary):
 
     def actuator_jacobian(self, q: ArrayLike) -> Array:
         """J, shape (..., motors, n): the motors' rates are J va, and f = J^T tau."""
-        return self._engine.compute(Quantity("actuator_jacobian"), q)
+        return self._engine.actuator_jacobian(q)
 
     def line_lengths(self, q: ArrayLike) -> Array:
         """Lengths of the `lines`, shape (..., lines), [m]; q may have open loops."""
-        engine = self._engine
-        array = finite_array("q", q, (engine.mechanism.model.nq,))
-        return for_each_sample(engine.reference.line_lengths, [array], (1,), (len(self.lines),))
+        return self._engine.line_lengths(q)
 
     # --- dynamics ---------------------------------------------------------------------------
 
@@ -493,22 +488,23 @@ class ClosedChain(RobotProperties, Summary):
         """
         engine = self._engine
         fast = external_wrenches is weights is preload is limits is None and on_error == "raise"
-        if fast and engine.torques is not None:
-            tau = engine.torques(q, va, aa, platform_moment, out, threads)
+        kernel = engine.torque_kernel if fast else None
+        if kernel is not None:
+            tau = kernel(q, va, aa, platform_moment, out, threads)
             if tau is not None:
                 return tau
         share = preload is not None or limits is not None
-        tau = engine.compute(
-            Quantity("torques"),
+        tau = engine.torques(
             q,
-            va=va,
-            aa=aa,
+            va,
+            aa,
             platform_moment=platform_moment,
             external_wrenches=external_wrenches,
-            extra=None if weights is None else torque_sharing.weights_of(engine.mechanism, weights),
+            weights=weights,
             out=None if share else out,
             threads=threads,
             on_error=on_error,
+            asked=kernel is not None,
         )
         if not share:
             return tau
@@ -522,11 +518,12 @@ class ClosedChain(RobotProperties, Summary):
     ) -> Array:
         """f, shape (..., n): L^T times the joint forces that a motion needs, [N m] or [N]."""
         engine = self._engine
-        if not options and engine.forces is not None:
-            f = engine.forces(q, va, aa, None, None, 1)
+        kernel = None if options else engine.force_kernel
+        if kernel is not None:
+            f = kernel(q, va, aa, None, None, 1)
             if f is not None:
                 return f
-        return engine.compute(Quantity("generalized_forces"), q, va=va, aa=aa, **options)
+        return engine.generalized_forces(q, va, aa, asked=kernel is not None, **options)
 
     def compute_accelerations(
         self,
@@ -543,35 +540,34 @@ class ClosedChain(RobotProperties, Summary):
         """Direct dynamics, Eq. (92): accelerations aa of the coordinates, shape (..., n)."""
         engine = self._engine
         fast = external_wrenches is None and on_error == "raise"
-        if fast and engine.accelerations is not None:
-            aa = engine.accelerations(q, va, tau, platform_moment, out, threads)
+        kernel = engine.acceleration_kernel if fast else None
+        if kernel is not None:
+            aa = kernel(q, va, tau, platform_moment, out, threads)
             if aa is not None:
                 return aa
-        return engine.compute(
-            Quantity("accelerations"),
+        return engine.accelerations(
             q,
-            va=va,
-            tau=tau,
+            va,
+            tau,
             platform_moment=platform_moment,
             external_wrenches=external_wrenches,
             out=out,
             threads=threads,
             on_error=on_error,
+            asked=kernel is not None,
         )
 
     def noc(self, q: ArrayLike, va: ArrayLike) -> dynamics.Terms:
         """All matrices of the paper at one state: f = I aa + C va - tau^g - tau^f - springs."""
         engine = self._engine
         rates = single_array("va", va, (len(engine.mechanism.coordinates),))
-        return dynamics.terms(engine.reference.context, engine.single(q), rates)
+        return dynamics.terms(engine.reference.context, engine.loops.single(q), rates)
 
     def reduced_terms(
         self, q: ArrayLike, va: ArrayLike, **options: Unpack[Options]
     ) -> dynamics.ReducedTerms:
         """Mass matrix, Coriolis matrix, gravity and friction in the coordinates, Eqs. (93)-(96)."""
-        engine = self._engine
-        rows = engine.compute(Quantity("reduced_terms"), q, va=va, **options)
-        return dynamics.ReducedTerms.of_rows(rows, len(engine.mechanism.coordinates))
+        return self._engine.reduced_terms(q, va, **options)
 
     def reactions(
         self,
@@ -594,9 +590,8 @@ class ClosedChain(RobotProperties, Summary):
             stiffness: Makes reactions of an overconstrained robot unique: by the name of a joint or
                 closure, stiffnesses along x, y, z [N/m] and about x, y, z [N m/rad] in the axes of
                 its wrench, infinite where it is rigid. Joints without one are rigid.
-            options: Loads, and `out` of shape (..., 7 (r + closures) + 6 + motors): wrenches of
-                joints, closures and the ground, the torques, then for each joint and closure the
-                sum of 2^k of its components k that are not unique, k from 0 to 5.
+            options: Loads, and `out` of shape (..., r + closures, 6) for the wrenches in joints,
+                then in closures, in the order of `names`.
         """
         at_rest = [0.0] * len(self.mechanism.coordinates)
         if va is aa is tau is None:
@@ -619,7 +614,7 @@ class ClosedChain(RobotProperties, Summary):
 
         References of springs and rest lengths of lines are those of this robot.
         """
-        return self._engine.compute(Quantity("torque_regressor"), q, va=va, aa=aa, **options)
+        return self._engine.torque_regressor(q, va, aa, **options)
 
     def kinetic_energy(self, q: ArrayLike, va: ArrayLike) -> Array:
         """Kinetic energy, shape (...), [J]."""
@@ -647,7 +642,7 @@ class ClosedChain(RobotProperties, Summary):
         `sign_width`; docs/derivatives.md. `.dq`, `.dva`, `.daa` have shapes (..., n, n); column k
         of dq: q moves by L e_k. `out` has them side by side, shape (..., n, 3 n).
         """
-        return self._engine.derivatives(slopes.TorqueDerivatives, q, va, aa, **options)
+        return self._engine.torque_derivatives(q, va, aa, **options)
 
     def acceleration_derivatives(
         self, q: ArrayLike, va: ArrayLike, tau: ArrayLike, **options: Unpack[DerivativeOptions]
@@ -657,7 +652,7 @@ class ClosedChain(RobotProperties, Summary):
         `.dq`, `.dva` have shapes (..., n, n), `.dtau` has (..., n, motors); `out` has them side by
         side, shape (..., n, 2 n + motors).
         """
-        return self._engine.derivatives(slopes.AccelerationDerivatives, q, va, tau, **options)
+        return self._engine.acceleration_derivatives(q, va, tau, **options)
 
     def linearize(
         self,
@@ -677,10 +672,10 @@ class ClosedChain(RobotProperties, Summary):
                 exponential, exact for the linear system. None for the continuous system.
         """
         engine = self._engine
-        d = engine.derivatives(slopes.AccelerationDerivatives, q, va, tau, **options)
+        d = engine.acceleration_derivatives(q, va, tau, **options)
         rates = None
         if engine.reference.derivatives.axes_move:
-            rates = engine.compute(Quantity("displacement_rates"), q, va=va, on_error="nan")
+            rates = engine.displacement_rates(q, va, on_error="nan")
         A, B = slopes.linear_system(d, rates)
         return (A, B) if dt is None else slopes.discrete(A, B, positive_number("dt", dt))
 
@@ -730,8 +725,8 @@ class ClosedChain(RobotProperties, Summary):
             ((3, 1), (1, 1), (3, 1, 1))
         """
         engine, width = self._engine, positive_number("sign_width", sign_width)
-        load = engine.wrenches(None, external_wrenches, "raise")
-        arrays = [*engine.arguments(q, va=va, aa=aa), load]
+        load = engine.arguments.wrenches(None, external_wrenches, "raise")
+        arrays = [*engine.arguments.state(q, va=va, aa=aa), load]
         return design.design_derivatives(engine.reference, names, arrays, frame, width)
 
     # --- compiled kernels -------------------------------------------------------------------
@@ -793,7 +788,7 @@ class ClosedChain(RobotProperties, Summary):
         except ModuleNotFoundError:
             raise MissingExtraError("casadi", "compile") from None
         engine, width = self._engine, positive_number("sign_width", sign_width)
-        near = None if q is None else engine.single(q)
+        near = None if q is None else engine.loops.single(q)
         return CasadiFunctions(engine.reference, near, width, external_wrenches, compiled)
 
     def warp(
@@ -815,7 +810,7 @@ class ClosedChain(RobotProperties, Summary):
             from .compiled.warp_batch import WarpBatch
         except ModuleNotFoundError as error:
             raise MissingExtraError(str(error.name).partition(".")[0], "gpu") from None
-        near = None if q is None else self._engine.single(q)
+        near = None if q is None else self._engine.loops.single(q)
         return WarpBatch(self._engine.reference, near, device, dtype)
 
     # --- motions ----------------------------------------------------------------------------
@@ -968,7 +963,7 @@ class ClosedChain(RobotProperties, Summary):
         from .simulation.rollouts import require_smooth, rollout
 
         engine, gains = self._engine, (motor_stiffness, motor_damping, motor_positions)
-        load = engine.wrenches(platform_moment, external_wrenches, "raise")
+        load = engine.arguments.wrenches(platform_moment, external_wrenches, "raise")
         if nonsmooth:
             return nonsmooth_rollout(
                 engine,

@@ -4,10 +4,10 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
-from typing import Any, Protocol, TypedDict, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypedDict, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -16,37 +16,36 @@ from numpy.typing import ArrayLike
 from .arrays import (
     Array,
     Indices,
-    as_array,
     finite_array,
     for_each_sample,
     positive_number,
     require_policy,
     whole_number,
 )
-from .dynamics.derivatives import AccelerationDerivatives, TorqueDerivatives
+from .dynamics import regressor
+from .dynamics.derivatives import (
+    AccelerationDerivatives,
+    FrameVelocityDerivatives,
+    TorqueDerivatives,
+)
 from .dynamics.dynamics import ReducedTerms
-from .dynamics.nonsmooth_rows import NonsmoothRows
-from .dynamics.quantities import QUANTITIES, Name, Quantity
-from .dynamics.reactions import Reactions, compliances_of, unpacked
+from .dynamics.quantities import Name, Quantity
+from .dynamics.reactions import Reactions, compliances_of, size_of, unpacked
 from .dynamics.reference import Reference
-from .dynamics.torque_sharing import preload_directions
+from .dynamics.torque_sharing import preload_directions, weights_of
+from .engine_arguments import EngineArguments, Wrenches
 from .errors import ClosureError, InputError, SingularConfigurationError, SSTError
+from .kernel_protocols import Kernel, Kernels
 from .loops.closed_loops import ClosedLoops
-from .model.mechanism import Friction, Mechanism
-from .model.tree import body_of, frame_id
+from .model.mechanism import Mechanism
+from .model.tree import frame_id
 from .progress import FASTER
 from .states import States
-from .summaries import listed
 
-#: External wrenches: [force; moment] on all bodies at their mass centres, shape (..., r, 6), or a
-#: mapping from names of frames to [force; moment] at their origins, shapes (..., 6).
-Wrenches = ArrayLike | Mapping[str, ArrayLike]
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
 D = TypeVar("D", TorqueDerivatives, AccelerationDerivatives)
-#: Names of derivatives, and of their third argument.
-_DERIVATIVES: dict[type, tuple[Name, str]] = {
-    TorqueDerivatives: ("torque_derivatives", "aa"),
-    AccelerationDerivatives: ("acceleration_derivatives", "tau"),
-}
 
 
 class Options(TypedDict, total=False):
@@ -71,45 +70,6 @@ class DerivativeOptions(Options, total=False):
     sign_width: float
 
 
-class Kernel(Protocol):
-    """Compiled code of one quantity."""
-
-    def answer(self, a: Any, b: Any, c: Any, load: Any, out: Any, threads: Any, /) -> Array | None:
-        """The result for unchecked arguments; None if these or a sample need a check."""
-
-    def derivatives(self, kind: Any, a: Any, b: Any, c: Any, threads: Any, /) -> Any:
-        """Derivatives by a, b and c as a named tuple of this kind; None where `answer` is None."""
-
-    def many(self, arrays: tuple[Array, ...], out: Array, threads: int = 1, /) -> Indices:
-        """Fill results of N samples, shape (N, size); indices of those that fail the checks.
-
-        Arguments have shapes (N, ...), q first; external wrenches have shape (N, 6 r).
-        """
-
-
-class Kernels(Protocol):
-    """Compiled kernels of one mechanism, with the results of `Reference`.
-
-    The reference path computes samples that fail a check: an open loop, a singular configuration,
-    or a number that is not finite.
-    """
-
-    def __str__(self) -> str:
-        """Whether kernels or the reference path compute, in words."""
-
-    def kernel(self, key: Quantity, /) -> Kernel | None:
-        """The kernel of a quantity, made at its first use; None if it cannot be compiled."""
-
-    def closed(self, q: Array, /) -> Array | None:
-        """The closed configuration near q with the coordinates fixed; None to ask the reference."""
-
-    def states(self, friction: Friction) -> States:
-        """The state space with this friction instead of the mechanism's."""
-
-    def nonsmooth(self, rows: NonsmoothRows, loaded: bool) -> Any:
-        """Steps with stops, friction and contacts; None if they cannot be compiled."""
-
-
 class Robot(Protocol):
     """A robot as public functions of lower packages see it: they use its engine only."""
 
@@ -117,14 +77,23 @@ class Robot(Protocol):
     def engine(self) -> Engine: ...  # noqa: D102
 
 
-class Engine(ClosedLoops):
+class Engine:
     """Computes the quantities of one mechanism. An engine never changes.
+
+    Each quantity has a method, with the arguments that `ClosedChain` describes. It asks the kernel
+    of the quantity first. The reference path computes all samples that the kernel does not vouch
+    for; it finds the answer or raises the error.
 
     Args:
         mechanism: The mechanism.
         make_kernels: Makes its kernels at their first use; None to compute by the reference path.
         kernels: The kernels, if they exist already.
         platform: Name of the frame whose body a `platform_moment` acts on.
+
+    Attributes:
+        reference: The reference path. It owns the loops and Pinocchio's data of each thread.
+        loops: Closes the loops and evaluates them.
+        arguments: Checks arguments.
     """
 
     def __init__(
@@ -134,10 +103,15 @@ class Engine(ClosedLoops):
         kernels: Kernels | None = None,
         platform: str = "platform",
     ) -> None:
-        super().__init__(mechanism)
-        self.make_kernels, self.platform = make_kernels, platform
-        self.reference = Reference(mechanism)
-        self._answers = dict[Quantity, tuple[Kernel | None, tuple[int, ...]]]()
+        self.mechanism = mechanism
+        self.make_kernels = make_kernels
+        self.platform = platform
+        reference = self.reference = Reference(mechanism)
+        self.loops = ClosedLoops(mechanism, lambda: reference.context.assembly)
+        self.arguments = EngineArguments(mechanism, self.loops, platform)
+        self._n = len(mechanism.coordinates)
+        self._motors = mechanism.motors.shape[1]
+        self._frames = dict[str, int]()
         if kernels is not None:
             self._kernels = kernels
 
@@ -163,157 +137,107 @@ class Engine(ClosedLoops):
 
     @property
     def backend(self) -> str:
-        """Whether kernels or the reference path compute, in words."""
+        """A sentence that says which backend is in use, and why."""
         return f"the reference path: {self._kernels}" if self.kernels is None else str(self.kernels)
 
     def kernel(self, key: Quantity) -> Kernel | None:
         """The kernel of a quantity; None where the reference path computes it."""
         return None if self.kernels is None else self.kernels.kernel(key)
 
-    @cached_property
-    def torques(self) -> Callable[..., Array | None] | None:
-        """`Kernel.answer` of inverse dynamics, for control loops."""
-        return getattr(self.kernel(Quantity("torques")), "answer", None)
+    # Control loops call these directly: one more Python function would cost a third of the time.
 
     @cached_property
-    def forces(self) -> Callable[..., Array | None] | None:
-        """`Kernel.answer` of generalized forces."""
-        return getattr(self.kernel(Quantity("generalized_forces")), "answer", None)
+    def torque_kernel(self) -> Callable[..., Array | None] | None:
+        """`Kernel.answer` of the torques."""
+        kernel = self.kernel(Quantity("torques"))
+        return None if kernel is None else kernel.answer
 
     @cached_property
-    def accelerations(self) -> Callable[..., Array | None] | None:
-        """`Kernel.answer` of direct dynamics, for control loops."""
-        return getattr(self.kernel(Quantity("accelerations")), "answer", None)
+    def force_kernel(self) -> Callable[..., Array | None] | None:
+        """`Kernel.answer` of the generalized forces."""
+        kernel = self.kernel(Quantity("generalized_forces"))
+        return None if kernel is None else kernel.answer
 
-    def states(self, sign_width: float) -> States:
-        """The state space for an integrator, with the sign of Coulomb friction smoothed."""
-        friction, kernels = replace(self.mechanism.friction, sign_width=sign_width), self.kernels
-        return States(self.reference, friction) if kernels is None else kernels.states(friction)
+    @cached_property
+    def acceleration_kernel(self) -> Callable[..., Array | None] | None:
+        """`Kernel.answer` of the accelerations."""
+        kernel = self.kernel(Quantity("accelerations"))
+        return None if kernel is None else kernel.answer
 
-    def compute(
+    # --- dynamics ---------------------------------------------------------------------------
+
+    def torques(
         self,
-        key: Quantity,
-        q: ArrayLike,
-        *,
-        platform_moment: ArrayLike | None = None,
-        external_wrenches: Wrenches | None = None,
-        extra: Mapping[str, Array] | None = None,
-        out: Array | None = None,
-        threads: int = 1,
-        on_error: str = "raise",
-        **arguments: Any,
-    ) -> Array:
-        """A quantity of one sample or a batch; leading axes are those of the arguments.
-
-        `ClosedChain` describes the arguments. Those after q are named, in the order of the
-        quantity's function; `extra` are arguments that only the reference path accepts.
-        """
-        plain = on_error == "raise" and external_wrenches is None and extra is None
-        if plain and self.kernels is not None and isinstance(key.frame, (str, type(None))):
-            result = self._answer(key, q, arguments, platform_moment, out, threads)
-            if result is not None:
-                return result
-        kind = QUANTITIES[key.name]
-        load = self.wrenches(platform_moment, external_wrenches, on_error, q)
-        absent: list[None] = []
-        if kind.tau_optional and arguments["tau"] is None:
-            absent = [arguments.pop("tau")]
-        arrays: list[Array | None] = [*self.arguments(q, **arguments), *absent]
-        axes = [1] * len(arrays)
-        constants: dict[str, object] = dict(extra or {})
-        if kind.of_frame:
-            constants["frame"] = frame_id(self.mechanism.model, key.frame)
-        if kind.smooth:
-            constants["sign_width"] = key.sign_width
-        function: Callable[..., Array] = partial(kind.reference, self.reference, **constants)
-        if kind.loadable:
-            arrays, axes = [*arrays, load], [*axes, 2]
-        require_policy(on_error)
-        threads = whole_number("threads", threads, 1)
-        if self.kernels is None and out is None and on_error == "raise":
-            pairs = zip(arrays, axes, strict=True)
-            if all(array is None or array.ndim == core for array, core in pairs):
-                return function(*arrays)  # one sample
-
-        def fill(flat: list[Array | None], result: Array) -> Indices:
-            rows = [np.require(a, float, "A") for a in flat if a is not None]
-            loaded = rows[-1].ndim == 3
-            if loaded:
-                rows[-1] = rows[-1].reshape(len(result), 6 * (self.mechanism.model.njoints - 1))
-            kernel = None if extra else self.kernel(key._replace(loaded=loaded))
-            if kernel is None:
-                return np.arange(len(result))
-            return kernel.many(tuple(rows), result, min(threads, sys.maxsize))
-
-        shape = kind.shape(self.mechanism)
-        hint = ""
-        if self.make_kernels is None:
-            hint = f"computing on the slow reference path; {FASTER}"
-        fast = None if self.kernels is None else fill
-        return for_each_sample(
-            function,
-            arrays,
-            axes,
-            shape,
-            on_error=on_error,
-            out=out,
-            fast=fast,
-            hint=hint,
-        )
-
-    def _answer(
-        self,
-        key: Quantity,
-        q: ArrayLike,
-        arguments: dict[str, Any],
-        moment: ArrayLike | None,
-        out: Array | None,
-        threads: int,
-    ) -> Array | None:
-        """`Kernel.answer` in the shape of the quantity."""
-        if key not in self._answers:
-            self._answers[key] = self.kernel(key), QUANTITIES[key.name].shape(self.mechanism)
-        kernel, shape = self._answers[key]
-        matrix = len(shape) > 1
-        if kernel is None or len(arguments) > 2 or (matrix and out is not None):
-            return None
-        a, b, *_ = *arguments.values(), None, None
-        result = kernel.answer(q, a, b, moment, out, threads)
-        if result is not None and matrix:
-            result.shape = (*result.shape[:-1], *shape)
-        return result
-
-    def derivatives(
-        self,
-        kind: type[D],
         q: ArrayLike,
         va: ArrayLike,
-        x: ArrayLike,
+        aa: ArrayLike,
         *,
-        external_wrenches: Wrenches | None = None,
-        sign_width: float = 1e-3,
-        **options: Any,
-    ) -> D:
-        """Derivatives of torques by q, va and aa, or of accelerations by q, va and tau."""
-        name, argument = _DERIVATIVES[kind]
-        key = Quantity(name, sign_width=positive_number("sign_width", sign_width))
-        kernel = self.kernel(key)
-        if kernel is not None and external_wrenches is None and not options:
-            result: D | None = kernel.derivatives(kind, q, va, x, 1)
-            if result is not None:
-                return result
-        options |= {"va": va, argument: x, "external_wrenches": external_wrenches}
-        rows = np.asarray(self.compute(key, q, **options))
-        n = rows.shape[-2]
-        if isinstance(external_wrenches, Mapping):
-            policy = options.get("on_error", "raise")
-            slope = self._slope_of_arms(external_wrenches, q, policy)  # of forces by q
-            if kind is TorqueDerivatives:
-                rows[..., :n] -= slope
-            else:
-                terms = self.compute(Quantity("reduced_terms"), q, va=va, on_error=policy)
-                rows[..., :n] += np.linalg.solve(ReducedTerms.of_rows(terms, n).inertia, slope)
-        return kind(*np.split(rows, (n, 2 * n), axis=-1))
+        weights: ArrayLike | None = None,
+        asked: bool = False,
+        **options: Unpack[LoadOptions],
+    ) -> Array:
+        """Motor torques of a motion, shape (..., motors).
+
+        `asked` says that `torque_kernel` was asked before and gave no answer.
+        """
+        of_sample: Callable[..., Array] = self.reference.torques
+        if weights is not None:
+            of_sample = partial(of_sample, weights=weights_of(self.mechanism, weights))
+        return self._loaded(
+            Quantity("torques"),
+            of_sample,
+            (self._motors,),
+            q,
+            {"va": va, "aa": aa},
+            kernel_exists=weights is None,
+            asked=asked,
+            **options,
+        )
+
+    def generalized_forces(
+        self,
+        q: ArrayLike,
+        va: ArrayLike,
+        aa: ArrayLike,
+        *,
+        asked: bool = False,
+        **options: Unpack[LoadOptions],
+    ) -> Array:
+        """Forces along the coordinates that a motion needs, shape (..., n); `asked` as above."""
+        key, of_sample = Quantity("generalized_forces"), self.reference.generalized_forces
+        vectors = {"va": va, "aa": aa}
+        return self._loaded(key, of_sample, (self._n,), q, vectors, asked=asked, **options)
+
+    def accelerations(
+        self,
+        q: ArrayLike,
+        va: ArrayLike,
+        tau: ArrayLike,
+        *,
+        asked: bool = False,
+        **options: Unpack[LoadOptions],
+    ) -> Array:
+        """Accelerations of the coordinates for torques, shape (..., n); `asked` as above."""
+        key, of_sample = Quantity("accelerations"), self.reference.accelerations
+        vectors = {"va": va, "tau": tau}
+        return self._loaded(key, of_sample, (self._n,), q, vectors, asked=asked, **options)
+
+    def reduced_terms(
+        self, q: ArrayLike, va: ArrayLike, **options: Unpack[Options]
+    ) -> ReducedTerms:
+        """Mass matrix, Coriolis matrix, gravity and friction in the coordinates."""
+        n = self._n
+        key, of_sample = Quantity("reduced_terms"), self.reference.reduced_terms
+        rows = self._plain(key, of_sample, (2 * n * (n + 1),), q, {"va": va}, **options)
+        return ReducedTerms.of_rows(rows, n)
+
+    def torque_regressor(
+        self, q: ArrayLike, va: ArrayLike, aa: ArrayLike, **options: Unpack[Options]
+    ) -> Array:
+        """Y, shape (..., n, p): generalized forces are Y times the dynamic parameters."""
+        key, of_sample = Quantity("torque_regressor"), self.reference.torque_regressor
+        shape = self._n, regressor.size_of(self.mechanism)
+        return self._plain(key, of_sample, shape, q, {"va": va, "aa": aa}, **options)
 
     def reactions(
         self,
@@ -322,153 +246,292 @@ class Engine(ClosedLoops):
         aa: ArrayLike | None,
         tau: ArrayLike | None,
         stiffness: Mapping[str, ArrayLike] | None,
-        **options: Any,
+        **options: Unpack[LoadOptions],
     ) -> Reactions:
-        """Wrenches in all joints and closures; see `ClosedChain.reactions`."""
-        inner, one_to_one = {**options, "out": None}, self.mechanism.driven_one_to_one
+        """Wrenches in all joints and closures; `out` gets those of joints, then of closures."""
+        out = options.pop("out", None)
+        one_to_one = self.mechanism.driven_one_to_one
         if aa is None and tau is not None:
-            aa = self.compute(Quantity("accelerations"), q, va=va, tau=tau, **inner)
+            aa = self.accelerations(q, va, tau, **options)
         elif aa is None or tau is not None:
             raise InputError("aa, tau", "one of them is needed, not both")
         elif not one_to_one:
-            tau = self.compute(Quantity("torques"), q, va=va, aa=aa, **inner)
+            tau = self.torques(q, va, aa, **options)
+        of_sample: Callable[..., Array] = self.reference.reactions
         if stiffness is not None:
-            options["extra"] = {"compliances": compliances_of(self.mechanism, stiffness)}
-        tau = None if one_to_one else tau
-        rows = self.compute(Quantity("reactions"), q, va=va, aa=aa, tau=tau, **options)
-        return unpacked(self.mechanism, np.asarray(rows), stiffness is not None)
+            compliances = compliances_of(self.mechanism, stiffness)
+            of_sample = partial(of_sample, compliances=compliances)
+        vectors = {"va": va, "aa": aa}
+        if one_to_one or tau is None:  # the torques follow from the accelerations
+            of_sample = _without_torques(of_sample)
+        else:
+            vectors["tau"] = tau
+        rows = self._loaded(
+            Quantity("reactions"),
+            of_sample,
+            (size_of(self.mechanism),),
+            q,
+            vectors,
+            kernel_exists=stiffness is None,
+            **options,
+        )
+        return unpacked(self.mechanism, rows, stiffness is not None, out)
+
+    # --- derivatives ------------------------------------------------------------------------
+
+    def torque_derivatives(
+        self, q: ArrayLike, va: ArrayLike, aa: ArrayLike, **options: Unpack[DerivativeOptions]
+    ) -> TorqueDerivatives:
+        """Derivatives of generalized forces by q, va and aa; `out` has them side by side."""
+        return self._derivatives(
+            TorqueDerivatives,
+            "torque_derivatives",
+            self.reference.torque_derivatives,
+            (self._n, 3 * self._n),
+            q,
+            {"va": va, "aa": aa},
+            **options,
+        )
+
+    def acceleration_derivatives(
+        self, q: ArrayLike, va: ArrayLike, tau: ArrayLike, **options: Unpack[DerivativeOptions]
+    ) -> AccelerationDerivatives:
+        """Derivatives of accelerations by q, va and tau; `out` has them side by side."""
+        return self._derivatives(
+            AccelerationDerivatives,
+            "acceleration_derivatives",
+            self.reference.acceleration_derivatives,
+            (self._n, 2 * self._n + self._motors),
+            q,
+            {"va": va, "tau": tau},
+            **options,
+        )
+
+    def displacement_rates(self, q: ArrayLike, va: ArrayLike, **options: Unpack[Options]) -> Array:
+        """Rates of a displacement that moving joint axes cause, shape (..., n, n)."""
+        key, of_sample = Quantity("displacement_rates"), self.reference.displacement_rates
+        return self._plain(key, of_sample, (self._n, self._n), q, {"va": va}, **options)
+
+    # --- kinematics -------------------------------------------------------------------------
+
+    def joint_rates(self, q: ArrayLike, va: ArrayLike) -> Array:
+        """Rates of all joints, v = L va, shape (..., nv)."""
+        shape = (self.mechanism.model.nv,)
+        return self._plain(Quantity("rates"), self.reference.rates, shape, q, {"va": va})
+
+    def joint_accelerations(self, q: ArrayLike, va: ArrayLike, aa: ArrayLike) -> Array:
+        """Accelerations of all joints, L aa + L_dot va, shape (..., nv)."""
+        key, of_sample = Quantity("joint_accelerations"), self.reference.joint_accelerations
+        shape = (self.mechanism.model.nv,)
+        return self._plain(key, of_sample, shape, q, {"va": va, "aa": aa})
+
+    def actuator_jacobian(self, q: ArrayLike, **options: Unpack[Options]) -> Array:
+        """J, shape (..., motors, n): the motors' rates are J va."""
+        key, of_sample = Quantity("actuator_jacobian"), self.reference.actuator_jacobian
+        return self._plain(key, of_sample, (self._motors, self._n), q, {}, **options)
+
+    def frame_jacobian(self, q: ArrayLike, frame: str, **options: Unpack[Options]) -> Array:
+        """J, shape (..., 6, n): a frame's [linear; angular] velocity is J va."""
+        index = self._frame(frame)
+        of_sample = partial(self.reference.frame_jacobian, frame=index)
+        return self._plain(
+            Quantity("frame_jacobian", frame), of_sample, (6, self._n), q, {}, **options
+        )
+
+    def frame_jacobian_rate(
+        self, q: ArrayLike, va: ArrayLike, frame: str, **options: Unpack[Options]
+    ) -> Array:
+        """Rate of `frame_jacobian` along a motion, shape (..., 6, n)."""
+        of_sample = partial(self.reference.frame_jacobian_rate, frame=self._frame(frame))
+        key = Quantity("frame_jacobian_rate", frame)
+        return self._plain(key, of_sample, (6, self._n), q, {"va": va}, **options)
+
+    def frame_drift(
+        self, q: ArrayLike, va: ArrayLike, frame: str, **options: Unpack[Options]
+    ) -> Array:
+        """[linear; angular] acceleration of a frame for aa = 0, shape (..., 6)."""
+        of_sample = partial(self.reference.frame_drift, frame=self._frame(frame))
+        return self._plain(
+            Quantity("frame_drift", frame), of_sample, (6,), q, {"va": va}, **options
+        )
+
+    def frame_velocity_derivatives(
+        self, q: ArrayLike, va: ArrayLike, frame: str, **options: Unpack[Options]
+    ) -> FrameVelocityDerivatives:
+        """Derivatives of a frame's velocity by q and va; `out` has them side by side."""
+        of_sample = partial(self.reference.frame_velocity_derivatives, frame=self._frame(frame))
+        key, shape = Quantity("frame_velocity_derivatives", frame), (6, 2 * self._n)
+        rows = self._plain(key, of_sample, shape, q, {"va": va}, **options)
+        return FrameVelocityDerivatives(*np.split(rows, [self._n], axis=-1))
+
+    # --- quantities without kernels ---------------------------------------------------------
 
     def preload_directions(self, q: ArrayLike, on_error: str = "raise") -> Array:
         """Motor torques that move nothing, shape (..., motors, k)."""
-        jacobian = Quantity("actuator_jacobian")
-        J = self.compute(jacobian, q, on_error=on_error)
+        J = self.actuator_jacobian(q, on_error=on_error)
         if self.mechanism.driven_one_to_one:
             return np.zeros((*J.shape[:-1], 0))
         try:
-            regular = self.compute(jacobian, self.example())
+            regular = self.actuator_jacobian(self.loops.example())
         except (ClosureError, SingularConfigurationError):  # coordinates of another assembly mode
             regular = None
         return preload_directions(self.mechanism, J, regular, on_error)
+
+    def line_lengths(self, q: ArrayLike) -> Array:
+        """Lengths of the lines, shape (..., lines); q may have open loops."""
+        array = finite_array("q", q, (self.mechanism.model.nq,))
+        shape = (len(self.mechanism.lines.forces),)
+        return for_each_sample(self.reference.line_lengths, [array], (1,), shape)
 
     def line_rates(self, q: ArrayLike, v: Array) -> Array:
         """Rates of the lengths of the lines at rates v of the tree, shape (..., lines)."""
         lines = len(self.mechanism.lines.forces)
         if not lines:
             return np.zeros((*v.shape[:-1], 0))
-        arrays = [self.configurations(q), v]
+        arrays = [self.loops.configurations(q), v]
         return for_each_sample(self.reference.line_rates, arrays, (1, 1), (lines,))
 
-    # --- arguments --------------------------------------------------------------------------
+    def states(self, sign_width: float) -> States:
+        """The state space for an integrator, with the sign of Coulomb friction smoothed."""
+        friction = replace(self.mechanism.friction, sign_width=sign_width)
+        if self.kernels is None:
+            return States(self.reference, friction)
+        return self.kernels.states(friction)
 
-    def arguments(self, q: ArrayLike, **others: ArrayLike) -> list[Array]:
-        """Arguments as arrays of the mechanism's shapes, q first, the others by name."""
-        mechanism = self.mechanism
-        n, motors = len(mechanism.coordinates), mechanism.motors.shape[1]
-        if not n and (mechanism.example is None or any(map(np.size, _of_motion(others)))):
-            mechanism.require_freedom()
-        arrays = [as_array("q", q, (mechanism.model.nq,))]
-        for name, value in others.items():
-            try:
-                arrays.append(as_array(name, value, (motors if name == "tau" else n,)))
-            except InputError as error:
-                if name != "tau" and n != motors:
-                    error.args = (
-                        f"{error.args[0]}: one for each rate of the coordinates "
-                        f"{listed(mechanism.coordinate_rate_names)}; in another assembly make it "
-                        "home, or use chain.with_coordinates([...])",
-                    )
-                raise
-        return arrays
+    def closed(self, q: Array) -> Array:
+        """The closed configuration near q with the coordinates fixed, shape (nq,)."""
+        configuration = None if self.kernels is None else self.kernels.closed(q)
+        return self.loops.closed(q) if configuration is None else configuration
 
-    def wrenches(
+    def moved(self, q: Array, step: Array) -> Array:
+        """The configuration where the coordinates are a step further, in the same assembly mode."""
+        return self.reference.moved(q, step)
+
+    # --- kernel or reference path -----------------------------------------------------------
+
+    def _frame(self, name: str) -> int:
+        """Index of a frame."""
+        index = self._frames.get(name) if isinstance(name, str) else None
+        if index is None:
+            index = self._frames[name] = frame_id(self.mechanism.model, name)
+        return index
+
+    def _plain(
         self,
-        platform_moment: ArrayLike | None,
-        external_wrenches: Wrenches | None,
-        on_error: str,
-        q: ArrayLike | None = None,
-    ) -> Array | None:
-        """Wrenches on all bodies, shape (..., r, 6), with a moment on the platform, or None.
-
-        Wrenches at frames need the configurations q. Kernels leave out wrenches that do no work, so
-        numbers that are not finite are refused here.
-        """
-        shape, wrenches = (self.mechanism.model.njoints - 1, 6), None
-        if isinstance(external_wrenches, Mapping):
-            wrenches = self._at_mass_centres(external_wrenches, q, on_error)
-        elif external_wrenches is not None:
-            wrenches = _loads("external_wrenches", external_wrenches, shape, on_error)
-        if platform_moment is None:
-            return wrenches
-        body = body_of(self.mechanism.model, self.platform)
-        if body is None:
-            cure = f'the robot has no body with a frame "{self.platform}"; use external_wrenches='
-            raise InputError("platform_moment", cure)
-        moment = _loads("platform_moment", platform_moment, (3,), on_error)
-        on_platform = np.zeros((*moment.shape[:-1], *shape))
-        on_platform[..., body, 3:] = moment
-        return on_platform if wrenches is None else on_platform + wrenches
-
-    def _at_mass_centres(
-        self, wrenches: Mapping[str, ArrayLike], q: ArrayLike | None, on_error: str
+        key: Quantity,
+        of_sample: Callable[..., Array],
+        shape: tuple[int, ...],
+        q: ArrayLike,
+        vectors: Mapping[str, ArrayLike],
+        *,
+        out: Array | None = None,
+        threads: int = 1,
+        on_error: str = "raise",
     ) -> Array:
-        """Wrenches at frames as wrenches on all bodies at their mass centres, shape (..., r, 6)."""
-        if q is None:
-            raise InputError(
-                "external_wrenches",
-                "wrenches at frames change with the pose at the mass centres, and are not possible "
-                "here; give an array of wrenches on the bodies at their mass centres",
-            )
-        size = self.mechanism.model.njoints - 1
-        on_bodies = np.zeros((size, 6))
-        for name, value in wrenches.items():
-            body, wrench = self._at_frame(name, value, on_error)
-            force, moment = wrench[..., :3], wrench[..., 3:]
-            arm = self._arms(name, q)
-            try:
-                shifted = moment + np.cross(arm, force)
-            except ValueError:
-                problem = f"shape {wrench.shape} does not fit q of shape {np.shape(q)}"
-                raise InputError(f"external_wrenches[{name!r}]", problem) from None
-            on_one = np.zeros((*shifted.shape[:-1], size, 6))
-            on_one[..., body, :3] = force
-            on_one[..., body, 3:] = shifted
-            try:
-                on_bodies = on_bodies + on_one
-            except ValueError:
-                problem = "wrenches of several frames have batches of different shapes"
-                raise InputError("external_wrenches", problem) from None
-        return on_bodies
+        """A quantity without loads; `of_sample` is a function of arrays q, *vectors."""
+        kernel = self.kernel(key)
+        asked = (
+            kernel is not None and on_error == "raise" and _can_answer(kernel, shape, vectors, out)
+        )
+        if kernel is not None and asked:
+            answer = _answer(kernel, shape, q, vectors, None, out, threads)
+            if answer is not None:
+                return answer
+        samples = self.arguments.state(q, **vectors)
+        axes = [1] * len(samples)
+        return self._computed(
+            of_sample,
+            samples,
+            axes,
+            shape,
+            kernel,
+            asked,
+            out=out,
+            threads=threads,
+            on_error=on_error,
+        )
 
-    def _at_frame(self, name: str, value: ArrayLike, on_error: str) -> tuple[int, Array]:
-        """The body of a frame, from 0, and the wrench at the frame, shape (..., 6)."""
-        argument = f"external_wrenches[{name!r}]"
-        wrench = _loads(argument, value, (6,), on_error)
-        frame_id(self.mechanism.model, name)  # refuses unknown names
-        body = body_of(self.mechanism.model, name)
-        if body is None:
-            raise InputError(
-                argument, "the frame is fixed to the base, where a wrench does no work"
-            )
-        return body, wrench
+    def _loaded(
+        self,
+        key: Quantity,
+        of_sample: Callable[..., Array],
+        shape: tuple[int, ...],
+        q: ArrayLike,
+        vectors: Mapping[str, ArrayLike],
+        *,
+        kernel_exists: bool = True,
+        asked: bool = False,
+        platform_moment: ArrayLike | None = None,
+        external_wrenches: Wrenches | None = None,
+        out: Array | None = None,
+        threads: int = 1,
+        on_error: str = "raise",
+    ) -> Array:
+        """A quantity under loads; `of_sample` is a function of arrays q, *vectors, wrenches."""
+        kernel = None
+        if kernel_exists and external_wrenches is None:
+            kernel = self.kernel(key)
+        if kernel is not None and not asked and on_error == "raise":
+            asked = _can_answer(kernel, shape, vectors, out)
+            if asked:
+                answer = _answer(kernel, shape, q, vectors, platform_moment, out, threads)
+                if answer is not None:
+                    return answer
+        wrenches = self.arguments.wrenches(platform_moment, external_wrenches, on_error, q)
+        samples: list[Array | None] = [*self.arguments.state(q, **vectors), wrenches]
+        axes = [1] * (len(samples) - 1) + [2]
+        if kernel_exists and wrenches is not None:
+            kernel = self.kernel(key._replace(loaded=True))
+        return self._computed(
+            of_sample,
+            samples,
+            axes,
+            shape,
+            kernel,
+            asked,
+            out=out,
+            threads=threads,
+            on_error=on_error,
+        )
 
-    def _arms(self, name: str, q: ArrayLike) -> Array:
-        """The way from the mass centre of a frame's body to the frame, in base axes, (..., 3).
-
-        What is wrong with q is found where the quantity itself is computed.
-        """
-        model, tree = self.mechanism.model, self.assembly.loops.tree
-        index = frame_id(model, name)
-        frame = model.frames[index]
-        # Axes of the body of the normal tree are those of the frame's parent joint.
-        from_centre = frame.placement.translation - model.inertias[frame.parentJoint].lever
-        body, data = tree.bodies[frame.parentJoint], tree.model.createData()
-
-        def one(q: Array) -> Array:
-            pin.forwardKinematics(tree.model, data, q)
-            return np.asarray(data.oMi[body].rotation @ from_centre)
-
-        on_tree = tree.factors * self.configurations(q)[..., tree.entries] + tree.offsets
-        return for_each_sample(one, [on_tree], (1,), (3,))
+    def _derivatives(
+        self,
+        kind: type[D],
+        name: Name,
+        of_sample: Callable[..., Array],
+        shape: tuple[int, int],
+        q: ArrayLike,
+        vectors: Mapping[str, ArrayLike],
+        *,
+        sign_width: float = 1e-3,
+        **options: Unpack[LoadOptions],
+    ) -> D:
+        """Derivatives of one kind, with the sign of Coulomb friction smoothed."""
+        key = Quantity(name, sign_width=positive_number("sign_width", sign_width))
+        kernel = self.kernel(key) if options.get("external_wrenches") is None else None
+        of_kernel = None
+        if kernel is not None and options.keys() <= {"external_wrenches"}:
+            of_kernel = kernel.derivatives
+        if of_kernel is not None:
+            result: D | None = of_kernel(kind, q, *vectors.values(), 1)
+            if result is not None:
+                return result
+        of_sample = partial(of_sample, sign_width=key.sign_width)
+        rows = self._loaded(
+            key, of_sample, shape, q, vectors, asked=of_kernel is not None, **options
+        )
+        n = self._n
+        rows = np.asarray(rows)
+        external = options.get("external_wrenches")
+        if isinstance(external, Mapping):
+            policy = options.get("on_error", "raise")
+            slope = self._slope_of_arms(external, q, policy)  # of forces by q
+            if kind is TorqueDerivatives:
+                rows[..., :n] -= slope
+            else:
+                inertia = self.reduced_terms(q, vectors["va"], on_error=policy).inertia
+                rows[..., :n] += np.linalg.solve(inertia, slope)
+        return kind(*np.split(rows, (n, 2 * n), axis=-1))
 
     def _slope_of_arms(
         self, wrenches: Mapping[str, ArrayLike], q: ArrayLike, on_error: str
@@ -477,40 +540,99 @@ class Engine(ClosedLoops):
 
         It is what derivatives for constant wrenches at the mass centres lack, shape (..., n, n).
         """
-        n = len(self.mechanism.coordinates)
-        slope = np.zeros((n, n))
+        slope = np.zeros((self._n, self._n))
         for name, value in wrenches.items():
-            _, wrench = self._at_frame(name, value, on_error)
-            arm = self._arms(name, q)
-            J = self.compute(Quantity("frame_jacobian", name), q, on_error=on_error)[..., 3:, :]
+            _, wrench = self.arguments.at_frame(name, value, on_error)
+            arm = self.arguments.arms(name, q)
+            J = self.frame_jacobian(q, name, on_error=on_error)[..., 3:, :]
             # An arm r of a body with the angular velocity w turns with w x r.
             turned = np.cross(J.mT, arm[..., None, :])
             moments = np.cross(turned, wrench[..., None, :3])
             slope = slope + J.mT @ moments.mT
         return slope
 
-    def closed(self, q: Array) -> Array:
-        """The closed configuration near q with the coordinates fixed, shape (nq,)."""
-        configuration = None if self.kernels is None else self.kernels.closed(q)
-        return super().closed(q) if configuration is None else configuration
+    def _computed(
+        self,
+        of_sample: Callable[..., Array],
+        samples: Sequence[Array | None],
+        axes: Sequence[int],
+        shape: tuple[int, ...],
+        kernel: Kernel | None,
+        asked: bool,
+        *,
+        out: Array | None,
+        threads: int,
+        on_error: str,
+    ) -> Array:
+        """Results of checked arrays: by the kernel, and by `of_sample` where it does not vouch.
 
-    def moved(self, q: Array, step: Array) -> Array:
-        """The configuration where the coordinates are a step further, in the same assembly mode."""
-        return self.reference.moved(q, step)
+        The numbers of axes of one sample are `axes`. `asked` says that the kernel was asked before:
+        one sample to which it gave no answer has failed its checks.
+        """
+        require_policy(on_error)
+        threads = whole_number("threads", threads, 1)
+        single = all(
+            array is None or array.ndim == count for array, count in zip(samples, axes, strict=True)
+        )
+        if single and asked and not _shares_memory(out, samples):
+            kernel = None
+        if single and kernel is None and out is None and on_error == "raise":
+            return of_sample(*samples)
+        hint = ""
+        if self.make_kernels is None:
+            hint = f"computing on the slow reference path; {FASTER}"
+        fill = None
+        if kernel is not None:
+            fill = partial(_fill, kernel, min(threads, sys.maxsize))
+        return for_each_sample(
+            of_sample, samples, axes, shape, on_error=on_error, out=out, fast=fill, hint=hint
+        )
 
 
-def _of_motion(arguments: Mapping[str, ArrayLike]) -> Iterator[ArrayLike]:
-    """The arguments with a number for each coordinate."""
-    return (value for name, value in arguments.items() if name != "tau")
+def _can_answer(
+    kernel: Kernel, shape: tuple[int, ...], vectors: Mapping[str, ArrayLike], out: Array | None
+) -> bool:
+    """Whether `Kernel.answer` takes this many arguments, and fills `out`, which has to be rows."""
+    return kernel.answer is not None and len(vectors) < 3 and (out is None or len(shape) == 1)
 
 
-def _loads(name: str, value: ArrayLike, shape: tuple[int, ...], on_error: str) -> Array:
-    """Loads; samples with a number that is not finite are refused, or NaN."""
-    if on_error != "nan":
-        return finite_array(name, value, shape)
-    array = as_array(name, value, shape)
-    axes = tuple(range(-len(shape), 0))
-    return np.where(np.isfinite(array).all(axis=axes, keepdims=True), array, np.nan)
+def _answer(
+    kernel: Kernel,
+    shape: tuple[int, ...],
+    q: ArrayLike,
+    vectors: Mapping[str, ArrayLike],
+    moment: ArrayLike | None,
+    out: Array | None,
+    threads: int,
+) -> Array | None:
+    """`Kernel.answer` in the shape of the quantity."""
+    a, b, *_ = *vectors.values(), None, None
+    result = kernel.answer(q, a, b, moment, out, threads) if kernel.answer else None
+    if result is not None and len(shape) > 1:
+        result.shape = (*result.shape[:-1], *shape)
+    return result
+
+
+def _shares_memory(out: object, samples: Sequence[Array | None]) -> bool:
+    """Whether `out` may be a part of an argument; kernels do not answer then."""
+    return isinstance(out, np.ndarray) and any(
+        array is not None and np.may_share_memory(array, out) for array in samples
+    )
+
+
+def _fill(kernel: Kernel, threads: int, flat: list[Array | None], result: Array) -> Indices:
+    """Fill results, shape (N, size), by a kernel; indices of the samples that it leaves."""
+    rows = []
+    for array in flat:
+        if array is not None:
+            numbers = int(np.prod(array.shape[1:]))
+            rows.append(np.require(array, float, "A").reshape(len(result), numbers))
+    return kernel.many(tuple(rows), result, threads)
+
+
+def _without_torques(of_sample: Callable[..., Array]) -> Callable[..., Array]:
+    """The function of q, va, aa, wrenches for one of q, va, aa, tau, wrenches."""
+    return lambda q, va, aa, wrenches: of_sample(q, va, aa, None, wrenches)
 
 
 def _unpickled(

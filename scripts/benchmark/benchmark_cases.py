@@ -118,7 +118,7 @@ def batches(chain: ClosedChain, motion: Motion, torques_only: bool = False) -> C
     calls: Calls = {"torques, batch": (lambda: ours(q, va, aa, **out), n)}
     if not torques_only:
         tau = np.zeros((n, len(chain.motor_names)))
-        row = np.empty((n, reactions.size_of(chain.mechanism)))
+        row = np.empty((n, len(reactions.names_of(chain.mechanism)), 6))
         cause = {"aa": aa} if out else {"tau": tau}
         calls["accelerations, batch"] = (lambda: chain.compute_accelerations(q, va, tau), n)
         calls["reactions, batch"] = (lambda: chain.reactions(q, va, out=row, **cause), n)

@@ -10,13 +10,13 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache, cached_property, partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from .. import engine
+from .. import engine, kernel_protocols
 from ..arrays import Array
 from ..dynamics.nonsmooth_rows import NonsmoothRows
 from ..dynamics.quantities import QUANTITIES, Name, Quantity
@@ -67,7 +67,7 @@ def compiled_engine(
 ) -> engine.Engine:
     """The engine of the same mechanism with kernels; see `ClosedChain.compile`."""
     reference, keys = before.reference, FIRST + DERIVATIVES if derivatives else FIRST
-    near = None if q is None else before.single(q)
+    near = None if q is None else before.loops.single(q)
     if near is not None:
         reference.rates(near, np.zeros(len(before.mechanism.coordinates)))
     if derivatives and reference.derivatives.axes_move:
@@ -100,7 +100,7 @@ class CompiledBackend:
         self._parameters = SymbolicParameters(self._mechanism)
         body = body_of(self._mechanism.model, platform)
         self._moment = -1 if body is None else 6 * body + 3  # after the force
-        self._kernels: dict[Quantity, engine.Kernel | None] = {}
+        self._kernels: dict[Quantity, kernel_protocols.Kernel | None] = {}
         self._equations: dict[tuple[bool, bool, bool], Equations] = {}
         self._codes: dict[Quantity, list[Code]] = {}
         self._why: dict[Quantity, str] = {}
@@ -135,7 +135,7 @@ class CompiledBackend:
                 self._stopped = True
                 raise
 
-    def kernel(self, key: Quantity) -> engine.Kernel | None:
+    def kernel(self, key: Quantity) -> kernel_protocols.Kernel | None:
         """The kernel of a quantity, as `Kernels.kernel`; may drop those of other widths."""
         if key in self._kernels:
             return self._kernels[key]
@@ -145,7 +145,7 @@ class CompiledBackend:
             smooth = [other for other in list(self._kernels) if other.sign_width is not None]
             for other in smooth if len(smooth) >= _WIDTHS else ():
                 self._kernels.pop(other, None)
-        kernel: engine.Kernel | None = None
+        kernel: kernel_protocols.Kernel | None = None
         if key.name == "accelerations":
             kernel = self._by_columns()
         elif key.name == "acceleration_derivatives":
@@ -178,7 +178,8 @@ class CompiledBackend:
 
     def states(self, friction: Friction) -> CompiledStates:
         """The state space with this friction instead of the mechanism's."""
-        closing, columns = self.kernel(Quantity("closing")), self._by_columns(friction)
+        closing = cast("Kernel | None", self.kernel(Quantity("closing")))
+        columns = self._by_columns(friction)
         rate, course = partial(self._rate, friction), partial(self._course, friction)
         derivatives = Quantity("acceleration_derivatives", sign_width=friction.sign_width)
         slopes = partial(self.kernel, derivatives)
@@ -292,7 +293,7 @@ class CompiledBackend:
         shape = tuple(sizes), outputs
         return self._binding.Kernel(*addresses, *shape, one, codes, loaded, many, self._moment)
 
-    def _rate(self, friction: Friction, loaded: bool) -> engine.Kernel | None:
+    def _rate(self, friction: Friction, loaded: bool) -> "Kernel | None":
         """Rates of the closed states next to some states."""
         return self._kernel(Quantity("rollout", loaded=loaded), "rate", friction)
 

@@ -17,8 +17,8 @@ from ..arrays import Array, Flags, Indices
 from ..dynamics.derivatives import AccelerationDerivatives
 from ..dynamics.dynamics import solved
 from ..dynamics.reference import Reference
-from ..engine import Kernel
 from ..errors import SSTError
+from ..kernel_protocols import Kernel
 from ..model.mechanism import Friction, Mechanism
 from ..states import RolloutArrays, States
 
@@ -43,9 +43,9 @@ class CompiledStates(States):
         self,
         reference: Reference,
         friction: Friction,
-        closing: Kernel | None,
+        closing: "BoundKernel | None",
         slopes: Callable[[], Kernel | None],
-        rate: Callable[[bool], Kernel | None],
+        rate: "Callable[[bool], BoundKernel | None]",
         course: "Callable[[bool], RolloutKernel | None]",
         by_columns: "ByColumns | None",
     ) -> None:
@@ -91,7 +91,7 @@ class CompiledStates(States):
         self, q: Array, va: Array, tau: Array, wrenches: Array | None
     ) -> Array:
         kernel, parts = self._slopes() if wrenches is None else None, None
-        if kernel is not None:
+        if kernel is not None and kernel.derivatives is not None:
             parts = kernel.derivatives(AccelerationDerivatives, q, va, tau, 1)
         if parts is None:
             return super()._acceleration_derivatives(q, va, tau, wrenches)
@@ -192,10 +192,9 @@ class ByColumns:
         self._inertial, self._rates = inertial, rates
         self._unit = np.eye(len(mechanism.coordinates))
 
-    def answer(self, *_: object) -> None:
-        """None, after which the engine calls `many`."""
-
-    derivatives = answer
+    #: It computes by `many` only.
+    answer = None
+    derivatives = None
 
     def many(self, arrays: tuple[Array, ...], out: Array, threads: int = 1) -> Indices:
         """Fill the accelerations; indices of samples that fail the checks of the kernels."""
@@ -248,10 +247,9 @@ class DerivativesByColumns:
         self._accelerations, self._forces = accelerations, forces
         self._driven = mechanism.motors[mechanism.coordinates]  # L^T B
 
-    def answer(self, *_: object) -> None:
-        """None, after which the engine calls `many`."""
-
-    derivatives = answer
+    #: It computes by `many` only.
+    answer = None
+    derivatives = None
 
     def many(self, arrays: tuple[Array, ...], out: Array, threads: int = 1) -> Indices:
         """Fill the derivatives; indices of samples that fail the checks of the kernels."""

@@ -105,7 +105,7 @@ def c_files(
     if precision not in STYLES:
         raise InputError("precision", f"{precision!r} is not one of {', '.join(STYLES)}")
     engine, style = chain.engine, STYLES[precision]
-    mechanism, q = engine.mechanism, engine.example()
+    mechanism, q = engine.mechanism, engine.loops.example()
     equations = Equations(mechanism, sample_configurations(engine.reference, q))
     numbers = equations.parameters.pack(mechanism, mechanism.friction)
     dynamics = "torques" if equations.driven else "forces"

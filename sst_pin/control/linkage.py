@@ -214,7 +214,7 @@ def _others(chain: ClosedChain, rates: Indices) -> list[str]:
     engine, space = chain.engine, chain.mechanism.space
     names = sorted(chain.coordinates, key=lambda name: name in chain.motor_names)
     groups = [space.rates_of([name]) for name in names]
-    Phi = scaled_Phi(engine.mechanism, engine.assembly.loops, chain.generic_configuration())
+    Phi = scaled_Phi(engine.mechanism, engine.loops.assembly.loops, chain.generic_configuration())
     chosen = choose_coordinates(engine.mechanism, Phi, [rates, *groups])
     free = np.setdiff1d(chosen, rates)
     return [name for name, group in zip(names, groups, strict=True) if np.isin(group, free).all()]

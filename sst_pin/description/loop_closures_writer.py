@@ -51,7 +51,7 @@ def write_loop_closures(chain: ClosedChain, path: str | Path, force: bool = Fals
     mechanism = chain.mechanism
     model = mechanism.model
     problems = [f"{line}: a force along a line" for line in mechanism.lines.forces]
-    if not chain.engine.are_closed(pin.neutral(model)):
+    if not chain.engine.loops.are_closed(pin.neutral(model)):
         problems.append("the loops are open at q = 0, where the file gives points and axes")
     hinges = []
     for closure in chain.closures:

@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, Flags, as_array
+from ..arrays import Array, Flags, as_array, require_fitting
 from ..errors import IndeterminateError, InputError, UnknownNameError
 from ..loops.rows import CouplingRow
 from ..model.closures import Brake, Constraint
@@ -262,8 +262,13 @@ def compliances_of(mechanism: Mechanism, stiffness: Mapping[str, ArrayLike]) -> 
     return compliances
 
 
-def unpacked(mechanism: Mechanism, rows: Array, relaxed: bool) -> Reactions:
-    """Reactions from the numbers of each sample in a row; what is not unique becomes NaN there."""
+def unpacked(
+    mechanism: Mechanism, rows: Array, relaxed: bool, out: Array | None = None
+) -> Reactions:
+    """Reactions from the numbers of each sample in a row; what is not unique becomes NaN.
+
+    `out` gets the wrenches of joints and closures, shape (..., r + closures, 6).
+    """
     names, r = names_of(mechanism), mechanism.model.njoints - 1
     count = 6 * len(names)
     values, ground, tau, codes = np.split(rows, [count, count + 6, -len(names)], axis=-1)
@@ -278,6 +283,10 @@ def unpacked(mechanism: Mechanism, rows: Array, relaxed: bool) -> Reactions:
     shape = (*rows.shape[:-1], len(names), 6)
     unique, elastic = (np.broadcast_to(x, values.shape).reshape(shape) for x in (~free, elastic))
     values = values.reshape(shape)
+    if out is not None:
+        require_fitting(out, shape)
+        out[...] = values
+        values = out
     of_closures = values[..., r:, :]
     brakes = {
         closure.name: of_closures[..., k, 2] + of_closures[..., k, 5]  # one of them is zero

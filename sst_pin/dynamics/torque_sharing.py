@@ -134,12 +134,12 @@ def shared_torques(
     return for_each_sample(one, arrays, (1, 2, 1), (motors,), on_error=on_error, out=out)
 
 
-def weights_of(mechanism: Mechanism, weights: ArrayLike) -> dict[str, Array]:
-    """Weights of the squared torques, positive, shape (motors,), as a keyword argument."""
+def weights_of(mechanism: Mechanism, weights: ArrayLike) -> Array:
+    """Weights of the squared torques, positive, shape (motors,)."""
     array = single_array("weights", weights, (mechanism.motors.shape[1],))
     if not (array > 0).all():
         raise InputError("weights", "must be positive")
-    return {"weights": array}
+    return array
 
 
 def limits_of(limits: ArrayLike, motors: int, name: str = "limits") -> Array:

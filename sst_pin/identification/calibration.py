@@ -269,7 +269,7 @@ def _with_systems(
                 raise InputError("measurements", problem)
             if model.existFrame(name):
                 continue
-            joint, place = (0, system.placed(chain.engine.placements(q, system.frame)))
+            joint, place = (0, system.placed(chain.engine.loops.placements(q, system.frame)))
             if not is_base:
                 joint, place = body.parentJoint, body.placement
             model.addFrame(pin.Frame(name, joint, place, pin.FrameType.OP_FRAME))
@@ -315,7 +315,7 @@ class _Fit:
         length = self._large.mechanism.length
         for system, part in zip(self._systems, np.split(q, self._ends), strict=True):
             frames = system.reference, system.end
-            places = [engine.placements(part, name) for name in frames]
+            places = [engine.loops.placements(part, name) for name in frames]
             J = [self._large.frame_jacobian(part, name)[..., self._columns] for name in frames]
             for each in system.rows(Sight(*places, *J)):
                 unit = 1.0 if each.turns else length

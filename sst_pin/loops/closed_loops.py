@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """`ClosedLoops`: configurations of a mechanism, and those that close its loops."""
 
-import threading
-from abc import ABC, abstractmethod
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -20,20 +19,22 @@ from .loops import Loops
 from .mobility import Mobility, condition_number, judge, scaled_Phi
 
 
-class ClosedLoops(ABC):
-    """Evaluates and closes the loops of one mechanism; it may be used from several threads."""
+class ClosedLoops:
+    """Evaluates and closes the loops of one mechanism; it may be used from several threads.
 
-    def __init__(self, mechanism: Mechanism) -> None:
-        self.mechanism, self._thread = mechanism, threading.local()
+    Args:
+        mechanism: The mechanism.
+        assembly: Returns the `Assembly` of the thread that calls, with its loops.
+    """
+
+    def __init__(self, mechanism: Mechanism, assembly: Callable[[], Assembly]) -> None:
+        self.mechanism = mechanism
+        self._assembly = assembly
 
     @property
     def assembly(self) -> Assembly:
         """Newton's method on the closures, of this thread."""
-        if not hasattr(self._thread, "assembly"):
-            loops = Loops(self.mechanism.model, self.mechanism.closures)
-            self._thread.assembly = Assembly(self.mechanism, loops)
-        assembly: Assembly = self._thread.assembly
-        return assembly
+        return self._assembly()
 
     def configurations(self, q: ArrayLike) -> Array:
         """One or many configurations, shape (..., nq)."""
@@ -47,7 +48,7 @@ class ClosedLoops(ABC):
 
     # --- at configurations ------------------------------------------------------------------
 
-    def loops_at(self, q: ArrayLike) -> Loops:
+    def at(self, q: ArrayLike) -> Loops:
         """This thread's loops, evaluated at one configuration."""
         array, loops = self.single(q), self.assembly.loops
         loops.evaluate(array)
@@ -56,7 +57,7 @@ class ClosedLoops(ABC):
     def residuals(self, q: Array) -> Array:
         """f(q) of Eq. (2), shape (..., rows)."""
         rows = (sum(len(closure.rows) for closure in self.mechanism.closures),)
-        return for_each_sample(lambda q: self.loops_at(q).f, [q], (1,), rows)
+        return for_each_sample(lambda q: self.at(q).f, [q], (1,), rows)
 
     def are_closed(self, q: Array) -> Flags:
         """Whether the loops are closed as far as the dynamics needs, shape (...)."""
@@ -68,7 +69,7 @@ class ClosedLoops(ABC):
         index, scale = frame_id(self.mechanism.model, frame), self.mechanism.row_scale
 
         def one(q: Array) -> Array:
-            loops = self.loops_at(q)
+            loops = self.at(q)
             loops.require_closed(scale)
             return np.asarray(loops.data.oMf[index].homogeneous)
 
@@ -89,7 +90,7 @@ class ClosedLoops(ABC):
         """Degrees of freedom and motors; see `ClosedChain.mobility`."""
         where = "a random assembled configuration" if q is None else "the configuration given"
         at = self.example() if q is None else self.single(q)
-        self.loops_at(at).require_closed(self.mechanism.row_scale)
+        self.at(at).require_closed(self.mechanism.row_scale)
         motions = finite_motions(self.assembly, at)
         return judge(self.mechanism, self.assembly.loops, at, where, motions)
 
@@ -103,7 +104,7 @@ class ClosedLoops(ABC):
         if q is None:
             return None
         try:
-            self.loops_at(q).require_closed(mechanism.row_scale)
+            self.at(q).require_closed(mechanism.row_scale)
         except ClosureError:
             return self.assembly.closed(q)
         return q
@@ -117,7 +118,3 @@ class ClosedLoops(ABC):
     def closed(self, q: Array) -> Array:
         """The closed configuration near q with the coordinates fixed, shape (nq,)."""
         return self.assembly.closed(q)
-
-    @abstractmethod
-    def moved(self, q: Array, step: Array) -> Array:
-        """The configuration where the coordinates are a step further, in the same assembly mode."""

@@ -4,6 +4,7 @@
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
+from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -30,16 +31,30 @@ from .closed_loops import ClosedLoops
 _FAR = 0.05
 
 
-def _pose(loops: ClosedLoops) -> Array:
+class Closer(Protocol):
+    """What closes loops and moves robots: an engine."""
+
+    @property
+    def loops(self) -> ClosedLoops:
+        """Evaluates and closes the loops."""
+
+    def closed(self, q: Array) -> Array:
+        """The closed configuration near q with the coordinates fixed, shape (nq,)."""
+
+    def moved(self, q: Array, step: Array) -> Array:
+        """The configuration where the coordinates are a step further, in the same assembly mode."""
+
+
+def _pose(closer: Closer) -> Array:
     """Home, even if its loops cannot be closed; `pin.neutral` without a home; shape (nq,)."""
     try:
-        home = loops.home
+        home = closer.loops.home
     except ClosureError:
-        home = home_of(loops.mechanism)
-    return pin.neutral(loops.mechanism.model) if home is None else home
+        home = home_of(closer.loops.mechanism)
+    return pin.neutral(closer.loops.mechanism.model) if home is None else home
 
 
-def start_of(loops: ClosedLoops, *, chosen: bool = False) -> Array:
+def start_of(closer: Closer, *, chosen: bool = False) -> Array:
     """The configuration where a robot starts, shape (nq,): home, else one near zero.
 
     Without a home the loops are closed near zero. If they cannot be closed there, the result is a
@@ -49,19 +64,19 @@ def start_of(loops: ClosedLoops, *, chosen: bool = False) -> Array:
         DescriptionWarning: If there is no home and the loops had to be closed; not with `chosen`,
             which says that the caller has chosen the assembly mode.
     """
-    q, model = _pose(loops), loops.mechanism.model
-    if loops.are_closed(q) or "home" in model.referenceConfigurations:
+    q, model = _pose(closer), closer.loops.mechanism.model
+    if closer.loops.are_closed(q) or "home" in model.referenceConfigurations:
         return q
     try:
-        q = loops.assembly.assemble(q, np.arange(model.nv))
+        q = closer.loops.assembly.assemble(q, np.arange(model.nv))
     except ClosureError:
         try:
-            q = loops.example()
+            q = closer.loops.example()
         except ClosureError:
             return q
     if not chosen:
         _warn(
-            loops,
+            closer,
             "no configuration is named home",
             "name a configuration home (an SRDF beside the URDF, a keyframe of an MJCF, or "
             'model.referenceConfigurations["home"]), or give positions of dependent joints too, '
@@ -71,7 +86,7 @@ def start_of(loops: ClosedLoops, *, chosen: bool = False) -> Array:
 
 
 def assemble(
-    loops: ClosedLoops,
+    closer: Closer,
     q: ArrayLike | Mapping[str, float],
     fixed: Sequence[str] | None = None,
     tries: int = 1,
@@ -80,15 +95,15 @@ def assemble(
 ) -> Array:
     """Configurations with closed loops near a guess; see `ClosedChain.assemble`."""
     tries, seed = whole_number("tries", tries, 1), whole_number("seed", seed, 0)
-    mechanism = loops.mechanism
+    mechanism = closer.loops.mechanism
     model, space = mechanism.model, mechanism.space
     if isinstance(q, Mapping):
         by_coordinates = set(q) <= set(mechanism.coordinate_names)
         if by_coordinates and fixed is None and tries == 1 and not limits:
-            return placed(loops, q)
+            return placed(closer, q)
         if fixed is None and not by_coordinates:
             fixed = list(q)
-        guess = put(space, _pose(loops), q)
+        guess = put(space, _pose(closer), q)
     else:
         guess = as_array("q", q, ())
     free = mechanism.dependent if fixed is None else _others(mechanism, names("fixed", fixed))
@@ -99,17 +114,15 @@ def assemble(
             guess = pin.integrate(model, pin.neutral(model), step)
         start = space.normalised(single_array("q", guess, (model.nq,)))
         if tries == 1 and not limits and np.array_equal(free, mechanism.dependent):
-            return loops.closed(start)
-        return loops.assembly.try_starts(start, free, tries, seed, limits=limits)
+            return closer.closed(start)
+        return closer.loops.assembly.try_starts(start, free, tries, seed, limits=limits)
 
     if guess.ndim > 1 and guess.shape[-1] in (model.nq, model.nv):
         return for_each_sample(one, [guess], (1,), (model.nq,))
     return one(guess)
 
 
-def placed(
-    loops: ClosedLoops, positions: Mapping[str, float], guess: ArrayLike | None = None
-) -> Array:
+def placed(closer: Closer, positions: Mapping[str, float], guess: ArrayLike | None = None) -> Array:
     """A configuration with closed loops where some joints have given positions, shape (nq,).
 
     `positions`, [rad] or [m], have names of joints that turn or slide. The other joints start from
@@ -122,43 +135,43 @@ def placed(
             the coordinates cannot be moved there without leaving it, or if a dependent joint ends
             at another position.
     """
-    mechanism, space = loops.mechanism, loops.mechanism.space
+    mechanism, space = closer.loops.mechanism, closer.loops.mechanism.space
     if guess is None:
-        start = start_of(loops, chosen=angles_and_lengths(space).keys() <= positions.keys())
+        start = start_of(closer, chosen=angles_and_lengths(space).keys() <= positions.keys())
     else:
         start = finite_array("start", guess, (mechanism.model.nq,))
     follows = set(positions) <= set(mechanism.coordinate_rate_names) and bool(
-        loops.are_closed(start)
+        closer.loops.are_closed(start)
     )
     if follows:
         try:
-            return loops.closed(put(space, _moved(loops, start, positions), positions))
+            return closer.closed(put(space, _moved(closer, start, positions), positions))
         except ClosureError as error:
             moved = ", ".join(positions)
             why = f"{moved} cannot be moved from the start to their positions ({error})"
     try:
-        q = _assembled(loops, start, positions)
+        q = _assembled(closer, start, positions)
         far = _far(mechanism, q, positions)
     except ClosureError:
         if guess is not None:
             raise
-        q = _assembled(loops, loops.example(), positions)
+        q = _assembled(closer, closer.loops.example(), positions)
         far = _far(mechanism, q, positions)
     if far and guess is None:
         with suppress(ClosureError):
-            other = _assembled(loops, loops.example(), positions)
+            other = _assembled(closer, closer.loops.example(), positions)
             if not _far(mechanism, other, positions):
                 return other
     if follows:
         _warn(
-            loops,
+            closer,
             why,
             "give a configuration near them as start, or positions of dependent joints too, as "
             "assemble({joint: position, ...}, fixed=[joints whose positions hold])",
         )
     elif far:
         _warn(
-            loops,
+            closer,
             f"no assembly was found with {listed(far)} at these coordinates",
             "correct these positions, or give those of other dependent joints",
         )
@@ -170,10 +183,11 @@ def _others(mechanism: Mechanism, fixed: Iterable[str]) -> Indices:
     return np.setdiff1d(np.arange(mechanism.model.nv), mechanism.space.rates_of(list(fixed)))
 
 
-def _assembled(loops: ClosedLoops, start: Array, positions: Mapping[str, float]) -> Array:
+def _assembled(closer: Closer, start: Array, positions: Mapping[str, float]) -> Array:
     """The assembly nearest to the start in which joints are at positions, or near these."""
-    guess = put(loops.mechanism.space, start, positions)
-    return loops.closed(loops.assembly.closer(guess, _others(loops.mechanism, positions)))
+    guess = put(closer.loops.mechanism.space, start, positions)
+    others = _others(closer.loops.mechanism, positions)
+    return closer.closed(closer.loops.assembly.closer(guess, others))
 
 
 def _far(mechanism: Mechanism, q: Array, positions: Mapping[str, float]) -> list[str]:
@@ -189,9 +203,9 @@ def _far(mechanism: Mechanism, q: Array, positions: Mapping[str, float]) -> list
     return far
 
 
-def _moved(loops: ClosedLoops, start: Array, positions: Mapping[str, float]) -> Array:
+def _moved(closer: Closer, start: Array, positions: Mapping[str, float]) -> Array:
     """The configuration, in the assembly mode of the start, where coordinates are at positions."""
-    mechanism, coordinates = loops.mechanism, list(positions)
+    mechanism, coordinates = closer.loops.mechanism, list(positions)
     step = np.zeros(len(mechanism.coordinates))
     before = taken(mechanism.space, start, coordinates)
     moves = np.array([positions[name] for name in coordinates]) - before
@@ -199,12 +213,12 @@ def _moved(loops: ClosedLoops, start: Array, positions: Mapping[str, float]) -> 
         endless = name not in mechanism.space.position_names
         turns = np.round(move / (2 * np.pi)) if endless else 0.0
         step[mechanism.coordinate_rate_names.index(name)] = move - 2 * np.pi * turns
-    return loops.moved(start, step)
+    return closer.moved(start, step)
 
 
-def _warn(loops: ClosedLoops, why: str, cure: str) -> None:
+def _warn(closer: Closer, why: str, cure: str) -> None:
     warn_caller(
-        f"model {loops.mechanism.model.name}: {why}, so an assembly mode was chosen. Other modes "
-        f"need other torques. Check the start; to choose it, {cure}",
+        f"model {closer.loops.mechanism.model.name}: {why}, so an assembly mode was chosen. Other "
+        f"modes need other torques. Check the start; to choose it, {cure}",
         DescriptionWarning,
     )

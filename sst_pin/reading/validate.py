@@ -163,7 +163,7 @@ def _mechanism(robot: RobotFile) -> tuple[list[Problem], str]:
         problems = [note("closures", str(caught.message)) for caught in caught_warnings]
         problems += _home(engine)
         try:
-            mobility = engine.mobility()
+            mobility = engine.loops.mobility()
         except ClosureError as caught:
             text = "only the start q = 0 leads to closed loops, so mobility is not computed"
             return [warning("closures", text), *problems], summary_of(robot.model, caught)
@@ -218,7 +218,7 @@ def _gap(robot: RobotFile, closures: Sequence[Constraint]) -> float:
         warnings.simplefilter("ignore", DescriptionWarning)  # `_mechanism` reports them
         engine = Engine(without_forces.mechanism())
     try:
-        engine.example()
+        engine.loops.example()
     except ClosureError as caught:
         # Examples start from displaced joints; some robots close only from q = 0 itself.
         model = engine.mechanism.model
@@ -236,9 +236,9 @@ def _home(engine: Engine) -> Iterator[Problem]:
     q = home_of(mechanism)
     if q is None or not len(mechanism.coordinates):
         return
-    gap = np.abs(engine.loops_at(q).f).max(initial=0.0)
+    gap = np.abs(engine.loops.at(q).f).max(initial=0.0)
     try:
-        change = pin.difference(mechanism.model, q, engine.home)
+        change = pin.difference(mechanism.model, q, engine.loops.home)
     except ClosureError:
         yield warning("home", f"cannot be closed: open by {gap:.3g} (m or rad); correct the pose")
         return
@@ -253,7 +253,7 @@ def _home(engine: Engine) -> Iterator[Problem]:
             f"{coordinates} fixed and moves {rate} by {change[largest]:.3g} {unit}; "
             "if the pose is right, a length or a frame is wrong",
         )
-    for finding in findings(engine, np.array([np.nan]), np.array([engine.home])):
+    for finding in findings(engine, np.array([np.nan]), np.array([engine.loops.home])):
         yield warning("home", str(finding))
 
 

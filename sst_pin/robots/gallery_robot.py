@@ -112,7 +112,7 @@ class GalleryRobot(ClosedChain):
             q = self.mechanism.space.normalised(q)
             gap, size = np.abs(self._pose(q) - pose)[self._rows], np.ones((4, 4))
             size[:3, 3] = self.mechanism.length
-            openings = np.abs(self.engine.assembly.loops.f)  # where `_pose` evaluated them
+            openings = np.abs(self.engine.loops.assembly.loops.f)  # where `_pose` evaluated them
             errors = np.append(gap / size[self._rows], openings * self.mechanism.row_scale)
             if errors.max() > CLOSURE_TOLERANCE:
                 raise WorkspaceError(
@@ -150,5 +150,5 @@ class GalleryRobot(ClosedChain):
 
     def _pose(self, q: Array) -> Array:
         """Pose of the platform, whether the loops are closed or not."""
-        data = self.engine.loops_at(q).data
+        data = self.engine.loops.at(q).data
         return np.asarray(data.oMf[frame_id(self._tree, "platform")].homogeneous)

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array
-from ..dynamics.quantities import Quantity
 from ..dynamics.reactions import Reactions
 from ..engine import Engine
 from ..errors import InputError, MissingExtraError
@@ -129,7 +128,7 @@ def reactions_along(
     require_motion(motion, engine.mechanism)
     q, va, tau = motion.q, motion.va, motion.tau
     w = engine.reactions(q, va, None, tau, stiffness)
-    aa = engine.compute(Quantity("accelerations"), q, va=va, tau=tau)
+    aa = engine.accelerations(q, va, tau)
     largest = np.abs(motion.aa).max(initial=0.0)
     if np.abs(aa - motion.aa).max(initial=0.0) > _DIFFERENCE * (1 + largest):
         raise InputError("motion", "other forces than its torques and the weights act on it")

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array, Flags, single_array
-from ..dynamics.quantities import Quantity
 from ..engine import Engine
 from ..model.mechanism import Mechanism
 from ..model.thresholds import CLOSURE_TOLERANCE
@@ -84,9 +83,9 @@ def findings(engine: Engine, t: Array, q: Array) -> Iterator[Finding]:
     out = np.maximum(ends[0] - q, q - ends[1]) > over_limits(mechanism)
     yield from outside("limits", space.position_names, space.position_units, t, q, out, ends)
     yield from _lengths(engine, t, q)
-    closed = engine.are_closed(q)
+    closed = engine.loops.are_closed(q)
     condition = np.ones(len(q))
-    condition[closed] = engine.condition_numbers(q[closed])
+    condition[closed] = engine.loops.condition_numbers(q[closed])
     problem = f"close to a singularity, condition number > {LARGEST_CONDITION:g}"
     far, limits = condition > LARGEST_CONDITION, (-np.inf, LARGEST_CONDITION)
     yield from singular(problem, mechanism.coordinate_names, t, condition, far, limits)
@@ -124,10 +123,10 @@ def findings_of_motion(engine: Engine, motion: Trajectory) -> Iterator[Finding]:
     of_joints, of_lines = (_limits(x) for x in (model.velocityLimit, [x.velocity for x in forces]))
     if not (np.isfinite(of_joints).any() or np.isfinite(of_lines).any()):
         return
-    regular = engine.are_closed(motion.q)
-    regular[regular] = engine.condition_numbers(motion.q[regular]) <= LARGEST_CONDITION
+    regular = engine.loops.are_closed(motion.q)
+    regular[regular] = engine.loops.condition_numbers(motion.q[regular]) <= LARGEST_CONDITION
     t, q = motion.t[regular], motion.q[regular]
-    v = engine.compute(Quantity("rates"), q, va=motion.va[regular])
+    v = engine.joint_rates(q, motion.va[regular])
     rate_units = [f"{unit}/s" for unit in units]
     yield from _beyond("velocities", names, rate_units, t, v, of_joints)
     rates = engine.line_rates(q, v)

@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, finite_array
-from ..dynamics.quantities import Quantity
 from ..engine import Engine, Robot
 from ..errors import ClosureError, DescriptionWarning, InputError, warn_caller
 from ..loops.start import placed
@@ -71,7 +70,7 @@ def motion_along(engine: Engine, t: Array, q: Array, x: Array) -> Trajectory:
     """The motion through configurations, shape (N, nq), with coordinates x, shape (N, n)."""
     curve = spline(t, x)
     va, aa = curve.derivative(1)(t), curve.derivative(2)(t)
-    tau = engine.compute(Quantity("torques"), q, va=va, aa=aa)
+    tau = engine.torques(q, va, aa)
     return trajectory_of(engine.mechanism, t, q, va, aa, tau)
 
 

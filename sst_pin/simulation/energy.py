@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, finite_array, for_each_sample
-from ..dynamics.quantities import Quantity
 from ..engine import Engine, Robot
 from ..errors import InputError
 from .samples import spline
@@ -39,7 +38,7 @@ class EnergyBalance(NamedTuple):
 
 def motor_rates(engine: Engine, q: ArrayLike, va: ArrayLike) -> Array:
     """Rates of the motors, shape (..., motors)."""
-    v, mechanism = engine.compute(Quantity("rates"), q, va=va), engine.mechanism
+    v, mechanism = engine.joint_rates(q, va), engine.mechanism
     return np.asarray(v @ mechanism.motors + engine.line_rates(q, v) @ mechanism.lines.motors)
 
 
@@ -50,7 +49,7 @@ def motor_powers(engine: Engine, motion: Trajectory) -> Array:
 
 def kinetic_energy(engine: Engine, q: ArrayLike, va: ArrayLike) -> Array:
     """Kinetic energy, shape (...), [J]."""
-    arrays = [engine.configurations(q), engine.compute(Quantity("rates"), q, va=va)]
+    arrays = [engine.loops.configurations(q), engine.joint_rates(q, va)]
     return for_each_sample(engine.reference.kinetic_energy, arrays, (1, 1), ())
 
 
@@ -62,7 +61,7 @@ def potential_energy(engine: Engine, q: ArrayLike) -> Array:
 
 def friction_power(engine: Engine, q: ArrayLike, va: ArrayLike) -> Array:
     """Power of friction in all joints, Eq. (87), and of dampers, shape (...), [W]."""
-    v, mechanism = engine.compute(Quantity("rates"), q, va=va), engine.mechanism
+    v, mechanism = engine.joint_rates(q, va), engine.mechanism
     _, _, damping, _ = mechanism.lines.numbers
     rates = engine.line_rates(q, v)
     if mechanism.lines.pull_only.any():

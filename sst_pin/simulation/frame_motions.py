@@ -58,7 +58,7 @@ def frame_motion(
     mechanism, size = engine.mechanism, (engine.mechanism.model.nq,)
     targets = targets_of(poses, len(times))
     kinds = (targets[0][0] is not None, targets[0][1] is not None)
-    guide = FrameGuide(mechanism, engine.example(), frame, *kinds)
+    guide = FrameGuide(mechanism, engine.loops.example(), frame, *kinds)
     guess = start_of(engine) if start is None else finite_array("start", start, size)
     last, q = assemble(engine, guess), np.empty((len(times), *size))
     for i, (p, R) in counted(enumerate(targets), "frame_motion", len(targets)):

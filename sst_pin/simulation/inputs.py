@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, as_array, positive_number, single_array
-from ..engine import Engine, Wrenches
+from ..engine import Engine
+from ..engine_arguments import Wrenches
 from ..errors import InputError
 from ..model.mechanism import Mechanism
 from .sampled_torques import (
@@ -141,7 +142,7 @@ def _wrenches(
 ) -> ExternalLoad:
     at_frames = isinstance(external_wrenches, Mapping)
     if not (callable(platform_moment) or callable(external_wrenches) or at_frames):
-        return engine.wrenches(platform_moment, external_wrenches, "raise")
+        return engine.arguments.wrenches(platform_moment, external_wrenches, "raise")
 
     def wrenches(t: float, q: Array, va: Array) -> Any:
         moment = platform_moment(t, q, va) if callable(platform_moment) else platform_moment
@@ -152,7 +153,7 @@ def _wrenches(
             raise InputError("platform_moment(t, q, va)", "None: three numbers are needed")
         if moment is None and not isinstance(others, Mapping):
             return others  # checked as one sample
-        return engine.wrenches(moment, others, "raise", q)
+        return engine.arguments.wrenches(moment, others, "raise", q)
 
     return wrenches
 

@@ -8,7 +8,6 @@ from typing import BinaryIO, TypeGuard
 import numpy as np
 
 from ..arrays import Array
-from ..dynamics.quantities import Quantity
 from ..engine import Engine
 from ..errors import ClosureError, FileFormatError, InputError
 from ..files import Table, read_table
@@ -177,7 +176,7 @@ def _motion_of(
             return motion
         q, va, aa = motion.q, motion.va, motion.aa
     if tau is None:
-        tau = engine.compute(Quantity("torques"), q, va=va, aa=aa)
+        tau = engine.torques(q, va, aa)
     return trajectory_of(mechanism, t, q, va, aa, tau)
 
 

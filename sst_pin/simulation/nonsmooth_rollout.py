@@ -27,7 +27,6 @@ from ..arrays import (
 from ..dynamics.impulses import SOLVED
 from ..dynamics.nonsmooth_rows import LARGEST_BEND, MotorGains, NonsmoothRows
 from ..dynamics.nonsmooth_step import Forces, NonsmoothArrays, NonsmoothStep, Step
-from ..dynamics.quantities import Quantity
 from ..dynamics.reference import Reference
 from ..engine import Engine
 from ..errors import InputError, SimulationError, SSTError
@@ -198,7 +197,7 @@ class _ReferenceMotion:
 
     def require_start(self, q: Array, va: Array) -> None:
         """Refuse open loops, and contacts, ropes and stops that are violated."""
-        self._engine.compute(Quantity("rates"), q, va=va)
+        self._engine.joint_rates(q, va)
         gaps = self._step_of(self._states).gaps(q)
         mechanism, rows = self._mechanism, self._rows
         names = [f"contact {x}" for x in mechanism.contacts.points]

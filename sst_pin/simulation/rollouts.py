@@ -22,7 +22,6 @@ from ..arrays import (
     single_array,
     whole_number,
 )
-from ..dynamics.quantities import Quantity
 from ..engine import Engine
 from ..errors import InputError, SimulationError
 from ..model.mechanism import Mechanism
@@ -97,7 +96,7 @@ def rollout(
         first = int(stopped[0])
         finite_array("tau", torques, (motors,))
         if reached[first] == 0:  # raises the error of a wrong start
-            engine.compute(Quantity("rates"), start, va=rates)
+            engine.joint_rates(start, rates)
         error = SimulationError(
             "the motion reached a singularity, diverged, or opened the loops (step too long)",
             reached[first] * step,

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, positive_number, single_array
-from ..dynamics.quantities import Quantity
 from ..engine import Engine
 from ..errors import InputError, SingularConfigurationError, SingularityWarning, warn_caller
 from ..model.closures import Rolling
@@ -83,7 +82,7 @@ def _start(
     va = single_array("va0", va0, (n,))
     condition = np.inf
     try:
-        engine.compute(Quantity("rates"), q, va=np.zeros(n))  # refuses open loops, bad coordinates
+        engine.joint_rates(q, np.zeros(n))  # refuses open loops, bad coordinates
         condition = states.condition_number(q)
     except SingularConfigurationError:
         if va.any():  # rates of dependent coordinates do not determine the motion

@@ -118,7 +118,7 @@ def warnings_of(robot: ClosedChain, motion: Trajectory | Array) -> list[str]:
     """Warnings for a motion or configuration: open loops, then the findings of `robot.check`."""
     t, q = samples_of(robot.mechanism, motion)
     residuals, lines = np.abs(robot.residual(q)).max(axis=1, initial=0.0), []
-    residuals[robot.engine.are_closed(q)] = 0.0
+    residuals[robot.engine.loops.are_closed(q)] = 0.0
     worst = int(residuals.argmax())
     if residuals[worst]:
         when = "" if np.isnan(t[worst]) else f" at t = {t[worst]:.6g} s"

@@ -58,4 +58,4 @@ def test_an_open_loop_is_refused_whichever_row_is_open():
     random, zero = np.random.default_rng(1), np.zeros(1)
     for _ in range(20):
         aside = q + 1e-5 * random.normal(size=3)
-        assert chain.engine.torques(aside, zero, zero, None, None, 1) is None
+        assert chain.engine.torque_kernel(aside, zero, zero, None, None, 1) is None

@@ -238,7 +238,7 @@ def test_a_batch_is_its_samples_and_may_leave_the_bad_out():
     many[0][1] += 0.1  # an open loop
     with pytest.raises(sst_pin.ClosureError, match="1 of 3 samples"):
         chain.reactions(*many[:2], tau=many[2])
-    out = np.empty((3, 7 * 5 + 6 + 2))
+    out = np.empty((3, 5, 6))
     w = chain.reactions(*many[:2], tau=many[2], on_error="nan", out=out)
     assert np.isnan(w.joints[1]).all()
     assert not w.determined.joints[1].any()

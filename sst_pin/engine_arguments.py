@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""`EngineArguments`: checks the arguments of an engine's methods."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from .arrays import Array, as_array, finite_array, for_each_sample
+from .errors import InputError
+from .loops.closed_loops import ClosedLoops
+from .model.mechanism import Mechanism
+from .model.tree import body_of, frame_id
+from .summaries import listed
+
+#: External wrenches: [force; moment] on all bodies at their mass centres, shape (..., r, 6), or a
+#: mapping from names of frames to [force; moment] at their origins, shapes (..., 6).
+Wrenches = ArrayLike | Mapping[str, ArrayLike]
+
+
+class EngineArguments:
+    """Turns arguments into arrays of the shapes of a mechanism, or refuses them.
+
+    Args:
+        mechanism: The mechanism.
+        loops: Its loops.
+        platform: Name of the frame whose body a `platform_moment` acts on.
+    """
+
+    def __init__(self, mechanism: Mechanism, loops: ClosedLoops, platform: str) -> None:
+        self._mechanism = mechanism
+        self._loops = loops
+        self._platform = platform
+
+    def state(self, q: ArrayLike, **others: ArrayLike) -> list[Array]:
+        """q, shape (..., nq), then the others: tau, shape (..., motors), or rates, (..., n)."""
+        mechanism = self._mechanism
+        of_motion = [value for name, value in others.items() if name != "tau"]
+        self._require_freedom_for(of_motion)
+        arrays = [as_array("q", q, (mechanism.model.nq,))]
+        for name, value in others.items():
+            if name == "tau":
+                arrays.append(as_array(name, value, (mechanism.motors.shape[1],)))
+            else:
+                arrays.append(self._of_coordinates(name, value))
+        return arrays
+
+    def _require_freedom_for(self, of_motion: list[ArrayLike]) -> None:
+        """Refuse a motion of a robot without coordinates; without one it may be at rest."""
+        mechanism = self._mechanism
+        if len(mechanism.coordinates):
+            return
+        if mechanism.example is None or any(np.size(value) for value in of_motion):
+            mechanism.require_freedom()
+
+    def _of_coordinates(self, name: str, value: ArrayLike) -> Array:
+        """A number for each rate of the coordinates, shape (..., n)."""
+        mechanism = self._mechanism
+        n = len(mechanism.coordinates)
+        try:
+            return as_array(name, value, (n,))
+        except InputError as error:
+            if n != mechanism.motors.shape[1]:  # the user may have thought of the motors
+                names = listed(mechanism.coordinate_rate_names)
+                error.args = (
+                    f"{error.args[0]}: one for each rate of the coordinates {names}; in another "
+                    "assembly make it home, or use chain.with_coordinates([...])",
+                )
+            raise
+
+    # --- loads ------------------------------------------------------------------------------
+
+    def wrenches(
+        self,
+        platform_moment: ArrayLike | None,
+        external_wrenches: Wrenches | None,
+        on_error: str,
+        q: ArrayLike | None = None,
+    ) -> Array | None:
+        """Wrenches on all bodies, shape (..., r, 6), with a moment on the platform, or None.
+
+        Wrenches at frames need the configurations q. Kernels leave out wrenches that do no work, so
+        numbers that are not finite are refused here.
+        """
+        model = self._mechanism.model
+        shape = model.njoints - 1, 6
+        wrenches = None
+        if isinstance(external_wrenches, Mapping):
+            wrenches = self._at_mass_centres(external_wrenches, q, on_error)
+        elif external_wrenches is not None:
+            wrenches = _finite_loads("external_wrenches", external_wrenches, shape, on_error)
+        if platform_moment is None:
+            return wrenches
+        body = body_of(model, self._platform)
+        if body is None:
+            cure = f'the robot has no body with a frame "{self._platform}"; use external_wrenches='
+            raise InputError("platform_moment", cure)
+        moment = _finite_loads("platform_moment", platform_moment, (3,), on_error)
+        on_platform = np.zeros((*moment.shape[:-1], *shape))
+        on_platform[..., body, 3:] = moment
+        return on_platform if wrenches is None else on_platform + wrenches
+
+    def _at_mass_centres(
+        self, wrenches: Mapping[str, ArrayLike], q: ArrayLike | None, on_error: str
+    ) -> Array:
+        """Wrenches at frames as wrenches on all bodies at their mass centres, shape (..., r, 6)."""
+        if q is None:
+            raise InputError(
+                "external_wrenches",
+                "wrenches at frames change with the pose at the mass centres, and are not possible "
+                "here; give an array of wrenches on the bodies at their mass centres",
+            )
+        size = self._mechanism.model.njoints - 1
+        on_bodies = np.zeros((size, 6))
+        for name, value in wrenches.items():
+            body, wrench = self.at_frame(name, value, on_error)
+            force, moment = wrench[..., :3], wrench[..., 3:]
+            arm = self.arms(name, q)
+            try:
+                shifted = moment + np.cross(arm, force)
+            except ValueError:
+                problem = f"shape {wrench.shape} does not fit q of shape {np.shape(q)}"
+                raise InputError(f"external_wrenches[{name!r}]", problem) from None
+            on_one = np.zeros((*shifted.shape[:-1], size, 6))
+            on_one[..., body, :3] = force
+            on_one[..., body, 3:] = shifted
+            try:
+                on_bodies = on_bodies + on_one
+            except ValueError:
+                problem = "wrenches of several frames have batches of different shapes"
+                raise InputError("external_wrenches", problem) from None
+        return on_bodies
+
+    def at_frame(self, name: str, value: ArrayLike, on_error: str) -> tuple[int, Array]:
+        """The body of a frame, from 0, and the wrench at the frame, shape (..., 6)."""
+        argument = f"external_wrenches[{name!r}]"
+        wrench = _finite_loads(argument, value, (6,), on_error)
+        frame_id(self._mechanism.model, name)  # refuses unknown names
+        body = body_of(self._mechanism.model, name)
+        if body is None:
+            raise InputError(
+                argument, "the frame is fixed to the base, where a wrench does no work"
+            )
+        return body, wrench
+
+    def arms(self, name: str, q: ArrayLike) -> Array:
+        """The way from the mass centre of a frame's body to the frame, in base axes, (..., 3).
+
+        What is wrong with q is found where the quantity itself is computed.
+        """
+        model, tree = self._mechanism.model, self._loops.assembly.loops.tree
+        index = frame_id(model, name)
+        frame = model.frames[index]
+        # Axes of the body of the normal tree are those of the frame's parent joint.
+        from_centre = frame.placement.translation - model.inertias[frame.parentJoint].lever
+        body, data = tree.bodies[frame.parentJoint], tree.model.createData()
+
+        def one(q: Array) -> Array:
+            pin.forwardKinematics(tree.model, data, q)
+            return np.asarray(data.oMi[body].rotation @ from_centre)
+
+        on_tree = tree.factors * self._loops.configurations(q)[..., tree.entries] + tree.offsets
+        return for_each_sample(one, [on_tree], (1,), (3,))
+
+
+def _finite_loads(name: str, value: ArrayLike, shape: tuple[int, ...], on_error: str) -> Array:
+    """Loads; samples with a number that is not finite are refused or, for "nan", NaN."""
+    if on_error != "nan":
+        return finite_array(name, value, shape)
+    array = as_array(name, value, shape)
+    axes = tuple(range(-len(shape), 0))
+    return np.where(np.isfinite(array).all(axis=axes, keepdims=True), array, np.nan)

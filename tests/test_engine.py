@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""`Engine`: which samples a kernel computes, and which the reference path."""
+
+import inspect
+
+import numpy as np
+import pytest
+
+from sst_pin import robots
+from sst_pin.arrays import Array
+from sst_pin.dynamics.quantities import QUANTITIES
+from sst_pin.engine import Engine
+
+
+class FailingKernel:
+    """A kernel that vouches for no sample, and notes how it was asked."""
+
+    def __init__(self) -> None:
+        self.calls = list[str]()
+
+    def answer(self, a, b, c, load, out, threads):
+        self.calls.append("answer")
+
+    def derivatives(self, kind, a, b, c, threads):
+        self.calls.append("derivatives")
+
+    def many(self, arrays, out, threads=1):
+        self.calls.append("many")
+        return np.arange(len(out))
+
+
+class FailingKernels:
+    """All kernels of a robot, the same object."""
+
+    def __init__(self) -> None:
+        self.one = FailingKernel()
+
+    def kernel(self, key):
+        return self.one
+
+    def __str__(self):
+        return "kernels that fail"
+
+
+@pytest.fixture
+def engines():
+    reference = robots.five_bar().engine
+    kernels = FailingKernels()
+    return reference, Engine(reference.mechanism, None, kernels), kernels.one.calls
+
+
+#: Methods with arguments, in the order of the engine's signatures.
+METHODS = {
+    "torques": ("va", "aa"),
+    "generalized_forces": ("va", "aa"),
+    "accelerations": ("va", "tau"),
+    "torque_derivatives": ("va", "aa"),
+    "acceleration_derivatives": ("va", "tau"),
+    "torque_regressor": ("va", "aa"),
+    "joint_rates": ("va",),
+    "joint_accelerations": ("va", "aa"),
+    "actuator_jacobian": (),
+}
+NUMBERS = {"va": [0.3, -0.2], "aa": [0.5, 0.1], "tau": [0.02, -0.03]}
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_sample_that_fails_asks_its_kernel_once(engines, name: str) -> None:
+    reference, engine, calls = engines
+    arguments = [reference.loops.home, *(np.array(NUMBERS[x]) for x in METHODS[name])]
+    expected = getattr(reference, name)(*arguments)
+    result = getattr(engine, name)(*arguments)
+    assert len(calls) == 1
+    assert np.array_equal(np.concatenate(result, axis=None), np.concatenate(expected, axis=None))
+
+
+def test_a_sample_whose_result_overwrites_an_argument_is_asked_as_a_batch(engines) -> None:
+    """`Kernel.answer` refuses such arguments unseen."""
+    reference, engine, calls = engines
+    q, va, aa = reference.loops.home, np.array(NUMBERS["va"]), np.array(NUMBERS["aa"])
+    expected = reference.torques(q, va, aa)
+    result = engine.torques(q, va, aa, out=aa)
+    assert calls == ["answer", "many"]
+    assert result is aa
+    assert np.array_equal(result, expected)
+
+
+def test_every_quantity_with_kernels_has_a_typed_method() -> None:
+    """Rates are called joint_rates; those of integrators are in `states`."""
+    names = set(QUANTITIES) - {"rates", "closing", "rollout"}
+    for name in names | {"joint_rates"}:
+        returned = inspect.signature(getattr(Engine, name)).return_annotation
+        assert returned not in (inspect.Signature.empty, "Any"), name
+
+
+def test_the_loops_of_a_thread_have_one_owner(engines) -> None:
+    engine = engines[0]
+    assert engine.loops.assembly is engine.reference.context.assembly
+    assert engine.loops.at(engine.loops.home) is engine.reference.context.loops
+
+
+def test_out_of_reactions_has_the_wrenches() -> None:
+    chain = robots.four_bar()
+    out: Array = np.empty((2, 4, 6))
+    w = chain.reactions(np.tile(chain.home, (2, 1)), [0.1], [0.2], out=out)
+    assert np.shares_memory(w.joints, out)
+    assert np.array_equal(out, np.concatenate([w.joints, w.closures], axis=1), equal_nan=True)
+    assert np.isnan(out).any()
