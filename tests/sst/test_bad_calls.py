@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import sst_pin
-from sst_pin.errors import SSTError
+from sst_pin.errors import InputError, SSTError
 from sst_pin.simulation.motion_files import read_motion
 from sst_pin.sst.star_tables import star_motion
 from tests.support.bad_calls import faults
@@ -16,84 +16,114 @@ from tests.support.bad_calls import faults
 T = np.linspace(0, 0.1, 8)
 R = sst_pin.paper_circle(T).R
 PARAMETERS = sst_pin.Parameters()
-BODY = {"mass": 2.6, "center_of_mass": np.full(3, 0.1), "inertia": np.eye(3), "at": np.ones(3)}
+NAMES = inspect.signature(sst_pin.Parameters).parameters
 
 
 def star(mass: "float", center_of_mass: "ArrayLike", inertia: "ArrayLike"):  # noqa: F821
+    """Parameters with this star; the annotations tell `faults` which values are wrong."""
     return sst_pin.Parameters(star=sst_pin.sst.RigidBody(mass, center_of_mass, inertia))
 
 
-CALLS = {
-    "Parameters": (
+BODY = {"mass": 2.6, "center_of_mass": np.full(3, 0.1), "inertia": np.eye(3)}
+#: Functions, each with good arguments.
+CALLS = [
+    (
         sst_pin.Parameters,
-        {n: getattr(PARAMETERS, n, None) for n in inspect.signature(sst_pin.Parameters).parameters},
+        {
+            name: getattr(PARAMETERS, name)
+            for name in inspect.signature(sst_pin.Parameters).parameters
+        },
     ),
-    "with_payload": (PARAMETERS.with_payload, BODY),
-    "star": (star, BODY),
-    "interpolate_orientations": (
-        sst_pin.sst.interpolate_orientations,
-        {"t": T, "R": R, "at": 0.05},
-    ),
-    "orientation_path": (sst_pin.sst.orientation_path, {"R": R, "count": 5}),
-    "paper_circle": (sst_pin.paper_circle, {"t": 0.1}),
-    "orientation": (sst_pin.sst.orientation, {"theta": 0.1, "phi": 0.1, "psi": 0.1}),
-    "orientation_motion": (
+    (PARAMETERS.with_payload, {"mass": 2.6, "at": np.ones(3), "inertia": np.eye(3)}),
+    (star, BODY),
+    (sst_pin.paper_circle, {"t": 0.1}),
+    (sst_pin.sst.interpolate_orientations, {"t": T, "R": R, "at": 0.05}),
+    (sst_pin.sst.orientation_path, {"R": R, "count": 5}),
+    (sst_pin.sst.orientation, {"theta": 0.1, "phi": 0.1, "psi": 0.1}),
+    (
         sst_pin.sst.orientation_motion,
-        dict.fromkeys(("theta", "phi", "psi"), np.ones((3, 2))),
+        {"theta": np.ones((3, 2)), "phi": np.ones((3, 2)), "psi": np.ones((3, 2))},
     ),
+]
+
+
+@pytest.mark.parametrize(("function", "good"), CALLS, ids=lambda x: getattr(x, "__name__", ""))
+def test_functions_refuse_each_argument_that_is_wrong(function, good):
+    assert faults(function, good) == []
+
+
+#: Every other orientation is turned by half a turn about its x axis.
+HALF_TURNS = R.copy()
+HALF_TURNS[1::2] = R[1::2] @ np.diag([1.0, -1.0, -1.0])
+
+#: Times, orientations at these times, and times at which the orientation is wanted.
+NO_INTERPOLATION = {
+    "two samples": (T[:2], R[:2], 0.0),
+    "a time without an orientation": (T, R[:-1], T),
+    "one orientation": (T, R[0], T),
+    "reflections": (T, R * np.array([1, 1, -1]), T),
+    "matrices twice as large": (T, 2 * R, T),
+    "matrices that are not orthogonal": (T, R + 0.01, T),
+    "zeros": (T, 0 * R, T),
+    "decreasing times": (T[::-1], R, T),
+    "half turns between samples": (T, HALF_TURNS, T),
+    "a time before the first": (T, R, [-1.0]),
+    "a time after the last": (T, R, [0.2]),
+    "times with another axis": (T[None], R, T),
+    "orientations with another axis": (T, R[None], T),
 }
 
 
-@pytest.mark.parametrize("name", CALLS)
-def test_functions_refuse_bad_arguments(name):
-    assert faults(*CALLS[name]) == []
+@pytest.mark.parametrize("case", NO_INTERPOLATION)
+def test_orientations_are_interpolated_between_rotations_at_increasing_times(case):
+    with pytest.raises(InputError):
+        sst_pin.sst.interpolate_orientations(*NO_INTERPOLATION[case])
 
 
-HALF_TURNS = R @ np.diag([1.0, -1, -1]) ** np.arange(8)[:, None, None]
+NO_ROTATIONS = {
+    "a reflection": np.eye(3)[::-1],
+    "twice a rotation": 2 * np.eye(3),
+    "zeros": np.zeros((3, 3)),
+    "a matrix that is not orthogonal": np.eye(3) + 0.01,
+}
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        *((T[:2], R[:2], 0.0), (T, R[:-1], T), (T, R[0], T), (T, R * np.array([1, 1, -1]), T)),
-        *((T, 2 * R, T), (T, R + 0.01, T), (T, 0 * R, T), (T[::-1], R, T), (T, HALF_TURNS, T)),
-        *((T, R, [-1.0]), (T, R, [0.2]), (T[None], R, T), (T, R[None], T)),
-    ],
-)
-def test_orientations_are_interpolated_between_rotations_at_increasing_times(arguments):
-    with pytest.raises(SSTError):
-        sst_pin.sst.interpolate_orientations(*arguments)
-
-
-@pytest.mark.parametrize("turned", [np.eye(3)[::-1], 2 * np.eye(3), 0 * R[0], np.eye(3) + 0.01])
-def test_inverse_kinematics_takes_rotations_alone(robot, turned):
-    with pytest.raises(SSTError):
-        robot.inverse_kinematics(turned)
+@pytest.mark.parametrize("case", NO_ROTATIONS)
+def test_inverse_kinematics_takes_rotations_alone(robot, case):
+    with pytest.raises(InputError, match="pose"):
+        robot.inverse_kinematics(NO_ROTATIONS[case])
 
 
 @pytest.mark.parametrize("branch", [(1, 1, 0), (1, 1, 2), (1, 1), (0.5, 1, 1)])
 def test_a_branch_is_three_signs(robot, branch):
-    with pytest.raises(SSTError):
-        robot.inverse_kinematics(np.eye(3), branch)
+    with pytest.raises(InputError, match="branch"):
+        robot.inverse_kinematics(R[0], branch)
 
 
-STILL = np.column_stack([np.arange(6) * 0.01, np.tile((1.0, 0, 0, 0), (6, 1))])
-TURNED = STILL.copy()
-TURNED[3, 1:] = (0.0, 1, 0, 0)
+TIMES = 0.01 * np.arange(6.0)
+AT_REST = np.tile((1.0, 0.0, 0.0, 0.0), (6, 1))
+HALF_A_TURN = AT_REST.copy()
+HALF_A_TURN[3] = (0.0, 1.0, 0.0, 0.0)
+QUATERNION = "t_s,qw,qx,qy,qz"
+
+#: Headers of tables, and their columns after the times.
+NO_MOTIONS = {
+    "quaternions of length zero": (QUATERNION, 0 * AT_REST),
+    "quaternions too short to normalise": (QUATERNION, AT_REST * (1e-318, 1, 1, 1)),
+    "half a turn between two samples": (QUATERNION, HALF_A_TURN),
+    "one angle of three": ("t_s,theta_rad", AT_REST[:, :1]),
+    "one angle twice": ("t_s,theta_rad,theta_deg,phi_rad", AT_REST[:, :3]),
+    "angles that are too large": (
+        "t_s,gamma_1_rad,gamma_2_rad,gamma_3_rad",
+        np.outer(TIMES, np.full(3, 1e300)),
+    ),
+}
 
 
-@pytest.mark.parametrize(
-    ("header", "rows"),
-    [
-        ("t_s,qw,qx,qy,qz", STILL * (1, 0, 0, 0, 0)),
-        ("t_s,qw,qx,qy,qz", TURNED),  # half a turn between two samples
-        ("t_s,qw,qx,qy,qz", STILL * (1e-318, 1, 1, 1, 1)),
-        ("t_s,theta_rad", STILL[:, :2]),
-        ("t_s,theta_rad,theta_deg,phi_rad", STILL[:, :4]),
-        ("t_s,gamma_1_rad,gamma_2_rad,gamma_3_rad", STILL[:, [0, 0, 0, 0]] * (1, *[1e300] * 3)),
-    ],
-)
-def test_tables_that_hold_no_motion_of_the_star_are_refused(robot, here, header, rows):
+@pytest.mark.parametrize("case", NO_MOTIONS)
+def test_tables_without_a_motion_of_the_star_are_refused(robot, here, case):
+    header, columns = NO_MOTIONS[case]
+    rows = np.column_stack([TIMES, columns])
     np.savetxt("a.csv", rows, "%r", ",", header=header, comments="")
     with pytest.raises(SSTError):
         read_motion(robot.engine, "a.csv", partial(star_motion, robot))
