@@ -173,6 +173,8 @@ def whole_number(name: str, value: int, least: int) -> int:
 
 def positive_number(name: str, value: float, *, or_zero: bool = False) -> float:
     """A finite number above 0, or 0 where it may be."""
+    if isinstance(value, float) and 0 < value < np.inf:
+        return float(value)  # in a tenth of the time of the checks of anything else
     number = float(single_array(name, value, ()))
     if number < 0 or (number == 0 and not or_zero):
         raise InputError(name, f"{number:g} is {'below' if or_zero else 'not above'} 0")
