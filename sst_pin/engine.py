@@ -6,7 +6,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from typing import TYPE_CHECKING, Any, Protocol, TypedDict, TypeVar
 
 import numpy as np
@@ -46,6 +46,11 @@ if TYPE_CHECKING:
     from typing_extensions import Unpack
 
 D = TypeVar("D", TorqueDerivatives, AccelerationDerivatives)
+
+#: `Quantity`, made once for each name: making one takes as long as a small kernel.
+_key = cache(Quantity)
+#: For a number of vectors, what `Kernel.answer` gets in place of the others.
+_ABSENT: Mapping[int, tuple[None, ...]] = {0: (None, None), 1: (None,), 2: ()}
 
 
 class Options(TypedDict, total=False):
@@ -111,7 +116,6 @@ class Engine:
         self.arguments = EngineArguments(mechanism, self.loops, platform)
         self._n = len(mechanism.coordinates)
         self._motors = mechanism.motors.shape[1]
-        self._frames = dict[str, int]()
         if kernels is not None:
             self._kernels = kernels
 
@@ -180,7 +184,7 @@ class Engine:
 
         `asked` says that `torque_kernel` was asked before and gave no answer.
         """
-        of_sample: Callable[..., Array] = self.reference.torques
+        of_sample: Callable[..., Array] = Reference.torques
         if weights is not None:
             of_sample = partial(of_sample, weights=weights_of(self.mechanism, weights))
         return self._loaded(
@@ -204,7 +208,7 @@ class Engine:
         **options: Unpack[LoadOptions],
     ) -> Array:
         """Forces along the coordinates that a motion needs, shape (..., n); `asked` as above."""
-        key, of_sample = Quantity("generalized_forces"), self.reference.generalized_forces
+        key, of_sample = _key("generalized_forces"), Reference.generalized_forces
         vectors = {"va": va, "aa": aa}
         return self._loaded(key, of_sample, (self._n,), q, vectors, asked=asked, **options)
 
@@ -218,7 +222,7 @@ class Engine:
         **options: Unpack[LoadOptions],
     ) -> Array:
         """Accelerations of the coordinates for torques, shape (..., n); `asked` as above."""
-        key, of_sample = Quantity("accelerations"), self.reference.accelerations
+        key, of_sample = Quantity("accelerations"), Reference.accelerations
         vectors = {"va": va, "tau": tau}
         return self._loaded(key, of_sample, (self._n,), q, vectors, asked=asked, **options)
 
@@ -227,7 +231,7 @@ class Engine:
     ) -> ReducedTerms:
         """Mass matrix, Coriolis matrix, gravity and friction in the coordinates."""
         n = self._n
-        key, of_sample = Quantity("reduced_terms"), self.reference.reduced_terms
+        key, of_sample = _key("reduced_terms"), Reference.reduced_terms
         rows = self._plain(key, of_sample, (2 * n * (n + 1),), q, {"va": va}, **options)
         return ReducedTerms.of_rows(rows, n)
 
@@ -235,7 +239,7 @@ class Engine:
         self, q: ArrayLike, va: ArrayLike, aa: ArrayLike, **options: Unpack[Options]
     ) -> Array:
         """Y, shape (..., n, p): generalized forces are Y times the dynamic parameters."""
-        key, of_sample = Quantity("torque_regressor"), self.reference.torque_regressor
+        key, of_sample = _key("torque_regressor"), Reference.torque_regressor
         shape = self._n, regressor.size_of(self.mechanism)
         return self._plain(key, of_sample, shape, q, {"va": va, "aa": aa}, **options)
 
@@ -257,7 +261,7 @@ class Engine:
             raise InputError("aa, tau", "one of them is needed, not both")
         elif not one_to_one:
             tau = self.torques(q, va, aa, **options)
-        of_sample: Callable[..., Array] = self.reference.reactions
+        of_sample: Callable[..., Array] = Reference.reactions
         if stiffness is not None:
             compliances = compliances_of(self.mechanism, stiffness)
             of_sample = partial(of_sample, compliances=compliances)
@@ -286,7 +290,7 @@ class Engine:
         return self._derivatives(
             TorqueDerivatives,
             "torque_derivatives",
-            self.reference.torque_derivatives,
+            Reference.torque_derivatives,
             (self._n, 3 * self._n),
             q,
             {"va": va, "aa": aa},
@@ -300,7 +304,7 @@ class Engine:
         return self._derivatives(
             AccelerationDerivatives,
             "acceleration_derivatives",
-            self.reference.acceleration_derivatives,
+            Reference.acceleration_derivatives,
             (self._n, 2 * self._n + self._motors),
             q,
             {"va": va, "tau": tau},
@@ -309,7 +313,7 @@ class Engine:
 
     def displacement_rates(self, q: ArrayLike, va: ArrayLike, **options: Unpack[Options]) -> Array:
         """Rates of a displacement that moving joint axes cause, shape (..., n, n)."""
-        key, of_sample = Quantity("displacement_rates"), self.reference.displacement_rates
+        key, of_sample = _key("displacement_rates"), Reference.displacement_rates
         return self._plain(key, of_sample, (self._n, self._n), q, {"va": va}, **options)
 
     # --- kinematics -------------------------------------------------------------------------
@@ -317,51 +321,45 @@ class Engine:
     def joint_rates(self, q: ArrayLike, va: ArrayLike) -> Array:
         """Rates of all joints, v = L va, shape (..., nv)."""
         shape = (self.mechanism.model.nv,)
-        return self._plain(Quantity("rates"), self.reference.rates, shape, q, {"va": va})
+        return self._plain(_key("rates"), Reference.rates, shape, q, {"va": va})
 
     def joint_accelerations(self, q: ArrayLike, va: ArrayLike, aa: ArrayLike) -> Array:
         """Accelerations of all joints, L aa + L_dot va, shape (..., nv)."""
-        key, of_sample = Quantity("joint_accelerations"), self.reference.joint_accelerations
+        key, of_sample = _key("joint_accelerations"), Reference.joint_accelerations
         shape = (self.mechanism.model.nv,)
         return self._plain(key, of_sample, shape, q, {"va": va, "aa": aa})
 
     def actuator_jacobian(self, q: ArrayLike, **options: Unpack[Options]) -> Array:
         """J, shape (..., motors, n): the motors' rates are J va."""
-        key, of_sample = Quantity("actuator_jacobian"), self.reference.actuator_jacobian
+        key, of_sample = _key("actuator_jacobian"), Reference.actuator_jacobian
         return self._plain(key, of_sample, (self._motors, self._n), q, {}, **options)
 
     def frame_jacobian(self, q: ArrayLike, frame: str, **options: Unpack[Options]) -> Array:
         """J, shape (..., 6, n): a frame's [linear; angular] velocity is J va."""
-        index = self._frame(frame)
-        of_sample = partial(self.reference.frame_jacobian, frame=index)
-        return self._plain(
-            Quantity("frame_jacobian", frame), of_sample, (6, self._n), q, {}, **options
-        )
+        key, of_sample = Quantity("frame_jacobian", frame), Reference.frame_jacobian
+        return self._plain(key, of_sample, (6, self._n), q, {}, **options)
 
     def frame_jacobian_rate(
         self, q: ArrayLike, va: ArrayLike, frame: str, **options: Unpack[Options]
     ) -> Array:
         """Rate of `frame_jacobian` along a motion, shape (..., 6, n)."""
-        of_sample = partial(self.reference.frame_jacobian_rate, frame=self._frame(frame))
-        key = Quantity("frame_jacobian_rate", frame)
+        key, of_sample = Quantity("frame_jacobian_rate", frame), Reference.frame_jacobian_rate
         return self._plain(key, of_sample, (6, self._n), q, {"va": va}, **options)
 
     def frame_drift(
         self, q: ArrayLike, va: ArrayLike, frame: str, **options: Unpack[Options]
     ) -> Array:
         """[linear; angular] acceleration of a frame for aa = 0, shape (..., 6)."""
-        of_sample = partial(self.reference.frame_drift, frame=self._frame(frame))
-        return self._plain(
-            Quantity("frame_drift", frame), of_sample, (6,), q, {"va": va}, **options
-        )
+        key, of_sample = Quantity("frame_drift", frame), Reference.frame_drift
+        return self._plain(key, of_sample, (6,), q, {"va": va}, **options)
 
     def frame_velocity_derivatives(
         self, q: ArrayLike, va: ArrayLike, frame: str, **options: Unpack[Options]
     ) -> FrameVelocityDerivatives:
         """Derivatives of a frame's velocity by q and va; `out` has them side by side."""
-        of_sample = partial(self.reference.frame_velocity_derivatives, frame=self._frame(frame))
-        key, shape = Quantity("frame_velocity_derivatives", frame), (6, 2 * self._n)
-        rows = self._plain(key, of_sample, shape, q, {"va": va}, **options)
+        key = Quantity("frame_velocity_derivatives", frame)
+        of_sample = Reference.frame_velocity_derivatives
+        rows = self._plain(key, of_sample, (6, 2 * self._n), q, {"va": va}, **options)
         return FrameVelocityDerivatives(*np.split(rows, [self._n], axis=-1))
 
     # --- quantities without kernels ---------------------------------------------------------
@@ -409,13 +407,6 @@ class Engine:
 
     # --- kernel or reference path -----------------------------------------------------------
 
-    def _frame(self, name: str) -> int:
-        """Index of a frame."""
-        index = self._frames.get(name) if isinstance(name, str) else None
-        if index is None:
-            index = self._frames[name] = frame_id(self.mechanism.model, name)
-        return index
-
     def _plain(
         self,
         key: Quantity,
@@ -428,15 +419,17 @@ class Engine:
         threads: int = 1,
         on_error: str = "raise",
     ) -> Array:
-        """A quantity without loads; `of_sample` is a function of arrays q, *vectors."""
-        kernel = self.kernel(key)
-        asked = (
-            kernel is not None and on_error == "raise" and _can_answer(kernel, shape, vectors, out)
-        )
-        if kernel is not None and asked:
-            answer = _answer(kernel, shape, q, vectors, None, out, threads)
+        """A quantity without loads; `of_sample` is a method of `Reference` for q, *vectors."""
+        kernel = None
+        asked = False
+        if key.frame is None or isinstance(key.frame, str):  # `frame_id` refuses other types below
+            kernel = self.kernel(key)
+        if kernel is not None and on_error == "raise":
+            asked, answer = _answer(kernel, shape, q, vectors, None, out, threads)
             if answer is not None:
                 return answer
+        if key.frame is not None:
+            of_sample = partial(of_sample, frame=frame_id(self.mechanism.model, key.frame))
         samples = self.arguments.state(q, **vectors)
         axes = [1] * len(samples)
         return self._computed(
@@ -467,16 +460,14 @@ class Engine:
         threads: int = 1,
         on_error: str = "raise",
     ) -> Array:
-        """A quantity under loads; `of_sample` is a function of arrays q, *vectors, wrenches."""
+        """A quantity under loads; `of_sample` is a method for q, *vectors, wrenches."""
         kernel = None
         if kernel_exists and external_wrenches is None:
             kernel = self.kernel(key)
         if kernel is not None and not asked and on_error == "raise":
-            asked = _can_answer(kernel, shape, vectors, out)
-            if asked:
-                answer = _answer(kernel, shape, q, vectors, platform_moment, out, threads)
-                if answer is not None:
-                    return answer
+            asked, answer = _answer(kernel, shape, q, vectors, platform_moment, out, threads)
+            if answer is not None:
+                return answer
         wrenches = self.arguments.wrenches(platform_moment, external_wrenches, on_error, q)
         samples: list[Array | None] = [*self.arguments.state(q, **vectors), wrenches]
         axes = [1] * (len(samples) - 1) + [2]
@@ -503,29 +494,36 @@ class Engine:
         q: ArrayLike,
         vectors: Mapping[str, ArrayLike],
         *,
+        external_wrenches: Wrenches | None = None,
         sign_width: float = 1e-3,
-        **options: Unpack[LoadOptions],
+        **options: Unpack[Options],
     ) -> D:
         """Derivatives of one kind, with the sign of Coulomb friction smoothed."""
         key = Quantity(name, sign_width=positive_number("sign_width", sign_width))
-        kernel = self.kernel(key) if options.get("external_wrenches") is None else None
         of_kernel = None
-        if kernel is not None and options.keys() <= {"external_wrenches"}:
-            of_kernel = kernel.derivatives
+        if external_wrenches is None and not options:
+            kernel = self.kernel(key)
+            of_kernel = None if kernel is None else kernel.derivatives
         if of_kernel is not None:
             result: D | None = of_kernel(kind, q, *vectors.values(), 1)
             if result is not None:
                 return result
         of_sample = partial(of_sample, sign_width=key.sign_width)
         rows = self._loaded(
-            key, of_sample, shape, q, vectors, asked=of_kernel is not None, **options
+            key,
+            of_sample,
+            shape,
+            q,
+            vectors,
+            asked=of_kernel is not None,
+            external_wrenches=external_wrenches,
+            **options,
         )
         n = self._n
         rows = np.asarray(rows)
-        external = options.get("external_wrenches")
-        if isinstance(external, Mapping):
+        if isinstance(external_wrenches, Mapping):
             policy = options.get("on_error", "raise")
-            slope = self._slope_of_arms(external, q, policy)  # of forces by q
+            slope = self._slope_of_arms(external_wrenches, q, policy)  # of forces by q
             if kind is TorqueDerivatives:
                 rows[..., :n] -= slope
             else:
@@ -566,14 +564,16 @@ class Engine:
     ) -> Array:
         """Results of checked arrays: by the kernel, and by `of_sample` where it does not vouch.
 
-        The numbers of axes of one sample are `axes`. `asked` says that the kernel was asked before:
-        one sample to which it gave no answer has failed its checks.
+        `of_sample` is a method of `Reference`. The numbers of axes of one sample are `axes`.
+        `asked` says that the kernel was asked before: one sample to which it gave no answer has
+        failed its checks.
         """
         require_policy(on_error)
         threads = whole_number("threads", threads, 1)
         single = all(
             array is None or array.ndim == count for array, count in zip(samples, axes, strict=True)
         )
+        of_sample = partial(of_sample, self.reference)
         if single and asked and not _shares_memory(out, samples):
             kernel = None
         if single and kernel is None and out is None and on_error == "raise":
@@ -589,13 +589,6 @@ class Engine:
         )
 
 
-def _can_answer(
-    kernel: Kernel, shape: tuple[int, ...], vectors: Mapping[str, ArrayLike], out: Array | None
-) -> bool:
-    """Whether `Kernel.answer` takes this many arguments, and fills `out`, which has to be rows."""
-    return kernel.answer is not None and len(vectors) < 3 and (out is None or len(shape) == 1)
-
-
 def _answer(
     kernel: Kernel,
     shape: tuple[int, ...],
@@ -604,13 +597,19 @@ def _answer(
     moment: ArrayLike | None,
     out: Array | None,
     threads: int,
-) -> Array | None:
-    """`Kernel.answer` in the shape of the quantity."""
-    a, b, *_ = *vectors.values(), None, None
-    result = kernel.answer(q, a, b, moment, out, threads) if kernel.answer else None
+) -> tuple[bool, Array | None]:
+    """Whether the kernel was asked, and its answer in the shape of the quantity.
+
+    It is not asked if it takes fewer arguments, or if `out` is to hold matrices.
+    """
+    answer = kernel.answer
+    absent = _ABSENT.get(len(vectors))
+    if answer is None or absent is None or (out is not None and len(shape) > 1):
+        return False, None
+    result = answer(q, *vectors.values(), *absent, moment, out, threads)
     if result is not None and len(shape) > 1:
         result.shape = (*result.shape[:-1], *shape)
-    return result
+    return True, result
 
 
 def _shares_memory(out: object, samples: Sequence[Array | None]) -> bool:
@@ -631,8 +630,12 @@ def _fill(kernel: Kernel, threads: int, flat: list[Array | None], result: Array)
 
 
 def _without_torques(of_sample: Callable[..., Array]) -> Callable[..., Array]:
-    """The function of q, va, aa, wrenches for one of q, va, aa, tau, wrenches."""
-    return lambda q, va, aa, wrenches: of_sample(q, va, aa, None, wrenches)
+    """The method of `Reference` for q, va, aa, wrenches, for one for q, va, aa, tau, wrenches."""
+
+    def with_none(reference: Reference, q: Array, va: Array, aa: Array, wrenches: Array) -> Array:
+        return of_sample(reference, q, va, aa, None, wrenches)
+
+    return with_none
 
 
 def _unpickled(

@@ -137,8 +137,10 @@ class CompiledBackend:
 
     def kernel(self, key: Quantity) -> kernel_protocols.Kernel | None:
         """The kernel of a quantity, as `Kernels.kernel`; may drop those of other widths."""
-        if key in self._kernels:
+        try:
             return self._kernels[key]
+        except KeyError:
+            pass
         if key.frame is not None:
             frame_named(self._mechanism.model, key.frame)
         if key.sign_width is not None:
