@@ -1124,7 +1124,7 @@ class ClosedChain(RobotProperties, Summary):
 
     def show(
         self,
-        what: Trajectory | ArrayLike | None = None,
+        what: Trajectory | NonsmoothRollout | ArrayLike | None = None,
         *,
         speed: float = 1.0,
         open_browser: bool = True,
@@ -1140,7 +1140,8 @@ class ClosedChain(RobotProperties, Summary):
         The viewer's `save` writes a page, a picture or an animation; `close` stops its server.
 
         Args:
-            what: A motion, or a configuration, shape (nq,); by default the home pose.
+            what: A motion, or a configuration, shape (nq,); by default the home pose. A motion of
+                `rollout(..., nonsmooth=True)` is drawn with its contacts and their forces.
             speed: Speed of the animation; 1 is real time.
             open_browser: Whether to serve the page and open the browser; never from Jupyter.
             reactions: Whether arrows show the forces in joints and closures; or stiffnesses, as in

@@ -7,6 +7,7 @@ function engine(functions, d) {
   const CHANGE = 3; // of det Phi_u in a step, which changes its sign at a singularity
   const TOLERANCE = 1e-7, SHORTEST = 1e-7; // of a step, relative; [s]
   const STIFF = 12, PUSH = 0.1; // of "hold" [1/s]; how long a push lasts [s]
+  const SPRING = 20, BUFFER = 0.005; // of a stop: its frequency in those of a fall; where it begins before the limit, in parts of the range's unit
   const SMOOTH = 0.01; // [rad/s] of Coulomb friction without a width, whose jumps stop an integrator
   const zeros = (n) => new Array(n).fill(0), turned = (x) => x - 2 * Math.PI * Math.round(x / (2 * Math.PI));
   const nq = d.q.length, n = d.coordinates.length, motors = d.motors.names.length, rest = zeros(6 * d.bodies.length - 6);
@@ -150,19 +151,66 @@ function engine(functions, d) {
     return r.way === "sliders" ? r.efforts : zeros(motors);
   }
 
-  // The hand on a body, a spring or a push, as [force; moment] about the mass centre.
+  // What acts on the bodies besides the motors, as [force; moment] about their mass centres: a hand, and the stops.
   function loads(q, q_dot) {
-    const { grip } = r;
-    if (!grip || !(grip.target || r.time < grip.until)) return rest;
-    const M = F.places(q).slice(), p = on(M, grip), c = on(M, { body: grip.body, at: d.centres[grip.body] }), W = rest.slice();
-    const speed = grip.target && velocity(grip, q, q_dot);
-    const force = grip.target ? p.map((x, i) => grip.mass * (grip.pull ** 2 * (grip.target[i] - x) - 1.4 * grip.pull * speed[i])) : grip.force;
+    const W = rest.slice();
+    byHand(W, q, q_dot);
+    for (const stop of d.stops) {
+      const size = pushOf(stop, q, q_dot);
+      if (size) press(W, F.places(q).slice(), stop, size);
+    }
+    return W;
+  }
+
+  // Add a force at the point p of a body to W.
+  function addForce(W, M, body, p, force) {
+    const c = on(M, { body, at: d.centres[body] });
     [0, 1, 2].forEach((i) => {
       const [j, k] = [(i + 1) % 3, (i + 2) % 3];
-      W[6 * grip.body - 6 + i] = force[i];
-      W[6 * grip.body - 3 + i] = (p[j] - c[j]) * force[k] - (p[k] - c[k]) * force[j];
+      W[6 * body - 6 + i] += force[i];
+      W[6 * body - 3 + i] += (p[j] - c[j]) * force[k] - (p[k] - c[k]) * force[j];
     });
-    return W;
+  }
+
+  function byHand(W, q, q_dot) { // a spring, or a push
+    const { grip } = r;
+    if (!grip || !(grip.target || r.time < grip.until)) return;
+    const M = F.places(q).slice(), p = on(M, grip), speed = grip.target && velocity(grip, q, q_dot);
+    const force = grip.target ? p.map((x, i) => grip.mass * (grip.pull ** 2 * (grip.target[i] - x) - 1.4 * grip.pull * speed[i])) : grip.force;
+    addForce(W, M, grip.body, p, force);
+  }
+
+  // Add a force along the axis of a joint, or a moment about it, to W: on its body, and the opposite on the parent.
+  function press(W, M, { body, parent, turns, axis }, size) {
+    const origin = on(M, { body, at: [0, 0, 0] }), tip = on(M, { body, at: axis }), along = tip.map((x, i) => size * (x - origin[i]));
+    for (const [owner, sign] of [[body, 1], [parent, -1]]) {
+      if (!owner) continue;
+      if (turns) along.forEach((x, i) => { W[6 * owner - 3 + i] += sign * x; });
+      else addForce(W, M, owner, origin, along.map((x) => sign * x));
+    }
+  }
+
+  // --- stops -----------------------------------------------------------------------------------
+
+  const stiffness = (SPRING ** 2 * d.fall) / d.size; // per inertia
+  let felt = new Map(); // inertia that a force along a joint feels, of the stops that act
+
+  // Force of a stop on its joint: a spring with critical damping that begins a little before the limit, and only pushes.
+  function pushOf(stop, q, q_dot) {
+    const { i, low, high } = stop, buffer = Math.min(BUFFER * d.scales[i], (high - low) / 8);
+    const below = low + buffer - q[i], above = q[i] - high + buffer;
+    if (below <= 0 && above <= 0) return 0;
+    const [depth, sense] = below > 0 ? [below, 1] : [above, -1];
+    if (!felt.has(stop)) felt.set(stop, inertiaAlong(stop, q));
+    return sense * felt.get(stop) * Math.max(0, stiffness * depth - 2 * Math.sqrt(stiffness) * sense * q_dot[i]);
+  }
+
+  function inertiaAlong(stop, q) { // of the whole robot, at rest
+    const W = rest.slice(), still = zeros(n), none = zeros(motors);
+    press(W, F.places(q).slice(), stop, 1);
+    const free = Array.from(now.state_rate(q, still, none, rest).subarray(nq, nq + n)), pressed = now.state_rate(q, still, none, W).subarray(nq, nq + n);
+    const aa = free.map((x, k) => pressed[k] - x);
+    return 1 / Math.max(rates(now, q, aa)[stop.i], 1e-12);
   }
 
   function derivative(x, set) { // of q, the rates of the set, and what the own coordinates have moved
@@ -201,6 +249,7 @@ function engine(functions, d) {
   // Go on by dt, or as far as `until` allows; what is left, or words where the motion ends.
   function advance(dt, until = Infinity) {
     let left = dt;
+    felt = new Map();
     while (left > 1e-12 && performance.now() < until) {
       if (sets.length > 1) settle();
       const h = Math.min(step, left), det = now.closing(r.q)[nq], [end, error] = tried(h);
@@ -239,12 +288,14 @@ function engine(functions, d) {
   // A point of a body in a hand: what mass it feels, and a spring that pulls it.
   function gripped(grip) {
     const J = columns(grip), none = own.state_rate(r.q, r.va, zeros(motors), rest).slice(nq);
-    const felt = [0, 1, 2].map((i) => {
+    const response = [0, 1, 2].map((i) => {
       r.grip = { ...grip, force: [0, 1, 2].map((j) => Number(i === j)), until: Infinity };
-      const more = own.state_rate(r.q, r.va, zeros(motors), loads(r.q)).slice(nq);
+      const W = rest.slice();
+      byHand(W, r.q);
+      const more = own.state_rate(r.q, r.va, zeros(motors), W).slice(nq);
       return J.reduce((sum, c, k) => sum + c[i] * (more[k] - none[k]), 0);
     });
-    r.grip = { ...grip, mass: 1 / Math.max(...felt, 1e-9), pull: Math.sqrt(Math.max(150, 10 * d.fall / d.size)) };
+    r.grip = { ...grip, mass: 1 / Math.max(...response, 1e-9), pull: Math.sqrt(Math.max(150, 10 * d.fall / d.size)) };
   }
 
   function push(ray) { // along a ray, as hard as makes the speed of a fall by the robot's length

@@ -57,6 +57,7 @@ class NonsmoothRollout(NamedTuple):
         residual: Error of complementarity of each step, relative to its impulses, shape (..., N).
         status: 0 where the residual is at most 1e-9, 1 where it is larger, 2 for steps after the
             end of a motion, shape (..., N).
+        t: Times of the states, the same for all motions, shape (N + 1,), [s].
 
     Example:
         >>> motion = chain.rollout(np.zeros((10, 1)), chain.home, [0], 1e-3, nonsmooth=True)
@@ -71,6 +72,26 @@ class NonsmoothRollout(NamedTuple):
     joint_forces: Array
     residual: Array
     status: Indices
+    t: Array
+
+    def single(self, *index: int) -> NonsmoothRollout:
+        """One motion of a batch, by its index or indices.
+
+        Example:
+            >>> batch = chain.rollout(np.zeros((4, 10, 1)), chain.home, [0], 1e-3, nonsmooth=True)
+            >>> batch.single(3).q.shape
+            (11, 3)
+        """
+        return NonsmoothRollout(
+            self.q[index],
+            self.va[index],
+            self.contact_forces[index],
+            self.tensions[index],
+            self.joint_forces[index],
+            self.residual[index],
+            self.status[index],
+            self.t,
+        )
 
 
 def nonsmooth_rollout(
@@ -288,4 +309,5 @@ def _results(
         on_joints,
         arrays.residual.reshape(*batch, count),
         status.reshape(*batch, count),
+        t=arrays.dt * np.arange(count + 1),
     )

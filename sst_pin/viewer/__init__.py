@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from ..closed_chain import ClosedChain
 from ..errors import InputError, MissingExtraError
 from ..loops.start import start_of
+from ..simulation.nonsmooth_rollout import NonsmoothRollout
 from ..simulation.trajectories import Trajectory
 
 #: Packages of the extra `viz` that pages need, and their modules.
@@ -30,13 +31,13 @@ __all__ = ["Viewer"]
 def show(
     viewer: Viewer,
     robot: ClosedChain,
-    what: Trajectory | ArrayLike | None,
+    what: Trajectory | NonsmoothRollout | ArrayLike | None,
     speed: float,
     open_browser: bool,
     ghost: Trajectory | None,
 ) -> None:
     """Show a motion or a configuration; see `ClosedChain.show`, which has the same arguments."""
-    if isinstance(what, Trajectory):
+    if isinstance(what, (Trajectory, NonsmoothRollout)):
         viewer.play(what, speed=speed, ghost=ghost)
     elif ghost is not None:
         raise InputError("ghost", "only beside a motion")

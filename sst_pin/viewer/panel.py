@@ -62,12 +62,12 @@ def _asset(name: str) -> str:
 
 def curves_of(robot: ClosedChain, motion: Trajectory) -> list[dict[str, Any]]:
     """Sets of curves: torques, angles, rates and powers, see `_set`."""
-    rates, motors = [f"{unit}/s" for unit in motion.rate_units], robot.motor_names
+    motors = robot.motor_names
     symbols, watts = [f"P_{k + 1}" for k in range(len(motors))], ["W"] * len(motors)
     return [
         torques_of(robot, motion.tau),
         joints_of(robot, motion.q),
-        _set("rates", "", motion.coordinates, motion.coordinates, rates, motion.va),
+        rates_of(motion),
         _set("powers", "motor ", symbols, motors, watts, motor_powers(robot.engine, motion)),
     ]
 
@@ -85,6 +85,19 @@ def joints_of(robot: ClosedChain, q: Array) -> dict[str, Any]:
     places = [i for i, unit in enumerate(units) if unit]
     names = [robot.position_names[i] for i in places]
     return _set("joints", "joint ", names, names, [units[i] for i in places], q[:, places])
+
+
+def rates_of(motion: Trajectory) -> dict[str, Any]:
+    """The set of the rates of the coordinates."""
+    units = [f"{unit}/s" for unit in motion.rate_units]
+    return _set("rates", "", motion.coordinates, motion.coordinates, units, motion.va)
+
+
+def contacts_of(robot: ClosedChain, forces: Array) -> dict[str, Any]:
+    """The set of sizes of the forces of contacts, for shape (n, contacts, 3)."""
+    names = [str(contact) for contact in robot.mechanism.contacts.points]
+    sizes = np.linalg.norm(forces, axis=2)
+    return _set("contacts", "contact ", names, names, ["N"] * len(names), sizes)
 
 
 def forces_of(names: Sequence[str], forces: Array, unique: Flags) -> dict[str, Any]:
@@ -148,6 +161,7 @@ def live_data(robot: ClosedChain, scene: Scene, q: Array, va: Array) -> dict[str
         "coordinates": list(_coordinates(robot, q, scene.size)),
         "scales": [scene.size if unit == "m" else 1.0 for unit in space.position_units],
         "bounds": list(_bounds(robot)),
+        "stops": list(_stops(robot, q)),
         "rate_scales": [scene.size if unit == "m" else 1.0 for unit in space.rate_units],
         "nv": model.nv,
         "condition": LARGEST_CONDITION,
@@ -191,6 +205,28 @@ def _coordinates(robot: ClosedChain, q: Array, size: float) -> Iterator[dict[str
         slider = {"name": space.rate_names[k], "unit": unit, "kind": kind, "i": i}
         scale = size if unit == "m" else 1.0
         yield slider | {"low": float(low), "high": float(high), "scale": scale}
+
+
+def _stops(robot: ClosedChain, q: Array) -> Iterator[dict[str, Any]]:
+    """Limits of joints that turn about one axis or slide along one; a start beyond them is free."""
+    model = robot.mechanism.model
+    for joint in list(model.joints)[1:]:
+        if (joint.nq, joint.nv) != (1, 1):
+            continue
+        i = joint.idx_q
+        axis = np.ravel(joint.createData().S)
+        turns = not axis[:3].any()
+        low, high = float(model.lowerPositionLimit[i]), float(model.upperPositionLimit[i])
+        if (turns or not axis[3:].any()) and (low > -_FAR or high < _FAR):
+            yield {
+                "i": i,
+                "body": joint.id,
+                "parent": int(model.parents[joint.id]),
+                "turns": turns,
+                "axis": axis[3:].tolist() if turns else axis[:3].tolist(),
+                "low": max(min(low, float(q[i])), -_FAR),
+                "high": min(max(high, float(q[i])), _FAR),
+            }
 
 
 def _bounds(robot: ClosedChain) -> Iterator[dict[str, Any]]:

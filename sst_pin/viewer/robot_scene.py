@@ -11,12 +11,21 @@ from ..errors import InputError
 from ..loops.start import start_of
 from ..model.appearance import drawn_frame
 from . import sketch
-from .scene_parts import Arrow, Pull, Shape, moved
+from .scene_parts import Arrow, Dot, Pull, Shape, moved
 from .triangles import body_shapes, tube
 
-#: Layers that can be shown and hidden, in the order of their checkboxes; reactions are added on
-#: request.
-LAYERS = ("bodies", "skeleton", "inertia", "torques", "trail", "axes", "frames")
+#: Layers that can be shown and hidden, in the order of their checkboxes.
+LAYERS = (
+    "bodies",
+    "skeleton",
+    "inertia",
+    "torques",
+    "trail",
+    "axes",
+    "frames",
+    "contacts",
+    "reactions",
+)
 _TRAIL = "#8E24AA"
 _PATH = "#A9B0B6"
 TRAIL_SIDES = 8
@@ -63,18 +72,26 @@ class Scene:
         colours = {lines[i].joint: HUES[motor % len(HUES)] for i, motor in np.argwhere(B)[::-1]}
         #: Shapes that run from one body to another.
         self.struts = list(sketch.struts(robot, lines, size))
+        #: Places of the contacts, which move as no body does.
+        self.touches = sketch.touches_of(robot)
         named, self.labels = sketch.labelled(robot, lines, self.point, size)
         self.shapes += [
             *sketch.skeleton(robot, lines, colours, size),
             *sketch.masses(model),
             *(strut.shape for strut in self.struts),
+            *sketch.contact_shapes(self.touches),
             *named,
         ]
-        #: Torques of the motors, and the forces of reactions.
-        self.arrows: list[Arrow | Pull] = [
-            *sketch.arrows_of(model, self._data, lines, B, _ARROW * size),
-            *(sketch.pulls_of(robot, _ARROW * size) if reactions else ()),
-        ]
+        #: Torques of the motors, the forces of reactions, and those of contacts.
+        self.arrows: list[Arrow | Pull | Dot] = list(
+            sketch.arrows_of(model, self._data, lines, B, _ARROW * size)
+        )
+        #: Number of the forces of reactions: one for each joint and closure, or none.
+        self.reactions = model.njoints - 1 + len(robot.closures) if reactions else 0
+        if reactions:
+            self.arrows += sketch.pulls_of(robot, _ARROW * size)
+        first = len(robot.motor_names) + 3 * self.reactions
+        self.arrows += sketch.contact_forces_of(self.touches, first, _ARROW * size)
         present = {shape.layer for shape in (*self.shapes, *(a.shape for a in self.arrows))}
         present |= {"trail"} if self.point else set()
         #: Where the camera stands to see a planar robot face-on, seen from the robot; or None.
@@ -86,9 +103,7 @@ class Scene:
             "frames": frames,
         }
         #: The layers of this scene, and whether each is shown at first.
-        self.layers = {
-            name: shown.get(name, True) for name in (*LAYERS, "reactions") if name in present
-        }
+        self.layers = {name: shown.get(name, True) for name in LAYERS if name in present}
 
     @property
     def moving(self) -> list[Shape]:
@@ -100,15 +115,17 @@ class Scene:
         """Placements of the movers of the shapes: homogeneous matrices, with a scale for struts."""
         joints = self._joints(q)
         placed = {str(i): matrix for i, matrix in enumerate(joints)}
+        placed |= {touch.node: touch.at(joints) for touch in self.touches}
         return placed | {strut.shape.mover: strut.at(joints) for strut in self.struts}
 
-    def outermost_points(self, q: Array, tau: Array, wanted: Array | None = None) -> Array:
+    def outermost_points(self, q: Array, effort: Array, wanted: Array | None = None) -> Array:
         """The outermost points in many directions, of everything that is shown in a motion.
 
-        `q` has shape (n, nq); `tau` are motor torques, then forces of reactions, as shares of the
-        largest, shape (n, ...); `wanted` are configurations of the reference path, q by default.
+        `q` has shape (n, nq); `effort` are motor torques, then forces of reactions and of contacts,
+        as shares of the largest, shape (n, ...); `wanted` are configurations of the reference path,
+        q by default.
         """
-        largest = np.abs(tau).max(axis=0)
+        largest = np.abs(effort).max(axis=0)
         solids = [(shape, shape.at) for shape in self.shapes if self.layers[shape.layer]]
         solids += [(a.shape, a.at(sign * largest)) for a in self.arrows for sign in (1, -1)]
         clouds: dict[str, list[Array]] = {}

@@ -4,6 +4,7 @@
 from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from ..arrays import Array
@@ -70,6 +71,37 @@ class Pull(NamedTuple):
 def _length(share: float) -> float:
     """Length of an arrow for its share of the largest: the square root, so that all are seen."""
     return max(float(np.sqrt(share)), _SMALLEST) if share > _NOISE else _SMALLEST
+
+
+class Touch(NamedTuple):
+    """Where a contact touches its ground; its shapes move with the mover `node`."""
+
+    node: str
+    frame: pin.Frame
+    ground: pin.Frame
+    radius: float  #: Of the sphere about `frame`, zero for a point, [m].
+
+    def at(self, poses: Array) -> Array:
+        """The point that touches, with the axes of the ground, for the placements of all joints.
+
+        Shapes (4, 4), homogeneous, and (joints, 4, 4).
+        """
+        frame = poses[self.frame.parentJoint] @ self.frame.placement.homogeneous
+        ground = poses[self.ground.parentJoint] @ self.ground.placement.homogeneous
+        return homogeneous(ground[:3, :3], frame[:3, 3] - self.radius * ground[:3, 2])
+
+
+class Dot(NamedTuple):
+    """A mark that is shown while a force acts."""
+
+    shape: Shape
+    first: int  #: Index of the first component of the force in the effort.
+
+    def at(self, effort: Array) -> Array:
+        """Placement of the mark, for motor torques and then forces as shares of the largest."""
+        acts = np.linalg.norm(effort[self.first : self.first + 3]) > _NOISE
+        scale = 1.0 if acts else _SMALLEST
+        return np.asarray(self.shape.at @ np.diag([scale, scale, scale, 1.0]))
 
 
 class Strut(NamedTuple):

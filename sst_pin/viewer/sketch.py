@@ -13,9 +13,10 @@ from ..closed_chain import ClosedChain
 from ..description.colours import HUES
 from ..model.appearance import PLATFORM, DrawnFrame
 from ..model.closures import Brake, Closure, Coupling, Distance, Rolling, frames_of
+from ..model.contacts import Rope
 from ..model.lines import LineForce
 from ..model.tree import frame_named
-from .scene_parts import Arrow, Label, Mesh, Pull, Shape, Strut, along, homogeneous
+from .scene_parts import Arrow, Dot, Label, Mesh, Pull, Shape, Strut, Touch, along, homogeneous
 from .triangles import arrow, circle, ellipsoid, solid, tube
 
 _BONE = "#8A9199"
@@ -23,10 +24,11 @@ _JOINT = "#5C656E"
 _END = "#B3261E"
 _MASS = "#C98A2B"
 _FORCE = "#263238"
+_CONTACT = "#00796B"
 #: Colours of the axes x, y, z of a frame.
 _XYZ = ("#C0392B", "#27AE60", "#2E5FA8")
 #: Radii as shares of the robot's length.
-_BONE_RADIUS, _JOINT_RADIUS, _END_RADIUS = 0.022, 0.055, 0.04
+_BONE_RADIUS, _JOINT_RADIUS, _END_RADIUS, _CONTACT_RADIUS = 0.022, 0.055, 0.04, 0.03
 #: Turns of the coil of a spring.
 _TURNS = 8
 #: Frames of fixed links and of points, such as a foot or a tool.
@@ -141,11 +143,14 @@ def masses(model: pin.Model) -> Iterator[Shape]:
 
 
 def struts(robot: ClosedChain, axes: Sequence[Axis], size: float) -> Iterator[Strut]:
-    """Rods of `Distance` closures, forces along lines, and rails of sliding joints."""
+    """Rods of `Distance` closures, ropes, forces along lines, and rails of sliding joints."""
     line = tube([(0, 0, 0), (0, 0, 1)], _BONE_RADIUS * size)
     rods = [closure for closure in robot.closures if isinstance(closure, Distance)]
-    drawn: list[tuple[Distance | LineForce, Shape]] = list(_lines(robot, size))
+    drawn: list[tuple[Distance | LineForce | Rope, Shape]] = list(_lines(robot, size))
     drawn += [(x, Shape(f"rod_{k}", "bodies", "rod", line, _BONE)) for k, x in enumerate(rods)]
+    cord = Mesh(line.vertices * (0.3, 0.3, 1), line.faces)
+    for k, rope in enumerate(robot.mechanism.contacts.ropes):
+        drawn.append((rope, Shape(f"rope_{k}", "bodies", f"rope {rope}", cord, _BONE)))
     for ends, shape in drawn:
         frames = [frame_named(robot.mechanism.model, name) for name in (ends.frame_a, ends.frame_b)]
         a, b = (int(frame.parentJoint) for frame in frames)
@@ -248,6 +253,44 @@ def pulls_of(robot: ClosedChain, size: float) -> Iterator[Pull]:
             largest = at @ np.diag([size, size, size, 1.0])
             shape = Shape(str(joint), "reactions", f"{k}", mesh, _FORCE, at=largest)
             yield Pull(shape, len(robot.motor_names) + 3 * k)
+
+
+def touches_of(robot: ClosedChain) -> list[Touch]:
+    """The places of all contacts, in their order."""
+    model = robot.mechanism.model
+    return [
+        Touch(
+            f"contact_{k}",
+            frame_named(model, contact.frame),
+            frame_named(model, contact.ground),
+            contact.radius,
+        )
+        for k, contact in enumerate(robot.mechanism.contacts.points)
+    ]
+
+
+def contact_shapes(touches: Sequence[Touch]) -> Iterator[Shape]:
+    """The spheres of contacts."""
+    for touch in touches:
+        if touch.radius > 0:
+            mover = str(touch.frame.parentJoint)
+            at = touch.frame.placement.homogeneous
+            ball = solid(coal.Sphere(touch.radius))
+            yield Shape(mover, "contacts", f"sphere_{touch.node}", ball, _BONE, 0.5, at)
+
+
+def contact_forces_of(touches: Sequence[Touch], first: int, size: float) -> Iterator[Pull | Dot]:
+    """A point and an arrow for each contact that acts: the force of the ground on the body.
+
+    `first` is the index of the first force in the effort, `size` the length of the largest arrow.
+    """
+    mesh = arrow(np.outer((0, 0.7, 1), (0, 0, 2.0)), 0.04)
+    ball = solid(coal.Sphere(_CONTACT_RADIUS * size))
+    largest = np.diag([size, size, size, 1.0])
+    for k, touch in enumerate(touches):
+        force = Shape(touch.node, "contacts", "force", mesh, _CONTACT, at=largest)
+        yield Pull(force, first + 3 * k)
+        yield Dot(Shape(touch.node, "contacts", "point", ball, _CONTACT), first + 3 * k)
 
 
 def labelled(

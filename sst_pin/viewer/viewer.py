@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, positive_number, single_array
+from ..arrays import Array, Indices, positive_number, single_array
 from ..closed_chain import ClosedChain
 from ..description.colours import HUES
 from ..dynamics.reactions import Reactions
@@ -31,17 +31,30 @@ from ..errors import (
 )
 from ..files import Writer, as_path, require_ending, write_files
 from ..simulation.bearing_loads import reactions_along
-from ..simulation.trajectories import Trajectory, require_motion
+from ..simulation.nonsmooth_rollout import NOT_REACHED, NonsmoothRollout
+from ..simulation.trajectories import Trajectory, require_motion, trajectory_of
 from ..summaries import listed
 from ..version import __version__
 from .meshcat_scene import MeshcatScene
-from .panel import curves_of, forces_of, joints_of, live_data, page, torques_of, warnings_of
+from .panel import (
+    contacts_of,
+    curves_of,
+    forces_of,
+    joints_of,
+    live_data,
+    page,
+    rates_of,
+    torques_of,
+    warnings_of,
+)
 from .pictures import gif, png
 from .robot_scene import TRAIL_SIDES, Scene
 from .server import Message, Server
 
 #: The most samples of a motion in a page.
 _MOST_SAMPLES = 600
+#: The longest arrow of a contact, in weights of the robot, if a force is larger.
+_MOST_WEIGHTS = 2.0
 
 
 class Viewer:
@@ -127,14 +140,16 @@ class Viewer:
             reactions = partial(self._robot.reactions, *rates, tau=tau, stiffness=self._stiffness)
             effort, forces = self._with_forces(effort, reactions)
             curves = forces + curves
+        effort = self._with_contacts(effort)
         self._drawing.place(q[0], effort[0])
-        # The arrows of a live page may become as long as they can.
-        reach = self._scene.outermost_points(q, np.ones_like(effort) if self._live else effort)
+        if self._live:  # its arrows of torques may become as long as they can
+            effort[:, :motors] = 1.0
+        reach = self._scene.outermost_points(q, effort)
         self._describe("configuration", q[0], q[0], rest[0], reach, curves=curves)
 
     def play(
         self,
-        motion: Trajectory,
+        motion: Trajectory | NonsmoothRollout,
         *,
         speed: float = 1.0,
         ghost: Trajectory | None = None,
@@ -145,6 +160,8 @@ class Viewer:
 
         Args:
             motion: A motion of this robot; if it is long, the page uses only some of its samples.
+                For a single motion of `rollout(..., nonsmooth=True)`, points and arrows show the
+                contacts that act and their forces: means between samples of the page.
             speed: Speed of the animation; 1 is real time.
             ghost: A second motion of this robot, such as the planned one, played at the same times
                 by a translucent robot, which stands still before its start and after its end.
@@ -152,12 +169,17 @@ class Viewer:
             title: Title of the page.
 
         Raises:
-            InputError: For the motion of another robot, a ghost that has no time in common with the
-                motion, a reference of one sample, or a speed that is not positive.
+            InputError: For the motion of another robot, several motions, a ghost that has no time
+                in common with the motion, a reference of one sample, a speed that is not positive,
+                or reactions of a nonsmooth motion.
 
         Example:
             >>> viewer.play(motion, speed=0.1, title="falling")
         """
+        touching = None
+        if isinstance(motion, NonsmoothRollout):
+            touching = motion
+            motion = self._states_of(motion)
         for name, each in (("motion", motion), ("ghost", ghost), ("wanted", wanted)):
             if each is not None:
                 require_motion(each, self._robot.mechanism, name)
@@ -169,13 +191,22 @@ class Viewer:
         if len(motion) == 1:
             self.show(motion.q[0], motion.tau[0])
             return
-        known = _thinned(motion)
-        effort = self._shares(_thinned(motion).tau)
-        curves = curves_of(self._robot, known)
-        if self._loaded:
-            reactions = partial(reactions_along, self._robot.engine, known, self._stiffness)
-            effort, forces = self._with_forces(effort, reactions)
-            curves += forces
+        samples = _samples(len(motion))
+        known = motion[samples]
+        effort = self._shares(known.tau)
+        if touching is not None:
+            curves = [joints_of(self._robot, known.q), rates_of(known)]
+            forces = _between(touching.contact_forces, samples)
+            effort = self._with_contacts(effort, forces)
+            if len(self._scene.touches):
+                curves.insert(0, contacts_of(self._robot, forces))
+        else:
+            curves = curves_of(self._robot, known)
+            if self._loaded:
+                reactions = partial(reactions_along, self._robot.engine, known, self._stiffness)
+                effort, more = self._with_forces(effort, reactions)
+                curves += more
+            effort = self._with_contacts(effort)
         reference = _thinned(wanted or motion).q
         self._drawing.animate(known, effort, reference, ghost)
         reach = self._scene.outermost_points(known.q, effort, reference)
@@ -313,12 +344,53 @@ class Viewer:
             shares[:, alike] = tau[:, alike] / (np.abs(tau[:, alike]).max(initial=0.0) or 1.0)
         return shares
 
+    def _states_of(self, motion: NonsmoothRollout) -> Trajectory:
+        """The states of one nonsmooth motion up to its end, as a motion without torques."""
+        if self._loaded:
+            problem = "not of a nonsmooth motion; pass a Trajectory, or reactions=False"
+            raise InputError("reactions", problem)
+        if motion.q.ndim != 2:
+            shape = motion.q.shape
+            raise InputError("motion", f"{shape[:-2]} motions; give one, motion.single(0)")
+        mechanism = self._robot.mechanism
+        for name, shape, needed in (
+            ("positions", motion.q.shape, mechanism.model.nq),
+            ("rates", motion.va.shape, len(mechanism.coordinates)),
+            ("contacts", motion.contact_forces.shape[:-1], len(mechanism.contacts.points)),
+        ):
+            if shape[-1] != needed:
+                problem = f"belongs to another robot, with {shape[-1]} {name} instead of {needed}"
+                raise InputError("motion", problem)
+        count = 1 + int(np.count_nonzero(motion.status != NOT_REACHED))
+        q = motion.q[:count]
+        va = motion.va[:count]
+        torques = np.zeros((count, len(mechanism.motor_names)))
+        return trajectory_of(mechanism, motion.t[:count], q, va, np.zeros_like(va), torques)
+
+    def _with_contacts(self, effort: Array, forces: Array | None = None) -> Array:
+        """Torques and reactions, then forces of contacts as shares of the largest."""
+        count = len(self._scene.touches)
+        shares = np.zeros((len(effort), 3 * count))
+        if forces is not None and count:
+            sizes = np.linalg.norm(forces, axis=2, keepdims=True)
+            # An impact is hundreds of times larger than the forces of standing.
+            model = self._robot.mechanism.model
+            weight = np.linalg.norm(model.gravity.linear) * sum(x.mass for x in model.inertias)
+            longest = min(float(sizes.max()), _MOST_WEIGHTS * weight or np.inf) or 1.0
+            drawn = forces / np.maximum(sizes, longest)
+            shares[:] = drawn.reshape(len(effort), -1)
+            more = " or more" if sizes.max() > longest else ""
+            self._note = (
+                f"Green arrows: forces on what touches a ground; the longest is {longest:.3g}\xa0N"
+                f"{more}. Lengths grow with the square root."
+            )
+        return np.hstack([effort, shares])
+
     def _with_forces(
         self, effort: Array, reactions: Callable[[], Reactions]
     ) -> tuple[Array, list[dict[str, Any]]]:
         """Torques, then unique forces of joints and closures, as shares of the largest; curves."""
-        count = len(self._robot.mechanism.model.names) - 1 + len(self._robot.closures)
-        forces = np.zeros((len(effort), count, 3))
+        forces = np.zeros((len(effort), self._scene.reactions, 3))
         curves = []
         try:
             w = reactions()
@@ -379,9 +451,23 @@ class Viewer:
         return [*self._drawing.buffer.commands.values(), json.dumps(self._panel)]
 
 
+def _samples(count: int) -> Indices:
+    """Indices of the samples of a motion that a page shows."""
+    return np.linspace(0, count - 1, min(count, _MOST_SAMPLES)).round().astype(np.intp)
+
+
 def _thinned(motion: Trajectory) -> Trajectory:
-    samples = np.linspace(0, len(motion) - 1, min(len(motion), _MOST_SAMPLES))
-    return motion[samples.round().astype(int)]
+    return motion[_samples(len(motion))]
+
+
+def _between(forces: Array, samples: Indices) -> Array:
+    """Mean forces of the steps that end at each sample, or after the sample before; (n, c, 3).
+
+    Step k ends at sample k + 1. The first sample has the forces of the first step.
+    """
+    sums = np.concatenate([np.zeros_like(forces[:1]), np.cumsum(forces, axis=0)])
+    means = np.diff(sums[samples], axis=0) / np.diff(samples)[:, None, None]
+    return np.concatenate([forces[:1], means])
 
 
 def _during(motion: Trajectory, ghost: Trajectory) -> Trajectory:

@@ -6,11 +6,12 @@ import pinocchio as pin
 import pytest
 
 import sst_pin
-from sst_pin import robots
+from sst_pin import Contact, robots
 from sst_pin.cli import main
 from sst_pin.viewer import Viewer
 from sst_pin.viewer.robot_scene import Scene
-from sst_pin.viewer.sketch import pulls_of
+from sst_pin.viewer.sketch import contact_forces_of, pulls_of
+from tests.gallery.touching import block_on_slope, frame, tree
 
 FOOT = np.array((0.3, 0.0, -0.4))
 
@@ -62,6 +63,90 @@ def test_unique_forces_of_a_planar_robot_are_drawn_and_the_others_named():
         assert "Dark arrows" in viewer.html
         assert viewer._panel["layers"]["reactions"]
     assert "reactions" not in Viewer(robot)._panel["layers"]
+
+
+def _placed_during(viewer, motion):
+    """Placements of all nodes at each sample of a motion that the viewer plays."""
+    placements = viewer._drawing._placements
+    placed = []
+    viewer._drawing.animate = lambda motion, effort, *_: placed.extend(
+        map(placements, motion.q, effort)
+    )
+    viewer.play(motion)
+    return placed
+
+
+def test_contacts_that_act_are_drawn_with_their_forces():
+    """A block that slides: arrows along the forces, at its corners, in world axes."""
+    chain, q0 = block_on_slope(0.4, 0.3)
+    motion = chain.rollout(np.zeros((4, 0)), q0, np.zeros(6), 0.01, nonsmooth=True)
+    viewer = Viewer(chain)
+    scene = viewer._scene
+    placed = _placed_during(viewer, motion)
+    slope = chain.frame_placement(q0, "slope")[1]
+    forces = motion.contact_forces @ slope.T
+    arrows = list(contact_forces_of(scene.touches, 0, 0.45 * scene.size))
+    for k in range(4):
+        corners = chain.frame_placement(motion.q, f"corner_{k}")[0]
+        force, point = (x.shape.node for x in arrows[2 * k : 2 * k + 2])
+        for s in range(1, 5):
+            at = placed[s][f"robot/contact_{k}"]
+            assert at[:3, 3] == pytest.approx(corners[s], abs=1e-12)
+            way = (at @ placed[s][f"robot/{force}"])[:3, 2]
+            size = np.linalg.norm(forces[s - 1, k])
+            assert way / np.linalg.norm(way) == pytest.approx(forces[s - 1, k] / size, abs=1e-9)
+            assert placed[s][f"robot/{point}"][0, 0] == 1.0
+    longest = np.linalg.norm(forces, axis=2).max()
+    assert f"the longest is {longest:.3g}\\u00a0N." in viewer.html
+
+
+def test_a_contact_is_drawn_only_while_it_acts_and_rest_is_seen_beside_an_impact():
+    """A ball of 1 kg that falls and stays: the arrow of its weight has 0.7 of the longest."""
+    model = tree(("z", pin.JointModelPZ(), 1.0, 0.1))
+    frame(model, "ball", "z", (0, 0, 0))
+    chain = sst_pin.ClosedChain(model, [], [], contacts=[Contact("ball", radius=0.1)])
+    motion = chain.rollout(np.zeros((300, 0)), [0.2], [0], 1e-3, nonsmooth=True)
+    viewer = Viewer(chain)
+    placed = _placed_during(viewer, motion)
+    lengths = [
+        np.linalg.norm(x["robot/contact_0/contacts/force"][:3, 2]) / (0.45 * viewer._scene.size)
+        for x in placed
+    ]
+    points = [x["robot/contact_0/contacts/point"][0, 0] for x in placed]
+    impact = int(np.argmax(np.abs(motion.contact_forces[:, 0, 2]) > 0))
+    assert max(lengths[: impact + 1]) == max(points[: impact + 1]) == 1e-3
+    assert lengths[impact + 1] == pytest.approx(1)
+    assert np.array(lengths[impact + 3 :]) == pytest.approx(np.sqrt(0.5), rel=1e-6)
+    assert min(points[impact + 1 :]) == 1.0
+    assert placed[-1]["robot/contact_0"][:3, 3] == pytest.approx([0, 0, 0], abs=1e-12)
+
+
+def test_forces_of_contacts_are_means_between_the_samples_of_the_page():
+    """The impulse of an impact between two samples is kept."""
+    chain, q0 = block_on_slope(0.0, 0.0)  # without friction all forces are along one direction
+    q0[2] += 0.05
+    motion = chain.rollout(np.zeros((1400, 0)), q0, np.zeros(6), 1e-4, nonsmooth=True)
+    viewer = Viewer(chain)
+    viewer.play(motion)
+    curves = viewer._panel["curves"][0]
+    assert curves["called"] == "contacts"
+    assert curves["units"] == ["N"] * 4
+    times = np.array(viewer._panel["t"])
+    drawn = np.diff(times) @ np.array(curves["values"])[1:]
+    norms = np.linalg.norm(motion.contact_forces, axis=2)
+    assert drawn == pytest.approx(1e-4 * norms.sum(axis=0), rel=1e-9)
+
+
+def test_a_viewer_refuses_several_nonsmooth_motions_and_those_of_others():
+    chain, q0 = block_on_slope(0.0, 0.3)
+    batch = chain.rollout(np.zeros((2, 3, 0)), q0, np.zeros(6), 1e-3, nonsmooth=True)
+    with pytest.raises(sst_pin.errors.InputError, match=r"single\(0\)"):
+        chain.show(batch, open_browser=False)
+    assert chain.show(batch.single(1), open_browser=False)._panel["t"] == [0, 1e-3, 2e-3, 3e-3]
+    with pytest.raises(sst_pin.errors.InputError, match="another robot"):
+        robots.four_bar().show(batch.single(0), open_browser=False)
+    with pytest.raises(sst_pin.errors.InputError, match="reactions"):
+        chain.show(batch.single(0), open_browser=False, reactions=True)
 
 
 def test_show_takes_the_keywords_of_the_viewer():

@@ -187,6 +187,25 @@ def test_a_push_on_a_body_is_an_external_wrench_of_the_package(page):
     assert np.abs(still.q - wanted.q).max() > 1e-2
 
 
+@pytest.mark.parametrize(("limited", "side"), [("crank", -1), ("rocker", 1)])
+def test_a_joint_of_the_page_ends_at_its_stop_and_stays_there(page, limited, side):
+    """A coordinate or a dependent joint; the motor presses the four-bar onto the stop."""
+    bar = sst_pin.robots.four_bar()
+    model = bar.model.copy()
+    i = bar.joint_names.index(limited)
+    limits = model.upperPositionLimit if side > 0 else model.lowerPositionLimit
+    limits[i] = bar.home[i] + side * 0.2
+    damped = {"viscous_friction": 0.02 * np.ones(model.nv)}
+    chain = sst_pin.ClosedChain(model, bar.closures, bar.motor_names, **damped)
+    driven = {"way": "sliders", "efforts": [-0.3]}
+    motion, result = Engine(page, chain, bar.home).motion(bar.home, [0.0], 3, **driven)
+    beyond = side * (motion["q"][:, i] - limits[i])
+    assert result["end"] == ""
+    assert beyond.max() < 0.03  # the spring of the stop
+    assert -0.005 < beyond[-1] <= 0
+    assert np.abs(motion["q"][-1] - motion["q"][-30]).max() < 1e-4
+
+
 def test_what_a_page_cannot_compute_is_named(monkeypatch):
     bars = robot_named("four_bar")
     model = bars.model
