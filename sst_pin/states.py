@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
@@ -12,8 +13,9 @@ import pinocchio as pin
 from .arrays import Array, Indices
 from .dynamics import dynamics
 from .dynamics.reference import Reference
+from .dynamics.rollout_arrays import RolloutArrays
 from .dynamics.runge_kutta import runge_kutta_step
-from .errors import SSTError
+from .errors import SingularConfigurationError, SSTError
 from .loops.continuity import Continuity, Path
 from .loops.mobility import condition_number, scaled_Phi
 from .model.mechanism import Friction
@@ -26,66 +28,42 @@ from .model.thresholds import (
 )
 from .progress import counted
 
-#: Displacement of a joint after which coordinates are judged again, [rad] or robot lengths.
-_LOOK = 0.05
-
 #: Condition number above which a rollout changes its coordinates: its steps do not get shorter near
 #: a dead point. At 20, errors of a five-bar that often passes dead points are almost three times as
 #: large; at 1 they are hardly smaller.
 _FIXED_STEP = 10.0
+#: The coordinates are judged at parts of a step in which no joint moves more, [rad] or robot
+#: lengths.
+_PART_OF_STEP = 0.05
+#: The most parts of a step.
+_MOST_PARTS = 4
 
 
-class RolloutArrays(NamedTuple):
-    """Arrays of N rollouts with a fixed step.
+class StepError(SSTError):
+    """A step of fixed length fails; the text says why."""
+
+
+class RolloutEnd(NamedTuple):
+    """Where a rollout ended.
 
     Attributes:
-        dt: Step, [s].
-        q0: Starts, shape (N, nq).
-        va0: Rates at the starts, shape (N, n).
-        tau: Torques, shape (N, steps, motors), or at ends and middles, (N, 2 steps + 1, motors).
-        load: Constant external wrenches, shape (N, 6 r), or None.
-        q: Configurations to fill, shape (N, steps + 1, nq); NaN after the end.
-        va: Rates to fill, shape (N, steps + 1, n).
+        valid: Number of valid states.
+        error: Why the motion cannot continue from the last one; None if it can.
     """
 
-    dt: float
-    q0: Array
-    va0: Array
-    tau: Array
-    load: Array | None
-    q: Array
-    va: Array
-
-    @property
-    def steps(self) -> int:
-        """Number of steps."""
-        return self.q.shape[1] - 1
-
-    @property
-    def constant(self) -> bool:
-        """Whether torques are constant in each step."""
-        return self.tau.shape[1] == self.steps
-
-    def torques(self, i: int, s: int) -> Array:
-        """Torques at the start, in the middle and at the end of step s of rollout i."""
-        return self.tau[i, [s] * 3 if self.constant else slice(2 * s, 2 * s + 3)]
-
-    def rest(self, i: int, done: int) -> RolloutArrays:
-        """Rollout i alone, from its state `done` on."""
-        one = slice(i, i + 1)
-        q0, va0 = (self.q[one, done], self.va[one, done]) if done else (self.q0[one], self.va0[one])
-        tau = self.tau[one, (1 if self.constant else 2) * done :]
-        load = None if self.load is None else self.load[one]
-        q = self.q[one, done:]
-        va = self.va[one, done:]
-        return RolloutArrays(self.dt, q0.copy(), va0.copy(), tau, load, q, va)
+    valid: int
+    error: SSTError | None
 
 
 class States:
     """The state space (q, va) of one mechanism, by the reference path.
 
-    States are y = (q, va), shape (nq + n,) or (N, nq + n). Their dependent joints are near the
-    closures, and their quaternions near length one. `friction` replaces that of the mechanism.
+    States are y = (q, va), shape (nq + n,) or (N, nq + n). Their loops are nearly closed, and their
+    quaternions have almost length one.
+
+    Args:
+        reference: The mechanism with its equations.
+        friction: Friction of the joints, in place of that of the mechanism.
 
     Attributes:
         coordinates: Indices in v of the rates va.
@@ -99,15 +77,18 @@ class States:
         self._friction = friction
         self._nq = reference.mechanism.model.nq
         self.coordinates = reference.mechanism.coordinates
+        #: States in other coordinates that were needed before, by the bytes of their indices.
         self._others = dict[bytes, States]()
+
+    # --- the equations of motion ------------------------------------------------------------
 
     def closed(self, states: Array) -> Array:
         """q with the dependent joints moved onto the closures, wheels rolling, shape (..., nq)."""
-        if states.ndim == 1:
-            q = self._mechanism.space.normalised(states[: self._nq])
-            assembly = self._reference.context.without_slip
-            return assembly.assemble(q, self._mechanism.dependent)
-        return np.array([self.closed(state) for state in states])
+        if states.ndim == 2:
+            return np.array([self.closed(state) for state in states])
+        q = self._mechanism.space.normalised(states[: self._nq])
+        assembly = self._reference.context.without_slip
+        return assembly.assemble(q, self._mechanism.dependent)
 
     def rate(self, states: Array, tau: Array, wrenches: Array | None) -> Array:
         """Rates of states, Eqs. (7) and (92), after closing the loops, shape (..., nq + n)."""
@@ -122,47 +103,57 @@ class States:
     def _rate(
         self, q: Array, va: Array, tau: Array, wrenches: Array | None, tolerance: float
     ) -> Array:
-        context = self._reference.context
-        arguments = (context, self._friction, q, va, tau, wrenches, tolerance)
-        aa, v = dynamics.direct_dynamics(*arguments)
+        """Rates of one state whose loops are closed up to a tolerance, shape (nq + n,)."""
+        aa, v = dynamics.direct_dynamics(
+            self._reference.context, self._friction, q, va, tau, wrenches, tolerance
+        )
         return np.concatenate([self._mechanism.space.coordinate_rates(q, v), aa])
 
     def derivatives(self, state: Array, tau: Array, wrenches: Array | None) -> tuple[Array, Array]:
         """Derivatives of `rate` by the state and by tau, shapes (nq + n, nq + n), (nq + n, motors).
 
-        The coordinates and their rates determine the state, so columns of other joints are zero.
-        Where wheels roll, the state has more degrees of freedom, and this does not hold.
+        The coordinates x and their rates va determine the state. So derivatives by x are computed,
+        along the motions that keep the loops closed; derivatives by q are those by x times dx/dq,
+        and columns of dependent joints are zero. Where wheels roll, the state has more degrees of
+        freedom, and this does not hold.
         """
-        reference = self._reference
         space = self._mechanism.space
-        nq = self._nq
+        loops = self._reference.context.loops
         q = self.closed(state)
-        va = state[nq:]
+        va = state[self._nq :]
         n = len(va)
-        loops = reference.context.loops
         aa_by = self._acceleration_derivatives(q, va, tau, wrenches)
-        L = reference.L(q)
+
+        # q_dot = Q v with v = L va, Eq. (16), so dq/dx = Q L.
+        L = self._reference.L(q)
         v = L.dot(va)
-        turns = np.array([space.coordinate_rates(q, e) for e in np.eye(len(L))]).T
-        L_dot = reference.context.complement.L_dot
-        v_q = np.transpose([L_dot(loops.Phi_dot(e)).dot(va) for e in L.T])
-        rates_q, q_dot_va = turns.dot(v_q), turns.dot(L)
+        Q = np.transpose([space.coordinate_rates(q, e) for e in np.eye(len(v))])
+        q_by_x = Q.dot(L)
+        # dv/dx_k is L_dot va, where L_dot belongs to the motion with the rates L e_k.
+        L_dot = self._reference.context.complement.L_dot
+        v_by_x = np.transpose([L_dot(loops.Phi_dot(L_k)).dot(va) for L_k in L.T])
+        q_dot_by_x = Q.dot(v_by_x)
         if not space.euclidean:
-            # Rates of positions are quadratic in q, so central differences are exact.
-            ends = [[space.coordinate_rates(q + s * d, v) for s in (1, -1)] for d in q_dot_va.T]
-            rates_q += np.transpose([(ahead - behind) / 2 for ahead, behind in ends])
-        by_state = np.zeros((nq + n, nq + n))
-        by_tau = np.zeros((nq + n, len(tau)))
-        by_q = np.linalg.pinv(turns)[self._mechanism.coordinates]
-        by_state[:, :nq] = np.vstack((rates_q, aa_by[:, :n])).dot(by_q)
-        by_state[:, nq:] = np.vstack((q_dot_va, aa_by[:, n : 2 * n]))
-        by_tau[nq:] = aa_by[:, 2 * n :]
+            # Q depends on q too. Q v is quadratic in q, so central differences are exact.
+            for k, change in enumerate(q_by_x.T):
+                ahead = space.coordinate_rates(q + change, v)
+                behind = space.coordinate_rates(q - change, v)
+                q_dot_by_x[:, k] += (ahead - behind) / 2
+        x_by_q = np.linalg.pinv(Q)[self.coordinates]
+
+        by_state = np.zeros((self._nq + n, self._nq + n))
+        by_state[: self._nq, : self._nq] = q_dot_by_x.dot(x_by_q)
+        by_state[: self._nq, self._nq :] = q_by_x  # q_dot = Q L va
+        by_state[self._nq :, : self._nq] = aa_by[:, :n].dot(x_by_q)
+        by_state[self._nq :, self._nq :] = aa_by[:, n : 2 * n]
+        by_tau = np.zeros((self._nq + n, len(tau)))
+        by_tau[self._nq :] = aa_by[:, 2 * n :]
         return by_state, by_tau
 
     def _acceleration_derivatives(
         self, q: Array, va: Array, tau: Array, wrenches: Array | None
     ) -> Array:
-        """Derivatives of aa by q, va and tau side by side, shape (n, 2 n + motors)."""
+        """Derivatives of aa by x, va and tau side by side, shape (n, 2 n + motors)."""
         width = self._friction.sign_width
         return self._reference.acceleration_derivatives(q, va, tau, wrenches, width)
 
@@ -173,6 +164,8 @@ class States:
     def joint_motion(self, q: Array, va: Array, aa: Array) -> tuple[Array, Array]:
         """v and v_dot of one state whose loops are closed, shapes (nv,)."""
         return self._reference.joint_motion(q, va, aa)
+
+    # --- the coordinates ------------------------------------------------------------------------
 
     def Phi(self, q: Array) -> Array:
         """Jacobian of the closures, free of units, shape (rows, nv)."""
@@ -188,31 +181,28 @@ class States:
         They are these states if their condition number is at most `sound` or no other rates are
         better by `MARGIN`; else states of the rates that describe motions at q best.
         """
-        from scipy.linalg import qr
-
         condition = self.condition_number(q)
-        if not condition > sound:
+        if condition <= sound:
             return self, condition
         Phi = self.Phi(q)
-        n = len(self.coordinates)
         if not np.isfinite(Phi).all():
             return self, condition
-        # Motions of the smallest singular values: near a singularity more than n are free.
-        motions = np.linalg.svd(Phi)[2][len(Phi.T) - n :]
-        _, order = qr(motions, pivoting=True, mode="r")
-        chosen = np.sort(order[:n]).astype(np.intp)
+        best = _best_coordinates(Phi, len(self.coordinates))
         parts = self._reference.context.loops.parts
-        best, now = (
-            condition_number(self._mechanism, Phi, parts(each))
-            for each in (chosen, self.coordinates)
-        )
-        if not best * MARGIN < now:
+        best_condition = condition_number(self._mechanism, Phi, parts(best))
+        present_condition = condition_number(self._mechanism, Phi, parts(self.coordinates))
+        if best_condition * MARGIN >= present_condition:
             return self, condition
-        key = chosen.tobytes()
+        others = self._in_coordinates(best)
+        return others, others.condition_number(q)
+
+    def _in_coordinates(self, coordinates: Indices) -> States:
+        """States of the same mechanism in other coordinates."""
+        key = coordinates.tobytes()
         if key not in self._others:
-            mechanism = replace(self._mechanism, coordinates=chosen)
+            mechanism = replace(self._mechanism, coordinates=coordinates)
             self._others[key] = States(Reference(mechanism), self._friction)
-        return self._others[key], self._others[key].condition_number(q)
+        return self._others[key]
 
     def follow(
         self, start: Array, path: Path, limit: float, first: float = 1.0
@@ -224,15 +214,21 @@ class States:
     def _continuity(self) -> Continuity:
         return self._reference.context.continuity
 
-    def _continues(self, before: Array, after: Array) -> bool:
-        """Whether a step stays regular and in its assembly mode."""
-        model = self._mechanism.model
-        ahead = pin.difference(model, before, after)
+    # --- rollouts with a fixed step -------------------------------------------------------------
 
-        def path(q: Array, low: float, high: float) -> Array:
-            return after if high == 1 else self.closed(pin.integrate(model, before, high * ahead))
+    def start_rates(self, q: Array, va: Array) -> Array:
+        """v at the start of a motion, shape (nv,); at rest it is 0 in singular coordinates too.
 
-        return self.follow(before, path, MAX_CONDITION_NUMBER)[0] == 1
+        Raises:
+            ClosureError: If the loops are open.
+            SingularConfigurationError: If the coordinates do not determine v.
+        """
+        try:
+            return self.joint_rates(q, va)
+        except SingularConfigurationError:
+            if va.any():
+                raise
+            return np.zeros(self._mechanism.model.nv)
 
     def rollout(self, motions: RolloutArrays, threads: int) -> Indices:
         """Fill q and va by the classical Runge-Kutta method; numbers of valid states, shape (N,).
@@ -241,75 +237,123 @@ class States:
         loops open, at a singularity, or where a number is not finite.
         """
         indices = counted(range(len(motions.q)), "rollout", len(motions.q))
-        return np.array([self._roll(motions, i)[0] for i in indices], dtype=np.intp)
+        return np.array([self._fill(motions, i).valid for i in indices], dtype=np.intp)
 
     @np.errstate(over="ignore", invalid="ignore")  # a motion that diverges ends
-    def _roll(self, motions: RolloutArrays, i: int, *, back: bool = False) -> tuple[int, bool]:
-        """The number of valid states of motion i, and whether the motion can continue.
+    def _fill(self, motions: RolloutArrays, i: int, *, until_suited: bool = False) -> RolloutEnd:
+        """Fill the states of motion i as far as it goes, NaN behind them.
 
-        Where rates of other joints describe the motion better, they are integrated. With `back` it
-        returns where the coordinates describe it well again.
+        Steps are in the coordinates of these states, or in better ones where these are poor. With
+        `until_suited` it returns after at least one step where these are good again.
         """
-        states = self
         q = motions.q[i]
         va = motions.va[i]
-        q[:], va[:] = np.nan, np.nan
         load = None if motions.load is None else motions.load[i].reshape(-1, 6)
-        state = np.concatenate([motions.q0[i], motions.va0[i]])
-        before = motions.q0[i]
-        done = 0
-        for s in range(motions.steps + 1):
-            q_s, rates = np.split(state, [self._nq])
+        q[:] = np.nan
+        va[:] = np.nan
+        try:
+            v = self.start_rates(motions.q0[i], motions.va0[i])
+        except SSTError as error:
+            return RolloutEnd(0, error)
+        q[0] = motions.q0[i]
+        va[0] = motions.va0[i]
+        states = self
+        rates = va[0]
+        for s in range(motions.steps):
             try:
-                self._reference.context.evaluate(q_s)
-                if not (np.isfinite(state).all() and (s == 0 or states._continues(before, q_s))):
-                    break
-                v = states.joint_rates(q_s, rates)
-                q[s], va[s] = q_s, rates if states is self else v[self.coordinates]
-                before = q_s
-                done = s + 1
-                suited = self._suited_ahead(q_s, motions.dt * v)
-                if s == motions.steps or (back and s and suited is self):
-                    return done, True
+                suited = self._suited_for_step(q[s], motions.dt * v)
+                if until_suited and s > 0 and suited is self:
+                    return RolloutEnd(s + 1, None)
                 if suited is not states:
                     states = suited
-                    state = np.concatenate([q_s, v[suited.coordinates]])
-                state, short = states._step(state, motions.torques(i, s), load, motions.dt)
-                if not short:
-                    break
-            except SSTError:
-                break
-        return done, False
+                    rates = v[states.coordinates]
+                q[s + 1], rates = states._step(q[s], rates, motions.torques(i, s), load, motions.dt)
+                v = states.joint_rates(q[s + 1], rates)
+            except SSTError as error:
+                q[s + 1] = np.nan
+                return RolloutEnd(s + 1, error)
+            va[s + 1] = rates if states is self else v[self.coordinates]
+        return RolloutEnd(motions.steps + 1, None)
 
-    def _suited_ahead(self, q: Array, step: Array) -> States:
-        """These states, or much better ones for a fixed step from q by `step`, shape (nv,)."""
+    def why_ended(self, motions: RolloutArrays, i: int, valid: int) -> SSTError:
+        """Why motion i ended after some valid states, by one more try from the last one."""
+        end = self._fill(motions.rest(i, max(valid - 1, 0)), 0)
+        return end.error or StepError("the kernels and the reference path disagree")
+
+    def _suited_for_step(self, q: Array, step: Array) -> States:
+        """These states if they are good along a step from q, shape (nv,); else much better ones.
+
+        They are judged ahead of q, because the step gets no shorter near a dead point.
+        """
         longest = float(np.abs(step / self._mechanism.rate_scale).max(initial=0))
-        parts = min(4, 1 + int(longest / _LOOK))
-        for fraction in np.arange(1, parts + 1) / parts:
-            ahead = pin.integrate(self._mechanism.model, q, fraction * step)
+        parts = min(_MOST_PARTS, 1 + int(longest / _PART_OF_STEP))
+        for part in range(1, parts + 1):
+            ahead = pin.integrate(self._mechanism.model, q, part / parts * step)
             suited, _ = self.suited(ahead, _FIXED_STEP)
             if suited is not self:
                 return suited
         return self
 
     def _step(
-        self, state: Array, tau: Array, wrenches: Array | None, h: float
-    ) -> tuple[Array, bool]:
-        """The state after one step, and whether the step is short enough for its curvature.
+        self, q: Array, va: Array, tau: Array, wrenches: Array | None, h: float
+    ) -> tuple[Array, Array]:
+        """q and va after a step h; torques act at its start, in its middle and at its end.
 
-        Before its correction the end of the step is off the closures by an error of order h^5.
+        Raises:
+            StepError: If the step is too long, diverges, or leaves the assembly mode.
+            ClosureError, SingularConfigurationError: At a stage, or at the end.
         """
-        nq = self._nq
-        model = self._mechanism.model
         space = self._mechanism.space
+        nq = self._nq
 
         def rate(when: int, stage: Array) -> Array:
+            if not isfinite(stage.dot(stage)):
+                raise StepError("a number is not finite; a shorter step may help")
             q = space.normalised(stage[:nq])
             return self._rate(q, stage[nq:], tau[when], wrenches, np.inf)
 
-        end = runge_kutta_step(rate, state, h)
-        q = self.closed(end)
-        ways = [pin.difference(model, space.normalised(x[:nq]), q) for x in (end, state)]
-        correction, length = np.abs(ways / self._mechanism.rate_scale).max(axis=1, initial=0)
-        short = bool(correction <= BEND * length + CLOSURE_TOLERANCE)
-        return np.concatenate([q, end[nq:]]), short
+        end = runge_kutta_step(rate, np.concatenate([q, va]), h)
+        if not isfinite(end.dot(end)):
+            raise StepError("a number is not finite; a shorter step may help")
+        predicted = space.normalised(end[:nq])
+        closed = self.closed(end)
+        # The step is off the closures by an error of order h^5.
+        correction = self._largest_displacement(predicted, closed)
+        length = self._largest_displacement(q, closed)
+        if correction > BEND * length + CLOSURE_TOLERANCE:
+            raise StepError("the step is too long for the curvature of the motion; shorten dt")
+        if not self._continues(q, closed):
+            raise StepError("the loops are singular, or change their assembly mode")
+        return closed, end[nq:]
+
+    def _largest_displacement(self, before: Array, after: Array) -> float:
+        """The largest displacement of a joint, [rad] or robot lengths."""
+        displacement = pin.difference(self._mechanism.model, before, after)
+        return float(np.abs(displacement / self._mechanism.rate_scale).max(initial=0))
+
+    def _continues(self, before: Array, after: Array) -> bool:
+        """Whether a step stays regular and in its assembly mode."""
+        model = self._mechanism.model
+        step = pin.difference(model, before, after)
+
+        def path(q: Array, low: float, high: float) -> Array:
+            if high == 1:
+                return after
+            return self.closed(pin.integrate(model, before, high * step))
+
+        fraction, _ = self.follow(before, path, MAX_CONDITION_NUMBER)
+        return fraction == 1
+
+
+def _best_coordinates(Phi: Array, n: int) -> Indices:
+    """Indices of the n rates that describe the motions with Phi v = 0 best.
+
+    Near a singularity more than n motions are possible; those of the n smallest singular values
+    count. Their most independent columns are those that a QR decomposition with pivoting finds.
+    """
+    from scipy.linalg import qr
+
+    _, _, Vt = np.linalg.svd(Phi)
+    motions = Vt[Phi.shape[1] - n :]
+    _, order = qr(motions, pivoting=True, mode="r")
+    return np.sort(order[:n]).astype(np.intp)

@@ -17,10 +17,11 @@ from ..arrays import Array, Flags, Indices
 from ..dynamics.derivatives import AccelerationDerivatives
 from ..dynamics.dynamics import solved
 from ..dynamics.reference import Reference
+from ..dynamics.rollout_arrays import RolloutArrays
 from ..errors import SSTError
 from ..kernel_protocols import Kernel
 from ..model.mechanism import Friction, Mechanism
-from ..states import RolloutArrays, States
+from ..states import States
 
 if TYPE_CHECKING:
     from ._binding import Kernel as BoundKernel
@@ -104,18 +105,29 @@ class CompiledStates(States):
             return super().rollout(motions, threads)
         reached = self._run(course, motions, threads)
         for i in map(int, np.flatnonzero(reached <= motions.steps)):
-            goes_on = True
-            while goes_on and reached[i] <= motions.steps:
-                done = max(int(reached[i]) - 1, 0)
-                more, goes_on = self._roll(motions.rest(i, done), 0, back=True)
-                reached[i] = done + more
-                if goes_on and reached[i] <= motions.steps:
-                    rest = motions.rest(i, done + more - 1)
-                    count = int(self._run(course, rest, 1)[0])
-                    if not count:  # only the reference path can continue from there
-                        rest.q[0, 0], rest.va[0, 0], count = rest.q0[0], rest.va0[0], 1
-                    reached[i] += count - 1
+            reached[i] = self._complete(course, motions, i, int(reached[i]))
         return reached
+
+    def _complete(self, course: "RolloutKernel", motions: RolloutArrays, i: int, count: int) -> int:
+        """The number of valid states of motion i, of which `count` are filled by kernels.
+
+        The reference path continues until the coordinates are good again, then the kernels do.
+        """
+        while count <= motions.steps:
+            last = max(count - 1, 0)  # the last valid state is the next start
+            end = self._fill(motions.rest(i, last), 0, until_suited=True)
+            count = last + end.valid
+            if count > motions.steps or end.error is not None:
+                return count
+            last = count - 1
+            rest = motions.rest(i, last)
+            by_kernels = int(self._run(course, rest, 1)[0])
+            if not by_kernels:  # only the reference path can continue from there
+                rest.q[0, 0] = rest.q0[0]
+                rest.va[0, 0] = rest.va0[0]
+                by_kernels = 1
+            count = last + by_kernels
+        return count
 
     def _run(self, course: "RolloutKernel", motions: RolloutArrays, threads: int) -> Indices:
         """Fill the states of motions as far as the kernels compute them well, and count them."""
@@ -147,7 +159,7 @@ class CompiledStates(States):
     def _suits(self, q: Array, va: Array, h: float) -> bool:
         """Whether the coordinates describe the motion well for a step from a state."""
         try:
-            return self._suited_ahead(q, h * self.joint_rates(q, va)) is self
+            return self._suited_for_step(q, h * self.joint_rates(q, va)) is self
         except SSTError:
             return False
 

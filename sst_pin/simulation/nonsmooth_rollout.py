@@ -218,7 +218,7 @@ class _ReferenceMotion:
 
     def require_start(self, q: Array, va: Array) -> None:
         """Refuse open loops, and contacts, ropes and stops that are violated."""
-        self._engine.joint_rates(q, va)
+        self._states.start_rates(q, va)
         gaps = self._step_of(self._states).gaps(q)
         mechanism, rows = self._mechanism, self._rows
         names = [f"contact {x}" for x in mechanism.contacts.points]
@@ -250,7 +250,7 @@ class _ReferenceMotion:
         q, va, h = arrays.q[i], arrays.va[i], arrays.dt
         load = None if arrays.load is None else arrays.load[i]
         states, rates, x = self._states, va[first], arrays.impulses[i]
-        v, self.done = states.joint_rates(q[first], rates), first
+        v, self.done = states.start_rates(q[first], rates), first
         for s in range(first, len(q) - 1):
             suited, _ = self._states.suited(q[s], _POOR)
             if suited is not states:

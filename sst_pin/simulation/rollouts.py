@@ -22,11 +22,11 @@ from ..arrays import (
     single_array,
     whole_number,
 )
+from ..dynamics.rollout_arrays import RolloutArrays
 from ..engine import Engine
 from ..errors import InputError, SimulationError
 from ..model.mechanism import Mechanism
 from ..progress import announced
-from ..states import RolloutArrays
 from ..summaries import listed
 
 #: Steps of all motions together from which a rollout may take seconds.
@@ -89,18 +89,19 @@ def rollout(
     samples = math.prod(batch)
     load = None if flat[3] is None else flat[3].reshape(samples, 6 * (mechanism.model.njoints - 1))
     q, va = empty((samples, count + 1, nq)), empty((samples, count + 1, n))
+    motions = RolloutArrays(step, q_0, va_0, tau_0, load, q, va)
     with nullcontext() if samples * count < _MANY else announced(f"rollout of {samples} motions"):
-        reached = states.rollout(RolloutArrays(step, q_0, va_0, tau_0, load, q, va), threads)
-    stopped = np.flatnonzero(reached <= count)
+        valid = states.rollout(motions, threads)
+    stopped = np.flatnonzero(valid <= count)
     if len(stopped) and on_error == "raise":
-        first = int(stopped[0])
         finite_array("tau", torques, (motors,))
-        if reached[first] == 0:  # raises the error of a wrong start
-            engine.joint_rates(start, rates)
-        error = SimulationError(
-            "the motion reached a singularity, diverged, or opened the loops (step too long)",
-            reached[first] * step,
-        )
+        first = int(stopped[0])
+        error = states.why_ended(motions, first, int(valid[first]))
+        if valid[first] > 0:
+            error = SimulationError(
+                f"the motion reached a singularity, diverged, or opened the loops: {error}",
+                valid[first] * step,
+            )
         name_samples(error, stopped.tolist(), batch)
         raise error
     return Rollout(q.reshape(*batch, count + 1, nq), va.reshape(*batch, count + 1, n))

@@ -5,7 +5,7 @@ import pytest
 import sst_pin
 from sst_pin import robots
 from sst_pin.sst import paper
-from tests.gallery import n_four_bar
+from tests.gallery import governor, n_four_bar
 from tests.support.sampling import random_parameters, random_states
 
 
@@ -135,3 +135,45 @@ def test_a_rollout_goes_through_dead_points_as_simulate_does():
         assert np.abs(motion.va[:: steps // 200] - wanted.va).max() < 100 * errors[-1]
     assert errors[1] < 1e-4
     assert errors[0] / errors[1] > 10  # 16, apart from where the coordinates change
+
+
+@pytest.mark.parametrize(
+    ("nonsmooth", "fast"),
+    [
+        (False, False),
+        (True, False),
+        (False, True),
+        pytest.param(True, True, marks=pytest.mark.slow),
+    ],
+)
+def test_a_rollout_starts_from_rest_where_its_coordinates_are_dependent(nonsmooth, fast):
+    """At a dead point of the rocker; the same motion in the coordinate of the crank is referee."""
+    by_crank = robots.four_bar()
+    dead_point = by_crank.assemble({"crank": -np.pi / 2})  # the coupler is folded over the crank
+    assert abs(by_crank.joint_rates(dead_point, [1.0])[-1]) < 1e-12
+    by_rocker = by_crank.with_coordinates([by_crank.joint_names[-1]])
+    if fast:
+        by_rocker.compile()
+    tau = np.full((100, 1), 0.2)
+    wanted = by_crank.rollout(tau, dead_point, [0.0], 1e-3, nonsmooth=nonsmooth)
+    motion = by_rocker.rollout(tau, dead_point, [0.0], 1e-3, nonsmooth=nonsmooth)
+    assert np.abs(wanted.q[-1] - dead_point).max() > 0.1
+    # Steps of the same length in two coordinates: of fourth order, or of first order.
+    assert np.abs(motion.q - wanted.q).max() < (1e-2 if nonsmooth else 1e-9)
+    with pytest.raises(sst_pin.SSTError, match="do not determine the rates"):
+        by_rocker.rollout(tau, dead_point, [0.1], 1e-3, nonsmooth=nonsmooth)
+
+
+@pytest.mark.parametrize("fast", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_a_motion_that_diverges_within_a_step_ends_with_a_reason(fast):
+    """Steps a hundred times too long for a stiff governor: numbers overflow between two steps."""
+    chain = governor()
+    if fast:
+        chain.compile()
+    tau, va = np.ones((20, 4)), np.ones(4)
+    with pytest.raises(sst_pin.SimulationError, match="not finite; a shorter step") as caught:
+        chain.rollout(tau, chain.home, va, 0.05)
+    q = chain.rollout(tau, chain.home, va, 0.05, on_error="nan").q
+    valid = np.isfinite(q).all(axis=1)
+    assert valid.sum() == round(caught.value.time / 0.05)
+    assert np.isnan(q[~valid]).all()
