@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, Indices, finite_array, in_order, single_array
+from ..arrays import Array, finite_array, in_order, single_array
 from ..arrays import names as names_of
 from ..errors import DescriptionError, InputError
 from .closures import Brake, Closure, Constraint, Coupling, Distance, Rolling
@@ -107,10 +107,10 @@ def mechanism_of(
     _require_sound(model, closures)
     space = JointSpace(model)
     closures = (*closures, *_brakes(space, brakes, lines, coordinates or ()))
-    B, names = _motors(space, motors, lines)
-    for name in (end for line in lines for end in (line.frame_a, line.frame_b)):
-        frame_id(model, name)
-    on_lines = Lines(lines, read_only(B[model.nv :]))
+    forces_of_motors, motor_names = _motors(space, motors, lines)
+    for line in lines:
+        frame_id(model, line.frame_a)
+        frame_id(model, line.frame_b)
 
     def of_rates(name: str, default: Array) -> Array:
         value = numbers[name]
@@ -120,19 +120,27 @@ def mechanism_of(
         of_rates("viscous_friction", model.damping),
         of_rates("coulomb_friction", model.friction),
     )
-    rest = pin.neutral(model)
+    relaxed = pin.neutral(model)
     if numbers["spring_reference"] is not None:
-        rest = single_array("spring_reference", numbers["spring_reference"], (model.nq,))
-        space.require_on_manifold(rest, "spring_reference")
-    springs = Springs(of_rates("stiffness", np.zeros(model.nv)), space.normalised(rest))
+        relaxed = single_array("spring_reference", numbers["spring_reference"], (model.nq,))
+        space.require_on_manifold(relaxed, "spring_reference")
+    springs = Springs(of_rates("stiffness", np.zeros(model.nv)), space.normalised(relaxed))
     springs.check(model)
     contacts = contacts or Contacts()
     contacts.check(model)
-    rates = space.rates_of(coordinates or ())
-    if coordinates is not None and not len(rates):
+    if coordinates is not None and not coordinates:
         raise InputError("coordinates", "the list is empty; omit it to have coordinates chosen")
-    parts = closures, rates, B[: model.nv], names, friction, springs, on_lines, contacts
-    return Mechanism(model, *parts)
+    return Mechanism(
+        model,
+        closures,
+        coordinates=space.rates_of(coordinates or ()),
+        motors=forces_of_motors[: model.nv],
+        motor_names=motor_names,
+        friction=friction,
+        springs=springs,
+        lines=Lines(lines, read_only(forces_of_motors[model.nv :])),
+        contacts=contacts,
+    )
 
 
 def _brakes(
@@ -142,15 +150,16 @@ def _brakes(
     coordinates: Sequence[str],
 ) -> Iterator[Brake]:
     """A brake for each line, and for each rate of each joint, of these names."""
-    by_name = {line.name: line for line in lines}
-    wanted = set(space.rates_of(coordinates).tolist())
+    lines_by_name = {line.name: line for line in lines}
+    rates_of_coordinates = set(space.rates_of(coordinates).tolist())
     seen = set[str]()
     for name in names:
-        if name in by_name:
-            brakes = [Brake(name, (by_name[name].frame_a, by_name[name].frame_b))]
+        if name in lines_by_name:
+            line = lines_by_name[name]
+            brakes = [Brake(name, (line.frame_a, line.frame_b))]
         else:
-            rates = space.rates_of([name])
-            if wanted & set(rates.tolist()):
+            rates = space.rates_of([name]).tolist()
+            if not rates_of_coordinates.isdisjoint(rates):
                 raise InputError("brakes", f"{name} is a coordinate, which must be free to move")
             brakes = [Brake(space.rate_names[k]) for k in rates]
         for brake in brakes:
@@ -161,45 +170,63 @@ def _brakes(
 
 
 def without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]) -> pin.Model:
-    """The tree with some joints, or single rates of joints, fixed."""
+    """The tree with some joints, or single rates of joints, fixed.
+
+    `locked` are names of joints or rates, which are fixed at zero, or their positions by name.
+    """
     model = copied(model)
     if list(model.mimicking_joints):
         raise InputError("locked", "the model has mimic joints; lock joints before you add these")
-    problems = [
-        f"pose {pose.key()}: {len(pose.data())} numbers, {model.nq} are needed"
-        for pose in model.referenceConfigurations
-        if len(pose.data()) != model.nq
-    ]
-    if problems:
-        raise DescriptionError(f"model {model.name}", problems)
+    _require_whole_poses(model)
     space = JointSpace(model)
-    q = pin.neutral(model)
-    owners = {k: name for name, rates in space.rates.items() for k in rates}
-    rates = dict[str, dict[int, float]]()
-    series = dict[int, Series]()
+    joint_of_rate: dict[int, str] = {}
+    for joint_name, rates in space.rates.items():
+        for rate in rates:
+            joint_of_rate[rate] = joint_name
+
+    # The position of each locked rate, by the name of its joint and its index in the joint.
+    positions: dict[str, dict[int, float]] = {}
     for name in names_of("locked", list(locked) if isinstance(locked, Mapping) else locked):
         indices = space.rates_of([name]).tolist()
-        value = 0.0
-        owner = owners[indices[0]]
-        joint = model.joints[joint_id(model, owners[indices[0]])]
+        joint_name = joint_of_rate[indices[0]]
+        joint = model.joints[joint_id(model, joint_name)]
+        position = 0.0
         if isinstance(locked, Mapping):
-            value = float(single_array("locked", locked[name], ()))
-            if len(indices) > 1 or (joint.nq, joint.nv) == (2, 1):
-                cure = (
-                    f"; name {', '.join(space.names_by_joint['rate'][name])}"
-                    if joint.nv > 1
-                    else ""
-                )
-                raise InputError("locked", f"joint {name} has several coordinates{cure}")
-        rates.setdefault(owner, {}).update({k - joint.idx_v: value for k in indices})
+            position = float(single_array("locked", locked[name], ()))
+            is_continuous = joint.nv == 1 and joint.nq == 2  # a cosine and a sine
+            if len(indices) > 1 or is_continuous:
+                problem = f"joint {name} has several coordinates"
+                if joint.nv > 1:
+                    problem += f"; name {', '.join(space.names_by_joint['rate'][name])}"
+                raise InputError("locked", problem)
+        for k in indices:
+            positions.setdefault(joint_name, {})[k - joint.idx_v] = position
+
+    # Joints that are locked as a whole go; others become series of the joints that can move.
+    neutral = pin.neutral(model)
+    changes: dict[int, Series] = {}
+    for joint_name, of_joint in positions.items():
+        number = joint_id(model, joint_name)
+        joint = model.joints[number]
         if joint.nq == 1:
-            q[joint.idx_q] = value
-    for name, fixed in rates.items():
-        joint = model.joints[i := joint_id(model, name)]
-        whole = joint.nv == 1 or name in locked
-        here = q[joint.idx_q : joint.idx_q + joint.nq]
-        series[i] = Series.fixed(joint, here) if whole else PartlyLocked(joint, fixed)
-    return rebuilt(model, series)
+            changes[number] = Series.fixed(joint, np.array([of_joint[0]]))
+        elif joint.nv == 1 or joint_name in locked:
+            q = neutral[joint.idx_q : joint.idx_q + joint.nq]
+            changes[number] = Series.fixed(joint, q)
+        else:
+            changes[number] = PartlyLocked(joint, of_joint)
+    return rebuilt(model, changes)
+
+
+def _require_whole_poses(model: pin.Model) -> None:
+    """Refuse stored poses that do not have nq numbers: Pinocchio does not check them."""
+    problems = []
+    for pose in model.referenceConfigurations:
+        length = len(pose.data())
+        if length != model.nq:
+            problems.append(f"pose {pose.key()}: {length} numbers, {model.nq} are needed")
+    if problems:
+        raise DescriptionError(f"model {model.name}", problems)
 
 
 def coordinates_of(coordinates: Sequence[str]) -> tuple[str, ...]:
@@ -244,72 +271,91 @@ def lines_of(lines: Sequence[LineForce]) -> tuple[LineForce, ...]:
 def _motors(
     space: JointSpace, motors: Sequence[Motor], forces: Sequence[LineForce]
 ) -> tuple[Array, tuple[str, ...]]:
-    """B with a row for each rate, then for each line, and the motors' names."""
-    lines = {line.name: row for row, line in enumerate(forces, len(space.rate_names))}
-    if both := lines.keys() & {*space.joint_names, *space.rate_names}:
-        raise InputError("lines", f"line {min(both)} has the name of a joint; give another name=")
-    size = len(space.rate_names) + len(lines)
+    """B, which has a row for each rate, then for each line, and the motors' names."""
+    rates = len(space.rate_names)
+    row_of_line = {line.name: row for row, line in enumerate(forces, rates)}
+    in_both = row_of_line.keys() & {*space.joint_names, *space.rate_names}
+    if in_both:
+        name = min(in_both)
+        raise InputError("lines", f"line {name} has the name of a joint; give another name=")
 
-    def rows(names: list[str]) -> Indices:
-        parts = [[lines[name]] if name in lines else space.rates_of([name]) for name in names]
-        if len(set(rows := [int(k) for indices in parts for k in indices])) != len(rows):
+    def rows_of(names: list[str]) -> list[int]:
+        rows: list[int] = []
+        for name in names:
+            if name in row_of_line:
+                rows.append(row_of_line[name])
+            else:
+                rows.extend(space.rates_of([name]).tolist())
+        if len(set(rows)) != len(rows):
             raise InputError("names", f"a joint appears twice in {names}")
-        return np.array(rows, dtype=np.intp)
+        return rows
 
     columns: list[Array] = []
-    names: list[str] = []
+    motor_names: list[str] = []
     for motor in motors:
-        if isinstance(motor, Mapping):
+        if isinstance(motor, Mapping):  # a tendon: one motor on several joints and lines
             name, shares = tendon_of(motor)
-            column = np.zeros(size)
-            k = rows(list(shares))
-            column[k] = finite_array("actuated", list(shares.values()), (len(k),))
+            rows = rows_of(list(shares))
+            column = np.zeros(rates + len(forces))
+            column[rows] = finite_array("actuated", list(shares.values()), (len(rows),))
             if not column.any():
                 raise InputError("actuated", f"{dict(motor)}: this motor acts on no joint")
             columns.append(column)
-            sum_ = " + ".join(f"{share:g} {joint}" for joint, share in shares.items())
-            names.append(name or sum_.replace("+ -", "- "))
-        else:
+            terms = " + ".join(f"{share:g} {joint}" for joint, share in shares.items())
+            motor_names.append(name or terms.replace("+ -", "- "))
+        else:  # a line, or a motor for each rate of a joint
             (name,) = names_of("actuated", [motor])
-            k = rows([name])
-            columns.extend(np.eye(size)[k])
-            names.extend([name] if name in lines else [space.rate_names[i] for i in k])
-    if len(set(names)) != len(names):
-        raise InputError("actuated", f"a joint appears twice in {names}")
-    return np.array(columns).reshape(-1, size).T, tuple(names)
+            for row in rows_of([name]):
+                column = np.zeros(rates + len(forces))
+                column[row] = 1.0
+                columns.append(column)
+                motor_names.append(name if name in row_of_line else space.rate_names[row])
+    if len(set(motor_names)) != len(motor_names):
+        raise InputError("actuated", f"a joint appears twice in {motor_names}")
+    B = np.array(columns).reshape(-1, rates + len(forces)).T
+    return B, tuple(motor_names)
 
 
 def _require_sound(model: pin.Model, closures: Sequence[Constraint]) -> None:
+    """Refuse names, numbers and joints that the dynamics cannot use; the error lists them all."""
     names = list(model.names)[1:]
-    problems = [f"joint {n}: the name appears twice" for n, k in Counter(names).items() if k > 1]
-    problems += [f"joint {i}: it has no name" for i, name in enumerate(names, 1) if not name]
+    problems = []
+
+    # Names
+    for name, count in Counter(names).items():
+        if count > 1:
+            problems.append(f"joint {name}: the name appears twice")
+    for number, name in enumerate(names, 1):
+        if not name:
+            problems.append(f"joint {number}: it has no name")
     if "universe" in names:
         problems.append("joint universe: the world has this name; rename the joint")
-    problems += [
-        f"joint {name}: a closure has this name too; rename the joint"
-        for name in sorted({*names} & {*map(str, closures)})
-    ]
+    for name in sorted({*names} & {*map(str, closures)}):
+        problems.append(f"joint {name}: a closure has this name too; rename the joint")
     if model.nv and not problems:
         problems = _names_with_two_meanings(model)
+
+    # Numbers
     problems += _impossible_numbers(model)
-    if model != pin.Model(model):
+    if model != pin.Model(model):  # NaN differs from itself
         problems.append("contains NaN")
     if model.gravity.angular.any():
         problems.append(f"gravity.angular is {model.gravity.angular}; it must be zero")
+
+    # Joints
     if not model.nv:
         problems.append("no moving joints")
-    problems += [
-        f"mimic joint {names[j - 1]}: Pinocchio supports only revolute and prismatic mimic joints "
-        "with limits and a factor other than 0; use an ordinary joint with a Coupling to the "
-        "joint that it follows"
-        for j in model.mimicking_joints
-        if not (_MIMIC.search(str(model.joints[j].extract())) and model.joints[j].extract().scaling)
-    ]
-    problems += [
-        f"joint {name}: joints of type ellipsoid are not supported"
-        for name, joint in zip(names, list(model.joints)[1:], strict=True)
-        if joint.shortname() == "JointModelEllipsoid"
-    ]
+    for number in model.mimicking_joints:
+        mimic = model.joints[number].extract()
+        if not _MIMIC.search(str(mimic)) or not mimic.scaling:
+            problems.append(
+                f"mimic joint {names[number - 1]}: Pinocchio supports only revolute and prismatic "
+                "mimic joints with limits and a factor other than 0; use an ordinary joint with a "
+                "Coupling to the joint that it follows"
+            )
+    for name, joint in zip(names, list(model.joints)[1:], strict=True):
+        if joint.shortname() == "JointModelEllipsoid":
+            problems.append(f"joint {name}: joints of type ellipsoid are not supported")
     if problems:
         raise DescriptionError(f"model {model.name}", problems)
 
@@ -345,38 +391,46 @@ def _impossible_numbers(model: pin.Model) -> list[str]:
 
     Estimated masses and rotor inertias may be negative.
     """
-    names = [f"joint {name}" for name in list(model.names)[1:]]
-    places = list(zip(names, list(model.jointPlacements)[1:], strict=True))
-    places += [(f"frame {frame.name}", frame.placement) for frame in model.frames]
-    bodies = zip(names, list(model.inertias)[1:], strict=True)
-    numbers = [("gravity", model.gravity.vector), ("armature", model.armature)]
-    numbers += [(f"body of {name}", body.toDynamicParameters()) for name, body in bodies]
-    numbers += [(f"placement of {name}", place.homogeneous) for name, place in places]
-    problems = [f"{name}: not finite" for name, array in numbers if not np.isfinite(array).all()]
-    problems += [
-        f"{name}: {np.abs(array).max():.3g} is too large to be computed with"
-        for name, array in numbers
-        if _TOO_LARGE < np.abs(array).max(initial=0.0) < np.inf
+    numbers: list[tuple[str, Array]] = [
+        ("gravity", model.gravity.vector),
+        ("armature", model.armature),
     ]
-    with np.errstate(over="ignore", invalid="ignore"):
-        problems += [
-            f"placement of {name}: {R.tolist()} is no rotation"
-            for name, R in [(name, place.rotation) for name, place in places]
-            if np.abs(R.T @ R - np.eye(3)).max() > _NO_ROTATION or np.linalg.det(R) < 0
-        ]
+    placements: list[tuple[str, pin.SE3]] = []
+    for number in range(1, model.njoints):
+        name = model.names[number]
+        numbers.append((f"body of joint {name}", model.inertias[number].toDynamicParameters()))
+        placements.append((f"placement of joint {name}", model.jointPlacements[number]))
+    for frame in model.frames:
+        placements.append((f"placement of frame {frame.name}", frame.placement))
+    numbers += [(name, placement.homogeneous) for name, placement in placements]
+
+    problems = []
+    for name, array in numbers:
+        if not np.isfinite(array).all():
+            problems.append(f"{name}: not finite")
+        elif np.abs(array).max(initial=0.0) > _TOO_LARGE:
+            largest = np.abs(array).max()
+            problems.append(f"{name}: {largest:.3g} is too large to be computed with")
+    for name, placement in placements:
+        R = placement.rotation
+        with np.errstate(over="ignore", invalid="ignore"):
+            error = np.abs(R.T @ R - np.eye(3)).max()
+            if error > _NO_ROTATION or np.linalg.det(R) < 0:
+                problems.append(f"{name}: {R.tolist()} is no rotation")
     return problems
 
 
 def _names_with_two_meanings(model: pin.Model) -> list[str]:
-    """Error messages for names that two joints share, as joint, position or rate."""
+    """Problems of names that two joints share: as a joint, a position or a rate."""
     problems = []
-    for kind, of_joints in JointSpace(model).names_by_joint.items():
-        owner: dict[str, str] = {}
-        for joint, names in of_joints.items():
+    for kind, names_of_joints in JointSpace(model).names_by_joint.items():
+        owners: dict[str, str] = {}
+        for joint, names in names_of_joints.items():
             for name in {joint, *names}:
-                if owner.setdefault(name, joint) != joint:
+                owner = owners.setdefault(name, joint)
+                if owner != joint:
                     problems.append(
-                        f"joints {owner[name]} and {joint}: {name} names a {kind} of both; "
+                        f"joints {owner} and {joint}: {name} names a {kind} of both; "
                         "rename one of them"
                     )
     return list(dict.fromkeys(problems))

@@ -22,17 +22,17 @@ from .tree import joint_id
 _Numbers = TypeVar("_Numbers", Array, Indices)
 
 _NOTHING_MOVES = (
-    "no coordinates: nothing can move; reactions(q) has the forces of a robot that stands; "
-    "otherwise check brakes, kinds and axes of the closures; if another assembly moves, make it "
-    'model.referenceConfigurations["home"]'
+    "no coordinates: nothing can move. reactions(q) computes the forces in a robot that stands "
+    "still. If the robot should move, check its brakes, and the kinds and axes of its closures. If "
+    'it moves in another assembly mode, store it as model.referenceConfigurations["home"]'
 )
 _NOT_ASSEMBLED = (
     "no configuration was assembled, so its degrees of freedom are not known; correct lengths and "
-    'placements, or make a closed configuration model.referenceConfigurations["home"]'
+    'placements, or store a closed configuration as model.referenceConfigurations["home"]'
 )
 _NOTHING_FOUND = (
-    "no coordinates: no configuration was assembled where they could be chosen; make a closed one "
-    'model.referenceConfigurations["home"], or give coordinates='
+    "no coordinates: no configuration was assembled where they could be chosen; store a closed "
+    'one as model.referenceConfigurations["home"], or give coordinates='
 )
 
 
@@ -206,8 +206,11 @@ class Mechanism:
     @cached_property
     def driven(self) -> Indices:
         """Indices in v of the rates that motors act on, motor after motor."""
-        columns = (np.flatnonzero(column) for column in self.motors.T)
-        rates = list(dict.fromkeys(k for c in columns for k in c))
+        rates: list[int] = []
+        for column in self.motors.T:
+            for rate in np.flatnonzero(column).tolist():
+                if rate not in rates:
+                    rates.append(rate)
         return read_only(np.array(rates, dtype=np.intp))
 
     @cached_property
@@ -236,16 +239,23 @@ class Mechanism:
 
         What it means to hold such a coordinate depends on the path to a configuration.
         """
-        joints = [joint for joint in list(self.model.joints)[1:] if joint.nq != joint.nv > 1]
-        coordinates = [np.isin(range(j.idx_v, j.idx_v + j.nv), self.coordinates) for j in joints]
-        return any(of_joint.any() and not of_joint.all() for of_joint in coordinates)
+        for joint in list(self.model.joints)[1:]:
+            if joint.nv > 1 and joint.nq != joint.nv:
+                rates = range(joint.idx_v, joint.idx_v + joint.nv)
+                is_coordinate = np.isin(rates, self.coordinates)
+                if is_coordinate.any() and not is_coordinate.all():
+                    return True
+        return False
 
     @cached_property
     def motor_units(self) -> tuple[str, ...]:
         """For each motor "Nm" or "N", by the rate that it acts on most; on a line alone "N"."""
-        acts = zip(self.motors.T, np.abs(self.motors).argmax(axis=0), strict=True)
-        units = self.space.rate_units
-        return tuple("Nm" if by[k] and units[k] == "rad" else "N" for by, k in acts)
+        units = []
+        for column in self.motors.T:
+            largest = int(np.abs(column).argmax())
+            is_torque = column[largest] != 0 and self.space.rate_units[largest] == "rad"
+            units.append("Nm" if is_torque else "N")
+        return tuple(units)
 
     @cached_property
     def motor_scale(self) -> Array:
@@ -298,15 +308,19 @@ class Mechanism:
     @cached_property
     def row_scale(self) -> Array:
         """Factors that make the rows of Phi free of units, shape (rows,)."""
-        lengths = {c: length or self.length for _, members, length in self._groups for c in members}
-        units = []
+        length_of_closure: dict[Constraint, float] = {}
+        for _, closures, length in self._groups:
+            for closure in closures:
+                length_of_closure[closure] = length or self.length
+        units: list[float] = []
         for closure in self.closures:
             rate = self.rate_of(closure)
-            if rate is not None:
+            if rate is not None:  # a coupling or a brake has one row, in the unit of its joint
                 units.append(self.rate_scale[rate])
-            else:
-                turns = (row.startswith("turn") for row in closure.rows)
-                units += [1.0 if turn else lengths[closure] for turn in turns]
+                continue
+            for row in closure.rows:
+                is_rotation = row.startswith("turn")
+                units.append(1.0 if is_rotation else length_of_closure[closure])
         return read_only(1 / np.array(units))
 
     @cached_property
@@ -314,9 +328,11 @@ class Mechanism:
         """Units of the rates, shape (nv,): v divided by them is free of units."""
         lengths = np.full(self.model.nv, self.length)
         for joints, _, length in self._groups:
-            for joint in (self.model.joints[j] for j in joints):
+            for number in joints:
+                joint = self.model.joints[number]
                 lengths[joint.idx_v : joint.idx_v + joint.nv] = length or self.length
-        return read_only(np.where(np.array(self.space.rate_units) == "m", lengths, 1.0))
+        is_translation = np.array(self.space.rate_units) == "m"
+        return read_only(np.where(is_translation, lengths, 1.0))
 
 
 def read_only(array: _Numbers) -> _Numbers:
