@@ -4,6 +4,7 @@
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Collection, Iterator, Mapping
+from typing import NamedTuple
 
 from ..summaries import listed
 from .joint_numbers import JointNumbers
@@ -11,36 +12,63 @@ from .problems import Problem, error, is_true, means, number, numbers, warning
 
 #: Elements of Gazebo for the numbers of a spring.
 SPRINGS = {"stiffness": "springStiffness", "reference": "springReference"}
-_ROTORS = ("drake:rotor_inertia", "drake:gear_ratio")
-#: Elements of a robot that exert no force, or are read. Others are named if they name a link, a
-#: joint or a frame.
+#: Elements of Drake for the inertia of a rotor and its gear ratio.
+_ROTOR_INERTIA = "drake:rotor_inertia"
+_GEAR_RATIO = "drake:gear_ratio"
+#: Elements of a robot that exert no force, or are read. Others are named in a warning if they name
+#: a link, a joint or a frame.
 _HARMLESS = {
     "link",
     "joint",
     "frame",
     "material",
-    "gazebo",  # its elements are judged one by one, as those of the next
-    "transmission",
-    "mujoco",
-    "ros2_control",
     "sensor",
     "camera",
     "gripper",
-    "drake:collision_filter_group",
-    *("group", "group_state", "disable_collisions", "end_effector", "virtual_joint"),
     "safety_controller",
+    "drake:collision_filter_group",
+    # their own elements are judged one by one
+    "gazebo",
+    "transmission",
+    "mujoco",
+    "ros2_control",
+    # of an SRDF
+    "group",
+    "group_state",
+    "disable_collisions",
+    "end_effector",
+    "virtual_joint",
     # joints that close loops, see `cut_joints`
-    *("loop", "loop_constraint", "loop_joint", "constraint", "coupling", "drake:ball_constraint"),
+    "loop",
+    "loop_constraint",
+    "loop_joint",
+    "constraint",
+    "coupling",
+    "drake:ball_constraint",
 }
 #: Elements of `<gazebo>` that move links or push them, unless they are zero or false.
-_OF_GAZEBO = ("dampingFactor", "static", "kinematic", "buoyancy", "enable_wind")
+_OF_GAZEBO = (
+    "dampingFactor",
+    "static",
+    "kinematic",
+    "buoyancy",
+    "enable_wind",
+    "velocity_decay/linear",
+    "velocity_decay/angular",
+)
 #: Attributes of elements of `<mujoco>` in a URDF that change masses or forces.
 _OF_MUJOCO = {
     "compiler": (
-        *("settotalmass", "boundmass", "boundinertia", "balanceinertia", "inertiafromgeom"),
+        "settotalmass",
+        "boundmass",
+        "boundinertia",
+        "balanceinertia",
+        "inertiafromgeom",
     ),
     "option": ("gravity", "density", "viscosity", "wind"),
 }
+#: Attributes of elements of a joint that are read.
+_OF_JOINT = {"dynamics": ("damping", "friction"), "axis": ("xyz",)}
 #: Names of plugins that exert no force but a motor's.
 _FORCELESS = re.compile(
     "altimeter|applyjointforce|battery|breadcrumb|bumper|camera|comms|contact|control|depth|"
@@ -48,6 +76,15 @@ _FORCELESS = re.compile(
     "openni|p3d|physics|projector|publisher|(?<![a-z])ray|range|scene|sensor|sonar|steering|"
     "trajectory|usercommands|video"
 )
+
+
+class Mimic(NamedTuple):
+    """A joint that follows another: its position is multiplier times the leader's, plus offset."""
+
+    follower: str
+    leader: str
+    multiplier: str
+    offset: str
 
 
 def unread(root: ET.Element) -> Iterator[Problem]:
@@ -63,8 +100,8 @@ def unread(root: ET.Element) -> Iterator[Problem]:
         elif element.tag == "ros2_control":
             yield from _ros2_control(element, _single_joints(root))
         elif element.tag not in _HARMLESS:
-            texts = {text for part in element.iter() for text in (*part.attrib.values(), part.text)}
-            if names := sorted(named & texts):
+            names = sorted(named & _texts(element))
+            if names:
                 yield warning(f"<{element.tag}>", f"of {listed(names)} is not read")
     yield from _of_joints(root)
     if not is_weightless(root):
@@ -73,24 +110,31 @@ def unread(root: ET.Element) -> Iterator[Problem]:
             yield warning(f"link {name}", text)
 
 
+def _texts(element: ET.Element) -> set[str]:
+    """All attributes and texts of an element and of those in it."""
+    texts = set[str]()
+    for part in element.iter():
+        texts.update(part.attrib.values())
+        texts.add(part.text or "")
+    return texts
+
+
 def _gazebo(element: ET.Element, named: set[str]) -> Iterator[Problem]:
     """Problems of a `<gazebo>`."""
     reference = element.get("reference", "")
     where = f"gazebo {reference}".strip()
-    for tag in _OF_GAZEBO:
-        for part in element.findall(tag):
+    for path in _OF_GAZEBO:
+        for part in element.findall(path):
             text = (part.text or "").strip()
             if not means(text, 0):
-                yield warning(where, f"{tag} {text!r} is not read")
-    for path in ("velocity_decay/linear", "velocity_decay/angular"):
-        text = element.findtext(path, "0").strip()
-        if not means(text, 0):
-            yield warning(where, f"{path} {text!r} is not read")
-    for part in (part for tag in SPRINGS.values() for part in element.findall(tag)):
-        if numbers(part.text or "", 1) is None:
-            yield error(where, f"{part.tag} {part.text or ''!r} is not a number")
-        elif reference not in named:
-            yield warning(where, f"{part.tag} is not read: {reference!r} is not in this file")
+                yield warning(where, f"{path} {text!r} is not read")
+    for tag in SPRINGS.values():
+        for part in element.findall(tag):
+            text = part.text or ""
+            if numbers(text, 1) is None:
+                yield error(where, f"{tag} {text!r} is not a number")
+            elif reference not in named:
+                yield warning(where, f"{tag} is not read: {reference!r} is not in this file")
     yield from acting_plugins(element, where)
 
 
@@ -113,8 +157,10 @@ def _transmission(element: ET.Element, named: set[str]) -> Iterator[Problem]:
     """Problems of a `<transmission>`."""
     where = f"transmission {element.get('name', '')}".strip()
     for part in element.iter():
-        if part.tag in _ROTORS and numbers(text := part.get("value", ""), 1) is None:
-            yield error(where, f"{part.tag} {text!r} is not a number")
+        if part.tag in (_ROTOR_INERTIA, _GEAR_RATIO):
+            text = part.get("value", "")
+            if numbers(text, 1) is None:
+                yield error(where, f"{part.tag} {text!r} is not a number")
     for joint in element.findall("joint"):
         if joint.get("name") not in named:
             yield warning(where, f"{joint.get('name')!r} is not a joint of this file")
@@ -155,32 +201,40 @@ def _mujoco(element: ET.Element) -> Iterator[Problem]:
 
 def _of_joints(root: ET.Element) -> Iterator[Problem]:
     """Warnings of attributes of joints that other tools add."""
-    odd: dict[str, list[str]] = {}
+    joints_by_attribute: dict[str, list[str]] = {}
     for joint in root.findall("joint"):
-        for tag, known in (("dynamics", ("damping", "friction")), ("axis", ("xyz",))):
-            for key, text in (pair for each in joint.findall(tag) for pair in each.items()):
-                if key not in known and not means(text, 0):
-                    odd.setdefault(f"{tag} {key}", []).append(joint.get("name", ""))
-    for key, names in odd.items():
-        yield warning(f"joints {', '.join(names)}", f"{key}=... is not read")
+        for tag, known in _OF_JOINT.items():
+            for element in joint.findall(tag):
+                for key, text in element.items():
+                    if key not in known and not means(text, 0):
+                        names = joints_by_attribute.setdefault(f"{tag} {key}", [])
+                        names.append(joint.get("name", ""))
+    for attribute, names in joints_by_attribute.items():
+        yield warning(f"joints {', '.join(names)}", f"{attribute}=... is not read")
 
 
 def joint_numbers(root: ET.Element) -> JointNumbers:
     """Springs of Gazebo and reflected rotor inertias of Drake, for the joints that move."""
     values: dict[str, dict[str, float]] = {kind: {} for kind in (*SPRINGS, "armature")}
-    joints = [j.get("name") for j in root.findall("joint") if j.get("type") != "fixed"]
+    moving = [j.get("name") for j in root.findall("joint") if j.get("type") != "fixed"]
     for element in root.findall("gazebo"):
-        name = element.get("reference", "")
-        for kind, tag in SPRINGS.items() if name in joints else ():
-            if (value := numbers(element.findtext(tag, ""), 1)) is not None:
-                values[kind][name] = float(value[0])
+        joint_name = element.get("reference", "")
+        if joint_name not in moving:
+            continue
+        for kind, tag in SPRINGS.items():
+            value = numbers(element.findtext(tag, ""), 1)
+            if value is not None:
+                values[kind][joint_name] = float(value[0])
     for element in root.findall("transmission"):
         parts = {part.tag: number(part, "value") for part in element.iter()}
-        rotor = parts.get(_ROTORS[0], 0.0)
-        gear = parts.get(_ROTORS[1], 1.0)
-        for name in (joint.get("name", "") for joint in element.findall("joint")):
-            if rotor and gear and name in joints:
-                values["armature"][name] = rotor * gear**2
+        rotor_inertia = parts.get(_ROTOR_INERTIA, 0.0)
+        gear_ratio = parts.get(_GEAR_RATIO, 1.0)
+        if not rotor_inertia or not gear_ratio:
+            continue
+        for joint in element.findall("joint"):
+            joint_name = joint.get("name", "")
+            if joint_name in moving:
+                values["armature"][joint_name] = rotor_inertia * gear_ratio**2
     return values
 
 
@@ -190,9 +244,9 @@ def motors_of(root: ET.Element) -> tuple[str, ...]:
     for joint in root.findall("ros2_control/joint"):
         if joint.find("command_interface") is not None:
             driven.append(joint.get("name", ""))
-    followers = {follower for follower, _, _, _ in mimics_of(root)}
-    free = _single_joints(root) - followers
-    return tuple(name for name in dict.fromkeys(driven) if name in free)
+    followers = {mimic.follower for mimic in mimics_of(root)}
+    can_have_motor = _single_joints(root) - followers
+    return tuple(name for name in dict.fromkeys(driven) if name in can_have_motor)
 
 
 def _single_joints(root: ET.Element) -> set[str]:
@@ -201,42 +255,49 @@ def _single_joints(root: ET.Element) -> set[str]:
     return {j.get("name", "") for j in root.findall("joint") if j.get("type") in kinds}
 
 
-def mimics_of(root: ET.Element) -> Iterator[tuple[str, str, str, str]]:
-    """Joints that follow others by `<mimic>`, else by parameters of `<ros2_control>`.
-
-    Each with the other joint, the multiplier and the offset.
-    """
+def mimics_of(root: ET.Element) -> Iterator[Mimic]:
+    """Joints that follow others by `<mimic>`, else by parameters of `<ros2_control>`."""
     followers = set[str]()
     for joint in root.findall("joint"):
         for mimic in joint.findall("mimic"):
-            name = joint.get("name", "")
-            followers.add(name)
-            factor = mimic.get("multiplier", "1")
-            offset = mimic.get("offset", "0")
-            yield name, mimic.get("joint", ""), factor, offset
+            follower = joint.get("name", "")
+            followers.add(follower)
+            multiplier = mimic.get("multiplier", "1")
+            yield Mimic(follower, mimic.get("joint", ""), multiplier, mimic.get("offset", "0"))
     single = _single_joints(root)
     for joint in root.findall("ros2_control/joint"):
-        name = joint.get("name", "")
+        follower = joint.get("name", "")
         values = _parameters(joint)
-        if "mimic" in values and name not in followers and _can_follow(name, values, single):
-            followers.add(name)
-            yield name, values["mimic"], values.get("multiplier", "1"), values.get("offset", "0")
+        if "mimic" not in values or follower in followers:
+            continue
+        if _can_follow(follower, values, single):
+            followers.add(follower)
+            multiplier = values.get("multiplier", "1")
+            yield Mimic(follower, values["mimic"], multiplier, values.get("offset", "0"))
 
 
 def is_weightless(root: ET.Element) -> bool:
     """Whether gravity is off for each moving link that has a mass."""
     moving = {child.get("link") for child in root.iterfind("joint/child")}
-    masses = {link.get("name", ""): link.find("inertial/mass") for link in root.findall("link")}
-    heavy = {name for name, mass in masses.items() if name in moving and number(mass, "value")}
-    return bool(heavy) and heavy <= _without_gravity(root)
+    with_mass = set[str]()
+    for link in root.findall("link"):
+        name = link.get("name", "")
+        if name in moving and number(link.find("inertial/mass"), "value"):
+            with_mass.add(name)
+    return bool(with_mass) and with_mass <= _without_gravity(root)
 
 
 def _without_gravity(root: ET.Element) -> set[str]:
     """Links without gravity, from elements of Drake and Gazebo."""
-    links = {link.get("name", ""): link for link in root.findall("link")}
-    off = {n for n, link in links.items() if any(e.tag == "drake:disable_gravity" for e in link)}
+    links = set[str]()
+    without_gravity = set[str]()
+    for link in root.findall("link"):
+        name = link.get("name", "")
+        links.add(name)
+        if any(element.tag == "drake:disable_gravity" for element in link):
+            without_gravity.add(name)
     for element in root.findall("gazebo"):
-        on = element.findtext("gravity", "true")
-        if is_true(element.findtext("turnGravityOff")) or not is_true(on):
-            off.add(element.get("reference", ""))
-    return off & links.keys()
+        is_off = is_true(element.findtext("turnGravityOff"))
+        if is_off or not is_true(element.findtext("gravity", "true")):
+            without_gravity.add(element.get("reference", ""))
+    return without_gravity & links

@@ -8,40 +8,42 @@ from .mjcf_compiled import HINGE, SLIDE, Compiled
 from .mjcf_loops import actuators
 from .mjcf_tree import MjcfTree
 
-#: A range of forces without limits, [N] or [N m].
-_ANY = np.array([-np.inf, np.inf])
-
 
 def put_efforts(compiled: Compiled, tree: MjcfTree) -> dict[str, float]:
-    """Write the limits of motors into the tree, `effortLimit`; returns those of spatial tendons.
+    """Write the limits of motors into the tree, `effortLimit`; return those of spatial tendons.
 
-    Several actuators on one joint add up. Where a range is not symmetric, the larger side counts,
-    with a note.
+    Several actuators on one joint add up. If a range is not symmetric, the larger side is used for
+    both directions, and a note says so.
     """
     mj = compiled.mj
-    model = tree.model
-    of_lines = dict[str, float]()
-    limited = getattr(mj, "jnt_actfrclimited", np.zeros(0))
-    for target in map(int, np.flatnonzero(limited)):
-        dof = int(mj.jnt_dofadr[target])
-        if mj.jnt_type[target] in (HINGE, SLIDE) and dof in tree.dofs:
-            force = mj.jnt_actfrcrange[target]
-            effort = _effort(compiled, f"joint {compiled.joint(target)}", force)
-            model.effortLimit[tree.dofs.index(dof)] = effort
+    # Limits of joints apply without actuators too.
+    limited = getattr(mj, "jnt_actfrclimited", np.zeros(0))  # not every MuJoCo has them
+    for joint in map(int, np.flatnonzero(limited)):
+        _put_joint_effort(compiled, tree, joint, mj.jnt_actfrcrange[joint])
+    efforts_of_lines = dict[str, float]()
     for (kind, target), force in _ranges(compiled).items():
-        if kind == "joint" and mj.jnt_type[target] in (HINGE, SLIDE):
-            effort = _effort(compiled, f"joint {compiled.joint(target)}", force)
-            if np.isfinite(effort):
-                model.effortLimit[tree.dofs.index(mj.jnt_dofadr[target])] = effort
+        if kind == "joint":
+            _put_joint_effort(compiled, tree, target, force)
         elif kind == "tendon":
             name = compiled.name("tendon", target)
             effort = _effort(compiled, f"tendon {name}", force)
             if compiled.is_spatial(target):
-                of_lines[name] = effort
+                efforts_of_lines[name] = effort
             elif np.isfinite(effort):
-                text = f"the limit {effort:g} of its motor is not kept: it acts on several joints"
+                text = f"the limit {effort:g} of its motor is not used: it acts on several joints"
                 compiled.notes.append(f"tendon {name}: {text}")
-    return of_lines
+    return efforts_of_lines
+
+
+def _put_joint_effort(compiled: Compiled, tree: MjcfTree, joint: int, force: Array) -> None:
+    """Write a range of forces into the tree, if the joint is a hinge or a slide that moves."""
+    mj = compiled.mj
+    rate = int(mj.jnt_dofadr[joint])
+    if mj.jnt_type[joint] not in (HINGE, SLIDE) or rate not in tree.dofs:
+        return
+    effort = _effort(compiled, f"joint {compiled.joint(joint)}", force)
+    if np.isfinite(effort):
+        tree.model.effortLimit[tree.dofs.index(rate)] = effort
 
 
 def _ranges(compiled: Compiled) -> dict[tuple[str, int], Array]:
@@ -49,16 +51,21 @@ def _ranges(compiled: Compiled) -> dict[tuple[str, int], Array]:
     mj = compiled.mj
     ranges = dict[tuple[str, int], Array]()
     for actuator in actuators(compiled):
-        key = actuator.kind, actuator.target
-        of_one = np.zeros(2)
-        if actuator.gear:  # the range may be infinite
-            of_one = np.sort(actuator.gear * _range_of(compiled, actuator.number))
-        ranges[key] = ranges.get(key, 0.0) + of_one
+        key = (actuator.kind, actuator.target)
+        if actuator.gear:
+            range_of_one = np.sort(actuator.gear * _range_of(compiled, actuator.number))
+        else:  # zero times an infinite range would be NaN
+            range_of_one = np.zeros(2)
+        ranges[key] = ranges.get(key, 0.0) + range_of_one
+    # Joints and tendons may limit the sum.
+    prefixes = {"joint": "jnt", "tendon": "tendon"}
     for (kind, target), force in ranges.items():
-        prefix = {"joint": "jnt", "tendon": "tendon"}.get(kind, "")
-        limited = getattr(mj, f"{prefix}_actfrclimited", None)
+        if kind not in prefixes:
+            continue
+        limited = getattr(mj, f"{prefixes[kind]}_actfrclimited", None)
         if limited is not None and limited[target]:
-            force[:] = np.clip(force, *getattr(mj, f"{prefix}_actfrcrange")[target])
+            lower, upper = getattr(mj, f"{prefixes[kind]}_actfrcrange")[target]
+            force[:] = np.clip(force, lower, upper)
     return ranges
 
 
@@ -66,16 +73,20 @@ def _range_of(compiled: Compiled, i: int) -> Array:
     """The range of the force of one actuator, before its gear."""
     mj = compiled.mj
     mujoco = compiled.mujoco
-    force = _ANY.copy()
-    first = getattr(mj, "actuator_ctrladr", np.arange(mj.nu))[i]
-    is_force = mj.actuator_gaintype[i] == int(mujoco.mjtGain.mjGAIN_FIXED)
-    is_force = is_force and mj.actuator_biastype[i] == int(mujoco.mjtBias.mjBIAS_NONE)
-    is_force = is_force and mj.actuator_dyntype[i] == int(mujoco.mjtDyn.mjDYN_NONE)
-    if is_force and mj.actuator_ctrllimited[first]:  # else the control is a position or a rate
-        force = np.sort(mj.actuator_gainprm[i, 0] * mj.actuator_ctrlrange[first])
+    # A motor whose control is a force, not a position or a rate: force = gain * control.
+    is_force = (
+        mj.actuator_gaintype[i] == int(mujoco.mjtGain.mjGAIN_FIXED)
+        and mj.actuator_biastype[i] == int(mujoco.mjtBias.mjBIAS_NONE)
+        and mj.actuator_dyntype[i] == int(mujoco.mjtDyn.mjDYN_NONE)
+    )
+    # Newer versions of MuJoCo can have several controls of one actuator.
+    control = getattr(mj, "actuator_ctrladr", np.arange(mj.nu))[i]
+    lower, upper = -np.inf, np.inf
+    if is_force and mj.actuator_ctrllimited[control]:
+        lower, upper = np.sort(mj.actuator_gainprm[i, 0] * mj.actuator_ctrlrange[control])
     if mj.actuator_forcelimited[i]:
-        force = np.clip(force, *mj.actuator_forcerange[i])
-    return np.asarray(force)
+        lower, upper = np.clip((lower, upper), *mj.actuator_forcerange[i])
+    return np.array([lower, upper])
 
 
 def _effort(compiled: Compiled, where: str, force: Array) -> float:
@@ -83,6 +94,6 @@ def _effort(compiled: Compiled, where: str, force: Array) -> float:
     low, high = force
     effort = float(max(abs(low), abs(high)))
     if np.isfinite(effort) and low != -high:
-        text = f"its motor gives {low:g} to {high:g}; {effort:g} is kept for both directions"
+        text = f"its motor gives {low:g} to {high:g}; {effort:g} is used for both directions"
         compiled.notes.append(f"{where}: {text}")
     return effort

@@ -38,8 +38,12 @@ def urdf_shapes(
     Mesh files are relative to the folder of the URDF, `package://` to those above too.
     """
     folders = [str(each) for each in (folder, *folder.resolve().parents)]
-    words = {"link": ("visual", "collision"), "joint": ("parent", "child")}
-    root = bare(root, {"material": ("color", "texture"), **words})
+    tags = {
+        "material": ("color", "texture"),
+        "link": ("visual", "collision"),
+        "joint": ("parent", "child"),
+    }
+    root = bare(root, tags)
     for joint in root.findall("joint"):  # joints and masses are those of the model
         joint.set("type", "fixed")
     for link in root.findall("link"):  # urdfdom would leave out the link, and print a complaint

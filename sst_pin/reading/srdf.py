@@ -2,7 +2,7 @@
 """An SRDF: named configurations, and pairs of links that need no collision check."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -45,14 +45,10 @@ class Srdf:
         States of several groups with one name are one configuration. `joints` are those of the
         URDF; the result says which states move joints that the caller locks.
         """
-        problems = list[str]()
+        problems = list(self._unknown_elements())
         notes = list[str]()
+        # Position of each joint, by the names of states and joints.
         poses = dict[str, dict[str, Array]]()
-        if self._root.tag != "robot":
-            problems.append(f"an SRDF starts with <robot>, not with <{self._root.tag}>")
-        for tag in sorted({element.tag for element in self._root}.difference(_ELEMENTS)):
-            if near := get_close_matches(tag, _ELEMENTS, 1, 0.8):
-                problems.append(f"<{tag}> is unknown; did you mean {near[0]}?")
         for state in self._root.findall("group_state"):
             name = state.get("name", "")
             where = f"group_state {state.get('name')}: "
@@ -66,26 +62,40 @@ class Srdf:
                     value = _value(model, joints, joint, text)
                     if (pose.setdefault(joint, value) != value).any():
                         raise ValueError(f"{joint} has two values, {text} is one of them")
-                    if value.any() and not (model.existJointName(joint) and joint not in locked):
-                        text = f"{joint} is fixed at zero, not at {text}"
+                    can_move = model.existJointName(joint) and joint not in locked
+                    if value.any() and not can_move:
+                        problem = f"{joint} is fixed at zero, not at {text}"
                         if joint not in locked:
-                            raise ValueError(text)
-                        notes.append(where + text)
+                            raise ValueError(problem)
+                        notes.append(where + problem)
         configurations = {name: configuration(model, pose) for name, pose in poses.items()}
-        odd = (name for name, q in configurations.items() if not pin.isNormalized(model, q, 1e-9))
-        problems += [f"group_state {name}: a rotation in it has no direction" for name in odd]
+        for name, q in configurations.items():
+            if not pin.isNormalized(model, q, 1e-9):  # a quaternion of zeros
+                problems.append(f"group_state {name}: a rotation in it has no direction")
         if problems:
             raise DescriptionError(self._source, problems)
         for name, q in configurations.items():
             model.referenceConfigurations[name] = q
         return notes
 
+    def _unknown_elements(self) -> Iterator[str]:
+        """Problems of a file that is no SRDF, and of misspelt elements."""
+        if self._root.tag != "robot":
+            yield f"an SRDF starts with <robot>, not with <{self._root.tag}>"
+        for tag in sorted({element.tag for element in self._root}.difference(_ELEMENTS)):
+            similar = get_close_matches(tag, _ELEMENTS, 1, 0.8)
+            if similar:
+                yield f"<{tag}> is unknown; did you mean {similar[0]}?"
+
     def remove_pairs(self, model: pin.Model, collision: pin.GeometryModel) -> None:
         """Leave out the pairs of links that need no check; unknown links are refused."""
-        pairs = self._root.findall("disable_collisions")
-        links = [pair.get(key, "") for pair in pairs for key in ("link1", "link2")]
-        unknown = [link for link in links if not model.existBodyName(link)]
-        if problems := [f"disable_collisions: no link {link} in the URDF" for link in unknown]:
+        problems = []
+        for pair in self._root.findall("disable_collisions"):
+            for key in ("link1", "link2"):
+                link = pair.get(key, "")
+                if not model.existBodyName(link):
+                    problems.append(f"disable_collisions: no link {link} in the URDF")
+        if problems:
             raise DescriptionError(self._source, problems)
         text = ET.tostring(self._root, encoding="unicode")
         pin.removeCollisionPairsFromXML(model, collision, text, False)

@@ -32,16 +32,22 @@ def read_text(path: str | Path, what: str) -> str:
     try:
         with Path(path).open("rb") as file:
             content = file.read(_LARGEST + 1)
-        declared = _ENCODING.match(content)
-        wide = content.startswith((b"\xff\xfe", b"\xfe\xff"))
-        text = content.decode(
-            "utf-16" if wide else declared[1].decode() if declared else "utf-8-sig"
-        )
+        text = content.decode(_encoding_of(content))
     except (OSError, ValueError, TypeError, LookupError) as error:
         raise DescriptionError(str(path), [f"the {what} cannot be read: {error}"]) from None
     if len(content) > _LARGEST:
         raise DescriptionError(str(path), [f"the {what} has more than {_LARGEST} bytes"])
     return text
+
+
+def _encoding_of(content: bytes) -> str:
+    """The encoding of a file, by its first bytes or as its XML declares it."""
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "utf-16"
+    declared = _ENCODING.match(content)
+    if declared is not None:
+        return declared[1].decode()
+    return "utf-8-sig"
 
 
 def parse_xml(text: str, source: str, what: str = "a URDF") -> ET.Element:
@@ -82,13 +88,22 @@ def parse_almost_xml(text: str, source: str, what: str) -> tuple[ET.Element, lis
         return root, [warning("file", f"not XML: {fault}; read as if it were")]
 
 
-def bare(root: ET.Element, words: Mapping[str, Collection[str]]) -> ET.Element:
-    """Links, joints and others with some of their elements; numbers are separated by one blank."""
-    copies = ET.Element(root.tag, root.attrib)
-    for element in (element for element in root if element.tag in words):
-        copy = ET.SubElement(copies, element.tag, element.attrib)
-        copy.extend(deepcopy(child) for child in element if child.tag in words[element.tag])
-        for part in (part for child in copy for part in child.iter()):
-            for key in part.attrib.keys() - _NAMES:
-                part.set(key, " ".join(part.attrib[key].split()))
-    return copies
+def bare(root: ET.Element, tags: Mapping[str, Collection[str]]) -> ET.Element:
+    """A copy of a robot with some of its elements, such as links and joints.
+
+    `tags` are those of the elements that are copied and, for each, of the parts that are copied
+    with it. In attributes with several numbers one blank separates two of them.
+    """
+    root_copy = ET.Element(root.tag, root.attrib)
+    for element in root:
+        if element.tag not in tags:
+            continue
+        copy = ET.SubElement(root_copy, element.tag, element.attrib)
+        for child in element:
+            if child.tag in tags[element.tag]:
+                copy.append(deepcopy(child))
+        for child in copy:
+            for part in child.iter():
+                for key in part.attrib.keys() - _NAMES:
+                    part.set(key, " ".join(part.attrib[key].split()))
+    return root_copy

@@ -3,7 +3,7 @@
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Set
 from difflib import get_close_matches
 from itertools import permutations
 from pathlib import Path
@@ -24,17 +24,19 @@ from .text import bare, parse_almost_xml, read_text
 from .urdf_checks import check
 from .urdf_defaults import WIDE, add_defaults
 
+#: Revolute joints about the axes of their frame.
 _TURNS = {"X": pin.JointModelRX(), "Y": pin.JointModelRY(), "Z": pin.JointModelRZ()}
-_PAIRS = {a + b: {f"_{x}": _TURNS[x] for x in (a, b)} for a, b in permutations(_TURNS, 2)}
 #: Kinds of joints that a URDF lacks, also as LAAS writes them: their parts by suffix of the name.
 KINDS: dict[str, dict[str, Any]] = {
     "FIXED": {},
     "BALL": {"": pin.JointModelSpherical()},
     "SPHERICAL": {"": pin.JointModelSpherical()},
-    "UNIVERSAL": _PAIRS["XY"],
-    **{f"UNIVERSAL {axes}": parts for axes, parts in _PAIRS.items()},
-    **{f"UJOINT_{axes}": parts for axes, parts in _PAIRS.items()},
+    "UNIVERSAL": {"_X": _TURNS["X"], "_Y": _TURNS["Y"]},
 }
+for _first, _second in permutations(_TURNS, 2):  # UNIVERSAL XY, UJOINT_XY and so on
+    _parts = {f"_{_first}": _TURNS[_first], f"_{_second}": _TURNS[_second]}
+    KINDS[f"UNIVERSAL {_first}{_second}"] = _parts
+    KINDS[f"UJOINT_{_first}{_second}"] = _parts
 #: Elements that affect the dynamics; fixed joints have the first three only.
 _OF_JOINTS = ("origin", "parent", "child", "axis", "limit", "dynamics")
 #: Moving joints at most: Pinocchio's data have arrays with the cube of their number, 4 GB here.
@@ -95,17 +97,23 @@ class Urdf:
         """
         joints = {**dict.fromkeys(self._balls, "BALL"), **(joints or {})}
         names = self.joint_names
-        errors = [p for p in self.problems if p.severity == "error"]
-        problems = [
-            f"{p.where}: {p.text}".replace("file:", f"not {self._what}:", 1) for p in errors
-        ]
+        problems = []
+        for problem in self.problems:
+            if problem.severity == "error":
+                text = f"{problem.where}: {problem.text}"
+                problems.append(text.replace("file:", f"not {self._what}:", 1))
         for name in set(joints).difference(names):
-            meant = [f"; {near} is meant?" for near in get_close_matches(name, names, 1, 0.8)]
-            problems.append(f"joint {name} is missing{''.join(meant)}")
-        for name in (j.get("name", "") for j in self.root.iterfind("joint[@type='fixed']")):
-            if KINDS[joints.get(name, "FIXED")]:
-                text = f"{joints[name]}, but fixed in the URDF; make it revolute"
-                problems.append(f"joint {name}: {text}")
+            text = f"joint {name} is missing"
+            similar = get_close_matches(name, names, 1, 0.8)
+            if similar:
+                text += f"; {similar[0]} is meant?"
+            problems.append(text)
+        for element in self.root.iterfind("joint[@type='fixed']"):
+            name = element.get("name", "")
+            kind = joints.get(name, "FIXED")
+            if KINDS[kind]:
+                text = f"joint {name}: {kind}, but fixed in the URDF; make it revolute"
+                problems.append(text)
         root = _dynamics(self.root, joints)
         moving = sum(joint.get("type") != "fixed" for joint in root.findall("joint"))
         if moving > MOST_JOINTS:
@@ -117,29 +125,41 @@ class Urdf:
         except (ValueError, RuntimeError) as error:
             raise DescriptionError(self.source, [f"not {self._what}: {error}"]) from None
         parts = {name: KINDS[kind] for name, kind in joints.items() if KINDS[kind]}
-        model = self._split(model, parts) if parts else model
+        if parts:
+            model = self._split(model, parts)
         for frame in self.root.findall("frame"):  # of Drake
             link = model.frames[model.getFrameId(frame.get("link", ""), pin.FrameType.BODY)]
-            at = link.placement * _pose(frame)
+            placement_on_joint = link.placement * _pose(frame)
+            name = frame.get("name", "")
             kind = pin.FrameType.OP_FRAME
-            model.addFrame(pin.Frame(frame.get("name", ""), link.parentJoint, at, kind))
+            model.addFrame(pin.Frame(name, link.parentJoint, placement_on_joint, kind))
         return model
 
     def _split(self, model: pin.Model, parts: Mapping[str, Mapping[str, Any]]) -> pin.Model:
-        """The tree with some joints replaced by several in series, each with their friction."""
+        """The tree with some joints replaced by several in series, each with their friction.
+
+        `parts` are the joints of each series by suffix, by the name of the joint.
+        """
         names = {frame.name for frame in model.frames if frame.type != pin.FrameType.BODY}
-        for name in (name + suffix for name, each in parts.items() for suffix in each if suffix):
-            if name in names:
-                text = f"joint {name}: 2 have this name, a part of {name[:-2]} is one of them"
-                raise DescriptionError(self.source, [text])
-        series = {model.getJointId(name): Series.named(each) for name, each in parts.items()}
-        split = rebuilt(model, series)
-        for name, suffix in ((name, suffix) for name, each in parts.items() for suffix in each):
-            old = model.joints[model.getJointId(name)].idx_v
-            part = split.joints[split.getJointId(name + suffix)]
-            rates = slice(part.idx_v, part.idx_v + part.nv)
-            split.damping[rates], split.friction[rates] = model.damping[old], model.friction[old]
-            _put_limits(split, part, model, old, self._along(name, suffix))
+        for joint_name, series in parts.items():
+            for suffix in series:
+                if suffix and joint_name + suffix in names:
+                    text = f"joint {joint_name}{suffix}: 2 have this name, a part of {joint_name} "
+                    text += "is one of them"
+                    raise DescriptionError(self.source, [text])
+        changes = {model.getJointId(name): Series.named(series) for name, series in parts.items()}
+        split = rebuilt(model, changes)
+        for joint_name, series in parts.items():
+            old_joint = model.joints[model.getJointId(joint_name)]
+            old_rate = old_joint.idx_v
+            for suffix in series:
+                part = split.joints[split.getJointId(joint_name + suffix)]
+                rates = slice(part.idx_v, part.idx_v + part.nv)
+                split.damping[rates] = model.damping[old_rate]
+                split.friction[rates] = model.friction[old_rate]
+                sense = self._along(joint_name, suffix)
+                if sense:
+                    _put_limits(split, part, model, old_joint, sense)
         return split
 
     def _along(self, joint: str, suffix: str) -> int:
@@ -151,22 +171,26 @@ class Urdf:
         component = direction["XYZ".index(suffix[1:])] / np.linalg.norm(direction)
         return int(np.sign(component)) if abs(component) > 1 - 1e-9 else 0
 
-    def lost_limits(self, joints: Mapping[str, str], limited: Collection[str]) -> Iterator[Problem]:
+    def lost_limits(self, joints: Mapping[str, str], limited: Set[str]) -> Iterator[Problem]:
         """Warnings of limits of joints whose true kind does not have their axis.
 
         `limited` are joints of one axis that get other limits.
         """
         for name, kind in joints.items():
             limit = self.root.find(f"joint[@name='{name}']/limit")
-            ends = [number(limit, key) or 0.0 for key in ("lower", "upper")]
-            names = [name + suffix for suffix in KINDS[kind]]
-            has_axis = any(self._along(name, suffix) for suffix in KINDS[kind])
-            if not KINDS[kind] or has_axis or {*names} & {*limited}:
+            suffixes = list(KINDS[kind])
+            if limit is None or not suffixes:
                 continue
+            names = [name + suffix for suffix in suffixes]
+            has_axis = any(self._along(name, suffix) for suffix in suffixes)
+            if has_axis or not limited.isdisjoint(names):
+                continue
+            lower = number(limit, "lower") or 0.0
+            upper = number(limit, "upper") or 0.0
             # half a turn to both sides excludes no orientation
-            if limit is not None and not (ends[0] <= -np.pi and ends[1] >= np.pi):
-                text = f"its limits of {ends[0]:g} to {ends[1]:g} are not kept: it is {kind} in the"
-                text += " YAML and has no such axis"
+            if lower > -np.pi or upper < np.pi:
+                text = f"its limits of {lower:g} to {upper:g} are not used: it is {kind} in the "
+                text += "YAML and has no such axis"
                 if len(names) > 1:
                     text += f"; write joint_limit: {{{names[0]}: {{lower: .., upper: ..}}}}"
                 yield warning(f"joint {name}", text)
@@ -174,27 +198,31 @@ class Urdf:
     @property
     def mimics(self) -> tuple[Coupling, ...]:
         """A coupling for each joint that mimics another: multiplier and offset."""
-        return tuple(
-            Coupling(name, {other: (0.0, float(factor))}, float(offset))
-            for name, other, factor, offset in mimics_of(self.root)
-        )
+        couplings = []
+        for mimic in mimics_of(self.root):
+            polynomial = (0.0, float(mimic.multiplier))
+            couplings.append(
+                Coupling(mimic.follower, {mimic.leader: polynomial}, float(mimic.offset))
+            )
+        return tuple(couplings)
 
 
-def _put_limits(split: pin.Model, part: Any, model: pin.Model, old: int, sense: int) -> None:
-    """Give a joint of one axis the limits of a joint; none if its axis is another."""
-    if not sense:
-        return
-    whole = next(joint for joint in list(model.joints)[1:] if joint.idx_v == old)
-    ends = model.lowerPositionLimit[whole.idx_q], model.upperPositionLimit[whole.idx_q]
-    low, high = sorted(sense * end for end in ends)
-    split.lowerPositionLimit[part.idx_q], split.upperPositionLimit[part.idx_q] = low, high
-    split.effortLimit[part.idx_v] = model.effortLimit[old]
-    split.velocityLimit[part.idx_v] = model.velocityLimit[old]
+def _put_limits(split: pin.Model, part: Any, model: pin.Model, joint: Any, sense: int) -> None:
+    """Give a part, which turns along (1) or against (-1) the axis of a joint, its limits."""
+    ends = (
+        sense * model.lowerPositionLimit[joint.idx_q],
+        sense * model.upperPositionLimit[joint.idx_q],
+    )
+    split.lowerPositionLimit[part.idx_q] = min(ends)
+    split.upperPositionLimit[part.idx_q] = max(ends)
+    split.effortLimit[part.idx_v] = model.effortLimit[joint.idx_v]
+    split.velocityLimit[part.idx_v] = model.velocityLimit[joint.idx_v]
 
 
 def _pose(element: ET.Element) -> pin.SE3:
     """The pose of a `<frame>` of Drake on its link."""
-    xyz, rpy = (numbers(element.get(key, "0 0 0"), 3) for key in ("xyz", "rpy"))
+    xyz = numbers(element.get("xyz", "0 0 0"), 3)
+    rpy = numbers(element.get("rpy", "0 0 0"), 3)
     if xyz is None or rpy is None:
         raise ValueError("not three numbers")  # the checks have named it
     return placement(xyz, rpy)

@@ -106,7 +106,7 @@ def test_locked_joints_are_fixed_in_the_file(locked, tmp_path):
         )
 
 
-@pytest.mark.filterwarnings("ignore:.*its limits of -1 to 1 are not kept")
+@pytest.mark.filterwarnings("ignore:.*its limits of -1 to 1 are not used")
 def test_locked_rates_of_a_joint_are_told_by_name(tmp_path):
     source = tmp_path / "arm.urdf"
     source.write_text(ARM)

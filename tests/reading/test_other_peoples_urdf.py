@@ -160,7 +160,7 @@ UNIVERSAL = "name_mot: [hinge_Y]\njoint_type: {{hinge: universal {}}}\n{}"
     [
         ("xy", "", {"hinge_Y": (-2, 3)}, ""),
         ("zy", "", {"hinge_Y": (-2, 3)}, ""),
-        ("xz", "", {}, "its limits of -2 to 3 are not kept"),
+        ("xz", "", {}, "its limits of -2 to 3 are not used"),
         ("xz", "joint_limit: {hinge_X: {lower: -1, upper: 1}}\n", {"hinge_X": (-1, 1)}, ""),
         ("xy", "joint_limit: {hinge_Y: {upper: 1}}\n", {"hinge_Y": (-2, 1)}, ""),
     ],
