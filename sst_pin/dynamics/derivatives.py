@@ -185,7 +185,7 @@ class Derivatives:
         force -= applied_forces(context, friction, q, v, wrenches, tau)
         reactions = G.T.dot(force)
         lines = mechanism.lines
-        loads = [_on_frames(closure, reactions) for closure in rows.closures]
+        loads = [_on_frames(closures, reactions) for closures in rows.closures]
         if not lines.none:
             lengths, J = context.lines.evaluate(q)
             along = partials(context.lines.loops, q, tree)
@@ -251,13 +251,12 @@ class Derivatives:
         return replace(self._mechanism.friction, sign_width=sign_width)
 
 
-def _on_frames(closure: ClosurePartials, reactions: Array) -> _Load:
-    """Forces along the rows of a closure or line, as wrenches on the frames that it connects."""
-    rows = closure.rows
-    forces = reactions[closure.at]
-    w = (rows.W.T @ forces).reshape(2, 6)
-    w_q = np.tensordot(forces, closure.W_q, axes=1).reshape(2, 6, -1)
-    return rows.bodies, closure.frames, w, w_q
+def _on_frames(closures: ClosurePartials, reactions: Array) -> _Load:
+    """Forces along the rows of closures or lines, as wrenches on the frames that they connect."""
+    forces = reactions[closures.rows.at]
+    w = np.einsum("kr,kri->ki", forces, closures.rows.W).reshape(-1, 6)
+    w_q = np.einsum("kr,kriq->kiq", forces, closures.W_q)
+    return closures.rows.bodies.ravel(), closures.frames, w, w_q.reshape(len(w), 6, -1)
 
 
 def _on_mass_centres(tree: TreeMotion, loops: Loops, wrenches: Array) -> _Load:

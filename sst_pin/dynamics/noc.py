@@ -59,7 +59,6 @@ class JointComplement:
         self._loops = loops
         self._S_a = mechanism.selection.T
         self._row_scale = mechanism.row_scale
-        self._steady = np.zeros(loops.tree.model.nv)
         per_rate = mechanism.rate_scale
         per_coordinate = mechanism.rate_scale[mechanism.coordinates]
         #: Factors that make Phi L and L free of units.
@@ -85,12 +84,7 @@ class JointComplement:
         """v and v_dot of the tree for a motion of the coordinates, shapes (nv,)."""
         self.evaluate(q, tolerance)
         v = self.L.dot(va)  # Eq. (16)
-        loops = self._loops
-        tree = loops.tree
-        data = loops.data
-        pin.forwardKinematics(tree.model, data, loops.q, tree.S.dot(v), self._steady)
-        parts = [rows.drift(v, data) for rows in loops.closures]
-        drift = np.concatenate([loops.f[:0], *parts])  # Phi_dot v
+        drift = self._loops.drift(v)  # Phi_dot v
         v_dot = self.accelerations(aa, drift)
         self.require_accelerations(v, v_dot, drift)
         return v, v_dot

@@ -19,10 +19,10 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array, Flags, as_array, require_fitting
 from ..errors import IndeterminateError, InputError, UnknownNameError
-from ..loops.rows import CouplingRow
-from ..model.closures import Brake, Constraint
+from ..model.closures import Brake, Constraint, Coupling, frames_of
 from ..model.mechanism import Mechanism
 from ..model.thresholds import UNIQUE
+from ..model.tree import frame_id
 from ..summaries import Summary, listed
 from .dynamics import Context, applied_forces
 from .noc import mass_centers
@@ -217,14 +217,14 @@ def _wrenches(context: Context, Lambda: Array) -> Array:
     for j in range(tree.model.njoints - 1, 0, -1):
         on_bodies[tree.model.parents[j]] += on_bodies[j]
     wrenches = [-data.oMi[j].toActionMatrix().T @ on_bodies[j] for j in tree.bodies[1:]]
-    for k, (rows, at) in enumerate(zip(loops.closures, loops.slices, strict=True)):
-        closure = context.mechanism.closures[k]
-        if isinstance(rows, CouplingRow) or isinstance(closure, Brake):
+    W = loops.W
+    for closure, at in zip(context.mechanism.closures, loops.slices, strict=True):
+        if isinstance(closure, Coupling | Brake):
             wrench = np.zeros((6, Lambda.shape[1]))
             wrench[acts_along(context.mechanism, closure)] = Lambda[at][0]
         else:
-            frame_b = data.oMf[rows.frames[0]]
-            wrench = frame_b.toActionMatrix().T @ rows.W[:, :6].T @ Lambda[at]
+            frame_b = data.oMf[frame_id(tree.model, frames_of(closure)[1])]
+            wrench = frame_b.toActionMatrix().T @ W[at, :6].T @ Lambda[at]
         wrenches.append(wrench)
     return np.array(wrenches).reshape(-1, 6, Lambda.shape[1])
 

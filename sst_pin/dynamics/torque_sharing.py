@@ -32,7 +32,7 @@ def least_torques(mechanism: Mechanism, A: Array, f: Array, weights: Array | Non
 
     The part of f that no motor can produce is ignored.
     """
-    rank = A.shape[1] - null_space(mechanism, A).shape[1]
+    rank, _ = _rank(mechanism, A)
     rows = mechanism.rate_scale[mechanism.coordinates]
     root = np.ones(A.shape[1]) if weights is None else np.sqrt(weights)
     U, s, Vt = np.linalg.svd(rows[:, None] * A / root)
@@ -45,17 +45,20 @@ def least_torques(mechanism: Mechanism, A: Array, f: Array, weights: Array | Non
 
 
 def null_space(mechanism: Mechanism, A: Array) -> Array:
-    """Orthonormal torques that make no motion, shape (motors, k).
+    """Orthonormal torques that make no motion, shape (motors, k)."""
+    rank, Vt = _rank(mechanism, A)
+    return np.linalg.qr(Vt[rank:].T / mechanism.motor_scale[:, None])[0]
 
-    The rank of A, free of units, counts the singular values above `RANK_TOLERANCE` times the
-    largest one, or times 1 if that is larger.
+
+def _rank(mechanism: Mechanism, A: Array) -> tuple[int, Array]:
+    """The rank of A, free of units, and its right singular vectors in rows.
+
+    The rank counts the singular values above `RANK_TOLERANCE` times the largest one, or times 1 if
+    that is larger.
     """
     rates = mechanism.rate_scale[mechanism.coordinates]
-    motors = mechanism.motor_scale
-    _, s, Vt = np.linalg.svd(rates[:, None] * A / motors)
-    rank = np.count_nonzero(s > RANK_TOLERANCE * s.max(initial=1.0))
-    directions = Vt[rank:].T / motors[:, None]
-    return np.linalg.qr(directions)[0]
+    _, s, Vt = np.linalg.svd(rates[:, None] * A / mechanism.motor_scale)
+    return int(np.count_nonzero(s > RANK_TOLERANCE * s.max(initial=1.0))), Vt
 
 
 def preload_directions(

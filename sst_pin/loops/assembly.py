@@ -226,6 +226,7 @@ class Assembly:
         return (trial, f_trial) if step.any() else (q, self._residual(q))
 
     def _residual(self, q: Array) -> Array:
+        """f at q, free of units, shape (rows,); the loops are evaluated at q."""
         self.loops.evaluate(q)
         return self.loops.f * self.mechanism.row_scale
 

@@ -260,8 +260,9 @@ def _of_brakes(mechanism: Mechanism) -> Flags:
 def _row_sizes(loops: Loops, Phi: Array) -> Array:
     """Lengths of the rows of Phi, which is free of units; 0 for rows that are constant."""
     sizes = np.linalg.norm(Phi, axis=1)
-    for row, coupled in loops.couplings:
-        sizes[row] *= coupled.curved.any()
+    for coupling in loops.couplings:
+        if not coupling.curved.any():
+            sizes[coupling.at] = 0.0
     return sizes
 
 

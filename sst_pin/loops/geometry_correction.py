@@ -311,16 +311,18 @@ def by_displacements(loops: Loops, places: Mapping[str, int]) -> Array:
         twists = (bearer * placement).action
         twists[:3, :3] = bearer.rotation
         joint = 0 if frame else model.getJointId(place)
-        for at, rows in loops.of_frames:
-            if joint:
-                moves_b, moves_a = (
-                    joint in supports[model.frames[x].parentJoint] for x in rows.frames
-                )
-            else:
-                moves_b, moves_a = (x == frame for x in rows.frames)
-            if moves_b != moves_a:
-                W = rows.W[:, :6] if moves_b else rows.W[:, 6:]
-                by[at, k] = W @ twists
+        for closures in loops.of_frames:
+            frames = closures.frames.tolist()  # Pinocchio takes Python's integers
+            for pair, at, W in zip(frames, closures.at, closures.W, strict=True):
+                if joint:
+                    moves_b, moves_a = (
+                        joint in supports[model.frames[x].parentJoint] for x in pair
+                    )
+                else:
+                    moves_b, moves_a = (x == frame for x in pair)
+                if moves_b != moves_a:
+                    of_one = W[:, :6] if moves_b else W[:, 6:]
+                    by[at, k] = of_one @ twists
     return by.reshape(len(by), -1)
 
 

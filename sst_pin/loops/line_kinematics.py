@@ -7,7 +7,6 @@ A line is a `Distance` that nothing holds: its row of Phi gives the rate of its 
 from functools import cached_property
 
 import numpy as np
-import pinocchio as pin
 
 from ..arrays import Array
 from ..errors import SingularConfigurationError
@@ -68,8 +67,4 @@ class LineKinematics:
         if not self._forces:
             return np.zeros(0)
         _, J = self.evaluate(q)
-        tree, data = self.loops.tree, self.loops.data
-        rates = tree.S.dot(v)
-        pin.forwardKinematics(tree.model, data, self.loops.q, rates, np.zeros(len(rates)))
-        drift = np.concatenate([rows.drift(v, data) for rows in self.loops.closures])
-        return np.asarray(J.dot(v_dot) + drift)
+        return np.asarray(J.dot(v_dot) + self.loops.drift(v))

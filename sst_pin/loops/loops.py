@@ -18,53 +18,43 @@ from ..errors import ClosureError, InputError
 from ..model.closures import Constraint
 from ..model.normal_tree import NormalTree
 from ..model.thresholds import CLOSURE_TOLERANCE
-from .rows import CouplingRow, FrameRows, rows_of
+from .rows import CouplingRow, FrameRows, JointMotion, rows_of
 
 
 class Loops:
     """The closures of one tree; one object per thread.
 
-    `evaluate(q)` computes what depends on q. All other methods are about that configuration.
+    `evaluate(q)` goes to a configuration. All other methods are about that configuration.
 
     Attributes:
         model: The tree.
         tree: Its normal tree; `data` belongs to it.
-        closures: The rows of each closure.
-        slices: Where they are in Phi.
+        slices: Where the rows of each closure are in Phi.
+        of_frames: The closures of two frames, those of one kind together.
+        couplings: The other closures, one by one.
         holonomic: Rows that have an error; the others hold rates only.
         touched: Which rates a row depends on, shape (rows, nv).
         curved: Which rates change Phi, shape (nv,); linear couplings do not.
         at, q: The configuration, of the model and of the normal tree.
         f: Errors of the closures, Eq. (2), shape (rows,), [m] and [rad], zero in closed loops.
-        Phi: Their Jacobian, Eq. (3), shape (rows, nv): Phi v = 0.
     """
 
     def __init__(self, model: pin.Model, closures: Sequence[Constraint]) -> None:
         self.model, self.tree = model, NormalTree(model)
         self.data = self.tree.model.createData()
-        self.closures = [rows_of(model, self.tree, closure) for closure in closures]
+        self._rows = rows_of(model, self.tree, closures)
+        self.of_frames = [rows for rows in self._rows if isinstance(rows, FrameRows)]
+        self.couplings = [rows for rows in self._rows if isinstance(rows, CouplingRow)]
         ends = np.cumsum([0, *(len(closure.rows) for closure in closures)])
         self.slices = tuple(slice(a, b) for a, b in pairwise(ends))
         holonomic = [not row.startswith(("slip", "brake")) for c in closures for row in c.rows]
         self.holonomic = np.array(holonomic, dtype=bool)
-        none = np.zeros((0, model.nv), dtype=bool)
-        self._none = np.zeros(0), np.zeros((0, model.nv))
-        self.touched = np.vstack([none, *(rows.touched for rows in self.closures)])
-        curved = np.vstack([none, *(rows.curved for rows in self.closures)])
-        self.curved: Flags = np.asarray(curved.any(axis=0))
+        self.touched = np.zeros((len(holonomic), model.nv), dtype=bool)
+        self.curved: Flags = np.zeros(model.nv, dtype=bool)
+        for rows in self._rows:
+            self.touched[rows.at] = rows.touched
+            self.curved |= rows.curved.reshape(-1, model.nv).any(axis=0)
         self._parts: dict[bytes, list[tuple[Indices, Indices]]] = {}
-
-    @property
-    def of_frames(self) -> list[tuple[slice, FrameRows]]:
-        """The closures of two frames, and where their rows are in Phi."""
-        pairs = zip(self.slices, self.closures, strict=True)
-        return [(at, rows) for at, rows in pairs if isinstance(rows, FrameRows)]
-
-    @property
-    def couplings(self) -> list[tuple[slice, CouplingRow]]:
-        """The other closures, and where their rows are in Phi."""
-        pairs = zip(self.slices, self.closures, strict=True)
-        return [(at, rows) for at, rows in pairs if isinstance(rows, CouplingRow)]
 
     def parts(self, coordinates: Indices) -> list[tuple[Indices, Indices]]:
         """Rows and dependent rates that they connect, for a choice of coordinates."""
@@ -76,17 +66,26 @@ class Loops:
         return self._parts[key]
 
     def evaluate(self, q: Array) -> None:
-        """Compute what depends on q."""
+        """Go to a configuration; f is computed, Phi at its first use."""
         tree, data, self.at = self.tree, self.data, q
-        self.q = tree.factors * q[tree.entries] + tree.offsets
+        self.q = np.asarray(tree.factors * q[tree.entries] + tree.offsets)
         pin.computeJointJacobians(tree.model, data, self.q)
         pin.updateFramePlacements(tree.model, data)
-        J = data.J.reshape(6, -1)
-        for rows in self.closures:
-            rows.evaluate(q, data, J)
-        no_f, no_Phi = self._none
-        self.f: Array = np.concatenate([no_f, *[rows.f for rows in self.closures]])
-        self.Phi: Array = np.concatenate([no_Phi, *[rows.Phi for rows in self.closures]])
+        self._J = np.array(data.J).reshape(6, -1)
+        self.f: Array = np.zeros(len(self.touched))
+        self._Phi: Array | None = None
+        for rows in self._rows:
+            rows.evaluate(q, data)
+            self.f[rows.at] = rows.f
+
+    @property
+    def Phi(self) -> Array:
+        """Jacobian of f, Eq. (3), shape (rows, nv): Phi v = 0."""
+        if self._Phi is None:
+            self._Phi = np.zeros(self.touched.shape)
+            for rows in self._rows:
+                self._Phi[rows.at] = rows.Phi(self._J)
+        return self._Phi
 
     def evaluate_closed(self, q: Array, scale: Array, tolerance: float = CLOSURE_TOLERANCE) -> None:
         """`evaluate`; all errors, times the scale of their rows, must be below the tolerance."""
@@ -99,10 +98,18 @@ class Loops:
 
         The rounding of f is that of these coordinates. Couplings have no frames: 0.
         """
-        largest = np.zeros(len(self.f))
-        for at, rows in self.of_frames:
-            largest[at] = rows.largest_coordinate
+        largest = np.zeros(len(self.touched))
+        for closures in self.of_frames:
+            largest[closures.at] = closures.largest_coordinates[:, None]
         return largest
+
+    @property
+    def W(self) -> Array:
+        """[W_B, -W_A], the wrenches of the rows, shape (rows, 12); 0 for couplings."""
+        W = np.zeros((len(self.touched), 12))
+        for closures in self.of_frames:
+            W[closures.at] = closures.W
+        return W
 
     def require_closed(self, scale: Array, tolerance: float = CLOSURE_TOLERANCE) -> None:
         """Check that all errors, times the scale of their rows, are below the tolerance."""
@@ -121,11 +128,25 @@ class Loops:
 
     def Phi_dot(self, v: Array) -> Array:
         """Rate of Phi at rates v, shape (rows, nv); sets the rates of `frame_jacobian_rate` too."""
-        model, data = self.tree.model, self.data
-        pin.computeJointJacobiansTimeVariation(model, data, self.q, self.tree.S.dot(v))
-        J_dot = data.dJ.reshape(6, -1)
-        rates = [rows.Phi_dot(v, data, J_dot) for rows in self.closures]
-        return np.concatenate([self._none[1], *rates])
+        motion = self._motion(v)
+        Phi_dot = np.zeros(self.touched.shape)
+        for rows in self._rows:
+            Phi_dot[rows.at] = rows.Phi_dot(motion)
+        return Phi_dot
+
+    def drift(self, v: Array) -> Array:
+        """Phi_dot v, shape (rows,)."""
+        motion = self._motion(v)
+        drift = np.zeros(len(self.touched))
+        for rows in self._rows:
+            drift[rows.at] = rows.drift(motion)
+        return drift
+
+    def _motion(self, v: Array) -> JointMotion:
+        rates, data = self.tree.S.dot(v), self.data
+        pin.computeJointJacobiansTimeVariation(self.tree.model, data, self.q, rates)
+        J, J_dot = self._J, np.array(data.dJ).reshape(6, -1)
+        return JointMotion(v, (J * rates).T, (J_dot * rates).T, J, J_dot)
 
     def frame_jacobian(self, frame: int) -> Array:
         """[linear; angular] of a frame, world axes at its origin, shape (6, nv)."""
@@ -144,10 +165,9 @@ class Loops:
         Lambda. Shape (joints of the normal tree, 6, k), the ground first.
         """
         forces = np.zeros((self.tree.model.njoints, 6, Lambda.shape[1]))
-        for at, rows in self.of_frames:
-            on_frames = (rows.W.T @ Lambda[at]).reshape(2, 6, -1)
-            for body, force in zip(rows.bodies, on_frames, strict=True):
-                forces[body] += force
+        for closures in self.of_frames:
+            on_frames = closures.W.swapaxes(1, 2) @ Lambda[closures.at]
+            np.add.at(forces, closures.bodies.ravel(), on_frames.reshape(-1, 6, Lambda.shape[1]))
         return forces
 
 

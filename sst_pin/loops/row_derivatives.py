@@ -16,7 +16,7 @@ import pinocchio as pin
 from ..arrays import Array
 from ..model.normal_tree import NormalTree
 from .loops import Loops
-from .rows import Frame, FrameRows, cross, skew
+from .rows import FrameRows, Frames, cross, hat, skew
 
 #: In complex numbers M + i _STEP M_q the imaginary part of W is _STEP W_q, exact to rounding.
 _STEP = 1e-50
@@ -81,14 +81,13 @@ class FrameMotions:
 
 
 class ClosurePartials(NamedTuple):
-    """A closure and the motions of its two frames, for loads on them."""
+    """The k closures of one kind and the motions of their frames, for loads on them."""
 
-    #: Its rows, and where they are in Phi.
+    #: Their rows.
     rows: FrameRows
-    at: slice
-    #: Motions of frame B and frame A.
+    #: Motions of frames B and A of each closure, in turn.
     frames: FrameMotions
-    #: Derivative of W, shape (rows, 12, nv).
+    #: Derivative of W, shape (k, rows, 12, nv).
     W_q: Array
 
 
@@ -111,26 +110,28 @@ def partials(loops: Loops, q: Array, tree: TreeMotion) -> Partials:
     """Derivatives of the rows' velocities and accelerations at q, where `loops` is evaluated."""
     velocity_q, acceleration_q, acceleration_v = np.zeros((3, *loops.touched.shape))
     closures: list[ClosurePartials] = []
-    for at, rows in loops.of_frames:
-        frames = tree.frames_of(rows.frames)
-        twist, acceleration = frames.twist.ravel(), frames.acceleration.ravel()
-        J, twist_q, of_q, of_v = (
-            x.reshape(12, -1)
-            for x in (frames.J, frames.twist_q, frames.acceleration_q, frames.acceleration_v)
-        )
+    for rows in loops.of_frames:
+        at, count = rows.at, len(rows.at)
+        frames = tree.frames_of(rows.frames.ravel().tolist())
+        twist = frames.twist.reshape(count, 12)
+        acceleration = frames.acceleration.reshape(count, 12)
+        J = frames.J.reshape(count, 12, -1)
+        twist_q = frames.twist_q.reshape(J.shape)
+        of_q = frames.acceleration_q.reshape(J.shape)
+        of_v = frames.acceleration_v.reshape(J.shape)
         W, W_t = rows.W, rows.formulas.W_dot(*_ends(frames.M), *_ends(frames.M_t))
         W_q, W_tq = _wrench_derivatives(rows, frames)
-        turning = W_q.swapaxes(1, 2) @ twist
+        turning = _along(W_q, twist)
         velocity_q[at] = W @ twist_q + turning
-        acceleration_q[at] = W @ of_q + W_q.swapaxes(1, 2) @ acceleration
-        acceleration_q[at] += W_t @ twist_q + W_tq.swapaxes(1, 2) @ twist
+        acceleration_q[at] = W @ of_q + _along(W_q, acceleration)
+        acceleration_q[at] += W_t @ twist_q + _along(W_tq, twist)
         acceleration_v[at] = W @ of_v + W_t @ J + turning
-        closures.append(ClosurePartials(rows, at, frames, W_q))
+        closures.append(ClosurePartials(rows, frames, W_q))
     coupled: list[tuple[int, int, float]] = []
-    for at, coupling in loops.couplings:
+    for coupling in loops.couplings:
         # The sum of P(q) has the rates P' v and P' v_dot + P'' v^2.
         for i, k, _, _, P_2 in coupling.terms:
-            row, v, v_dot, second = at.start, tree.v[k], tree.v_dot[k], float(P_2(q[i]))
+            row, v, v_dot, second = coupling.at[0], tree.v[k], tree.v_dot[k], float(P_2(q[i]))
             velocity_q[row, k] = second * v
             acceleration_q[row, k] = second * v_dot + P_2.deriv()(q[i]) * v**2
             acceleration_v[row, k] = 2 * second * v
@@ -139,22 +140,20 @@ def partials(loops: Loops, q: Array, tree: TreeMotion) -> Partials:
 
 
 def _wrench_derivatives(rows: FrameRows, frames: FrameMotions) -> tuple[Array, Array]:
-    """Derivatives of W and of its rate by q, shapes (rows, 12, nv)."""
+    """Derivatives of W and of its rate by q, shapes (k, rows, 12, nv)."""
     M, M_t = frames.M + 1j * _STEP * frames.M_q, frames.M_t + 1j * _STEP * frames.M_tq
     W, W_t = rows.formulas.W(*_ends(M)), rows.formulas.W_dot(*_ends(M), *_ends(M_t))
     return np.moveaxis(W.imag, 0, -1) / _STEP, np.moveaxis(W_t.imag, 0, -1) / _STEP
 
 
-def _ends(M: Array) -> tuple[Frame, Frame]:
-    """Frames B and A of homogeneous matrices or their rates, shape (..., 2, 4, 4)."""
-    return Frame.of(M[..., 0, :, :]), Frame.of(M[..., 1, :, :])
+def _along(W_q: Array, twists: Array) -> Array:
+    """Derivatives of W t, t held, shape (k, rows, nv), for twists of shape (k, 12)."""
+    return np.einsum("kriq,ki->krq", W_q, twists)
 
 
-def hat(twists: Array) -> Array:
-    """Matrices, shape (..., 4, 4), that take homogeneous coordinates to their rates."""
-    matrix = np.zeros((*twists.shape[:-1], 4, 4))
-    matrix[..., :3, :3], matrix[..., :3, 3] = skew(twists[..., 3:]), twists[..., :3]
-    return matrix
+def _ends(M: Array) -> tuple[Frames, Frames]:
+    """Frames B and A from matrices or their rates, shape (..., 2 k, 4, 4), B and A in turn."""
+    return Frames.of(M[..., ::2, :, :]), Frames.of(M[..., 1::2, :, :])
 
 
 def brackets(a: Array, b: Array) -> Array:

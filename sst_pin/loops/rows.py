@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The rows of one closure: its error f, its Jacobian Phi and the rate of Phi, by vector formulas.
+"""The rows of the closures: error f, Jacobian Phi and the rate of Phi, by vector formulas.
 
-A row of Phi is a wrench W_B on frame B and the opposite of a wrench W_A on frame A, [force; moment]
-at the world's origin: Phi = W_B J_B - W_A J_A, with Pinocchio's frame Jacobians J in world axes.
-There are two sorts of rows:
+A closure connects a frame B to a frame A. Each row of Phi is a wrench W_B on B and the opposite of
+a wrench W_A on A, [force; moment] at the world's origin: Phi = W_B J_B - W_A J_A, with Pinocchio's
+frame Jacobians J in world axes. There are two sorts of rows:
 
 - a unit force along u at a point p of each frame: [u; p x u]; the row is the velocity along u of
   the point of B relative to that of A;
@@ -11,154 +11,174 @@ There are two sorts of rows:
   n relative to A.
 
 The rate is Phi_dot = W_dot J + W J_dot.
+
+Closures of one kind differ in their frames and in some lengths only. They are computed together: k
+is the number of closures in all shapes here, and axes before it are those of a batch.
 """
 
+from collections.abc import Hashable, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
 import pinocchio as pin
 from numpy.polynomial import Polynomial
 
-from ..arrays import Array
+from ..arrays import Array, Indices
 from ..errors import DescriptionError
 from ..model.closures import Brake, Closure, Constraint, Coupling, Distance, Rolling, frames_of
 from ..model.joint_space import JointSpace
 from ..model.normal_tree import NormalTree
 from ..model.tree import frame_id, joint_id
 
+#: A closure of two frames.
+FrameClosure = Closure | Distance | Rolling | Brake
+
 #: Row i of the cross-product matrix of a vector a is the sum of a_k _SKEW[i, k].
 _SKEW = np.stack([pin.skew(axis) for axis in np.eye(3)], axis=1)
+_IDENTITY, _ZERO = np.eye(3), np.zeros((3, 3))
 
 
-class Frame(NamedTuple):
-    """A frame in the world, or the rates of its numbers; leading axes are those of a batch."""
+class Frames(NamedTuple):
+    """One frame of each closure in the world, or the rates of their numbers."""
 
-    #: The origin, shape (..., 3).
+    #: The origins, shape (..., k, 3).
     p: Array
-    #: The axes in rows, shape (..., 3, 3).
+    #: The axes in rows, shape (..., k, 3, 3).
     axes: Array
 
     @classmethod
-    def of(cls, matrix: Array) -> "Frame":
-        """The frame of a homogeneous matrix, or of its rate, shape (..., 4, 4)."""
-        return cls(matrix[..., :3, 3], matrix[..., :3, :3].swapaxes(-1, -2))
+    def of(cls, matrices: Array) -> "Frames":
+        """The frames of homogeneous matrices, or of their rates, shape (..., k, 4, 4)."""
+        return cls(matrices[..., :3, 3], matrices[..., :3, :3].swapaxes(-1, -2))
 
 
-class Formulas(Protocol):
-    """f and W of the rows of one closure, and the rate of W. `b_t` and `a_t` are rates of frames.
+class ForceRows(NamedTuple):
+    """Unit forces and their moments about the world's origin, or the rates of these."""
 
-    W are the wrenches [W_B, -W_A], shape (..., rows, 12).
-    """
+    #: Forces u, shape (..., k, rows, 3).
+    u: Array
+    #: Moments p x u of the forces on B, shape (..., k, rows, 3).
+    on_b: Array
+    #: Moments p x u of the forces on A, shape (..., k, rows, 3).
+    on_a: Array
 
-    def error(self, b: Frame, a: Frame) -> Array:
-        """f, shape (rows,), zero where the closure is closed; 0 for rows that hold rates only."""
 
-    def W(self, b: Frame, a: Frame) -> Array:
-        """The wrenches."""
+# --- forces -------------------------------------------------------------------------------------
 
-    def W_dot(self, b: Frame, a: Frame, b_t: Frame, a_t: Frame) -> Array:
+
+class Forces(Protocol):
+    """The rows of a kind of closures that are forces. `b_t` and `a_t` are rates of frames."""
+
+    #: Number of rows of each closure.
+    rows: int
+
+    def error(self, b: Frames, a: Frames) -> Array:
+        """f, shape (k, rows), zero where a closure is closed; 0 for rows that hold rates only."""
+
+    def forces(self, b: Frames, a: Frames) -> ForceRows:
+        """The forces and their moments."""
+
+    def rates(self, b: Frames, a: Frames, b_t: Frames, a_t: Frames) -> ForceRows:
         """Their rates."""
 
 
 class _WorldForces:
-    """Forces along axes of the world, shape (rows, 3), at the origins of B and A."""
+    """Forces along all axes of the world, at the origins of B and A."""
 
-    def __init__(self, axes: Array) -> None:
-        self._u = axes
+    rows = 3
 
-    def error(self, b: Frame, a: Frame) -> Array:
-        return self._u @ (b.p - a.p)
+    def error(self, b: Frames, a: Frames) -> Array:
+        return b.p - a.p
 
-    def W(self, b: Frame, a: Frame) -> Array:
-        return _opposed(_forces(b.p, self._u), _forces(a.p, self._u))
+    def forces(self, b: Frames, a: Frames) -> ForceRows:
+        return ForceRows(_IDENTITY, -skew(b.p), -skew(a.p))  # p x u is a row of -skew(p)
 
-    def W_dot(self, b: Frame, a: Frame, b_t: Frame, a_t: Frame) -> Array:
-        on_b, on_a = -self._u @ skew(b_t.p), -self._u @ skew(a_t.p)
-        return _opposed(_moments(on_b), _moments(on_a))
+    def rates(self, b: Frames, a: Frames, b_t: Frames, a_t: Frames) -> ForceRows:
+        return ForceRows(_ZERO, -skew(b_t.p), -skew(a_t.p))
 
 
 class _AxisForces:
-    """Forces along axes of A, numbered from 0, at the origin of B."""
+    """Forces along some axes of A, numbered from 0, at the origin of B."""
 
     def __init__(self, axes: list[int]) -> None:
-        self._numbers = axes
+        self.rows = len(axes)
+        self._numbers = slice(None) if self.rows == 3 else axes  # a slice takes less time
 
-    def error(self, b: Frame, a: Frame) -> Array:
-        return self._along(a) @ (b.p - a.p)
+    def error(self, b: Frames, a: Frames) -> Array:
+        return np.vecdot(self._along(a), _one_row(b.p - a.p))
 
-    def W(self, b: Frame, a: Frame) -> Array:
-        forces = _forces(b.p, self._along(a))
-        return _opposed(forces, forces)
+    def forces(self, b: Frames, a: Frames) -> ForceRows:
+        return _at_one_point(b.p, self._along(a))
 
-    def W_dot(self, b: Frame, a: Frame, b_t: Frame, a_t: Frame) -> Array:
-        rates = _force_rates(b.p, self._along(a), b_t.p, self._along(a_t))
-        return _opposed(rates, rates)
+    def rates(self, b: Frames, a: Frames, b_t: Frames, a_t: Frames) -> ForceRows:
+        return _rates_at_one_point(b.p, self._along(a), b_t.p, self._along(a_t))
 
-    def _along(self, a: Frame) -> Array:
+    def _along(self, a: Frames) -> Array:
         return a.axes[..., self._numbers, :]
 
 
-class _RodForce:
-    """A force along the unit vector from A to B at both origins."""
+class _RodForces:
+    """A force along the unit vector u from A to B. It has the same moment at both origins."""
 
-    def __init__(self, length: float) -> None:
-        self._length = length
+    rows = 1
 
-    def error(self, b: Frame, a: Frame) -> Array:
-        return np.array([np.linalg.norm(b.p - a.p) - self._length])
+    def __init__(self, lengths: Array) -> None:
+        self._lengths = lengths
 
-    def W(self, b: Frame, a: Frame) -> Array:
-        u = _one_row(_unit(b.p - a.p))
-        return _opposed(_forces(b.p, u), _forces(a.p, u))
+    def error(self, b: Frames, a: Frames) -> Array:
+        return (np.linalg.norm(b.p - a.p, axis=-1) - self._lengths)[:, None]
 
-    def W_dot(self, b: Frame, a: Frame, b_t: Frame, a_t: Frame) -> Array:
-        u, u_t = _one_row(_unit(b.p - a.p)), _one_row(_unit_rate(b.p - a.p, b_t.p - a_t.p))
-        on_b, on_a = _force_rates(b.p, u, b_t.p, u_t), _force_rates(a.p, u, a_t.p, u_t)
-        return _opposed(on_b, on_a)
+    def forces(self, b: Frames, a: Frames) -> ForceRows:
+        return _at_one_point(b.p, _one_row(_unit(b.p - a.p)))
+
+    def rates(self, b: Frames, a: Frames, b_t: Frames, a_t: Frames) -> ForceRows:
+        u, u_t = _unit(b.p - a.p), _unit_rate(b.p - a.p, b_t.p - a_t.p)
+        return _rates_at_one_point(b.p, _one_row(u), b_t.p, _one_row(u_t))
 
 
-class _HeldLength(_RodForce):
-    """The force of a rod that has the length which it is found with."""
+class _HeldLengths(_RodForces):
+    """The forces of rods whose lengths brakes hold, whatever they are."""
 
     def __init__(self) -> None:
-        super().__init__(0.0)
+        super().__init__(np.zeros(0))
 
-    def error(self, b: Frame, a: Frame) -> Array:
-        return np.zeros(1)
+    def error(self, b: Frames, a: Frames) -> Array:
+        return np.zeros((len(b.p), 1))
 
 
 class _WheelForces:
     """Forces along the axes of the plane A at the contact of a wheel or ball B."""
 
-    def __init__(self, closure: Rolling) -> None:
-        self._radius, self._ball = closure.radius, closure.ball
+    rows = 3
 
-    def error(self, b: Frame, a: Frame) -> Array:
-        height = a.axes[2] @ (self._contact(b, a) - a.p)
-        return np.array([0.0, 0.0, height])
+    def __init__(self, radii: Array, ball: bool) -> None:
+        self._radii, self._ball = radii[:, None], ball
 
-    def W(self, b: Frame, a: Frame) -> Array:
-        forces = _forces(self._contact(b, a), a.axes)
-        return _opposed(forces, forces)
+    def error(self, b: Frames, a: Frames) -> Array:
+        f = np.zeros((len(b.p), 3))
+        f[:, 2] = np.vecdot(a.axes[:, 2], self._contact(b, a) - a.p)  # the height
+        return f
 
-    def W_dot(self, b: Frame, a: Frame, b_t: Frame, a_t: Frame) -> Array:
+    def forces(self, b: Frames, a: Frames) -> ForceRows:
+        return _at_one_point(self._contact(b, a), a.axes)
+
+    def rates(self, b: Frames, a: Frames, b_t: Frames, a_t: Frames) -> ForceRows:
         up, up_t = self._up(b, a), self._up_rate(b, a, b_t, a_t)
-        contact_t = b_t.p - self._radius * _unit_rate(up, up_t)
-        rates = _force_rates(self._contact(b, a), a.axes, contact_t, a_t.axes)
-        return _opposed(rates, rates)
+        contact_t = b_t.p - self._radii * _unit_rate(up, up_t)
+        return _rates_at_one_point(self._contact(b, a), a.axes, contact_t, a_t.axes)
 
-    def _contact(self, b: Frame, a: Frame) -> Array:
+    def _contact(self, b: Frames, a: Frames) -> Array:
         """The point of contact."""
-        return np.asarray(b.p - self._radius * _unit(self._up(b, a)))
+        return np.asarray(b.p - self._radii * _unit(self._up(b, a)))
 
-    def _up(self, b: Frame, a: Frame) -> Array:
+    def _up(self, b: Frames, a: Frames) -> Array:
         """The normal n of the plane; for a disc, its part normal to the axle z."""
         z, n = b.axes[..., 2, :], a.axes[..., 2, :]
         if self._ball:
             return n
         return np.asarray(n - _dot(n, z) * z)
 
-    def _up_rate(self, b: Frame, a: Frame, b_t: Frame, a_t: Frame) -> Array:
+    def _up_rate(self, b: Frames, a: Frames, b_t: Frames, a_t: Frames) -> Array:
         z, n = b.axes[..., 2, :], a.axes[..., 2, :]
         z_t, n_t = b_t.axes[..., 2, :], a_t.axes[..., 2, :]
         if self._ball:
@@ -166,155 +186,296 @@ class _WheelForces:
         return np.asarray(n_t - (_dot(n_t, z) + _dot(n, z_t)) * z - _dot(n, z) * z_t)
 
 
+# --- moments ------------------------------------------------------------------------------------
+
+
+class Moments(Protocol):
+    """The rows of a kind of closures that are moments."""
+
+    #: Number of rows of each closure.
+    rows: int
+
+    def error(self, b: Frames, a: Frames) -> Array:
+        """f, shape (k, rows), zero where a closure is closed."""
+
+    def axes(self, b: Frames, a: Frames) -> Array:
+        """n, about which the moments act, shape (..., k, rows, 3)."""
+
+    def axis_rates(self, b: Frames, a: Frames, b_t: Frames, a_t: Frames) -> Array:
+        """The rates of n."""
+
+
 class _WorldMoments:
     """Moments about all axes of the world."""
 
-    def error(self, b: Frame, a: Frame) -> Array:
-        return pin.log3(b.axes.T @ a.axes)
+    rows = 3
 
-    def W(self, b: Frame, a: Frame) -> Array:
-        moments = _moments(np.broadcast_to(np.eye(3), b.axes.shape))
-        return _opposed(moments, moments)
+    def error(self, b: Frames, a: Frames) -> Array:
+        return np.array([pin.log3(R) for R in b.axes.swapaxes(-1, -2) @ a.axes])
 
-    def W_dot(self, b: Frame, a: Frame, b_t: Frame, a_t: Frame) -> Array:
-        return np.zeros((*b.axes.shape[:-2], 3, 12), dtype=b.axes.dtype)
+    def axes(self, b: Frames, a: Frames) -> Array:
+        return _IDENTITY
+
+    def axis_rates(self, b: Frames, a: Frames, b_t: Frames, a_t: Frames) -> Array:
+        return _ZERO
 
 
 class _RightAngles:
-    """One or two moments about x x y: axis x of A stays at a right angle to axis y of B."""
+    """Axis x of A stays at a right angle to axis y of B: f = -x . y, and n = x x y.
+
+    One row holds one turn. Two rows, with two axes x of A and the same y, hold two turns: then y of
+    B stays parallel to the third axis of A. The signs of x are such that each row is the turn of B
+    about the positive axis of A.
+    """
 
     def __init__(self, turns: list[int]) -> None:
-        #: The axis that stays parallel, if two are at right angles.
-        self._parallel = 3 - sum(turns) if len(turns) == 2 else None
-        #: For each row the number of axis y, the number of axis x, and the sign of x.
-        self._y, self._x = list[int](), list[int]()
-        signs = list[float]()
-        for turn in turns:
-            y = (turn + 2) % 3 if self._parallel is None else self._parallel
-            x = 3 - turn - y
-            self._y.append(y)
-            self._x.append(x)
-            signs.append(1.0 if x == (turn + 1) % 3 else -1.0)
-        self._signs = np.array(signs)[:, None]
+        self.rows = len(turns)
+        self._two = self.rows == 2
+        #: The number of y. If two turns are held, B may turn about y only.
+        self._y = 3 - sum(turns) if self._two else (turns[0] + 2) % 3
+        #: This matrix times the axes of A gives x of each row. x, y and the axis of the turn are
+        #: the three axes.
+        self._signed = np.zeros((self.rows, 3))
+        for row, turn in enumerate(turns):
+            x = 3 - turn - self._y
+            self._signed[row, x] = 1.0 if x == (turn + 1) % 3 else -1.0
 
-    def error(self, b: Frame, a: Frame) -> Array:
-        f: Array = -_dot(self._of_a(a), self._of_b(b))[:, 0]
-        k = self._parallel
-        if k is not None and a.axes[k] @ b.axes[k] < 0:
-            # Their angle exceeds a right angle: continue f so that Newton's steps still reduce it.
-            size = np.linalg.norm(f)
-            f -= 2 * (f / size if size else np.array([1.0, 0.0]))
+    def error(self, b: Frames, a: Frames) -> Array:
+        cosines = np.vecdot(a.axes, _one_row(self._of_b(b)))
+        f: Array = -cosines.dot(self._signed.T)
+        if self._two:
+            for closure in np.flatnonzero(cosines[:, self._y] < 0):
+                f[closure] = _continued(f[closure])
         return f
 
-    def W(self, b: Frame, a: Frame) -> Array:
-        moments = _moments(cross(self._of_a(a), self._of_b(b)))
-        return _opposed(moments, moments)
+    def axes(self, b: Frames, a: Frames) -> Array:
+        return _turned(self._of_a(a), self._of_b(b))
 
-    def W_dot(self, b: Frame, a: Frame, b_t: Frame, a_t: Frame) -> Array:
-        x, y, x_t, y_t = self._of_a(a), self._of_b(b), self._of_a(a_t), self._of_b(b_t)
-        rates = _moments(cross(x_t, y) + cross(x, y_t))
-        return _opposed(rates, rates)
+    def axis_rates(self, b: Frames, a: Frames, b_t: Frames, a_t: Frames) -> Array:
+        return _turned(self._of_a(a_t), self._of_b(b)) + _turned(self._of_a(a), self._of_b(b_t))
 
-    def _of_a(self, a: Frame) -> Array:
+    def _of_a(self, a: Frames) -> Array:
         """Axis x of each row."""
-        return np.asarray(self._signs * a.axes[..., self._x, :])
+        return self._signed @ a.axes
 
-    def _of_b(self, b: Frame) -> Array:
-        """Axis y of each row."""
+    def _of_b(self, b: Frames) -> Array:
+        """Axis y."""
         return b.axes[..., self._y, :]
 
 
-class _Stacked:
-    """Forces, then moments."""
+def _continued(f: Array) -> Array:
+    """f of two right angles, shape (2,), continued beyond an angle of 90 degrees of both axes y.
 
-    def __init__(self, *parts: Formulas) -> None:
-        self._parts = parts
+    Beyond it f falls to zero again, where the axes are opposite. The continuation grows from one to
+    two instead, so that Newton's steps lead back.
+    """
+    size = np.linalg.norm(f)
+    direction = f / size if size else np.array([1.0, 0.0])
+    return np.asarray(f - 2 * direction)
 
-    def error(self, b: Frame, a: Frame) -> Array:
-        return np.concatenate([part.error(b, a) for part in self._parts])
 
-    def W(self, b: Frame, a: Frame) -> Array:
-        return np.concatenate([part.W(b, a) for part in self._parts], axis=-2)
+# --- all rows of a kind -------------------------------------------------------------------------
 
-    def W_dot(self, b: Frame, a: Frame, b_t: Frame, a_t: Frame) -> Array:
-        return np.concatenate([part.W_dot(b, a, b_t, a_t) for part in self._parts], axis=-2)
+
+class Formulas:
+    """f, the wrenches W = [W_B, -W_A] and their rates of closures of one kind; forces come first.
+
+    Attributes:
+        rows: Number of rows of each closure.
+    """
+
+    def __init__(self, forces: Forces | None, moments: Moments | None) -> None:
+        self._forces, self._moments = forces, moments
+        count = forces.rows if forces else 0
+        self.rows = count + (moments.rows if moments else 0)
+        self._of_forces, self._of_moments = slice(0, count), slice(count, self.rows)
+
+    def error(self, b: Frames, a: Frames) -> Array:
+        """f, shape (k, rows)."""
+        f = np.empty((len(b.p), self.rows))
+        if self._forces:
+            f[:, self._of_forces] = self._forces.error(b, a)
+        if self._moments:
+            f[:, self._of_moments] = self._moments.error(b, a)
+        return f
+
+    def W(self, b: Frames, a: Frames) -> Array:
+        """The wrenches, shape (..., k, rows, 12)."""
+        forces = self._forces.forces(b, a) if self._forces else None
+        n = self._moments.axes(b, a) if self._moments else None
+        return self._wrenches(b, forces, n)
+
+    def W_dot(self, b: Frames, a: Frames, b_t: Frames, a_t: Frames) -> Array:
+        """Their rates, shape (..., k, rows, 12)."""
+        forces = self._forces.rates(b, a, b_t, a_t) if self._forces else None
+        n = self._moments.axis_rates(b, a, b_t, a_t) if self._moments else None
+        return self._wrenches(b, forces, n)
+
+    def _wrenches(self, b: Frames, forces: ForceRows | None, n: Array | None) -> Array:
+        """[force on B; moment on B; -force on A; -moment on A], shape (..., k, rows, 12)."""
+        W = np.zeros((*b.p.shape[:-1], self.rows, 12), dtype=b.p.dtype)
+        if forces is not None:
+            W[..., self._of_forces, 0:3] = forces.u
+            W[..., self._of_forces, 3:6] = forces.on_b
+            W[..., self._of_forces, 6:9] = -forces.u
+            W[..., self._of_forces, 9:12] = -forces.on_a
+        if n is not None:
+            W[..., self._of_moments, 3:6] = n
+            W[..., self._of_moments, 9:12] = -n
+        return W
+
+
+def _at_one_point(p: Array, u: Array) -> ForceRows:
+    """Forces u, shape (..., k, rows, 3), at one point p of B and A, shape (..., k, 3)."""
+    moments = -(u @ skew(p))  # p x u
+    return ForceRows(u, moments, moments)
+
+
+def _rates_at_one_point(p: Array, u: Array, p_t: Array, u_t: Array) -> ForceRows:
+    """The rates of `_at_one_point` where p and u have the rates p_t and u_t."""
+    moments = -(u @ skew(p_t) + u_t @ skew(p))
+    return ForceRows(u_t, moments, moments)
+
+
+def _turned(x: Array, y: Array) -> Array:
+    """x x y in each row, for x of shape (..., k, rows, 3) and one y, shape (..., k, 3)."""
+    return np.asarray(x @ skew(y))
+
+
+def _kind_of(closure: FrameClosure) -> Hashable:
+    """Closures of the same kind have the same formulas."""
+    if isinstance(closure, Closure):
+        return closure.kind in ("6d", "3d"), closure.held
+    if isinstance(closure, Rolling):
+        return "rolling", closure.ball
+    return type(closure).__name__
+
+
+def _formulas(closures: Sequence[FrameClosure]) -> Formulas:
+    """The formulas of closures of one kind."""
+    first = closures[0]
+    if isinstance(first, Distance):
+        lengths = [closure.distance for closure in closures if isinstance(closure, Distance)]
+        return Formulas(_RodForces(np.array(lengths)), None)
+    if isinstance(first, Brake):
+        return Formulas(_HeldLengths(), None)
+    if isinstance(first, Rolling):
+        radii = [closure.radius for closure in closures if isinstance(closure, Rolling)]
+        return Formulas(_WheelForces(np.array(radii), first.ball), None)
+    slides = [axis for axis in range(3) if first.held[axis]]
+    turns = [axis for axis in range(3) if first.held[3 + axis]]
+    forces: Forces | None = None
+    if first.kind in ("6d", "3d"):
+        forces = _WorldForces()
+    elif slides:
+        forces = _AxisForces(slides)
+    moments: Moments | None = None
+    if len(turns) == 3:
+        moments = _WorldMoments()
+    elif turns:
+        moments = _RightAngles(turns)
+    return Formulas(forces, moments)
+
+
+# --- rows at a configuration --------------------------------------------------------------------
+
+
+class JointMotion(NamedTuple):
+    """The motion of the joints of the normal tree at rates v, with v_dot = 0, in world axes."""
+
+    #: Rates of the model, shape (nv,).
+    v: Array
+    #: The part of each joint rate in the twists of the bodies that it moves, shape (rates, 6).
+    twists: Array
+    #: The part of each joint rate in their spatial accelerations, shape (rates, 6).
+    accelerations: Array
+    #: Twists of the joints at unit rates, shape (6, rates).
+    J: Array
+    #: The rates of J, shape (6, rates).
+    J_dot: Array
 
 
 class FrameRows:
-    """The rows of a closure of two frames; `evaluate` computes what depends on q.
+    """The rows of k closures of one kind at the configuration of the last `evaluate`.
 
     Attributes:
+        at: Where the rows are in Phi, shape (k, rows).
         formulas: f, W and its rate for any two frames.
-        frames: Indices of frame B and frame A.
-        bodies: Their parent joints in the normal tree.
-        f: Error of the closure, Eq. (2), shape (rows,), [m] and [rad].
-        W: [W_B, -W_A], shape (rows, 12).
-        Phi: Jacobian of f, Eq. (3), shape (rows, nv).
-        touched, curved: Rates that a row depends on, and rates that change the row, (rows, nv).
+        frames: Indices of frame B and frame A, shape (k, 2).
+        bodies: Their parent joints in the normal tree, shape (k, 2).
+        f: Errors of the closures, Eq. (2), shape (k, rows), [m] and [rad].
+        touched, curved: Rates that a row depends on, and rates that change it, (k, rows, nv).
     """
 
-    def __init__(self, tree: NormalTree, closure: Closure | Distance | Rolling | Brake) -> None:
-        frame_b, frame_a = (frame_id(tree.model, name) for name in frames_of(closure)[::-1])
-        self._model, self.frames, self.formulas = tree.model, (frame_b, frame_a), _formulas(closure)
-        self.bodies = [tree.model.frames[frame].parentJoint for frame in self.frames]
-        moves_b, moves_a = (tree.supports[body] for body in self.bodies)
-        # Joints that move both frames in the same way do not change the closure.
-        self._between = np.flatnonzero(moves_b != moves_a)
-        self._moves_b = moves_b[self._between].astype(float)
-        self._moves_a = moves_a[self._between].astype(float)
-        self._S = tree.S[self._between]
-        self.touched = self.curved = np.tile(self._S.any(axis=0), (len(closure.rows), 1))
+    def __init__(self, tree: NormalTree, closures: Sequence[FrameClosure], at: Indices) -> None:
+        self.at, self.formulas = at, _formulas(closures)
+        model = tree.model
+        names = [frames_of(closure)[::-1] for closure in closures]
+        self.frames = np.array([[frame_id(model, name) for name in pair] for pair in names])
+        self._indices: list[int] = self.frames.ravel().tolist()  # Pinocchio takes Python's integers
+        self.bodies = np.array([frame.parentJoint for frame in model.frames])[self.frames]
+        carries = tree.supports[self.bodies]
+        # Rates that move both frames in the same way do not change the closure.
+        moves = carries & ~carries[:, ::-1]
+        self._carries = carries.reshape(len(names) * 2, -1).astype(float)
+        self._moves = moves.astype(float)[:, :, None]
+        self._S = tree.S
+        touched = moves.any(axis=1) @ (tree.S != 0)
+        self.touched = self.curved = np.repeat(touched[:, None], self.formulas.rows, axis=1)
 
-    def evaluate(self, q: Array, data: pin.Data, J: Array) -> None:
-        """f, W and Phi, from placements in `data`; J are the twists of the joints, (6, rates)."""
-        self._matrices = [data.oMf[frame].homogeneous for frame in self.frames]
-        self._b, self._a = map(Frame.of, self._matrices)
+    def evaluate(self, q: Array, data: pin.Data) -> None:
+        """Compute f from placements in `data`."""
+        matrices = [data.oMf[frame].homogeneous for frame in self._indices]
+        self._matrices = np.array(matrices).reshape(-1, 2, 4, 4)
+        self._b, self._a = Frames.of(self._matrices[:, 0]), Frames.of(self._matrices[:, 1])
         self.f = self.formulas.error(self._b, self._a)
-        self.W = self.formulas.W(self._b, self._a)
-        self._J = self._of_frames(J)
-        self.Phi = self.W.dot(self._J).dot(self._S)  # Eqs. (3), (4)
+        self._W: Array | None = None
 
     @property
-    def largest_coordinate(self) -> float:
-        """Largest absolute coordinate of both origins in the world, [m]."""
-        return float(max(np.abs(self._b.p).max(), np.abs(self._a.p).max()))
+    def W(self) -> Array:
+        """[W_B, -W_A], shape (k, rows, 12)."""
+        if self._W is None:
+            self._W = self.formulas.W(self._b, self._a)
+        return self._W
 
-    def Phi_dot(self, v: Array, data: pin.Data, J_dot: Array) -> Array:
-        """Rate of Phi, shape (rows, nv); velocities in `data` and the rates of J are at v."""
-        W_dot = self._W_dot(self._twists(data))
-        return (W_dot.dot(self._J) + self.W.dot(self._of_frames(J_dot))).dot(self._S)
+    def Phi(self, J: Array) -> Array:
+        """Jacobians of f, Eqs. (3), (4), shape (k, rows, nv); J as in `JointMotion`."""
+        return (self.W @ self._of_frames(J)).dot(self._S)
 
-    def drift(self, v: Array, data: pin.Data) -> Array:
-        """Phi_dot v, shape (rows,); `data` has velocities, and accelerations with v_dot = 0."""
-        twists = self._twists(data)
-        rates = [
-            pin.getFrameAcceleration(self._model, data, frame, pin.WORLD).vector
-            for frame in self.frames
-        ]
-        t, t_dot = np.concatenate([twist.vector for twist in twists]), np.concatenate(rates)
-        return self._W_dot(twists).dot(t) + self.W.dot(t_dot)
+    @property
+    def largest_coordinates(self) -> Array:
+        """Largest absolute coordinates of both origins in the world, shape (k,), [m]."""
+        return np.asarray(np.abs(self._matrices[:, :, :3, 3]).max(axis=(1, 2)))
 
-    def _twists(self, data: pin.Data) -> list[pin.Motion]:
-        """Twists of B and A, world axes at the world's origin."""
-        return [pin.getFrameVelocity(self._model, data, k, pin.WORLD) for k in self.frames]
+    def Phi_dot(self, motion: JointMotion) -> Array:
+        """Rate of Phi, shape (k, rows, nv)."""
+        W_dot = self._W_dot(self._carries.dot(motion.twists))
+        J, J_dot = self._of_frames(motion.J), self._of_frames(motion.J_dot)
+        return np.asarray((W_dot @ J + self.W @ J_dot).dot(self._S))
 
-    def _W_dot(self, twists: list[pin.Motion]) -> Array:
-        b_t, a_t = (
-            Frame.of(twist.homogeneous.dot(matrix))
-            for twist, matrix in zip(twists, self._matrices, strict=True)
-        )
+    def drift(self, motion: JointMotion) -> Array:
+        """Phi_dot v, shape (k, rows)."""
+        t, t_dot = self._carries.dot(motion.twists), self._carries.dot(motion.accelerations)
+        W_dot = self._W_dot(t)
+        column = (len(self.at), 12, 1)
+        return np.asarray(W_dot @ t.reshape(column) + self.W @ t_dot.reshape(column))[..., 0]
+
+    def _W_dot(self, twists: Array) -> Array:
+        """The rate of W at twists of B and A of each closure, in turn, shape (2 k, 6)."""
+        rates = hat(twists.reshape(-1, 2, 6)) @ self._matrices
+        b_t, a_t = Frames.of(rates[:, 0]), Frames.of(rates[:, 1])
         return self.formulas.W_dot(self._b, self._a, b_t, a_t)
 
     def _of_frames(self, J: Array) -> Array:
-        """Jacobians of B and A to the joints between them, shape (12, joints)."""
-        between = J.take(self._between, axis=1)
-        return np.concatenate([between * self._moves_b, between * self._moves_a])
+        """Jacobians of B and A to the joints that move one of them, shape (k, 12, rates)."""
+        return (self._moves * J).reshape(len(self.at), 12, -1)
 
 
 class CouplingRow:
-    """The row of a coupling of joints that have one coordinate each."""
+    """The row of a coupling of joints that have one coordinate each; see `FrameRows`."""
 
-    def __init__(self, model: pin.Model, coupling: Coupling) -> None:
+    def __init__(self, model: pin.Model, coupling: Coupling, at: Indices) -> None:
+        self.at = at
         terms = [(coupling.joint, Polynomial([0.0, 1.0]), 1.0)]
         terms += [(name, Polynomial(p), -1.0) for name, p in coupling.polynomials.items()]
         self._offset = coupling.offset
@@ -334,112 +495,83 @@ class CouplingRow:
         #: Index in v of the dependent joint.
         self.rate = self.terms[0][1]
 
-    def evaluate(self, q: Array, data: pin.Data, J: Array) -> None:
-        """f and Phi at q."""
-        self._q, self.Phi = q, np.zeros(self.touched.shape)
+    def evaluate(self, q: Array, data: pin.Data) -> None:
+        """Compute f."""
+        self._q = q
         self.f = np.array([sum(float(P(q[i])) for i, _, P, *_ in self.terms) - self._offset])
-        for i, k, _, P_1, _ in self.terms:
-            self.Phi[0, k] = P_1(q[i])
 
-    def Phi_dot(self, v: Array, data: pin.Data, J_dot: Array) -> Array:
+    def Phi(self, J: Array) -> Array:
+        """Jacobian of f, shape (1, nv)."""
+        Phi = np.zeros(self.touched.shape)
+        for i, k, _, P_1, _ in self.terms:
+            Phi[0, k] = P_1(self._q[i])
+        return Phi
+
+    def Phi_dot(self, motion: JointMotion) -> Array:
         """Rate of Phi, shape (1, nv)."""
         Phi_dot = np.zeros(self.touched.shape)
         for i, k, _, _, P_2 in self.terms:
-            Phi_dot[0, k] = P_2(self._q[i]) * v[k]
+            Phi_dot[0, k] = P_2(self._q[i]) * motion.v[k]
         return Phi_dot
 
-    def drift(self, v: Array, data: pin.Data) -> Array:
+    def drift(self, motion: JointMotion) -> Array:
         """Phi_dot v, shape (1,)."""
-        return np.array([sum(float(P_2(self._q[i])) * v[k] ** 2 for i, k, _, _, P_2 in self.terms)])
+        return self.Phi_dot(motion).dot(motion.v)
 
 
 class BrakeRow(CouplingRow):
     """The row of a joint's rate that is held, at any position."""
 
-    def __init__(self, model: pin.Model, brake: Brake) -> None:
-        self.terms = []
+    def __init__(self, model: pin.Model, brake: Brake, at: Indices) -> None:
+        self.at, self.terms = at, []
         (self.rate,) = JointSpace(model).rates_of([brake.name])
         self.touched, self.curved = np.zeros((2, 1, model.nv), dtype=bool)
         self.touched[0, self.rate] = True
-        self.f, self.Phi = np.zeros(1), self.touched.astype(float)
+        self.f = np.zeros(1)
 
-    def evaluate(self, q: Array, data: pin.Data, J: Array) -> None:
-        """Nothing: f and Phi are constant."""
+    def evaluate(self, q: Array, data: pin.Data) -> None:
+        """Nothing: f is zero at any q."""
 
-    def drift(self, v: Array, data: pin.Data) -> Array:
-        """Phi_dot v, shape (1,)."""
-        return np.zeros(1)
-
-
-def rows_of(model: pin.Model, tree: NormalTree, closure: Constraint) -> FrameRows | CouplingRow:
-    """The rows of a closure of a model with this normal tree."""
-    if isinstance(closure, Coupling):
-        return CouplingRow(model, closure)
-    if isinstance(closure, Brake) and closure.frames is None:
-        return BrakeRow(model, closure)
-    return FrameRows(tree, closure)
+    def Phi(self, J: Array) -> Array:
+        """The row of the rate, shape (1, nv)."""
+        return self.touched.astype(float)
 
 
-def _formulas(closure: Closure | Distance | Rolling | Brake) -> Formulas:
-    if isinstance(closure, Distance):
-        return _RodForce(closure.distance)
-    if isinstance(closure, Brake):
-        return _HeldLength()
-    if isinstance(closure, Rolling):
-        return _WheelForces(closure)
-    parts = list[Formulas]()
-    slides, turns = (
-        [k for k in range(3) if held[k]] for held in (closure.held[:3], closure.held[3:])
-    )
-    if slides and closure.kind in ("6d", "3d"):
-        parts.append(_WorldForces(np.eye(3)))
-    elif slides:
-        parts.append(_AxisForces(slides))
-    if len(turns) == 3:
-        parts.append(_WorldMoments())
-    elif turns:
-        parts.append(_RightAngles(turns))
-    if len(parts) == 1:
-        return parts[0]
-    return _Stacked(*parts)
+def rows_of(
+    model: pin.Model, tree: NormalTree, closures: Sequence[Constraint]
+) -> list[FrameRows | CouplingRow]:
+    """All rows of the closures of a model with this normal tree."""
+    ends = np.cumsum([len(closure.rows) for closure in closures])
+    all_rows: list[FrameRows | CouplingRow] = []
+    alike: dict[Hashable, list[tuple[FrameClosure, Indices]]] = {}
+    for closure, end in zip(closures, ends, strict=True):
+        at = np.arange(end - len(closure.rows), end)
+        if isinstance(closure, Coupling):
+            all_rows.append(CouplingRow(model, closure, at))
+        elif isinstance(closure, Brake) and closure.frames is None:
+            all_rows.append(BrakeRow(model, closure, at))
+        else:
+            alike.setdefault(_kind_of(closure), []).append((closure, at))
+    for pairs in alike.values():
+        of_kind = [closure for closure, _ in pairs]
+        all_rows.append(FrameRows(tree, of_kind, np.array([at for _, at in pairs])))
+    return all_rows
 
 
-def _forces(p: Array, u: Array) -> Array:
-    """Unit forces along u, shape (..., rows, 3), at a point p, (..., 3): [u; p x u]."""
-    return _wrenches(u, -u @ skew(p))
-
-
-def _force_rates(p: Array, u: Array, p_t: Array, u_t: Array) -> Array:
-    """Rates of `_forces` where p and u have the rates p_t and u_t."""
-    return _wrenches(u_t, -u_t @ skew(p) - u @ skew(p_t))
-
-
-def _moments(n: Array) -> Array:
-    """Moments n, shape (..., rows, 3): [0; n]."""
-    return _wrenches(0.0, n)
-
-
-def _wrenches(force: Array | float, moment: Array) -> Array:
-    """[force; moment], shape (..., rows, 6)."""
-    wrenches = np.empty((*moment.shape[:-1], 6), dtype=moment.dtype)
-    wrenches[..., :3] = force
-    wrenches[..., 3:] = moment
-    return wrenches
-
-
-def _opposed(on_b: Array, on_a: Array) -> Array:
-    """[W_B, -W_A], shape (..., rows, 12)."""
-    return np.concatenate([on_b, -on_a], axis=-1)
-
-
-def _one_row(vector: Array) -> Array:
-    """Vectors with an axis for rows, shape (..., 1, 3)."""
-    return vector[..., None, :]
+# --- vectors ------------------------------------------------------------------------------------
 
 
 def skew(a: Array) -> Array:
     """Cross-product matrices, shape (..., 3, 3), of vectors, shape (..., 3)."""
     return a.dot(_SKEW)
+
+
+def hat(twists: Array) -> Array:
+    """Matrices, shape (..., 4, 4), that take homogeneous coordinates to their rates."""
+    matrix = np.zeros((*twists.shape[:-1], 4, 4))
+    matrix[..., :3, :3] = skew(twists[..., 3:])
+    matrix[..., :3, 3] = twists[..., :3]
+    return matrix
 
 
 def cross(a: Array, b: Array) -> Array:
@@ -449,6 +581,11 @@ def cross(a: Array, b: Array) -> Array:
     product[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
     product[..., 2] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
     return product
+
+
+def _one_row(vectors: Array) -> Array:
+    """Vectors with an axis for rows or points, shape (..., 1, 3)."""
+    return vectors[..., None, :]
 
 
 def _dot(a: Array, b: Array) -> Array:

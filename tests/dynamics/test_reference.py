@@ -15,7 +15,7 @@ NOT_COUNTED = {"arrays", "errors"}
 
 
 def files_entered(chain):
-    """Files of the package in the order in which calls from other files enter them."""
+    """Files of the package in the order in which calls from other files first enter them."""
     n = len(chain.coordinates)
     motion = chain.home, np.full(n, 0.1), np.full(n, 0.2)
     chain.compute_torques(*motion)  # computes what is computed once
@@ -25,7 +25,7 @@ def files_entered(chain):
         path, caller = frame.f_code.co_filename, frame.f_back and frame.f_back.f_code.co_filename
         if event == "call" and path.startswith(str(ROOT)) and path != caller:
             name = Path(path).relative_to(ROOT).with_suffix("").as_posix()
-            if name not in NOT_COUNTED and files[-1:] != [name]:
+            if name not in NOT_COUNTED and name not in files:
                 files.append(name)
 
     sys.setprofile(note)
