@@ -159,7 +159,8 @@ def _displacement_rates(e: Equations, checks: Checks) -> _Made:
         moved = symbolic_derivatives.of_displacement(e, _step(e, direction))
         return _in_column(moved, n, 0), []
 
-    return _Made({"q": e.q, "va": e.va}, n * n, n, along, {}, checks.of_rates)
+    more = checks.of_rates + checks.of_steady_motion
+    return _Made({"q": e.q, "va": e.va}, n * n, n, along, {}, more)
 
 
 def _reduced_terms(e: Equations, checks: Checks) -> _Made:
@@ -181,7 +182,8 @@ def _reduced_terms(e: Equations, checks: Checks) -> _Made:
     friction = e.tree.friction(e.v)
     terms = ca.vertcat(-e.reduced(gravity), -e.reduced(friction))
     once = {2 * n * n + i: x for i, x in enumerate(ca.vertsplit(terms))}
-    more = checks.of_rates + checks.unbalanced(gravity) + checks.unbalanced(friction)
+    more = checks.of_rates + checks.of_steady_motion
+    more += checks.unbalanced(gravity) + checks.unbalanced(friction)
     return _Made({"q": e.q, "va": e.va}, 2 * n * (n + 1), n, along, once, more)
 
 
@@ -227,7 +229,8 @@ def _frame_jacobian_rate(e: Equations, checks: Checks, frame: str) -> _Made:
         rate, more = frame_velocities.rate_of_column(e, checks, frame, step)
         return _in_column(rate, n, 0), checks.unsolved(step, {}) + more
 
-    return _Made({"q": e.q, "va": e.va}, 6 * n, n, along, {}, checks.of_rates)
+    more = checks.of_rates + checks.of_steady_motion
+    return _Made({"q": e.q, "va": e.va}, 6 * n, n, along, {}, more)
 
 
 def _frame_velocity_derivatives(e: Equations, checks: Checks, frame: str) -> _Made:
@@ -241,7 +244,8 @@ def _frame_velocity_derivatives(e: Equations, checks: Checks, frame: str) -> _Ma
         placed = _in_column(by_q, 2 * n, 0) | _in_column(by_va, 2 * n, n)
         return placed, checks.unsolved(step, {}) + more
 
-    return _Made({"q": e.q, "va": e.va}, 12 * n, 2 * n, along, {}, checks.of_rates)
+    more = checks.of_rates + checks.of_steady_motion
+    return _Made({"q": e.q, "va": e.va}, 12 * n, 2 * n, along, {}, more)
 
 
 QUANTITIES: dict[str, Callable[[Equations, Checks], _Made]] = {

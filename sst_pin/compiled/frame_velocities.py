@@ -41,9 +41,9 @@ def derivative_along(
     return _change(e, frame, e.v, step, change), checks.unsolved(change, right)
 
 
-def drift(e: Equations, checks: Checks, frame: str) -> tuple[SX, list[Any]]:
-    """Change of the velocity at rates v along v, and a check of it."""
-    return _change(e, frame, e.v, e.v, e.at_rest), checks.unsolved(e.at_rest, e.drift)
+def drift(e: Equations, frame: str) -> SX:
+    """Change of the velocity at rates v along v."""
+    return _change(e, frame, e.v, e.v, e.at_rest)
 
 
 def _change(e: Equations, frame: str, of: Sparse, along: Sparse, change: Sparse) -> SX:

@@ -74,69 +74,87 @@ class Checks:
     def of_state(self) -> list[Any]:
         """Checks that loops are closed, pivots large, lines long, and that redundant rows hold."""
         e = self._equations
+        # The sum of squares of the scaled residuals: at most the square of the bound only if each
+        # residual is at most the bound. A largest element would need a branch for each.
         gaps = [s**2 * x.gap for s, x in zip(self._row_scale, e.rows, strict=True)]
         gaps += [gap**2 for gap in e.kinematics.unit_gaps]
+        open_loops = total(gaps) / self._closed**2
         parts = zip(e.factors.parts, e.pivots.sizes, strict=True)
-        small = total(part.small(sizes) for part, sizes in parts)
+        small_pivots = total(part.small(sizes) for part, sizes in parts)
         least = 2 * LEAST_LENGTH * e.mechanism.length
-        short = [least / line.length for line in e.tree.lines]
-        return [total(gaps) / self._closed**2, small, *self._inconsistent, *short]
+        short_lines = [least / line.length for line in e.tree.lines]
+        return [open_loops, small_pivots, *self._redundant_in_rates, *short_lines]
+
+    # --- redundant rows -----------------------------------------------------------------------
 
     @cached_property
     def _redundant(self) -> list[int]:
-        """Rows that solutions leave out, or only fit."""
+        """Rows that solutions leave out, or fit by least squares."""
         e = self._equations
         exact = {i for part in e.factors.parts if isinstance(part, Factors) for i in part.rows}
         return [i for i, row in enumerate(e.rows) if row.Phi and i not in exact]
-
-    @property
-    def _inconsistent(self) -> list[Any]:
-        """More than 1 where redundant rows do not hold: Phi L = 0."""
-        e = self._equations
-        if not self._redundant:
-            return []
-        columns = list(zip(e.L, self._rate_scale[e.mechanism.coordinates], strict=True))
-        violations = (
-            self._row_scale[i] * unit * total(x * L[j] for j, x in e.rows[i].Phi.items() if j in L)
-            for i in self._redundant
-            for L, unit in columns
-        )
-        left = total(violation**2 for violation in violations)
-        return [left / self._slack**2]
 
     @property
     def _slack(self) -> float:
         """Largest violation of redundant rows, free of units."""
         return 2 * INCONSISTENT * self._closed
 
-    def solved(self, x: Sparse) -> list[Any]:
-        """Checks that accelerations x solve Phi x = -Phi_dot v, Eq. (8), in redundant rows too.
+    @property
+    def _redundant_in_rates(self) -> list[Any]:
+        """More than 1 where redundant rows allow fewer rates than the others: Phi L = 0."""
+        e = self._equations
+        if not self._redundant:
+            return []
+        units = self._rate_scale[e.mechanism.coordinates]
+        squares = []
+        for i in self._redundant:
+            for L, unit in zip(e.L, units, strict=True):
+                violation = total(x * L[j] for j, x in e.rows[i].Phi.items() if j in L)
+                squares.append((self._row_scale[i] * unit * violation) ** 2)
+        return [total(squares) / self._slack**2]
+
+    def redundant_in_accelerations(self, x: Sparse) -> list[Any]:
+        """More than 1 where accelerations x at v violate redundant rows: Phi x + Phi_dot v = 0.
 
         Where only rates fit the closures, as in the pose in which a braced frame shakes, redundant
-        rows are left over.
+        rows are left over. There is no check without redundant rows.
+
+        As `JointComplement.require_accelerations`, the violation r is compared with |v|^2 + |x|,
+        free of units: Phi_dot v grows with the square of v. Kernels compare squares,
+        |r|^2 <= slack^2 (|v|^4 + |x|^2), because roots and divisions are slow, and v and x may be
+        zero. This is the same bound up to a factor of sqrt(2).
         """
         e = self._equations
-        scale = self._rate_scale
-        checks = self.unsolved(x, e.drift)
         if not self._redundant:
-            return checks
+            return []
+        scale = self._rate_scale
         at_rest: Sparse = {}
-        violations = (
-            e.rows[i].acceleration(e.v, at_rest)
-            + total(entry * x[j] for j, entry in e.rows[i].Phi.items() if j in x)
-            for i in self._redundant
-        )
-        pairs = zip(self._redundant, violations, strict=True)
-        left = total((self._row_scale[i] * violation) ** 2 for i, violation in pairs)
-        rates = total((rate / float(scale[j])) ** 2 for j, rate in e.v.items())
-        accelerations = total((rate / float(scale[j])) ** 2 for j, rate in x.items())
-        excess = left / self._slack**2 - rates**2 - accelerations
-        return [*checks, excess / _NOTHING**2]
+        violations = []
+        for i in self._redundant:
+            row = e.rows[i]
+            of_x = total(entry * x[j] for j, entry in row.Phi.items() if j in x)
+            violations.append(self._row_scale[i] * (row.acceleration(e.v, at_rest) + of_x))
+        r_squared = total(violation**2 for violation in violations)
+        v_squared = total((rate / float(scale[j])) ** 2 for j, rate in e.v.items())
+        x_squared = total((rate / float(scale[j])) ** 2 for j, rate in x.items())
+        excess = r_squared / self._slack**2 - v_squared**2 - x_squared
+        return [excess / _NOTHING**2]
+
+    # --- solutions of a quantity --------------------------------------------------------------
+
+    def solved(self, x: Sparse) -> list[Any]:
+        """Checks that accelerations x solve Phi x = -Phi_dot v, Eq. (8), in redundant rows too."""
+        return self.unsolved(x, self._equations.drift) + self.redundant_in_accelerations(x)
 
     @property
     def of_rates(self) -> list[Any]:
         """Checks that v solves Phi v = 0."""
         return self.unsolved(self._equations.v, {})
+
+    @property
+    def of_steady_motion(self) -> list[Any]:
+        """Checks that redundant rows allow the motion with constant rates of the coordinates."""
+        return self.redundant_in_accelerations(self._equations.at_rest)
 
     @property
     def of_forces(self) -> list[Any]:

@@ -135,7 +135,7 @@ def _acceleration_derivatives(e: Equations, checks: Checks) -> _Made:
 
 def _displacement_rates(e: Equations, checks: Checks) -> _Made:
     columns = (symbolic_derivatives.of_displacement(e, L) for L in e.L)
-    return _moving(e), row_by_row(*columns), checks.of_rates
+    return _moving(e), row_by_row(*columns), checks.of_rates + checks.of_steady_motion
 
 
 def _reduced_terms(e: Equations, checks: Checks) -> _Made:
@@ -222,8 +222,8 @@ def _jacobian(e: Equations, checks: Checks, frame: str) -> _Made:
 def _jacobian_rate(e: Equations, checks: Checks, frame: str) -> _Made:
     made = (frame_velocities.rate_of_column(e, checks, frame, L) for L in e.L)
     changes, more = zip(*made, strict=True)
-    of_all = [*checks.of_rates, *checks.of_complement, *chain.from_iterable(more)]
-    return _moving(e), row_by_row(*changes), of_all
+    of_motion = checks.of_rates + checks.of_complement + checks.of_steady_motion
+    return _moving(e), row_by_row(*changes), [*of_motion, *chain.from_iterable(more)]
 
 
 def _velocity_derivatives(e: Equations, checks: Checks, frame: str) -> _Made:
@@ -231,13 +231,16 @@ def _velocity_derivatives(e: Equations, checks: Checks, frame: str) -> _Made:
     made = (frame_velocities.derivative_along(e, checks, frame, L) for L in e.L)
     changes, more = zip(*made, strict=True)
     velocities = (frame_velocities.velocity(e, frame, L) for L in e.L)
-    of_all = [*checks.of_rates, *checks.of_complement, *chain.from_iterable(more)]
-    return _moving(e), row_by_row(*changes, *velocities), of_all
+    of_motion = checks.of_rates + checks.of_complement + checks.of_steady_motion
+    return (
+        _moving(e),
+        row_by_row(*changes, *velocities),
+        [*of_motion, *chain.from_iterable(more)],
+    )
 
 
 def _drift(e: Equations, checks: Checks, frame: str) -> _Made:
-    drift, more = frame_velocities.drift(e, checks, frame)
-    return _moving(e), drift, checks.of_rates + more
+    return _moving(e), frame_velocities.drift(e, frame), checks.of_rates + checks.solved(e.at_rest)
 
 
 def _placement(e: Equations, checks: Checks, frame: str) -> _Made:

@@ -18,6 +18,7 @@ from sst_pin import (
     SingularConfigurationError,
     SSTError,
 )
+from sst_pin.compiled import compiled_backend
 from tests.support.by_hand import add, at, mark
 from tests.support.planar_bars import planar, rhombus
 
@@ -188,8 +189,14 @@ def test_equal_rods_move():
     assert chain.mobility().shaking_joints == ()
 
 
-@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_calls_refuse_rates_to_which_no_accelerations_exist(compiled):
+SLOW = pytest.mark.slow
+
+
+@pytest.mark.parametrize(
+    "kernels",
+    ["none", pytest.param("whole", marks=SLOW), pytest.param("by directions", marks=SLOW)],
+)
+def test_calls_refuse_rates_to_which_no_accelerations_exist(kernels, monkeypatch):
     """Phi a + Phi_dot v is not zero for any a; at rest, and along motions, it is."""
     with pytest.warns(DescriptionWarning):
         chain = ClosedChain(*parallel_rods((0.4, 0.4, 0.5)), coordinates=["rod_0"])
@@ -198,7 +205,8 @@ def test_calls_refuse_rates_to_which_no_accelerations_exist(compiled):
     Phi, drift = chain.Phi(q), chain.Phi_dot(q, v) @ v
     assert np.abs(Phi @ v).max() < 1e-15
     assert np.abs(drift + Phi @ np.linalg.lstsq(Phi, -drift)[0]).max() > 1e-3
-    if compiled:
+    if kernels != "none":
+        monkeypatch.setattr(compiled_backend, "_LARGEST", 10_000 if kernels == "whole" else 0)
         chain.compile(q)
     for ask in (
         lambda: chain.compute_torques(q, one, one),
@@ -207,6 +215,11 @@ def test_calls_refuse_rates_to_which_no_accelerations_exist(compiled):
         lambda: chain.reduced_terms(q, one),
         lambda: chain.noc(q, one),
         lambda: chain.torque_regressor(q, one, one),
+        lambda: chain.frame_drift(q, one, "plate_end"),
+        lambda: chain.frame_jacobian_rate(q, one, "plate_end"),
+        lambda: chain.frame_velocity_derivatives(q, one, "plate_end"),
+        lambda: chain.torque_derivatives(q, one, one),
+        lambda: chain.acceleration_derivatives(q, one, one),
     ):
         with pytest.raises(SingularConfigurationError, match="rod_0, rod_1, rod_2, plate"):
             ask()
