@@ -53,6 +53,7 @@ def finite_array(name: str, value: ArrayLike, core: tuple[int, ...]) -> Array:
     array = as_array(name, value, core)
     finite = np.isfinite(array)
     if not finite.all():
+        # The first bad entry, by its indices among the core axes.
         bad = np.argwhere(~finite)[0]
         entry = float(array[tuple(bad)])
         at = [int(i) for i in bad[len(bad) - len(core) :]]
@@ -92,35 +93,49 @@ def for_each_sample(
     sample at fault, and names all samples with an error of this class.
     """
     require_policy(on_error)
-    batch, flat = flattened(arrays, core_axes)
+    batch, samples = flattened(arrays, core_axes)
     require_fitting(out, batch + result)
-    n = math.prod(batch)
-    plain = None if out is None else np.asarray(out)  # no matrix, no memory map
-    if plain is not None and (
-        not plain.flags.carray or any(a is not None and np.may_share_memory(a, plain) for a in flat)
-    ):
-        plain = None
-    results = empty((n, *result)) if plain is None else plain.reshape(n, *result)
-    left: Iterable[int] = range(n)
+    count = math.prod(batch)
+
+    # Results go straight into `out` where that is safe; else they are copied at the end.
+    straight = out is not None and _holds_results(out, samples)
+    if out is not None and straight:
+        results = np.asarray(out).reshape(count, *result)
+    else:
+        results = empty((count, *result))
+
+    remaining: Iterable[int] = range(count)
     if fast is not None:
-        left = map(int, fast(flat, results.reshape(n, math.prod(result))))
-    failures: dict[int, SSTError] = {}
-    for i in counted(left, "samples", n, hint):
+        remaining = fast(samples, results.reshape(count, math.prod(result))).tolist()
+
+    failures = dict[int, SSTError]()
+    for i in counted(remaining, "samples", count, hint):
+        sample = [None if array is None else array[i] for array in samples]
         try:
-            results[i] = function(*(None if a is None else a[i] for a in flat))
+            results[i] = function(*sample)
         except SSTError as error:
             results[i] = np.nan
             failures[i] = error
     if failures and on_error == "raise":
         first = next(iter(failures.values()))
-        name_samples(first, [i for i, e in failures.items() if type(e) is type(first)], batch)
+        of_its_class = [i for i, error in failures.items() if type(error) is type(first)]
+        name_samples(first, of_its_class, batch)
         raise first
-    shaped = results.reshape(batch + result)
+
     if out is None:
-        return shaped
-    if plain is None:
-        out[...] = shaped
+        return results.reshape(batch + result)
+    if not straight:
+        out[...] = results.reshape(batch + result)
     return out
+
+
+def _holds_results(out: Array, samples: Iterable[Array | None]) -> bool:
+    """Whether results can be written into `out` one by one: it is dense, and holds no argument."""
+    dense = np.asarray(out)  # without what a matrix or a memory map does differently
+    if not dense.flags.carray:
+        return False
+    arguments = [array for array in samples if array is not None]
+    return not any(np.may_share_memory(array, dense) for array in arguments)
 
 
 def require_policy(on_error: str) -> None:
@@ -193,27 +208,37 @@ def one_or_each(name: str, value: ArrayLike, count: int, *, or_zero: bool = Fals
 def flattened(
     arrays: Sequence[Array | None], core_axes: Sequence[int]
 ) -> tuple[tuple[int, ...], list[Array | None]]:
-    """The broadcast leading axes, and the samples in a row, (n, ...); views where NumPy can."""
-    pairs = list(zip(arrays, core_axes, strict=True))
-    leading = [a.shape[: a.ndim - core] for a, core in pairs if a is not None]
+    """The broadcast leading axes, and each array with them in a row, shape (count, *core).
+
+    The arrays are views where NumPy can make them. None stays None.
+    """
+    leading = list[tuple[int, ...]]()
+    for array, axes in zip(arrays, core_axes, strict=True):
+        if array is not None:
+            leading.append(array.shape[: array.ndim - axes])
     try:
         batch = np.broadcast_shapes(*leading)
     except ValueError:
         raise InputError("batch", f"leading axes {leading} do not broadcast") from None
 
-    def flat(array: Array, core: tuple[int, ...]) -> Array:
+    samples = list[Array | None]()
+    for array, axes in zip(arrays, core_axes, strict=True):
+        if array is None:
+            samples.append(None)
+            continue
+        core = array.shape[array.ndim - axes :]
         try:
-            return np.broadcast_to(array, batch + core).reshape(math.prod(batch), *core)
+            everywhere = np.broadcast_to(array, batch + core)
+            samples.append(everywhere.reshape(math.prod(batch), *core))
         except (MemoryError, ValueError):
             raise InputError("batch", f"{batch} samples do not fit into memory") from None
-
-    return batch, [None if a is None else flat(a, a.shape[a.ndim - core :]) for a, core in pairs]
+    return batch, samples
 
 
 E = TypeVar("E", bound=SSTError)
 
 
-def of_samples(error: E, at_fault: NDArray[np.bool_]) -> E:
+def of_samples(error: E, at_fault: Flags) -> E:
     """The error with the indices of the samples that failed; unchanged for a single sample."""
     name_samples(error, np.flatnonzero(at_fault).tolist(), at_fault.shape)
     return error
