@@ -59,12 +59,15 @@ class Pull(NamedTuple):
 
     shape: Shape  #: At the largest force, in the axes of the force.
     first: int  #: Index of the first of its three components in the effort.
+    #: Way from the start of the arrow to the point of the force, in lengths of the shape along z.
+    start: float = 0.0
 
     def at(self, effort: Array) -> Array:
         """Placement of the arrow, for motor torques and then forces as shares of the largest."""
         force = effort[self.first : self.first + 3]
         size = float(np.linalg.norm(force))
-        matrix = homogeneous(_length(size) * along(force), np.zeros(3))
+        axes = _length(size) * along(force)
+        matrix = homogeneous(axes, -self.start * axes[:, 2])
         return np.asarray(self.shape.at @ matrix)
 
 

@@ -28,7 +28,10 @@ _CONTACT = "#00796B"
 #: Colours of the axes x, y, z of a frame.
 _XYZ = ("#C0392B", "#27AE60", "#2E5FA8")
 #: Radii as shares of the robot's length.
-_BONE_RADIUS, _JOINT_RADIUS, _END_RADIUS, _CONTACT_RADIUS = 0.022, 0.055, 0.04, 0.03
+_BONE_RADIUS, _JOINT_RADIUS, _END_RADIUS = 0.022, 0.055, 0.04
+#: Radius of the point of a contact, and of a sphere that would hide the arrow of its contact, as
+#: shares of the largest arrow's scale.
+_CONTACT_RADIUS, _HIDING = 0.08, 0.2
 #: Turns of the coil of a spring.
 _TURNS = 8
 #: Frames of fixed links and of points, such as a foot or a tool.
@@ -282,14 +285,18 @@ def contact_shapes(touches: Sequence[Touch]) -> Iterator[Shape]:
 def contact_forces_of(touches: Sequence[Touch], first: int, size: float) -> Iterator[Pull | Dot]:
     """A point and an arrow for each contact that acts: the force of the ground on the body.
 
-    `first` is the index of the first force in the effort, `size` the length of the largest arrow.
+    The arrow starts at the point; at a large sphere it ends there, because the sphere would hide
+    it. `first` is the index of the first force in the effort, `size` the scale of the largest
+    arrow.
     """
-    mesh = arrow(np.outer((0, 0.7, 1), (0, 0, 2.0)), 0.04)
+    length = 2.0
+    mesh = arrow(np.outer((0, 0.7, 1), (0, 0, length)), 0.04)
     ball = solid(coal.Sphere(_CONTACT_RADIUS * size))
     largest = np.diag([size, size, size, 1.0])
     for k, touch in enumerate(touches):
         force = Shape(touch.node, "contacts", "force", mesh, _CONTACT, at=largest)
-        yield Pull(force, first + 3 * k)
+        start = length if touch.radius > _HIDING * size else 0.0
+        yield Pull(force, first + 3 * k, start)
         yield Dot(Shape(touch.node, "contacts", "point", ball, _CONTACT), first + 3 * k)
 
 
