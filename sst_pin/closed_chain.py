@@ -937,7 +937,8 @@ class ClosedChain(RobotProperties, Summary):
         It returns q, shape (..., N + 1, nq), and va, shape (..., N + 1, n). The loops stay closed,
         also through dead points of the coordinates. A motion that reaches a singularity of the
         mechanism, diverges or opens its loops (dt is too long) raises a `SimulationError`, or is
-        NaN from there on. Loads are constant for each motion, on the bodies; no frames.
+        NaN from there on. Loads are constant for each motion, in base axes; with wrenches at
+        frames, the reference path computes.
 
         Args:
             tau: Motor torques, shape (..., N, motors), constant in each step. For torques that
@@ -960,38 +961,33 @@ class ClosedChain(RobotProperties, Summary):
                 of lines, each times its factor.
         """
         from .simulation.nonsmooth_rollout import nonsmooth_rollout
+        from .simulation.rollout_arguments import rollout_arguments
         from .simulation.rollouts import require_smooth, rollout
 
-        engine, gains = self._engine, (motor_stiffness, motor_damping, motor_positions)
-        load = engine.arguments.wrenches(platform_moment, external_wrenches, "raise")
-        if nonsmooth:
-            return nonsmooth_rollout(
-                engine,
-                tau,
-                q0,
-                va0,
-                dt,
-                wrenches=load,
-                steps=steps,
-                gains=gains,
-                threads=threads,
-                on_error=on_error,
-            )
-        require_smooth(engine.mechanism)
-        if any(gain is not None for gain in gains):
-            raise InputError("motor_stiffness, motor_damping", "only with nonsmooth=True")
-        return rollout(
-            engine,
+        arguments = rollout_arguments(
+            self._engine,
             tau,
             q0,
             va0,
             dt,
-            wrenches=load,
+            platform_moment=platform_moment,
+            external_wrenches=external_wrenches,
             steps=steps,
-            sign_width=sign_width,
             threads=threads,
             on_error=on_error,
         )
+        if nonsmooth:
+            return nonsmooth_rollout(
+                self._engine,
+                arguments,
+                motor_stiffness=motor_stiffness,
+                motor_damping=motor_damping,
+                motor_positions=motor_positions,
+            )
+        require_smooth(self._engine.mechanism)
+        if any(x is not None for x in (motor_stiffness, motor_damping, motor_positions)):
+            raise InputError("motor_stiffness, motor_damping", "only with nonsmooth=True")
+        return rollout(self._engine, arguments, sign_width)
 
     def check_limits(self, motion: Trajectory | ArrayLike) -> tuple[Finding, ...]:
         """What leaves its limits along a motion, and nearby singularities, with times.

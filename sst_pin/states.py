@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from math import isfinite
 from typing import NamedTuple
 
@@ -37,6 +39,10 @@ _FIXED_STEP = 10.0
 _PART_OF_STEP = 0.05
 #: The most parts of a step.
 _MOST_PARTS = 4
+
+
+#: External wrenches on the bodies, shape (r, 6), for the index of a motion and a configuration.
+WrenchesAt = Callable[[int, Array], Array]
 
 
 class StepError(SSTError):
@@ -230,17 +236,30 @@ class States:
                 raise
             return np.zeros(self._mechanism.model.nv)
 
-    def rollout(self, motions: RolloutArrays, threads: int) -> Indices:
+    def rollout(
+        self, motions: RolloutArrays, threads: int, wrenches_at: WrenchesAt | None
+    ) -> Indices:
         """Fill q and va by the classical Runge-Kutta method; numbers of valid states, shape (N,).
 
         After each step the dependent joints are moved onto the closures. A motion ends where its
-        loops open, at a singularity, or where a number is not finite.
+        loops open, at a singularity, or where a number is not finite. `wrenches_at` takes the place
+        of constant loads.
         """
-        indices = counted(range(len(motions.q)), "rollout", len(motions.q))
-        return np.array([self._fill(motions, i).valid for i in indices], dtype=np.intp)
+        valid = np.zeros(len(motions.q), dtype=np.intp)
+        for i in counted(range(len(motions.q)), "rollout", len(motions.q)):
+            at = None if wrenches_at is None else partial(wrenches_at, i)
+            valid[i] = self._fill(motions, i, at).valid
+        return valid
 
     @np.errstate(over="ignore", invalid="ignore")  # a motion that diverges ends
-    def _fill(self, motions: RolloutArrays, i: int, *, until_suited: bool = False) -> RolloutEnd:
+    def _fill(
+        self,
+        motions: RolloutArrays,
+        i: int,
+        wrenches_at: Callable[[Array], Array] | None = None,
+        *,
+        until_suited: bool = False,
+    ) -> RolloutEnd:
         """Fill the states of motion i as far as it goes, NaN behind them.
 
         Steps are in the coordinates of these states, or in better ones where these are poor. With
@@ -248,7 +267,11 @@ class States:
         """
         q = motions.q[i]
         va = motions.va[i]
-        load = None if motions.load is None else motions.load[i].reshape(-1, 6)
+        constant = None if motions.load is None else motions.load[i].reshape(-1, 6)
+
+        def wrenches(q: Array) -> Array | None:
+            return constant if wrenches_at is None else wrenches_at(q)
+
         q[:] = np.nan
         va[:] = np.nan
         try:
@@ -267,7 +290,8 @@ class States:
                 if suited is not states:
                     states = suited
                     rates = v[states.coordinates]
-                q[s + 1], rates = states._step(q[s], rates, motions.torques(i, s), load, motions.dt)
+                tau = motions.torques(i, s)
+                q[s + 1], rates = states._step(q[s], rates, tau, wrenches, motions.dt)
                 v = states.joint_rates(q[s + 1], rates)
             except SSTError as error:
                 q[s + 1] = np.nan
@@ -275,9 +299,12 @@ class States:
             va[s + 1] = rates if states is self else v[self.coordinates]
         return RolloutEnd(motions.steps + 1, None)
 
-    def why_ended(self, motions: RolloutArrays, i: int, valid: int) -> SSTError:
+    def why_ended(
+        self, motions: RolloutArrays, i: int, valid: int, wrenches_at: WrenchesAt | None
+    ) -> SSTError:
         """Why motion i ended after some valid states, by one more try from the last one."""
-        end = self._fill(motions.rest(i, max(valid - 1, 0)), 0)
+        at = None if wrenches_at is None else partial(wrenches_at, i)
+        end = self._fill(motions.rest(i, max(valid - 1, 0)), 0, at)
         return end.error or StepError("the kernels and the reference path disagree")
 
     def _suited_for_step(self, q: Array, step: Array) -> States:
@@ -295,7 +322,12 @@ class States:
         return self
 
     def _step(
-        self, q: Array, va: Array, tau: Array, wrenches: Array | None, h: float
+        self,
+        q: Array,
+        va: Array,
+        tau: Array,
+        wrenches: Callable[[Array], Array | None],
+        h: float,
     ) -> tuple[Array, Array]:
         """q and va after a step h; torques act at its start, in its middle and at its end.
 
@@ -310,7 +342,7 @@ class States:
             if not isfinite(stage.dot(stage)):
                 raise StepError("a number is not finite; a shorter step may help")
             q = space.normalised(stage[:nq])
-            return self._rate(q, stage[nq:], tau[when], wrenches, np.inf)
+            return self._rate(q, stage[nq:], tau[when], wrenches(q), np.inf)
 
         end = runge_kutta_step(rate, np.concatenate([q, va]), h)
         if not isfinite(end.dot(end)):

@@ -21,7 +21,7 @@ from ..dynamics.rollout_arrays import RolloutArrays
 from ..errors import SSTError
 from ..kernel_protocols import Kernel
 from ..model.mechanism import Friction, Mechanism
-from ..states import States
+from ..states import States, WrenchesAt
 
 if TYPE_CHECKING:
     from ._binding import Kernel as BoundKernel
@@ -98,11 +98,16 @@ class CompiledStates(States):
             return super()._acceleration_derivatives(q, va, tau, wrenches)
         return np.concatenate(parts, axis=1)
 
-    def rollout(self, motions: RolloutArrays, threads: int) -> Indices:
-        """Fill the states of motions; the reference path goes on where the kernels stop."""
+    def rollout(
+        self, motions: RolloutArrays, threads: int, wrenches_at: WrenchesAt | None
+    ) -> Indices:
+        """Fill the states of motions; the reference path goes on where the kernels stop.
+
+        Kernels take constant loads only.
+        """
         course = self._course(motions.load is not None)
-        if course is None or self._closing is None:
-            return super().rollout(motions, threads)
+        if course is None or self._closing is None or wrenches_at is not None:
+            return super().rollout(motions, threads, wrenches_at)
         reached = self._run(course, motions, threads)
         for i in map(int, np.flatnonzero(reached <= motions.steps)):
             reached[i] = self._complete(course, motions, i, int(reached[i]))

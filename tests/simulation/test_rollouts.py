@@ -142,7 +142,7 @@ def test_a_rollout_goes_through_dead_points_as_simulate_does():
     [
         (False, False),
         (True, False),
-        (False, True),
+        pytest.param(False, True, marks=pytest.mark.slow),
         pytest.param(True, True, marks=pytest.mark.slow),
     ],
 )
@@ -177,3 +177,49 @@ def test_a_motion_that_diverges_within_a_step_ends_with_a_reason(fast):
     valid = np.isfinite(q).all(axis=1)
     assert valid.sum() == round(caught.value.time / 0.05)
     assert np.isnan(q[~valid]).all()
+
+
+@pytest.mark.parametrize("fast", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_wrenches_at_frames_turn_their_arms_in_rollouts_as_in_simulate(fast):
+    """A batch of two wrenches; an adaptive method of eighth order is the referee."""
+    chain = robots.four_bar()
+    if fast:
+        chain.compile()
+    frame, steps, dt = "platform", 25, 4e-3
+    wrench = np.array([[0.0, 2.0, 0.0, 0.0, 0.0, 0.1], [1.0, -1.0, 0.0, 0.0, 0.0, 0.0]])
+    tau = np.full((steps, 1), 0.05)
+    motions = chain.rollout(tau, chain.home, [1.0], dt, external_wrenches={frame: wrench})
+    assert motions.q.shape == (2, steps + 1, 3)
+    for i in range(2):
+        wanted = chain.simulate(
+            tau[0],
+            chain.home,
+            [1.0],
+            [0, steps * dt],
+            external_wrenches={frame: wrench[i]},
+            rtol=1e-9,
+            atol=1e-9,
+        )
+        assert np.abs(motions.q[i, -1] - wanted.q[-1]).max() < 1e-7
+    assert np.abs(motions.q[0, -1] - motions.q[1, -1]).max() > 1e-2
+
+
+@pytest.mark.parametrize("nonsmooth", [False, True])
+@pytest.mark.parametrize("which", ["robot", "compiled_robot"])
+def test_a_wrench_at_a_frame_adds_to_a_moment_and_is_held(which, nonsmooth, request):
+    """Torques of statics hold the robot, to the rounding of 20 steps."""
+    robot = request.getfixturevalue(which)
+    loads = {
+        "platform_moment": [0.3, -0.2, 0.1],
+        "external_wrenches": {"star_1": [5.0, -3.0, 2.0, 0.1, 0.2, -0.3]},
+    }
+    zero = np.zeros(3)
+    hold = robot.compute_torques(robot.home, zero, zero, **loads)
+    motion = robot.rollout(
+        np.tile(hold, (20, 1)), robot.home, zero, 1e-3, nonsmooth=nonsmooth, **loads
+    )
+    assert np.abs(motion.q[-1] - robot.home).max() < 1e-10
+    without = robot.compute_torques(robot.home, zero, zero)
+    assert np.abs(hold - without).max() > 0.1
+    with pytest.raises(sst_pin.UnknownNameError):
+        robot.rollout([hold], robot.home, zero, 1e-3, external_wrenches={"nothing": np.zeros(6)})

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Nonsmooth rollouts by the reference path, in coordinates that suit each state."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+
+from ..arrays import Array
+from ..dynamics.nonsmooth_rows import LARGEST_BEND, NonsmoothRows
+from ..dynamics.nonsmooth_step import Forces, NonsmoothArrays, NonsmoothStep, Step
+from ..dynamics.reference import Reference
+from ..engine import Engine
+from ..errors import InputError, SSTError
+from ..model.thresholds import CLOSURE_TOLERANCE, MAX_CONDITION_NUMBER
+from ..states import RolloutEnd, States, StepError
+
+#: Condition number of the dependent joints above which better coordinates are searched.
+_POOR = 10.0
+
+
+class NonsmoothReference:
+    """Makes nonsmooth steps of one robot by the reference path; one object per thread."""
+
+    def __init__(self, engine: Engine, rows: NonsmoothRows) -> None:
+        self._reference = engine.reference
+        self._rows = rows
+        self._mechanism = engine.mechanism
+        self._states = States(engine.reference, engine.mechanism.friction)
+        #: Steps in each of the coordinates that were needed, by the bytes of their indices.
+        self._steps = dict[bytes, NonsmoothStep]()
+
+    def require_start(self, q: Array, va: Array) -> None:
+        """Refuse open loops, and contacts, ropes and stops that are violated."""
+        self._states.start_rates(q, va)
+        gaps = self._step_in(self._states).gaps(q)
+        mechanism = self._mechanism
+        names = [f"contact {contact}" for contact in mechanism.contacts.points]
+        names += [f"rope {rope}" for rope in mechanism.contacts.ropes]
+        for stop in self._rows.stops:
+            names.append(f"the range of {mechanism.space.rate_names[stop.rate]}")
+        for name, gap, least in zip(names, gaps, self._rows.least_gaps, strict=True):
+            if gap < least:
+                problem = f"{name} is violated by {-gap:.3g} (m or rad); start on its free side"
+                raise InputError("q0", problem)
+
+    @np.errstate(over="ignore", invalid="ignore")  # a motion that diverges ends
+    def fill(
+        self,
+        arrays: NonsmoothArrays,
+        i: int,
+        first: int,
+        wrenches: Callable[[Array], Array | None],
+        *,
+        until_suited: bool,
+    ) -> RolloutEnd:
+        """Fill the states of motion i after state `first`; the valid ones are counted from 0.
+
+        With `until_suited` it returns after at least one step where the robot's coordinates are
+        good. `arrays.impulses[i]` are those of the last step, with which the next one starts.
+        """
+        q = arrays.q[i]
+        va = arrays.va[i]
+        h = arrays.dt
+        states = self._states
+        rates = va[first]
+        try:
+            v = states.start_rates(q[first], rates)
+        except SSTError as error:
+            return RolloutEnd(first + 1, error)
+        for s in range(first, len(q) - 1):
+            try:
+                suited, _ = self._states.suited(q[s], _POOR)
+                if until_suited and s > first and suited is self._states:
+                    return RolloutEnd(s + 1, None)
+                if suited is not states:
+                    states = suited
+                    rates = v[states.coordinates]
+                forces = Forces(arrays.tau[i, s], arrays.positions[i, s], wrenches(q[s]))
+                step = self._step_in(states).step(q[s], rates, forces, h, arrays.impulses[i])
+                self._require_regular(states, q[s], step, h)
+                v = states.joint_rates(step.q, step.va)
+            except SSTError as error:
+                return RolloutEnd(s + 1, error)
+            rates = step.va
+            q[s + 1] = step.q
+            va[s + 1] = v[self._states.coordinates]
+            arrays.forces[i, s] = step.x / h
+            arrays.residual[i, s] = step.residual
+            arrays.impulses[i] = step.x
+        return RolloutEnd(len(q), None)
+
+    def _step_in(self, states: States) -> NonsmoothStep:
+        """The step in the coordinates of some states."""
+        key = states.coordinates.tobytes()
+        if key not in self._steps:
+            reference = self._reference
+            if states is not self._states:
+                reference = Reference(replace(self._mechanism, coordinates=states.coordinates))
+            self._steps[key] = NonsmoothStep(reference.context, self._rows)
+        return self._steps[key]
+
+    def _require_regular(self, states: States, q: Array, step: Step, h: float) -> None:
+        """Refuse steps that diverge, change the assembly mode, or are too long for the loops."""
+        if not np.isfinite(step.q).all() or not np.isfinite(step.x).all():
+            raise StepError("a number is not finite; a shorter step may help")
+        model = self._mechanism.model
+        displacement = pin.difference(model, q, step.q)
+        # Along the rates the step leaves the closures by an error of order h^2.
+        correction = (displacement - h * step.v) / self._mechanism.rate_scale
+        length = float(np.abs(h * step.v / self._mechanism.rate_scale).max())
+        if np.abs(correction).max() > LARGEST_BEND * length + CLOSURE_TOLERANCE:
+            raise StepError("the step is too long for the curvature of the motion; shorten dt")
+
+        def path(start: Array, low: float, high: float) -> Array:
+            if high == 1:
+                return step.q
+            return states.closed(pin.integrate(model, q, high * displacement))
+
+        fraction, _ = states.follow(q, path, MAX_CONDITION_NUMBER)
+        if fraction < 1:
+            raise StepError("the loops are singular, or change their assembly mode")
