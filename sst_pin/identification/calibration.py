@@ -12,6 +12,7 @@ from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -45,17 +46,22 @@ from .urdf_numbers import carriers_of, with_origins
 #: An error opens the loops if the joints leave a larger gap, free of units.
 _CLOSED = 1e-6
 #: An error is hidden if the part of it that errors before it do not explain is smaller. The first
-#: tolerance with which Newton's method settles is used.
+#: tolerance with which Newton's method converges is used.
 _TOLERANCES = (1e-6, 1e-5, 1e-4, 1e-3)
-_STEPS, _SETTLED = 30, 1e-9
+#: Most steps of Newton's method, and the largest change of an error in the last one, free of units.
+_STEPS = 30
+_CONVERGED = 1e-9
 #: Least noise of positions as a part of that of orientations, and the reverse: less is rounding.
 _LEAST_NOISE = 1e-4
-#: Largest last step of Newton's method, in standard deviations of the errors.
+#: Without convergence: the largest last step of Newton's method that is accepted, in standard
+#: deviations of the errors.
 _UNSURE = 0.01
 #: Degrees of freedom that must be left to estimate a noise.
 _LEAST_FREEDOM = 0.5
-#: Probability of a warning where the given noise is true.
+#: Probability of a warning although the noise that the caller states is true.
 _FALSE_ALARM = 1e-6
+#: Farther from the robot as drawn, in its lengths, a value has another unit or another base.
+_FAR = 10.0
 _TOO_LARGE = "errors too large for Newton's method, or which= leaves out those that matter"
 
 
@@ -72,7 +78,8 @@ class Calibration(Summary):
         noise: Standard deviations of the measured positions, [m], and orientations, [rad]; the
             second is missing where only positions were measured. For several measurements, those
             of each in their order.
-        hidden: Errors that cannot be told apart from those found, or change nothing; they are zero.
+        hidden: Errors that cannot be distinguished from those found, or change nothing; they are
+            zero.
         chain: The robot with the calibrated geometry.
         placements: Of unknown measuring systems, homogeneous matrices: `<name>_base` in the base of
             the robot, `<name>_target` in the frame that was measured.
@@ -108,20 +115,27 @@ class Calibration(Summary):
 
     def _urdf(self, urdf: str | Path, folder: Path) -> str:
         """The URDF that the robot was read from, for a folder, with calibrated origins."""
-        mechanism, places = self.chain.mechanism, dict[str, pin.SE3]()
-        errors = dict(zip(self.names, self.values, strict=True))
-        of_robot = {x: e for x, e in errors.items() if x.rpartition(".")[0] not in self.placements}
-        for place, displacement in geometry.displacements(mechanism, of_robot).items():
-            turn = geometry.relative(pin.SE3.Identity(), displacement).rotation
+        mechanism = self.chain.mechanism
+        errors_of_robot = dict[str, float]()
+        for name, value in zip(self.names, self.values, strict=True):
+            place = name.rpartition(".")[0]
+            if place not in self.placements:
+                errors_of_robot[name] = value
+        changes = dict[str, pin.SE3]()
+        for place, displacement in geometry.displacements(mechanism, errors_of_robot).items():
+            # A displacement is along the axes of the place as drawn: before its rotation.
+            rotation = geometry.relative(pin.SE3.Identity(), displacement).rotation
             calibrated = geometry.place_of(mechanism.model, place)[1].rotation
-            drawn = pin.SE3(calibrated @ turn.T, np.zeros(3))
-            places[place] = geometry.relative(drawn, displacement)
-        return with_origins(urdf, mechanism.model, places, folder)
+            drawn = pin.SE3(calibrated @ rotation.T, np.zeros(3))
+            changes[place] = geometry.relative(drawn, displacement)
+        return with_origins(urdf, mechanism.model, changes, folder)
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
-        triples = zip(self.names, self.values, 3 * self.deviations, strict=True)
-        rows = [(name, f"{value:.4g} +- {d:.1g}") for name, value, d in triples]
-        rows += [("hidden", listed(self.hidden, 12))] if self.hidden else []
+        rows = []
+        for name, value, deviation in zip(self.names, self.values, self.deviations, strict=True):
+            rows.append((name, f"{value:.4g} +- {3 * deviation:.1g}"))
+        if self.hidden:
+            rows.append(("hidden", listed(self.hidden, 12)))
         return f"{len(self.names)} errors of the geometry, three standard deviations", rows
 
 
@@ -214,18 +228,27 @@ def calibrate_with(
     systems = list(in_order("measurements", measurements, "measurements"))
     if not systems or not all(isinstance(each, Measurement) for each in systems):
         raise InputError("measurements", "at least one of Poses, Heights, Distances is needed")
-    sizes = [each.count(len(chain.coordinates)) for each in systems]
-    drawn = [_configurations(chain, np.asarray(x.x, dtype=float), x.start) for x in systems]
+    sizes = [system.count(len(chain.coordinates)) for system in systems]
+
+    # The robot as drawn in the measured configurations, with a frame for what is unknown of each
+    # measuring system.
+    drawn = [_configurations(chain, np.asarray(s.x, dtype=float), s.start) for s in systems]
     machine, unknown = _with_systems(chain, systems, drawn)
+    all_drawn = np.concatenate(drawn)
+
+    # The enlarged robot has a joint for each error. Errors that open the loops are left out.
     errors = [f"{place}.{axis}" for place in unknown for axis in geometry.AXES]
     errors += _considered(machine, list(frames_of(systems)), which, urdf, unknown)
-    large, all_drawn = _enlarged(machine, errors), np.concatenate(drawn)
-    if alone := _opening(large, errors, _without_errors(large, chain, all_drawn)):
+    large = _enlarged(machine, errors)
+    opening = _opening(large, errors, _without_errors(large, chain, all_drawn))
+    if opening:
         if which is not None:
-            problem = f"{listed(alone)}: each alone opens loops that no joint closes"
+            problem = f"{listed(opening)}: each alone opens loops that no joint closes"
             raise InputError("which", f"{problem}, as the robot is overconstrained")
-        large = _enlarged(machine, [x for x in errors if x not in alone])
+        large = _enlarged(machine, [name for name in errors if name not in opening])
     names = large.coordinates[len(chain.coordinates) :]
+
+    # The errors that the measurements show, and their values.
     fit = _Fit(large, names, systems, sizes)
     q = _without_errors(large, chain, all_drawn)
     try:
@@ -233,11 +256,12 @@ def calibrate_with(
     except SingularConfigurationError:
         problem = "the errors open loops together, as the robot is overconstrained; name fewer"
         raise InputError("which", f'{problem}, such as those of motors, "motor.r*"') from None
-    z, A = (np.concatenate(parts) for parts in zip(*(x[:2] for x in kinds), strict=True))
+    A = np.concatenate([kind.A for kind in kinds])
+    noises_to_estimate = any(kind.stated_noise is None for kind in kinds)
     for tolerance in _TOLERANCES:
         visible = independent(A, tolerance)
-        if z.size < visible.size + (None in fit.given_noise(kinds)):
-            problem = f"{z.size} equations for {visible.size} errors; give more poses, or which="
+        if len(A) < visible.size + noises_to_estimate:
+            problem = f"{len(A)} equations for {visible.size} errors; give more poses, or which="
             raise InputError("poses", problem)
         try:
             values, root, noise = fit.values(q, visible)
@@ -245,35 +269,54 @@ def calibrate_with(
         except InputError:
             if tolerance == _TOLERANCES[-1]:
                 raise
-    found = {names[k]: float(x) for k, x in zip(visible, values, strict=True)}
-    hidden = tuple(name for name in names if name not in found)
-    moves = geometry.displacements(machine.mechanism, found)
+
+    # The robot with these errors.
+    value_of = {names[k]: float(x) for k, x in zip(visible, values, strict=True)}
+    hidden = tuple(name for name in names if name not in value_of)
+    moves = geometry.displacements(machine.mechanism, value_of)
     placements = _placements(machine, unknown, moves)
-    of_robot = {place: move for place, move in moves.items() if place not in unknown}
-    robot = chain.with_model(geometry.displaced(chain.mechanism.model, of_robot))
-    return Calibration(tuple(found), values, root @ root.T, noise, hidden, robot, placements)
+    moves_of_robot = {place: move for place, move in moves.items() if place not in unknown}
+    robot = chain.with_model(geometry.displaced(chain.mechanism.model, moves_of_robot))
+    return Calibration(
+        names=tuple(value_of),
+        values=values,
+        covariance=root @ root.T,
+        noise=noise,
+        hidden=hidden,
+        chain=robot,
+        placements=placements,
+    )
 
 
 def _with_systems(
     chain: ClosedChain, systems: list[Measurement], drawn: list[Array]
 ) -> tuple[ClosedChain, dict[str, str]]:
-    """The robot with a frame for each unknown base and target, and what these are relative to."""
-    model, relative_to = pin.Model(chain.mechanism.model), dict[str, str]()
+    """The robot with a frame for each unknown base and target of a measuring system.
+
+    The second result has the names of these frames, and of the frames that carry them.
+    """
+    model = pin.Model(chain.mechanism.model)
+    carriers = dict[str, str]()
     for system, q in zip(systems, drawn, strict=True):
-        body = model.frames[frame_id(model, system.frame)]
         for name in unknown_frames(system):
             is_base = name == system.reference
             carrier = "universe" if is_base else system.frame
-            if relative_to.setdefault(name, carrier) != carrier:
-                problem = f"{name} is on {relative_to[name]} and on {carrier}; give name="
+            if carriers.setdefault(name, carrier) != carrier:
+                problem = f"{name} is on {carriers[name]} and on {carrier}; give name="
                 raise InputError("measurements", problem)
-            if model.existFrame(name):
+            if model.existFrame(name):  # of a measurement with the same system
                 continue
-            joint, place = (0, system.placed(chain.engine.loops.placements(q, system.frame)))
-            if not is_base:
-                joint, place = body.parentJoint, body.placement
+            if is_base:
+                joint = 0
+                place = system.placed(chain.engine.loops.placements(q, system.frame))
+            else:
+                measured = model.frames[frame_id(model, system.frame)]
+                joint = measured.parentJoint
+                place = measured.placement
             model.addFrame(pin.Frame(name, joint, place, pin.FrameType.OP_FRAME))
-    return (chain.with_model(model) if relative_to else chain), relative_to
+    if not carriers:
+        return chain, carriers
+    return chain.with_model(model), carriers
 
 
 def _placements(
@@ -283,11 +326,28 @@ def _placements(
     model = geometry.displaced(machine.mechanism.model, moves)
     result = dict[str, Array]()
     for name, carrier in unknown.items():
-        place = geometry.place_of(model, name)[1]
+        _, place = geometry.place_of(model, name)
         if carrier != "universe":
-            place = geometry.place_of(model, carrier)[1].actInv(place)
+            _, place_of_carrier = geometry.place_of(model, carrier)
+            place = place_of_carrier.actInv(place)
         result[name] = place.homogeneous
     return result
+
+
+class _Kind(NamedTuple):
+    """The equations of one kind of measured values: A times the errors is z, but for noise.
+
+    Attributes:
+        z: Measured less computed values, in the unit, shape (rows,).
+        A: Derivatives of the computed values by the errors, free of units, shape (rows, k).
+        unit: The unit of the values, [m] or [rad].
+        stated_noise: Standard deviation that the caller states, in the unit; None to estimate it.
+    """
+
+    z: Array
+    A: Array
+    unit: float
+    stated_noise: float | None
 
 
 class _Fit:
@@ -303,109 +363,136 @@ class _Fit:
         systems: list[Measurement],
         sizes: list[int],
     ) -> None:
-        self._large, self._names, self._systems = large, names, systems
-        self._ends = np.cumsum(sizes)[:-1]
+        self._large = large
+        self._names = names
+        self._systems = systems
+        #: Where the samples of each system but the first begin.
+        self._starts = np.cumsum(sizes)[:-1]
         self._columns = [large.coordinates.index(name) for name in names]
         #: Units of the errors.
         self._units = large.mechanism.rate_scale[large.mechanism.coordinates[self._columns]]
 
-    def linearized(self, q: Array) -> list[tuple[Array, Array, float]]:
-        """For each kind of row: differences (rows,), derivatives by errors (rows, k), the unit."""
-        engine, kinds = self._large.engine, list[tuple[Array, Array, float]]()
+    def linearized(self, q: Array) -> list[_Kind]:
+        """The equations of each kind of values at configurations q, shape (N, nq)."""
+        kinds = list[_Kind]()
         length = self._large.mechanism.length
-        for system, part in zip(self._systems, np.split(q, self._ends), strict=True):
-            frames = system.reference, system.end
-            places = [engine.loops.placements(part, name) for name in frames]
-            J = [self._large.frame_jacobian(part, name)[..., self._columns] for name in frames]
-            for each in system.rows(Sight(*places, *J)):
-                unit = 1.0 if each.turns else length
-                if not each.turns:
-                    _require_near(each.z / unit, length)
-                kinds.append((each.z / unit, each.A * self._units / unit, unit))
+        for system, q_of_system in zip(self._systems, np.split(q, self._starts), strict=True):
+            place_a, J_a = self._frame(q_of_system, system.reference)
+            place_b, J_b = self._frame(q_of_system, system.end)
+            rows_of_kinds = system.rows(Sight(a=place_a, b=place_b, J_a=J_a, J_b=J_b))
+            noises = system.noises[: system.kinds]
+            for rows, noise in zip(rows_of_kinds, noises, strict=True):
+                unit = 1.0 if rows.turns else length
+                if not rows.turns:
+                    _require_near(rows.z, length)
+                kinds.append(
+                    _Kind(
+                        z=rows.z / unit,
+                        A=rows.A * self._units / unit,
+                        unit=unit,
+                        stated_noise=None if noise is None else noise / unit,
+                    )
+                )
         return kinds
 
+    def _frame(self, q: Array, name: str) -> tuple[Array, Array]:
+        """Placements of a frame, (N, 4, 4), and their derivatives by the errors, (N, 6, k)."""
+        placements = self._large.engine.loops.placements(q, name)
+        return placements, self._large.frame_jacobian(q, name)[..., self._columns]
+
     def values(self, q: Array, visible: Indices) -> tuple[Array, Array, Array]:
-        """Values of errors, the root of their covariance, and the noise, by Newton's method."""
-        units, values = self._units[visible], np.zeros(visible.size)
-        space, names = self._large.mechanism.space, [self._names[k] for k in visible]
-        noise = np.ones(1)
+        """The visible errors by Newton's method.
+
+        Each step solves the equations, weighted by the noise of their kind, by least squares; the
+        noise that is not stated is estimated from the residuals of the step before.
+
+        Returns:
+            Values, shape (k,); a root of their covariance, shape (k, k); the noise of each kind.
+        """
+        units = self._units[visible]
+        names = [self._names[k] for k in visible]
+        values = np.zeros(visible.size)  # in their units
+        noise = np.empty(0)
         for step_number in counted(range(_STEPS), "calibrate, steps of Newton's method"):
-            errors = dict(zip(names, np.tile(values * units, (len(q), 1)).T, strict=True))
             try:
-                q = self._large.assemble(put(space, q, errors))
+                q = self._with_errors(q, names, values * units)
                 kinds = self.linearized(q)
-                given = self.given_noise(kinds)
-                if not step_number:
-                    noise = np.array([1.0 if x is None else x for x in given])
-                ends = np.cumsum([len(z) for z, *_ in kinds])[:-1]
-                weighted = zip(kinds, noise, strict=True)
-                z, A = (
-                    np.concatenate(parts)
-                    for parts in zip(*((x[0] / s, x[1] / s) for x, s in weighted), strict=True)
-                )
-                step, root = solved(A[:, visible], z)
+                if step_number == 0:
+                    stated = [kind.stated_noise for kind in kinds]
+                    noise = np.array([1.0 if x is None else x for x in stated])
+                z = np.concatenate([k.z / s for k, s in zip(kinds, noise, strict=True)])
+                A = np.concatenate([k.A / s for k, s in zip(kinds, noise, strict=True)])[:, visible]
+                step, root = solved(A, z)
             except (ClosureError, SingularConfigurationError, InputError):
                 raise InputError("poses", _TOO_LARGE) from None
             values += step
-            left = np.split(z - A[:, visible] @ step, ends)
-            taken = np.split(np.square(A[:, visible] @ root).sum(axis=1), ends)
-            noise = self._updated(noise, given, left, taken)
-            if step_number and np.abs(step).max(initial=0.0) < _SETTLED:
+            starts = np.cumsum([len(kind.z) for kind in kinds])[:-1]
+            residuals = np.split(z - A @ step, starts)
+            # The diagonal of the hat matrix: the part of each equation that fits the errors.
+            leverages = np.split(np.square(A @ root).sum(axis=1), starts)
+            noise = _updated_noise(noise, kinds, residuals, leverages)
+            if step_number > 0 and np.abs(step).max(initial=0.0) < _CONVERGED:
                 break
-        else:
+        else:  # no convergence
             if (np.abs(step) > _UNSURE * np.linalg.norm(root, axis=1)).any():
                 problem = f"the errors do not settle in {_STEPS} steps; give which= or better poses"
                 raise InputError("poses", problem)
-        self._require_noise(given, left, taken)
-        return values * units, root * units[:, None], noise * [unit for *_, unit in kinds]
+        for kind, residual, leverage in zip(kinds, residuals, leverages, strict=True):
+            _check_noise(kind, residual, leverage)
+        return values * units, root * units[:, None], noise * [kind.unit for kind in kinds]
 
-    def _require_noise(
-        self, given: list[float | None], left: Sequence[Array], taken: Sequence[Array]
-    ) -> None:
-        """Refuse noises that cannot be estimated; warn of given ones that the rows contradict."""
-        from scipy.special import chdtri
-
-        for x, rest, used in zip(given, left, taken, strict=True):
-            freedom = len(rest) - used.sum()
-            if x is None and freedom < _LEAST_FREEDOM:
-                problem = f"{len(rest)} values are too few to estimate it with the errors; give it"
-                raise InputError("noise", problem)
-            freedom = max(float(freedom), _LEAST_FREEDOM)
-            if x is not None and rest @ rest > chdtri(freedom, _FALSE_ALARM):
-                times = np.sqrt(rest @ rest / freedom)
-                warn_caller(
-                    f"calibrate: what is left is {times:.3g} times the given noise: the noise is "
-                    "larger, or errors that matter are not considered",
-                    DescriptionWarning,
-                )
-
-    def given_noise(self, kinds: list[tuple[Array, Array, float]]) -> list[float | None]:
-        """The noise of each kind of row as given, free of units; None to estimate it."""
-        given = [x for system in self._systems for x in system.noises[: system.kinds]]
-        pairs = zip(given, kinds, strict=True)
-        return [None if x is None else x / unit for x, (*_, unit) in pairs]
-
-    def _updated(
-        self,
-        noise: Array,
-        given: list[float | None],
-        left: Sequence[Array],
-        taken: Sequence[Array],
-    ) -> Array:
-        """Noise of each kind, from what is left of its rows and what the errors take of them."""
-        kinds = zip(noise, given, left, taken, strict=True)
-        result = np.zeros(len(noise))
-        for k, (before, fixed, rest, used) in enumerate(kinds):
-            freedom = max(len(rest) - float(used.sum()), _LEAST_FREEDOM)
-            result[k] = before * np.sqrt(rest @ rest / freedom) if fixed is None else fixed
-        return np.maximum(result, max(1e-13, _LEAST_NOISE * result.max()))
+    def _with_errors(self, q: Array, names: Sequence[str], values: Array) -> Array:
+        """Closed configurations with these errors, near q."""
+        errors = {name: np.full(len(q), x) for name, x in zip(names, values, strict=True)}
+        return self._large.assemble(put(self._large.mechanism.space, q, errors))
 
 
-def _require_near(away: Array, length: float) -> None:
+def _updated_noise(
+    noise: Array, kinds: Sequence[_Kind], residuals: Sequence[Array], leverages: Sequence[Array]
+) -> Array:
+    """Noise of each kind, stated or from its residuals, which are in units of the last noise."""
+    result = np.zeros(len(noise))
+    for k, kind in enumerate(kinds):
+        if kind.stated_noise is None:
+            freedom = _degrees_of_freedom(leverages[k])
+            result[k] = noise[k] * np.sqrt(residuals[k] @ residuals[k] / freedom)
+        else:
+            result[k] = kind.stated_noise
+    # Without a floor, exact values of one kind would have infinite weight.
+    return np.maximum(result, max(1e-13, _LEAST_NOISE * result.max()))
+
+
+def _degrees_of_freedom(leverage: Array) -> float:
+    """Degrees of freedom of residuals, at least `_LEAST_FREEDOM`."""
+    return max(len(leverage) - float(leverage.sum()), _LEAST_FREEDOM)
+
+
+def _check_noise(kind: _Kind, residual: Array, leverage: Array) -> None:
+    """Refuse a noise that cannot be estimated; warn of a stated one that is too small.
+
+    Residuals are in units of the noise.
+    """
+    from scipy.special import chdtri
+
+    if kind.stated_noise is None:
+        if len(residual) - leverage.sum() < _LEAST_FREEDOM:
+            problem = f"{len(residual)} values are too few to estimate it with the errors; give it"
+            raise InputError("noise", problem)
+        return
+    freedom = _degrees_of_freedom(leverage)
+    if residual @ residual > chdtri(freedom, _FALSE_ALARM):
+        times = np.sqrt(residual @ residual / freedom)
+        warn_caller(
+            f"calibrate: the residuals are {times:.3g} times the given noise: the noise is larger, "
+            "or errors that matter are not considered",
+            DescriptionWarning,
+        )
+
+
+def _require_near(differences: Array, length: float) -> None:
     """Refuse positions that no errors of a geometry explain, such as those in millimetres."""
-    if np.abs(away).max(initial=0.0) > 10:
-        k = int(np.abs(away).argmax())
-        problem = f"a value is {np.abs(away[k]) * length:.4g} m from the robot as drawn"
+    if np.abs(differences).max(initial=0.0) > _FAR * length:
+        problem = f"a value is {np.abs(differences).max():.4g} m from the robot as drawn"
         raise InputError("poses", f"{problem}, {length:.3g} m long; check units, base and start")
 
 
@@ -439,28 +526,42 @@ def _considered(
     joints_and_ends = geometry.places_of(mechanism)
     places = list(dict.fromkeys([*joints_and_ends, *known]))
     names = [f"{place}.{axis}" for place in places for axis in geometry.AXES]
-    stored = places if urdf is None else carriers_of(Urdf.read(urdf).root, mechanism.model)
-    by_default = [f"{x}.*" for x in joints_and_ends if x not in known and x in stored]
-    patterns = by_default if which is None else which
+    if urdf is None:
+        storable = set(places)
+    else:
+        storable = set(carriers_of(Urdf.read(urdf).root, mechanism.model))
+    if which is None:
+        patterns = [f"{x}.*" for x in joints_and_ends if x not in known and x in storable]
+    else:
+        patterns = list(which)
+    errors = set[str]()
     for pattern in patterns:
-        if not any(fnmatchcase(name, pattern) for name in names):
+        matches = [name for name in names if fnmatchcase(name, pattern)]
+        if not matches:
             raise UnknownNameError("error of the geometry", pattern, names)
-    errors = [name for name in names if any(fnmatchcase(name, p) for p in patterns)]
-    if others := [name for name in errors if name.rpartition(".")[0] not in stored]:
+        errors.update(matches)
+    in_order_of_tree = [name for name in names if name in errors]
+    others = [name for name in in_order_of_tree if name.rpartition(".")[0] not in storable]
+    if others:
         problem = f"{urdf} cannot store {listed(others)}: no joint of it is there; leave them out"
         raise InputError("which", problem)
-    return errors
+    return in_order_of_tree
 
 
 def _enlarged(chain: ClosedChain, errors: Sequence[str]) -> ClosedChain:
-    """The robot whose geometry can err; its coordinates are the chain's and independent errors."""
+    """The robot with a joint for each error of the geometry.
+
+    Its coordinates are the chain's and, of the errors, those that the loops allow independently.
+    """
     mechanism = chain.mechanism
-    moves = [geometry.displacements(mechanism, {name: 1.0}) for name in errors]
-    pairs = zip(errors, moves, strict=True)
-    joints = [(name, *place_and_move) for name, move in pairs for place_and_move in move.items()]
+    joints = []
+    for name in errors:
+        for place, displacement in geometry.displacements(mechanism, {name: 1.0}).items():
+            joints.append((name, place, displacement))
     model = geometry.enlarged(mechanism.model, joints)
     large = ClosedChain(model, chain.closures, [*chain.coordinates, *errors])
-    if lost := set(chain.coordinates) - set(large.coordinates):
+    lost = set(chain.coordinates) - set(large.coordinates)
+    if lost:
         raise InputError("which", f"the errors leave no choice of {listed(sorted(lost))}")
     return large
 
@@ -473,14 +574,19 @@ def _without_errors(large: ClosedChain, chain: ClosedChain, q: Array) -> Array:
 
 
 def _opening(large: ClosedChain, errors: Sequence[str], q: Array) -> list[str]:
-    """The errors that alone open the loops in all configurations of the enlarged robot."""
+    """The errors that alone open the loops in all configurations of the enlarged robot.
+
+    The other joints can close the loops if the column of an error in Phi is a combination of
+    theirs. What is left of the column, after its projection onto theirs, is the gap.
+    """
     columns = large.mechanism.space.rates_of(errors)
-    least = np.full(len(errors), np.inf)
+    least_gaps = np.full(len(errors), np.inf)
     for configuration in q:
         Phi = large.Phi(configuration) * large.mechanism.rate_scale
         Phi *= large.mechanism.row_scale[:, None]
         U, s, _ = np.linalg.svd(np.delete(Phi, columns, axis=1), full_matrices=False)
-        closing = U[:, s > RANK_TOLERANCE * s.max(initial=0.0)]
-        E = Phi[:, columns]
-        least = np.minimum(least, np.linalg.norm(E - closing @ (closing.T @ E), axis=0))
-    return [name for name, size in zip(errors, least, strict=True) if size > _CLOSED]
+        span = U[:, s > RANK_TOLERANCE * s.max(initial=0.0)]
+        by_errors = Phi[:, columns]
+        gaps = np.linalg.norm(by_errors - span @ (span.T @ by_errors), axis=0)
+        least_gaps = np.minimum(least_gaps, gaps)
+    return [name for name, gap in zip(errors, least_gaps, strict=True) if gap > _CLOSED]
