@@ -308,7 +308,7 @@ def _with_systems(
                 continue
             if is_base:
                 joint = 0
-                place = system.placed(chain.engine.loops.placements(q, system.frame))
+                place = system.guess_of_base(chain.engine.loops.placements(q, system.frame))
             else:
                 measured = model.frames[frame_id(model, system.frame)]
                 joint = measured.parentJoint

@@ -20,8 +20,11 @@ from .measurements import decimated, noise_correlations
 _HUBER = 1.345
 #: Combinations with a smaller part in the motion are not shown by it.
 _UNSHOWN = 1e-9
+#: Median of the absolute values of normal noise, in standard deviations.
+_MEDIAN_OF_NORMAL = 0.6745
 #: Most iterations for the noise, and its last relative change.
-_ITERATIONS, _SETTLED = 100, 1e-4
+_ITERATIONS = 100
+_CONVERGED = 1e-4
 #: Level of the intervals: that of three standard deviations.
 INTERVAL = 0.9973
 #: Fewest degrees of freedom of the residuals of a motor. With fewer, the noise of one motor can
@@ -80,11 +83,12 @@ class Estimate(Summary):
         return np.abs(self.values) > self.intervals()
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
-        columns = self.base.names, self.values, self.intervals(), self.supported
-        rows = [
-            (f"{x:.4g} +- {d:.1g}{'' if ok else ', not supported'}", name)
-            for name, x, d, ok in zip(*columns, strict=True)
-        ]
+        rows = []
+        for name, value, interval, supported in zip(
+            self.base.names, self.values, self.intervals(), self.supported, strict=True
+        ):
+            remark = "" if supported else ", not supported"
+            rows.append((f"{value:.4g} +- {interval:.1g}{remark}", name))
         return f"{len(self.base)} base parameters, intervals of {INTERVAL:.1%}", rows
 
 
@@ -138,6 +142,8 @@ def estimate(
     if np.abs(measured).max(initial=0.0) > _LARGEST:
         raise InputError("tau", f"torques up to {np.abs(measured).max():.2g}: squares overflow")
     base.require_for(chain)
+
+    # The equations Y theta = J^T tau. Parameters that are not considered go to the right side.
     Y = chain.torque_regressor(q, va, aa)
     _require_enough(Y, measured, n, len(base), whole_number("decimate", decimate, 1))
     if decimate > 1:
@@ -147,38 +153,49 @@ def estimate(
     J = chain.actuator_jacobian(q)
     known = np.array(chain.dynamic_parameters)
     known[base.considered] = 0
-    right = (measured[:, None, :] @ J)[:, 0] - Y @ known  # J^T tau
-    left = decimated(Y[..., base.columns], decimate)
-    right = decimated(right, decimate)
+    forces = (measured[:, None, :] @ J)[:, 0] - Y @ known
+    regressor = decimated(Y[..., base.columns], decimate)
+    forces = decimated(forces, decimate)
     if decimate > 1:
         J = J[::decimate][1:-1]
     correlations = noise_correlations(decimate)
-    noise, weights = np.ones(motors), np.ones(right.shape)
+
+    # Weighted least squares. The noise of each motor follows from the residuals, and the weights
+    # from the noise, until it does not change.
+    noise = np.ones(motors)
+    weights = np.ones(forces.shape)  # of Huber's function
     for _ in range(_ITERATIONS):
-        A, z, errors = _weighted(J, noise, left, right)
-        values, inverse = solved(A * weights[..., None], z * weights)
-        spread = _Spread(A * weights[..., None], inverse, errors / noise[:, None], correlations)
+        A, z, torques_by_z = _in_units_of_noise(J, noise, regressor, forces)
+        weighted_A = A * weights[..., None]
+        values, inverse = solved(weighted_A, z * weights)
+        back = torques_by_z / noise[:, None]
+        spread = _Spread(weighted_A, inverse, back, correlations)
         z = z - A @ values
-        residuals = (errors @ z[..., None])[..., 0]
+        residuals = (torques_by_z @ z[..., None])[..., 0]  # of the torques
         if robust:
-            squares = len(z) * (np.median(np.abs(residuals), axis=0) / 0.6745) ** 2
+            deviations = np.median(np.abs(residuals), axis=0) / _MEDIAN_OF_NORMAL
+            squares = len(z) * deviations**2
             weights = np.sqrt(np.minimum(1, _HUBER / np.maximum(np.abs(z), 1e-300)))
         else:
             squares = np.sum(residuals**2, axis=0)
         freedom = spread.freedom
         if motors > n:  # the motion does not show the shares of single motors
-            squares, freedom = (np.full(motors, x.sum()) for x in (squares, freedom))
+            squares = np.full(motors, squares.sum())
+            freedom = np.full(motors, freedom.sum())
         fewest = _require_freedom(chain, freedom / spread.repetition, len(Y), len(base))
-        scale = np.sqrt(squares / freedom)
-        settled = np.allclose(scale, noise, rtol=_SETTLED, atol=0)
-        noise = np.maximum(scale, 1e-14 * np.abs(measured).max() + 1e-150)
-        if settled:
+        updated = np.sqrt(squares / freedom)
+        converged = np.allclose(updated, noise, rtol=_CONVERGED, atol=0)
+        # Exact torques have no noise; then the rounding of the torques is the noise.
+        noise = np.maximum(updated, 1e-14 * np.abs(measured).max() + 1e-150)
+        if converged:
             break
-    if robust:
-        spread = _Spread(A, solved(A, z)[1], errors / noise[:, None], correlations)
-    covariance = spread.covariance
-    if robust:
-        covariance = covariance * _huber_factor(z, len(base))
+
+    if robust:  # Huber's covariance is that of least squares, times a factor
+        back = torques_by_z / noise[:, None]
+        spread = _Spread(A, solved(A, z)[1], back, correlations)
+        covariance = spread.covariance * _huber_factor(z, len(base))
+    else:
+        covariance = spread.covariance
     return Estimate(base, values, covariance, noise, fewest, decimate)
 
 
@@ -199,7 +216,8 @@ class _Spread:
     Args:
         A: The equations in units of the noise, shape (N, n, b).
         inverse: R^-1 of A = Q R, shape (b, b).
-        back: Torque errors by errors of the equations, shape (N, motors, n).
+        back: Errors of the torques, in units of the noise, by those of the equations, shape
+            (N, motors, n).
         correlations: Those of the noise of samples 1, 2, ... apart.
 
     Attributes:
@@ -209,16 +227,17 @@ class _Spread:
     """
 
     def __init__(self, A: Array, inverse: Array, back: Array, correlations: Array) -> None:
+        # The values are inverse B^T times the noise, up to the sum over the samples.
         B = back @ (A @ inverse)
         motors, b = B.shape[1:]
-        sums = np.empty((motors, b, b))
-        squares = np.empty((motors, b, b))
+        squares = np.empty((motors, b, b))  # B^T B of each motor
+        sums = np.empty((motors, b, b))  # B^T C B of each motor, C has the correlations
         for k in range(motors):
             rows = B[:, k]
             squares[k] = rows.T @ rows
             sums[k] = squares[k]
-            for j, correlation in enumerate(correlations[: len(rows) - 1], 1):
-                pairs = correlation * (rows[:-j].T @ rows[j:])
+            for lag, correlation in enumerate(correlations[: len(rows) - 1], 1):
+                pairs = correlation * (rows[:-lag].T @ rows[lag:])
                 sums[k] += pairs + pairs.T
         total = sums.sum(axis=0)
         self.covariance = inverse @ total @ inverse.T
@@ -231,15 +250,15 @@ class _Spread:
 
 def _require_freedom(chain: ClosedChain, freedom: Array, samples: int, b: int) -> float:
     """The fewest degrees of freedom; an error if they do not show the noise of a motor."""
-    few = int(np.argmin(freedom))
-    if freedom[few] < _LEAST_FREEDOM:
+    motor = int(np.argmin(freedom))
+    if freedom[motor] < _LEAST_FREEDOM:
         problem = (
             f"{samples} samples are too few for {b} base parameters: they leave "
-            f"{max(freedom[few], 0):.2g} degrees of freedom for the noise of motor "
-            f"{chain.motor_names[few]}, needed {_LEAST_FREEDOM:g}"
+            f"{max(freedom[motor], 0):.2g} degrees of freedom for the noise of motor "
+            f"{chain.motor_names[motor]}, needed {_LEAST_FREEDOM:g}"
         )
         raise InputError("q", f"{problem}; measure longer, or consider fewer")
-    return float(freedom[few])
+    return float(freedom[motor])
 
 
 def _require_enough(Y: Array, measured: Array, n: int, b: int, decimate: int) -> None:
@@ -249,7 +268,10 @@ def _require_enough(Y: Array, measured: Array, n: int, b: int, decimate: int) ->
         raise InputError("tau", f"shape {measured.shape}, expected {(len(Y), motors)}")
     if motors < n:
         raise InputError("chain", f"{motors} motors do not tell the forces of {n} coordinates")
-    if (len(Y) // decimate - 2 * (decimate > 1)) * n <= b:
+    samples = len(Y)
+    if decimate > 1:
+        samples = samples // decimate - 2  # the first and the last one are left out
+    if samples * n <= b:
         problem = f"{len(Y)} samples are too few for {b} base parameters"
         raise InputError("q", f"{problem}; measure longer, or consider fewer")
 
@@ -260,21 +282,31 @@ def _mean_signs(v: Array) -> Array:
     A sign changes between samples; filtered friction shows when.
     """
     means = (v[1:] + v[:-1]) / 2
-    ends = np.concatenate([v[:1], means]), np.concatenate([means, v[-1:]])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        halves = [(np.abs(end) - np.abs(v)) / (end - v) * np.sign(v) for end in ends]
-    return np.mean([np.where(np.isfinite(half), half, 1.0) for half in halves], axis=0)
+    halves = []
+    for ends in (np.concatenate([v[:1], means]), np.concatenate([means, v[-1:]])):
+        # The mean of sign(v) from v to the end of a straight line, times sign(v).
+        with np.errstate(divide="ignore", invalid="ignore"):
+            half = (np.abs(ends) - np.abs(v)) / (ends - v) * np.sign(v)
+        halves.append(np.where(np.isfinite(half), half, 1.0))
+    return np.mean(halves, axis=0)
 
 
-def _weighted(J: Array, noise: Array, left: Array, right: Array) -> tuple[Array, Array, Array]:
-    """Both sides in units of their noise, and the least torque errors for one unit of each."""
+def _in_units_of_noise(
+    J: Array, noise: Array, regressor: Array, forces: Array
+) -> tuple[Array, Array, Array]:
+    """Both sides of the equations in units of their noise, and torques for one unit of each.
+
+    Noise of the torques with the covariance N = diag(noise^2) is noise of the forces J^T tau with
+    J^T N J = C C^T, so both sides are multiplied by C^-1. Of the torque errors with the same
+    forces, the third result has the most likely ones, N J C^-T.
+    """
     try:
-        weights = np.linalg.inv(np.linalg.cholesky((J.mT * noise**2) @ J))
+        C_inverse = np.linalg.inv(np.linalg.cholesky((J.mT * noise**2) @ J))
     except np.linalg.LinAlgError:
         problem = "the motors do not act on all coordinates in all samples"
         raise InputError("q", problem) from None
-    z = (weights @ right[..., None])[..., 0]
-    return weights @ left, z, noise[:, None] ** 2 * (J @ weights.mT)
+    z = (C_inverse @ forces[..., None])[..., 0]
+    return C_inverse @ regressor, z, noise[:, None] ** 2 * (J @ C_inverse.mT)
 
 
 def predicted_torques(chain: ClosedChain, theta: ArrayLike, motion: Trajectory) -> Array:
@@ -302,9 +334,8 @@ def report(chain: ClosedChain, found: Estimate, theta: ArrayLike, unseen: Trajec
         unseen: A motion with measured torques that the estimate has not seen.
     """
     errors = decimated(predicted_torques(chain, theta, unseen) - unseen.tau, found.decimate)
-    size = np.sqrt(np.mean(np.square(decimated(unseen.tau, found.decimate)), axis=0))
     error = np.sqrt(np.mean(errors**2, axis=0))
-    motors = zip(chain.motor_names, chain.motor_units, found.noise, error, size, strict=True)
+    size = np.sqrt(np.mean(np.square(decimated(unseen.tau, found.decimate)), axis=0))
     lines = [
         f"# Dynamic parameters of {chain.mechanism.model.name}",
         "",
@@ -314,25 +345,31 @@ def report(chain: ClosedChain, found: Estimate, theta: ArrayLike, unseen: Trajec
         "",
         "| motor | noise of the estimate | error in the unseen motion | relative |",
         "|---|---|---|---|",
-        *(f"| {n} | {s:.3g} {u} | {e:.3g} {u} | {e / a:.3f} |" for n, u, s, e, a in motors),
-        "",
-        f"| combination | value | interval ({INTERVAL:.1%}) | |",
-        "|---|---|---|---|",
     ]
-    rows = zip(found.base.names, found.values, found.intervals(), found.supported, strict=True)
-    for name, value, interval, ok in rows:
-        remark = "" if ok else "not supported"
-        lines.append(f"| {name} | {value:.5g} | {interval:.2g} | {remark} |")
+    for k, motor in enumerate(chain.motor_names):
+        unit = chain.motor_units[k]
+        noise = f"{found.noise[k]:.3g} {unit}"
+        lines.append(f"| {motor} | {noise} | {error[k]:.3g} {unit} | {error[k] / size[k]:.3f} |")
+    lines += ["", f"| combination | value | interval ({INTERVAL:.1%}) | |", "|---|---|---|---|"]
+    intervals = found.intervals()
+    supported = found.supported
+    for k, name in enumerate(found.base.names):
+        remark = "" if supported[k] else "not supported"
+        lines.append(f"| {name} | {found.values[k]:.5g} | {intervals[k]:.2g} | {remark} |")
     if found.base.unseen:
         lines += ["", f"Not identifiable: {', '.join(found.base.unseen)}."]
-    if replaced := getattr(unseen, "replaced", {}):
+    replaced = getattr(unseen, "replaced", {})  # of a `MeasuredMotion`
+    if replaced:
         counts = ", ".join(f"{name} {count}" for name, count in replaced.items())
         lines += ["", f"Outliers of the log that were replaced: {counts}."]
     return "\n".join([*lines, ""])
 
 
 def solved(A: Array, z: Array) -> tuple[Array, Array]:
-    """Least squares by QR, and the inverse of R, a root of the covariance."""
+    """The least-squares solution of A x = z, and R^-1 of A = Q R: a root of the covariance.
+
+    Leading axes of A, shape (..., b), and z, shape (...), are rows of one system.
+    """
     from scipy.linalg import solve_triangular
 
     b = A.shape[-1]

@@ -21,6 +21,9 @@ from ..errors import InputError
 from ..loops.frame_guide import rotations
 from ..loops.rows import skew
 
+#: Positions are in a row if their second principal extent, squared, is below this part.
+_IN_A_ROW = 1e-8
+
 
 class Sight(NamedTuple):
     """The two frames of a measurement in N configurations, and their derivatives by k errors.
@@ -103,8 +106,8 @@ class Measurement(ABC):
     @property
     def noises(self) -> list[float | None]:
         """The noise of each kind of row; None to estimate it."""
-        given = self.noise if isinstance(self.noise, tuple) else (self.noise, self.noise)
-        return [None if x is None else positive_number("noise", x) for x in given]
+        stated = self.noise if isinstance(self.noise, tuple) else (self.noise, self.noise)
+        return [None if x is None else positive_number("noise", x) for x in stated]
 
     @property
     def kinds(self) -> int:
@@ -115,7 +118,7 @@ class Measurement(ABC):
     def rows(self, sight: Sight) -> list[Rows]:
         """Rows of each kind, without those that were not measured."""
 
-    def placed(self, b: Array) -> pin.SE3:
+    def guess_of_base(self, b: Array) -> pin.SE3:
         """A first guess of the reference in the base, from placements of B as drawn."""
         return pin.SE3.Identity()
 
@@ -150,18 +153,25 @@ class Poses(Measurement):
         if np.isinf(array).any():
             raise InputError("poses", "an entry is infinite; NaN says that it was not measured")
         if array.ndim == 3:
-            turned = array[:, :3, :3]
-            if isinstance(self.noise, (int, float)):
-                raise InputError("noise", "of poses: two numbers, of positions and orientations")
-            partly = np.isnan(turned).any(axis=(1, 2)) & ~np.isnan(turned).all(axis=(1, 2))
-            if partly.any():
-                k = int(np.flatnonzero(partly)[0])
-                raise InputError("poses", f"pose {k}: an orientation is measured whole, or is NaN")
-            rotations("poses", turned[~np.isnan(turned).any(axis=(1, 2))])
-            last = array[:, 3]
-            if np.abs(np.where(np.isnan(last), (0, 0, 0, 1), last) - (0, 0, 0, 1)).max() > 0:
-                raise InputError("poses", "the last row of a homogeneous matrix is 0, 0, 0, 1")
+            self._check_orientations(array)
         return size
+
+    def _check_orientations(self, poses: Array) -> None:
+        """Refuse homogeneous matrices with orientations measured in part, or that are none."""
+        if isinstance(self.noise, (int, float)):
+            raise InputError("noise", "of poses: two numbers, of positions and orientations")
+        R = poses[:, :3, :3]
+        some_missing = np.isnan(R).any(axis=(1, 2))
+        all_missing = np.isnan(R).all(axis=(1, 2))
+        in_part = np.flatnonzero(some_missing & ~all_missing)
+        if in_part.size:
+            problem = f"pose {in_part[0]}: an orientation is measured whole, or is NaN"
+            raise InputError("poses", problem)
+        rotations("poses", R[~some_missing])
+        last_row = np.array([0.0, 0.0, 0.0, 1.0])
+        last = np.where(np.isnan(poses[:, 3]), last_row, poses[:, 3])
+        if (last != last_row).any():
+            raise InputError("poses", "the last row of a homogeneous matrix is 0, 0, 0, 1")
 
     @property
     def kinds(self) -> int:
@@ -184,31 +194,31 @@ class Poses(Measurement):
         if array.ndim == 3:
             k = np.flatnonzero(np.isfinite(array[:, :3, :3]).all(axis=(1, 2)))
             to_a = sight.a[k, :3, :3].mT
-            R = sight.b[k, :3, :3]
-            turned = to_a @ R
-            z = [x @ pin.log3(x.T @ y) for x, y in zip(turned, array[k, :3, :3], strict=True)]
+            R = to_a @ sight.b[k, :3, :3]
+            # Rotation vectors from the computed to the measured orientations, in axes of A.
+            z = []
+            for computed, measured_R in zip(R, array[k, :3, :3], strict=True):
+                z.append(computed @ pin.log3(computed.T @ measured_R))
             A = to_a @ (sight.J_b[k, 3:] - sight.J_a[k, 3:])
             kinds.append(Rows(np.reshape(z, -1), A.reshape(-1, A.shape[2]), turns=True))
         return kinds
 
-    def placed(self, b: Array) -> pin.SE3:
+    def guess_of_base(self, b: Array) -> pin.SE3:
         """The rigid motion that fits the measured positions to the frame's (Kabsch)."""
         measured = self.measured_positions
         k = np.isfinite(measured).all(axis=1)
-        there = measured[k]
-        here = b[k, :3, 3]
-        if len(there) < 3:
+        in_system = measured[k]
+        in_base = b[k, :3, 3]
+        if len(in_system) < 3:
             problem = "of an unknown system: at least three whole positions are needed"
             raise InputError("poses", problem)
-        U, s, Vt = np.linalg.svd((here - here.mean(0)).T @ (there - there.mean(0)))
+        mean_in_system = in_system.mean(axis=0)
+        mean_in_base = in_base.mean(axis=0)
+        U, s, Vt = np.linalg.svd((in_base - mean_in_base).T @ (in_system - mean_in_system))
         if s[1] <= _IN_A_ROW * s[0]:
             raise InputError("poses", "of an unknown system: the positions are in a row")
-        R = U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt
-        return pin.SE3(R, here.mean(0) - R @ there.mean(0))
-
-
-#: Positions are in a row if their second principal extent, squared, is below this part.
-_IN_A_ROW = 1e-8
+        R = U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt  # a rotation, not a reflection
+        return pin.SE3(R, mean_in_base - R @ mean_in_system)
 
 
 @dataclass(frozen=True, eq=False)
@@ -306,5 +316,9 @@ def frames_of(measurements: list[Measurement]) -> Iterator[str]:
 
 def unknown_frames(measurement: Measurement) -> list[str]:
     """Names of the frames whose placement is unknown."""
-    names = [measurement.reference] if measurement.unknown_base else []
-    return [*names, measurement.end] if measurement.unknown_target else names
+    names = []
+    if measurement.unknown_base:
+        names.append(measurement.reference)
+    if measurement.unknown_target:
+        names.append(measurement.end)
+    return names

@@ -10,12 +10,14 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
+from ..arrays import Array
 from ..closed_chain import ClosedChain
 from ..dynamics.regressor import OF_BODY
 from ..errors import DescriptionError, DescriptionWarning, warn_caller
 from ..files import as_path, text_writer, write_files
 from ..reading import RobotFile, Urdf, read_urdf
 from ..reading.joint_graph import origin_of
+from ..reading.problems import placement
 from ..reading.urdf_checks import ENTRIES
 from ..summaries import listed
 
@@ -35,7 +37,7 @@ def write_urdf(chain: ClosedChain, urdf: str | Path, path: str | Path, force: bo
     Args:
         chain: The robot, as `with_parameters` gives it.
         urdf: The URDF that it was read from.
-        path: The new file; a YAML with the closures has to have its name.
+        path: The new file. Give the YAML with the closures the same name.
         force: Whether an existing file may be replaced.
 
     Raises:
@@ -79,11 +81,14 @@ def _put_bodies(root: ET.Element, model: pin.Model, urdf: str) -> None:
         moving = [frame for frame in bodies if frame.parentJoint == j]
         if not moving and inertia.mass:
             raise DescriptionError(urdf, [f"no link is moved by joint {model.names[j]}"])
-        heavy = [frame for frame in moving if links[frame.name].find("inertial") is not None]
-        for frame in heavy:
-            links[frame.name].remove(links[frame.name].find("inertial"))  # type: ignore[arg-type]
+        with_inertia = []
+        for frame in moving:
+            inertial = links[frame.name].find("inertial")
+            if inertial is not None:
+                links[frame.name].remove(inertial)
+                with_inertia.append(frame)
         if inertia.mass:
-            carrier = (heavy or moving)[0]
+            carrier = with_inertia[0] if with_inertia else moving[0]
             links[carrier.name].append(_inertial(carrier.placement.actInv(inertia)))
 
 
@@ -92,30 +97,46 @@ def _put_friction(root: ET.Element, chain: ClosedChain) -> None:
     friction = chain.mechanism.friction
     space = chain.mechanism.space
     for joint in root.findall("joint"):
-        series = _series(joint, chain.mechanism.model)
-        rates = [k for part in series for k in space.rates[part]]
-        pairs = {"damping": friction.viscous[rates], "friction": friction.coulomb[rates]}
-        numbers = {key: x[0] if np.ptp(x) == 0 else 0.0 for key, x in pairs.items() if len(x)}
+        rates: list[int] = []
+        for part in _series(joint, chain.mechanism.model):
+            rates.extend(space.rates[part])
+        if not rates:
+            continue
+        damping = _common_value(friction.viscous[rates])
+        dry_friction = _common_value(friction.coulomb[rates])
         dynamics = joint.find("dynamics")
-        if dynamics is None and any(numbers.values()):
+        if dynamics is None and (damping or dry_friction):
             dynamics = ET.SubElement(joint, "dynamics")
         if dynamics is not None:
-            dynamics.attrib.update({key: repr(float(x)) for key, x in numbers.items()})
+            dynamics.set("damping", repr(damping))
+            dynamics.set("friction", repr(dry_friction))
+
+
+def _common_value(values: Array) -> float:
+    """The value that all have; 0 if they differ."""
+    return float(values[0]) if np.ptp(values) == 0 else 0.0
 
 
 def _differences(chain: ClosedChain, urdf: Urdf, partly: Mapping[str, Sequence[str]]) -> list[str]:
-    """Names of the parameters that a URDF, with the YAML beside it, gives other values."""
+    """Names of the parameters that a URDF, with the YAML beside it, gives other values.
+
+    `partly` has the joints of which single rates are locked, with their series in the model; these
+    have names of their own and are not compared.
+    """
     again = ClosedChain.from_description(_read_again(urdf)).dynamic_parameters
     values = dict(zip(again.names, again.values, strict=True))
     theta = chain.dynamic_parameters
-    words = np.array([name.rpartition(".")[2] for name in theta.names])
-    sizes = np.array([np.abs(theta.values[words == word]).max() for word in words])
-    away = np.abs([values.get(name, 0.0) for name in theta.names] - theta.values)
+    kinds = np.array([name.rpartition(".")[2] for name in theta.names])
     joints = [name.rpartition(".")[0] for name in theta.names]
-    parts = [part for series in partly.values() for part in series]
-    differ = (away > _EQUAL * sizes) & ~np.isin(joints, parts)
-    lost = [theta.names[k] for k in np.flatnonzero(differ)]
-    if bodies := [name for name in lost if name.rpartition(".")[2] in OF_BODY]:
+    parts = {part for series in partly.values() for part in series}
+    lost = []
+    for k, name in enumerate(theta.names):
+        largest = np.abs(theta.values[kinds == kinds[k]]).max()
+        difference = abs(values.get(name, 0.0) - theta.values[k])
+        if difference > _EQUAL * largest and joints[k] not in parts:
+            lost.append(name)
+    bodies = [name for name in lost if name.rpartition(".")[2] in OF_BODY]
+    if bodies:
         raise DescriptionError(urdf.source, [f"it is another robot: {listed(bodies)} differ"])
     return lost
 
@@ -131,33 +152,46 @@ def _with_meshes(root: ET.Element, source: Path, folder: Path) -> str:
 
 def carriers_of(root: ET.Element, model: pin.Model) -> dict[str, ET.Element]:
     """Joints of a URDF by the joints and links whose placements in the model they store."""
-    joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
-    for joint in root.findall("joint[child]"):
-        joints.setdefault(joint.find("child").get("link", ""), joint)  # type: ignore[union-attr]
+    carriers = {joint.get("name", ""): joint for joint in root.findall("joint")}
+    for joint in root.findall("joint"):
+        child = joint.find("child")
+        if child is not None:
+            carriers.setdefault(child.get("link", ""), joint)
+    # The first part of a universal joint in the YAML, such as NAME_X, has the placement of NAME.
     for name, parent in zip(model.names, model.parents, strict=True):
-        whole, _, axis = name.rpartition("_")  # a part of a universal joint in the YAML
-        first = model.names[parent].rpartition("_")[0] != whole
-        if name not in joints and whole in joints and axis in ("X", "Y", "Z") and first:
-            joints[name] = joints[whole]
-    return joints
+        whole, _, axis = name.rpartition("_")
+        is_part = name not in carriers and whole in carriers and axis in ("X", "Y", "Z")
+        is_first = model.names[parent].rpartition("_")[0] != whole
+        if is_part and is_first:
+            carriers[name] = carriers[whole]
+    return carriers
 
 
 def with_origins(
-    urdf: str | Path, model: pin.Model, moved: Mapping[str, pin.SE3], folder: Path
+    urdf: str | Path, model: pin.Model, changes: Mapping[str, pin.SE3], folder: Path
 ) -> str:
-    """The text of a URDF for a folder in which places of a model are moved, read back, compared."""
+    """The text of a URDF, for a folder, in which places are displaced; it is read and compared.
+
+    `changes` are the displacements of joints and frames in their own axes, by name; `model` has the
+    placements that result.
+    """
     root = Urdf.read(urdf).root
     joints = carriers_of(root, model)
-    if lost := [place for place in moved if place not in joints]:
-        problem = f"no joint carries {listed(lost)}; calibrate(..., urdf=) leaves out such errors"
-        raise DescriptionError(str(urdf), [problem])
-    for place, by in moved.items():
-        _place(joints[place], _origin(joints[place]) * by)
+    missing = [place for place in changes if place not in joints]
+    if missing:
+        problem = f"no joint carries {listed(missing)}"
+        cure = "calibrate(..., urdf=) leaves out such errors"
+        raise DescriptionError(str(urdf), [f"{problem}; {cure}"])
+    for place, change in changes.items():
+        _set_origin(joints[place], _origin(joints[place]) * change)
     again = _read_again(Urdf(ET.tostring(root, encoding="unicode"), str(urdf))).model
-    places = zip(model.names, model.jointPlacements, strict=True)
-    theirs = dict(zip(again.names, again.jointPlacements, strict=True))
-    if lost := [x for x, place in places if not theirs.get(x, place).isApprox(place, _EQUAL)]:
-        raise DescriptionError(str(urdf), [f"it is another robot: {listed(lost)} are elsewhere"])
+    placements = dict(zip(again.names, again.jointPlacements, strict=True))
+    differ = []
+    for name, wanted in zip(model.names, model.jointPlacements, strict=True):
+        if name in placements and not placements[name].isApprox(wanted, _EQUAL):
+            differ.append(name)
+    if differ:
+        raise DescriptionError(str(urdf), [f"it is another robot: {listed(differ)} are elsewhere"])
     return _with_meshes(root, Path(urdf).resolve().parent, folder.resolve())
 
 
@@ -170,8 +204,8 @@ def _read_again(urdf: Urdf) -> RobotFile:
 def _fix_locked(root: ET.Element, model: pin.Model) -> dict[str, list[str]]:
     """Make joints of a URDF fixed that are locked in the robot, where they are locked.
 
-    Returns the joints of which single rates are locked, which a URDF cannot say, with the joints
-    that are left of each.
+    Returns the joints of which single rates are locked, which a URDF cannot store, with the joints
+    of the model that are left of each.
     """
     links = _links_of(model)
     partly = dict[str, list[str]]()
@@ -179,30 +213,34 @@ def _fix_locked(root: ET.Element, model: pin.Model) -> dict[str, list[str]]:
         name = joint.get("name", "")
         series = _series(joint, model)
         suffixes = [part.removeprefix(f"{name}_") for part in series if part != name]
+        # Parts of partly locked joints are named by their rates, such as NAME_wx; those of
+        # universal joints in the YAML come in pairs with capitals, NAME_X and NAME_Y.
         if suffixes and (len(series) == 1 or suffixes[0].islower()):
             partly[name] = series
-        a, b = _ends(joint, links)
-        if series or joint.get("type") == "fixed" or a is None or b is None:
+        parent, child = _ends(joint, links)
+        if series or joint.get("type") == "fixed" or parent is None or child is None:
             continue
         joint.set("type", "fixed")
-        joint[:] = [child for child in joint if child.tag in ("origin", "parent", "child")]
-        place = a.placement.actInv(b.placement)
-        if not _origin(joint).isApprox(place, _ROUNDING):
-            _place(joint, place)
+        joint[:] = [part for part in joint if part.tag in ("origin", "parent", "child")]
+        pose = parent.placement.actInv(child.placement)
+        if not _origin(joint).isApprox(pose, _ROUNDING):
+            _set_origin(joint, pose)
     return partly
 
 
 def _series(joint: ET.Element, model: pin.Model) -> list[str]:
     """The joints of the model between the links of a joint of a URDF; none if it is fixed."""
-    a, b = _ends(joint, _links_of(model))
-    if a is None or b is None:
+    parent, child = _ends(joint, _links_of(model))
+    if parent is None or child is None:
         return []
     series = list[str]()
-    j = b.parentJoint
-    while j not in (0, a.parentJoint):
+    j = child.parentJoint
+    while j not in (0, parent.parentJoint):
         series.insert(0, model.names[j])
         j = model.parents[j]
-    return series if j == a.parentJoint else []
+    if j != parent.parentJoint:  # the URDF of another robot
+        return []
+    return series
 
 
 def _links_of(model: pin.Model) -> dict[str, pin.Frame]:
@@ -213,24 +251,32 @@ def _ends(
     joint: ET.Element, links: Mapping[str, pin.Frame]
 ) -> tuple[pin.Frame | None, pin.Frame | None]:
     """The frames of the parent and the child of a joint; None in the URDF of another robot."""
-    parent, child = joint.find("parent"), joint.find("child")
-    names = ("" if end is None else end.get("link", "") for end in (parent, child))
-    a, b = (links.get(name) for name in names)
-    return a, b
+    return _link_frame(joint.find("parent"), links), _link_frame(joint.find("child"), links)
+
+
+def _link_frame(end: ET.Element | None, links: Mapping[str, pin.Frame]) -> pin.Frame | None:
+    """The frame of the link that an end of a joint names."""
+    if end is None:
+        return None
+    return links.get(end.get("link", ""))
 
 
 def _origin(joint: ET.Element) -> pin.SE3:
+    """The pose of a joint's frame in the frame of its parent link."""
     origin = joint.find("origin")
-    texts = ("0 0 0" if origin is None else origin.get(k, "0 0 0") for k in ("xyz", "rpy"))
-    xyz, rpy = (np.array(text.split(), float) for text in texts)
-    return pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
+    if origin is None:
+        return pin.SE3.Identity()
+    xyz = np.array(origin.get("xyz", "0 0 0").split(), float)
+    rpy = np.array(origin.get("rpy", "0 0 0").split(), float)
+    return placement(xyz, rpy)
 
 
-def _place(joint: ET.Element, place: pin.SE3) -> None:
+def _set_origin(joint: ET.Element, pose: pin.SE3) -> None:
+    """Write the pose of a joint's frame in the frame of its parent link."""
     origin = joint.find("origin")
     if origin is None:
         origin = ET.SubElement(joint, "origin")
-    origin.attrib.update(origin_of(place))
+    origin.attrib.update(origin_of(pose))
 
 
 def _inertial(inertia: pin.Inertia) -> ET.Element:
