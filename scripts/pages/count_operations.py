@@ -21,7 +21,7 @@ from markdown_tables import Table, Tables
 from sst_pin.compiled import kernels
 from sst_pin.compiled.elimination import Factors, pivot_order
 from sst_pin.compiled.equations import Equations
-from sst_pin.compiled.symbols import add, solve_symmetric
+from sst_pin.compiled.symbols import SymmetricFactors, add
 from tests.gallery import ladder
 
 PAGE = Path(__file__).parents[2] / "docs" / "evidence.md"
@@ -90,12 +90,12 @@ def torques_checked(e: Equations) -> ca.SX:
 
 def accelerations_short(e: Equations) -> ca.SX:
     """Eq. (92) solved, the terms without the accelerations from one recursion."""
-    return e.accelerations[0]
+    return e.accelerations
 
 
 def accelerations_long(e: Equations) -> ca.SX:
     """Eq. (92) solved, every term by itself."""
-    return solve_symmetric(e.inertia, e.project(e.motor_forces(e.tau)) - _bias(e))[0]
+    return SymmetricFactors(e.inertia).solve(e.project(e.motor_forces(e.tau)) - _bias(e))
 
 
 def accelerations_multipliers(e: Equations) -> ca.SX:

@@ -20,7 +20,14 @@ from . import branches, frame_velocities, symbolic_derivatives
 from .elimination import total
 from .equations import Equations
 from .kernel_checks import Checks
-from .symbols import Sparse, add, column
+from .symbols import Sparse, SymmetricFactors, add, column
+
+
+class Place(NamedTuple):
+    """Where results along the coordinates are: that of coordinate k is at `first` + k `stride`."""
+
+    first: int
+    stride: int
 
 
 class Pass(NamedTuple):
@@ -32,8 +39,8 @@ class Pass(NamedTuple):
     coordinates: list[int]
     #: Results along the direction, in a column; results that are zero are left out.
     results: SX
-    #: Where they are in the result of the quantity, for coordinate 0.
-    places: list[int]
+    #: Where they are in the result of the quantity.
+    places: list[Place]
     #: Checks, as those of a kernel.
     checks: SX
 
@@ -57,14 +64,12 @@ class Directions(NamedTuple):
     width: int
     #: Where the output of the kernel, which is computed once, is in the result.
     places: list[int]
-    #: How far the results of coordinates k and k + 1 are apart.
-    stride: int
     passes: list[Pass]
     solution: Solution | None = None
 
 
 #: Results by their places in the result of a quantity; what is left out is zero.
-_Placed = dict[int, SX]
+_Placed = dict[Place, SX]
 #: Results and checks along a direction.
 _Along = Callable[[SX], tuple[_Placed, list[Any]]]
 
@@ -77,9 +82,8 @@ class _Made(NamedTuple):
     width: int
     along: _Along
     #: What is computed once, and checks of it.
-    once: _Placed
+    once: dict[int, SX]
     checks: list[Any]
-    stride: int = 1
     solution: Solution | None = None
 
 
@@ -100,13 +104,18 @@ def make(
         of_pass = ca.vertcat(SX(0, 1), *map(SX, more))
         passes.append(Pass(symbols, group, results, list(placed), of_pass))
     once = {place: x for place, x in made.once.items() if not x.is_zero()}
-    directions = Directions(made.size, made.width, list(once), made.stride, passes, made.solution)
+    directions = Directions(made.size, made.width, list(once), passes, made.solution)
     return made.inputs, ca.vertcat(SX(0, 1), *once.values()), made.checks, directions
 
 
 def _in_column(x: SX, width: int, first: int) -> _Placed:
-    """The entries of a column of a matrix with rows of this width, by their places."""
-    return {i * width + first: entry for i, entry in enumerate(ca.vertsplit(x))}
+    """Entries of a column of a matrix with rows of this width: column `first` for coordinate 0."""
+    return {Place(i * width + first, 1): entry for i, entry in enumerate(ca.vertsplit(x))}
+
+
+def _in_row(x: SX, width: int, first: int = 0) -> _Placed:
+    """Entries, from the column `first` on, of a row of a matrix with rows of this width."""
+    return {Place(first + i, width): entry for i, entry in enumerate(ca.vertsplit(x))}
 
 
 def _torque_derivatives(e: Equations, checks: Checks) -> _Made:
@@ -129,27 +138,34 @@ def _acceleration_derivatives(e: Equations, checks: Checks) -> _Made:
     n = len(e.L)
     motors = e.tau.numel()
     width = 2 * n + motors
-    aa, inverses = e.accelerations
-    tree = symbolic_derivatives.OnTree(e, aa, e.tau)
+    tree = symbolic_derivatives.OnTree(e, e.accelerations, e.tau)
+    factors = e.inertia_factors
 
     def along(direction: SX) -> tuple[_Placed, list[Any]]:
         by_q, by_va, more = symbolic_derivatives.of_forces_along(e, checks, tree, direction)
-        return _in_column(-by_q, width, 0) | _in_column(-by_va, width, n), more
+        if isinstance(factors, SymmetricFactors):
+            return _in_column(-by_q, width, 0) | _in_column(-by_va, width, n), more
+        of_all = factors.solve(ca.horzcat(-by_q, -by_va, direction))
+        by_motors = e.motor_matrix.T @ of_all[:, 2]  # a row: the inverse is symmetric
+        placed = _in_column(of_all[:, 0], width, 0) | _in_column(of_all[:, 1], width, n)
+        return placed | _in_row(by_motors, width, 2 * n), more
 
-    once = {i * width + 2 * n + k: e.motor_matrix[i, k] for i in range(n) for k in range(motors)}
     inputs = {"q": e.q, "va": e.va, "tau": e.tau, "external_wrenches": e.loads}
-    more = checks.of_accelerations + checks.massless(inverses)
-    return _Made(inputs, n * width, width, along, once, more, solution=_solution(e.inertia))
+    more = checks.of_accelerations + checks.massless
+    if not isinstance(factors, SymmetricFactors):
+        return _Made(inputs, n * width, width, along, {}, more)
+    once = {i * width + 2 * n + k: e.motor_matrix[i, k] for i in range(n) for k in range(motors)}
+    return _Made(inputs, n * width, width, along, once, more, _solution(factors))
 
 
-def _solution(A: SX) -> Solution:
-    """Factors of a symmetric matrix."""
-    D, upper, order = ca.ldl(ca.sparsify(A), True)
+def _solution(factors: SymmetricFactors) -> Solution:
+    """The solution with a matrix that is factorised."""
+    upper = factors.LT
     entries = [(j, i) for i, j in zip(*upper.sparsity().get_triplet(), strict=True)]
     places = sorted(range(len(entries)), key=lambda k: entries[k][::-1])
     values = ca.vertsplit(upper.nz[:])
-    factors = ca.vertcat(1 / ca.densify(D), SX(0, 1), *(values[k] for k in places))
-    return Solution(factors, list(order), [entries[k] for k in places])
+    column = ca.vertcat(1 / ca.densify(factors.D), SX(0, 1), *(values[k] for k in places))
+    return Solution(column, list(factors.order), [entries[k] for k in places])
 
 
 def _displacement_rates(e: Equations, checks: Checks) -> _Made:
@@ -174,9 +190,8 @@ def _reduced_terms(e: Equations, checks: Checks) -> _Made:
         coriolis = e.tree.coriolis_forces(e.v, step, change)
         more = checks.unsolved(step, {}) + checks.unsolved(change, right)
         more += checks.unbalanced(inertial) + checks.unbalanced(coriolis)
-        placed = _in_column(e.reduced(inertial), n, 0)
-        placed |= {n * n + i: x for i, x in _in_column(e.reduced(coriolis), n, 0).items()}
-        return placed, more
+        of_inertia = _in_column(e.reduced(inertial), n, 0)
+        return of_inertia | _in_column(e.reduced(coriolis), n, n * n), more
 
     gravity = add(e.tree.forces({}, {}, loads=False), e.tree.springs(e.v))
     friction = e.tree.friction(e.v)
@@ -203,11 +218,11 @@ def _torque_regressor(e: Equations, checks: Checks) -> _Made:
         *first, lines = (of_numbers @ ca.sparsify(ca.DM(block)) for block in blocks)
         pushed = (total(x * step[i] for i, x in B.items() if i in step) for B in e.motor_columns)
         row = ca.horzcat(*first, rates.T, lines, *map(SX, pushed))
-        return dict(enumerate(ca.horzsplit(row))), checks.unsolved(step, {})
+        return _in_row(row.T, width), checks.unsolved(step, {})
 
     inputs = {"q": e.q, "va": e.va, "aa": e.aa}
     more = checks.of_rates + checks.solved(e.dv)
-    return _Made(inputs, len(e.L) * width, width, along, {}, more, stride=width)
+    return _Made(inputs, len(e.L) * width, width, along, {}, more)
 
 
 def _frame_jacobian(e: Equations, checks: Checks, frame: str) -> _Made:

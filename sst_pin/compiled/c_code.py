@@ -371,7 +371,8 @@ def _blanks_of_passes(name: str, along: Directions) -> dict[str, object]:
     for k, part in enumerate(along.passes):
         declarations.append(f"void {name}_pass_{k}({_OF_PASSES});")
         sizes = len(part.coordinates), len(part.places), part.checks.numel()
-        passes.append(f"{{{name}_pass_{k}, {_listed(sizes)}, directions_{k}, places_{k}}}")
+        arrays = f"directions_{k}, places_{k}, strides_{k}"
+        passes.append(f"{{{name}_pass_{k}, {_listed(sizes)}, {arrays}}}")
     return {"declarations": "\n".join(declarations), "passes": ", ".join(passes)}
 
 
@@ -381,8 +382,13 @@ def blanks_of_directions(along: Directions) -> dict[str, object]:
     order = list[int]()
     entries = list[tuple[int, int]]()
     for k, part in enumerate(along.passes):
-        listed = f"directions_{k}[] = {{{_listed(part.coordinates)}}}"
-        tables.append(f"static const int {listed}, places_{k}[] = {{{_listed(part.places)}}};")
+        numbers = {
+            "directions": part.coordinates,
+            "places": [place.first for place in part.places],
+            "strides": [place.stride for place in part.places],
+        }
+        arrays = (f"{name}_{k}[] = {{{_listed(x)}}}" for name, x in numbers.items())
+        tables.append(f"static const int {', '.join(arrays)};")
     if along.solution is not None:
         order = along.solution.order
         entries = along.solution.entries
@@ -392,7 +398,6 @@ def blanks_of_directions(along: Directions) -> dict[str, object]:
         "count": len(along.passes),
         "known_at": _listed(along.places),
         "width": along.width,
-        "stride": along.stride,
         "rank": len(order),
         "order": _listed(order),
         "entries": len(entries),

@@ -21,6 +21,7 @@ from ..loops.loops import connected
 from ..loops.mobility import independent_rows
 from ..model.mechanism import Mechanism
 from ..model.thresholds import RANK_TOLERANCE
+from .articulated import ArticulatedBodies, groups
 from .closure_rows import Row, closure_rows
 from .elimination import (
     Block,
@@ -35,12 +36,15 @@ from .elimination import (
 from .link_kinematics import Kinematics
 from .shared_links import coupled
 from .symbolic_parameters import GRAVITY, SymbolicParameters
-from .symbols import Sparse, add, column, is_zero, solve_symmetric, sparse, symmetric
+from .symbols import Sparse, SymmetricFactors, add, column, is_zero, sparse, symmetric
 from .tree_dynamics import TreeDynamics
 
 #: Above this number of `pairs_per_column` the product of a matrix of the tree and L takes fewer
 #: operations column by column: of the mass matrix, and of derivatives of forces.
 _MASS_BY_COLUMNS, _DERIVATIVES_BY_COLUMNS = 2.5, 1.5
+#: The least number of coordinates for which articulated bodies can take fewer operations, and the
+#: largest for which the factors of the whole matrix can.
+_ARTICULATED, _NOT_WHOLE = 8, 40
 #: Entries of a matrix: row, column, value.
 Entries = list[tuple[int, int, Any]]
 
@@ -414,11 +418,34 @@ class Equations:
         return sparse(self._rates, self.B @ tau)
 
     @cached_property
-    def accelerations(self) -> tuple[SX, list[Any]]:
-        """aa under motor torques, Eq. (92), and reciprocals of the pivots of the inertia matrix."""
+    def accelerations(self) -> SX:
+        """aa under motor torques, Eq. (92)."""
         without = self.forces(self.at_rest)
         supplied = self.project(self.motor_forces(self.tau))
-        return solve_symmetric(self.inertia, supplied - self.project(without))
+        return self.inertia_factors.solve(supplied - self.project(without))
+
+    @cached_property
+    def inertia_factors(self) -> SymmetricFactors | ArticulatedBodies:
+        """L^T M L, factorised in the way that takes fewer operations."""
+        lines = self.tree.lines
+        tied = (lines[k].row for k in self.parameters.line_masses(self.p))
+        hanging = groups(self.kinematics.tree, self.L, tied)
+        n = len(self._coordinates)
+        if len(hanging) == 1 or n < _ARTICULATED:
+            return SymmetricFactors(self.inertia)
+        articulated = ArticulatedBodies(self.kinematics, self.tree, self.L, hanging)
+        if n > _NOT_WHOLE:
+            return articulated
+        whole = SymmetricFactors(self.inertia)
+        b = SX.sym("b", n)
+        if self._operations(articulated, b) < self._operations(whole, b):
+            return articulated
+        return whole
+
+    def _operations(self, factors: SymmetricFactors | ArticulatedBodies, b: SX) -> int:
+        """Operations of the factors of L^T M L, of one solution and of the check of the pivots."""
+        results = ca.vertcat(factors.solve(b), *factors.inverses, *factors.diagonal)
+        return ca.Function("count", [self.q, self.p, b], [results], {"cse": True}).n_instructions()
 
 
 def _pivots_by_blocks(

@@ -182,17 +182,19 @@ class Checks:
         factors, sizes = e.motor_factors
         return [factors.small(sizes)]
 
-    def massless(self, inverses: list[Any]) -> list[Any]:
-        """More than 1 where a pivot of the mass matrix is too small; `inverses` are 1 / pivots."""
+    @property
+    def massless(self) -> list[Any]:
+        """More than 1 where a pivot of the mass matrix is too small."""
         e = self._equations
+        factors = e.inertia_factors
         scale = self._rate_scale
         least = WITHOUT_MASS * e.tree.whole_inertia
         precision = self._rounding / _DOUBLE
         small = []
-        for k, (inverse, L) in enumerate(zip(inverses, e.L, strict=True)):
+        for inverse, entry, L in zip(factors.inverses, factors.diagonal, e.L, strict=True):
             fastest = total((x / float(scale[j])) ** 2 for j, x in L.items())
-            small.append(inverse * (precision * ROUNDING * e.inertia[k, k] + least * fastest))
-        negative = total(ca.fabs(x) - x for x in inverses)  # zero if all pivots are positive
+            small.append(inverse * (precision * ROUNDING * entry + least * fastest))
+        negative = total(ca.fabs(x) - x for x in factors.inverses)  # zero if all are positive
         return [1e30 * negative, total(small)]
 
     def unsolved(self, x: Sparse, right: Sparse) -> list[Any]:

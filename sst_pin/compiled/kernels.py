@@ -117,8 +117,7 @@ def _torques(e: Equations, checks: Checks) -> _Made:
 
 
 def _accelerations(e: Equations, checks: Checks) -> _Made:
-    aa, inverses = e.accelerations
-    return _driven(e), aa, checks.of_accelerations + checks.massless(inverses)
+    return _driven(e), e.accelerations, checks.of_accelerations + checks.massless
 
 
 def _torque_derivatives(e: Equations, checks: Checks) -> _Made:

@@ -17,7 +17,7 @@ from .closure_rows import Row, by_twists
 from .elimination import total
 from .equations import Equations
 from .kernel_checks import Checks
-from .symbols import Sparse, add, column, is_zero, solve_symmetric, sparse, sx, symmetric
+from .symbols import Sparse, add, column, is_zero, sparse, sx, symmetric
 
 
 def of_torques(e: Equations, checks: Checks) -> tuple[SX, list[Any]]:
@@ -27,11 +27,10 @@ def of_torques(e: Equations, checks: Checks) -> tuple[SX, list[Any]]:
 
 def of_accelerations(e: Equations, checks: Checks) -> tuple[SX, list[Any]]:
     """Derivatives of aa by q, va and tau side by side, and checks."""
-    aa, inverses = e.accelerations
-    by_motion, residual_checks = _of_forces(e, checks, OnTree(e, aa, e.tau))
+    by_motion, residual_checks = _of_forces(e, checks, OnTree(e, e.accelerations, e.tau))
     n = by_motion.shape[1] // 3
-    aa_x, _ = solve_symmetric(e.inertia, ca.horzcat(-by_motion[:, : 2 * n], e.motor_matrix))
-    return aa_x, residual_checks + checks.massless(inverses)
+    forces = ca.horzcat(-by_motion[:, : 2 * n], e.motor_matrix)
+    return e.inertia_factors.solve(forces), residual_checks + checks.massless
 
 
 def of_displacement(e: Equations, step: Sparse) -> SX:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Small helpers for CasADi's symbols: sparse vectors, a symmetric solve, angles up to half a turn.
+"""Small helpers for CasADi's symbols: sparse vectors, symmetric factors, angles up to half a turn.
 
 An arc over its sine depends on its cosine c alone: with the arc halved three times, by cos(x / 2) =
 sqrt((1 + c) / 2), the series of the arcsine converges to rounding within a few terms.
@@ -61,11 +61,21 @@ def row_by_row(*matrices: SX) -> SX:
     return ca.vec(ca.horzcat(*matrices).T)
 
 
-def solve_symmetric(A: SX, b: SX) -> tuple[SX, list[Any]]:
-    """x with A x = b for a symmetric A, by L D L^T, and the reciprocals of the entries of D."""
-    D, LT, order = ca.ldl(ca.sparsify(A), True)
-    inverses = dict(zip(order, (1 / pivot for pivot in ca.vertsplit(D)), strict=True))
-    return ca.ldl_solve(b, D, LT, order), [inverses[i] for i in range(len(order))]
+class SymmetricFactors:
+    """A symmetric matrix A of full rank, factorised: P^T A P = L D L^T."""
+
+    def __init__(self, A: SX) -> None:
+        #: The vector D, L^T above its unit diagonal, and the row of A for each row of L.
+        self.D, self.LT, self.order = ca.ldl(ca.sparsify(A), True)
+        #: Entries A[k, k], and the reciprocals of the entries of D that belong to them.
+        self.diagonal = [A[k, k] for k in range(A.shape[0])]
+        pairs = zip(self.order, ca.vertsplit(self.D), strict=True)
+        inverses = {i: 1 / pivot for i, pivot in pairs}
+        self.inverses = [inverses[i] for i in range(A.shape[0])]
+
+    def solve(self, b: SX) -> SX:
+        """x with A x = b."""
+        return ca.ldl_solve(b, self.D, self.LT, self.order)
 
 
 def rotation_vector(quaternion: SX) -> SX:

@@ -6,7 +6,7 @@ needs the force m a + U c and the moment c x a + 2 axial(U J), Eqs. (63)-(68).
 """
 
 import operator
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -46,6 +46,35 @@ class Body(NamedTuple):
         J = R @ self.J @ R.T + c @ p.T + p @ c.T + self.mass * p @ p.T
         c += self.mass * p
         return Body(self.mass, c, J, ca.sumsqr(c) / self.mass)
+
+
+class RigidBody(NamedTuple):
+    """Inertia of a link with all that is rigidly joined to it, in the frame of the link."""
+
+    mass: SX
+    #: First moment.
+    c: SX
+    #: Inertia about the origin.
+    inertia: SX
+
+    def momentum(self, twist: SX) -> SX:
+        """The inertia times a twist [linear; angular]: [force; moment]."""
+        u, turn = twist[:3], twist[3:]
+        return ca.vertcat(
+            self.mass * u + ca.cross(turn, self.c), self.inertia @ turn + ca.cross(self.c, u)
+        )
+
+    def joined_to(self, parent: "RigidBody", R: SX, p: SX) -> "RigidBody":
+        """The parent with this body, in whose frame this one has the orientation R and origin p."""
+        c = R @ self.c
+        middle = c + self.mass * p / 2
+        inertia = R @ self.inertia @ R.T - middle @ p.T - p @ middle.T
+        inertia += ca.dot(2 * p, middle) * SX.eye(3)
+        return RigidBody(
+            parent.mass + self.mass,
+            parent.c + c + self.mass * p,
+            parent.inertia + ca.triu2symm(ca.triu(inertia)),
+        )
 
 
 class Line(NamedTuple):
@@ -263,20 +292,18 @@ class TreeDynamics:
         """
         links = self._kinematics.tree.links
         placements = self._kinematics.placements
-        bodies = [self._bodies[link.body] for link in links]
-        composite = [(body.mass, body.c, body.inertia) for body in bodies]
+        composite = self.rigid_bodies
         forces: list[Sparse] = [{} for _ in links]  # wrenches by rate
         M: dict[tuple[int, int], Any] = {}
         for i in range(len(links) - 1, 0, -1):
-            (mass, c, inertia), link, behind, of_link = composite[i], links[i], forces[i], Sparse()
+            link = links[i]
+            behind = forces[i]
+            of_link = Sparse()
             for rate, row in following.get(i, {}).items():
                 wrench = behind.pop(rate, SX(6, 1))
                 behind = add(behind, {k: factor * wrench for k, factor in row.items()})
             for k, S in zip(link.v, link.S.T, strict=True):
-                u, turn = sx(S[:3]), sx(S[3:])
-                of_link[k] = ca.vertcat(
-                    mass * u + ca.cross(turn, c), inertia @ turn + ca.cross(c, u)
-                )
+                of_link[k] = composite[i].momentum(sx(S))
             for j, S in zip(link.v, link.S.T, strict=True):
                 # Twice, if a mimic joint is behind the joint that it follows.
                 pairs = [(k, wrench, 1 + (j == k)) for k, wrench in behind.items()]
@@ -291,13 +318,7 @@ class TreeDynamics:
                 F, N = R @ wrench[:3], R @ wrench[3:]
                 at_parent = ca.vertcat(F, N + ca.cross(p, F))
                 forces[link.parent] = add(forces[link.parent], {k: at_parent})
-            mass_0, c_0, inertia_0 = composite[link.parent]
-            c = R @ c
-            middle = c + mass * p / 2
-            moved = R @ inertia @ R.T - middle @ p.T - p @ middle.T
-            moved += ca.dot(2 * p, middle) * SX.eye(3)
-            moved = inertia_0 + ca.triu2symm(ca.triu(moved))
-            composite[link.parent] = mass_0 + mass, c_0 + c + mass * p, moved
+            composite[link.parent] = composite[i].joined_to(composite[link.parent], R, p)
         for k, armature in self._parameters.of_joints("armature", self._p).items():
             M[k, k] = M.get((k, k), 0) + armature
         for k, mass in self._parameters.line_masses(self._p).items():
@@ -305,6 +326,26 @@ class TreeDynamics:
             for i, j in ((i, j) for i in row for j in row if i <= j):
                 M[i, j] = M.get((i, j), 0) + row[i] * mass * row[j]
         return M
+
+    @property
+    def rigid_bodies(self) -> list[RigidBody]:
+        """Inertia of each link alone."""
+        bodies = (self._bodies[link.body] for link in self._kinematics.tree.links)
+        return [RigidBody(body.mass, body.c, body.inertia) for body in bodies]
+
+    def inertia_of_joints(self, columns: Sequence[Sparse]) -> SX:
+        """L^T M L of the rotors and of the masses of lines alone, for some columns of L."""
+        moving = [
+            (x, {i: SX(1)}) for i, x in self._parameters.of_joints("armature", self._p).items()
+        ]
+        masses = self._parameters.line_masses(self._p)
+        moving += [(mass, self.lines[k].row) for k, mass in masses.items()]
+        inertia = SX(len(columns), len(columns))
+        for mass, row in moving:
+            speeds = (total(x * L[i] for i, x in row.items() if i in L) for L in columns)
+            of_row = ca.sparsify(ca.vertcat(*map(SX, speeds)))
+            inertia += mass * (of_row @ of_row.T)
+        return inertia
 
     def coriolis_forces(self, v: Sparse, L: Sparse, L_dot: Sparse) -> Sparse:
         """The term of Eq. (94) that T^T multiplies: M t_dot + Omega M t, t and t_dot of L."""

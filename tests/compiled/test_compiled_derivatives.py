@@ -5,7 +5,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from sst_pin.compiled import kernels
+from sst_pin.compiled import equations, kernels
 from sst_pin.compiled.compiled_backend import DERIVATIVES, CompiledBackend
 from sst_pin.compiled.equations import Equations
 from sst_pin.compiled.generator_inputs import sample_configurations
@@ -38,7 +38,8 @@ def by_directions(kernel):
             directions = np.eye(len(described.coordinates))
             for k, direction in zip(described.coordinates, directions, strict=True):
                 column, more = (x.full().ravel() for x in function(*numbers, direction))
-                result[np.array(described.places, dtype=int) + k * of.stride] = column
+                for place, x in zip(described.places, column, strict=True):
+                    result[place.first + k * place.stride] = x
                 checks.append(more)
         if of.solution is not None:
             order, size = of.solution.order, len(of.solution.order)
@@ -91,6 +92,16 @@ def test_derivatives_are_those_of_the_reference_path_and_casadis_own(name):
             result, checks = sided[key](q, va, x, wrenches.ravel(), p)
             assert checks.max() <= 1
             close(result.reshape(n, -1), expected, 1e-10)
+
+
+@pytest.mark.parametrize(
+    "name", ["floating four-bar", pytest.param("ladder", marks=pytest.mark.slow)]
+)
+def test_derivatives_by_articulated_bodies_are_the_same(name, monkeypatch):
+    """As above, with the inertia factorised as that of robots with many coordinates."""
+    monkeypatch.setattr(equations, "_ARTICULATED", 0)
+    monkeypatch.setattr(equations, "_NOT_WHOLE", 0)
+    test_derivatives_are_those_of_the_reference_path_and_casadis_own(name)
 
 
 @pytest.mark.parametrize("name", ["five_bar", "floating four-bar"])

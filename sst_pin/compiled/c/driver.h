@@ -93,20 +93,20 @@ INLINE int run(body *f, body *close, int arrays, const int *sizes, int q, int in
     return any;
 }
 
-/* Results along directions of the coordinates; `directions` has the numbers of their columns, and
- * `places` those of the results in the whole result, for column 0. Behind `results` are checks. */
+/* Results along directions of the coordinates, whose numbers are in `directions`. Result k of coordinate
+ * j is number places[k] + j * strides[k] of the whole result. Behind `results` are checks. */
 typedef struct {
     void (*compute)(const double *x, const double *p, const double *once, const real *d, real *y);
     int count, results, checks;
-    const int *directions, *places;
+    const int *directions, *places, *strides;
 } pass;
 
 /* A kernel whose results are computed along directions. `once` computes what is the same for all of
  * them: `known` numbers of the result, which are at `known_at`, then factors of a matrix A, then
- * checks. The columns of the result are `stride` numbers apart. */
+ * checks. */
 typedef struct {
     void (*once)(const double *x, const double *p, double *y);
-    int inputs, angles, known, checks, size, width, stride, passes;
+    int inputs, angles, known, checks, size, width, passes;
     const int *known_at;
     const pass *pass;
     /* the result is A^-1 times what was computed: rows of the result by rows of L, places in L */
@@ -156,9 +156,9 @@ INLINE int compute_columns(
                     LANE(d[j], l) = j == first + l;
             g->compute(x, p, once, d, y);
             for (int l = 0; l < lanes; l++) {
-                double *column = result + g->directions[first + l] * f->stride;
+                const int j = g->directions[first + l];
                 for (int k = 0; k < g->results; k++)
-                    column[g->places[k]] = LANE(y[k], l);
+                    result[g->places[k] + j * g->strides[k]] = LANE(y[k], l);
             }
             for (int k = 0; k < g->checks; k++)
                 good &= y[g->results + k] <= 1.0;

@@ -7,7 +7,7 @@ int ${word}_${entry}(const rows *in, const rows *out, const double *p, ptrdiff_t
     ${tables}
     static const pass passes[] = {${passes}};
     static const columns f = {${name}_once, ${inputs}, ${q}, ${outputs}, ${checks}, ${results}, ${width},
-        ${stride}, ${count}, known_at, passes, ${rank}, ${entries}, order, entry_at};
+        ${count}, known_at, passes, ${rank}, ${entries}, order, entry_at};
     double x[${inputs}], once[${room}], result[${results}];
     real y[${room_of_passes}];
     return run_columns(&f, ${arrays}, sizes_in, x, once, result, y, in, out, p, count, bad);

@@ -6,7 +6,7 @@
             d[j] = j == l; \
         ${name}_pass_##k(x, own, once, d, y); \
         for (int j = 0; j < results; j++) \
-            at(out, i, places_##k[j] + directions_##k[l] * ${stride}) = y[j]; \
+            at(out, i, places_##k[j] + directions_##k[l] * strides_##k[j]) = y[j]; \
         for (int j = 0; j < checks; j++) \
             bad = bad || y[results + j] <= 1 ? bad : SINGULAR; \
     }
