@@ -232,7 +232,7 @@ class ClosedChain(RobotProperties, Summary):
     def model(self) -> pin.Model:
         """The robot's own tree, with corrected placements; edits take effect after `refresh()`.
 
-        The constructor copies the tree that it is given, and corrects placements of few digits in
+        The constructor copies the tree that it is given, and corrects rounded placements in
         overconstrained loops, so that Pinocchio computes the same frames with this tree.
         """
         return self._model

@@ -12,7 +12,7 @@ from ..arrays import Array, finite_array, in_one_turn, one_or_each
 from ..closed_chain import ClosedChain
 from ..dynamics.torque_sharing import finite_limits, within_limits
 from ..errors import ActuationError, InputError
-from ..loops.mobility import cure_of
+from ..loops.mobility import rotating_freely
 from ..model.named_positions import taken
 from ..simulation.coordinate_motions import positions_along
 from ..simulation.samples import spline
@@ -50,8 +50,9 @@ class Controller(ABC):
             problem = (
                 f"no motor holds {listed(mobility.loose_joints)}: no controller can follow a motion"
             )
-            cure = f"; {cure_of(mobility.idle_joints)}" if mobility.idle_joints else ""
-            raise ActuationError(problem + cure)
+            if mobility.idle_joints:
+                problem += f"; {rotating_freely(mobility.idle_joints)}"
+            raise ActuationError(problem)
         motors = len(chain.motor_names)
         self.limits = None if limits is None else finite_limits(limits, motors, "limits")
         self._turns = np.array(chain.mechanism.coordinate_rate_units) == "rad"

@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from ..arrays import Array, finite_array
 from ..errors import ActuationError, ClosureError, InputError
-from ..loops.mobility import cure_of, idle_rates
+from ..loops.mobility import rotating_freely, idle_rates
 from ..model.mechanism import Mechanism
 from ..model.thresholds import MAX_CONDITION_NUMBER, UNSUPPLIED
 from . import dynamics, reactions, regressor
@@ -120,7 +120,7 @@ class Reference(threading.local):
             "compute_accelerations the motion for given torques"
         )
         if idle:
-            problem += f"; {', '.join(idle)} can spin alone: {cure_of(idle)}"
+            problem += f"; {rotating_freely(idle)}"
         raise ActuationError(problem, missing)
 
     @_finite

@@ -15,7 +15,7 @@ import pinocchio as pin
 from ..arrays import Array, Flags, Indices
 from ..errors import ClosureError, DescriptionError, InputError
 from ..model.mechanism import Mechanism
-from ..model.thresholds import FEW_DIGITS
+from ..model.thresholds import ROUNDED_PLACEMENTS
 from ..summaries import listed
 from .loops import Loops, connected
 from .mobility import free_motions, scaled_Phi
@@ -36,8 +36,8 @@ _AT_LIMIT = 1e-12
 _ROUNDING = float(np.finfo(float).eps)
 #: Singular values below this part of the largest, or of one, count as zero.
 _NO_RANK = 1e-10
-#: Loops that stay open by less, without units, are tried again with the tolerance for few digits.
-_NEARLY = 10 * FEW_DIGITS
+#: Loops that stay open by less, without units, are tried again with that tolerance.
+_NEARLY = 10 * ROUNDED_PLACEMENTS
 _NONE = np.zeros(0, dtype=np.intp)
 #: Largest motion of a joint in `Assembly.aside`, [rad] or lengths of the loop.
 _ASIDE = 0.2
@@ -67,7 +67,7 @@ class Assembly:
         q, open_rows = self._newton(start, free, bounds)
         if len(open_rows) and np.abs(self._residual(q)).max() < _NEARLY:
             # Rows that contradict each other a little may lead away from the best pose.
-            q, open_rows = self._newton(start, free, bounds, FEW_DIGITS)
+            q, open_rows = self._newton(start, free, bounds, ROUNDED_PLACEMENTS)
         q = bounds.clipped(q)
         bounds.require_within(q)
         if len(open_rows):

@@ -155,13 +155,12 @@ def _along(
 
 
 def settled(mechanism: Mechanism) -> Mechanism:
-    """The mechanism with its geometry corrected, its coordinates chosen, and an example.
+    """The mechanism with its coordinates chosen, and an example.
 
     The coordinates that it has are kept.
 
     Warns:
-        DescriptionWarning: If placements have few digits, if home is singular, or if motors cannot
-            move.
+        DescriptionWarning: If home is singular, or if motors cannot move.
     """
     wanted = mechanism.coordinates if len(mechanism.coordinates) else None
     name = mechanism.model.name

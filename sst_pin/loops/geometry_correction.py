@@ -27,7 +27,7 @@ from ..errors import ClosureError, DescriptionWarning, warn_caller
 from ..model.closures import frames_of
 from ..model.geometry import displaced, place_of
 from ..model.mechanism import Mechanism
-from ..model.thresholds import EXPLAINED, FEW_DIGITS
+from ..model.thresholds import EXPLAINED, ROUNDED_PLACEMENTS
 from ..model.tree import frame_id
 from ..progress import announced
 from ..summaries import listed
@@ -42,7 +42,7 @@ _POSES, _LOOKS, _CHECKS = np.linspace(0.1, 1.0, 16), 3, np.linspace(0.15, 1.05, 
 #: Largest ratio of a singular value that rounding makes to one of the mechanism.
 _GAP = 0.1
 #: Loops that stay open by more in all poses may be far from the poses in which they close.
-_FAR = 10 * FEW_DIGITS
+_FAR = 10 * ROUNDED_PLACEMENTS
 #: Gauss-Newton's method: steps, the last gap, and the singular values that count as zero, at least
 #: and as multiples of the gap.
 _STEPS, _CLOSED, _LEAST, _NOISE = 12, 1e-14, 1e-9, 30.0
@@ -103,7 +103,7 @@ def _corrected_part(
     There are no poses if the part closes as it is, or if rounding does not explain its gaps.
     """
     nothing = corrected, list[Array]()
-    closed = [q for q in [start, *poses] if rounded.gap(q, part) <= FEW_DIGITS]
+    closed = [q for q in [start, *poses] if rounded.gap(q, part) <= ROUNDED_PLACEMENTS]
     # Ranks are lower near singularities.
     ranks = [rank for rank in (rounded.rank(q, part) for q in closed) if rank is not None]
     rank = max((r for r in ranks if ranks.count(r) > 2), default=len(part[0]))
@@ -115,7 +115,7 @@ def _corrected_part(
         widths = [0.0, *(_CHECKS + k / 100)]
         checks = [corrected.closest(start, part[1], width) for width in widths]
         # Poses with larger gaps are next to no closed pose.
-        closed = [q for q in checks if corrected.gap(q, part) <= FEW_DIGITS]
+        closed = [q for q in checks if corrected.gap(q, part) <= ROUNDED_PLACEMENTS]
         regular = [q for q in closed if corrected.rank(q, part) == rank]
         if regular and not any(corrected.gap(q, part) for q in regular):
             break
@@ -123,7 +123,7 @@ def _corrected_part(
     else:
         return nothing
     closest = [rounded.closest(q, part[1]) for q in regular]
-    if any(rounded.gap(q, part) > FEW_DIGITS for q in closest):
+    if any(rounded.gap(q, part) > ROUNDED_PLACEMENTS for q in closest):
         return nothing
     if rounded.moves(start, part) and size > EXPLAINED * rounded.rounding(start, part):
         return nothing
@@ -150,7 +150,7 @@ class _Robot:
         home = home_of(self.mechanism)
         q = pin.neutral(self.mechanism.model) if home is None else home
         for width in _STARTS:
-            wide = [part[1] for part in self.parts if self.gap(q, part) > FEW_DIGITS]
+            wide = [part[1] for part in self.parts if self.gap(q, part) > ROUNDED_PLACEMENTS]
             if not wide:
                 break
             q = self.closest(q, np.concatenate(wide), width)
@@ -161,7 +161,7 @@ class _Robot:
         step = np.zeros(self.mechanism.model.nv)
         step[rates] = displacement(self.mechanism, width)[rates]
         q = pin.integrate(self.mechanism.model, q, step)
-        return self._assembly.closer(q, rates, FEW_DIGITS)
+        return self._assembly.closer(q, rates, ROUNDED_PLACEMENTS)
 
     def moves(self, q: Array, part: _Part) -> bool:
         """Whether a part closes, to rounding, along a motion from near q."""
@@ -198,12 +198,12 @@ class _Robot:
 
     def has_independent_rows(self, q: Array, part: _Part) -> bool:
         """Whether a part is closed and no row is redundant, so that none contradict each other."""
-        return self.gap(q, part) <= FEW_DIGITS and self.rank(q, part) == len(part[0])
+        return self.gap(q, part) <= ROUNDED_PLACEMENTS and self.rank(q, part) == len(part[0])
 
     def rank(self, q: Array, part: _Part) -> int | None:
         """Rank of a part; None if its singular values have no gap."""
         sizes = np.append(np.linalg.svd(self._Phi(q, part), compute_uv=False), 0.0)
-        rank = int((sizes > FEW_DIGITS * sizes.max(initial=1.0)).sum())
+        rank = int((sizes > ROUNDED_PLACEMENTS * sizes.max(initial=1.0)).sum())
         smallest = sizes[rank - 1] if rank else 1.0
         return rank if sizes[rank] <= _GAP * smallest else None
 
@@ -218,7 +218,7 @@ class _Robot:
         """Refuse an overconstrained part that is open in all poses by more than rounding."""
         best = min(poses, key=lambda q: self.gap(q, part))
         rank = self.rank(best, part)
-        if not FEW_DIGITS < self.gap(best, part) < _FAR or rank in {None, len(part[0])}:
+        if not ROUNDED_PLACEMENTS < self.gap(best, part) < _FAR or rank in {None, len(part[0])}:
             return
         errors = self.errors(best, part)
         names = [
@@ -350,7 +350,7 @@ def _warn(before: Mechanism, after: Mechanism, errors: Array) -> None:
     moves = [np.abs(pin.log6(x.actInv(y)).vector) for x, y in zip(a, b, strict=True)]
     metres, radians = np.max(moves, axis=0).reshape(2, 3).max(axis=1)
     warn_caller(
-        f"model {before.model.name}: its numbers have few digits, with which the loops at "
+        f"model {before.model.name}: its placements are rounded, so that the loops at "
         f"{listed(list(names), 4)} close only to {max(errors * ~turns):.2g} m and "
         f"{np.degrees(max(errors * turns)):.2g} degrees; placements were corrected by up to "
         f"{metres:.2g} m and {np.degrees(radians):.2g} degrees, so that the loops close in all "

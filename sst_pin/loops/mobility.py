@@ -31,8 +31,8 @@ class Mobility:
             of rates minus the rank of Phi, unless joints are shaking.
         held: Number of degrees of freedom that the motors hold.
         loose_joints: Rates that can be nonzero while all motors are locked.
-        idle_joints: Rates to lock, by name, so that no passive joint of a loop spins while all
-            other joints are fixed, as a rod between two balls does.
+        idle_joints: Rates to lock, by name, so that no passive joint of a loop rotates freely.
+            Example: a rod between two ball joints rotates about itself while all others are fixed.
         shaking_joints: Names of rates that the closures allow at this configuration although they
             belong to no motion, as in two bars in one line between fixed points.
         condition_number: Condition number of the columns of Phi for the dependent rates, without
@@ -110,7 +110,7 @@ class Mobility:
             verdict += f"; torques of the motors that make no motion: {self.inner_stresses}"
         ranks = f"{len(self.rows)}, rank {self.rank}, {self.redundant_rows} redundant"
         shaking = f"{', '.join(self.shaking_joints)} have rates, but no motion: locked=[...]"
-        idle = f"{', '.join(self.idle_joints)} can spin alone; {cure_of(self.idle_joints)}"
+        idle = rotating_freely(self.idle_joints)
         return [
             ("joints", f"{len(self.joints)}"),
             ("closure equations", ranks),
@@ -278,10 +278,14 @@ def _twist(mechanism: Mechanism, loops: Loops, joint: int) -> Array:
     return J
 
 
-def cure_of(idle: Sequence[str]) -> str:
-    """The advice for idle rates."""
-    in_yaml = f"`locked: [{', '.join(idle)}]` in the YAML"
-    return f"ClosedChain(..., locked={list(idle)}), or {in_yaml}, fixes them"
+def rotating_freely(idle: Sequence[str]) -> str:
+    """That idle rates rotate freely, and the cure, in words."""
+    names = ", ".join(idle)
+    verb = "rotates" if len(idle) == 1 else "rotate"
+    return (
+        f"{names} {verb} freely; ClosedChain(..., locked={list(idle)}), or `locked: [{names}]` in "
+        "the YAML, prevents it"
+    )
 
 
 def motor_rates(mechanism: Mechanism, q: Array, motions: Array) -> Array:

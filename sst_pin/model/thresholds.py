@@ -4,8 +4,8 @@
 #: Loops with a larger error are open, relative to their length or in [rad].
 CLOSURE_TOLERANCE = 1e-6
 #: Smaller errors of loops, relative to their length or in [rad], and smaller singular values of Phi
-#: may come from numbers with few digits.
-FEW_DIGITS = 3e-3
+#: may come from rounded placements: a file with three digits after the point.
+ROUNDED_PLACEMENTS = 3e-3
 #: Displacements that correct rounded placements, in multiples of the rounding of their numbers. A
 #: displacement is of the size of the rounding, unless many placements have to be in line.
 EXPLAINED = 5.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Robots whose numbers have few digits: their overconstrained loops close and move all the same."""
+"""Robots with rounded placements: their overconstrained loops close and move all the same."""
 
 import re
 import warnings
@@ -75,7 +75,7 @@ def drawn_by_cad(chain):
 
 
 def rounded(chain, digits):
-    """The robot whose places and angles of roll, pitch and yaw have a few digits behind the point.
+    """The robot whose placements have so many digits after the point, in x, y, z, roll, pitch, yaw.
 
     Beside it stand the texts of the warnings.
     """
@@ -129,7 +129,7 @@ LINK = """<link name="{name}"><inertial><origin xyz="{centre} 0 0"/><mass value=
 <child link="{name}_end"/><origin xyz="{length} 0 0"/></joint>"""
 
 
-def test_right_angles_of_a_file_may_have_few_digits(tmp_path):
+def test_right_angles_of_a_file_may_be_rounded(tmp_path):
     """A four-bar in the x-z plane whose axes, of rolls 1.5708 and 1.571, are parallel to 2e-4."""
     rolls = {"crank": "1.5708", "coupler": "0", "rocker": "1.571"}
     bars = [("crank", "ground", 0.0, 0.1), ("coupler", "crank", 0.1, 0.3)]
@@ -143,7 +143,7 @@ def test_right_angles_of_a_file_may_have_few_digits(tmp_path):
         "closed_loop: [[coupler_end, rocker_end]]\ntype: [hinge]\nname_mot: [crank]\n"
     )
     chain, records = with_warnings(ClosedChain.from_urdf, path)
-    assert sum("few digits" in text for text in records) == 1
+    assert sum("placements are rounded" in text for text in records) == 1
     q = chain.assemble([1.2, -0.725, 1.969], ["crank"])
     exact = ClosedChain(*bar())
     assert_allclose(
@@ -152,14 +152,14 @@ def test_right_angles_of_a_file_may_have_few_digits(tmp_path):
     problems, records = with_warnings(sst_pin.validate, path)
     assert not records
     assert {p.severity for p in problems} == {"note"}
-    assert sum("few digits" in p.text for p in problems) == 1
+    assert sum("placements are rounded" in p.text for p in problems) == 1
 
 
 def test_the_warning_says_which_loops_are_open_how_far_and_what_was_changed():
     model, *others = bar(across=2e-4)
     chain, (records,) = with_warnings(ClosedChain, model, *others)
     assert "coupler_end - rocker_end" in records
-    assert "few digits" in records
+    assert "placements are rounded" in records
     metres, degrees, by_metres, by_degrees = map(
         float, re.findall(r"([\d.e-]+) (?:m|degrees)\b", records)
     )
