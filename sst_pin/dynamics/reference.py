@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from ..arrays import Array, finite_array
 from ..errors import ActuationError, ClosureError, InputError
-from ..loops.mobility import rotating_freely, idle_rates
+from ..loops.mobility import idle_rates, rotating_freely
 from ..model.mechanism import Mechanism
 from ..model.thresholds import MAX_CONDITION_NUMBER, UNSUPPLIED
 from . import dynamics, reactions, regressor

@@ -22,8 +22,9 @@ from ..model.named_positions import put
 from ..model.thresholds import CLOSURE_TOLERANCE, RESTS
 from ..model.tree import frame_id
 from ..summaries import Summary, listed
-from .assembly import Assembly, home_of
+from .assembly import Assembly
 from .finite_motions import finite_motions
+from .guesses import home_of
 from .loops import connected
 from .mobility import free_motions, independent_rows, rank_of, scaled_Phi
 

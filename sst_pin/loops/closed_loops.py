@@ -12,9 +12,10 @@ from ..errors import ClosureError
 from ..model.mechanism import Mechanism
 from ..model.thresholds import CLOSURE_TOLERANCE
 from ..model.tree import frame_id
-from .assembly import Assembly, home_of
+from .assembly import Assembly
 from .coordinates import examples
 from .finite_motions import finite_motions
+from .guesses import home_of
 from .loops import Loops
 from .mobility import Mobility, condition_number, judge, scaled_Phi
 

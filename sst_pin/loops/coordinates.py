@@ -21,9 +21,10 @@ from ..model.mechanism import Mechanism
 from ..model.thresholds import INDEPENDENT, MAX_CONDITION_NUMBER, RESTS
 from ..progress import announced
 from ..summaries import listed
-from .assembly import Assembly, displacement, home_of
+from .assembly import Assembly
 from .continuity import Continuity
 from .finite_motions import finite_motions, has_accelerations
+from .guesses import displacement, home_of
 from .line_kinematics import LineKinematics
 from .loops import Loops
 from .mobility import choose_coordinates, free_motions, motor_rates, rank_of, scaled_Phi

@@ -16,7 +16,8 @@ import pinocchio as pin
 from ..arrays import Array, Indices
 from ..errors import ClosureError
 from ..model.thresholds import CLOSURE_TOLERANCE, INCONSISTENT
-from .assembly import Assembly, displacement
+from .assembly import Assembly
+from .guesses import displacement
 from .mobility import free_motions, rank_of, scaled_Phi
 
 #: Length of the motions along rates, [rad] or lengths of the loop, the longest first. Shorter ones

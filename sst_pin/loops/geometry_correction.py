@@ -31,7 +31,8 @@ from ..model.thresholds import EXPLAINED, ROUNDED_PLACEMENTS
 from ..model.tree import frame_id
 from ..progress import announced
 from ..summaries import listed
-from .assembly import Assembly, displacement, home_of
+from .assembly import Assembly
+from .guesses import displacement, home_of
 from .loops import Loops, connected
 from .mobility import rank_of, scaled_Phi
 

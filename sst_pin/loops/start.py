@@ -24,8 +24,8 @@ from ..errors import ClosureError, DescriptionWarning, warn_caller
 from ..model.mechanism import Mechanism
 from ..model.named_positions import angles_and_lengths, put, taken
 from ..summaries import listed
-from .assembly import home_of
 from .closed_loops import ClosedLoops
+from .guesses import home_of
 
 #: A joint that differs by more is at another position, [rad] or of the robot's length.
 _FAR = 0.05

@@ -21,7 +21,7 @@ from ..errors import (
     SSTError,
 )
 from ..files import as_path
-from ..loops.assembly import home_of
+from ..loops.guesses import home_of
 from ..loops.mobility import Mobility
 from ..model.checks import tendon_of
 from ..model.closures import Constraint, frames_of
