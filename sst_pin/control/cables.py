@@ -48,18 +48,17 @@ def unstretched_lengths(
     motors = len(chain.motor_names)
     factors = mechanism.lines.motors
     on_one_line = (np.count_nonzero(factors, axis=0) == 1) & ~mechanism.motors.any(axis=0)
-    if others := [
-        name for name, one in zip(chain.motor_names, on_one_line, strict=True) if not one
-    ]:
+    others = [chain.motor_names[k] for k in np.flatnonzero(~on_one_line)]
+    if others:
         raise InputError("chain", f"the motors {listed(others)} are no cables: each acts on a line")
     stiffness = one_or_each("stiffness_times_length", stiffness_times_length, motors)
     line_of = np.abs(factors).argmax(axis=0)
     torques = finite_array("tau", tau, (motors,))
     tensions = -torques * factors[line_of, np.arange(motors)]  # a positive force pushes
     least = -_SLACK * np.abs(tensions).max(initial=0.0)
-    if (tensions < least).any():
-        pushing = (tensions < least).reshape(-1, motors).any(axis=0)
-        names = [name for name, x in zip(chain.motor_names, pushing, strict=True) if x]
+    pushes = (tensions < least).reshape(-1, motors).any(axis=0)
+    if pushes.any():
+        names = [chain.motor_names[k] for k in np.flatnonzero(pushes)]
         raise InputError(
             "tau",
             f"the cables {listed(names)} would push with up to {-tensions.min():.4g} N; "

@@ -50,10 +50,13 @@ class ForceObserver:
 
     def reset(self) -> None:
         """Forget all samples; the estimate of the next one is zero."""
+        n = self.chain.degrees_of_freedom
+        self._estimate = np.zeros(n)
+        # The last sample; the first one has none before it, at t = -inf.
         self._t = -np.inf
-        self._estimate = np.zeros(self.chain.degrees_of_freedom)
-        self._momentum = self._known = self._estimate
-        self._J = np.zeros((len(self.chain.motor_names), len(self._estimate)))
+        self._momentum = np.zeros(n)
+        self._known_forces = np.zeros(n)
+        self._J = np.zeros((len(self.chain.motor_names), n))
 
     def update(self, t: float, q: ArrayLike, va: ArrayLike, tau: ArrayLike) -> Array:
         """The estimate r at a new sample, shape (n,), [N m] or [N].
@@ -77,17 +80,18 @@ class ForceObserver:
         if not time > self._t:
             raise InputError("t", f"{time:g} s is not later than the sample before, {self._t:g} s")
         configuration = single_array("q", q, (chain.mechanism.model.nq,))
-        momentum, known = self._state(configuration, rates)
+        momentum, known_forces = self._state(configuration, rates)
         J = chain.actuator_jacobian(configuration)
         if np.isfinite(self._t):
+            # The mean force f in the period, and the solution of r' = gain (f - r) after it.
             dt = time - self._t
-            mean = (self._known + known) / 2 + (self._J + J).T @ torques / 2
+            mean = (self._known_forces + known_forces) / 2 + (self._J + J).T @ torques / 2
             force = (momentum - self._momentum) / dt - mean
-            keep = np.exp(-self.gain * dt)
-            self._estimate = keep * self._estimate + (1 - keep) * force
+            decay = np.exp(-self.gain * dt)
+            self._estimate = decay * self._estimate + (1 - decay) * force
         self._t = time
         self._momentum = momentum
-        self._known = known
+        self._known_forces = known_forces
         self._J = J
         return self._estimate.copy()
 
@@ -117,9 +121,10 @@ class ForceObserver:
         means = torques.copy()
         means[1:] = (torques[1:] + torques[:-1]) / 2
         self.reset()
-        samples = zip(times, configurations, rates, means, strict=True)
-        estimates = [self.update(float(time), *sample) for time, *sample in samples]
-        return np.array(estimates).reshape(size, chain.degrees_of_freedom)
+        estimates = np.empty((size, chain.degrees_of_freedom))
+        for k in range(size):
+            estimates[k] = self.update(float(times[k]), configurations[k], rates[k], means[k])
+        return estimates
 
     def wrench(
         self,
@@ -140,7 +145,7 @@ class ForceObserver:
             components: Those that may act, of fx, fy, fz, mx, my, mz; others are zero.
 
         Raises:
-            InputError: If the coordinates cannot tell these components apart.
+            InputError: If the coordinates cannot distinguish these components.
 
         Example:
             >>> delta = sst_pin.robots.delta()
@@ -152,7 +157,8 @@ class ForceObserver:
         """
         chain = self.chain
         words = names("components", components)
-        if unknown := [word for word in words if word not in _COMPONENTS]:
+        unknown = [word for word in words if word not in _COMPONENTS]
+        if unknown:
             raise InputError("components", f"{listed(unknown)}: known are {listed(_COMPONENTS)}")
         f = single_array("forces", forces, (chain.degrees_of_freedom,))
         chosen = [_COMPONENTS.index(word) for word in dict.fromkeys(words)]
@@ -166,8 +172,8 @@ class ForceObserver:
         if np.count_nonzero(s > RANK_TOLERANCE * s.max(initial=1e-300)) < len(chosen):
             raise InputError(
                 "components",
-                f"{chain.degrees_of_freedom} coordinates cannot tell {listed(words)} of {frame} "
-                "apart here; name fewer, those that can act",
+                f"{chain.degrees_of_freedom} coordinates cannot distinguish {listed(words)} of "
+                f"{frame} here; name fewer, those that can act",
             )
         result = np.zeros(6)
         result[chosen] = (Vt.T @ (U.T @ (unit * f) / s)) / size

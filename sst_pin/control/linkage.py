@@ -160,7 +160,8 @@ class Linkage:
 
     def motor_positions(self, q: ArrayLike) -> Array:
         """Positions of the motors, shape (..., motors); for a motor on a line its length."""
-        mechanism, array = self.chain.mechanism, self._configurations(q)
+        mechanism = self.chain.mechanism
+        array = self._configurations(q)
         B = mechanism.motors[:, self._rows]
         driven = np.flatnonzero(B.any(axis=1))
         at_joints = taken(mechanism.space, array, [mechanism.space.rate_names[k] for k in driven])
@@ -211,7 +212,8 @@ def _others(chain: ClosedChain, rates: Indices) -> list[str]:
 
     Those without a motor come first, because a motor of the fixed joints cannot be a coordinate.
     """
-    engine, space = chain.engine, chain.mechanism.space
+    engine = chain.engine
+    space = chain.mechanism.space
     names = sorted(chain.coordinates, key=lambda name: name in chain.motor_names)
     groups = [space.rates_of([name]) for name in names]
     Phi = scaled_Phi(engine.mechanism, engine.loops.assembly.loops, chain.generic_configuration())

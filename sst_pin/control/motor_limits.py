@@ -15,9 +15,11 @@ from ..arrays import Array
 from ..closed_chain import ClosedChain
 from ..errors import InputError
 
-#: The largest number of combinations. A row of factors smaller than this part of the largest row
-#: counts as zero: the other rows imply its limit.
-_MOST, _ZERO = 10_000, 1e-6
+#: The largest number of combinations.
+_MOST = 10_000
+#: A row of factors smaller than this part of the largest row counts as zero: the other rows imply
+#: its limit.
+_ZERO = 1e-6
 
 
 def part_of(tau: Array, limits: Array) -> Array:

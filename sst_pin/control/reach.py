@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,12 +26,19 @@ from ..summaries import listed
 from .motor_limits import largest_part
 from .pose_abilities import torques_of_wrenches
 
-#: Codes of `ReachMap.why`.
+#: Words for the codes of `ReachMap.why`.
 REASONS = ("reached", "joint limits", "singular", "out of reach", "cut off")
-_REACHED, _LIMITS, _SINGULAR, _OUT, _CUT_OFF = range(len(REASONS))
+_REACHED = 0
+_LIMITS = 1
+_SINGULAR = 2
+_OUT = 3
+_CUT_OFF = 4
+#: Components of a pose, in the order of a twist [linear; angular].
 _AXES = ("x", "y", "z", "roll", "pitch", "yaw")
-#: Number of grid points that are tried from the start; the shortest step, as a part of a path.
-_FIRST, _SHORTEST = 4, 2**-6
+#: Number of grid points that are tried from the start.
+_FIRST = 4
+#: The shortest step to a pose, as a part of the path to it.
+_SHORTEST = 2**-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,9 +89,9 @@ class ReachMap:
 
     def save(self, path: str | Path, force: bool = False) -> None:
         """Write a .csv, one row for each pose."""
-        grid = np.meshgrid(*self.values, indexing="ij")
-        columns = [x[..., None] for x in (*grid, self.why, self.condition, self.used)]
-        rows = np.concatenate([*columns, self.torque, self.q], axis=-1)
+        first, second = np.meshgrid(*self.values, indexing="ij")
+        numbers = np.stack([first, second, self.why, self.condition, self.used], axis=-1)
+        rows = np.concatenate([numbers, self.torque, self.q], axis=-1)
         names = [f"{axis}_{'m' if axis in 'xyz' else 'rad'}" for axis in self.axes]
         names += ["why", "condition", "used", *self.columns]
         write_files({as_path(path): table_writer(names, rows.reshape(-1, len(names)))}, force)
@@ -158,44 +165,66 @@ def reach_map(
         >>> poses.condition[:, 1].round(2)
         array([3.03, 3.03])
     """
-    components = dict(zip(_AXES, (x, y, z, roll, pitch, yaw), strict=True))
-    named = {name: finite_array(name, v, ()) for name, v in components.items() if v is not None}
-    axes = _grid_axes(named)
+    prescribed = dict[str, Array]()  # a number or a grid for each component that is given
+    components = {"x": x, "y": y, "z": z, "roll": roll, "pitch": pitch, "yaw": yaw}
+    for name, value in components.items():
+        if value is not None:
+            prescribed[name] = finite_array(name, value, ())
+    axes = _grid_axes(prescribed)
     if not np.isin(chain.mechanism.coordinates, chain.mechanism.driven).all():
         # coordinates without motors may have dead points where the motors have none
         chain = chain.with_coordinates(None)
     mechanism = chain.mechanism
     limits = finite_limits(torques, len(chain.motor_names), "torques")
-    push = single_array("wrench", np.zeros(6) if wrench is None else wrench, (6,))
+    load = single_array("wrench", np.zeros(6) if wrench is None else wrench, (6,))
     guess = start_of(chain.engine) if start is None else start
     home = chain.assemble(single_array("start", guess, (mechanism.model.nq,)))
-    rest = np.zeros(chain.degrees_of_freedom)
-    chain.compute_torques(home, rest, rest)  # refuses motors that hold less than all
-    counted = np.repeat([not named.keys().isdisjoint(_AXES[k : k + 3]) for k in (0, 3)], 3)
-    guide = _motor_guide(chain, frame, counted)
-    zero = guide.pose(home).rotation if rotation is None else rotation
-    zero = single_array("rotation", zero, (3, 3))
+    zero_rates = np.zeros(chain.degrees_of_freedom)
+    chain.compute_torques(home, zero_rates, zero_rates)  # refuses motors that hold less than all
+
+    # The position or the orientation is prescribed as a whole: components of the twist that count.
+    with_position = not prescribed.keys().isdisjoint(_AXES[:3])
+    with_orientation = not prescribed.keys().isdisjoint(_AXES[3:])
+    is_prescribed = np.repeat([with_position, with_orientation], 3)
+    names = np.array(_AXES)[is_prescribed]
+    guide = _motor_guide(chain, frame, with_position, with_orientation)
+    start_pose = guide.pose(home)
+    zero = start_pose.rotation if rotation is None else single_array("rotation", rotation, (3, 3))
+
+    # A maps rates of the motors to prescribed components, free of units. Where the torques G hold a
+    # wrench w, the power of both is the same, so A is the transpose of G.
     units = np.repeat([mechanism.length, 1.0], 3)[:, None]
-    ratio = (mechanism.motor_scale / units)[counted]
-    first = torques_of_wrenches(chain, home, frame).mT[counted] * ratio
-    _require_motion(first, np.array(_AXES)[counted], axes)
-    poses, nearest = _poses(guide.pose(home), zero, named, axes)
-    why, q = _flood(chain, guide, home, poses, nearest)
-    reached = q[why == _REACHED]
-    A = torques_of_wrenches(chain, reached, frame).mT
-    directions = _directions(named, axes)[why == _REACHED][:, counted]
-    _warn_of_thin_map(A[:, counted] * ratio, directions, axes, np.array(_AXES)[counted])
-    tau = chain.compute_torques(reached, rest, rest) - push @ A
-    directions = chain.preload_directions(reached)
-    pairs = zip(tau, directions, strict=True)
-    holding = np.array([within_limits(*each, limits) for each in pairs]).reshape(tau.shape)
-    used = largest_part(tau, directions, limits)
-    results = _conditions(A[:, counted] * ratio), holding, used
-    condition, torque, used = (_on_grid(why == _REACHED, values) for values in results)
+    ratio = (mechanism.motor_scale / units)[is_prescribed]
+    A_start = torques_of_wrenches(chain, home, frame).mT[is_prescribed] * ratio
+    _require_motion(A_start, names, axes)
+
+    poses, start_place = _poses(start_pose, zero, prescribed, axes)
+    why, q = _flood(chain, guide, home, poses, start_place)
+    reached = why == _REACHED
+    G_T = torques_of_wrenches(chain, q[reached], frame).mT
+    A = G_T[:, is_prescribed] * ratio
+    directions = _directions(prescribed, axes)[reached][:, is_prescribed]
+    _warn_of_thin_map(A, directions, axes, names)
+
+    # Torques that hold the poses, with the preload that keeps them within the limits.
+    tau = chain.compute_torques(q[reached], zero_rates, zero_rates) - load @ G_T
+    preloads = chain.preload_directions(q[reached])
+    holding = np.empty(tau.shape)
+    for k in range(len(tau)):
+        holding[k] = within_limits(tau[k], preloads[k], limits)
     motors = columns_of("tau", chain.motor_names, chain.motor_units)
-    columns = *motors, *columns_of("q", chain.position_names, chain.position_units)
-    values = named[axes[0]], named[axes[1]]
-    return ReachMap(axes, values, poses, why, q, condition, torque, used, columns)
+    joints = columns_of("q", chain.position_names, chain.position_units)
+    return ReachMap(
+        axes=axes,
+        values=(prescribed[axes[0]], prescribed[axes[1]]),
+        poses=poses,
+        why=why,
+        q=q,
+        condition=_on_grid(reached, _conditions(A)),
+        torque=_on_grid(reached, holding),
+        used=_on_grid(reached, largest_part(tau, preloads, limits)),
+        columns=(*motors, *joints),
+    )
 
 
 def _on_grid(reached: Flags, values: Array) -> Array:
@@ -205,129 +234,180 @@ def _on_grid(reached: Flags, values: Array) -> Array:
     return grid
 
 
-def _grid_axes(named: dict[str, Array]) -> tuple[str, str]:
+def _grid_axes(prescribed: Mapping[str, Array]) -> tuple[str, str]:
     """The two components that are grids."""
-    axes = tuple(name for name, v in named.items() if v.ndim)
-    if len(axes) != 2 or any(named[axis].ndim != 1 for axis in axes):
+    axes = [name for name, values in prescribed.items() if values.ndim > 0]
+    if len(axes) != 2 or any(prescribed[axis].ndim != 1 for axis in axes):
         raise InputError(", ".join(_AXES), "exactly two of them must be arrays, of shape (N,)")
     for axis in axes:
-        if len(named[axis]) < 2 or (np.diff(named[axis]) <= 0).any():
+        if len(prescribed[axis]) < 2 or (np.diff(prescribed[axis]) <= 0).any():
             raise InputError(axis, "a grid has two values or more, increasing")
     return axes[0], axes[1]
 
 
-def _motor_guide(chain: ClosedChain, frame: str, counted: Flags) -> FrameGuide:
-    """A guide of the frame's components that count, driven by the motors."""
-    mechanism, each = chain.mechanism, np.eye(chain.mechanism.model.nv)
+def _motor_guide(
+    chain: ClosedChain, frame: str, with_position: bool, with_orientation: bool
+) -> FrameGuide:
+    """A guide that moves the frame's position or orientation by the motors."""
+    mechanism = chain.mechanism
+    unit_rates = np.eye(mechanism.model.nv)
 
     def motor_rates(q: Array) -> Array:
         """Rates of the motors by those of all joints, free of units."""
-        on_lines = chain.engine.line_rates(q, each) @ mechanism.lines.motors
+        on_lines = chain.engine.line_rates(q, unit_rates) @ mechanism.lines.motors
         per_unit = mechanism.rate_scale / mechanism.motor_scale[:, None]
         return np.asarray((mechanism.motors + on_lines).T * per_unit)
 
-    generic, (position, _, _, orientation, _, _) = chain.generic_configuration(), map(bool, counted)
-    return FrameGuide(mechanism, generic, frame, position, orientation, motor_rates)
+    generic = chain.generic_configuration()
+    return FrameGuide(mechanism, generic, frame, with_position, with_orientation, motor_rates)
 
 
-def _require_motion(A: Array, counted: NDArray[np.str_], axes: Sequence[str]) -> None:
-    """Refuse a frame that cannot move along the grid from the start."""
-    rest = np.eye(len(A)) - A @ np.linalg.pinv(A, rcond=RANK_TOLERANCE)
+def _require_motion(A: Array, names: NDArray[np.str_], axes: Sequence[str]) -> None:
+    """Refuse a frame that cannot move along the grid from the start.
+
+    A maps rates of the motors to the prescribed components, whose names are given.
+    """
+    residual = np.eye(len(A)) - A @ np.linalg.pinv(A, rcond=RANK_TOLERANCE)
     for axis in axes:
-        if np.abs(rest[:, counted == axis]).max() > np.sqrt(RANK_TOLERANCE):
-            others = ", ".join(counted[counted != axis])
+        if np.abs(residual[:, names == axis]).max() > np.sqrt(RANK_TOLERANCE):
+            others = ", ".join(names[names != axis])
             problem = f"at the start the motors cannot move the frame along it with {others} fixed"
             cause = "the robot has fewer freedoms or motors, or the start is singular"
             raise InputError(axis, f"{problem}: {cause}")
 
 
-def _directions(named: dict[str, Array], axes: tuple[str, str]) -> Array:
+def _directions(prescribed: Mapping[str, Array], axes: tuple[str, str]) -> Array:
     """Twists [linear; angular] along both axes of the grid at its poses, shape (N, M, 6, 2)."""
-    mesh = np.meshgrid(*(named[axis] for axis in axes), indexing="ij")
-    angles = {name: named.get(name, np.zeros(())) for name in ("pitch", "yaw")}
-    angles |= {axis: values for axis, values in zip(axes, mesh, strict=True) if axis in angles}
-    pitch, yaw = (np.broadcast_to(angles[name], mesh[0].shape) for name in ("pitch", "yaw"))
-    zero = np.zeros(mesh[0].shape)
-    one = np.ones(mesh[0].shape)
+    grid = _meshes(prescribed, axes)
+    shape = grid[axes[0]].shape
+    angles = {"pitch": np.zeros(shape), "yaw": np.zeros(shape)}
+    for name in angles:
+        if name in grid:
+            angles[name] = grid[name]
+        elif name in prescribed:
+            angles[name] = np.full(shape, prescribed[name])
+    pitch = angles["pitch"]
+    yaw = angles["yaw"]
+    zero = np.zeros(shape)
+    one = np.ones(shape)
     # The orientation is R_z(yaw) R_y(pitch) R_x(roll).
-    about = {
+    rotation_axes = {
         "roll": [np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)],
         "pitch": [-np.sin(yaw), np.cos(yaw), zero],
         "yaw": [zero, zero, one],
     }
-    twists = np.zeros((*mesh[0].shape, 6, 2))
+    twists = np.zeros((*shape, 6, 2))
     for k, axis in enumerate(axes):
-        if axis in about:
-            twists[..., 3:, k] = np.stack(about[axis], axis=-1)
+        if axis in rotation_axes:
+            twists[..., 3:, k] = np.stack(rotation_axes[axis], axis=-1)
         else:
             twists[..., _AXES.index(axis), k] = 1.0
     return twists
 
 
+def _meshes(prescribed: Mapping[str, Array], axes: tuple[str, str]) -> dict[str, Array]:
+    """The values of both axes on the grid, each of shape (N, M)."""
+    first, second = np.meshgrid(prescribed[axes[0]], prescribed[axes[1]], indexing="ij")
+    return {axes[0]: first, axes[1]: second}
+
+
 def _warn_of_thin_map(
-    A: Array, directions: Array, axes: tuple[str, str], counted: NDArray[np.str_]
+    A: Array, directions: Array, axes: tuple[str, str], names: NDArray[np.str_]
 ) -> None:
     """Warn if at most poses that are reached the frame cannot move along both axes of the grid.
 
-    A maps rates of the motors to the components that count, free of units, shape (k, c, motors);
-    directions have shape (k, c, 2).
+    A maps rates of the motors to the prescribed components of these names, free of units, shape
+    (k, c, motors); directions have shape (k, c, 2).
     """
-    left = directions - A @ (np.linalg.pinv(A, rcond=RANK_TOLERANCE) @ directions)
-    stuck = np.abs(left).max(axis=(1, 2)) > np.sqrt(RANK_TOLERANCE)
-    if stuck.sum() > len(stuck) / 2:
+    residual = directions - A @ (np.linalg.pinv(A, rcond=RANK_TOLERANCE) @ directions)
+    is_stuck = np.abs(residual).max(axis=(1, 2)) > np.sqrt(RANK_TOLERANCE)
+    if is_stuck.sum() > len(is_stuck) / 2:
         warn_caller(
-            f"at {stuck.sum()} of {len(stuck)} poses that are reached the frame cannot move along "
-            f"both {axes[0]} and {axes[1]} with {', '.join(counted)} prescribed, so the map holds "
-            "only some lines of the grid; take the joints as the grid: assemble(...) for a batch "
-            "of coordinates, then frame_placement",
+            f"at {is_stuck.sum()} of {len(is_stuck)} poses that are reached the frame cannot move "
+            f"along both {axes[0]} and {axes[1]} with {', '.join(names)} prescribed, so the map "
+            "holds only some lines of the grid; take the joints as the grid: assemble(...) for a "
+            "batch of coordinates, then frame_placement",
             RuntimeWarning,
         )
 
 
 def _poses(
-    start: pin.SE3, zero: Array, named: dict[str, Array], axes: tuple[str, str]
+    start: pin.SE3, zero: Array, prescribed: Mapping[str, Array], axes: tuple[str, str]
 ) -> tuple[Array, Array]:
-    """Poses of the grid, shape (N, M, 4, 4), and where the start is on it, in steps."""
-    grid = dict(zip(axes, np.meshgrid(*(named[axis] for axis in axes), indexing="ij"), strict=True))
-    here = dict(zip(_AXES, [*start.translation, *np.zeros(3)], strict=True)) | named | grid
-    numbers = np.stack(np.broadcast_arrays(*(here[axis] for axis in _AXES)), axis=-1)
-    rows = numbers.reshape(-1, 6)
-    poses = [pin.SE3(pin.rpy.rpyToMatrix(x[3:]) @ zero, x[:3]).homogeneous for x in rows]
-    angles = pin.rpy.matrixToRpy(start.rotation @ zero.T)
-    begin = dict(zip(_AXES, [*start.translation, *angles], strict=True))
-    places = [np.interp(begin[axis], named[axis], np.arange(len(named[axis]))) for axis in axes]
-    return np.reshape(poses, (*numbers.shape[:2], 4, 4)), np.array(places)
+    """Poses of the grid, shape (N, M, 4, 4), and the place of the start on it, in grid steps.
+
+    `zero` is the orientation where the angles are 0.
+    """
+    # Components that are not prescribed: the position of the start, and angles of zero.
+    values: dict[str, ArrayLike] = {"x": start.translation[0], "y": start.translation[1]}
+    values |= {"z": start.translation[2], "roll": 0.0, "pitch": 0.0, "yaw": 0.0}
+    values |= prescribed
+    values |= _meshes(prescribed, axes)
+    shape = (len(prescribed[axes[0]]), len(prescribed[axes[1]]))
+    numbers = np.stack([np.broadcast_to(values[axis], shape) for axis in _AXES], axis=-1)
+    poses = np.empty((*shape, 4, 4))
+    for point in np.ndindex(shape):
+        position, angles = np.split(numbers[point], 2)
+        poses[point] = pin.SE3(pin.rpy.rpyToMatrix(angles) @ zero, position).homogeneous
+
+    angles_of_start = pin.rpy.matrixToRpy(start.rotation @ zero.T)
+    components = dict(zip(_AXES, [*start.translation, *angles_of_start], strict=True))
+    place = []
+    for axis in axes:
+        grid = prescribed[axis]
+        place.append(np.interp(components[axis], grid, np.arange(len(grid))))
+    return poses, np.array(place)
 
 
 def _flood(
-    chain: ClosedChain, guide: FrameGuide, home: Array, poses: Array, nearest: Array
+    chain: ClosedChain, guide: FrameGuide, home: Array, poses: Array, start_place: Array
 ) -> tuple[NDArray[np.int8], Array]:
-    """Reasons and configurations of all poses, found from neighbour to neighbour."""
+    """Reasons and configurations of all poses, from neighbour to neighbour.
+
+    The poses next to the start are tried from it. Each pose that is reached adds its neighbours to
+    the queue, with its configuration as their start.
+    """
     shape = poses.shape[:2]
 
-    def beyond(q: Array) -> list[str]:
-        """Joints outside their limits."""
-        return [name for f in chain.check_limits(q) if not f.singular for name in f.joints]
+    def joints_beyond_limits(q: Array) -> list[str]:
+        joints: list[str] = []
+        for finding in chain.check_limits(q):
+            if not finding.singular:
+                joints.extend(finding.joints)
+        return joints
 
-    if joints := beyond(home):
+    joints = joints_beyond_limits(home)
+    if joints:
         raise InputError("start", f"outside the limits of {listed(joints)}")
     why = np.full(shape, _CUT_OFF, dtype=np.int8)
     q = np.full((*shape, len(home)), np.nan)
-    far = np.linalg.norm(np.indices(shape) - nearest[:, None, None], axis=0)
-    first = np.argsort(far, axis=None, kind="stable")[:_FIRST]
-    queue = deque((home, divmod(int(k), shape[1])) for k in first)
-    left = iter(lambda: queue.popleft() if queue else None, None)
-    for before, point in counted(left, "reach_map, poses tried"):
-        if why[point] == _REACHED:
+    distances = np.linalg.norm(np.indices(shape) - start_place[:, None, None], axis=0)
+    queue = deque[tuple[Array, tuple[int, int]]]()
+    for k in np.argsort(distances, axis=None, kind="stable")[:_FIRST]:
+        queue.append((home, divmod(int(k), shape[1])))
+
+    def tries() -> Iterator[tuple[Array, tuple[int, int]]]:
+        while queue:
+            yield queue.popleft()
+
+    for before, (i, j) in counted(tries(), "reach_map, poses tried"):
+        if why[i, j] == _REACHED:
             continue
-        end = guide.follow(before, pin.SE3(poses[point]), _SHORTEST)
-        reason = _SINGULAR if end.singular else _OUT if end.missed else _LIMITS
-        if not end.missed and not beyond(end.q):
-            reason, q[point] = _REACHED, end.q
-            i, j = point
-            around = (i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)
-            queue += [(end.q, (a, b)) for a, b in around if 0 <= a < shape[0] and 0 <= b < shape[1]]
-        why[point] = min(why[point], reason)
+        end = guide.follow(before, pin.SE3(poses[i, j]), _SHORTEST)
+        if end.singular:
+            reason = _SINGULAR
+        elif end.missed:
+            reason = _OUT
+        else:
+            reason = _LIMITS
+        if not end.missed and not joints_beyond_limits(end.q):
+            reason = _REACHED
+            q[i, j] = end.q
+            for a, b in ((i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)):
+                if 0 <= a < shape[0] and 0 <= b < shape[1]:
+                    queue.append((end.q, (a, b)))
+        # A pose may be tried from several neighbours: the smallest code counts.
+        why[i, j] = min(why[i, j], reason)
     return why, q
 
 

@@ -104,10 +104,10 @@ def test_redundant_motors_and_lines_are_explained():
     assert np.abs(r).max() < 1e-4 * np.abs(tau).max()
 
 
-def test_components_that_coordinates_cannot_tell_apart_are_refused():
+def test_components_that_coordinates_cannot_distinguish_are_refused():
     lift = robots.five_bar()
     observer = ForceObserver(lift, 10.0)
-    with pytest.raises(InputError, match="2 coordinates cannot tell fx, fy, fz of platform apart"):
+    with pytest.raises(InputError, match="2 coordinates cannot distinguish fx, fy, fz of platform"):
         observer.wrench(lift.home, [1.0, 2.0], "platform", ["fx", "fy", "fz"])
     w = observer.wrench(lift.home, [1.0, 2.0], "platform", ["fx", "fy"])
     np.testing.assert_allclose(lift.frame_jacobian(lift.home, "platform").T @ w, [1, 2], rtol=1e-9)
