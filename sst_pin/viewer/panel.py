@@ -63,7 +63,8 @@ def _asset(name: str) -> str:
 def curves_of(robot: ClosedChain, motion: Trajectory) -> list[dict[str, Any]]:
     """Sets of curves: torques, angles, rates and powers, see `_set`."""
     motors = robot.motor_names
-    symbols, watts = [f"P_{k + 1}" for k in range(len(motors))], ["W"] * len(motors)
+    symbols = [f"P_{k + 1}" for k in range(len(motors))]
+    watts = ["W"] * len(motors)
     return [
         torques_of(robot, motion.tau),
         joints_of(robot, motion.q),
@@ -128,9 +129,10 @@ def _set(
 
 
 def warnings_of(robot: ClosedChain, motion: Trajectory | Array) -> list[str]:
-    """Warnings for a motion or configuration: open loops, then the findings of `robot.check`."""
+    """Warnings of a motion or configuration: open loops, then findings of `check_limits`."""
     t, q = samples_of(robot.mechanism, motion)
-    residuals, lines = np.abs(robot.residual(q)).max(axis=1, initial=0.0), []
+    lines = []
+    residuals = np.abs(robot.residual(q)).max(axis=1, initial=0.0)
     residuals[robot.engine.loops.are_closed(q)] = 0.0
     worst = int(residuals.argmax())
     if residuals[worst]:
@@ -145,19 +147,22 @@ def live_data(robot: ClosedChain, scene: Scene, q: Array, va: Array) -> dict[str
     The page starts at q and va, shapes (nq,) and (n,).
     """
     mechanism = robot.mechanism
-    model, space = mechanism.model, mechanism.space
-    fall = float(np.linalg.norm(model.gravity.linear)) or 9.81
-    weight = fall * sum(body.mass for body in model.inertias)
+    model = mechanism.model
+    space = mechanism.space
+    gravity = float(np.linalg.norm(model.gravity.linear)) or 9.81
+    weight = gravity * sum(body.mass for body in model.inertias)
     motors = torques_of(robot, np.zeros((1, len(robot.motor_names))))
     efforts = np.abs(mechanism.motors).T @ np.minimum(model.effortLimit, 10 * _FAR)
     motors["limits"] = [x if 0 < x < _FAR else None for x in efforts.tolist()]
+    # The largest torque of a slider: the weight of the robot at half of its length.
+    largest = [weight * (scene.size / 2 if u == "N m" else 1) for u in motors["units"]]
     return {
         "q": q.tolist(),
         "va": va.tolist(),
         "size": scene.size,
-        "fall": fall,
+        "fall": gravity,
         "motors": motors,
-        "largest": [weight * (scene.size / 2 if u == "N m" else 1) for u in motors["units"]],
+        "largest": largest,
         "coordinates": list(_coordinates(robot, q, scene.size)),
         "scales": [scene.size if unit == "m" else 1.0 for unit in space.position_units],
         "bounds": list(_bounds(robot)),
@@ -186,60 +191,99 @@ def live_data(robot: ClosedChain, scene: Scene, q: Array, va: Array) -> dict[str
 
 
 def _coordinates(robot: ClosedChain, q: Array, size: float) -> Iterator[dict[str, Any]]:
-    """Sliders of the coordinates: a position, an unlimited angle, or a rate while it is held."""
-    model, space = robot.mechanism.model, robot.mechanism.space
-    joints = {k: x for x in list(model.joints)[1:] for k in range(x.idx_v, x.idx_v + x.nv)}
+    """Sliders of the coordinates.
+
+    The kind of a slider is "position", an entry i of q; "angle", a cosine and a sine from i on; or
+    "rate", one of several rates of a joint, which moves while the slider is held.
+    """
+    model = robot.mechanism.model
+    space = robot.mechanism.space
+    joint_of_rate = {}
+    for joint in list(model.joints)[1:]:
+        for k in range(joint.idx_v, joint.idx_v + joint.nv):
+            joint_of_rate[k] = joint
     for k in space.rates_of(robot.coordinates).tolist():
-        joint, unit = joints[k], space.rate_units[k]
-        span = np.pi if unit == "rad" else 2 * size
-        kind, i, low, high = "rate", joint.idx_q, -span, span
+        joint = joint_of_rate[k]
+        unit = space.rate_units[k]
+        half_range = np.pi if unit == "rad" else 2 * size
+        i = joint.idx_q
+        low = -half_range
+        high = half_range
         if joint.nq == joint.nv:
-            kind, i = "position", joint.idx_q + k - joint.idx_v
-            low, high = model.lowerPositionLimit[i], model.upperPositionLimit[i]
-            if max(abs(low), abs(high)) >= (_TURN if unit == "rad" else 4 * size):
+            kind = "position"
+            i = joint.idx_q + k - joint.idx_v
+            low = model.lowerPositionLimit[i]
+            high = model.upperPositionLimit[i]
+            no_limit = _TURN if unit == "rad" else 4 * size
+            if max(abs(low), abs(high)) >= no_limit:
                 middle = 0.0 if unit == "rad" else q[i]
-                low, high = middle - span, middle + span
-            low, high = min(low, q[i]), max(high, q[i])
-        elif (joint.nq, joint.nv) == (2, 1):
+                low = middle - half_range
+                high = middle + half_range
+            # The start is on the slider, even if it is beyond the limits.
+            low = min(low, q[i])
+            high = max(high, q[i])
+        elif joint.nv == 1:
             kind = "angle"
-        slider = {"name": space.rate_names[k], "unit": unit, "kind": kind, "i": i}
-        scale = size if unit == "m" else 1.0
-        yield slider | {"low": float(low), "high": float(high), "scale": scale}
+        else:
+            kind = "rate"
+        yield {
+            "name": space.rate_names[k],
+            "unit": unit,
+            "kind": kind,
+            "i": i,
+            "low": float(low),
+            "high": float(high),
+            "scale": size if unit == "m" else 1.0,
+        }
 
 
 def _stops(robot: ClosedChain, q: Array) -> Iterator[dict[str, Any]]:
-    """Limits of joints that turn about one axis or slide along one; a start beyond them is free."""
+    """Limits of joints that turn about one axis or slide along one.
+
+    A start beyond a limit moves the limit there.
+    """
     model = robot.mechanism.model
     for joint in list(model.joints)[1:]:
-        if (joint.nq, joint.nv) != (1, 1):
+        if joint.nq != 1 or joint.nv != 1:
             continue
         i = joint.idx_q
-        axis = np.ravel(joint.createData().S)
-        turns = not axis[:3].any()
-        low, high = float(model.lowerPositionLimit[i]), float(model.upperPositionLimit[i])
-        if (turns or not axis[3:].any()) and (low > -_FAR or high < _FAR):
-            yield {
-                "i": i,
-                "body": joint.id,
-                "parent": int(model.parents[joint.id]),
-                "turns": turns,
-                "axis": axis[3:].tolist() if turns else axis[:3].tolist(),
-                "low": max(min(low, float(q[i])), -_FAR),
-                "high": min(max(high, float(q[i])), _FAR),
-            }
+        low = float(model.lowerPositionLimit[i])
+        high = float(model.upperPositionLimit[i])
+        if low <= -_FAR and high >= _FAR:
+            continue
+        linear, angular = np.split(np.ravel(joint.createData().S), 2)
+        is_revolute = not linear.any()
+        if not is_revolute and angular.any():  # a screw
+            continue
+        yield {
+            "i": i,
+            "body": joint.id,
+            "parent": int(model.parents[joint.id]),
+            "turns": is_revolute,
+            "axis": angular.tolist() if is_revolute else linear.tolist(),
+            "low": max(min(low, float(q[i])), -_FAR),
+            "high": min(max(high, float(q[i])), _FAR),
+        }
 
 
 def _bounds(robot: ClosedChain) -> Iterator[dict[str, Any]]:
-    """Limits of the joints' positions, and arcs that they run on."""
-    model, arcs = robot.mechanism.model, robot.appearance.arcs
-    over = over_limits(robot.mechanism).tolist()
-    ends = [("limits", model.lowerPositionLimit, model.upperPositionLimit)]
-    ends += [] if arcs is None else [("arc", *arcs)]
-    for what, low, high in ends:
-        for i, (name, unit) in enumerate(
-            zip(robot.position_names, robot.position_units, strict=True)
-        ):
-            least, most = np.clip((low[i], high[i]), -_FAR, _FAR).tolist()
-            if unit and (least, most) != (-_FAR, _FAR):
-                bound = {"low": least - over[i], "high": most + over[i]}
-                yield {"name": name, "unit": unit, "i": i, "what": what} | bound
+    """Limits of the joints' positions, and of arcs that they run on, with their tolerances."""
+    model = robot.mechanism.model
+    tolerances = over_limits(robot.mechanism).tolist()
+    kinds = [("limits", model.lowerPositionLimit, model.upperPositionLimit)]
+    if robot.appearance.arcs is not None:
+        lower, upper = robot.appearance.arcs
+        kinds.append(("arc", lower, upper))
+    for kind, lower, upper in kinds:
+        for i, unit in enumerate(robot.position_units):
+            low, high = np.clip((lower[i], upper[i]), -_FAR, _FAR).tolist()
+            if not unit or (low == -_FAR and high == _FAR):
+                continue
+            yield {
+                "name": robot.position_names[i],
+                "unit": unit,
+                "i": i,
+                "what": kind,
+                "low": low - tolerances[i],
+                "high": high + tolerances[i],
+            }

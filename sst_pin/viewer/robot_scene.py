@@ -32,7 +32,8 @@ TRAIL_SIDES = 8
 #: The largest arrow, as a share of the robot's length.
 _ARROW = 0.45
 #: Directions in which the robot's reach is computed, and samples of a motion for it.
-_DIRECTIONS, _SAMPLES = 150, 60
+_DIRECTIONS = 150
+_SAMPLES = 60
 #: Unit vectors are parallel if their cross product is smaller.
 _PARALLEL = 1e-3
 
@@ -125,20 +126,31 @@ class Scene:
         as shares of the largest, shape (n, ...); `wanted` are configurations of the reference path,
         q by default.
         """
+        # The outermost points of each mover's shapes; arrows are at their largest in both senses.
+        points_of_movers: dict[str, list[Array]] = {}
+
+        def add(shape: Shape, at: Array) -> None:
+            points = _farthest(moved(shape.mesh.vertices, at))
+            points_of_movers.setdefault(shape.mover, []).append(points)
+
+        for shape in self.shapes:
+            if self.layers[shape.layer]:
+                add(shape, shape.at)
         largest = np.abs(effort).max(axis=0)
-        solids = [(shape, shape.at) for shape in self.shapes if self.layers[shape.layer]]
-        solids += [(a.shape, a.at(sign * largest)) for a in self.arrows for sign in (1, -1)]
-        clouds: dict[str, list[Array]] = {}
-        for shape, at in solids:
-            clouds.setdefault(shape.mover, []).append(_farthest(moved(shape.mesh.vertices, at)))
-        points = np.zeros((0, 3))
+        for arrow in self.arrows:
+            add(arrow.shape, arrow.at(largest))
+            add(arrow.shape, arrow.at(-largest))
+
+        outermost = np.zeros((0, 3))
         if self.layers.get("trail"):
-            points = self._path(q if wanted is None else np.vstack([q, wanted]))
+            outermost = self._path(q if wanted is None else np.vstack([q, wanted]))
         for i in np.unique(np.linspace(0, len(q) - 1, _SAMPLES).round().astype(int)):
             poses = self.poses(q[i])
-            placed = [moved(np.vstack(cloud), poses[mover]) for mover, cloud in clouds.items()]
-            points = _farthest(np.vstack([points, *placed]))
-        return points
+            for mover, points in points_of_movers.items():
+                placed = moved(np.vstack(points), poses[mover])
+                outermost = np.vstack([outermost, placed])
+            outermost = _farthest(outermost)
+        return outermost
 
     def trail(self, q: Array) -> Shape:
         """The path of the point as a thick line, which the page draws up to the current time."""
@@ -151,15 +163,21 @@ class Scene:
 
     def _face(self, axes: list[sketch.Axis]) -> list[float] | None:
         """The normal of a robot whose joints all move it in parallel planes, else None."""
-        self._joints(self.start)
-        directions = [self._data.oMi[axis.mover].rotation @ axis.direction for axis in axes]
-        turning = [d for axis, d in zip(axes, directions, strict=True) if axis.turns]
-        sliding = [d for axis, d in zip(axes, directions, strict=True) if not axis.turns]
-        if not turning:
+        joints = self._joints(self.start)
+        rotation_axes = []
+        slide_axes = []
+        for axis in axes:
+            direction = joints[axis.mover, :3, :3] @ axis.direction
+            if axis.turns:
+                rotation_axes.append(direction)
+            else:
+                slide_axes.append(direction)
+        if not rotation_axes:
             return None
-        normal = turning[0]
-        planar = all(np.linalg.norm(np.cross(d, normal)) < _PARALLEL for d in turning)
-        if not planar or any(abs(d @ normal) > _PARALLEL for d in sliding):
+        normal = rotation_axes[0]
+        if any(np.linalg.norm(np.cross(d, normal)) >= _PARALLEL for d in rotation_axes):
+            return None
+        if any(abs(d @ normal) > _PARALLEL for d in slide_axes):
             return None
         # From above, from the front, or from the right: the views of technical drawings.
         sign = 1.0 if normal @ (1, -1, 1) > 0 else -1.0
@@ -169,14 +187,15 @@ class Scene:
         return [float(x), float(y), float(z)]
 
     def _joints(self, q: Array) -> Array:
+        """Placements of the joints, homogeneous, shape (joints, 4, 4)."""
         pin.forwardKinematics(self._model, self._data, q)
         return np.array([at.homogeneous for at in self._data.oMi])
 
     def _path(self, q: Array) -> Array:
+        """Positions of the point at configurations q, shape (n, nq): (n, 3), [m]."""
         assert self.point is not None
-        joint = self.point.joint
-        origin = self.point.placement.translation
-        return np.array([self._data.oMi[joint].act(origin) for _ in map(self._joints, q)])
+        poses = np.array([self._joints(x)[self.point.joint] for x in q])
+        return poses[:, :3, :3] @ self.point.placement.translation + poses[:, :3, 3]
 
     def _size(self, robot: ClosedChain) -> float:
         """A length of the robot, [m]: given, or a quarter of the diagonal of its bounding box."""

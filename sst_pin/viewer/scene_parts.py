@@ -111,15 +111,13 @@ class Strut(NamedTuple):
     """A straight line between two points that move: its shape is one unit long, along z."""
 
     shape: Shape  #: Its mover is the strut's own name.
-    joints: tuple[int, int]  #: Joints whose bodies bear the ends.
+    joints: tuple[int, int]  #: Joints whose bodies carry the ends.
     points: Array  #: The ends on these bodies, shape (2, 3), [m].
 
     def at(self, poses: Array) -> Array:
         """Placement of the strut, for those of all joints, homogeneous, shape (joints, 4, 4)."""
-        start, end = (
-            poses[joint, :3, :3] @ point + poses[joint, :3, 3]
-            for joint, point in zip(self.joints, self.points, strict=True)
-        )
+        start = moved(self.points[:1], poses[self.joints[0]])[0]
+        end = moved(self.points[1:], poses[self.joints[1]])[0]
         matrix = homogeneous(along(end - start), start)
         matrix[:3, 2] *= max(float(np.linalg.norm(end - start)), 1e-9)
         return matrix
@@ -143,7 +141,8 @@ def moved(points: Array, at: Array) -> Array:
 def homogeneous(R: Array, translation: Array) -> Array:
     """A placement, shape (4, 4)."""
     matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = R, translation
+    matrix[:3, :3] = R
+    matrix[:3, 3] = translation
     return matrix
 
 

@@ -28,10 +28,13 @@ _CONTACT = "#00796B"
 #: Colours of the axes x, y, z of a frame.
 _XYZ = ("#C0392B", "#27AE60", "#2E5FA8")
 #: Radii as shares of the robot's length.
-_BONE_RADIUS, _JOINT_RADIUS, _END_RADIUS = 0.022, 0.055, 0.04
+_BONE_RADIUS = 0.022
+_JOINT_RADIUS = 0.055
+_END_RADIUS = 0.04
 #: Radius of the point of a contact, and of a sphere that would hide the arrow of its contact, as
 #: shares of the largest arrow's scale.
-_CONTACT_RADIUS, _HIDING = 0.08, 0.2
+_CONTACT_RADIUS = 0.08
+_HIDING = 0.2
 #: Turns of the coil of a spring.
 _TURNS = 8
 #: Frames of fixed links and of points, such as a foot or a tool.
@@ -55,22 +58,26 @@ def axes_of(model: pin.Model, data: pin.Data, q: Array) -> list[Axis]:
     on the body that the joint moves, for the configuration q.
     """
     J = pin.computeJointJacobians(model, data, q).reshape(6, -1)
-    owners = [(k, model.joints[k].nv) for k in range(1, model.njoints)]
     axes = []
-    for i, (number, count) in enumerate(owner for owner in owners for _ in range(owner[1])):
-        mover = int(model.parents[number]) if count == 1 else number
-        at = data.oMi[mover]
-        origin = data.oMi[number].translation
-        v = J[:3, i] + np.cross(J[3:, i], origin)
-        w = J[3:, i]
-        turns = bool(np.linalg.norm(w) > 1e-9)
-        direction = w if turns else v
-        direction = at.rotation.T @ (direction / np.linalg.norm(direction))
-        if turns:
-            origin = at.actInv(origin + np.cross(w, v) / (w @ w))
-        else:
-            origin = model.jointPlacements[number].translation if count == 1 else np.zeros(3)
-        axes.append(Axis(number, mover, turns, direction, origin))
+    for number in range(1, model.njoints):
+        joint = model.joints[number]
+        single = joint.nv == 1
+        mover = int(model.parents[number]) if single else number
+        place = data.oMi[mover]
+        joint_origin = data.oMi[number].translation
+        for k in range(joint.idx_v, joint.idx_v + joint.nv):
+            # The twist of a rate of 1, at the origin of the joint's frame.
+            w = J[3:, k]
+            v = J[:3, k] + np.cross(w, joint_origin)
+            turns = bool(np.linalg.norm(w) > 1e-9)
+            if turns:
+                direction = w
+                origin = place.actInv(joint_origin + np.cross(w, v) / (w @ w))
+            else:
+                direction = v
+                origin = model.jointPlacements[number].translation if single else np.zeros(3)
+            direction = place.rotation.T @ (direction / np.linalg.norm(direction))
+            axes.append(Axis(number, mover, turns, direction, origin))
     return axes
 
 
@@ -150,15 +157,16 @@ def struts(robot: ClosedChain, axes: Sequence[Axis], size: float) -> Iterator[St
     line = tube([(0, 0, 0), (0, 0, 1)], _BONE_RADIUS * size)
     rods = [closure for closure in robot.closures if isinstance(closure, Distance)]
     drawn: list[tuple[Distance | LineForce | Rope, Shape]] = list(_lines(robot, size))
-    drawn += [(x, Shape(f"rod_{k}", "bodies", "rod", line, _BONE)) for k, x in enumerate(rods)]
+    for k, rod in enumerate(rods):
+        drawn.append((rod, Shape(f"rod_{k}", "bodies", "rod", line, _BONE)))
     cord = Mesh(line.vertices * (0.3, 0.3, 1), line.faces)
     for k, rope in enumerate(robot.mechanism.contacts.ropes):
         drawn.append((rope, Shape(f"rope_{k}", "bodies", f"rope {rope}", cord, _BONE)))
     for ends, shape in drawn:
-        frames = [frame_named(robot.mechanism.model, name) for name in (ends.frame_a, ends.frame_b)]
-        a, b = (int(frame.parentJoint) for frame in frames)
-        points = np.array([frame.placement.translation for frame in frames])
-        yield Strut(shape, (a, b), points)
+        a = frame_named(robot.mechanism.model, ends.frame_a)
+        b = frame_named(robot.mechanism.model, ends.frame_b)
+        points = np.stack([a.placement.translation, b.placement.translation])
+        yield Strut(shape, (int(a.parentJoint), int(b.parentJoint)), points)
     thin = Mesh(line.vertices * (0.6, 0.6, 1), line.faces)
     for axis in axes:
         if not axis.turns and axis.mover != axis.joint:
@@ -231,7 +239,12 @@ def arrows_of(
             origin = origin - 0.93 * size * axis.direction
         matrix = homogeneous(size * R, origin)
         name = f"{motor + 1}_{model.names[axis.joint]}"
-        mesh, mirror = (torque, (1.0, -1.0, 1.0)) if axis.turns else (force, (1.0, 1.0, -1.0))
+        if axis.turns:
+            mesh = torque
+            mirror = (1.0, -1.0, 1.0)
+        else:
+            mesh = force
+            mirror = (1.0, 1.0, -1.0)
         colour = HUES[motor % len(HUES)]
         shape = Shape(str(axis.mover), "torques", name, mesh, colour, at=matrix)
         yield Arrow(shape, int(motor), float(share), mirror)

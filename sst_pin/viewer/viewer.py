@@ -11,7 +11,7 @@ from functools import cached_property, partial
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -55,6 +55,17 @@ from .server import Message, Server
 _MOST_SAMPLES = 600
 #: The longest arrow of a contact, in weights of the robot, if a force is larger.
 _MOST_WEIGHTS = 2.0
+
+
+class _ReactionArrows(NamedTuple):
+    """Reactions of some samples, as the page shows them."""
+
+    shares: Array | None  #: As shares of the largest, shape (n, reactions, 3); None without arrows.
+    curves: list[dict[str, Any]]
+    note: str
+
+
+_NO_REACTIONS = _ReactionArrows(None, [], "")
 
 
 class Viewer:
@@ -101,10 +112,15 @@ class Viewer:
     ) -> None:
         if not isinstance(reactions, bool | Mapping):
             raise InputError("reactions", f"{reactions!r} is no bool and no dict of stiffnesses")
-        self._loaded = reactions is not False
+        self._with_reactions = reactions is not False
         self._stiffness = None if isinstance(reactions, bool) else reactions
         self._scene = Scene(
-            robot, visual_model, axes=axes, frames=frames, frame=frame, reactions=self._loaded
+            robot,
+            visual_model,
+            axes=axes,
+            frames=frames,
+            frame=frame,
+            reactions=self._with_reactions,
         )
         self._robot = robot
         self._live = live
@@ -112,7 +128,6 @@ class Viewer:
         self._drawing = MeshcatScene(self._scene)
         self._drawing.buffer.listener = self._tell
         self._panel: dict[str, Any] = {}
-        self._note = ""
         self.show(self._scene.start)
 
     def show(self, q: ArrayLike, tau: ArrayLike | None = None) -> None:
@@ -129,23 +144,41 @@ class Viewer:
         motors = len(self._robot.motor_names)
         q = single_array("q", q, (len(self._robot.position_names),))[None]
         curves = [joints_of(self._robot, q)]
-        effort = np.zeros((1, motors))
+        torque_shares = np.zeros((1, motors))
         if tau is not None:
             tau = single_array("tau", tau, (motors,))[None]
             curves = [torques_of(self._robot, tau), *curves]
-            effort = self._shares(tau)
-        rest = np.zeros((1, self._robot.degrees_of_freedom))
-        if self._loaded:
-            rates = q, rest, rest if tau is None else None
-            reactions = partial(self._robot.reactions, *rates, tau=tau, stiffness=self._stiffness)
-            effort, forces = self._with_forces(effort, reactions)
-            curves = forces + curves
-        effort = self._with_contacts(effort)
+            torque_shares = self._torque_shares(tau)
+        zero_rates = np.zeros((1, self._robot.degrees_of_freedom))
+        reactions = _NO_REACTIONS
+        if self._with_reactions:
+            accelerations = zero_rates if tau is None else None
+            reactions = self._reactions(
+                partial(
+                    self._robot.reactions,
+                    q,
+                    zero_rates,
+                    accelerations,
+                    tau=tau,
+                    stiffness=self._stiffness,
+                )
+            )
+            curves = reactions.curves + curves
+        no_contacts = np.zeros((1, 3 * len(self._scene.touches)))
+        effort = self._effort(torque_shares, reactions, no_contacts)
         self._drawing.place(q[0], effort[0])
         if self._live:  # its arrows of torques may become as long as they can
             effort[:, :motors] = 1.0
         reach = self._scene.outermost_points(q, effort)
-        self._describe("configuration", q[0], q[0], rest[0], reach, curves=curves)
+        self._describe(
+            "configuration",
+            q[0],
+            q[0],
+            zero_rates[0],
+            reach,
+            curves=curves,
+            note=reactions.note,
+        )
 
     def play(
         self,
@@ -176,46 +209,67 @@ class Viewer:
         Example:
             >>> viewer.play(motion, speed=0.1, title="falling")
         """
-        touching = None
+        rollout = None
         if isinstance(motion, NonsmoothRollout):
-            touching = motion
+            rollout = motion
             motion = self._states_of(motion)
         for name, each in (("motion", motion), ("ghost", ghost), ("wanted", wanted)):
             if each is not None:
                 require_motion(each, self._robot.mechanism, name)
-        ghost = None if ghost is None else _during(motion, ghost)
-        wanted = ghost if wanted is None else wanted
+        if ghost is not None:
+            ghost = _during(motion, ghost)
+        if wanted is None:
+            wanted = ghost
         speed = positive_number("speed", speed)
         if wanted is not None and len(wanted) == 1:
             raise InputError("wanted", "one sample, which is no path")
         if len(motion) == 1:
             self.show(motion.q[0], motion.tau[0])
             return
+
+        # Curves, and shares of torques, reactions and contacts for the arrows.
         samples = _samples(len(motion))
-        known = motion[samples]
-        effort = self._shares(known.tau)
-        if touching is not None:
-            curves = [joints_of(self._robot, known.q), rates_of(known)]
-            forces = _between(touching.contact_forces, samples)
-            effort = self._with_contacts(effort, forces)
-            if len(self._scene.touches):
+        shown = motion[samples]
+        reactions = _NO_REACTIONS
+        contact_shares = np.zeros((len(shown), 3 * len(self._scene.touches)))
+        note = ""
+        if rollout is not None:
+            curves = [joints_of(self._robot, shown.q), rates_of(shown)]
+            if self._scene.touches:
+                forces = _between(rollout.contact_forces, samples)
+                contact_shares, note = self._contact_shares(forces)
                 curves.insert(0, contacts_of(self._robot, forces))
         else:
-            curves = curves_of(self._robot, known)
-            if self._loaded:
-                reactions = partial(reactions_along, self._robot.engine, known, self._stiffness)
-                effort, more = self._with_forces(effort, reactions)
-                curves += more
-            effort = self._with_contacts(effort)
+            curves = curves_of(self._robot, shown)
+            if self._with_reactions:
+                engine = self._robot.engine
+                reactions = self._reactions(
+                    partial(reactions_along, engine, shown, self._stiffness)
+                )
+                curves += reactions.curves
+                note = reactions.note
+        effort = self._effort(self._torque_shares(shown.tau), reactions, contact_shares)
+
+        # The scene, and the points that the camera must see.
         reference = _thinned(wanted or motion).q
-        self._drawing.animate(known, effort, reference, ghost)
-        reach = self._scene.outermost_points(known.q, effort, reference)
+        self._drawing.animate(shown, effort, reference, ghost)
+        reach = self._scene.outermost_points(shown.q, effort, reference)
         layers = self._scene.layers
         if ghost is not None:
             reach = np.vstack([reach, self._scene.outermost_points(ghost.q, 0 * effort[:1])])
             layers = layers | {"ghost": True}
-        playing = {"t": known.t.tolist(), "speed": speed, "layers": layers, "curves": curves}
-        self._describe(title, motion, motion.q[0], motion.va[0], reach, **playing)
+        self._describe(
+            title,
+            motion,
+            motion.q[0],
+            motion.va[0],
+            reach,
+            t=shown.t.tolist(),
+            speed=speed,
+            layers=layers,
+            curves=curves,
+            note=note,
+        )
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -335,18 +389,19 @@ class Viewer:
         engine = (files("sst_pin.compiled") / "engine.js").read_text(encoding="utf-8")
         return f"{code}sst_functions.numbers = {numbers.tolist()};\n{engine}"
 
-    def _shares(self, tau: Array) -> Array:
+    def _torque_shares(self, tau: Array) -> Array:
         """Torques as shares of the largest torque, forces as shares of the largest force."""
         shares = np.zeros_like(tau)
         units = np.array(self._robot.motor_units)
         for unit in set(self._robot.motor_units):
-            alike = units == unit
-            shares[:, alike] = tau[:, alike] / (np.abs(tau[:, alike]).max(initial=0.0) or 1.0)
+            of_unit = units == unit
+            largest = np.abs(tau[:, of_unit]).max(initial=0.0)
+            shares[:, of_unit] = tau[:, of_unit] / (largest or 1.0)
         return shares
 
     def _states_of(self, motion: NonsmoothRollout) -> Trajectory:
         """The states of one nonsmooth motion up to its end, as a motion without torques."""
-        if self._loaded:
+        if self._with_reactions:
             problem = "not of a nonsmooth motion; pass a Trajectory, or reactions=False"
             raise InputError("reactions", problem)
         if motion.q.ndim != 2:
@@ -367,57 +422,71 @@ class Viewer:
         torques = np.zeros((count, len(mechanism.motor_names)))
         return trajectory_of(mechanism, motion.t[:count], q, va, np.zeros_like(va), torques)
 
-    def _with_contacts(self, effort: Array, forces: Array | None = None) -> Array:
-        """Torques and reactions, then forces of contacts as shares of the largest."""
-        count = len(self._scene.touches)
-        shares = np.zeros((len(effort), 3 * count))
-        if forces is not None and count:
-            sizes = np.linalg.norm(forces, axis=2, keepdims=True)
-            # An impact is hundreds of times larger than the forces of standing.
-            model = self._robot.mechanism.model
-            weight = np.linalg.norm(model.gravity.linear) * sum(x.mass for x in model.inertias)
-            longest = min(float(sizes.max()), _MOST_WEIGHTS * weight or np.inf) or 1.0
-            drawn = forces / np.maximum(sizes, longest)
-            shares[:] = drawn.reshape(len(effort), -1)
-            more = " or more" if sizes.max() > longest else ""
-            self._note = (
-                f"Green arrows: forces on what touches a ground; the longest is {longest:.3g}\xa0N"
-                f"{more}. Lengths grow with the square root."
-            )
-        return np.hstack([effort, shares])
+    def _effort(
+        self, torque_shares: Array, reactions: _ReactionArrows, contact_shares: Array
+    ) -> Array:
+        """What the arrows of the scene show, in their order: torques, reactions, contacts."""
+        samples = len(torque_shares)
+        # Without reactions, or where they are not defined, their arrows have no length.
+        reaction_shares = np.zeros((samples, self._scene.reactions, 3))
+        if reactions.shares is not None:
+            reaction_shares[:] = reactions.shares
+        return np.hstack([torque_shares, reaction_shares.reshape(samples, -1), contact_shares])
 
-    def _with_forces(
-        self, effort: Array, reactions: Callable[[], Reactions]
-    ) -> tuple[Array, list[dict[str, Any]]]:
-        """Torques, then unique forces of joints and closures, as shares of the largest; curves."""
-        forces = np.zeros((len(effort), self._scene.reactions, 3))
-        curves = []
+    def _contact_shares(self, forces: Array) -> tuple[Array, str]:
+        """Forces of contacts, (n, c, 3), as shares of the longest arrow, (n, 3 c); a note."""
+        sizes = np.linalg.norm(forces, axis=2, keepdims=True)
+        # An impact is hundreds of times larger than the forces of standing: longer arrows are cut.
+        model = self._robot.mechanism.model
+        weight = np.linalg.norm(model.gravity.linear) * sum(x.mass for x in model.inertias)
+        longest = float(sizes.max())
+        if weight > 0:
+            longest = min(longest, float(_MOST_WEIGHTS * weight))
+        if longest == 0:
+            longest = 1.0
+        shares = forces / np.maximum(sizes, longest)
+        more = " or more" if sizes.max() > longest else ""
+        note = (
+            f"Green arrows: forces on what touches a ground; the longest is {longest:.3g}\xa0N"
+            f"{more}. Lengths grow with the square root."
+        )
+        return shares.reshape(len(forces), -1), note
+
+    def _reactions(self, compute: Callable[[], Reactions]) -> _ReactionArrows:
+        """Unique forces in joints and closures as shares of the largest, with curves and a note.
+
+        Where the reactions are not defined, there are no arrows, and the note says why.
+        """
         try:
-            w = reactions()
+            w = compute()
         except (ActuationError, ClosureError, SingularConfigurationError) as error:
-            self._note = f"No reactions: {error}"
-        else:
-            forces_on = np.concatenate([w.joints, w.closures], axis=1)[..., :3]
-            # Of a planar robot only the forces in its plane are unique, and drawn.
-            unknown = np.isnan(forces_on).any(axis=0)
-            free = unknown.all(axis=1)
-            forces_on = np.where(unknown, 0.0, forces_on)
-            most = float(np.linalg.norm(forces_on, axis=2).max(initial=0.0)) or 1.0
-            forces[:] = forces_on / most
-            names = [
-                name if none else f"{name} ({', '.join(np.array(['x', 'y', 'z'])[missing])})"
-                for name, none, missing in zip(w.names, free, unknown, strict=True)
-                if missing.any()
-            ]
-            if not free.all():
-                curves.append(forces_of(w.names, forces_on, ~free))
-            drawn = (
-                f"Dark arrows: forces of joints on what they bear; the largest is {most:.3g}\xa0N. "
-                "Lengths grow with the square root."
+            return _ReactionArrows(None, [], f"No reactions: {error}")
+        forces = np.concatenate([w.joints, w.closures], axis=1)[..., :3]
+        # A component is drawn if it is unique in all samples. In a planar robot these are the
+        # forces in its plane.
+        is_unknown = np.isnan(forces).any(axis=0)
+        forces = np.where(is_unknown, 0.0, forces)
+        largest = float(np.linalg.norm(forces, axis=2).max(initial=0.0)) or 1.0
+
+        is_drawn = ~is_unknown.all(axis=1)
+        curves = []
+        notes = []
+        if is_drawn.any():
+            curves.append(forces_of(w.names, forces, is_drawn))
+            notes.append(
+                f"Dark arrows: forces of joints on what they carry; the largest is "
+                f"{largest:.3g}\xa0N. Lengths grow with the square root."
             )
-            missing = f"Not unique, so not drawn: {listed(names)}."
-            self._note = " ".join([*[drawn] * (not free.all()), *[missing] * bool(names)])
-        return np.hstack([effort, forces.reshape(len(effort), -1)]), curves
+        not_unique = []
+        for k, name in enumerate(w.names):
+            letters = [letter for letter, x in zip("xyz", is_unknown[k], strict=True) if x]
+            if len(letters) == 3:
+                not_unique.append(name)
+            elif letters:
+                not_unique.append(f"{name} ({', '.join(letters)})")
+        if not_unique:
+            notes.append(f"Not unique, so not drawn: {listed(not_unique)}.")
+        return _ReactionArrows(forces / largest, curves, " ".join(notes))
 
     def _describe(
         self, title: str, shown: Trajectory | Array, q: Array, va: Array, reach: Array, **panel: Any
@@ -434,7 +503,7 @@ class Viewer:
             "colours": HUES,
             "layers": scene.layers,
             "labels": [x._asdict() | {"point": x.point.tolist()} for x in scene.labels],
-            "note": self._note,
+            "note": "",
             "live": live_data(robot, scene, q, va) if self._live else None,
             "reach": reach.tolist(),
             "face": scene.face,

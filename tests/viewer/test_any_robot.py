@@ -165,7 +165,7 @@ def test_arrows_are_as_large_as_the_torques_and_turn_with_their_sign(name):
     arrows = viewer._scene.arrows
     assert [arrow.motor for arrow in arrows] == list(range(len(tau)))
     units = np.array(robot.motor_units)
-    effort = viewer._shares(tau[None])[0]
+    effort = viewer._torque_shares(tau[None])[0]
     for unit in set(units):
         assert np.abs(effort[units == unit]).max() == pytest.approx(1)
     full = [np.linalg.norm(arrow.shape.at[:3, 0]) for arrow in arrows]
