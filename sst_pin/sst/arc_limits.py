@@ -17,7 +17,8 @@ from ..simulation.check import Finding, outside, singular
 from . import kinematics
 
 #: A pose is close to a singularity below this |sin(mu_k)|, or above this condition number of A.
-SMALLEST_SINE, LARGEST_CONDITION = 0.05, 50.0
+SMALLEST_SINE = 0.05
+LARGEST_CONDITION = 50.0
 #: Tolerance of the ends of the arcs for rounding, [rad].
 _END = 1e-9
 
@@ -25,18 +26,21 @@ _END = 1e-9
 def arc_ends(geometry: kinematics.Geometry) -> Array:
     """Limits of each joint from the length of its arc, shape (2, 9), [rad]; mu_k has none."""
     v = geometry.R_0[:, :, 0]
-    ends = np.repeat([[-np.inf], [np.inf]], 9, axis=1)
-    ends[0, ::3], ends[0, 2::3] = 0, 0
-    ends[1, ::3] = np.arccos(np.clip((v * np.roll(v, -1, axis=0)).sum(axis=1), -1, 1))
-    ends[1, 2::3] = np.pi / 2
-    return ends
+    low = np.full((3, 3), -np.inf)  # leg, joint
+    high = np.full((3, 3), np.inf)
+    low[:, 0] = 0.0  # gamma_k
+    high[:, 0] = np.arccos(np.clip((v * np.roll(v, -1, axis=0)).sum(axis=1), -1, 1))
+    low[:, 2] = 0.0  # beta_k
+    high[:, 2] = np.pi / 2
+    return np.stack([low.ravel(), high.ravel()])
 
 
 def findings(
     model: pin.Model, geometry: kinematics.Geometry, t: Array, q: Array
 ) -> Iterator[Finding]:
     """Arcs, joint limits and singularities at closed configurations, shape (N, 9)."""
-    names, (low, high) = tuple(model.names)[1:], arc_ends(geometry)
+    names = tuple(model.names)[1:]
+    low, high = arc_ends(geometry)
     units = ["deg"] * len(names)
     middle = np.where(np.isfinite(low), high / 2, 0)
     turned = middle + in_one_turn(q - middle)  # a whole turn leads to the same place

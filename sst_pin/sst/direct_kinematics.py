@@ -3,9 +3,23 @@
 
 Motor angles fix the passive axes u_k = e_{k+3}. The normal of arc k is perpendicular to u_k:
 u_k . R m_k = 0 with m_k the normal in {E}. In the unit quaternion p of R these are three quadrics
-p^T A_k p = 0, which meet in eight points of projective space, complex ones included. The null space
-of the Macaulay matrix of degree four contains all eight: there, multiplication by a ratio of linear
-forms is an 8 x 8 matrix whose eigenvectors are the solutions. Newton's method polishes them.
+
+    p^T A_k p = 0,    k = 1, 2, 3,
+
+which meet in eight points of projective space (Bezout), complex ones included. Newton's method
+would find some of them. All of them follow from linear algebra (H. J. Stetter, Numerical Polynomial
+Algebra, SIAM 2004):
+
+1. Each quadric times each monomial of degree two is an equation that is linear in the 35 monomials
+   of degree four. The coefficients of these 30 equations are the Macaulay matrix. Its null space
+   has dimension eight: the monomials of degree four at the eight solutions span it. Degree four is
+   the smallest degree for which this holds.
+2. If z has the monomials at one solution, then the monomials of degree three times a linear form
+   a . p are entries of z. So, for a second form b . p, multiplication by the ratio
+   (a . p) / (b . p) maps the null space onto itself: an 8 x 8 matrix. Its eigenvectors are the
+   solutions, in coordinates of the null space, because the ratio differs between them.
+3. In a solution z, the products of a monomial of degree three with x, y, z, w are proportional to
+   p. Newton's method removes the rounding of the eigenvectors.
 """
 
 import itertools
@@ -24,18 +38,38 @@ _IMAGINARY = 1e-4
 _POLISHED = 1e-13
 #: Quaternions closer than this are one solution.
 _APART = 1e-6
+#: The quadrics meet in a curve, not in points, if the Macaulay matrix has a ninth singular value
+#: below this part of the largest.
+_CURVE = 1e-10
 
-#: Monomials in the four components of a quaternion, as sorted tuples of indices.
-_DEGREE_2, _DEGREE_3, _DEGREE_4 = (
-    list(itertools.combinations_with_replacement(range(4), degree)) for degree in (2, 3, 4)
-)
-_INDEX_4 = {monomial: i for i, monomial in enumerate(_DEGREE_4)}
-#: _TIMES_P[i, j]: index of (monomial i of degree 3) times p_j among those of degree 4.
-_TIMES_P = np.array([[_INDEX_4[tuple(sorted((*m, j)))] for j in range(4)] for m in _DEGREE_3])
-#: _SQUARE[i, j]: index of the product of two monomials of degree 2 among those of degree 4.
-_SQUARE = np.array([[_INDEX_4[tuple(sorted(a + b))] for b in _DEGREE_2] for a in _DEGREE_2])
-#: Two generic linear forms; the same at every call, so results repeat to the bit.
-_FORMS = np.random.default_rng(1).normal(size=(2, 4))
+#: A monomial in the four components of a quaternion, as their sorted indices: (0, 0, 3) is x^2 w.
+_Monomial = tuple[int, ...]
+
+
+def _monomials(degree: int) -> list[_Monomial]:
+    return list(itertools.combinations_with_replacement(range(4), degree))
+
+
+_DEGREE_1 = _monomials(1)
+_DEGREE_2 = _monomials(2)
+_DEGREE_3 = _monomials(3)
+_DEGREE_4 = _monomials(4)
+
+
+def _products(first: list[_Monomial], second: list[_Monomial]) -> NDArray[np.intp]:
+    """Index in `_DEGREE_4` of each monomial of the first list times each of the second."""
+    indices = np.empty((len(first), len(second)), dtype=np.intp)
+    for i, a in enumerate(first):
+        for j, b in enumerate(second):
+            indices[i, j] = _DEGREE_4.index(tuple(sorted(a + b)))
+    return indices
+
+
+#: Products of monomials of degree three with x, y, z, w, and of two monomials of degree two.
+_CUBIC_TIMES_P = _products(_DEGREE_3, _DEGREE_1)
+_QUADRATIC_TIMES_QUADRATIC = _products(_DEGREE_2, _DEGREE_2)
+#: Two generic linear forms a . p and b . p; the same at every call, so results repeat to the bit.
+_FORM_A, _FORM_B = np.random.default_rng(1).normal(size=(2, 4))
 
 
 def orientations(u: Array, m: Array) -> Array:
@@ -46,12 +80,7 @@ def orientations(u: Array, m: Array) -> Array:
     """
     from scipy.spatial.transform import Rotation
 
-    # p^T A_k p = u_k . R(p) m_k for unit quaternions p = (x, y, z, w)
-    A = np.empty((3, 4, 4))
-    A[:, 3, 3] = cosine = (u * m).sum(axis=1)
-    A[:, 3, :3] = A[:, :3, 3] = np.cross(m, u)
-    outer = u[:, :, None] * m[:, None, :]
-    A[:, :3, :3] = outer + outer.swapaxes(1, 2) - cosine[:, None, None] * np.eye(3)
+    A = _quadrics(u, m)
     solutions: list[Array] = []
     for candidate in _intersections(A):
         # Turn the largest component real: a real solution becomes real as a whole.
@@ -59,37 +88,66 @@ def orientations(u: Array, m: Array) -> Array:
         if np.abs(p.imag).max() > _IMAGINARY:
             continue
         polished = _polish(A, p.real)
-        if polished is not None and all(
-            min(np.abs(polished - known).max(), np.abs(polished + known).max()) > _APART
-            for known in solutions
-        ):
+        if polished is not None and not _is_among(polished, solutions):
             solutions.append(polished)
     if not solutions:
         return np.empty((0, 3, 3))
     return Rotation.from_quat(np.array(solutions)).as_matrix()
 
 
+def _quadrics(u: Array, m: Array) -> Array:
+    """A_k with p^T A_k p = u_k . R(p) m_k for unit quaternions p = (x, y, z, w), (3, 4, 4)."""
+    A = np.empty((3, 4, 4))
+    cosine = (u * m).sum(axis=1)
+    cross = np.cross(m, u)
+    outer = u[:, :, None] * m[:, None, :]
+    A[:, :3, :3] = outer + outer.mT - cosine[:, None, None] * np.eye(3)
+    A[:, 3, :3] = cross
+    A[:, :3, 3] = cross
+    A[:, 3, 3] = cosine
+    return A
+
+
+def _is_among(p: Array, solutions: list[Array]) -> bool:
+    """Whether a quaternion, or its opposite, is one of the solutions."""
+    for known in solutions:
+        if min(np.abs(p - known).max(), np.abs(p + known).max()) <= _APART:
+            return True
+    return False
+
+
 def _intersections(A: Array) -> NDArray[np.complex128]:
     """The eight common points of three quadrics, unit vectors as rows, complex in general."""
+    # 1. The Macaulay matrix, and its null space.
+    coefficients = np.empty((3, len(_DEGREE_2)))  # of each quadric, by monomial
+    for column, (i, j) in enumerate(_DEGREE_2):
+        coefficients[:, column] = A[:, i, j] if i == j else 2 * A[:, i, j]
     macaulay = np.zeros((3, len(_DEGREE_2), len(_DEGREE_4)))
-    coefficients = np.array([A[:, i, j] * (1 if i == j else 2) for i, j in _DEGREE_2])
-    for row, columns in enumerate(_SQUARE):  # each quadric times each monomial of degree 2
-        macaulay[:, row, columns] = coefficients.T
-    _, singular_values, V = np.linalg.svd(macaulay.reshape(-1, len(_DEGREE_4)))
-    largest, least = singular_values[[0, len(_DEGREE_4) - _N_SOLUTIONS - 1]]
-    if least < 1e-10 * largest:
+    for factor, columns in enumerate(_QUADRATIC_TIMES_QUADRATIC):
+        macaulay[:, factor, columns] = coefficients
+    _, singular_values, Vt = np.linalg.svd(macaulay.reshape(-1, len(_DEGREE_4)))
+    largest = singular_values[0]
+    least = singular_values[len(_DEGREE_4) - _N_SOLUTIONS - 1]
+    if least < _CURVE * largest:
         raise SingularConfigurationError(
             "the motor angles do not determine the star: it can move while the motors are fixed",
             float(largest / least),
         )
-    null = V[-_N_SOLUTIONS:].T  # columns span the values of all monomials at the solutions
-    numerator, denominator = (np.einsum("mjs,j->ms", null[_TIMES_P], form) for form in _FORMS)
-    multiplication = np.linalg.lstsq(denominator, numerator, rcond=None)[0]
+    null = Vt[-_N_SOLUTIONS:].T  # columns span the monomials of degree four at the solutions
+
+    # 2. Multiplication by (a . p) / (b . p) in the null space, and its eigenvectors.
+    products = null[_CUBIC_TIMES_P]  # (cubic monomial, component of p, column)
+    times_a = np.einsum("mjs,j->ms", products, _FORM_A)
+    times_b = np.einsum("mjs,j->ms", products, _FORM_B)
+    multiplication = np.linalg.lstsq(times_b, times_a, rcond=None)[0]
     _, eigenvectors = np.linalg.eig(multiplication)
-    values = null @ eigenvectors  # monomials at the solutions, columns
-    cubes = values[_TIMES_P]  # (degree 3, component, solution)
-    best = np.abs(cubes).sum(axis=1).argmax(axis=0)  # the largest monomial of each solution
-    p = cubes[best, :, np.arange(_N_SOLUTIONS)]
+    monomials = null @ eigenvectors  # of degree four, a column for each solution
+
+    # 3. The products of a cubic monomial with x, y, z, w are proportional to p. The largest
+    # products have the least relative rounding.
+    products = monomials[_CUBIC_TIMES_P]
+    best = np.abs(products).sum(axis=1).argmax(axis=0)
+    p = products[best, :, np.arange(_N_SOLUTIONS)]
     return np.asarray(p / np.linalg.norm(p, axis=1)[:, None])
 
 

@@ -25,7 +25,10 @@ _FLAT = 1e-8
 
 
 class Geometry(NamedTuple):
-    """Geometry of an SST: orientations of the frames fixed to its base and to its star."""
+    """Geometry of an SST: orientations of the frames fixed to its base and to its star.
+
+    Both have an orientation for each leg k; its columns are the axes of the first frame.
+    """
 
     #: {0k} in the base, shape (3, 3, 3), Eqs. (32), (36).
     R_0: Array
@@ -56,8 +59,9 @@ class Legs(NamedTuple):
     y_2: Array
     #: OE, the x axis of {3k}.
     s: Array
-    #: Shape (..., 3), as cos_mu.
+    #: sin(mu_k), shape (..., 3).
     sin_mu: Array
+    #: cos(mu_k), shape (..., 3).
     cos_mu: Array
 
 
@@ -67,43 +71,71 @@ def _dot(a: Array, b: Array) -> Array:
 
 def legs_of_orientation(geometry: Geometry, R: Array, branch: ArrayLike) -> Legs:
     """Axes of the legs that carry the star at R, shape (..., 3, 3), with signs of sin(mu_k)."""
+    # The passive axis is normal to e_k and to the arc's normal, which the star carries.
     u = np.cross(geometry.e, geometry.arc_normals @ R.mT)
     length = np.linalg.norm(u, axis=-1)
-    if (flat := length < _FLAT).any():
-        k = int(np.argwhere(flat)[0, -1]) + 1
+    is_flat = length < _FLAT
+    if is_flat.any():
+        k = int(np.argwhere(is_flat)[0, -1]) + 1
         problem = (
             f"leg {k} is in the plane of its arc (sin mu_{k} = 0), gamma_{k} is not determined"
         )
         error = SingularConfigurationError(problem, 1 / max(float(length.min()), 1e-300))
-        raise of_samples(error, flat.any(axis=-1))
-    return _legs(geometry, u * (np.asarray(branch, dtype=float) / length)[..., None], R)
+        raise of_samples(error, is_flat.any(axis=-1))
+    signs = np.asarray(branch, dtype=float)
+    return _legs(geometry, u * (signs / length)[..., None], R)
 
 
 def legs_of_joints(geometry: Geometry, q: Array) -> Legs:
     """Axes of the legs at joint coordinates of shape (..., 9)."""
-    angles = q.reshape(*q.shape[:-1], 3, 3)
-    (c, c_mu, c_beta), (s, s_mu, s_beta) = (
-        np.moveaxis(f(angles), -1, 0)[..., None] for f in (np.cos, np.sin)
+    angles = q.reshape(*q.shape[:-1], 3, 3)  # leg, joint
+    cosines = np.cos(angles)[..., None]
+    sines = np.sin(angles)[..., None]
+    cos_gamma = cosines[..., 0, :]
+    cos_mu = cosines[..., 1, :]
+    cos_beta = cosines[..., 2, :]
+    sin_gamma = sines[..., 0, :]
+    sin_mu = sines[..., 1, :]
+    sin_beta = sines[..., 2, :]
+    x_0 = geometry.R_0[:, :, 0]
+    y_0 = geometry.R_0[:, :, 1]
+    # Rot(z, gamma_k), Rot(x, mu_k), Rot(z, beta_k) one after the other, Eqs. (26)-(29).
+    u = cos_gamma * x_0 + sin_gamma * y_0
+    y_1 = cos_gamma * y_0 - sin_gamma * x_0
+    n = cos_mu * geometry.e - sin_mu * y_1
+    y_2 = cos_mu * y_1 + sin_mu * geometry.e
+    return Legs(
+        u=u,
+        n=n,
+        y_1=y_1,
+        y_2=y_2,
+        s=cos_beta * u + sin_beta * y_2,
+        sin_mu=sin_mu[..., 0],
+        cos_mu=cos_mu[..., 0],
     )
-    x_0, y_0, e = np.moveaxis(geometry.R_0, -1, 0)
-    u = c * x_0 + s * y_0
-    y_1 = c * y_0 - s * x_0
-    n = c_mu * e - s_mu * y_1
-    y_2 = c_mu * y_1 + s_mu * e
-    return Legs(u, n, y_1, y_2, c_beta * u + s_beta * y_2, s_mu[..., 0], c_mu[..., 0])
 
 
 def _legs(geometry: Geometry, u: Array, R: Array) -> Legs:
     """Axes of the legs that carry the star at R, with passive axes u."""
-    R_3 = R[..., None, :, :] @ geometry.R_E.mT
+    R_3 = R[..., None, :, :] @ geometry.R_E.mT  # {3k} in the base
+    s = R_3[..., 0]
+    n = R_3[..., 2]
     y_1 = np.cross(geometry.e, u)
-    s, n = R_3[..., 0], R_3[..., 2]
-    return Legs(u, n, y_1, np.cross(n, u), s, -_dot(n, y_1), _dot(n, geometry.e))
+    return Legs(
+        u=u,
+        n=n,
+        y_1=y_1,
+        y_2=np.cross(n, u),
+        s=s,
+        sin_mu=-_dot(n, y_1),
+        cos_mu=_dot(n, geometry.e),
+    )
 
 
 def joints_of_legs(geometry: Geometry, legs: Legs) -> Array:
     """gamma_k, mu_k, beta_k in (-pi, pi], shape (..., 9)."""
-    x_0, y_0 = geometry.R_0[:, :, 0], geometry.R_0[:, :, 1]
+    x_0 = geometry.R_0[:, :, 0]
+    y_0 = geometry.R_0[:, :, 1]
     gamma = np.arctan2(_dot(legs.u, y_0), _dot(legs.u, x_0))
     mu = np.arctan2(legs.sin_mu, legs.cos_mu)
     beta = np.arctan2(_dot(legs.s, legs.y_2), _dot(legs.s, legs.u))
@@ -112,7 +144,8 @@ def joints_of_legs(geometry: Geometry, legs: Legs) -> Array:
 
 def passive_axes(geometry: Geometry, gamma: Array) -> Array:
     """e_{k+3} in the base, rows, for motor angles, shape (..., 3)."""
-    x_0, y_0 = geometry.R_0[:, :, 0], geometry.R_0[:, :, 1]
+    x_0 = geometry.R_0[:, :, 0]
+    y_0 = geometry.R_0[:, :, 1]
     return np.cos(gamma)[..., None] * x_0 + np.sin(gamma)[..., None] * y_0
 
 
@@ -171,17 +204,21 @@ def joint_rates(legs: Legs, omega: Array) -> Array:
 def joint_accelerations(geometry: Geometry, legs: Legs, q_dot: Array, alpha: Array) -> Array:
     """Accelerations of all joints, shape (..., 9), from the star's, alpha in base axes."""
     rates = q_dot.reshape(*q_dot.shape[:-1], 3, 3)
-    gamma_dot, mu_dot, beta_dot = (rates[..., i, None] for i in range(3))
-    # The axes e_{k+3} and e_{k+6} turn with the links that carry them.
-    turning = gamma_dot * mu_dot * legs.y_1 + beta_dot * np.cross(
-        gamma_dot * geometry.e + mu_dot * legs.u, legs.n
-    )
-    return joint_rates(legs, alpha[..., None, :] - turning)
+    gamma_dot = rates[..., 0, None]
+    mu_dot = rates[..., 1, None]
+    beta_dot = rates[..., 2, None]
+    # alpha = gamma_ddot e_k + mu_ddot u + beta_ddot n + mu_dot u_dot + beta_dot n_dot. The axes u
+    # and n turn with the links that carry them.
+    u_dot = gamma_dot * legs.y_1
+    n_dot = np.cross(gamma_dot * geometry.e + mu_dot * legs.u, legs.n)
+    without_accelerations = mu_dot * u_dot + beta_dot * n_dot
+    # The joints' accelerations are to the remaining alpha as their rates are to omega.
+    return joint_rates(legs, alpha[..., None, :] - without_accelerations)
 
 
 def require_rotation(R: Array, name: str = "R") -> None:
     """Check that matrices are rotations; the error names the samples of a batch."""
-    error = np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max(axis=(-1, -2))
+    error = np.abs(R @ R.mT - np.eye(3)).max(axis=(-1, -2))
     wrong = (error > 1e-8) | (np.linalg.det(R) < 0)
     if wrong.any():
         size = float(error.max())

@@ -52,8 +52,8 @@ class Errors(NamedTuple):
 
 def angles_off_path(robot: SST, example: Trajectory, motion: Trajectory) -> Array:
     """Angles between the axes s at the samples of a motion and an example, shape (N,), [rad]."""
-    pair = motion.q, example.q[: len(motion)]
-    s, s_wanted = (robot.platform_orientation(q)[..., 0] for q in pair)
+    s = robot.platform_orientation(motion.q)[..., 0]
+    s_wanted = robot.platform_orientation(example.q[: len(motion)])[..., 0]
     # |s x s'| keeps the digits of a small angle that the dot product loses.
     sine = np.linalg.norm(np.cross(s, s_wanted), axis=1)
     return np.arctan2(sine, (s * s_wanted).sum(axis=1))

@@ -34,9 +34,10 @@ def star_motion(robot: SST, table: Table) -> tuple[Array, Array, Array] | None:
 
 
 def _platform_motion(table: Table) -> PlatformMotion | None:
-    quaternion = any(name in table.columns for name in _QUATERNION)
-    angles, motors = (any(_column(table, x) for x in names) for names in (_ANGLES, MOTOR_NAMES))
-    if quaternion + angles + motors != 1:
+    has_quaternion = any(name in table.columns for name in _QUATERNION)
+    has_angles = any(_column(table, name) for name in _ANGLES)
+    has_motors = any(_column(table, name) for name in MOTOR_NAMES)
+    if [has_quaternion, has_angles, has_motors].count(True) != 1:
         raise FileFormatError(
             table.path,
             "the columns do not describe a motion of the SST; use exactly one of: qw, qx, qy, qz | "
@@ -45,12 +46,12 @@ def _platform_motion(table: Table) -> PlatformMotion | None:
             f"{', '.join(table.columns)}",
             1,
         )
-    if motors:
+    if has_motors:
         return None
     t = table.column("t_s")
     if len(t) < 3:
         raise FileFormatError(table.path, f"{len(t)} rows; rates need at least three")
-    if quaternion:
+    if has_quaternion:
         R = _rotations(table)
     else:
         psi = _angle(table, "psi") if _column(table, "psi") else 0.0
@@ -64,8 +65,9 @@ def _rotations(table: Table) -> Array:
 
     quaternions = table.select(_QUATERNION)
     lengths = np.linalg.norm(quaternions, axis=1)
-    if (wrong := np.abs(lengths - 1) > _NOT_UNIT).any():
-        i = int(np.argmax(wrong))
+    is_wrong = np.abs(lengths - 1) > _NOT_UNIT
+    if is_wrong.any():
+        i = int(np.argmax(is_wrong))
         problem = f"quaternion of length {lengths[i]:.6g}, expected 1, in {listed(_QUATERNION)}"
         raise FileFormatError(table.path, problem, table.lines[i])
     return Rotation.from_quat(np.roll(quaternions, -1, axis=1)).as_matrix()

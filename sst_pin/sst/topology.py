@@ -28,8 +28,10 @@ _EXACT = 1e-9
 
 def geometry_of(model: pin.Model, source: str) -> Geometry:
     """{0k} and {E} in {3k} of a tree; the error lists all differences from the tree of an SST."""
-    # Axes and frames can be checked only if the joints are right.
-    if problems := _joint_problems(model) or [*_axis_problems(model), *_cut_problems(model)]:
+    problems = _joint_problems(model)
+    if not problems:  # axes and frames can be checked only if the joints are right
+        problems = [*_axis_problems(model), *_cut_problems(model)]
+    if problems:
         raise DescriptionError(source, problems)
     R_0 = [model.jointPlacements[model.getJointId(f"gamma_{k}")].rotation for k in (1, 2, 3)]
     ends = ("closedloop1_A", "closedloop1_B", "closedloop2_B")
@@ -41,8 +43,10 @@ def _joint_problems(model: pin.Model) -> list[str]:
     names = tuple(model.names)[1:]
     problems = [f"joint {name} is missing" for name in JOINT_NAMES if name not in names]
     problems += [f"joint {x}: an SST has no such joint" for x in names if x not in JOINT_NAMES]
-    order = f"joints {', '.join(names)}; their order must be gamma_k, mu_k, beta_k of each leg"
-    return problems or [order] * (names != JOINT_NAMES)
+    if not problems and names != JOINT_NAMES:
+        order = "their order must be gamma_k, mu_k, beta_k of each leg"
+        problems.append(f"joints {', '.join(names)}; {order}")
+    return problems
 
 
 def _axis_problems(model: pin.Model) -> Iterator[str]:
@@ -74,7 +78,8 @@ def _cut_problems(model: pin.Model) -> Iterator[str]:
             if not fixed_to_star or np.abs(frame.placement.translation).max() > _EXACT:
                 yield f"frame {name}: must be fixed to star_{k} with origin xyz 0 0 0"
     if not missing:
-        first, second = (frame_named(model, f"closedloop{loop}_A").placement for loop in (1, 2))
+        first = frame_named(model, "closedloop1_A").placement
+        second = frame_named(model, "closedloop2_A").placement
         if not first.actInv(second).isIdentity(_EXACT):
             yield "frame closedloop2_A: must coincide with closedloop1_A"
 
@@ -131,20 +136,26 @@ def _one_or_three(bodies: Sequence[RigidBody]) -> RigidBody | Sequence[RigidBody
 def differences(model: pin.Model, written: pin.Model) -> Iterator[str]:
     """How a tree differs from the one that its parameters write."""
     for name in (*JOINT_NAMES, *_STAR_OF, *_POINTS):
-        (joint, place), expected = place_of(model, name), place_of(written, name)
-        if joint != expected[0]:
-            yield f"{name}: on joint {model.names[joint]}, expected {model.names[expected[0]]}"
-        elif np.abs(place.homogeneous - expected[1].homogeneous).max() > _EXACT:
-            yield f"{name}: origin {_origin(place)}, expected {_origin(expected[1])}"
+        joint, place = place_of(model, name)
+        written_joint, written_place = place_of(written, name)
+        if joint != written_joint:
+            yield f"{name}: on joint {model.names[joint]}, expected {model.names[written_joint]}"
+        elif np.abs(place.homogeneous - written_place.homogeneous).max() > _EXACT:
+            yield f"{name}: origin {_origin(place)}, expected {_origin(written_place)}"
     for i, name in enumerate(JOINT_NAMES):
-        limits = model.lowerPositionLimit[i], model.upperPositionLimit[i]
-        if np.abs(limits - 2 * np.pi * np.array((-1, 1))).max() > _EXACT:
-            yield f"{name}: limits {limits[0]:g} and {limits[1]:g} rad, expected -2 pi and 2 pi"
+        low = model.lowerPositionLimit[i]
+        high = model.upperPositionLimit[i]
+        if max(abs(low + 2 * np.pi), abs(high - 2 * np.pi)) > _EXACT:
+            yield f"{name}: limits {low:g} and {high:g} rad, expected -2 pi and 2 pi"
         if model.armature[i] != 0:
             yield f"{name}: armature {model.armature[i]:g} kg m^2, expected 0"
 
 
 def _origin(place: pin.SE3) -> str:
-    numbers = (place.translation, pin.rpy.matrixToRpy(place.rotation))
-    xyz, rpy = (" ".join(f"{x:.9g}" for x in vector + 0.0) for vector in numbers)
+    xyz = _numbers(place.translation)
+    rpy = _numbers(pin.rpy.matrixToRpy(place.rotation))
     return f"xyz {xyz} rpy {rpy}"
+
+
+def _numbers(vector: Array) -> str:
+    return " ".join(f"{x:.9g}" for x in vector + 0.0)  # without the sign of -0.0
