@@ -8,7 +8,7 @@ links that are not checked for collision.
 import itertools
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from importlib.resources import files
 from pathlib import Path
 from xml.etree.ElementTree import SubElement
@@ -26,29 +26,35 @@ from .urdf_writer import urdf_of, yaml_of
 _INSTALLED = Path(str(files("sst_pin"))) / "urdf"
 _SHIPPED = _INSTALLED if _INSTALLED.is_dir() else _INSTALLED.parents[1] / "urdf"
 
-#: Folder of the shipped description, where relative names of meshes start, and its parent; paths
-#: are strings, for the loaders of other tools.
-PACKAGE_PATH, REPOSITORY_PATH = str(_SHIPPED), str(_SHIPPED.parent)
-#: The paper's robot: the tree; its closures, motors and gravity; poses and pairs of links that are
-#: not checked for collision; the robot with closed loops, for MuJoCo.
-URDF_PATH, YAML_PATH, SRDF_PATH, MJCF_PATH = (
-    str(_SHIPPED / f"sst.{ending}") for ending in ("urdf", "yaml", "srdf", "xml")
-)
+#: Folder of the shipped description, where relative names of meshes start. Paths are strings, for
+#: the loaders of other tools.
+PACKAGE_PATH = str(_SHIPPED)
+#: The parent of this folder.
+REPOSITORY_PATH = str(_SHIPPED.parent)
+#: The paper's robot: the tree.
+URDF_PATH = str(_SHIPPED / "sst.urdf")
+#: Its closures, motors and gravity.
+YAML_PATH = str(_SHIPPED / "sst.yaml")
+#: Its poses, and the pairs of links that are not checked for collision.
+SRDF_PATH = str(_SHIPPED / "sst.srdf")
+#: The robot with closed loops, for MuJoCo.
+MJCF_PATH = str(_SHIPPED / "sst.xml")
 
 #: Files that no parameter changes.
 _CONSTANT = ("LICENSE", "package.xml", "CMakeLists.txt")
 #: The README with a row for each parameter: $name is its value; grade and source are the paper's.
 _README = Path(__file__).with_name("readme.md")
 _ONLY_PAPER = "<!-- only the paper's robot -->\n"
-#: Pairs of links that always touch, and why.
-_TOUCHING = {
-    **{
-        (parent, child): "Adjacent"
-        for k in (1, 2, 3)
-        for parent, child in itertools.pairwise(("base", f"link_{k}", f"passive_{k}", f"star_{k}"))
-    },
-    **dict.fromkeys(itertools.combinations(("star_1", "star_2", "star_3"), 2), "One body"),
-}
+
+
+def _touching_pairs() -> Iterator[tuple[str, str, str]]:
+    """Pairs of links that always touch, and why."""
+    for k in (1, 2, 3):
+        chain = ("base", f"link_{k}", f"passive_{k}", f"star_{k}")
+        for parent, child in itertools.pairwise(chain):
+            yield parent, child, "Adjacent"
+    for first, second in itertools.combinations(("star_1", "star_2", "star_3"), 2):
+        yield first, second, "One body"
 
 
 def description_writers(p: Parameters, configurations: Mapping[str, Array]) -> dict[str, Writer]:
@@ -81,7 +87,7 @@ def srdf_of(configurations: Mapping[str, Array]) -> str:
     for joint in JOINT_NAMES:
         if joint not in MOTOR_NAMES:
             SubElement(robot, "passive_joint", name=joint)
-    for (first, second), reason in _TOUCHING.items():
+    for first, second, reason in _touching_pairs():
         SubElement(robot, "disable_collisions", link1=first, link2=second, reason=reason)
     ET.indent(robot)
     return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
@@ -89,24 +95,34 @@ def srdf_of(configurations: Mapping[str, Array]) -> str:
 
 def readme_of(p: Parameters) -> str:
     """Markdown of a description's README."""
-    values, papers = _values(p), _values(Parameters())
+    values = _values(p)
+    values_of_paper = _values(Parameters())
 
     def row(match: re.Match[str]) -> str:
-        name, rest = match.groups()
+        name, grade_and_source = match.groups()
         value = _text(values[name])
-        if np.allclose(values[name], papers[name], rtol=1e-12, atol=1e-15):
-            return f"{value} | {rest}"
-        return f"{value} | U | the paper's robot has {_text(papers[name])} |"
+        if np.allclose(values[name], values_of_paper[name], rtol=1e-12, atol=1e-15):
+            return f"{value} | {grade_and_source}"
+        return f"{value} | U | the paper's robot has {_text(values_of_paper[name])} |"
 
-    text, _, more = _README.read_text(encoding="utf-8").partition(_ONLY_PAPER)
+    text, _, only_paper = _README.read_text(encoding="utf-8").partition(_ONLY_PAPER)
     text = re.sub(r"\$(\w+) \| (.*)", row, text)
-    return text + more if p == Parameters() else text
+    if p == Parameters():
+        text += only_paper
+    return text
 
 
 def _values(p: Parameters) -> dict[str, Array]:
-    names = "base_directions base_radius star_radius viscous_friction coulomb_friction gravity"
-    values = {name: np.atleast_1d(getattr(p, name)) for name in names.split()}
-    values["arc_angles"] = np.degrees(p.arc_angles)
+    """Numbers of the parameters, by the names in the template of the README."""
+    values = {
+        "base_directions": p.base_directions,
+        "base_radius": np.array([p.base_radius]),
+        "star_radius": np.array([p.star_radius]),
+        "viscous_friction": p.viscous_friction,
+        "coulomb_friction": p.coulomb_friction,
+        "gravity": p.gravity,
+        "arc_angles": np.degrees(p.arc_angles),
+    }
     for name, bodies in (("link", p.links), ("passive_link", p.passive_links), ("star", [p.star])):
         values[f"{name}_mass"] = np.array([body.mass for body in bodies])
         values[f"{name}_center_of_mass"] = np.array([body.center_of_mass for body in bodies])
@@ -116,5 +132,9 @@ def _values(p: Parameters) -> dict[str, Array]:
 
 def _text(value: Array) -> str:
     """Numbers with six digits; one row where all rows are the same."""
-    rows = np.atleast_2d(value[0] if (value == value[0]).all() else value)
-    return "; ".join(", ".join(f"{x:.6g}" for x in row) for row in rows)
+    if (value == value[0]).all():
+        value = value[0]
+    rows = []
+    for row in np.atleast_2d(value):
+        rows.append(", ".join(f"{x:.6g}" for x in row))
+    return "; ".join(rows)

@@ -24,7 +24,8 @@ def star_orientations(parameters: Parameters) -> Array:
     _, alpha_2, alpha_3 = parameters.arc_angles
     turns = []
     for angle in (0.0, -alpha_2, -(alpha_2 + alpha_3)):  # Eqs. (30), (31), (35)
-        c, s = np.cos(angle), np.sin(angle)
+        c = np.cos(angle)
+        s = np.sin(angle)
         turns.append(((1, 0, 0), (0, c, -s), (0, s, c)))
     return np.array(turns)
 

@@ -2,7 +2,7 @@
 """Any closed chain as MJCF, the format of MuJoCo."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import SubElement
@@ -54,6 +54,10 @@ _POINTS = (pin.FrameType.OP_FRAME, pin.FrameType.SENSOR)
 _LINK = pin.FrameType.BODY
 #: Attributes of shapes without mass and contacts, in the group of visual geoms.
 _LOOK = {"mass": "0", "group": "2", "contype": "0", "conaffinity": "0"}
+#: Radius of the sphere of a point, [m].
+POINT = 1e-9
+#: Geoms that touch nothing but by their pairs.
+_UNTOUCHED = {"contype": "0", "conaffinity": "0"}
 #: For each shape its type of geom and the function that returns its sizes.
 _SHAPES: dict[type, tuple[str, Callable[[Any], Iterable[float]]]] = {
     coal.Sphere: ("sphere", lambda s: [s.radius]),
@@ -97,12 +101,6 @@ def write_mjcf(chain: ClosedChain, path: str | Path, force: bool = False) -> Non
     write_files({Path(path): text_writer(writer.text())}, force)
     for note in writer.notes:
         warn_caller(f"{path}: {note}", DescriptionWarning)
-
-
-#: Radius of the sphere of a point, [m].
-POINT = 1e-9
-#: Geoms that touch nothing but by their pairs.
-_UNTOUCHED = {"contype": "0", "conaffinity": "0"}
 
 
 class MjcfWriter:
@@ -150,8 +148,9 @@ class MjcfWriter:
             for k, closure in enumerate(mechanism.closures):
                 self._close(k, closure)
             self._add_mimics()
-            if fast := self._with_velocity_limit:
-                text = f"largest velocities of the joints {listed(fast)} are left out"
+            if self._with_velocity_limit:
+                names = listed(self._with_velocity_limit)
+                text = f"largest velocities of the joints {names} are left out"
                 self.notes.append(f"{text}: MuJoCo has none")
 
     def _body_names(self) -> dict[int, str]:
@@ -281,11 +280,12 @@ class MjcfWriter:
             return attributes
         attributes |= self._joint_numbers(joint)
         if "stiffness" in attributes:
-            rest = joint.qpos(self._mechanism.springs.reference)
+            reference = joint.qpos(self._mechanism.springs.reference)
             if is_single:
-                attributes["springref"] = numbers(rest)
-            elif np.abs(rest - np.eye(4)[0]).max() > _REST_ROUNDING:
-                self._problems.append(f"joint {joint.name}: a spring of a ball rests at zero only")
+                attributes["springref"] = numbers(reference)
+            elif np.abs(reference - np.eye(4)[0]).max() > _REST_ROUNDING:
+                text = "a spring of a ball can be relaxed at zero only"
+                self._problems.append(f"joint {joint.name}: {text}")
         fastest = self._mechanism.model.velocityLimit[joint.rates]
         if ((fastest > 0) & (fastest < _FAST)).any():
             self._with_velocity_limit.append(joint.name)
@@ -391,11 +391,14 @@ class MjcfWriter:
     def _close_frames(self, k: int, closure: Closure) -> None:
         held = closure.held
         kind = "weld" if held == _FIXED else "connect"
-        self._connect(kind, *frames_of(closure))
+        self._connect(kind, closure.frame_a, closure.frame_b)
         is_hinge = held[:3] == _BALL[:3] and held.count(False) == 1
         if is_hinge:
-            free_axis = held.index(False) - 3
-            self._connect("connect", *self._sites_on_axis(k, closure, free_axis))
+            # Two connected points make a hinge.
+            axis = held.index(False) - 3
+            site_a = self._site_on_axis(k, closure.frame_a, axis)
+            site_b = self._site_on_axis(k, closure.frame_b, axis)
+            self._connect("connect", site_a, site_b)
         elif held not in (_FIXED, _BALL):
             words = closure.kind if isinstance(closure.kind, str) else "of these directions"
             self._problems.append(f"closure {closure}: MuJoCo has no closure {words}")
@@ -408,30 +411,30 @@ class MjcfWriter:
         }
         SubElement(self._section("equality"), kind, attributes)
 
-    def _sites_on_axis(self, k: int, hinge: Closure, axis: int) -> Iterator[str]:
-        """Add two more sites on the axis of a hinge; two connected points make a hinge."""
+    def _site_on_axis(self, k: int, frame_name: str, axis: int) -> str:
+        """Add another site on an axis of a frame of closure `k`; returns its name."""
         offset = pin.SE3(np.eye(3), self._mechanism.length * np.eye(3)[axis])
-        for name in frames_of(hinge):
-            frame = frame_named(self._model, name)
-            site = f"{name}_axis_{k}"
-            self._site(site, frame.parentJoint, frame.placement * offset)
-            yield site
+        frame = frame_named(self._model, frame_name)
+        site = f"{frame_name}_axis_{k}"
+        self._site(site, frame.parentJoint, frame.placement * offset)
+        return site
 
     def _rod(self, name: str, rod: Distance) -> None:
         """Add a tendon of constant length; MuJoCo's length is relative to the one at q = 0."""
         model = self._mechanism.model
         data = model.createData()
         pin.framesForwardKinematics(model, data, pin.neutral(model))
-        a, b = (data.oMf[frame_id(model, frame)].translation for frame in frames_of(rod))
-        self._spatial({"name": name}, *frames_of(rod))
+        a = data.oMf[frame_id(model, rod.frame_a)].translation
+        b = data.oMf[frame_id(model, rod.frame_b)].translation
+        self._spatial({"name": name}, rod.frame_a, rod.frame_b)
         extension = rod.distance - np.linalg.norm(b - a)
         polynomial = numbers([extension, 0, 0, 0, 0])
         SubElement(self._section("equality"), "tendon", tendon1=name, polycoef=polynomial)
 
-    def _spatial(self, attributes: dict[str, str], *frames: str) -> None:
+    def _spatial(self, attributes: dict[str, str], frame_a: str, frame_b: str) -> None:
         """Add a tendon along the line between two frames."""
         tendon = SubElement(self._section("tendon"), "spatial", attributes)
-        for frame in frames:
+        for frame in (frame_a, frame_b):
             SubElement(tendon, "site", site=_site_name(frame))
 
     def _fixed(self, name: str, shares: Mapping[str, float]) -> str:
@@ -447,8 +450,10 @@ class MjcfWriter:
         follower - (linear terms of other joints) = polynomial of one joint
         """
         rows = {name: np.trim_zeros(p, "b") for name, p in coupling.polynomials.items()}
-        curved = [name for name, powers in rows.items() if len(powers) > 2]
-        arguments = curved or list(rows)[:1]  # none if the follower is constant
+        # The joint of the polynomial: the one that is not linear, or the first if all are.
+        arguments = [name for name, powers in rows.items() if len(powers) > 2]
+        if not arguments:
+            arguments = list(rows)[:1]  # none if the follower is constant
         degree = max((len(powers) for powers in rows.values()), default=0) - 1
         known = {joint.name for joint in self.joints}
         if len(arguments) > 1 or degree > _MAX_DEGREE or not known >= {*rows}:
@@ -530,18 +535,19 @@ class MjcfWriter:
 
     def _joins_branches(self, line: LineForce) -> bool:
         """Whether both ends move relative to the last body that carries both."""
-        frames = (frame_named(self._model, name) for name in (line.frame_a, line.frame_b))
-        a, b = (set(self._model.supports[frame.parentJoint]) for frame in frames)
-        return bool(a - b) and bool(b - a)
+        frame_a = frame_named(self._model, line.frame_a)
+        frame_b = frame_named(self._model, line.frame_b)
+        supports_a = set(self._model.supports[frame_a.parentJoint])
+        supports_b = set(self._model.supports[frame_b.parentJoint])
+        return not supports_a <= supports_b and not supports_b <= supports_a
 
     def _add_contacts(self) -> None:
         """Spheres and planes that touch in pairs, and ropes as tendons of limited length."""
         contacts = self._mechanism.contacts
         planes = dict[str, str]()
         for contact in contacts.points:
-            frame, ground = (
-                frame_named(self._model, name) for name in (contact.frame, contact.ground)
-            )
+            frame = frame_named(self._model, contact.frame)
+            ground = frame_named(self._model, contact.ground)
             if ground.parentJoint:
                 text = "planes of MuJoCo stand still, and its ground moves"
                 self._problems.append(f"contact {contact}: {text}")

@@ -7,7 +7,6 @@ leg k, {E} on the star, all with their origin in the centre O of the sphere.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -22,7 +21,8 @@ from ..summaries import Summary
 #: Relative tolerance of the sum of the arc angles, of symmetry, and of triangle inequalities.
 _SLACK = 1e-9
 #: Radii for which meshes can be written, [m].
-_SMALLEST_RADIUS, _LARGEST_RADIUS = 1e-6, 1e6
+_SMALLEST_RADIUS = 1e-6
+_LARGEST_RADIUS = 1e6
 #: Three unit directions with a smaller triple product count as lying in one plane.
 _SMALLEST_TRIPLE = 1e-6
 #: Where an inertia has its entries xx, yy, zz, xy, xz, yz.
@@ -57,8 +57,13 @@ class _Values(Summary):
         return hash(self._values())
 
     def _values(self) -> tuple[Any, ...]:
-        values = (getattr(self, field.name) for field in fields(self))  # type: ignore[arg-type]
-        return tuple((x.shape, x.tobytes()) if isinstance(x, np.ndarray) else x for x in values)
+        values = []
+        for field in fields(self):  # type: ignore[arg-type]
+            value = getattr(self, field.name)
+            if isinstance(value, np.ndarray):
+                value = (value.shape, value.tobytes())
+            values.append(value)
+        return tuple(values)
 
 
 def _shape_problems(name: str, array: Array, shape: tuple[int, ...]) -> list[str]:
@@ -130,8 +135,10 @@ class RigidBody(_Values):
         problems = _shape_problems(f"{name}.center_of_mass", self.center_of_mass, (3,))
         if not (np.isfinite(self.mass) and self.mass > 0):
             problems.append(f"{name}.mass: {self.mass:g} kg is not positive")
-        shape = _shape_problems(f"{name}.inertia", self.inertia, (3, 3))
-        return problems + (shape or list(_inertia_problems(f"{name}.inertia", self.inertia)))
+        shape_problems = _shape_problems(f"{name}.inertia", self.inertia, (3, 3))
+        if shape_problems:
+            return problems + shape_problems
+        return [*problems, *_inertia_problems(f"{name}.inertia", self.inertia)]
 
 
 def _inertia_problems(name: str, inertia: Array) -> Iterator[str]:
@@ -158,6 +165,7 @@ PAPER_PASSIVE_LINK = RigidBody(0.06, (0.35, 0, 0), np.diag((0.00001, 0.005, 0.00
 PAPER_STAR = RigidBody(2.6, (0.8 / np.pi, 0, 0), np.diag((0.224, 0.224, 0.150)))
 
 
+#: Shapes of the parameters that are arrays.
 _SHAPES = {
     "base_directions": (3, 3),
     "arc_angles": (3,),
@@ -219,19 +227,21 @@ class Parameters(_Values):
         base_radius: float = 0.35,
         star_radius: float = 0.40,
     ) -> None:
-        arrays = base_directions, arc_angles, viscous_friction, coulomb_friction, gravity
         values = vars(self)  # a frozen dataclass is set by its `__dict__`
-        for name, array in zip(_SHAPES, arrays, strict=True):
-            values[name] = _frozen(array, name)
-        for name in ("viscous_friction", "coulomb_friction"):
-            if not values[name].ndim:
-                values[name] = _frozen(np.full(9, values[name]), name)
-        for name, body in (("link", link), ("passive_link", passive_link)):
-            values[name] = tuple(body) if isinstance(body, Iterable) else body
+        values["base_directions"] = _frozen(base_directions, "base_directions")
+        values["arc_angles"] = _frozen(arc_angles, "arc_angles")
+        values["link"] = tuple(link) if isinstance(link, Iterable) else link
+        values["passive_link"] = (
+            tuple(passive_link) if isinstance(passive_link, Iterable) else passive_link
+        )
         values["star"] = star
+        values["viscous_friction"] = _of_all_joints(viscous_friction, "viscous_friction")
+        values["coulomb_friction"] = _of_all_joints(coulomb_friction, "coulomb_friction")
+        values["gravity"] = _frozen(gravity, "gravity")
         values["base_radius"] = _number(base_radius, "base_radius")
         values["star_radius"] = _number(star_radius, "star_radius")
-        if problems := list(self._problems()):
+        problems = list(self._problems())
+        if problems:
             raise ParametersError(problems)
         v = self.base_directions
         values["base_directions"] = _frozen(v / np.linalg.norm(v, axis=1)[:, None], "")
@@ -239,9 +249,9 @@ class Parameters(_Values):
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         angles = _numbers(np.degrees(self.arc_angles))
         directions = ", ".join(_numbers(v) for v in self.base_directions)
-        groups = self.links, self.passive_links, (self.star,)
-        masses = (dict.fromkeys(f"{body.mass:g}" for body in bodies) for bodies in groups)
-        links, passive, star = (f"{', '.join(each)} kg" for each in masses)
+        links = _masses(self.links)
+        passive = _masses(self.passive_links)
+        star = _masses([self.star])
         viscous = _range(self.viscous_friction)
         coulomb = _range(self.coulomb_friction)
         return "Parameters of an SST", [
@@ -288,30 +298,27 @@ class Parameters(_Values):
         return e / np.linalg.norm(e, axis=1)[:, None]
 
     def _problems(self) -> Iterator[str]:
-        sizes = _SHAPES.items()
-        wrong = {name: _shape_problems(name, getattr(self, name), size) for name, size in sizes}
-        yield from itertools.chain(*wrong.values())
-        if not wrong["base_directions"]:
-            lengths = np.linalg.norm(v := self.base_directions, axis=1)
+        """Why no SST has these parameters."""
+        well_shaped = set[str]()
+        for name, shape in _SHAPES.items():
+            problems = _shape_problems(name, getattr(self, name), shape)
+            yield from problems
+            if not problems:
+                well_shaped.add(name)
+        if "base_directions" in well_shaped:
+            v = self.base_directions
+            lengths = np.linalg.norm(v, axis=1)
             if not lengths.all():
                 yield f"base_directions: v_{int(np.argmin(lengths)) + 1} is zero"
             elif abs(np.linalg.det(v / lengths[:, None])) < _SMALLEST_TRIPLE:
                 yield "base_directions: v_1, v_2, v_3 lie in one plane"
-        if not wrong["arc_angles"]:
+        if "arc_angles" in well_shaped:
             yield from _angle_problems(self.arc_angles)
         for name in ("viscous_friction", "coulomb_friction"):
             value = getattr(self, name)
-            if not wrong[name] and (value < 0).any():
+            if name in well_shaped and (value < 0).any():
                 yield f"{name}: negative for joint number {int(np.argmin(value)) + 1} of 9"
-        each = dict[str, object]()
-        for name, bodies in (("link", self.links), ("passive_link", self.passive_links)):
-            if len(bodies) != 3:
-                yield f"{name}: {len(bodies)} bodies, expected one or three"
-            single = isinstance(getattr(self, name), RigidBody)
-            each |= {name if single else f"{name}[{k}]": body for k, body in enumerate(bodies)}
-        for name, body in {**each, "star": self.star}.items():
-            needed = f"{name}: a RigidBody is needed, not {type(body).__name__}"
-            yield from body.problems(name) if isinstance(body, RigidBody) else [needed]
+        yield from self._body_problems()
         for name in ("base_radius", "star_radius"):
             radius = getattr(self, name)
             if not (np.isfinite(radius) and radius > 0):
@@ -319,6 +326,39 @@ class Parameters(_Values):
             elif not _SMALLEST_RADIUS <= radius <= _LARGEST_RADIUS:
                 limits = f"{_SMALLEST_RADIUS:g} to {_LARGEST_RADIUS:g} m"
                 yield f"{name}: {radius:g} m is outside {limits}"
+
+    def _body_problems(self) -> Iterator[str]:
+        """Why these bodies are impossible."""
+        bodies = dict[str, object]()
+        for name in ("link", "passive_link"):
+            value = getattr(self, name)
+            if isinstance(value, tuple):
+                if len(value) != 3:
+                    yield f"{name}: {len(value)} bodies, expected one or three"
+                for k, body in enumerate(value):
+                    bodies[f"{name}[{k}]"] = body
+            else:
+                bodies[name] = value
+        bodies["star"] = self.star
+        for name, body in bodies.items():
+            if isinstance(body, RigidBody):
+                yield from body.problems(name)
+            else:
+                yield f"{name}: a RigidBody is needed, not {type(body).__name__}"
+
+
+def _of_all_joints(value: ArrayLike, name: str) -> Array:
+    """A number for each of the nine joints; one number is used for all."""
+    array = _frozen(value, name)
+    if array.ndim == 0:
+        return _frozen(np.full(9, array), name)
+    return array
+
+
+def _masses(bodies: Iterable[RigidBody]) -> str:
+    """The masses of bodies, equal ones once."""
+    masses = dict.fromkeys(f"{body.mass:g}" for body in bodies)
+    return f"{', '.join(masses)} kg"
 
 
 def _numbers(values: Array) -> str:

@@ -113,7 +113,8 @@ def _base(p: Parameters, scale: float) -> Iterator[Solid]:
     elbow = 1.17 * max(p.base_radius, p.star_radius) * away / np.linalg.norm(away)
     down = _outside(p) * p.actuated_axes[0]
     foot = elbow + (1.3 * max(p.base_radius, p.star_radius) - elbow @ down) * down
-    post, plate = 0.018 * scale, 0.012 * scale
+    post = 0.018 * scale
+    plate = 0.012 * scale
     yield rod(center, elbow, post)
     yield Ball(elbow, 1.15 * post)
     yield rod(elbow, foot, post)
@@ -137,7 +138,8 @@ def _link(p: Parameters, scale: float) -> Iterator[Solid]:
     """An actuator link, from the motor's shaft around the base frame to the axis of mu_k."""
     x, y, z = np.eye(3)
     z = _outside(p) * z
-    hub, width = _HUB * scale, _WIDTH * scale
+    hub = _HUB * scale
+    width = _WIDTH * scale
     thick = width / 2
     yield rod((hub - thick) * z, (hub + thick) * z, width)
     yield rod((hub + thick) * z, (hub + 1.4 * thick) * z, 0.6 * width)
@@ -160,10 +162,15 @@ def _passive(p: Parameters, scale: float) -> Iterator[Solid]:
     """A carriage that turns on the link and holds an arc of the star between four rollers."""
     x, _, _ = np.eye(3)
     gap = _gap(p)
-    towards, star = np.sign(gap) * x, (p.base_radius + gap) * x
-    depth, width = (size * scale for size in _RAIL)
-    plate, slack, strip = 0.005 * scale, 0.002 * scale, 0.004 * scale
-    radius, length = _ROLLER * scale, 0.05 * scale
+    towards = np.sign(gap) * x
+    star = (p.base_radius + gap) * x
+    depth = _RAIL[0] * scale
+    width = _RAIL[1] * scale
+    plate = 0.005 * scale
+    slack = 0.002 * scale
+    strip = 0.004 * scale
+    radius = _ROLLER * scale
+    length = 0.05 * scale
     across = width / 2 + radius + 0.1 * slack
     near = star - (depth / 2 + slack) * towards
     far = star + (depth / 2 + slack) * towards
@@ -182,7 +189,8 @@ def _star_arc(p: Parameters, scale: float) -> Iterator[Solid]:
     """A quarter circle from E over R_k, and a stop at its end."""
     x = np.eye(3)[0]
     y, z = _outside(p) * np.eye(3)[1:]  # where R_k lies: at negative y when v is right-handed
-    depth, width = (size * scale for size in _RAIL)
+    depth = _RAIL[0] * scale
+    width = _RAIL[1] * scale
     yield Arc(np.stack([x, y, z], axis=-1), p.star_radius, np.pi / 2, (depth, width))
     size = np.array((0.3 * depth, 1.5 * depth, 1.5 * width))
     yield Box(p.star_radius * y, np.stack([x, y, z], axis=-1), size)

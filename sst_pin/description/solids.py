@@ -3,7 +3,9 @@
 
 Meshes and collision geometry both come from these solids, so they agree. A surface connects the
 `loops` of its solid. These are its cross-sections: convex polygons, shape (loops, points, 3), [m],
-each counterclockwise when seen from the last one.
+each counterclockwise when seen from the last one. `trimesh.creation` has no bevels, leaves out
+triangles below 1e-8 m^2, so that robots of a millimetre would have holes, and needs two more
+packages for the ends of an arc.
 """
 
 from __future__ import annotations
@@ -37,7 +39,8 @@ class Box(NamedTuple):
         length, width, depth = self.size
         bevel = _BEVEL * self.size.min()
         heights = np.array((-length / 2, bevel - length / 2, length / 2 - bevel, length / 2))
-        wide, narrow = (_rectangle(width - inset, depth - inset, bevel) for inset in (0, 2 * bevel))
+        wide = _rectangle(width, depth, bevel)
+        narrow = _rectangle(width - 2 * bevel, depth - 2 * bevel, bevel)
         return self.center + _stack(heights, [narrow, wide, wide, narrow]) @ self.axes.T
 
 
@@ -51,7 +54,9 @@ class Cylinder(NamedTuple):
 
     def loops(self) -> Array:
         """Four circles, bevelled."""
-        axis, (r_0, r_1) = self.end - self.start, self[2:]
+        axis = self.end - self.start
+        r_0 = self.radius
+        r_1 = self.end_radius
         length = float(np.linalg.norm(axis))
         x, y, z = axes_along(axis).T
         bevel = _BEVEL * min(r_0, r_1, length)
@@ -163,8 +168,10 @@ def axes_along(direction: Array) -> Array:
 
 def _stack(heights: Array, sections: Sequence[Array]) -> Array:
     """Loops at several heights; the first coordinate is the height."""
-    pairs = zip(heights, sections, strict=True)
-    return np.stack([np.insert(section, 0, height, axis=1) for height, section in pairs])
+    loops = []
+    for height, section in zip(heights, sections, strict=True):
+        loops.append(np.insert(section, 0, height, axis=1))
+    return np.stack(loops)
 
 
 def _circle(radius: float) -> Array:
@@ -177,6 +184,7 @@ def _circle(radius: float) -> Array:
 
 def _rectangle(width: float, depth: float, bevel: float) -> Array:
     """Points of a rectangle, counterclockwise, the corners cut off."""
-    a, b = width / 2, depth / 2
+    a = width / 2
+    b = depth / 2
     half = np.array(((a, bevel - b), (a, b - bevel), (a - bevel, b), (bevel - a, b)))
     return np.concatenate([half, -half])
