@@ -11,13 +11,14 @@ poses at once, home among them. Gauss-Newton's method finds the shortest d. The 
 the loops are closed by least squares: there the singular values of the mechanism are orders larger
 than those from rounding.
 
-Axes may be almost parallel on purpose. A loop that can move as it is, is corrected only if the
-rounding of its numbers, or the gap in its home, explains the displacements.
+Axes may be almost parallel on purpose. So a loop that can move as it is, is corrected only if the
+rounding of its numbers, or the gap in its home, explains the displacements. A loop that closes
+exactly, with numbers that are not rounded, is never corrected.
 """
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -25,7 +26,7 @@ import pinocchio as pin
 from ..arrays import Array, Indices
 from ..errors import ClosureError, DescriptionWarning, warn_caller
 from ..model.closures import frames_of
-from ..model.geometry import displaced, place_of
+from ..model.geometry import Displacements, displaced, place_of
 from ..model.mechanism import Mechanism
 from ..model.thresholds import EXPLAINED, ROUNDED_PLACEMENTS
 from ..model.tree import frame_id
@@ -34,29 +35,58 @@ from ..summaries import listed
 from .assembly import Assembly
 from .guesses import displacement, home_of
 from .loops import Loops, connected
-from .mobility import rank_of, scaled_Phi
+from .mobility import free_motions, scaled_Phi
 
-#: Widths of random displacements, [rad] or lengths of the loop: of starts, of poses in which loops
-#: must close, and of poses that check the result. The first three poses tell whether loops close.
+#: Widths of random displacements from `pin.neutral` or home, until the loops close there, [rad] or
+#: lengths of the loop.
 _STARTS = np.linspace(0.0, 2.0, 21)
-_POSES, _LOOKS, _CHECKS = np.linspace(0.1, 1.0, 16), 3, np.linspace(0.15, 1.05, 8)
+#: Widths of random displacements from the start to poses in which a corrected loop must close.
+_POSES = np.linspace(0.1, 1.0, 16)
+#: The number of these poses that tell whether a loop closes as it is.
+_LOOKS = 3
+#: Widths of random displacements to poses that check the result.
+_CHECKS = np.linspace(0.15, 1.05, 8)
 #: Largest ratio of a singular value that rounding makes to one of the mechanism.
 _GAP = 0.1
 #: Loops that stay open by more in all poses may be far from the poses in which they close.
 _FAR = 10 * ROUNDED_PLACEMENTS
-#: Gauss-Newton's method: steps, the last gap, and the singular values that count as zero, at least
-#: and as multiples of the gap.
-_STEPS, _CLOSED, _LEAST, _NOISE = 12, 1e-14, 1e-9, 30.0
-#: Corrections of a part: in the poses, then also in poses in which it stayed open.
+#: Gauss-Newton's method: most steps, and the gap at which it ends.
+_STEPS, _CLOSED = 12, 1e-14
+#: Its singular values below the first number, or below this multiple of the gap, count as zero.
+_LEAST, _NOISE = 1e-9, 30.0
+#: Corrections of a part: in the poses, then twice with poses in which it stayed open.
 _TRIES = 3
-#: A loop moves as it is if it closes after each of these steps, [rad] or lengths of the loop.
-_MOTION, _MOTION_STEPS = 0.05, 3
-#: Numbers of a file have so many digits after the point at most; numbers of more are not rounded.
-#: They have k digits if this part of them has. Random numbers have so with a probability of 2e-4.
-_DIGITS, _MANY, _WHOLE = 9, 0.25, 1e-4
+#: A loop moves as it is if it closes after each of so many steps of this length, [rad] or lengths
+#: of the loop.
+_MOTION_STEPS, _MOTION = 3, 0.05
 
-#: Rows with an error, and the rates that they connect.
-_Part = tuple[Indices, Indices]
+
+@dataclass(frozen=True)
+class _Part:
+    """Loops that share no row and no rate with others.
+
+    Attributes:
+        rows: Indices of the rows that have an error.
+        rates: Indices of the rates that they connect.
+    """
+
+    rows: Indices
+    rates: Indices
+
+
+@dataclass(frozen=True)
+class _Correction:
+    """A robot in which a part closes.
+
+    Attributes:
+        robot: The robot with displaced placements.
+        size: The largest displacement, [rad] or lengths of the loop.
+        poses: Regular poses in which the part closes.
+    """
+
+    robot: "_Robot"
+    size: float
+    poses: list[Array]
 
 
 def correct_geometry(mechanism: Mechanism) -> Mechanism:
@@ -69,80 +99,112 @@ def correct_geometry(mechanism: Mechanism) -> Mechanism:
         ClosureError: For an overconstrained loop that is open by more in its best pose.
     """
     with announced(f"model {mechanism.model.name}: checking its closures"):
-        return _corrected(mechanism)
+        original = _Robot(mechanism)
+        start, rates = original.start(), np.arange(mechanism.model.nv)
+        suspects = [p for p in original.parts if not original.has_independent_rows(start, p)]
+        if not suspects:
+            return mechanism
+        poses = [original.closest(start, rates, width) for width in _POSES[:_LOOKS]]
+        suspects = [p for p in suspects if not all(original.closes(q, p) for q in poses)]
+        if not suspects:
+            return mechanism
+        poses += [original.closest(start, rates, width) for width in _POSES[_LOOKS:]]
+        return _corrected(original, suspects, [start, *poses])
 
 
-def _corrected(mechanism: Mechanism) -> Mechanism:
-    rounded = corrected = _Robot(mechanism)
-    start, rates = rounded.start(), np.arange(mechanism.model.nv)
-    suspects = [part for part in rounded.parts if not rounded.has_independent_rows(start, part)]
-    if not suspects:
-        return mechanism
-    poses = [rounded.closest(start, rates, width) for width in _POSES[:_LOOKS]]
-    suspects = [part for part in suspects if not all(rounded.closes(q, part) for q in poses)]
-    if not suspects:
-        return mechanism
-    poses += [rounded.closest(start, rates, width) for width in _POSES[_LOOKS:]]
-    errors = [np.zeros(len(rounded.loops.f))]
-    for part in suspects:
-        rounded.require_closing([start, *poses], part)
-        trial, checks = _corrected_part(rounded, corrected, part, start, poses)
-        if checks:
-            corrected = trial
-            errors += [rounded.errors(q, part) for q in checks]
-    if corrected is rounded:
-        return mechanism
-    _warn(mechanism, corrected.mechanism, np.max(errors, axis=0))
+def _corrected(original: "_Robot", parts: Sequence[_Part], poses: Sequence[Array]) -> Mechanism:
+    """The mechanism with these parts corrected, one after the other, where that is justified.
+
+    The start is the first of the poses.
+    """
+    corrected, errors = original, np.zeros(len(original.loops.f))
+    for part in parts:
+        original.require_closing(poses, part)
+        correction = _correction(original, corrected, part, poses)
+        if correction is None:
+            continue
+        corrected = correction.robot
+        for q in correction.poses:
+            error = original.errors(original.closest(q, part.rates), part)
+            errors = np.maximum(errors, error)
+    if corrected is not original:
+        _warn(original.mechanism, corrected.mechanism, errors)
     return corrected.mechanism
 
 
-def _corrected_part(
-    rounded: "_Robot", corrected: "_Robot", part: _Part, start: Array, poses: Sequence[Array]
-) -> tuple["_Robot", list[Array]]:
-    """`corrected` with one more part, and poses in which `rounded` closes that part best.
+def _correction(
+    original: "_Robot", corrected: "_Robot", part: _Part, poses: Sequence[Array]
+) -> _Correction | None:
+    """A correction of one part of `corrected`, which has the placements of the parts before.
 
-    There are no poses if the part closes as it is, or if rounding does not explain its gaps.
+    There is none if the part closes as it is, if no small displacement makes it close, or if it is
+    not justified.
     """
-    nothing = corrected, list[Array]()
-    closed = [q for q in [start, *poses] if rounded.gap(q, part) <= ROUNDED_PLACEMENTS]
-    # Ranks are lower near singularities.
-    ranks = [rank for rank in (rounded.rank(q, part) for q in closed) if rank is not None]
-    rank = max((r for r in ranks if ranks.count(r) > 2), default=len(part[0]))
-    fitting = [q for q in closed if rounded.rank(q, part) == rank]
-    if rank == len(part[0]) or not np.median([rounded.gap(q, part) for q in fitting]):
-        return nothing
+    closed = [q for q in poses if original.gap(q, part) <= ROUNDED_PLACEMENTS]
+    rank = _rank_in(original, part, closed)
+    if rank is None:
+        return None
+    fitting = [q for q in closed if original.rank(q, part) == rank]
+    if not np.median([original.gap(q, part) for q in fitting]):
+        return None  # it closes as it is
+    correction = _closing(corrected, part, rank, poses[0], fitting)
+    if correction is None or not _is_justified(correction, original, part, poses[0]):
+        return None
+    return correction
+
+
+def _is_justified(correction: _Correction, original: "_Robot", part: _Part, start: Array) -> bool:
+    """Whether the errors of the original are rounding, and not what somebody wanted."""
+    for q in correction.poses:
+        if original.gap(original.closest(q, part.rates), part) > ROUNDED_PLACEMENTS:
+            return False
+    rounding = original.rounding(start, part)
+    if rounding == 0:
+        return False  # it closes exactly, perhaps in this pose only
+    return correction.size <= EXPLAINED * rounding or not original.moves(start, part)
+
+
+def _rank_in(robot: "_Robot", part: _Part, poses: Sequence[Array]) -> int | None:
+    """The rank of an overconstrained part in poses in which it is closed; None if there is none.
+
+    It is the largest rank of at least three poses, as ranks are lower near singularities.
+    """
+    counts = Counter(robot.rank(q, part) for q in poses)
+    ranks = [rank for rank, count in counts.items() if rank is not None and count > 2]
+    if not ranks or max(ranks) == len(part.rows):
+        return None
+    return max(ranks)
+
+
+def _closing(
+    robot: "_Robot", part: _Part, rank: int, start: Array, poses: Sequence[Array]
+) -> _Correction | None:
+    """A correction with which a part closes in these poses and in others; None if none is found."""
+    fitting = list(poses)
     for k in range(_TRIES):
-        corrected, size = corrected.with_closing(fitting, part, rank)
-        widths = [0.0, *(_CHECKS + k / 100)]
-        checks = [corrected.closest(start, part[1], width) for width in widths]
+        robot, size = robot.with_closing(fitting, part, rank)
+        checks = [robot.closest(start, part.rates, width) for width in [0.0, *(_CHECKS + k / 100)]]
         # Poses with larger gaps are next to no closed pose.
-        closed = [q for q in checks if corrected.gap(q, part) <= ROUNDED_PLACEMENTS]
-        regular = [q for q in closed if corrected.rank(q, part) == rank]
-        if regular and not any(corrected.gap(q, part) for q in regular):
-            break
+        closed = [q for q in checks if robot.gap(q, part) <= ROUNDED_PLACEMENTS]
+        regular = [q for q in closed if robot.rank(q, part) == rank]
+        if regular and not any(robot.gap(q, part) for q in regular):
+            return _Correction(robot, size, regular)
         fitting += regular
-    else:
-        return nothing
-    closest = [rounded.closest(q, part[1]) for q in regular]
-    if any(rounded.gap(q, part) > ROUNDED_PLACEMENTS for q in closest):
-        return nothing
-    if rounded.moves(start, part) and size > EXPLAINED * rounded.rounding(start, part):
-        return nothing
-    return corrected, closest
+    return None
 
 
 class _Robot:
     """Poses of a mechanism whose loops are closed as far as rounding allows.
 
     Attributes:
-        parts: Rows with an error and their rates, in parts that share no row and no rate.
+        parts: Loops that share no row and no rate.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism, self.loops = mechanism, Loops(mechanism.model, mechanism.closures)
         self._assembly = Assembly(mechanism, self.loops)
         rows, touched = np.flatnonzero(self.loops.holonomic), self.loops.touched
-        self.parts = [(rows[k], rates) for k, rates in connected(touched[rows]) if len(k)]
+        self.parts = [_Part(rows[k], rates) for k, rates in connected(touched[rows]) if len(k)]
 
     # --- poses ------------------------------------------------------------------------------
 
@@ -151,14 +213,14 @@ class _Robot:
         home = home_of(self.mechanism)
         q = pin.neutral(self.mechanism.model) if home is None else home
         for width in _STARTS:
-            wide = [part[1] for part in self.parts if self.gap(q, part) > ROUNDED_PLACEMENTS]
-            if not wide:
+            open_parts = [p for p in self.parts if self.gap(q, p) > ROUNDED_PLACEMENTS]
+            if not open_parts:
                 break
-            q = self.closest(q, np.concatenate(wide), width)
+            q = self.closest(q, np.concatenate([part.rates for part in open_parts]), width)
         return q
 
     def closest(self, q: Array, rates: Indices, width: float = 0.0) -> Array:
-        """The pose next to q with the smallest gaps, after a random displacement."""
+        """The pose next to q with the smallest gaps, after a random displacement of some rates."""
         step = np.zeros(self.mechanism.model.nv)
         step[rates] = displacement(self.mechanism, width)[rates]
         q = pin.integrate(self.mechanism.model, q, step)
@@ -166,32 +228,32 @@ class _Robot:
 
     def moves(self, q: Array, part: _Part) -> bool:
         """Whether a part closes, to rounding, along a motion from near q."""
-        rows, rates = part
+        rates = part.rates
         model, scale = self.mechanism.model, self.mechanism.rate_scale[rates]
         q = self._assembly.closer(q, rates)
         random = (displacement(self.mechanism, 1.0) / self.mechanism.rate_scale)[rates]
         for _ in range(_MOTION_STEPS):
-            if self._assembly.gap(q, rows):
+            if self.gap(q, part):
                 return False
-            _, sizes, Vt = np.linalg.svd(self._Phi(q, part))
-            motions = Vt[rank_of(sizes) :]
-            along = motions.T @ (motions @ random)
-            if not len(motions):
+            motions = free_motions(self._Phi(q, part))
+            if not motions.shape[1]:
                 return False
-            step = np.zeros(model.nv)
-            step[rates] = _MOTION * along / np.abs(along).max() * scale
-            ahead = self._assembly.closer(pin.integrate(model, q, step), rates)
+            along = motions @ (motions.T @ random)
+            step = _MOTION * along / np.abs(along).max()
+            rates_step = np.zeros(model.nv)
+            rates_step[rates] = step * scale
+            ahead = self._assembly.closer(pin.integrate(model, q, rates_step), rates)
             moved = pin.difference(model, q, ahead)[rates] / scale
-            if moved.dot(along) < _MOTION / 2 * along.dot(along) / np.abs(along).max():
-                return False
+            if moved.dot(step) < step.dot(step) / 2:
+                return False  # closing the loops leads back
             q = ahead
-        return not self._assembly.gap(q, rows)
+        return not self.gap(q, part)
 
     # --- at a pose --------------------------------------------------------------------------
 
     def gap(self, q: Array, part: _Part) -> float:
         """How far a part is open, free of units; 0 if it is closed."""
-        return self._assembly.gap(q, part[0])
+        return self._assembly.gap(q, part.rows)
 
     def closes(self, q: Array, part: _Part) -> bool:
         """Whether a part is closed to rounding at q, and its rank is clear."""
@@ -199,7 +261,7 @@ class _Robot:
 
     def has_independent_rows(self, q: Array, part: _Part) -> bool:
         """Whether a part is closed and no row is redundant, so that none contradict each other."""
-        return self.gap(q, part) <= ROUNDED_PLACEMENTS and self.rank(q, part) == len(part[0])
+        return self.gap(q, part) <= ROUNDED_PLACEMENTS and self.rank(q, part) == len(part.rows)
 
     def rank(self, q: Array, part: _Part) -> int | None:
         """Rank of a part; None if its singular values have no gap."""
@@ -212,14 +274,14 @@ class _Robot:
         """Sizes of f at q in the rows of a part, zero in the others, shape (rows,)."""
         self.loops.evaluate(q)
         errors = np.zeros(len(self.loops.f))
-        errors[part[0]] = np.abs(self.loops.f[part[0]])
+        errors[part.rows] = np.abs(self.loops.f[part.rows])
         return errors
 
     def require_closing(self, poses: Sequence[Array], part: _Part) -> None:
         """Refuse an overconstrained part that is open in all poses by more than rounding."""
         best = min(poses, key=lambda q: self.gap(q, part))
         rank = self.rank(best, part)
-        if not ROUNDED_PLACEMENTS < self.gap(best, part) < _FAR or rank in {None, len(part[0])}:
+        if not ROUNDED_PLACEMENTS < self.gap(best, part) < _FAR or rank in {None, len(part.rows)}:
             return
         errors = self.errors(best, part)
         names = [
@@ -234,7 +296,7 @@ class _Robot:
         )
 
     def _Phi(self, q: Array, part: _Part) -> Array:
-        return scaled_Phi(self.mechanism, self.loops, q)[np.ix_(*part)]
+        return scaled_Phi(self.mechanism, self.loops, q)[np.ix_(part.rows, part.rates)]
 
     # --- placements -------------------------------------------------------------------------
 
@@ -245,93 +307,139 @@ class _Robot:
 
         Beside it stands the largest displacement, [rad] or lengths of the loop.
         """
-        result, (rows, rates), places = self, part, self._places(part)
-        scale = self.mechanism.row_scale[rows]
-        unit = np.tile(np.repeat([1 / scale.max(), 1.0], 3), len(places))
+        result, places = self, self._places(part)
+        # Displacements are [linear; angular]; linear ones are in lengths of the loop.
+        unit = np.tile(np.repeat([1 / self._per_length(part), 1.0], 3), len(places))
         total = np.zeros(len(unit))
         for _ in range(_STEPS):
-            mechanism, loops = result.mechanism, result.loops
-            left, right, closing = list[Array](), list[Array](), list[tuple[Array, Array, Array]]()
-            for q in poses:
-                U, s, Vt = np.linalg.svd(result._Phi(q, part))
-                f = loops.f[rows] * scale
-                F = by_displacements(loops, places)[rows] * scale[:, None] * unit
-                left.append(U[:, rank:].T @ F)
-                right.append(U[:, rank:].T @ f)
-                closing.append((Vt[:rank].T / s[:rank] @ U[:, :rank].T, f, F))
-            gap = float(np.abs(right).max())
+            equations = [result._equations(q, part, rank, places, unit) for q in poses]
+            gap = max(float(np.abs(x.f_left).max(initial=0.0)) for x in equations)
             if gap < _CLOSED:
                 break
-            rcond = max(_LEAST, _NOISE * gap)
-            d = -np.linalg.lstsq(np.vstack(left), np.concatenate(right), rcond=rcond)[0]
-            steps = np.zeros((len(poses), mechanism.model.nv))
-            steps[:, rates] = [-G @ (f + F @ d) for G, f, F in closing]
-            steps *= mechanism.rate_scale
-            poses = [pin.integrate(mechanism.model, *x) for x in zip(poses, steps, strict=True)]
+            left = np.vstack([x.F_left for x in equations])
+            right = np.concatenate([x.f_left for x in equations])
+            d = -np.linalg.lstsq(left, right, rcond=max(_LEAST, _NOISE * gap))[0]
+            poses = [result._followed(q, part, x, d) for q, x in zip(poses, equations, strict=True)]
             changes = dict(zip(places, (unit * d).reshape(-1, 6), strict=True))
-            result = _Robot(replace(mechanism, model=displaced(mechanism.model, changes)))
+            result = result._displaced(changes)
             total += d
         return result, float(np.abs(total).max(initial=0.0))
+
+    def _equations(
+        self, q: Array, part: _Part, rank: int, places: Mapping[str, int], unit: Array
+    ) -> "_Equations":
+        """What displacements, in units of their own, have to fulfil at a pose."""
+        U, s, Vt = np.linalg.svd(self._Phi(q, part))
+        scale = self.mechanism.row_scale[part.rows]
+        f = self.loops.f[part.rows] * scale
+        F = by_displacements(self.loops, places)[part.rows] * scale[:, None] * unit
+        G = Vt[:rank].T / s[:rank] @ U[:, :rank].T
+        beyond = U[:, rank:].T
+        return _Equations(f, F, beyond @ f, beyond @ F, G)
+
+    def _followed(self, q: Array, part: _Part, equations: "_Equations", d: Array) -> Array:
+        """The pose next to q after displacements d: joint motions remove what they can of f."""
+        step = np.zeros(self.mechanism.model.nv)
+        step[part.rates] = -equations.G @ (equations.f + equations.F @ d)
+        return pin.integrate(self.mechanism.model, q, step * self.mechanism.rate_scale)
+
+    def _displaced(self, changes: Displacements) -> "_Robot":
+        model = displaced(self.mechanism.model, changes)
+        return _Robot(replace(self.mechanism, model=model))
+
+    def _per_length(self, part: _Part) -> float:
+        """One over the length of the loops of a part, [1/m]."""
+        return float(self.mechanism.row_scale[part.rows].max())
 
     def rounding(self, q: Array, part: _Part) -> float:
         """Size of the rounding of a part, [rad] or lengths of the loop.
 
-        It is that of the last digits of its placements, or the gap that is left at q, if larger.
+        It is that of the last digits of its placements, or the gap that is left at q, if larger. It
+        is 0 if the part closes at q and its numbers are not rounded.
         """
         numbers = list[float]()
         for place in self._places(part):
             _, placement = place_of(self.mechanism.model, place)
             numbers += [*placement.translation, *pin.rpy.matrixToRpy(placement.rotation)]
-        last_digit = half_a_digit(np.array(numbers)) * self.mechanism.row_scale[part[0]].max()
-        return max(last_digit, self.gap(self.closest(q, part[1]), part))
+        last_digit = half_a_digit(np.array(numbers)) * self._per_length(part)
+        return max(last_digit, self.gap(self.closest(q, part.rates), part))
 
     def _places(self, part: _Part) -> dict[str, int]:
         """Joints of a part, and frames that only one closure has: their frame indices, or 0."""
         model, closures = self.mechanism.model, self.mechanism.closures
         uses = Counter(name for closure in closures for name in frames_of(closure))
-        pairs = zip(closures, self.loops.slices, strict=True)
-        ends = (frames_of(c) for c, s in pairs if np.isin(part[0], range(s.start, s.stop)).any())
-        frames = sorted({name for pair in ends for name in pair if uses[name] == 1} - {"universe"})
-        joints = [j for j in range(1, model.njoints) if model.joints[j].idx_v in part[1]]
-        places = dict.fromkeys((model.names[j] for j in joints), 0)
-        return places | {x: frame_id(model, x) for x in frames if x not in places}
+        places = dict[str, int]()
+        for j in range(1, model.njoints):
+            if model.joints[j].idx_v in part.rates:
+                places[model.names[j]] = 0
+        ends = set[str]()
+        for closure, rows in zip(closures, self.loops.slices, strict=True):
+            if np.isin(part.rows, range(rows.start, rows.stop)).any():
+                ends.update(frames_of(closure))
+        for name in sorted(ends - {"universe"}):
+            if uses[name] == 1 and name not in places:
+                places[name] = frame_id(model, name)
+        return places
+
+
+@dataclass(frozen=True)
+class _Equations:
+    """How the errors of a part depend on displacements d at a pose, all free of units.
+
+    Attributes:
+        f: Errors, shape (rows,).
+        F: Their derivatives by d, shape (rows, displacements).
+        f_left: U^T f, the part of f that no motion of joints removes.
+        F_left: U^T F: d has to fulfil f_left + F_left d = 0.
+        G: Joints move by -G f to remove the rest of f, shape (rates, rows).
+    """
+
+    f: Array
+    F: Array
+    f_left: Array
+    F_left: Array
+    G: Array
 
 
 def by_displacements(loops: Loops, places: Mapping[str, int]) -> Array:
     """Derivatives of f by displacements of places, see `geometry`, shape (rows, 6 places).
 
-    A place is a joint, or a frame with its index.
+    The number of a place is 0 for a joint, else the index of the frame.
     """
     model, data, bodies = loops.model, loops.data, loops.tree.bodies
-    supports = [set(model.supports[j]) for j in range(model.njoints)]
     by = np.zeros((len(loops.f), len(places), 6))
     for k, (place, frame) in enumerate(places.items()):
         body, placement = place_of(model, place)
-        bearer = data.oMi[bodies[body]]
-        # Linear along the axes of the bearer, angular about those of the place.
-        twists = (bearer * placement).action
-        twists[:3, :3] = bearer.rotation
-        joint = 0 if frame else model.getJointId(place)
+        carrier = data.oMi[bodies[body]]
+        # Linear along the axes of the body with the place, angular about those of the place.
+        twists = (carrier * placement).action
+        twists[:3, :3] = carrier.rotation
         for closures in loops.of_frames:
-            frames = closures.frames.tolist()  # Pinocchio takes Python's integers
-            for pair, at, W in zip(frames, closures.at, closures.W, strict=True):
-                if joint:
-                    moves_b, moves_a = (
-                        joint in supports[model.frames[x].parentJoint] for x in pair
-                    )
-                else:
-                    moves_b, moves_a = (x == frame for x in pair)
-                if moves_b != moves_a:
-                    of_one = W[:, :6] if moves_b else W[:, 6:]
-                    by[at, k] = of_one @ twists
+            if frame:
+                moves = closures.frames == frame
+            else:
+                joint = model.getJointId(place)
+                after = set(model.subtrees[joint])
+                carriers = np.array([x.parentJoint for x in model.frames])[closures.frames]
+                moves = np.isin(carriers, list(after))
+            # A place that moves both frames in the same way does not change the closure.
+            moves_b = moves[:, 0] & ~moves[:, 1]
+            moves_a = moves[:, 1] & ~moves[:, 0]
+            by[closures.at[moves_b], k] = closures.W[moves_b, :, :6] @ twists
+            by[closures.at[moves_a], k] = closures.W[moves_a, :, 6:] @ twists
     return by.reshape(len(by), -1)
 
 
-def half_a_digit(numbers: Array) -> float:
-    """Half a unit of the last digit of rounded numbers; 0 if they are not rounded.
+#: Numbers of files have at most so many digits after the point; numbers of more are not rounded.
+_DIGITS = 9
+#: Numbers have k digits if this part of them has: some may be products of rounded numbers.
+_MANY = 0.25
+#: A number is whole if it is off by less. Random numbers are so with a probability of 2e-4.
+_WHOLE = 1e-4
 
-    Some of them may be products of rounded numbers, or exact.
-    """
+
+def half_a_digit(numbers: Array) -> float:
+    """Half a unit of the last digit of rounded numbers; 0 if they are not rounded."""
     numbers = np.abs(numbers[np.abs(numbers) > 10.0**-_DIGITS])
     for digits in range(1, _DIGITS):
         tens = numbers * 10.0**digits
@@ -342,19 +450,28 @@ def half_a_digit(numbers: Array) -> float:
 
 def _warn(before: Mechanism, after: Mechanism, errors: Array) -> None:
     """Say how far loops were open, by the rows' errors, and how far placements were displaced."""
-    rows = [(str(closure), row) for closure in before.closures for row in closure.rows]
-    turns = np.array([row.startswith("turn") for _, row in rows])
-    names = dict.fromkeys(name for (name, _), gap in zip(rows, errors, strict=True) if gap)
-    a, b = (
-        [*x.jointPlacements, *(f.placement for f in x.frames)] for x in (before.model, after.model)
-    )
-    moves = [np.abs(pin.log6(x.actInv(y)).vector) for x, y in zip(a, b, strict=True)]
-    metres, radians = np.max(moves, axis=0).reshape(2, 3).max(axis=1)
+    names, turns = list[str](), list[bool]()
+    for closure in before.closures:
+        for row in closure.rows:
+            names.append(str(closure))
+            turns.append(row.startswith("turn"))
+    of_turns = np.array(turns)
+    open_loops = list(dict.fromkeys(np.array(names)[errors > 0].tolist()))
+    metres, radians = _largest_displacement(before.model, after.model)
     warn_caller(
         f"model {before.model.name}: its placements are rounded, so that the loops at "
-        f"{listed(list(names), 4)} close only to {max(errors * ~turns):.2g} m and "
-        f"{np.degrees(max(errors * turns)):.2g} degrees; placements were corrected by up to "
-        f"{metres:.2g} m and {np.degrees(radians):.2g} degrees, so that the loops close in all "
-        "poses; write more digits",
+        f"{listed(open_loops, 4)} close only to {errors[~of_turns].max(initial=0.0):.2g} m and "
+        f"{np.degrees(errors[of_turns].max(initial=0.0)):.2g} degrees; placements were corrected "
+        f"by up to {metres:.2g} m and {np.degrees(radians):.2g} degrees, so that the loops close "
+        "in all poses; write more digits",
         DescriptionWarning,
     )
+
+
+def _largest_displacement(before: pin.Model, after: pin.Model) -> tuple[float, float]:
+    """The largest displacement of joints and frames, [m] and [rad]."""
+    pairs = list(zip(before.jointPlacements, after.jointPlacements, strict=True))
+    frames = zip(before.frames, after.frames, strict=True)
+    pairs += [(a.placement, b.placement) for a, b in frames]
+    twists = np.abs([pin.log6(a.actInv(b)).vector for a, b in pairs])
+    return float(twists[:, :3].max()), float(twists[:, 3:].max())

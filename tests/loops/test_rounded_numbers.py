@@ -406,3 +406,34 @@ def test_each_loop_has_its_own_scale(digits):
     rounding = 10.0**-digits / np.array([5e-4, 1e3])  # relative to each loop
     off = np.abs(chain.compute_torques(q, *motion) / tau - 1)
     assert (off < EXPLAINED * rounding + 1e-9).all()
+
+
+def test_a_hexapod_that_is_rigid_and_almost_singular_is_not_rounded():
+    """The Jacobian of the six rods by hand is regular, so that only the arm on the platform moves.
+
+    Its smallest singular value, 2e-3, is one that rounding could make, but sixteen digits do not.
+    """
+    random = np.random.default_rng(0)
+    angles = np.radians(60.0 * np.arange(6)) + random.uniform(-0.1, 0.1, 6)
+    base = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(6)])
+    R, p = pin.rpy.rpyToMatrix(0.01, -0.01, np.pi / 2), np.array([0.02, 0.03, 0.9])
+    # A platform similar to its base is singular; this one is similar to it by 3e-3.
+    platform = 0.6 * base + 3e-3 * random.normal(size=(6, 3))
+    ends = platform @ R.T + p
+    lengths = np.linalg.norm(ends - base, axis=1)
+    directions = (ends - base) / lengths[:, None]
+    by_hand = np.hstack([directions, np.cross(ends - p, directions)])
+    assert 1e-4 < np.linalg.svd(by_hand, compute_uv=False)[-1] < 3e-3
+    model = pin.Model()
+    inertia = pin.Inertia(1.0, np.array([0.05, 0.02, 0.1]), 0.01 * np.eye(3))
+    plate = add(model, 0, pin.JointModelFreeFlyer(), "plate", at(), inertia)
+    add(model, plate, pin.JointModelRZ(), "arm", at(0.1, 0.2, 0.3), inertia)
+    closures = []
+    for k in range(6):
+        mark(model, 0, f"base_{k}", at(*base[k]))
+        mark(model, plate, f"plate_{k}", at(*platform[k]))
+        closures.append(sst_pin.Distance(f"base_{k}", f"plate_{k}", lengths[k]))
+    home = np.concatenate([p, pin.Quaternion(R).coeffs(), [0.3]])
+    model.referenceConfigurations["home"] = home
+    chain, records = with_warnings(ClosedChain, model, closures, ["arm"])
+    assert (chain.degrees_of_freedom, records) == (1, [])
