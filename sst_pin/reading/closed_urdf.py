@@ -82,7 +82,9 @@ def closed(urdf: Urdf, cuts: Cuts) -> RobotFile:
     fixed = cuts.fixed
     _require_dependent(model, cuts, source)
     couplings = _couplings(urdf, cuts, source)
-    joints_with_limits = {name for key in LIMITS for name in cuts.numbers.get(key, {})}
+    joints_with_limits = set[str]()
+    for key in LIMITS:
+        joints_with_limits.update(cuts.numbers.get(key, {}))
     notes = [
         *_unused(model, cuts, marks),
         *urdf.lost_limits(dict(cuts.joints), joints_with_limits),
@@ -90,7 +92,7 @@ def closed(urdf: Urdf, cuts: Cuts) -> RobotFile:
     loops = cuts.closures
     with naming(source):
         if not loops:
-            joints = cuts.hinges or marks.joints
+            joints = cuts.hinges or marks.joints  # the YAML replaces what the URDF marks
             loops = (*closing_frames(model), *(joint.closure(model) for joint in joints))
         numbers = updated(urdf.numbers, cuts.numbers, fixed)
         put_numbers(model, numbers)
@@ -105,8 +107,8 @@ def closed(urdf: Urdf, cuts: Cuts) -> RobotFile:
         locked = [name for name in dict.fromkeys(cuts.locked) if name not in fixed_joints]
         if locked:
             model = without_locked(model, locked)
-        stiffness, rest = springs_of(model, numbers)
-    motors = tuple(_free_motors(cuts.actuated, fixed))
+        stiffness, spring_reference = springs_of(model, numbers)
+    motors = tuple(_moving_motors(cuts.actuated, fixed))
     open_tree = ""
     if not cuts.source and not loops and not marks.independent:
         open_tree = f"no {srdf_path.stem}.yaml with closures and motors is beside it; "
@@ -128,7 +130,7 @@ def closed(urdf: Urdf, cuts: Cuts) -> RobotFile:
         actuated=motors,
         shapes=partial(urdf_shapes, urdf.root, srdf_path.parent),
         stiffness=stiffness,
-        spring_reference=rest,
+        spring_reference=spring_reference,
         srdf=srdf,
         lines=cuts.lines,
         brakes=cuts.brakes,
@@ -184,17 +186,17 @@ def _without_mass(model: pin.Model) -> Problem:
     return warning(f"links {listed(links)}", text)
 
 
-def _free_motors(motors: Sequence[Motor], locked: Collection[str]) -> Iterator[Motor]:
+def _moving_motors(motors: Sequence[Motor], locked: Collection[str]) -> Iterator[Motor]:
     """Motors without the joints that are locked."""
     for motor in motors:
         tendon, shares = tendon_of(motor)
-        free = {joint: share for joint, share in shares.items() if joint not in locked}
-        if not free:
+        moving = {joint: share for joint, share in shares.items() if joint not in locked}
+        if not moving:
             continue
         if isinstance(motor, str):
             yield motor
         else:
-            yield {tendon: free}
+            yield {tendon: moving}
 
 
 def _unlocked(
@@ -202,18 +204,17 @@ def _unlocked(
 ) -> Iterator[Coupling]:
     """The couplings that remain when some joints are locked at zero."""
     for coupling in couplings:
-        free = {}
-        offset = coupling.offset
+        moving = {}
         constants = 0.0
         for name, coefficients in coupling.polynomials.items():
             if name in locked:
                 constants += coefficients[0]
             else:
-                free[name] = coefficients
-        offset += constants
+                moving[name] = coefficients
+        offset = coupling.offset + constants
         if coupling.joint not in locked:
-            yield Coupling(coupling.joint, free, offset)
-        elif free or offset:
-            leaders = ", ".join(free) or "with an offset"
+            yield Coupling(coupling.joint, moving, offset)
+        elif moving or offset:
+            leaders = ", ".join(moving) or "with an offset"
             text = f"locked joint {coupling.joint} mimics {leaders}: "
             raise DescriptionError(source, [text + "lock both joints, at zero, or none"])

@@ -82,18 +82,17 @@ class CutJoint(NamedTuple):
 
     def closure(self, model: pin.Model) -> Closure:
         """The closure of this joint, whose frames are added to the tree."""
-        names = f"{self.name}_A", f"{self.name}_B"
+        names = (f"{self.name}_A", f"{self.name}_B")
         data = model.createData()
         pin.framesForwardKinematics(model, data, pin.neutral(model))
-        sides = zip(names, self.links, self.places, self.seen_from, strict=True)
-        for name, link, place, reference in sides:
+        for k, name in enumerate(names):
             if model.existFrame(name):
                 raise DescriptionError(self.name, [f"a frame {name} exists; rename this joint"])
-            link_id = self._link_id(model, link)
-            reference_id = self._link_id(model, reference)
-            on_link = place
+            link_id = self._link_id(model, self.links[k])
+            reference_id = self._link_id(model, self.seen_from[k])
+            on_link = self.places[k]
             if reference_id != link_id:
-                on_link = data.oMf[link_id].actInv(data.oMf[reference_id]) * place
+                on_link = data.oMf[link_id].actInv(data.oMf[reference_id]) * on_link
             link_frame = model.frames[link_id]
             frame = pin.Frame(
                 name,
@@ -103,7 +102,7 @@ class CutJoint(NamedTuple):
                 pin.FrameType.OP_FRAME,
             )
             model.addFrame(frame)
-        return Closure(*names, self.kind)
+        return Closure(names[0], names[1], self.kind)
 
     def _link_id(self, model: pin.Model, link: str) -> int:
         """Index of the frame of a link; the base has index 0."""

@@ -70,22 +70,22 @@ class JointGraph:
     """
 
     def __init__(
-        self, name: str, joints: Sequence[GraphJoint], rest: Mapping[str, pin.SE3]
+        self, name: str, joints: Sequence[GraphJoint], poses: Mapping[str, pin.SE3]
     ) -> None:
-        """`rest` has the pose of each body in the world at zero, for bodies that float."""
+        """`poses` has the pose of each body in the world at zero, for bodies that float."""
         self.urdf = ET.Element("robot", name=name)
         self.balls = list[str]()
         self.helpers = list[str]()
         self.problems = list[str]()
         self._bodies = [WORLD]  # those in the tree
-        self._names = {WORLD, *rest, *(joint.name for joint in joints)}
+        self._names = {WORLD, *poses, *(joint.name for joint in joints)}
         ET.SubElement(self.urdf, "link", name=WORLD)
         remaining = list(joints)
-        for body in rest:
+        for body in poses:
             while body not in self._bodies:
                 joint = self._next_joint(remaining)
                 if joint is None:
-                    joint = self._floating_joint(body, rest[body])
+                    joint = self._floating_joint(body, poses[body])
                 else:
                     remaining.remove(joint)
                 self._add_to_tree(joint)
@@ -113,8 +113,8 @@ class JointGraph:
         steps = _steps(joint)
         sign = 1
         if child in self._bodies:
-            parent, child = child, parent
-            parent_pose, child_pose = child_pose, parent_pose
+            child, parent = joint.links
+            child_pose, parent_pose = joint.places
             steps = steps[::-1]
             sign = -1
         self._bodies.append(child)
@@ -179,13 +179,11 @@ class JointGraph:
         element = ET.SubElement(self.urdf, "constraint", name=joint.name, type=joint.kind)
         first_axis = joint.axes[0]
         last_axis = joint.axes[-1]
-        sides = zip(
-            ("parent", "child"), joint.links, joint.places, (first_axis, last_axis), strict=True
-        )
-        for side, link, place, axis in sides:
-            ET.SubElement(element, side, link=link)
-            ET.SubElement(element, f"{side}_origin", origin_of(place))
-            ET.SubElement(element, f"{side}_axis", xyz=text_of(axis.direction))
+        axes = (first_axis, last_axis)
+        for k, side in enumerate(("parent", "child")):
+            ET.SubElement(element, side, link=joint.links[k])
+            ET.SubElement(element, f"{side}_origin", origin_of(joint.places[k]))
+            ET.SubElement(element, f"{side}_axis", xyz=text_of(axes[k].direction))
         texts = []
         if joint.kind == "screw":
             texts.append("is a screw, which no closure is")

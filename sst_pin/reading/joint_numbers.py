@@ -21,8 +21,12 @@ LIMITS = ("lower", "upper", "effort", "velocity")
 
 def updated(numbers: JointNumbers, others: JointNumbers, without: Collection[str]) -> JointNumbers:
     """Numbers updated by others, without some joints."""
-    both = {kind: {**numbers.get(kind, {}), **others.get(kind, {})} for kind in (*numbers, *others)}
-    return {k: {n: x for n, x in of.items() if n not in without} for k, of in both.items()}
+    result: dict[str, dict[str, float]] = {}
+    for kind in (*numbers, *others):
+        result[kind] = {**numbers.get(kind, {}), **others.get(kind, {})}
+        for joint in without:
+            result[kind].pop(joint, None)
+    return result
 
 
 def put_numbers(model: pin.Model, numbers: JointNumbers) -> None:
@@ -47,12 +51,14 @@ def _position(model: pin.Model, name: str) -> int:
 
 
 def springs_of(model: pin.Model, numbers: JointNumbers) -> tuple[Array, Array]:
-    """Stiffness of the joints' springs, shape (nv,), and where they rest, shape (nq,)."""
+    """Stiffness of the joints' springs, (nv,), and where they are relaxed, (nq,)."""
     stiffness = np.zeros(model.nv)
-    rest = pin.neutral(model)
     _fill(stiffness, model, numbers.get("stiffness", {}))
+    reference = pin.neutral(model)
     positions = {name: x for name, x in numbers.get("reference", {}).items() if x}
-    return stiffness, put(JointSpace(model), rest, positions) if positions else rest
+    if positions:
+        reference = put(JointSpace(model), reference, positions)
+    return stiffness, reference
 
 
 def _fill(array: Array, model: pin.Model, values: Mapping[str, float]) -> None:

@@ -48,11 +48,13 @@ def robot_file_of(
     With `contacts`, those that can act in nonsmooth rollouts are read too.
     """
     compiled = Compiled(as_path(path), names("locked", locked))
-    source = compiled.source
-    problems = compiled.problems
-    problems += [*impossible(compiled), *_switched_off(compiled, actuated)] or _names(compiled)
-    if problems:
-        raise DescriptionError(source, problems)
+    problems = compiled.problems  # the readers below add to them
+    problems += [*impossible(compiled), *_switched_off(compiled, actuated)]
+    if not problems:
+        problems += _names(compiled)
+    _raise(compiled, problems)
+
+    # The tree, and what the names of the file refer to.
     tree = MjcfTree(compiled)
     closures = tuple(closures_of(compiled, tree))
     if actuated is None:
@@ -60,46 +62,71 @@ def robot_file_of(
     else:
         motors = named_motors(compiled, in_order("actuated", actuated))
     tree.add_body_frames()
+
+    # Numbers of joints, lines and contacts.
     stiffness = tree.add_numbers()
-    lines = tuple(lines_of(compiled, motors, put_efforts(compiled, tree)))
-    touching = tuple(contacts_of(compiled, tree)) if contacts else ()
+    efforts_of_lines = put_efforts(compiled, tree)
+    lines = tuple(lines_of(compiled, motors, efforts_of_lines))
+    points_and_ropes = tuple(contacts_of(compiled, tree)) if contacts else ()
     problems += unread(compiled, tree)
-    if (moving := tree.model.njoints - 1) > MOST_JOINTS:
+    moving = tree.model.njoints - 1
+    if moving > MOST_JOINTS:
         problems.append(f"{moving} moving joints; at most {MOST_JOINTS} are supported")
-    if problems:
-        raise DescriptionError(source, problems)
+    _raise(compiled, problems)
     tree.add_home(closures)
-    shapes = partial(mjcf_shapes, compiled.mj, tree.bodies)
-    parts = source, tree.model, closures, motors, shapes, stiffness, tree.rest
+
     notes = [warning("file", text) for text in dict.fromkeys(compiled.notes)]
-    if not contacts and (text := contact_note(compiled, tree)):
-        notes.append(note("file", text))
-    return RobotFile(*parts, lines=lines, contacts=touching, notes=tuple(notes))
+    if not contacts:
+        text = contact_note(compiled, tree)
+        if text:
+            notes.append(note("file", text))
+    return RobotFile(
+        source=compiled.source,
+        model=tree.model,
+        closures=closures,
+        actuated=motors,
+        shapes=partial(mjcf_shapes, compiled.mj, tree.bodies),
+        stiffness=stiffness,
+        spring_reference=tree.spring_reference,
+        lines=lines,
+        contacts=points_and_ropes,
+        notes=tuple(notes),
+    )
+
+
+def _raise(compiled: Compiled, problems: Sequence[str]) -> None:
+    if problems:
+        raise DescriptionError(compiled.source, problems)
 
 
 def _switched_off(compiled: Compiled, actuated: Sequence[Motor] | None) -> Iterator[str]:
     """Disabled flags that switch off the closures or the motors."""
-    closes = compiled.mj.eq_active0.any()
-    drives = compiled.mj.nu and actuated is None
-    for flag, what in (("constraint", closes), ("equality", closes), ("actuation", drives)):
-        if what and compiled.disabled(flag):
-            motor = "motor then; name some by actuated="
-            missing = motor if flag == "actuation" else "closure then"
-            yield f'<flag {flag}="disable">: there is no {missing}'
+    if compiled.mj.eq_active0.any():
+        for flag in ("constraint", "equality"):
+            if compiled.disabled(flag):
+                yield f'<flag {flag}="disable">: there is no closure then'
+    if compiled.mj.nu and actuated is None and compiled.disabled("actuation"):
+        text = "there is no motor then; name some by actuated="
+        yield f'<flag actuation="disable">: {text}'
 
 
 def _names(compiled: Compiled) -> Iterator[str]:
     """Problems of ambiguous names; raises an error for an unknown one."""
-    joints = range(compiled.mj.njnt)
-    counts = Counter(map(compiled.joint, joints))
-    known = counts + Counter(name for joint in joints for name in compiled.rates(joint))
+    joints = Counter[str]()
+    rates = Counter[str]()
+    for joint in range(compiled.mj.njnt):
+        joints[compiled.joint(joint)] += 1
+        rates.update(compiled.rates(joint))
+    known = joints + rates
     with naming(compiled.source):
         for name in compiled.locked.difference(known):
             raise UnknownNameError("joint", name, known)
-    if twice := [name for name, count in counts.items() if count > 1]:
-        yield f"a joint without a name gets its body's name: several joints {', '.join(twice)}"
+    repeated = [name for name, count in joints.items() if count > 1]
+    if repeated:
+        text = f"several joints {', '.join(repeated)}"
+        yield f"a joint without a name gets its body's name: {text}"
     for name in sorted(compiled.locked):
-        if known[name] > counts[name] > 0:
+        if name in joints and name in rates:
             yield f"locked: {name} is a joint and a rate of another one; rename the joint"
-    if "universe" in counts:
+    if "universe" in joints:
         yield "joint universe: Pinocchio's base has this name; rename the joint"

@@ -17,8 +17,8 @@ from ..summaries import listed
 
 #: Types of joints, as `mjtJoint` has them.
 FREE, BALL, SLIDE, HINGE = range(4)
-#: Flags that another flag disables too.
-_WHOLE = dict.fromkeys(("equality", "frictionloss", "limit"), "constraint")
+#: Flags that the flag "constraint" disables too.
+_CONSTRAINTS = ("equality", "frictionloss", "limit")
 #: First bytes of a file that Git LFS has not fetched.
 _POINTER = b"version https://git-lfs"
 
@@ -34,7 +34,8 @@ class Compiled:
         self.mujoco = mujoco
         self.source = str(path)
         self.locked = set(locked)
-        self.problems, self.notes = list[str](), list[str]()
+        self.problems = list[str]()
+        self.notes = list[str]()
         first = _first_element(path)
         if first not in ("", "mujoco"):  # MuJoCo reads a URDF, which has no closures
             text = f"an MJCF starts with <mujoco>, not with <{first}>"
@@ -57,55 +58,39 @@ class Compiled:
             spec = self.mujoco.MjSpec.from_file(self.source)
         except (AttributeError, ValueError):  # an old MuJoCo, or another fault
             raise refused from None
-        folder = path.parent
-        missing = set[str]()
-        for mesh in list(spec.meshes):
-            if _is_missing(folder / spec.meshdir, mesh):
-                missing.add(mesh.name or Path(mesh.file).stem)
-                spec.delete(mesh)
-        textures = [t for t in spec.textures if _is_missing(folder / spec.texturedir, t)]
-        lost = {texture.name or Path(texture.file).stem for texture in textures}
-        for material in list(spec.materials):
-            material.textures = ["" if name in lost else name for name in material.textures]
-        for texture in textures:
-            spec.delete(texture)
-        always = (
+        meshes, textures = _delete_missing_files(spec, path.parent)
+        always_from_shapes = (
             spec.compiler.inertiafromgeom == self.mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
         )
-        heavy = list[str]()
-        for body in spec.bodies:
-            for geom in [geom for geom in body.geoms if geom.meshname in missing]:
-                if body.name != "world" and (always or not body.explicitinertial):
-                    heavy.append(f"body {body.name}: its mass is that of the mesh {geom.meshname}")
-                spec.delete(geom)
-        if heavy:
-            heavy = [f"{text}, whose file is missing" for text in dict.fromkeys(heavy)]
-            raise DescriptionError(self.source, heavy)
-        if not (missing or lost):
+        problems = _delete_shapes(spec, meshes, always_from_shapes)
+        if problems:
+            raise DescriptionError(self.source, problems)
+        if not meshes and not textures:
             raise refused
         try:
             mj = spec.compile()
         except ValueError as other:
             raise DescriptionError(self.source, [f"MuJoCo refuses it: {other}"]) from None
-        files = listed(sorted(missing | lost))
+        files = listed(sorted(meshes | textures))
         self.notes.append(f"files of {files} are missing; the robot is read without these shapes")
         return mj
 
     def disabled(self, flag: str) -> bool:
         """Whether a flag of the options is "disable"; not every MuJoCo has every flag."""
-        flags = (flag, _WHOLE.get(flag, flag))
-        bits = self.mujoco.mjtDisableBit
-        known = (getattr(bits, f"mjDSBL_{name.upper()}", 0) for name in flags)
-        return any(self.mj.opt.disableflags & int(bit) for bit in known)
+        if flag in _CONSTRAINTS and self.disabled("constraint"):
+            return True
+        bit = getattr(self.mujoco.mjtDisableBit, f"mjDSBL_{flag.upper()}", 0)
+        return bool(self.mj.opt.disableflags & int(bit))
 
     @cached_property
     def gravcomp(self) -> float | None:
         """The share of the weights that is compensated, if it is one for all bodies; else None."""
         mj = self.mj
+        if getattr(mj, "jnt_actgravcomp", np.zeros(0)).any():  # the motors compensate
+            return None
         moving = mj.body_weldid > 0
         shares = set(mj.body_gravcomp[moving & (mj.body_mass > 0)].tolist())
-        by_motors = getattr(mj, "jnt_actgravcomp", np.zeros(0)).any()
-        return shares.pop() if len(shares) == 1 and not by_motors else None
+        return shares.pop() if len(shares) == 1 else None
 
     def name(self, kind: str, i: int) -> str:
         """Name of an element; one without a name is called after its kind and number.
@@ -156,8 +141,41 @@ class Compiled:
 
     def shares(self, tendon: int) -> dict[int, float]:
         """Coefficients of a fixed tendon by joint, without locked joints."""
-        parts = ((self.mj.wrap_objid[k], self.mj.wrap_prm[k]) for k in self.wraps(tendon))
-        return {int(j): float(share) for j, share in parts if share and not self.is_locked(j)}
+        shares = dict[int, float]()
+        for k in self.wraps(tendon):
+            joint = int(self.mj.wrap_objid[k])
+            share = float(self.mj.wrap_prm[k])
+            if share and not self.is_locked(joint):
+                shares[joint] = share
+        return shares
+
+
+def _delete_missing_files(spec: Any, folder: Path) -> tuple[set[str], set[str]]:
+    """Delete meshes and textures whose files are missing; returns the names of both."""
+    meshes = set[str]()
+    for mesh in list(spec.meshes):
+        if _is_missing(folder / spec.meshdir, mesh):
+            meshes.add(mesh.name or Path(mesh.file).stem)
+            spec.delete(mesh)
+    missing_textures = [t for t in spec.textures if _is_missing(folder / spec.texturedir, t)]
+    textures = {texture.name or Path(texture.file).stem for texture in missing_textures}
+    for material in list(spec.materials):
+        material.textures = ["" if name in textures else name for name in material.textures]
+    for texture in missing_textures:
+        spec.delete(texture)
+    return meshes, textures
+
+
+def _delete_shapes(spec: Any, meshes: Collection[str], always_from_shapes: bool) -> list[str]:
+    """Delete the shapes of some meshes; problems name the bodies whose mass is that of one."""
+    problems = list[str]()
+    for body in spec.bodies:
+        for geom in [geom for geom in body.geoms if geom.meshname in meshes]:
+            if body.name != "world" and (always_from_shapes or not body.explicitinertial):
+                text = f"its mass is that of the mesh {geom.meshname}, whose file is missing"
+                problems.append(f"body {body.name}: {text}")
+            spec.delete(geom)
+    return list(dict.fromkeys(problems))
 
 
 def _is_missing(folder: Path, asset: Any) -> bool:

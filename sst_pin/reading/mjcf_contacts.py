@@ -4,6 +4,7 @@
 from collections import Counter
 from collections.abc import Iterator
 from itertools import combinations, product
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -21,64 +22,112 @@ _SAME = 1e-9
 
 def contacts_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Contact | Rope]:
     """Contacts and ropes; a note names the pairs of shapes that are left out."""
+    yield from _points(compiled, tree)
+    yield from _ropes(compiled)
+
+
+def _points(compiled: Compiled, tree: MjcfTree) -> Iterator[Contact]:
+    """Contacts of spheres and of the corners of boxes with planes."""
     mj = compiled.mj
     geoms = compiled.mujoco.mjtGeom
+    plane = int(geoms.mjGEOM_PLANE)
+    sphere = int(geoms.mjGEOM_SPHERE)
+    box = int(geoms.mjGEOM_BOX)
     left_out = Counter[str]()
-    plane, sphere, box = (int(getattr(geoms, f"mjGEOM_{x}")) for x in ("PLANE", "SPHERE", "BOX"))
-    for a, b, friction in _pairs(compiled, tree):
-        ground, shape = (a, b) if mj.geom_type[a] == plane else (b, a)
+    for pair in _pairs(compiled, tree):
+        ground = pair.first
+        shape = pair.second
+        if mj.geom_type[ground] != plane:
+            ground, shape = shape, ground
         kind = mj.geom_type[shape]
         if mj.geom_type[ground] != plane or kind not in (sphere, box):
-            kinds = [geoms(int(mj.geom_type[x])).name[7:].lower() for x in (a, b)]
+            kinds = [_geom_kind(compiled, geom) for geom in (pair.first, pair.second)]
             left_out[" on ".join(sorted(kinds))] += 1
             continue
-        on = _frame(compiled, tree, ground, np.zeros(3), "")
+        ground_frame = _frame(compiled, tree, ground, np.zeros(3), "")
         name = compiled.name("geom", shape)
         if kind == sphere:
             radius = float(mj.geom_size[shape, 0])
-            size = radius if radius > _POINT else 0.0
-            at = _frame(compiled, tree, shape, np.zeros(3), name)
-            yield Contact(at, radius=size, ground=on, friction=friction)
+            if radius <= _POINT:
+                radius = 0.0
+            frame = _frame(compiled, tree, shape, np.zeros(3), name)
+            yield Contact(frame, radius=radius, ground=ground_frame, friction=pair.friction)
             continue
         for k, signs in enumerate(product((-1, 1), repeat=3)):
             corner = mj.geom_size[shape] * signs
-            at = _frame(compiled, tree, shape, corner, f"{name}_corner_{k}")
-            yield Contact(at, ground=on, friction=friction)
+            frame = _frame(compiled, tree, shape, corner, f"{name}_corner_{k}")
+            yield Contact(frame, ground=ground_frame, friction=pair.friction)
     if left_out:
         pairs = listed([f"{count} of {kinds}" for kinds, count in left_out.items()])
         compiled.notes.append(f"contacts are left out: {pairs}; spheres and boxes on planes act")
+
+
+def _geom_kind(compiled: Compiled, geom: int) -> str:
+    """The kind of a shape in words, such as "capsule"."""
+    kind = compiled.mujoco.mjtGeom(int(compiled.mj.geom_type[geom]))
+    return str(kind.name.removeprefix("mjGEOM_").lower())
+
+
+def _ropes(compiled: Compiled) -> Iterator[Rope]:
+    """Ropes: spatial tendons between two sites with a largest length, without other forces.
+
+    `lines_of` has noted that the limits of such tendons are ignored; this note goes.
+    """
+    mj = compiled.mj
     for tendon in range(mj.ntendon):
-        wraps = [mj.wrap_objid[k] for k in compiled.wraps(tendon)]
-        numbers_of = (mj.tendon_stiffness[tendon], mj.tendon_damping[tendon])
-        is_rope = mj.tendon_limited[tendon] and not any(numbers_of) and len(wraps) == 2
-        if is_rope and compiled.is_spatial(tendon) and mj.tendon_range[tendon, 0] <= 0:
-            first, second = (compiled.name("site", site) for site in wraps)
-            name = compiled.name("tendon", tendon)
-            compiled.notes = [x for x in compiled.notes if not x.startswith(f"tendon {name}: its")]
-            yield Rope(first, second, float(mj.tendon_range[tendon, 1]), name=name)
+        sites = [mj.wrap_objid[k] for k in compiled.wraps(tendon)]
+        is_rope = (
+            mj.tendon_limited[tendon]
+            and mj.tendon_range[tendon, 0] <= 0  # no least length
+            and not mj.tendon_stiffness[tendon]
+            and not mj.tendon_damping[tendon]
+            and len(sites) == 2
+            and compiled.is_spatial(tendon)
+        )
+        if not is_rope:
+            continue
+        name = compiled.name("tendon", tendon)
+        compiled.notes = [x for x in compiled.notes if not x.startswith(f"tendon {name}: its")]
+        frame_a = compiled.name("site", sites[0])
+        frame_b = compiled.name("site", sites[1])
+        yield Rope(frame_a, frame_b, float(mj.tendon_range[tendon, 1]), name=name)
 
 
-def _pairs(compiled: Compiled, tree: MjcfTree) -> Iterator[tuple[int, int, float]]:
-    """Pairs of shapes on different bodies that can touch, and their friction."""
+class _Pair(NamedTuple):
+    """Two shapes that can touch, by index, and their coefficient of friction."""
+
+    first: int
+    second: int
+    friction: float
+
+
+def _pairs(compiled: Compiled, tree: MjcfTree) -> Iterator[_Pair]:
+    """Pairs of shapes on different bodies that can touch: listed ones, then by their masks."""
     mj = compiled.mj
     joints = [tree.bodies[body][0] for body in mj.geom_bodyid]
     for k in range(mj.npair):
-        a, b = int(mj.pair_geom1[k]), int(mj.pair_geom2[k])
+        a = int(mj.pair_geom1[k])
+        b = int(mj.pair_geom2[k])
         if joints[a] != joints[b]:
-            yield a, b, float(mj.pair_friction[k, 0]) * bool(mj.pair_dim[k] > 1)
+            yield _Pair(a, b, _friction(mj.pair_dim[k], mj.pair_friction[k, 0]))
     for a, b in combinations(range(mj.ngeom), 2):
-        touch = mj.geom_contype[a] & mj.geom_conaffinity[b]
-        touch = touch or mj.geom_contype[b] & mj.geom_conaffinity[a]
-        if touch and joints[a] != joints[b]:
+        a_touches_b = mj.geom_contype[a] & mj.geom_conaffinity[b]
+        b_touches_a = mj.geom_contype[b] & mj.geom_conaffinity[a]
+        if (a_touches_b or b_touches_a) and joints[a] != joints[b]:
             dimension = max(mj.geom_condim[a], mj.geom_condim[b])
-            friction = max(mj.geom_friction[a, 0], mj.geom_friction[b, 0])
-            yield a, b, float(friction) * bool(dimension > 1)
+            larger = max(mj.geom_friction[a, 0], mj.geom_friction[b, 0])
+            yield _Pair(a, b, _friction(dimension, larger))
+
+
+def _friction(dimension: int, coefficient: float) -> float:
+    """The coefficient of friction; contacts of dimension 1 have none."""
+    return float(coefficient) if dimension > 1 else 0.0
 
 
 def _frame(compiled: Compiled, tree: MjcfTree, geom: int, offset: np.ndarray, name: str) -> str:
-    """A frame at a point of a shape: one that is there already, or a new one of this name.
+    """Name of a frame at a point of a shape: one that exists, or a new one of this name.
 
-    Without a name it is that of a plane, whose axes count.
+    An empty name is for a plane: the z axis of its frame is the normal of the plane.
     """
     mj = compiled.mj
     model = tree.model
@@ -86,9 +135,12 @@ def _frame(compiled: Compiled, tree: MjcfTree, geom: int, offset: np.ndarray, na
     place = on_body * pose_of(mj.geom_pos[geom], mj.geom_quat[geom])
     place = place * pin.SE3(np.eye(3), offset)
     for frame in model.frames:
-        apart = frame.placement.actInv(place)
-        same = frame.parentJoint == joint and np.abs(apart.translation).max() < _SAME
-        if same and (name or np.abs(apart.rotation[:, 2] - [0, 0, 1]).max() < _SAME):
+        if frame.parentJoint != joint:
+            continue
+        relative = frame.placement.actInv(place)
+        same_point = np.abs(relative.translation).max() < _SAME
+        same_normal = np.abs(relative.rotation[:, 2] - [0, 0, 1]).max() < _SAME
+        if same_point and (name or same_normal):
             return str(frame.name)
     name = name or compiled.name("geom", geom)
     if model.existFrame(name):

@@ -35,18 +35,23 @@ def closures_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Constraint]:
     for i in map(int, np.flatnonzero(mj.eq_active0)):
         name = compiled.name("equality", i)
         kind = kinds(mj.eq_type[i])
-        first, second = int(mj.eq_obj1id[i]), int(mj.eq_obj2id[i])
+        first = int(mj.eq_obj1id[i])
+        second = int(mj.eq_obj2id[i])
         data = mj.eq_data[i]
         if kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
             yield _closure(compiled, tree, i, name)
         elif kind == kinds.mjEQ_TENDON and second < 0 and compiled.is_spatial(first):
             yield from _rod(compiled, name, first, float(data[0]))
         elif kind == kinds.mjEQ_TENDON:
-            lengths = _tendon_length(compiled, first), _tendon_length(compiled, second)
-            yield from _coupling(compiled, name, *lengths, data[:_COEFFICIENTS])
+            first_length = _tendon_length(compiled, first)
+            second_length = _tendon_length(compiled, second)
+            coefficients = data[:_COEFFICIENTS]
+            yield from _coupling(compiled, name, first_length, second_length, coefficients)
         elif kind == kinds.mjEQ_JOINT:
-            lengths = _joint_length(compiled, first), _joint_length(compiled, second)
-            yield from _coupling(compiled, name, *lengths, data[:_COEFFICIENTS])
+            first_length = _joint_length(compiled, first)
+            second_length = _joint_length(compiled, second)
+            coefficients = data[:_COEFFICIENTS]
+            yield from _coupling(compiled, name, first_length, second_length, coefficients)
         else:
             what = kind.name.removeprefix("mjEQ_").lower()
             text = 'only connect, weld, joint and tendon are supported; active="false" disables it'
@@ -68,10 +73,9 @@ def _closure(compiled: Compiled, tree: MjcfTree, i: int, name: str) -> Closure:
         places = [pose_of(data[3:6], data[6:10]), pin.SE3(np.eye(3), data[:3])]
     else:
         places = [pin.SE3(np.eye(3), data[:3]), pin.SE3(np.eye(3), data[3:6])]
-    names = f"{name}_A", f"{name}_B"
-    for frame, body, place in zip(names, ends, places, strict=True):
-        tree.add_frame(frame, body, place)
-    return Closure(*names, kind)
+    tree.add_frame(f"{name}_A", ends[0], places[0])
+    tree.add_frame(f"{name}_B", ends[1], places[1])
+    return Closure(f"{name}_A", f"{name}_B", kind)
 
 
 def _rod(compiled: Compiled, name: str, tendon: int, extension: float) -> Iterator[Distance]:
@@ -81,9 +85,9 @@ def _rod(compiled: Compiled, name: str, tendon: int, extension: float) -> Iterat
         compiled.problems.append(f"{name}: {problem}")
         return
     site_a, site_b = compiled.mj.wrap_objid[compiled.wraps(tendon)]
-    frames = compiled.name("site", site_a), compiled.name("site", site_b)
+    length = float(compiled.mj.tendon_length0[tendon]) + extension
     with naming(compiled.source):
-        yield Distance(*frames, float(compiled.mj.tendon_length0[tendon]) + extension)
+        yield Distance(compiled.name("site", site_a), compiled.name("site", site_b), length)
 
 
 #: Factors of a sum of joint positions by name, and the sum at the reference `qpos0`.
@@ -139,7 +143,8 @@ def _coupling(
     if not row and not offset:
         return  # all joints that it couples are locked
     slopes = {joint: abs(powers[1]) for joint, powers in row.items() if len(powers) == 2}
-    # The largest slope divides with the smallest rounding.
+    # It is solved for a joint of the first side if there is one; the largest slope divides with
+    # the smallest rounding.
     candidates = first_factors or slopes
     follower = max(candidates, key=lambda joint: slopes.get(joint, 0.0), default="")
     is_curved_sum = coefficients[2:].any() and len(second_factors) > 1
@@ -264,7 +269,10 @@ def lines_of(
     `efforts` are the largest forces of motors on tendons, by name.
     """
     mj = compiled.mj
-    motor_names = {name for motor in motors for name in tendon_of(motor)[1]}
+    driven = set[str]()  # names of joints and lines that motors act on
+    for motor in motors:
+        _, shares = tendon_of(motor)
+        driven.update(shares)
     for tendon in range(mj.ntendon):
         name = compiled.name("tendon", tendon)
         has_limits = mj.tendon_limited[tendon] and not compiled.disabled("limit")
@@ -275,7 +283,7 @@ def lines_of(
             damping = mj.tendon_damping[tendon]
         # Not every MuJoCo has inertias of tendons.
         mass = getattr(mj, "tendon_armature", np.zeros(mj.ntendon))[tendon]
-        exerts_force = stiffness or damping or mass or name in motor_names
+        exerts_force = stiffness or damping or mass or name in driven
         if not compiled.is_spatial(tendon) or not exerts_force:
             if has_limits:
                 compiled.notes.append(f"tendon {name}: its limits are ignored")
@@ -291,10 +299,11 @@ def lines_of(
         upper = np.inf
         if has_limits:
             lower, upper = mj.tendon_range[tendon]
-        frames = (compiled.name("site", mj.wrap_objid[k]) for k in compiled.wraps(tendon))
+        site_a, site_b = mj.wrap_objid[compiled.wraps(tendon)]
         with naming(compiled.source):
             yield LineForce(
-                *frames,
+                compiled.name("site", site_a),
+                compiled.name("site", site_b),
                 name=name,
                 stiffness=stiffness,
                 rest_length=shortest if stiffness else 0.0,

@@ -39,21 +39,22 @@ class MjcfTree:
     """The tree, with frames at sites and bodies.
 
     `bodies` has a pair for each body: the joint that moves it, and its placement relative to this
-    joint. `dofs` has the degree of freedom in MuJoCo of each rate. `rest` is the configuration in
-    which the springs of the joints are relaxed.
+    joint. `dofs` has the degree of freedom in MuJoCo of each rate. `spring_reference` is the
+    configuration in which the springs of the joints are relaxed; `add_numbers` sets it.
     """
 
     def __init__(self, compiled: Compiled) -> None:
         mj = compiled.mj
         self._compiled = compiled
         self.model = pin.Model()
-        self.rest = np.empty(0)
+        self.spring_reference = np.empty(0)
         self.dofs = list[int]()
         self.model.name = mj.names.split(b"\0")[0].decode()
         if compiled.disabled("gravity"):
             self.model.gravity.linear = np.zeros(3)
         else:
-            self.model.gravity.linear = mj.opt.gravity * (1 - (compiled.gravcomp or 0.0))
+            compensated = compiled.gravcomp or 0.0  # the same share of all weights
+            self.model.gravity.linear = mj.opt.gravity * (1 - compensated)
         self.bodies = [(0, pin.SE3.Identity())]
         self._frame_names = {"universe"}
         self._coordinates = list[_Coordinates]()
@@ -141,9 +142,8 @@ class MjcfTree:
         """
         for body, (parent, placement) in enumerate(self.bodies[1:], start=1):
             name = self._compiled.mj.body(body).name
-            if (
-                name and name not in self._frame_names
-            ):  # else a site of this name is at the body's frame
+            # A site with the name of the body has a frame already; it is at the body's frame.
+            if name and name not in self._frame_names:
                 self.model.addFrame(pin.Frame(name, parent, placement, pin.FrameType.BODY))
 
     def add_numbers(self) -> Array:
@@ -169,7 +169,7 @@ class MjcfTree:
             stiffness = np.asarray(mj.jnt_stiffness[joints])
         for name, qpos in self._keyframes():
             model.referenceConfigurations[name] = pin.normalize(model, self._configuration(qpos))
-        self.rest = self._configuration(mj.qpos_spring)
+        self.spring_reference = self._configuration(mj.qpos_spring)
         return stiffness
 
     def _add_position_limits(self, joints: Array) -> None:

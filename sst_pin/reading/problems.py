@@ -51,7 +51,10 @@ class Problem:
 
 
 SEVERITIES = ("error", "warning", "note")
-error, warning, note = (partial(Problem, severity) for severity in SEVERITIES)
+#: Problems of each severity, from where they are and their text.
+error = partial(Problem, "error")
+warning = partial(Problem, "warning")
+note = partial(Problem, "note")
 
 
 def merged(problems: Iterable[Problem]) -> Iterator[Problem]:
@@ -64,7 +67,10 @@ def merged(problems: Iterable[Problem]) -> Iterator[Problem]:
         else:
             yield problem
     for (kind, text), names in notes.items():
-        yield note(f"{kind}s {listed(names)}" if names[1:] else f"{kind} {names[0]}".strip(), text)
+        if len(names) > 1:
+            yield note(f"{kind}s {listed(names)}", text)
+        else:
+            yield note(f"{kind} {names[0]}".strip(), text)
 
 
 @contextmanager
@@ -93,7 +99,7 @@ def is_true(text: str | None) -> bool:
 
 
 def means(text: str, value: float) -> bool:
-    """Whether a text is a number, perhaps repeated; true and false are 1 and 0."""
+    """Whether a text stands for a number, perhaps repeated; true and false are 1 and 0."""
     words = {"true": "1", "false": "0"}.get(text.strip().lower(), text)
     values = numbers(words, len(words.split()))
     return values is not None and bool((values == value).all())
@@ -120,25 +126,32 @@ def unknown_parts(
         if count > 1 and tag in tags:
             yield f"{count} <{tag}>; only one is allowed"
     for tag in dict.fromkeys(child.tag for child in element):
-        if tag not in tags and tag not in several:
-            if near := get_close_matches(tag.lower(), [*tags, *several], 1, _ALIKE):
-                yield f"<{tag}> is unknown; did you mean {near[0]}?"
-            elif not others:
-                yield f"<{tag}> in <{element.tag}> is not supported"
+        if tag in tags or tag in several:
+            continue
+        similar = get_close_matches(tag.lower(), [*tags, *several], 1, _ALIKE)
+        if similar:
+            yield f"<{tag}> is unknown; did you mean {similar[0]}?"
+        elif not others:
+            yield f"<{tag}> in <{element.tag}> is not supported"
     for key in element.attrib:
-        if key not in attributes and not key.startswith("xmlns"):
-            if near := get_close_matches(key.lower(), attributes, 1, _ALIKE):
-                yield f"<{element.tag} {key}=...> is unknown; did you mean {near[0]}?"
-            elif not others:
-                known = f"; it has {', '.join(attributes)}" if attributes else ""
-                yield f"<{element.tag}> has no {key}{known}"
+        if key in attributes or key.startswith("xmlns"):
+            continue
+        similar = get_close_matches(key.lower(), attributes, 1, _ALIKE)
+        if similar:
+            yield f"<{element.tag} {key}=...> is unknown; did you mean {similar[0]}?"
+        elif not others:
+            known = f"; it has {', '.join(attributes)}" if attributes else ""
+            yield f"<{element.tag}> has no {key}{known}"
 
 
 def vector(value: object) -> Array | None:
     """Three numbers in a list of a YAML, whose scalars are texts; None if it is anything else."""
-    words = value if isinstance(value, list) and all(isinstance(w, str) for w in value) else []
-    one = all(numbers(word, 1) is not None for word in words)
-    return numbers(" ".join(words), 3) if one else None
+    if not isinstance(value, list):
+        return None
+    for word in value:
+        if not isinstance(word, str) or numbers(word, 1) is None:
+            return None
+    return numbers(" ".join(value), 3)
 
 
 def number(element: ET.Element | None, key: str) -> float | None:

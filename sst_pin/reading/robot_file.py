@@ -29,7 +29,7 @@ class RobotFile(NamedTuple):
     actuated: Sequence[Motor]  #: Joints, lines, and fixed tendons as the share of each joint.
     shapes: Callable[..., pin.GeometryModel]  #: From a tree to the shapes of its bodies.
     stiffness: Array | None = None  #: Of the joints' springs, shape (nv,).
-    spring_reference: Array | None = None  #: Rest positions of these springs, shape (nq,).
+    spring_reference: Array | None = None  #: Where these springs are relaxed, shape (nq,).
     srdf: Srdf | None = None  #: The SRDF beside a URDF.
     lines: tuple[LineForce, ...] = ()
     brakes: tuple[str, ...] = ()
@@ -40,18 +40,34 @@ class RobotFile(NamedTuple):
     @property
     def arguments(self) -> dict[str, Any]:
         """Arguments of the constructor of `ClosedChain`."""
-        numbers = "stiffness", "spring_reference"
-        names = ("model", "closures", "actuated", *numbers, "lines", "brakes", "contacts")
-        return {name: getattr(self, name) for name in names}
+        return {
+            "model": self.model,
+            "closures": self.closures,
+            "actuated": self.actuated,
+            "stiffness": self.stiffness,
+            "spring_reference": self.spring_reference,
+            "lines": self.lines,
+            "brakes": self.brakes,
+            "contacts": self.contacts,
+        }
 
     def mechanism(self) -> Mechanism:
         """The mechanism of this robot, whose dynamics are computed."""
-        names = ("viscous_friction", "coulomb_friction", "stiffness", "spring_reference")
-        numbers = {name: getattr(self, name, None) for name in names}
-        model = copied(self.model)
-        motors = motors_of(self.actuated)
-        parts = model, self.closures, motors, None, numbers, self.lines, self.brakes
-        mechanism = mechanism_of(*parts, contacts_of(self.contacts))
+        mechanism = mechanism_of(
+            copied(self.model),
+            self.closures,
+            motors_of(self.actuated),
+            coordinates=None,
+            numbers={
+                "viscous_friction": None,  # friction is in the model
+                "coulomb_friction": None,
+                "stiffness": self.stiffness,
+                "spring_reference": self.spring_reference,
+            },
+            lines=self.lines,
+            brakes=self.brakes,
+            contacts=contacts_of(self.contacts),
+        )
         return settled(correct_geometry(mechanism))
 
 

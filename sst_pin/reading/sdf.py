@@ -105,8 +105,8 @@ class Sdf:
         for gear in gears:  # each needs the joints
             joints = self._couple(gear, joints)
         world = self._place(WORLD)
-        rest = {name: world.actInv(self._place(name)) for name in self._links}
-        graph = JointGraph(self._model.get("name", ""), joints, rest)
+        poses = {name: world.actInv(self._place(name)) for name in self._links}
+        graph = JointGraph(self._model.get("name", ""), joints, poses)
         self._add_links(graph)
         for element in self._model.findall("frame"):
             name = element.get("name", "")
@@ -143,7 +143,10 @@ class Sdf:
         raise DescriptionError(self._source, [text])
 
     def _elements_with_frames(self) -> list[ET.Element]:
-        return [e for tag in ("link", "frame", "joint") for e in self._model.findall(tag)]
+        elements = []
+        for tag in ("link", "frame", "joint"):
+            elements += self._model.findall(tag)
+        return elements
 
     def _require_distinct_names(self) -> None:
         """Links, joints and frames of one kind need different names."""
