@@ -16,6 +16,9 @@ from ..model.mechanism import Mechanism
 from ..model.tree import joint_id
 
 try:
+    import casadi as ca
+    from casadi import SX
+
     from . import c_code, kernels
 except ImportError:
     raise MissingExtraError("casadi", "compile") from None
@@ -75,7 +78,8 @@ def write_c(
     robot.h declares `robot_torques` and `robot_computed_torque` (`robot_forces` where the motors do
     not hold all coordinates), `robot_accelerations`, `robot_actuator_jacobian` and
     `robot_assembly_step`, if the robot has them; with more motors than coordinates also
-    `robot_limited_torques`. main.c is an example.
+    `robot_limited_torques`; where each motor acts on one line, `robot_line_lengths` and
+    `robot_unstretched_lengths`. main.c is an example.
 
     Args:
         chain: The robot.
@@ -139,13 +143,19 @@ def _functions(equations: Equations, dynamics: str, style: Style) -> Iterator[tu
             if problem := impossible(mechanism, _FUNCTIONS[name].kernel):
                 raise DescriptionError("compiled kernels", [problem])
             kernel = kernels.make(equations, _FUNCTIONS[name].kernel, checks)
-            yield _exported(name, kernel, style)
+            function = _FUNCTIONS[name]
+            yield _exported(name, kernel, style, function.output, function.meaning)
         except DescriptionError as error:
             yield f"/* There is no robot_{name}: {_comment(str(error))} */\n", ""
     if dynamics == "torques":
         if _has_surplus(mechanism):
             yield _limited_torques(mechanism, style)
         yield _computed_torque(mechanism, style)
+    if len(mechanism.motor_lines) and (mechanism.motor_lines >= 0).all():
+        meaning = "Lengths of the lines of the motors."
+        lengths = _line_lengths(equations, checks)
+        yield _exported("line_lengths", lengths, style, "lengths", meaning)
+        yield _unstretched_lengths(mechanism, style)
 
 
 def _has_surplus(mechanism: Mechanism) -> bool:
@@ -179,6 +189,37 @@ def _limited_torques(mechanism: Mechanism, style: Style) -> tuple[str, str]:
     return f"/* {meaning} */\n{head};\n", c_code.filled("export/limited_torques.c", blanks)
 
 
+def _line_lengths(equations: Equations, checks: Checks) -> kernels.SymbolicKernel:
+    """The kernel of the lengths of the motors' lines."""
+    lines = equations.tree.lines
+    lengths = [SX(lines[k].length) for k in equations.mechanism.motor_lines]
+    output = ca.densify(ca.vertcat(*lengths))
+    closed = ca.vertcat(*map(SX, checks.of_state))
+    return kernels.SymbolicKernel("line_lengths", {"q": equations.q}, equations.p, output, closed)
+
+
+def _unstretched_lengths(mechanism: Mechanism, style: Style) -> tuple[str, str]:
+    """Declaration and definition of `control.unstretched_lengths` in C."""
+    motors = len(mechanism.motor_names)
+    arrays = [("q", mechanism.model.nq), ("tau", motors), ("stiffness", motors)]
+    inputs = ", ".join(f"const {style.type} {x}[{size}]" for x, size in arrays)
+    head = f"int robot_unstretched_lengths({inputs}, {style.type} lengths[{motors}])"
+    factors = mechanism.lines.motors[mechanism.motor_lines, np.arange(motors)].tolist()
+    blanks = {
+        "head": head,
+        "type": style.type,
+        "motors": motors,
+        "factors": ", ".join(f"{x!r}{style.suffix}" for x in factors),
+        # Tensions that are less negative, relative to the largest, are rounding of zero.
+        "slack": "1e-9" if style.type == "double" else "1e-5f",
+    }
+    meaning = (
+        "Lengths of the motors' cables without tension, which winches must unwind, for torques\n"
+        " * with which all cables pull. stiffness: that of 1 m of each cable, positive, [N]."
+    )
+    return f"/* {meaning} */\n{head};\n", c_code.filled("export/unstretched_lengths.c", blanks)
+
+
 def _about(mechanism: Mechanism, q: Array, dynamics: str, style: Style) -> dict[str, object]:
     """Texts and numbers for the header and the example."""
     n, motors = len(mechanism.coordinates), len(mechanism.motor_names)
@@ -202,9 +243,13 @@ def _about(mechanism: Mechanism, q: Array, dynamics: str, style: Style) -> dict[
     }
 
 
-def _exported(name: str, kernel: kernels.SymbolicKernel, style: Style) -> tuple[str, str]:
-    """Declaration and definition of one of `_FUNCTIONS`, without arguments that are empty."""
-    function, inputs, heads, copies = _FUNCTIONS[name], 0, [], []
+def _exported(
+    name: str, kernel: kernels.SymbolicKernel, style: Style, output: str, meaning: str
+) -> tuple[str, str]:
+    """Declaration and definition of the function of a kernel, without arguments that are empty."""
+    inputs = 0
+    heads = []
+    copies = []
     sizes = {x: symbols.numel() for x, symbols in kernel.inputs.items()}
     for x, n in sizes.items():
         if n:
@@ -212,8 +257,8 @@ def _exported(name: str, kernel: kernels.SymbolicKernel, style: Style) -> tuple[
             copies.append(f"    for (int i = 0; i < {n}; i++)\n        x[{inputs} + i] = {x}[i];")
         inputs += n
     body, results = c_code.body(kernel, suffix=style.suffix), kernel.output.numel()
-    outputs = sizes["q"] if function.output == "q_next" else results
-    head = f"int robot_{name}({''.join(heads)}{style.type} {function.output}[{outputs}])"
+    outputs = sizes["q"] if output == "q_next" else results
+    head = f"int robot_{name}({''.join(heads)}{style.type} {output}[{outputs}])"
     blanks = {
         "head": head,
         "name": kernel.name,
@@ -221,7 +266,7 @@ def _exported(name: str, kernel: kernels.SymbolicKernel, style: Style) -> tuple[
         "inputs": inputs,
         "angles": sizes["q"],
         "copies": "\n".join(copies),
-        "output": function.output,
+        "output": output,
         "outputs": outputs,
         "parameters": kernel.parameters.numel(),
         "size": body.size,
@@ -230,7 +275,7 @@ def _exported(name: str, kernel: kernels.SymbolicKernel, style: Style) -> tuple[
         "total": results + kernel.checks.numel(),
     }
     text = f"{body.text}\n\n{c_code.filled('export/function.c', blanks)}"
-    return f"/* {function.meaning} */\n{head};\n", text
+    return f"/* {meaning} */\n{head};\n", text
 
 
 def _computed_torque(mechanism: Mechanism, style: Style) -> tuple[str, str]:

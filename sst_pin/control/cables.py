@@ -46,15 +46,14 @@ def unstretched_lengths(
     """
     mechanism = chain.mechanism
     motors = len(chain.motor_names)
-    factors = mechanism.lines.motors
-    on_one_line = (np.count_nonzero(factors, axis=0) == 1) & ~mechanism.motors.any(axis=0)
-    others = [chain.motor_names[k] for k in np.flatnonzero(~on_one_line)]
+    line_of = mechanism.motor_lines
+    others = [chain.motor_names[k] for k in np.flatnonzero(line_of < 0)]
     if others:
         raise InputError("chain", f"the motors {listed(others)} are no cables: each acts on a line")
     stiffness = one_or_each("stiffness_times_length", stiffness_times_length, motors)
-    line_of = np.abs(factors).argmax(axis=0)
     torques = finite_array("tau", tau, (motors,))
-    tensions = -torques * factors[line_of, np.arange(motors)]  # a positive force pushes
+    factors = mechanism.lines.motors[line_of, np.arange(motors)]
+    tensions = -torques * factors  # a positive force pushes
     least = -_SLACK * np.abs(tensions).max(initial=0.0)
     pushes = (tensions < least).reshape(-1, motors).any(axis=0)
     if pushes.any():

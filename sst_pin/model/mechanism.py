@@ -170,6 +170,16 @@ class Mechanism:
             return 0.0
         return float(np.linalg.norm(self.row_sizes[rows]))
 
+    @cached_property
+    def motor_lines(self) -> Indices:
+        """Index of the line on which each motor acts alone; -1 for other motors."""
+        factors = self.lines.motors
+        alone = (np.count_nonzero(factors, axis=0) == 1) & ~self.motors.any(axis=0)
+        lines = np.full(len(self.motor_names), -1)
+        for k in np.flatnonzero(alone):
+            lines[k] = np.flatnonzero(factors[:, k])[0]
+        return read_only(lines)
+
     @property
     def brakes(self) -> tuple[Brake, ...]:
         """The closures that hold a joint or a line where it is."""

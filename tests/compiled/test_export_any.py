@@ -16,7 +16,7 @@ from tests.gallery.cable_printer import cable_printer
 from tests.support import any_chain
 from tests.support.exported_c import STRICT, TYPES, Exported
 
-OPEN, SINGULAR, NOT_FINITE = 1, 2, 3
+OPEN, SINGULAR, NOT_FINITE, LIMITS = 1, 2, 3, 4
 #: Joints of all kinds, rolling and a coupling; a four-bar with lines and redundant motors.
 QUICK = {"cart": any_chain.cart, "lines": any_chain.lines}
 SLOW = [name for name in EVERY_ROBOT if name not in ("four_bar", "planar_4rrr")]
@@ -229,6 +229,32 @@ def test_exported_torques_within_limits_are_those_of_the_package(name, precision
     inputs = q, va, aa
     backwards = np.tile([1.0, -1.0], motors)
     assert exported("limited_torques", motors, *inputs, backwards)[0] == NOT_FINITE
+
+
+@pytest.mark.parametrize("precision", TYPES)
+def test_exported_lengths_without_tension_are_those_of_the_package(precision, tmp_path):
+    """Of the published printer, with tensions within limits; cables that push have none."""
+    chain, random = cable_printer(), np.random.default_rng(3)
+    exported = Exported(chain, tmp_path, precision)
+    exact = 1e-12 if precision == "double" else 1e-6
+    stiffness = random.uniform(1e4, 5e4, 4)
+    for _ in range(4):
+        q = 0.3 * random.normal(size=3)
+        tau = chain.compute_torques(q, np.zeros(3), np.zeros(3), limits=np.tile([5, 200], (4, 1)))
+        code, lengths = exported("line_lengths", 4, q)
+        assert code == 0
+        assert lengths == pytest.approx(chain.line_lengths(q), rel=exact)
+        code, lengths = exported("unstretched_lengths", 4, q, tau, stiffness)
+        assert code == 0
+        expected = sst_pin.control.unstretched_lengths(chain, q, tau, stiffness)
+        assert lengths == pytest.approx(expected, rel=exact)
+        assert (lengths < chain.line_lengths(q)).all()
+    assert exported("unstretched_lengths", 4, q, [*tau[:3], -1.0], stiffness)[0] == LIMITS
+    for bad in (0.0, -1.0, np.nan, np.inf):
+        bad_stiffness = [*stiffness[:3], bad]
+        assert exported("unstretched_lengths", 4, q, tau, bad_stiffness)[0] == NOT_FINITE
+    assert exported("unstretched_lengths", 4, q, [np.nan, *tau[1:]], stiffness)[0] == NOT_FINITE
+    assert exported("unstretched_lengths", 4, [np.nan, 0, 0], tau, stiffness)[0] == NOT_FINITE
 
 
 def test_a_robot_without_surplus_motors_has_no_torques_within_limits(tmp_path):

@@ -18,7 +18,8 @@ enum {
     ROBOT_SINGULAR, /* the coordinates do not fix the motion, or the motors do not hold it, or
                      * nearly so; or the ends of a line coincide */
     ROBOT_NOT_FINITE, /* a number is not finite, or an angle beyond $angle */
-    ROBOT_LIMITS /* no torques within the limits make the motion; or it was not found */
+    ROBOT_LIMITS /* no torques within the limits make the motion, or it was not found; or a cable
+                  would push */
 };
 
 /* Gravity, masses, inertias, friction, springs, rotors, lines; robot.c says which is which. They
