@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache, cached_property, partial
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 import pinocchio as pin
@@ -40,47 +40,92 @@ if TYPE_CHECKING:
     from .equations import Equations
 
 
-#: `ClosedChain.compile` makes these. The others are made at their first use.
+#: `ClosedChain.compile` makes these kernels. The others are made at their first use.
 FIRST = (Quantity("torques"), Quantity("accelerations"))
 #: Derivatives of the dynamics.
 DERIVATIVES = (Quantity("torque_derivatives"), Quantity("acceleration_derivatives"))
-#: All kernels but those of frames.
-EVERY = tuple(
-    Quantity(name, loaded=loaded)
-    for name, kind in QUANTITIES.items()
-    for loaded in (False, True)[: 1 + kind.loadable]
-    if not kind.of_frame
-)
-#: Quantities of which one sample takes less time direction by direction, if the directions fit into
-#: so many passes.
-_FASTER_ALONG, _TIMES = ("torque_derivatives", "acceleration_derivatives"), 2
-#: The number of coordinates squared times rates up to which batches are computed by whole matrices.
+
+#: Derivatives of one sample are computed direction by direction if so many passes suffice for all
+#: directions, several of which fit into a register. Whole matrices take longer then.
+_MOST_PASSES = 2
+#: Batches are computed by whole matrices if n^2 nv is at most this, with n coordinates and nv
+#: rates: the code of a matrix grows faster than that of a direction.
 _LARGEST = 10_000
-#: Quantities that need the factors of the inertia matrix in symbols, and the same number for these.
-WITH_INERTIA, _LARGEST_INERTIA = ("accelerations", "acceleration_derivatives", "rollout"), 100_000
+#: Quantities that need the factors of the inertia matrix in symbols, and the largest n^2 nv for
+#: these: their code compiles for minutes beyond.
+WITH_INERTIA = ("accelerations", "acceleration_derivatives", "rollout")
+_LARGEST_INERTIA = 100_000
 #: Number of kernels of derivatives, one for each smoothing width, at which all are dropped.
 _WIDTHS = 16
+
+# Newton's method leads to the nearest closed configuration if the first step is short, and each
+# step much shorter than the one before. Lengths of steps are in [rad] or robot lengths.
+#: Longest first step.
+_LONGEST_FIRST_STEP = 0.1
+#: Largest ratio of the length of a step to that of the one before.
+_LARGEST_RATIO = 0.1
+#: The loops are closed after a step that is shorter: the next one would be its square.
+_LONGEST_LAST_STEP = 1e-9
+#: A shorter step is rounding.
+_ROUNDING = 1e-14
+
+
+def every_key() -> list[Quantity]:
+    """The keys of all kernels but those of frames."""
+    keys = []
+    for name, properties in QUANTITIES.items():
+        if properties.of_frame:
+            continue
+        keys.append(Quantity(name))
+        if properties.loadable:
+            keys.append(Quantity(name, loaded=True))
+    return keys
 
 
 def compiled_engine(
     before: engine.Engine, q: ArrayLike | None, *, derivatives: bool, every: bool
 ) -> engine.Engine:
     """The engine of the same mechanism with kernels; see `ClosedChain.compile`."""
-    reference, keys = before.reference, FIRST + DERIVATIVES if derivatives else FIRST
-    near = None if q is None else before.loops.single(q)
-    if near is not None:
+    reference = before.reference
+    near = None
+    if q is not None:
+        near = before.loops.single(q)
+        # Refuses open loops and singular configurations.
         reference.rates(near, np.zeros(len(before.mechanism.coordinates)))
-    if derivatives and reference.derivatives.axes_move:
-        keys = (*keys, Quantity("displacement_rates"))
-    make = partial(CompiledBackend, near=near, platform=before.platform)
-    kernels = make(reference)
-    kernels.make(EVERY if every else keys)
-    return engine.Engine(before.mechanism, make, kernels, before.platform)
+    keys = list(FIRST)
+    if derivatives:
+        keys += DERIVATIVES
+        if reference.derivatives.axes_move:
+            keys.append(Quantity("displacement_rates"))
+    if every:
+        keys = every_key()
+    make_kernels = partial(CompiledBackend, near=near, platform=before.platform)
+    kernels = make_kernels(reference)
+    kernels.make(keys)
+    return engine.Engine(before.mechanism, make_kernels, kernels, before.platform)
 
 
-#: Steps of Newton's method, [rad] or robot lengths: the longest first one; the largest ratio of one
-#: to the one before; the longest last one; and the length below which a step is rounding.
-_NEAR, _SHRINKS, _LAST, _ROUNDING = 0.1, 0.1, 1e-9, 1e-14
+class Variant(NamedTuple):
+    """One way to compile a kernel."""
+
+    #: The key of the kernel; `along` says whether it computes direction by direction.
+    key: Quantity
+    #: The instruction set, one of `TARGETS`.
+    target: str
+
+
+class Variants(NamedTuple):
+    """The ways to compile a kernel; both may be the same."""
+
+    single: Variant
+    batch: Variant
+
+
+class KernelCode(NamedTuple):
+    """The loaded code of a kernel; both may be the same."""
+
+    single: Code
+    batch: Code
 
 
 class CompiledBackend:
@@ -94,15 +139,19 @@ class CompiledBackend:
         self, reference: Reference, near: Array | None = None, *, platform: str = ""
     ) -> None:
         self._binding = binding()
-        self._reference, self._mechanism = reference, reference.mechanism
+        self._reference = reference
+        self._mechanism = reference.mechanism
         self._robot = self._mechanism.model.name or "robot"
-        self._near = near if _closed(reference, near) else None  # the robot may have changed
+        # An engine of a changed robot is made with the same `near`, which may not close its loops.
+        self._near = near if _closed(reference, near) else None
         self._parameters = SymbolicParameters(self._mechanism)
         body = body_of(self._mechanism.model, platform)
-        self._moment = -1 if body is None else 6 * body + 3  # after the force
+        #: Where a `platform_moment` stands among the wrenches [force; moment] of all bodies.
+        self._moment = -1 if body is None else 6 * body + 3
         self._kernels: dict[Quantity, kernel_protocols.Kernel | None] = {}
         self._equations: dict[tuple[bool, bool, bool], Equations] = {}
-        self._codes: dict[Quantity, list[Code]] = {}
+        self._codes: dict[Quantity, KernelCode | None] = {}
+        #: Why there is no kernel of a quantity.
         self._why: dict[Quantity, str] = {}
         self._nonsmooth: dict[bool, NonsmoothCode | None] = {}
         self._lock = threading.RLock()
@@ -119,13 +168,14 @@ class CompiledBackend:
         """Load the kernels from the cache, or compile them."""
         from concurrent.futures import ThreadPoolExecutor  # slow to import
 
-        shared = dict.fromkeys(map(self._shared_key, keys))
-        wanted = [key for key in shared if not impossible(self._mechanism, key.name)]
-        variants = [variant for key in wanted for variant in self._variants(key)]
+        variants: dict[Variant, None] = {}  # a set that keeps the order
+        for key in dict.fromkeys(map(self._shared_key, keys)):
+            if not impossible(self._mechanism, key.name):
+                variants |= dict.fromkeys(self._variants(key))
 
-        def prepare(variant: tuple[Quantity, str]) -> None:
+        def prepare(variant: Variant) -> None:
             with suppress(ActuationError):  # too few motors: `_codes_of` tells it
-                self._from_cache(*variant)
+                self._from_cache(variant)
 
         with ThreadPoolExecutor() as pool:
             try:
@@ -136,7 +186,7 @@ class CompiledBackend:
                 raise
 
     def kernel(self, key: Quantity) -> kernel_protocols.Kernel | None:
-        """The kernel of a quantity, as `Kernels.kernel`; may drop those of other widths."""
+        """The kernel of a quantity, as `Kernels.kernel`."""
         try:
             return self._kernels[key]
         except KeyError:
@@ -144,9 +194,7 @@ class CompiledBackend:
         if key.frame is not None:
             frame_named(self._mechanism.model, key.frame)
         if key.sign_width is not None:
-            smooth = [other for other in list(self._kernels) if other.sign_width is not None]
-            for other in smooth if len(smooth) >= _WIDTHS else ():
-                self._kernels.pop(other, None)
+            self._drop_other_widths()
         kernel: kernel_protocols.Kernel | None = None
         if key.name == "accelerations":
             kernel = self._by_columns()
@@ -155,37 +203,52 @@ class CompiledBackend:
         self._kernels[key] = kernel or self._kernel(key)
         return self._kernels[key]
 
+    def _drop_other_widths(self) -> None:
+        """Drop all kernels of derivatives if there are too many: a caller may vary the width."""
+        smooth = [key for key in list(self._kernels) if key.sign_width is not None]
+        if len(smooth) >= _WIDTHS:
+            for key in smooth:
+                self._kernels.pop(key, None)
+
     def closed(self, q: Array) -> Array | None:
         """The closed configuration near q with the coordinates fixed; None if it is not near.
 
         Newton steps that start short and shrink fast lead to the same solution as the reference
         path.
         """
-        mechanism, kernel = self._mechanism, self.kernel(Quantity("closing"))
+        mechanism = self._mechanism
+        kernel = self.kernel(Quantity("closing"))
         # Where rows hold rates only, or a joint in part, the path to the solution counts.
         rates_only = any(isinstance(closure, (Rolling, Brake)) for closure in mechanism.closures)
         if kernel is None or rates_only or mechanism.held_in_part:
             return None
-        result, before = np.full((1, len(q) + 2), np.nan), _NEAR / _SHRINKS
+        longest = _LONGEST_FIRST_STEP
+        result = np.full((1, len(q) + 2), np.nan)  # q after a step, determinant, sum of squares
         while True:
             failures = kernel.many((q[None],), result)
-            step = pin.difference(mechanism.model, q, result[0, :-2]) / mechanism.rate_scale
+            after_step = result[0, :-2]
+            step = pin.difference(mechanism.model, q, after_step) / mechanism.rate_scale
             length = float(np.abs(step).max(initial=0.0))
-            if not length <= _SHRINKS * before:
+            if not length <= longest:  # NaN too
                 return None
-            if not length < _ROUNDING:  # a closed configuration stays as it is
-                q, before = result[0, :-2].copy(), length
-            if length < _LAST:
+            if length >= _ROUNDING:  # a closed configuration stays as it is
+                q = after_step.copy()
+                longest = _LARGEST_RATIO * length
+            if length < _LONGEST_LAST_STEP:
                 return None if len(failures) else q
 
     def states(self, friction: Friction) -> CompiledStates:
         """The state space with this friction instead of the mechanism's."""
-        closing = cast("Kernel | None", self.kernel(Quantity("closing")))
-        columns = self._by_columns(friction)
-        rate, course = partial(self._rate, friction), partial(self._course, friction)
         derivatives = Quantity("acceleration_derivatives", sign_width=friction.sign_width)
-        slopes = partial(self.kernel, derivatives)
-        return CompiledStates(self._reference, friction, closing, slopes, rate, course, columns)
+        return CompiledStates(
+            self._reference,
+            friction,
+            closing=cast("Kernel | None", self.kernel(Quantity("closing"))),
+            derivatives=partial(self.kernel, derivatives),
+            rate=partial(self._rate, friction),
+            rollout=partial(self._rollout, friction),
+            by_columns=self._by_columns(friction),
+        )
 
     def nonsmooth(self, rows: NonsmoothRows, loaded: bool) -> NonsmoothCode | None:
         """Compiled steps with stops, friction and contacts; None if they cannot be compiled."""
@@ -226,7 +289,8 @@ class CompiledBackend:
     # --- inside -----------------------------------------------------------------------------
 
     @cached_property
-    def _all_numbers(self) -> SymbolicParameters:
+    def _all_parameters(self) -> SymbolicParameters:
+        """All parameters of a regressor, with a spring wherever one is possible."""
         return SymbolicParameters(with_springs(self._mechanism), complete=True)
 
     @cached_property
@@ -236,37 +300,40 @@ class CompiledBackend:
 
     def _by_columns(self, friction: Friction | None = None) -> ByColumns | None:
         """Direct dynamics if the mass matrix is too large to be written out; None otherwise."""
-        mechanism, forces = self._mechanism, Quantity("generalized_forces")
-        small = not impossible(mechanism, "accelerations")
-        if small or mechanism.lines.motors.any() or mechanism.without_mass:
+        mechanism = self._mechanism
+        forces = Quantity("generalized_forces")
+        written_out = not impossible(mechanism, "accelerations")
+        if written_out or mechanism.lines.motors.any() or mechanism.without_mass:
             return None
 
-        def of_loads(loaded: bool) -> "Kernel":
+        def forces_of(loaded: bool) -> "Kernel":
             kernel = self._kernel(forces._replace(loaded=loaded), friction=friction)
             if kernel is None:
                 raise CompilationError(str(self))
             return kernel
 
-        inertial, rates = self._kernel(forces, inertial=True), self._kernel(Quantity("rates"))
+        inertial = self._kernel(forces, inertial=True)
+        rates = self._kernel(Quantity("rates"))
         if inertial is None or rates is None:
             return None
-        return ByColumns(mechanism, cache(of_loads), inertial, rates)
+        return ByColumns(mechanism, cache(forces_of), inertial, rates)
 
     def _derivatives_by_columns(self, key: Quantity) -> DerivativesByColumns | None:
         """Derivatives of accelerations where these are computed by columns; None otherwise."""
-        mechanism, forces = self._mechanism, key._replace(name="torque_derivatives")
+        mechanism = self._mechanism
+        forces = key._replace(name="torque_derivatives")
         smooth = replace(mechanism.friction, sign_width=key.sign_width or 0.0)
         accelerations = self._by_columns(smooth)
         if accelerations is None or mechanism.motors[mechanism.dependent].any():
             return None
 
-        def of_loads(loaded: bool) -> "Kernel":
+        def forces_of(loaded: bool) -> "Kernel":
             kernel = self._kernel(forces._replace(loaded=loaded))
             if kernel is None:
                 raise CompilationError(str(self))
             return kernel
 
-        return DerivativesByColumns(mechanism, accelerations, cache(of_loads))
+        return DerivativesByColumns(mechanism, accelerations, cache(forces_of))
 
     def _kernel(
         self,
@@ -276,52 +343,74 @@ class CompiledBackend:
         *,
         inertial: bool = False,
     ) -> "Kernel | None":
-        """A kernel with its code for single samples and for batches; None if it is impossible."""
-        codes = self._codes_of(key)
-        if not codes:
+        """A kernel with its code for single samples and for batches; None if it is impossible.
+
+        Args:
+            key: Its quantity.
+            word: The function in the library: "run", or "rate" of a rollout.
+            friction: Friction in place of the mechanism's.
+            inertial: Whether weights, friction, springs and lines are left out.
+        """
+        code = self._codes_of(key)
+        if code is None:
             return None
         friction = friction or self._mechanism.friction
         if key.sign_width is not None:
             friction = replace(friction, sign_width=key.sign_width)
-        regressor = key.name == "torque_regressor"
-        parameters = self._all_numbers if regressor else self._parameters
+        parameters = self._parameters
+        if key.name == "torque_regressor":
+            parameters = self._all_parameters
         numbers = parameters.pack(self._mechanism, friction)
         if inertial:
             numbers = parameters.inertial(numbers)
-        _, outputs, *sizes = codes[0].sizes(word)
-        addresses = codes[0].address(word), codes[-1].address(word)
-        one, many = codes[0].prepared(numbers), codes[-1].prepared(numbers)
-        loaded = None if key.loaded else partial(self._kernel, key._replace(loaded=True))
-        shape = tuple(sizes), outputs
-        return self._binding.Kernel(*addresses, *shape, one, codes, loaded, many, self._moment)
+        _, output, *inputs = code.single.sizes(word)
+        return self._binding.Kernel(
+            single=code.single.address(word),
+            batch=code.batch.address(word),
+            sizes=tuple(inputs),
+            output=output,
+            parameters=code.single.prepared(numbers),
+            batch_parameters=code.batch.prepared(numbers),
+            library=code,  # keeps the code in memory
+            loaded=None if key.loaded else partial(self._kernel, key._replace(loaded=True)),
+            moment=self._moment,
+        )
 
     def _rate(self, friction: Friction, loaded: bool) -> "Kernel | None":
         """Rates of the closed states next to some states."""
         return self._kernel(Quantity("rollout", loaded=loaded), "rate", friction)
 
-    def _course(self, friction: Friction, loaded: bool) -> "RolloutKernel | None":
+    def _rollout(self, friction: Friction, loaded: bool) -> "RolloutKernel | None":
         """The kernel of a rollout; None if it is impossible."""
-        codes = self._codes_of(Quantity("rollout", loaded=loaded))
-        if not codes:
+        code = self._codes_of(Quantity("rollout", loaded=loaded))
+        if code is None:
             return None
-        code = codes[-1]
+        batch = code.batch
         numbers = self._parameters.pack(self._mechanism, friction)
-        _, _, q, va, tau, *load = code.sizes("run")
-        sizes = (q, va, tau, sum(load))
-        return self._binding.RolloutKernel(code.address("run"), sizes, code.prepared(numbers), code)
+        _, _, q, va, tau, *load = batch.sizes("run")
+        sizes = (q, va, tau, sum(load))  # no load has size 0
+        return self._binding.RolloutKernel(
+            code=batch.address("run"),
+            sizes=sizes,
+            parameters=batch.prepared(numbers),
+            library=batch,  # keeps the code in memory
+        )
 
-    def _codes_of(self, key: Quantity) -> list[Code]:
-        """A kernel's code for single samples, then for batches; empty if it is impossible."""
+    def _codes_of(self, key: Quantity) -> KernelCode | None:
+        """The code of a kernel; None if it is impossible, and `_why` says why."""
         key = self._shared_key(key)
         if key not in self._codes:
             from concurrent.futures import ThreadPoolExecutor  # slow to import
 
             try:
+                variants = self._variants(key)
+                different = list(dict.fromkeys(variants))
                 with ThreadPoolExecutor() as pool:
-                    variants = zip(*self._variants(key), strict=True)
-                    self._codes[key] = list(pool.map(self._from_cache, *variants))
+                    codes = list(pool.map(self._from_cache, different))
+                self._codes[key] = KernelCode(single=codes[0], batch=codes[-1])
             except SSTError as error:
-                self._codes[key], self._why[key] = [], str(error)
+                self._codes[key] = None
+                self._why[key] = str(error)
         return self._codes[key]
 
     def _shared_key(self, key: Quantity) -> Quantity:
@@ -330,24 +419,27 @@ class CompiledBackend:
             key = key._replace(name="torques")
         return key._replace(sign_width=None)  # it is a parameter
 
-    def _variants(self, key: Quantity) -> list[tuple[Quantity, str]]:
-        """Keys and instruction sets of a kernel for single samples, then of one for batches."""
+    def _variants(self, key: Quantity) -> Variants:
+        """How to compile a kernel for single samples and for batches."""
         if problem := impossible(self._mechanism, key.name):
             raise CompilationError(problem)
         best = self._binding.INSTRUCTIONS
-        n, directions = len(self._mechanism.coordinates), key._replace(along=True)
-        # Eight directions at once are slower than four.
+        n = len(self._mechanism.coordinates)
+        # Eight directions at once are slower than four, if four are enough.
         narrow = "avx2" if best == "avx512" else best
-        suits_one = narrow if n <= TARGETS[narrow][0] else best
+        enough = narrow if n <= TARGETS[narrow][0] else best
+        by_directions = Variant(key._replace(along=True), enough)
         if is_large(self._mechanism, key.name):
-            return [(directions, suits_one)]
-        if key.name in _FASTER_ALONG and 1 < n <= _TIMES * TARGETS[best][0]:
-            return [(directions, suits_one), (key, best)]
-        return [(key, SINGLE[best]), (key, best)]
+            return Variants(single=by_directions, batch=by_directions)
+        whole = Variant(key, best)
+        if key.properties.smooth and 1 < n <= _MOST_PASSES * TARGETS[best][0]:
+            return Variants(single=by_directions, batch=whole)
+        return Variants(single=Variant(key, SINGLE[best]), batch=whole)
 
-    def _from_cache(self, key: Quantity, target: str) -> Code:
+    def _from_cache(self, variant: Variant) -> Code:
         """Code from the cache, or compiled now."""
-        content, smooth = self._content, key.properties.smooth
+        key, target = variant
+        content = self._content
         if key.frame is not None:
             content = fingerprint(self._mechanism, self._parameters, self._near, key.frame)
 
@@ -362,21 +454,26 @@ class CompiledBackend:
                 expressions = kernels.entry(self._equations_of(key), key)
                 return c_code.library(key.entry, expressions, TARGETS[target][0])
 
-        options = LONG if smooth else ()
+        options = LONG if key.properties.smooth else ()
         library = libraries.load(self._robot, str(key), content, target, sources, options)
         return Code(library, key.entry)
 
     def _equations_of(self, key: Quantity) -> "Equations":
+        """The symbols from which a kernel is made; kernels of one kind share them."""
         from .equations import Equations
 
         if key.name == "torque_regressor":
             samples = sample_configurations(self._reference, self._near)
             mechanism = with_springs(self._mechanism)
-            return Equations(mechanism, samples, parameters=self._all_numbers)
-        kind = key.loaded, key.properties.smooth, key.name != "reactions"
+            return Equations(mechanism, samples, parameters=self._all_parameters)
+        smooth = key.properties.smooth
+        welded = key.name != "reactions"  # which need each body by itself
+        kind = key.loaded, smooth, welded
         if kind not in self._equations:
             samples = sample_configurations(self._reference, self._near)
-            self._equations[kind] = Equations(self._mechanism, samples, *kind)
+            self._equations[kind] = Equations(
+                self._mechanism, samples, loaded=key.loaded, smooth=smooth, welded=welded
+            )
         return self._equations[kind]
 
 

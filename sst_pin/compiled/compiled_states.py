@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 #: det Phi_u changes by no more than this factor in half a step that is sound.
 CHANGE = 1.25
+#: Steps of Newton's method before the reference path closes the loops.
+_MOST_CLOSING_STEPS = 4
 #: Longest step of Newton's method that closes the middle of a sound step, in parts of `TRAVEL`.
 NEARBY = 0.02
 
@@ -36,49 +38,63 @@ NEARBY = 0.02
 class CompiledStates(States):
     """The state space of a mechanism by kernels; samples that fail go to the reference path.
 
-    `rate` and `course` give kernels of rates and rollouts, with or without loads. For many
-    coordinates there are none, and `by_columns` computes accelerations.
+    Args:
+        reference: The reference path.
+        friction: Friction in place of the mechanism's.
+        closing: The kernel that makes a step of Newton's method on the closures.
+        derivatives: Returns the kernel of derivatives of accelerations.
+        rate: Returns the kernel of rates of states, with or without loads.
+        rollout: Returns the kernel of rollouts, with or without loads.
+        by_columns: Computes accelerations where many coordinates leave no kernel of rates.
     """
 
     def __init__(
         self,
         reference: Reference,
         friction: Friction,
+        *,
         closing: "BoundKernel | None",
-        slopes: Callable[[], Kernel | None],
+        derivatives: Callable[[], Kernel | None],
         rate: "Callable[[bool], BoundKernel | None]",
-        course: "Callable[[bool], RolloutKernel | None]",
+        rollout: "Callable[[bool], RolloutKernel | None]",
         by_columns: "ByColumns | None",
     ) -> None:
         super().__init__(reference, friction)
-        self._closing, self._rate_of, self._course = closing, cache(rate), course
-        self._slopes, self._by_columns = slopes, by_columns
+        self._closing = closing
+        self._derivative_kernel = derivatives
+        self._rate_kernel = cache(rate)
+        self._rollout_kernel = rollout
+        self._by_columns = by_columns
 
     def closed(self, states: Array) -> Array:
         """q with closed loops, by kernels that make steps of Newton's method."""
         if self._closing is None:
             return super().closed(states)
-        answer = self._closing.answer(states[..., : self._nq], None, None, None, None, 1)
-        if answer is not None:  # closed to 1e-6 before this step: the next one is the last
-            q = answer[..., : self._nq]
-            answer = self._closing.answer(q, None, None, None, None, 1)
-            return q if answer is None else answer[..., : self._nq]
+        # A step succeeds if the loops were closed to 1e-6 before it; then the next one is the last,
+        # because each step squares the error.
+        step = self._closing.answer(states[..., : self._nq], None, None, None, None, 1)
+        if step is not None:
+            q = step[..., : self._nq]
+            last = self._closing.answer(q, None, None, None, None, 1)
+            return q if last is None else last[..., : self._nq]
         q = np.ascontiguousarray(states[..., : self._nq].reshape(-1, self._nq))
-        for _ in range(4):
-            result = np.empty((len(q), self._nq + 2))
-            left = self._closing.many((q,), result)
+        for _ in range(_MOST_CLOSING_STEPS):
+            result = np.empty((len(q), self._nq + 2))  # q, determinant, sum of squares
+            failures = self._closing.many((q,), result)
             q = result[:, :-2]
-            if not len(left):  # closed to 1e-6 before this step: the next one is the last
-                self._closing.many((q,), result)
+            if not len(failures):
+                self._closing.many((q,), result)  # the last step
                 return result[:, :-2].reshape(*states.shape[:-1], self._nq)
         return super().closed(states)
 
     def rate(self, states: Array, tau: Array, wrenches: Array | None) -> Array:
         """Rates of states, by the kernel of a rollout."""
-        kernel = self._rate_of(wrenches is not None)
-        load = None if wrenches is None else wrenches.reshape(*wrenches.shape[:-2], -1)
-        answer = None if kernel is None else kernel.answer(states, tau, load, None, None, 1)
-        return super().rate(states, tau, wrenches) if answer is None else answer
+        rates = None
+        kernel = self._rate_kernel(wrenches is not None)
+        if kernel is not None:
+            load = None if wrenches is None else wrenches.reshape(*wrenches.shape[:-2], -1)
+            rates = kernel.answer(states, tau, load, None, None, 1)
+        return super().rate(states, tau, wrenches) if rates is None else rates
 
     def _rate(
         self, q: Array, va: Array, tau: Array, wrenches: Array | None, tolerance: float
@@ -91,12 +107,14 @@ class CompiledStates(States):
     def _acceleration_derivatives(
         self, q: Array, va: Array, tau: Array, wrenches: Array | None
     ) -> Array:
-        kernel, parts = self._slopes() if wrenches is None else None, None
+        kernel = None
+        if wrenches is None:
+            kernel = self._derivative_kernel()
         if kernel is not None and kernel.derivatives is not None:
             parts = kernel.derivatives(AccelerationDerivatives, q, va, tau, 1)
-        if parts is None:
-            return super()._acceleration_derivatives(q, va, tau, wrenches)
-        return np.concatenate(parts, axis=1)
+            if parts is not None:
+                return np.concatenate(parts, axis=1)
+        return super()._acceleration_derivatives(q, va, tau, wrenches)
 
     def rollout(
         self, motions: RolloutArrays, threads: int, wrenches_at: WrenchesAt | None
@@ -105,18 +123,18 @@ class CompiledStates(States):
 
         Kernels take constant loads only.
         """
-        course = self._course(motions.load is not None)
-        if course is None or self._closing is None or wrenches_at is not None:
+        kernel = self._rollout_kernel(motions.load is not None)
+        if kernel is None or self._closing is None or wrenches_at is not None:
             return super().rollout(motions, threads, wrenches_at)
-        reached = self._run(course, motions, threads)
+        reached = self._by_kernel(kernel, motions, threads)
         for i in map(int, np.flatnonzero(reached <= motions.steps)):
-            reached[i] = self._complete(course, motions, i, int(reached[i]))
+            reached[i] = self._complete(kernel, motions, i, int(reached[i]))
         return reached
 
-    def _complete(self, course: "RolloutKernel", motions: RolloutArrays, i: int, count: int) -> int:
-        """The number of valid states of motion i, of which `count` are filled by kernels.
+    def _complete(self, kernel: "RolloutKernel", motions: RolloutArrays, i: int, count: int) -> int:
+        """The number of valid states of motion i, of which the kernel has filled `count`.
 
-        The reference path continues until the coordinates are good again, then the kernels do.
+        The reference path continues until the coordinates are good again, then the kernel does.
         """
         while count <= motions.steps:
             last = max(count - 1, 0)  # the last valid state is the next start
@@ -126,18 +144,19 @@ class CompiledStates(States):
                 return count
             last = count - 1
             rest = motions.rest(i, last)
-            by_kernels = int(self._run(course, rest, 1)[0])
-            if not by_kernels:  # only the reference path can continue from there
+            by_kernel = int(self._by_kernel(kernel, rest, 1)[0])
+            if not by_kernel:  # only the reference path can continue from there
                 rest.q[0, 0] = rest.q0[0]
                 rest.va[0, 0] = rest.va0[0]
-                by_kernels = 1
-            count = last + by_kernels
+                by_kernel = 1
+            count = last + by_kernel
         return count
 
-    def _run(self, course: "RolloutKernel", motions: RolloutArrays, threads: int) -> Indices:
-        """Fill the states of motions as far as the kernels compute them well, and count them."""
+    def _by_kernel(self, kernel: "RolloutKernel", motions: RolloutArrays, threads: int) -> Indices:
+        """Fill the states of motions as far as the kernel computes them well, and count them."""
+        # det Phi_u of each state, and whether the step from it is sound
         looks = np.empty((*motions.q.shape[:2], 2))
-        reached = course.run(*motions, looks, min(threads, sys.maxsize))
+        reached = kernel.run(*motions, looks, min(threads, sys.maxsize))
         reached[~self._mechanism.space.on_manifold(motions.q0)] = 0  # kernels normalise q
         return self._continuous(motions, looks, reached)
 
@@ -148,16 +167,19 @@ class CompiledStates(States):
         is sound if det Phi_u changes little to the middle and to the end of the step. The others,
         and motions near a dead point of the coordinates, are left to the reference path.
         """
-        q, until = motions.q, reached.copy()
-        sound, falls = looks[:, :-1, 1] > 0, self._falls(looks[..., 0])[:, :-1]
+        q = motions.q
+        until = reached.copy()
+        determinants = looks[..., 0]
         steps = np.arange(motions.steps)
-        sound |= steps + 1 >= reached[:, None]
-        asked = (falls | ~sound) & (steps < reached[:, None])
-        for i, s in np.argwhere(asked):
-            if s < until[i] and not (
-                self._suits(q[i, s], motions.va[i, s], motions.dt)
-                and (sound[i, s] or self._continues(q[i, s], q[i, s + 1]))
-            ):
+        is_step = steps < reached[:, None]
+        # The last state of a motion has no step that could be judged.
+        sound = (looks[:, :-1, 1] > 0) | (steps + 1 >= reached[:, None])
+        near_dead_point = self._falls(determinants)[:, :-1]
+        for i, s in np.argwhere(is_step & (near_dead_point | ~sound)):
+            if s >= until[i]:  # an earlier step has ended this motion
+                continue
+            suits = self._suits(q[i, s], motions.va[i, s], motions.dt)
+            if not suits or not (sound[i, s] or self._continues(q[i, s], q[i, s + 1])):
                 until[i] = s + 1
         return until
 
@@ -168,18 +190,22 @@ class CompiledStates(States):
         except SSTError:
             return False
 
-    def _falls(self, ends: Array) -> Flags:
-        """Where |det Phi_u| first falls below half its usual size over a power of `CHANGE`."""
-        sizes = np.abs(ends)
+    def _falls(self, determinants: Array) -> Flags:
+        """States where |det Phi_u| falls to a new level, shape (N, steps + 1).
+
+        Level k begins at half the usual size divided by `CHANGE`^k. Each level is counted once, so
+        that a motion along a dead point costs few tests.
+        """
+        sizes = np.abs(determinants)
         largest = np.fmax(sizes.max(axis=1, initial=0, where=sizes >= 0), self._usual_size)
         half = largest[:, None] / 2
         if not (sizes <= half).any():
-            return np.zeros(ends.shape, dtype=bool)
+            return np.zeros(determinants.shape, dtype=bool)
         with np.errstate(divide="ignore", invalid="ignore"):
             levels = np.floor(np.log(half / sizes) / np.log(CHANGE))
-        levels = np.where(levels >= 0, levels, -1)  # where there is no number too
-        falls = np.diff(np.maximum.accumulate(levels, axis=1), axis=1, prepend=-1) > 0
-        return np.asarray(falls)
+        levels = np.where(levels >= 0, levels, -1)  # above half the usual size, or NaN
+        lowest_so_far = np.maximum.accumulate(levels, axis=1)
+        return np.asarray(np.diff(lowest_so_far, axis=1, prepend=-1) > 0)
 
     @cached_property
     def _usual_size(self) -> float:
@@ -195,7 +221,11 @@ class CompiledStates(States):
 class ByColumns:
     """Accelerations from Eq. (92) with the mass matrix column by column.
 
-    The kernels are those of forces, with or without loads, of forces of inertia alone, of L va.
+    Args:
+        mechanism: The mechanism.
+        forces: Returns the kernel of generalized forces, with or without loads.
+        inertial: The kernel of generalized forces of inertia alone.
+        rates: The kernel of v = L va.
     """
 
     def __init__(
@@ -205,8 +235,10 @@ class ByColumns:
         inertial: "BoundKernel",
         rates: "BoundKernel",
     ) -> None:
-        self._mechanism, self._forces = mechanism, forces
-        self._inertial, self._rates = inertial, rates
+        self._mechanism = mechanism
+        self._forces = forces
+        self._inertial = inertial
+        self._rates = rates
         self._unit = np.eye(len(mechanism.coordinates))
 
     #: It computes by `many` only.
@@ -216,33 +248,37 @@ class ByColumns:
     def many(self, arrays: tuple[Array, ...], out: Array, threads: int = 1) -> Indices:
         """Fill the accelerations; indices of samples that fail the checks of the kernels."""
         q, va, tau, *load = arrays
-        f = np.empty(out.shape)
-        left = np.zeros(len(out), dtype=bool)
-        left[self._forces(bool(load)).many((q, va, None, *load), f, threads)] = True
-        for i in np.flatnonzero(~left):
+        at_rest = np.empty(out.shape)  # forces that the motion with aa = 0 needs
+        kernel = self._forces(bool(load))
+        failed = np.zeros(len(out), dtype=bool)
+        failed[kernel.many((q, va, None, *load), at_rest, threads)] = True
+        for i in np.flatnonzero(~failed):
             inertia = np.empty(self._unit.shape)  # Eq. (93), symmetric
-            failed = self._inertial.many((q[i], None, self._unit), inertia, threads)
-            supplied = (
-                tau[i] if self._mechanism.driven_one_to_one else self._motor_forces(q[i], tau[i])
-            )
-            aa = solved(inertia, supplied - f[i])
-            left[i] = len(failed) or aa is None or not np.isfinite(aa).all()
+            failures = self._inertial.many((q[i], None, self._unit), inertia, threads)
+            supplied = tau[i]
+            if not self._mechanism.driven_one_to_one:
+                supplied = self._motor_forces(q[i], tau[i])
+            aa = solved(inertia, supplied - at_rest[i])
             out[i] = np.nan if aa is None else aa
-        return np.flatnonzero(left)
+            failed[i] = len(failures) > 0 or not np.isfinite(out[i]).all()
+        return np.flatnonzero(failed)
 
     def _motor_forces(self, q: Array, tau: Array) -> Array:
         """L^T B tau: forces of the motors along the coordinates; NaN at a singularity."""
-        L = np.empty((len(self._unit), self._mechanism.model.nv))  # transposed
-        if len(self._rates.many((q, self._unit), L)):
-            return np.full(len(L), np.nan)
-        return L.dot(self._mechanism.motors.dot(tau))
+        L_transposed = np.empty((len(self._unit), self._mechanism.model.nv))
+        failures = self._rates.many((q, self._unit), L_transposed)
+        if len(failures):
+            return np.full(len(L_transposed), np.nan)
+        return L_transposed.dot(self._mechanism.motors.dot(tau))
 
     def state_rate(self, q: Array, va: Array, tau: Array, wrenches: Array | None) -> Array | None:
         """Rates of q and va at one closed configuration; None where the kernels fail."""
         load = () if wrenches is None else (wrenches.reshape(1, -1),)
-        aa, v = np.empty((1, len(va))), np.empty((1, self._mechanism.model.nv))
-        state = q[None], va[None]
-        if len(self.many((*state, tau[None], *load), aa)) or len(self._rates.many(state, v)):
+        aa = np.empty((1, len(va)))
+        v = np.empty((1, self._mechanism.model.nv))
+        if len(self.many((q[None], va[None], tau[None], *load), aa)):
+            return None
+        if len(self._rates.many((q[None], va[None]), v)):
             return None
         return np.concatenate([self._mechanism.space.coordinate_rates(q, v[0]), aa[0]])
 
@@ -252,7 +288,10 @@ class DerivativesByColumns:
 
     Motors act on coordinates only, so that their forces along the coordinates are constant.
 
-    The kernels are those of accelerations, and of derivatives of forces, with or without loads.
+    Args:
+        mechanism: The mechanism.
+        accelerations: Computes the accelerations.
+        forces: Returns the kernel of derivatives of generalized forces, with or without loads.
     """
 
     def __init__(
@@ -261,8 +300,9 @@ class DerivativesByColumns:
         accelerations: ByColumns,
         forces: Callable[[bool], "BoundKernel"],
     ) -> None:
-        self._accelerations, self._forces = accelerations, forces
-        self._driven = mechanism.motors[mechanism.coordinates]  # L^T B
+        self._accelerations = accelerations
+        self._forces = forces
+        self._motor_matrix = mechanism.motors[mechanism.coordinates]  # L^T B
 
     #: It computes by `many` only.
     answer = None
@@ -271,14 +311,18 @@ class DerivativesByColumns:
     def many(self, arrays: tuple[Array, ...], out: Array, threads: int = 1) -> Indices:
         """Fill the derivatives; indices of samples that fail the checks of the kernels."""
         q, va, tau, *load = arrays
-        samples, (n, _) = len(out), self._driven.shape
-        aa, slopes = np.empty((samples, n)), np.empty((samples, 3 * n * n))
-        left = np.zeros(samples, dtype=bool)
-        left[self._accelerations.many((q, va, tau, *load), aa, threads)] = True
-        left[self._forces(bool(load)).many((q, va, aa, *load), slopes, threads)] = True
-        for i in np.flatnonzero(~left):
-            by_motion, inertia = np.split(slopes[i].reshape(n, 3 * n), [2 * n], axis=1)
-            aa_x = solved(inertia, np.hstack([-by_motion, self._driven]))
-            left[i] = aa_x is None or not np.isfinite(aa_x).all()
-            out[i] = np.nan if aa_x is None else aa_x.ravel()
-        return np.flatnonzero(left)
+        samples = len(out)
+        n = len(self._motor_matrix)
+        aa = np.empty((samples, n))
+        of_forces = np.empty((samples, 3 * n * n))  # by q, va and aa, side by side
+        kernel = self._forces(bool(load))
+        failed = np.zeros(samples, dtype=bool)
+        failed[self._accelerations.many((q, va, tau, *load), aa, threads)] = True
+        failed[kernel.many((q, va, aa, *load), of_forces, threads)] = True
+        for i in np.flatnonzero(~failed):
+            by_q_and_va, inertia = np.split(of_forces[i].reshape(n, 3 * n), [2 * n], axis=1)
+            # f(q, va, aa) = L^T B tau: inertia d(aa) = -by_q_and_va d(q, va) + L^T B d(tau)
+            of_aa = solved(inertia, np.hstack([-by_q_and_va, self._motor_matrix]))
+            out[i] = np.nan if of_aa is None else of_aa.ravel()
+            failed[i] = not np.isfinite(out[i]).all()
+        return np.flatnonzero(failed)
