@@ -83,7 +83,8 @@ def write_mjcf(chain: ClosedChain, path: str | Path, force: bool = False) -> Non
         OutputError: If the file cannot be written, or exists.
 
     Warns:
-        DescriptionWarning: If bodies without mass get a little, or shapes are left out.
+        DescriptionWarning: If bodies without mass get a little, shapes are left out, or a brake
+            becomes an equality that holds at home only.
 
     Example:
         >>> sst_pin.write_mjcf(sst_pin.robots.five_bar(), "five_bar.xml")
@@ -91,12 +92,12 @@ def write_mjcf(chain: ClosedChain, path: str | Path, force: bool = False) -> Non
         ('shoulder_1', 'shoulder_2')
     """
     require_ending(path, ".xml", ".mjcf")
-    writer = MjcfWriter(chain.mechanism)
-    writer.add_shapes(chain.visual_model)
     known = chain.mechanism.model.referenceConfigurations
     configurations = {item.key(): item.data() for item in known}
     if "home" in configurations:
         configurations["home"] = chain.home
+    writer = MjcfWriter(chain.mechanism, home=configurations.get("home"))
+    writer.add_shapes(chain.visual_model)
     writer.add_keyframes(configurations)
     write_files({Path(path): text_writer(writer.text())}, force)
     for note in writer.notes:
@@ -107,11 +108,15 @@ class MjcfWriter:
     """Builds an MJCF; with `plain` only the bodies and their joints.
 
     `bodies` are the elements of the bodies, by joint; `joints` are MuJoCo's joints in its order;
-    `notes` say what is left out or written with other numbers.
+    `notes` say what is left out or written with other numbers. Brakes hold at the configuration
+    `home`, shape (nq,); without it they are problems.
     """
 
-    def __init__(self, mechanism: Mechanism, plain: bool = False) -> None:
+    def __init__(
+        self, mechanism: Mechanism, plain: bool = False, home: Array | None = None
+    ) -> None:
         self._mechanism = mechanism
+        self._home = home
         self._plain = plain
         self._problems = list[str]()
         self.notes = list[str]()
@@ -382,7 +387,7 @@ class MjcfWriter:
         elif isinstance(closure, Rolling):
             self._problems.append(f"closure {closure}: MuJoCo has no rolling without slip")
         elif isinstance(closure, Brake):
-            self._problems.append(f"{closure}: MuJoCo has no brakes; write the robot without them")
+            self._hold(closure)
         elif isinstance(closure, Distance):
             self._rod(f"rod_{k}", closure)
         else:
@@ -421,15 +426,46 @@ class MjcfWriter:
 
     def _rod(self, name: str, rod: Distance) -> None:
         """Add a tendon of constant length; MuJoCo's length is relative to the one at q = 0."""
+        self._spatial({"name": name}, rod.frame_a, rod.frame_b)
+        at_zero = self._distance(rod.frame_a, rod.frame_b, pin.neutral(self._mechanism.model))
+        polynomial = numbers([rod.distance - at_zero, 0, 0, 0, 0])
+        SubElement(self._section("equality"), "tendon", tendon1=name, polycoef=polynomial)
+
+    def _hold(self, brake: Brake) -> None:
+        """Add an equality that holds a joint or a line where it is at `home`."""
+        home = self._home
+        if home is None:
+            text = "MuJoCo holds at one position only; name a configuration home"
+            self._problems.append(f"{brake}: {text}")
+            return
+        rate = self._mechanism.rate_of(brake)
+        if rate is not None:
+            name = self._by_rate().get(rate)
+            if name is None:
+                text = "MuJoCo holds no single rate of a ball or a free joint; use hinges in series"
+                self._problems.append(f"{brake}: {text}")
+                return
+            (joint,) = (joint for joint in self.joints if joint.name == name)
+            kind = "joint"
+            position = float(joint.qpos(home)[0])
+        else:
+            assert brake.frames is not None
+            name = brake.name
+            kind = "tendon"
+            at_zero = self._distance(*brake.frames, pin.neutral(self._mechanism.model))
+            position = self._distance(*brake.frames, home) - at_zero
+        polynomial = numbers([position, 0, 0, 0, 0])
+        SubElement(self._section("equality"), kind, {f"{kind}1": name}, polycoef=polynomial)
+        self.notes.append(f"{brake}: written as an equality, which holds it at home only")
+
+    def _distance(self, frame_a: str, frame_b: str, q: Array) -> float:
+        """Distance of the origins of two frames at a configuration."""
         model = self._mechanism.model
         data = model.createData()
-        pin.framesForwardKinematics(model, data, pin.neutral(model))
-        a = data.oMf[frame_id(model, rod.frame_a)].translation
-        b = data.oMf[frame_id(model, rod.frame_b)].translation
-        self._spatial({"name": name}, rod.frame_a, rod.frame_b)
-        extension = rod.distance - np.linalg.norm(b - a)
-        polynomial = numbers([extension, 0, 0, 0, 0])
-        SubElement(self._section("equality"), "tendon", tendon1=name, polycoef=polynomial)
+        pin.framesForwardKinematics(model, data, q)
+        a = data.oMf[frame_id(model, frame_a)].translation
+        b = data.oMf[frame_id(model, frame_b)].translation
+        return float(np.linalg.norm(b - a))
 
     def _spatial(self, attributes: dict[str, str], frame_a: str, frame_b: str) -> None:
         """Add a tendon along the line between two frames."""

@@ -203,3 +203,53 @@ def test_velocity_limits_are_left_out_with_a_warning(tmp_path):
     name = model.names[1]
     with pytest.warns(DescriptionWarning, match=f"velocities of the joints {name} are left out"):
         sst_pin.write_mjcf(limited, tmp_path / "robot.xml")
+
+
+def _lifted_delta():
+    """A delta whose motors are not at zero at home."""
+    delta = robot_named("delta")
+    model = delta.model.copy()
+    lifted = dict(zip(delta.motor_names, (0.1, 0.3, 0.2), strict=True))
+    model.referenceConfigurations["home"] = delta.assemble(lifted)
+    return sst_pin.ClosedChain(model, delta.closures, delta.motor_names)
+
+
+def _on_a_line():
+    bar = robot_named("four_bar")
+    ram = LineForce("universe", "platform", name="ram")
+    return sst_pin.ClosedChain(bar.model, bar.closures, ["ram"], lines=[ram])
+
+
+@pytest.mark.parametrize("make", [_lifted_delta, _on_a_line])
+def test_brakes_hold_in_mujoco_what_they_hold_here(make, tmp_path):
+    """Equalities of MuJoCo are stiff springs, which sag until they hold 1e-3 of the forces less."""
+    chain = make()
+    standing = chain.with_brakes(chain.motor_names)
+    path = tmp_path / "standing.xml"
+    with pytest.warns(DescriptionWarning, match=r"brake of .* holds it at home only"):
+        sst_pin.write_mjcf(standing, path)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    is_equality = data.efc_type[: data.nefc] == mujoco.mjtConstraint.mjCNSTR_EQUALITY
+    held = {
+        int(mujoco.mjtEq.mjEQ_JOINT): mujoco.mjtObj.mjOBJ_JOINT,
+        int(mujoco.mjtEq.mjEQ_TENDON): mujoco.mjtObj.mjOBJ_TENDON,
+    }
+    forces = {}
+    for k in range(model.neq):
+        if kind := held.get(int(model.eq_type[k])):
+            (row,) = np.flatnonzero(is_equality & (data.efc_id[: data.nefc] == k))
+            name = mujoco.mj_id2name(model, kind, model.eq_obj1id[k])
+            forces[name] = data.efc_force[row]
+    assert forces == pytest.approx(standing.reactions(chain.home).brakes, rel=1e-3)
+
+
+def test_a_brake_without_a_home_is_no_equality(tmp_path):
+    bar = robot_named("four_bar")
+    model = bar.model.copy()
+    del model.referenceConfigurations["home"]
+    standing = sst_pin.ClosedChain(model, bar.closures, [], brakes=["crank"])
+    with pytest.raises(sst_pin.errors.DescriptionError, match="name a configuration home"):
+        sst_pin.write_mjcf(standing, tmp_path / "standing.xml")
