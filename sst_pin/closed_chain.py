@@ -890,7 +890,7 @@ class ClosedChain(RobotProperties, Summary):
         Raises:
             SimulationError: If the integrator fails.
         """
-        from .simulation.inputs import Settings
+        from .simulation.settings import Settings
         from .simulation.simulation import simulate
 
         settings = Settings(

@@ -8,8 +8,8 @@ import numpy as np
 from ..arrays import Array, Flags
 from ..errors import ClosureError, SingularConfigurationError
 from ..states import States
-from .inputs import Settings
 from .integrator_step import IntegratorStep
+from .settings import Settings
 from .state_equations import StateEquations
 
 #: Torques and loads are evaluated this often between two output times.

@@ -1,18 +1,21 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Arguments of a simulation: settings, and torques and loads in all their forms."""
+"""Torques and loads of a simulation, in all forms that a user can give.
+
+Each form is an `Input`: its value at one time, and its values along samples of a motion.
+"""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from bisect import bisect_right
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from math import factorial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, as_array, positive_number, single_array
+from ..arrays import Array, as_array, single_array
 from ..engine import Engine
 from ..engine_arguments import Wrenches
 from ..errors import InputError
@@ -39,86 +42,159 @@ Torque = (
 )
 #: A moment on the platform: a function of (t, q, va), a constant, or none.
 ExternalLoad = Callable[[float, Array, Array], ArrayLike] | ArrayLike | None
-#: Wrenches on bodies or at frames: likewise.
+#: Wrenches on bodies or at frames: a function of (t, q, va), a constant, or none.
 WrenchLoad = Callable[[float, Array, Array], Wrenches] | Wrenches | None
+#: Computes q and the rates va of the robot's coordinates at a state of the integrator.
+RobotState = Callable[[], tuple[Array, Array]]
 
-#: Integrators of SciPy.
-IMPLICIT = ("Radau", "BDF")
-_METHODS = ("RK23", "RK45", "DOP853", *IMPLICIT)
 #: A spline through fewer samples suffices if its error is at most this part of the largest torque.
 _SMOOTH = 1e-3
+#: So few samples are not made fewer.
+_FEW_SAMPLES = 12
 
 
-@dataclass(frozen=True)
-class Settings:
-    """How a motion is integrated; `ClosedChain.simulate` describes the fields."""
+class Input(ABC):
+    """A torque or load that acts on a robot in motion.
 
-    method: str
-    rtol: float
-    atol: float
-    max_condition_number: float
-    through_singularities: bool
-    progress: Callable[[float], None] | None
-    max_step: float | None
+    Attributes:
+        sampling: The state of a `SampledTorque`; None for other inputs.
+        times: Times, shape (N,), or None. A step that passes two of them may miss a change.
+        callable: Whether it is a function of the user, which can change at any time.
+    """
 
-    def __post_init__(self) -> None:
-        if self.method not in _METHODS:
-            problem = f"{self.method!r} unknown; known: {', '.join(_METHODS)}"
-            raise InputError("method", problem)
-        positive_number("rtol", self.rtol)
-        positive_number("atol", self.atol)
-        positive_number("max_condition_number", self.max_condition_number)
-        step = self.max_step
-        if not (step is None or (isinstance(step, float) and step == np.inf)):
-            positive_number("max_step", step)
-        if self.progress is not None and not callable(self.progress):
-            raise InputError("progress", f"{self.progress!r} cannot be called")
-
-
-class Input(NamedTuple):
-    """A torque or load that acts on a robot in motion."""
-
-    #: Its value at a time; the second argument computes q and va.
-    at: Callable[[float, Callable[[], tuple[Array, Array]]], Array]
-    #: Its values at times (N,), for q (N, nq) and va (N, n).
-    along: Callable[[Array, Array, Array], Array]
-    #: The state of a `SampledTorque`; None for other inputs.
     sampling: Sampling | None = None
-    #: Times, shape (N,); a step that passes two of them may miss a change.
     times: Array | None = None
-    #: Whether it is a function.
     callable: bool = False
+
+    @abstractmethod
+    def at(self, t: float, state: RobotState) -> Array:
+        """Its value at one time."""
+
+    @abstractmethod
+    def along(self, t: Array, q: Array, va: Array) -> Array:
+        """Its values at times (N,), for q (N, nq) and va (N, n)."""
+
+
+class ConstantInput(Input):
+    """A torque or load that does not change."""
+
+    def __init__(self, value: Array) -> None:
+        self._value = value
+
+    def at(self, t: float, state: RobotState) -> Array:
+        """The constant."""
+        return self._value
+
+    def along(self, t: Array, q: Array, va: Array) -> Array:
+        """The constant at all times."""
+        return np.broadcast_to(self._value, (len(t), *self._value.shape))
+
+
+class FunctionInput(Input):
+    """A function (t, q, va) of the user; errors call it by its argument's name."""
+
+    callable = True
+
+    def __init__(
+        self,
+        name: str,
+        function: Callable[[float, Array, Array], ArrayLike],
+        shape: tuple[int, ...],
+        times: Array | None,
+    ) -> None:
+        self._name = f"{name}(t, q, va)"
+        self._function = function
+        self._shape = shape
+        self.times = times
+
+    def _call(self, t: float, q: Array, va: Array) -> Array:
+        result = self._function(t, q.copy(), va.copy())  # the function may change its arguments
+        return single_array(self._name, result, self._shape)
+
+    def at(self, t: float, state: RobotState) -> Array:
+        """The result of one call."""
+        q, va = state()
+        return self._call(t, q, va)
+
+    def along(self, t: Array, q: Array, va: Array) -> Array:
+        """The results of a call for each sample."""
+        return np.array([self._call(*sample) for sample in zip(t, q, va, strict=True)])
+
+
+class SplineInput(Input):
+    """Torques between samples at times (N,), shape (N, motors), by a spline of degree five."""
+
+    def __init__(self, times: Array, torques: Array) -> None:
+        self._spline = spline(times, torques)
+        # Its polynomials, which take a sixth of the time of a call for one time. The piece k begins
+        # at starts[k]; its powers of (t - starts[k]) have the coefficients pieces[k].
+        starts = np.unique(self._spline.t)[:-1]
+        degree = self._spline.k
+        derivatives = [self._spline(starts, j) / factorial(j) for j in range(degree + 1)]
+        self._starts = starts.tolist()
+        self._pieces = list(np.stack(derivatives, axis=1))
+        self._powers = np.arange(degree + 1.0)
+        self.times = _times_of_changes(times, torques)
+
+    def at(self, t: float, state: RobotState) -> Array:
+        """A polynomial of the spline."""
+        # Times before the first piece, by the rounding of an integrator, belong to it.
+        k = max(bisect_right(self._starts, t) - 1, 0)
+        return np.asarray(((t - self._starts[k]) ** self._powers).dot(self._pieces[k]))
+
+    def along(self, t: Array, q: Array, va: Array) -> Array:
+        """The spline."""
+        return np.asarray(self._spline(t))
+
+
+class SampledInput(Input):
+    """The torques of a `SampledTorque`, which the integration calls when it is due."""
+
+    def __init__(self, sampling: Sampling) -> None:
+        self._sampling = sampling
+        self.sampling = sampling
+
+    def at(self, t: float, state: RobotState) -> Array:
+        """The torques that act."""
+        return self._sampling.now
+
+    def along(self, t: Array, q: Array, va: Array) -> Array:
+        """The torques that act, which are constant within a step."""
+        now = self._sampling.now
+        return np.broadcast_to(now, (len(t), *now.shape))
 
 
 def torque_input(mechanism: Mechanism, torque: Torque, times: Array, *, watch: bool) -> Input:
     """The motor torques; with `watch`, for a function, no integrator step passes two of `times`."""
     motors = len(mechanism.motor_names)
     if isinstance(torque, Trajectory):
-        require_motion(torque, mechanism, "torque")
-        if times[0] < torque.t[0] or times[-1] > torque.t[-1]:
-            raise InputError(
-                "torque",
-                f"has samples from {torque.t[0]:g} to {torque.t[-1]:g} s, "
-                f"but the simulation is from {times[0]:g} to {times[-1]:g} s",
-            )
-        return _samples(torque.t, torque.tau)
+        return _torques_of_motion(mechanism, torque, times)
     if isinstance(torque, SampledTorque):
         require_distinct(torque.period, times)
-        sampling = Sampling(torque, float(times[0]), motors)
-        return Input(
-            lambda t, state: sampling.now,
-            lambda t, q, va: np.broadcast_to(sampling.now, (len(t), motors)),
-            sampling,
-        )
-    values: Any = torque_function(torque)
-    source = getattr(values, "__self__", None)
-    if getattr(source, "sampled_only", False):
-        name = type(source).__name__
-        problem = f"{name} depends on the calls before, so it is sampled only"
+        return SampledInput(Sampling(torque, float(times[0]), motors))
+    function_or_values: Any = torque_function(torque)
+    controller = getattr(function_or_values, "__self__", None)
+    if getattr(controller, "sampled_only", False):
+        problem = f"{type(controller).__name__} depends on the calls before, so it is sampled only"
         raise InputError("torque", f"{problem}; pass SampledTorque(controller, period)")
-    if not callable(values) and as_array("torque", values, ()).ndim == 2:
-        return _samples(times, single_array("torque", values, (len(times), motors)))
-    return _function_or_constant("torque", values, (motors,), times if watch else None)
+    if callable(function_or_values):
+        return FunctionInput("torque", function_or_values, (motors,), times if watch else None)
+    if as_array("torque", function_or_values, ()).ndim == 2:
+        samples = single_array("torque", function_or_values, (len(times), motors))
+        return SplineInput(times, samples)
+    return ConstantInput(single_array("torque", function_or_values, (motors,)))
+
+
+def _torques_of_motion(mechanism: Mechanism, motion: Trajectory, times: Array) -> Input:
+    """The torques of a motion, which must contain all times of the simulation."""
+    require_motion(motion, mechanism, "torque")
+    if times[0] < motion.t[0] or times[-1] > motion.t[-1]:
+        raise InputError(
+            "torque",
+            f"has samples from {motion.t[0]:g} to {motion.t[-1]:g} s, "
+            f"but the simulation is from {times[0]:g} to {times[-1]:g} s",
+        )
+    return SplineInput(motion.t, motion.tau)
 
 
 def load_input(
@@ -129,85 +205,54 @@ def load_input(
     *,
     watch: bool,
 ) -> Input | None:
-    """Both loads as wrenches on all bodies; None without a load."""
-    wrenches = _wrenches(engine, platform_moment, external_wrenches)
-    if wrenches is None:
-        return None
+    """Both loads as wrenches on all bodies; None without a load. `watch` is that of torques."""
     shape = engine.mechanism.model.njoints - 1, 6
-    return _function_or_constant("external_wrenches", wrenches, shape, times if watch else None)
+    at_frames = isinstance(external_wrenches, Mapping)  # arms of their wrenches turn with bodies
+    if callable(platform_moment) or callable(external_wrenches) or at_frames:
+        load = _load_function(engine, platform_moment, external_wrenches)
+        return FunctionInput("external_wrenches", load, shape, times if watch else None)
+    constant = engine.arguments.wrenches(platform_moment, external_wrenches, "raise")
+    if constant is None:
+        return None
+    return ConstantInput(single_array("external_wrenches", constant, shape))
 
 
-def _wrenches(
+def _load_function(
     engine: Engine, platform_moment: ExternalLoad, external_wrenches: WrenchLoad
-) -> ExternalLoad:
-    at_frames = isinstance(external_wrenches, Mapping)
-    if not (callable(platform_moment) or callable(external_wrenches) or at_frames):
-        return engine.arguments.wrenches(platform_moment, external_wrenches, "raise")
+) -> Callable[[float, Array, Array], Any]:
+    """Both loads as a function of (t, q, va), one sample of shape (r, 6)."""
 
-    def wrenches(t: float, q: Array, va: Array) -> Any:
-        moment = platform_moment(t, q, va) if callable(platform_moment) else platform_moment
-        others = external_wrenches
-        if callable(others):
-            others = others(t, q, va)
-        if moment is None and platform_moment is not None:
-            raise InputError("platform_moment(t, q, va)", "None: three numbers are needed")
-        if moment is None and not isinstance(others, Mapping):
-            return others  # checked as one sample
-        return engine.arguments.wrenches(moment, others, "raise", q)
+    def load(t: float, q: Array, va: Array) -> Any:
+        moment: ArrayLike | None
+        if callable(platform_moment):
+            moment = platform_moment(t, q, va)
+            if moment is None:
+                raise InputError("platform_moment(t, q, va)", "None: three numbers are needed")
+        else:
+            moment = platform_moment
+        wrenches: Wrenches | None
+        if callable(external_wrenches):
+            wrenches = external_wrenches(t, q, va)
+        else:
+            wrenches = external_wrenches
+        if moment is None and not isinstance(wrenches, Mapping):
+            return wrenches  # `FunctionInput` checks it as one sample
+        return engine.arguments.wrenches(moment, wrenches, "raise", q)
 
-    return wrenches
-
-
-def _function_or_constant(
-    name: str,
-    value: Callable[[float, Array, Array], ArrayLike] | ArrayLike,
-    shape: tuple[int, ...],
-    times: Array | None,
-) -> Input:
-    if callable(value):
-
-        def one(t: float, q: Array, va: Array) -> Array:
-            result = value(t, q.copy(), va.copy())  # the function may change its arguments
-            return single_array(f"{name}(t, q, va)", result, shape)
-
-        return Input(
-            lambda t, state: one(t, *state()),
-            lambda t, q, va: np.array(list(map(one, t, q, va))),
-            times=times,
-            callable=True,
-        )
-    constant = single_array(name, value, shape)
-    return Input(
-        lambda t, state: constant, lambda t, q, va: np.broadcast_to(constant, (len(t), *shape))
-    )
+    return load
 
 
-def _samples(times: Array, torques: Array) -> Input:
-    """A spline; single times use its polynomials, at a sixth of the cost of calling it."""
-    smooth = spline(times, torques)
-    starts = np.unique(smooth.t)[:-1]
-    taylor = [smooth(starts, j) / factorial(j) for j in range(smooth.k + 1)]
-    pieces = list(zip(starts.tolist(), np.stack(taylor, axis=1), strict=True))
-    inner, powers = starts[1:].tolist(), np.arange(smooth.k + 1.0)
-
-    def at(t: float, state: Callable[[], tuple[Array, Array]]) -> Array:
-        start, coefficients = pieces[bisect_right(inner, t)]
-        return ((t - start) ** powers).dot(coefficients)
-
-    changes = _changes(times, torques)
-    return Input(at, lambda t, q, va: np.asarray(smooth(t)), times=changes)
-
-
-def _changes(times: Array, torques: Array) -> Array:
-    """Times of few evenly chosen samples through which a spline reproduces all samples.
+def _times_of_changes(times: Array, torques: Array) -> Array:
+    """Times of the coarsest regular subset of samples whose spline reproduces all of them.
 
     A step that passes fewer than two of these times misses no change of the torques.
     """
-    scale, chosen = _SMOOTH * np.abs(torques).max(initial=0.0), times
-    while len(chosen) > 12:
+    largest_error = _SMOOTH * np.abs(torques).max(initial=0.0)
+    chosen = times
+    while len(chosen) > _FEW_SAMPLES:
         fewer = np.append(chosen[:-1:2], chosen[-1])
         curve = spline(fewer, torques[np.searchsorted(times, fewer)])
-        if np.abs(curve(times) - torques).max() > scale:
+        if np.abs(curve(times) - torques).max() > largest_error:
             break
         chosen = fewer
     return chosen

@@ -17,8 +17,8 @@ from ..errors import SimulationError
 from ..model.mechanism import Mechanism
 from .coordinate_change import CoordinateChange
 from .crossings import Crossing
-from .inputs import Settings
 from .motion_output import MotionOutput, Samples
+from .settings import Settings
 from .singularity_crossing import SingularityCrossing
 from .state_equations import MotionState, StateEquations
 from .step_control import StepControl

@@ -102,37 +102,51 @@ def require_distinct(period: float, times: Array) -> None:
 
 
 class Sampling:
-    """The torques of a `SampledTorque` from a start time."""
+    """The torques of a `SampledTorque` from a start time.
+
+    The function is called at start + k period, k = 0, 1, ...; the torques of a call act after the
+    delay, until those of the next call do.
+
+    Attributes:
+        now: The torques that act, shape (motors,).
+    """
 
     def __init__(self, torque: SampledTorque, start: float, motors: int | None = None) -> None:
         self._torque = torque
         self._start = start
-        self._calls = 0
+        #: The next k.
+        self._next_period = 0
+        #: Torques that will act, in the order of their times.
         self._waiting = deque[tuple[float, Array]]()
-        #: The torques that act, shape (motors,).
-        self.now = np.zeros(motors or 0)
         self._motors = motors
+        self.now = np.zeros(motors or 0)
 
     def until(self, times: Array) -> float:
         """When the torques change or the function is called next; one of `times` if it is close."""
-        called = self._start + self._calls * self._torque.period
-        due = min(called, self._waiting[0][0]) if self._waiting else called
-        near = float(times[np.abs(times - due).argmin()])
-        return near if abs(near - due) < _SAME / 2 * self._torque.period else due
+        period = self._torque.period
+        due = self._start + self._next_period * period
+        if self._waiting:
+            due = min(due, self._waiting[0][0])
+        nearest = float(times[np.abs(times - due).argmin()])
+        return nearest if abs(nearest - due) < _SAME / 2 * period else due
 
     def reach(self, t: float, state: Callable[[], tuple[Array, Array]]) -> None:
         """Call the function and change the torques if this is due; `state` computes q and va."""
         period = self._torque.period
-        name = "torque(t, q, va)"
-        periods = floor((t - self._start) / period + _SAME)
-        if periods >= self._calls:
-            tau = finite_array(name, self._torque.function(t, *map(np.copy, state())), ())
-            if self._motors is None:
-                self._motors = len(tau)
-                self.now = np.zeros(len(tau))
-            tau = single_array(name, tau, (self._motors,))
-            self._calls = periods + 1  # a late loop skips periods
-            at = self._start + periods * period + self._torque.delay
-            self._waiting.append((at, tau.copy()))
+        present_period = floor((t - self._start) / period + _SAME)
+        if present_period >= self._next_period:
+            q, va = state()
+            act_from = self._start + present_period * period + self._torque.delay
+            self._waiting.append((act_from, self._call(t, q, va)))
+            self._next_period = present_period + 1  # a late loop skips periods
         while self._waiting and self._waiting[0][0] <= t + _SAME * period:
-            self.now = self._waiting.popleft()[1]
+            _, self.now = self._waiting.popleft()
+
+    def _call(self, t: float, q: Array, va: Array) -> Array:
+        """Torques of one call; the first call says how many motors there are."""
+        name = "torque(t, q, va)"
+        tau = finite_array(name, self._torque.function(t, q.copy(), va.copy()), ())
+        if self._motors is None:
+            self._motors = len(tau)
+            self.now = np.zeros(len(tau))
+        return single_array(name, tau, (self._motors,)).copy()

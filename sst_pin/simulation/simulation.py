@@ -15,11 +15,12 @@ from ..errors import InputError, SingularConfigurationError, SingularityWarning,
 from ..model.closures import Rolling
 from ..progress import FASTER, Bar
 from ..states import States
-from .inputs import ExternalLoad, Settings, Torque, WrenchLoad, load_input, torque_input
+from .inputs import ExternalLoad, Torque, WrenchLoad, load_input, torque_input
 from .integration import Integration
 from .rollouts import require_smooth
 from .sampled_torques import SampledTorque
 from .samples import sample_times
+from .settings import Settings
 from .state_equations import StateEquations
 from .trajectories import Trajectory, trajectory_of
 
@@ -40,7 +41,8 @@ def simulate(
     settings: Settings,
 ) -> Trajectory:
     """The motion that `ClosedChain.simulate` returns, for the same arguments."""
-    times, mechanism = sample_times(t, 2), engine.mechanism
+    times = sample_times(t, 2)
+    mechanism = engine.mechanism
     require_smooth(mechanism)
     positive_number("sign_width", sign_width, or_zero=True)  # 0 is the sign itself
     if isinstance(torque, SampledTorque) and settings.through_singularities:
@@ -52,24 +54,30 @@ def simulate(
     torques = torque_input(mechanism, torque, times, watch=watch)
     equations = StateEquations(states, torques, load)
     # The derivatives of a load function and of rolling wheels are not computed.
-    exact = (
-        sign_width > 0
-        and not (load is not None and load.callable)
-        and not any(isinstance(closure, Rolling) for closure in mechanism.closures)
-    )
+    load_is_constant = load is None or not load.callable
+    rolls = any(isinstance(closure, Rolling) for closure in mechanism.closures)
+    exact = sign_width > 0 and load_is_constant and not rolls
     hint = _HINT if engine.make_kernels is None else ""
-    with closing(Bar(hint, desc="simulating", total=np.ptp(times), bar_format=_BAR)) as bar:
-        shown = settings.progress or (lambda t: bar.reach(t - times[0]))
-        settings = replace(settings, progress=shown)
+    duration = float(times[-1] - times[0])
+    with closing(Bar(hint, desc="simulating", total=duration, bar_format=_BAR)) as bar:
+        if settings.progress is None:
+            settings = replace(settings, progress=lambda time: bar.reach(time - times[0]))
         integration = Integration(equations, mechanism, times, settings, exact=exact)
-        q, va, aa, tau = integration.integrate(start)
-    stopped, missed = integration.stopped, integration.missed
-    if stopped:
-        warn_caller(stopped, SingularityWarning)
-    if missed:
-        warn_caller(missed, RuntimeWarning)
-    crossings = integration.crossings
-    return trajectory_of(mechanism, times[: len(q)], q, va, aa, tau, stopped, crossings)
+        samples = integration.integrate(start)
+    if integration.stopped:
+        warn_caller(integration.stopped, SingularityWarning)
+    if integration.missed:
+        warn_caller(integration.missed, RuntimeWarning)
+    return trajectory_of(
+        mechanism,
+        times[: len(samples.q)],
+        samples.q,
+        samples.va,
+        samples.aa,
+        samples.tau,
+        integration.stopped,
+        integration.crossings,
+    )
 
 
 def _start(

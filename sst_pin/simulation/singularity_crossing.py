@@ -19,7 +19,7 @@ from ..errors import SSTError
 from ..model.mechanism import Mechanism
 from ..states import States
 from .crossings import Branch, BranchError, Crossing, crossing_of, gauss_step, mismatch
-from .inputs import Settings
+from .settings import Settings
 from .state_equations import MotionState, StateEquations
 
 #: The most states from which a motion is extrapolated through a singular configuration.

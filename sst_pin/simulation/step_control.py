@@ -13,8 +13,8 @@ from ..arrays import Array
 from ..errors import SimulationError
 from ..model.thresholds import MARGIN
 from .input_watch import InputWatch
-from .inputs import IMPLICIT, Settings
 from .integrator_step import IntegratorStep
+from .settings import IMPLICIT, Settings
 from .state_equations import MotionState, StateEquations
 
 if TYPE_CHECKING:
