@@ -24,7 +24,6 @@ ELSEWHERE = {page for page in make_site.OUTSIDE if page.endswith(".md")}
 ELSEWHERE |= {f"robots/{name}.md" for name in robot_pages.NAMES}
 #: Pages whose code other tests run.
 RUN_ELSEWHERE = {"urdf/README.md": "description/test_description_folder.py"}
-RUN_ELSEWHERE |= {"docs/evidence.md": "description/test_other_tools.py"}
 #: These compile, draw, or run for seconds.
 LONG = "assembly_modes batches cables command_line control derivatives export_c gpu "
 LONG += "identification loader optimal_control own_robot plots pose_abilities simulate "
