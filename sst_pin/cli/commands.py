@@ -155,7 +155,7 @@ COMMANDS = (
         option("--robust", "let outliers count less"),
         option("--urdf FILE", "write the URDF of --robot with the parameters found", Path),
         more="The log has the columns of a motion and of its torques, as `torques` writes\n"
-        "them. Its last third is kept apart for validation.",
+        "them. Its last third is used for validation only.",
     ),
     Command(
         "compile",
@@ -221,10 +221,12 @@ def tell(kind: str, message: object) -> None:
 
 
 def _meant(name: str, names: Sequence[str]) -> str:
+    """A hint for a word that is not the name of a command."""
     if name in _MEANT:
         return f"did you mean {_MEANT[name]}?"
     if names_robot(name):
         return f"did you mean sst-pin validate {name}?"
-    if near := get_close_matches(name, names, 1):
-        return f"did you mean sst-pin {near[0]}?"
+    similar = get_close_matches(name, names, 1)
+    if similar:
+        return f"did you mean sst-pin {similar[0]}?"
     return f"the commands are {', '.join(names)}"

@@ -33,12 +33,17 @@ def robot_of(arguments: argparse.Namespace) -> ClosedChain:
     model = arguments.model
     if model is not None and (name is None or name in names or is_mjcf(Path(name))):
         raise InputError("--model", "only for an SDF; name it by --robot")
-    if name is None or name in names:
-        return SST() if name in (None, "sst") else getattr(robots, name)()
+    if name is None or name == "sst":
+        return SST()
+    if name in names:
+        robot: ClosedChain = getattr(robots, name)()
+        return robot
     path = Path(name)
     if not path.suffix and not path.exists():
-        near = "".join(f"; did you mean {x}?" for x in get_close_matches(name.lower(), names, 1))
-        text = f"{name!r} is neither a file nor one of {', '.join(names)}{near}"
+        text = f"{name!r} is neither a file nor one of {', '.join(names)}"
+        similar = get_close_matches(name.lower(), names, 1)
+        if similar:
+            text += f"; did you mean {similar[0]}?"
         raise InputError("--robot", text)
     if is_mjcf(path):
         return ClosedChain.from_mjcf(path)
@@ -67,12 +72,15 @@ def sst_of(arguments: argparse.Namespace) -> SST:
         raise InputError("--robot", f"{name} is not an SST, which this command needs")
     if getattr(arguments, "model", None) is not None:
         raise InputError("--model", "not for the folder of an SST; write the model to a file .xml")
-    return (SST.from_mjcf if is_mjcf(Path(name)) else SST.from_urdf)(name)
+    if is_mjcf(Path(name)):
+        return SST.from_mjcf(name)
+    return SST.from_urdf(name)
 
 
 def source_of(path: Path) -> Path | BinaryIO:
     """A file, or standard input for `-`; refuses a robot."""
-    if hint := misplaced([str(path)]):
+    hint = misplaced([str(path)])
+    if hint:
         raise InputError(str(path), f"is a robot, not a table{hint}")
     return sys.stdin.buffer if str(path) == "-" else path
 

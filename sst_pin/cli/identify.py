@@ -24,45 +24,62 @@ _EVERY = 10
 
 def identify(arguments: argparse.Namespace) -> int:
     """Dynamic parameters from a log."""
+    # The output and the robot, before the work.
     output = arguments.output
+    masses = arguments.masses or {}
     require_ending(common.output_name(output, ".md"), ".md")
-    pictures = {} if str(output) == "-" else {"plot": "matplotlib"}
-    common.require_extras(identification="clarabel", **pictures)
-    urdf = Path(arguments.robot or "") if arguments.urdf else None
-    if urdf:
+    with_picture = str(output) != "-"
+    if with_picture:
+        common.require_extras(identification="clarabel", plot="matplotlib")
+    else:
+        common.require_extras(identification="clarabel")
+    urdf = None
+    if arguments.urdf:
+        urdf = Path(arguments.robot or "")
         if not urdf.is_file() or is_mjcf(urdf):
             raise InputError("--robot", "needed: a URDF, which is written with the numbers found")
         require_ending(arguments.urdf, ".urdf")
-    robot = common.robot_of(arguments)
-    source = common.source_of(arguments.log)
-    robot = _with_masses(robot, arguments.masses or {})
-    t, x, tau, start = read_log(robot.engine, source)
+    robot = _with_masses(common.robot_of(arguments), masses)
+
+    # The log as a motion; its last third is kept for validation.
+    t, x, tau, start = read_log(robot.engine, common.source_of(arguments.log))
     cutoff = arguments.cutoff
     every = arguments.decimate
     if every is None:  # at most the samples of a period of the cut-off frequency
         in_period = (len(t) - 1) / (t[-1] - t[0]) / cutoff if cutoff > 0 else 1
         every = max(1, min(_EVERY, int(in_period)))
-    options = {"cutoff": cutoff, "decimate": every, "start": start}
-    motion = identification.measured_motion(robot, t, x, tau, **options)
+    motion = identification.measured_motion(
+        robot, t, x, tau, cutoff=cutoff, decimate=every, start=start
+    )
     cut = 2 * len(motion) // 3
-    first, unseen = motion[:cut], motion[cut:]
-    which = _parameters(robot, arguments.which, arguments.masses or {})
-    base = identification.base_parameters(robot, which)
-    options = {"robust": arguments.robust, "decimate": every}
+    first = motion[:cut]
+    unseen = motion[cut:]
+
+    # The parameters.
+    base = identification.base_parameters(robot, _parameters(robot, arguments.which, masses))
     estimate = identification.estimate(
-        robot, base, first.q, first.va, first.aa, first.tau, **options
+        robot,
+        base,
+        first.q,
+        first.va,
+        first.aa,
+        first.tau,
+        robust=arguments.robust,
+        decimate=every,
     )
     theta = identification.consistent_parameters(robot, estimate)
+
+    # The report, its picture, and the URDF.
     text = identification.report(robot, estimate, theta, unseen)
     files = dict[Path, Writer]()
-    if pictures:
+    if with_picture:
         from .. import plots
 
         name = output.with_name(f"{output.stem}_torques.png")
         page = plots.torques_page(unseen, identification.predicted_torques(robot, theta, unseen))
         files[name] = plots.figure_writer(page, name)
         text += f"\n![Measured and predicted torques of the unseen motion](<{name.name}>)\n"
-    if urdf:
+    if urdf is not None:
         new = with_dynamics(robot.with_parameters(theta), urdf, Path(arguments.urdf).parent)
         files |= _with_closures(new, urdf, arguments.urdf)
     common.write({output: text_writer(text), **files}, arguments)
@@ -105,16 +122,20 @@ def _parameters(robot: ClosedChain, which: str | None, masses: Mapping[str, floa
     if which:
         patterns = which.split(",")
     else:
-        motors = set(robot.motor_names)
-        words = ("damping",), ("stiffness", "damping", "preload")
-        lines = [f"{x}.{word}" for x in map(str, robot.lines) for word in words[x not in motors]]
-        patterns = ["*.m*", "*.i*", "*.viscous", "*.coulomb", *lines]
+        patterns = ["*.m*", "*.i*", "*.viscous", "*.coulomb"]
+        for line in map(str, robot.lines):
+            patterns.append(f"{line}.damping")
+            if line not in robot.motor_names:
+                patterns += [f"{line}.stiffness", f"{line}.preload"]
     if not masses:
         return patterns
-    known = [f"{body}.mass" for body in masses]
-    names = robot.dynamic_parameters.names
-    considered = [name for name in names if any(fnmatchcase(name, p) for p in patterns)]
-    return [name for name in considered if name not in known]
+    known = {f"{body}.mass" for body in masses}
+    considered = []
+    for name in robot.dynamic_parameters.names:
+        fits = any(fnmatchcase(name, pattern) for pattern in patterns)
+        if fits and name not in known:
+            considered.append(name)
+    return considered
 
 
 def _with_closures(text: str, urdf: Path, output: Path) -> dict[Path, Writer]:

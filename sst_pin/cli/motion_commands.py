@@ -86,29 +86,42 @@ def show(arguments: argparse.Namespace) -> int:
     """Animations of a robot: in a browser, as a page, or as pictures."""
     from ..viewer import Viewer  # needs the extra `viz`
 
-    robot, motion, speed, title = _asked_for(arguments)
-    outputs = {kind: path for kind in ("html", "png", "gif") if (path := vars(arguments)[kind])}
-    for kind, path in outputs.items():
+    robot, motion, speed, title = _robot_and_motion(arguments)
+    outputs = []
+    for kind in ("html", "png", "gif"):
+        path = vars(arguments)[kind]
+        if path is None:
+            continue
         if path.suffix.lower() != f".{kind}":
             raise OutputError(path, f"the ending should be .{kind}")
-    if arguments.ghost is not None and motion is None:
-        raise InputError("--ghost", "only beside a motion")
-    ghost = arguments.ghost and common.motion_of(robot, arguments.ghost)
-    speed = speed if arguments.speed is None else arguments.speed
-    names = "axes", "frames", "frame", "reactions", "live"
-    looks = {name: vars(arguments)[name] for name in names}
-    looks["visual_model"] = pin.GeometryModel() if arguments.skeleton else None
-    with Viewer(robot, **looks) as viewer:
+        outputs.append(path)
+    ghost = None
+    if arguments.ghost is not None:
+        if motion is None:
+            raise InputError("--ghost", "only beside a motion")
+        ghost = common.motion_of(robot, arguments.ghost)
+    if arguments.speed is not None:
+        speed = arguments.speed
+    viewer = Viewer(
+        robot,
+        visual_model=pin.GeometryModel() if arguments.skeleton else None,
+        axes=arguments.axes,
+        frames=arguments.frames,
+        frame=arguments.frame,
+        reactions=arguments.reactions,
+        live=arguments.live,
+    )
+    with viewer:
         if motion is None:
             viewer.show(start_of(robot.engine))
         else:
             viewer.play(motion, speed=speed, ghost=ghost, title=title)
         if common.refuses(viewer.warnings, arguments):
             return 1
-        if files := {path: viewer.writer(path) for path in outputs.values()}:
-            write_files(files, arguments.force)
+        if outputs:
+            write_files({path: viewer.writer(path) for path in outputs}, arguments.force)
             length = "" if motion is None else f", {motion.t[-1] - motion.t[0]:g} s"
-            print(f"{title}{length} -> {', '.join(map(str, files))}")
+            print(f"{title}{length} -> {', '.join(map(str, outputs))}")
         else:
             url = viewer.serve(arguments.host, arguments.port)
             print(f"{url}  (Ctrl-C ends)", flush=True)
@@ -119,7 +132,10 @@ def show(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _asked_for(arguments: argparse.Namespace) -> tuple[ClosedChain, Trajectory | None, float, str]:
+def _robot_and_motion(
+    arguments: argparse.Namespace,
+) -> tuple[ClosedChain, Trajectory | None, float, str]:
+    """The robot, its motion (None: it stands still), the speed by default, and the title."""
     path = arguments.motion
     robot = common.robot_of(arguments)
     if path is not None:

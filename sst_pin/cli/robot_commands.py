@@ -86,16 +86,17 @@ def compile(arguments: argparse.Namespace) -> None:  # noqa: A001
         print(f"{libraries.delete()} kernels deleted from {libraries.cache_folder()}")
     elif arguments.list:
         _list()
-    elif (folder := arguments.export_c) is not None:
+    elif arguments.export_c is not None:
         from ..compiled.export import write_c
 
+        robot = common.robot_of(arguments)
         write_c(
-            common.robot_of(arguments),
-            folder,
+            robot,
+            arguments.export_c,
             arguments.precision or "double",
             force=arguments.force,
         )
-        print(f"robot.h, robot.c, main.c in {folder}")
+        print(f"robot.h, robot.c, main.c in {arguments.export_c}")
     else:
         chain = common.robot_of(arguments)
         start = time.perf_counter()

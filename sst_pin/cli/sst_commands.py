@@ -4,6 +4,7 @@
 import argparse
 import time
 from dataclasses import fields, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from ..description.frames import JOINT_NAMES
 from ..description.mjcf_writer import write_mjcf
 from ..description.parameters import Parameters, RigidBody
 from ..errors import InputError
-from ..files import write_files
+from ..files import Writer, write_files
 from ..sst.paper import PERIOD, compare, example_1, example_2
 from ..sst.robot import SST
 from ..sst.robot_wrapper import configurations_of
@@ -32,7 +33,7 @@ def paper(arguments: argparse.Namespace) -> int:
     out = arguments.output
     t = np.linspace(0, PERIOD, arguments.samples)
     began = time.perf_counter()
-    motions = {"example_1": (example := example_1(robot, t))}
+    example = example_1(robot, t)
     seconds = time.perf_counter() - began
     if common.refuses(robot.check_limits(example), arguments):
         return 1
@@ -46,16 +47,23 @@ def paper(arguments: argparse.Namespace) -> int:
         "Example 2: direct dynamics with these torques, one period",
         "start     path error   closures   energy error   time",
     ]
+    motions = {"example_1": example}
     for name, rounded in (("exact", False), ("printed", True)):
         began = time.perf_counter()
-        motion = motions[f"example_2_{name}_start"] = example_2(robot, example, rounded)
+        motion = example_2(robot, example, rounded)
+        motions[f"example_2_{name}_start"] = motion
         seconds = time.perf_counter() - began
         errors = compare(robot, example, motion)
         text = f"{name:8}  {errors.path_error:.1e} rad  {errors.closure:.1e}    "
         text += f"{errors.energy:.1e} J     {seconds:.2f} s{common.remark(motion)}"
         lines.append(text)
-    files = {out / n: m.writer(n) for s, m in motions.items() for n in (f"{s}.csv", f"{s}.npz")}
-    figures = plots.paper_figures(robot, *motions.values())
+    files = dict[Path, Writer]()
+    for stem, motion in motions.items():
+        for name in (f"{stem}.csv", f"{stem}.npz"):
+            files[out / name] = motion.writer(name)
+    figures = plots.paper_figures(
+        robot, example, motions["example_2_exact_start"], motions["example_2_printed_start"]
+    )
     files |= {out / name: writer for name, writer in figures.items()}
     write_files(files, arguments.force, folder=out)
     print(*lines, f"{len(files)} files in {out}", sep="\n")
@@ -89,15 +97,17 @@ def _changed(p: Parameters, arguments: argparse.Namespace) -> Parameters:
     changes = {f.name: options[f.name] for f in fields(Parameters) if f.name in options}
     if "alpha" in options:
         changes["arc_angles"] = np.radians(options["alpha"])
-    for name, bodies in (("link", p.links), ("passive_link", p.passive_links)):
-        if (mass := options.get(name.removesuffix("_link") + "_mass")) is not None:
-            changes[name] = [_weighing(mass, body) for body in bodies]
+    if "link_mass" in options:
+        changes["link"] = [_with_mass(options["link_mass"], body) for body in p.links]
+    if "passive_mass" in options:
+        mass = options["passive_mass"]
+        changes["passive_link"] = [_with_mass(mass, body) for body in p.passive_links]
     if "star_mass" in options:
-        changes["star"] = _weighing(options["star_mass"], p.star)
+        changes["star"] = _with_mass(options["star_mass"], p.star)
     return replace(p, **changes)
 
 
-def _weighing(mass: float, body: RigidBody) -> RigidBody:
+def _with_mass(mass: float, body: RigidBody) -> RigidBody:
     """The body with another mass; its inertia changes in proportion."""
     with np.errstate(over="ignore", invalid="ignore"):  # `Parameters` checks the result
         return RigidBody(mass, body.center_of_mass, body.inertia * (mass / body.mass))
