@@ -28,17 +28,21 @@ def closure_rows(
     mechanism: Mechanism, frame: Callable[[str], FrameMotion], q: Array, v: Array
 ) -> tuple[Array, Array]:
     """Phi, shape (rows, nv), and Phi_dot v, shape (rows,), of all closures."""
-    parts = [(np.empty((0, mechanism.model.nv)), np.empty(0))]
+    rows = [np.empty((0, mechanism.model.nv))]
+    drifts = [np.empty(0)]
     for closure in mechanism.closures:
         if isinstance(closure, Coupling):
-            parts.append(_coupling(mechanism.model, closure, q, v))
+            row, drift = _coupling(mechanism.model, closure, q, v)
         elif isinstance(closure, Brake) and closure.frames is None:
             (rate,) = mechanism.space.rates_of([closure.name])
-            parts.append((np.eye(mechanism.model.nv)[[rate]], np.zeros(1)))
+            row = np.eye(mechanism.model.nv)[[rate]]
+            drift = np.zeros(1)
         else:
-            parts.append(_relative(closure, *map(frame, frames_of(closure))))
-    Phi, drift = zip(*parts, strict=True)
-    return np.vstack(Phi), np.concatenate(drift)
+            frame_a, frame_b = frames_of(closure)
+            row, drift = _relative(closure, frame(frame_a), frame(frame_b))
+        rows.append(row)
+        drifts.append(drift)
+    return np.vstack(rows), np.concatenate(drifts)
 
 
 def _relative(
@@ -46,55 +50,79 @@ def _relative(
 ) -> tuple[Array, Array]:
     """Rows G [r_dot; w] of the position r and the angular velocity w of B in the axes of A.
 
-    G moves with r and with the axes of B, which w turns.
+    G moves with r and with the axes of B, which w turns. The second result is the part of the
+    derivative of G [r_dot; w] that does not depend on the accelerations.
     """
     R_a = A.placement.rotation
-    d = B.placement.translation - A.placement.translation
-    r, R = R_a.T @ d, R_a.T @ B.placement.rotation
+    d = B.placement.translation - A.placement.translation  # in base axes, as the next ones
+    omega_a = A.twist[3:]
+
+    # Jacobian of [r_dot; w]: the motion of B less that of A's body at the origin of B.
     J = B.J - A.J
     J[:3] += pin.skew(d) @ A.J[3:]
+    velocity = B.twist[:3] - A.twist[:3] - np.cross(omega_a, d)
+    spin = B.twist[3:] - omega_a
+
+    # Accelerations relative to the moving axes of A: without Euler, centrifugal and Coriolis terms.
+    acceleration = B.drift[:3] - A.drift[:3]
+    acceleration -= np.cross(A.drift[3:], d)
+    acceleration -= np.cross(omega_a, np.cross(omega_a, d) + 2 * velocity)
+    angular_acceleration = B.drift[3:] - A.drift[3:] - np.cross(omega_a, spin)
+
+    # All of these in the axes of A.
+    r = R_a.T @ d
+    R = R_a.T @ B.placement.rotation
+    r_dot = R_a.T @ velocity
+    w = R_a.T @ spin
     J = np.vstack([R_a.T @ J[:3], R_a.T @ J[3:]])
-    omega = A.twist[3:]
-    relative = B.twist - A.twist
-    drift = B.drift - A.drift
-    slid = relative[:3] - np.cross(omega, d)
-    drift[:3] -= np.cross(A.drift[3:], d) + np.cross(omega, np.cross(omega, d) + 2 * slid)
-    drift[3:] -= np.cross(omega, relative[3:])
-    r_dot, w = R_a.T @ slid, R_a.T @ relative[3:]
-    drift = np.concatenate([R_a.T @ drift[:3], R_a.T @ drift[3:]])
+    drift = np.concatenate([R_a.T @ acceleration, R_a.T @ angular_acceleration])
+
     if isinstance(closure, (Distance, Brake)):
-        G, G_dot = np.zeros((1, 6)), np.zeros((1, 6))
-        G[0, :3], G_dot[0, :3] = r, r_dot
+        G = np.concatenate([r, np.zeros(3)])[None]
+        G_dot = np.concatenate([r_dot, np.zeros(3)])[None]
     elif isinstance(closure, Rolling):
         G, G_dot = _rolling(closure, R[:, 2], np.cross(w, R[:, 2]))
     else:
-        fixed = np.array(closure.held)
-        G = np.eye(6)[fixed]
-        G_dot = np.zeros((fixed.sum(), 6))
-        if fixed[3:].sum() == 1:  # one axis of A and one of B stay at a right angle
-            k = int(np.flatnonzero(fixed[3:])[0])
-            a = _EYE[(k + 1) % 3]
-            b = R[:, (k + 2) % 3]
-            G[-1, 3:], G_dot[-1, 3:] = np.cross(a, b), np.cross(a, np.cross(w, b))
+        G, G_dot = _fixed_directions(closure, R, w)
     return G @ J, G @ drift + G_dot @ np.concatenate([r_dot, w])
 
 
+def _fixed_directions(closure: Closure, R: Array, w: Array) -> tuple[Array, Array]:
+    """G and its rate of a closure that fixes some directions; R: axes of B, w: their turning."""
+    fixed = np.array(closure.held)
+    G = np.eye(6)[fixed]
+    G_dot = np.zeros((fixed.sum(), 6))
+    if fixed[3:].sum() == 1:  # one axis of A and one of B stay at a right angle
+        k = int(np.flatnonzero(fixed[3:])[0])
+        a = _EYE[(k + 1) % 3]
+        b = R[:, (k + 2) % 3]
+        G[-1, 3:] = np.cross(a, b)
+        G_dot[-1, 3:] = np.cross(a, np.cross(w, b))
+    return G, G_dot
+
+
 def _rolling(closure: Rolling, axle: Array, axle_dot: Array) -> tuple[Array, Array]:
-    """The velocity r_dot - radius w x up of the contact."""
-    up = _EYE[2]
+    """G and its rate for the velocity r_dot - radius w x up of the point of contact.
+
+    `up` is the unit vector from this point to the centre of the wheel.
+    """
+    normal = _EYE[2]  # of the plane
+    up = normal
     up_dot = np.zeros(3)
-    normal = _EYE[2]
-    if not closure.ball:  # up is at a right angle to the axle
+    if not closure.ball:  # up is the part of the normal at a right angle to the axle
         g = normal - normal @ axle * axle
         g_dot = -(normal @ axle_dot) * axle - normal @ axle * axle_dot
         size = np.linalg.norm(g)
         up = g / size
         up_dot = (g_dot - up * (up @ g_dot)) / size
-    of_turns = [closure.radius * pin.skew(u) for u in (up, up_dot)]
-    return np.hstack([_EYE, of_turns[0]]), np.hstack([np.zeros((3, 3)), of_turns[1]])
+    # -w x up = up x w
+    G = np.hstack([_EYE, closure.radius * pin.skew(up)])
+    G_dot = np.hstack([np.zeros((3, 3)), closure.radius * pin.skew(up_dot)])
+    return G, G_dot
 
 
 def _coupling(model: pin.Model, closure: Coupling, q: Array, v: Array) -> tuple[Array, Array]:
+    """The row of a coupling, sum of polynomials of joints minus the joint, and its drift."""
     row = np.zeros((1, model.nv))
     drift = 0.0
     for name, polynomial in {closure.joint: (0.0, -1.0), **closure.polynomials}.items():

@@ -91,7 +91,8 @@ class MujocoTree:
         data = self.data
         at = self.placement(name)
         body = self._bodies[self._model.frames[frame_id(self._model, name)].parentJoint]
-        J, J_dot = np.zeros((6, mj.nv)), np.zeros((6, mj.nv))
+        J = np.zeros((6, mj.nv))
+        J_dot = np.zeros((6, mj.nv))
         mujoco.mj_jac(mj, data, J[:3], J[3:], at.translation, body)
         mujoco.mj_jacDot(mj, data, J_dot[:3], J_dot[3:], at.translation, body)
         drift = J_dot @ data.qvel + J @ self._S_dot_v

@@ -76,9 +76,10 @@ class MovingRobot:
     """
 
     def __init__(self, mechanism: Mechanism, tree: Tree, q: Array, va: Array) -> None:
-        self.mechanism, self.tree, still = mechanism, tree, np.zeros(mechanism.model.nv)
-        tree.move(q, still)
-        self.Phi, _ = closure_rows(mechanism, tree.frame, q, still)
+        self.mechanism = mechanism
+        zero = np.zeros(mechanism.model.nv)
+        tree.move(q, zero)
+        self.Phi, _ = closure_rows(mechanism, tree.frame, q, zero)
         self.v = self.completed(va, np.zeros(len(self.Phi)))
         tree.move(q, self.v)
         _, self.drift = closure_rows(mechanism, tree.frame, q, self.v)

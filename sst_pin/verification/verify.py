@@ -24,7 +24,9 @@ _ROUNDING = 1e3 * float(np.finfo(np.float64).eps)
 #: With a larger tolerance a comparison shows nothing.
 _UNCLEAR = 1e-4
 #: What is compared.
-_TORQUES, _FORCES, _ACCELERATIONS = "torques", "forces along the coordinates", "accelerations"
+_TORQUES = "torques"
+_FORCES = "forces along the coordinates"
+_ACCELERATIONS = "accelerations"
 
 
 class Referee(Protocol):
@@ -194,11 +196,12 @@ def verify_chain(
     compared = [_FORCES, _ACCELERATIONS]
     if sufficient:
         compared.insert(0, _TORQUES)
-    tables = [
-        {quantity: Differences(referee.name, quantity) for quantity in compared}
-        for referee in referees
-    ]
-    states = zip(*random_states(chain, count), strict=True)
+    # For each referee the differences in each quantity.
+    tables: list[dict[str, Differences]] = []
+    for referee in referees:
+        tables.append({quantity: Differences(referee.name, quantity) for quantity in compared})
+    all_q, all_va, all_aa = random_states(chain, count)
+    states = zip(all_q, all_va, all_aa, strict=True)
     for q, va, aa in counted(states, "verifying", count):
         tau = rng.normal(size=len(chain.motor_names))
         case = _Case(chain, q, va, aa, tau, sufficient=sufficient)
@@ -224,11 +227,21 @@ def table(rows: Sequence[Comparison]) -> str:
     """The comparisons as plain text."""
     lines = [("referee", "compared", "cases", "worst abs", "worst rel", "limit", "time", "")]
     for row in rows:
-        numbers = f"{row.absolute:.1e}", f"{row.relative:.1e}", f"{row.limit:.0e}"
-        last = f"{row.seconds:.2f} s", row.verdict
-        lines.append((row.referee, row.compared, str(row.cases), *numbers, *last))
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    return "\n".join(
-        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
-        for line in lines
-    )
+        lines.append(
+            (
+                row.referee,
+                row.compared,
+                str(row.cases),
+                f"{row.absolute:.1e}",
+                f"{row.relative:.1e}",
+                f"{row.limit:.0e}",
+                f"{row.seconds:.2f} s",
+                row.verdict,
+            )
+        )
+    widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
+    texts = []
+    for line in lines:
+        cells = [cell.ljust(width) for cell, width in zip(line, widths, strict=True)]
+        texts.append("  ".join(cells).rstrip())
+    return "\n".join(texts)
