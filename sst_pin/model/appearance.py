@@ -55,10 +55,16 @@ def drawn_frame(model: pin.Model, name: str) -> DrawnFrame:
 
 def appearance_of(model: pin.Model, closures: Sequence[Constraint]) -> Appearance:
     """Names of the joints at their axes, frames where loops close, and the platform."""
-    joints = list(zip(model.names, model.joints, strict=True))[1:]
-    axes = tuple((name, _INK) for name, joint in joints for _ in range(joint.nv))
-    names = [name for closure in closures for name in frames_of(closure)]
-    platform = [PLATFORM] if model.existFrame(PLATFORM) else []
-    frames = [drawn_frame(model, name) for name in dict.fromkeys([*names, *platform])]
-    point = drawn_frame(model, PLATFORM) if platform else None
-    return Appearance(axes, tuple(frames), point)
+    axes = []
+    for number in range(1, model.njoints):
+        for _ in range(model.joints[number].nv):
+            axes.append((model.names[number], _INK))
+    names = list[str]()
+    for closure in closures:
+        names += frames_of(closure)
+    point = None
+    if model.existFrame(PLATFORM):
+        names.append(PLATFORM)
+        point = drawn_frame(model, PLATFORM)
+    frames = tuple(drawn_frame(model, name) for name in dict.fromkeys(names))
+    return Appearance(tuple(axes), frames, point)

@@ -33,10 +33,12 @@ RestingJoint = tuple[str, str, Array]
 
 def places_of(mechanism: Mechanism) -> list[str]:
     """Names of the joints and of the frames that closures and lines connect."""
-    ends = [end for closure in mechanism.closures for end in frames_of(closure)]
-    ends += [end for line in mechanism.lines.forces for end in (line.frame_a, line.frame_b)]
-    names = dict.fromkeys([*list(mechanism.model.names)[1:], *ends])
-    return [name for name in names if name != "universe"]
+    names = list(mechanism.model.names)[1:]
+    for closure in mechanism.closures:
+        names += frames_of(closure)
+    for line in mechanism.lines.forces:
+        names += (line.frame_a, line.frame_b)
+    return [name for name in dict.fromkeys(names) if name != "universe"]
 
 
 def parameter_names(mechanism: Mechanism) -> tuple[str, ...]:

@@ -23,6 +23,7 @@ class _Kind(NamedTuple):
 _XYZ = ("x", "y", "z")
 _QUATERNION = ("qx", "qy", "qz", "qw")
 _TURNS = ("wx", "wy", "wz")
+#: Joints of several rates.
 _OF_SEVERAL = {
     "JointModelFreeFlyer": _Kind(
         _XYZ + _QUATERNION, ("vx", "vy", "vz", *_TURNS), ("m",) * 3 + ("rad",) * 3
@@ -33,6 +34,7 @@ _OF_SEVERAL = {
     "JointModelSphericalZYX": _Kind(("rz", "ry", "rx"), ("rz", "ry", "rx"), ("rad",) * 3),
     "JointModelUniversal": _Kind(("1", "2"), ("1", "2"), ("rad",) * 2),
 }
+#: A continuous joint: a cosine and a sine.
 _UNBOUNDED = _Kind(("cos", "sin"), ("",), ("rad",))
 
 
@@ -59,17 +61,21 @@ class JointSpace:
         self._frames: list[tuple[int, int, int]] = []  # free-flyers (3) and planes (2)
         self.names_by_joint: dict[str, dict[str, list[str]]] = {"position": {}, "rate": {}}
         for name, joint in zip(self.joint_names, list(model.joints)[1:], strict=True):
-            i, k = len(q), len(v)
+            i = len(q)
+            k = len(v)
             for part, suffix in _parts(joint):
                 self._add(q, v, name + suffix, part)
             self.names_by_joint["position"][name] = [word for word, _ in q[i:]]
             self.names_by_joint["rate"][name] = [word for word, _ in v[k:]]
-        self.position_names, self.position_units = (tuple(x) for x in zip(*q, strict=True))
-        self.rate_names, self.rate_units = (tuple(x) for x in zip(*v, strict=True))
+        self.position_names = tuple(name for name, _ in q)
+        self.position_units = tuple(unit for _, unit in q)
+        self.rate_names = tuple(name for name, _ in v)
+        self.rate_units = tuple(unit for _, unit in v)
 
     def _add(
         self, q: list[tuple[str, str]], v: list[tuple[str, str]], name: str, joint: Any
     ) -> None:
+        """Append names and units of a joint to the lists q and v; note its quaternions."""
         kind = kind_of(joint)
         short = joint.shortname()
         i = len(q)
@@ -89,20 +95,20 @@ class JointSpace:
         for suffix in kind.q:
             unit = "m" if lengths and suffix in _XYZ else units.get(suffix, "")
             q.append((f"{name}_{suffix}" if suffix else name, unit))
-        v.extend(
-            (f"{name}_{suffix}" if suffix else name, unit)
-            for suffix, unit in zip(kind.v, kind.units, strict=True)
-        )
+        for suffix, unit in units.items():
+            v.append((f"{name}_{suffix}" if suffix else name, unit))
 
     @cached_property
     def places(self) -> dict[str, list[int]]:
         """Indices in q of each angle or length, by name; an endless turn has cosine and sine."""
-        units = zip(self.position_names, self.position_units, strict=True)
-        single = {name: [k] for k, (name, unit) in enumerate(units) if unit}
-        endless = {
-            self.position_names[i].removesuffix("_cos"): [i, i + 1] for i, _ in self._circles
-        }
-        return single | endless
+        places: dict[str, list[int]] = {}
+        for k, name in enumerate(self.position_names):
+            if self.position_units[k]:
+                places[name] = [k]
+        for i, _ in self._circles:
+            name = self.position_names[i].removesuffix("_cos")
+            places[name] = [i, i + 1]
+        return places
 
     def rates_of(self, names: Sequence[str]) -> Indices:
         """Indices in v of joints, or of single rates, by name."""
@@ -125,23 +131,30 @@ class JointSpace:
 
     def names_of(self, rates: Sequence[int]) -> tuple[str, ...]:
         """Names for which `rates_of` returns these; a joint's name stands for all its rates."""
+        joint_of_rate: dict[int, str] = {}
+        for name, of_joint in self.rates.items():
+            for k in of_joint:
+                joint_of_rate[k] = name
         names: list[str] = []
-        left = [int(k) for k in rates]
-        joint_of = {k: (name, list(of)) for name, of in self.rates.items() for k in of}
-        while left:
-            name, group = joint_of[left[0]]
-            if left[: len(group)] == group:
+        remaining = [int(k) for k in rates]
+        while remaining:
+            name = joint_of_rate[remaining[0]]
+            of_joint = self.rates[name]
+            if remaining[: len(of_joint)] == list(of_joint):
                 names.append(name)
-                del left[: len(group)]
+                del remaining[: len(of_joint)]
             else:
-                names.append(self.rate_names[left.pop(0)])
+                names.append(self.rate_names[remaining.pop(0)])
         return tuple(names)
 
     @cached_property
     def rates(self) -> dict[str, range]:
         """Indices in v of each joint by name, without mimic joints."""
-        joints = zip(self.joint_names, list(self._model.joints)[1:], strict=True)
-        return {n: range(j.idx_v, j.idx_v + j.nv) for n, j in joints if j.nv}
+        rates = {}
+        for name, joint in zip(self.joint_names, list(self._model.joints)[1:], strict=True):
+            if joint.nv:
+                rates[name] = range(joint.idx_v, joint.idx_v + joint.nv)
+        return rates
 
     @cached_property
     def euclidean(self) -> bool:
@@ -207,9 +220,9 @@ class JointSpace:
         if self.euclidean:
             return
         with np.errstate(over="ignore"):
-            rest = (q * q).dot(self.unit_parts) - 1
-            near = rest.dot(rest) < 1e-12
-        if near:
+            errors = (q * q).dot(self.unit_parts) - 1
+            is_near = errors.dot(errors) < 1e-12
+        if is_near:
             return  # sufficient: each length differs from 1 by less than 5e-7
         if not self.on_manifold(q):
             off = float(self._off_length_one(finite_array(name, q, q.shape)).max())
@@ -275,9 +288,9 @@ def _parts(joint: Any) -> list[tuple[Any, str]]:
     """The joint itself, or the joints of a composite in series, each with a suffix."""
     if joint.shortname() != "JointModelComposite":
         return [(joint, "")]
-    inner = list((joint.extract() if hasattr(joint, "extract") else joint).joints)
-    return [
-        (part, f"_{number}{suffix}")
-        for number, joint in enumerate(inner, start=1)
-        for part, suffix in _parts(joint)
-    ]
+    composite = joint.extract() if hasattr(joint, "extract") else joint
+    parts = []
+    for number, inner in enumerate(composite.joints, start=1):
+        for part, suffix in _parts(inner):
+            parts.append((part, f"_{number}{suffix}"))
+    return parts

@@ -20,15 +20,19 @@ def loop_groups(
     """(joints, closures) of each group; its joints move only one of the frames of a closure."""
     groups: list[tuple[set[int], list[Constraint]]] = []
     for closure in closures:
-        bodies = (frame_named(model, name).parentJoint for name in frames_of(closure))
-        supports = [set(model.supports[body]) for body in bodies]
-        joints = set.symmetric_difference(*supports) if supports else set()
+        joints = set[int]()  # none for a coupling
+        for name in frames_of(closure):
+            joints ^= set(model.supports[frame_named(model, name).parentJoint])
         members = [closure]
-        for group in [x for x in groups if not joints.isdisjoint(x[0])]:
-            groups.remove(group)
-            joints = joints | group[0]
-            members = group[1] + members
-        groups.append((joints, members))
+        # Groups that share a joint with this closure become one group with it.
+        others = []
+        for other_joints, other_members in groups:
+            if joints.isdisjoint(other_joints):
+                others.append((other_joints, other_members))
+            else:
+                joints |= other_joints
+                members = other_members + members
+        groups = [*others, (joints, members)]
     return groups
 
 
@@ -46,11 +50,14 @@ def longest_offset(
         points.setdefault(model.parents[j], []).append(model.jointPlacements[j].translation)
     lengths = [0.0]
     for closure in closures:
-        for frame in (frame_named(model, name) for name in frames_of(closure)):
+        for name in frames_of(closure):
+            frame = frame_named(model, name)
             if frame.parentJoint or holds_points(closure):
                 points.setdefault(frame.parentJoint, []).append(frame.placement.translation)
-        if isinstance(closure, (Distance, Rolling)):
-            lengths.append(closure.distance if isinstance(closure, Distance) else closure.radius)
+        if isinstance(closure, Distance):
+            lengths.append(closure.distance)
+        elif isinstance(closure, Rolling):
+            lengths.append(closure.radius)
     if not ground:
         points.pop(0, None)
     for of_body in map(np.array, points.values()):

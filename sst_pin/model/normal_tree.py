@@ -71,14 +71,19 @@ class NormalTree:
     @cached_property
     def before(self) -> Flags:
         """Entry (i, k): whether rate i moves the parent of rate k's joint, (rates, rates)."""
-        joints = list(zip(self.model.parents, self.model.joints, strict=True))[1:]
-        carriers = [parent for parent, joint in joints for _ in range(joint.nv)]
-        return np.asarray(self.supports[carriers].T)
+        parent_of_rate = np.zeros(self.model.nv, dtype=np.intp)
+        for joint in list(self.model.joints)[1:]:
+            parent_of_rate[joint.idx_v : joint.idx_v + joint.nv] = self.model.parents[joint.id]
+        return np.asarray(self.supports[parent_of_rate].T)
 
     def _add(self, original: pin.Model, j: int) -> None:
+        """Add joint j and its body."""
         joint = original.joints[j]
         parent = self.bodies[original.parents[j]]
-        series = series_of(joint) if joint.nv else [(_followed(joint), pin.SE3.Identity())]
+        if joint.nv:
+            series = series_of(joint)
+        else:
+            series = [(_ordinary(joint), pin.SE3.Identity())]
         placement = original.jointPlacements[j]
         for number, (part, offset) in enumerate(series):
             name = f"{original.names[j]}/{number}" if len(series) > 1 else original.names[j]
@@ -103,12 +108,15 @@ def series_of(joint: Any) -> list[tuple[Any, pin.SE3]]:
         return [(pin.JointModelRevoluteUnaligned(np.array(axis)), here) for axis in both]
     series: list[tuple[Any, pin.SE3]] = []
     for part, placement in zip(joint.joints, joint.jointPlacements, strict=True):
-        first, *rest = series_of(part)
-        series += [(first[0], placement * first[1]), *rest]
+        # The placement is that of the first joint of the part.
+        before = placement
+        for single, single_placement in series_of(part):
+            series.append((single, before * single_placement))
+            before = here
     return series
 
 
-def _followed(joint: Any) -> Any:
+def _ordinary(joint: Any) -> Any:
     """The ordinary joint that a mimic joint is made of, by its unit twist; Pinocchio hides it."""
     data = joint.createData()
     joint.calc(data, np.zeros(joint.idx_q + 1))

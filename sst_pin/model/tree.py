@@ -22,9 +22,11 @@ def frame_id(model: pin.Model, name: str | None) -> int:
         return int(model.getFrameId(name))
     same = [i for i, frame in enumerate(model.frames) if frame.name == name]
     points = [i for i in same if model.frames[i].type not in _OF_JOINTS]
-    first, *others = points or same
+    candidates = points or same
+    first = candidates[0]
     frame = model.frames[first]
-    for other in (model.frames[i] for i in others):
+    for i in candidates[1:]:
+        other = model.frames[i]
         if other.parentJoint != frame.parentJoint or other.placement != frame.placement:
             raise DescriptionError(
                 f"frame {name}", ["several frames have this name, at different places; rename one"]
