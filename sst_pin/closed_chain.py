@@ -504,7 +504,7 @@ class ClosedChain(RobotProperties, Summary):
             out=None if share else out,
             threads=threads,
             on_error=on_error,
-            asked=kernel is not None,
+            refused=kernel is not None,
         )
         if not share:
             return tau
@@ -523,7 +523,7 @@ class ClosedChain(RobotProperties, Summary):
             f = kernel(q, va, aa, None, None, 1)
             if f is not None:
                 return f
-        return engine.generalized_forces(q, va, aa, asked=kernel is not None, **options)
+        return engine.generalized_forces(q, va, aa, refused=kernel is not None, **options)
 
     def compute_accelerations(
         self,
@@ -554,7 +554,7 @@ class ClosedChain(RobotProperties, Summary):
             out=out,
             threads=threads,
             on_error=on_error,
-            asked=kernel is not None,
+            refused=kernel is not None,
         )
 
     def noc(self, q: ArrayLike, va: ArrayLike) -> dynamics.Terms:

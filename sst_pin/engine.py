@@ -47,10 +47,8 @@ if TYPE_CHECKING:
 
 D = TypeVar("D", TorqueDerivatives, AccelerationDerivatives)
 
-#: `Quantity`, made once for each name: making one takes as long as a small kernel.
+#: `Quantity`, made once for equal arguments: making one takes as long as a small kernel.
 _key = cache(Quantity)
-#: For a number of vectors, what `Kernel.answer` gets in place of the others.
-_ABSENT: Mapping[int, tuple[None, ...]] = {0: (None, None), 1: (None,), 2: ()}
 
 
 class Options(TypedDict, total=False):
@@ -177,24 +175,24 @@ class Engine:
         aa: ArrayLike,
         *,
         weights: ArrayLike | None = None,
-        asked: bool = False,
+        refused: bool = False,
         **options: Unpack[LoadOptions],
     ) -> Array:
         """Motor torques of a motion, shape (..., motors).
 
-        `asked` says that `torque_kernel` was asked before and gave no answer.
+        `refused` says that `torque_kernel` was asked before and gave no answer.
         """
-        of_sample: Callable[..., Array] = Reference.torques
+        of_sample: Callable[..., Array] = self.reference.torques
         if weights is not None:
             of_sample = partial(of_sample, weights=weights_of(self.mechanism, weights))
         return self._loaded(
-            Quantity("torques"),
+            _key("torques"),
             of_sample,
             (self._motors,),
             q,
             {"va": va, "aa": aa},
             kernel_exists=weights is None,
-            asked=asked,
+            refused=refused,
             **options,
         )
 
@@ -204,13 +202,13 @@ class Engine:
         va: ArrayLike,
         aa: ArrayLike,
         *,
-        asked: bool = False,
+        refused: bool = False,
         **options: Unpack[LoadOptions],
     ) -> Array:
-        """Forces along the coordinates that a motion needs, shape (..., n); `asked` as above."""
-        key, of_sample = _key("generalized_forces"), Reference.generalized_forces
+        """Forces along the coordinates that a motion needs, shape (..., n); `refused` as above."""
+        key, of_sample = _key("generalized_forces"), self.reference.generalized_forces
         vectors = {"va": va, "aa": aa}
-        return self._loaded(key, of_sample, (self._n,), q, vectors, asked=asked, **options)
+        return self._loaded(key, of_sample, (self._n,), q, vectors, refused=refused, **options)
 
     def accelerations(
         self,
@@ -218,20 +216,20 @@ class Engine:
         va: ArrayLike,
         tau: ArrayLike,
         *,
-        asked: bool = False,
+        refused: bool = False,
         **options: Unpack[LoadOptions],
     ) -> Array:
-        """Accelerations of the coordinates for torques, shape (..., n); `asked` as above."""
-        key, of_sample = Quantity("accelerations"), Reference.accelerations
+        """Accelerations of the coordinates for torques, shape (..., n); `refused` as above."""
+        key, of_sample = _key("accelerations"), self.reference.accelerations
         vectors = {"va": va, "tau": tau}
-        return self._loaded(key, of_sample, (self._n,), q, vectors, asked=asked, **options)
+        return self._loaded(key, of_sample, (self._n,), q, vectors, refused=refused, **options)
 
     def reduced_terms(
         self, q: ArrayLike, va: ArrayLike, **options: Unpack[Options]
     ) -> ReducedTerms:
         """Mass matrix, Coriolis matrix, gravity and friction in the coordinates."""
         n = self._n
-        key, of_sample = _key("reduced_terms"), Reference.reduced_terms
+        key, of_sample = _key("reduced_terms"), self.reference.reduced_terms
         rows = self._plain(key, of_sample, (2 * n * (n + 1),), q, {"va": va}, **options)
         return ReducedTerms.of_rows(rows, n)
 
@@ -239,7 +237,7 @@ class Engine:
         self, q: ArrayLike, va: ArrayLike, aa: ArrayLike, **options: Unpack[Options]
     ) -> Array:
         """Y, shape (..., n, p): generalized forces are Y times the dynamic parameters."""
-        key, of_sample = _key("torque_regressor"), Reference.torque_regressor
+        key, of_sample = _key("torque_regressor"), self.reference.torque_regressor
         shape = self._n, regressor.size_of(self.mechanism)
         return self._plain(key, of_sample, shape, q, {"va": va, "aa": aa}, **options)
 
@@ -254,24 +252,22 @@ class Engine:
     ) -> Reactions:
         """Wrenches in all joints and closures; `out` gets those of joints, then of closures."""
         out = options.pop("out", None)
-        one_to_one = self.mechanism.driven_one_to_one
-        if aa is None and tau is not None:
-            aa = self.accelerations(q, va, tau, **options)
-        elif aa is None or tau is not None:
+        if (aa is None) == (tau is None):
             raise InputError("aa, tau", "one of them is needed, not both")
-        elif not one_to_one:
-            tau = self.torques(q, va, aa, **options)
-        of_sample: Callable[..., Array] = Reference.reactions
+        if aa is None:
+            assert tau is not None
+            aa = self.accelerations(q, va, tau, **options)
+        of_sample: Callable[..., Array] = self.reference.reactions
         if stiffness is not None:
             compliances = compliances_of(self.mechanism, stiffness)
             of_sample = partial(of_sample, compliances=compliances)
         vectors = {"va": va, "aa": aa}
-        if one_to_one or tau is None:  # the torques follow from the accelerations
-            of_sample = _without_torques(of_sample)
+        if self.mechanism.driven_one_to_one:
+            of_sample = _without_torques(of_sample)  # the torques follow from the accelerations
         else:
-            vectors["tau"] = tau
+            vectors["tau"] = self.torques(q, va, aa, **options) if tau is None else tau
         rows = self._loaded(
-            Quantity("reactions"),
+            _key("reactions"),
             of_sample,
             (size_of(self.mechanism),),
             q,
@@ -290,7 +286,7 @@ class Engine:
         return self._derivatives(
             TorqueDerivatives,
             "torque_derivatives",
-            Reference.torque_derivatives,
+            self.reference.torque_derivatives,
             (self._n, 3 * self._n),
             q,
             {"va": va, "aa": aa},
@@ -304,7 +300,7 @@ class Engine:
         return self._derivatives(
             AccelerationDerivatives,
             "acceleration_derivatives",
-            Reference.acceleration_derivatives,
+            self.reference.acceleration_derivatives,
             (self._n, 2 * self._n + self._motors),
             q,
             {"va": va, "tau": tau},
@@ -312,8 +308,12 @@ class Engine:
         )
 
     def displacement_rates(self, q: ArrayLike, va: ArrayLike, **options: Unpack[Options]) -> Array:
-        """Rates of a displacement that moving joint axes cause, shape (..., n, n)."""
-        key, of_sample = _key("displacement_rates"), Reference.displacement_rates
+        """-S [v, L e_k] in columns k, shape (..., n, n): see `linearize`.
+
+        Along a motion v, a displacement x of coordinates whose axes turn with the body has the
+        rate x_dot = dva + displacement_rates @ x.
+        """
+        key, of_sample = _key("displacement_rates"), self.reference.displacement_rates
         return self._plain(key, of_sample, (self._n, self._n), q, {"va": va}, **options)
 
     # --- kinematics -------------------------------------------------------------------------
@@ -321,44 +321,44 @@ class Engine:
     def joint_rates(self, q: ArrayLike, va: ArrayLike) -> Array:
         """Rates of all joints, v = L va, shape (..., nv)."""
         shape = (self.mechanism.model.nv,)
-        return self._plain(_key("rates"), Reference.rates, shape, q, {"va": va})
+        return self._plain(_key("rates"), self.reference.rates, shape, q, {"va": va})
 
     def joint_accelerations(self, q: ArrayLike, va: ArrayLike, aa: ArrayLike) -> Array:
         """Accelerations of all joints, L aa + L_dot va, shape (..., nv)."""
-        key, of_sample = _key("joint_accelerations"), Reference.joint_accelerations
+        key, of_sample = _key("joint_accelerations"), self.reference.joint_accelerations
         shape = (self.mechanism.model.nv,)
         return self._plain(key, of_sample, shape, q, {"va": va, "aa": aa})
 
     def actuator_jacobian(self, q: ArrayLike, **options: Unpack[Options]) -> Array:
         """J, shape (..., motors, n): the motors' rates are J va."""
-        key, of_sample = _key("actuator_jacobian"), Reference.actuator_jacobian
+        key, of_sample = _key("actuator_jacobian"), self.reference.actuator_jacobian
         return self._plain(key, of_sample, (self._motors, self._n), q, {}, **options)
 
     def frame_jacobian(self, q: ArrayLike, frame: str, **options: Unpack[Options]) -> Array:
         """J, shape (..., 6, n): a frame's [linear; angular] velocity is J va."""
-        key, of_sample = Quantity("frame_jacobian", frame), Reference.frame_jacobian
+        key, of_sample = _key("frame_jacobian", frame), self.reference.frame_jacobian
         return self._plain(key, of_sample, (6, self._n), q, {}, **options)
 
     def frame_jacobian_rate(
         self, q: ArrayLike, va: ArrayLike, frame: str, **options: Unpack[Options]
     ) -> Array:
         """Rate of `frame_jacobian` along a motion, shape (..., 6, n)."""
-        key, of_sample = Quantity("frame_jacobian_rate", frame), Reference.frame_jacobian_rate
+        key, of_sample = _key("frame_jacobian_rate", frame), self.reference.frame_jacobian_rate
         return self._plain(key, of_sample, (6, self._n), q, {"va": va}, **options)
 
     def frame_drift(
         self, q: ArrayLike, va: ArrayLike, frame: str, **options: Unpack[Options]
     ) -> Array:
         """[linear; angular] acceleration of a frame for aa = 0, shape (..., 6)."""
-        key, of_sample = Quantity("frame_drift", frame), Reference.frame_drift
+        key, of_sample = _key("frame_drift", frame), self.reference.frame_drift
         return self._plain(key, of_sample, (6,), q, {"va": va}, **options)
 
     def frame_velocity_derivatives(
         self, q: ArrayLike, va: ArrayLike, frame: str, **options: Unpack[Options]
     ) -> FrameVelocityDerivatives:
         """Derivatives of a frame's velocity by q and va; `out` has them side by side."""
-        key = Quantity("frame_velocity_derivatives", frame)
-        of_sample = Reference.frame_velocity_derivatives
+        key = _key("frame_velocity_derivatives", frame)
+        of_sample = self.reference.frame_velocity_derivatives
         rows = self._plain(key, of_sample, (6, 2 * self._n), q, {"va": va}, **options)
         return FrameVelocityDerivatives(*np.split(rows, [self._n], axis=-1))
 
@@ -406,6 +406,12 @@ class Engine:
         return self.reference.moved(q, step)
 
     # --- kernel or reference path -----------------------------------------------------------
+    #
+    # A quantity is computed in this order, until there is a result:
+    # 1. `Kernel.answer`, with unchecked arguments, because checks take longer than the kernel.
+    # 2. The arguments are checked. What is wrong with them is an error.
+    # 3. `Kernel.many`, for a batch.
+    # 4. The reference path, for each sample that the kernel leaves. It raises the errors.
 
     def _plain(
         self,
@@ -419,13 +425,13 @@ class Engine:
         threads: int = 1,
         on_error: str = "raise",
     ) -> Array:
-        """A quantity without loads; `of_sample` is a method of `Reference` for q, *vectors."""
+        """A quantity without loads; `of_sample(q, *vectors)` computes one sample."""
         kernel = None
-        asked = False
+        refused = False
         if key.frame is None or isinstance(key.frame, str):  # `frame_id` refuses other types below
             kernel = self.kernel(key)
         if kernel is not None and on_error == "raise":
-            asked, answer = _answer(kernel, shape, q, vectors, None, out, threads)
+            refused, answer = _answer(kernel, shape, q, vectors, None, out, threads)
             if answer is not None:
                 return answer
         if key.frame is not None:
@@ -438,7 +444,7 @@ class Engine:
             axes,
             shape,
             kernel,
-            asked,
+            refused,
             out=out,
             threads=threads,
             on_error=on_error,
@@ -453,25 +459,27 @@ class Engine:
         vectors: Mapping[str, ArrayLike],
         *,
         kernel_exists: bool = True,
-        asked: bool = False,
+        refused: bool = False,
         platform_moment: ArrayLike | None = None,
         external_wrenches: Wrenches | None = None,
         out: Array | None = None,
         threads: int = 1,
         on_error: str = "raise",
     ) -> Array:
-        """A quantity under loads; `of_sample` is a method for q, *vectors, wrenches."""
+        """A quantity under loads; `of_sample(q, *vectors, wrenches)` computes one sample."""
         kernel = None
         if kernel_exists and external_wrenches is None:
             kernel = self.kernel(key)
-        if kernel is not None and not asked and on_error == "raise":
-            asked, answer = _answer(kernel, shape, q, vectors, platform_moment, out, threads)
+        if kernel is not None and not refused and on_error == "raise":
+            refused, answer = _answer(kernel, shape, q, vectors, platform_moment, out, threads)
             if answer is not None:
                 return answer
         wrenches = self.arguments.wrenches(platform_moment, external_wrenches, on_error, q)
         samples: list[Array | None] = [*self.arguments.state(q, **vectors), wrenches]
         axes = [1] * (len(samples) - 1) + [2]
         if kernel_exists and wrenches is not None:
+            # `Kernel.answer` above takes a moment on the platform; wrenches on bodies, into which
+            # the moment has been turned now, have a kernel of their own.
             kernel = self.kernel(key._replace(loaded=True))
         return self._computed(
             of_sample,
@@ -479,7 +487,7 @@ class Engine:
             axes,
             shape,
             kernel,
-            asked,
+            refused,
             out=out,
             threads=threads,
             on_error=on_error,
@@ -499,7 +507,7 @@ class Engine:
         **options: Unpack[Options],
     ) -> D:
         """Derivatives of one kind, with the sign of Coulomb friction smoothed."""
-        key = Quantity(name, sign_width=positive_number("sign_width", sign_width))
+        key = _key(name, sign_width=positive_number("sign_width", sign_width))
         of_kernel = None
         if external_wrenches is None and not options:
             kernel = self.kernel(key)
@@ -515,7 +523,7 @@ class Engine:
             shape,
             q,
             vectors,
-            asked=of_kernel is not None,
+            refused=of_kernel is not None,
             external_wrenches=external_wrenches,
             **options,
         )
@@ -556,7 +564,7 @@ class Engine:
         axes: Sequence[int],
         shape: tuple[int, ...],
         kernel: Kernel | None,
-        asked: bool,
+        refused: bool,
         *,
         out: Array | None,
         threads: int,
@@ -564,17 +572,17 @@ class Engine:
     ) -> Array:
         """Results of checked arrays: by the kernel, and by `of_sample` where it does not vouch.
 
-        `of_sample` is a method of `Reference`. The numbers of axes of one sample are `axes`.
-        `asked` says that the kernel was asked before: one sample to which it gave no answer has
-        failed its checks.
+        The numbers of axes of one sample are `axes`.
+        `refused` says that `Kernel.answer` gave no answer for these arguments. A single sample
+        then has failed a check of the kernel, so that only the reference path remains; unless the
+        kernel refused because `out` overlaps an argument.
         """
         require_policy(on_error)
         threads = whole_number("threads", threads, 1)
         single = all(
             array is None or array.ndim == count for array, count in zip(samples, axes, strict=True)
         )
-        of_sample = partial(of_sample, self.reference)
-        if single and asked and not _shares_memory(out, samples):
+        if single and refused and not _shares_memory(out, samples):
             kernel = None
         if single and kernel is None and out is None and on_error == "raise":
             return of_sample(*samples)
@@ -600,13 +608,13 @@ def _answer(
 ) -> tuple[bool, Array | None]:
     """Whether the kernel was asked, and its answer in the shape of the quantity.
 
-    It is not asked if it takes fewer arguments, or if `out` is to hold matrices.
+    It is not asked if there are more than two vectors, or if `out` is to hold matrices.
     """
     answer = kernel.answer
-    absent = _ABSENT.get(len(vectors))
-    if answer is None or absent is None or (out is not None and len(shape) > 1):
+    if answer is None or len(vectors) > 2 or (out is not None and len(shape) > 1):
         return False, None
-    result = answer(q, *vectors.values(), *absent, moment, out, threads)
+    b, c, *_ = (*vectors.values(), None, None)
+    result = answer(q, b, c, moment, out, threads)
     if result is not None and len(shape) > 1:
         result.shape = (*result.shape[:-1], *shape)
     return True, result
@@ -630,10 +638,10 @@ def _fill(kernel: Kernel, threads: int, flat: list[Array | None], result: Array)
 
 
 def _without_torques(of_sample: Callable[..., Array]) -> Callable[..., Array]:
-    """The method of `Reference` for q, va, aa, wrenches, for one for q, va, aa, tau, wrenches."""
+    """A function like `of_sample(q, va, aa, tau, wrenches)` that has no tau and passes None."""
 
-    def with_none(reference: Reference, q: Array, va: Array, aa: Array, wrenches: Array) -> Array:
-        return of_sample(reference, q, va, aa, None, wrenches)
+    def with_none(q: Array, va: Array, aa: Array, wrenches: Array) -> Array:
+        return of_sample(q, va, aa, None, wrenches)
 
     return with_none
 

@@ -49,7 +49,10 @@ class EngineArguments:
         return arrays
 
     def _require_freedom_for(self, of_motion: list[ArrayLike]) -> None:
-        """Refuse a motion of a robot without coordinates; without one it may be at rest."""
+        """Refuse what moves a robot without coordinates: its va and aa are empty.
+
+        A robot that was never assembled (`example` is None) is refused even at rest.
+        """
         mechanism = self._mechanism
         if len(mechanism.coordinates):
             return
@@ -63,7 +66,7 @@ class EngineArguments:
         try:
             return as_array(name, value, (n,))
         except InputError as error:
-            if n != mechanism.motors.shape[1]:  # the user may have thought of the motors
+            if n != mechanism.motors.shape[1]:  # a likely mistake is a number for each motor
                 names = listed(mechanism.coordinate_rate_names)
                 error.args = (
                     f"{error.args[0]}: one for each rate of the coordinates {names}; in another "
@@ -82,8 +85,8 @@ class EngineArguments:
     ) -> Array | None:
         """Wrenches on all bodies, shape (..., r, 6), with a moment on the platform, or None.
 
-        Wrenches at frames need the configurations q. Kernels leave out wrenches that do no work, so
-        numbers that are not finite are refused here.
+        Wrenches at frames need the configurations q. Numbers that are not finite are refused here:
+        kernels leave out wrenches that do no work, so NaN would not reach their results.
         """
         model = self._mechanism.model
         shape = model.njoints - 1, 6
@@ -117,7 +120,8 @@ class EngineArguments:
         on_bodies = np.zeros((size, 6))
         for name, value in wrenches.items():
             body, wrench = self.at_frame(name, value, on_error)
-            force, moment = wrench[..., :3], wrench[..., 3:]
+            force = wrench[..., :3]
+            moment = wrench[..., 3:]
             arm = self.arms(name, q)
             try:
                 shifted = moment + np.cross(arm, force)
@@ -149,21 +153,26 @@ class EngineArguments:
     def arms(self, name: str, q: ArrayLike) -> Array:
         """The way from the mass centre of a frame's body to the frame, in base axes, (..., 3).
 
-        What is wrong with q is found where the quantity itself is computed.
+        q is not checked here. Open loops and wrong quaternions are found where the quantity itself
+        is computed.
         """
-        model, tree = self._mechanism.model, self._loops.assembly.loops.tree
+        model = self._mechanism.model
+        # The normal tree has ordinary joints in place of mimic joints.
+        tree = self._loops.assembly.loops.tree
         index = frame_id(model, name)
         frame = model.frames[index]
         # Axes of the body of the normal tree are those of the frame's parent joint.
         from_centre = frame.placement.translation - model.inertias[frame.parentJoint].lever
-        body, data = tree.bodies[frame.parentJoint], tree.model.createData()
+        body = tree.bodies[frame.parentJoint]
+        data = tree.model.createData()
 
-        def one(q: Array) -> Array:
+        def arm(q: Array) -> Array:
             pin.forwardKinematics(tree.model, data, q)
             return np.asarray(data.oMi[body].rotation @ from_centre)
 
+        # Positions of the normal tree are linear in those of the model.
         on_tree = tree.factors * self._loops.configurations(q)[..., tree.entries] + tree.offsets
-        return for_each_sample(one, [on_tree], (1,), (3,))
+        return for_each_sample(arm, [on_tree], (1,), (3,))
 
 
 def _finite_loads(name: str, value: ArrayLike, shape: tuple[int, ...], on_error: str) -> Array:
