@@ -122,6 +122,5 @@ def test_what_no_frame_can_carry_is_refused(chain, states, load):
         chain.compute_torques(q, va, aa, external_wrenches={"universe": np.zeros(6)})
     with pytest.raises(InputError, match="does not fit q"):
         chain.compute_torques(states[0], va, aa, external_wrenches={"edge": np.zeros((2, 6))})
-    tau = np.zeros((2, len(chain.motor_names)))
     with pytest.raises(InputError, match="on the bodies"):
-        chain.rollout(tau, q, va, 1e-3, external_wrenches=load)
+        chain.design_derivatives(q, va, aa, chain.design_parameters[:1], external_wrenches=load)
