@@ -19,7 +19,7 @@ from .dynamics.rollout_arrays import RolloutArrays
 from .dynamics.runge_kutta import runge_kutta_step
 from .errors import SingularConfigurationError, SSTError
 from .loops.continuity import Continuity, Path
-from .loops.mobility import condition_number, scaled_Phi
+from .loops.ranks import condition_number, scaled_Phi
 from .model.mechanism import Friction
 from .model.thresholds import (
     BEND,

@@ -18,7 +18,7 @@ from casadi import SX
 from ..arrays import Array, Flags, Indices
 from ..errors import ActuationError
 from ..loops.loops import connected
-from ..loops.mobility import independent_rows
+from ..loops.ranks import independent_rows
 from ..model.mechanism import Mechanism
 from ..model.thresholds import RANK_TOLERANCE
 from .articulated import ArticulatedBodies, groups

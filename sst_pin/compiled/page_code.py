@@ -19,7 +19,7 @@ from ..arrays import Array
 from ..dynamics.reference import Reference
 from ..errors import ClosureError, DescriptionError
 from ..loops.loops import Loops
-from ..loops.mobility import free_motions
+from ..loops.ranks import free_motions
 from ..model.mechanism import Mechanism
 from ..model.thresholds import WELL_CONDITIONED
 from ..progress import announced

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 from ..arrays import Array, Indices, finite_array, for_each_sample, names, single_array
 from ..closed_chain import ClosedChain
 from ..errors import ActuationError, InputError, WorkspaceError
-from ..loops.mobility import choose_coordinates, scaled_Phi
+from ..loops.coordinate_choice import choose_coordinates
+from ..loops.ranks import scaled_Phi
 from ..loops.start import start_of
 from ..model.named_positions import taken
 from ..model.thresholds import RANK_TOLERANCE

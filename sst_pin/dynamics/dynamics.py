@@ -23,7 +23,7 @@ from ..loops.assembly import Assembly
 from ..loops.continuity import Continuity
 from ..loops.line_kinematics import LineKinematics
 from ..loops.loops import Loops
-from ..loops.mobility import independent_rows
+from ..loops.ranks import independent_rows
 from ..model.mechanism import Friction, Mechanism
 from ..model.thresholds import CLOSURE_TOLERANCE, ROUNDING, WITHOUT_MASS
 from ..summaries import Summary, as_html, as_text

@@ -16,8 +16,9 @@ import pinocchio as pin
 
 from ..arrays import Array, Indices
 from ..errors import SingularConfigurationError
+from ..loops.coordinate_choice import choose_coordinates
 from ..loops.loops import Loops, connected
-from ..loops.mobility import choose_coordinates, condition_number
+from ..loops.ranks import condition_number
 from ..model.mechanism import Mechanism
 from ..model.thresholds import CLOSURE_TOLERANCE, INCONSISTENT, MAX_CONDITION_NUMBER, RESTS
 from ..summaries import listed

@@ -23,7 +23,7 @@ from ..model.thresholds import ROUNDED_PLACEMENTS
 from ..summaries import listed
 from .joint_limits import JointLimits
 from .loops import Loops, connected
-from .mobility import free_motions, scaled_Phi
+from .ranks import free_motions, scaled_Phi
 
 #: Largest error of an assembled configuration.
 _ASSEMBLED = 1e-11

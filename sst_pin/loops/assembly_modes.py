@@ -26,7 +26,7 @@ from .assembly import Assembly
 from .finite_motions import finite_motions
 from .guesses import home_of
 from .loops import connected
-from .mobility import free_motions, independent_rows, rank_of, scaled_Phi
+from .ranks import free_motions, independent_rows, rank_of, scaled_Phi
 
 #: A search ends after _STARTS + _STARTS_PER_MODE * modes starts in a row without a new mode, or
 #: after _MOST_STARTS starts in all.

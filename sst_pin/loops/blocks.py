@@ -13,7 +13,7 @@ import numpy as np
 from ..arrays import Array, Indices
 from ..model.mechanism import Mechanism
 from .loops import Loops, connected
-from .mobility import scaled_Phi
+from .ranks import scaled_Phi
 
 #: Smaller singular values of a loop count as zero, relative to its largest or to one.
 _INDEPENDENT = 1e-6

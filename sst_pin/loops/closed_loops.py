@@ -17,7 +17,8 @@ from .coordinates import examples
 from .finite_motions import finite_motions
 from .guesses import home_of
 from .loops import Loops
-from .mobility import Mobility, condition_number, judge, scaled_Phi
+from .mobility import Mobility, judge
+from .ranks import condition_number, scaled_Phi
 
 
 class ClosedLoops:

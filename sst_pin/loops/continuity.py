@@ -21,7 +21,7 @@ from ..errors import ClosureError, SSTError
 from ..model.mechanism import Mechanism
 from .blocks import diagonal_blocks
 from .loops import Loops
-from .mobility import largest_condition, scaled_Phi
+from .ranks import largest_condition, scaled_Phi
 
 #: Computes the configuration at a later fraction of a step from that at an earlier one. It raises
 #: an SSTError if there is none.

@@ -23,11 +23,13 @@ from ..progress import announced
 from ..summaries import listed
 from .assembly import Assembly
 from .continuity import Continuity
+from .coordinate_choice import choose_coordinates
 from .finite_motions import finite_motions, has_accelerations
 from .guesses import displacement, home_of
 from .line_kinematics import LineKinematics
 from .loops import Loops
-from .mobility import choose_coordinates, free_motions, motor_rates, rank_of, scaled_Phi
+from .mobility import motor_rates
+from .ranks import free_motions, rank_of, scaled_Phi
 
 #: Widths of the random displacements from home or `pin.neutral`, [rad] or lengths of the loop.
 _AROUND_HOME, _AROUND_NEUTRAL = (0.1, 0.03, 0.01), np.linspace(0.1, 2.0, 20)

@@ -18,7 +18,7 @@ from ..errors import ClosureError
 from ..model.thresholds import CLOSURE_TOLERANCE, INCONSISTENT
 from .assembly import Assembly
 from .guesses import displacement
-from .mobility import free_motions, rank_of, scaled_Phi
+from .ranks import free_motions, rank_of, scaled_Phi
 
 #: Length of the motions along rates, [rad] or lengths of the loop, the longest first. Shorter ones
 #: are tried if the loops do not close again.

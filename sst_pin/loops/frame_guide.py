@@ -23,7 +23,7 @@ from ..model.tree import frame_id
 from .assembly import Assembly
 from .continuity import CHANGE
 from .loops import Loops
-from .mobility import scaled_Phi
+from .ranks import scaled_Phi
 
 #: Newton's method: number of steps, the longest step, [rad] or lengths of the loop, and the size
 #: below which a step is the last one.

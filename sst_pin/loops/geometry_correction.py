@@ -35,7 +35,7 @@ from ..summaries import listed
 from .assembly import Assembly
 from .guesses import displacement, home_of
 from .loops import Loops, connected
-from .mobility import free_motions, scaled_Phi
+from .ranks import free_motions, scaled_Phi
 
 #: Widths of random displacements from `pin.neutral` or home, until the loops close there, [rad] or
 #: lengths of the loop.

@@ -1,20 +1,22 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Mobility of a closed chain: degrees of freedom, coordinates, and whether the motors suffice."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
-from ..arrays import Array, Indices
+from ..arrays import Array
 from ..former_names import FormerName
 from ..model.mechanism import Mechanism
-from ..model.thresholds import INDEPENDENT, RANK_TOLERANCE, RESTS
+from ..model.thresholds import INDEPENDENT, RESTS
 from ..model.tree import joint_id
 from ..summaries import as_html, listed
+from .coordinate_choice import choose_coordinates
 from .line_kinematics import LineKinematics
 from .loops import Loops
+from .ranks import condition_number, free_motions, independent_rows, rank_of, scaled_Phi
 
 
 @dataclass(frozen=True)
@@ -126,87 +128,6 @@ class Mobility:
         ]
 
 
-def rank_of(sizes: Array) -> int:
-    """Rank of a matrix from its singular values or pivots; its rows are free of units.
-
-    A row that holds a motion has the natural size one. A smaller largest value is compared with
-    one: where the rows hold nothing, all values are rounding.
-    """
-    return int(np.count_nonzero(sizes > RANK_TOLERANCE * sizes.max(initial=1.0)))
-
-
-def independent_rows(Phi: Array) -> Indices:
-    """Indices of independent rows, as many as the rank of Phi, by a pivoted QR of Phi^T."""
-    if not Phi.size:
-        return np.empty(0, dtype=np.intp)
-    from scipy.linalg import qr
-
-    R, order = qr(Phi.T, pivoting=True, mode="r")
-    return np.sort(order[: rank_of(np.abs(np.diag(R)))])
-
-
-def free_motions(Phi: Array) -> Array:
-    """Orthonormal motions with Phi v = 0, shape (nv, degrees of freedom); Phi free of units."""
-    if not Phi.size:
-        return np.eye(Phi.shape[1])
-    _, sizes, Vt = np.linalg.svd(Phi)
-    return np.asarray(Vt[rank_of(sizes) :].T)
-
-
-def scaled_Phi(mechanism: Mechanism, loops: Loops, q: Array) -> Array:
-    """Phi at one configuration, free of units, shape (rows, nv)."""
-    loops.evaluate(q)
-    return loops.Phi * mechanism.row_scale[:, None] * mechanism.rate_scale
-
-
-def choose_coordinates(
-    mechanism: Mechanism,
-    Phi: Array,
-    wanted: Sequence[Indices] = (),
-    motions: Array | None = None,
-) -> Indices:
-    """Indices of independent rates that describe all motions, those wanted first.
-
-    The order is: the groups `wanted`, each as a whole; rates of motors; joints outside the loops,
-    each as a whole, such as the base of a floating robot; then the rate whose motion has the
-    largest part independent of those chosen. Names decide ties. Phi is that of `scaled_Phi`; the
-    motions are by default all that it allows.
-    """
-    left, chosen = free_motions(Phi) if motions is None else motions, list[int]()
-    alone, n = np.linalg.norm(left, axis=1), left.shape[1]
-
-    def take(group: Iterable[int]) -> bool:
-        nonlocal left
-        group = [int(k) for k in group]
-        if len(chosen) + len(group) > n:
-            return False
-        trial = left
-        for k in group:
-            row = trial[k]
-            size = float(np.linalg.norm(row))
-            if alone[k] < RESTS or size < INDEPENDENT * alone[k]:
-                return False  # it rests, or moves with those already chosen
-            trial = trial - np.outer(trial @ (row / size), row / size)
-        left = trial
-        chosen.extend(group)
-        return True
-
-    space = mechanism.space
-    for rates in wanted:
-        take(rates)
-    for k in mechanism.driven:
-        take([k])
-    for name in sorted(space.rates):
-        if not Phi[:, list(space.rates[name])].any():
-            take(space.rates[name])
-    while len(chosen) < n:
-        sizes = np.linalg.norm(left, axis=1)
-        equal = np.flatnonzero(sizes > (1 - 1e-6) * sizes.max())
-        if not take([min(equal.tolist(), key=lambda k: space.rate_names[k])]):
-            break
-    return np.array(chosen, dtype=np.intp)
-
-
 def judge(mechanism: Mechanism, loops: Loops, q: Array, where: str, motions: Array) -> Mobility:
     """Count motions from a closed q, in the mechanism's coordinates if these describe them."""
     Phi = scaled_Phi(mechanism, loops, q)
@@ -301,33 +222,3 @@ def motor_rates(mechanism: Mechanism, q: Array, motions: Array) -> Array:
     rows = B.T * mechanism.rate_scale
     lengths = np.linalg.norm(rows, axis=1, keepdims=True)
     return np.divide(rows, lengths, out=np.zeros_like(rows), where=lengths > 0) @ motions
-
-
-def condition_number(
-    mechanism: Mechanism, Phi: Array, parts: Iterable[tuple[Indices, Indices]]
-) -> float:
-    """Condition number of the columns of Phi for the dependent rates; infinite if singular.
-
-    It is the largest of the condition numbers of `parts`, which share no rows and no rates, so
-    loops of different sizes do not make it larger.
-    """
-    return largest_condition(
-        (Phi[np.ix_(*part)][None], np.array([mechanism.usual_size(*part)])) for part in parts
-    )
-
-
-def largest_condition(blocks: Iterable[tuple[Array, Array]]) -> float:
-    """The largest condition number of matrices, in arrays of shape (count, rows, rates).
-
-    Each array comes with the usual sizes of its matrices, shape (count,). They replace smaller
-    norms.
-    """
-    worst = 1.0
-    for block, sizes in blocks:
-        if not np.isfinite(block).all():
-            return np.inf
-        s = np.linalg.svd(block, compute_uv=False)
-        if s.shape[1] < block.shape[2] or not s[:, -1].all():
-            return np.inf
-        worst = max(worst, float((np.maximum(s[:, 0], sizes) / s[:, -1]).max()))
-    return worst

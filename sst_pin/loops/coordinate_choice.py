@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Chooses independent rates that describe all motions."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from ..arrays import Array, Indices
+from ..model.mechanism import Mechanism
+from ..model.thresholds import INDEPENDENT, RESTS
+from .ranks import free_motions
+
+#: Rates whose independent parts differ by less, relative to the largest, are equally good.
+_EQUAL = 1e-6
+
+
+def choose_coordinates(
+    mechanism: Mechanism,
+    Phi: Array,
+    wanted: Sequence[Indices] = (),
+    motions: Array | None = None,
+) -> Indices:
+    """Indices of independent rates that describe all motions, those wanted first.
+
+    The order is: the groups `wanted`, each as a whole; rates of motors; joints outside the loops,
+    each as a whole, such as the base of a floating robot; then the rate whose motion has the
+    largest part independent of those chosen. Names decide ties. Phi is that of `scaled_Phi`; the
+    motions are by default all that it allows.
+    """
+    space = mechanism.space
+    choice = _Choice(free_motions(Phi) if motions is None else motions)
+    for rates in wanted:
+        choice.add(rates)
+    for rate in mechanism.driven:
+        choice.add([rate])
+    for name in sorted(space.rates):
+        rates_of_joint = list(space.rates[name])
+        if not Phi[:, rates_of_joint].any():
+            choice.add(rates_of_joint)
+    while not choice.complete:
+        best = min(choice.best, key=lambda rate: space.rate_names[rate])
+        if not choice.add([best]):
+            break
+    return np.array(choice.rates, dtype=np.intp)
+
+
+class _Choice:
+    """Independent rates, chosen one group after the other by Gram-Schmidt's method.
+
+    Args:
+        motions: Orthonormal motions, free of units, shape (nv, n).
+
+    Attributes:
+        rates: The rates chosen so far.
+    """
+
+    def __init__(self, motions: Array) -> None:
+        self.rates = list[int]()
+        #: Row k is the gradient of rate k by the amounts of the motions, without its projections
+        #: on the gradients of the chosen rates.
+        self._gradients = motions
+        self._sizes = np.linalg.norm(motions, axis=1)
+
+    @property
+    def complete(self) -> bool:
+        """Whether the rates describe all motions."""
+        return len(self.rates) == self._gradients.shape[1]
+
+    @property
+    def best(self) -> list[int]:
+        """The rates with the largest independent parts, equally good."""
+        sizes = np.linalg.norm(self._gradients, axis=1)
+        best: list[int] = np.flatnonzero(sizes > (1 - _EQUAL) * sizes.max()).tolist()
+        return best
+
+    def add(self, group: Iterable[int]) -> bool:
+        """Choose a group of rates, if they are independent of each other and of those chosen."""
+        rates = [int(rate) for rate in group]
+        if len(self.rates) + len(rates) > self._gradients.shape[1]:
+            return False
+        gradients = self._gradients
+        for rate in rates:
+            size = float(np.linalg.norm(gradients[rate]))
+            if self._sizes[rate] < RESTS or size < INDEPENDENT * self._sizes[rate]:
+                return False  # it rests, or moves with those already chosen
+            direction = gradients[rate] / size
+            gradients = gradients - np.outer(gradients @ direction, direction)
+        self._gradients = gradients
+        self.rates.extend(rates)
+        return True
