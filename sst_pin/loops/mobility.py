@@ -16,7 +16,10 @@ from ..summaries import as_html, listed
 from .coordinate_choice import choose_coordinates
 from .line_kinematics import LineKinematics
 from .loops import Loops
-from .ranks import condition_number, free_motions, independent_rows, rank_of, scaled_Phi
+from .ranks import condition_number, free_motions, independent_rows, scaled_Phi
+
+#: Rates with a smaller part in motions that no motor holds are at rest.
+_LOOSE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -96,49 +99,62 @@ class Mobility:
         return as_html("Mobility", self._rows())
 
     def _rows(self) -> list[tuple[str, str]]:
-        n, dof = len(self.motor_names), self.degrees_of_freedom
-        if not dof:
+        ranks = f"{len(self.rows)}, rank {self.rank}, {self.redundant_rows} redundant"
+        rows = [
+            ("joints", f"{len(self.joints)}"),
+            ("closure equations", ranks),
+            ("degrees of freedom", f"{self.degrees_of_freedom}"),
+            ("motors", f"{len(self.motor_names)} ({listed(self.motor_names, 12)})"),
+            ("actuation", self._verdict()),
+            ("coordinates", listed(self.coordinates, 12) or "none"),
+            ("condition number", f"{self.condition_number:.4g} (dependent joints)"),
+            ("judged at", self.where),
+        ]
+        if self.brakes:
+            rows.append(("brakes", listed(self.brakes, 12)))
+        if self.idle_joints:
+            rows.append(("idle joints", rotating_freely(self.idle_joints)))
+        if self.shaking_joints:
+            names = ", ".join(self.shaking_joints)
+            rows.append(("shaking joints", f"{names} have rates, but no motion: locked=[...]"))
+        return rows
+
+    def _verdict(self) -> str:
+        """Whether the motors suffice, in words."""
+        motors, freedoms = len(self.motor_names), self.degrees_of_freedom
+        if not freedoms:
             verdict = "nothing moves, so no motor is needed; reactions(q) has the forces"
         elif not self.sufficient:
-            left = dof - self.held
-            move = "degree of freedom moves" if left == 1 else "degrees of freedom move"
-            verdict = f"INSUFFICIENT: {left} {move} with the motors locked: "
+            loose = freedoms - self.held
+            move = "degree of freedom moves" if loose == 1 else "degrees of freedom move"
+            verdict = f"INSUFFICIENT: {loose} {move} with the motors locked: "
             verdict += listed(self.loose_joints, 12)
         elif self.redundantly_actuated:
-            verdict = f"REDUNDANT: {n - dof} more than degrees of freedom"
+            verdict = f"REDUNDANT: {motors - freedoms} more than degrees of freedom"
         else:
             verdict = "sufficient, one motor for each degree of freedom"
         if self.inner_stresses:
             verdict += f"; torques of the motors that make no motion: {self.inner_stresses}"
-        ranks = f"{len(self.rows)}, rank {self.rank}, {self.redundant_rows} redundant"
-        shaking = f"{', '.join(self.shaking_joints)} have rates, but no motion: locked=[...]"
-        idle = rotating_freely(self.idle_joints)
-        return [
-            ("joints", f"{len(self.joints)}"),
-            ("closure equations", ranks),
-            ("degrees of freedom", f"{dof}"),
-            ("motors", f"{n} ({listed(self.motor_names, 12)})"),
-            ("actuation", verdict),
-            ("coordinates", listed(self.coordinates, 12) or "none"),
-            ("condition number", f"{self.condition_number:.4g} (dependent joints)"),
-            ("judged at", self.where),
-            *([("brakes", listed(self.brakes, 12))] if self.brakes else []),
-            *([("idle joints", idle)] if self.idle_joints else []),
-            *([("shaking joints", shaking)] if self.shaking_joints else []),
-        ]
+        return verdict
 
 
 def judge(mechanism: Mechanism, loops: Loops, q: Array, where: str, motions: Array) -> Mobility:
-    """Count motions from a closed q, in the mechanism's coordinates if these describe them."""
+    """The mobility at a closed q, in the mechanism's coordinates if these describe the motions.
+
+    `motions` are those of `finite_motions`. Other rates that Phi allows only shake the robot.
+    """
     Phi = scaled_Phi(mechanism, loops, q)
     space = mechanism.space
-    groups = [space.rates_of([name]) for name in space.names_of(mechanism.coordinates.tolist())]
-    coordinates = choose_coordinates(mechanism, Phi, groups, motions)
-    rates = free_motions(Phi)
-    shaking = np.abs(rates - motions @ (motions.T @ rates)).max(axis=1, initial=0.0) > INDEPENDENT
+    names_of_rates = np.array(space.rate_names)
+    preferred = [space.rates_of([name]) for name in space.names_of(mechanism.coordinates.tolist())]
+    coordinates = choose_coordinates(mechanism, Phi, preferred, motions)
+    allowed = free_motions(Phi)
+    only_shaking = allowed - motions @ (motions.T @ allowed)
+    shaking = np.abs(only_shaking).max(axis=1, initial=0.0) > INDEPENDENT
+    # The motions that leave all motors at rest are the null space of the motors' rates.
     _, sizes, Vt = np.linalg.svd(motor_rates(mechanism, q, motions))
-    rank = int(np.count_nonzero(sizes > RESTS))
-    moving = np.abs(motions @ Vt[rank:].T).max(axis=1, initial=0.0) > 1e-6
+    held = int(np.count_nonzero(sizes > RESTS))
+    loose = np.abs(motions @ Vt[held:].T).max(axis=1, initial=0.0) > _LOOSE
     return Mobility(
         joints=space.rate_names,
         motor_names=mechanism.motor_names,
@@ -146,10 +162,10 @@ def judge(mechanism: Mechanism, loops: Loops, q: Array, where: str, motions: Arr
         rows=tuple(f"{c}: {row}" for c in mechanism.closures for row in c.rows),
         independent_rows=tuple(map(int, independent_rows(Phi))),
         degrees_of_freedom=len(coordinates),
-        held=rank,
-        loose_joints=tuple(np.array(space.rate_names)[moving].tolist()),
+        held=held,
+        loose_joints=tuple(names_of_rates[loose].tolist()),
         idle_joints=idle_rates(mechanism, loops, Phi),
-        shaking_joints=tuple(np.array(space.rate_names)[shaking].tolist()),
+        shaking_joints=tuple(names_of_rates[shaking].tolist()),
         condition_number=condition_number(mechanism, Phi, loops.parts(coordinates)),
         where=where,
         q=q.copy(),
@@ -158,32 +174,36 @@ def judge(mechanism: Mechanism, loops: Loops, q: Array, where: str, motions: Arr
 
 
 def idle_rates(mechanism: Mechanism, loops: Loops, Phi: Array) -> tuple[str, ...]:
-    """Rates to lock, so that no passive joint of a loop moves while all others are fixed.
+    """Rates to lock, so that no passive joint of a loop rotates freely.
 
-    Each such motion gives the rate with the largest part in it. For a rod between two balls this is
-    the turn about the axis that is nearest to the rod. Both balls may be joints of the tree; then
-    the second one turns back what the first one turns. `loops` are evaluated.
+    A rod between two balls rotates about itself while all other joints are at rest. Each such
+    motion gives the rate with the largest part in it, here the turn about the axis that is nearest
+    to the rod. Phi is that of `scaled_Phi`, at the configuration of the loops.
     """
-    idle, joints = list[int](), dict[int, list[int]]()
-    model = mechanism.model
-    for name, rates in mechanism.space.rates.items():
-        if loops.touched[:, list(rates)].any() and not np.isin(rates, mechanism.driven).any():
-            joints[joint_id(model, name)] = list(rates)
+    model, space = mechanism.model, mechanism.space
+    idle = list[int]()
+    #: The rates of each passive joint of a loop, by the index of the joint.
+    passive = dict[int, list[int]]()
+    for name, rates in space.rates.items():
+        in_loop = loops.touched[:, list(rates)].any()
+        if in_loop and not np.isin(rates, mechanism.driven).any():
+            passive[joint_id(model, name)] = list(rates)
             idle += _free_rates(Phi, list(rates))
-    for joint, turns in joints.items():
-        before = joints.get(int(model.parents[joint]), [])
-        if before and not np.isin([*before, *turns], idle).any():
-            body = _twist(mechanism, loops, joint)
-            idle += _free_rates(np.vstack([Phi, body]), [*before, *turns])
-    return tuple(mechanism.space.rate_names[k] for k in idle)
+    for joint, rates_of_joint in passive.items():
+        # Both balls of a rod may be joints of the tree. Then the rod turns between them, and the
+        # body after the second one is at rest.
+        both = [*passive.get(int(model.parents[joint]), []), *rates_of_joint]
+        if len(both) > len(rates_of_joint) and not np.isin(both, idle).any():
+            body_at_rest = _twist(mechanism, loops, joint)
+            idle += _free_rates(np.vstack([Phi, body_at_rest]), both)
+    return tuple(space.rate_names[rate] for rate in idle)
 
 
 def _free_rates(rows: Array, rates: list[int]) -> list[int]:
     """Some of the rates, as many as there are motions of them alone, with the largest parts."""
     from scipy.linalg import qr
 
-    _, sizes, Vt = np.linalg.svd(rows[:, rates])
-    motions = Vt[rank_of(sizes) :]
+    motions = free_motions(rows[:, rates]).T
     if not len(motions):
         return []
     order = qr(motions, mode="r", pivoting=True)[1]
@@ -191,10 +211,10 @@ def _free_rates(rows: Array, rates: list[int]) -> list[int]:
 
 
 def _twist(mechanism: Mechanism, loops: Loops, joint: int) -> Array:
-    """The velocity of a joint's body by the rates, free of units, shape (6, nv)."""
+    """The twist of a joint's body by the rates, free of units, shape (6, nv)."""
     tree = loops.tree
-    where = tree.model, loops.data, tree.bodies[joint], pin.LOCAL
-    J = pin.getJointJacobian(*where).reshape(6, -1).dot(tree.S) * mechanism.rate_scale
+    J = pin.getJointJacobian(tree.model, loops.data, tree.bodies[joint], pin.LOCAL)
+    J = J.reshape(6, -1).dot(tree.S) * mechanism.rate_scale
     J[:3] /= mechanism.length
     return J
 
@@ -212,7 +232,8 @@ def rotating_freely(idle: Sequence[str]) -> str:
 def motor_rates(mechanism: Mechanism, q: Array, motions: Array) -> Array:
     """B^T times motions of the tree without units, shape (motors, motions), at a closed q.
 
-    Each motor's row of B^T has length one; lines whose ends coincide have no direction, so zeros.
+    Each motor's row of B^T has length one. Lines whose ends coincide have no direction; their rows
+    are zero.
     """
     lines, B = mechanism.lines, mechanism.motors
     if lines.motors.any():
@@ -221,4 +242,5 @@ def motor_rates(mechanism: Mechanism, q: Array, motions: Array) -> Array:
         B = B + np.nan_to_num(kinematics.loops.Phi).T @ lines.motors
     rows = B.T * mechanism.rate_scale
     lengths = np.linalg.norm(rows, axis=1, keepdims=True)
-    return np.divide(rows, lengths, out=np.zeros_like(rows), where=lengths > 0) @ motions
+    directions = np.divide(rows, lengths, out=np.zeros_like(rows), where=lengths > 0)
+    return directions @ motions
