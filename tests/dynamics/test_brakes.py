@@ -191,16 +191,19 @@ def test_kernels_agree_on_a_braked_ram():
     )
 
 
-#: MuJoCo's tests of forces in bodies that cannot move, `rne_post/weld`: body 2 hangs from a
-#: weld to body 1; a sensor on body 1 reads the force and the moment of both bodies, 1 kg each.
-MUJOCO = """<mujoco><option gravity="0 0 -1"/><worldbody>
+#: MuJoCo's tests of forces in bodies that stand, `rne_post`: body 2 hangs from a weld or a point of
+#: body 1; a sensor on body 1 reads the force and the moment of both bodies, 1 kg each.
+MUJOCO = """<mujoco><option gravity="{gravity}"/><worldbody>
 <body name="body1" {tilt}><geom type="box" size=".05 .05 .05"/><site name="sensor" {site}/></body>
 <body name="body2" {at}><joint name="j" {joint}/>
 <inertial pos="{centre}" mass="1" diaginertia="1 1 1"/></body></worldbody>
 <equality>{equality}</equality></mujoco>"""
 _WELD = '<weld name="w" body1="body1" body2="body2"/>'
 _TILTED = {"tilt": 'euler="0 45 0"', "site": 'euler="0 0 90"'}
-_LEVER = {"joint": 'type="free"', "centre": "1 0 0", "equality": _WELD}
+_DOWN = {"gravity": "0 0 -1", "joint": 'type="free"'}
+_LEVER = _DOWN | {"centre": "1 0 0", "equality": _WELD}
+_POINT = '<connect name="w" body1="body1" body2="body2" anchor="{}"/>'
+_UPRIGHT = {"tilt": "", "site": "", "centre": "0 0 0"}
 ROOT_2 = 1.41421356237
 
 
@@ -213,6 +216,18 @@ ROOT_2 = 1.41421356237
             (0, ROOT_2, ROOT_2),
             (-0.75, -1.166386108, 1.166386108),
         ),
+        (  # connect/torque_free
+            _DOWN | _UPRIGHT | {"at": 'pos="0 2 0"', "equality": _POINT.format("0 2 0")},
+            (0, 0, 2),
+            (2, 0, 0),
+        ),
+        (  # connect/force_free: the body hangs straight from the point
+            _DOWN
+            | _UPRIGHT
+            | {"gravity": "1 2 3", "at": 'pos="1 2 3"', "equality": _POINT.format("0 0 0")},
+            (-2, -4, -6),
+            (0, 0, 0),
+        ),
     ],
 )
 def test_a_body_that_cannot_move_is_carried_as_in_the_tests_of_mujoco(
@@ -223,14 +238,32 @@ def test_a_body_that_cannot_move_is_carried_as_in_the_tests_of_mujoco(
     path.write_text(MUJOCO.format(**parts))
     chain = ClosedChain.from_mjcf(path)
     q = chain.home
-    on_b, about_b = np.split(chain.reactions(q).of("w_A - w_B"), 2)
+    rest = np.zeros(chain.degrees_of_freedom)
+    on_b, about_b = np.split(chain.reactions(q, rest, rest).of("w_A - w_B"), 2)
     p, R = chain.frame_placement(q, "w_B")
     _, R_sensor = chain.frame_placement(q, "sensor")
     in_base = R @ on_b
-    weight = np.array([0, 0, 1.0])  # of body 1
+    weight = -np.array(parts["gravity"].split(), dtype=float)  # of body 1
     np.testing.assert_allclose(R_sensor.T @ (in_base + weight), force, atol=1e-9)
     about_sensor = R @ about_b + np.cross(p, in_base)
     np.testing.assert_allclose(R_sensor.T @ about_sensor, moment, atol=1e-9)
+
+
+def test_a_rope_that_carries_a_body_carries_it_as_in_the_tests_of_mujoco(tmp_path):
+    """`rne_post/tendon/equality_free`: 1 N upwards on the fixed end, 1 N down on the other."""
+    pytest.importorskip("mujoco")
+    path = tmp_path / "rope.xml"
+    path.write_text("""<mujoco><option gravity="0 0 -1"/><worldbody><site name="fixedend"/>
+        <body name="mass" pos="0 0 -0.5"><freejoint/><geom size=".05" mass="1"/>
+        <site name="massend"/></body></worldbody><tendon><spatial name="rope">
+        <site site="fixedend"/><site site="massend"/></spatial></tendon>
+        <equality><tendon name="rope" tendon1="rope"/></equality></mujoco>""")
+    chain = ClosedChain.from_mjcf(path)
+    rest = np.zeros(chain.degrees_of_freedom)
+    w = chain.reactions(chain.home, rest, rest)
+    _, R = chain.frame_placement(chain.home, "massend")
+    (name,) = [str(closure) for closure in chain.closures]
+    np.testing.assert_allclose(R @ w.of(name)[:3], (0, 0, 1), atol=1e-12)
 
 
 def test_brakes_of_a_yaml_are_those_of_python(tmp_path):
