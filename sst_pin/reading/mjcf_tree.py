@@ -157,7 +157,7 @@ class MjcfTree:
         model = self.model
         joints = mj.dof_jntid[self.dofs]  # of each rate
         self._add_position_limits(joints)
-        model.armature = mj.dof_armature[self.dofs]
+        model.armature = mj.dof_armature[self.dofs] + self._tendon_armature()
         model.damping = np.zeros(model.nv)
         model.friction = np.zeros(model.nv)
         stiffness = np.zeros(model.nv)
@@ -171,6 +171,21 @@ class MjcfTree:
             model.referenceConfigurations[name] = pin.normalize(model, self._configuration(qpos))
         self.spring_reference = self._configuration(mj.qpos_spring)
         return stiffness
+
+    def _tendon_armature(self) -> Array:
+        """Inertia of fixed tendons with one joint, m c^2 for the coefficient c, shape (nv,)."""
+        mj = self._compiled.mj
+        armature = np.zeros(len(self.dofs))
+        # Not every MuJoCo has inertias of tendons.
+        for tendon in np.flatnonzero(getattr(mj, "tendon_armature", np.zeros(mj.ntendon))):
+            if self._compiled.is_spatial(int(tendon)):
+                continue
+            shares = self._compiled.shares(int(tendon))
+            if len(shares) == 1:  # others couple joints, which `unread` refuses
+                ((joint, coefficient),) = shares.items()
+                rate = self.dofs == mj.jnt_dofadr[joint]
+                armature[rate] += mj.tendon_armature[tendon] * coefficient**2
+        return armature
 
     def _add_position_limits(self, joints: Array) -> None:
         """Put the ranges of hinges and slides into the model; `joints` are those of its rates."""

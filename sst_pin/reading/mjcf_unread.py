@@ -24,7 +24,7 @@ _NOT_READ = {
     "tendon_stiffness": "the stiffness of a fixed tendon",
     "tendon_damping": "the damping of a fixed tendon",
     "tendon_frictionloss": "the friction of a tendon",
-    "tendon_armature": "the armature of a fixed tendon",
+    "tendon_armature": "the armature of a fixed tendon with several joints",
     "tendon_stiffnesspoly": "the polynomial of a tendon's spring",
     "tendon_dampingpoly": "the polynomial of a tendon's damper",
     "tendon_springyield": "the yield of a tendon's spring",
@@ -222,6 +222,10 @@ class _Forces:
         if field in _OF_LINES:
             spatial = [self._compiled.is_spatial(i) for i in range(self._mj.ntendon)]
             values[np.array(spatial, dtype=bool)] = 0
+        if field == "tendon_armature":
+            for tendon in map(int, np.flatnonzero(values)):
+                if len(self._compiled.shares(tendon)) == 1:  # it is an armature of the joint
+                    values[tendon] = 0
         if field == "body_gravcomp" and self._compiled.gravcomp is not None:
             values[:] = 0
         return values
