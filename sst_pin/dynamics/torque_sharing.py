@@ -18,7 +18,8 @@ from ..errors import ActuationError, InputError, SingularConfigurationError
 from ..model.mechanism import Mechanism
 from ..model.thresholds import RANK_TOLERANCE
 
-#: Torques may exceed limits by this part of the largest: rounding of a projection onto them.
+#: Torques may exceed limits by this part of the largest: the rounding of torques that have been
+#: clipped to them before.
 _ROUNDING = 1e-12
 #: A least-distance problem has no solution if its residual, free of units, is below this: the
 #: residual is then rounding of numbers that are about one.
@@ -32,13 +33,18 @@ def least_torques(mechanism: Mechanism, A: Array, f: Array, weights: Array | Non
 
     The part of f that no motor can produce is ignored.
     """
+    # The rank does not depend on the weights; it is judged in units of the motors.
     rank, _ = _rank(mechanism, A)
-    rows = mechanism.rate_scale[mechanism.coordinates]
-    root = np.ones(A.shape[1]) if weights is None else np.sqrt(weights)
-    U, s, Vt = np.linalg.svd(rows[:, None] * A / root)
+    units = mechanism.rate_scale[mechanism.coordinates]
+    root = np.ones(A.shape[1])
+    if weights is not None:
+        root = np.sqrt(weights)
+    # tau = x / root with the shortest x that solves (units A / root) x = units f.
+    U, s, Vt = np.linalg.svd(units[:, None] * A / root)
 
     def smallest(forces: Array) -> Array:
-        return Vt[:rank].T @ (U.T[:rank] @ (rows * forces) / s[:rank]) / root
+        x = Vt[:rank].T @ (U.T[:rank] @ (units * forces) / s[:rank])
+        return np.asarray(x / root)
 
     tau = smallest(f)
     return tau + smallest(f - A @ tau)  # removes the rounding of the first solution
@@ -56,8 +62,8 @@ def _rank(mechanism: Mechanism, A: Array) -> tuple[int, Array]:
     The rank counts the singular values above `RANK_TOLERANCE` times the largest one, or times 1 if
     that is larger.
     """
-    rates = mechanism.rate_scale[mechanism.coordinates]
-    _, s, Vt = np.linalg.svd(rates[:, None] * A / mechanism.motor_scale)
+    units = mechanism.rate_scale[mechanism.coordinates]
+    _, s, Vt = np.linalg.svd(units[:, None] * A / mechanism.motor_scale)
     return int(np.count_nonzero(s > RANK_TOLERANCE * s.max(initial=1.0))), Vt
 
 
@@ -74,32 +80,34 @@ def preload_directions(
     flat = J.reshape(prod(batch), *core)
     finite = np.isfinite(flat).all(axis=(1, 2))
     if reference is not None:
-        start = reference
+        first_jacobian = reference
     elif finite.any():
-        start = flat[finite][0]
+        first_jacobian = flat[finite][0]
     else:
-        start = np.zeros(core)
-    first = null_space(mechanism, start.T)
-    result = np.full((len(flat), *first.shape), np.nan)
-    changes = np.zeros(len(flat), dtype=bool)
+        first_jacobian = np.zeros(core)
+    first_basis = null_space(mechanism, first_jacobian.T)
+    result = np.full((len(flat), *first_basis.shape), np.nan)
+    of_other_size = np.zeros(len(flat), dtype=bool)
     for i in np.flatnonzero(finite):
         basis = null_space(mechanism, flat[i].T)
-        changes[i] = basis.shape != first.shape
-        if changes[i]:
+        if basis.shape != first_basis.shape:
+            of_other_size[i] = True
             continue
-        # The sample before it on the last batch axis, if there is one.
-        has_neighbour = bool(batch) and i % batch[-1] > 0 and np.isfinite(result[i - 1]).all()
-        neighbour = result[i - 1] if has_neighbour else first
+        # The basis of the sample before it on the last batch axis, if there is one.
+        neighbour = first_basis
+        if batch and i % batch[-1] > 0 and np.isfinite(result[i - 1]).all():
+            neighbour = result[i - 1]
         # The nearest basis of the same space (the orthogonal Procrustes problem).
         U, _, Vt = np.linalg.svd(basis.T @ neighbour)
         result[i] = basis @ (U @ Vt)
-    if changes.any() and on_error == "raise":
-        rank = core[0] - first.shape[1]
+    if of_other_size.any() and on_error == "raise":
+        rank = core[0] - first_basis.shape[1]
         problem = (
             f"the motors do not hold {rank} freedoms here, so the directions of preload change"
         )
-        raise of_samples(SingularConfigurationError(problem, np.inf), changes.reshape(batch))
-    return result.reshape(*batch, *first.shape)
+        error = SingularConfigurationError(problem, np.inf)
+        raise of_samples(error, of_other_size.reshape(batch))
+    return result.reshape(*batch, *first_basis.shape)
 
 
 def shared_torques(
@@ -121,20 +129,20 @@ def shared_torques(
     bounds = None
     if limits is not None:
         bounds = limits_of(limits, motors)
-    costs = None
+    checked_weights = None
     if weights is not None:
-        costs = np.asarray(weights, dtype=float)
+        checked_weights = weights_of(mechanism, weights)
 
-    def one(least: Array, basis: Array, along: Array) -> Array:
-        tau = least + basis @ along
+    def share(smallest: Array, basis: Array, along_basis: Array) -> Array:
+        tau = smallest + basis @ along_basis
         if bounds is None or not np.isfinite(tau).all():
             return tau
-        tau = within_limits(tau, basis, bounds, costs)
+        tau = within_limits(tau, basis, bounds, checked_weights)
         _require_within(mechanism, tau, bounds)
         return tau
 
     arrays = (least, directions, amounts)
-    return for_each_sample(one, arrays, (1, 2, 1), (motors,), on_error=on_error, out=out)
+    return for_each_sample(share, arrays, (1, 2, 1), (motors,), on_error=on_error, out=out)
 
 
 def weights_of(mechanism: Mechanism, weights: ArrayLike) -> Array:
@@ -171,7 +179,8 @@ def within_limits(
 ) -> Array:
     """The torques nearest to tau, within limits, that make the same motion, shape (motors,).
 
-    `limits` has shape (motors, 2). If there are none, the torques with the smallest largest excess.
+    `limits` has shape (motors, 2). If no such torques are within limits, the result are those whose
+    largest excess is least; the caller refuses them.
     """
     excess = _excess(tau, limits).max(initial=0)
     if excess > _ROUNDING * np.abs(tau).max(initial=0):
@@ -191,7 +200,9 @@ def _nearest(
 
     if weights is not None:  # a basis that is orthonormal with these weights
         basis = basis @ np.linalg.inv(np.linalg.qr(np.sqrt(weights)[:, None] * basis, mode="r"))
-    # The shortest x with G x >= h; the torques are tau + unit basis x.
+    # The torques are tau + unit basis x with the shortest x that has G x >= h. If u >= 0 minimizes
+    # |E u - goal| and r = E u - goal is the residual, then x = -r[:k] / r[k]; r = 0 where no x
+    # has G x >= h.
     G = np.vstack([basis, -basis])
     h = np.concatenate([limits[:, 0] - tau, tau - limits[:, 1]]) / unit
     finite = np.isfinite(h)
