@@ -103,8 +103,12 @@ class Reactions(Summary):
         """
         if name not in self.names:
             raise UnknownNameError("joint or closure", name, self.names)
-        k, joints = self.names.index(name), self.joints.shape[-2]
-        wrench = self.joints[..., k, :] if k < joints else self.closures[..., k - joints, :]
+        k = self.names.index(name)
+        joints = self.joints.shape[-2]
+        if k < joints:
+            wrench = self.joints[..., k, :]
+        else:
+            wrench = self.closures[..., k - joints, :]
         missing = np.isnan(wrench).reshape(-1, 6).any(axis=0)
         if complete and missing.any():
             raise IndeterminateError(name, [_COMPONENTS[i] for i in np.flatnonzero(missing)])
@@ -116,8 +120,9 @@ class Reactions(Summary):
         unique = np.all(flags.reshape(-1, *flags.shape[-2:]), axis=0)
         rows = []
         for name, flags in zip(self.names, unique, strict=True):
-            free = [_COMPONENTS[i] for i in np.flatnonzero(~flags)]
-            rows.append((name, f"not unique: {listed(free)}" if free else "determined"))
+            not_unique = [_COMPONENTS[i] for i in np.flatnonzero(~flags)]
+            verdict = f"not unique: {listed(not_unique)}" if not_unique else "determined"
+            rows.append((name, verdict))
         return "Reactions [force; moment]", rows
 
 
@@ -137,7 +142,8 @@ def names_of(mechanism: Mechanism) -> tuple[str, ...]:
 def size_of(mechanism: Mechanism) -> int:
     """How many numbers `reactions` gives for a sample."""
     wrenches = mechanism.model.njoints - 1 + len(mechanism.closures)
-    return 7 * wrenches + 6 + mechanism.motors.shape[1]
+    codes = wrenches
+    return 6 * wrenches + 6 + mechanism.motors.shape[1] + codes
 
 
 def reactions(
@@ -149,82 +155,117 @@ def reactions(
     wrenches: Array | None,
     compliances: Array | None,
 ) -> Array:
-    """Wrenches of joints and closures, then the ground's, torques and codes, in a row.
+    """Wrenches of joints and closures, the ground's wrench, torques and codes, in a row.
 
-    `tau` is None where there is one motor for each coordinate; `compliances` are those of the
-    components, shape (r + closures, 6), or None. A code for each joint and closure has the bits of
-    the components that are not unique. Those that compliances do not determine are NaN.
+    `tau` is None where motor k drives coordinate k; `compliances` are those of the components,
+    shape (r + closures, 6), or None. There is a code for each joint and closure: the sum of 2^k of
+    its components k that are not unique. Those that compliances do not determine are NaN.
     """
-    mechanism, tree, data = context.mechanism, context.tree, context.data
+    mechanism = context.mechanism
+    tree = context.tree
+    data = context.data
+
+    # The forces Phi^T lambda = needed that closures must give to the tree.
     v, v_dot = context.complement.motion(q, va, aa)
     needed = context.tree_forces(v, v_dot)
     needed = needed - applied_forces(context, mechanism.friction, q, v, wrenches, tau)
     if tau is None:
-        tau = needed.dot(context.complement.L)
+        tau = needed.dot(context.complement.L)  # motor k drives coordinate k
         needed -= mechanism.motors.dot(tau)
     Lambda = _multipliers(context, needed)
 
+    # All loads on the bodies, at the world's origin. Lines act as closures of one row each: a
+    # tension is minus its multiplier.
     loads = _loads(context, wrenches)
     if not mechanism.lines.none:
         lengths, J = context.lines.evaluate(q)
         tensions = mechanism.lines.tensions(lengths, J.dot(v), tau)
         tensions = tensions + context.lines.inertial_tensions(q, v, v_dot)
         loads += context.lines.loops.forces_on_bodies(-tensions[:, None])[..., 0]
+
+    # The wrenches in the joints of the tree if there were no closures.
     forces = map(pin.Force, loads)
     local = [place.actInv(load) for place, load in zip(data.oMi, forces, strict=True)]
     S = tree.S
     pin.rnea(tree.model, data, context.loops.q, S @ v, S @ v_dot, pin.StdVec_Force(local))
-    carried = np.array([data.f[j].vector for j in tree.bodies[1:]])
-    on_ground = [data.oMi[j].act(data.f[j]).vector for j in tree.model.children[0]]
-    ground = sum(on_ground, -loads[0])  # less what lines take from it
+    without_closures = np.array([data.f[j].vector for j in tree.bodies[1:]])
 
-    both = _wrenches(context, Lambda)
-    both[: len(carried), :, 0] += carried
-    values, stresses = both[..., 0], both[..., 1:]
-    size = np.repeat([mechanism.length, 1.0], 3)  # in moments
-    changes = np.linalg.norm(stresses, axis=-1) * size
+    # Without closures the joints of the base give all that the ground gives, through joints and
+    # closures. What lines give to the ground acts on it directly.
+    on_ground = np.array([data.oMi[j].act(data.f[j]).vector for j in tree.model.children[0]])
+    ground = on_ground.sum(axis=0) - loads[0]
+
+    # Less X lambda in column 0; the further columns are X N, the inner stresses.
+    columns = _wrenches(context, Lambda)
+    columns[: len(without_closures), :, 0] += without_closures
+    values = columns[..., 0]
+    stresses = columns[..., 1:]
+
+    # A component is unique if no inner stress changes it; moments are divided by a length.
+    units = np.repeat([mechanism.length, 1.0], 3)
+    not_unique = np.linalg.norm(stresses, axis=-1) * units > UNIQUE
     if compliances is not None:
-        values, left = _relaxed(values, stresses, compliances)
-        values[np.linalg.norm(left, axis=-1) * size > UNIQUE] = np.nan
-    codes = (changes > UNIQUE) @ BITS
+        values, rigid_stresses = _relaxed(values, stresses, compliances)
+        undetermined = np.linalg.norm(rigid_stresses, axis=-1) * units > UNIQUE
+        values[undetermined] = np.nan
+    codes = not_unique @ BITS
     return np.concatenate([values.ravel(), ground, tau, codes])
 
 
 def _multipliers(context: Context, needed: Array) -> Array:
-    """The smallest lambda with Phi^T lambda = needed, then N, in columns, shape (rows, 1 + k)."""
+    """The smallest lambda with Phi^T lambda = needed, then N, in columns, shape (rows, 1 + k).
+
+    With the units R of rows and D of rates, (R Phi D)^T x = D needed is free of units, and
+    lambda = R x.
+    """
     mechanism = context.mechanism
-    row, rate = mechanism.row_scale, mechanism.rate_scale
-    U, s, Vt = np.linalg.svd(context.loops.Phi * row[:, None] * rate)
+    R = mechanism.row_scale
+    D = mechanism.rate_scale
+    U, s, Vt = np.linalg.svd(R[:, None] * context.loops.Phi * D)
     rank = mechanism.model.nv - len(mechanism.coordinates)
-    smallest = U[:, :rank] @ ((Vt[:rank] @ (rate * needed)) / s[:rank])
-    return row[:, None] * np.column_stack([smallest, U[:, rank:]])
+    smallest = U[:, :rank] @ ((Vt[:rank] @ (D * needed)) / s[:rank])
+    return R[:, None] * np.column_stack([smallest, U[:, rank:]])
 
 
 def _loads(context: Context, wrenches: Array | None) -> Array:
     """[force; moment] on the joints of the normal tree at the world's origin, shape (joints, 6)."""
     loads = np.zeros((context.tree.model.njoints, 6))
     if wrenches is not None:
-        force, moment = wrenches[:, :3], wrenches[:, 3:]
+        force = wrenches[:, :3]
+        moment = wrenches[:, 3:]
         at_origin = moment + np.cross(mass_centers(context.loops), force)
         loads[context.tree.bodies[1:]] = np.hstack([force, at_origin])
     return loads
 
 
 def _wrenches(context: Context, Lambda: Array) -> Array:
-    """[force; moment] in joints and closures from lambda, shape (r + closures, 6, columns)."""
-    tree, data, loops = context.tree, context.data, context.loops
+    """[force; moment] that lambda needs in joints and gives in closures.
+
+    Shape (r + closures, 6, columns), for lambda in columns. Joints have the sign of `rnea`: their
+    wrenches are minus X lambda.
+    """
+    tree = context.tree
+    data = context.data
+    loops = context.loops
+    wrenches = list[Array]()
+
+    # What closures give to all bodies beyond a joint, at the world's origin, then in the axes and
+    # at the origin of the joint: the transposed action of a frame takes wrenches into it.
     on_bodies = loops.forces_on_bodies(Lambda)
     for j in range(tree.model.njoints - 1, 0, -1):
         on_bodies[tree.model.parents[j]] += on_bodies[j]
-    wrenches = [-data.oMi[j].toActionMatrix().T @ on_bodies[j] for j in tree.bodies[1:]]
-    W = loops.W
-    for closure, at in zip(context.mechanism.closures, loops.slices, strict=True):
+    for j in tree.bodies[1:]:
+        wrenches.append(-data.oMi[j].toActionMatrix().T @ on_bodies[j])
+
+    for closure, rows in zip(context.mechanism.closures, loops.slices, strict=True):
         if isinstance(closure, Coupling | Brake):
             wrench = np.zeros((6, Lambda.shape[1]))
-            wrench[acts_along(context.mechanism, closure)] = Lambda[at][0]
+            wrench[acts_along(context.mechanism, closure)] = Lambda[rows][0]
         else:
+            # The first six columns of W belong to the twist of frame B: what A gives to B.
+            of_frame_b = loops.W[rows, :6]
             frame_b = data.oMf[frame_id(tree.model, frames_of(closure)[1])]
-            wrench = frame_b.toActionMatrix().T @ W[at, :6].T @ Lambda[at]
+            wrench = frame_b.toActionMatrix().T @ of_frame_b.T @ Lambda[rows]
         wrenches.append(wrench)
     return np.array(wrenches).reshape(-1, 6, Lambda.shape[1])
 
@@ -237,8 +278,12 @@ def acts_along(mechanism: Mechanism, closure: Constraint) -> int:
 
 
 def _relaxed(values: Array, stresses: Array, compliances: Array) -> tuple[Array, Array]:
-    """Wrenches with the least elastic energy, and inner stresses without elastic energy."""
-    root, flat = np.sqrt(compliances).ravel(), stresses.reshape(values.size, -1)
+    """Wrenches with the least elastic energy, and inner stresses without elastic energy.
+
+    The energy of values + stresses x is the square of root (values + stresses x), by components.
+    """
+    root = np.sqrt(compliances).ravel()
+    flat = stresses.reshape(values.size, -1)
     U, s, Vt = np.linalg.svd(root[:, None] * flat, full_matrices=False)
     rank = int(np.count_nonzero(s > _RESISTED * s.max(initial=0.0)))
     amounts = -Vt[:rank].T @ ((U[:, :rank].T @ (root * values.ravel())) / s[:rank])
@@ -269,20 +314,27 @@ def unpacked(
 
     `out` gets the wrenches of joints and closures, shape (..., r + closures, 6).
     """
-    names, r = names_of(mechanism), mechanism.model.njoints - 1
-    count = 6 * len(names)
-    values, ground, tau, codes = np.split(rows, [count, count + 6, -len(names)], axis=-1)
-    flat = codes.reshape(-1, len(names))
-    if len(flat) and (flat == flat[0]).all():
-        codes = flat[0]  # as in most batches, which saves a verdict for each sample
-    bits = np.nan_to_num(codes, nan=BITS.sum()).astype(np.uint8)  # NaN: of samples at fault
-    free = ((bits[..., None] & BITS.astype(np.uint8)) > 0).reshape(*codes.shape[:-1], count)
-    elastic = free & np.isfinite(values) if relaxed else np.zeros_like(free)
-    if not relaxed:
-        values[(..., free) if free.ndim == 1 else free] = np.nan
+    names = names_of(mechanism)
+    r = mechanism.model.njoints - 1
     shape = (*rows.shape[:-1], len(names), 6)
-    unique, elastic = (np.broadcast_to(x, values.shape).reshape(shape) for x in (~free, elastic))
-    values = values.reshape(shape)
+    count = 6 * len(names)
+    numbers, ground, tau, codes = np.split(rows, [count, count + 6, -len(names)], axis=-1)
+    values = numbers.reshape(shape)
+
+    # In most batches all samples have the same codes, so that one verdict is enough.
+    samples = codes.reshape(-1, len(names))
+    if len(samples) and (samples == samples[0]).all():
+        codes = samples[0]
+    # The codes of samples at fault are NaN: nothing is unique there.
+    bits = np.nan_to_num(codes, nan=BITS.sum()).astype(np.uint8)
+    not_unique = (bits[..., None] & BITS.astype(np.uint8)) > 0
+    unique = np.broadcast_to(~not_unique, shape)
+    if relaxed:
+        elastic = not_unique & np.isfinite(values)
+    else:
+        elastic = np.broadcast_to(False, shape)
+        np.copyto(values, np.nan, where=not_unique)
+
     if out is not None:
         require_fitting(out, shape)
         out[...] = values
