@@ -713,7 +713,7 @@ class ClosedChain(RobotProperties, Summary):
         """Derivatives of q, torques, L and a frame's pose by `design_parameters`.
 
         The loops stay closed; each parameter alone must allow this. The coordinates, va, aa and
-        the places of external wrenches on the bodies are constant; no wrenches at frames.
+        the places of external wrenches on the bodies are constant. Wrenches at frames stay there.
 
         Args:
             names: Parameters, or patterns of names that change together, such as "rod*.length".
@@ -724,10 +724,12 @@ class ClosedChain(RobotProperties, Summary):
             >>> d.q.shape, d.torques.shape, d.L.shape
             ((3, 1), (1, 1), (3, 1, 1))
         """
-        engine, width = self._engine, positive_number("sign_width", sign_width)
-        load = engine.arguments.wrenches(None, external_wrenches, "raise")
+        engine = self._engine
+        width = positive_number("sign_width", sign_width)
+        load = engine.arguments.wrenches(None, external_wrenches, "raise", q)
+        at_frames = engine.arguments.frame_wrenches(external_wrenches)
         arrays = [*engine.arguments.state(q, va=va, aa=aa), load]
-        return design.design_derivatives(engine.reference, names, arrays, frame, width)
+        return design.design_derivatives(engine.reference, names, arrays, at_frames, frame, width)
 
     # --- compiled kernels -------------------------------------------------------------------
 

@@ -10,6 +10,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from .arrays import Array, as_array, finite_array, for_each_sample
+from .dynamics.design_derivatives import FrameWrenches
 from .errors import InputError
 from .loops.closed_loops import ClosedLoops
 from .model.mechanism import Mechanism
@@ -137,6 +138,15 @@ class EngineArguments:
                 problem = "wrenches of several frames have batches of different shapes"
                 raise InputError("external_wrenches", problem) from None
         return on_bodies
+
+    def frame_wrenches(self, wrenches: Wrenches | None) -> FrameWrenches | None:
+        """Wrenches at frames, one after the other; None if wrenches are not given at frames."""
+        if not isinstance(wrenches, Mapping) or not wrenches:
+            return None
+        pairs = [self.at_frame(name, value, "raise") for name, value in wrenches.items()]
+        bodies = [body for body, _ in pairs]
+        values = np.broadcast_arrays(*(wrench for _, wrench in pairs))
+        return FrameWrenches(list(wrenches), bodies, np.stack(values, axis=-2))
 
     def at_frame(self, name: str, value: ArrayLike, on_error: str) -> tuple[int, Array]:
         """The body of a frame, from 0, and the wrench at the frame, shape (..., 6)."""

@@ -2,6 +2,7 @@
 """Dynamics of many samples of one robot on a GPU or a CPU, by kernels of NVIDIA Warp."""
 
 import sys
+from collections.abc import Mapping
 from copy import copy
 from enum import IntEnum
 from functools import cache
@@ -257,6 +258,9 @@ class WarpBatch:
         steps: int = 0,
     ) -> Any:
         """Launch the kernel of a quantity."""
+        if isinstance(external_wrenches, Mapping):
+            problem = "wrenches at frames; give an array of wrenches on bodies at mass centres"
+            raise InputError("external_wrenches", problem)
         if external_wrenches is not None:
             key = key._replace(loaded=True)
             inputs = inputs | {kernels.WRENCHES: external_wrenches}

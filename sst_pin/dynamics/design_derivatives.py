@@ -27,12 +27,27 @@ from ..model.tree import frame_id
 from ..summaries import listed
 from . import regressor
 from .dynamics import Context
+from .noc import body_jacobians
 from .reference import Reference
 
 #: A parameter, a pattern of names, several that change together, or their factors.
 Parameter = str | Sequence[str] | Mapping[str, float]
 #: A label, the names that change together, and their factors.
 Group = tuple[str, dict[str, float]]
+
+
+class FrameWrenches(NamedTuple):
+    """Wrenches that stay at frames; the wrenches at the mass centres contain them.
+
+    Attributes:
+        frames: Names of the frames.
+        bodies: Their bodies, from 0.
+        wrenches: [force; moment] at the origins, base axes, shape (..., frames, 6).
+    """
+
+    frames: list[str]
+    bodies: list[int]
+    wrenches: Array
 
 
 class DesignDerivatives(NamedTuple):
@@ -193,6 +208,7 @@ class Design:
         va: Array,
         aa: Array,
         wrenches: Array | None,
+        at_frames: FrameWrenches | None,
         frame: str | None,
         sign_width: float,
     ) -> Array:
@@ -229,6 +245,8 @@ class Design:
             x, np.append(va, rest), np.append(aa, rest), wrenches, sign_width
         )
         by_f = by_q_va_aa[:n, n : n + len(directions)] @ directions
+        if at_frames is not None:
+            by_f -= self._force_by_arms(x, at_frames) @ directions
         if self._theta.any():
             by_f += self._small.torque_regressor(q, va, aa) @ self._theta
         if not self._small.mechanism.driven_one_to_one:
@@ -243,6 +261,27 @@ class Design:
             index = frame_id(context.mechanism.model, frame)
             parts.append(self._large.frame_jacobian(x, index)[:, n:] @ directions)
         return np.concatenate([part.ravel() for part in parts])
+
+    def _force_by_arms(self, x: Array, at_frames: FrameWrenches) -> Array:
+        """Derivative of J^T w along each leader, as the arms of wrenches at frames change.
+
+        It is what derivatives for constant wrenches at the mass centres lack, shape (n, leaders).
+        """
+        context = self._large.context
+        L = context.complement.L
+        n = L.shape[1] - len(self._directions)
+        J_of_bodies = body_jacobians(context.loops) @ L
+        force = np.zeros((n, len(self._directions)))
+        for name, body, wrench in zip(*at_frames, strict=True):
+            row = 6 * self._bodies[body]
+            J_of_centre = J_of_bodies[row : row + 3]
+            J_of_turns = J_of_bodies[row + 3 : row + 6]
+            index = frame_id(context.mechanism.model, name)
+            J_of_frame = self._large.frame_jacobian(x, index)[:3]
+            arm_rates = (J_of_frame - J_of_centre)[:, n:]
+            moments = np.cross(arm_rates.T, wrench[:3]).T
+            force += J_of_turns[:, :n].T @ moments
+        return force
 
     def _opens(self, group: Group, q: Array) -> bool:
         """Whether a change of this group alone opens the loops."""
@@ -284,10 +323,11 @@ def design_derivatives(
     reference: Reference,
     parameters: Iterable[Parameter],
     arrays: Sequence[Array | None],
+    at_frames: FrameWrenches | None,
     frame: str | None,
     sign_width: float,
 ) -> DesignDerivatives:
-    """Derivatives for samples of q, va, aa and wrenches."""
+    """Derivatives for samples of q, va, aa and wrenches, which contain those at frames."""
     mechanism = reference.mechanism
     wanted = in_order("names", parameters)
     key = repr(wanted)
@@ -303,10 +343,14 @@ def design_derivatives(
     shapes = [(nv,), (motors,), (nv, len(mechanism.coordinates)), (pose_size,)]
     ends = np.cumsum([math.prod(shape) * len(wanted) for shape in shapes])
 
-    def row(*sample: Array) -> Array:
-        return design.row(*sample, frame, sign_width)
+    def row(q: Array, va: Array, aa: Array, wrenches: Array, of_frames: Array | None) -> Array:
+        of_sample = None
+        if at_frames is not None and of_frames is not None:
+            of_sample = at_frames._replace(wrenches=of_frames)
+        return design.row(q, va, aa, wrenches, of_sample, frame, sign_width)
 
-    rows = for_each_sample(row, arrays, (1, 1, 1, 2), (int(ends[-1]),))
+    samples = [*arrays, None if at_frames is None else at_frames.wrenches]
+    rows = for_each_sample(row, samples, (1, 1, 1, 2, 2), (int(ends[-1]),))
     batch = rows.shape[:-1]
     parts = np.split(rows, ends[:-1], axis=-1)
     q, torques, L, pose = (

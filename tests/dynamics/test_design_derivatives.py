@@ -65,9 +65,9 @@ def differences(chain, q, va, aa, load, frame, changes, h):
     return derivative(flat, h)
 
 
-def closing_parameters(chain, q, va, aa, random, count):
-    """Some parameters that leave the loops closed."""
-    names = [x for x in chain.design_parameters if x.rpartition(".")[2] in AXES]
+def closing_parameters(chain, q, va, aa, random, count, among=None):
+    """Some parameters that leave the loops closed, of all displacements or of some names."""
+    names = among or [x for x in chain.design_parameters if x.rpartition(".")[2] in AXES]
     result = []
     for name in random.permutation(names):
         try:
@@ -105,6 +105,29 @@ def test_derivatives_are_differences_of_robots_built_with_other_placements(name)
         # Rounding of the differences is 1e-16 / h.
         size = np.abs(expected).max(initial=np.abs(chain.compute_torques(q, va, aa)).max())
         assert_allclose(actual, expected, rtol=0, atol=1e-8 * size, err_msg=str(changes))
+
+
+@pytest.mark.parametrize("make", [robots.four_bar, robots.ankle])
+def test_wrenches_at_frames_stay_there(make):
+    """Some parameters move the frames on their bodies, others the bodies."""
+    chain = make()
+    q = chain.generic_configuration()
+    random = np.random.default_rng(2)
+    va, aa = random.uniform(-1, 1, (2, chain.degrees_of_freedom))
+    names = closing_parameters(chain, q, va, aa, random, 2)
+    ends = [frame for closure in chain.closures for frame in (closure.frame_a, closure.frame_b)]
+    moved = [x for x in chain.design_parameters if x.rpartition(".")[0] == ends[1]]
+    names += closing_parameters(chain, q, va, aa, random, 1, moved)
+    load = {ends[1]: random.normal(size=6), ends[-1]: random.normal(size=6)}
+    d = chain.design_derivatives(q, va, aa, names, external_wrenches=load)
+    h = 2e-4 * chain.mechanism.length
+    nv = chain.model.nv
+    for k, name in enumerate(names):
+        of_all = differences(chain, q, va, aa, load, ends[1], {name: 1.0}, h)
+        expected = of_all[nv : nv + len(chain.motor_names)]
+        # Rounding of the differences is 1e-16 / h.
+        size = np.abs(chain.compute_torques(q, va, aa, external_wrenches=load)).max()
+        assert_allclose(d.torques[:, k], expected, rtol=1e-8, atol=1e-8 * size, err_msg=name)
 
 
 @pytest.mark.filterwarnings("ignore:.*first moment")  # a mass alone
