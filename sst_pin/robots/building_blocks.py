@@ -17,9 +17,9 @@ from .placements import HERE, shift
 _GREY = np.array([0.55, 0.6, 0.65, 1.0])
 _ORANGE = np.array([0.95, 0.55, 0.15, 1.0])
 #: Colours of pins and balls of joints, of motors, and of the feet on the ground.
-_STEEL, _MOTOR, _GROUND = (
-    np.array([*rgb, 1.0]) for rgb in ((0.25, 0.28, 0.32), (0.1, 0.45, 0.7), (0.4, 0.36, 0.32))
-)
+_STEEL = np.array([0.25, 0.28, 0.32, 1.0])
+_MOTOR = np.array([0.1, 0.45, 0.7, 1.0])
+_GROUND = np.array([0.4, 0.36, 0.32, 1.0])
 #: Kinds of closures that are drawn as balls.
 _BALLS = ("3d", "universal")
 
@@ -61,8 +61,11 @@ def bar(mass: float, length: float, radius: float) -> Solids:
 def star(mass: float, points: ArrayLike, radius: float) -> Solids:
     """Rods of equal mass from the centre of some points to each of them; total mass."""
     ends = np.asarray(points, dtype=float)
-    pairs = [(ends.mean(axis=0), end) for end in ends]
-    return [solid for pair in pairs for solid in rods(mass / len(ends), pair, radius)]
+    centre = ends.mean(axis=0)
+    solids = []
+    for end in ends:
+        solids += rods(mass / len(ends), [centre, end], radius)
+    return solids
 
 
 def arc(mass: float, angle: float, radius: float, thickness: float) -> Solids:
@@ -89,10 +92,13 @@ def body(
     mass: float, centre: ArrayLike, moments: ArrayLike, points: ArrayLike, radius: float
 ) -> Solids:
     """A body of known inertia about its mass centre, drawn as rods along a line."""
-    first, *others = (s._replace(inertia=pin.Inertia.Zero()) for s in rods(1.0, points, radius))
-    x, y, *z = np.asarray(centre, dtype=float)
-    inertia = pin.Inertia(mass, np.array([x, y, *(z or [0.0])]), np.diag(moments))
-    return [first._replace(inertia=first.at.actInv(inertia)), *others]
+    inertia = pin.Inertia(mass, shift(centre).translation, np.diag(moments))
+    solids = []
+    for solid in rods(1.0, points, radius):
+        solids.append(solid._replace(inertia=pin.Inertia.Zero()))
+    first = solids[0]
+    solids[0] = first._replace(inertia=first.at.actInv(inertia))
+    return solids
 
 
 class Tree:
@@ -122,7 +128,8 @@ class Tree:
     def limits(self, name: str, low: float, high: float) -> None:
         """Limit the position of a joint with one rate, [rad] or [m]."""
         i = self.model.joints[self.model.getJointId(name)].idx_q
-        self.model.lowerPositionLimit[i], self.model.upperPositionLimit[i] = low, high
+        self.model.lowerPositionLimit[i] = low
+        self.model.upperPositionLimit[i] = high
 
     def hinge(
         self, name: str, solids: Solids, parent: str = "universe", at: pin.SE3 = HERE
@@ -149,50 +156,59 @@ def joint_shapes(
 ) -> list[pin.GeometryObject]:
     """Pins, balls and sleeves for the joints and closures, and feet on the ground, without mass."""
     model = tree.model
-    shapes = tree.visual_model
-    joint_bodies: list[pin.GeometryObject] = []
+    links = tree.visual_model
+    shapes: list[pin.GeometryObject] = []
     home = model.referenceConfigurations["home"]
-    thick = _thicknesses(shapes, model.njoints)
+    thicknesses = _thicknesses(links, model.njoints)
 
     def add(name: str, joint: int, at: pin.SE3, shape: coal.ShapeBase, colour: Array) -> None:
-        joint_bodies.append(
-            pin.GeometryObject(f"joint_{len(joint_bodies)}_{name}", joint, at, shape)
-        )
-        joint_bodies[-1].meshColor = colour
+        part = pin.GeometryObject(f"joint_{len(shapes)}_{name}", joint, at, shape)
+        part.meshColor = colour
+        shapes.append(part)
 
-    for number, joint in list(enumerate(model.joints))[1:]:
+    for number in range(1, model.njoints):
+        joint = model.joints[number]
         name = model.names[number]
         parent = model.parents[number]
-        at = model.jointPlacements[number]
+        placement = model.jointPlacements[number]
         colour = _MOTOR if name in motors else _STEEL
-        r = thick[number]
+        r = thicknesses[number]
         data = joint.createData()
         joint.calc(data, home)
         S = np.reshape(data.S, (6, joint.nv))
-        turns = np.linalg.norm(S[3:], axis=0) > 0
+        only_rotates = bool((np.linalg.norm(S[3:], axis=0) > 0).all()) and joint.nv < 6
         origin = HERE
-        if joint.nv == 1 and turns[0]:
-            origin = shift(_nearest_on_axis(S[3:, 0], shapes, number))
-            along = pin.SE3(_z_along(S[3:, 0]), np.zeros(3))
-            shape = coal.Cylinder(1.3 * r, 5 * r)
-            add(name, number, origin * along, shape, colour)
-        elif joint.nv == 1:
-            rail = parent == 0  # else a sleeve about a rod
-            offset = S[:3, 0] * (home[joint.idx_q] if rail else 0.0)
-            shape = coal.Cylinder(0.8 * r, 24 * r) if rail else coal.Cylinder(1.6 * r, 8 * r)
-            add(name, parent, at * pin.SE3(_z_along(S[:3, 0]), offset), shape, colour)
-        elif turns.all() and joint.nv < 6:
+        if joint.nv == 1 and only_rotates:  # a pin, where the links are
+            axis = S[3:, 0]
+            origin = shift(_nearest_on_axis(axis, links, number))
+            along_axis = pin.SE3(_z_along(axis), np.zeros(3))
+            add(name, number, origin * along_axis, coal.Cylinder(1.3 * r, 5 * r), colour)
+        elif joint.nv == 1 and parent == 0:  # a rail on the ground
+            axis = S[:3, 0]
+            at = placement * pin.SE3(_z_along(axis), axis * home[joint.idx_q])
+            add(name, parent, at, coal.Cylinder(0.8 * r, 24 * r), colour)
+        elif joint.nv == 1:  # a sleeve about a rod
+            at = placement * pin.SE3(_z_along(S[:3, 0]), np.zeros(3))
+            add(name, parent, at, coal.Cylinder(1.6 * r, 8 * r), colour)
+        elif only_rotates:  # a ball or a universal joint
             add(name, number, origin, coal.Sphere(1.7 * r), colour)
-        if parent == 0 and turns.all() and joint.nv < 6:
-            add("ground", 0, at * data.M * origin, coal.Box(4 * r, 4 * r, 4 * r), _GROUND)
-    for closure in (c for c in closures if isinstance(c, Closure)):
-        if closure.kind in (*_BALLS, "hinge", "cylindrical"):
-            frame = frame_named(model, closure.frame_a)
-            is_ball = closure.kind in _BALLS
-            r = thick[frame.parentJoint]
-            shape = coal.Sphere(1.7 * r) if is_ball else coal.Cylinder(1.3 * r, 5 * r)
-            add(closure.frame_a, frame.parentJoint, frame.placement, shape, _STEEL)
-    return joint_bodies
+        if parent == 0 and only_rotates:
+            foot = coal.Box(4 * r, 4 * r, 4 * r)
+            add("ground", 0, placement * data.M * origin, foot, _GROUND)
+
+    for closure in closures:
+        if not isinstance(closure, Closure):
+            continue
+        frame = frame_named(model, closure.frame_a)
+        r = thicknesses[frame.parentJoint]
+        if closure.kind in _BALLS:
+            shape = coal.Sphere(1.7 * r)
+        elif closure.kind in ("hinge", "cylindrical"):
+            shape = coal.Cylinder(1.3 * r, 5 * r)
+        else:
+            continue
+        add(closure.frame_a, frame.parentJoint, frame.placement, shape, _STEEL)
+    return shapes
 
 
 def _thicknesses(shapes: pin.GeometryModel, joints: int) -> Array:

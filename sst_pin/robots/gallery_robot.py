@@ -68,8 +68,11 @@ class GalleryRobot(ClosedChain):
         point: bool = False,
         lines: Sequence[LineForce] = (),
     ) -> None:
-        self._tree, self._shapes, self._joints = tree.model, tree.visual_model, joints
-        self._rows = slice(None), slice(3 if point else 0, 4)  # the part of a pose that is compared
+        self._tree = tree.model
+        self._shapes = tree.visual_model
+        self._joints = joints
+        # The columns of a pose that are compared: of a point only its position.
+        self._columns = slice(3 if point else 0, 4)
         problem = f"{tree.model.name}: with these dimensions the loops do not close at home"
         q = self._configuration(home)
         if not np.isfinite(q).all():
@@ -105,16 +108,20 @@ class GalleryRobot(ClosedChain):
         matrices = pose.homogeneous if isinstance(pose, pin.SE3) else pose
         poses = finite_array("pose", matrices, (4, 4))
 
+        units = np.ones((4, 4))
+        units[:3, 3] = self.mechanism.length
+
         def joints(pose: Array) -> Array:
             q = self._configuration(pin.SE3(pose))
             if not np.isfinite(q).all():
                 raise WorkspaceError("the pose of the platform is out of reach")
             q = self.mechanism.space.normalised(q)
-            gap, size = np.abs(self._pose(q) - pose)[self._rows], np.ones((4, 4))
-            size[:3, 3] = self.mechanism.length
-            openings = np.abs(self.engine.loops.assembly.loops.f)  # where `_pose` evaluated them
-            errors = np.append(gap / size[self._rows], openings * self.mechanism.row_scale)
-            if errors.max() > CLOSURE_TOLERANCE:
+            loops = self.engine.loops.at(q)
+            openings = np.abs(loops.f)
+            gap = np.abs(self._pose_in(loops.data) - pose)[:, self._columns]
+            largest_gap = (gap / units[:, self._columns]).max()
+            largest_opening = (openings * self.mechanism.row_scale).max(initial=0.0)
+            if max(largest_gap, largest_opening) > CLOSURE_TOLERANCE:
                 raise WorkspaceError(
                     f"the platform cannot reach this pose: its error would be {gap.max():.3g} and "
                     f"the loops open by {openings.max(initial=0.0):.3g} (m or rad); "
@@ -150,5 +157,8 @@ class GalleryRobot(ClosedChain):
 
     def _pose(self, q: Array) -> Array:
         """Pose of the platform, whether the loops are closed or not."""
-        data = self.engine.loops.at(q).data
+        return self._pose_in(self.engine.loops.at(q).data)
+
+    def _pose_in(self, data: pin.Data) -> Array:
+        """Pose of the platform in data with the placements of all frames."""
         return np.asarray(data.oMf[frame_id(self._tree, "platform")].homogeneous)

@@ -43,8 +43,14 @@ class _Drive(NamedTuple):
         link = f"rod_{self.name}"
         crank = rod(crank_mass, (-self.crank, 0, 0), 0.008)
         tree.joint(motor, _RY(), crank, parent, at * shift(self.motor))
-        kind = _RY() if knee else pin.JointModelUniversal(*np.eye(3)[:2])
-        bars = rod(rod_mass, (0, 0, -self.length), 0.006 if knee else 0.005)
+        if knee:
+            kind = _RY()
+            radius = 0.006
+        else:
+            x, y, _ = np.eye(3)
+            kind = pin.JointModelUniversal(x, y)
+            radius = 0.005
+        bars = rod(rod_mass, (0, 0, -self.length), radius)
         tree.joint(link, kind, bars, motor, shift((-self.crank, 0)))
         tree.frame(f"end_{self.name}", link, (0, 0, -self.length))
 
@@ -239,7 +245,7 @@ def _leg_joints(
     lengths: tuple[float, float], knee_drive: _Drive, ankle_drives: list[_Drive], pose: pin.SE3
 ) -> Joints:
     x, _, z = pose.translation
-    hip, bend = two_link((-z, -x), *lengths, 1)
+    hip, bend = two_link((-z, -x), lengths[0], lengths[1], 1)
     above = {"hip": hip, "knee": bend} | knee_drive.joints(_pitch_roll(bend))
     turned = pin.SE3(_pitch_roll(-hip - bend) @ pose.rotation, np.zeros(3))
     return above | _ankle_joints(ankle_drives, turned)

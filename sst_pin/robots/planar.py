@@ -68,9 +68,10 @@ def four_bar(
 
 def _four_bar_joints(coupler: float, ground: float, point: float, pose: pin.SE3) -> Joints:
     pose = UPRIGHT.actInv(pose)
-    first, second = (pose.act(np.array([x - point, 0, 0])) for x in (0, coupler))
-    crank = direction(first)
-    rocker = direction(second - (ground, 0, 0))
+    crank_pin = pose.act(np.array([-point, 0, 0]))
+    rocker_pin = pose.act(np.array([coupler - point, 0, 0]))
+    crank = direction(crank_pin)
+    rocker = direction(rocker_pin - (ground, 0, 0))
     turn = float(in_one_turn(angle_about_z(pose.rotation) - crank))
     return {"crank": crank, "coupler": turn, "rocker": rocker}
 
@@ -115,7 +116,7 @@ def _five_bar_joints(span: float, lengths: _Lengths, pose: pin.SE3) -> Joints:
     joints: Joints = {}
     for k, side in ((1, -1), (2, 1)):
         target = pose.translation - (side * span / 2, 0, 0)
-        shoulder, elbow = two_link(target, *lengths, side)
+        shoulder, elbow = two_link(target, lengths[0], lengths[1], side)
         joints |= {f"shoulder_{k}": shoulder, f"elbow_{k}": elbow}
     return joints
 
@@ -147,9 +148,15 @@ def planar_3rrr(
         radius: Radius of the links, [m].
     """
     angles = np.pi / 2 + 2 * np.pi / 3 * np.arange(3)
-    radii = (base_radius, platform_radius, radius)
-    masses = (platform_mass, linear_density)
-    return _planar_platform("planar_3rrr", angles, radii, masses, (proximal, distal))
+    return _planar_platform(
+        "planar_3rrr",
+        base=circle(base_radius, angles),
+        vertices=circle(platform_radius, angles),
+        lengths=(proximal, distal),
+        platform_mass=platform_mass,
+        linear_density=linear_density,
+        radius=radius,
+    )
 
 
 @of_dimensions
@@ -170,25 +177,36 @@ def planar_4rrr(
     (2005)). Arguments as `planar_3rrr`.
     """
     angles = np.pi / 4 + np.pi / 2 * np.arange(4)
-    radii = (base_radius, platform_radius, radius)
-    masses = (platform_mass, linear_density)
-    return _planar_platform("planar_4rrr", angles, radii, masses, (proximal, distal))
+    return _planar_platform(
+        "planar_4rrr",
+        base=circle(base_radius, angles),
+        vertices=circle(platform_radius, angles),
+        lengths=(proximal, distal),
+        platform_mass=platform_mass,
+        linear_density=linear_density,
+        radius=radius,
+    )
 
 
 def _planar_platform(
     name: str,
-    angles: ArrayLike,
-    radii: tuple[float, float, float],
-    masses: tuple[float, float],
+    *,
+    base: Array,
+    vertices: Array,
     lengths: _Lengths,
+    platform_mass: float,
+    linear_density: float,
+    radius: float,
 ) -> GalleryRobot:
-    """A platform in the horizontal plane; leg 1 carries it, the other legs are pinned to it."""
-    base, vertices = (circle(radius, angles) for radius in radii[:2])
-    plate = star(masses[0], vertices - vertices[0], radii[2])
+    """A platform in the horizontal plane; leg 1 carries it, the other legs are pinned to it.
+
+    `base` are the places of the motors, `vertices` those of the platform's joints, shape (legs, 3).
+    """
+    plate = star(platform_mass, vertices - vertices[0], radius)
     tree = Tree(name)
     legs = range(1, len(base) + 1)
     for k in legs:
-        _add_arm(tree, k, base[k - 1], lengths, masses[1], radii[2])
+        _add_arm(tree, k, base[k - 1], lengths, linear_density, radius)
         if k == 1:
             tree.hinge("wrist_1", plate, "elbow_1", shift((lengths[1], 0)))
             tree.platform("wrist_1", -vertices[0])
@@ -204,7 +222,7 @@ def _planar_platform(
 def _planar_joints(base: Array, vertices: Array, lengths: _Lengths, pose: pin.SE3) -> Joints:
     joints: Joints = {}
     for k, (foot, vertex) in enumerate(zip(base, vertices, strict=True), 1):
-        shoulder, elbow = two_link(pose.act(vertex) - foot, *lengths, 1)
+        shoulder, elbow = two_link(pose.act(vertex) - foot, lengths[0], lengths[1], 1)
         joints |= {f"shoulder_{k}": shoulder, f"elbow_{k}": elbow}
     turn = angle_about_z(pose.rotation) - joints["shoulder_1"] - joints["elbow_1"]
     return joints | {"wrist_1": float(in_one_turn(turn))}
@@ -214,6 +232,8 @@ def _add_arm(
     tree: Tree, k: int, foot: ArrayLike, lengths: _Lengths, linear_density: float, radius: float
 ) -> None:
     """Two links in a row on the base."""
-    upper, lower = (bar(linear_density * length, length, radius) for length in lengths)
+    proximal, distal = lengths
+    upper = bar(linear_density * proximal, proximal, radius)
+    lower = bar(linear_density * distal, distal, radius)
     tree.hinge(f"shoulder_{k}", upper, at=shift(foot))
-    tree.hinge(f"elbow_{k}", lower, f"shoulder_{k}", shift((lengths[0], 0)))
+    tree.hinge(f"elbow_{k}", lower, f"shoulder_{k}", shift((proximal, 0)))

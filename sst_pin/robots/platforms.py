@@ -160,10 +160,11 @@ def hexaglide(
 def _hexaglide_joints(rails: Array, vertices: Array, strut: float, pose: pin.SE3) -> Joints:
     joints = {"platform": pin.SE3ToXYZQUAT(pose)}
     for k, (y, vertex, side) in enumerate(zip(rails, vertices, _SIDES, strict=True), 1):
-        x, *rest = pose.act(vertex) - (0, y, 0)
-        reach = np.sqrt(strut**2 - np.dot(rest, rest))
-        joints |= {f"carriage_{k}": x + side * reach}
-        joints |= {f"strut_{k}": universal((-side * reach, *rest))}
+        # From the rail to the ball; the strut closes the rest along the rail.
+        dx, dy, dz = pose.act(vertex) - (0, y, 0)
+        along_rail = side * np.sqrt(strut**2 - dy**2 - dz**2)
+        joints[f"carriage_{k}"] = dx + along_rail
+        joints[f"strut_{k}"] = universal((-along_rail, dy, dz))
     return joints
 
 
@@ -183,7 +184,8 @@ def _add_struts(
     tree: Tree, base: Array, vertices: Array, retracted: float, masses: tuple[float, float]
 ) -> tuple[list[Closure], list[str]]:
     """Struts that turn about a universal joint on the base, slide, and end at the platform."""
-    closures, motors = [], []
+    closures = []
+    motors = []
     for k, (foot, vertex) in enumerate(zip(base, vertices, strict=True), 1):
         barrel = rod(masses[0], (0, 0, 0.8 * retracted), 0.025)
         piston = rods(masses[1], [(0, 0, -0.6 * retracted), (0, 0, 0)], 0.015)
@@ -279,5 +281,6 @@ def _delta_joints(radii: tuple[float, float], arm: float, forearm: float, pose: 
         rods = np.arctan2(dy, -dz), np.arctan2(-dx, np.hypot(dy, dz))
         joints |= {f"motor_{k}": motor, f"rod_{k}a": rods, f"rod_{k}b": rods}
         if k == 1:
-            joints["ball"] = pin.Quaternion((turn @ of_two_turns(*rods)).T).coeffs()
+            R = turn @ of_two_turns(rods[0], rods[1])  # of the rod
+            joints["ball"] = pin.Quaternion(R.T).coeffs()
     return joints

@@ -94,7 +94,7 @@ class _Cylinder(NamedTuple):
     carrier: str
     foot: _Point
     #: Body that the rod is pinned to, and its eye there.
-    moved: str
+    driven: str
     eye: _Point
     #: Length from foot to eye at no stroke, [m].
     retracted: float
@@ -104,9 +104,11 @@ class _Cylinder(NamedTuple):
         upright = UPRIGHT if self.carrier == "swing" else HERE
         barrel = bar(mass, 0.9 * self.retracted, 0.045)
         piston = rods(mass / 2, [(-0.9 * self.retracted, 0, 0), (0, 0, 0)], 0.025)
-        name, stroke, at = f"{self.name}_barrel", f"{self.name}_stroke", shift((self.retracted, 0))
-        tree.hinge(name, barrel, self.carrier, upright * shift(self.foot))
-        tree.joint(stroke, pin.JointModelPX(), piston, name, at)
+        barrel_joint = f"{self.name}_barrel"
+        stroke = f"{self.name}_stroke"
+        at = shift((self.retracted, 0))
+        tree.hinge(barrel_joint, barrel, self.carrier, upright * shift(self.foot))
+        tree.joint(stroke, pin.JointModelPX(), piston, barrel_joint, at)
         tree.frame(f"{self.name}_eye", stroke, (0, 0))
 
 
@@ -166,11 +168,12 @@ def excavator(
     ):
         if parent != carrier:  # depth first: the cylinders of a body before the bodies it carries
             carrier = parent
-            for c in (c for c in cylinders if c.carrier == carrier):
-                c.add(tree, cylinder_mass)
+            for cylinder in cylinders:
+                if cylinder.carrier == carrier:
+                    cylinder.add(tree, cylinder_mass)
         tree.hinge(name, bar(mass, length, radius), parent, at)
     for c in cylinders:
-        tree.frame(f"{c.name}_lug", c.moved, c.eye)
+        tree.frame(f"{c.name}_lug", c.driven, c.eye)
     tree.platform("bucket", (bucket, 0))
     tree.frame("end_of_link", "link", (link, 0))
     tree.frame("pin_of_bucket", "bucket", bucket_pin)
@@ -202,16 +205,17 @@ def _excavator_joints(
     raised, bent = two_link(wrist, boom, arm, -1)
     curled = float(in_one_turn(angle_about_z(local.rotation) - raised - bent))
     on_arm = planar(arm, 0, curled).act(np.array([*bucket_pin, 0]))
-    rocker, link = two_link(on_arm - (*pivot, 0), *bars, -1)
+    rocker, link = two_link(on_arm - (*pivot, 0), bars[0], bars[1], -1)
     joints: Joints = {"swing": swing, "boom": raised, "arm": bent, "bucket": curled}
     joints |= {"rocker": rocker, "link": link}
-    moved = {
-        "boom": planar(*foot, raised),
+    # Placements of the driven bodies on the bodies that carry their cylinders.
+    placements = {
+        "boom": planar(foot[0], foot[1], raised),
         "arm": planar(boom, 0, bent),
-        "rocker": planar(*pivot, rocker),
+        "rocker": planar(pivot[0], pivot[1], rocker),
     }
     for c in cylinders:
-        reach = moved[c.moved].act(np.array([*c.eye, 0])) - (*c.foot, 0)
+        reach = placements[c.driven].act(np.array([*c.eye, 0])) - (*c.foot, 0)
         joints[f"{c.name}_barrel"] = direction(reach)
         joints[f"{c.name}_stroke"] = float(np.linalg.norm(reach)) - c.retracted
     return joints
