@@ -155,16 +155,23 @@ def reach_map(
         x, y = np.moveaxis(points, -1, 0)
         ax.set_axis_off()
     else:
-        values = zip(poses.axes, poses.values, strict=True)
-        x, y = np.meshgrid(
-            *(v if name in "xyz" else np.degrees(v) for name, v in values), indexing="ij"
-        )
-        labels = (f"${k}_0$ (m)" if k in "xyz" else f"{k} (deg)" for k in poses.axes)
-        ax.set(**dict(zip(("xlabel", "ylabel"), labels, strict=True)))
-    if axis or len({name in "xyz" for name in poses.axes}) == 1:
+        first, xlabel = _grid_values(poses, 0)
+        second, ylabel = _grid_values(poses, 1)
+        x, y = np.meshgrid(first, second, indexing="ij")
+        ax.set(xlabel=xlabel, ylabel=ylabel)
+    are_lengths = [name in "xyz" for name in poses.axes]
+    if axis or are_lengths[0] == are_lengths[1]:
         ax.set_aspect("equal")
     _fill(ax, poses, show, x, y)
     return ax
+
+
+def _grid_values(poses: ReachMap, k: int) -> tuple[Array, str]:
+    """Values along an axis of the grid, in metres or degrees, and their label."""
+    name = poses.axes[k]
+    if name in "xyz":
+        return poses.values[k], f"${name}_0$ (m)"
+    return np.degrees(poses.values[k]), f"{name} (deg)"
 
 
 def _fill(ax: Axes, poses: ReachMap, show: str, x: Array, y: Array) -> None:
@@ -174,13 +181,14 @@ def _fill(ax: Axes, poses: ReachMap, show: str, x: Array, y: Array) -> None:
         cmap = mpl.colormaps["viridis_r"].with_extremes(over="#D55E00")
         norm = BoundaryNorm(np.linspace(0, 1, 11), cmap.N, extend="max")
         colours = {"cmap": cmap, "norm": norm}
-    corners = (_corners(x), _corners(y))
-    flat = {"rasterized": True}
-    field = ax.pcolormesh(*corners, getattr(poses, show), **colours, **flat)
+    x_corners = _corners(x)
+    y_corners = _corners(y)
+    field = ax.pcolormesh(x_corners, y_corners, getattr(poses, show), rasterized=True, **colours)
     names = [name for name in _ENDS if (poses.why == REASONS.index(name)).any()]
     for name in names:
-        here = np.where(poses.why == REASONS.index(name), 0.0, np.nan)
-        ax.pcolormesh(*corners, here, cmap=ListedColormap([_ENDS[name]]), **flat)
+        cells = np.where(poses.why == REASONS.index(name), 0.0, np.nan)
+        colour = ListedColormap([_ENDS[name]])
+        ax.pcolormesh(x_corners, y_corners, cells, cmap=colour, rasterized=True)
     bar = ax.figure.colorbar(field, ax=ax, label=_LABELS[show], spacing="uniform", shrink=0.8)
     if show == "condition":
         bar.set_ticks(LEVELS, labels=[f"{level:g}" for level in LEVELS])

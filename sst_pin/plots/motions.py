@@ -61,10 +61,10 @@ def powers(
     """Power of each motor, of all motors together, and of friction, over time."""
     every = _powers(robot, motion)
     shown = every.pick(motors)
-    labels = [
-        f"motor {k}" if (k := curves.digits_of(name)) else curves.label(name)
-        for name in shown.names
-    ]
+    labels = []
+    for name in shown.names:
+        digits = curves.digits_of(name)
+        labels.append(f"motor {digits}" if digits else curves.label(name))
     others = [(every.values.sum(axis=1), "all motors", _ALL)]
     if not robot.friction.none:
         others.append((robot.friction_power(motion.q, motion.va), "friction", _FRICTION))

@@ -69,12 +69,16 @@ def motion_page(
     names = [] if isinstance(subjects, str) or not isinstance(subjects, Sequence) else subjects
     if not names or not all(name in SUBJECTS for name in names):
         raise InputError("subjects", f"{subjects!r}, expected some of {', '.join(SUBJECTS)}")
-    if not robot.motor_names and (none := {"torques", "power"}.intersection(names)):
-        raise InputError("subjects", f"{' and '.join(sorted(none))} of a robot without motors")
+    if not robot.motor_names:
+        of_motors = sorted({"torques", "power"}.intersection(names))
+        if of_motors:
+            raise InputError("subjects", f"{' and '.join(of_motors)} of a robot without motors")
     with style():
-        parts = [part for name in names for part in _parts(name, robot, motion, frame)]
+        parts: list[tuple[str | None, Callable[[Axes], Axes]]] = []
+        for name in names:
+            parts += _parts(name, robot, motion, frame)
         columns = min(len(parts), 2)
-        rows = -(-len(parts) // columns)
+        rows = -(-len(parts) // columns)  # rounded up
         longest = max(map(len, (*motion.joint_names, *motion.motor_names)))
         width = 3.6 if longest < 16 else 4.8  # so that legends of long names have two columns
         figure = StyledFigure(figsize=(width * columns, 2.9 * rows), layout="constrained")
@@ -82,8 +86,10 @@ def motion_page(
             ax = draw(figure.add_subplot(rows, columns, place, projection=projection))
             if len(parts) > 1:
                 _letter(ax, place)
-        if findings := robot.check_limits(motion):
-            lines = [line for f in findings for line in wrap(f"Warning: {f}", 65 * columns)]
+        lines = []
+        for finding in robot.check_limits(motion):
+            lines += wrap(f"Warning: {finding}", 65 * columns)
+        if lines:
             figure.supxlabel("\n".join(lines), x=0.02, ha="left", size=7, color="#B00020")
     return figure
 
@@ -215,14 +221,15 @@ def torques_page(motion: Trajectory, predicted: ArrayLike) -> Figure:
     figure = StyledFigure(figsize=(7, 0.6 + 1.2 * count), layout="constrained")
     with style():
         rows = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
-        for ax, name, unit, measured, computed in zip(
-            rows, motion.motor_names, motion.torque_units, motion.tau.T, tau.T, strict=True
-        ):
+        for k, ax in enumerate(rows):
+            measured = motion.tau[:, k]
+            computed = tau[:, k]
+            unit = motion.torque_units[k].replace("Nm", "N m")
             zero_line(ax)
             ax.plot(motion.t, measured, color=HUES[0], label="measured")
             ax.plot(motion.t, computed, color=HUES[1], linestyle="--", label="predicted")
             ax.plot(motion.t, measured - computed, color="black", linewidth=0.6, label="difference")
-            ax.set_ylabel(f"{label(name)} ({unit.replace('Nm', 'N m')})")
+            ax.set_ylabel(f"{label(motion.motor_names[k])} ({unit})")
         rows[-1].set_xlabel("time (s)")
         legend_above(rows[0], columns=3)
     return figure

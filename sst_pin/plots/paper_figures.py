@@ -22,19 +22,24 @@ def paper_figures(
     """
     motions = [("exact start", exact), ("printed start", rounded)]
     with style():
-        path, torques, direct = (
-            Figure(figsize=size, layout="constrained")
-            for size in ((3.5, 3.3), (3.5, 2.5), (7.0, 3.2))
-        )
+        path = Figure(figsize=(3.5, 3.3), layout="constrained")
+        torques = Figure(figsize=(3.5, 2.5), layout="constrained")
+        direct = Figure(figsize=(7.0, 3.2), layout="constrained")
         paths_on_sphere(path.add_subplot(projection="3d"), robot, [("path", example)])
         motor_torques(torques.add_subplot(), example)
         left = direct.add_subplot(1, 2, 1, projection="3d")
         paths_on_sphere(left, robot, [("wanted path", example), *motions])
         _path_errors(direct.add_subplot(1, 2, 2), robot, example, motions)
-    stems = ("figure_09_path", "figure_10_torques", "figure_11_direct_dynamics")
-    named = dict(zip(stems, (path, torques, direct), strict=True))
-    files = {f"{stem}.{kind}": figure for stem, figure in named.items() for kind in ("png", "svg")}
-    return {file: figure_writer(figure, file) for file, figure in files.items()}
+    figures = {
+        "figure_09_path": path,
+        "figure_10_torques": torques,
+        "figure_11_direct_dynamics": direct,
+    }
+    files = {}
+    for stem, figure in figures.items():
+        for name in (f"{stem}.png", f"{stem}.svg"):
+            files[name] = figure_writer(figure, name)
+    return files
 
 
 def _path_errors(
