@@ -10,7 +10,7 @@ from ..arrays import Array
 from ..dynamics.nonsmooth_rows import NonsmoothRows
 from ..dynamics.reference import Reference
 from ..errors import ClosureError, SingularConfigurationError
-from ..loops.coordinates import examples
+from ..loops.examples import examples
 from ..model.closures import frames_of
 from ..model.mechanism import Mechanism
 from ..model.tree import frame_named

@@ -13,7 +13,7 @@ from ..model.mechanism import Mechanism
 from ..model.thresholds import CLOSURE_TOLERANCE
 from ..model.tree import frame_id
 from .assembly import Assembly
-from .coordinates import examples
+from .examples import examples
 from .finite_motions import finite_motions
 from .guesses import home_of
 from .loops import Loops

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Closed configurations without symmetry, from which ranks are judged."""
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+import pinocchio as pin
+
+from ..arrays import Array
+from ..errors import ClosureError
+from .assembly import Assembly
+from .guesses import displacement, home_of
+
+#: Widths of the random displacements from home, [rad] or lengths of the loop.
+AROUND_HOME = (0.1, 0.03, 0.01)
+#: Widths of the random displacements from `pin.neutral`, [rad] or lengths of the loop.
+_AROUND_NEUTRAL = np.linspace(0.1, 2.0, 20)
+#: The cure if no guess can be assembled.
+_GIVE_ONE = 'give q, a closed configuration, or make it model.referenceConfigurations["home"]'
+
+
+def examples(assembly: Assembly) -> Iterator[Array]:
+    """Assembled configurations without symmetry, the same at each call.
+
+    They are near `home`; near `pin.neutral` if there is no home or no loops close near it. The
+    error is that of the best guess.
+    """
+    mechanism = assembly.mechanism
+    home, neutral = home_of(mechanism), pin.neutral(mechanism.model)
+    failures = list[ClosureError]()
+    any_example = False
+    if home is not None:
+        for q in _assembled(assembly, home, AROUND_HOME, failures):
+            any_example = True
+            yield q
+    if any_example:
+        return
+    for q in _assembled(assembly, neutral, _AROUND_NEUTRAL, failures):
+        any_example = True
+        yield q
+    if not any_example:
+        nearest = min(failures, key=lambda error: error.residual)
+        open_by, _, _ = nearest.args[0].partition(";")
+        raise ClosureError(f"{open_by}; {_GIVE_ONE}", nearest.residual)
+
+
+def _assembled(
+    assembly: Assembly, start: Array, widths: Iterable[float], failures: list[ClosureError]
+) -> Iterator[Array]:
+    """Configurations assembled from random displacements of a start; `failures` gets errors."""
+    mechanism = assembly.mechanism
+    for width in widths:
+        guess = pin.integrate(mechanism.model, start, displacement(mechanism, width))
+        try:  # with the motors fixed, assemblies are found in which they hold the robot
+            q = assembly.near(guess, mechanism.driven)
+        except ClosureError as error:
+            failures.append(error)
+            continue
+        yield q
