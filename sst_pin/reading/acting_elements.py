@@ -106,7 +106,8 @@ def unread(root: ET.Element) -> Iterator[Problem]:
     yield from _of_joints(root)
     if not is_weightless(root):
         for name in sorted(_without_gravity(root)):
-            text = "gravity is off for this link only, which is not supported; it counts as on"
+            text = "gravity is off for this link only, which is not supported; it counts as on, "
+            text += "and external_wrenches can carry its weight"
             yield warning(f"link {name}", text)
 
 

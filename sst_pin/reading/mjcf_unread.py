@@ -20,7 +20,8 @@ _NOT_READ = {
     "jnt_stiffnesspoly": "the polynomial of a spring",
     "jnt_springyield": "the yield of a spring",
     "dof_dampingpoly": "the polynomial of a damper",
-    "body_gravcomp": "compensation of gravity that differs between bodies",
+    "body_gravcomp": "compensation of gravity that differs between bodies (give all the same, or 0 "
+    "and external_wrenches that carry weights)",
     "tendon_stiffness": "the stiffness of a fixed tendon",
     "tendon_damping": "the damping of a fixed tendon",
     "tendon_frictionloss": "the friction of a tendon",

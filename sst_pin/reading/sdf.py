@@ -15,6 +15,7 @@ from ..summaries import listed
 from .acting_elements import acting_plugins
 from .joint_graph import WORLD, Axis, GraphJoint, JointGraph, axis_names, origin_of
 from .problems import Problem, is_true, numbers, placement, warning
+from .sdf_nesting import without_nested_models
 
 #: Number of axes for each type of joint.
 _AXES = {
@@ -55,7 +56,7 @@ class Sdf:
             raise DescriptionError(source, [f"{len(worlds)} worlds; one is needed"])
         self._model = self._chosen_model(root, model)
         self._in_world = self._model not in root.findall("model")
-        self._problems = list[str]()
+        self._model, self._problems = without_nested_models(self._model)
         self.notes = list[Problem]()
         self._links = {e.get("name", ""): e for e in self._model.findall("link")}
         self._frames = {e.get("name", ""): e for e in self._elements_with_frames()}
@@ -163,11 +164,10 @@ class Sdf:
 
     def _require_no_other_parts(self) -> None:
         """Refuse parts of the robot that are not in its links and joints."""
-        for tag in ("include", "model"):
-            for part in self._model.findall(tag):
-                name = part.get("name") or part.findtext("uri") or ""
-                text = "parts of a model in other models are not supported"
-                self._problems.append(f"<{tag}> {name}: {text}")
+        for part in self._model.findall("include"):
+            name = part.get("name") or part.findtext("uri") or ""
+            text = "parts of a model in other files are not supported; write them into this file"
+            self._problems.append(f"<include> {name}: {text}")
         for link in self._links.values():
             if is_true(link.findtext("kinematic")):
                 self._refuse(link, "a kinematic link, moved without forces, is not supported")

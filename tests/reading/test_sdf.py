@@ -215,7 +215,7 @@ def closing(inside: str) -> list[str]:
         ([A, joint("j", "rack", "world", "a")], "joint j: type 'rack' is not supported; suppor"),
         ([A, joint("j", "revolute", "world", "nine")], "joint j: its child 'nine' is not a link"),
         (turning(xyz="0 0 0"), "joint j: its <axis> is not a direction"),
-        ([A, "<include/>"], "<include> : parts of a model in other models are not supported"),
+        ([A, "<include/>"], "<include> : parts of a model in other files are not supported"),
         (
             [A.replace("<pose>", '<pose frame="b">', 2)],
             "link a: its <pose> of inertial relative to b is not",
@@ -406,3 +406,77 @@ def test_a_gear_box_turns_its_child_against_its_parent(ends, second, tmp_path):
     _, R = chain.frame_placement(q, "b")
     theta_2 = -3 * 0.2 * (1 if second == "0 0 1" else -1)
     np.testing.assert_allclose(pin.log3(R), [0, 0, theta_2], atol=1e-12)
+
+
+def test_models_in_other_models_are_parts_of_them(tmp_path):
+    """Each link, joint and axis stands where poses composed by hand put it; depth two."""
+    hand_pose, arm_pose, link_pose = "0.1 0 0.2 0.3 0 0", "0.2 0.3 0 0 0.4 0.5", "0 0.1 0 0.2 0 0.1"
+    finger = link("tip", link_pose, mass=0.4)
+    finger += joint("bend", "revolute", "palm", "tip", axis("0 1 0", frame="__model__"))
+    hand = f'<model name="hand"><pose>{hand_pose}</pose>{link("palm", "0 0 0.05 0 0 0")}{finger}'
+    hand += '<frame name="grip" attached_to="tip"><pose>0 0 0.3 0 0 0</pose></frame></model>'
+    arm = f'<model name="arm" canonical_link="upper"><pose relative_to="base">{arm_pose}</pose>'
+    arm += link("upper", "0.1 0 0 0 0 0") + hand
+    arm += joint("wrist", "revolute", "upper", "hand::palm", axis("0 0 1")) + "</model>"
+    nested = [link("base", "0 0 0.5 0 0 0.2"), arm]
+    nested.append(joint("shoulder", "revolute", "base", "arm::upper", axis("1 0 0", frame="arm")))
+
+    def place(text):
+        values = np.array(text.split(), dtype=float)
+        return pin.SE3(pin.rpy.rpyToMatrix(*values[3:]), values[:3])
+
+    def text(at):
+        numbers = np.concatenate([at.translation, pin.rpy.matrixToRpy(at.rotation)])
+        return " ".join(map(repr, numbers.tolist()))
+
+    base = place("0 0 0.5 0 0 0.2")
+    in_arm = base * place(arm_pose)
+    in_hand = in_arm * place(hand_pose)
+    tip = in_hand * place(link_pose)
+    upper = in_arm * place("0.1 0 0 0 0 0")
+    bend = tip.rotation.T @ in_hand.rotation @ [0, 1, 0]
+    shoulder = upper.rotation.T @ in_arm.rotation @ [1, 0, 0]
+    flat = [
+        link("base", text(base)),
+        link("arm::upper", text(upper)),
+        link("arm::hand::palm", text(in_hand * place("0 0 0.05 0 0 0"))),
+        link("arm::hand::tip", text(tip), mass=0.4),
+        joint("shoulder", "revolute", "base", "arm::upper", axis(" ".join(map(str, shoulder)))),
+        joint("arm::wrist", "revolute", "arm::upper", "arm::hand::palm", axis("0 0 1")),
+        joint(
+            "arm::hand::bend",
+            "revolute",
+            "arm::hand::palm",
+            "arm::hand::tip",
+            axis(" ".join(map(str, bend))),
+        ),
+    ]
+    fixed = joint("fixed", "fixed", "world", "base")
+    chains = []
+    for name, parts in (("nested", nested), ("flat", flat)):
+        path = tmp_path / f"{name}.sdf"
+        path.write_text(sdf(*parts, fixed))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            chains.append(sst_pin.ClosedChain.from_urdf(path))
+    inner, outer = chains
+    assert set(inner.joint_names) == set(outer.joint_names)
+    random = np.random.default_rng(0)
+    q, va, aa = random.normal(size=(3, 3))
+    order = [outer.joint_names.index(name) for name in inner.joint_names]
+    torques = outer.compute_torques(q, va, aa)[order]
+    assert inner.compute_torques(q[order], va[order], aa[order]) == pytest.approx(torques, rel=1e-9)
+    grip, _ = inner.frame_placement(q[order], "arm::hand::grip")
+    p, R = outer.frame_placement(q, "arm::hand::tip")
+    assert grip == pytest.approx(p + R @ [0, 0, 0.3], abs=1e-12)
+
+
+def test_what_inner_models_cannot_be_is_named(tmp_path):
+    path = tmp_path / "r.sdf"
+    inner = f"<static>true</static>{link('a', '0 0 0 0 0 0')}"
+    inner = f'<model name="x" placement_frame="a">{inner}</model>'
+    path.write_text(sdf(link("b", "0 0 0 0 0 0"), inner))
+    with pytest.raises(sst_pin.DescriptionError) as caught:
+        sst_pin.ClosedChain.from_urdf(path)
+    assert "placement_frame of an inner model" in str(caught.value)
+    assert "an inner model that is static" in str(caught.value)
