@@ -126,9 +126,8 @@ def reactions_along(
 ) -> Reactions:
     """Reactions along a motion under its torques and gravity; other loads are an error."""
     require_motion(motion, engine.mechanism)
-    q, va, tau = motion.q, motion.va, motion.tau
-    w = engine.reactions(q, va, None, tau, stiffness)
-    aa = engine.accelerations(q, va, tau)
+    w = engine.reactions(motion.q, motion.va, None, motion.tau, stiffness)
+    aa = engine.accelerations(motion.q, motion.va, motion.tau)
     largest = np.abs(motion.aa).max(initial=0.0)
     if np.abs(aa - motion.aa).max(initial=0.0) > _DIFFERENCE * (1 + largest):
         raise InputError("motion", "other forces than its torques and the weights act on it")
@@ -142,8 +141,11 @@ def loads(engine: Engine, motion: Trajectory, stiffness: Mapping[str, ArrayLike]
         np.concatenate([w.joints, w.closures], axis=-2), engine.mechanism.length
     )
     unique = np.all(np.concatenate(w.determined, axis=-2), axis=0)
-    half = np.diff(motion.t, prepend=motion.t[0], append=motion.t[-1]) / 2
-    weights = half[:-1] + half[1:] if len(motion) > 1 else np.ones(1)
+    weights = np.ones(1)
+    if len(motion) > 1:
+        # The trapezoidal rule: half of the steps before and after each sample.
+        half_steps = np.diff(motion.t, prepend=motion.t[0], append=motion.t[-1]) / 2
+        weights = half_steps[:-1] + half_steps[1:]
     rows = []
     for k, name in enumerate(w.names):
         for kind, part in (("force", slice(0, 3)), ("moment", slice(3, 6))):
@@ -162,9 +164,10 @@ def _load(name: str, kind: str, vectors: Array, t: Array, weights: Array, determ
         return Load(name, kind, nan, nan, nan, nan, nan, nan, determined, components)
     sizes = np.linalg.norm(vectors[:, known], axis=1)
     peak = float(sizes.max())
-    at = int(np.argmax(sizes >= (1 - 1e-9) * peak))  # first of equal peaks
+    at = int(np.argmax(sizes >= (1 - _ROUNDING) * peak))  # first of equal peaks
     rms = float(np.sqrt(np.average(sizes**2, weights=weights)))
-    x, y, z = np.where(known, vectors[at] / (peak or 1.0), np.nan).tolist()
+    direction = vectors[at] / peak if peak > 0 else vectors[at]
+    x, y, z = np.where(known, direction, np.nan).tolist()
     return Load(name, kind, peak, float(t[at]), x, y, z, rms, determined, components)
 
 

@@ -78,30 +78,40 @@ def over_limits(mechanism: Mechanism) -> Array:
 def findings(engine: Engine, t: Array, q: Array) -> Iterator[Finding]:
     """Joint limits and singularities of any closed chain at configurations, shape (N, nq)."""
     mechanism = engine.mechanism
-    model, space = mechanism.model, mechanism.space
-    ends = model.lowerPositionLimit, model.upperPositionLimit
-    out = np.maximum(ends[0] - q, q - ends[1]) > over_limits(mechanism)
-    yield from outside("limits", space.position_names, space.position_units, t, q, out, ends)
+    model = mechanism.model
+    space = mechanism.space
+    low = model.lowerPositionLimit
+    high = model.upperPositionLimit
+    out = np.maximum(low - q, q - high) > over_limits(mechanism)
+    names = space.position_names
+    yield from outside("limits", names, space.position_units, t, q, out, (low, high))
     yield from _lengths(engine, t, q)
     closed = engine.loops.are_closed(q)
-    condition = np.ones(len(q))
+    condition = np.ones(len(q))  # open loops have no condition number
     condition[closed] = engine.loops.condition_numbers(q[closed])
-    problem = f"close to a singularity, condition number > {LARGEST_CONDITION:g}"
-    far, limits = condition > LARGEST_CONDITION, (-np.inf, LARGEST_CONDITION)
-    yield from singular(problem, mechanism.coordinate_names, t, condition, far, limits)
+    yield from singular(
+        f"close to a singularity, condition number > {LARGEST_CONDITION:g}",
+        mechanism.coordinate_names,
+        t,
+        condition,
+        condition > LARGEST_CONDITION,
+        (-np.inf, LARGEST_CONDITION),
+    )
 
 
 def _lengths(engine: Engine, t: Array, q: Array) -> Iterator[Finding]:
     """Lines that are shorter or longer than they can be."""
     lines = engine.mechanism.lines.forces
-    ends = np.array([(line.lower, line.upper) for line in lines]).reshape(-1, 2).T
-    if not (ends[0].any() or np.isfinite(ends[1]).any()):
+    low = np.array([line.lower for line in lines])
+    high = np.array([line.upper for line in lines])
+    if not (low.any() or np.isfinite(high).any()):
         return
     lengths = np.array([engine.reference.line_lengths(each) for each in q])
-    over = CLOSURE_TOLERANCE * engine.mechanism.length
-    out = np.maximum(ends[0] - lengths, lengths - ends[1]) > over
-    names, units = [line.name for line in lines], ["m"] * len(lines)
-    yield from outside("lengths", names, units, t, lengths, out, (ends[0], ends[1]))
+    tolerance = CLOSURE_TOLERANCE * engine.mechanism.length
+    out = np.maximum(low - lengths, lengths - high) > tolerance
+    names = [line.name for line in lines]
+    units = ["m" for _ in lines]
+    yield from outside("lengths", names, units, t, lengths, out, (low, high))
 
 
 def findings_of_motion(engine: Engine, motion: Trajectory) -> Iterator[Finding]:
@@ -109,28 +119,35 @@ def findings_of_motion(engine: Engine, motion: Trajectory) -> Iterator[Finding]:
 
     Near a singularity rates are not judged: the singularity is a finding itself.
     """
-    mechanism, tau = engine.mechanism, motion.tau
-    model, units = mechanism.model, mechanism.space.rate_units
-    forces, names = mechanism.lines.forces, list(mechanism.space.rate_names)
-    line_names = [line.name for line in forces]
+    mechanism = engine.mechanism
+    model = mechanism.model
+    space = mechanism.space
+    lines = mechanism.lines
+    joint_names = space.rate_names
+    line_names = [line.name for line in lines.forces]
 
-    efforts = tau @ mechanism.motors.T, tau @ mechanism.lines.motors.T
-    of_joints, of_lines = (_limits(x) for x in (model.effortLimit, [x.effort for x in forces]))
-    force_units = ["N m" if unit == "rad" else "N" for unit in units]
-    yield from _beyond("efforts", names, force_units, motion.t, efforts[0], of_joints)
-    yield from _beyond("efforts", line_names, ["N"] * len(forces), motion.t, efforts[1], of_lines)
+    on_joints = motion.tau @ mechanism.motors.T
+    units = ["N m" if unit == "rad" else "N" for unit in space.rate_units]
+    limits = _limits(model.effortLimit)
+    yield from _beyond("efforts", joint_names, units, motion.t, on_joints, limits)
+    on_lines = motion.tau @ lines.motors.T
+    units = ["N" for _ in line_names]
+    limits = _limits([line.effort for line in lines.forces])
+    yield from _beyond("efforts", line_names, units, motion.t, on_lines, limits)
 
-    of_joints, of_lines = (_limits(x) for x in (model.velocityLimit, [x.velocity for x in forces]))
-    if not (np.isfinite(of_joints).any() or np.isfinite(of_lines).any()):
+    joint_limits = _limits(model.velocityLimit)
+    line_limits = _limits([line.velocity for line in lines.forces])
+    if not (np.isfinite(joint_limits).any() or np.isfinite(line_limits).any()):
         return
     regular = engine.loops.are_closed(motion.q)
     regular[regular] = engine.loops.condition_numbers(motion.q[regular]) <= LARGEST_CONDITION
-    t, q = motion.t[regular], motion.q[regular]
+    t = motion.t[regular]
+    q = motion.q[regular]
     v = engine.joint_rates(q, motion.va[regular])
-    rate_units = [f"{unit}/s" for unit in units]
-    yield from _beyond("velocities", names, rate_units, t, v, of_joints)
-    rates = engine.line_rates(q, v)
-    yield from _beyond("velocities", line_names, ["m/s"] * len(forces), t, rates, of_lines)
+    units = [f"{unit}/s" for unit in space.rate_units]
+    yield from _beyond("velocities", joint_names, units, t, v, joint_limits)
+    units = ["m/s" for _ in line_names]
+    yield from _beyond("velocities", line_names, units, t, engine.line_rates(q, v), line_limits)
 
 
 def _limits(numbers: Sequence[float] | Array) -> Array:
@@ -165,14 +182,27 @@ def outside(
     names: Sequence[str],
     units: Sequence[str],
     t: Array,
-    q: Array,
+    values: Array,
     out: Flags,
     ends: tuple[Array, Array],
 ) -> Iterator[Finding]:
-    """A finding for each value that leaves its range, at samples where `out` is true."""
+    """A finding for each column of values that leaves its range, at samples where `out` is true.
+
+    Args:
+        what: What the ranges limit, for the text.
+        names: Names of the columns.
+        units: Their units; columns without a unit have no range.
+        t: Times, shape (N,).
+        values: Shape (N, columns).
+        out: Which values are out of their range, shape (N, columns).
+        ends: Lower and upper limits, shapes (columns,).
+    """
+    low, high = ends
     for i, (name, unit) in enumerate(zip(names, units, strict=True)):
-        if unit and out[:, i].any():
-            limits = (float(ends[0][i]), float(ends[1][i]))
-            first, last = np.degrees(limits) if unit == "deg" else limits
-            problem = f"{name} leaves its {what} of {first:.4g} to {last:.4g} {unit}"
-            yield Finding(problem, (name,), t[out[:, i]], q[out[:, i], i], limits, unit)
+        beyond = out[:, i]
+        if not unit or not beyond.any():
+            continue
+        limits = (float(low[i]), float(high[i]))
+        first, last = np.degrees(limits) if unit == "deg" else limits
+        problem = f"{name} leaves its {what} of {first:.4g} to {last:.4g} {unit}"
+        yield Finding(problem, (name,), t[beyond], values[beyond, i], limits, unit)

@@ -69,7 +69,8 @@ def coordinate_trajectory(
 def motion_along(engine: Engine, t: Array, q: Array, x: Array) -> Trajectory:
     """The motion through configurations, shape (N, nq), with coordinates x, shape (N, n)."""
     curve = spline(t, x)
-    va, aa = curve.derivative(1)(t), curve.derivative(2)(t)
+    va = curve.derivative(1)(t)
+    aa = curve.derivative(2)(t)
     tau = engine.torques(q, va, aa)
     return trajectory_of(engine.mechanism, t, q, va, aa, tau)
 
@@ -77,9 +78,13 @@ def motion_along(engine: Engine, t: Array, q: Array, x: Array) -> Trajectory:
 def _warn_of_full_turns(mechanism: Mechanism, x: Array) -> None:
     """Warn of angles, shape (N, n), that mostly change little but jump by about a full turn."""
     steps = np.abs(np.diff(x, axis=0))
-    jumps = (steps > 1.5 * np.pi).any(axis=0) & (np.median(steps, axis=0) < np.pi / 2)
-    columns = zip(mechanism.coordinate_names, mechanism.coordinate_rate_units, jumps, strict=True)
-    if names := [name for name, unit, jump in columns if unit == "rad" and jump]:
+    some_step_is_long = (steps > 1.5 * np.pi).any(axis=0)
+    most_steps_are_short = np.median(steps, axis=0) < np.pi / 2
+    jumps = some_step_is_long & most_steps_are_short
+    units = mechanism.coordinate_rate_units
+    columns = zip(mechanism.coordinate_names, units, jumps, strict=True)
+    names = [name for name, unit, jump in columns if unit == "rad" and jump]
+    if names:
         warn_caller(
             f"x: {listed(names)} jump by a full turn or more between samples, which takes large "
             "rates and torques; if they were measured modulo one turn, use numpy.unwrap",
@@ -96,18 +101,20 @@ def coordinate_positions(mechanism: Mechanism, q: Array) -> Array:
 def positions_along(mechanism: Mechanism, motion: Trajectory) -> Array:
     """Positions of the coordinates along a motion, (N, n), unwrapped to agree with its rates."""
     x = taken(mechanism.space, motion.q, mechanism.coordinate_names)
-    turning = np.array([unit == "rad" for unit in mechanism.coordinate_rate_units])
-    steps = np.diff(motion.t)[:, None] * (motion.va[1:] + motion.va[:-1]) / 2
-    turns = np.round((steps - np.diff(x, axis=0)) / (2 * np.pi)) * turning
+    # Full turns between two samples are what the rates (trapezoidal rule) say more than the angles.
+    steps_of_rates = np.diff(motion.t)[:, None] * (motion.va[1:] + motion.va[:-1]) / 2
+    turns = np.round((steps_of_rates - np.diff(x, axis=0)) / (2 * np.pi))
+    turns[:, [unit != "rad" for unit in mechanism.coordinate_rate_units]] = 0
     x[1:] += 2 * np.pi * np.cumsum(turns, axis=0)
     return x
 
 
 def without_full_turns(mechanism: Mechanism, x: Array) -> Array:
     """Positions x of the coordinates, (N, n), with the angles of unbounded joints unwrapped."""
-    names = mechanism.coordinate_names
-    endless = [name not in mechanism.space.position_names for name in names]
-    return np.where(endless, np.unwrap(x, axis=0), x)
+    # In q an unbounded joint has a cosine and a sine, which do not have its name.
+    in_q = mechanism.space.position_names
+    unbounded = [name not in in_q for name in mechanism.coordinate_names]
+    return np.where(unbounded, np.unwrap(x, axis=0), x)
 
 
 def configurations_of(engine: Engine, x: Array, start: ArrayLike | None = None) -> Array:
@@ -116,7 +123,8 @@ def configurations_of(engine: Engine, x: Array, start: ArrayLike | None = None) 
     `start` and errors are those of `coordinate_motion`.
     """
     q = np.empty((len(x), engine.mechanism.model.nq))
-    q[0] = placed(engine, dict(zip(engine.mechanism.coordinate_names, x[0], strict=True)), start)
+    first = dict(zip(engine.mechanism.coordinate_names, x[0], strict=True))
+    q[0] = placed(engine, first, start)
     for i in counted(range(1, len(x)), "coordinates of a motion", len(x)):
         try:
             q[i] = engine.moved(q[i - 1], x[i] - x[i - 1])

@@ -38,7 +38,8 @@ class EnergyBalance(NamedTuple):
 
 def motor_rates(engine: Engine, q: ArrayLike, va: ArrayLike) -> Array:
     """Rates of the motors, shape (..., motors)."""
-    v, mechanism = engine.joint_rates(q, va), engine.mechanism
+    mechanism = engine.mechanism
+    v = engine.joint_rates(q, va)
     return np.asarray(v @ mechanism.motors + engine.line_rates(q, v) @ mechanism.lines.motors)
 
 
@@ -61,16 +62,18 @@ def potential_energy(engine: Engine, q: ArrayLike) -> Array:
 
 def friction_power(engine: Engine, q: ArrayLike, va: ArrayLike) -> Array:
     """Power of friction in all joints, Eq. (87), and of dampers, shape (...), [W]."""
-    v, mechanism = engine.joint_rates(q, va), engine.mechanism
-    _, _, damping, _ = mechanism.lines.numbers
+    mechanism = engine.mechanism
+    v = engine.joint_rates(q, va)
     rates = engine.line_rates(q, v)
+    _, _, damping, _ = mechanism.lines.numbers
     if mechanism.lines.pull_only.any():
         array = finite_array("q", q, (mechanism.model.nq,))
         shape = (len(mechanism.lines.forces),)
         lengths = for_each_sample(engine.reference.line_lengths, [array], (1,), shape)
         damping = damping * mechanism.lines.taut(lengths, rates)
-    on_lines = (damping * rates**2).sum(axis=-1)
-    return finite_array("power", (mechanism.friction.forces(v) * v).sum(axis=-1) - on_lines, ())
+    on_joints = (mechanism.friction.forces(v) * v).sum(axis=-1)
+    on_lines = -(damping * rates**2).sum(axis=-1)
+    return finite_array("power", on_joints + on_lines, ())
 
 
 def energy_balance(engine: Engine, motion: Trajectory) -> EnergyBalance:

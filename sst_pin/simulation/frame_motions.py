@@ -3,7 +3,10 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, as_array, finite_array, name_samples
@@ -54,35 +57,61 @@ def frame_motion(
         >>> delta.platform_pose(motion.q[-1])[:3, 3].round(4)
         array([ 0.027 ,  0.0421, -0.25  ])
     """
-    engine, times = chain.engine, sample_times(t, 3)
-    mechanism, size = engine.mechanism, (engine.mechanism.model.nq,)
-    targets = targets_of(poses, len(times))
-    kinds = (targets[0][0] is not None, targets[0][1] is not None)
-    guide = FrameGuide(mechanism, engine.loops.example(), frame, *kinds)
-    guess = start_of(engine) if start is None else finite_array("start", start, size)
-    last, q = assemble(engine, guess), np.empty((len(times), *size))
-    for i, (p, R) in counted(enumerate(targets), "frame_motion", len(targets)):
+    engine = chain.engine
+    mechanism = engine.mechanism
+    times = sample_times(t, 3)
+    targets = _targets(poses, len(times))
+    guide = FrameGuide(
+        mechanism, engine.loops.example(), frame, targets.p is not None, targets.R is not None
+    )
+    if start is None:
+        guess = start_of(engine)
+    else:
+        guess = finite_array("start", start, (mechanism.model.nq,))
+    present = assemble(engine, guess)
+    q = np.empty((len(times), mechanism.model.nq))
+    for i in counted(range(len(times)), "frame_motion", len(times)):
         try:
-            last = q[i] = guide.lead(last, pose_of(p, R))
+            present = guide.lead(present, targets.pose(i))
         except SSTError as error:
             name_samples(error, [i], (len(times),))
             raise
-    x = taken(mechanism.space, q, mechanism.coordinate_names)  # Newton's method makes no full turns
+        q[i] = present
+    # Newton's method makes no full turns, so that only unbounded joints have to be unwrapped.
+    x = taken(mechanism.space, q, mechanism.coordinate_names)
     return motion_along(engine, times, q, without_full_turns(mechanism, x))
 
 
-def targets_of(poses: ArrayLike, count: int) -> list[tuple[Array | None, Array | None]]:
-    """Position and orientation of each sample; None for what is free."""
+class _Targets(NamedTuple):
+    """Poses of a frame in N samples; None for what is free.
+
+    Attributes:
+        p: Positions, shape (N, 3), or None.
+        R: Orientations, shape (N, 3, 3), or None.
+    """
+
+    p: Array | None
+    R: Array | None
+
+    def pose(self, i: int) -> pin.SE3:
+        """The pose of sample i; what is free is zero."""
+        p = None if self.p is None else self.p[i]
+        R = None if self.R is None else self.R[i]
+        return pose_of(p, R)
+
+
+def _targets(poses: ArrayLike, count: int) -> _Targets:
+    """The poses in the three forms that a user can give."""
     array = as_array("poses", poses, ())
     if array.shape[1:] not in ((3,), (3, 3), (4, 4)) or len(array) != count:
         shapes = f"({count}, 3), ({count}, 3, 3) or ({count}, 4, 4)"
         raise InputError("poses", f"shape {array.shape}, expected {shapes}")
     array = finite_array("poses", array, array.shape[1:])
     if array.ndim == 2:
-        return [(p, None) for p in array]
+        return _Targets(array, None)
     R = rotations("poses", array[:, :3, :3])
     if array.shape[1:] == (3, 3):
-        return [(None, each) for each in R]
-    if np.abs(array[:, 3] - (0, 0, 0, 1)).max() > 0:
+        return _Targets(None, R)
+    if (array[:, 3] != (0, 0, 0, 1)).any():
         raise InputError("poses", "the last row of a homogeneous matrix is 0, 0, 0, 1")
-    return list(zip(array[:, :3, 3], R, strict=True))
+    return _Targets(array[:, :3, 3], R)

@@ -87,7 +87,8 @@ def read_torques(mechanism: Mechanism, table: Table) -> Array:
     The columns are `tau_NAME_Nm`, or `tau_NAME_N` for a linear motor. If no column has the name of
     a motor, the numbers of the motors, counted from 1, may replace their names.
     """
-    motors, units = mechanism.motor_names, mechanism.motor_units
+    motors = mechanism.motor_names
+    units = mechanism.motor_units
     columns = columns_of("tau", motors, units)
     numbered = columns_of("tau", [str(k) for k in range(1, len(columns) + 1)], units)
     if not {*table.columns} & {*columns} and {*table.columns} >= {*numbered}:
@@ -120,9 +121,11 @@ def read_start(
     if q0 is None and set(positions) <= set(table.columns):
         return assemble(engine, table.select(positions)[0]), va
     if q0 is None:
-        q0 = {name: float(x[0]) for name, x in _joints(engine.mechanism, table).items()}
+        joints = _joints(engine.mechanism, table)
+        q0 = {name: float(positions[0]) for name, positions in joints.items()}
     names = engine.mechanism.coordinate_names
-    if missing := [name for name in names if name not in q0]:
+    missing = [name for name in names if name not in q0]
+    if missing:
         cure = f"give --q0 {_arguments(names)}"
         problem = f"no {', '.join(missing)} for the initial positions; {cure}"
         raise FileFormatError(table.path, problem)
@@ -135,7 +138,9 @@ def _start_rates(
     q0: Mapping[str, float] | None,
     va0: Mapping[str, float] | None,
 ) -> Array:
-    names, columns = mechanism.coordinate_rate_names, _rate_columns(mechanism)
+    """Initial rates of the coordinates, shape (n,); `read_start` says where they come from."""
+    names = mechanism.coordinate_rate_names
+    columns = _rate_columns(mechanism)
     if va0 is not None:
         for name in va0:
             if name not in names:
@@ -152,51 +157,66 @@ def _start_rates(
 
 
 def _arguments(names: Sequence[str]) -> str:
+    """An example of an option of the shell."""
     return ",".join(f"{name}=.." for name in names)
 
 
 def _motion_of(
     engine: Engine, table: Table, reader: TableReader | None, tau: Array | None = None
 ) -> Trajectory:
-    t, mechanism = table.column("t_s"), engine.mechanism
-    positions, rates = _position_columns(mechanism), _rate_columns(mechanism)
-    accelerations = [f"{name}2" for name in rates]
-    if {*positions, *rates, *accelerations} <= set(table.columns):
-        q, va, aa = (table.select(columns) for columns in (positions, rates, accelerations))
-    elif reader is not None and (other := reader(table)) is not None:
-        q, va, aa = other
-    else:
-        x, start = _coordinates(engine, table)
-        try:
-            motion = coordinate_trajectory(engine, t, x, start)
-        except ClosureError as error:
-            line = table.lines[error.samples[0][0]] if error.samples else table.lines[0]
-            raise FileFormatError(table.path, str(error), line) from None
+    """The motion in a table, with torques tau, or computed torques without them."""
+    mechanism = engine.mechanism
+    t = table.column("t_s")
+    joint_motion = _saved_columns(mechanism, table)
+    if joint_motion is None and reader is not None:
+        joint_motion = reader(table)
+    if joint_motion is not None:
+        q, va, aa = joint_motion
         if tau is None:
-            return motion
-        q, va, aa = motion.q, motion.va, motion.aa
+            tau = engine.torques(q, va, aa)
+        return trajectory_of(mechanism, t, q, va, aa, tau)
+    x, start = _coordinates(engine, table)
+    try:
+        motion = coordinate_trajectory(engine, t, x, start)
+    except ClosureError as error:
+        line = table.lines[error.samples[0][0]] if error.samples else table.lines[0]
+        raise FileFormatError(table.path, str(error), line) from None
     if tau is None:
-        tau = engine.torques(q, va, aa)
-    return trajectory_of(mechanism, t, q, va, aa, tau)
+        return motion
+    return trajectory_of(mechanism, t, motion.q, motion.va, motion.aa, tau)
+
+
+def _saved_columns(mechanism: Mechanism, table: Table) -> tuple[Array, Array, Array] | None:
+    """q, va and aa in a table that `Trajectory.save` has written; None if columns are missing."""
+    positions = _position_columns(mechanism)
+    rates = _rate_columns(mechanism)
+    accelerations = [f"{name}2" for name in rates]
+    if not {*positions, *rates, *accelerations} <= set(table.columns):
+        return None
+    return table.select(positions), table.select(rates), table.select(accelerations)
 
 
 def _coordinates(engine: Engine, table: Table) -> tuple[Array, Array]:
     """Positions of the coordinates, shape (N, n), and the configuration at the start."""
     mechanism = engine.mechanism
     mechanism.require_freedom()
-    joints, names = _joints(mechanism, table), mechanism.coordinate_names
-    if missing := [name for name in names if name not in joints]:
+    joints = _joints(mechanism, table)
+    names = mechanism.coordinate_names
+    missing = [name for name in names if name not in joints]
+    if missing:
         problem = f"no column of {', '.join(missing)}; {_expected(mechanism, table)}"
         raise FileFormatError(table.path, problem, 1)
     if len(table.lines) < 3:
         raise FileFormatError(table.path, f"{len(table.lines)} rows; rates need at least three")
     x = np.column_stack([joints[name] for name in names])
-    return x, placed(engine, {name: float(c[0]) for name, c in joints.items()})
+    first = {name: float(positions[0]) for name, positions in joints.items()}
+    return x, placed(engine, first)
 
 
 def _expected(mechanism: Mechanism, table: Table) -> str:
     """The columns of a motion, and those of the table."""
-    known, names = angles_and_lengths(mechanism.space), mechanism.coordinate_names
+    known = angles_and_lengths(mechanism.space)
+    names = mechanism.coordinate_names
     columns = f"this file has {', '.join(table.columns)}"
     if not set(names) <= known.keys():
         needed = ", ".join(["t_s", *_position_columns(mechanism), *_rate_columns(mechanism)])
@@ -215,13 +235,20 @@ def _rate_columns(mechanism: Mechanism) -> list[str]:
 
 def _joints(mechanism: Mechanism, table: Table) -> dict[str, Array]:
     """Positions of the joints that have a column, in SI."""
-    joints, columns = dict[str, Array](), set(table.columns)
+    joints = dict[str, Array]()
+    columns = set(table.columns)
     for name, unit in angles_and_lengths(mechanism.space).items():
-        other, moves = ("m", "turns") if unit == "rad" else ("rad", "slides")
-        if wrong := sorted(columns & {f"{name}{end}" for end in _ENDINGS[other]}):
+        if unit == "rad":
+            moves = "turns"
+            wrong_endings = _ENDINGS["m"]
+        else:
+            moves = "slides"
+            wrong_endings = _ENDINGS["rad"]
+        wrong = sorted(columns & {f"{name}{ending}" for ending in wrong_endings})
+        if wrong:
             text = f"{', '.join(wrong)}: the joint {name} {moves}, in {unit}"
             raise FileFormatError(table.path, text, 1)
-        factors = {f"{name}{end}": factor for end, factor in _ENDINGS[unit].items()}
+        factors = {f"{name}{ending}": factor for ending, factor in _ENDINGS[unit].items()}
         several = [column for column in factors if column in columns]
         if len(several) > 1:
             text = f"one joint has several columns: {', '.join(several)}"

@@ -26,11 +26,12 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-#: Fields that are compared and saved.
-_COMPARED = (
-    *("t", "q", "va", "aa", "tau"),
-    *("joint_names", "motor_names", "units", "coordinates", "rate_units", "torque_units"),
-)
+#: Fields with a row for each sample.
+_ARRAYS = ("t", "q", "va", "aa", "tau")
+#: Fields with names and units of the columns.
+_COLUMNS = ("joint_names", "motor_names", "units", "coordinates", "rate_units", "torque_units")
+#: Fields that are compared; files contain them too.
+_COMPARED = (*_ARRAYS, *_COLUMNS)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -103,31 +104,37 @@ class Trajectory(Summary):
         motor_names = _names("motor_names", motor_names)
         coordinates = motor_names if coordinates is None else _names("coordinates", coordinates)
         units = _units("units", units or ("rad",) * len(joint_names), joint_names, ("rad", "m", ""))
-        unit = dict(zip(joint_names, units, strict=True))
+        # Rates have the units of the joints of the same name, and so have torques.
+        unit_of = dict(zip(joint_names, units, strict=True))
         if rate_units is None:
-            rate_units = [unit.get(name) or "rad" for name in coordinates]
+            rate_units = [unit_of.get(name) or "rad" for name in coordinates]
         rate_units = _units("rate_units", rate_units, coordinates, ("rad", "m"))
         if torque_units is None:
-            unit |= dict(zip(coordinates, rate_units, strict=True))
-            torque_units = ["N" if unit.get(name) == "m" else "Nm" for name in motor_names]
+            unit_of.update(zip(coordinates, rate_units, strict=True))
+            torque_units = ["N" if unit_of.get(name) == "m" else "Nm" for name in motor_names]
         torque_units = _units("torque_units", torque_units, motor_names, ("Nm", "N"))
         if not isinstance(stopped, str):
             raise InputError("stopped", f"{stopped!r} is not a text")
         in_order = isinstance(crossings, (list, tuple))
         if not in_order or not all(isinstance(crossing, Crossing) for crossing in crossings):
             raise InputError("crossings", f"{crossings!r} are no crossings of a simulation")
-        fields = vars(self)  # the class is frozen
-        fields |= {"t": times, "stopped": stopped, "crossings": tuple(crossings)}
-        fields |= {"joint_names": joint_names, "coordinates": coordinates}
-        fields["motor_names"] = motor_names
-        fields |= {"units": units, "rate_units": rate_units, "torque_units": torque_units}
-        arrays = ("q", q, joint_names), ("va", va, coordinates), ("aa", aa, coordinates)
-        for name, value, columns in (*arrays, ("tau", tau, motor_names)):
-            shape = len(times), len(columns)
-            array = fields[name] = finite_array(name, value, shape[1:]).copy()
-            if array.shape != shape:
-                raise InputError(name, f"shape {array.shape}, expected {shape}")
-            array.setflags(write=False)
+        fields = {
+            "t": times,
+            "q": _samples("q", q, times, joint_names),
+            "va": _samples("va", va, times, coordinates),
+            "aa": _samples("aa", aa, times, coordinates),
+            "tau": _samples("tau", tau, times, motor_names),
+            "joint_names": joint_names,
+            "motor_names": motor_names,
+            "units": units,
+            "stopped": stopped,
+            "crossings": tuple(crossings),
+            "coordinates": coordinates,
+            "rate_units": rate_units,
+            "torque_units": torque_units,
+        }
+        for name, value in fields.items():
+            object.__setattr__(self, name, value)  # the class is frozen
 
     def __len__(self) -> int:
         return len(self.t)
@@ -146,15 +153,17 @@ class Trajectory(Summary):
         except (IndexError, TypeError, ValueError) as error:
             raise InputError("samples", f"{samples!r}: {error}") from None
         if chosen.ndim != 1:
-            wanted = f"; use motion[{samples}:{chosen + 1}]" if not chosen.ndim else ""
-            raise InputError("samples", f"{samples!r} is not a slice, indices or a mask{wanted}")
+            problem = f"{samples!r} is not a slice, indices or a mask"
+            if chosen.ndim == 0:  # one index
+                problem += f"; use motion[{samples}:{chosen + 1}]"
+            raise InputError("samples", problem)
         if not len(chosen):
             raise InputError("samples", f"{samples!r} selects none of {len(self)} samples")
         if (np.diff(chosen) <= 0).any():
             raise InputError("samples", f"{samples!r} is not in the order of time")
         first, last = self.t[chosen[[0, -1]]]
-        arrays = {name: getattr(self, name)[chosen] for name in _COMPARED[:5]}
-        crossings = tuple(c for c in self.crossings if first <= c.time <= last)
+        arrays = {name: getattr(self, name)[chosen] for name in _ARRAYS}
+        crossings = tuple(crossing for crossing in self.crossings if first <= crossing.time <= last)
         stopped = self.stopped if chosen[-1] == len(self) - 1 else ""
         return replace(self, **arrays, crossings=crossings, stopped=stopped)
 
@@ -200,7 +209,8 @@ class Trajectory(Summary):
         ]
         if self.stopped:
             rows.append(("stopped", self.stopped))
-        return f"Trajectory of {count} sample{'s' * (count != 1)}", rows
+        title = "Trajectory of 1 sample" if count == 1 else f"Trajectory of {count} samples"
+        return title, rows
 
     def save(self, path: str | Path, force: bool = False) -> None:
         """Write the motion to a file; `load` reads it without loss of digits.
@@ -251,21 +261,10 @@ class Trajectory(Summary):
         path = as_path(path)
         if path.suffix.lower() != ".npz":
             return cls(**parts_of(read_table(path)))
+        fields = _read_npz(path)
+        texts = {name: fields.pop(name).tolist() for name in fields.keys() - set(_ARRAYS)}
         try:
-            # NumPy leaves a file open that it cannot read.
-            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-                keys = {name: name for name in (*_COMPARED, "stopped")}
-                # Versions before 0.3 had no torque_units at first, and another name for the motors.
-                if "torque_units" not in file:
-                    del keys["torque_units"]
-                if "motor_names" not in file:
-                    keys["motor_names"] = "actuated"
-                content = {name: file[key] for name, key in keys.items()}
-        except Exception as error:  # zipfile and NumPy raise many kinds of errors
-            raise FileFormatError(path, f"not a motion: {error}") from None
-        words = {key: content.pop(key).tolist() for key in content.keys() - set(_COMPARED[:5])}
-        try:
-            return cls(**content, **words)
+            return cls(**fields, **texts)
         except InputError as error:
             raise FileFormatError(path, f"not a motion: {error}") from None
 
@@ -294,6 +293,32 @@ class Trajectory(Summary):
         times = self.t
         step = float(np.diff(times).max(initial=0.0))  # integrators ask for times a little beyond
         return lambda t: np.asarray(smooth(times_within("t", t, times, step)))
+
+
+def _read_npz(path: Path) -> dict[str, Any]:
+    """The fields of a motion in an NPZ, as arrays."""
+    try:
+        # NumPy leaves a file open that it cannot read.
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+            keys = {name: name for name in (*_COMPARED, "stopped")}
+            # Versions before 0.3 had no torque_units at first, and another name for the motors.
+            if "torque_units" not in file:
+                del keys["torque_units"]
+            if "motor_names" not in file:
+                keys["motor_names"] = "actuated"
+            return {name: file[key] for name, key in keys.items()}
+    except Exception as error:  # zipfile and NumPy raise many kinds of errors
+        raise FileFormatError(path, f"not a motion: {error}") from None
+
+
+def _samples(name: str, value: ArrayLike, times: Array, columns: Sequence[str]) -> Array:
+    """A read-only copy of an argument with a row for each time."""
+    shape = len(times), len(columns)
+    array = finite_array(name, value, shape[1:]).copy()
+    if array.shape != shape:
+        raise InputError(name, f"shape {array.shape}, expected {shape}")
+    array.setflags(write=False)
+    return array
 
 
 def _names(name: str, value: Sequence[str]) -> tuple[str, ...]:
@@ -353,10 +378,15 @@ def require_motion(motion: Trajectory, mechanism: Mechanism, name: str = "motion
         ("units of positions", motion.units, mechanism.space.position_units),
         ("units of rates", motion.rate_units, mechanism.coordinate_rate_units),
     ):
-        if present != tuple(needed):
-            problem = (
-                f"belongs to another robot, with {what} {', '.join(x or '1' for x in present)}; "
-            )
-            problem += f"this one has {', '.join(x or '1' for x in needed) or 'none'}"
-            cure = "; chain.with_coordinates([...]) gives it others" * (what == "coordinates")
-            raise InputError(name, problem + cure)
+        if present == tuple(needed):
+            continue
+        problem = f"belongs to another robot, with {what} {_listed_units(present)}; this one has "
+        problem += _listed_units(needed) or "none"
+        if what == "coordinates":
+            problem += "; chain.with_coordinates([...]) gives it others"
+        raise InputError(name, problem)
+
+
+def _listed_units(words: Sequence[str]) -> str:
+    """Names or units in one line; the unit of a number is 1."""
+    return ", ".join(word or "1" for word in words)

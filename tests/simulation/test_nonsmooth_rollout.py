@@ -181,6 +181,24 @@ def test_a_four_bar_ends_at_its_stop_and_dry_friction_holds_it_where_it_is():
     assert np.abs(stopped.residual(motion.q)).max() < 1e-14
 
 
+@pytest.mark.parametrize("factor", [1.001, 0.999])
+def test_cylinders_hold_an_excavator_exactly_up_to_their_dry_friction(factor):
+    """The motors are off: each cylinder, a sliding joint, carries what its motor would hold."""
+    chain = robots.excavator()
+    zero = np.zeros(chain.degrees_of_freedom)
+    hold = chain.compute_torques(chain.home, zero, zero)
+    names = chain.motor_names
+    sticking = chain.with_parameters(
+        {f"{name}.coulomb": factor * abs(force) for name, force in zip(names, hold, strict=True)}
+    )
+    motion = _free(sticking, chain.home, zero, 0.01, 50)
+    displacement = np.abs(motion.q[-1] - chain.home).max()
+    if factor > 1:
+        assert displacement < 1e-12
+    else:
+        assert displacement > 1e-5  # a thousandth of g moves the boom for half a second
+
+
 def test_a_screw_holds_its_load_for_100_seconds():
     """A nut that a screw lifts: friction above load x lead / 2 pi holds it to the last digit."""
     lead, load = 0.005, 50.0
