@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from ..summaries import listed
 from .joint_numbers import JointNumbers
-from .problems import Problem, error, is_true, means, number, numbers, warning
+from .problems import Problem, error, is_true, number, numbers, stands_for, warning
 
 #: Elements of Gazebo for the numbers of a spring.
 SPRINGS = {"stiffness": "springStiffness", "reference": "springReference"}
@@ -69,7 +69,8 @@ _OF_MUJOCO = {
 }
 #: Attributes of elements of a joint that are read.
 _OF_JOINT = {"dynamics": ("damping", "friction"), "axis": ("xyz",)}
-#: Names of plugins that exert no force but a motor's.
+#: Parts of names of plugins that exert no force, or only move motors. `imu` and `ray` count only if
+#: no letter stands before them, as in `array`.
 _FORCELESS = re.compile(
     "altimeter|applyjointforce|battery|breadcrumb|bumper|camera|comms|contact|control|depth|"
     "detector|drive|forcetorque|gps|(?<![a-z])imu|label|laser|lidar|magnetometer|monitor|navsat|"
@@ -90,11 +91,12 @@ class Mimic(NamedTuple):
 def unread(root: ET.Element) -> Iterator[Problem]:
     """Problems of elements that act in other tools: not read here, or not a number."""
     named = {e.get("name", "") for e in root if e.tag in ("link", "joint", "frame")}
+    joints = {joint.get("name", "") for joint in root.findall("joint")}
     for element in root:
         if element.tag == "gazebo":
-            yield from _gazebo(element, named)
+            yield from _gazebo(element, joints)
         elif element.tag == "transmission":
-            yield from _transmission(element, named)
+            yield from _transmission(element, joints)
         elif element.tag == "mujoco":
             yield from _mujoco(element)
         elif element.tag == "ros2_control":
@@ -104,9 +106,9 @@ def unread(root: ET.Element) -> Iterator[Problem]:
             if names:
                 yield warning(f"<{element.tag}>", f"of {listed(names)} is not read")
     yield from _of_joints(root)
-    if not is_weightless(root):
+    if not is_weightless(root):  # gravity that is off for all links is read as no gravity
         for name in sorted(_without_gravity(root)):
-            text = "gravity is off for this link only, which is not supported; it counts as on, "
+            text = "gravity is off for some links only, which is not supported; it counts as on, "
             text += "and external_wrenches can carry its weight"
             yield warning(f"link {name}", text)
 
@@ -120,22 +122,22 @@ def _texts(element: ET.Element) -> set[str]:
     return texts
 
 
-def _gazebo(element: ET.Element, named: set[str]) -> Iterator[Problem]:
-    """Problems of a `<gazebo>`."""
+def _gazebo(element: ET.Element, joints: set[str]) -> Iterator[Problem]:
+    """Problems of a `<gazebo>`; its springs belong to joints."""
     reference = element.get("reference", "")
     where = f"gazebo {reference}".strip()
     for path in _OF_GAZEBO:
         for part in element.findall(path):
             text = (part.text or "").strip()
-            if not means(text, 0):
+            if not stands_for(text, 0):
                 yield warning(where, f"{path} {text!r} is not read")
     for tag in SPRINGS.values():
         for part in element.findall(tag):
             text = part.text or ""
             if numbers(text, 1) is None:
                 yield error(where, f"{tag} {text!r} is not a number")
-            elif reference not in named:
-                yield warning(where, f"{tag} is not read: {reference!r} is not in this file")
+            elif reference not in joints:
+                yield warning(where, f"{tag} is not read: {reference!r} is no joint of this file")
     yield from acting_plugins(element, where)
 
 
@@ -144,7 +146,7 @@ def acting_plugins(holder: ET.Element, where: str) -> Iterator[Problem]:
     for plugin in holder.findall("plugin"):
         name = f"{plugin.get('name')} {plugin.get('filename')}"
         if is_detachable(plugin) and holder.tag == "gazebo":
-            continue
+            continue  # a weld of a URDF, which `cut_joints` reads; it does not read those of SDF
         if not _FORCELESS.search(re.sub("[-_]", "", name.lower())):
             yield warning(where, f"plugin {name} is not read, nor any force of it")
 
@@ -154,7 +156,7 @@ def is_detachable(plugin: ET.Element) -> bool:
     return "detachable" in f"{plugin.get('name')} {plugin.get('filename')}".lower()
 
 
-def _transmission(element: ET.Element, named: set[str]) -> Iterator[Problem]:
+def _transmission(element: ET.Element, joints: set[str]) -> Iterator[Problem]:
     """Problems of a `<transmission>`."""
     where = f"transmission {element.get('name', '')}".strip()
     for part in element.iter():
@@ -163,16 +165,16 @@ def _transmission(element: ET.Element, named: set[str]) -> Iterator[Problem]:
             if numbers(text, 1) is None:
                 yield error(where, f"{part.tag} {text!r} is not a number")
     for joint in element.findall("joint"):
-        if joint.get("name") not in named:
+        if joint.get("name") not in joints:
             yield warning(where, f"{joint.get('name')!r} is not a joint of this file")
 
 
-def _ros2_control(element: ET.Element, named: set[str]) -> Iterator[Problem]:
+def _ros2_control(element: ET.Element, single_joints: set[str]) -> Iterator[Problem]:
     """Warnings of joints of a `<ros2_control>` that cannot follow another joint as it says."""
     for joint in element.findall("joint"):
         name = joint.get("name", "")
         values = _parameters(joint)
-        if "mimic" in values and not _can_follow(name, values, named):
+        if "mimic" in values and not _can_follow(name, values, single_joints):
             yield warning("ros2_control", f"joint {name}: mimic {values['mimic']!r} is not read")
 
 
@@ -181,11 +183,13 @@ def _parameters(joint: ET.Element) -> dict[str, str]:
     return {p.get("name", ""): (p.text or "").strip() for p in joint.findall("param")}
 
 
-def _can_follow(joint: str, values: Mapping[str, str], named: Collection[str]) -> bool:
+def _can_follow(joint: str, values: Mapping[str, str], single_joints: Collection[str]) -> bool:
     """Whether a joint of `<ros2_control>` can follow the joint that its parameters name."""
+    leader = values["mimic"]
     factors = (values.get("multiplier", "1"), values.get("offset", "0"))
-    are_numbers = all(numbers(factor, 1) is not None for factor in factors)
-    return are_numbers and {joint, values["mimic"]} <= {*named} and joint != values["mimic"]
+    if any(numbers(factor, 1) is None for factor in factors):
+        return False
+    return joint in single_joints and leader in single_joints and joint != leader
 
 
 def _mujoco(element: ET.Element) -> Iterator[Problem]:
@@ -193,7 +197,7 @@ def _mujoco(element: ET.Element) -> Iterator[Problem]:
     for part in element:
         for key in _OF_MUJOCO.get(part.tag, ()):
             value = part.get(key)
-            if value is not None and value not in ("false", "auto") and not means(value, 0):
+            if value is not None and value not in ("false", "auto") and not stands_for(value, 0):
                 yield warning("<mujoco>", f"<{part.tag} {key}={value!r}> is not read")
     for tag in ("equality", "tendon", "actuator", "contact"):
         if element.find(tag) is not None:
@@ -207,7 +211,7 @@ def _of_joints(root: ET.Element) -> Iterator[Problem]:
         for tag, known in _OF_JOINT.items():
             for element in joint.findall(tag):
                 for key, text in element.items():
-                    if key not in known and not means(text, 0):
+                    if key not in known and not stands_for(text, 0):
                         names = joints_by_attribute.setdefault(f"{tag} {key}", [])
                         names.append(joint.get("name", ""))
     for attribute, names in joints_by_attribute.items():

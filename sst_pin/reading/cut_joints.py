@@ -21,14 +21,14 @@ from .acting_elements import is_detachable
 from .problems import (
     Problem,
     attribute,
+    collecting_problems,
     direction,
     error,
     is_true,
-    means,
     number,
     numbers,
     placement,
-    telling,
+    stands_for,
     unknown_parts,
     warning,
 )
@@ -187,7 +187,7 @@ class Marks:
     ) -> None:
         """Read an element; its faults and what the reader raises become problems."""
         texts = list(faults)
-        with telling(texts):
+        with collecting_problems(texts):
             reader(element)
         where = f"{element.tag} {element.get('name')}"
         self.problems += [error(where, text) for text in texts]
@@ -335,7 +335,7 @@ def _faults_of_gazebo(joint: ET.Element) -> Iterator[str]:
 def _acting_dynamics(numbers_by_name: Mapping[str, str]) -> Iterator[str]:
     """Friction and springs in a joint that closes a loop."""
     for key, text in numbers_by_name.items():
-        if not means(text, 0):
+        if not stands_for(text, 0):
             yield f"<dynamics> with {key} {text.strip()!r} is not supported"
 
 

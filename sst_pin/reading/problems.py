@@ -74,7 +74,7 @@ def merged(problems: Iterable[Problem]) -> Iterator[Problem]:
 
 
 @contextmanager
-def telling(problems: list[str], where: str = "") -> Iterator[None]:
+def collecting_problems(problems: list[str], where: str = "") -> Iterator[None]:
     """Add the ValueError of a block to problems, and continue after the block."""
     try:
         yield
@@ -98,7 +98,7 @@ def is_true(text: str | None) -> bool:
     return (text or "").strip().lower() in ("true", "1")
 
 
-def means(text: str, value: float) -> bool:
+def stands_for(text: str, value: float) -> bool:
     """Whether a text stands for a number, perhaps repeated; true and false are 1 and 0."""
     words = {"true": "1", "false": "0"}.get(text.strip().lower(), text)
     values = numbers(words, len(words.split()))

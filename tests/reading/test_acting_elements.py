@@ -46,7 +46,11 @@ def read(folder, *elements, cuts="name_mot: [hinge]\n"):
         ),
         (
             '<gazebo reference="hing"><springStiffness>3</springStiffness></gazebo>',
-            "gazebo hing: springStiffness is not read: 'hing' is not in this file",
+            "gazebo hing: springStiffness is not read: 'hing' is no joint of this file",
+        ),
+        (
+            '<gazebo reference="arm"><springStiffness>3</springStiffness></gazebo>',
+            "gazebo arm: springStiffness is not read: 'arm' is no joint of this file",
         ),
         (
             '<gazebo><plugin name="w" filename="gz-sim-buoyancy-system"/></gazebo>',
@@ -119,7 +123,7 @@ def test_gravity_that_is_off_for_one_link_is_named(tmp_path, words):
     <axis xyz="0 0 1"/></joint>"""
     records, chain = read(tmp_path, link, joint, cuts="name_mot: [hinge, wrist]\n")
     assert len(records) == 1
-    assert "link tip: gravity is off for this link only" in records[0]
+    assert "link tip: gravity is off for some links only" in records[0]
     assert chain.model.gravity.linear.any()
 
 
