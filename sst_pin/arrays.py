@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Checks arguments, applies functions of one sample to batches, and wraps angles."""
+"""Checks arguments, applies functions of one sample to batches, and wraps angles.
+
+The core axes of an array are those of one sample. The axes before them are those of a batch.
+"""
 
 import math
 import operator

@@ -15,7 +15,7 @@ from ..model.contacts import Contact, Rope
 from ..model.lines import LineForce
 from .cut_joints import CutJoint, cut_joint
 from .joint_numbers import LIMITS, JointNumbers
-from .problems import numbers, telling, vector
+from .problems import collecting_problems, numbers, vector
 from .urdf import KINDS
 from .yaml_content import (
     YamlContent,
@@ -55,10 +55,10 @@ class Cuts(NamedTuple):
     actuated: tuple[Motor, ...] = ()
     closures: tuple[Constraint, ...] = ()  #: By default frames `closing_NAME_1`, `closing_NAME_2`.
     couplings: tuple[Coupling, ...] = ()
-    hinges: tuple[CutJoint, ...] = ()  #: Closures of other YAML files, by places of the joints.
+    hinges: tuple[CutJoint, ...] = ()  #: Of a `loop_closures.yaml`: by points and axes, not frames.
     lines: tuple[LineForce, ...] = ()
     contacts: tuple[Contact | Rope, ...] = ()
-    joints: tuple[tuple[str, str], ...] = ()  #: True kinds of joints by name; see `Urdf.tree`.
+    joints: tuple[tuple[str, str], ...] = ()  #: Kinds that URDF lacks, such as balls, by joints.
     numbers: JointNumbers = MappingProxyType({})
     locked: tuple[str, ...] = ()
     brakes: tuple[str, ...] = ()  #: Joints and lines that are held where they are.
@@ -76,11 +76,12 @@ def parse_cuts(text: str, source: str) -> Cuts:
     """Content of a YAML file in the LAAS schema, with more keys; docs/own_robot.md lists them.
 
     The key `name_mot` is required; all others are optional. A `loop_closures.yaml` of sw2robot is
-    read as well. The error names every problem.
+    read as well. A parser of an entry raises a ValueError; the content collects these, and the
+    error names every problem.
     """
     content = YamlContent(text, source)
     if "closures" in content:  # only sw2robot's files have this key
-        cuts = _scikit_robot_cuts(content)
+        cuts = _sw2robot_cuts(content)
     else:
         cuts = _laas_cuts(content)
     content.raise_problems()
@@ -99,7 +100,7 @@ def _laas_cuts(content: YamlContent) -> Cuts:
         content.problems.append(f"joint_name: {joint} appears twice")
     closures = list[Constraint]()
     for pair, kind in content.zipped(lists, "closed_loop", "type"):
-        with telling(content.problems):
+        with collecting_problems(content.problems):
             closures.append(_closure(pair, kind))
     return Cuts(
         actuated=tuple(lists["name_mot"]),
@@ -282,13 +283,13 @@ _TABLE_PARSERS: dict[str, Callable[[str, Any], Any]] = {
     "armature": _rotor,
     "coupling": _coupling,
 }
-#: Keys whose table is already a mapping from joints to one number.
+#: Keys whose parser gives pairs of a joint and a number.
 _FRICTION_AND_ROTORS = ("viscous_friction", "coulomb_friction", "armature")
-#: Keys of a hinge in a `loop_closures.yaml`.
+#: Keys of a hinge in a `loop_closures.yaml`; the writer of such files has them too.
 OF_HINGE = ("link_a", "link_b", "point", "axis")
 
 
-def _scikit_robot_cuts(content: YamlContent) -> Cuts:
+def _sw2robot_cuts(content: YamlContent) -> Cuts:
     """The cuts of a `loop_closures.yaml`: hinges, by point and axis in base axes at q = 0."""
     content.require_known(("closures", "dependent", "independent"))
     hinges = content.entries("closures", _hinge)

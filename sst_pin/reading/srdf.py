@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array
 from ..errors import DescriptionError
-from .problems import numbers, telling
+from .problems import collecting_problems, numbers
 from .text import parse_xml, read_text
 
 #: Elements of an SRDF. Others are left alone, unless they look like one of these.
@@ -58,7 +58,7 @@ class Srdf:
             for element in state.findall("joint"):
                 joint = element.get("name", "")
                 text = element.get("value", "")
-                with telling(problems, where):
+                with collecting_problems(problems, where):
                     value = _value(model, joints, joint, text)
                     if (pose.setdefault(joint, value) != value).any():
                         raise ValueError(f"{joint} has two values, {text} is one of them")

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import yaml
 
 from ..errors import DescriptionError
-from .problems import numbers, telling
+from .problems import collecting_problems, numbers
 
 #: Largest number of characters; the YAML of a robot with 400 joints has a tenth of it.
 _MAX_LENGTH = 200_000
@@ -43,7 +43,7 @@ class YamlContent(dict[str, Any]):
             self.problems.append(f"{key}: a {what} is needed")
             return results
         for entry in value:
-            with telling(self.problems, f"{key}: "):
+            with collecting_problems(self.problems, f"{key}: "):
                 if kind is dict:
                     results.append(parse(entry, value[entry]))
                 else:
