@@ -10,7 +10,11 @@ which follows from the twist of the link before it:
 
 with the origin o_i of link i, its velocity u_i, and the axis [t_i; s_i] of its joint. A row then
 has entries for the joints of its own loop and for two twists. All twists are relative to the last
-link that carries both branches of the loop, in its axes; only rates of dependent joints count.
+link that carries both branches of the loop, in its axes.
+
+The system that is solved is Phi_u v_u = b with the rates v_u of dependent joints. The twists are
+therefore only the parts that dependent rates give; what coordinates give is in b. The equations
+that define twists have b = 0.
 """
 
 from collections.abc import Mapping, Sequence, Set
@@ -23,7 +27,7 @@ from .elimination import Definition, Factors
 from .link_kinematics import Kinematics
 from .symbols import Sparse, is_zero, sx
 
-#: The smallest ratio of the products that twists save: below it, entries of joint rates are used.
+#: Twists are used if the solution without them has at least this many times the products.
 _WORTH = 1.25
 
 
@@ -31,23 +35,23 @@ def coupled(
     kinematics: Kinematics,
     rows: Sequence[Row],
     blocks: Sequence[Factors],
-    free: tuple[int, int],
+    first: tuple[int, int],
 ) -> tuple[dict[int, Sparse], list[Factors | Definition]]:
     """Rows of blocks of loops and of auxiliary unknowns, and the order in which all are solved.
 
-    `free` are the first indices for rows and for columns of auxiliary unknowns.
+    `first` are the indices of the first row and the first column of auxiliary unknowns.
     """
     entries = {i: rows[i].Phi for block in blocks for i in block.rows}
     if len(blocks) == 1:
         return entries, list(blocks)
-    by_twists = _ByTwists(kinematics, rows, blocks, free)
+    by_twists = _ByTwists(kinematics, rows, blocks, first)
     if _products(entries, blocks) < _WORTH * _products(by_twists.entries, by_twists.sequence):
         return entries, list(blocks)
     return by_twists.entries, by_twists.sequence
 
 
 def _products(entries: Mapping[int, Sparse], blocks: Sequence[Factors | Definition]) -> int:
-    """Products that couple blocks in one solution."""
+    """Products that couple blocks in one solution; an entry that is 1 or -1 costs none."""
     known = set[int]()
     count = 0
     for block in blocks:
@@ -66,12 +70,12 @@ class _ByTwists:
         kinematics: Kinematics,
         rows: Sequence[Row],
         blocks: Sequence[Factors],
-        free: tuple[int, int],
+        first: tuple[int, int],
     ) -> None:
         self._kinematics = kinematics
         self._links = kinematics.tree.links
         self._dependent = {j for block in blocks for j in block.columns}
-        self._row, self._column = free
+        self._row, self._column = first
         #: Columns of the components of the twist of a link relative to another one, by both; None
         #: for components that are zero.
         self._twists: dict[tuple[int, int], list[int | None]] = {}
@@ -80,6 +84,7 @@ class _ByTwists:
         known = set[int]()
         for block in blocks:
             for i in block.rows:
+                # This adds the definitions that the row needs to the sequence, before its block.
                 self.entries[i] = self._coupled(rows[i], known)
             self.sequence.append(block)
             known.update(block.columns)
@@ -95,14 +100,18 @@ class _ByTwists:
                 entries.pop(j, None)
             # The velocity of the end is that of the link, continued to the point of the end.
             of_twist = _by_twist(end, end.point - self._origin(end.base, link))
-            for column, entry in zip(self._twist(end.base, link), of_twist, strict=True):
+            for column, entry in zip(self._columns_of_twist(end.base, link), of_twist, strict=True):
                 if column is not None and not is_zero(entry):
                     entries[column] = entry
         return entries
 
     def _last_known(self, end: End, known: Set[int]) -> tuple[int, set[int]]:
-        """The last link with known rates only on its path, and the dependent ones of these."""
-        last, rates = end.base, set[int]()
+        """The last link up to which all dependent rates are known, and these rates.
+
+        Known are the rates of earlier blocks. Links with coordinates only are passed.
+        """
+        last = end.base
+        rates = set[int]()
         for link in self._path(end.base, end.link):
             of_link = self._dependent_rates(link)
             if not of_link <= known:
@@ -112,7 +121,7 @@ class _ByTwists:
                 rates |= of_link
         return last, rates
 
-    def _twist(self, base: int, link: int) -> list[int | None]:
+    def _columns_of_twist(self, base: int, link: int) -> list[int | None]:
         """Columns of the twist of a link, which is defined here at its first use."""
         if (base, link) not in self._twists:
             before = base
@@ -121,14 +130,17 @@ class _ByTwists:
                     before = other
             columns: list[int | None] = [None] * 6
             if before != base:
-                columns = self._twist(base, before)
+                columns = self._columns_of_twist(base, before)
             self._twists[base, link] = self._define(base, before, columns, link)
         return self._twists[base, link]
 
     def _define(
         self, base: int, before: int, columns: list[int | None], link: int
     ) -> list[int | None]:
-        """New unknowns: the twist of a link from that of one before it, which has these columns."""
+        """New unknowns: the twist of a link from that of one before it, which has these columns.
+
+        Row k of a definition is twist_k - carried_k twist_before - axes_k v = 0, twists [u; omega].
+        """
         lever = self._origin(base, link) - self._origin(base, before)
         carried = SX.eye(6)
         carried[:3, 3:] = -ca.skew(lever)
@@ -167,7 +179,10 @@ class _ByTwists:
 
 
 def _by_twist(end: End, lever: SX) -> list[SX]:
-    """Coefficients in a row of the twist of a link; the end is at this place in the link."""
+    """Coefficients in a row of the twist of a link; `lever` leads from its origin to the end.
+
+    The rate of the end is linear in the twist, so that its gradient are the coefficients.
+    """
     u, turn = SX.sym("u", 3), SX.sym("turn", 3)
     rate = end.rate(u + ca.cross(turn, lever), turn)
     return ca.vertsplit(ca.gradient(rate, ca.vertcat(u, turn)))
