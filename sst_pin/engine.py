@@ -40,7 +40,7 @@ from .loops.closed_loops import ClosedLoops
 from .model.mechanism import Mechanism
 from .model.tree import frame_id
 from .progress import FASTER
-from .states import States
+from .states import StateSpace
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -389,12 +389,12 @@ class Engine:
         arrays = [self.loops.configurations(q), v]
         return for_each_sample(self.reference.line_rates, arrays, (1, 1), (lines,))
 
-    def states(self, sign_width: float) -> States:
+    def state_space(self, sign_width: float) -> StateSpace:
         """The state space for an integrator, with the sign of Coulomb friction smoothed."""
         friction = replace(self.mechanism.friction, sign_width=sign_width)
         if self.kernels is None:
-            return States(self.reference, friction)
-        return self.kernels.states(friction)
+            return StateSpace(self.reference, friction)
+        return self.kernels.state_space(friction)
 
     def closed(self, q: Array) -> Array:
         """The closed configuration near q with the coordinates fixed, shape (nq,)."""

@@ -10,7 +10,7 @@ from .arrays import Array, Indices
 from .dynamics.nonsmooth_rows import NonsmoothRows
 from .dynamics.quantities import Quantity
 from .model.mechanism import Friction
-from .states import States
+from .states import StateSpace
 
 
 class Kernel(Protocol):
@@ -54,7 +54,7 @@ class Kernels(Protocol):
     def closed(self, q: Array, /) -> Array | None:
         """The closed configuration near q with the coordinates fixed; None to ask the reference."""
 
-    def states(self, friction: Friction) -> States:
+    def state_space(self, friction: Friction) -> StateSpace:
         """The state space with this friction instead of the mechanism's."""
 
     def nonsmooth(self, rows: NonsmoothRows, loaded: bool) -> Any:

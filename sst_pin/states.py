@@ -61,7 +61,7 @@ class RolloutEnd(NamedTuple):
     error: SSTError | None
 
 
-class States:
+class StateSpace:
     """The state space (q, va) of one mechanism, by the reference path.
 
     States are y = (q, va), shape (nq + n,) or (N, nq + n). Their loops are nearly closed, and their
@@ -83,8 +83,8 @@ class States:
         self._friction = friction
         self._nq = reference.mechanism.model.nq
         self.coordinates = reference.mechanism.coordinates
-        #: States in other coordinates that were needed before, by the bytes of their indices.
-        self._others = dict[bytes, States]()
+        #: State spaces in other coordinates that were needed before, by the bytes of their indices.
+        self._others = dict[bytes, StateSpace]()
 
     # --- the equations of motion ------------------------------------------------------------
 
@@ -181,11 +181,11 @@ class States:
         """Condition number of the dependent part of Phi, infinite if it is singular."""
         return self._continuity.condition_number(q)
 
-    def suited(self, q: Array, sound: float = WELL_CONDITIONED) -> tuple[States, float]:
-        """States with good coordinates at q, and the condition number of these there.
+    def suited(self, q: Array, sound: float = WELL_CONDITIONED) -> tuple[StateSpace, float]:
+        """A state space with good coordinates at q, and their condition number there.
 
-        They are these states if their condition number is at most `sound` or no other rates are
-        better by `MARGIN`; else states of the rates that describe motions at q best.
+        It is this one if its condition number is at most `sound`, or if no other coordinates are
+        better by `MARGIN`; else the one with the rates that describe the motions at q best.
         """
         condition = self.condition_number(q)
         if condition <= sound:
@@ -199,15 +199,15 @@ class States:
         present_condition = condition_number(self._mechanism, Phi, parts(self.coordinates))
         if best_condition * MARGIN >= present_condition:
             return self, condition
-        others = self._in_coordinates(best)
-        return others, others.condition_number(q)
+        other = self._in_coordinates(best)
+        return other, other.condition_number(q)
 
-    def _in_coordinates(self, coordinates: Indices) -> States:
-        """States of the same mechanism in other coordinates."""
+    def _in_coordinates(self, coordinates: Indices) -> StateSpace:
+        """The state space of the same mechanism in other coordinates."""
         key = coordinates.tobytes()
         if key not in self._others:
             mechanism = replace(self._mechanism, coordinates=coordinates)
-            self._others[key] = States(Reference(mechanism), self._friction)
+            self._others[key] = StateSpace(Reference(mechanism), self._friction)
         return self._others[key]
 
     def follow(
@@ -262,8 +262,8 @@ class States:
     ) -> RolloutEnd:
         """Fill the states of motion i as far as it goes, NaN behind them.
 
-        Steps are in the coordinates of these states, or in better ones where these are poor. With
-        `until_suited` it returns after at least one step where these are good again.
+        Steps are in the coordinates of this state space, or in better ones where these are poor.
+        With `until_suited` it returns after at least one step where they are good again.
         """
         q = motions.q[i]
         va = motions.va[i]
@@ -280,23 +280,23 @@ class States:
             return RolloutEnd(0, error)
         q[0] = motions.q0[i]
         va[0] = motions.va0[i]
-        states = self
+        space = self
         rates = va[0]
         for s in range(motions.steps):
             try:
                 suited = self._suited_for_step(q[s], motions.dt * v)
                 if until_suited and s > 0 and suited is self:
                     return RolloutEnd(s + 1, None)
-                if suited is not states:
-                    states = suited
-                    rates = v[states.coordinates]
+                if suited is not space:
+                    space = suited
+                    rates = v[space.coordinates]
                 tau = motions.torques(i, s)
-                q[s + 1], rates = states._step(q[s], rates, tau, wrenches, motions.dt)
-                v = states.joint_rates(q[s + 1], rates)
+                q[s + 1], rates = space._step(q[s], rates, tau, wrenches, motions.dt)
+                v = space.joint_rates(q[s + 1], rates)
             except SSTError as error:
                 q[s + 1] = np.nan
                 return RolloutEnd(s + 1, error)
-            va[s + 1] = rates if states is self else v[self.coordinates]
+            va[s + 1] = rates if space is self else v[self.coordinates]
         return RolloutEnd(motions.steps + 1, None)
 
     def why_ended(
@@ -307,10 +307,11 @@ class States:
         end = self._fill(motions.rest(i, max(valid - 1, 0)), 0, at)
         return end.error or StepError("the kernels and the reference path disagree")
 
-    def _suited_for_step(self, q: Array, step: Array) -> States:
-        """These states if they are good along a step from q, shape (nv,); else much better ones.
+    def _suited_for_step(self, q: Array, step: Array) -> StateSpace:
+        """This state space if its coordinates are good along a step from q; else a much better one.
 
-        They are judged ahead of q, because the step gets no shorter near a dead point.
+        `step` has the shape (nv,). The coordinates are judged ahead of q, because the step gets no
+        shorter near a dead point.
         """
         longest = float(np.abs(step / self._mechanism.rate_scale).max(initial=0))
         parts = min(_MOST_PARTS, 1 + int(longest / _PART_OF_STEP))

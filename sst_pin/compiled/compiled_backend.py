@@ -27,7 +27,7 @@ from ..model.closures import Brake, Rolling
 from ..model.mechanism import Friction, Mechanism
 from ..model.tree import body_of, frame_named
 from . import libraries
-from .compiled_states import ByColumns, CompiledStates, DerivativesByColumns
+from .compiled_states import ByColumns, CompiledStateSpace, DerivativesByColumns
 from .compiler import LONG, SINGLE, TARGETS
 from .extension import binding
 from .generator_inputs import fingerprint, sample_configurations
@@ -237,10 +237,10 @@ class CompiledBackend:
             if length < _LONGEST_LAST_STEP:
                 return None if len(failures) else q
 
-    def states(self, friction: Friction) -> CompiledStates:
+    def state_space(self, friction: Friction) -> CompiledStateSpace:
         """The state space with this friction instead of the mechanism's."""
         derivatives = Quantity("acceleration_derivatives", sign_width=friction.sign_width)
-        return CompiledStates(
+        return CompiledStateSpace(
             self._reference,
             friction,
             closing=cast("Kernel | None", self.kernel(Quantity("closing"))),

@@ -21,7 +21,7 @@ from ..dynamics.rollout_arrays import RolloutArrays
 from ..errors import SSTError
 from ..kernel_protocols import Kernel
 from ..model.mechanism import Friction, Mechanism
-from ..states import States, WrenchesAt
+from ..states import StateSpace, WrenchesAt
 
 if TYPE_CHECKING:
     from ._binding import Kernel as BoundKernel
@@ -35,7 +35,7 @@ _MOST_CLOSING_STEPS = 4
 NEARBY = 0.02
 
 
-class CompiledStates(States):
+class CompiledStateSpace(StateSpace):
     """The state space of a mechanism by kernels; samples that fail go to the reference path.
 
     Args:

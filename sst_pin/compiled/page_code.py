@@ -23,7 +23,7 @@ from ..loops.ranks import free_motions
 from ..model.mechanism import Mechanism
 from ..model.thresholds import WELL_CONDITIONED
 from ..progress import announced
-from ..states import States
+from ..states import StateSpace
 from . import c_code, kernels, statements
 from .compiled_backend import impossible
 from .equations import Equations
@@ -76,7 +76,7 @@ def choices(reference: Reference, q: Array) -> list[Equations]:
     random = np.random.default_rng(0)
     model, data, n = mechanism.model, mechanism.model.createData(), len(mechanism.coordinates)
     numbers = SymbolicParameters(mechanism).pack(mechanism, mechanism.friction)
-    states = States(reference, mechanism.friction)
+    space = StateSpace(reference, mechanism.friction)
     equations = []
     smallness = []
 
@@ -92,18 +92,18 @@ def choices(reference: Reference, q: Array) -> list[Equations]:
     start = q
     for k in range(_WALKS * _STEPS if len(mechanism.dependent) and n else 0):
         q = q if k % _STEPS else start
-        motions = free_motions(states.Phi(q))
+        motions = free_motions(space.Phi(q))
         fall = -pin.computeGeneralizedGravity(model, data, q) * mechanism.rate_scale
         direction = direction / np.linalg.norm(direction) + 0.1 * random.standard_normal(model.nv)
         direction = motions @ (motions.T @ (direction + 0.3 * fall / (np.linalg.norm(fall) + 1e-9)))
         step = 0.1 * direction / np.linalg.norm(direction) * mechanism.rate_scale
         state = np.concatenate([pin.integrate(model, q, step), np.zeros(n)])
         try:
-            q = states.suited(q)[0].closed(state)
+            q = space.suited(q)[0].closed(state)
         except ClosureError:
             direction = random.standard_normal(model.nv)
             continue
-        best, condition = states.suited(q)
+        best, condition = space.suited(q)
         if condition < WELL_CONDITIONED and min(float(f(q, numbers)) for f in smallness) > _SMALL:
             add(Reference(replace(mechanism, coordinates=best.coordinates)), q)
         if len(equations) == _MOST:

@@ -84,7 +84,7 @@ class SmoothPath:
         q = guess
         if chain.closures:
             resting_states = np.hstack([guess, np.zeros_like(x)])
-            q = chain.engine.states(0.0).closed(resting_states)
+            q = chain.engine.state_space(0.0).closed(resting_states)
         lengths = np.array(self._space.position_units) == "m"
         gaps = np.abs(q - guess) / np.where(lengths, chain.mechanism.length, 1.0)
         if gaps.max() > _OPEN:

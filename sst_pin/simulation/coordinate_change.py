@@ -8,7 +8,7 @@ import numpy as np
 from ..arrays import Array
 from ..model.mechanism import Mechanism
 from ..model.thresholds import MARGIN, WELL_CONDITIONED
-from ..states import States
+from ..states import StateSpace
 from .integrator_step import IntegratorStep
 from .state_equations import MotionState
 
@@ -29,8 +29,8 @@ class CoordinateChange:
         limit: Largest condition number of a regular configuration in the present coordinates.
     """
 
-    def __init__(self, robot_states: States, mechanism: Mechanism, largest: float) -> None:
-        self._robot_states = robot_states
+    def __init__(self, robot_space: StateSpace, mechanism: Mechanism, largest: float) -> None:
+        self._robot_space = robot_space
         self._mechanism = mechanism
         self._largest = largest
         self.limit = 0.0
@@ -52,42 +52,42 @@ class CoordinateChange:
         """The same as `settle` just behind a singular configuration."""
         settled = self.settle(state)
         # The condition number falls from here on.
-        condition = settled.states.condition_number(settled.q)
+        condition = settled.space.condition_number(settled.q)
         self.limit = max(self.limit, MARGIN * condition)
         return settled
 
     def settle(self, state: MotionState) -> MotionState:
         """The state in good coordinates; `limit` is set for these."""
-        states, condition = self._robot_states.suited(state.q)
+        space, condition = self._robot_space.suited(state.q)
         self.limit = min(self._largest, max(_POOR, MARGIN * condition))
-        return state.in_coordinates_of(states)
+        return state.in_coordinates_of(space)
 
     def better_exist(self, state: MotionState, *, near_singularity: bool) -> bool:
         """Whether the robot's coordinates are good again, or the condition far below its limit.
 
         Near a singularity, the limit is high on purpose, so that only the first reason counts.
         """
-        states = state.states
-        robot_states = self._robot_states
-        if states is not robot_states and robot_states.condition_number(state.q) < WELL_CONDITIONED:
+        space = state.space
+        robot_space = self._robot_space
+        if space is not robot_space and robot_space.condition_number(state.q) < WELL_CONDITIONED:
             return True
         if near_singularity or self.limit <= _POOR:
             return False
-        return states.condition_number(state.q) * MARGIN**2 < self.limit
+        return space.condition_number(state.q) * MARGIN**2 < self.limit
 
     def regular_part(self, before: MotionState, step: IntegratorStep) -> tuple[float, Array]:
         """The fraction of a step from a state that is regular, and the configuration at its end."""
-        states = before.states
+        space = before.space
 
         def path(q: Array, low: float, high: float) -> Array:
             if high == 1:
-                return states.closed(step.y)
-            return states.closed(step.dense_output(step.start + high * step.length))
+                return space.closed(step.y)
+            return space.closed(step.dense_output(step.start + high * step.length))
 
         # A step there and back may be long although its ends are close, so the way back is tried
         # separately.
         first = self._reversal(before, step)
-        return states.follow(before.q, path, self.limit, first)
+        return space.follow(before.q, path, self.limit, first)
 
     def _reversal(self, before: MotionState, step: IntegratorStep) -> float:
         """The fraction of a step after which its motion reverses; 1 if it does not.
@@ -95,7 +95,7 @@ class CoordinateChange:
         The rates vary from a to b about linearly, a + x (b - a). Their norm is least at
         x = a.(a - b) / |a - b|^2. If it is less than half of that at both ends, they reverse.
         """
-        scale = self._mechanism.rate_scale[before.states.coordinates]
+        scale = self._mechanism.rate_scale[before.space.coordinates]
         a = before.rates / scale
         b = step.y[len(before.q) :] / scale
         x = float(a.dot(a - b) / max((a - b).dot(a - b), 1e-300))

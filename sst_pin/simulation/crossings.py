@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from ..arrays import Array
 from ..model.mechanism import Mechanism
-from ..states import States
+from ..states import StateSpace
 
 #: The search for a singular configuration ends after this many times the expected time.
 _AHEAD = 2.0
@@ -98,7 +98,7 @@ class Branch:
         return np.asarray(self._v.derivative((t - self._start) / self._unit)) / self._unit
 
 
-def crossing_of(states: States, branch: Branch, start: float, remaining: float) -> Crossing:
+def crossing_of(space: StateSpace, branch: Branch, start: float, remaining: float) -> Crossing:
     """The singular configuration on a branch, expected at `remaining` after `start`.
 
     Phi loses rank where its smallest singular value vanishes. With its singular vectors u and w
@@ -110,10 +110,10 @@ def crossing_of(states: States, branch: Branch, start: float, remaining: float) 
     from scipy.optimize import brentq
 
     def Phi(t: float) -> Array:
-        return states.Phi(branch.q(t))
+        return space.Phi(branch.q(t))
 
     U, sizes, Vt = np.linalg.svd(Phi(start))
-    rank = Vt.shape[0] - len(states.coordinates)
+    rank = Vt.shape[0] - len(space.coordinates)
     # Leave out the singular vectors of values that are zero everywhere.
     rows = U[:, :rank].T
     rates = Vt[:rank].T
@@ -147,7 +147,7 @@ def crossing_of(states: States, branch: Branch, start: float, remaining: float) 
 
 
 def gauss_step(
-    space: States,
+    space: StateSpace,
     rate: Callable[[float, Array], Array],
     start: float,
     state: Array,

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..arrays import Array, Flags
 from ..errors import ClosureError, SingularConfigurationError
-from ..states import States
+from ..states import StateSpace
 from .integrator_step import IntegratorStep
 from .settings import Settings
 from .state_equations import StateEquations
@@ -88,8 +88,8 @@ class InputWatch:
             differs |= (load != expected_load).any(axis=(1, 2))
         if not differs.any():
             return False
-        aa = _accelerations(equations.states, states, tau, load, differs)
-        expected = _accelerations(equations.states, states, expected_tau, expected_load, differs)
+        aa = _accelerations(equations.space, states, tau, load, differs)
+        expected = _accelerations(equations.space, states, expected_tau, expected_load, differs)
         rates = states[:, -aa.shape[1] :]
         settings = self._settings
         tolerance = settings.atol + settings.rtol * float(np.abs(rates).max())
@@ -97,7 +97,7 @@ class InputWatch:
 
 
 def _accelerations(
-    space: States, states: Array, tau: Array, load: Array | None, chosen: Flags
+    space: StateSpace, states: Array, tau: Array, load: Array | None, chosen: Flags
 ) -> Array:
     """Accelerations of the coordinates at chosen states, shape (N, n)."""
     chosen_load = None if load is None else load[chosen]

@@ -58,7 +58,7 @@ class Integration:
         self._progress = settings.progress or (lambda time: None)
         self._steps = StepControl(equations, times, settings, exact=exact)
         self._coordinates = CoordinateChange(
-            equations.robot_states, mechanism, settings.max_condition_number
+            equations.robot_space, mechanism, settings.max_condition_number
         )
         self._output = MotionOutput(times)
         self._crossing = SingularityCrossing(mechanism, settings, self._end)
@@ -100,21 +100,21 @@ class Integration:
             SimulationError: If the motion cannot start.
         """
         t = float(self._times[0])
-        states = self._equations.robot_states
+        space = self._equations.robot_space
         q, rates = np.split(start, [self._nq])
         if not rates.any():  # at rest the rates of all coordinates are 0
-            states, _ = states.suited(q)
-        equations = self._equations.in_coordinates_of(states)
+            space, _ = space.suited(q)
+        equations = self._equations.in_coordinates_of(space)
         if not np.isfinite(equations.rate(t, start)).all():
             why = equations.failure or "its rates are not finite"
             raise SimulationError(f"the motion cannot start ({why})", t)
-        state = MotionState(t, states, states.closed(start), start)
+        state = MotionState(t, space, space.closed(start), start)
         return self._coordinates.settle(state)
 
     def _equations_at(self, state: MotionState) -> StateEquations:
         """The equations in the coordinates of a state."""
         near_singularity = self._crossing.approach is not None
-        return self._equations.in_coordinates_of(state.states, close_first=near_singularity)
+        return self._equations.in_coordinates_of(state.space, close_first=near_singularity)
 
     def _call_controller(self, state: MotionState) -> float:
         """Call a sampled controller if it is due; the time until which torques are smooth."""
@@ -144,12 +144,12 @@ class Integration:
                 fraction = 0.5
 
             if fraction == 1:
-                state = MotionState(step.end, state.states, q, step.y)
+                state = MotionState(step.end, state.space, q, step.y)
                 self._crossing.remember(state)
                 if until < bound and solver.status == "finished":
                     return self._leave_irregular(state)
                 settled = self._improve_coordinates(state)
-                if settled.states is not state.states:
+                if settled.space is not state.space:
                     return settled
                 continue
 
@@ -184,8 +184,8 @@ class Integration:
         limit_was_largest = coordinates.at_largest
         self._crossing.approach = None
         settled = coordinates.settle(state)
-        same_states = settled.states is state.states
-        no_better = same_states and limit_was_largest and coordinates.at_largest
+        same_space = settled.space is state.space
+        no_better = same_space and limit_was_largest and coordinates.at_largest
         if no_better or self._steps.stuck:
             self.stopped = (
                 f"stopped at t = {state.t:.9g} s before a singularity: "

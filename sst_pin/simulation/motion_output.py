@@ -75,7 +75,7 @@ class MotionOutput:
         times = self._next_times(until)
         if not len(times):
             return
-        coordinates = equations.robot_states.coordinates
+        coordinates = equations.robot_space.coordinates
         q = np.array([branch.q(t) for t in times])
         va = np.array([branch.v(t) for t in times])[:, coordinates]
         aa = np.array([branch.v_dot(t) for t in times])[:, coordinates]

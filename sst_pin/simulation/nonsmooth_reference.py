@@ -16,7 +16,7 @@ from ..dynamics.reference import Reference
 from ..engine import Engine
 from ..errors import InputError, SSTError
 from ..model.thresholds import CLOSURE_TOLERANCE, MAX_CONDITION_NUMBER
-from ..states import RolloutEnd, States, StepError
+from ..states import RolloutEnd, StateSpace, StepError
 
 #: Condition number of the dependent joints above which better coordinates are searched.
 _POOR = 10.0
@@ -29,14 +29,14 @@ class NonsmoothReference:
         self._reference = engine.reference
         self._rows = rows
         self._mechanism = engine.mechanism
-        self._states = States(engine.reference, engine.mechanism.friction)
+        self._space = StateSpace(engine.reference, engine.mechanism.friction)
         #: Steps in each of the coordinates that were needed, by the bytes of their indices.
         self._steps = dict[bytes, NonsmoothStep]()
 
     def require_start(self, q: Array, va: Array) -> None:
         """Refuse open loops, and contacts, ropes and stops that are violated."""
-        self._states.start_rates(q, va)
-        gaps = self._step_in(self._states).gaps(q)
+        self._space.start_rates(q, va)
+        gaps = self._step_in(self._space).gaps(q)
         mechanism = self._mechanism
         names = [f"contact {contact}" for contact in mechanism.contacts.points]
         names += [f"rope {rope}" for rope in mechanism.contacts.ropes]
@@ -65,45 +65,45 @@ class NonsmoothReference:
         q = arrays.q[i]
         va = arrays.va[i]
         h = arrays.dt
-        states = self._states
+        space = self._space
         rates = va[first]
         try:
-            v = states.start_rates(q[first], rates)
+            v = space.start_rates(q[first], rates)
         except SSTError as error:
             return RolloutEnd(first + 1, error)
         for s in range(first, len(q) - 1):
             try:
-                suited, _ = self._states.suited(q[s], _POOR)
-                if until_suited and s > first and suited is self._states:
+                suited, _ = self._space.suited(q[s], _POOR)
+                if until_suited and s > first and suited is self._space:
                     return RolloutEnd(s + 1, None)
-                if suited is not states:
-                    states = suited
-                    rates = v[states.coordinates]
+                if suited is not space:
+                    space = suited
+                    rates = v[space.coordinates]
                 forces = Forces(arrays.tau[i, s], arrays.positions[i, s], wrenches(q[s]))
-                step = self._step_in(states).step(q[s], rates, forces, h, arrays.impulses[i])
-                self._require_regular(states, q[s], step, h)
-                v = states.joint_rates(step.q, step.va)
+                step = self._step_in(space).step(q[s], rates, forces, h, arrays.impulses[i])
+                self._require_regular(space, q[s], step, h)
+                v = space.joint_rates(step.q, step.va)
             except SSTError as error:
                 return RolloutEnd(s + 1, error)
             rates = step.va
             q[s + 1] = step.q
-            va[s + 1] = v[self._states.coordinates]
+            va[s + 1] = v[self._space.coordinates]
             arrays.forces[i, s] = step.x / h
             arrays.residual[i, s] = step.residual
             arrays.impulses[i] = step.x
         return RolloutEnd(len(q), None)
 
-    def _step_in(self, states: States) -> NonsmoothStep:
-        """The step in the coordinates of some states."""
-        key = states.coordinates.tobytes()
+    def _step_in(self, space: StateSpace) -> NonsmoothStep:
+        """The step in the coordinates of a state space."""
+        key = space.coordinates.tobytes()
         if key not in self._steps:
             reference = self._reference
-            if states is not self._states:
-                reference = Reference(replace(self._mechanism, coordinates=states.coordinates))
+            if space is not self._space:
+                reference = Reference(replace(self._mechanism, coordinates=space.coordinates))
             self._steps[key] = NonsmoothStep(reference.context, self._rows)
         return self._steps[key]
 
-    def _require_regular(self, states: States, q: Array, step: Step, h: float) -> None:
+    def _require_regular(self, space: StateSpace, q: Array, step: Step, h: float) -> None:
         """Refuse steps that diverge, change the assembly mode, or are too long for the loops."""
         if not np.isfinite(step.q).all() or not np.isfinite(step.x).all():
             raise StepError("a number is not finite; a shorter step may help")
@@ -118,8 +118,8 @@ class NonsmoothReference:
         def path(start: Array, low: float, high: float) -> Array:
             if high == 1:
                 return step.q
-            return states.closed(pin.integrate(model, q, high * displacement))
+            return space.closed(pin.integrate(model, q, high * displacement))
 
-        fraction, _ = states.follow(q, path, MAX_CONDITION_NUMBER)
+        fraction, _ = space.follow(q, path, MAX_CONDITION_NUMBER)
         if fraction < 1:
             raise StepError("the loops are singular, or change their assembly mode")

@@ -69,16 +69,16 @@ def rollout(engine: Engine, arguments: RolloutArguments, sign_width: float) -> R
         q=empty((count, steps + 1, mechanism.model.nq)),
         va=empty((count, steps + 1, len(mechanism.coordinates))),
     )
-    states = engine.states(sign_width)
+    space = engine.state_space(sign_width)
     wrenches_at = arguments.wrenches_at(engine, samples)
     takes_long = count * steps >= _MANY
     with announced(f"rollout of {count} motions") if takes_long else nullcontext():
-        valid = states.rollout(motions, arguments.threads, wrenches_at)
+        valid = space.rollout(motions, arguments.threads, wrenches_at)
     stopped = np.flatnonzero(valid <= steps).tolist()
     if stopped and arguments.raises:
         first = stopped[0]
         count_valid = int(valid[first])
-        cause = states.why_ended(motions, first, count_valid, wrenches_at)
+        cause = space.why_ended(motions, first, count_valid, wrenches_at)
         time = count_valid * arguments.dt
         raise arguments.error(samples.batch, stopped, time, cause, at_start=count_valid == 0)
     q = motions.q.reshape(*samples.batch, *motions.q.shape[1:])

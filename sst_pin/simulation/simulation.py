@@ -14,7 +14,7 @@ from ..engine import Engine
 from ..errors import InputError, SingularConfigurationError, SingularityWarning, warn_caller
 from ..model.closures import Rolling
 from ..progress import FASTER, Bar
-from ..states import States
+from ..states import StateSpace
 from .inputs import ExternalLoad, Torque, WrenchLoad, load_input, torque_input
 from .integration import Integration
 from .rollouts import require_smooth
@@ -47,12 +47,12 @@ def simulate(
     positive_number("sign_width", sign_width, or_zero=True)  # 0 is the sign itself
     if isinstance(torque, SampledTorque) and settings.through_singularities:
         raise InputError("through_singularities", "not with sampled torques, which are not smooth")
-    states = engine.states(sign_width)
-    start = _start(engine, states, q0, va0, settings.max_condition_number)
+    space = engine.state_space(sign_width)
+    start = _start(engine, space, q0, va0, settings.max_condition_number)
     watch = settings.max_step is None
     load = load_input(engine, platform_moment, external_wrenches, times, watch=watch)
     torques = torque_input(mechanism, torque, times, watch=watch)
-    equations = StateEquations(states, torques, load)
+    equations = StateEquations(space, torques, load)
     # The derivatives of a load function and of rolling wheels are not computed.
     load_is_constant = load is None or not load.callable
     rolls = any(isinstance(closure, Rolling) for closure in mechanism.closures)
@@ -81,7 +81,7 @@ def simulate(
 
 
 def _start(
-    engine: Engine, states: States, q0: ArrayLike, va0: ArrayLike, max_condition_number: float
+    engine: Engine, space: StateSpace, q0: ArrayLike, va0: ArrayLike, max_condition_number: float
 ) -> Array:
     """The first state; errors name the arguments."""
     mechanism = engine.mechanism
@@ -91,12 +91,12 @@ def _start(
     condition = np.inf
     try:
         engine.joint_rates(q, np.zeros(n))  # refuses open loops, bad coordinates
-        condition = states.condition_number(q)
+        condition = space.condition_number(q)
     except SingularConfigurationError:
         if va.any():  # rates of dependent coordinates do not determine the motion
             raise
     if not condition < max_condition_number and not va.any():
-        _, condition = states.suited(q)  # other coordinates have the rate 0 too
+        _, condition = space.suited(q)  # other coordinates have the rate 0 too
     if not condition < max_condition_number:
         raise InputError("q0", f"closer to a singularity than {max_condition_number=:g}")
     return np.concatenate([q, va])

@@ -17,7 +17,7 @@ import numpy as np
 from ..arrays import Array
 from ..errors import SSTError
 from ..model.mechanism import Mechanism
-from ..states import States
+from ..states import StateSpace
 from .crossings import Branch, BranchError, Crossing, crossing_of, gauss_step, mismatch
 from .settings import Settings
 from .state_equations import MotionState, StateEquations
@@ -89,13 +89,13 @@ class SingularityCrossing:
         `state` is the last one before t. The smallest singular value of Phi falls from a to b on
         the way from there to q, so it is expected to be zero (t - state.t) b / (a - b) after t.
         """
-        states = state.states
+        space = state.space
         if not self._active or self.approach is not None:
             return None
-        if states.suited(q)[0] is not states:
+        if space.suited(q)[0] is not space:
             return None  # only the coordinates are singular
-        a = _smallest_singular_value(states, state.q)
-        b = _smallest_singular_value(states, q)
+        a = _smallest_singular_value(space, state.q)
+        b = _smallest_singular_value(space, q)
         if not b < a:
             return None
         remaining = (t - state.t) * b / (a - b)
@@ -107,7 +107,7 @@ class SingularityCrossing:
         self._noticed = t
         while len(self._past) > 1 and self._past[-1].t > singular - half_step:
             self._past.pop()
-        earlier = self._past[-1].in_coordinates_of(states)
+        earlier = self._past[-1].in_coordinates_of(space)
         self.approach = Approach(max(singular - half_step, earlier.t), singular)
         return earlier
 
@@ -149,10 +149,10 @@ class SingularityCrossing:
         Raises:
             BranchError: If the branch is not determined, or does not continue the motion.
         """
-        states = state.states
+        space = state.space
         remaining = approach.remaining
         branch = self._branch(equations, self._last_states(approach), remaining)
-        crossing = crossing_of(states, branch, state.t, remaining)
+        crossing = crossing_of(space, branch, state.t, remaining)
         middle = np.inf
         end, y = state.t, state.y
         for _ in range(_STEPS):
@@ -160,19 +160,19 @@ class SingularityCrossing:
                 break
             middle = crossing.time
             end = 2 * middle - state.t
-            times, ys = gauss_step(states, equations.rate, state.t, state.y, end, branch)
+            times, ys = gauss_step(space, equations.rate, state.t, state.y, end, branch)
             y = ys[-1]
             stages = [
-                MotionState(time, states, stage[: len(state.q)], stage)
+                MotionState(time, space, stage[: len(state.q)], stage)
                 for time, stage in zip(times[1:-1], ys[1:-1], strict=True)
             ]
             branch = self._branch(equations, [state, *stages], remaining)
-            crossing = crossing_of(states, branch, state.t, remaining)
+            crossing = crossing_of(space, branch, state.t, remaining)
         q, v, _ = equations.joint_motion(end, y)
         error = mismatch(self._mechanism, branch, end, q, v, end - state.t)
         if not error < self._largest_mismatch:
             raise BranchError(f"the motion behind it does not continue this one (by {error:.1g})")
-        return crossing, branch, MotionState(end, states, q, y)
+        return crossing, branch, MotionState(end, space, q, y)
 
     def _last_states(self, approach: Approach) -> list[MotionState]:
         """The last states of the motion, spread over the time before a singular configuration."""
@@ -189,17 +189,17 @@ class SingularityCrossing:
         self, equations: StateEquations, past: Sequence[MotionState], unit: float
     ) -> Branch:
         """The smooth motion through some states."""
-        motions = [equations.in_coordinates_of(x.states).joint_motion(x.t, x.y) for x in past]
+        motions = [equations.in_coordinates_of(x.space).joint_motion(x.t, x.y) for x in past]
         q, v, v_dot = (np.array(arrays) for arrays in zip(*motions, strict=True))
         times = np.array([state.t for state in past])
         return Branch(self._mechanism, times, q, v, v_dot, unit)
 
 
-def _smallest_singular_value(states: States, q: Array) -> float:
+def _smallest_singular_value(space: StateSpace, q: Array) -> float:
     """The smallest singular value of Phi that is not zero everywhere.
 
     Phi has nv columns. Its rank is nv - n where it is regular.
     """
-    Phi = states.Phi(q)
-    rank = Phi.shape[1] - len(states.coordinates)
+    Phi = space.Phi(q)
+    rank = Phi.shape[1] - len(space.coordinates)
     return float(np.linalg.svd(Phi, compute_uv=False)[rank - 1])

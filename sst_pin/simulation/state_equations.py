@@ -12,7 +12,7 @@ import numpy as np
 
 from ..arrays import Array
 from ..errors import InputError, SSTError
-from ..states import States
+from ..states import StateSpace
 from .inputs import Input
 
 #: Step of the finite differences; relative for entries of y above 1.
@@ -26,41 +26,41 @@ class MotionState(NamedTuple):
 
     Attributes:
         t: Time, [s].
-        states: The state space of y; it says which coordinates the rates belong to.
+        space: The state space of y; it says which coordinates the rates belong to.
         q: Configuration with closed loops, shape (nq,).
         y: State of the integrator: the configuration, whose loops an integration closes only
             nearly, and the rates of the coordinates; shape (nq + n,).
     """
 
     t: float
-    states: States
+    space: StateSpace
     q: Array
     y: Array
 
     @property
     def rates(self) -> Array:
-        """Rates of the coordinates of `states`, shape (n,)."""
+        """Rates of the coordinates of `space`, shape (n,)."""
         return self.y[len(self.q) :]
 
-    def in_coordinates_of(self, states: States) -> MotionState:
+    def in_coordinates_of(self, space: StateSpace) -> MotionState:
         """The same state with the rates of other coordinates; its y has closed loops."""
         rates = self.rates
-        if states is not self.states:
-            rates = self.states.joint_rates(self.q, rates)[states.coordinates]
-        return MotionState(self.t, states, self.q, np.concatenate([self.q, rates]))
+        if space is not self.space:
+            rates = self.space.joint_rates(self.q, rates)[space.coordinates]
+        return MotionState(self.t, space, self.q, np.concatenate([self.q, rates]))
 
 
 class StateEquations:
-    """y' = f(t, y) with y = (q, rates of the coordinates of `states`).
+    """y' = f(t, y) with y = (q, rates of the coordinates of `space`).
 
     Torques and loads are functions of the robot's coordinates. The rates in y belong to other
     coordinates while those of the robot do not determine the motion well.
 
     Args:
-        robot_states: The state space with the robot's coordinates.
+        robot_space: The state space with the robot's coordinates.
         torque: Torques of the motors.
         load: External wrenches, or None.
-        states: The state space of y; by default that of the robot.
+        space: The state space of y; by default that of the robot.
         close_first: Whether f first moves y onto the closures.
 
     Attributes:
@@ -70,34 +70,34 @@ class StateEquations:
 
     def __init__(
         self,
-        robot_states: States,
+        robot_space: StateSpace,
         torque: Input,
         load: Input | None,
-        states: States | None = None,
+        space: StateSpace | None = None,
         *,
         close_first: bool = False,
     ) -> None:
-        self.robot_states = robot_states
+        self.robot_space = robot_space
         self.torque = torque
         self.load = load
-        self.states = robot_states if states is None else states
+        self.space = robot_space if space is None else space
         self.close_first = close_first
         self.failure: SSTError | None = None
         self.evaluations = deque[tuple[Array, Array | None]](maxlen=_STAGES)
         self._last_jacobian = np.zeros(())
 
-    def in_coordinates_of(self, states: States, *, close_first: bool = False) -> StateEquations:
+    def in_coordinates_of(self, space: StateSpace, *, close_first: bool = False) -> StateEquations:
         """The equations of the same motion for states in other coordinates."""
         return StateEquations(
-            self.robot_states, self.torque, self.load, states, close_first=close_first
+            self.robot_space, self.torque, self.load, space, close_first=close_first
         )
 
     def robot_state(self, state: Array) -> tuple[Array, Array]:
         """q with closed loops, and the rates of the robot's coordinates."""
-        q = self.states.closed(state)
+        q = self.space.closed(state)
         va = state[len(q) :]
-        if self.states is not self.robot_states:
-            va = self.states.joint_rates(q, va)[self.robot_states.coordinates]
+        if self.space is not self.robot_space:
+            va = self.space.joint_rates(q, va)[self.robot_space.coordinates]
         return q, va
 
     def _inputs(self, time: float, state: Array) -> tuple[Array, Array | None]:
@@ -112,11 +112,11 @@ class StateEquations:
             return np.full_like(state, np.nan)
         try:
             if self.close_first:
-                q = self.states.closed(state)
+                q = self.space.closed(state)
                 state = np.concatenate([q, state[len(q) :]])
             tau, load = self._inputs(time, state)
             self.evaluations.append((tau, load))
-            return self.states.rate(state, tau, load)
+            return self.space.rate(state, tau, load)
         except InputError:
             raise  # the caller's torque is at fault
         except SSTError as error:
@@ -135,7 +135,7 @@ class StateEquations:
             return self._last_jacobian
         try:
             tau, load = self._inputs(time, state)
-            by_state, by_tau = self.states.derivatives(state, tau, load)
+            by_state, by_tau = self.space.derivatives(state, tau, load)
             steps = _DIFFERENCE * np.maximum(1, np.abs(state))
             neighbours = state + np.diag(steps)
             ahead = [self.torque.at(time, partial(self.robot_state, y)) for y in neighbours]
@@ -149,38 +149,38 @@ class StateEquations:
 
     def joint_motion(self, time: float, state: Array) -> tuple[Array, Array, Array]:
         """q with closed loops, v and v_dot of all joints."""
-        q = self.states.closed(state)
+        q = self.space.closed(state)
         va = state[len(q) :]
         closed = np.concatenate([q, va])
         tau, load = self._inputs(time, closed)
-        aa = self.states.rate(closed, tau, load)[len(q) :]
-        v, v_dot = self.states.joint_motion(q, va, aa)
+        aa = self.space.rate(closed, tau, load)[len(q) :]
+        v, v_dot = self.space.joint_motion(q, va, aa)
         return q, v, v_dot
 
     def inputs_along(self, times: Array, states: Array) -> tuple[Array, Array | None]:
         """Torques, shape (N, motors), and loads, (N, r, 6), at times and states."""
-        q = self.states.closed(states)
+        q = self.space.closed(states)
         va = self._robot_rates(q, states[:, q.shape[1] :])
         load = None if self.load is None else self.load.along(times, q, va)
         return self.torque.along(times, q, va), load
 
     def _robot_rates(self, q: Array, rates: Array) -> Array:
         """Rates of the robot's coordinates, shape (N, n)."""
-        if self.states is self.robot_states:
+        if self.space is self.robot_space:
             return rates
-        v = [self.states.joint_rates(*sample) for sample in zip(q, rates, strict=True)]
-        return np.array(v)[:, self.robot_states.coordinates]
+        v = [self.space.joint_rates(*sample) for sample in zip(q, rates, strict=True)]
+        return np.array(v)[:, self.robot_space.coordinates]
 
     def along(self, times: Array, states: Array) -> tuple[Array, Array, Array, Array]:
         """q, va, aa of the robot's coordinates, and torques, at times and states."""
-        q = self.states.closed(states)
+        q = self.space.closed(states)
         rates = states[:, q.shape[1] :]
         va = self._robot_rates(q, rates)
         tau = self.torque.along(times, q, va)
         load = None if self.load is None else self.load.along(times, q, va)
-        aa = self.states.rate(states, tau, load)[:, q.shape[1] :]
-        if self.states is not self.robot_states:
+        aa = self.space.rate(states, tau, load)[:, q.shape[1] :]
+        if self.space is not self.robot_space:
             samples = zip(q, rates, aa, strict=True)
-            v_dot = [self.states.joint_motion(*sample)[1] for sample in samples]
-            aa = np.array(v_dot)[:, self.robot_states.coordinates]
+            v_dot = [self.space.joint_motion(*sample)[1] for sample in samples]
+            aa = np.array(v_dot)[:, self.robot_space.coordinates]
         return q, va, aa, tau

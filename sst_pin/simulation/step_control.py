@@ -74,7 +74,7 @@ class StepControl:
         if np.isfinite(self._next):
             first_step = min(self._next, until - state.t)
         # The dependent joints have the errors of the coordinates times the condition number.
-        factor = MARGIN * state.states.condition_number(state.q)
+        factor = MARGIN * state.space.condition_number(state.q)
         # Forces are no smoother than the rounding of the positions.
         rounding = _ROUNDINGS * float(np.spacing(np.abs(state.q).max()))
         method = self._method

@@ -57,7 +57,7 @@ def test_both_paths_take_the_same_motion_and_kernels_take_it_alone(both, name, m
 @pytest.mark.parametrize("gap", [1e-9, 1e-4, 1e-2])
 def test_rates_are_those_of_the_closed_loops(both, gap):
     """Where passive joints have drifted, and in a trial step that goes far off."""
-    robot, (fast, slow) = both[1], (r._engine.states(0.0) for r in both)
+    robot, (fast, slow) = both[1], (r._engine.state_space(0.0) for r in both)
     rng, passive = np.random.default_rng(2), [0, 1, 0, 1]
     for q, va, tau in zip(*any_chain.states(robot, 5, 1), strict=True):
         state = np.concatenate([q + gap * rng.choice((-1, 1), 4) * passive, va])

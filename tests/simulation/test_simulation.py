@@ -10,7 +10,7 @@ import sst_pin
 from sst_pin.simulation.energy import energy_balance
 from sst_pin.simulation.state_equations import StateEquations
 from sst_pin.sst import paper
-from sst_pin.states import States
+from sst_pin.states import StateSpace
 from tests.gallery import EVERY_ROBOT, governor
 from tests.support import link_tables
 from tests.support.by_hand import add, at
@@ -132,32 +132,33 @@ def test_derivatives_of_states_are_those_of_their_rates(name):
     no part of the dynamics: positions are compared along motions.
     """
     chain = DIFFERENTIATED[name]()
-    states, random = chain.engine.states(0.1), np.random.default_rng(1)
+    state_space = chain.engine.state_space(0.1)
+    random = np.random.default_rng(1)
     n, motors = chain.degrees_of_freedom, chain.actuation.shape[1]
     state, tau = np.concatenate([chain.home, random.normal(size=n) / 2]), random.normal(size=motors)
-    by_state, by_tau = states.derivatives(state, tau, None)
+    by_state, by_tau = state_space.derivatives(state, tau, None)
 
     def differences(function, size, h):
         return np.transpose([(function(h * e) - function(-h * e)) / (2 * h) for e in np.eye(size)])
 
-    expected = differences(lambda d: states.rate(state + d, tau, None), len(state), 1e-6)
+    expected = differences(lambda d: state_space.rate(state + d, tau, None), len(state), 1e-6)
     space, (nq, nv) = chain.mechanism.space, (chain.model.nq, chain.model.nv)
     turns = np.array([space.coordinate_rates(chain.home, e) for e in np.eye(nv)]).T
     error, most = by_state - expected, 1e-8 * (1 + np.abs(expected).max())
     assert np.abs(error[:, :nq] @ turns).max() < most
     assert np.abs(error[:, nq:]).max() < most
-    expected = differences(lambda d: states.rate(state, tau + d, None), motors, 1.0)  # linear
+    expected = differences(lambda d: state_space.rate(state, tau + d, None), motors, 1.0)  # linear
     assert np.abs(by_tau - expected).max() < 1e-8 * (1 + np.abs(expected).max())
 
 
 def test_implicit_methods_take_exact_derivatives_of_stiff_motions(monkeypatch):
-    chain, exact, calls = governor(), States.derivatives, []
+    chain, exact, calls = governor(), StateSpace.derivatives, []
 
     def counted(self, *arguments):
         calls.append(arguments)
         return exact(self, *arguments)
 
-    monkeypatch.setattr(States, "derivatives", counted)
+    monkeypatch.setattr(StateSpace, "derivatives", counted)
     ends = []
     for method in ("Radau", "BDF"):
         ends.append(
