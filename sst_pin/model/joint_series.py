@@ -98,42 +98,57 @@ class PartlyLocked(Series):
     def __init__(self, joint: Any, locked: Mapping[int, float]) -> None:
         kind = joint.shortname()
         suffixes = kind_of(joint).v
-        models = [model() for model in _SINGLES.get(kind, ())]
         if kind == "JointModelUniversal":
             axes = joint.extract()
-            models = [pin.JointModelRevoluteUnaligned(x) for x in (axes.axis1, axes.axis2)]
+            models = [pin.JointModelRevoluteUnaligned(axis) for axis in (axes.axis1, axes.axis2)]
+        else:
+            models = [model() for model in _SINGLES.get(kind, ())]
         if not models:
             problem = "only whole joints of this type can be locked; build it as joints in series"
             raise InputError("locked", f"{kind.removeprefix('JointModel')}: {problem}")
-        first = {"JointModelFreeFlyer": 3, "JointModelSpherical": 0}.get(kind, len(models))
-        turns = sorted(range(first, len(models)), key=lambda k: k in locked)
-        self._order = [k - first for k in turns]
-        ball = Part("", pin.JointModelSpherical(), rates=turns, entries=range(first, first + 4))
+
+        # The first of the three turns of a ball or a free-flyer; other joints have none.
+        first_turn = {"JointModelFreeFlyer": 3, "JointModelSpherical": 0}.get(kind, len(models))
+        all_turns = range(first_turn, len(models))
+        # Locked turns come last.
+        turns = [k for k in all_turns if k not in locked] + [k for k in all_turns if k in locked]
         is_ball = bool(turns) and locked.keys().isdisjoint(turns)
+        #: Axes of the turns in their order, 0 for x; empty if q has no quaternion.
+        self._turn_axes = [k - first_turn for k in turns]
+
+        singles = list(range(first_turn))
+        if not is_ball:
+            singles += turns
         parts = list[Part]()
-        place = pin.SE3.Identity()
-        for k in [*range(first), *([] if is_ball else turns)]:
+        place = pin.SE3.Identity()  # of the next part, relative to the part before it
+        for k in singles:
             if k in locked:
                 place = place * Series.fixed(models[k], np.array([locked[k]])).place
                 continue
-            entries = [] if k >= first or (kind, k) == ("JointModelPlanar", 2) else [k]
-            parts.append(Part(f"_{suffixes[k]}", models[k], place, [k], entries))
+            # Turns of a quaternion, and the angle of a planar joint, are not entries of q.
+            is_angle_of_plane = kind == "JointModelPlanar" and k == 2
+            entries = [] if k >= first_turn or is_angle_of_plane else [k]
+            parts.append(Part(f"_{suffixes[k]}", models[k], place, rates=[k], entries=entries))
             place = pin.SE3.Identity()
         if is_ball:
-            parts.append(ball._replace(place=place))
+            quaternion = range(first_turn, first_turn + 4)
+            ball = pin.JointModelSpherical()
+            parts.append(Part("", ball, place, rates=turns, entries=quaternion))
             place = pin.SE3.Identity()
         super().__init__(parts, place)
 
     def positions(self, q: Array) -> list[Array]:
         """Positions of each part at positions q of the whole joint."""
-        angles = (
-            _angles(q[-4:], self._order) if self._order else np.full(3, np.arctan2(q[-1], q[-2]))
-        )
-        entries = super().positions(q)
-        return [
-            x if len(x) else angles[[part.rates[0] % 3]]
-            for x, part in zip(entries, self.parts, strict=True)
-        ]
+        positions = super().positions(q)
+        for k, part in enumerate(self.parts):
+            if part.entries:
+                continue
+            if self._turn_axes:
+                angles = _angles(q[-4:], self._turn_axes)
+                positions[k] = angles[[part.rates[0] % 3]]
+            else:  # a planar joint ends with cosine and sine
+                positions[k] = np.array([np.arctan2(q[-1], q[-2])])
+        return positions
 
 
 def _angles(quaternion: Array, order: Sequence[int]) -> Array:

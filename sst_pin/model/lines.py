@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Forces along lines: springs, dampers, cylinders and ropes between two frames."""
 
-from dataclasses import KW_ONLY, dataclass, fields
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from math import inf
 
@@ -10,7 +10,19 @@ import numpy as np
 from ..arrays import Array, Flags, single_array
 from ..errors import InputError
 
-#: Limits that may be infinite.
+#: Numbers of a line.
+_NUMBERS = (
+    "stiffness",
+    "rest_length",
+    "damping",
+    "preload",
+    "mass",
+    "lower",
+    "upper",
+    "effort",
+    "velocity",
+)
+#: Those that may be infinite.
 _LIMITS = ("upper", "effort", "velocity")
 
 
@@ -79,14 +91,15 @@ class LineForce:
             raise InputError("lines", f"{self}: a line needs two different frames")
         if not isinstance(self.pulls_only, bool):
             raise InputError(f"pulls_only of line {self}", f"{self.pulls_only!r} is not a boolean")
-        for field in fields(self)[2:-2]:
-            name, value = f"{field.name} of line {self}", getattr(self, field.name)
-            if field.name in _LIMITS and value == inf:
+        for attribute in _NUMBERS:
+            name = f"{attribute} of line {self}"
+            value = getattr(self, attribute)
+            if attribute in _LIMITS and value == inf:
                 continue
             number = float(single_array(name, value, ()))
-            if number < 0 and field.name != "preload":
+            if number < 0 and attribute != "preload":
                 raise InputError(name, f"{number:g} is negative")
-            object.__setattr__(self, field.name, number)
+            object.__setattr__(self, attribute, number)
         if self.lower > self.upper:
             text = f"{self.lower:g} is above the upper limit {self.upper:g}"
             raise InputError(f"lower of line {self}", text)
@@ -131,22 +144,28 @@ class Lines:
 
     def tensions(self, lengths: Array, rates: Array, tau: Array | None = None) -> Array:
         """Tensions of the lines but those of masses, motors included, shape (..., lines), [N]."""
-        stiffness, rest, damping, preload = self.numbers
-        passive = preload + stiffness * (lengths - rest) + damping * rates
+        tensions = self._unlimited_tensions(lengths, rates)
         if self.pull_only.any():
-            passive = np.where(self.pull_only, np.maximum(passive, 0.0), passive)
-        return np.asarray(passive if tau is None else passive - self.motors.dot(tau))
+            tensions = np.where(self.pull_only, np.maximum(tensions, 0.0), tensions)
+        if tau is not None:
+            tensions = tensions - self.motors.dot(tau)
+        return np.asarray(tensions)
 
     def taut(self, lengths: Array, rates: Array) -> Array:
-        """1 for lines with a tension of their own, 0 for slack cables, shape (..., lines)."""
-        stiffness, rest, damping, preload = self.numbers
-        passive = preload + stiffness * (lengths - rest) + damping * rates
-        return np.where(self.pull_only & (passive <= 0), 0.0, 1.0)
+        """1 for lines with a tension without motors, 0 for slack cables, shape (..., lines)."""
+        is_slack = self.pull_only & (self._unlimited_tensions(lengths, rates) <= 0)
+        return np.where(is_slack, 0.0, 1.0)
+
+    def _unlimited_tensions(self, lengths: Array, rates: Array) -> Array:
+        """Tensions of springs, dampers and preloads, negative ones of cables too."""
+        stiffness, rest_length, damping, preload = self.numbers
+        tensions: Array = preload + stiffness * (lengths - rest_length) + damping * rates
+        return tensions
 
     def energy(self, lengths: Array) -> float:
         """Potential energy, zero where all lines have their rest length, [J]."""
-        stiffness, rest, _, preload = self.numbers
-        stretch = lengths - rest
-        slack = self.pull_only & (stiffness > 0) & (preload + stiffness * stretch < 0)
-        stretch[slack] = -preload[slack] / stiffness[slack]  # where the tension begins
+        stiffness, rest_length, _, preload = self.numbers
+        stretch = lengths - rest_length
+        is_slack = self.pull_only & (stiffness > 0) & (preload + stiffness * stretch < 0)
+        stretch[is_slack] = -preload[is_slack] / stiffness[is_slack]  # where the tension begins
         return float((preload + stiffness * stretch / 2).dot(stretch))
