@@ -56,8 +56,9 @@ class Controller(ABC):
         motors = len(chain.motor_names)
         self.limits = None if limits is None else finite_limits(limits, motors, "limits")
         self._turns = np.array(chain.mechanism.coordinate_rate_units) == "rad"
-        path = spline(motion.t, positions_along(chain.mechanism, motion))
-        self._curves = path, path.derivative(1), path.derivative(2)
+        self._path = spline(motion.t, positions_along(chain.mechanism, motion))
+        self._rates = self._path.derivative(1)
+        self._accelerations = self._path.derivative(2)
 
     def torque(self, t: float, q: Array, va: Array) -> Array:
         """Torques of the motors, within the limits, shape (motors,).
@@ -71,30 +72,25 @@ class Controller(ABC):
             va: Rates of the coordinates, shape (n,).
         """
         tau = self._torque(t, q, va)
-        return tau if self.limits is None else np.clip(self._shared(q, tau), *self.limits.T)
+        if self.limits is None:
+            return tau
+        least, largest = self.limits.T
+        if (tau < least).any() or (tau > largest).any():
+            tau = within_limits(tau, self.chain.preload_directions(q), self.limits)
+        return np.clip(tau, least, largest)
 
     @abstractmethod
     def _torque(self, t: float, q: Array, va: Array) -> Array:
         """Torques of the motors without limits."""
 
-    def _shared(self, q: Array, tau: Array) -> Array:
-        """Torques of the same effect within the limits, or those that pass the limits least."""
-        if self.limits is None or self._within(tau):
-            return tau
-        return within_limits(tau, self.chain.preload_directions(q), self.limits)
-
-    def _within(self, tau: Array) -> bool:
-        low, high = (-np.inf, np.inf) if self.limits is None else self.limits.T
-        return bool((low <= tau).all() and (tau <= high).all())
-
     def _errors(self, t: float, q: Array, va: Array) -> tuple[Array, Array, Array]:
         """Errors of positions, without full turns, and of rates; desired accelerations."""
         inside = self._inside(t)
-        x, rates, accelerations = (curve(inside) for curve in self._curves)
-        error = x - taken(self.chain.mechanism.space, q, self.chain.coordinates)
+        error = self._path(inside) - taken(self.chain.mechanism.space, q, self.chain.coordinates)
         error[self._turns] = in_one_turn(error[self._turns])
-        moving = t == inside
-        return error, moving * rates - va, moving * accelerations
+        if t == inside:
+            return error, self._rates(inside) - va, self._accelerations(inside)
+        return error, -va, np.zeros_like(va)  # before or after the motion: hold
 
     def _inside(self, t: float) -> float:
         """The time, clipped to the interval of the motion."""
@@ -122,7 +118,8 @@ class _Feedback(Controller):
         limits: ArrayLike | None = None,
     ) -> None:
         super().__init__(chain, motion, limits=limits)
-        self.kp, self.kd = self._gains("kp", kp), self._gains("kd", kd)
+        self.kp = self._gains("kp", kp)
+        self.kd = self._gains("kd", kd)
 
 
 class ComputedTorque(_Feedback):
@@ -162,8 +159,8 @@ class GravityPD(_Feedback):
 
     def _torque(self, t: float, q: Array, va: Array) -> Array:
         error, rate, _ = self._errors(t, q, va)
-        rest = np.zeros_like(va)
-        hold = self.chain.compute_torques(q, rest, rest)
+        zero = np.zeros_like(va)
+        hold = self.chain.compute_torques(q, zero, zero)
         return hold + self._motors(q, self.kp * error + self.kd * rate)
 
 
@@ -212,22 +209,26 @@ class TrackingLQR(Controller):
             P = solve_discrete_are(A[-1], B[-1], cost, effort)
         except LinAlgError:
             raise InputError("Q", "no linear feedback holds the end of the motion") from None
-        gains_backwards = []
-        for a, b in zip(A[::-1], B[::-1], strict=True):
-            K = np.linalg.solve(effort + b.T @ P @ b, b.T @ P @ a)
-            P = cost + a.T @ P @ (a - b @ K)
-            P = (P + P.T) / 2
-            gains_backwards.append(K)
-        self.gains = np.array(gains_backwards[::-1])
+        # Riccati's equation from the end of the motion to its start.
+        self.gains = np.empty((len(motion), motors, 2 * n))
+        for k in reversed(range(len(motion))):
+            K = np.linalg.solve(effort + B[k].T @ P @ B[k], B[k].T @ P @ A[k])
+            P = cost + A[k].T @ P @ (A[k] - B[k] @ K)
+            P = (P + P.T) / 2  # rounding must not grow
+            self.gains[k] = K
         self._between = make_interp_spline(motion.t, self.gains, k=1)
         self._feed = spline(motion.t, motion.tau)
-        still = np.zeros((2, n))
-        self._holding = chain.compute_torques(motion.q[[0, -1]], still, still)
+        # Torques that hold the robot at the start and at the end.
+        zero = np.zeros((2, n))
+        self._holding = chain.compute_torques(motion.q[[0, -1]], zero, zero)
 
     def _torque(self, t: float, q: Array, va: Array) -> Array:
         inside = self._inside(t)
         error, rate, _ = self._errors(t, q, va)
-        feed = self._feed(t) if t == inside else self._holding[int(t > inside)]
+        if t == inside:
+            feed = self._feed(t)
+        else:
+            feed = self._holding[1] if t > inside else self._holding[0]
         return feed + self._between(inside) @ np.concatenate([error, rate])
 
 

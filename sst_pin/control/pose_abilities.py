@@ -101,9 +101,10 @@ def force_polytope(
 
     single = single_array("q", q, (chain.mechanism.model.nq,))
     limits = finite_limits(torques, len(chain.motor_names), "torques")
-    rest = np.zeros(chain.degrees_of_freedom)
+    # The parts of the limits that holding the robot takes, whatever the preload.
+    zero = np.zeros(chain.degrees_of_freedom)
     factors = combinations(chain.preload_directions(single), limits)
-    sums = sums_of(factors, part_of(chain.compute_torques(single, rest, rest), limits))
+    sums = sums_of(factors, part_of(chain.compute_torques(single, zero, zero), limits))
     if np.abs(sums).max() >= 1:
         names = listed(motors_of(chain, factors[np.abs(sums).argmax()]))
         raise ActuationError(f"no torque to spare in {names} when the motors hold the robot")
@@ -112,9 +113,10 @@ def force_polytope(
     if not len(moving):
         kind = "turn" if turning else "translate"
         raise InputError("frame", f"{frame} cannot {kind}: the structure bears all forces on it")
+    # The forces x along the motions of the frame obey rows x < room in both directions. The corners
+    # of this set are the facets of the dual body, whose points are rows / room.
     parts = 2 / np.ptp(limits, axis=1)[:, None] * G @ moving.T
     rows = sums_of(factors, parts.T).T
-    # Forces x with rows x < room; the corners are the facets of the dual body of rows / room.
     rows = np.vstack([rows, -rows])
     room = np.concatenate([1 - sums, 1 + sums])
     if np.linalg.matrix_rank(rows, RANK_TOLERANCE * np.abs(rows).max(initial=0.0)) < len(moving):
@@ -144,7 +146,8 @@ def acceleration_ellipsoid(
         Accelerations, [m/s^2] or [rad/s^2]; the center is that without torques.
     """
     center, A = _accelerations_by_torques(chain, q, va, frame, turning)
-    return Ellipsoid(center, *_singular_values(A * _largest_torques(chain, torques)))
+    sizes, axes = _singular_values(A * _largest_torques(chain, torques))
+    return Ellipsoid(center, sizes, axes)
 
 
 def acceleration_polytope(
@@ -169,8 +172,9 @@ def acceleration_polytope(
     if len(limits) > 16:
         raise InputError("chain", f"{len(limits)} motors have too many corners")
     center, A = _accelerations_by_torques(chain, single, va, frame, turning)
+    corners = np.array(list(product(*limits)))  # all combinations of least and largest torques
     moving = _range(A)
-    return hull(np.array(list(product(*limits))) @ A.T @ moving.T) @ moving + center
+    return hull(corners @ A.T @ moving.T) @ moving + center
 
 
 def _largest_torques(chain: ClosedChain, torques: ArrayLike) -> Array:
@@ -212,12 +216,13 @@ def _torques_of_forces(
     J = _jacobian(chain, q, frame)[..., _half(turning), :]
     A = (chain.actuator_jacobian(q) * np.reshape(sizes, (-1, 1))).mT
     G = np.asarray(np.linalg.pinv(A) @ J.mT)
+    # What the motors leave of the forces along the coordinates, free of units.
     units = mechanism.rate_scale[mechanism.coordinates, None]
     forces = np.abs(J.mT) * units
-    left = np.abs(J.mT - A @ G) * units
-    over = left > UNSUPPLIED * forces.max(axis=(-1, -2), keepdims=True)
-    if over.any():
-        loose = over.any(axis=-1)
+    unsupplied = np.abs(J.mT - A @ G) * units
+    is_unsupplied = unsupplied > UNSUPPLIED * forces.max(axis=(-1, -2), keepdims=True)
+    if is_unsupplied.any():
+        loose = is_unsupplied.any(axis=-1)
         names = [mechanism.coordinate_rate_names[k] for k in np.argwhere(loose)[:, -1]]
         problem = f"no motor holds {listed(list(dict.fromkeys(names)))}"
         error = ActuationError(f"{problem}, which a force on {frame} moves")

@@ -138,14 +138,18 @@ class SerialView(Linkage):
         """
         from scipy.spatial import QhullError
 
-        corners = np.array(list(product(*self._limits(limits))))
+        least_and_largest = self._limits(limits)  # of each motor
+        corners = np.array(list(product(*least_and_largest)))
         at_joints = self.joint_torques(self._configurations(q)[..., None, :], corners)
         try:
             polygons = [hull(points) for points in at_joints.reshape(-1, *at_joints.shape[-2:])]
         except QhullError:
             raise SingularConfigurationError("the motors do not hold all joints", np.inf) from None
         most = max(map(len, polygons), default=0)
-        padded = [np.pad(x, ((0, most - len(x)), (0, 0)), mode="edge") for x in polygons]
+        padded = []
+        for polygon in polygons:
+            missing = most - len(polygon)
+            padded.append(np.pad(polygon, ((0, missing), (0, 0)), mode="edge"))
         return np.array(padded).reshape(*at_joints.shape[:-2], most, len(self.joints))
 
     def _limits(self, limits: ArrayLike | None) -> Array:
@@ -153,9 +157,10 @@ class SerialView(Linkage):
         if limits is not None:
             return limits_of(finite_array("limits", limits, ()), len(self.motors))
         B = self.chain.mechanism.motors[:, self._rows]
-        one = (np.count_nonzero(B, axis=0) == 1) & (np.abs(B).sum(axis=0) == 1)
+        is_direct = (np.count_nonzero(B, axis=0) == 1) & (np.abs(B).sum(axis=0) == 1)
         effort = np.abs(B).T @ self.chain.mechanism.model.effortLimit
-        if not (one & (effort > 0) & (effort < np.finfo(float).max)).all():
+        is_limited = (effort > 0) & (effort < np.finfo(float).max)
+        if not (is_direct & is_limited).all():
             raise InputError("limits", "the model has no limits of these motors: give limits=")
         return np.column_stack([-effort, effort])
 

@@ -47,7 +47,7 @@ def orientation(theta: ArrayLike, phi: ArrayLike, psi: ArrayLike = 0.0) -> Array
                [ 0.,  0., -1.],
                [ 0.,  1.,  0.]])
     """
-    R, _, _ = orientation_motion(*((a, 0.0, 0.0) for a in (theta, phi, psi)))
+    R, _, _ = orientation_motion((theta, 0.0, 0.0), (phi, 0.0, 0.0), (psi, 0.0, 0.0))
     return R
 
 

@@ -181,7 +181,8 @@ class SST(ClosedChain):
             raise DescriptionError(f"model {mechanism.model.name}", problems)
         parameters = parameters_of(mechanism.model, _geometry_of(engine), mechanism.friction)
         written = _description_of(parameters).model
-        if problems := list(differences(mechanism.model, written)):
+        problems = list(differences(mechanism.model, written))
+        if problems:
             source = f"model {mechanism.model.name} cannot be described by Parameters"
             raise DescriptionError(source, problems)
         return parameters
@@ -214,7 +215,8 @@ class SST(ClosedChain):
         poses = finite_array("pose", pose.homogeneous if isinstance(pose, pin.SE3) else pose, ())
         if poses.shape[-2:] != (4, 4):
             return poses
-        R, position = poses[..., :3, :3], poses[..., :3, 3]
+        R = poses[..., :3, :3]
+        position = poses[..., :3, 3]
         radius = self.star_radius
         gap = np.linalg.norm(position - radius * R[..., 0], axis=-1)  # E is at radius along s
         if (gap > CLOSURE_TOLERANCE * radius).any():
@@ -240,10 +242,9 @@ class SST(ClosedChain):
         """
         engine = self._engine
         legs, q = _joints(engine, "R", R, branch)
-        omega, alpha = (
-            np.broadcast_to(finite_array(name, value, (3,)), (*q.shape[:-1], 3))
-            for name, value in (("omega", omega), ("alpha", alpha))
-        )
+        shape = (*q.shape[:-1], 3)
+        omega = np.broadcast_to(finite_array("omega", omega, (3,)), shape)
+        alpha = np.broadcast_to(finite_array("alpha", alpha, (3,)), shape)
         q_dot = kinematics.joint_rates(legs, omega)
         q_ddot = kinematics.joint_accelerations(_geometry_of(engine), legs, q_dot, alpha)
         q_ddot = finite_array("alpha", q_ddot, (9,))  # omega may have been too large
@@ -303,7 +304,8 @@ class SST(ClosedChain):
         """Distance to the singularities of both kinds."""
         legs = kinematics.legs_of_joints(self.geometry, finite_array("q", q, (9,)))
         values = np.asarray(np.linalg.svd(legs.y_2, compute_uv=False), dtype=float)
-        largest, smallest = values[..., 0], values[..., -1]
+        largest = values[..., 0]
+        smallest = values[..., -1]
         with np.errstate(divide="ignore"):
             return Singularities(np.abs(legs.sin_mu).min(axis=-1), smallest, largest / smallest)
 
