@@ -16,8 +16,10 @@ from ..simulation.trajectories import Trajectory
 from .robot_scene import Scene
 from .scene_parts import Shape
 
-#: Names of the robot's node in the tree of the page and, below it, of the ghost's, a single layer.
-_ROOT, _GHOST = "robot", "ghost"
+#: Name of the robot's node in the tree of the page.
+_ROOT = "robot"
+#: Name of the ghost's node below it, and of its only layer.
+_GHOST = "ghost"
 #: Opacity of the ghost.
 _FAINT = 0.3
 
@@ -87,10 +89,11 @@ class MeshcatScene:
             for shape in self._scene.moving:
                 mover = f"{_GHOST}/{_GHOST}/{shape.mover}"
                 self._add(shape._replace(mover=mover, opacity=_FAINT * shape.opacity))
-            movers = dict.fromkeys(shape.mover for shape in self._scene.moving)
-            nodes = {f"{_ROOT}/{_GHOST}/{_GHOST}/{mover}": mover for mover in movers}
-            poses = map(self._scene.poses, ghost.q)
-            placed = [{node: at[mover] for node, mover in nodes.items()} for at in poses]
+            movers = list(dict.fromkeys(shape.mover for shape in self._scene.moving))
+            placed = []
+            for q in ghost.q:
+                poses = self._scene.poses(q)
+                placed.append({f"{_ROOT}/{_GHOST}/{_GHOST}/{m}": poses[m] for m in movers})
             for node, matrix in placed[0].items():
                 self._root[node].set_transform(matrix)
             self._move(animation, ghost.t - motion.t[0], placed)

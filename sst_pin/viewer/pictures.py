@@ -68,10 +68,10 @@ def gif(
     # One palette for all: colours that change from frame to frame flicker.
     coverage = Image.Quantize.MAXCOVERAGE  # leaves white white
     palette = pictures[len(pictures) // 3].quantize(128, coverage, dither=Image.Dither.NONE)
-    first, *rest = (p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures)
+    images = [p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures]
     file = io.BytesIO()
     duration = round(1000 * seconds / frames)
-    first.save(file, "GIF", save_all=True, append_images=rest, duration=duration, loop=0)
+    images[0].save(file, "GIF", save_all=True, append_images=images[1:], duration=duration, loop=0)
     return file.getvalue()
 
 

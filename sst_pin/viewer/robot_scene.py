@@ -56,36 +56,41 @@ class Scene:
     ) -> None:
         if not isinstance(robot, ClosedChain):
             raise InputError("robot", f"a ClosedChain is needed, not {type(robot).__name__}")
-        self._model = model = robot.mechanism.model
+        model = robot.mechanism.model
+        self._model = model
         self._data = model.createData()
         bodies = robot.visual_model if visual_model is None else visual_model
-        #: All shapes that do not change with the torques.
-        self.shapes = [shape for body in bodies.geometryObjects for shape in body_shapes(body)]
-        bare = not self.shapes
+        #: All shapes that do not change with the torques: first those of the bodies.
+        self.shapes = list[Shape]()
+        for body in bodies.geometryObjects:
+            self.shapes += body_shapes(body)
+        has_no_shapes = not self.shapes
         #: The first configuration, shape (nq,).
         self.start = start_of(robot.engine, chosen=True)
         #: The frame whose path is drawn, or None.
         self.point = robot.appearance.point if frame is None else drawn_frame(model, frame)
-        lines = sketch.axes_of(model, self._data, self.start)
+        rate_axes = sketch.axes_of(model, self._data, self.start)
         #: A length of the robot, [m].
-        self.size = size = self._size(robot)
+        self.size = self._size(robot)
+        size = self.size
         B = robot.actuation
-        colours = {lines[i].joint: HUES[motor % len(HUES)] for i, motor in np.argwhere(B)[::-1]}
+        # A joint has the colour of its first motor.
+        colours = dict[int, str]()
+        for rate, motor in np.argwhere(B):
+            colours.setdefault(rate_axes[rate].joint, HUES[motor % len(HUES)])
         #: Shapes that run from one body to another.
-        self.struts = list(sketch.struts(robot, lines, size))
+        self.struts = list(sketch.struts(robot, rate_axes, size))
         #: Places of the contacts, which move as no body does.
         self.touches = sketch.touches_of(robot)
-        named, self.labels = sketch.labelled(robot, lines, self.point, size)
-        self.shapes += [
-            *sketch.skeleton(robot, lines, colours, size),
-            *sketch.masses(model),
-            *(strut.shape for strut in self.struts),
-            *sketch.contact_shapes(self.touches),
-            *named,
-        ]
+        axes_and_frames, self.labels = sketch.labelled(robot, rate_axes, self.point, size)
+        self.shapes += sketch.skeleton(robot, rate_axes, colours, size)
+        self.shapes += sketch.masses(model)
+        self.shapes += [strut.shape for strut in self.struts]
+        self.shapes += sketch.contact_shapes(self.touches)
+        self.shapes += axes_and_frames
         #: Torques of the motors, the forces of reactions, and those of contacts.
         self.arrows: list[Arrow | Pull | Dot] = list(
-            sketch.arrows_of(model, self._data, lines, B, _ARROW * size)
+            sketch.arrows_of(model, self._data, rate_axes, B, _ARROW * size)
         )
         #: Number of the forces of reactions: one for each joint and closure, or none.
         self.reactions = model.njoints - 1 + len(robot.closures) if reactions else 0
@@ -93,13 +98,16 @@ class Scene:
             self.arrows += sketch.pulls_of(robot, _ARROW * size)
         first = len(robot.motor_names) + 3 * self.reactions
         self.arrows += sketch.contact_forces_of(self.touches, first, _ARROW * size)
-        present = {shape.layer for shape in (*self.shapes, *(a.shape for a in self.arrows))}
-        present |= {"trail"} if self.point else set()
+        present = {shape.layer for shape in self.shapes}
+        present.update(arrow.shape.layer for arrow in self.arrows)
+        if self.point:
+            present.add("trail")
         #: Where the camera stands to see a planar robot face-on, seen from the robot; or None.
-        self.face = self._face(lines)
+        self.face = self._face(rate_axes)
+        # Others are shown at first.
         shown = {
-            "skeleton": bare,
-            "inertia": bare and self.face is None,
+            "skeleton": has_no_shapes,
+            "inertia": has_no_shapes and self.face is None,
             "axes": axes,
             "frames": frames,
         }
@@ -199,13 +207,19 @@ class Scene:
 
     def _size(self, robot: ClosedChain) -> float:
         """A length of the robot, [m]: given, or a quarter of the diagonal of its bounding box."""
-        if (size := robot.appearance.size) is not None:
-            return size
+        if robot.appearance.size is not None:
+            return robot.appearance.size
         poses = self._joints(self.start)
-        placed = [moved(moved(x.mesh.vertices, x.at), poses[int(x.mover)]) for x in self.shapes]
-        pairs = zip(sketch.joined_points(robot), poses, strict=True)
-        placed = placed or [moved(np.array(points), at) for points, at in pairs if points]
-        return float(np.linalg.norm(np.ptp(np.vstack(placed), axis=0))) / 4 or 1.0
+        points = []
+        for shape in self.shapes:
+            on_body = moved(shape.mesh.vertices, shape.at)
+            points.append(moved(on_body, poses[int(shape.mover)]))
+        if not points:
+            for of_body, pose in zip(sketch.joined_points(robot), poses, strict=True):
+                if of_body:
+                    points.append(moved(np.array(of_body), pose))
+        diagonal = np.linalg.norm(np.ptp(np.vstack(points), axis=0))
+        return float(diagonal) / 4 or 1.0
 
 
 def _farthest(points: Array) -> Array:

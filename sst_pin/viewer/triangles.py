@@ -65,7 +65,9 @@ def _tangents(points: Array) -> Array:
 def arrow(points: ArrayLike, radius: float) -> Mesh:
     """A tube along a line that ends in an arrow's head, which is the last step."""
     points = np.asarray(points, dtype=float)
-    shaft, neck, tip = points[:-1], points[-2], points[-1]
+    shaft = points[:-1]
+    neck = points[-2]
+    tip = points[-1]
     line = np.vstack([shaft, neck, neck, tip])
     radii = [radius] * (len(shaft) + 1) + [2.6 * radius, 0]
     return tube(line, radii)
