@@ -115,26 +115,33 @@ def base_parameters(
     if motion is None:
         count = int(_ROWS * len(considered) / chain.degrees_of_freedom) + 10
         motion = random_states(chain, count, seed)
-    Y = chain.torque_regressor(*motion)[..., considered]
+    q, va, aa = motion
+    Y = chain.torque_regressor(q, va, aa)[..., considered]
     rows = Y.reshape(-1, len(considered))
     lengths = np.linalg.norm(rows, axis=1, keepdims=True)
     rows = rows / np.where(lengths, lengths, 1)  # large forces must not hide small ones
     if len(rows) < len(considered):
         problem = f"{len(rows)} equations for {len(considered)} parameters; give more samples"
         raise InputError("motion", problem)
+    # Columns that the forces depend on; each is a combination of the independent ones.
     sizes = np.linalg.norm(rows, axis=0)
     seen = np.flatnonzero(sizes > _DEPENDENT * sizes.max(initial=0.0))
+    is_independent = np.isin(seen, independent(rows, _DEPENDENT))
     scaled = rows[:, seen] / sizes[seen]
-    first = np.isin(seen, independent(rows, _DEPENDENT))
-    factors = np.linalg.lstsq(scaled[:, first], scaled, rcond=None)[0]
-    ratios = sizes[seen] / sizes[seen[first], None]
-    matrix = np.zeros((int(first.sum()), len(theta)))
+    factors = np.linalg.lstsq(scaled[:, is_independent], scaled, rcond=None)[0]
     # Smaller factors, in the units of the columns, are rounding.
-    matrix[:, considered[seen]] = np.where(np.abs(factors) > _DEPENDENT, factors * ratios, 0.0)
-    names = tuple(_combination(row, theta.names) for row in matrix)
-    unseen = tuple(theta.names[k] for k in np.delete(considered, seen))
-    columns = considered[seen[first]]
-    return BaseParameters(names, matrix, columns, considered, unseen, theta.names)
+    factors[np.abs(factors) <= _DEPENDENT] = 0.0
+    ratios = sizes[seen] / sizes[seen[is_independent], None]
+    matrix = np.zeros((int(is_independent.sum()), len(theta)))
+    matrix[:, considered[seen]] = factors * ratios
+    return BaseParameters(
+        names=tuple(_combination(row, theta.names) for row in matrix),
+        matrix=matrix,
+        columns=considered[seen[is_independent]],
+        considered=considered,
+        unseen=tuple(theta.names[k] for k in np.delete(considered, seen)),
+        parameters=theta.names,
+    )
 
 
 def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array, Array, Array]:
@@ -215,7 +222,7 @@ def _beyond_limits(chain: ClosedChain, q: Array) -> dict[tuple[str, ...], float]
 def _within_limits(chain: ClosedChain, start: Array, random: np.random.Generator) -> Array:
     """A configuration near the middle of the limits, in the assembly mode of the start.
 
-    Random motions that lead towards the middle are kept.
+    It follows random motions that lead towards the middle.
     """
     mechanism = chain.mechanism
     low = mechanism.model.lowerPositionLimit
@@ -253,20 +260,26 @@ def _considered(names: Sequence[str], values: Array, which: Sequence[str] | None
     patterns = (which,) if isinstance(which, str) else arrays.names("which", which)
     if not patterns:
         raise InputError("which", "no names; None considers all parameters of bodies")
-    fits = np.array([[fnmatchcase(name, pattern) for name in names] for pattern in patterns])
-    for pattern, fit in zip(patterns, fits, strict=True):
-        if not fit.any():
+    is_considered = np.zeros(len(names), dtype=bool)
+    for pattern in patterns:
+        fits = np.array([fnmatchcase(name, pattern) for name in names])
+        if not fits.any():
             raise UnknownNameError("parameter", pattern, list(names))
-    return np.flatnonzero(fits.any(axis=0))
+        is_considered |= fits
+    return np.flatnonzero(is_considered)
 
 
 def _combination(row: Array, names: Sequence[str]) -> str:
     """A sum of parameters with their factors as text."""
     text = ""
     for k in np.flatnonzero(row).tolist():
-        size = "" if abs(abs(row[k]) - 1) < _DEPENDENT else f"{abs(row[k]):.4g} "
-        sign = ("- " if row[k] < 0 else "+ ") if text else ("-" if row[k] < 0 else "")
-        text += f"{' ' if text else ''}{sign}{size}{names[k]}"
+        term = names[k]
+        if abs(abs(row[k]) - 1) >= _DEPENDENT:
+            term = f"{abs(row[k]):.4g} {term}"
+        if not text:
+            text = f"-{term}" if row[k] < 0 else term
+        else:
+            text += f" - {term}" if row[k] < 0 else f" + {term}"
     return text
 
 
@@ -280,12 +293,12 @@ def independent(A: Array, tolerance: float) -> Indices:
     basis = np.zeros((len(A), min(A.shape)))
     chosen = list[int]()
     for k in seen:
-        left = A[:, k] / sizes[k]
+        residual = A[:, k] / sizes[k]
         before = basis[:, : len(chosen)]
         for _ in range(2):  # the second time removes the rounding of the first
-            left = left - before @ (before.T @ left)
-        size = float(np.linalg.norm(left))
+            residual = residual - before @ (before.T @ residual)
+        size = float(np.linalg.norm(residual))
         if size > tolerance and len(chosen) < basis.shape[1]:
-            basis[:, len(chosen)] = left / size
+            basis[:, len(chosen)] = residual / size
             chosen.append(int(k))
     return np.array(chosen, dtype=np.intp)

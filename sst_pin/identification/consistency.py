@@ -125,7 +125,7 @@ def _least_squares(
     try:
         root = np.linalg.cholesky(found.covariance)
     except np.linalg.LinAlgError:
-        problem = "its combinations cannot be told apart; base_parameters(motion=) finds others"
+        problem = "its combinations cannot be distinguished; base_parameters(motion=) finds others"
         raise InputError("found", problem) from None
     rows = solve_triangular(root, found.base.matrix, lower=True)
     # Deviations from the prior keep their digits beside values that are known a million times
