@@ -1,8 +1,17 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Partial derivatives on the tree of the closures' rows: of Phi v and of its rate.
+"""Partial derivatives of the closures' rows on the tree: of Phi v and of its rate.
 
 Derivatives by q are taken along each rate of the tree, as Pinocchio's are. Twists and wrenches run
-[linear; angular], in world axes, reduced at the world's origin.
+[linear; angular], in world axes, reduced at the world's origin; x is their Lie bracket.
+
+A rate i moves all that stands after its joint. So it changes the twist t and the acceleration a of
+a frame after it by
+
+    dt/dq_i = J_i x (t - t_i),
+    da/dq_i = J_i x (a - a_i) - (J_i x t_i) x (t - t_i),
+
+where J_i is its own twist at unit rate, and t_i and a_i are the twist and the acceleration of the
+body that carries its joint.
 """
 
 from __future__ import annotations
@@ -23,21 +32,29 @@ _STEP = 1e-50
 
 
 class TreeMotion:
-    """The motion of a tree at the configuration of its loops, with rates v and v_dot."""
+    """The motion of a tree at the configuration of its loops, with rates v and v_dot.
+
+    Attributes:
+        v, v_dot: The rates and accelerations, shape (nv,).
+        J, J_dot: J_i and its rate for each rate i of the normal tree, shape (6, rates).
+        carried: J_i x t_i, shape (6, rates).
+        carried_twice: J_i x a_i - (J_i x t_i) x t_i, shape (6, rates).
+    """
 
     def __init__(self, loops: Loops, v: Array, v_dot: Array) -> None:
         self._loops, self.v, self.v_dot = loops, v, v_dot
         tree, data = loops.tree, loops.data
         rates, accelerations = tree.S.dot(v), tree.S.dot(v_dot)
         pin.computeJointJacobiansTimeVariation(tree.model, data, loops.q, rates)
-        self.J, self.J_dot = (np.array(x).reshape(6, -1) for x in (data.J, data.dJ))
-        before = tree.before * rates[:, None]
-        twist, acceleration = self.J.dot(before), self.J_dot.dot(before)
-        acceleration += self.J.dot(tree.before * accelerations[:, None])
-        # J_k is the twist of rate k; t and a are the twist and acceleration of its joint's parent.
-        # The two are J_k x t and J_k x a - (J_k x t) x t.
-        self.borne = brackets(self.J, twist)
-        self.borne_on = brackets(self.J, acceleration) - brackets(self.borne, twist)
+        self.J = np.array(data.J).reshape(6, -1)
+        self.J_dot = np.array(data.dJ).reshape(6, -1)
+        # Column i has the rates before rate i, zero for the others.
+        rates_before = tree.before * rates[:, None]
+        accelerations_before = tree.before * accelerations[:, None]
+        t = self.J.dot(rates_before)
+        a = self.J_dot.dot(rates_before) + self.J.dot(accelerations_before)
+        self.carried = brackets(self.J, t)
+        self.carried_twice = brackets(self.J, a) - brackets(self.carried, t)
 
     def frames(self, joints: Sequence[int], places: Sequence[Array]) -> FrameMotions:
         """Motions of frames at places, shapes (4, 4), on bodies of the normal tree."""
@@ -65,15 +82,15 @@ class FrameMotions:
         self, motion: TreeMotion, tree: NormalTree, joints: Sequence[int], places: Array
     ) -> None:
         moves = tree.supports[list(joints), None]
-        J, J_dot, borne, borne_on = (
-            (x * moves).dot(tree.S) for x in (motion.J, motion.J_dot, motion.borne, motion.borne_on)
-        )
+        J = (motion.J * moves).dot(tree.S)
+        J_dot = (motion.J_dot * moves).dot(tree.S)
+        carried = (motion.carried * moves).dot(tree.S)
+        carried_twice = (motion.carried_twice * moves).dot(tree.S)
         self.J, self.twist = J, J.dot(motion.v)
         self.acceleration = J.dot(motion.v_dot) + J_dot.dot(motion.v)
-        # A rate turns all that moves between its joint and the frame.
-        at, at_2 = _bracket_matrix(self.twist), _bracket_matrix(self.acceleration)
-        self.twist_q = -at @ J - borne
-        self.acceleration_q = at @ borne - at_2 @ J - borne_on
+        t_x, a_x = _bracket_matrix(self.twist), _bracket_matrix(self.acceleration)
+        self.twist_q = -t_x @ J - carried
+        self.acceleration_q = -a_x @ J + t_x @ carried - carried_twice
         self.acceleration_v = self.twist_q + J_dot
         self.M, self.M_t = places, hat(self.twist) @ places
         self.M_q = hat(np.moveaxis(J, -1, 0)) @ places
@@ -163,7 +180,7 @@ def brackets(a: Array, b: Array) -> Array:
 
 
 def _bracket_matrix(twist: Array) -> Array:
-    """The matrices that take another twist to the bracket of these with it, shape (k, 6, 6)."""
+    """The matrices with which t x s = matrix s, for twists t, shape (k, 6, 6)."""
     matrix = np.zeros((len(twist), 6, 6))
     matrix[:, :3, :3] = matrix[:, 3:, 3:] = skew(twist[:, 3:])
     matrix[:, :3, 3:] = skew(twist[:, :3])

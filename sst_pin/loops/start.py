@@ -137,35 +137,26 @@ def placed(closer: Closer, positions: Mapping[str, float], guess: ArrayLike | No
     """
     mechanism, space = closer.loops.mechanism, closer.loops.mechanism.space
     if guess is None:
-        start = start_of(closer, chosen=angles_and_lengths(space).keys() <= positions.keys())
+        all_are_named = angles_and_lengths(space).keys() <= positions.keys()
+        start = start_of(closer, chosen=all_are_named)
     else:
         start = finite_array("start", guess, (mechanism.model.nq,))
-    follows = set(positions) <= set(mechanism.coordinate_rate_names) and bool(
-        closer.loops.are_closed(start)
-    )
-    if follows:
+    not_moved: ClosureError | None = None
+    if set(positions) <= set(mechanism.coordinate_rate_names) and closer.loops.are_closed(start):
         try:
             return closer.closed(put(space, _moved(closer, start, positions), positions))
         except ClosureError as error:
-            moved = ", ".join(positions)
-            why = f"{moved} cannot be moved from the start to their positions ({error})"
-    try:
+            not_moved = error
+    if guess is None:
+        q = _assembled_from_start_or_example(closer, start, positions)
+    else:
         q = _assembled(closer, start, positions)
-        far = _far(mechanism, q, positions)
-    except ClosureError:
-        if guess is not None:
-            raise
-        q = _assembled(closer, closer.loops.example(), positions)
-        far = _far(mechanism, q, positions)
-    if far and guess is None:
-        with suppress(ClosureError):
-            other = _assembled(closer, closer.loops.example(), positions)
-            if not _far(mechanism, other, positions):
-                return other
-    if follows:
+    far = _far(mechanism, q, positions)
+    if not_moved is not None:
         _warn(
             closer,
-            why,
+            f"{', '.join(positions)} cannot be moved from the start to their positions "
+            f"({not_moved})",
             "give a configuration near them as start, or positions of dependent joints too, as "
             "assemble({joint: position, ...}, fixed=[joints whose positions hold])",
         )
@@ -175,6 +166,23 @@ def placed(closer: Closer, positions: Mapping[str, float], guess: ArrayLike | No
             f"no assembly was found with {listed(far)} at these coordinates",
             "correct these positions, or give those of other dependent joints",
         )
+    return q
+
+
+def _assembled_from_start_or_example(
+    closer: Closer, start: Array, positions: Mapping[str, float]
+) -> Array:
+    """The assembly nearest to the start, or to the example if only that one is at the positions."""
+    mechanism = closer.loops.mechanism
+    try:
+        q = _assembled(closer, start, positions)
+    except ClosureError:
+        return _assembled(closer, closer.loops.example(), positions)
+    if _far(mechanism, q, positions):
+        with suppress(ClosureError):
+            other = _assembled(closer, closer.loops.example(), positions)
+            if not _far(mechanism, other, positions):
+                return other
     return q
 
 
