@@ -40,13 +40,11 @@ class CoordinateChange:
         """Whether the limit is the largest one that a user allows, or more."""
         return self.limit >= self._largest
 
-    def allow_nearer(self) -> None:
-        """Raise the limit, for a motion that approaches a singular configuration."""
-        self.limit *= _NEAR_SINGULARITY
-
-    def restore(self) -> None:
-        """Lower the limit to the largest one that a user allows, after an approach."""
-        self.limit = min(self._largest, self.limit)
+    def settle(self, state: MotionState) -> MotionState:
+        """The state in good coordinates; `limit` is set for these."""
+        space, condition = self._robot_space.suited(state.q)
+        self.limit = min(self._largest, max(_POOR, MARGIN * condition))
+        return state.in_coordinates_of(space)
 
     def settle_behind(self, state: MotionState) -> MotionState:
         """The same as `settle` just behind a singular configuration."""
@@ -56,11 +54,13 @@ class CoordinateChange:
         self.limit = max(self.limit, MARGIN * condition)
         return settled
 
-    def settle(self, state: MotionState) -> MotionState:
-        """The state in good coordinates; `limit` is set for these."""
-        space, condition = self._robot_space.suited(state.q)
-        self.limit = min(self._largest, max(_POOR, MARGIN * condition))
-        return state.in_coordinates_of(space)
+    def allow_nearer(self) -> None:
+        """Raise the limit, for a motion that approaches a singular configuration."""
+        self.limit *= _NEAR_SINGULARITY
+
+    def restore(self) -> None:
+        """Lower the limit to the largest one that a user allows, after an approach."""
+        self.limit = min(self._largest, self.limit)
 
     def better_exist(self, state: MotionState, *, near_singularity: bool) -> bool:
         """Whether the robot's coordinates are good again, or the condition far below its limit.

@@ -155,7 +155,7 @@ class Integration:
 
             self._steps.shorten(fraction)
             t = step.start + fraction * step.length
-            earlier = self._crossing.go_back(state, t, q)
+            earlier = self._crossing.begin_approach(state, t, q)
             if earlier is not None:
                 self._coordinates.allow_nearer()
                 return earlier

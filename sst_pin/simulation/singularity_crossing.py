@@ -83,11 +83,15 @@ class SingularityCrossing:
         """Add a state to those from which the motion is extrapolated."""
         self._past.append(state)
 
-    def go_back(self, state: MotionState, t: float, q: Array) -> MotionState | None:
-        """An earlier state if a singular configuration is ahead of q at time t; it is approached.
+    def begin_approach(self, state: MotionState, t: float, q: Array) -> MotionState | None:
+        """Begin to approach a singular configuration that is ahead of q at time t.
 
         `state` is the last one before t. The smallest singular value of Phi falls from a to b on
         the way from there to q, so it is expected to be zero (t - state.t) b / (a - b) after t.
+
+        Returns:
+            An earlier state, from which the approach begins; None if nothing singular is ahead, or
+            if it has been tried before.
         """
         space = state.space
         if not self._active or self.approach is not None:
