@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: BSD-2-Clause
 """Elimination block by block, and loops that share links."""
 
 import casadi as ca
