@@ -113,7 +113,7 @@ class Engine:
         self.loops = ClosedLoops(mechanism, lambda: reference.context.assembly)
         self.arguments = EngineArguments(mechanism, self.loops, platform)
         self._n = len(mechanism.coordinates)
-        self._motors = mechanism.motors.shape[1]
+        self._motors = mechanism.motor_count
         if kernels is not None:
             self._kernels = kernels
 

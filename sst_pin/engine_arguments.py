@@ -44,7 +44,7 @@ class EngineArguments:
         arrays = [as_array("q", q, (mechanism.model.nq,))]
         for name, value in others.items():
             if name == "tau":
-                arrays.append(as_array(name, value, (mechanism.motors.shape[1],)))
+                arrays.append(as_array(name, value, (mechanism.motor_count,)))
             else:
                 arrays.append(self._of_coordinates(name, value))
         return arrays
@@ -67,7 +67,7 @@ class EngineArguments:
         try:
             return as_array(name, value, (n,))
         except InputError as error:
-            if n != mechanism.motors.shape[1]:  # a likely mistake is a number for each motor
+            if n != mechanism.motor_count:  # a likely mistake is a number for each motor
                 names = listed(mechanism.coordinate_rate_names)
                 error.args = (
                     f"{error.args[0]}: one for each rate of the coordinates {names}; in another "

@@ -96,7 +96,7 @@ def single_calls(
     world.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER  # MuJoCo's default, one evaluation
     mechanism, constrained = chain.mechanism, Constrained(chain)
     tau = np.ones(len(chain.motor_names))
-    force = mechanism.motors @ tau
+    force = mechanism.actuation @ tau
     if bare:
         found = constrained.accelerations(q, v, force)[mechanism.coordinates]
         assert np.allclose(found, chain.compute_accelerations(q, va, tau), rtol=1e-5)

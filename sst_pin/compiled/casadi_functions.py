@@ -52,7 +52,7 @@ class CasadiFunctions:
         self._mechanism = mechanism = reference.mechanism
         self.nq = mechanism.model.nq
         self.n = len(mechanism.coordinates)
-        self.motors = mechanism.motors.shape[1]
+        self.motors = mechanism.motor_count
         self._compiled = compiled
         samples = sample_configurations(reference, near)
         self._equations = Equations(mechanism, samples, loaded, smooth=True)

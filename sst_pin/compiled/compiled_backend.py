@@ -303,7 +303,7 @@ class CompiledBackend:
         mechanism = self._mechanism
         forces = Quantity("generalized_forces")
         written_out = not impossible(mechanism, "accelerations")
-        if written_out or mechanism.lines.motors.any() or mechanism.without_mass:
+        if written_out or mechanism.lines.actuation.any() or mechanism.without_mass:
             return None
 
         def forces_of(loaded: bool) -> "Kernel":
@@ -324,7 +324,7 @@ class CompiledBackend:
         forces = key._replace(name="torque_derivatives")
         smooth = replace(mechanism.friction, sign_width=key.sign_width or 0.0)
         accelerations = self._by_columns(smooth)
-        if accelerations is None or mechanism.motors[mechanism.dependent].any():
+        if accelerations is None or mechanism.actuation[mechanism.dependent].any():
             return None
 
         def forces_of(loaded: bool) -> "Kernel":
@@ -490,7 +490,7 @@ def _closed(reference: Reference, q: Array | None) -> bool:
 
 def impossible(mechanism: Mechanism, quantity: Name) -> str:
     """The reason why a quantity has no kernel; empty where it has one."""
-    nv, motors = mechanism.motors.shape
+    nv, motors = mechanism.actuation.shape
     n = len(mechanism.coordinates)
     if mechanism.without_mass and quantity in ("accelerations", "acceleration_derivatives"):
         return "the mass matrix is singular"

@@ -269,7 +269,7 @@ class ByColumns:
         failures = self._rates.many((q, self._unit), L_transposed)
         if len(failures):
             return np.full(len(L_transposed), np.nan)
-        return L_transposed.dot(self._mechanism.motors.dot(tau))
+        return L_transposed.dot(self._mechanism.actuation.dot(tau))
 
     def state_rate(self, q: Array, va: Array, tau: Array, wrenches: Array | None) -> Array | None:
         """Rates of q and va at one closed configuration; None where the kernels fail."""
@@ -302,7 +302,7 @@ class DerivativesByColumns:
     ) -> None:
         self._accelerations = accelerations
         self._forces = forces
-        self._motor_matrix = mechanism.motors[mechanism.coordinates]  # L^T B
+        self._motor_matrix = mechanism.actuation[mechanism.coordinates]  # L^T B
 
     #: It computes by `many` only.
     answer = None

@@ -93,7 +93,7 @@ class Equations:
         self._dependent = [int(i) for i in mechanism.dependent]
         self._rates = range(model.nv)
         self.va, self.aa = (SX.sym(name, len(self._coordinates)) for name in ("va", "aa"))
-        self.tau = SX.sym("tau", mechanism.motors.shape[1])
+        self.tau = SX.sym("tau", mechanism.motor_count)
         self.loads = SX.sym("loads", 6 * (model.njoints - 1) if loaded else 0)
         self.tree = TreeDynamics(
             mechanism, self.kinematics, self.parameters, self.p, self.loads, smooth, welded
@@ -304,7 +304,7 @@ class Equations:
     @cached_property
     def motor_columns(self) -> list[Sparse]:
         """Columns of B, motors on lines included."""
-        pairs = zip(self.mechanism.motors.T, self.mechanism.lines.motors.T, strict=True)
+        pairs = zip(self.mechanism.actuation.T, self.mechanism.lines.actuation.T, strict=True)
         return [
             add({i: float(b) for i, b in enumerate(on_rates) if b}, self.tree.along_lines(on_lines))
             for on_rates, on_lines in pairs

@@ -204,7 +204,7 @@ def _unstretched_lengths(mechanism: Mechanism, style: Style) -> tuple[str, str]:
     arrays = [("q", mechanism.model.nq), ("tau", motors), ("stiffness", motors)]
     inputs = ", ".join(f"const {style.type} {x}[{size}]" for x, size in arrays)
     head = f"int robot_unstretched_lengths({inputs}, {style.type} lengths[{motors}])"
-    factors = mechanism.lines.motors[mechanism.motor_lines, np.arange(motors)].tolist()
+    factors = mechanism.lines.actuation[mechanism.motor_lines, np.arange(motors)].tolist()
     blanks = {
         "head": head,
         "type": style.type,

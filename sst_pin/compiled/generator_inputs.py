@@ -79,10 +79,10 @@ def fingerprint(
     parts = (
         (LinkTree.of(model), list(model.names), [(x.idx_q, x.idx_v) for x in model.joints]),
         {name: (x.parentJoint, x.placement.homogeneous) for name, x in frames.items()},
-        (mechanism.closures, lines, mechanism.lines.motors),
+        (mechanism.closures, lines, mechanism.lines.actuation),
         # Springs of cables are written out where they are stiff.
         (mechanism.lines.pull_only, mechanism.lines.numbers[0] > 0) if cables else (),
-        (mechanism.coordinates, mechanism.motors, mechanism.row_scale, mechanism.rate_scale),
+        (mechanism.coordinates, mechanism.actuation, mechanism.row_scale, mechanism.rate_scale),
         (vars(parameters), mechanism.length),
         [x.lever for i, x in enumerate(model.inertias) if i not in parameters.bodies],
         (frame, near if near is None else near.round(6) + 0.0),

@@ -68,7 +68,7 @@ def _pushes(e: Equations, tau: SX) -> Sparse:
     pushes = {}
     inertial = e.tree.inertial_pulls(e.v, e.dv)
     for k, pull in enumerate(map(operator.add, e.tree.pulls(e.v), inertial)):
-        shares = enumerate(e.mechanism.lines.motors[k])
+        shares = enumerate(e.mechanism.lines.actuation[k])
         push = total([-pull, *(float(share) * tau[m] for m, share in shares if share)])
         pushes[len(e.rows) + k] = push / e.tree.lines[k].length
     return pushes

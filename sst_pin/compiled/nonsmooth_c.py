@@ -36,7 +36,7 @@ def library(entry: str, equations: Equations, rows: NonsmoothRows, lanes: int) -
     kernel = three[1]
     inputs = [symbols.numel() for symbols in kernel.inputs.values()]
     contacts = mechanism.contacts
-    motors = mechanism.motors.shape[1]
+    motors = mechanism.motor_count
     counts = (
         layout.n,
         inputs[0],

@@ -127,7 +127,7 @@ class NonsmoothTerms:
         layout.implicit_row += [self._of_joint(rate) for rate in implicit_rates(self._e.parameters)]
         for k in other_lines(rows):
             layout.implicit_row.append(self._add(self._reduced(self._e.tree.lines[k].row)))
-        layout.implicit_row += [self._of_motor(k) for k in range(mechanism.motors.shape[1])]
+        layout.implicit_row += [self._of_motor(k) for k in range(mechanism.motor_count)]
 
     def _add(self, row: SX) -> int:
         """Add a row on the coordinates; its number."""
@@ -146,8 +146,8 @@ class NonsmoothTerms:
 
     def _of_motor(self, k: int) -> int:
         """The row of the rate of a motor; cables are left out."""
-        on_rates = self._mechanism.motors[:, k]
-        on_lines = self._mechanism.lines.motors[:, k].copy()
+        on_rates = self._mechanism.actuation[:, k]
+        on_lines = self._mechanism.lines.actuation[:, k].copy()
         on_lines[self._rows.cables] = 0
         (driven,) = np.nonzero(on_rates)
         if len(driven) == 1 and on_rates[driven[0]] == 1 and not on_lines.any():
@@ -166,14 +166,14 @@ class NonsmoothTerms:
     def _motor_positions(self) -> SX:
         """Position of each motor; of rates without a position, zero."""
         model = self._mechanism.model
-        sprung = set(self._mechanism.sprung.tolist())
+        sprung = set(self._mechanism.possible_springs.tolist())
         neutral = {i: SX(float(x)) for i, x in enumerate(pin.neutral(model))}
         moves = self._e.kinematics.difference(
             {i: x for i, x in neutral.items() if i in self._positioned}
         )
         positions = []
         for of_rates, of_lines in zip(
-            self._mechanism.motors.T, self._mechanism.lines.motors.T, strict=True
+            self._mechanism.actuation.T, self._mechanism.lines.actuation.T, strict=True
         ):
             terms = [
                 float(of_rates[k]) * moves[int(k)]
@@ -189,7 +189,9 @@ class NonsmoothTerms:
     @cached_property
     def _positioned(self) -> set[int]:
         """Entries of q of the joints that motors drive and that have positions."""
-        driven = set(self._mechanism.driven.tolist()) & set(self._mechanism.sprung.tolist())
+        driven = set(self._mechanism.driven.tolist()) & set(
+            self._mechanism.possible_springs.tolist()
+        )
         entries: set[int] = set()
         for joint in list(self._mechanism.model.joints)[1:]:
             if driven.intersection(range(joint.idx_v, joint.idx_v + joint.nv)):

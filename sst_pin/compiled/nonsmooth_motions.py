@@ -100,7 +100,7 @@ def parameter_values(rows: NonsmoothRows, parameters: SymbolicParameters) -> Arr
         rest[cables],
         damping[cables],
         preload[cables],
-        mechanism.lines.motors[cables].ravel(),
+        mechanism.lines.actuation[cables].ravel(),
         [x.limit for x in rows.stops],
         mechanism.friction.coulomb[rows.dry],
         mechanism.friction.viscous[rates],

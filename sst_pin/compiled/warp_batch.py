@@ -233,7 +233,7 @@ class WarpBatch:
         """Shape of an array of one sample."""
         model = self._mechanism.model
         n = self._n
-        motors = self._mechanism.motors.shape[1]
+        motors = self._mechanism.motor_count
         return {
             "q": (model.nq,),
             "tau": (motors,),

@@ -52,7 +52,7 @@ def unstretched_lengths(
         raise InputError("chain", f"the motors {listed(others)} are no cables: each acts on a line")
     stiffness = one_or_each("stiffness_times_length", stiffness_times_length, motors)
     torques = finite_array("tau", tau, (motors,))
-    factors = mechanism.lines.motors[line_of, np.arange(motors)]
+    factors = mechanism.lines.actuation[line_of, np.arange(motors)]
     tensions = -torques * factors  # a positive force pushes
     least = -_SLACK * np.abs(tensions).max(initial=0.0)
     pushes = (tensions < least).reshape(-1, motors).any(axis=0)

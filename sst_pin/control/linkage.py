@@ -46,7 +46,7 @@ class Linkage:
         self._require_motors(J)
         # A motor of a joint without limits is at the same position after a turn of the joint.
         endless = ~np.isin(space.rate_names, space.position_names)
-        self._turns = 2 * np.pi * np.abs(chain.mechanism.motors[:, self._rows]).T @ endless
+        self._turns = 2 * np.pi * np.abs(chain.mechanism.actuation[:, self._rows]).T @ endless
 
     def _require_motors(self, J: Array) -> None:
         """Raise an error unless the motors hold the joints and move no others; J has no units."""
@@ -140,8 +140,11 @@ class Linkage:
         None if a motor moves several joints or a line.
         """
         mechanism = self.chain.mechanism
-        B = mechanism.motors[:, self._rows]
-        if mechanism.lines.motors[:, self._rows].any() or (np.count_nonzero(B, axis=0) != 1).any():
+        B = mechanism.actuation[:, self._rows]
+        if (
+            mechanism.lines.actuation[:, self._rows].any()
+            or (np.count_nonzero(B, axis=0) != 1).any()
+        ):
             return None
         J = self.actuator_jacobian(self.chain.generic_configuration()) / self._units[:, None]
         # The first motors whose rows are independent; the others follow.
@@ -163,10 +166,10 @@ class Linkage:
         """Positions of the motors, shape (..., motors); for a motor on a line its length."""
         mechanism = self.chain.mechanism
         array = self._configurations(q)
-        B = mechanism.motors[:, self._rows]
+        B = mechanism.actuation[:, self._rows]
         driven = np.flatnonzero(B.any(axis=1))
         at_joints = taken(mechanism.space, array, [mechanism.space.rate_names[k] for k in driven])
-        on_lines = self.chain.line_lengths(array) @ mechanism.lines.motors[:, self._rows]
+        on_lines = self.chain.line_lengths(array) @ mechanism.lines.actuation[:, self._rows]
         return np.asarray(at_joints @ B[driven] + on_lines)
 
     def actuator_jacobian(self, q: ArrayLike) -> Array:

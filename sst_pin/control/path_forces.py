@@ -121,7 +121,7 @@ class MotorLimits:
         self.accelerations = self._bounds("accelerations", accelerations)
         if self.torques is None and self.accelerations is None:
             raise InputError("torques, accelerations", "give limits of torques or accelerations")
-        if accelerations is not None and chain.mechanism.lines.motors.any():
+        if accelerations is not None and chain.mechanism.lines.actuation.any():
             raise InputError("accelerations", "not for motors on lines")
 
     def _bounds(self, name: str, value: ArrayLike | None) -> Array | None:
@@ -140,7 +140,7 @@ class MotorLimits:
         if self.torques is not None:
             parts.append(part_of(chain.compute_torques(q, va, aa), self.torques))
         if self.accelerations is not None:
-            motor_accelerations = chain.joint_accelerations(q, va, aa) @ chain.mechanism.motors
+            motor_accelerations = chain.joint_accelerations(q, va, aa) @ chain.mechanism.actuation
             parts.append(part_of(motor_accelerations, self.accelerations))
         return np.hstack(parts)
 

@@ -254,9 +254,9 @@ def _motor_guide(
 
     def motor_rates(q: Array) -> Array:
         """Rates of the motors by those of all joints, free of units."""
-        on_lines = chain.engine.line_rates(q, unit_rates) @ mechanism.lines.motors
+        on_lines = chain.engine.line_rates(q, unit_rates) @ mechanism.lines.actuation
         per_unit = mechanism.rate_scale / mechanism.motor_scale[:, None]
-        return np.asarray((mechanism.motors + on_lines).T * per_unit)
+        return np.asarray((mechanism.actuation + on_lines).T * per_unit)
 
     generic = chain.generic_configuration()
     return FrameGuide(mechanism, generic, frame, with_position, with_orientation, motor_rates)

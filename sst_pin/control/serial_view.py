@@ -156,7 +156,7 @@ class SerialView(Linkage):
         """Least and largest torques of the motors, shape (motors, 2)."""
         if limits is not None:
             return limits_of(finite_array("limits", limits, ()), len(self.motors))
-        B = self.chain.mechanism.motors[:, self._rows]
+        B = self.chain.mechanism.actuation[:, self._rows]
         is_direct = (np.count_nonzero(B, axis=0) == 1) & (np.abs(B).sum(axis=0) == 1)
         effort = np.abs(B).T @ self.chain.mechanism.model.effortLimit
         is_limited = (effort > 0) & (effort < np.finfo(float).max)
@@ -205,7 +205,7 @@ class SerialView(Linkage):
         matrix is the derivative of J; see Eq. (20).
         """
         mechanism = self.chain.mechanism
-        if mechanism.lines.motors[:, self._rows].any():
+        if mechanism.lines.actuation[:, self._rows].any():
             raise InputError("tau", "not for motors on lines")
         k = len(self.joints)
         n = self.chain.degrees_of_freedom
@@ -214,7 +214,7 @@ class SerialView(Linkage):
         sums[..., self._columns] = np.eye(k)[:, None] + np.eye(k)
         each = self._configurations(q)[..., None, None, :]
         of_sums = self.chain.joint_accelerations(each, sums, np.zeros(n))
-        square = of_sums @ mechanism.motors[:, self._rows]
+        square = of_sums @ mechanism.actuation[:, self._rows]
         single = np.einsum("...iim->...im", square) / 4
         slope = (square - single[..., :, None, :] - single[..., None, :, :]) / 2
         return np.einsum("...ijm,...m->...ij", slope, tau)

@@ -335,7 +335,7 @@ class MjcfWriter:
 
     def _shared_effort(self, joint: MjcfJoint) -> float:
         """The largest force on a joint of motors that act on others too; 0 if it has no limit."""
-        motors = self._mechanism.motors
+        motors = self._mechanism.actuation
         rate = int(joint.rates[0])
         acts_on_several = (motors != 0).sum(axis=0) > 1
         limit = float(self._mechanism.model.upperEffortLimit[rate])
@@ -567,7 +567,7 @@ class MjcfWriter:
         for line in mechanism.lines.forces:
             self._add_line(line)
         for k, name in enumerate(mechanism.motor_names):
-            self._add_motor(name, mechanism.motors[:, k], mechanism.lines.motors[:, k])
+            self._add_motor(name, mechanism.actuation[:, k], mechanism.lines.actuation[:, k])
 
     def _joins_branches(self, line: LineForce) -> bool:
         """Whether both ends move relative to the last body that carries both."""

@@ -121,7 +121,7 @@ class Derivatives:
         self, sign_width: float, q: Array, va: Array, aa: Array, wrenches: Array | None
     ) -> Array:
         """Derivatives of f by q, va and aa side by side, shape (n, 3 n)."""
-        tau = np.zeros(self._mechanism.motors.shape[1])
+        tau = np.zeros(self._mechanism.motor_count)
         by_q, by_va, inertia, _ = self._forces(self._friction(sign_width), q, va, aa, tau, wrenches)
         return np.concatenate((by_q, by_va, inertia), axis=1)
 

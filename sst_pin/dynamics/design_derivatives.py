@@ -175,14 +175,14 @@ class Design:
         friction = mechanism.friction
         springs = mechanism.springs
         zero_rates = np.zeros(large.nv)
-        no_motors = np.zeros((large.nv, mechanism.motors.shape[1]))
+        no_motors = np.zeros((large.nv, mechanism.motor_count))
         leading = [large.joints[large.getJointId(name)].idx_v for name in leaders]
         return replace(
             mechanism,
             model=large,
             closures=(*mechanism.closures, *couplings),
             coordinates=np.array([*self._v[mechanism.coordinates], *leading], dtype=np.intp),
-            motors=_put(no_motors, self._v, mechanism.motors),
+            actuation=_put(no_motors, self._v, mechanism.actuation),
             friction=Friction(
                 _put(zero_rates, self._v, friction.viscous),
                 _put(zero_rates, self._v, friction.coulomb),
@@ -233,8 +233,8 @@ class Design:
         for k, motion in enumerate(leader_motions.T):
             by_L[k] = context.complement.L_dot(context.loops.Phi_dot(motion))[:, :n]
             by_A[k] = by_L[k].T @ B
-            if lines.motors.any():
-                by_A[k] += L.T @ context.lines.loops.Phi_dot(motion).T @ lines.motors
+            if lines.actuation.any():
+                by_A[k] += L.T @ context.lines.loops.Phi_dot(motion).T @ lines.actuation
 
         # Derivatives of the forces along the leaders, and by the dynamic parameters.
         if wrenches is not None:
@@ -335,7 +335,7 @@ def design_derivatives(
         reference.designs.clear()  # one is enough for a loop
         reference.designs[key] = Design(reference, groups_of(mechanism, wanted))
     design = reference.designs[key]
-    nv, motors = mechanism.motors.shape
+    nv, motors = mechanism.actuation.shape
     pose_size = 0
     if frame is not None:
         frame_id(mechanism.model, frame)  # refuses an unknown name

@@ -167,9 +167,9 @@ class Context:
 
     def actuation(self, q: Array) -> Array:
         """B at q, motors on lines included: forces on the tree are B tau, shape (nv, motors)."""
-        B = self.mechanism.motors
+        B = self.mechanism.actuation
         lines = self.mechanism.lines
-        return B + self.lines.evaluate(q)[1].T.dot(lines.motors) if lines.motors.any() else B
+        return B + self.lines.evaluate(q)[1].T.dot(lines.actuation) if lines.actuation.any() else B
 
     def tree_forces(self, v: Array, v_dot: Array) -> Array:
         """Inverse dynamics of the tree at the current q, shape (nv,), by N_l and N_l^T.
@@ -214,7 +214,7 @@ def applied_forces(
     """Motors, friction, springs, lines, external wrenches as forces on the tree, shape (nv,)."""
     springs = context.mechanism.springs
     lines = context.mechanism.lines
-    force = np.zeros(len(v)) if tau is None else context.mechanism.motors.dot(tau)
+    force = np.zeros(len(v)) if tau is None else context.mechanism.actuation.dot(tau)
     if not friction.none:
         force = force + friction.forces(v)
     if not springs.none:

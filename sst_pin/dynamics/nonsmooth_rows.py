@@ -53,16 +53,20 @@ class NonsmoothRows:
         mechanism = self.mechanism
         acting = (self.gains.stiffness + self.gains.damping) > 0
         for k in np.flatnonzero(acting):
-            on_cables = mechanism.lines.motors[self.cables, k]
-            on_others = np.delete(mechanism.lines.motors[:, k], self.cables)
+            on_cables = mechanism.lines.actuation[self.cables, k]
+            on_others = np.delete(mechanism.lines.actuation[:, k], self.cables)
             if on_cables.any() and (
-                np.count_nonzero(on_cables) > 1 or on_others.any() or mechanism.motors[:, k].any()
+                np.count_nonzero(on_cables) > 1
+                or on_others.any()
+                or mechanism.actuation[:, k].any()
             ):
                 name = mechanism.motor_names[k]
                 problem = f"motor {name} pulls a cable and acts on other joints or lines; "
                 raise InputError("motor_stiffness", problem + "give it its forces as tau")
         for k in np.flatnonzero(self.gains.stiffness):
-            rates = np.setdiff1d(np.flatnonzero(mechanism.motors[:, k]), mechanism.sprung)
+            rates = np.setdiff1d(
+                np.flatnonzero(mechanism.actuation[:, k]), mechanism.possible_springs
+            )
             if len(rates):
                 name = mechanism.motor_names[k]
                 problem = f"motor {name} drives {mechanism.space.rate_names[rates[0]]}, which has "
@@ -141,7 +145,7 @@ class NonsmoothRows:
         """Positions of the motors, shape (motors,): of tendons and lines the weighted lengths."""
         model = self.mechanism.model
         displacement = pin.difference(model, pin.neutral(model), q)
-        return displacement @ self.mechanism.motors + lengths @ self.mechanism.lines.motors
+        return displacement @ self.mechanism.actuation + lengths @ self.mechanism.lines.actuation
 
     @cached_property
     def on_joints(self) -> Array:

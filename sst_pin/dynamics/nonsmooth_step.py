@@ -143,19 +143,19 @@ class NonsmoothStep:
         cables = rows.cables
         positions = rows.motor_positions(q, lengths)
         tau = forces.tau - rows.gains.stiffness * (positions - forces.positions)
-        on_lines = mechanism.lines.motors
+        on_lines = mechanism.lines.actuation
         tensions = preload + stiffness * (lengths - rest) - on_lines @ tau
         squares = on_lines[cables] ** 2
         cable_stiffness = stiffness[cables] + squares @ rows.gains.stiffness
         cable_damping = damping[cables] + squares @ rows.gains.damping
         others = np.setdiff1d(np.arange(len(lengths)), cables)
-        of_motors = mechanism.motors.T + on_lines[others].T @ of_lines[others]
+        of_motors = mechanism.actuation.T + on_lines[others].T @ of_lines[others]
         linear = np.concatenate([np.eye(len(v)), of_lines[others], of_motors])
         stiffnesses = mechanism.springs.stiffness, stiffness[others], rows.gains.stiffness
         dampings = mechanism.friction.viscous, damping[others], rows.gains.damping
         factors = h * np.concatenate(dampings) + h**2 * np.concatenate(stiffnesses)
 
-        force = force + mechanism.motors @ tau - tensions[others] @ of_lines[others]
+        force = force + mechanism.actuation @ tau - tensions[others] @ of_lines[others]
         force = force + mechanism.springs.forces(mechanism.model, q)
         if forces.wrenches is not None:
             force = force + forces.wrenches.ravel() @ body_jacobians(context.loops)

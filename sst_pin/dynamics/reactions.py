@@ -143,7 +143,7 @@ def size_of(mechanism: Mechanism) -> int:
     """How many numbers `reactions` gives for a sample."""
     wrenches = mechanism.model.njoints - 1 + len(mechanism.closures)
     codes = wrenches
-    return 6 * wrenches + 6 + mechanism.motors.shape[1] + codes
+    return 6 * wrenches + 6 + mechanism.motor_count + codes
 
 
 def reactions(
@@ -171,7 +171,7 @@ def reactions(
     needed = needed - applied_forces(context, mechanism.friction, q, v, wrenches, tau)
     if tau is None:
         tau = needed.dot(context.complement.L)  # motor k drives coordinate k
-        needed -= mechanism.motors.dot(tau)
+        needed -= mechanism.actuation.dot(tau)
     Lambda = _multipliers(context, needed)
 
     # All loads on the bodies, at the world's origin. Lines act as closures of one row each: a

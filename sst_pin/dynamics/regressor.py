@@ -95,7 +95,7 @@ class DynamicParameters(Summary):
 def with_springs(mechanism: Mechanism) -> Mechanism:
     """The mechanism with a spring wherever one is possible; kernels then have all stiffnesses."""
     stiffness = np.zeros(mechanism.model.nv)
-    stiffness[mechanism.sprung] = 1
+    stiffness[mechanism.possible_springs] = 1
     return replace(mechanism, springs=Springs(stiffness, mechanism.springs.reference))
 
 
@@ -104,7 +104,7 @@ def names_of(mechanism: Mechanism) -> tuple[str, ...]:
     space = mechanism.space
     names = [f"{body}.{word}" for body in list(mechanism.model.names)[1:] for word in OF_BODY]
     for word in OF_RATE:
-        rates = mechanism.sprung if word == "stiffness" else range(mechanism.model.nv)
+        rates = mechanism.possible_springs if word == "stiffness" else range(mechanism.model.nv)
         names += [f"{space.rate_names[k]}.{word}" for k in rates]
     names += [f"{line}.{word}" for line in mechanism.lines.forces for word in OF_LINE]
     return (*names, *(f"{motor}.torque_offset" for motor in mechanism.motor_names))
@@ -116,7 +116,7 @@ def parameters_of(mechanism: Mechanism) -> DynamicParameters:
     friction = mechanism.friction
     bodies = [body.toDynamicParameters() for body in list(model.inertias)[1:]]
     rates = friction.viscous, friction.coulomb, model.armature
-    stiffness = mechanism.springs.stiffness[mechanism.sprung]
+    stiffness = mechanism.springs.stiffness[mechanism.possible_springs]
     none = np.zeros(model.nv)
     lines = np.vstack([mechanism.lines.numbers[[0, 2, 3]], mechanism.lines.masses]).T.ravel()
     motors = np.zeros(len(mechanism.motor_names))
@@ -130,7 +130,7 @@ def size_of(mechanism: Mechanism) -> int:
     rates = mechanism.model.nv
     lines = len(mechanism.lines.forces)
     motors = len(mechanism.motor_names)
-    return 10 * bodies + 4 * rates + len(mechanism.sprung) + 4 * lines + motors
+    return 10 * bodies + 4 * rates + len(mechanism.possible_springs) + 4 * lines + motors
 
 
 def torque_regressor(context: Context, q: Array, va: Array, aa: Array) -> Array:
@@ -143,7 +143,7 @@ def torque_regressor(context: Context, q: Array, va: Array, aa: Array) -> Array:
     none = np.zeros(len(v))
     sign = -Friction(none, one, mechanism.friction.sign_width).forces(v)
     deflections = pin.difference(model, mechanism.springs.reference, q)
-    k = mechanism.sprung
+    k = mechanism.possible_springs
     rates = [L.T * v, L.T * sign, L.T * v_dot, (L.T * deflections)[:, k], L.T]
     lengths, J = context.lines.evaluate(q)
     taut = mechanism.lines.taut(lengths, J.dot(v))
@@ -176,7 +176,7 @@ def changed(
 ) -> tuple[pin.Model, dict[str, ArrayLike | None], tuple[LineForce, ...]]:
     """Tree (with friction and rotors), `numbers` of `mechanism_of`, and lines with theta."""
     model, nv = pin.Model(mechanism.model), mechanism.model.nv
-    k = mechanism.sprung
+    k = mechanism.possible_springs
     r = model.njoints - 1
     ends = np.cumsum([10 * r, nv, nv, nv, len(k), nv, 4 * len(mechanism.lines.forces)])
     bodies, viscous, coulomb, armature, stiff, offset, lines, motors = np.split(

@@ -147,7 +147,7 @@ def shared_torques(
 
 def weights_of(mechanism: Mechanism, weights: ArrayLike) -> Array:
     """Weights of the squared torques, positive, shape (motors,)."""
-    array = single_array("weights", weights, (mechanism.motors.shape[1],))
+    array = single_array("weights", weights, (mechanism.motor_count,))
     if not (array > 0).all():
         raise InputError("weights", "must be positive")
     return array

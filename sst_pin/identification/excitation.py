@@ -191,7 +191,7 @@ class _Series:
         self._start = taken(mechanism.space, first, chain.coordinates)
         self._fastest = _limits("rates", rates, model.velocityLimit[mechanism.coordinates])
         largest = np.minimum(model.effortLimit, np.finfo(float).max / 10)
-        self._strongest = _limits("torques", torques, np.abs(mechanism.motors).T @ largest)
+        self._strongest = _limits("torques", torques, np.abs(mechanism.actuation).T @ largest)
 
     def possible(
         self, z: Array, factors: Iterable[float], step: float

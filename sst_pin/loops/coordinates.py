@@ -285,7 +285,7 @@ def _warn_of_rigid_motors(mechanism: Mechanism, motions: Array) -> None:
     """Name the motors whose joints do not take part in motions, shape (nv, k)."""
     moving = np.linalg.norm(motions, axis=1) > RESTS
     rigid = list[str]()
-    for name, acts_on in zip(mechanism.motor_names, mechanism.motors.T, strict=True):
+    for name, acts_on in zip(mechanism.motor_names, mechanism.actuation.T, strict=True):
         if acts_on.any() and not acts_on[moving].any():
             rigid.append(name)
     if not rigid:

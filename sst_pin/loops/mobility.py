@@ -235,11 +235,11 @@ def motor_rates(mechanism: Mechanism, q: Array, motions: Array) -> Array:
     Each motor's row of B^T has length one. Lines whose ends coincide have no direction; their rows
     are zero.
     """
-    lines, B = mechanism.lines, mechanism.motors
-    if lines.motors.any():
+    lines, B = mechanism.lines, mechanism.actuation
+    if lines.actuation.any():
         kinematics = LineKinematics(mechanism)
         kinematics.lengths(q)
-        B = B + np.nan_to_num(kinematics.loops.Phi).T @ lines.motors
+        B = B + np.nan_to_num(kinematics.loops.Phi).T @ lines.actuation
     rows = B.T * mechanism.rate_scale
     lengths = np.linalg.norm(rows, axis=1, keepdims=True)
     directions = np.divide(rows, lengths, out=np.zeros_like(rows), where=lengths > 0)

@@ -134,7 +134,7 @@ def mechanism_of(
         model,
         closures,
         coordinates=space.rates_of(coordinates or ()),
-        motors=forces_of_motors[: model.nv],
+        actuation=forces_of_motors[: model.nv],
         motor_names=motor_names,
         friction=friction,
         springs=springs,

@@ -117,9 +117,9 @@ class Lines:
 
     #: The force of each line.
     forces: tuple[LineForce, ...]
-    #: Motor torques tau push the ends of the lines apart with forces `motors @ tau`, shape
-    #: (lines, motors).
-    motors: Array
+    #: Motor torques tau push the ends of the lines apart with forces `actuation @ tau`,
+    #: shape (lines, motors).
+    actuation: Array
 
     @cached_property
     def none(self) -> bool:
@@ -148,7 +148,7 @@ class Lines:
         if self.pull_only.any():
             tensions = np.where(self.pull_only, np.maximum(tensions, 0.0), tensions)
         if tau is not None:
-            tensions = tensions - self.motors.dot(tau)
+            tensions = tensions - self.actuation.dot(tau)
         return np.asarray(tensions)
 
     def taut(self, lengths: Array, rates: Array) -> Array:

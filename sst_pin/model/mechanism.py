@@ -129,7 +129,7 @@ class Mechanism:
     #: Indices in v of the independent rates, shape (n,).
     coordinates: Indices
     #: B: the forces on the tree are B tau, shape (nv, motors).
-    motors: Array
+    actuation: Array
     motor_names: tuple[str, ...]
     friction: Friction
     springs: Springs
@@ -146,7 +146,7 @@ class Mechanism:
     without_mass: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("coordinates", "motors", "example", "row_sizes"):
+        for name in ("coordinates", "actuation", "example", "row_sizes"):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, read_only(getattr(self, name)))
 
@@ -170,11 +170,16 @@ class Mechanism:
             return 0.0
         return float(np.linalg.norm(self.row_sizes[rows]))
 
+    @property
+    def motor_count(self) -> int:
+        """Number of motors."""
+        return len(self.motor_names)
+
     @cached_property
     def motor_lines(self) -> Indices:
         """Index of the line on which each motor acts alone; -1 for other motors."""
-        factors = self.lines.motors
-        alone = (np.count_nonzero(factors, axis=0) == 1) & ~self.motors.any(axis=0)
+        factors = self.lines.actuation
+        alone = (np.count_nonzero(factors, axis=0) == 1) & ~self.actuation.any(axis=0)
         lines = np.full(len(self.motor_names), -1)
         for k in np.flatnonzero(alone):
             lines[k] = np.flatnonzero(factors[:, k])[0]
@@ -205,8 +210,8 @@ class Mechanism:
         return read_only(np.eye(self.model.nv)[self.coordinates])
 
     @cached_property
-    def sprung(self) -> Indices:
-        """Rates at which a spring is possible, as `Springs.check` says."""
+    def possible_springs(self) -> Indices:
+        """Indices in v of the rates that can have a spring, as `Springs.check` says."""
         rates: set[int] = set()
         for joint in list(self.model.joints)[1:]:
             if joint.nv in (1, joint.nq) or joint.shortname() == "JointModelSpherical":
@@ -217,7 +222,7 @@ class Mechanism:
     def driven(self) -> Indices:
         """Indices in v of the rates that motors act on, motor after motor."""
         rates: list[int] = []
-        for column in self.motors.T:
+        for column in self.actuation.T:
             for rate in np.flatnonzero(column).tolist():
                 if rate not in rates:
                     rates.append(rate)
@@ -241,7 +246,7 @@ class Mechanism:
     @cached_property
     def driven_one_to_one(self) -> bool:
         """Whether motor k gives the force of coordinate k, and nothing else."""
-        return np.array_equal(self.motors, self.selection.T) and not self.lines.motors.any()
+        return np.array_equal(self.actuation, self.selection.T) and not self.lines.actuation.any()
 
     @cached_property
     def held_in_part(self) -> bool:
@@ -261,7 +266,7 @@ class Mechanism:
     def motor_units(self) -> tuple[str, ...]:
         """For each motor "Nm" or "N", by the rate that it acts on most; on a line alone "N"."""
         units = []
-        for column in self.motors.T:
+        for column in self.actuation.T:
             largest = int(np.abs(column).argmax())
             is_torque = column[largest] != 0 and self.space.rate_units[largest] == "rad"
             units.append("Nm" if is_torque else "N")
@@ -273,8 +278,8 @@ class Mechanism:
 
         A motor has this rate when the joint or line with its largest factor moves at its unit.
         """
-        on_rates = np.abs(self.motors * self.rate_scale[:, None]).max(axis=0, initial=0.0)
-        on_lines = np.abs(self.lines.motors * self.length).max(axis=0, initial=0.0)
+        on_rates = np.abs(self.actuation * self.rate_scale[:, None]).max(axis=0, initial=0.0)
+        on_lines = np.abs(self.lines.actuation * self.length).max(axis=0, initial=0.0)
         return read_only(np.maximum(on_rates, on_lines))
 
     def require_assembly(self) -> None:

@@ -107,7 +107,7 @@ class RobotProperties:
     @property
     def actuation(self) -> Array:
         """B, shape (nv, motors): joint forces are B tau; zero columns for motors on lines."""
-        return self.mechanism.motors
+        return self.mechanism.actuation
 
     @property
     def friction(self) -> Friction:

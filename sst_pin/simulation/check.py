@@ -126,11 +126,11 @@ def findings_of_motion(engine: Engine, motion: Trajectory) -> Iterator[Finding]:
     joint_names = space.rate_names
     line_names = [line.name for line in lines.forces]
 
-    on_joints = motion.tau @ mechanism.motors.T
+    on_joints = motion.tau @ mechanism.actuation.T
     units = ["N m" if unit == "rad" else "N" for unit in space.rate_units]
     limits = _limits(model.effortLimit)
     yield from _beyond("efforts", joint_names, units, motion.t, on_joints, limits)
-    on_lines = motion.tau @ lines.motors.T
+    on_lines = motion.tau @ lines.actuation.T
     units = ["N" for _ in line_names]
     limits = _limits([line.effort for line in lines.forces])
     yield from _beyond("efforts", line_names, units, motion.t, on_lines, limits)

@@ -40,7 +40,7 @@ def motor_rates(engine: Engine, q: ArrayLike, va: ArrayLike) -> Array:
     """Rates of the motors, shape (..., motors)."""
     mechanism = engine.mechanism
     v = engine.joint_rates(q, va)
-    return np.asarray(v @ mechanism.motors + engine.line_rates(q, v) @ mechanism.lines.motors)
+    return np.asarray(v @ mechanism.actuation + engine.line_rates(q, v) @ mechanism.lines.actuation)
 
 
 def motor_powers(engine: Engine, motion: Trajectory) -> Array:

@@ -85,11 +85,11 @@ class MovingRobot:
         _, self.drift = closure_rows(mechanism, tree.frame, q, self.v)
         friction = mechanism.friction
         springs = mechanism.springs
-        self.B = mechanism.motors
+        self.B = mechanism.actuation
         force = -friction.viscous * self.v - friction.coulomb * np.sign(self.v)
         force -= springs.stiffness * pin.difference(mechanism.model, springs.reference, q)
         self.line_inertia = np.zeros((mechanism.model.nv, mechanism.model.nv))
-        for line, shares in zip(mechanism.lines.forces, mechanism.lines.motors, strict=True):
+        for line, shares in zip(mechanism.lines.forces, mechanism.lines.actuation, strict=True):
             a = tree.frame(line.frame_a)
             b = tree.frame(line.frame_b)
             d = b.placement.translation - a.placement.translation

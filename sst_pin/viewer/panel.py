@@ -152,7 +152,7 @@ def live_data(robot: ClosedChain, scene: Scene, q: Array, va: Array) -> dict[str
     gravity = float(np.linalg.norm(model.gravity.linear)) or 9.81
     weight = gravity * sum(body.mass for body in model.inertias)
     motors = torques_of(robot, np.zeros((1, len(robot.motor_names))))
-    efforts = np.abs(mechanism.motors).T @ np.minimum(model.effortLimit, 10 * _FAR)
+    efforts = np.abs(mechanism.actuation).T @ np.minimum(model.effortLimit, 10 * _FAR)
     motors["limits"] = [x if 0 < x < _FAR else None for x in efforts.tolist()]
     # The largest torque of a slider: the weight of the robot at half of its length.
     largest = [weight * (scene.size / 2 if u == "N m" else 1) for u in motors["units"]]

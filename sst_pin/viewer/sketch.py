@@ -180,7 +180,7 @@ def _lines(robot: ClosedChain, size: float) -> Iterator[tuple[LineForce, Shape]]
     z = np.linspace(0, 1, 12 * _TURNS + 1)
     coil = 2 * r * circle(2 * np.pi * _TURNS * z) + np.outer(z, (0, 0, 1))
     for k, line in enumerate(robot.lines):
-        motors = np.flatnonzero(robot.mechanism.lines.motors[k])
+        motors = np.flatnonzero(robot.mechanism.lines.actuation[k])
         colour = _BONE
         mesh = tube([(0, 0, 0), (0, 0, 1)], 0.4 * r)
         if len(motors):

@@ -145,8 +145,9 @@ def test_what_the_caller_gave_is_the_robot_and_not_the_caller_s_own():
 def test_arrays_of_a_robot_are_read_only(copied):
     chain = copied(sst_pin.robots.four_bar())
     mechanism = chain.mechanism
-    names = "coordinates motors example dependent selection sprung driven row_scale rate_scale"
-    arrays = [getattr(mechanism, name) for name in names.split()]
+    names = ["coordinates", "actuation", "example", "dependent", "selection"]
+    names += ["possible_springs", "driven", "row_scale", "rate_scale"]
+    arrays = [getattr(mechanism, name) for name in names]
     arrays += [chain.actuation, chain.motor_indices, chain.friction.viscous, chain.friction.coulomb]
     arrays += [mechanism.springs.stiffness, mechanism.springs.reference]
     assert not any(array.flags.writeable for array in arrays)
