@@ -336,28 +336,31 @@ class Engine:
 
     def frame_jacobian(self, q: ArrayLike, frame: str, **options: Unpack[Options]) -> Array:
         """J, shape (..., 6, n): a frame's [linear; angular] velocity is J va."""
-        key, of_sample = _key("frame_jacobian", frame), self.reference.frame_jacobian
+        key = self._frame_key("frame_jacobian", frame)
+        of_sample = self.reference.frame_jacobian
         return self._plain(key, of_sample, (6, self._n), q, {}, **options)
 
     def frame_jacobian_rate(
         self, q: ArrayLike, va: ArrayLike, frame: str, **options: Unpack[Options]
     ) -> Array:
         """Rate of `frame_jacobian` along a motion, shape (..., 6, n)."""
-        key, of_sample = _key("frame_jacobian_rate", frame), self.reference.frame_jacobian_rate
+        key = self._frame_key("frame_jacobian_rate", frame)
+        of_sample = self.reference.frame_jacobian_rate
         return self._plain(key, of_sample, (6, self._n), q, {"va": va}, **options)
 
     def frame_drift(
         self, q: ArrayLike, va: ArrayLike, frame: str, **options: Unpack[Options]
     ) -> Array:
         """[linear; angular] acceleration of a frame for aa = 0, shape (..., 6)."""
-        key, of_sample = _key("frame_drift", frame), self.reference.frame_drift
+        key = self._frame_key("frame_drift", frame)
+        of_sample = self.reference.frame_drift
         return self._plain(key, of_sample, (6,), q, {"va": va}, **options)
 
     def frame_velocity_derivatives(
         self, q: ArrayLike, va: ArrayLike, frame: str, **options: Unpack[Options]
     ) -> FrameVelocityDerivatives:
         """Derivatives of a frame's velocity by q and va; `out` has them side by side."""
-        key = _key("frame_velocity_derivatives", frame)
+        key = self._frame_key("frame_velocity_derivatives", frame)
         of_sample = self.reference.frame_velocity_derivatives
         rows = self._plain(key, of_sample, (6, 2 * self._n), q, {"va": va}, **options)
         return FrameVelocityDerivatives(*np.split(rows, [self._n], axis=-1))
@@ -404,6 +407,14 @@ class Engine:
     def moved(self, q: Array, step: Array) -> Array:
         """The configuration where the coordinates are a step further, in the same assembly mode."""
         return self.reference.moved(q, step)
+
+    def _frame_key(self, name: str, frame: str) -> Quantity:
+        """The key of a quantity of a frame; what is no name, such as a list, is refused."""
+        try:
+            return _key(name, frame)
+        except TypeError:  # it has no hash
+            frame_id(self.mechanism.model, frame)
+            raise
 
     # --- kernel or reference path -----------------------------------------------------------
     #
