@@ -81,7 +81,7 @@ def fingerprint(
         {name: (x.parentJoint, x.placement.homogeneous) for name, x in frames.items()},
         (mechanism.closures, lines, mechanism.lines.actuation),
         # Springs of cables are written out where they are stiff.
-        (mechanism.lines.pull_only, mechanism.lines.numbers[0] > 0) if cables else (),
+        (mechanism.lines.pull_only, mechanism.lines.stiffness > 0) if cables else (),
         (mechanism.coordinates, mechanism.actuation, mechanism.row_scale, mechanism.rate_scale),
         (vars(parameters), mechanism.length),
         [x.lever for i, x in enumerate(model.inertias) if i not in parameters.bodies],

@@ -87,7 +87,7 @@ def parameter_values(rows: NonsmoothRows, parameters: SymbolicParameters) -> Arr
     """The numbers of a step in the order of `c/nonsmooth.h`."""
     mechanism = rows.mechanism
     gains = rows.gains
-    stiffness, rest, damping, preload = mechanism.lines.numbers
+    lines = mechanism.lines
     rates = implicit_rates(parameters)
     others = other_lines(rows)
     cables = rows.cables
@@ -96,18 +96,18 @@ def parameter_values(rows: NonsmoothRows, parameters: SymbolicParameters) -> Arr
         rows.restitution,
         [x.radius for x in mechanism.contacts.points],
         [-x.length for x in mechanism.contacts.ropes],
-        stiffness[cables],
-        rest[cables],
-        damping[cables],
-        preload[cables],
-        mechanism.lines.actuation[cables].ravel(),
+        lines.stiffness[cables],
+        lines.rest_lengths[cables],
+        lines.damping[cables],
+        lines.preload[cables],
+        lines.actuation[cables].ravel(),
         [x.limit for x in rows.stops],
         mechanism.friction.coulomb[rows.dry],
         mechanism.friction.viscous[rates],
-        damping[others],
+        lines.damping[others],
         gains.damping,
         mechanism.springs.stiffness[rates],
-        stiffness[others],
+        lines.stiffness[others],
         gains.stiffness,
         rows.least_gaps,
     ]

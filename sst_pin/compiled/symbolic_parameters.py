@@ -70,7 +70,9 @@ class SymbolicParameters:
             about_origin = model.inertias[i].toDynamicParameters()
             parts += [about_origin[:4], _SECOND.dot(about_origin[4:])]
         parts += [values[name][list(self.joints[name])] for name in _JOINT]
-        parts.append(mechanism.lines.numbers.T.ravel())
+        lines = mechanism.lines
+        of_lines = [lines.stiffness, lines.rest_lengths, lines.damping, lines.preload]
+        parts.append(np.transpose(of_lines).ravel())  # line by line
         parts.append(mechanism.lines.masses[list(self.massive_lines)])
         return np.concatenate(parts)
 

@@ -113,11 +113,12 @@ class SerialView(Linkage):
         each = self._configurations(q)[..., None, :]
         v = self.chain.joint_rates(each, np.eye(self.chain.degrees_of_freedom))
         lines = self.chain.engine.line_rates(each, v)
-        _, _, on_lines, _ = self.chain.mechanism.lines.numbers
         if self.chain.mechanism.lines.pull_only.any():
             problem = "not defined with cables that only pull: they damp only where they are taut"
             raise InputError("damping", problem)
-        return (v * self.chain.friction.viscous) @ v.mT + (lines * on_lines) @ lines.mT
+        return (v * self.chain.friction.viscous) @ v.mT + (
+            lines * self.chain.mechanism.lines.damping
+        ) @ lines.mT
 
     def torque_polygon(self, q: ArrayLike, limits: ArrayLike | None = None) -> Array:
         """The corners of all torques that the motors can give at the joints.

@@ -20,6 +20,7 @@ from ..loops.loops import Loops
 from ..loops.row_derivatives import (
     ClosurePartials,
     FrameMotions,
+    Partials,
     TreeMotion,
     brackets,
     partials,
@@ -28,8 +29,14 @@ from ..loops.rows import cross, skew
 from ..model.mechanism import Friction
 from .dynamics import Context, applied_forces, direct_dynamics
 
-#: Loaded bodies, frames on them, the wrenches w at the world's origin, and w_q, derivatives by q.
-_Load = tuple[list[int], FrameMotions, Array, Array]
+
+class _Load(NamedTuple):
+    """Wrenches on k frames of the normal tree."""
+
+    joints: list[int]  #: The bodies of the frames.
+    frames: FrameMotions
+    w: Array  #: [force; moment] at the world's origin, shape (k, 6).
+    w_q: Array  #: Derivatives of w by q, shape (k, 6, nv).
 
 
 class TorqueDerivatives(NamedTuple):
@@ -105,6 +112,15 @@ def discrete(A: Array, B: Array, dt: float) -> tuple[Array, Array]:
     return step[..., :states, :states], step[..., :states, states:]
 
 
+class _ForceDerivatives(NamedTuple):
+    """Derivatives of the forces along the coordinates, shapes (n, n), and L, shape (nv, n)."""
+
+    by_q: Array
+    by_va: Array
+    inertia: Array
+    L: Array
+
+
 class Derivatives:
     """Derivatives of the dynamics of one mechanism; one object per thread.
 
@@ -112,40 +128,42 @@ class Derivatives:
     """
 
     def __init__(self, context: Context) -> None:
-        self._memory = context
+        self._context = context
         self._mechanism = context.mechanism
-        #: The normal tree with its last body at the world's origin.
-        self._near = pin.Model(context.tree.model)
+        #: The normal tree, moved so that its last body is at the world's origin (`_tree_forces`).
+        self._at_origin = pin.Model(context.tree.model)
 
     def torques(
         self, sign_width: float, q: Array, va: Array, aa: Array, wrenches: Array | None
     ) -> Array:
         """Derivatives of f by q, va and aa side by side, shape (n, 3 n)."""
         tau = np.zeros(self._mechanism.motor_count)
-        by_q, by_va, inertia, _ = self._forces(self._friction(sign_width), q, va, aa, tau, wrenches)
-        return np.concatenate((by_q, by_va, inertia), axis=1)
+        of_f = self._forces(self._friction(sign_width), q, va, aa, tau, wrenches)
+        return np.concatenate((of_f.by_q, of_f.by_va, of_f.inertia), axis=1)
 
     def accelerations(
         self, sign_width: float, q: Array, va: Array, tau: Array, wrenches: Array | None
     ) -> Array:
         """Derivatives of aa by q, va and tau side by side, shape (n, 2 n + motors)."""
         friction = self._friction(sign_width)
-        aa, _ = direct_dynamics(self._memory, friction, q, va, tau, wrenches)
-        by_q, by_va, inertia, L = self._forces(friction, q, va, aa, tau, wrenches)
-        motors = L.T.dot(self._memory.actuation(q))
-        return np.linalg.solve(inertia, np.concatenate((-by_q, -by_va, motors), axis=1))
+        aa, _ = direct_dynamics(self._context, friction, q, va, tau, wrenches)
+        of_f = self._forces(friction, q, va, aa, tau, wrenches)
+        of_tau = of_f.L.T.dot(self._context.actuation(q))
+        # f(q, va, aa) - L^T B tau = 0 at all q, va and tau.
+        right = np.concatenate((-of_f.by_q, -of_f.by_va, of_tau), axis=1)
+        return np.linalg.solve(of_f.inertia, right)
 
     @property
     def axes_move(self) -> bool:
         """Whether a coordinate belongs to a joint with several rates, whose axes can move."""
-        tree = self._memory.tree
+        tree = self._context.tree
         several = [joint.nv > 1 for joint in list(tree.model.joints)[1:] for _ in range(joint.nv)]
         return bool(tree.S[several][:, self._mechanism.coordinates].any())
 
     def displacement_rates(self, q: Array, va: Array) -> Array:
         """-S [v, L e_k]: rates of a displacement due to joints' axes that move, shape (n, n)."""
-        context = self._memory
-        tree = self._memory.tree
+        context = self._context
+        tree = self._context.tree
         v, _ = context.complement.motion(q, va, context.steady)
         v = tree.S.dot(v)
         L = tree.S.dot(context.complement.L)
@@ -159,9 +177,9 @@ class Derivatives:
 
     def frame_velocity(self, q: Array, va: Array, frame: int) -> Array:
         """Derivatives of a frame's velocity by q and va side by side, shape (6, 2 n)."""
-        loops = self._memory.loops
-        complement = self._memory.complement
-        v, v_dot = complement.motion(q, va, self._memory.steady)
+        loops = self._context.loops
+        complement = self._context.complement
+        v, v_dot = complement.motion(q, va, self._context.steady)
         tree = TreeMotion(loops, v, v_dot)
         L = complement.L
         v_q = -complement.inverse.dot(partials(loops, q, tree).velocity_q.dot(L))
@@ -172,48 +190,71 @@ class Derivatives:
 
     def _forces(
         self, friction: Friction, q: Array, va: Array, aa: Array, tau: Array, wrenches: Array | None
-    ) -> tuple[Array, Array, Array, Array]:
-        """Derivatives of f - L^T B tau by q, va and aa, and L."""
-        context = self._memory
+    ) -> _ForceDerivatives:
+        """Derivatives of f - L^T B tau by q, va and aa.
+
+        With the forces F(q, v, v_dot) that the tree needs, f = L^T F. No derivative of L is needed:
+        let lambda be the forces of the closures at q, so that F - Phi^T lambda = 0 along the
+        dependent rates. As L^T Phi^T = 0 at all q, also f = L^T (F - Phi^T lambda), with constant
+        lambda. A change of L has rows for the dependent rates only, where the bracket is zero. So
+        df = L^T d(F - Phi^T lambda): closures act on the tree as loads on their frames.
+        """
+        context = self._context
         mechanism = self._mechanism
-        v, v_dot = context.complement.motion(q, va, aa)
+        lines = mechanism.lines
+        v, v_dot = context.complement.motion(q, va, aa)  # evaluates L, G and the loops at q
         L = context.complement.L
-        G = context.complement.inverse
+        G = context.complement.inverse  # rates G x solve Phi G x = x, coordinates at rest
         tree = TreeMotion(context.loops, v, v_dot)
         rows = partials(context.loops, q, tree)
+
+        # Loads on the bodies.
         force = context.tree_forces(v, v_dot)
         force -= applied_forces(context, friction, q, v, wrenches, tau)
-        reactions = G.T.dot(force)
-        lines = mechanism.lines
+        reactions = G.T.dot(force)  # lambda
         loads = [_on_frames(closures, reactions) for closures in rows.closures]
+        of_lines: Partials | None = None
         if not lines.none:
             lengths, J = context.lines.evaluate(q)
-            along = partials(context.lines.loops, q, tree)
-            pulls = lines.tensions(lengths, J.dot(v), tau)
-            pulls = pulls + context.lines.inertial_tensions(q, v, v_dot)
-            loads += [_on_frames(line, -pulls) for line in along.closures]
+            of_lines = partials(context.lines.loops, q, tree)
+            tensions = lines.tensions(lengths, J.dot(v), tau)
+            tensions = tensions + context.lines.inertial_tensions(q, v, v_dot)
+            loads += [_on_frames(line, -tensions) for line in of_lines.closures]
         if wrenches is not None and wrenches.any():
             loads.append(_on_mass_centres(tree, context.loops, wrenches.reshape(-1, 6)))
+
+        # Partial derivatives of the forces on the tree, where q, v and v_dot are independent.
         force_q, force_v, M = self._tree_forces(v, v_dot, loads)
-        for row, k, second in rows.coupled:
+        for row, k, second in rows.coupled:  # rows of couplings act on no frame
             force_q[k, k] -= reactions[row] * second
-        if not lines.none:
-            stiffness, _, damping, _ = lines.numbers * lines.taut(lengths, J.dot(v))
-            force_q += (J.T * stiffness).dot(J) + (J.T * damping).dot(along.velocity_q)
-            force_v += (J.T * damping).dot(J)
-            force_q += (J.T * lines.masses).dot(along.acceleration_q)
-            force_v += (J.T * lines.masses).dot(along.acceleration_v)
-            M = M + (J.T * lines.masses).dot(J)
+        if of_lines is not None:
+            taut = lines.taut(lengths, J.dot(v))  # 0 for slack cables, else 1
+            pull_per_length = J.T * (lines.stiffness * taut)
+            pull_per_rate = J.T * (lines.damping * taut)
+            pull_per_acceleration = J.T * lines.masses
+            force_q += pull_per_length.dot(J)
+            force_q += pull_per_rate.dot(of_lines.velocity_q)
+            force_q += pull_per_acceleration.dot(of_lines.acceleration_q)
+            force_v += pull_per_rate.dot(J)
+            force_v += pull_per_acceleration.dot(of_lines.acceleration_v)
+            M = M + pull_per_acceleration.dot(J)
         force_v += np.diag(-friction.slopes(v))
         if not mechanism.springs.none:
             force_q -= mechanism.springs.slopes(mechanism.model, q)
+
+        # How v and v_dot follow the coordinates: Phi v = 0 and Phi v_dot + Phi_dot v = 0.
         v_q = -G.dot(rows.velocity_q.dot(L))
         v_dot_q = -G.dot(rows.acceleration_q.dot(L) + rows.acceleration_v.dot(v_q))
         v_dot_va = -G.dot(rows.acceleration_v.dot(L))
-        by_q = L.T.dot(force_q.dot(L) + force_v.dot(v_q) + M.dot(v_dot_q))
-        by_va = L.T.dot(force_v.dot(L) + M.dot(v_dot_va))
+
+        # The chain rule.
         inertia = L.T.dot(M).dot(L)
-        return by_q, by_va, (inertia + inertia.T) / 2, L
+        return _ForceDerivatives(
+            by_q=L.T.dot(force_q.dot(L) + force_v.dot(v_q) + M.dot(v_dot_q)),
+            by_va=L.T.dot(force_v.dot(L) + M.dot(v_dot_va)),
+            inertia=(inertia + inertia.T) / 2,
+            L=L,
+        )
 
     def _tree_forces(
         self, v: Array, v_dot: Array, loads: list[_Load]
@@ -224,27 +265,27 @@ class Derivatives:
         derivative of such a wrench is taken into account here. Pinocchio takes inertias about the
         world's origin, which loses digits with the square of the distance: the tree is moved there.
         """
-        context = self._memory
-        model = self._memory.tree.model
-        S = self._memory.tree.S
-        total = np.zeros((model.njoints, 6))
-        for joints, _, w, _ in loads:
-            np.add.at(total, joints, w)
+        context = self._context
+        model = self._context.tree.model
+        S = self._context.tree.S
+        on_bodies = np.zeros((model.njoints, 6))
+        for load in loads:
+            np.add.at(on_bodies, load.joints, load.w)
         in_bodies = pin.StdVec_Force()
-        for placement, of_body in zip(context.data.oMi, total, strict=True):
+        for placement, of_body in zip(context.data.oMi, on_bodies, strict=True):
             in_bodies.append(placement.actInv(pin.Force(of_body)))
         there = context.data.oMi[model.njoints - 1].translation.copy()
         for root in model.children[0]:
             placement = model.jointPlacements[root]
-            self._near.jointPlacements[root] = pin.SE3(
+            self._at_origin.jointPlacements[root] = pin.SE3(
                 placement.rotation, placement.translation - there
             )
         arguments = (context.loops.q, S.dot(v), S.dot(v_dot), in_bodies)
-        by = pin.computeRNEADerivatives(self._near, context.data, *arguments)
+        by = pin.computeRNEADerivatives(self._at_origin, context.data, *arguments)
         force_q, force_v, M = (S.T.dot(x).dot(S) for x in by)
-        for _, frames, w, w_q in loads:
-            turning = w_q - _turning_along(frames.J, w)
-            force_q -= np.tensordot(frames.J, turning, axes=((0, 1), (0, 1)))
+        for load in loads:
+            not_turning = load.w_q - _turning_along(load.frames.J, load.w)
+            force_q -= np.tensordot(load.frames.J, not_turning, axes=((0, 1), (0, 1)))
         return force_q, force_v, M
 
     def _friction(self, sign_width: float) -> Friction:
@@ -256,13 +297,14 @@ def _on_frames(closures: ClosurePartials, reactions: Array) -> _Load:
     forces = reactions[closures.rows.at]
     w = np.einsum("kr,kri->ki", forces, closures.rows.W).reshape(-1, 6)
     w_q = np.einsum("kr,kriq->kiq", forces, closures.W_q)
-    return closures.rows.bodies.ravel(), closures.frames, w, w_q.reshape(len(w), 6, -1)
+    joints = closures.rows.bodies.ravel().tolist()
+    return _Load(joints, closures.frames, w, w_q.reshape(len(w), 6, -1))
 
 
 def _on_mass_centres(tree: TreeMotion, loops: Loops, wrenches: Array) -> _Load:
-    """Constant wrenches at the mass centres: the bodies, the wrenches at the origin, their w_q."""
-    loaded = np.asarray(wrenches.any(axis=1))
-    joints = [j for j, load in zip(loops.tree.bodies[1:], loaded, strict=True) if load]
+    """Constant wrenches [force; moment] at the mass centres, shape (r, 6), as a load."""
+    loaded = np.flatnonzero(wrenches.any(axis=1))
+    joints = [loops.tree.bodies[1 + body] for body in loaded]
     levers = [pin.SE3(np.eye(3), loops.tree.model.inertias[joint].lever) for joint in joints]
     places = [loops.data.oMi[j] * lever for j, lever in zip(joints, levers, strict=True)]
     frames = tree.frames(joints, [place.homogeneous for place in places])
@@ -270,7 +312,7 @@ def _on_mass_centres(tree: TreeMotion, loops: Loops, wrenches: Array) -> _Load:
     w = np.hstack((forces, moments + cross(frames.M[:, :3, 3], forces)))
     w_q = np.zeros_like(frames.J)
     w_q[:, 3:] = -skew(forces) @ frames.M_q[..., :3, 3].transpose(1, 2, 0)
-    return joints, frames, w, w_q
+    return _Load(joints, frames, w, w_q)
 
 
 def _turning_along(twists: Array, w: Array) -> Array:

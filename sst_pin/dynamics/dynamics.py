@@ -320,12 +320,12 @@ def terms(context: Context, q: Array, va: Array) -> Terms:
     context.complement.require_accelerations(v, L_dot @ va, Phi_dot @ v)
     of_bodies = bodies(context.loops, v)
     lengths, J = context.lines.evaluate(q)
-    taut = mechanism.lines.taut(lengths, J @ v)
-    stiffness, rest_lengths, dampings, preload = mechanism.lines.numbers
-    at_rest = taut * (preload + stiffness * (lengths - rest_lengths))
-    damping = taut * dampings * (J @ v)
+    taut = mechanism.lines.taut(lengths, J @ v)  # 0 for slack cables, else 1
+    lines = mechanism.lines
+    at_rest = taut * (lines.preload + lines.stiffness * (lengths - lines.rest_lengths))
+    damping = taut * lines.damping * (J @ v)
     T, T_dot = natural_complement(of_bodies, L, L_dot)
-    K, K_dot, M, Omega, w_g = of_bodies
+    K, K_dot, M, Omega, weights = of_bodies
     # Rotors geared to a joint (model.armature) are no bodies of the paper; RNEA counts them too.
     rotors = L.T * model.armature
     on_lines = L.T @ (J.T * mechanism.lines.masses)  # masses that move with the lengths, likewise
@@ -351,7 +351,7 @@ def terms(context: Context, q: Array, va: Array) -> Terms:
             + rotors @ L_dot
             + on_lines @ (J @ L_dot + J_dot @ L)
         ),  # Eq. (94)
-        gravity=T.T @ w_g,  # Eq. (95)
+        gravity=T.T @ weights,  # Eq. (95)
         friction=L.T @ (mechanism.friction.forces(v) - damping @ J),  # Eq. (96)
         springs=L.T @ (mechanism.springs.forces(model, q) - at_rest @ J),
     )

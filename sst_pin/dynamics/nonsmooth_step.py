@@ -139,12 +139,14 @@ class NonsmoothStep:
         lengths, of_lines = context.lines.evaluate(q)
 
         # Linear elements: rows on the rates of the tree, their stiffness and damping.
-        stiffness, rest, damping, preload = mechanism.lines.numbers
+        stiffness = mechanism.lines.stiffness
+        damping = mechanism.lines.damping
         cables = rows.cables
         positions = rows.motor_positions(q, lengths)
         tau = forces.tau - rows.gains.stiffness * (positions - forces.positions)
         on_lines = mechanism.lines.actuation
-        tensions = preload + stiffness * (lengths - rest) - on_lines @ tau
+        springs = stiffness * (lengths - mechanism.lines.rest_lengths)
+        tensions = mechanism.lines.preload + springs - on_lines @ tau
         squares = on_lines[cables] ** 2
         cable_stiffness = stiffness[cables] + squares @ rows.gains.stiffness
         cable_damping = damping[cables] + squares @ rows.gains.damping

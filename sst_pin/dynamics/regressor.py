@@ -7,8 +7,10 @@ parameter. References of springs and rest lengths of lines are constant, so f is
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -23,7 +25,8 @@ from .dynamics import Context
 
 #: Parameters of a body about the frame of its joint, as in `pin.Inertia.toDynamicParameters`.
 OF_BODY = ("mass", "mx", "my", "mz", "ixx", "ixy", "iyy", "ixz", "iyz", "izz")
-#: Parameters of each rate, one block of columns after the other.
+#: Parameters of the rates. A block of columns has one parameter of all rates; the stiffness is only
+#: of rates for which a spring is possible.
 OF_RATE = ("viscous", "coulomb", "armature", "stiffness", "offset")
 #: Parameters of a line.
 OF_LINE = ("stiffness", "damping", "preload", "mass")
@@ -101,27 +104,66 @@ def with_springs(mechanism: Mechanism) -> Mechanism:
 
 def names_of(mechanism: Mechanism) -> tuple[str, ...]:
     """Names of all parameters, in the order of the columns."""
-    space = mechanism.space
-    names = [f"{body}.{word}" for body in list(mechanism.model.names)[1:] for word in OF_BODY]
+    names: list[str] = []
+    for body in list(mechanism.model.names)[1:]:
+        names += [f"{body}.{word}" for word in OF_BODY]
     for word in OF_RATE:
         rates = mechanism.possible_springs if word == "stiffness" else range(mechanism.model.nv)
-        names += [f"{space.rate_names[k]}.{word}" for k in rates]
-    names += [f"{line}.{word}" for line in mechanism.lines.forces for word in OF_LINE]
-    return (*names, *(f"{motor}.torque_offset" for motor in mechanism.motor_names))
+        names += [f"{mechanism.space.rate_names[k]}.{word}" for k in rates]
+    for line in mechanism.lines.forces:
+        names += [f"{line}.{word}" for word in OF_LINE]
+    names += [f"{motor}.torque_offset" for motor in mechanism.motor_names]
+    return tuple(names)
+
+
+class _Blocks(NamedTuple):
+    """The values of all parameters by kinds, in the order of `names_of`.
+
+    There are r bodies, nv rates, of which `mechanism.possible_springs` can have springs.
+    """
+
+    bodies: Array  #: Shape (r, 10).
+    viscous: Array  #: Shape (nv,).
+    coulomb: Array  #: Shape (nv,).
+    armature: Array  #: Shape (nv,).
+    stiffness: Array  #: Shape (rates with springs,).
+    offset: Array  #: Shape (nv,).
+    lines: Array  #: Shape (lines, 4), as `OF_LINE`.
+    torque_offsets: Array  #: Shape (motors,).
+
+    @property
+    def values(self) -> Array:
+        """All values, shape (p,)."""
+        return np.concatenate([block.ravel() for block in self])
+
+    @classmethod
+    def of_values(cls, mechanism: Mechanism, values: Array) -> _Blocks:
+        """The blocks of all values, shape (p,)."""
+        shapes = [block.shape for block in _blocks_of(mechanism)]
+        ends = np.cumsum([math.prod(shape) for shape in shapes])
+        parts = np.split(values, ends[:-1])
+        return cls(*(part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)))
+
+
+def _blocks_of(mechanism: Mechanism) -> _Blocks:
+    """The parameters of a mechanism; its offsets are zero."""
+    model = mechanism.model
+    lines = mechanism.lines
+    return _Blocks(
+        bodies=np.array([body.toDynamicParameters() for body in list(model.inertias)[1:]]),
+        viscous=mechanism.friction.viscous,
+        coulomb=mechanism.friction.coulomb,
+        armature=model.armature,
+        stiffness=mechanism.springs.stiffness[mechanism.possible_springs],
+        offset=np.zeros(model.nv),
+        lines=np.transpose([lines.stiffness, lines.damping, lines.preload, lines.masses]),
+        torque_offsets=np.zeros(len(mechanism.motor_names)),
+    )
 
 
 def parameters_of(mechanism: Mechanism) -> DynamicParameters:
     """The parameters of a mechanism; its offsets are zero."""
-    model = mechanism.model
-    friction = mechanism.friction
-    bodies = [body.toDynamicParameters() for body in list(model.inertias)[1:]]
-    rates = friction.viscous, friction.coulomb, model.armature
-    stiffness = mechanism.springs.stiffness[mechanism.possible_springs]
-    none = np.zeros(model.nv)
-    lines = np.vstack([mechanism.lines.numbers[[0, 2, 3]], mechanism.lines.masses]).T.ravel()
-    motors = np.zeros(len(mechanism.motor_names))
-    values = np.concatenate([*bodies, *rates, stiffness, none, lines, motors])
-    return DynamicParameters(names_of(mechanism), read_only(values))
+    return DynamicParameters(names_of(mechanism), read_only(_blocks_of(mechanism).values))
 
 
 def size_of(mechanism: Mechanism) -> int:
@@ -134,66 +176,74 @@ def size_of(mechanism: Mechanism) -> int:
 
 
 def torque_regressor(context: Context, q: Array, va: Array, aa: Array) -> Array:
-    """Y = L^T Y_tree, shape (n, p)."""
-    v, v_dot = context.complement.motion(q, va, aa)
+    """Y = L^T Y_tree, shape (n, p), columns in the order of `names_of`."""
     mechanism = context.mechanism
-    L = context.complement.L
-    model = mechanism.model
-    one = np.ones(len(v))
-    none = np.zeros(len(v))
-    sign = -Friction(none, one, mechanism.friction.sign_width).forces(v)
-    deflections = pin.difference(model, mechanism.springs.reference, q)
-    k = mechanism.possible_springs
-    rates = [L.T * v, L.T * sign, L.T * v_dot, (L.T * deflections)[:, k], L.T]
+    v, v_dot = context.complement.motion(q, va, aa)
+    L = context.complement.L  # at q, by `motion`
+    # A diagonal parameter of a rate, times x: its column of L^T diag(x).
+    viscous = L.T * v
+    unit_friction = Friction(np.zeros(len(v)), np.ones(len(v)), mechanism.friction.sign_width)
+    coulomb = L.T * -unit_friction.forces(v)
+    armature = L.T * v_dot
+    deflections = pin.difference(mechanism.model, mechanism.springs.reference, q)
+    stiffness = (L.T * deflections)[:, mechanism.possible_springs]
+    offset = L.T
+    lines = _of_lines(context, q, v, v_dot)
+    torque_offsets = L.T.dot(context.actuation(q))
+    bodies = _of_bodies(context, v, v_dot)
+    return np.hstack([bodies, viscous, coulomb, armature, stiffness, offset, lines, torque_offsets])
+
+
+def _of_lines(context: Context, q: Array, v: Array, v_dot: Array) -> Array:
+    """Columns of the lines, shape (n, 4 lines): L^T J^T times the tension of a unit."""
+    lines = context.mechanism.lines
     lengths, J = context.lines.evaluate(q)
-    taut = mechanism.lines.taut(lengths, J.dot(v))
-    pulls = [
-        taut * (lengths - mechanism.lines.numbers[1]),
-        taut * J.dot(v),
-        taut,
-        context.lines.accelerations(q, v, v_dot),
-    ]
-    lines = (J.dot(L).T[..., None] * np.array(pulls).T).reshape(len(va), 4 * len(J))
-    motors = L.T.dot(context.actuation(q))
-    return np.hstack([_of_bodies(context, v, v_dot), *rates, lines, motors])
+    rates = J.dot(v)
+    taut = lines.taut(lengths, rates)  # 0 for slack cables, else 1
+    tensions = {
+        "stiffness": taut * (lengths - lines.rest_lengths),
+        "damping": taut * rates,
+        "preload": taut,
+        "mass": context.lines.accelerations(q, v, v_dot),
+    }
+    L_J = J.dot(context.complement.L).T
+    columns = [L_J * tensions[word] for word in OF_LINE]  # each (n, lines)
+    return np.stack(columns, axis=-1).reshape(len(L_J), -1)
 
 
 def _of_bodies(context: Context, v: Array, v_dot: Array) -> Array:
     """Columns of the bodies, shape (n, 10 r)."""
-    tree = context.tree
-    data = context.data
-    L = context.complement.L
-    q = context.loops.q
+    tree = context.tree  # depth-first, for Pinocchio; S takes rates of the robot to its rates
     S = tree.S
-    Y = pin.computeJointTorqueRegressor(tree.model, data, q, S.dot(v), S.dot(v_dot))
-    Y = Y.reshape(tree.model.nv, -1)  # a vector, of a tree with one rate
-    by_joint = S.dot(L).T.dot(Y).reshape(L.shape[1], -1, 10)
-    return by_joint[:, np.array(tree.bodies[1:]) - 1].reshape(L.shape[1], -1)
+    L = context.complement.L
+    n = L.shape[1]
+    Y_tree = pin.computeJointTorqueRegressor(
+        tree.model, context.data, context.loops.q, S.dot(v), S.dot(v_dot)
+    )
+    Y_tree = Y_tree.reshape(tree.model.nv, -1)  # Pinocchio gives a vector for one rate
+    by_body = S.dot(L).T.dot(Y_tree).reshape(n, -1, len(OF_BODY))
+    order = np.array(tree.bodies[1:]) - 1  # bodies of the robot in the order of its tree
+    return by_body[:, order].reshape(n, -1)
 
 
 def changed(
     mechanism: Mechanism, theta: ArrayLike | Mapping[str, float]
 ) -> tuple[pin.Model, dict[str, ArrayLike | None], tuple[LineForce, ...]]:
     """Tree (with friction and rotors), `numbers` of `mechanism_of`, and lines with theta."""
-    model, nv = pin.Model(mechanism.model), mechanism.model.nv
-    k = mechanism.possible_springs
-    r = model.njoints - 1
-    ends = np.cumsum([10 * r, nv, nv, nv, len(k), nv, 4 * len(mechanism.lines.forces)])
-    bodies, viscous, coulomb, armature, stiff, offset, lines, motors = np.split(
-        _values(mechanism, theta), ends
-    )
-    if motors.any():
+    model = pin.Model(mechanism.model)
+    blocks = _Blocks.of_values(mechanism, _values(mechanism, theta))
+    if blocks.torque_offsets.any():
         raise InputError(
             "theta", "a chain has no torque offsets of motors; subtract them from the torques"
         )
-    for i, ten in enumerate(bodies.reshape(r, 10), 1):
+    for i, ten in enumerate(blocks.bodies, 1):  # joint 0 is the base
         model.inertias[i] = _body(model.names[i], model.inertias[i], ten)
-    model.damping = viscous
-    model.friction = coulomb
-    model.armature = armature
-    stiffness = np.zeros(nv)
-    stiffness[k] = stiff
-    reference = _spring_reference(mechanism, stiffness, offset)
+    model.damping = blocks.viscous
+    model.friction = blocks.coulomb
+    model.armature = blocks.armature
+    stiffness = np.zeros(model.nv)
+    stiffness[mechanism.possible_springs] = blocks.stiffness
+    reference = _spring_reference(mechanism, stiffness, blocks.offset)
     at_neutral = np.array_equal(reference, pin.neutral(model))
     numbers: dict[str, ArrayLike | None] = {
         "viscous_friction": None,  # those of the model
@@ -202,8 +252,8 @@ def changed(
         "spring_reference": None if at_neutral else read_only(reference),
     }
     forces = tuple(
-        replace(line, stiffness=of[0], damping=of[1], preload=of[2], mass=of[3])
-        for line, of in zip(mechanism.lines.forces, lines.reshape(-1, 4), strict=True)
+        replace(line, **dict(zip(OF_LINE, of_line, strict=True)))
+        for line, of_line in zip(mechanism.lines.forces, blocks.lines, strict=True)
     )
     return model, numbers, forces
 

@@ -127,10 +127,24 @@ class Lines:
         return not self.forces
 
     @cached_property
-    def numbers(self) -> Array:
-        """Stiffness, rest length, damping and preload of the lines, shape (4, lines)."""
-        rows = [(x.stiffness, x.rest_length, x.damping, x.preload) for x in self.forces]
-        return np.array(rows).reshape(-1, 4).T
+    def stiffness(self) -> Array:
+        """Stiffnesses of the lines, shape (lines,), [N/m]."""
+        return np.array([line.stiffness for line in self.forces])
+
+    @cached_property
+    def rest_lengths(self) -> Array:
+        """Lengths of the lines without a force of their springs, shape (lines,), [m]."""
+        return np.array([line.rest_length for line in self.forces])
+
+    @cached_property
+    def damping(self) -> Array:
+        """Dampings of the lines, shape (lines,), [N s/m]."""
+        return np.array([line.damping for line in self.forces])
+
+    @cached_property
+    def preload(self) -> Array:
+        """Constant tensions of the lines, shape (lines,), [N]."""
+        return np.array([line.preload for line in self.forces])
 
     @cached_property
     def masses(self) -> Array:
@@ -158,14 +172,14 @@ class Lines:
 
     def _unlimited_tensions(self, lengths: Array, rates: Array) -> Array:
         """Tensions of springs, dampers and preloads, negative ones of cables too."""
-        stiffness, rest_length, damping, preload = self.numbers
-        tensions: Array = preload + stiffness * (lengths - rest_length) + damping * rates
-        return tensions
+        springs = self.stiffness * (lengths - self.rest_lengths)
+        return np.asarray(self.preload + springs + self.damping * rates)
 
     def energy(self, lengths: Array) -> float:
         """Potential energy, zero where all lines have their rest length, [J]."""
-        stiffness, rest_length, _, preload = self.numbers
-        stretch = lengths - rest_length
+        stiffness = self.stiffness
+        preload = self.preload
+        stretch = lengths - self.rest_lengths
         is_slack = self.pull_only & (stiffness > 0) & (preload + stiffness * stretch < 0)
         stretch[is_slack] = -preload[is_slack] / stiffness[is_slack]  # where the tension begins
         return float((preload + stiffness * stretch / 2).dot(stretch))

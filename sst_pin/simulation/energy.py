@@ -65,7 +65,7 @@ def friction_power(engine: Engine, q: ArrayLike, va: ArrayLike) -> Array:
     mechanism = engine.mechanism
     v = engine.joint_rates(q, va)
     rates = engine.line_rates(q, v)
-    _, _, damping, _ = mechanism.lines.numbers
+    damping = mechanism.lines.damping
     if mechanism.lines.pull_only.any():
         array = finite_array("q", q, (mechanism.model.nq,))
         shape = (len(mechanism.lines.forces),)
