@@ -281,7 +281,7 @@ def test_derivatives_of_a_floating_cassie_are_those_of_the_reference_path():
             np.testing.assert_allclose(part.numpy(), right, atol=1e-11 * np.abs(right).max())
 
 
-@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.parametrize("name", [*FEW, *slow("delta", "stewart")])
 def test_machine_code_for_a_gpu_is_made_without_one(name):
     """With at most the 255 registers that a thread can have."""
     batch = EVERY_ROBOT[name]().warp("cpu")

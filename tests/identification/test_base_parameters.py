@@ -212,8 +212,17 @@ def test_no_names_are_no_parameters():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("decimate", [2, 10])
-@pytest.mark.parametrize("name", ["five_bar", "four_bar", "delta", "planar_3rrr", "sst"])
+@pytest.mark.parametrize(
+    ("name", "decimate"),
+    [
+        ("five_bar", 2),
+        ("five_bar", 10),
+        ("four_bar", 10),
+        ("delta", 2),
+        ("planar_3rrr", 10),
+        ("sst", 10),
+    ],
+)
 def test_intervals_of_five_robots_cover_the_truth(name, decimate, monkeypatch):
     """95 % of them, of robots with dry friction in their motors, by a log at 100 Hz.
 
