@@ -15,7 +15,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command.
 
     Args:
-        argv: Arguments; those of the process by default.
+        argv: Arguments; by default the arguments of the process.
 
     Returns:
         The exit code: 0 for success; 1 if referees disagree, a description has errors or `--strict`

@@ -41,7 +41,7 @@ def identify(arguments: argparse.Namespace) -> int:
         require_ending(arguments.urdf, ".urdf")
     robot = _with_masses(common.robot_of(arguments), masses)
 
-    # The log as a motion; its last third is kept for validation.
+    # The log as a motion; its last third is for validation.
     t, x, tau, start = read_log(robot.engine, common.source_of(arguments.log))
     cutoff = arguments.cutoff
     every = arguments.decimate

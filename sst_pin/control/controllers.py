@@ -126,7 +126,7 @@ class ComputedTorque(_Feedback):
     """Inverse dynamics with feedback: errors decay in the same way in every configuration.
 
     If the model is exact, the errors e of the coordinates obey e'' + kd e' + kp e = 0. The other
-    arguments are those of `Controller`.
+    arguments are as in `Controller`.
 
     Args:
         kp: Position gains, () or shape (n,), [1/s^2].

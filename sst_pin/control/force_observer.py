@@ -64,7 +64,7 @@ class ForceObserver:
         The first sample after the start or `reset` gives zero.
 
         Args:
-            t: Time, later than that of the sample before, [s].
+            t: Time, later than at the sample before, [s].
             q: Configuration, with closed loops, shape (nq,).
             va: Rates of the coordinates, shape (n,).
             tau: Motor torques that acted since the sample before, shape (motors,): the command that
@@ -173,7 +173,7 @@ class ForceObserver:
             raise InputError(
                 "components",
                 f"{chain.degrees_of_freedom} coordinates cannot distinguish {listed(words)} of "
-                f"{frame} here; name fewer, those that can act",
+                f"{frame} here; name only those that can act",
             )
         result = np.zeros(6)
         result[chosen] = (Vt.T @ (U.T @ (unit * f) / s)) / size

@@ -56,7 +56,7 @@ class Linkage:
         shared = np.abs(J[self._rows]) > RANK_TOLERANCE
         shared[:, self._columns] = False
         others = np.flatnonzero(shared.any(axis=0))
-        # Coordinates that can move while all motors stand: the null space of J.
+        # Coordinates that can move while all motors are fixed: the null space of J.
         _, sizes, Vt = np.linalg.svd(J)
         null_space = Vt[np.count_nonzero(sizes > RANK_TOLERANCE) :]
         is_free = np.abs(null_space).max(axis=0, initial=0.0) > RANK_TOLERANCE
@@ -77,7 +77,7 @@ class Linkage:
         """Configurations, shape (..., nq), for positions of the joints.
 
         The joints are moved there from the start without passing a singular configuration, so the
-        assembly mode is that of the start.
+        assembly mode is the one of the start.
 
         Args:
             positions: Shape (..., joints), [rad] or [m].

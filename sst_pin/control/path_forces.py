@@ -21,7 +21,7 @@ from ..simulation.samples import spline
 from ..summaries import listed
 from .motor_limits import combinations, motors_of, of_sizes, part_of, sums_of
 
-#: The part of each limit that is kept free at grid points, because more may be used between them.
+#: Part of each limit that is not used at grid points, because more may be used between them.
 MARGIN = 1e-4
 #: A rate w at which inertia forces are much larger than friction: w^2 is far above w. The forces
 #: at w and -w then give b and d with eight digits.
@@ -262,7 +262,7 @@ class PathForces:
         rates = self._rates(s)
         dry = self._dry(s)
         moves = np.abs(rates) > _STILL * np.abs(rates).max(axis=1, keepdims=True)
-        # The friction of a moving joint follows its rate, that of a resting one has either sign.
+        # The friction of a moving joint follows its rate; of a resting joint it has either sign.
         moving = np.einsum("ikj,ij->ik", dry, np.sign(rates) * moves)
         resting = np.einsum("ikj,ij->ik", np.abs(dry), ~moves)
         return moving - resting, moving + resting

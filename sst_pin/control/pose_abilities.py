@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Forces and accelerations of a frame in a pose that the motor torques allow.
 
-J is the Jacobian of the frame, J_a that of the motors. A force w of the frame needs the torques
-G w, the smallest with J_a^T G = J^T. Torques tau add A tau to the acceleration due to gravity and
-rates. T. Yoshikawa, Manipulability of robotic mechanisms, Int. J. Robotics Research 4(2),
-1985; P. Chiacchio et al., Force polytope and force ellipsoid for redundant manipulators, J. Robotic
-Systems 14(8), 1997.
+J is the Jacobian of the frame, J_a the Jacobian of the motors. A force w of the frame needs the
+torques G w, the smallest with J_a^T G = J^T. Torques tau add A tau to the acceleration due to
+gravity and rates. T. Yoshikawa, Manipulability of robotic mechanisms, Int. J. Robotics Research
+4(2), 1985; P. Chiacchio et al., Force polytope and force ellipsoid for redundant manipulators, J.
+Robotic Systems 14(8), 1997.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Ellipsoid(NamedTuple):
     Attributes:
         center: Shape (..., 3).
         sizes: Half of its length along each axis, the largest first, shape (..., 3); infinite where
-            the structure bears all forces, 0 where the frame cannot accelerate.
+            the structure carries all forces, 0 where the frame cannot accelerate.
         axes: Orthonormal directions, in rows, shape (..., 3, 3).
     """
 
@@ -78,7 +78,7 @@ def force_polytope(
 ) -> Array:
     """Corners of the set of forces that a frame can exert while the motors also hold the weight.
 
-    Directions in which the frame cannot move are left out: there the structure bears the forces.
+    Directions in which the frame cannot move are left out: there the structure carries the forces.
     Surplus motors help with any preload within their limits. Arguments as in `force_ellipsoid`,
     but q is one configuration at rest, shape (nq,), and torques may be least and largest ones,
     shape (motors, 2).
@@ -112,7 +112,7 @@ def force_polytope(
     moving = _range(J)
     if not len(moving):
         kind = "turn" if turning else "translate"
-        raise InputError("frame", f"{frame} cannot {kind}: the structure bears all forces on it")
+        raise InputError("frame", f"{frame} cannot {kind}: the structure carries all forces on it")
     # The forces x along the motions of the frame obey rows x < room in both directions. The corners
     # of this set are the facets of the dual body, whose points are rows / room.
     parts = 2 / np.ptp(limits, axis=1)[:, None] * G @ moving.T

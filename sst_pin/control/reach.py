@@ -253,7 +253,7 @@ def _motor_guide(
     unit_rates = np.eye(mechanism.model.nv)
 
     def motor_rates(q: Array) -> Array:
-        """Rates of the motors by those of all joints, free of units."""
+        """Derivatives of the motors' rates by the rates of all joints, free of units."""
         on_lines = chain.engine.line_rates(q, unit_rates) @ mechanism.lines.actuation
         per_unit = mechanism.rate_scale / mechanism.motor_scale[:, None]
         return np.asarray((mechanism.actuation + on_lines).T * per_unit)
@@ -406,7 +406,7 @@ def _flood(
             for a, b in ((i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)):
                 if 0 <= a < shape[0] and 0 <= b < shape[1]:
                     queue.append((end.q, (a, b)))
-        # A pose may be tried from several neighbours: the smallest code counts.
+        # A pose may be tried from several neighbours: the smallest code is the result.
         why[i, j] = min(why[i, j], reason)
     return why, q
 

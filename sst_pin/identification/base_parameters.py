@@ -64,7 +64,8 @@ class BaseParameters(Summary):
         if self.parameters != names:
             alien = [name for name in self.parameters if name not in names]
             what = f"it has {listed(alien, 3)}" if alien else "their order differs"
-            problem = f"its parameters are not those of {chain.mechanism.model.name}: {what}"
+            robot = chain.mechanism.model.name
+            problem = f"its parameters are not those of {robot}: {what}"
             raise InputError("base", f"{problem}; give base_parameters of this robot")
 
     def __len__(self) -> int:
@@ -91,9 +92,9 @@ def base_parameters(
     Args:
         chain: The robot.
         which: The parameters considered: names, or patterns such as "*.viscous" and "crank.*". By
-            default those of all bodies, and all others that are not zero.
-        motion: q, va, aa of many samples; the combinations are those that this motion shows. By
-            default random assembled states: what any motion can show.
+            default the parameters of all bodies, and all others that are not zero.
+        motion: q, va, aa of many samples; the result has the combinations that this motion shows.
+            By default random assembled states: what any motion can show.
         seed: Seed of the random states.
 
     Raises:
@@ -150,7 +151,7 @@ def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array,
     Shapes (count, nq), (count, n), (count, n). The configurations are within the limits of the
     robot. If no configuration nearby keeps a limit, they violate it less than their start does.
     With these rates and accelerations weights and inertia take torques of about the same size.
-    `seed` is that of the random numbers.
+    `seed` is the seed of the random numbers.
 
     Raises:
         ClosureError: If too few configurations can be assembled.

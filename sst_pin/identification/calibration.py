@@ -51,7 +51,7 @@ _TOLERANCES = (1e-6, 1e-5, 1e-4, 1e-3)
 #: Most steps of Newton's method, and the largest change of an error in the last one, free of units.
 _STEPS = 30
 _CONVERGED = 1e-9
-#: Least noise of positions as a part of that of orientations, and the reverse: less is rounding.
+#: Least ratio of the noises of positions and orientations, and of its reverse: less is rounding.
 _LEAST_NOISE = 1e-4
 #: Without convergence: the largest last step of Newton's method that is accepted, in standard
 #: deviations of the errors.
@@ -151,7 +151,7 @@ def calibrate(
 ) -> Calibration:
     """The geometry of a robot from measured poses of a frame and positions of the coordinates.
 
-    The errors are those that the poses show, in the order of the tree.
+    Only errors that the poses show are estimated. They are in the order of the tree.
 
     Args:
         chain: The robot as it is drawn.
@@ -160,8 +160,8 @@ def calibrate(
         poses: Measured poses of the frame in the base, shape (N, 4, 4), or positions of its origin,
             shape (N, 3), [m]. NaN: not measured; see `Poses`.
         which: The errors considered: names, or patterns such as "motor_*.r*", of joints that move,
-            of frames of closures, and of `frame`; by default those of all joints and closures. An
-            error that alone opens loops of an overconstrained robot is left out.
+            of frames of closures, and of `frame`; by default of all joints and closures. An error
+            that alone opens loops of an overconstrained robot is left out.
         urdf: The URDF that `write_urdf` of the result takes: by default only errors that it can
             store are considered.
         start: A guess of all joints in the first pose, shape (nq,), as in `coordinate_motion`, from
@@ -551,7 +551,7 @@ def _considered(
 def _enlarged(chain: ClosedChain, errors: Sequence[str]) -> ClosedChain:
     """The robot with a joint for each error of the geometry.
 
-    Its coordinates are the chain's and, of the errors, those that the loops allow independently.
+    Its coordinates are the chain's, and the errors that the loops allow independently.
     """
     mechanism = chain.mechanism
     joints = []
@@ -567,7 +567,7 @@ def _enlarged(chain: ClosedChain, errors: Sequence[str]) -> ClosedChain:
 
 
 def _without_errors(large: ClosedChain, chain: ClosedChain, q: Array) -> Array:
-    """Configurations of the enlarged robot for those of the chain, shape (N, nq)."""
+    """Configurations of the enlarged robot for configurations q of the chain, shape (N, nq)."""
     result = np.tile(pin.neutral(large.mechanism.model), (len(q), 1))
     result[:, [large.position_names.index(name) for name in chain.position_names]] = q
     return result

@@ -18,13 +18,13 @@ from .estimation import Estimate
 
 #: Least eigenvalue of a pseudo-inertia in units of the body's mass and the robot's length.
 _LEAST = 1e-5
-#: Root of the prior's weight for all parameters but those of bodies, in their deviations.
+#: Root of the prior's weight for parameters that are not of bodies, in their deviations.
 _WEAK = 1e-6
 #: Parameters that are not negative.
 _POSITIVE = (".viscous", ".coulomb", ".armature", ".stiffness", ".damping")
 #: Upper triangle of a 4 x 4 matrix, column by column, as the solver expects it.
 _ROWS, _COLUMNS = np.array([(i, j) for j in range(4) for i in range(j + 1)]).T
-#: Factors with which the norm of the triangle is that of the symmetric matrix.
+#: Factors of the entries with which the triangle has the same norm as the symmetric matrix.
 _FACTORS = np.where(_ROWS == _COLUMNS, 1.0, np.sqrt(2.0))
 
 
@@ -35,11 +35,11 @@ def consistent_parameters(
 
     All ten parameters of each body that the estimate considers are found, with a positive definite
     pseudo-inertia; friction, rotors and stiffnesses are not negative. Where the estimate says
-    nothing, the parameters stay near those of the chain. Bodies without mass stay as they are.
+    nothing, the parameters stay near the chain's. Bodies without mass stay as they are.
     `chain.with_parameters` takes the result where it has no offsets.
 
     Args:
-        chain: The robot whose parameters are the prior, such as those of CAD.
+        chain: The robot whose parameters are the prior, such as values of CAD.
         found: The estimate, of this robot.
         prior: Weight of the prior, above 0: the parameters of a body have standard deviations of
             1/sqrt(prior) times m, m l, m l^2, with the mass m of the body and the length l of the

@@ -25,7 +25,7 @@ _MEDIAN_OF_NORMAL = 0.6745
 #: Most iterations for the noise, and its last relative change.
 _ITERATIONS = 100
 _CONVERGED = 1e-4
-#: Level of the intervals: that of three standard deviations.
+#: Level of the intervals: the probability within three standard deviations.
 INTERVAL = 0.9973
 #: Fewest degrees of freedom of the residuals of a motor. With fewer, the noise of one motor can
 #: vanish, and the intervals hold far less than their level.
@@ -190,7 +190,7 @@ def estimate(
         if converged:
             break
 
-    if robust:  # Huber's covariance is that of least squares, times a factor
+    if robust:  # Huber's covariance is a factor times the covariance of least squares
         back = torques_by_z / noise[:, None]
         spread = _Spread(A, solved(A, z)[1], back, correlations)
         covariance = spread.covariance * _huber_factor(z, len(base))
@@ -216,12 +216,12 @@ class _Spread:
     Args:
         A: The equations in units of the noise, shape (N, n, b).
         inverse: R^-1 of A = Q R, shape (b, b).
-        back: Errors of the torques, in units of the noise, by those of the equations, shape
-            (N, motors, n).
-        correlations: Those of the noise of samples 1, 2, ... apart.
+        back: Derivatives of the torque errors, in units of the noise, by the errors of the
+            equations, shape (N, motors, n).
+        correlations: Correlations of the noise of samples 1, 2, ... apart.
 
     Attributes:
-        covariance: That of the values, shape (b, b).
+        covariance: Covariance of the values, shape (b, b).
         freedom: Expected sum of the squared residuals of each motor, shape (motors,).
         repetition: Number of samples with the same information as one independent sample.
     """

@@ -91,8 +91,8 @@ def excitation(
         base: The base parameters to identify.
         duration: Duration of one period, [s].
         harmonics: Number of harmonics; the highest frequency is harmonics / duration, [Hz].
-        rates: Largest rate of each coordinate, shape (n,) or (); those of the model by default.
-        torques: Largest torque of each motor, shape (motors,) or (); those of the model by default.
+        rates: Largest rate of each coordinate, shape (n,) or (); by default the model's.
+        torques: Largest torque of each motor, shape (motors,) or (); by default the model's.
         start: The configuration at the start, shape (nq,); `home` by default.
         tries: How many motions are judged.
         seed: Seed of the random series.

@@ -116,7 +116,7 @@ class Measurement(ABC):
 
     @abstractmethod
     def rows(self, sight: Sight) -> list[Rows]:
-        """Rows of each kind, without those that were not measured."""
+        """Rows of each kind, without values that were not measured."""
 
     def guess_of_base(self, b: Array) -> pin.SE3:
         """A first guess of the reference in the base, from placements of B as drawn."""
@@ -125,7 +125,7 @@ class Measurement(ABC):
 
 @dataclass(frozen=True, eq=False)
 class Poses(Measurement):
-    """Poses of a frame, or some entries of them, such as those of a laser tracker.
+    """Poses of a frame, or some entries of them, such as a laser tracker measures.
 
     Attributes:
         poses: Positions of the frame's origin, shape (N, 3), or poses, shape (N, 4, 4), in the
@@ -223,7 +223,7 @@ class Poses(Measurement):
 
 @dataclass(frozen=True, eq=False)
 class Heights(Measurement):
-    """Positions of a frame along one direction, such as those of a touch probe or a dial gauge.
+    """Positions of a frame along one direction, such as a touch probe or a dial gauge measures.
 
     Attributes:
         heights: Along the direction, from the origin of the measuring system, shape (N,), [m].
@@ -260,7 +260,7 @@ class Heights(Measurement):
 
 @dataclass(frozen=True, eq=False)
 class Distances(Measurement):
-    """Distances of two frames, such as those of a ball bar or a tape.
+    """Distances of two frames, such as a ball bar or a tape measures.
 
     Attributes:
         distances: Shape (N,), [m]; NaN: not measured.
@@ -277,7 +277,7 @@ class Distances(Measurement):
 
     @property
     def reference(self) -> str:
-        """Name of the other frame, or of that of the unknown system."""
+        """Name of the other frame, or of the base of an unknown measuring system."""
         return f"{self.name}_base" if self.unknown_base else self.other
 
     def count(self, coordinates: int) -> int:

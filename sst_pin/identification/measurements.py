@@ -25,7 +25,7 @@ _TORQUE = "torque of "
 #: A cut-off above this, in periods per sample, does not filter: half a period per sample is the
 #: most that samples can show.
 _NO_FILTER = 0.45
-#: Cut-off of the filter of `decimated`, in periods per sample that is kept; below 0.5, so that
+#: Cut-off of the filter of `decimated`, in periods per sample of the result; below 0.5, so that
 #: faster changes do not appear as slower ones.
 _ANTI_ALIASING = 0.4
 #: Deviations from the smooth curve are compared with their median in parts of the log. A part has
@@ -90,9 +90,9 @@ def measured_motion(
     assembly, from sample to sample in one assembly mode. The first and the last two periods of the
     cut-off frequency are left out.
 
-    With `decimate` = 1 the torques are filtered like the positions, and two samples are kept in a
-    period: friction that jumps is then smooth in the torques and not in the regressor. With more,
-    `decimate` samples are kept, and `estimate(decimate=)` filters both sides alike.
+    With `decimate` = 1 the torques are filtered like the positions, and the result has two samples
+    in a period: friction that jumps is then smooth in the torques and not in the regressor. With
+    more, it has `decimate` samples, and `estimate(decimate=)` filters both sides alike.
 
     Outliers are samples far from the smooth curve, and torques also far from their neighbours, so
     that jumps stay. They are replaced: positions by the curve, torques by the median.
@@ -101,8 +101,8 @@ def measured_motion(
         chain: The robot; each coordinate turns about an axis or slides.
         t: Times, increasing, shape (N,), [s]; uneven ones are interpolated, at most half a period
             of the cut-off frequency apart.
-        x: Positions of the coordinates, shape (N, n), [rad] or [m]. Those of joints that turn
-            without end may jump by full turns.
+        x: Positions of the coordinates, shape (N, n), [rad] or [m]. Angles of joints that
+            turn without end may jump by full turns.
         tau: Torques of the motors, shape (N, motors).
         cutoff: Frequency where the two passes together let half of the amplitude through, [Hz].
         decimate: The same as in `estimate`; 8 to 20 for robots with dry friction.

@@ -41,7 +41,7 @@ def write_urdf(chain: ClosedChain, urdf: str | Path, path: str | Path, force: bo
         force: Whether an existing file may be replaced.
 
     Raises:
-        DescriptionError: If the URDF is not that of the robot.
+        DescriptionError: If the URDF describes another robot.
 
     Warns:
         DescriptionWarning: For parameters that differ when the file is read again, with the YAML of

@@ -26,7 +26,7 @@ class Contact:
         friction: Coefficient of friction, zero or positive.
         restitution: Part of the normal velocity that an impact gives back, from 0 to 1.
         ground: Name of the frame of the plane; "universe" is the world.
-        name: By default that of `frame`, with "on GROUND" for another ground than the world.
+        name: By default the name of `frame`, with "on GROUND" for another ground than the world.
 
     Raises:
         InputError: For a number outside its range, or a name that is not a string.

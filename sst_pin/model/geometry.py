@@ -144,7 +144,8 @@ def enlarged(model: pin.Model, joints_at_rest: Iterable[RestingJoint]) -> pin.Mo
         if turn.any():
             joint = pin.JointModelRevoluteUnaligned(turn)
         else:
-            # The direction of a slide is in axes of the body; a joint takes those of its place.
+            # The direction of a slide is in axes of the body; the axis of a joint is in axes of
+            # the joint.
             _, placement = place_of(model, place)
             joint = pin.JointModelPrismaticUnaligned(placement.rotation.T @ slide)
         joints[place][name.removeprefix(place)] = joint

@@ -33,7 +33,7 @@ class Part(NamedTuple):
         suffix: Its suffix to the name of the whole joint.
         joint: Its model.
         place: Its pose relative to the joint before it.
-        rates: Indices of its rates among those of the whole joint.
+        rates: Indices of its rates among the rates of the whole joint.
         entries: Indices of its positions in q of the whole joint; empty if q has no such angle.
     """
 

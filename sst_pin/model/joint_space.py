@@ -43,8 +43,8 @@ class JointSpace:
 
     Attributes:
         joint_names: Names of the joints.
-        position_names: Names of the entries of q: that of the joint, with a suffix where it has
-            several.
+        position_names: Names of the entries of q: the name of the joint, with a suffix if it has
+            several entries.
         rate_names: Names of the entries of v, in the same way.
         position_units: "rad", "m", or "" for quaternions, cosines and sines.
         rate_units: "rad" or "m" for each entry of v.

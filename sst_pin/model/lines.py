@@ -157,7 +157,7 @@ class Lines:
         return np.array([line.pulls_only for line in self.forces], dtype=bool)
 
     def tensions(self, lengths: Array, rates: Array, tau: Array | None = None) -> Array:
-        """Tensions of the lines but those of masses, motors included, shape (..., lines), [N]."""
+        """Tensions of the lines with motors, without inertia forces, shape (..., lines), [N]."""
         tensions = self._unlimited_tensions(lengths, rates)
         if self.pull_only.any():
             tensions = np.where(self.pull_only, np.maximum(tensions, 0.0), tensions)

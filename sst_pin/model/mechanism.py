@@ -133,7 +133,7 @@ class Mechanism:
     motor_names: tuple[str, ...]
     friction: Friction
     springs: Springs
-    #: Forces along lines, those of motors on lines among them.
+    #: Forces along lines, including motors on lines.
     lines: Lines = Lines((), np.zeros((0, 0)))  # noqa: RUF009
     #: What acts only in steps of `rollout(..., nonsmooth=True)`.
     contacts: Contacts = Contacts()  # noqa: RUF009
@@ -192,7 +192,7 @@ class Mechanism:
 
     @cached_property
     def braked(self) -> Indices:
-        """Indices in v of the rates that brakes hold, those of lines left out."""
+        """Indices in v of the rates that brakes of joints hold."""
         names = [brake.name for brake in self.brakes if brake.frames is None]
         return read_only(self.space.rates_of(names))
 

@@ -44,7 +44,7 @@ def taken(space: JointSpace, q: Array, names: Sequence[str]) -> Array:
 def _place(space: JointSpace, name: str) -> list[int]:
     if name not in space.places and name in (*space.joint_names, *space.rate_names):
         problem = "this joint neither turns about one axis nor slides along one"
-        raise InputError(name, f"{problem}; those that do are {listed(list(space.places), 12)}")
+        raise InputError(name, f"{problem}; joints that do are {listed(list(space.places), 12)}")
     if name not in space.places:
         raise UnknownNameError("revolute or prismatic joint", name, space.places)
     return space.places[name]

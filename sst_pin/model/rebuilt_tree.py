@@ -64,7 +64,7 @@ def _copy_frames(
     old: pin.Model, model: pin.Model, carriers: Sequence[tuple[int, pin.SE3]], sizes: Sequence[int]
 ) -> None:
     """Copy the frames; a joint's frame becomes one for each new joint, or a fixed-joint frame."""
-    numbers = {0: 0}  # of the new frames, by those of the old ones
+    numbers = {0: 0}  # indices of the new frames, by the indices of the old ones
     for i, frame in enumerate(list(old.frames)[1:], 1):
         joint = frame.parentJoint
         kind = frame.type

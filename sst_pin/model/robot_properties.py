@@ -11,7 +11,7 @@ from .contacts import Contact, Rope
 from .lines import LineForce
 from .mechanism import Friction, Mechanism
 
-#: The names to use instead of those of other packages.
+#: Names of other packages, and the names to use instead.
 _INSTEAD = {
     "inverse_dynamics": "compute_torques(q, va, aa)",
     "forward_dynamics": "compute_accelerations(q, va, tau)",

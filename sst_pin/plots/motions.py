@@ -142,7 +142,8 @@ def upper_bound(value: float) -> str:
     return rf"${digit}\times 10^{{{exponent}}}$" if digit < 10 else rf"$10^{{{exponent + 1}}}$"
 
 
-#: For each subject the function that draws it and, if it may need several axes, that of its curves.
+#: For each subject the function that draws it and, if it may need several axes, the function that
+#: returns its curves.
 CURVES: dict[str, tuple[Callable[..., Axes], Callable[..., Curves] | None]] = {
     "torques": (motor_torques, _torques),
     "joints": (joint_angles, _positions),

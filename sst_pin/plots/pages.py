@@ -95,7 +95,7 @@ def motion_page(
 
 
 def summary_of(robot: ClosedChain, frame: str | None = None) -> tuple[str, ...]:
-    """Default subjects of a `motion_page`; `frame` is that of its path, or None."""
+    """Default subjects of a `motion_page`; `frame` is the frame of its path, or None."""
     known = {
         "path": frame is not None or robot.appearance.spherical,
         "torques": bool(robot.motor_names),

@@ -63,18 +63,23 @@ def read_cuts(urdf: Urdf, path: str | Path | None, default: str | Path | None = 
 
 def cuts_beside(urdf: Path) -> Path | None:
     """The YAML with the cuts of a URDF, if there is one."""
+    paths = [urdf.with_suffix(".yaml")]
     package = urdf.parent.parent if urdf.parent.name == "urdf" else urdf.parent
-    folders = (urdf.parent, package, package / "config")
-    paths = [urdf.with_suffix(".yaml"), *(folder / "loop_closures.yaml" for folder in folders)]
-    return next((path for path in paths if path.is_file()), None)
+    for folder in (urdf.parent, package, package / "config"):
+        paths.append(folder / "loop_closures.yaml")
+    for path in paths:
+        if path.is_file():
+            return path
+    return None
 
 
 def closed(urdf: Urdf, cuts: Cuts) -> RobotFile:
     """The robot of a URDF and its cuts.
 
-    Its closures are those of the cuts, else those that the URDF marks, and its mimic joints.
-    Without any it is an open tree. An SRDF beside the URDF names configurations.
+    The cuts give its closures, else marks in the URDF; its mimic joints are closures too. Without
+    closures it is an open tree. An SRDF beside the URDF names configurations.
     """
+    # The tree, before joints are locked.
     model = urdf.tree(dict(cuts.joints))
     model.gravity.linear = urdf.gravity if cuts.gravity is None else cuts.gravity
     source = f"{urdf.source} with {cuts.source}" if cuts.source else urdf.source
@@ -89,6 +94,8 @@ def closed(urdf: Urdf, cuts: Cuts) -> RobotFile:
         *_unused(model, cuts, marks),
         *urdf.lost_limits(dict(cuts.joints), joints_with_limits),
     ]
+
+    # Closures, and numbers of joints.
     loops = cuts.closures
     with naming(source):
         if not loops:
@@ -96,6 +103,8 @@ def closed(urdf: Urdf, cuts: Cuts) -> RobotFile:
             loops = (*closing_frames(model), *(joint.closure(model) for joint in joints))
         numbers = updated(urdf.numbers, cuts.numbers, fixed)
         put_numbers(model, numbers)
+
+    # Configurations by name, then the joints that are locked.
     srdf = None
     srdf_path = Path(urdf.source).with_suffix(".srdf")
     if srdf_path.is_file():
@@ -108,6 +117,8 @@ def closed(urdf: Urdf, cuts: Cuts) -> RobotFile:
         if locked:
             model = without_locked(model, locked)
         stiffness, spring_reference = springs_of(model, numbers)
+
+    # Motors; in an open tree without motors each joint has one.
     motors = tuple(_moving_motors(cuts.actuated, fixed))
     open_tree = ""
     if not cuts.source and not loops and not marks.independent:

@@ -45,7 +45,7 @@ def robot_file_of(
 ) -> RobotFile:
     """Tree, closures and motors; `actuated` replaces the motors of the file.
 
-    With `contacts`, those that can act in nonsmooth rollouts are read too.
+    With `contacts`, the contacts and ropes that nonsmooth rollouts can compute are read too.
     """
     compiled = Compiled(as_path(path), names("locked", locked))
     problems = compiled.problems  # the readers below add to them

@@ -167,7 +167,7 @@ def _delete_missing_files(spec: Any, folder: Path) -> tuple[set[str], set[str]]:
 
 
 def _delete_shapes(spec: Any, meshes: Collection[str], always_from_shapes: bool) -> list[str]:
-    """Delete the shapes of some meshes; problems name the bodies whose mass is that of one."""
+    """Delete the shapes of some meshes; problems name bodies that get their mass from one."""
     problems = list[str]()
     for body in spec.bodies:
         for geom in [geom for geom in body.geoms if geom.meshname in meshes]:

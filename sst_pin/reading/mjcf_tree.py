@@ -188,7 +188,7 @@ class MjcfTree:
         return armature
 
     def _add_position_limits(self, joints: Array) -> None:
-        """Put the ranges of hinges and slides into the model; `joints` are those of its rates."""
+        """Put the ranges of hinges and slides into the model; `joints` has one for each rate."""
         compiled = self._compiled
         mj = compiled.mj
         model = self.model

@@ -205,7 +205,7 @@ class _Forces:
         return not np.array_equal(self._forces(without), self._forces_of_file)
 
     def joints_with_other_forces(self) -> list[int]:
-        """Joints on which passive forces act other than those that are read."""
+        """Joints on which passive forces act that are not read."""
         without = copy(self._mj)
         without.jnt_stiffness[:] = 0
         without.dof_damping[:] = 0
@@ -218,7 +218,7 @@ class _Forces:
         return list(dict.fromkeys(map(int, self._mj.dof_jntid[has_force])))
 
     def _unread_numbers(self, field: str) -> Array:
-        """The numbers of a field, with zeros in place of those that are read."""
+        """The numbers of a field, with zeros in place of numbers that are read."""
         values = np.array(getattr(self._mj, field, 0.0), dtype=float)
         if field in _OF_LINES:
             spatial = [self._compiled.is_spatial(i) for i in range(self._mj.ntendon)]

@@ -44,7 +44,7 @@ def urdf_shapes(
         "joint": ("parent", "child"),
     }
     root = bare(root, tags)
-    for joint in root.findall("joint"):  # joints and masses are those of the model
+    for joint in root.findall("joint"):  # the model has the joints and masses
         joint.set("type", "fixed")
     for link in root.findall("link"):  # urdfdom would leave out the link, and print a complaint
         link[:] = [shape for shape in link if shape.find("geometry/capsule") is None]

@@ -91,8 +91,8 @@ def parse_almost_xml(text: str, source: str, what: str) -> tuple[ET.Element, lis
 def bare(root: ET.Element, tags: Mapping[str, Collection[str]]) -> ET.Element:
     """A copy of a robot with some of its elements, such as links and joints.
 
-    `tags` are those of the elements that are copied and, for each, of the parts that are copied
-    with it. In attributes with several numbers one blank separates two of them.
+    `tags` has the tags of the elements that are copied and, for each, the tags of the parts that
+    are copied with it. In attributes with several numbers one blank separates two of them.
     """
     root_copy = ET.Element(root.tag, root.attrib)
     for element in root:

@@ -163,7 +163,8 @@ def leg(
         thigh_mass: [kg].
         shank_mass: [kg].
         foot_mass: [kg].
-        rod_mass: Mass of each rod and crank of the ankle, [kg]; those of the knee weigh twice that.
+        rod_mass: Mass of each rod and crank of the ankle, [kg]; rod and crank of the knee are twice
+            as heavy.
     """
     tree = Tree("leg")
     knee_drive = _knee_drive(0.6 * thigh, lever, 0.8 * lever)
@@ -211,7 +212,7 @@ def _add_ankle(
     rod_mass, crank_mass, foot_mass = masses
     for drive in drives:
         drive.add(tree, parent, at, rod_mass, crank_mass)
-    size = drives[0].crank  # and that of levers: the foot is drawn by it
+    size = drives[0].crank  # also the length of the levers: the foot is drawn by it
     tree.joint("ankle_pitch", _RY(), disc(0.05 * foot_mass, 0.4 * size, 0.4 * size), parent, at)
     edges = np.multiply(size, (4.8, 1.8, 0.6))
     centre = np.multiply(size, (0.8, 0, -1))

@@ -200,7 +200,7 @@ def _planar_platform(
 ) -> GalleryRobot:
     """A platform in the horizontal plane; leg 1 carries it, the other legs are pinned to it.
 
-    `base` are the places of the motors, `vertices` those of the platform's joints, shape (legs, 3).
+    `base` are the places of the motors, `vertices` the joints of the platform, shape (legs, 3).
     """
     plate = star(platform_mass, vertices - vertices[0], radius)
     tree = Tree(name)

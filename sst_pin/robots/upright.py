@@ -129,7 +129,7 @@ def excavator(
 ) -> GalleryRobot:
     """The arm of a small excavator: a swing and three cylinders move boom, arm and bucket.
 
-    The cylinders of boom and arm each form a triangle, that of the bucket a triangle and a
+    The cylinders of boom and arm each form a triangle, the cylinder of the bucket a triangle and a
     four-bar: four loops in the arm's plane. The platform is the tip of the bucket, x along the
     bucket, z normal to the arm's plane. The attachments of the cylinders on swing, boom and arm do
     not depend on the lengths. The layout is that of every backhoe; dimensions and masses are those

@@ -75,7 +75,7 @@ _FORM_A, _FORM_B = np.random.default_rng(1).normal(size=(2, 4))
 def orientations(u: Array, m: Array) -> Array:
     """All rotations R with u_k . R m_k = 0 for k = 1, 2, 3, shape (n, 3, 3), n <= 8, in any order.
 
-    The rows of u are unit vectors in the base, those of m in {E}. Raises a
+    The rows of u are unit vectors in the base, the rows of m unit vectors in {E}. Raises a
     SingularConfigurationError if the star can move while the motors are fixed.
     """
     from scipy.spatial.transform import Rotation

@@ -164,7 +164,10 @@ def orientation_of_joints(geometry: Geometry, q: Array) -> Array:
 
 
 def home_orientation(geometry: Geometry) -> Array:
-    """{E} in the base, shape (3, 3): s in the middle of the base triangle, R_1 in that of P1P2."""
+    """{E} in the base at home, shape (3, 3).
+
+    s points to the middle of the base triangle, and R_1 is in the middle of its side P1P2.
+    """
     v = geometry.R_0[:, :, 0]
     e_1 = geometry.e[0]
     s = v.sum(axis=0)

@@ -75,7 +75,7 @@ def _description_of(parameters: Parameters) -> RobotFile:
 
 
 def _require_sst(description: RobotFile) -> None:
-    """Refuse closures and motors that are not those of an SST."""
+    """Refuse closures and motors that an SST does not have."""
     problems = list[str]()
     closures = description.closures
     welds = [c for c in closures if isinstance(c, Closure)]
@@ -101,7 +101,7 @@ class SST(ClosedChain):
     `home` has s in the middle of the base triangle and R_1 in the middle of P1P2.
 
     Args:
-        parameters: Geometry, masses, friction, gravity; by default those of the paper's robot.
+        parameters: Geometry, masses, friction, gravity; by default of the paper's robot.
 
     Example:
         >>> robot = sst_pin.SST(sst_pin.Parameters(viscous_friction=0.1))
@@ -200,7 +200,7 @@ class SST(ClosedChain):
         Raises:
             InputError: If a rotation is none, or an entry of branch is not +1 or -1.
             SingularConfigurationError: When a leg is in the plane of its arc.
-            WorkspaceError: If a joint would exceed its limits, or if a position is not that of E
+            WorkspaceError: If a joint would exceed its limits, or if a position is not where E is
                 with this orientation.
 
         Example:
@@ -211,7 +211,7 @@ class SST(ClosedChain):
         return _joints(self._engine, "pose", self._orientations(pose), branch)[1]
 
     def _orientations(self, pose: pin.SE3 | ArrayLike) -> Array:
-        """The rotations of poses; their positions, where given, must be those of E."""
+        """The rotations of poses; their positions, if given, must be the position of E."""
         poses = finite_array("pose", pose.homogeneous if isinstance(pose, pin.SE3) else pose, ())
         if poses.shape[-2:] != (4, 4):
             return poses

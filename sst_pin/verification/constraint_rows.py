@@ -57,7 +57,7 @@ def _relative(
     d = B.placement.translation - A.placement.translation  # in base axes, as the next ones
     omega_a = A.twist[3:]
 
-    # Jacobian of [r_dot; w]: the motion of B less that of A's body at the origin of B.
+    # Jacobian of [r_dot; w]: the motion of B minus the motion of A's body at the origin of B.
     J = B.J - A.J
     J[:3] += pin.skew(d) @ A.J[3:]
     velocity = B.twist[:3] - A.twist[:3] - np.cross(omega_a, d)

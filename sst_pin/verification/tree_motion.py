@@ -108,7 +108,7 @@ class MovingRobot:
         self.applied = force
 
     def completed(self, rates: Array, closing: Array) -> Array:
-        """Rates v of all joints, shape (nv,), from those of the coordinates and Phi v."""
+        """Rates v of all joints, shape (nv,), from rates of the coordinates and Phi v."""
         system = np.vstack([self.Phi, self.mechanism.selection])
         return consistent(system, np.concatenate([closing, rates]))
 

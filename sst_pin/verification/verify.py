@@ -84,8 +84,8 @@ class Differences:
     def add(self, answer: Callable[[], Array], expected: Array, size: float, limit: float) -> None:
         """Compute an answer and compare it with ours.
 
-        `size` is that of the terms whose sum is the result, `limit` the largest difference relative
-        to it.
+        `size` is the size of the terms whose sum is the result, `limit` the largest difference
+        relative to it.
         """
         began = time.perf_counter()
         try:
@@ -187,7 +187,7 @@ def verify_chain(
 ) -> Iterator[Comparison]:
     """Compare the dynamics at random configurations in random motion with each referee.
 
-    The states are those of `random_states`: within limits, away from singular configurations.
+    The states come from `random_states`: within limits, away from singular configurations.
     """
     if referees is None:
         referees, _ = referees_of(chain)

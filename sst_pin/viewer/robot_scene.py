@@ -39,7 +39,7 @@ _PARALLEL = 1e-3
 
 
 class Scene:
-    """Shapes of a robot; the arguments are those of `Viewer`.
+    """Shapes of a robot; the arguments are as in `Viewer`.
 
     At first skeleton and masses are visible only if the bodies have no shapes.
     """
@@ -60,7 +60,7 @@ class Scene:
         self._model = model
         self._data = model.createData()
         bodies = robot.visual_model if visual_model is None else visual_model
-        #: All shapes that do not change with the torques: first those of the bodies.
+        #: All shapes that do not change with the torques; shapes of the bodies come first.
         self.shapes = list[Shape]()
         for body in bodies.geometryObjects:
             self.shapes += body_shapes(body)
@@ -88,7 +88,7 @@ class Scene:
         self.shapes += [strut.shape for strut in self.struts]
         self.shapes += sketch.contact_shapes(self.touches)
         self.shapes += axes_and_frames
-        #: Torques of the motors, the forces of reactions, and those of contacts.
+        #: Torques of the motors, then forces of reactions, then forces of contacts.
         self.arrows: list[Arrow | Pull | Dot] = list(
             sketch.arrows_of(model, self._data, rate_axes, B, _ARROW * size)
         )

@@ -115,7 +115,7 @@ class Strut(NamedTuple):
     points: Array  #: The ends on these bodies, shape (2, 3), [m].
 
     def at(self, poses: Array) -> Array:
-        """Placement of the strut, for those of all joints, homogeneous, shape (joints, 4, 4)."""
+        """Placement of the strut for placements of all joints, homogeneous, (joints, 4, 4)."""
         start = moved(self.points[:1], poses[self.joints[0]])[0]
         end = moved(self.points[1:], poses[self.joints[1]])[0]
         matrix = homogeneous(along(end - start), start)
@@ -124,7 +124,7 @@ class Strut(NamedTuple):
 
 
 class Label(NamedTuple):
-    """A word in the scene; layer and mover are those of a `Shape`."""
+    """A word in the scene; layer and mover are as in `Shape`."""
 
     text: str  #: Digits or one letter after "_" are an index, as in "e_1".
     colour: str  #: As "#rrggbb".

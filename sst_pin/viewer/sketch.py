@@ -86,7 +86,7 @@ def skeleton(
 ) -> Iterator[Shape]:
     """Joints, lines from each to the other points of its body, ends of loops, wheels.
 
-    `axes` are those of all rates, `colours` those of joints by number.
+    `axes` has the axis of each rate, `colours` the colours of joints by number.
     """
     model = robot.mechanism.model
     for joint, points in enumerate(joined_points(robot)):

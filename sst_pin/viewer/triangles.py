@@ -26,7 +26,7 @@ def tube(points: ArrayLike, radii: ArrayLike, sides: int = 14) -> Mesh:
     """A round tube along a line, its ends closed.
 
     Two equal successive points make a step in radius. The faces are in order along the line,
-    2 * sides for each segment; those of the ends come last.
+    2 * sides for each segment; faces of the ends come last.
     """
     points = np.asarray(points, dtype=float)
     radii = np.broadcast_to(np.asarray(radii, dtype=float), len(points))

@@ -136,7 +136,7 @@ class Viewer:
         Args:
             q: Configuration, shape (nq,).
             tau: Motor torques, shape (motors,), [N m] or [N]. Without them the panel shows only
-                the joints, and the reactions are those of the pose at rest.
+                the joints, and the reactions of the robot at rest in this pose.
 
         Example:
             >>> viewer.show(chain.home, tau=[0.2])

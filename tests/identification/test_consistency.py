@@ -120,10 +120,10 @@ def test_a_total_mass_below_that_of_the_fixed_bodies_is_refused():
         consistent_parameters(chain, friction, total_mass=0.01)
 
 
-def test_combinations_that_cannot_be_told_apart_are_refused():
+def test_combinations_that_cannot_be_distinguished_are_refused():
     chain, _, base, result, _ = case("five_bar", 1e-4)
     alike = replace(result, covariance=np.ones((len(base), len(base))))
-    with pytest.raises(InputError, match="cannot be told apart"):
+    with pytest.raises(InputError, match="cannot be distinguished"):
         consistent_parameters(chain, alike)
 
 
