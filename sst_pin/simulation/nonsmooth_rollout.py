@@ -152,9 +152,9 @@ def _gains(name: str, value: ArrayLike | None, motors: int) -> Array:
 def _motor_positions(engine: Engine, rows: NonsmoothRows, q: Array) -> Array:
     """Positions of the motors at configurations, shape (..., motors)."""
     line_lengths = engine.reference.context.lines.lengths
-    flat = q.reshape(-1, q.shape[-1])
+    flat = q.reshape(math.prod(q.shape[:-1]), q.shape[-1])
     positions = [rows.motor_positions(each, line_lengths(each)) for each in flat]
-    return np.reshape(positions, (*q.shape[:-1], -1))
+    return np.reshape(positions, (*q.shape[:-1], len(rows.mechanism.motor_names)))
 
 
 class _Motions:
@@ -237,7 +237,11 @@ def _results(
     """The arrays in the shapes of the arguments; a warning if a step is not solved."""
     steps = arrays.residual.shape[1]
     points, ropes, cables, _, _ = rows.parts
-    forces = arrays.forces.reshape(*batch, steps, -1)
+
+    def of_batch(array: Array) -> Array:
+        return array.reshape(*batch, *array.shape[1:])
+
+    forces = of_batch(arrays.forces)
     contacts = len(rows.mechanism.contacts.points)
     status = np.where(arrays.residual <= SOLVED, SOLVED_STEP, NOT_SOLVED)
     status[np.arange(steps) >= steps_made[:, None]] = NOT_REACHED
@@ -251,12 +255,12 @@ def _results(
             stacklevel=4,
         )
     return NonsmoothRollout(
-        q=arrays.q.reshape(*batch, steps + 1, -1),
-        va=arrays.va.reshape(*batch, steps + 1, -1),
+        q=of_batch(arrays.q),
+        va=of_batch(arrays.va),
         contact_forces=forces[..., points].reshape(*batch, steps, contacts, 3),
         tensions=forces[..., ropes.start : cables.stop],
         joint_forces=forces @ rows.on_joints,
-        residual=arrays.residual.reshape(*batch, steps),
+        residual=of_batch(arrays.residual),
         status=status.reshape(*batch, steps),
         t=arrays.dt * np.arange(steps + 1),
     )

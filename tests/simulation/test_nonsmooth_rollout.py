@@ -324,3 +324,21 @@ def test_stops_that_contradict_each_other_are_not_solved_in_silence():
         motion = chain.rollout(np.zeros((3, 0)), [0], [0], 0.01, nonsmooth=True)
     assert (motion.status == 1).all()
     assert motion.residual.min() > 1e-9
+
+
+@pytest.mark.parametrize("fast", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_a_batch_without_motions_or_steps_has_the_shapes_of_a_smooth_one(fast):
+    chain = robots.four_bar()
+    if fast:
+        chain.compile()
+    for tau, q0 in (
+        (np.zeros((0, 1)), chain.home),
+        (np.zeros((3, 0, 1)), chain.home),
+        (np.zeros((0, 5, 1)), chain.home),
+        (np.zeros((5, 1)), np.zeros((0, 3))),
+    ):
+        smooth = chain.rollout(tau, q0, [0.0], 1e-3)
+        motion = chain.rollout(tau, q0, [0.0], 1e-3, nonsmooth=True)
+        assert motion.q.shape == smooth.q.shape
+        assert motion.va.shape == smooth.va.shape
+        assert motion.residual.shape == (*smooth.q.shape[:-2], smooth.q.shape[-2] - 1)
