@@ -10,13 +10,16 @@ from ..model.mechanism import Mechanism
 from ..model.thresholds import MARGIN, WELL_CONDITIONED
 from ..states import StateSpace
 from .integrator_step import IntegratorStep
+from .singularity_crossing import EARLIER
 from .state_equations import MotionState
 
 #: Condition number above which better coordinates are searched.
 _POOR = 50.0
 #: On the way to a singular configuration, the limit of the condition number is higher by this
-#: factor: a motion that starts to step over it at four times the remaining time needs four.
-_NEAR_SINGULARITY = 4.0 * MARGIN
+#: factor. The condition number grows as 1 / T, where T is the time that remains. The step over the
+#: singular configuration starts at T / `EARLIER` at the latest, if it is noticed at T, so the
+#: condition number grows by `EARLIER`. `MARGIN` is reserve.
+_NEAR_SINGULARITY = EARLIER * MARGIN
 
 
 class CoordinateChange:
@@ -24,6 +27,10 @@ class CoordinateChange:
 
     Good coordinates have dependent columns of Phi with a small condition number. A motion keeps its
     coordinates while this number is below `limit`, and then changes to better ones.
+
+    `settle` sets the limit for the coordinates that it chooses. On the way to a singular
+    configuration `allow_nearer` raises it, and `restore` ends that. Behind the singular
+    configuration, `settle_behind` puts it above the condition number there.
 
     Attributes:
         limit: Largest condition number of a regular configuration in the present coordinates.
@@ -37,7 +44,7 @@ class CoordinateChange:
 
     @property
     def at_largest(self) -> bool:
-        """Whether the limit is the largest one that a user allows, or more."""
+        """Whether the limit is the largest one that a user allows, or more during an approach."""
         return self.limit >= self._largest
 
     def settle(self, state: MotionState) -> MotionState:
@@ -49,7 +56,7 @@ class CoordinateChange:
     def settle_behind(self, state: MotionState) -> MotionState:
         """The same as `settle` just behind a singular configuration."""
         settled = self.settle(state)
-        # The condition number falls from here on.
+        # Here it may still be above the limit that `settle` sets; it falls from here on.
         condition = settled.space.condition_number(settled.q)
         self.limit = max(self.limit, MARGIN * condition)
         return settled
@@ -62,10 +69,12 @@ class CoordinateChange:
         """Lower the limit to the largest one that a user allows, after an approach."""
         self.limit = min(self._largest, self.limit)
 
-    def better_exist(self, state: MotionState, *, near_singularity: bool) -> bool:
-        """Whether the robot's coordinates are good again, or the condition far below its limit.
+    def should_settle(self, state: MotionState, *, near_singularity: bool) -> bool:
+        """Whether `settle` would change the coordinates, or lower the limit much.
 
-        Near a singularity, the limit is high on purpose, so that only the first reason counts.
+        There are two reasons: the robot's own coordinates are good again, or the condition number
+        has fallen by MARGIN since `settle` set the limit to MARGIN times it. Near a singularity,
+        only the first one counts, because the limit is high on purpose.
         """
         space = state.space
         robot_space = self._robot_space
@@ -79,13 +88,13 @@ class CoordinateChange:
         """The fraction of a step from a state that is regular, and the configuration at its end."""
         space = before.space
 
-        def path(q: Array, low: float, high: float) -> Array:
+        def path(_q: Array, _low: float, high: float) -> Array:
             if high == 1:
                 return space.closed(step.y)
             return space.closed(step.dense_output(step.start + high * step.length))
 
-        # A step there and back may be long although its ends are close, so the way back is tried
-        # separately.
+        # A step there and back may be long although its ends are close. So `follow` tries the part
+        # up to the reversal first, then the rest.
         first = self._reversal(before, step)
         return space.follow(before.q, path, self.limit, first)
 

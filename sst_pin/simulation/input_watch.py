@@ -50,8 +50,12 @@ class InputWatch:
         """The longest step from a time."""
         return self._longest if t < self._until else np.inf
 
-    def misses(self, step: IntegratorStep) -> bool:
-        """Whether a step misses a change; if so, `longest` becomes shorter."""
+    def shorten_if_missed(self, step: IntegratorStep) -> bool:
+        """Shorten `longest` if a step misses a change.
+
+        Returns:
+            Whether it misses one, so that it must be repeated.
+        """
         if not self._active:
             return False
         first, last = np.searchsorted(self._times, [step.start, step.end], "right")

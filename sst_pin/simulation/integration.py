@@ -4,6 +4,9 @@
 Four objects do the work: `StepControl` makes the steps, `CoordinateChange` judges them and chooses
 the coordinates, `MotionOutput` collects the results, and `SingularityCrossing` steps over singular
 configurations.
+
+A part of a step is regular if the joints move continuously along it, without a jump to another
+assembly mode, and if the condition number of the dependent joints stays below a limit.
 """
 
 from __future__ import annotations
@@ -23,8 +26,8 @@ from .singularity_crossing import SingularityCrossing
 from .state_equations import MotionState, StateEquations
 from .step_control import StepControl
 
-#: A repeated step is shorter than the regular part of the last one by this fraction, so that it
-#: ends before the singular configuration; ten times more at each repeat.
+#: The first repeat of an irregular step ends before its irregular part by this fraction of the
+#: length of its regular part.
 _MARGIN_OF_REPEAT = 1e-10
 
 
@@ -57,7 +60,7 @@ class Integration:
         self._nq = mechanism.model.nq
         self._progress = settings.progress or (lambda time: None)
         self._steps = StepControl(equations, times, settings, exact=exact)
-        self._coordinates = CoordinateChange(
+        self._coordinate_change = CoordinateChange(
             equations.robot_space, mechanism, settings.max_condition_number
         )
         self._output = MotionOutput(times)
@@ -109,7 +112,7 @@ class Integration:
             why = equations.failure or "its rates are not finite"
             raise SimulationError(f"the motion cannot start ({why})", t)
         state = MotionState(t, space, space.closed(start), start)
-        return self._coordinates.settle(state)
+        return self._coordinate_change.settle(state)
 
     def _equations_at(self, state: MotionState) -> StateEquations:
         """The equations in the coordinates of a state."""
@@ -125,42 +128,53 @@ class Integration:
         return sampling.until(self._times)
 
     def _advance(self, state: MotionState, bound: float, *, torques_change: bool) -> MotionState:
-        """Integrate until a time, or until other coordinates or an earlier state are needed."""
+        """Integrate until a time, or until other coordinates or an earlier state are needed.
+
+        A step that misses a change of a torque or load is repeated with shorter steps. A regular
+        step is kept. An irregular step is repeated up to just before the point where it becomes
+        irregular; there the motion changes its coordinates or ends. If a singular configuration is
+        ahead that can be stepped over, the motion goes back instead and approaches it.
+
+        Args:
+            state: The state from which the motion goes on.
+            bound: The time, [s].
+            torques_change: Whether torques change there.
+        """
         self._crossing.remember(state)
         equations = self._equations_at(state)
-        repeats = 0
-        until = bound  # later the end of the regular part of a step
+        until = bound
+        repeats = 0  # of irregular steps; each repeat ends just before the irregular part
         solver = self._steps.solver(equations, state, until)
         while solver.status == "running":
             step = self._steps.step(solver, equations)
-            if self._steps.misses_input(step):
+            if self._steps.shorten_if_input_missed(step):
                 solver = self._steps.solver(equations, state, until)
                 continue
             ends_at_change = torques_change and step.end == bound
-            self._steps.go_on_after(step, torques_change=ends_at_change)
+            self._steps.remember_length(step, torques_change=ends_at_change)
             self._progress(step.end)
-            fraction, q = self._coordinates.regular_part(state, step)
-            if fraction == 1 and not self._output.add_step(step, torques_change=ends_at_change):
-                fraction = 0.5
+            fraction, q = self._coordinate_change.regular_part(state, step)
+            regular_until = step.start + fraction * step.length
 
-            if fraction == 1:
+            if fraction == 1 and self._output.add_step(step, torques_change=ends_at_change):
                 state = MotionState(step.end, state.space, q, step.y)
                 self._crossing.remember(state)
-                if until < bound and solver.status == "finished":
+                if repeats > 0 and solver.status == "finished":  # just before the irregular part
                     return self._leave_irregular(state)
                 settled = self._improve_coordinates(state)
                 if settled.space is not state.space:
                     return settled
                 continue
 
+            earlier = self._crossing.begin_approach(state, regular_until, q)
+            if fraction == 1:  # loops cannot be closed at an output time within the step: halve it
+                fraction = 0.5
             self._steps.shorten(fraction)
-            t = step.start + fraction * step.length
-            earlier = self._crossing.begin_approach(state, t, q)
             if earlier is not None:
-                self._coordinates.allow_nearer()
+                self._coordinate_change.allow_nearer()
                 return earlier
             # A part of a step is less exact than a step: integrate again until there.
-            until = t - (t - state.t) * min(0.5, _MARGIN_OF_REPEAT * 10**repeats)
+            until = state.t + fraction * step.length * (1 - _margin_of_repeat(repeats))
             repeats += 1
             if until <= state.t:
                 return self._leave_irregular(state)
@@ -168,38 +182,53 @@ class Integration:
         return state
 
     def _improve_coordinates(self, state: MotionState) -> MotionState:
-        """The state after a regular step, in better coordinates if there are any."""
+        """The state after a regular step, in better coordinates if there are any.
+
+        If there are none, only the limit of the condition number may have changed.
+        """
         near_singularity = self._crossing.approach is not None
-        if not self._coordinates.better_exist(state, near_singularity=near_singularity):
+        if not self._coordinate_change.should_settle(state, near_singularity=near_singularity):
             return state
+        # During an approach, the only reason is that the robot's own coordinates are good again. So
+        # no singular configuration of the mechanism is near any more.
         self._crossing.approach = None
-        return self._coordinates.settle(state)
+        return self._coordinate_change.settle(state)
 
     def _leave_irregular(self, state: MotionState) -> MotionState:
-        """The state before an irregular step, in better coordinates; without any, the motion ends.
+        """The state before the irregular part of a step, in better coordinates if there are any.
 
-        It also ends where its steps become too short.
+        The motion ends if its steps become too short, or if nothing changes: `settle` keeps the
+        coordinates, and the limit of the condition number was the largest one and still is. An
+        approach of a singular configuration is given up, because the way to it is irregular.
         """
-        coordinates = self._coordinates
-        limit_was_largest = coordinates.at_largest
+        coordinate_change = self._coordinate_change
+        limit_was_largest = coordinate_change.at_largest
         self._crossing.approach = None
-        settled = coordinates.settle(state)
-        same_space = settled.space is state.space
-        no_better = same_space and limit_was_largest and coordinates.at_largest
-        if no_better or self._steps.stuck:
+        settled = coordinate_change.settle(state)  # sets a new limit
+        limit_stays_largest = limit_was_largest and coordinate_change.at_largest
+        nothing_changes = settled.space is state.space and limit_stays_largest
+        if nothing_changes or self._steps.stuck:
             self.stopped = (
                 f"stopped at t = {state.t:.9g} s before a singularity: "
-                f"condition number {coordinates.limit:g}{self._crossing.problem}"
+                f"condition number {coordinate_change.limit:g}{self._crossing.problem}"
             )
         return settled
 
     def _cross(self, state: MotionState) -> MotionState:
-        """The state behind the singular configuration that is near; the same state without one."""
-        self._coordinates.restore()
+        """The state behind the singular configuration; the same state if no step leads there."""
+        self._coordinate_change.restore()
         equations = self._equations_at(state)
         crossed = self._crossing.cross(equations, state)
         if crossed is None:
             return state
         behind, branch = crossed
         self._output.add_branch(equations, branch, behind.t)
-        return self._coordinates.settle_behind(behind)
+        return self._coordinate_change.settle_behind(behind)
+
+
+def _margin_of_repeat(repeats: int) -> float:
+    """By which part of its length a repeat ends before the irregular part of a step.
+
+    The margin grows tenfold with each further repeat, to half of the length.
+    """
+    return float(min(0.5, _MARGIN_OF_REPEAT * 10**repeats))

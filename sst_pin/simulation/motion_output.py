@@ -49,7 +49,7 @@ class MotionOutput:
 
     def add_start(self, equations: StateEquations, start: MotionState) -> None:
         """Add the sample at the first time."""
-        self._add(Samples(*equations.along(self._times[:1], start.y[None])))
+        self._add(Samples(*equations.samples_along(self._times[:1], start.y[None])))
 
     def add_step(self, step: IntegratorStep, *, torques_change: bool) -> bool:
         """Add the samples within a step; False if loops cannot be closed within it.
@@ -64,7 +64,7 @@ class MotionOutput:
         if not len(times):
             return True
         try:
-            samples = Samples(*step.equations.along(times, step.dense_output(times).T))
+            samples = Samples(*step.equations.samples_along(times, step.dense_output(times).T))
         except (ClosureError, SingularConfigurationError):
             return False
         self._add(samples)

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Carries a simulated motion through the singular configurations that are ahead of it.
 
+At a singular configuration of the mechanism, Phi loses rank. Where only its dependent columns do,
+other coordinates help, and `CoordinateChange` chooses them; this module is about the former.
+
 An integrator cannot step over a singular configuration, and its accelerations are noisy next to it.
 So the motion is integrated until some time before it; from there, one step of `crossings` leads to
 a state as long after it.
@@ -24,17 +27,18 @@ from .state_equations import MotionState, StateEquations
 
 #: The most states from which a motion is extrapolated through a singular configuration.
 _EXTRAPOLATED = 6
-#: The times from these states to the singular configuration differ by more than this factor.
+#: The times from these states to the singular configuration grow by more than this factor from one
+#: state to the next earlier one.
 _SPREAD = 1.5
-#: The step over a singular configuration starts at this multiple of the time that remains until it
-#: when it is noticed.
-_EARLIER = 4.0
+#: If a singular configuration is noticed a time T before the motion reaches it, the step over it
+#: starts `EARLIER` T before it if it can, and T / `EARLIER` before it at the latest.
+EARLIER = 4.0
 #: The middle of the step is at the singular configuration to this part of half the step, after at
 #: most `_STEPS` tries.
 _CENTRED = 0.01
 _STEPS = 3
-#: Largest `mismatch` of the branch and the end of the step: the larger one of the first number and
-#: of the second one times rtol.
+#: The step is accepted if the `mismatch` of its end and of the branch, relative to the motion in
+#: the step, is less than max(_EXACT, _TOLERANCES * rtol).
 _EXACT = 1e-7
 _TOLERANCES = 100.0
 
@@ -86,33 +90,44 @@ class SingularityCrossing:
     def begin_approach(self, state: MotionState, t: float, q: Array) -> MotionState | None:
         """Begin to approach a singular configuration that is ahead of q at time t.
 
-        `state` is the last one before t. The smallest singular value of Phi falls from a to b on
-        the way from there to q, so it is expected to be zero (t - state.t) b / (a - b) after t.
+        The smallest singular value of Phi falls from a at `state` to b at q. If it goes on so, it
+        is zero at the time (t - state.t) b / (a - b) after t.
+
+        Args:
+            state: The last state before t.
+            t: Time, [s].
+            q: The configuration at this time.
 
         Returns:
-            An earlier state, from which the approach begins; None if nothing singular is ahead, or
-            if it has been tried before.
+            An earlier state, from which the motion is integrated again until `approach.start`. It
+            is None, and nothing is changed, if no singular configuration of the mechanism is ahead,
+            or if no step can lead over it.
         """
         space = state.space
         if not self._active or self.approach is not None:
             return None
         if space.suited(q)[0] is not space:
-            return None  # only the coordinates are singular
+            return None  # only the dependent columns of Phi are singular
         a = _smallest_singular_value(space, state.q)
         b = _smallest_singular_value(space, q)
         if not b < a:
-            return None
+            return None  # the motion does not come nearer to a singular configuration
+        if t <= self._noticed:
+            return None  # it was noticed before, and the step over it failed
         remaining = (t - state.t) * b / (a - b)
         singular = t + remaining
-        # The step over the singular configuration is as long behind it, and ends before the motion.
-        half_step = min(_EARLIER * remaining, (self._end - singular) / 2)
-        if half_step < remaining / _EARLIER or t <= self._noticed:
-            return None
+        # The step is as long behind the singular configuration as before it. It must end before the
+        # motion does. As `singular` is an estimate, half of the time behind it is left as reserve.
+        half_step = min(EARLIER * remaining, (self._end - singular) / 2)
+        if half_step < remaining / EARLIER:
+            return None  # too near to the end of the motion for a step over it
         self._noticed = t
+        # The last state before the start of the step; the oldest state if all are later.
         while len(self._past) > 1 and self._past[-1].t > singular - half_step:
             self._past.pop()
         earlier = self._past[-1].in_coordinates_of(space)
-        self.approach = Approach(max(singular - half_step, earlier.t), singular)
+        start = max(singular - half_step, earlier.t)
+        self.approach = Approach(start, singular)
         return earlier
 
     def cross(
@@ -136,8 +151,8 @@ class SingularityCrossing:
             self.crossings.append(crossing)
             self._past.clear()
             return behind, branch
-        # The accelerations between here and where it was noticed were good enough for the
-        # integrator: extrapolate from nearer.
+        # Try again from half the distance: the caller integrates until there. No step starts later
+        # than the singular configuration was noticed, because accelerations become noisy there.
         nearer = approach.start + approach.remaining / 2
         if nearer <= self._noticed:
             self.approach = Approach(nearer, approach.singular)
@@ -148,30 +163,32 @@ class SingularityCrossing:
     ) -> tuple[Crossing, Branch, MotionState]:
         """The singular configuration, the motion through it, and the state behind it.
 
-        The step is repeated until its middle is at the singular configuration.
+        The step is repeated until its middle is at the singular configuration: where this is,
+        becomes known better with each step.
 
         Raises:
             BranchError: If the branch is not determined, or does not continue the motion.
         """
         space = state.space
         remaining = approach.remaining
+        # The first branch extrapolates the past states. The next ones go through the stages of the
+        # last step.
         branch = self._branch(equations, self._last_states(approach), remaining)
         crossing = crossing_of(space, branch, state.t, remaining)
-        middle = np.inf
-        end, y = state.t, state.y
         for _ in range(_STEPS):
-            if abs(crossing.time - middle) < _CENTRED * remaining:
-                break
             middle = crossing.time
             end = 2 * middle - state.t
             times, ys = gauss_step(space, equations.rate, state.t, state.y, end, branch)
-            y = ys[-1]
             stages = [
                 MotionState(time, space, stage[: len(state.q)], stage)
                 for time, stage in zip(times[1:-1], ys[1:-1], strict=True)
             ]
             branch = self._branch(equations, [state, *stages], remaining)
             crossing = crossing_of(space, branch, state.t, remaining)
+            if abs(crossing.time - middle) < _CENTRED * remaining:
+                break
+        # Whether the last step is good, even if it is not quite centred, is decided by `mismatch`.
+        y = ys[-1]
         q, v, _ = equations.joint_motion(end, y)
         error = mismatch(self._mechanism, branch, end, q, v, end - state.t)
         if not error < self._largest_mismatch:
@@ -179,11 +196,11 @@ class SingularityCrossing:
         return crossing, branch, MotionState(end, space, q, y)
 
     def _last_states(self, approach: Approach) -> list[MotionState]:
-        """The last states of the motion, spread over the time before a singular configuration."""
+        """Some states before a singular configuration, the last one first, spread over the time."""
         chosen = [self._past[-1]]
         for state in reversed(self._past):
-            nearest_so_far = approach.singular - chosen[-1].t
-            if approach.singular - state.t > _SPREAD * nearest_so_far:
+            farthest = approach.singular - chosen[-1].t
+            if approach.singular - state.t > _SPREAD * farthest:
                 chosen.append(state)
             if len(chosen) == _EXTRAPOLATED:
                 break
@@ -202,7 +219,8 @@ class SingularityCrossing:
 def _smallest_singular_value(space: StateSpace, q: Array) -> float:
     """The smallest singular value of Phi that is not zero everywhere.
 
-    Phi has nv columns. Its rank is nv - n where it is regular.
+    Phi has nv columns. Its rank is nv - n where the mechanism is regular, and less where it is
+    singular. If rows are redundant, the values behind number nv - n are zero at every q.
     """
     Phi = space.Phi(q)
     rank = Phi.shape[1] - len(space.coordinates)

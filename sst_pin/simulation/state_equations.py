@@ -17,7 +17,7 @@ from .inputs import Input
 
 #: Step of the finite differences; relative for entries of y above 1.
 _DIFFERENCE = 1e-8
-#: The most evaluations that an integrator of SciPy needs for one step (DOP853).
+#: The most evaluations that an explicit integrator of SciPy needs for one step (DOP853).
 _STAGES = 12
 
 
@@ -61,11 +61,14 @@ class StateEquations:
         torque: Torques of the motors.
         load: External wrenches, or None.
         space: The state space of y; by default that of the robot.
-        close_first: Whether f first moves y onto the closures.
+        close_first: Whether f first moves y onto the closures. Compiled kernels do not, but take
+            loops that are nearly closed. Near a singular configuration, such small errors of q
+            change f too much.
 
     Attributes:
         failure: The last error at a trial state; None if there was none.
         evaluations: Torques and loads of the last evaluations of f, in the order of the calls.
+            `InputWatch` compares them with torques and loads at times between them.
     """
 
     def __init__(
@@ -84,7 +87,7 @@ class StateEquations:
         self.close_first = close_first
         self.failure: SSTError | None = None
         self.evaluations = deque[tuple[Array, Array | None]](maxlen=_STAGES)
-        self._last_jacobian = np.zeros(())
+        self._last_jacobian: Array | None = None
 
     def in_coordinates_of(self, space: StateSpace, *, close_first: bool = False) -> StateEquations:
         """The equations of the same motion for states in other coordinates."""
@@ -95,10 +98,10 @@ class StateEquations:
     def robot_state(self, state: Array) -> tuple[Array, Array]:
         """q with closed loops, and the rates of the robot's coordinates."""
         q = self.space.closed(state)
-        va = state[len(q) :]
-        if self.space is not self.robot_space:
-            va = self.space.joint_rates(q, va)[self.robot_space.coordinates]
-        return q, va
+        rates = state[len(q) :]
+        if self.space is self.robot_space:
+            return q, rates
+        return q, self.space.joint_rates(q, rates)[self.robot_space.coordinates]
 
     def _inputs(self, time: float, state: Array) -> tuple[Array, Array | None]:
         """Torques and load at one time and state."""
@@ -125,11 +128,13 @@ class StateEquations:
             return np.full_like(state, np.nan)
 
     def jacobian(self, time: float, state: Array) -> Array:
-        """Derivatives of f by y; those of a torque function are differences.
+        """Derivatives of f by y, shape (nq + n, nq + n).
 
-        At a trial state that is too far away there are none: the last ones are returned.
+        Derivatives of a torque function are computed by differences. The load must not depend on
+        the state: its derivatives are left out. At a trial state where loops cannot be closed there
+        are no derivatives; the last ones are returned.
         """
-        if not self._last_jacobian.shape:
+        if self._last_jacobian is None:
             self._last_jacobian = np.zeros((len(state), len(state)))
         if not isfinite(state.dot(state)):
             return self._last_jacobian
@@ -150,37 +155,41 @@ class StateEquations:
     def joint_motion(self, time: float, state: Array) -> tuple[Array, Array, Array]:
         """q with closed loops, v and v_dot of all joints."""
         q = self.space.closed(state)
-        va = state[len(q) :]
-        closed = np.concatenate([q, va])
+        rates = state[len(q) :]
+        closed = np.concatenate([q, rates])
         tau, load = self._inputs(time, closed)
-        aa = self.space.rate(closed, tau, load)[len(q) :]
-        v, v_dot = self.space.joint_motion(q, va, aa)
+        accelerations = self.space.rate(closed, tau, load)[len(q) :]
+        v, v_dot = self.space.joint_motion(q, rates, accelerations)
         return q, v, v_dot
 
     def inputs_along(self, times: Array, states: Array) -> tuple[Array, Array | None]:
         """Torques, shape (N, motors), and loads, (N, r, 6), at times and states."""
-        q = self.space.closed(states)
-        va = self._robot_rates(q, states[:, q.shape[1] :])
-        load = None if self.load is None else self.load.along(times, q, va)
-        return self.torque.along(times, q, va), load
+        q, va = self._robot_states(states)
+        return self._inputs_along(times, q, va)
 
-    def _robot_rates(self, q: Array, rates: Array) -> Array:
-        """Rates of the robot's coordinates, shape (N, n)."""
-        if self.space is self.robot_space:
-            return rates
-        v = [self.space.joint_rates(*sample) for sample in zip(q, rates, strict=True)]
-        return np.array(v)[:, self.robot_space.coordinates]
-
-    def along(self, times: Array, states: Array) -> tuple[Array, Array, Array, Array]:
+    def samples_along(self, times: Array, states: Array) -> tuple[Array, Array, Array, Array]:
         """q, va, aa of the robot's coordinates, and torques, at times and states."""
+        q, va = self._robot_states(states)
+        tau, load = self._inputs_along(times, q, va)
+        nq = q.shape[1]
+        accelerations = self.space.rate(states, tau, load)[:, nq:]
+        if self.space is self.robot_space:
+            return q, va, accelerations, tau
+        samples = zip(q, states[:, nq:], accelerations, strict=True)
+        v_dot = [self.space.joint_motion(*sample)[1] for sample in samples]
+        aa = np.array(v_dot)[:, self.robot_space.coordinates]
+        return q, va, aa, tau
+
+    def _robot_states(self, states: Array) -> tuple[Array, Array]:
+        """q with closed loops, shape (N, nq), and rates of the robot's coordinates, (N, n)."""
         q = self.space.closed(states)
         rates = states[:, q.shape[1] :]
-        va = self._robot_rates(q, rates)
-        tau = self.torque.along(times, q, va)
+        if self.space is self.robot_space:
+            return q, rates
+        v = [self.space.joint_rates(*sample) for sample in zip(q, rates, strict=True)]
+        return q, np.array(v)[:, self.robot_space.coordinates]
+
+    def _inputs_along(self, times: Array, q: Array, va: Array) -> tuple[Array, Array | None]:
+        """Torques and loads at times and states in the robot's coordinates."""
         load = None if self.load is None else self.load.along(times, q, va)
-        aa = self.space.rate(states, tau, load)[:, q.shape[1] :]
-        if self.space is not self.robot_space:
-            samples = zip(q, rates, aa, strict=True)
-            v_dot = [self.space.joint_motion(*sample)[1] for sample in samples]
-            aa = np.array(v_dot)[:, self.robot_space.coordinates]
-        return q, va, aa, tau
+        return self.torque.along(times, q, va), load

@@ -20,7 +20,8 @@ from .state_equations import MotionState, StateEquations
 if TYPE_CHECKING:
     from scipy.integrate import OdeSolver
 
-#: An irregular step is repeated with its regular part, or at least this part of its length.
+#: After an irregular step, the next one has the length of its regular part, but at least this part
+#: of its whole length.
 _SHORTER = 0.25
 #: A motion is stuck when its steps are shorter than this part of its duration.
 _STUCK = 1e-12
@@ -28,7 +29,8 @@ _STUCK = 1e-12
 _FINEST = 1e-12
 #: atol is at least this many roundings of max |q|.
 _ROUNDINGS = 16
-#: Evaluations of the equations in one step of an implicit method, at least.
+#: Implicit methods do not tell how often they evaluate the equations in a step. The last three
+#: evaluations belong to the end of its last iterations.
 _IMPLICIT_STAGES = 3
 
 
@@ -50,8 +52,9 @@ class StepControl:
         inputs = [equations.torque, equations.load]
         self._input_times = [x.times for x in inputs if x is not None and x.times is not None]
         self._duration = float(times[-1] - times[0])
-        #: Length of the next step, [s]; infinite as long as the integrator chooses it.
-        self._next = np.inf
+        #: Length of the first step of the next solver, [s]. It is infinite until a step was made;
+        #: the solver then chooses the length.
+        self._first_length = np.inf
 
     @property
     def missed(self) -> str:
@@ -66,16 +69,17 @@ class StepControl:
     @property
     def stuck(self) -> bool:
         """Whether steps have become too short for the motion to go on."""
-        return self._next < _STUCK * self._duration
+        return self._first_length < _STUCK * self._duration
 
     def solver(self, equations: StateEquations, state: MotionState, until: float) -> OdeSolver:
         """An integrator from a state to a time."""
         first_step = None
-        if np.isfinite(self._next):
-            first_step = min(self._next, until - state.t)
+        if np.isfinite(self._first_length):
+            first_step = min(self._first_length, until - state.t)
         # The dependent joints have the errors of the coordinates times the condition number.
         factor = MARGIN * state.space.condition_number(state.q)
-        # Forces are no smoother than the rounding of the positions.
+        # Rounding of q makes noise in the rates. With a finer atol the integrator would shorten its
+        # steps because of this noise.
         rounding = _ROUNDINGS * float(np.spacing(np.abs(state.q).max()))
         method = self._method
         if self._uses_jacobian:
@@ -102,37 +106,48 @@ class StepControl:
         if solver.status == "failed":
             why = equations.failure or message
             raise SimulationError(f"the integrator stopped ({why})", float(solver.t))
+        # Rejected trials come before the accepted one, so the last evaluations are its stages.
         count = getattr(solver, "n_stages", _IMPLICIT_STAGES)
         stages = list(equations.evaluations)[-count:]
         return IntegratorStep(
             float(solver.t_old), float(solver.t), solver.y, equations, stages, solver
         )
 
-    def misses_input(self, step: IntegratorStep) -> bool:
-        """Whether a step misses a change of a torque or load; if so, the next one is shorter."""
-        if not self._watch.misses(step):
+    def shorten_if_input_missed(self, step: IntegratorStep) -> bool:
+        """Make the next steps shorter if a step misses a change of a torque or load.
+
+        Returns:
+            Whether it misses one, so that it must be repeated.
+        """
+        if not self._watch.shorten_if_missed(step):
             return False
-        self._next = min(self._next, self._watch.longest(step.start))
+        self._first_length = min(self._first_length, self._watch.longest(step.start))
         return True
 
-    def go_on_after(self, step: IntegratorStep, *, torques_change: bool) -> None:
-        """Use the length that the integrator proposes after a step.
+    def remember_length(self, step: IntegratorStep, *, torques_change: bool) -> None:
+        """Remember the length of a step, for the first step of the next solver.
 
-        A step that ends because torques change there could have been longer.
+        `torques_change` says that the step was cut short where torques change; then it does not
+        make the next one shorter.
         """
-        length = float(step.solver.step_size)
-        if torques_change and np.isfinite(self._next):
-            length = max(length, self._next)
-        self._next = length
+        length = step.length
+        if torques_change and np.isfinite(self._first_length):
+            length = max(length, self._first_length)
+        self._first_length = length
 
     def shorten(self, regular: float) -> None:
         """Make the next step shorter, after a step of which only a fraction is regular."""
-        self._next *= max(regular, _SHORTER)
+        self._first_length *= max(regular, _SHORTER)
 
     def _longest(self, t: float) -> float:
-        """The longest step from a time that misses no change of a torque or load."""
+        """The longest step from a time that misses no change of a torque or load.
+
+        A step may pass one of the times of an input, not two, and is not longer than the interval
+        in which it starts.
+        """
         longest = min(self._settings.max_step or np.inf, self._watch.longest(t))
         for times in self._input_times:
+            # The next time after t has the index k >= 1, because t >= times[0].
             k = min(int(times.searchsorted(t, "right")), len(times) - 1)
             until_the_second_next = times[min(k + 1, len(times) - 1)] - t
             longest = min(longest, times[k] - times[k - 1], until_the_second_next)

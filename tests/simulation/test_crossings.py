@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 import sst_pin
+from sst_pin.simulation.motion_output import MotionOutput
+from sst_pin.simulation.singularity_crossing import SingularityCrossing
 from tests.support.planar_bars import planar
 
 
@@ -72,3 +74,32 @@ def test_a_motion_that_turns_round_goes_through_nothing(least):
         assert "singularity" in motion.stopped
         assert len(caught) == 1
     assert np.abs(motion.q[:, 0] + motion.q[:, 1]).max() < 1e-9
+
+
+def test_a_singular_configuration_is_expected_from_the_configuration_at_its_own_time(monkeypatch):
+    """Also after a step in which the loops cannot be closed at an output time."""
+    refused: list[float] = []
+    pairs: list[tuple[float, np.ndarray]] = []
+    add_step = MotionOutput.add_step
+    begin_approach = SingularityCrossing.begin_approach
+
+    def refuses_once(output, step, **options):
+        if not refused and step.start > 0.1:
+            refused.append(step.start)
+            return False
+        return add_step(output, step, **options)
+
+    def recorded(crossing, state, t, q):
+        pairs.append((t, q))
+        return begin_approach(crossing, state, t, q)
+
+    monkeypatch.setattr(MotionOutput, "add_step", refuses_once)
+    monkeypatch.setattr(SingularityCrossing, "begin_approach", recorded)
+    chain = parallelogram()
+    q0 = chain.assemble(0.5 * np.sign(chain.home))
+    motion = chain.simulate([0], q0, [-1.0], [0, 0.4], through_singularities=True)
+    assert refused
+    assert not motion.stopped
+    # Without weight and torque, all bars turn with the rate of the crank, -1 rad/s.
+    for t, q in pairs:
+        assert np.abs(q - (0.5 - t) * np.sign(chain.home)).max() < 1e-6
