@@ -64,4 +64,9 @@ def unstretched_lengths(
             "compute_torques(..., limits=) finds torques with which all cables pull",
         )
     lengths = chain.line_lengths(q)[..., line_of]
-    return np.asarray(lengths * stiffness / (stiffness + tensions))
+    try:
+        return np.asarray(lengths * stiffness / (stiffness + tensions))
+    except ValueError:
+        shapes = f"{lengths.shape[:-1]} and {tensions.shape[:-1]}"
+        problem = f"the leading axes of q and tau, {shapes}, do not broadcast"
+        raise InputError("tau", problem) from None

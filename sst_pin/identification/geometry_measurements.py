@@ -244,8 +244,10 @@ class Heights(Measurement):
         size = super().count(coordinates)
         _values("heights", self.heights, size)
         directions = as_array("direction", self.direction, (3,))
-        if directions.shape not in ((3,), (size, 3)) or not directions.any(axis=-1).all():
+        if directions.shape not in ((3,), (size, 3)):
             raise InputError("direction", f"shape {directions.shape}, expected (3,) or ({size}, 3)")
+        if not directions.any(axis=-1).all():
+            raise InputError("direction", "zero; a vector along the measured axis is needed")
         return size
 
     def rows(self, sight: Sight) -> list[Rows]:

@@ -62,3 +62,5 @@ def test_cables_that_push_and_motors_that_are_no_cables_are_refused():
         unstretched_lengths(bar, bar.home, [1.0], 1e3)
     with pytest.raises(InputError, match="stiffness_times_length"):
         unstretched_lengths(robot, REST, np.ones(4), -1.0)
+    with pytest.raises(InputError, match="do not broadcast"):
+        unstretched_lengths(robot, np.zeros((2, 3)), np.ones((3, 4)), 1e3)

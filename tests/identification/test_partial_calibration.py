@@ -191,7 +191,7 @@ def test_wrong_measurements_are_refused():
         calibrate_with(drawn, [])
     with pytest.raises(InputError, match="heights: shape"):
         calibrate_with(drawn, [Heights("platform", x, heights=z[:3])])
-    with pytest.raises(InputError, match="direction"):
+    with pytest.raises(InputError, match="direction: zero"):
         calibrate_with(drawn, [Heights("platform", x, heights=z, direction=(0, 0, 0))])
     with pytest.raises(InputError, match="must be positive"):
         calibrate_with(drawn, [Distances("platform", x, distances=-z * 0 - 1)])
