@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Reads a YAML file of closures, motors, springs and joints of several axes."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -28,6 +28,29 @@ from .yaml_content import (
     shown,
 )
 
+#: Keys of a file in the LAAS schema: lists, then mappings from joints, then gravity.
+_KEYS = (
+    "closed_loop",
+    "contacts",
+    "type",
+    "name_mot",
+    "line_force",
+    "joint_name",
+    "joint_type",
+    "locked",
+    "brakes",
+    "joint_spring",
+    "joint_limit",
+    "viscous_friction",
+    "coulomb_friction",
+    "armature",
+    "coupling",
+    "gravity",
+)
+#: Keys of a `loop_closures.yaml`.
+_SW2ROBOT_KEYS = ("closures", "dependent", "independent")
+#: Keys of a hinge in a `loop_closures.yaml`; the writer of such files has them too.
+OF_HINGE = ("link_a", "link_b", "point", "axis")
 #: Numbers of an entry of `line_force`, and all its keys.
 _LINE_NUMBERS = (
     "stiffness",
@@ -90,28 +113,36 @@ def parse_cuts(text: str, source: str) -> Cuts:
 
 def _laas_cuts(content: YamlContent) -> Cuts:
     """The cuts of a file in the LAAS schema; problems are added to the content."""
-    content.require_known((*_LIST_PARSERS, *_TABLE_PARSERS, "gravity"))
+    content.require_known(_KEYS)
     content.setdefault("name_mot", None)  # so that a missing key is a problem
     _split_joint_types(content)
-    lists = {key: content.entries(key, parse) for key, parse in _LIST_PARSERS.items()}
-    tables = {key: content.entries(key, parse, dict) for key, parse in _TABLE_PARSERS.items()}
-    joints = content.zipped(lists, "joint_name", "joint_type")
-    for joint in repeated(name for name, _ in joints):
-        content.problems.append(f"joint_name: {joint} appears twice")
+
+    # Closures: pairs of frames, and a kind for each pair.
+    frames = content.entries("closed_loop", pair_in)
+    kinds = content.entries("type", name_in)
+    content.require_same_length("closed_loop", "type")
     closures = list[Constraint]()
-    for pair, kind in content.zipped(lists, "closed_loop", "type"):
+    for pair, kind in zip(frames, kinds, strict=False):
         with collecting_problems(content.problems):
             closures.append(_closure(pair, kind))
+
+    # True kinds of joints.
+    joint_names = content.entries("joint_name", name_in)
+    joint_types = content.entries("joint_type", _kind)
+    content.require_same_length("joint_name", "joint_type")
+    for joint in repeated(joint_names):
+        content.problems.append(f"joint_name: {joint} appears twice")
+
     return Cuts(
-        actuated=tuple(lists["name_mot"]),
+        actuated=tuple(content.entries("name_mot", _motor)),
         closures=tuple(closures),
-        couplings=tuple(tables["coupling"]),
-        lines=tuple(lists["line_force"]),
-        contacts=tuple(lists["contacts"]),
-        joints=tuple(joints),
-        numbers=_joint_numbers(tables),
-        locked=tuple(lists["locked"]),
-        brakes=tuple(lists["brakes"]),
+        couplings=tuple(content.table("coupling", _coupling).values()),
+        lines=tuple(content.entries("line_force", _line)),
+        contacts=tuple(content.entries("contacts", _contact)),
+        joints=tuple(zip(joint_names, joint_types, strict=False)),
+        numbers=_joint_numbers(content),
+        locked=tuple(content.entries("locked", name_in)),
+        brakes=tuple(content.entries("brakes", name_in)),
         gravity=_gravity(content),
     )
 
@@ -134,16 +165,20 @@ def _gravity(content: YamlContent) -> Array | None:
     return gravity
 
 
-def _joint_numbers(tables: Mapping[str, list[Any]]) -> JointNumbers:
+def _joint_numbers(content: YamlContent) -> JointNumbers:
     """Friction, rotors, limits and springs, each as a mapping from joints to numbers."""
-    by_key = {key: dict(tables[key]) for key in _FRICTION_AND_ROTORS}
-    limits = dict(tables["joint_limit"])
+    numbers: dict[str, dict[str, float]] = {
+        "viscous_friction": content.table("viscous_friction", _friction),
+        "coulomb_friction": content.table("coulomb_friction", _friction),
+        "armature": content.table("armature", _rotor),
+    }
+    limits = content.table("joint_limit", _limit)
     for key in LIMITS:
-        by_key[key] = {joint: limit[key] for joint, limit in limits.items() if key in limit}
-    springs = dict(tables["joint_spring"])
-    by_key["stiffness"] = {joint: stiffness for joint, (stiffness, _) in springs.items()}
-    by_key["reference"] = {joint: reference for joint, (_, reference) in springs.items()}
-    return by_key
+        numbers[key] = {joint: limit[key] for joint, limit in limits.items() if key in limit}
+    springs = content.table("joint_spring", _spring)
+    numbers["stiffness"] = {joint: spring.stiffness for joint, spring in springs.items()}
+    numbers["reference"] = {joint: spring.reference for joint, spring in springs.items()}
+    return numbers
 
 
 def _motor(value: Any) -> Motor:
@@ -224,35 +259,43 @@ def _rope(value: Any) -> Rope:
     return Rope(frame_a, frame_b, length, name=name)
 
 
-def _spring(joint: str, value: Any) -> tuple[str, list[float]]:
-    """A joint with the stiffness of its spring and the position where the spring is relaxed."""
-    return joint, numbers_in(value, stiffness=None, reference="0")
+class _Spring(NamedTuple):
+    """The spring of a joint: its stiffness, and the position where it is relaxed."""
+
+    stiffness: float
+    reference: float
 
 
-def _limit(joint: str, value: Any) -> tuple[str, dict[str, float]]:
-    """A joint with its limits by name."""
+def _spring(joint: str, value: Any) -> _Spring:
+    """The spring of a joint."""
+    stiffness, reference = numbers_in(value, stiffness=None, reference="0")
+    return _Spring(stiffness, reference)
+
+
+def _limit(joint: str, value: Any) -> dict[str, float]:
+    """The limits of a joint by name."""
     limit = {key: number_in(number, key) for key, number in mapping_in(value, LIMITS).items()}
     if limit.get("lower", -np.inf) > limit.get("upper", np.inf):
         raise ValueError(f"the lower limit of {joint} is above the upper one")
     for key in ("effort", "velocity"):
         if limit.get(key, 0.0) < 0:
             raise ValueError(f"{key} of {joint} is negative")
-    return joint, limit
+    return limit
 
 
-def _rotor(joint: str, value: Any) -> tuple[str, float]:
-    """A joint with the inertia of its rotor, reflected to the joint by the gear."""
+def _rotor(joint: str, value: Any) -> float:
+    """The inertia of the rotor of a joint, reflected to the joint by the gear."""
     fields = value if isinstance(value, dict) else {"rotor_inertia": value}
     inertia, gear_ratio = numbers_in(fields, rotor_inertia=None, gear_ratio="1")
-    return joint, inertia * gear_ratio**2
+    return inertia * gear_ratio**2
 
 
-def _friction(joint: str, value: Any) -> tuple[str, float]:
-    """A joint with a coefficient of friction."""
+def _friction(joint: str, value: Any) -> float:
+    """A coefficient of friction of a joint."""
     coefficient = number_in(value)
     if coefficient < 0:
         raise ValueError(f"{value} of {joint} is negative: it would accelerate the joint")
-    return joint, coefficient
+    return coefficient
 
 
 def _kind(value: Any) -> str:
@@ -262,36 +305,9 @@ def _kind(value: Any) -> str:
     return kind
 
 
-#: Keys with a list of entries, and the parser of one entry.
-_LIST_PARSERS: dict[str, Callable[[Any], Any]] = {
-    "closed_loop": pair_in,
-    "contacts": _contact,
-    "type": name_in,
-    "name_mot": _motor,
-    "line_force": _line,
-    "joint_name": name_in,
-    "joint_type": _kind,
-    "locked": name_in,
-    "brakes": name_in,
-}
-#: Keys with a mapping from joints, and the parser of a joint's name and value.
-_TABLE_PARSERS: dict[str, Callable[[str, Any], Any]] = {
-    "joint_spring": _spring,
-    "joint_limit": _limit,
-    "viscous_friction": _friction,
-    "coulomb_friction": _friction,
-    "armature": _rotor,
-    "coupling": _coupling,
-}
-#: Keys whose parser gives pairs of a joint and a number.
-_FRICTION_AND_ROTORS = ("viscous_friction", "coulomb_friction", "armature")
-#: Keys of a hinge in a `loop_closures.yaml`; the writer of such files has them too.
-OF_HINGE = ("link_a", "link_b", "point", "axis")
-
-
 def _sw2robot_cuts(content: YamlContent) -> Cuts:
     """The cuts of a `loop_closures.yaml`: hinges, by point and axis in base axes at q = 0."""
-    content.require_known(("closures", "dependent", "independent"))
+    content.require_known(_SW2ROBOT_KEYS)
     hinges = content.entries("closures", _hinge)
     if not content["closures"]:
         content.problems.append("closures: a list of hinges is needed")
@@ -301,9 +317,9 @@ def _sw2robot_cuts(content: YamlContent) -> Cuts:
     independent = content.entries("independent", name_in)
     for name in repeated(dependent + independent):
         content.problems.append(f"{name}: named twice")
-    named_hinges = [
-        hinge._replace(name=f"loop_closure_{number}") for number, hinge in enumerate(hinges, 1)
-    ]
+    named_hinges = []
+    for number, hinge in enumerate(hinges, 1):
+        named_hinges.append(hinge._replace(name=f"loop_closure_{number}"))
     return Cuts(actuated=tuple(independent), hinges=tuple(named_hinges), dependent=tuple(dependent))
 
 

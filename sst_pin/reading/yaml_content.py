@@ -3,7 +3,7 @@
 
 import reprlib
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable
 from itertools import accumulate
 from typing import Any, TypeVar
 
@@ -34,33 +34,37 @@ class YamlContent(dict[str, Any]):
         known = ", ".join(keys)
         self.problems += [f"{key}: unknown; known: {known}" for key in self if key not in keys]
 
-    def entries(self, key: str, parse: Callable[..., _T], kind: type[Any] = list) -> list[_T]:
-        """The entries of a list, or the names and values of a mapping, each parsed."""
-        value = self.get(key, kind())
+    def entries(self, key: str, parse: Callable[[Any], _T]) -> list[_T]:
+        """The entries of a list, each parsed; entries with a problem are left out."""
+        value = self.get(key, [])
         results = list[_T]()
-        if not isinstance(value, kind):
-            what = "list" if kind is list else "mapping from names"
-            self.problems.append(f"{key}: a {what} is needed")
+        if not isinstance(value, list):
+            self.problems.append(f"{key}: a list is needed")
             return results
         for entry in value:
             with collecting_problems(self.problems, f"{key}: "):
-                if kind is dict:
-                    results.append(parse(entry, value[entry]))
-                else:
-                    results.append(parse(entry))
+                results.append(parse(entry))
         return results
 
-    def zipped(self, lists: Mapping[str, list[Any]], first: str, second: str) -> list[Any]:
-        """Pairs of the entries of two lists; lists of different lengths are a problem.
+    def table(self, key: str, parse: Callable[[str, Any], _T]) -> dict[str, _T]:
+        """A mapping from names, each value parsed with its name; as `entries` otherwise."""
+        value = self.get(key, {})
+        results = dict[str, _T]()
+        if not isinstance(value, dict):
+            self.problems.append(f"{key}: a mapping from names is needed")
+            return results
+        for name, entry in value.items():
+            with collecting_problems(self.problems, f"{key}: "):
+                results[name] = parse(name, entry)
+        return results
 
-        The lengths in the file are compared: `lists` lacks the entries that are problems already.
-        """
+    def require_same_length(self, first: str, second: str) -> None:
+        """Report two lists of the file that should have the same number of entries."""
         first_length = len(self.get(first, ()))
         second_length = len(self.get(second, ()))
         if first_length != second_length:
             text = f"{first} has {first_length} entries, {second} has {second_length}"
             self.problems.append(text)
-        return list(zip(lists[first], lists[second], strict=False))
 
     def raise_problems(self) -> None:
         """Raise an error that lists all problems, if there are any."""
