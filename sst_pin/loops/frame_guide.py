@@ -2,10 +2,11 @@
 """Leads a frame of a closed chain from pose to pose; all joints follow.
 
 The closures and the wanted pose are one system of equations in all joints, M dq = -f, which
-Newton's method solves. Two configurations a and b count as neighbours where
-|M_a^+ (M_b - M_a)| < 1/2: then M is regular between them, and the frame stays in its working mode.
-With the rates of coordinates or motors in the place of the frame's, the loops stay in their
-assembly mode; see `loops/continuity.py`.
+Newton's method solves. M has the rows of Phi and those of the frame's Jacobian. Two configurations
+a and b count as neighbours where |M_a^+ (M_b - M_a)| < 1/2: then M is regular between them, and the
+frame stays in its working mode. A second matrix D has the rows of Phi and those of the drives, by
+default the coordinates. Where it is regular too, the loops stay in their assembly mode; see
+`loops/continuity.py`.
 """
 
 from collections.abc import Callable
@@ -25,11 +26,12 @@ from .continuity import CHANGE
 from .loops import Loops
 from .ranks import scaled_Phi
 
-#: Newton's method: number of steps, the longest step, [rad] or lengths of the loop, and the size
-#: below which a step is the last one.
-_STEPS, _LONGEST, _LAST = 12, 0.5, 1e-9
-#: The same size for a pose that is only approached, and the weight of the closures there.
-_NEAR, _HEAVY = 1e-5, 1e4
+#: Newton's method: number of steps, and the longest step, [rad] or lengths of the loop.
+_STEPS, _LONGEST = 12, 0.5
+#: A step of less than this size is the last one; the second is for a pose that is only approached.
+_LAST, _LAST_NEARBY = 1e-9, 1e-5
+#: Weight of the closures where a pose is only approached.
+_HEAVY = 1e4
 
 
 class Approach(NamedTuple):
@@ -44,11 +46,21 @@ class Approach(NamedTuple):
 
 
 class _Place(NamedTuple):
-    """A configuration, the pose of the frame, and M with rows of the frame and of the drives."""
+    """A configuration, the pose of the frame there, and both matrices."""
 
     q: Array
     pose: pin.SE3
-    M: tuple[Array, Array]
+    M: Array
+    D: Array
+
+
+class _Anchor(NamedTuple):
+    """A place with which later ones are compared: it and the pseudoinverses of its matrices."""
+
+    place: _Place
+    M_inverse: Array
+    #: None where the drives do not determine the motion.
+    D_inverse: Array | None
 
 
 class FrameGuide:
@@ -72,9 +84,11 @@ class FrameGuide:
         self._mechanism, self._drives = mechanism, drives or (lambda _: coordinates)
         self._loops = Loops(mechanism.model, mechanism.closures)
         self._name, self._frame = frame, frame_id(mechanism.model, frame)
-        self._kept = np.repeat([position, orientation], 3)
-        self._unit = np.repeat([mechanism.length, 1.0], 3)[self._kept]
-        self._ranks = [_rank(M) for M in self._place(generic).M]
+        #: Which components of a twist [linear; angular] count, and their units.
+        self._counts = np.repeat([position, orientation], 3)
+        self._unit = np.repeat([mechanism.length, 1.0], 3)[self._counts]
+        place = self._place(generic)
+        self._M_rank, self._D_rank = _rank(place.M), _rank(place.D)
 
     def pose(self, q: Array) -> pin.SE3:
         """Where the frame is."""
@@ -89,25 +103,30 @@ class FrameGuide:
         `nearby`, poses in between need not be reached exactly: some frames cannot move in all
         directions.
         """
-        here, done, step, singular = self._place(q), 0.0, 1.0, False
-        start, turn = here.pose, pin.log3(here.pose.rotation.T @ target.rotation)
-        inverses = self._inverses(here)
+        anchor = self._anchor(self._place(q))
+        start = anchor.place.pose
+        turn = pin.log3(start.rotation.T @ target.rotation)
+        done, step, singular = 0.0, 1.0, False
         while done < 1 and step >= shortest:
             part = min(1.0, done + step)
             p = start.translation + part * (target.translation - start.translation)
             pose = pin.SE3(start.rotation @ pin.exp3(part * turn), p)
-            place = self._solved(here.q, pose, part == 1 or not nearby)
-            task, drives = 2 * CHANGE, 0.0
-            if place is not None:
-                pairs = zip(inverses, here.M, place.M, strict=True)
-                task, drives = (_change(inverse, b - a) for inverse, a, b in pairs)
-            singular = task <= CHANGE < drives
-            if place is not None and max(task, drives) <= CHANGE:
-                here, inverses, done = place, self._inverses(place), part
-            step *= min(2.0, 0.8 * CHANGE / max(task, drives, 0.1))
+            place = self._solved(anchor.place.q, pose, exact=part == 1 or not nearby)
+            if place is None:
+                M_change, D_change = 2 * CHANGE, 0.0
+            else:
+                M_change = _change(anchor.M_inverse, place.M - anchor.place.M)
+                D_change = _change(anchor.D_inverse, place.D - anchor.place.D)
+            singular = M_change <= CHANGE < D_change
+            change = max(M_change, D_change)
+            if place is not None and change <= CHANGE:
+                anchor, done = self._anchor(place), part
+            # The change is about proportional to the step; the next one aims at 0.8 of the limit.
+            step *= min(2.0, 0.8 * CHANGE / max(change, 0.1))
+        end = anchor.place
         if done == 1:
-            return Approach(here.q, 0.0, False)
-        return Approach(here.q, float(np.abs(self._error(here.pose, target)).max()), singular)
+            return Approach(end.q, 0.0, singular=False)
+        return Approach(end.q, float(np.abs(self._error(end.pose, target)).max()), singular)
 
     def lead(self, q: Array, target: pin.SE3) -> Array:
         """The configuration that puts the frame at a pose; an error if it misses the pose."""
@@ -119,21 +138,27 @@ class FrameGuide:
     def _unreached(self, end: Approach, target: pin.SE3) -> SSTError:
         """The error of a motion that ends before its target."""
         here = self._place(end.q)
-        error = pose_error(here.pose, target.translation, target.rotation).reshape(2, 3)
-        sizes = zip(np.linalg.norm(error, axis=1), ("m", "rad"), self._kept[[0, 3]], strict=True)
-        by = " and ".join(f"{size:.3g} {unit}" for size, unit, counts in sizes if counts)
-        problem = f"frame {self._name} does not reach the pose: it misses it by {by}"
-        if end.singular or _rank(here.M[0]) < self._ranks[0]:
-            k, who = (1, "the coordinates") if end.singular else (0, "the frame")
-            s = np.linalg.svd(here.M[k], compute_uv=False)[[0, self._ranks[k] - 1]]
-            problem += (
-                f"; the motion ends where {who} cannot move in all directions; start elsewhere"
-            )
-            return SingularConfigurationError(problem, s[0] / max(s[1], 1e-300))
+        error = pose_error(here.pose, target.translation, target.rotation)
+        distances = list[str]()
+        if self._counts[0]:
+            distances.append(f"{np.linalg.norm(error[:3]):.3g} m")
+        if self._counts[3]:
+            distances.append(f"{np.linalg.norm(error[3:]):.3g} rad")
+        problem = (
+            f"frame {self._name} does not reach the pose: it misses it by {' and '.join(distances)}"
+        )
+        ends = "; the motion ends where {} cannot move in all directions; start elsewhere"
+        if end.singular:
+            problem += ends.format("the coordinates")
+            return SingularConfigurationError(problem, _condition(here.D, self._D_rank))
+        if _rank(here.M) < self._M_rank:
+            problem += ends.format("the frame")
+            return SingularConfigurationError(problem, _condition(here.M, self._M_rank))
+        # No joint rates move the frame towards the target while the loops stay closed.
         wanted = self._error(here.pose, target)
-        right = np.append(np.zeros(len(here.M[0]) - len(wanted)), wanted)
-        left = right - here.M[0] @ np.linalg.lstsq(here.M[0], right, rcond=RANK_TOLERANCE)[0]
-        if np.abs(left).max() > np.sqrt(RANK_TOLERANCE) * np.abs(wanted).max():
+        right = np.append(np.zeros(len(here.M) - len(wanted)), wanted)
+        missing = right - here.M @ np.linalg.lstsq(here.M, right, rcond=RANK_TOLERANCE)[0]
+        if np.abs(missing).max() > np.sqrt(RANK_TOLERANCE) * np.abs(wanted).max():
             return WorkspaceError(f"{problem}, in a direction in which it has too few freedoms")
         return WorkspaceError(
             f"{problem}; it is out of reach, or behind a singular configuration on the straight "
@@ -142,25 +167,27 @@ class FrameGuide:
 
     def _place(self, q: Array) -> _Place:
         Phi, J, pose = self._rows(q)
-        return _Place(q, pose, (np.vstack([Phi, J]), np.vstack([Phi, self._drives(q)])))
+        return _Place(q, pose, np.vstack([Phi, J]), np.vstack([Phi, self._drives(q)]))
 
     def _rows(self, q: Array) -> tuple[Array, Array, pin.SE3]:
         """Rows of the closures and of the frame, free of units, and the frame's pose."""
         Phi, data = scaled_Phi(self._mechanism, self._loops, q), self._loops.data
         J = self._loops.frame_jacobian(self._frame)
-        J = J[self._kept] / self._unit[:, None] * self._mechanism.rate_scale
+        J = J[self._counts] / self._unit[:, None] * self._mechanism.rate_scale
         return Phi, J, data.oMf[self._frame].copy()
 
     def _error(self, at: pin.SE3, target: pin.SE3) -> Array:
+        """What counts of `pose_error`, free of units."""
         error = pose_error(at, target.translation, target.rotation)
-        return np.asarray(error[self._kept] / self._unit)
+        return np.asarray(error[self._counts] / self._unit)
 
     def _solved(self, q: Array, target: pin.SE3, exact: bool) -> _Place | None:
         """The configuration next to q with closed loops and the frame at its target.
 
         Unless it is `exact`, the frame is as near to its target as it can be.
         """
-        before, mechanism, rows = _LONGEST, self._mechanism, len(self._mechanism.row_scale)
+        mechanism, rows = self._mechanism, len(self._mechanism.row_scale)
+        before = _LONGEST
         weights = np.ones(rows + len(self._unit))
         weights[:rows] = 1.0 if exact else _HEAVY
         for _ in range(_STEPS):
@@ -174,15 +201,19 @@ class FrameGuide:
                 break
             q = pin.integrate(mechanism.model, q, step * mechanism.rate_scale)
             before = size
-            if size <= (_LAST if exact else _NEAR):
-                gap = np.abs(f if exact else f[:rows]).max(initial=0.0)
-                return self._place(q) if gap <= CLOSURE_TOLERANCE else None
+            if size > (_LAST if exact else _LAST_NEARBY):
+                continue
+            must_vanish = f if exact else f[:rows]
+            if np.abs(must_vanish).max(initial=0.0) <= CLOSURE_TOLERANCE:
+                return self._place(q)
+            break
         return None
 
-    def _inverses(self, place: _Place) -> list[Array | None]:
-        """Pseudoinverses of M, none where the drives have lost rank."""
-        task, drives = (np.asarray(np.linalg.pinv(M, RANK_TOLERANCE), float) for M in place.M)
-        return [task, drives if _rank(place.M[1]) >= self._ranks[1] else None]
+    def _anchor(self, place: _Place) -> _Anchor:
+        M_inverse = np.asarray(np.linalg.pinv(place.M, RANK_TOLERANCE), dtype=float)
+        if _rank(place.D) < self._D_rank:
+            return _Anchor(place, M_inverse, None)
+        return _Anchor(place, M_inverse, np.asarray(np.linalg.pinv(place.D, RANK_TOLERANCE)))
 
 
 def _change(inverse: Array | None, by: Array) -> float:
@@ -192,6 +223,12 @@ def _change(inverse: Array | None, by: Array) -> float:
 
 def _rank(M: Array) -> int:
     return int(np.linalg.matrix_rank(M, rtol=RANK_TOLERANCE))
+
+
+def _condition(M: Array, rank: int) -> float:
+    """Condition number of a matrix that has this rank elsewhere."""
+    sizes = np.linalg.svd(M, compute_uv=False)
+    return float(sizes[0] / max(sizes[rank - 1], 1e-300))
 
 
 def frame_configurations(
