@@ -212,3 +212,32 @@ def test_a_noise_that_does_not_explain_what_is_left_is_told():
     z = poses[:, 2, 3] + 1e-3 * np.random.default_rng(0).normal(size=14)
     with pytest.warns(sst_pin.DescriptionWarning, match="times the given noise"):
         calibrate_with(drawn, [Heights("platform", x, heights=z, noise=1e-6)], which=MOTORS)
+
+
+def _bars(coupler):
+    """A four-bar in the plane x, z whose coupler is a body with an end."""
+    model = pin.Model()
+    bars = ("crank", "universe", (0, 0, 0)), ("rocker", "universe", (0.25, 0, 0))
+    for name, parent, place in (*bars, ("coupler", "crank", (0, 0, 0.1))):
+        at = pin.SE3(np.eye(3), np.array(place, dtype=float))
+        joint = model.addJoint(model.getJointId(parent), pin.JointModelRY(), at, name)
+        body = pin.Inertia(0.1, np.zeros(3), 1e-3 * np.eye(3))
+        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    for name, body, place in (("tip", "rocker", (0, 0, 0.2)), ("end", "coupler", (coupler, 0, 0))):
+        at = pin.SE3(np.eye(3), np.array(place, dtype=float))
+        model.addFrame(pin.Frame(name, model.getJointId(body), at, pin.FrameType.OP_FRAME))
+    return sst_pin.ClosedChain(model, [sst_pin.Closure("end", "tip", "3d")], ["crank"])
+
+
+def test_the_length_of_a_rod_that_is_a_body_is_an_error_of_its_end():
+    """Exact positions of the rocker's tip; the coupler is 1 mm longer than drawn."""
+    drawn, real = _bars(0.3), _bars(0.301)
+    x = np.linspace(-1, 1, 12)[:, None]
+    start = {"coupler": 0.1, "rocker": 0.2}
+    drawn_q, real_q = (
+        [robot.assemble({"crank": angle} | start, fixed=["crank"]) for (angle,) in x]
+        for robot in (drawn, real)
+    )
+    places = real.frame_placement(np.array(real_q), "tip")[0]
+    result = calibrate(drawn, "tip", x, places, which=["end.x"], start=drawn_q)
+    assert result.values == pytest.approx([1e-3], rel=1e-9)
