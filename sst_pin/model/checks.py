@@ -3,7 +3,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -22,7 +22,8 @@ from .mechanism import Friction, Mechanism, Springs, read_only
 from .rebuilt_tree import POSITION_ARRAYS, RATE_ARRAYS, rebuilt
 from .tree import frame_id, joint_id
 
-#: Mimic joints that Pinocchio computes correctly. It omits the pitch of helical ones.
+#: Mimic joints that Pinocchio computes correctly, in their printed form: they have no attribute for
+#: their kind. Pinocchio omits the pitch of helical joints. Continuous ones ("RUBX") have no limits.
 _MIMIC = re.compile(
     r"Mimicking joint type: JointModel([RP][XYZ]|(Revolute|Prismatic)Unaligned)$", re.M
 )
@@ -72,6 +73,9 @@ def recipe_of(
 ) -> partial[Mechanism]:
     """A function that makes a mechanism of a tree, with the checked arguments of `ClosedChain`.
 
+    A chain makes mechanisms of several trees: after `refresh`, or with other parameters. So the
+    arguments are checked and copied once, here.
+
     `numbers` are viscous_friction, coulomb_friction, stiffness and spring_reference.
     """
     return partial(
@@ -107,8 +111,9 @@ def mechanism_of(
     _require_sound(model, closures)
     space = JointSpace(model)
     closures = (*closures, *_brakes(space, brakes, lines, coordinates or ()))
-    forces_of_motors, motor_names = _motors(space, motors, lines)
-    for line in lines:
+    B, motor_names = _motors(space, motors, lines)
+    B_rates, B_lines = np.split(B, [model.nv])
+    for line in lines:  # refuse unknown frames
         frame_id(model, line.frame_a)
         frame_id(model, line.frame_b)
 
@@ -134,11 +139,11 @@ def mechanism_of(
         model,
         closures,
         coordinates=space.rates_of(coordinates or ()),
-        actuation=forces_of_motors[: model.nv],
+        actuation=B_rates,
         motor_names=motor_names,
         friction=friction,
         springs=springs,
-        lines=Lines(lines, read_only(forces_of_motors[model.nv :])),
+        lines=Lines(lines, read_only(B_lines)),
         contacts=contacts,
     )
 
@@ -148,8 +153,9 @@ def _brakes(
     names: Sequence[str],
     lines: Sequence[LineForce],
     coordinates: Sequence[str],
-) -> Iterator[Brake]:
+) -> list[Brake]:
     """A brake for each line, and for each rate of each joint, of these names."""
+    result: list[Brake] = []
     lines_by_name = {line.name: line for line in lines}
     rates_of_coordinates = set(space.rates_of(coordinates).tolist())
     seen = set[str]()
@@ -166,7 +172,8 @@ def _brakes(
             if brake.name in seen:
                 raise InputError("brakes", f"{brake.name} appears twice")
             seen.add(brake.name)
-            yield brake
+            result.append(brake)
+    return result
 
 
 def without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]) -> pin.Model:
@@ -178,13 +185,37 @@ def without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]
     if list(model.mimicking_joints):
         raise InputError("locked", "the model has mimic joints; lock joints before you add these")
     _require_whole_poses(model)
+    # Joints that are locked as a whole go; others become series of the joints that can move.
+    neutral = pin.neutral(model)
+    changes: dict[int, Series] = {}
+    for joint_name, positions in _locked_positions(model, locked).items():
+        number = joint_id(model, joint_name)
+        joint = model.joints[number]
+        if joint.nq == 1:
+            changes[number] = Series.fixed(joint, np.array([positions[0]]))
+        elif joint.nv == 1 or joint_name in locked:
+            # A continuous joint, or one that is locked by its own name: `_locked_positions` has
+            # refused positions other than zero.
+            q = neutral[joint.idx_q : joint.idx_q + joint.nq]
+            changes[number] = Series.fixed(joint, q)
+        else:
+            changes[number] = PartlyLocked(joint, positions)
+    return rebuilt(model, changes)
+
+
+def _locked_positions(
+    model: pin.Model, locked: Sequence[str] | Mapping[str, float]
+) -> dict[str, dict[int, float]]:
+    """The position of each locked rate, by the name of its joint and its index in the joint.
+
+    A position can only be given to one rate: a joint with several, or a continuous one, has no
+    single position that its name could mean.
+    """
     space = JointSpace(model)
     joint_of_rate: dict[int, str] = {}
     for joint_name, rates in space.rates.items():
         for rate in rates:
             joint_of_rate[rate] = joint_name
-
-    # The position of each locked rate, by the name of its joint and its index in the joint.
     positions: dict[str, dict[int, float]] = {}
     for name in names_of("locked", list(locked) if isinstance(locked, Mapping) else locked):
         indices = space.rates_of([name]).tolist()
@@ -201,21 +232,7 @@ def without_locked(model: pin.Model, locked: Sequence[str] | Mapping[str, float]
                 raise InputError("locked", problem)
         for k in indices:
             positions.setdefault(joint_name, {})[k - joint.idx_v] = position
-
-    # Joints that are locked as a whole go; others become series of the joints that can move.
-    neutral = pin.neutral(model)
-    changes: dict[int, Series] = {}
-    for joint_name, of_joint in positions.items():
-        number = joint_id(model, joint_name)
-        joint = model.joints[number]
-        if joint.nq == 1:
-            changes[number] = Series.fixed(joint, np.array([of_joint[0]]))
-        elif joint.nv == 1 or joint_name in locked:
-            q = neutral[joint.idx_q : joint.idx_q + joint.nq]
-            changes[number] = Series.fixed(joint, q)
-        else:
-            changes[number] = PartlyLocked(joint, of_joint)
-    return rebuilt(model, changes)
+    return positions
 
 
 def _require_whole_poses(model: pin.Model) -> None:
@@ -249,31 +266,37 @@ def motors_of(motors: Sequence[Motor]) -> tuple[Motor, ...]:
 def tendon_of(motor: Motor) -> tuple[str, Mapping[str, float]]:
     """The name of a motor, empty for a tendon without one, and the factors of what it drives."""
     if not isinstance(motor, Mapping):
-        return motor, {motor: 1.0} if isinstance(motor, str) else {}  # which is refused later
-    for name, shares in motor.items():
-        if isinstance(shares, Mapping) and len(motor) == 1:
+        # Anything but a name is refused by `_motors`.
+        factors = {motor: 1.0} if isinstance(motor, str) else {}
+        return motor, factors
+    if len(motor) == 1:
+        ((name, shares),) = motor.items()
+        if isinstance(shares, Mapping):
             return name, shares
     return "", motor  # type: ignore[return-value]  # `_motors` checks its numbers
 
 
 def lines_of(lines: Sequence[LineForce]) -> tuple[LineForce, ...]:
     """The `LineForce` objects as a tuple; raises an error if two have the same name."""
-    forces = in_order("lines", lines, "LineForce")
-    for force in forces:
-        if not isinstance(force, LineForce):
-            raise InputError("lines", f"{force!r} is not a LineForce")
-    twice = [name for name, k in Counter(map(str, forces)).items() if k > 1]
+    result = in_order("lines", lines, "LineForce")
+    for line in result:
+        if not isinstance(line, LineForce):
+            raise InputError("lines", f"{line!r} is not a LineForce")
+    twice = [name for name, count in Counter(map(str, result)).items() if count > 1]
     if twice:
         raise InputError("lines", f"several lines have the name {', '.join(twice)}; give name=")
-    return forces
+    return result
 
 
 def _motors(
-    space: JointSpace, motors: Sequence[Motor], forces: Sequence[LineForce]
+    space: JointSpace, motors: Sequence[Motor], lines: Sequence[LineForce]
 ) -> tuple[Array, tuple[str, ...]]:
-    """B, which has a row for each rate, then for each line, and the motors' names."""
+    """B, shape (nv + lines, motors), and the motors' names.
+
+    B tau are the forces of the motors on each rate, then on each line.
+    """
     rates = len(space.rate_names)
-    row_of_line = {line.name: row for row, line in enumerate(forces, rates)}
+    row_of_line = {line.name: row for row, line in enumerate(lines, rates)}
     in_both = row_of_line.keys() & {*space.joint_names, *space.rate_names}
     if in_both:
         name = min(in_both)
@@ -296,7 +319,7 @@ def _motors(
         if isinstance(motor, Mapping):  # a tendon: one motor on several joints and lines
             name, shares = tendon_of(motor)
             rows = rows_of(list(shares))
-            column = np.zeros(rates + len(forces))
+            column = np.zeros(rates + len(lines))
             column[rows] = finite_array("actuated", list(shares.values()), (len(rows),))
             if not column.any():
                 raise InputError("actuated", f"{dict(motor)}: this motor acts on no joint")
@@ -306,13 +329,13 @@ def _motors(
         else:  # a line, or a motor for each rate of a joint
             (name,) = names_of("actuated", [motor])
             for row in rows_of([name]):
-                column = np.zeros(rates + len(forces))
+                column = np.zeros(rates + len(lines))
                 column[row] = 1.0
                 columns.append(column)
                 motor_names.append(name if name in row_of_line else space.rate_names[row])
     if len(set(motor_names)) != len(motor_names):
         raise InputError("actuated", f"a joint appears twice in {motor_names}")
-    B = np.array(columns).reshape(-1, rates + len(forces)).T
+    B = np.array(columns).reshape(-1, rates + len(lines)).T
     return B, tuple(motor_names)
 
 
