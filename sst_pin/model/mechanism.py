@@ -69,7 +69,7 @@ class Friction:
         return -(self.viscous * q_dot + self.coulomb * sign)
 
     def slopes(self, q_dot: Array) -> Array:
-        """Derivatives of the forces by the rates, the sign smoothed, shape (nv,)."""
+        """Derivatives of the forces by the rates, shape (nv,); `sign_width` must be above 0."""
         rise = 1 - np.tanh(q_dot / self.sign_width) ** 2
         return -(self.viscous + self.coulomb * rise / self.sign_width)
 
@@ -93,7 +93,12 @@ class Springs:
         return not self.stiffness.any()
 
     def forces(self, model: pin.Model, q: Array) -> Array:
-        """-k times the displacement from the reference, shape (nv,)."""
+        """-k times the displacement from the reference, shape (nv,).
+
+        This is minus the gradient of the energy, for balls too: their displacement d is the vector
+        of a rotation, and the Jacobian J of d leaves it unchanged, J^T d = d. `check` refuses the
+        joints for which this does not hold.
+        """
         return -self.stiffness * pin.difference(model, self.reference, q)
 
     def slopes(self, model: pin.Model, q: Array) -> Array:
@@ -141,8 +146,10 @@ class Mechanism:
     #: none was found.
     example: Array | None = None
     #: Length of each row of Phi at the example, free of units, shape (rows,); 0 for constant rows.
+    #: See `usual_size`.
     row_sizes: Array | None = None
-    #: Names of independent rates that move no mass: coordinates, if these describe the motion.
+    #: Names of independent rates that move no mass, so that the mass matrix is singular. They are
+    #: coordinates, or other rates where the coordinates are singular at the example.
     without_mass: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -161,10 +168,15 @@ class Mechanism:
         return read_only(np.setdiff1d(np.arange(self.model.nv), self.coordinates))
 
     def usual_size(self, rows: Indices, rates: Indices) -> float:
-        """Usual size of a block of Phi with one dependent rate, from its rows at the example.
+        """Size at the example of a block of Phi with one dependent rate, free of units.
 
-        Such a block has one singular value. Only its usual size shows how near it is to a
-        singularity. The size is free of units, and 0 for blocks with more rates.
+        Such a block has one singular value, so that its condition number is always 1. Compared with
+        its size at the example, it shows how near the block is to a singularity. The result is 0
+        for blocks with more rates, whose condition number says this.
+
+        Args:
+            rows: Rows of the block.
+            rates: Dependent rates of the block.
         """
         if len(rates) > 1 or self.row_sizes is None:
             return 0.0
@@ -250,8 +262,9 @@ class Mechanism:
 
     @cached_property
     def held_in_part(self) -> bool:
-        """Whether some rates of a joint with quaternions or body axes are coordinates, others not.
+        """Whether some rates of a joint with nq != nv are coordinates, others not.
 
+        Such joints are balls, free-flyers and planar joints: their rates are not derivatives of q.
         What it means to hold such a coordinate depends on the path to a configuration.
         """
         for joint in list(self.model.joints)[1:]:
@@ -274,9 +287,10 @@ class Mechanism:
 
     @cached_property
     def motor_scale(self) -> Array:
-        """Units of the motor rates, shape (motors,): rates divided by them are free of units.
+        """Scale of the motor rates, shape (motors,): rates divided by it are free of units.
 
-        A motor has this rate when the joint or line with its largest factor moves at its unit.
+        A motor has this rate when one of its joints or lines moves with its own scale: the one for
+        which the product of the motor's factor and this scale is largest.
         """
         on_rates = np.abs(self.actuation * self.rate_scale[:, None]).max(axis=0, initial=0.0)
         on_lines = np.abs(self.lines.actuation * self.length).max(axis=0, initial=0.0)
@@ -322,7 +336,10 @@ class Mechanism:
 
     @cached_property
     def row_scale(self) -> Array:
-        """Factors that make the rows of Phi free of units, shape (rows,)."""
+        """Factors that make the rows of Phi free of units, shape (rows,).
+
+        Phi without units is row_scale[:, None] * Phi * rate_scale.
+        """
         length_of_closure: dict[Constraint, float] = {}
         for _, closures, length in self._groups:
             for closure in closures:
@@ -340,7 +357,10 @@ class Mechanism:
 
     @cached_property
     def rate_scale(self) -> Array:
-        """Units of the rates, shape (nv,): v divided by them is free of units."""
+        """Scale of the rates, shape (nv,): v / rate_scale is free of units.
+
+        It is 1 rad/s for rotations and a length of the robot per second for translations.
+        """
         lengths = np.full(self.model.nv, self.length)
         for joints, _, length in self._groups:
             for number in joints:
