@@ -28,7 +28,10 @@ from .symbols import Sparse, add, is_zero
 
 @dataclass
 class Layout:
-    """Where the results of the kernel are, for the C of a step; rows are numbered as they come."""
+    """Where the results of the kernel are, for the C of a step.
+
+    Rows have numbers in the order in which they are added.
+    """
 
     n: int
     #: First entries and columns of the rows, as of a sparse matrix.
@@ -52,6 +55,8 @@ class NonsmoothTerms:
         self._mechanism = equations.mechanism
         self.layout = Layout(len(self._mechanism.coordinates))
         self._entries: list[SX] = []
+        self._gaps: list[SX] = []
+        #: Row of each rate of the tree: stops, dry joints and motors share it.
         self._joints: dict[int, int] = {}
 
     def kernel(self, checks: Checks) -> SymbolicKernel:
@@ -74,13 +79,12 @@ class NonsmoothTerms:
         inputs = {"q": e.q, "va": e.va}
         if e.loads.numel():
             inputs["external_wrenches"] = e.loads
-        more = checks.of_accelerations
         return SymbolicKernel(
             "nonsmooth_terms",
             inputs,
             e.p,
             ca.densify(ca.vertcat(*parts.values())),
-            ca.vertcat(*(SX(check) for check in [*checks.of_state, *more])),
+            ca.vertcat(*(SX(check) for check in [*checks.of_state, *checks.of_accelerations])),
         )
 
     @property
@@ -88,10 +92,11 @@ class NonsmoothTerms:
         """What acts on the coordinates but friction, dampers, motors and cables, shape (n,)."""
         e = self._e
         pulls_only = set(self._rows.cables.tolist())
-        tensions = [
-            SX(0) if k in pulls_only else x.preload + x.stiffness * (x.length - x.rest)
-            for k, x in enumerate(e.tree.lines)
-        ]
+        tensions = []
+        for k, x in enumerate(e.tree.lines):
+            pushes_too = k not in pulls_only
+            spring = x.preload + x.stiffness * (x.length - x.rest)
+            tensions.append(spring if pushes_too else SX(0))
         stiffness = e.parameters.of_joints("stiffness", e.p)
         moves = e.kinematics.difference(e.parameters.of_joints("spring_reference", e.p))
         springs: Sparse = {k: c * moves[k] for k, c in stiffness.items()}
@@ -101,36 +106,63 @@ class NonsmoothTerms:
     # --- rows -------------------------------------------------------------------------------
 
     def _add_rows(self) -> None:
-        rows = self._rows
-        layout = self.layout
-        mechanism = self._mechanism
-        self._gaps: list[SX] = []
+        """Add all rows to the layout, and their gaps.
+
+        Their order is a contract with `NonsmoothRows`, `parameter_values` and `c/nonsmooth.h`.
+        Rows of impulses: contacts (three each), ropes, cables, stops, dry joints. Rows that are
+        taken at the end of a step: joints, lines that also push, motors.
+        """
+        self._add_contacts()
+        self._add_ropes()
+        self._add_cables()
+        self._add_stops()
+        self._add_dry_joints()
+        self._add_implicit_rows()
+
+    def _add_impulse(self, row: int, sign: int = 1) -> None:
+        """Let an impulse act along a row, or against it."""
+        self.layout.impulse_row.append(row)
+        self.layout.impulse_sign.append(sign)
+
+    def _add_contacts(self) -> None:
         for gap, of_contact in self._contacts():
             self._gaps.append(gap)
-            layout.impulse_row += [self._add(of_contact[i, :]) for i in range(3)]
-        for rope in mechanism.contacts.ropes:
+            for axis in range(3):  # of the ground
+                self._add_impulse(self._add(of_contact[axis, :]))
+
+    def _add_ropes(self) -> None:
+        for rope in self._mechanism.contacts.ropes:
             ends = rope.frame_a, rope.frame_b
-            distance, row = line(self._e.kinematics, mechanism.model, *ends)
+            distance, row = line(self._e.kinematics, self._mechanism.model, *ends)
             self._gaps.append(-distance)
-            shortening = {i: -x for i, x in row.Phi.items()}
-            layout.impulse_row.append(self._add(self._reduced(shortening)))
-        for k in rows.cables:
-            row = self._e.tree.lines[k].row
-            layout.impulse_row.append(self._add(self._reduced({i: -x for i, x in row.items()})))
-        layout.impulse_sign += [1] * len(layout.impulse_row)
-        for stop in rows.stops:
-            layout.impulse_row.append(self._of_joint(stop.rate))
-            layout.impulse_sign.append(stop.side)
-        for rate in rows.dry:
-            layout.impulse_row.append(self._of_joint(int(rate)))
-            layout.impulse_sign.append(1)
-        layout.implicit_row += [self._of_joint(rate) for rate in implicit_rates(self._e.parameters)]
-        for k in other_lines(rows):
-            layout.implicit_row.append(self._add(self._reduced(self._e.tree.lines[k].row)))
-        layout.implicit_row += [self._of_motor(k) for k in range(mechanism.motor_count)]
+            shortening = {i: -x for i, x in row.Phi.items()}  # a rope pulls its ends together
+            self._add_impulse(self._add(self._reduced(shortening)))
+
+    def _add_cables(self) -> None:
+        for k in self._rows.cables:
+            shortening = {i: -x for i, x in self._e.tree.lines[k].row.items()}
+            self._add_impulse(self._add(self._reduced(shortening)))
+
+    def _add_stops(self) -> None:
+        for stop in self._rows.stops:
+            self._add_impulse(self._of_joint(stop.rate), stop.side)
+
+    def _add_dry_joints(self) -> None:
+        for rate in self._rows.dry:
+            self._add_impulse(self._of_joint(int(rate)))
+
+    def _add_implicit_rows(self) -> None:
+        rows: list[int] = []
+        for rate in implicit_rates(self._e.parameters):
+            rows.append(self._of_joint(rate))
+        for k in other_lines(self._rows):
+            rows.append(self._add(self._reduced(self._e.tree.lines[k].row)))
+        for motor in range(self._mechanism.motor_count):
+            rows.append(self._of_motor(motor))
+        self.layout.implicit_row = rows
 
     def _add(self, row: SX) -> int:
-        """Add a row on the coordinates; its number."""
+        """Add a row on the coordinates, and return its number."""
         for j in range(self.layout.n):
             if not is_zero(row[j]):
                 self.layout.row_column.append(j)
@@ -139,13 +171,13 @@ class NonsmoothTerms:
         return len(self.layout.row_start) - 2
 
     def _of_joint(self, rate: int) -> int:
-        """The row of a rate of the tree."""
+        """The number of the row of a rate of the tree, which is added once."""
         if rate not in self._joints:
             self._joints[rate] = self._add(self._reduced({rate: SX(1)}))
         return self._joints[rate]
 
     def _of_motor(self, k: int) -> int:
-        """The row of the rate of a motor; cables are left out."""
+        """The number of the row of a motor's rate; cables are left out."""
         on_rates = self._mechanism.actuation[:, k]
         on_lines = self._mechanism.lines.actuation[:, k].copy()
         on_lines[self._rows.cables] = 0
@@ -165,24 +197,22 @@ class NonsmoothTerms:
     @property
     def _motor_positions(self) -> SX:
         """Position of each motor; of rates without a position, zero."""
-        model = self._mechanism.model
-        sprung = set(self._mechanism.possible_springs.tolist())
-        neutral = {i: SX(float(x)) for i, x in enumerate(pin.neutral(model))}
+        mechanism = self._mechanism
+        with_positions = set(mechanism.possible_springs.tolist())
+        neutral = pin.neutral(mechanism.model)
         moves = self._e.kinematics.difference(
-            {i: x for i, x in neutral.items() if i in self._positioned}
+            {i: SX(float(neutral[i])) for i in sorted(self._positioned)}
         )
         positions = []
-        for of_rates, of_lines in zip(
-            self._mechanism.actuation.T, self._mechanism.lines.actuation.T, strict=True
-        ):
-            terms = [
-                float(of_rates[k]) * moves[int(k)]
-                for k in np.flatnonzero(of_rates)
-                if int(k) in sprung
-            ]
-            terms += [
-                float(of_lines[k]) * self._e.tree.lines[k].length for k in np.flatnonzero(of_lines)
-            ]
+        for motor in range(mechanism.motor_count):
+            terms: list[SX] = []
+            of_rates = mechanism.actuation[:, motor]
+            for k in map(int, np.flatnonzero(of_rates)):
+                if k in with_positions:
+                    terms.append(float(of_rates[k]) * moves[k])
+            of_lines = mechanism.lines.actuation[:, motor]
+            for k in map(int, np.flatnonzero(of_lines)):
+                terms.append(float(of_lines[k]) * self._e.tree.lines[k].length)
             positions.append(SX(total(terms)))
         return ca.vertcat(SX(0, 1), *positions)
 
