@@ -20,10 +20,10 @@ from ..errors import SimulationError
 from ..model.mechanism import Mechanism
 from .coordinate_change import CoordinateChange
 from .crossings import Crossing
-from .motion_output import MotionOutput, Samples
+from .motion_output import MotionOutput
 from .settings import Settings
 from .singularity_crossing import SingularityCrossing
-from .state_equations import MotionState, StateEquations
+from .state_equations import MotionState, Samples, StateEquations
 from .step_control import StepControl
 
 #: The first repeat of an irregular step ends before its irregular part by this fraction of the
@@ -87,7 +87,7 @@ class Integration:
         while state.t < self._end and not self.stopped:
             approach = self._crossing.approach
             if approach is not None and approach.start <= state.t:
-                state = self._cross(state)
+                state = self._cross(state)  # ends the approach, or sets a later start
                 continue
             torques_change = self._call_controller(state)
             bound = min(self._end, torques_change)
@@ -120,7 +120,11 @@ class Integration:
         return self._equations.in_coordinates_of(state.space, close_first=near_singularity)
 
     def _call_controller(self, state: MotionState) -> float:
-        """Call a sampled controller if it is due; the time until which torques are smooth."""
+        """Call a sampled controller if it is due.
+
+        Returns:
+            The time until which torques are smooth, [s]; infinite without a sampled controller.
+        """
         sampling = self._equations.torque.sampling
         if sampling is None:
             return np.inf

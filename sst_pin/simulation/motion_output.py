@@ -3,31 +3,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from ..arrays import Array
 from ..errors import ClosureError, SingularConfigurationError
 from .crossings import Branch
 from .integrator_step import IntegratorStep
-from .state_equations import MotionState, StateEquations
-
-
-class Samples(NamedTuple):
-    """Samples of a motion in the robot's coordinates.
-
-    Attributes:
-        q: Configurations, shape (N, nq).
-        va: Rates, shape (N, n).
-        aa: Accelerations, shape (N, n).
-        tau: Torques of the motors, shape (N, motors).
-    """
-
-    q: Array
-    va: Array
-    aa: Array
-    tau: Array
+from .state_equations import MotionState, Samples, StateEquations
 
 
 class MotionOutput:
@@ -49,7 +31,7 @@ class MotionOutput:
 
     def add_start(self, equations: StateEquations, start: MotionState) -> None:
         """Add the sample at the first time."""
-        self._add(Samples(*equations.samples_along(self._times[:1], start.y[None])))
+        self._add(equations.samples_along(self._times[:1], start.y[None]))
 
     def add_step(self, step: IntegratorStep, *, torques_change: bool) -> bool:
         """Add the samples within a step; False if loops cannot be closed within it.
@@ -64,7 +46,7 @@ class MotionOutput:
         if not len(times):
             return True
         try:
-            samples = Samples(*step.equations.samples_along(times, step.dense_output(times).T))
+            samples = step.equations.samples_along(times, step.dense_output(times).T)
         except (ClosureError, SingularConfigurationError):
             return False
         self._add(samples)

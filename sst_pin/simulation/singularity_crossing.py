@@ -84,7 +84,10 @@ class SingularityCrossing:
         self.problem = ""
 
     def remember(self, state: MotionState) -> None:
-        """Add a state to those from which the motion is extrapolated."""
+        """Add a state to those from which the motion is extrapolated.
+
+        It may be the last one again; `_last_states` takes it once.
+        """
         self._past.append(state)
 
     def begin_approach(self, state: MotionState, t: float, q: Array) -> MotionState | None:

@@ -50,6 +50,22 @@ class MotionState(NamedTuple):
         return MotionState(self.t, space, self.q, np.concatenate([self.q, rates]))
 
 
+class Samples(NamedTuple):
+    """Samples of a motion in the robot's coordinates.
+
+    Attributes:
+        q: Configurations, shape (N, nq).
+        va: Rates, shape (N, n).
+        aa: Accelerations, shape (N, n).
+        tau: Torques of the motors, shape (N, motors).
+    """
+
+    q: Array
+    va: Array
+    aa: Array
+    tau: Array
+
+
 class StateEquations:
     """y' = f(t, y) with y = (q, rates of the coordinates of `space`).
 
@@ -167,18 +183,18 @@ class StateEquations:
         q, va = self._robot_states(states)
         return self._inputs_along(times, q, va)
 
-    def samples_along(self, times: Array, states: Array) -> tuple[Array, Array, Array, Array]:
-        """q, va, aa of the robot's coordinates, and torques, at times and states."""
+    def samples_along(self, times: Array, states: Array) -> Samples:
+        """Samples of the motion at times and states."""
         q, va = self._robot_states(states)
         tau, load = self._inputs_along(times, q, va)
         nq = q.shape[1]
         accelerations = self.space.rate(states, tau, load)[:, nq:]
         if self.space is self.robot_space:
-            return q, va, accelerations, tau
+            return Samples(q, va, accelerations, tau)
         samples = zip(q, states[:, nq:], accelerations, strict=True)
         v_dot = [self.space.joint_motion(*sample)[1] for sample in samples]
         aa = np.array(v_dot)[:, self.robot_space.coordinates]
-        return q, va, aa, tau
+        return Samples(q, va, aa, tau)
 
     def _robot_states(self, states: Array) -> tuple[Array, Array]:
         """q with closed loops, shape (N, nq), and rates of the robot's coordinates, (N, n)."""
