@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, Indices, as_array, positive_number, single_array
+from ..arrays import Array, Indices, as_array, positive_number, single_array, whole_number
 from ..dynamics.impulses import SOLVED
 from ..dynamics.nonsmooth_rows import MotorGains, NonsmoothRows
 from ..dynamics.nonsmooth_step import NonsmoothArrays
@@ -61,13 +61,20 @@ class NonsmoothRollout(NamedTuple):
     t: Array
 
     def single(self, *index: int) -> NonsmoothRollout:
-        """One motion of a batch, by its index or indices.
+        """One motion of a batch, by an index for each leading axis.
+
+        Raises:
+            InputError: If there is no such motion.
 
         Example:
             >>> batch = chain.rollout(np.zeros((4, 10, 1)), chain.home, [0], 1e-3, nonsmooth=True)
             >>> batch.single(3).q.shape
             (11, 3)
         """
+        batch = self.q.shape[:-2]
+        places = [whole_number("index", place, 0) for place in index]
+        if len(places) != len(batch) or any(np.greater_equal(places, batch)):
+            raise InputError("index", f"{index}, and the leading axes are {batch}")
         return NonsmoothRollout(
             self.q[index],
             self.va[index],

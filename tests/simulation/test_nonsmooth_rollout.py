@@ -297,6 +297,10 @@ def test_batches_are_their_motions_side_by_side():
     for i in range(3):
         one = _free(chain, q0, va0[i], 0.01, 10)
         assert all(map(np.array_equal, batch.single(i), one))
+    for motion, index in ((batch, (3,)), (batch, ()), (batch, (0, 0)), (batch, (-1,)), (one, (0,))):
+        with pytest.raises(sst_pin.errors.InputError, match="index"):
+            motion.single(*index)
+    assert np.array_equal(one.single().q, one.q)
 
 
 def test_smooth_motions_refuse_contacts_and_say_what_to_call():
