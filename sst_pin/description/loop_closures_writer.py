@@ -15,7 +15,6 @@ from ..files import as_path, require_ending, text_writer, write_files
 from ..model.closures import Closure, Coupling
 from ..model.thresholds import RANK_TOLERANCE
 from ..model.tree import frame_id
-from ..reading.cuts import OF_HINGE
 
 #: Distance of the second configuration at which the axis of a closure is judged, [rad] or [m]: far
 #: beyond the rounding of axes, near enough that the robot stays in its assembly mode.
@@ -80,11 +79,18 @@ def _hinges(chain: ClosedChain, closure: Closure) -> list[dict[str, Any]]:
     frame_a = frame_id(model, closure.frame_a)
     frame_b = frame_id(model, closure.frame_b)
     place = data.oMf[frame_a]
-    links = [model.frames[_link(model, frame)].name for frame in (frame_a, frame_b)]
+    link_a = model.frames[_link(model, frame_a)].name
+    link_b = model.frames[_link(model, frame_b)].name
     hinges = []
     for axis in _hinge_axes(chain, closure):
-        values = (*links, place.translation.tolist(), (place.rotation @ axis).tolist())
-        hinges.append(dict(zip(OF_HINGE, values, strict=True)))
+        hinges.append(
+            {
+                "link_a": link_a,
+                "link_b": link_b,
+                "point": place.translation.tolist(),
+                "axis": (place.rotation @ axis).tolist(),
+            }
+        )
     return hinges
 
 

@@ -51,8 +51,9 @@ class Contact:
             object.__setattr__(self, "name", f"{self.frame}{on}")
         if self.frame == self.ground:
             raise InputError("contacts", f"{self}: a contact needs two different frames")
-        for field in ("radius", "friction", "restitution"):
-            object.__setattr__(self, field, _positive(f"{field} of {self}", getattr(self, field)))
+        for name in ("radius", "friction", "restitution"):
+            number = _positive(f"{name} of {self}", getattr(self, name))
+            object.__setattr__(self, name, number)
         if self.restitution > 1:
             raise InputError(f"restitution of {self}", f"{self.restitution:g} is larger than 1")
 
@@ -117,10 +118,12 @@ class Contacts:
     def check(self, model: pin.Model) -> None:
         """Refuse frames that the tree does not have, and contacts that cannot change."""
         for rope in self.ropes:
-            frame_named(model, rope.frame_a), frame_named(model, rope.frame_b)
+            frame_named(model, rope.frame_a)  # raises an error for an unknown frame
+            frame_named(model, rope.frame_b)
         for contact in self.points:
-            ends = frame_named(model, contact.frame), frame_named(model, contact.ground)
-            if ends[0].parentJoint == ends[1].parentJoint:
+            frame = frame_named(model, contact.frame)
+            ground = frame_named(model, contact.ground)
+            if frame.parentJoint == ground.parentJoint:
                 problem = f"{contact}: {contact.frame} and {contact.ground} are on the same body"
                 raise InputError("contacts", problem)
 
@@ -136,7 +139,8 @@ def contacts_of(contacts: Sequence[Contact | Rope]) -> Contacts:
         problem = f"several contacts have the name {', '.join(twice)}; give name="
         raise InputError("contacts", problem)
     points = tuple(x for x in elements if isinstance(x, Contact))
-    return Contacts(points, tuple(x for x in elements if isinstance(x, Rope)))
+    ropes = tuple(x for x in elements if isinstance(x, Rope))
+    return Contacts(points, ropes)
 
 
 def _require_names(*words: object) -> None:

@@ -2,8 +2,7 @@
 """A tree built again joint by joint, with some joints fixed or replaced by several in series."""
 
 from collections.abc import Mapping, Sequence
-from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -33,59 +32,89 @@ def rebuilt(old: pin.Model, changes: Mapping[int, Series]) -> pin.Model:
     model.name = old.name
     model.gravity = old.gravity
     model.inertias[0] = old.inertias[0]
-    carriers = [(0, pin.SE3.Identity())]  # of each old joint, the new one and its place there
-    each = [changes.get(i) or Series.whole(joint) for i, joint in enumerate(old.joints)]
+    all_series: list[Series] = []
+    for i, joint in enumerate(old.joints):
+        all_series.append(changes[i] if i in changes else Series.whole(joint))
+
+    # Joints and bodies. A carrier is the new joint that moves the body of an old one.
+    carriers = [_Carrier(0, pin.SE3.Identity())]
     for i in range(1, old.njoints):
-        carrier, place = carriers[old.parents[i]]
-        place = place * old.jointPlacements[i]
-        for part in each[i].parts:
+        parent = carriers[old.parents[i]]
+        joint = parent.joint
+        place = parent.place * old.jointPlacements[i]
+        for part in all_series[i].parts:
             name = old.names[i] + part.suffix
-            carrier = model.addJoint(carrier, part.joint, place * part.place, name)
+            joint = model.addJoint(joint, part.joint, place * part.place, name)
             place = pin.SE3.Identity()
-        carriers.append((carrier, place * each[i].place))
-        model.appendBodyToJoint(carrier, old.inertias[i], carriers[i][1])
-    _copy_frames(old, model, carriers, [len(series.parts) for series in each])
+        carrier = _Carrier(joint, place * all_series[i].place)
+        carriers.append(carrier)
+        model.appendBodyToJoint(carrier.joint, old.inertias[i], carrier.place)
+    _copy_frames(old, model, carriers, [len(series.parts) for series in all_series])
+
+    # Numbers of the joints, and their positions in the stored poses.
     poses = {pair.key(): np.array(pair.data()) for pair in old.referenceConfigurations}
     new_poses = {name: pin.neutral(model) for name in poses}
-    for i, whole in enumerate(list(old.joints)[1:], 1):
-        first = carriers[i][0] - len(each[i].parts) + 1
-        for k, part in enumerate(each[i].parts):
-            joint = model.joints[first + k]
-            _copy_numbers(old, whole, model, joint, part)
-            for name, pose in poses.items():
-                positions = each[i].positions(pose[whole.idx_q : whole.idx_q + whole.nq])[k]
-                new_poses[name][joint.idx_q : joint.idx_q + positions.size] = positions
+    model_joints = list(model.joints)
+    for i in range(1, old.njoints):
+        old_joint = old.joints[i]
+        parts = all_series[i].parts
+        last = carriers[i].joint
+        new_joints = model_joints[last - len(parts) + 1 : last + 1]
+        for part, new_joint in zip(parts, new_joints, strict=True):
+            _copy_numbers(old, old_joint, model, new_joint, part)
+        for name, pose in poses.items():
+            q = pose[old_joint.idx_q : old_joint.idx_q + old_joint.nq]
+            for new_joint, positions in zip(new_joints, all_series[i].positions(q), strict=True):
+                entries = slice(new_joint.idx_q, new_joint.idx_q + positions.size)
+                new_poses[name][entries] = positions
     for name, pose in new_poses.items():
         model.referenceConfigurations[name] = pose
     return model
 
 
+class _Carrier(NamedTuple):
+    """The joint of the new tree that moves the body of an old joint, and the body's place on it."""
+
+    joint: int
+    place: pin.SE3
+
+
 def _copy_frames(
-    old: pin.Model, model: pin.Model, carriers: Sequence[tuple[int, pin.SE3]], sizes: Sequence[int]
+    old: pin.Model, model: pin.Model, carriers: Sequence[_Carrier], sizes: Sequence[int]
 ) -> None:
-    """Copy the frames; a joint's frame becomes one for each new joint, or a fixed-joint frame."""
-    numbers = {0: 0}  # indices of the new frames, by the indices of the old ones
+    """Copy the frames.
+
+    The frame of a joint becomes a frame for each of the `sizes` new joints that replace it, or the
+    frame of a fixed joint if there is none.
+    """
+    new_index = {0: 0}  # of each old frame, by its index
     for i, frame in enumerate(list(old.frames)[1:], 1):
         joint = frame.parentJoint
+        carrier = carriers[joint]
+        parent_frame = new_index.get(frame.parentFrame, 0)
         kind = frame.type
-        carrier, place = carriers[joint]
-        bearing = numbers.get(frame.parentFrame, 0)
-        place = place * frame.placement
         if kind == pin.FrameType.JOINT and frame.name == old.names[joint]:
-            for k in range(carrier - sizes[joint] + 1, carrier + 1):
-                new = pin.Frame(model.names[k], k, bearing, pin.SE3.Identity(), kind)
-                numbers[i] = bearing = model.addFrame(new, False)
+            for k in range(carrier.joint - sizes[joint] + 1, carrier.joint + 1):
+                new = pin.Frame(model.names[k], k, parent_frame, pin.SE3.Identity(), kind)
+                parent_frame = model.addFrame(new, False)
+                new_index[i] = parent_frame
             kind = pin.FrameType.FIXED_JOINT
             if sizes[joint] or old.existFrame(frame.name, kind):
                 continue
-        new = pin.Frame(frame.name, carrier, bearing, place, kind)
-        numbers[i] = model.addFrame(new, False)
+        place = carrier.place * frame.placement
+        new = pin.Frame(frame.name, carrier.joint, parent_frame, place, kind)
+        new_index[i] = model.addFrame(new, False)
 
 
-def _copy_numbers(old: pin.Model, whole: Any, model: pin.Model, joint: Any, part: Part) -> None:
-    for fields, to, at, which in (
-        (RATE_ARRAYS, joint.idx_v, whole.idx_v, part.rates),
-        (POSITION_ARRAYS, joint.idx_q, whole.idx_q, part.entries),
-    ):
-        for field, (k, entry) in product(fields, enumerate(which)):
-            getattr(model, field)[to + k] = getattr(old, field)[at + entry]
+def _copy_numbers(
+    old: pin.Model, old_joint: Any, model: pin.Model, new_joint: Any, part: Part
+) -> None:
+    """Copy limits, friction and rotors of the rates and positions that a part has."""
+    for name in RATE_ARRAYS:
+        for k, rate in enumerate(part.rates):
+            value = getattr(old, name)[old_joint.idx_v + rate]
+            getattr(model, name)[new_joint.idx_v + k] = value
+    for name in POSITION_ARRAYS:
+        for k, entry in enumerate(part.entries):
+            value = getattr(old, name)[old_joint.idx_q + entry]
+            getattr(model, name)[new_joint.idx_q + k] = value

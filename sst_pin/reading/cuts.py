@@ -49,8 +49,8 @@ _KEYS = (
 )
 #: Keys of a `loop_closures.yaml`.
 _SW2ROBOT_KEYS = ("closures", "dependent", "independent")
-#: Keys of a hinge in a `loop_closures.yaml`; the writer of such files has them too.
-OF_HINGE = ("link_a", "link_b", "point", "axis")
+#: Keys of a hinge in a `loop_closures.yaml`.
+_HINGE_KEYS = ("link_a", "link_b", "point", "axis")
 #: Numbers of an entry of `line_force`, and all its keys.
 _LINE_NUMBERS = (
     "stiffness",
@@ -324,9 +324,9 @@ def _sw2robot_cuts(content: YamlContent) -> Cuts:
 
 
 def _hinge(value: Any) -> CutJoint:
-    fields = mapping_in(value, OF_HINGE)
-    if len(fields) < len(OF_HINGE):
-        raise ValueError(f"{shown(value)} needs {', '.join(OF_HINGE)}")
+    fields = mapping_in(value, _HINGE_KEYS)
+    if len(fields) < len(_HINGE_KEYS):
+        raise ValueError(f"{shown(value)} needs {', '.join(_HINGE_KEYS)}")
     # Point and axis are relative to the base for both links.
     place = pin.SE3(np.eye(3), _vector(fields, "point"))
     axis = _vector(fields, "axis")
