@@ -36,7 +36,7 @@ _BUSY = 0.99
 _CHANGE = 8e-4
 #: The iteration for viscous friction ends when w^2 changes by less than this fraction. The grid is
 #: refined afterwards, so an exact solution on one grid is not needed.
-_SETTLED = 1e-3
+_CONVERGED = 1e-3
 #: Part of a limit that viscous friction may use at least in the first guess, so w is not zero.
 _CREEP = 1e-3
 #: Largest w^2 that toppra is given, in the unit of time in which w is about one.
@@ -197,7 +197,7 @@ def _solved(s: Array, forces: PathForces, x: Array | None) -> Array:
         linear = parts._replace(b=parts.b + slope, c=parts.c + parts.d * w / 2)
         previous = x
         x = _linear(s, forces.unit, linear)
-        if (np.abs(x - previous) <= _SETTLED * x).all():
+        if (np.abs(x - previous) <= _CONVERGED * x).all():
             break
     return x
 

@@ -22,8 +22,9 @@ _LEAST = 1e-5
 _WEAK = 1e-6
 #: Parameters that are not negative.
 _POSITIVE = (".viscous", ".coulomb", ".armature", ".stiffness", ".damping")
-#: Upper triangle of a 4 x 4 matrix, column by column, as the solver expects it.
-_ROWS, _COLUMNS = np.array([(i, j) for j in range(4) for i in range(j + 1)]).T
+#: Upper triangle of a 4 x 4 matrix, column by column, as the solver expects it: the lower one, row
+#: by row, with rows and columns exchanged.
+_COLUMNS, _ROWS = np.tril_indices(4)
 #: Factors of the entries with which the triangle has the same norm as the symmetric matrix.
 _FACTORS = np.where(_ROWS == _COLUMNS, 1.0, np.sqrt(2.0))
 
@@ -44,12 +45,12 @@ def consistent_parameters(
         prior: Weight of the prior, above 0: the parameters of a body have standard deviations of
             1/sqrt(prior) times m, m l, m l^2, with the mass m of the body and the length l of the
             robot.
-        total_mass: Sum of the masses of all bodies, [kg], if it is to be held.
+        total_mass: Sum of the masses of all bodies, [kg], if it is known.
 
     Raises:
         InputError: For an estimate of another robot; for a weight or a mass that is not positive,
-            or less mass than the bodies have that are not estimated; if the estimate does not tell
-            its combinations apart, or the solver finds no parameters.
+            or less mass than the bodies have that are not estimated; if the estimate does not
+            distinguish its combinations, or the solver finds no parameters.
         MissingExtraError: Without Clarabel, `sst-pin[identification]`.
 
     Example:
@@ -78,37 +79,40 @@ def consistent_parameters(
     varied = np.zeros(cad.size, dtype=bool)
     varied[found.base.considered] = True
     body_varies = varied[:end_of_bodies].reshape(-1, 10).any(axis=1)
-    free = np.flatnonzero(body_varies & (masses > 0))
+    varied_bodies = np.flatnonzero(body_varies & (masses > 0))
     others = np.flatnonzero(varied[end_of_bodies:]) + end_of_bodies
-    columns = np.concatenate([(10 * free[:, None] + np.arange(10)).ravel(), others])
+    parameters_of_bodies = 10 * varied_bodies[:, None] + np.arange(10)
+    columns = np.concatenate([parameters_of_bodies.ravel(), others])
     # Units: masses of bodies and length of the robot; for other unknowns, their deviations alone.
     powers_of_length = chain.mechanism.length ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
-    units_of_bodies = np.outer(masses[free], powers_of_length).ravel()
+    units_of_bodies = np.outer(masses[varied_bodies], powers_of_length).ravel()
     units, R, best = _least_squares(found, cad, columns, units_of_bodies, float(np.sqrt(weight)))
 
     # Constraints: rows x - floor lies in a product of cones.
     names = chain.dynamic_parameters.names
     positive = [k for k, i in enumerate(others) if names[i].endswith(_POSITIVE)]
     body_rows = (pseudo_inertias(np.eye(10))[:, _ROWS, _COLUMNS] * _FACTORS).T
-    rows = [block_diag(*[body_rows] * free.size, np.eye(others.size)[positive])]
+    rows = [block_diag(*[body_rows] * varied_bodies.size, np.eye(others.size)[positive])]
     least = np.where(_ROWS == _COLUMNS, _LEAST, 0.0)
-    floor = [np.tile(least, free.size), np.zeros(len(positive))]
-    cones = [clarabel.PSDTriangleConeT(4)] * free.size + [clarabel.NonnegativeConeT(len(positive))]
+    floor = [np.tile(least, varied_bodies.size), np.zeros(len(positive))]
+    cones = [clarabel.PSDTriangleConeT(4)] * varied_bodies.size + [
+        clarabel.NonnegativeConeT(len(positive))
+    ]
     if total_mass is not None:
-        fixed = np.delete(masses, free).sum()
-        rest = positive_number("total_mass", total_mass) - fixed
-        if rest <= 0 or not free.size:
+        fixed = np.delete(masses, varied_bodies).sum()
+        mass_of_varied = positive_number("total_mass", total_mass) - fixed
+        if mass_of_varied <= 0 or not varied_bodies.size:
             raise InputError("total_mass", f"{total_mass:g} kg; fixed masses have {fixed:g} kg")
-        mass_of_bodies = np.kron(masses[free], np.eye(10)[0])
+        mass_of_bodies = np.kron(masses[varied_bodies], np.eye(10)[0])
         rows.insert(0, np.append(mass_of_bodies, np.zeros(others.size))[None])
-        floor.insert(0, np.array([rest]))
+        floor.insert(0, np.array([mass_of_varied]))
         cones.insert(0, clarabel.ZeroConeT(1))
     A = np.vstack(rows)
 
     # With x = best + R^-1 y, the shortest y is the nearest solution.
     y, status = _nearest(np.linalg.solve(R.T, A.T).T, A @ best - np.concatenate(floor), cones)
     best += solve_triangular(R, y)
-    _require_bodies(best[: 10 * free.size].reshape(-1, 10), status)
+    _require_bodies(best[: 10 * varied_bodies.size].reshape(-1, 10), status)
     theta = cad.copy()
     theta[columns] = best * units
     # The solver may violate the constraints by its tolerance.

@@ -89,10 +89,12 @@ def slider_crank() -> GalleryRobot:
     bar = body(0.5, end / 2, (4e-4, 4e-3, 4e-3), [np.zeros(3), end], 0.006)
     tree.joint("crank", _RX(), crank, at=shift(_CRANK))
     tree.joint("slider", pin.JointModelPX(), box(2.0, (0.05, 0.03, 0.03)))
-    tree.joint("rod", pin.JointModelUniversal(*np.eye(3)[:2]), bar, "slider")
+    x, y, _ = np.eye(3)
+    tree.joint("rod", pin.JointModelUniversal(x, y), bar, "slider")
     tree.frame("tip", "crank", tip)
     tree.platform("rod", end)
-    home = of_two_turns(*_rod_turns(_CRANK + tip, 0.2))
+    about_x, about_y = _rod_turns(_CRANK + tip, 0.2)
+    home = of_two_turns(about_x, about_y)
     ball = [Closure("tip", "platform", "3d")]
     return GalleryRobot(tree, ball, ["crank"], _slider_crank_joints, pin.SE3(home, _CRANK + tip))
 
