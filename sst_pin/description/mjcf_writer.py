@@ -613,11 +613,17 @@ class MjcfWriter:
         rates = np.flatnonzero(on_rates)
         lines = np.flatnonzero(on_lines)
         motor = {"name": name}
-        if not len(rates) and on_lines[lines].tolist() == [1]:
+        if not len(rates) and len(lines) == 1:
             line = self._mechanism.lines.forces[lines[0]]
+            factor = float(on_lines[lines[0]])
             motor["tendon"] = line.name
+            if factor != 1:
+                motor["gear"] = numbers([factor])
+                text = "its factor is a gear; from_mjcf reads a motor with the factor 1"
+                self.notes.append(f"motor {name}: {text}")
             if line.effort < _FAR:
-                motor["ctrlrange"] = numbers([-line.effort, line.effort])
+                largest = line.effort / abs(factor)
+                motor["ctrlrange"] = numbers([-largest, largest])
         elif len(lines) or not single.keys() >= set(rates.tolist()):
             text = "it acts on more than hinges and slides, or one line"
             self._problems.append(f"motor {name}: {text}")

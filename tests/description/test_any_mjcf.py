@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Any chain as MJCF: read back it is the same robot, and MuJoCo moves it as we do."""
 
+from dataclasses import replace
 from functools import partial
 
 import coal
@@ -13,6 +14,7 @@ import sst_pin
 from sst_pin import Coupling, LineForce
 from sst_pin.description.mjcf_writer import MjcfWriter
 from sst_pin.errors import DescriptionWarning
+from tests.gallery.cable_printer import cable_printer
 from tests.support import any_chain
 from tests.support.by_hand import add, at, mark
 from tests.support.named_robots import robot_named
@@ -253,3 +255,26 @@ def test_a_brake_without_a_home_is_no_equality(tmp_path):
     standing = sst_pin.ClosedChain(model, bar.closures, [], brakes=["crank"])
     with pytest.raises(sst_pin.errors.DescriptionError, match="name a configuration home"):
         sst_pin.write_mjcf(standing, tmp_path / "standing.xml")
+
+
+def test_winches_pull_in_mujoco_as_here(tmp_path):
+    """Motors with the factor -1, and one with -2 whose effort is halved."""
+    printer = cable_printer()
+    lines = [replace(line, effort=60.0) for line in printer.lines]
+    motors = [{line.name: -1.0} for line in lines[:3]] + [{lines[3].name: -2.0}]
+    chain = sst_pin.ClosedChain(printer.model, [], motors, lines=lines)
+    path = tmp_path / "winches.xml"
+    with pytest.warns(DescriptionWarning, match="its factor is a gear"):
+        sst_pin.write_mjcf(chain, path)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    data.qpos[:] = q = [0.1, -0.2, 0.3]
+    data.ctrl[:] = tau = [10.0, 20.0, 15.0, 12.0]
+    mujoco.mj_forward(model, data)
+    assert data.qacc == pytest.approx(chain.compute_accelerations(q, [0, 0, 0], tau), rel=1e-9)
+    assert model.actuator_ctrlrange[:, 1].tolist() == [60, 60, 60, 30]
+    back = sst_pin.ClosedChain.from_mjcf(path)
+    assert back.motor_names == tuple(line.name for line in lines)
+    forces = [-10.0, -20.0, -15.0, -24.0]
+    assert back.compute_accelerations(q, [0, 0, 0], forces) == pytest.approx(data.qacc, rel=1e-9)
+    assert [line.effort for line in back.lines] == pytest.approx([60] * 4)
