@@ -15,6 +15,7 @@ import pinocchio as pin
 
 from ..arrays import Array, Indices
 from ..errors import ClosureError
+from ..model.mechanism import Mechanism
 from ..model.thresholds import CLOSURE_TOLERANCE, INCONSISTENT
 from .assembly import Assembly
 from .guesses import displacement
@@ -44,31 +45,42 @@ def finite_motions(assembly: Assembly, q: Array, rates: Indices | None = None) -
     motions[rates] = of_rates
     if has_accelerations(assembly, Phi, motions):
         return motions
-    # Projected displacements do not depend on the basis of the motions.
-    scale, count = assembly.mechanism.rate_scale, motions.shape[1]
-    random = [displacement(assembly.mechanism, 1 + k / 100) / scale for k in range(count)]
-    directions, _ = np.linalg.qr(motions @ (motions.T @ np.transpose(random)))
-    moved = [directions.T @ _moved(assembly, q, direction, rates) for direction in directions.T]
-    U, parts, _ = np.linalg.svd(np.transpose(moved))
-    return np.asarray(directions @ U[:, : np.count_nonzero(parts > _MOVED)])
+    directions = _random_basis(assembly.mechanism, motions)
+    # Column k: the motion that is left of direction k, in the basis of the directions.
+    left = np.zeros((directions.shape[1], directions.shape[1]))
+    for k, direction in enumerate(directions.T):
+        left[:, k] = directions.T @ _moved(assembly, q, direction, rates)
+    U, sizes, _ = np.linalg.svd(left)
+    return np.asarray(directions @ U[:, : np.count_nonzero(sizes > _MOVED)])
+
+
+def _random_basis(mechanism: Mechanism, motions: Array) -> Array:
+    """Another orthonormal basis of the motions, by random displacements that depend on names only.
+
+    Projections of displacements on the motions do not depend on the basis that is given.
+    """
+    count = motions.shape[1]
+    random = [displacement(mechanism, 1 + k / 100) / mechanism.rate_scale for k in range(count)]
+    basis, _ = np.linalg.qr(motions @ (motions.T @ np.transpose(random)))
+    return np.asarray(basis)
 
 
 def has_accelerations(assembly: Assembly, Phi: Array, motions: Array) -> bool:
-    """Whether Phi a = -Phi_dot v has a solution for random rates v along the motions.
+    """Whether Phi a = -Phi_dot v has a solution a for random rates v along the motions.
 
-    Phi, free of units, has the columns of the rates that move, at the pose of the loops.
+    It has one if Phi_dot v vanishes along the left null space of Phi. Phi, free of units, has the
+    columns of the rates that move, at the configuration of `assembly.loops`.
     """
     mechanism, loops = assembly.mechanism, assembly.loops
     U, sizes, _ = np.linalg.svd(Phi)
-    redundant = U[:, rank_of(sizes) :]
-    if not redundant.shape[1] or not motions.shape[1]:
+    null_space = U[:, rank_of(sizes) :]
+    if not null_space.shape[1] or not motions.shape[1]:
         return True
     v = motions @ (motions.T @ (displacement(mechanism, 1.0) / mechanism.rate_scale))
     v /= np.linalg.norm(v)
-    joint_rates = v * mechanism.rate_scale
-    drift = loops.Phi_dot(joint_rates).dot(joint_rates) * mechanism.row_scale
+    drift = loops.drift(v * mechanism.rate_scale) * mechanism.row_scale  # Phi_dot v
     bound = INCONSISTENT * CLOSURE_TOLERANCE * sizes.max(initial=1.0)
-    return bool(np.abs(redundant.T @ drift).max() <= bound)
+    return bool(np.abs(null_space.T @ drift).max() <= bound)
 
 
 def _moved(assembly: Assembly, q: Array, direction: Array, rates: Indices) -> Array:

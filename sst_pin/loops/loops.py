@@ -32,7 +32,7 @@ class Loops:
         slices: Where the rows of each closure are in Phi.
         of_frames: The closures of two frames, those of one kind together.
         couplings: The other closures, one by one.
-        holonomic: Rows that have an error; the others hold rates only.
+        holonomic: Which rows have an error, shape (rows,); the others hold rates only.
         touched: Which rates a row depends on, shape (rows, nv).
         curved: Which rates change Phi, shape (nv,); linear couplings do not.
         at, q: The configuration, of the model and of the normal tree.
@@ -66,7 +66,7 @@ class Loops:
         return self._parts[key]
 
     def evaluate(self, q: Array) -> None:
-        """Go to a configuration; f is computed, Phi at its first use."""
+        """Go to a configuration: compute placements and f. Phi is computed at its first use."""
         tree, data, self.at = self.tree, self.data, q
         self.q = np.asarray(tree.factors * q[tree.entries] + tree.offsets)
         pin.computeJointJacobians(tree.model, data, self.q)
@@ -177,10 +177,11 @@ def connected(touched: Flags) -> Iterator[tuple[Indices, Indices]]:
     `touched` says which rates a row depends on, shape (rows, rates). Gives the indices of the rows
     and of the rates of each part.
     """
-    part = np.arange(touched.shape[1])  # of each rate, by the name of one of them
+    # The label of each rate's part is the index of one rate in it.
+    labels = np.arange(touched.shape[1])
     for row in touched:
-        together = np.unique(part[row])
-        part[np.isin(part, together[1:])] = together[:1]
-    for name in np.unique(part):
-        rates = part == name
-        yield np.flatnonzero(touched[:, rates].any(axis=1)), np.flatnonzero(rates)
+        connected_labels = np.unique(labels[row])
+        labels[np.isin(labels, connected_labels[1:])] = connected_labels[:1]
+    for label in np.unique(labels):
+        in_part = labels == label
+        yield np.flatnonzero(touched[:, in_part].any(axis=1)), np.flatnonzero(in_part)
