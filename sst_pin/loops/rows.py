@@ -418,9 +418,15 @@ class FrameRows:
         # Rates that move both frames in the same way do not change the closure.
         moves = carries & ~carries[:, ::-1]
         self._carries = carries.reshape(len(names) * 2, -1).astype(float)
-        self._moves = moves.astype(float)[:, :, None]
-        self._S = tree.S
-        touched = moves.any(axis=1) @ (tree.S != 0)
+        moving = moves.any(axis=1)
+        most = int(moving.sum(axis=1).max())
+        #: The rates that move one frame of each closure, filled up with others, shape (k, most).
+        self._between = np.argsort(~moving, axis=1, kind="stable")[:, :most]
+        #: Which of the two frames they move, none if they fill up, shape (k, 2, 1, most).
+        moves_between = np.take_along_axis(moves, self._between[:, None], axis=2)
+        self._moves = moves_between[:, :, None].astype(float)
+        self._S = tree.S[self._between]
+        touched = moving @ (tree.S != 0)
         self.touched = self.curved = np.repeat(touched[:, None], self.formulas.rows, axis=1)
 
     def evaluate(self, q: Array, data: pin.Data) -> None:
@@ -440,7 +446,7 @@ class FrameRows:
 
     def Phi(self, J: Array) -> Array:
         """Jacobians of f, Eqs. (3), (4), shape (k, rows, nv); J as in `JointMotion`."""
-        return (self.W @ self._of_frames(J)).dot(self._S)
+        return self.W @ self._of_frames(J) @ self._S
 
     @property
     def largest_coordinates(self) -> Array:
@@ -451,7 +457,7 @@ class FrameRows:
         """Rate of Phi, shape (k, rows, nv)."""
         W_dot = self._W_dot(self._carries.dot(motion.twists))
         J, J_dot = self._of_frames(motion.J), self._of_frames(motion.J_dot)
-        return np.asarray((W_dot @ J + self.W @ J_dot).dot(self._S))
+        return np.asarray((W_dot @ J + self.W @ J_dot) @ self._S)
 
     def drift(self, motion: JointMotion) -> Array:
         """Phi_dot v, shape (k, rows)."""
@@ -467,8 +473,9 @@ class FrameRows:
         return self.formulas.W_dot(self._b, self._a, b_t, a_t)
 
     def _of_frames(self, J: Array) -> Array:
-        """Jacobians of B and A to the joints that move one of them, shape (k, 12, rates)."""
-        return (self._moves * J).reshape(len(self.at), 12, -1)
+        """Jacobians of B and A to the rates between them, shape (k, 12, most)."""
+        of_each = J.take(self._between, axis=1).swapaxes(0, 1)
+        return (self._moves * of_each[:, None]).reshape(len(self.at), 12, -1)
 
 
 class CouplingRow:
