@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Reactions in joints and closures, as those of `chain.reactions`, on CasADi's symbols.
 
-Each row without a pivot gives a state of self-stress: a unit of this row is balanced along the
-dependent rates by the rows with pivots, or by the shortest multipliers of an `Orthogonal` part.
+`dynamics/reactions.py` explains the method and its symbols. Each row without a pivot gives a state
+of inner stress: a unit of this row is balanced along the dependent rates by the rows with pivots,
+or by the shortest multipliers of an `Orthogonal` part.
 """
 
-import operator
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -25,31 +25,54 @@ from .symbols import Sparse, add, column, sx
 
 
 def on_links(rows: Sequence[Row], v: Sparse) -> list[dict[int, SX]]:
-    """Wrenches on links of a unit of each row: [force; moment] about their origins, their axes."""
+    """Wrenches on links, by their indices, of a unit of each row.
+
+    They are [force; moment] about the origin of the link, in its axes. The power of a row with the
+    multiplier 1 is Phi v, so that its wrench on a link is the gradient of Phi v by the twist.
+    """
     velocities, twists = by_twists(rows, v)
-    wrenches = ({i: ca.gradient(u, x) for i, x in twists.items()} for u in velocities)
-    return [{i: x for i, x in each.items() if not x.is_zero()} for each in wrenches]
+    wrenches_of_rows = []
+    for velocity in velocities:
+        wrenches = dict[int, SX]()
+        for link, twist in twists.items():
+            wrench = ca.gradient(velocity, twist)
+            if not wrench.is_zero():
+                wrenches[link] = wrench
+        wrenches_of_rows.append(wrenches)
+    return wrenches_of_rows
 
 
 def reactions(e: Equations, checks: Checks) -> tuple[dict[str, SX], SX, list[Any]]:
-    """Wrenches of joints and closures, the ground's, torques and codes, in a column."""
+    """Inputs, results and checks of the kernel of reactions.
+
+    The results are the wrenches of joints and closures, that of the ground, torques and codes, in a
+    column, as in `dynamics.reactions.reactions`.
+    """
     mechanism = e.mechanism
-    needed = e.tree_forces
     inputs = {"q": e.q, "va": e.va, "aa": e.aa}
-    tau = e.generalized_forces
-    if not mechanism.driven_one_to_one:
-        inputs["tau"] = tau = e.tau
+
+    # The forces that closures must give to the tree: Phi^T lambda = needed.
+    needed = e.tree_forces
+    if mechanism.driven_one_to_one:
+        tau = e.generalized_forces
+    else:
+        tau = e.tau
+        inputs["tau"] = tau
         needed = add(needed, e.motor_forces(-tau))
+
+    # Rows of lines follow those of closures; their multipliers are known.
     units = on_links([*e.rows, *_rows_of_lines(e)], e.v)
     Lambda = e.multipliers(needed) | _pushes(e, tau)
     values, ground = _wrenches(e, units, Lambda, e.tree.wrenches(e.v, e.dv))
+
+    # A component is not unique if an inner stress changes it; moments are divided by a length.
     stresses = [_wrenches(e, units, stress)[0] for stress in _stresses(e)]
-    size = np.repeat([mechanism.length, 1.0], 3)
+    moment_units = np.repeat([mechanism.length, 1.0], 3)
     codes = [SX(0)] * (values.numel() // 6)
     for k in range(values.numel()):
         squares = [stress[k] ** 2 for stress in stresses if not stress[k].is_zero()]
         if squares:
-            unique = total(squares) <= float((UNIQUE / size[k % 6]) ** 2)
+            unique = total(squares) <= float((UNIQUE / moment_units[k % 6]) ** 2)
             codes[k // 6] += float(BITS[k % 6]) * (1 - unique)
     result = ca.vertcat(values, ground, tau, *codes)
     inputs["external_wrenches"] = e.loads
@@ -64,18 +87,24 @@ def _rows_of_lines(e: Equations) -> Iterator[Row]:
 
 
 def _pushes(e: Equations, tau: SX) -> Sparse:
-    """Multipliers of the rows of lines, which follow those of closures."""
+    """Multipliers of the rows of lines: forces that push the ends apart, divided by the lengths."""
     pushes = {}
-    inertial = e.tree.inertial_pulls(e.v, e.dv)
-    for k, pull in enumerate(map(operator.add, e.tree.pulls(e.v), inertial)):
-        shares = enumerate(e.mechanism.lines.actuation[k])
-        push = total([-pull, *(float(share) * tau[m] for m, share in shares if share)])
-        pushes[len(e.rows) + k] = push / e.tree.lines[k].length
+    of_springs = e.tree.pulls(e.v)
+    of_masses = e.tree.inertial_pulls(e.v, e.dv)
+    for k, shares in enumerate(e.mechanism.lines.actuation):
+        parts = [-(of_springs[k] + of_masses[k])]
+        for motor, share in enumerate(shares):
+            if share:
+                parts.append(float(share) * tau[motor])
+        pushes[len(e.rows) + k] = total(parts) / e.tree.lines[k].length
     return pushes
 
 
 def _stresses(e: Equations) -> Iterator[Sparse]:
-    """Multipliers of all rows that act on no rate, one state for each row without a pivot."""
+    """States of inner stress, free of units: multipliers of rows that give no force in all.
+
+    There is one for each row without a pivot.
+    """
     pivots = {i for part in e.factors.parts if isinstance(part, Factors) for i in part.rows}
     for i in sorted(set(range(len(e.rows))) - pivots):
         balance = e.multipliers({j: -x for j, x in e.rows[i].Phi.items()})
@@ -86,15 +115,26 @@ def _stresses(e: Equations) -> Iterator[Sparse]:
 def _wrenches(
     e: Equations, units: list[dict[int, SX]], Lambda: Sparse, needed: Sequence[SX] | None = None
 ) -> tuple[SX, SX]:
-    """[force; moment] of joints, then closures, and of the ground, from multipliers of the rows."""
-    mechanism, model, tree = e.mechanism, e.mechanism.model, e.kinematics.tree
+    """[force; moment] of joints, then closures, and of the ground, from multipliers of the rows.
+
+    `needed` are the wrenches that links need for their motion, by default none.
+    """
+    mechanism = e.mechanism
+    model = mechanism.model
+    tree = e.kinematics.tree
+
+    # Joints give to a link and all links behind it what rows do not give.
     supplied = [SX(6, 1) for _ in tree.links]
     for i, x in Lambda.items():
         for link, unit in units[i].items():
             supplied[link] += x * unit
-    pairs = zip(needed or [SX(6, 1)] * len(supplied), supplied, strict=True)
-    carried = e.kinematics.carried([x - y for x, y in pairs])
+    remaining = [-wrench for wrench in supplied]
+    if needed is not None:
+        remaining = [x + y for x, y in zip(needed, remaining, strict=True)]
+    carried = e.kinematics.carried(remaining)
     wrenches = [carried[tree.link_of[j]] for j in range(1, model.njoints)]
+
+    # A closure gives to the link of its frame B the sum of its rows, here about that frame.
     starts = 0
     for closure in mechanism.closures:
         rows = range(starts, starts + len(closure.rows))
@@ -111,6 +151,7 @@ def _wrenches(
                 on_b += Lambda[i] * units[i][link]
         R = sx(frame.placement.rotation)
         p = sx(frame.placement.translation)
-        F, N = on_b[:3], on_b[3:]
-        wrenches.append(ca.vertcat(R.T @ F, R.T @ (N - ca.cross(p, F))))
+        force = on_b[:3]
+        moment = on_b[3:] - ca.cross(p, force)
+        wrenches.append(ca.vertcat(R.T @ force, R.T @ moment))
     return ca.vertcat(*wrenches), carried[0]
