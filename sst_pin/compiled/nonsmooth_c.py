@@ -18,26 +18,30 @@ from .nonsmooth_motions import DETERMINANT_CHANGE, LEAST_DETERMINANT
 
 def library(entry: str, equations: Equations, rows: NonsmoothRows, lanes: int) -> list[str]:
     """Source of a library with `run_<entry>`, which makes steps, for `lanes` samples at once."""
+    # A step calls three generated kernels: one evaluates the terms of the impulses, one moves q,
+    # and one closes the loops.
     checks = Checks(equations)
     terms = NonsmoothTerms(equations, rows)
+    kernel = terms.kernel(checks)
     close = kernels.make(equations, "closing", checks)
-    three = close, terms.kernel(checks), advance(equations)
+    generated = close, kernel, advance(equations)
     parts = [f"#define LANES {lanes}"]
     parts += [part(name) for name in ("real.h", "driver.h", "nonsmooth.h")]
     size = None
-    room = 0
-    for kernel in three:
-        source = body(kernel, size, in_memory=True)
+    room = 0  # the largest number of intermediate results of a kernel
+    for each in generated:
+        source = body(each, size, in_memory=True)
         size = source.size
         room = max(room, source.room)
         parts.append(source.text)
+
+    # Numbers that the solver in entries/nonsmooth.c takes from this robot.
     mechanism = rows.mechanism
     layout = terms.layout
-    kernel = three[1]
-    inputs = [symbols.numel() for symbols in kernel.inputs.values()]
+    inputs = [symbols.numel() for symbols in kernel.inputs.values()]  # q, va, then the rest
     contacts = mechanism.contacts
     motors = mechanism.motor_count
-    counts = (
+    counts = (  # the first members of `rows_of_robot` in nonsmooth.h, in their order
         layout.n,
         inputs[0],
         sum(inputs[2:]),
@@ -53,7 +57,7 @@ def library(entry: str, equations: Equations, rows: NonsmoothRows, lanes: int) -
     determinants = np.abs(equations.at_samples(equations.pivots.determinant))
     numbers: dict[str, object] = {
         "entry": entry,
-        "calls": "\n    ".join(f"{each.name}_constants(p);" for each in three),
+        "calls": "\n    ".join(f"{each.name}_constants(p);" for each in generated),
         "size": size,
         "word": "run",
         "results": kernel.output.numel(),
