@@ -74,14 +74,17 @@ _Placed = dict[Place, SX]
 _Along = Callable[[SX], tuple[_Placed, list[Any]]]
 
 
-class _Made(NamedTuple):
-    """A quantity by directions."""
+class _ByDirections(NamedTuple):
+    """What makes a kernel of one quantity by directions."""
 
+    #: Symbols of each input by its name, column vectors.
     inputs: dict[str, SX]
+    #: Size of the result, and of its rows.
     size: int
     width: int
+    #: The results that differ from direction to direction.
     along: _Along
-    #: What is computed once, and checks of it.
+    #: Results that are computed once, by their places, and checks of these.
     once: dict[int, SX]
     checks: list[Any]
     solution: Solution | None = None
@@ -89,9 +92,15 @@ class _Made(NamedTuple):
 
 def make(
     e: Equations, checks: Checks, quantity: str, frame: str | None
-) -> tuple[dict[str, SX], SX, list[Any], Directions]:
-    """Inputs of a quantity, what is computed once, checks of that, and the rest by directions."""
-    made = QUANTITIES[quantity](e, checks) if frame is None else FRAMES[quantity](e, checks, frame)
+) -> tuple[tuple[dict[str, SX], SX, list[Any]], Directions]:
+    """Parts of a kernel, of what is computed once for a sample; the rest by directions.
+
+    The parts are inputs, a column of results, and checks.
+    """
+    if frame is None:
+        made = QUANTITIES[quantity](e, checks)
+    else:
+        made = FRAMES[quantity](e, checks, frame)
     passes = []
     for group in branches.groups(e):
         symbols = SX.sym("direction", len(group))
@@ -105,7 +114,8 @@ def make(
         passes.append(Pass(symbols, group, results, list(placed), of_pass))
     once = {place: x for place, x in made.once.items() if not x.is_zero()}
     directions = Directions(made.size, made.width, list(once), passes, made.solution)
-    return made.inputs, ca.vertcat(SX(0, 1), *once.values()), made.checks, directions
+    results_once = ca.vertcat(SX(0, 1), *once.values())
+    return (made.inputs, results_once, made.checks), directions
 
 
 def _in_column(x: SX, width: int, first: int) -> _Placed:
@@ -118,7 +128,7 @@ def _in_row(x: SX, width: int, first: int = 0) -> _Placed:
     return {Place(first + i, width): entry for i, entry in enumerate(ca.vertsplit(x))}
 
 
-def _torque_derivatives(e: Equations, checks: Checks) -> _Made:
+def _torque_derivatives(e: Equations, checks: Checks) -> _ByDirections:
     """Derivatives of f by q, va and aa side by side, row by row."""
     n = len(e.L)
     tree = symbolic_derivatives.OnTree(e, e.aa, SX(*e.tau.shape))
@@ -130,10 +140,12 @@ def _torque_derivatives(e: Equations, checks: Checks) -> _Made:
         return placed | _in_column(by_aa, 3 * n, 2 * n), more + of_inertia
 
     inputs = {"q": e.q, "va": e.va, "aa": e.aa, "external_wrenches": e.loads}
-    return _Made(inputs, 3 * n * n, 3 * n, along, {}, checks.of_forces)
+    return _ByDirections(
+        inputs=inputs, size=3 * n * n, width=3 * n, along=along, once={}, checks=checks.of_forces
+    )
 
 
-def _acceleration_derivatives(e: Equations, checks: Checks) -> _Made:
+def _acceleration_derivatives(e: Equations, checks: Checks) -> _ByDirections:
     """Derivatives of aa by q, va and tau side by side, row by row."""
     n = len(e.L)
     motors = e.tau.numel()
@@ -153,9 +165,19 @@ def _acceleration_derivatives(e: Equations, checks: Checks) -> _Made:
     inputs = {"q": e.q, "va": e.va, "tau": e.tau, "external_wrenches": e.loads}
     more = checks.of_accelerations + checks.massless
     if not isinstance(factors, SymmetricFactors):
-        return _Made(inputs, n * width, width, along, {}, more)
+        return _ByDirections(
+            inputs=inputs, size=n * width, width=width, along=along, once={}, checks=more
+        )
     once = {i * width + 2 * n + k: e.motor_matrix[i, k] for i in range(n) for k in range(motors)}
-    return _Made(inputs, n * width, width, along, once, more, _solution(factors))
+    return _ByDirections(
+        inputs=inputs,
+        size=n * width,
+        width=width,
+        along=along,
+        once=once,
+        checks=more,
+        solution=_solution(factors),
+    )
 
 
 def _solution(factors: SymmetricFactors) -> Solution:
@@ -168,7 +190,7 @@ def _solution(factors: SymmetricFactors) -> Solution:
     return Solution(column, list(factors.order), [entries[k] for k in places])
 
 
-def _displacement_rates(e: Equations, checks: Checks) -> _Made:
+def _displacement_rates(e: Equations, checks: Checks) -> _ByDirections:
     n = len(e.L)
 
     def along(direction: SX) -> tuple[_Placed, list[Any]]:
@@ -176,10 +198,12 @@ def _displacement_rates(e: Equations, checks: Checks) -> _Made:
         return _in_column(moved, n, 0), []
 
     more = checks.of_rates + checks.of_steady_motion
-    return _Made({"q": e.q, "va": e.va}, n * n, n, along, {}, more)
+    return _ByDirections(
+        inputs={"q": e.q, "va": e.va}, size=n * n, width=n, along=along, once={}, checks=more
+    )
 
 
-def _reduced_terms(e: Equations, checks: Checks) -> _Made:
+def _reduced_terms(e: Equations, checks: Checks) -> _ByDirections:
     """Inertia and Coriolis matrix, forces of gravity and springs, of friction."""
     n = len(e.L)
 
@@ -199,10 +223,17 @@ def _reduced_terms(e: Equations, checks: Checks) -> _Made:
     once = {2 * n * n + i: x for i, x in enumerate(ca.vertsplit(terms))}
     more = checks.of_rates + checks.of_steady_motion
     more += checks.unbalanced(gravity) + checks.unbalanced(friction)
-    return _Made({"q": e.q, "va": e.va}, 2 * n * (n + 1), n, along, once, more)
+    return _ByDirections(
+        inputs={"q": e.q, "va": e.va},
+        size=2 * n * (n + 1),
+        width=n,
+        along=along,
+        once=once,
+        checks=more,
+    )
 
 
-def _torque_regressor(e: Equations, checks: Checks) -> _Made:
+def _torque_regressor(e: Equations, checks: Checks) -> _ByDirections:
     """Y row by row: row k has the derivatives of the power along L e_k by all parameters."""
     nv = e.mechanism.model.nv
     blocks = e.parameters.by_parameters()
@@ -222,10 +253,12 @@ def _torque_regressor(e: Equations, checks: Checks) -> _Made:
 
     inputs = {"q": e.q, "va": e.va, "aa": e.aa}
     more = checks.of_rates + checks.solved(e.dv)
-    return _Made(inputs, len(e.L) * width, width, along, {}, more)
+    return _ByDirections(
+        inputs=inputs, size=len(e.L) * width, width=width, along=along, once={}, checks=more
+    )
 
 
-def _frame_jacobian(e: Equations, checks: Checks, frame: str) -> _Made:
+def _frame_jacobian(e: Equations, checks: Checks, frame: str) -> _ByDirections:
     n = len(e.L)
 
     def along(direction: SX) -> tuple[_Placed, list[Any]]:
@@ -233,10 +266,10 @@ def _frame_jacobian(e: Equations, checks: Checks, frame: str) -> _Made:
         velocity = frame_velocities.velocity(e, frame, step)
         return _in_column(velocity, n, 0), checks.unsolved(step, {})
 
-    return _Made({"q": e.q}, 6 * n, n, along, {}, [])
+    return _ByDirections(inputs={"q": e.q}, size=6 * n, width=n, along=along, once={}, checks=[])
 
 
-def _frame_jacobian_rate(e: Equations, checks: Checks, frame: str) -> _Made:
+def _frame_jacobian_rate(e: Equations, checks: Checks, frame: str) -> _ByDirections:
     n = len(e.L)
 
     def along(direction: SX) -> tuple[_Placed, list[Any]]:
@@ -245,10 +278,12 @@ def _frame_jacobian_rate(e: Equations, checks: Checks, frame: str) -> _Made:
         return _in_column(rate, n, 0), checks.unsolved(step, {}) + more
 
     more = checks.of_rates + checks.of_steady_motion
-    return _Made({"q": e.q, "va": e.va}, 6 * n, n, along, {}, more)
+    return _ByDirections(
+        inputs={"q": e.q, "va": e.va}, size=6 * n, width=n, along=along, once={}, checks=more
+    )
 
 
-def _frame_velocity_derivatives(e: Equations, checks: Checks, frame: str) -> _Made:
+def _frame_velocity_derivatives(e: Equations, checks: Checks, frame: str) -> _ByDirections:
     """Derivatives of the velocity by q and va side by side."""
     n = len(e.L)
 
@@ -260,17 +295,19 @@ def _frame_velocity_derivatives(e: Equations, checks: Checks, frame: str) -> _Ma
         return placed, checks.unsolved(step, {}) + more
 
     more = checks.of_rates + checks.of_steady_motion
-    return _Made({"q": e.q, "va": e.va}, 12 * n, 2 * n, along, {}, more)
+    return _ByDirections(
+        inputs={"q": e.q, "va": e.va}, size=12 * n, width=2 * n, along=along, once={}, checks=more
+    )
 
 
-QUANTITIES: dict[str, Callable[[Equations, Checks], _Made]] = {
+QUANTITIES: dict[str, Callable[[Equations, Checks], _ByDirections]] = {
     "torque_derivatives": _torque_derivatives,
     "acceleration_derivatives": _acceleration_derivatives,
     "displacement_rates": _displacement_rates,
     "reduced_terms": _reduced_terms,
     "torque_regressor": _torque_regressor,
 }
-FRAMES: dict[str, Callable[[Equations, Checks, str], _Made]] = {
+FRAMES: dict[str, Callable[[Equations, Checks, str], _ByDirections]] = {
     "frame_jacobian": _frame_jacobian,
     "frame_jacobian_rate": _frame_jacobian_rate,
     "frame_velocity_derivatives": _frame_velocity_derivatives,

@@ -4,7 +4,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import chain
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 from casadi import SX
@@ -19,12 +19,19 @@ from .joint_wrenches import reactions
 from .kernel_checks import Checks
 from .symbols import add, column, row_by_row
 
-#: Inputs by name, results, and checks beside those of the state.
-_Made = tuple[dict[str, SX], SX, list[Any]]
-
-
 #: The input of kernels on which external wrenches act.
 WRENCHES = "external_wrenches"
+
+
+class Parts(NamedTuple):
+    """What makes a kernel of one quantity."""
+
+    #: Symbols of each input by its name, column vectors.
+    inputs: dict[str, SX]
+    #: All results in a column.
+    output: SX
+    #: Checks beside those of the state.
+    checks: list[Any]
 
 
 @dataclass(frozen=True)
@@ -60,24 +67,32 @@ def make(
     With `along` its results are computed along directions of the coordinates.
     """
     checks = checks or Checks(equations)
+    name = quantity
     directions = None
     if along:
-        made = along_directions.make(equations, checks, quantity, frame)
-        inputs, output, more, directions = made
+        parts, directions = along_directions.make(equations, checks, quantity, frame)
+        inputs, output, more = parts
+        name += "_along"
     elif frame is not None:
         inputs, output, more = OF_FRAMES[quantity](equations, checks, frame)
     else:
         inputs, output, more = KERNELS[quantity](equations, checks)
-    loaded = WRENCHES in inputs and inputs[WRENCHES].numel() > 0
-    units = equations.mechanism.space.position_units
+    if WRENCHES in inputs:
+        if inputs[WRENCHES].numel():
+            name += "_loaded"
+        else:  # equations without loads
+            inputs = {input_name: x for input_name, x in inputs.items() if input_name != WRENCHES}
     length = equations.mechanism.length
+    units = []
+    for unit in equations.mechanism.space.position_units:
+        units.append(1 / length if unit == "m" else 1.0)
     return SymbolicKernel(
-        f"{quantity}{'_along' * along}{'_loaded' * loaded}",
-        {name: x for name, x in inputs.items() if loaded or name != WRENCHES},
+        name,
+        inputs,
         equations.p,
         ca.densify(output),
         ca.vertcat(*(SX(check) for check in [*checks.of_state, *more])),
-        tuple(1 / length if unit == "m" else 1.0 for unit in units),
+        tuple(units),
         directions,
     )
 
@@ -102,49 +117,49 @@ def _driven(e: Equations) -> dict[str, SX]:
     return _moving(e) | {"tau": e.tau, WRENCHES: e.loads}
 
 
-def _forces(e: Equations, checks: Checks) -> _Made:
-    return _motion(e), e.generalized_forces, checks.of_forces
+def _forces(e: Equations, checks: Checks) -> Parts:
+    return Parts(_motion(e), e.generalized_forces, checks.of_forces)
 
 
-def _torques(e: Equations, checks: Checks) -> _Made:
+def _torques(e: Equations, checks: Checks) -> Parts:
     """The smallest torques that produce the motion."""
     inputs, f, more = _forces(e, checks)
     if e.mechanism.driven_one_to_one:
-        return inputs, f, more
+        return Parts(inputs, f, more)
     tau = e.smallest_torques(f)
     more = [*more, *checks.of_motors, *checks.unsupplied(tau, f)]
-    return inputs, column(tau, range(len(e.mechanism.motor_names))), more
+    return Parts(inputs, column(tau, range(len(e.mechanism.motor_names))), more)
 
 
-def _accelerations(e: Equations, checks: Checks) -> _Made:
-    return _driven(e), e.accelerations, checks.of_accelerations + checks.massless
+def _accelerations(e: Equations, checks: Checks) -> Parts:
+    return Parts(_driven(e), e.accelerations, checks.of_accelerations + checks.massless)
 
 
-def _torque_derivatives(e: Equations, checks: Checks) -> _Made:
+def _torque_derivatives(e: Equations, checks: Checks) -> Parts:
     """Derivatives of f by q, va and aa side by side, row by row."""
     derivatives, more = symbolic_derivatives.of_torques(e, checks)
-    return _motion(e), row_by_row(derivatives), checks.of_forces + more
+    return Parts(_motion(e), row_by_row(derivatives), checks.of_forces + more)
 
 
-def _acceleration_derivatives(e: Equations, checks: Checks) -> _Made:
+def _acceleration_derivatives(e: Equations, checks: Checks) -> Parts:
     """Derivatives of aa by q, va and tau side by side, row by row."""
     derivatives, more = symbolic_derivatives.of_accelerations(e, checks)
-    return _driven(e), row_by_row(derivatives), checks.of_accelerations + more
+    return Parts(_driven(e), row_by_row(derivatives), checks.of_accelerations + more)
 
 
-def _displacement_rates(e: Equations, checks: Checks) -> _Made:
+def _displacement_rates(e: Equations, checks: Checks) -> Parts:
     columns = (symbolic_derivatives.of_displacement(e, L) for L in e.L)
-    return _moving(e), row_by_row(*columns), checks.of_rates + checks.of_steady_motion
+    return Parts(_moving(e), row_by_row(*columns), checks.of_rates + checks.of_steady_motion)
 
 
-def _reduced_terms(e: Equations, checks: Checks) -> _Made:
+def _reduced_terms(e: Equations, checks: Checks) -> Parts:
     gravity = e.project(add(e.tree.forces({}, {}, loads=False), e.tree.springs(e.v)))
     friction = e.project(e.tree.friction(e.v))
     terms = [row_by_row(e.inertia), row_by_row(e.coriolis), -gravity, -friction]
-    return _moving(e), ca.vertcat(*terms), checks.of_accelerations
+    return Parts(_moving(e), ca.vertcat(*terms), checks.of_accelerations)
 
 
-def _torque_regressor(e: Equations, checks: Checks) -> _Made:
+def _torque_regressor(e: Equations, checks: Checks) -> Parts:
     """Y row by row: derivatives of f by all symbolic parameters, those of springs too."""
     nv = e.mechanism.model.nv
     by_numbers = ca.jacobian(e.project(e.tree_forces), e.p)
@@ -152,30 +167,34 @@ def _torque_regressor(e: Equations, checks: Checks) -> _Made:
     offsets = (e.project({i: 1.0}) for i in range(nv))
     more = checks.of_rates + checks.solved(e.dv) + checks.of_complement
     Y = row_by_row(*blocks, *offsets, lines, *map(e.project, e.motor_columns))
-    return _moving(e) | {"aa": e.aa}, Y, more
+    return Parts(_moving(e) | {"aa": e.aa}, Y, more)
 
 
-def _rates(e: Equations, checks: Checks) -> _Made:
-    return _moving(e), column(e.v, range(e.mechanism.model.nv)), checks.of_rates
+def _reactions(e: Equations, checks: Checks) -> Parts:
+    return Parts(*reactions(e, checks))
 
 
-def _joint_accelerations(e: Equations, checks: Checks) -> _Made:
+def _rates(e: Equations, checks: Checks) -> Parts:
+    return Parts(_moving(e), column(e.v, range(e.mechanism.model.nv)), checks.of_rates)
+
+
+def _joint_accelerations(e: Equations, checks: Checks) -> Parts:
     more = checks.of_rates + checks.solved(e.dv)
-    return _moving(e) | {"aa": e.aa}, column(e.dv, range(e.mechanism.model.nv)), more
+    return Parts(_moving(e) | {"aa": e.aa}, column(e.dv, range(e.mechanism.model.nv)), more)
 
 
-def _actuator_jacobian(e: Equations, checks: Checks) -> _Made:
+def _actuator_jacobian(e: Equations, checks: Checks) -> Parts:
     more = [check for forces in e.motor_columns for check in checks.unbalanced(forces)]
-    return {"q": e.q}, ca.vec(e.motor_matrix), more
+    return Parts({"q": e.q}, ca.vec(e.motor_matrix), more)
 
 
-def _state_rate(e: Equations, checks: Checks) -> _Made:
+def _state_rate(e: Equations, checks: Checks) -> Parts:
     """Rates of q and va under motor torques."""
     inputs, aa, more = _accelerations(e, checks)
-    return inputs, ca.vertcat(e.kinematics.q_rates(e.v), aa), more
+    return Parts(inputs, ca.vertcat(e.kinematics.q_rates(e.v), aa), more)
 
 
-def _closing(e: Equations, checks: Checks) -> _Made:
+def _closing(e: Equations, checks: Checks) -> Parts:
     """A step of Newton's method, coordinates held; det Phi_u; the sum of squares of all its rows.
 
     Wheels roll during the step. The determinant and the sum are without units.
@@ -192,10 +211,10 @@ def _closing(e: Equations, checks: Checks) -> _Made:
         if j in row.Phi
     )
     result = ca.vertcat(e.kinematics.normalized(e.q + step), e.pivots.determinant, squares)
-    return {"q": e.q}, result, []
+    return Parts({"q": e.q}, result, [])
 
 
-KERNELS: dict[str, Callable[..., _Made]] = {
+KERNELS: dict[str, Callable[..., Parts]] = {
     "generalized_forces": _forces,
     "torques": _torques,
     "accelerations": _accelerations,
@@ -205,7 +224,7 @@ KERNELS: dict[str, Callable[..., _Made]] = {
     "reduced_terms": _reduced_terms,
     "torque_regressor": _torque_regressor,
     "rates": _rates,
-    "reactions": reactions,
+    "reactions": _reactions,
     "actuator_jacobian": _actuator_jacobian,
     "joint_accelerations": _joint_accelerations,
     "state_rate": _state_rate,
@@ -213,42 +232,44 @@ KERNELS: dict[str, Callable[..., _Made]] = {
 }
 
 
-def _jacobian(e: Equations, checks: Checks, frame: str) -> _Made:
+def _jacobian(e: Equations, checks: Checks, frame: str) -> Parts:
     columns = (frame_velocities.velocity(e, frame, L) for L in e.L)
-    return {"q": e.q}, row_by_row(*columns), checks.of_complement
+    return Parts({"q": e.q}, row_by_row(*columns), checks.of_complement)
 
 
-def _jacobian_rate(e: Equations, checks: Checks, frame: str) -> _Made:
+def _jacobian_rate(e: Equations, checks: Checks, frame: str) -> Parts:
     made = (frame_velocities.rate_of_column(e, checks, frame, L) for L in e.L)
     changes, more = zip(*made, strict=True)
     of_motion = checks.of_rates + checks.of_complement + checks.of_steady_motion
-    return _moving(e), row_by_row(*changes), [*of_motion, *chain.from_iterable(more)]
+    return Parts(_moving(e), row_by_row(*changes), [*of_motion, *chain.from_iterable(more)])
 
 
-def _velocity_derivatives(e: Equations, checks: Checks, frame: str) -> _Made:
+def _velocity_derivatives(e: Equations, checks: Checks, frame: str) -> Parts:
     """Derivatives of the velocity by q and va side by side."""
     made = (frame_velocities.derivative_along(e, checks, frame, L) for L in e.L)
     changes, more = zip(*made, strict=True)
     velocities = (frame_velocities.velocity(e, frame, L) for L in e.L)
     of_motion = checks.of_rates + checks.of_complement + checks.of_steady_motion
-    return (
+    return Parts(
         _moving(e),
         row_by_row(*changes, *velocities),
         [*of_motion, *chain.from_iterable(more)],
     )
 
 
-def _drift(e: Equations, checks: Checks, frame: str) -> _Made:
-    return _moving(e), frame_velocities.drift(e, frame), checks.of_rates + checks.solved(e.at_rest)
+def _drift(e: Equations, checks: Checks, frame: str) -> Parts:
+    return Parts(
+        _moving(e), frame_velocities.drift(e, frame), checks.of_rates + checks.solved(e.at_rest)
+    )
 
 
-def _placement(e: Equations, checks: Checks, frame: str) -> _Made:
+def _placement(e: Equations, checks: Checks, frame: str) -> Parts:
     """Position and orientation, row by row."""
     point = e.kinematics.point(0, frame_named(e.mechanism.model, frame))
-    return {"q": e.q}, ca.vertcat(point.p, row_by_row(point.R)), []
+    return Parts({"q": e.q}, ca.vertcat(point.p, row_by_row(point.R)), [])
 
 
-OF_FRAMES: dict[str, Callable[[Equations, Checks, str], _Made]] = {
+OF_FRAMES: dict[str, Callable[[Equations, Checks, str], Parts]] = {
     "frame_jacobian": _jacobian,
     "frame_jacobian_rate": _jacobian_rate,
     "frame_velocity_derivatives": _velocity_derivatives,
