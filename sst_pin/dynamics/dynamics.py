@@ -195,12 +195,13 @@ class Context:
 def whole_inertia(mechanism: Mechanism) -> float:
     """Inertia of all bodies and rotors, each at the distance of the robot's length, [kg m^2]."""
     model = mechanism.model
-    length = mechanism.length
-    bodies = np.array([body.toDynamicParameters() for body in list(model.inertias)[1:]])
-    traces = bodies[:, [4, 6, 9]].sum()  # about the joints' frames
-    rotors = model.armature.dot(mechanism.rate_scale**2)
-    masses = bodies[:, 0].sum() + mechanism.lines.masses.sum()
-    return float(masses * length**2 + traces + rotors)
+    mass = mechanism.lines.masses.sum()
+    inertia = model.armature.dot(mechanism.rate_scale**2)
+    for body in list(model.inertias)[1:]:
+        mass += body.mass
+        about_joint = body.inertia - body.mass * np.linalg.matrix_power(pin.skew(body.lever), 2)
+        inertia += np.trace(about_joint)
+    return float(mass * mechanism.length**2 + inertia)
 
 
 def applied_forces(
@@ -246,26 +247,34 @@ def force_sizes(context: Context, q: Array, va: Array, aa: Array, wrenches: Arra
     They are an upper bound: directions are ignored, each turn moves mass centres by the length of
     the robot, and each body has at least its weight on Earth.
     """
-    mechanism, model = context.mechanism, context.mechanism.model
-    v, v_dot = context.complement.motion(q, va, aa)
-    K, K_dot, M, Omega, weights = bodies(context.loops, v)
+    mechanism = context.mechanism
+    model = mechanism.model
     r = model.njoints - 1
-    parts = [M @ (K @ v_dot), M @ (K_dot @ v), Omega @ (M @ (K @ v)), weights]
+    v, v_dot = context.complement.motion(q, va, aa)
+
+    # Bodies: sizes of [moment; force], in the order of K, times the motions for each rate.
+    K, K_dot, M, Omega, weights = bodies(context.loops, v)
+    on_bodies = [M @ (K @ v_dot), M @ (K_dot @ v), Omega @ (M @ (K @ v)), weights]
     if wrenches is not None:
         force, moment = np.hsplit(wrenches, 2)
-        parts.append(np.hstack([moment, force]).ravel())  # the order of K
-    on_bodies = np.abs(parts).reshape(-1, 2 * r, 3).sum(axis=(0, 2))  # moments and forces
-    on_bodies[1::2] += _EARTH * np.abs([body.mass for body in list(model.inertias)[1:]])
-    lengths = np.linalg.norm(K.reshape(2 * r, 3, -1), axis=1)
-    lengths[1::2] += mechanism.length * lengths[::2]
-    line_lengths, J = context.lines.evaluate(q)
-    tensions = mechanism.lines.tensions(line_lengths, J.dot(v))
+        on_bodies.append(np.hstack([moment, force]).ravel())
+    sizes = np.abs(on_bodies).reshape(-1, r, 2, 3).sum(axis=(0, 3))
+    moments = sizes[:, 0]
+    forces = sizes[:, 1] + _EARTH * np.abs([body.mass for body in list(model.inertias)[1:]])
+    motions = np.linalg.norm(K.reshape(r, 2, 3, -1), axis=2)
+    turns = motions[:, 0]
+    slides = motions[:, 1] + mechanism.length * turns
+    on_rates = turns.T @ moments + slides.T @ forces
+
+    # Joints and lines.
+    lengths, J = context.lines.evaluate(q)
+    tensions = mechanism.lines.tensions(lengths, J.dot(v))
     tensions = tensions + context.lines.inertial_tensions(q, v, v_dot)
-    pulls = tensions[:, None] * J
-    friction = mechanism.friction.forces(v)
-    springs = mechanism.springs.forces(model, q)
-    on_joints = np.abs([friction, springs, model.armature * v_dot, *pulls]).sum(axis=0)
-    return np.abs(context.complement.L).T @ (lengths.T @ on_bodies + on_joints)
+    on_rates += np.abs(tensions[:, None] * J).sum(axis=0)
+    on_rates += np.abs(mechanism.friction.forces(v))
+    on_rates += np.abs(mechanism.springs.forces(model, q))
+    on_rates += np.abs(model.armature * v_dot)
+    return np.abs(context.complement.L).T @ on_rates
 
 
 def direct_dynamics(
@@ -286,8 +295,10 @@ def direct_dynamics(
     force = applied_forces(context, friction, q, v, wrenches, tau) - context.tree_forces(v, bias)
     L = context.complement.L
     inertia = L.T.dot(context.tree_inertia()).dot(L)  # Eq. (93)
-    fastest = np.square(L / context.mechanism.rate_scale[:, None]).sum(axis=0)
-    aa = solved(inertia, force.dot(L), WITHOUT_MASS * context.whole_inertia * fastest)
+    # A coordinate is massless if its inertia is negligible beside that of all bodies at the sum of
+    # the squared rates that it moves, free of units.
+    squared_rates = np.square(L / context.mechanism.rate_scale[:, None]).sum(axis=0)
+    aa = solved(inertia, force.dot(L), WITHOUT_MASS * context.whole_inertia * squared_rates)
     if aa is None:
         values = np.linalg.eigvalsh(inertia)
         why = "a coordinate moves no mass at this configuration"
@@ -304,8 +315,10 @@ def solved(inertia: Array, force: Array, least: Array | float = 0.0) -> Array | 
         factor = np.linalg.cholesky(inertia)
     except np.linalg.LinAlgError:
         return None
-    sound = np.diag(factor) ** 2 > ROUNDING * np.diag(inertia) + least
-    return np.asarray(np.linalg.solve(inertia, force), float) if sound.all() else None
+    pivots = np.diag(factor) ** 2
+    if not (pivots > ROUNDING * np.diag(inertia) + least).all():  # NaN too
+        return None
+    return np.asarray(np.linalg.solve(inertia, force), float)
 
 
 def terms(context: Context, q: Array, va: Array) -> Terms:
@@ -319,18 +332,18 @@ def terms(context: Context, q: Array, va: Array) -> Terms:
     L_dot = context.complement.L_dot(Phi_dot)
     context.complement.require_accelerations(v, L_dot @ va, Phi_dot @ v)
     of_bodies = bodies(context.loops, v)
+    T, T_dot = natural_complement(of_bodies, L, L_dot)
+    K, K_dot, M, Omega, weights = of_bodies
+    N_l, N_d = decoupled(context.loops)
     lengths, J = context.lines.evaluate(q)
     taut = mechanism.lines.taut(lengths, J @ v)  # 0 for slack cables, else 1
     lines = mechanism.lines
     at_rest = taut * (lines.preload + lines.stiffness * (lengths - lines.rest_lengths))
     damping = taut * lines.damping * (J @ v)
-    T, T_dot = natural_complement(of_bodies, L, L_dot)
-    K, K_dot, M, Omega, weights = of_bodies
     # Rotors geared to a joint (model.armature) are no bodies of the paper; RNEA counts them too.
     rotors = L.T * model.armature
     on_lines = L.T @ (J.T * mechanism.lines.masses)  # masses that move with the lengths, likewise
     J_dot = context.lines.loops.Phi_dot(v) if mechanism.lines.masses.any() else np.zeros_like(J)
-    N_l, N_d = decoupled(context.loops)
     scaled = Phi * mechanism.row_scale[:, None] * mechanism.rate_scale
     return Terms(
         Phi=Phi[independent_rows(scaled)],
