@@ -67,7 +67,8 @@ class Loops:
 
     def evaluate(self, q: Array) -> None:
         """Go to a configuration: compute placements and f. Phi is computed at its first use."""
-        tree, data, self.at = self.tree, self.data, q
+        tree, data = self.tree, self.data
+        q = self.at = q.copy()  # the caller may change q before Phi is computed
         self.q = np.asarray(tree.factors * q[tree.entries] + tree.offsets)
         pin.computeJointJacobians(tree.model, data, self.q)
         pin.updateFramePlacements(tree.model, data)

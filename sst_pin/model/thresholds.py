@@ -22,14 +22,14 @@ RESTS = 1e-7
 INDEPENDENT = 1e-4
 #: Constraints with a larger condition number are singular: half of the sixteen digits are lost.
 MAX_CONDITION_NUMBER = 1e8
-#: Forces that no motor supplies are zero below this part of all forces in their coordinate. It does
-#: not depend on units or on the size of the robot.
+#: An unsupplied force is ignored if it is below this fraction of the sum of all forces on its
+#: coordinate. This fraction does not depend on units or on the size of the robot.
 UNSUPPLIED = 1e-8
 #: Pivots of the mass matrix below this part of their diagonal entries are rounding, and so are
 #: negative eigenvalues smaller than this part of the largest.
 ROUNDING = 1e-12
-#: A coordinate moves no mass if its inertia is below this part of that of all bodies at the rate of
-#: the fastest joint: the square of the rounding of the rates.
+#: A coordinate counts as massless if its inertia is below this fraction of the inertia of all
+#: bodies moving at the fastest joint's rate. 1e-20 is the square of the rates' rounding error.
 WITHOUT_MASS = 1e-20
 #: A component of a reaction is unique if inner stresses of size one change it by less, free of
 #: units. Loops that are open by their tolerance change it by about that.

@@ -128,6 +128,47 @@ def test_couplings_follow_their_polynomials():
     assert_jacobian_and_rate(loops, q, random)
 
 
+def test_each_closure_among_others_has_the_rows_that_it_has_alone():
+    """Closures of one kind are computed together, wherever they stand in the list."""
+    random = np.random.default_rng(0)
+    model = tree(*TREES["floating"], seed=1)
+    for name in "CD":
+        joint = int(random.integers(1, model.njoints))
+        by_hand.mark(model, joint, name, pin.SE3.Random())
+    closures = [
+        Distance("A", "B", 0.7),
+        Closure("C", "D", "3d"),
+        Distance("C", "B", 0.3),
+        Coupling("b0_revolute", {"a1_RY": (0, 0, 1)}),
+        Closure("A", "D", "hinge"),
+        Closure("B", "C", "3d"),
+        Rolling("A", "C", 0.2),
+        Closure("D", "B", "hinge"),
+    ]
+    q, v = random_q(model, random), random.normal(size=model.nv)
+    loops = at(Loops(model, closures), q)
+    alone = [at(Loops(model, [closure]), q) for closure in closures]
+    assert_allclose(loops.f, np.concatenate([x.f for x in alone]), rtol=0, atol=1e-15)
+    for together, rows in (
+        (loops.Phi, [x.Phi for x in alone]),
+        (loops.Phi_dot(v), [x.Phi_dot(v) for x in alone]),
+        (loops.drift(v), [x.drift(v) for x in alone]),
+    ):
+        expected = np.concatenate(rows)
+        assert_allclose(together, expected, rtol=0, atol=1e-13 * np.abs(expected).max())
+
+
+def test_Phi_is_that_of_the_configuration_that_was_evaluated():
+    """Although it is computed at its first use, when the caller may have changed q."""
+    model = pin.Model()
+    for name in ("driver", "follower"):
+        model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), name)
+    q = np.array([0.5, 0.25])
+    loops = at(Loops(model, [Coupling("follower", {"driver": (0, 0, 1)})]), q)
+    q[:] = 9.0
+    assert_allclose(loops.Phi, [[-1.0, 1.0]])
+
+
 def test_the_error_of_a_rod_whose_ends_coincide_is_its_length():
     model = pin.Model()
     slide = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "slide")
