@@ -199,8 +199,10 @@ class ClosedChain(RobotProperties, Summary):
         return self._rebuilt(copied(model))
 
     def _rebuilt(self, model: pin.Model, **changes: object) -> ClosedChain:
+        """A robot with this model and these changed arguments of `mechanism_of`."""
         chain = ClosedChain.__new__(ClosedChain)
-        chain._shapes, chain._platform = self._shapes, self._platform
+        chain._shapes = self._shapes
+        chain._platform = self._platform
         chain._fill(model, partial(self._mechanism_of, **changes))
         return chain
 
@@ -412,9 +414,12 @@ class ClosedChain(RobotProperties, Summary):
             >>> lift.frame_placement(q, "platform")[0].round(3)
             array([0.02, 0.1 , 0.  ])
         """
-        engine, guess = self._engine, start_of(self._engine) if start is None else start
-        assembly, generic = engine.loops.assembly, engine.loops.example()
-        return frame_configurations(assembly, generic, frame, position, rotation, guess)
+        loops = self._engine.loops
+        if start is None:
+            start = start_of(self._engine)
+        return frame_configurations(
+            loops.assembly, loops.example(), frame, position, rotation, start
+        )
 
     def frame_jacobian(self, q: ArrayLike, frame: str, **options: Unpack[Options]) -> Array:
         """J, shape (..., 6, n): a frame's [linear; angular] velocity J va, in base axes."""
@@ -789,7 +794,8 @@ class ClosedChain(RobotProperties, Summary):
             from .compiled.casadi_functions import CasadiFunctions
         except ModuleNotFoundError:
             raise MissingExtraError("casadi", "compile") from None
-        engine, width = self._engine, positive_number("sign_width", sign_width)
+        engine = self._engine
+        width = positive_number("sign_width", sign_width)
         near = None if q is None else engine.loops.single(q)
         return CasadiFunctions(engine.reference, near, width, external_wrenches, compiled)
 

@@ -27,7 +27,7 @@ _Method = TypeVar("_Method", bound=Callable[..., Array])
 
 
 def _finite(method: _Method) -> _Method:
-    """Refuse results that are not finite, and say which argument is at fault."""
+    """Make a method of `Reference` refuse results that are not finite, and name the argument."""
     names = list(signature(method).parameters)[1:]
 
     @wraps(method)
@@ -41,6 +41,7 @@ def _finite(method: _Method) -> _Method:
 
 
 def _require_finite(result: Array, names: Iterable[str], arguments: Iterable[Any]) -> None:
+    """Refuse a result that is not finite; the error names the first argument that is not."""
     if np.isfinite(result).all():
         return
     for name, array in zip(names, arguments, strict=False):
@@ -50,7 +51,11 @@ def _require_finite(result: Array, names: Iterable[str], arguments: Iterable[Any
 
 
 class Reference(threading.local):
-    """All dynamics of one mechanism, sample by sample; each thread has its own context."""
+    """All dynamics of one mechanism, sample by sample.
+
+    Each thread has its own attributes, and so its own context: loops, L and data of Pinocchio are
+    those of the last sample that this thread computed. Each method evaluates them at its sample.
+    """
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
@@ -70,7 +75,7 @@ class Reference(threading.local):
 
     @cached_property
     def designs(self) -> dict[str, Any]:
-        """Designs of this thread, by their parameters."""
+        """The last mechanism with joints at rest of `design_derivatives`, by its parameters."""
         return {}
 
     @_finite
@@ -92,24 +97,25 @@ class Reference(threading.local):
         f = self.generalized_forces(q, va, aa, external_wrenches)
         if self.mechanism.driven_one_to_one:
             return f
-        A = self.context.complement.L.T @ self.context.actuation(q)
+        A = self.context.complement.L.T @ self.context.actuation(q)  # f = A tau
         with np.errstate(over="ignore", invalid="ignore"):
             tau = least_torques(self.mechanism, A, f, weights)
-            left = f - A @ tau
+            unsupplied = f - A @ tau
             sizes = np.abs(A) @ np.abs(tau)
-            if not (np.abs(left) <= UNSUPPLIED * sizes).all():
+            if not (np.abs(unsupplied) <= UNSUPPLIED * sizes).all():
+                # Forces may cancel to f, which then is rounding: all of them count.
                 sizes += dynamics.force_sizes(self.context, q, va, aa, external_wrenches)
                 _require_finite(np.append(tau, sizes), (), ())
-                self._require_supplied(left, sizes)
+                self._require_supplied(unsupplied, sizes)
         return tau
 
-    def _require_supplied(self, left: Array, sizes: Array) -> None:
-        """Raise an error if the motors cannot supply the forces, coordinate by coordinate."""
-        over = np.flatnonzero(np.abs(left) > UNSUPPLIED * sizes)
-        if not len(over):
+    def _require_supplied(self, unsupplied: Array, sizes: Array) -> None:
+        """Refuse forces along the coordinates that no motor supplies; `sizes` tell rounding."""
+        missing_at = np.flatnonzero(np.abs(unsupplied) > UNSUPPLIED * sizes)
+        if not len(missing_at):
             return
         names = self.mechanism.coordinate_rate_names
-        missing = {names[k]: float(left[k]) for k in over}
+        missing = {names[k]: float(unsupplied[k]) for k in missing_at}
         listed = ", ".join(f"{name} {x:.4g}" for name, x in list(missing.items())[:6])
         loops = self.context.loops
         scale = self.mechanism.row_scale[:, None]
@@ -135,11 +141,12 @@ class Reference(threading.local):
 
     @_finite
     def reduced_terms(self, q: Array, va: Array) -> Array:
-        """Inertia, coriolis, gravity, friction in a row, shape (2 n (n + 1),)."""
+        """Inertia, coriolis, gravity, friction in a row; `ReducedTerms.of_rows` splits it."""
         terms = dynamics.terms(self.context, q, va)
+        inertia = terms.inertia.ravel()
+        coriolis = terms.coriolis.ravel()
         gravity = terms.gravity + terms.springs
-        matrices = terms.inertia.ravel(), terms.coriolis.ravel()
-        return np.concatenate([*matrices, gravity, terms.friction])
+        return np.concatenate([inertia, coriolis, gravity, terms.friction])
 
     @_finite
     def torque_regressor(self, q: Array, va: Array, aa: Array) -> Array:
@@ -245,11 +252,16 @@ class Reference(threading.local):
     @_finite
     def frame_drift(self, q: Array, va: Array, frame: int) -> Array:
         """[linear; angular] acceleration of a frame with aa = 0, shape (6,)."""
-        context, tree, where = self.context, self.context.tree, pin.LOCAL_WORLD_ALIGNED
+        context = self.context
+        tree = context.tree
         v, v_dot = context.complement.motion(q, va, context.steady)
-        arguments = context.loops.q, tree.S.dot(v), tree.S.dot(v_dot)
-        pin.forwardKinematics(tree.model, context.data, *arguments)
-        return pin.getFrameClassicalAcceleration(tree.model, context.data, frame, where).vector
+        pin.forwardKinematics(
+            tree.model, context.data, context.loops.q, tree.S.dot(v), tree.S.dot(v_dot)
+        )
+        acceleration = pin.getFrameClassicalAcceleration(
+            tree.model, context.data, frame, pin.LOCAL_WORLD_ALIGNED
+        )
+        return acceleration.vector
 
     @_finite
     def actuator_jacobian(self, q: Array) -> Array:
