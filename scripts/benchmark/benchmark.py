@@ -91,7 +91,7 @@ def first_of_a_file(repeats: int) -> report.Times:
 
 
 def measure(quick: bool, names: list[str]) -> dict[str, Any]:
-    few, many, turn = (3, 5, 1e-3) if quick else (9, 41, 5e-3)
+    few, many, turn = (3, 21, 2e-3) if quick else (9, 41, 5e-3)
     robot, reference, cores = SST(), SST(), os.cpu_count() or 1
     robot.compile()
     motion = cases.on_the_circle(robot, 0.1)

@@ -39,7 +39,7 @@ ROBOTS: dict[str, Callable[[], ClosedChain]] = {
     "ladder of 4": partial(ladder, 4),
     "ladder of 96": partial(ladder, 96),
 }
-#: Coordinates above which inertia matrices are not written out, so that torques alone are compiled.
+#: Coordinates above which only torques are measured.
 MOST = 40
 
 
@@ -76,7 +76,7 @@ def measure(
         motion = (q, *np.random.default_rng(0).normal(size=(2, n)))
         closed = cases.in_mujoco(chain, q, step=1e-4) if n <= MOST else None
         calls = cases.single_calls(chain, ROBOTS[name](), motion, closed)
-        samples = 1000 if chain.model.nv > 100 else 100_000
+        samples = 1000 if n > MOST else 20_000
         rates = np.random.default_rng(0).normal(size=(2, samples, n))
         many_motions = (np.tile(q, (samples, 1)), *rates)
         found[name] = {
@@ -85,12 +85,12 @@ def measure(
             "path": chain.backend,
             "cost": cost,
             "single call": in_turn(calls, many, turn),
-            "derivatives": in_turn(cases.derivatives(chain, motion), many, turn),
             "motors": len(chain.motor_names),
             "reaction numbers": reactions.size_of(chain.mechanism),
             "sample of a batch": in_turn(cases.batches(chain, many_motions, n > MOST), few),
         }
         if closed:
-            rolled = cases.rollouts(chain, q, cases.in_mujoco(chain, q, step=1e-4), 64, 200)
+            found[name]["derivatives"] = in_turn(cases.derivatives(chain, motion), many, turn)
+            rolled = cases.rollouts(chain, q, cases.in_mujoco(chain, q, step=1e-4), 16, 200)
             found[name]["rollout step"] = in_turn(rolled, few)
     return found
