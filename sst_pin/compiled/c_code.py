@@ -146,7 +146,8 @@ def _function(
     if len(lines) <= statements.LARGEST:
         return statements.function(head, [unused, *arranged(statements.together(lines))]), room
     parts, handed_on = statements.in_parts(statements.pieces(lines))
-    texts, calls = list[str](), list[str]()
+    texts: list[str] = []
+    calls: list[str] = []
     for k, part in enumerate(parts):
         of_part = f"PART {name}_{k}({arguments}, real *restrict w)"
         texts.append(statements.function(of_part, [f"{unused} (void)w;", *arranged(part)]))
@@ -192,8 +193,14 @@ def _literal(x: float, suffix: str) -> str:
     """A number in C; infinity and NaN too, as those of a robot without mass."""
     if isfinite(x):
         return repr(x) + suffix
-    large = f"1e38{suffix} * 1e38{suffix}" if suffix else "1e308 * 1e308"
-    return f"({large})" if x > 0 else f"(-({large}))" if x < 0 else f"(0 * ({large}))"
+    infinity = "1e308 * 1e308"
+    if suffix:  # single precision
+        infinity = f"1e38{suffix} * 1e38{suffix}"
+    if x > 0:
+        return f"({infinity})"
+    if x < 0:
+        return f"(-({infinity}))"
+    return f"(0 * ({infinity}))"  # NaN
 
 
 #: What an expression depends on: the parameters alone, the sample too, or, from 0 on, the number of
@@ -221,33 +228,37 @@ class Writer:
         self.lines: dict[int, list[str]] = {kind: [] for kind in range(NUMBER, passes)}
         self.size = size  # of p, the constants included
         self.room = room  # of y, the results that the passes use included
-        self._constants: dict[str, str] = {}
-        self._handed_on: dict[str, str] = {}
-        self._turns: dict[str, int] = {}
-        self._inverses: dict[_Name, _Name] = {}
-        self._directions: dict[str, str] = {}  # not yet written, with the arguments
+        self._constants: dict[str, str] = {}  # places in p of results that depend on p only
+        self._handed_on: dict[str, str] = {}  # places in y of results that passes use
+        self._turns: dict[str, int] = {}  # numbers of sine and cosine, by the angle
+        self._inverses: dict[_Name, _Name] = {}  # reciprocals, by the number
+        # Arguments of signs that are not written yet: a sign times a constant is one operation.
+        self._directions: dict[str, str] = {}
 
     def use(self, name: _Name, kind: int) -> str:
         """The text of a name in a statement of a kind.
 
         Samples read constants from p, and passes read what is computed once from o.
         """
-        text, own = name
+        text, depends_on = name
+        lines = self.lines[depends_on]
         if text in self._directions:
-            of = self._directions.pop(text)
-            self.lines[own].append(f"const {_type(own)} {text} = direction({of}, {_OF_SIGNS});")
-        if kind == own or text[0] not in "tsc":
+            rate = self._directions.pop(text)
+            declared = f"const {_type(depends_on)} {text}"
+            lines.append(f"{declared} = direction({rate}, {_OF_SIGNS});")
+        is_result = text[0] in "tsc"  # of a statement; the others are inputs and literals
+        if kind == depends_on or not is_result:
             return text
-        if own == NUMBER:
+        if depends_on == NUMBER:
             if text not in self._constants:
                 self._constants[text] = f"p[{self.size}]"
                 self.size += 1
-                self.lines[own].append(f"{self._constants[text]} = {text};")
+                lines.append(f"{self._constants[text]} = {text};")
             return self._constants[text]
         if text not in self._handed_on:
             self._handed_on[text] = f"[{self.room}]"
             self.room += 1
-            self.lines[own].append(f"y{self._handed_on[text]} = {text};")
+            lines.append(f"y{self._handed_on[text]} = {text};")
         return f"o{self._handed_on[text]}"
 
     def write(self, name: str, operation: int, operands: list[_Name]) -> _Name:
