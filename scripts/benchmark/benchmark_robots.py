@@ -91,6 +91,6 @@ def measure(
         }
         if closed:
             found[name]["derivatives"] = in_turn(cases.derivatives(chain, motion), many, turn)
-            rolled = cases.rollouts(chain, q, cases.in_mujoco(chain, q, step=1e-4), 16, 200)
+            rolled = cases.rollouts(chain, q, cases.in_mujoco(chain, q, step=1e-4), 64, 200)
             found[name]["rollout step"] = in_turn(rolled, few)
     return found
