@@ -49,12 +49,12 @@ class Placement(NamedTuple):
     p: SX
     turn: SX
 
-    def back(self, x: SX) -> SX:
+    def to_link(self, x: SX) -> SX:
         """A vector of the parent in the axes of the link."""
         y = self.R.T @ x
         return y - ca.cross(self.turn, y)
 
-    def out(self, x: SX) -> SX:
+    def to_parent(self, x: SX) -> SX:
         """A vector of the link in the axes of the parent."""
         return self.R @ (x + ca.cross(self.turn, x))
 
@@ -81,9 +81,13 @@ class Kinematics:
         self.q = SX.sym("q", model.nq)
         self.displacement = SX.sym("displacement", model.nv if displaced else 0)
         self._displaced: Sparse = dict(enumerate(ca.vertsplit(self.displacement)))
-        self.pose, self._still = cache(self._pose), cache(self._pose_as_is)
-        self._step, self._axes = cache(self._displacement_of), cache(self._axes_of)
-        self._at_rates: tuple[Sparse, Sparse, dict[tuple[int, int], LinkMotion]] = {}, {}, {}
+        # Each pair of an ancestor and a link has its expressions once.
+        self.pose = cache(self._pose)
+        self._undisplaced_pose = cache(self._pose_as_is)
+        self._displacement = cache(self._displacement_of)
+        self._axes = cache(self._axes_of)
+        #: Relative motions at the last rates v and dv: rows of closures ask for the same ones.
+        self._motions_at: tuple[Sparse, Sparse, dict[tuple[int, int], LinkMotion]] = {}, {}, {}
 
     @cached_property
     def placements(self) -> list[tuple[SX, SX]]:
@@ -96,13 +100,13 @@ class Kinematics:
         return placements
 
     @cached_property
-    def _placed(self) -> list[Placement]:
+    def _displaced_placements(self) -> list[Placement]:
         """Placements with the displacements of the joints."""
-        placed = []
+        placements = []
         for link, (R, p) in zip(self.tree.links, self.placements, strict=True):
             u, turn = _joint_motion(link, self._displaced)
-            placed.append(Placement(R, p + R @ u, turn))
-        return placed
+            placements.append(Placement(R, p + R @ u, turn))
+        return placements
 
     @cached_property
     def moved_q(self) -> SX:
@@ -128,17 +132,17 @@ class Kinematics:
 
     def _pose(self, base: int, link: int) -> tuple[SX, SX]:
         """Orientation and origin of a link, in the axes of one of its ancestors."""
-        R, p = self._still(base, link)
+        R, p = self._undisplaced_pose(base, link)
         if not self._displaced:
             return R, p
-        u, turn = self._step(base, link)
+        u, turn = self._displacement(base, link)
         return R @ (SX.eye(3) + ca.skew(turn)), p + R @ u
 
     def _displacement_of(self, base: int, link: int) -> tuple[SX, SX]:
         """Displacement and turn of a link relative to one of its ancestors, axes of the link."""
         if link == base:
             return SX(3, 1), SX(3, 1)
-        before = self._step(base, self.tree.links[link].parent)
+        before = self._displacement(base, self.tree.links[link].parent)
         return self._next_twist(link, before, self._displaced)
 
     def _axes_of(self, base: int, link: int) -> list[tuple[SX, SX]]:
@@ -150,7 +154,7 @@ class Kinematics:
         """Orientation and origin of a link in an ancestor, without displacements."""
         if link == base:
             return SX.eye(3), SX(3, 1)
-        R, p = self._still(base, self.tree.links[link].parent)
+        R, p = self._undisplaced_pose(base, self.tree.links[link].parent)
         R_link, p_link = self.placements[link]
         return R @ R_link, p + R @ p_link
 
@@ -162,11 +166,11 @@ class Kinematics:
 
     def _next_twist(self, link: int, before: tuple[SX, SX], v: Sparse) -> tuple[SX, SX]:
         """Twist of a link from that of its parent."""
-        placement = self._placed[link]
+        placement = self._displaced_placements[link]
         joint_u, joint_turn = _joint_motion(self.tree.links[link], v)
         u, turn = before
-        u = placement.back(u + ca.cross(turn, placement.p)) + joint_u
-        return u, placement.back(turn) + joint_turn
+        u = placement.to_link(u + ca.cross(turn, placement.p)) + joint_u
+        return u, placement.to_link(turn) + joint_turn
 
     def point(self, base: int, frame: pin.Frame) -> Point:
         """A frame of the tree as it moves relative to an ancestor of its link."""
@@ -194,9 +198,10 @@ class Kinematics:
 
     def relative_motion(self, base: int, link: int, v: Sparse, dv: Sparse) -> LinkMotion:
         """LinkMotion of a link relative to one of its ancestors."""
-        if self._at_rates[0] is not v or self._at_rates[1] is not dv:
-            self._at_rates = v, dv, {}
-        known = self._at_rates[2]
+        last_v, last_dv, known = self._motions_at
+        if last_v is not v or last_dv is not dv:
+            known = {}
+            self._motions_at = v, dv, known
         if (base, link) not in known:
             if link == base:
                 known[base, link] = LinkMotion() if base else LinkMotion(a=self.lift)
@@ -208,17 +213,22 @@ class Kinematics:
     def _next(self, i: int, before: LinkMotion, v: Sparse, v_k: Sparse, dv: Sparse) -> LinkMotion:
         """LinkMotion of link i from that of its parent."""
         link = self.tree.links[i]
-        placement = self._placed[i]
-        back = self._placed[i].back
+        placement = self._displaced_placements[i]
+        to_link = placement.to_link
         u, turn = _joint_motion(link, v)
-        u_k, turn_k = (u, turn) if v_k is v else _joint_motion(link, v_k)
         du, dturn = _joint_motion(link, dv)
-        omega = back(before.omega) + turn
-        omega_k = omega if v_k is v else back(before.omega_k) + turn_k
-        alpha = back(before.alpha) + ca.cross(omega, turn_k) + dturn
-        a = back(before.a + before.U @ placement.p) + du
-        if link.S[:3].any():
-            a += ca.cross(back(before.omega_k), u) + ca.cross(omega, u_k)
+        omega = to_link(before.omega) + turn
+        if v_k is v:
+            u_k = u
+            turn_k = turn
+            omega_k = omega
+        else:
+            u_k, turn_k = _joint_motion(link, v_k)
+            omega_k = to_link(before.omega_k) + turn_k
+        alpha = to_link(before.alpha) + ca.cross(omega, turn_k) + dturn
+        a = to_link(before.a + before.U @ placement.p) + du
+        if link.S[:3].any():  # the joint slides: Coriolis acceleration
+            a += ca.cross(to_link(before.omega_k), u) + ca.cross(omega, u_k)
         return LinkMotion(omega, omega_k, alpha, a)
 
     def carried(self, wrenches: Sequence[SX]) -> list[SX]:
@@ -229,8 +239,8 @@ class Kinematics:
         carried = list(wrenches)
         for i in range(len(self.tree.links) - 1, 0, -1):
             parent = self.tree.links[i].parent
-            placement = self._placed[i]
-            F, N = map(placement.out, ca.vertsplit(carried[i], 3))
+            placement = self._displaced_placements[i]
+            F, N = map(placement.to_parent, ca.vertsplit(carried[i], 3))
             lever = ca.vertcat(SX(3, 1), ca.cross(placement.p, F))
             carried[parent] = carried[parent] + ca.vertcat(F, N) + lever
         return carried
@@ -245,7 +255,8 @@ class Kinematics:
 
     def q_rates(self, v: Sparse) -> SX:
         """Rates of the entries of q, those of quaternions and cosine-sine pairs among them."""
-        q, rates = self.q, SX(self.q.numel(), 1)
+        q = self.q
+        rates = SX(q.numel(), 1)
         for link in self.tree.links[1:]:
             first = link.q.start
             last = link.q.stop
