@@ -51,8 +51,9 @@ class ClosedLoops:
     # --- at configurations ------------------------------------------------------------------
 
     def at(self, q: ArrayLike) -> Loops:
-        """This thread's loops, evaluated at one configuration."""
-        array, loops = self.single(q), self.assembly.loops
+        """This thread's loops, evaluated at one configuration, until they are at another one."""
+        array = self.single(q)
+        loops = self.assembly.loops
         loops.evaluate(array)
         return loops
 
@@ -68,7 +69,8 @@ class ClosedLoops:
 
     def placements(self, q: ArrayLike, frame: str) -> Array:
         """Placement of a frame in the base where the loops are closed, shape (..., 4, 4)."""
-        index, scale = frame_id(self.mechanism.model, frame), self.mechanism.row_scale
+        index = frame_id(self.mechanism.model, frame)
+        scale = self.mechanism.row_scale
 
         def one(q: Array) -> Array:
             loops = self.at(q)
@@ -79,8 +81,9 @@ class ClosedLoops:
 
     def condition_numbers(self, q: Array) -> Array:
         """Condition numbers of the dependent part of Phi, shape (...)."""
-        mechanism, loops = self.mechanism, self.assembly.loops
-        parts = loops.parts(mechanism.coordinates)
+        mechanism = self.mechanism
+        loops = self.assembly.loops
+        parts = loops.parts(mechanism.coordinates)  # independent parts of the loops
 
         def one(q: Array) -> Array:
             Phi = scaled_Phi(mechanism, loops, self.single(q))

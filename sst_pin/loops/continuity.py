@@ -2,9 +2,11 @@
 """Tests whether a motion stays in its assembly mode, for each block of Phi.
 
 Phi_a and Phi_b are the columns of a block for the dependent rates, at configurations a and b. If b
-is near a in the same mode, Phi_b is near Phi_a. If a and b lie in different modes, or a singular
-configuration lies between them, the mean of Phi over the path from a to b is singular, so that
-|Phi_a^+ (Phi_b - Phi_a)| is about 2 or more. A step is continuous below 1/2; a longer one is
+is near a in the same mode, Phi_b is near Phi_a. If a and b lie in different modes at the same
+coordinates, the mean of Phi over the path between them maps their difference to
+f(b) - f(a) = 0, so that it is singular. With (Phi_a + Phi_b) / 2 as the mean there is an x with
+Phi_a^+ (Phi_b - Phi_a) x = -2 x. Where |Phi_a^+ (Phi_b - Phi_a)| < 1, all matrices between Phi_a
+and Phi_b are regular. A step is continuous below 1/2, which leaves a margin; a longer one is
 divided. This measure does not depend on the units of rows. The determinant of all loops is no
 measure: it keeps its sign if two blocks become singular at once.
 """
@@ -31,7 +33,7 @@ Path = Callable[[Array, float, float], Array]
 CHANGE = 0.5
 #: Largest motion of a joint between them, [rad] or lengths of the loop.
 TRAVEL = 0.5
-#: The most configurations between two samples of a motion: about forty turns.
+#: The most configurations between two samples of a motion: tens of turns of a joint.
 LOOKS = 2000
 #: Parts of a step are not divided further, as a fraction of the step.
 _SHORTEST = 1e-12
@@ -91,7 +93,8 @@ class Continuity:
 
     def __init__(self, mechanism: Mechanism, loops: Loops) -> None:
         self._mechanism, self._loops = mechanism, loops
-        self._moving = np.flatnonzero(loops.curved)
+        # Joints in linear couplings only may turn by any amount.
+        self._curved = np.flatnonzero(loops.curved)
         self._blocks = diagonal_blocks(mechanism, loops)
         self._last: _Sample | None = None
         self._anchor: _Anchor | None = None
@@ -154,7 +157,7 @@ class Continuity:
             return False
         step = pin.difference(self._mechanism.model, anchor.sample.q, sample.q)
         step /= self._mechanism.rate_scale
-        if not np.abs(step[self._moving]).max(initial=0.0) <= TRAVEL:
+        if not np.abs(step[self._curved]).max(initial=0.0) <= TRAVEL:
             return False
         for inverse, a, b in zip(anchor.inverses, anchor.sample.blocks, sample.blocks, strict=True):
             change = inverse @ (b - a)  # Phi_a^+ (Phi_b - Phi_a)
@@ -166,7 +169,8 @@ class Continuity:
         """Whether a bound shows, without an SVD, that the condition numbers are below the limit.
 
         As |Phi_a^+ (Phi_b - Phi_a)| <= 1/2, the smallest singular value of Phi_b is at least half
-        of that of Phi_a. Its largest one is at most its Frobenius norm.
+        of that of Phi_a. Its largest one is at most its Frobenius norm. `largest_condition` takes
+        it as the usual size of a block at least, because a block may be small as a whole.
         """
         for of_shape, blocks, smallest in zip(
             self._blocks, sample.blocks, anchor.smallest, strict=True

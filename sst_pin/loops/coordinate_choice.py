@@ -40,7 +40,7 @@ def choose_coordinates(
     while not choice.complete:
         best = min(choice.best, key=lambda rate: space.rate_names[rate])
         if not choice.add([best]):
-            break
+            break  # no rate is independent enough: there are fewer rates than motions
     return np.array(choice.rates, dtype=np.intp)
 
 
@@ -56,8 +56,8 @@ class _Choice:
 
     def __init__(self, motions: Array) -> None:
         self.rates = list[int]()
-        #: Row k is the gradient of rate k by the amounts of the motions, without its projections
-        #: on the gradients of the chosen rates.
+        #: Row k is the gradient of rate k by the amounts x of the motions, v = motions @ x, without
+        #: its projections on the gradients of the chosen rates.
         self._gradients = motions
         self._sizes = np.linalg.norm(motions, axis=1)
 

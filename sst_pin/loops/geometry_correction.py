@@ -145,8 +145,10 @@ def _correction(
     if rank is None:
         return None
     fitting = [q for q in closed if original.rank(q, part) == rank]
-    if not np.median([original.gap(q, part) for q in fitting]):
-        return None  # it closes as it is
+    # Exact loops may stay open in a few poses, next to which there is no closed one.
+    closes_mostly = np.median([original.gap(q, part) for q in fitting]) == 0
+    if closes_mostly:
+        return None
     correction = _closing(corrected, part, rank, poses[0], fitting)
     if correction is None or not _is_justified(correction, original, part, poses[0]):
         return None
@@ -181,13 +183,17 @@ def _closing(
 ) -> _Correction | None:
     """A correction with which a part closes in these poses and in others; None if none is found."""
     fitting = list(poses)
+    total: Array | float = 0.0
     for k in range(_TRIES):
-        robot, size = robot.with_closing(fitting, part, rank)
+        robot, displacements = robot.with_closing(fitting, part, rank)
+        total = total + displacements
+        # Another width gives another random direction: these poses are not those of other tries.
         checks = [robot.closest(start, part.rates, width) for width in [0.0, *(_CHECKS + k / 100)]]
         # Poses with larger gaps are next to no closed pose.
         closed = [q for q in checks if robot.gap(q, part) <= ROUNDED_PLACEMENTS]
         regular = [q for q in closed if robot.rank(q, part) == rank]
         if regular and not any(robot.gap(q, part) for q in regular):
+            size = float(np.abs(total).max(initial=0.0))
             return _Correction(robot, size, regular)
         fitting += regular
     return None
@@ -220,7 +226,10 @@ class _Robot:
         return q
 
     def closest(self, q: Array, rates: Indices, width: float = 0.0) -> Array:
-        """The pose next to q with the smallest gaps, after a random displacement of some rates."""
+        """The pose next to q with the smallest gaps, after a random displacement of some rates.
+
+        The same width always gives the same displacement, another width another direction.
+        """
         step = np.zeros(self.mechanism.model.nv)
         step[rates] = displacement(self.mechanism, width)[rates]
         q = pin.integrate(self.mechanism.model, q, step)
@@ -302,10 +311,10 @@ class _Robot:
 
     def with_closing(
         self, poses: Sequence[Array], part: _Part, rank: int
-    ) -> tuple["_Robot", float]:
+    ) -> tuple["_Robot", Array]:
         """The robot with displaced placements, so that a part closes next to these poses.
 
-        Beside it stands the largest displacement, [rad] or lengths of the loop.
+        Beside it stand the displacements of all places, [rad] and lengths of the loop.
         """
         result, places = self, self._places(part)
         # Displacements are [linear; angular]; linear ones are in lengths of the loop.
@@ -323,7 +332,7 @@ class _Robot:
             changes = dict(zip(places, (unit * d).reshape(-1, 6), strict=True))
             result = result._displaced(changes)
             total += d
-        return result, float(np.abs(total).max(initial=0.0))
+        return result, total
 
     def _equations(
         self, q: Array, part: _Part, rank: int, places: Mapping[str, int], unit: Array
@@ -432,14 +441,18 @@ def by_displacements(loops: Loops, places: Mapping[str, int]) -> Array:
 
 #: Numbers of files have at most so many digits after the point; numbers of more are not rounded.
 _DIGITS = 9
-#: Numbers have k digits if this part of them has: some may be products of rounded numbers.
+#: Numbers count as rounded to k digits if more than this part of them have at most k digits after
+#: the point: the others may be products of rounded numbers.
 _MANY = 0.25
 #: A number is whole if it is off by less. Random numbers are so with a probability of 2e-4.
 _WHOLE = 1e-4
 
 
 def half_a_digit(numbers: Array) -> float:
-    """Half a unit of the last digit of rounded numbers; 0 if they are not rounded."""
+    """Half a unit of the last digit of rounded numbers; 0 if they are not rounded.
+
+    Exact short numbers, such as 0.25, count as rounded: the text of a file cannot tell.
+    """
     numbers = np.abs(numbers[np.abs(numbers) > 10.0**-_DIGITS])
     for digits in range(1, _DIGITS):
         tens = numbers * 10.0**digits

@@ -41,7 +41,10 @@ class JointLimits:
         return float((room / np.abs(step[moving])).min(initial=1.0))
 
     def require_within(self, q: Array) -> None:
-        """Raise an error for joints outside their limits, and for empty ranges."""
+        """Raise an error for joints outside their limits, and for empty ranges.
+
+        `clipped` has moved the joints that are free, so only fixed joints can be outside.
+        """
         room = self._room(q).min(axis=0)
         if (room < 0).any():
             raise ClosureError(
@@ -56,7 +59,7 @@ class JointLimits:
         return f" within the joint limits ({self._names(at_limit) or 'none'} at a limit)"
 
     def _room_ahead(self, q: Array, rates: Indices, step: Array) -> Array:
-        """Distances to the limits that a step of these rates leads to."""
+        """Distances to the limits that a step of these rates leads to; zero counts as upwards."""
         down, up = self._room(q)[:, rates]
         return np.where(step < 0, down, up)
 

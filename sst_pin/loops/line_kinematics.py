@@ -15,32 +15,36 @@ from ..model.mechanism import Mechanism
 from ..model.thresholds import LEAST_LENGTH
 from .loops import Loops
 
+#: The distance in the rows of lines, [m]; its value does not matter.
+_HELD = 1.0
+
 
 class LineKinematics:
     """Lengths of the lines of a mechanism, and their rates; one object per thread."""
 
     def __init__(self, mechanism: Mechanism) -> None:
-        self._mechanism, self._forces = mechanism, mechanism.lines.forces
+        self._mechanism = mechanism
+        self._lines = mechanism.lines.forces
 
     @cached_property
     def loops(self) -> Loops:
-        """The lines as distances of 1 m that nothing holds."""
-        lines = [Distance(line.frame_a, line.frame_b, 1.0) for line in self._forces]
-        return Loops(self._mechanism.model, lines)
+        """The lines as distances that nothing holds, f = length - 1 m."""
+        distances = [Distance(line.frame_a, line.frame_b, _HELD) for line in self._lines]
+        return Loops(self._mechanism.model, distances)
 
     def lengths(self, q: Array) -> Array:
         """Lengths of the lines, shape (lines,), [m]."""
-        if not self._forces:
+        if not self._lines:
             return np.zeros(0)
         self.loops.evaluate(q)
-        return self.loops.f + 1.0
+        return self.loops.f + _HELD
 
     def evaluate(self, q: Array) -> tuple[Array, Array]:
         """Lengths, shape (lines,), and J, shape (lines, nv): the rates of the lengths are J v."""
-        if not self._forces:
+        if not self._lines:
             return np.zeros(0), np.zeros((0, self._mechanism.model.nv))
         lengths = self.lengths(q)
-        for line, length in zip(self._forces, lengths, strict=True):
+        for line, length in zip(self._lines, lengths, strict=True):
             if length <= LEAST_LENGTH * self._mechanism.length:
                 raise SingularConfigurationError(
                     f"the direction of the force on line {line} is not determined: its ends "
@@ -64,7 +68,7 @@ class LineKinematics:
 
     def accelerations(self, q: Array, v: Array, v_dot: Array) -> Array:
         """Second derivatives of the lengths, J v_dot + J_dot v, shape (lines,), [m/s^2]."""
-        if not self._forces:
+        if not self._lines:
             return np.zeros(0)
         _, J = self.evaluate(q)
         return np.asarray(J.dot(v_dot) + self.loops.drift(v))

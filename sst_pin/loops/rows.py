@@ -206,12 +206,17 @@ class Moments(Protocol):
 
 
 class _WorldMoments:
-    """Moments about all axes of the world."""
+    """Moments about all axes of the world, for three turns that are held.
+
+    f is the logarithm of R_B R_A^T. Phi is its Jacobian where f = 0; elsewhere the rate of a
+    logarithm differs from the angular velocity, and Phi gives a good direction for Newton's method.
+    """
 
     rows = 3
 
     def error(self, b: Frames, a: Frames) -> Array:
-        return np.array([pin.log3(R) for R in b.axes.swapaxes(-1, -2) @ a.axes])
+        R = b.axes.swapaxes(-1, -2) @ a.axes  # R_B R_A^T: axes are in rows
+        return np.array([pin.log3(each) for each in R])
 
     def axes(self, b: Frames, a: Frames) -> Array:
         return _IDENTITY
@@ -221,11 +226,13 @@ class _WorldMoments:
 
 
 class _RightAngles:
-    """Axis x of A stays at a right angle to axis y of B: f = -x . y, and n = x x y.
+    """An axis x of A stays at a right angle to an axis y of B: f = -x . y, and n = cross(x, y).
 
-    One row holds one turn. Two rows, with two axes x of A and the same y, hold two turns: then y of
-    B stays parallel to the third axis of A. The signs of x are such that each row is the turn of B
-    about the positive axis of A.
+    x and y are any axes of their frames. One row holds one turn. Two rows, with two axes x of A and
+    the same y, hold two turns: then y of B stays parallel to the third axis of A. The signs of x
+    are such that each row is the turn of B about the positive axis of A.
+
+    Axes have the numbers 0, 1, 2. As 0 + 1 + 2 = 3, three minus two numbers is the third axis.
     """
 
     def __init__(self, turns: list[int]) -> None:
@@ -264,10 +271,12 @@ class _RightAngles:
 
 
 def _continued(f: Array) -> Array:
-    """f of two right angles, shape (2,), continued beyond an angle of 90 degrees of both axes y.
+    """f of two right angles, shape (2,), continued beyond a tilt of 90 degrees.
 
-    Beyond it f falls to zero again, where the axes are opposite. The continuation grows from one to
-    two instead, so that Newton's steps lead back.
+    At a tilt t the size of f is sin t and Phi is as cos t, which is negative beyond 90 degrees.
+    f - 2 f / |f| has the same derivative and the opposite sign, so that Newton's step -f / Phi
+    reduces the tilt there too. Its size is 2 - sin t, which is continuous at 90 degrees and grows
+    to two at 180 degrees.
     """
     size = np.linalg.norm(f)
     direction = f / size if size else np.array([1.0, 0.0])
@@ -398,13 +407,17 @@ class JointMotion(NamedTuple):
 class FrameRows:
     """The rows of k closures of one kind at the configuration of the last `evaluate`.
 
+    `rates` are those of the normal tree, S v for the rates v of the model, with S of shape
+    (rates, nv).
+
     Attributes:
         at: Where the rows are in Phi, shape (k, rows).
         formulas: f, W and its rate for any two frames.
         frames: Indices of frame B and frame A, shape (k, 2).
         bodies: Their parent joints in the normal tree, shape (k, 2).
         f: Errors of the closures, Eq. (2), shape (k, rows), [m] and [rad].
-        touched, curved: Rates that a row depends on, and rates that change it, (k, rows, nv).
+        touched: Where entries of Phi may differ from zero, shape (k, rows, nv).
+        curved: Rates whose joints change entries of a row, shape (k, rows, nv).
     """
 
     def __init__(self, tree: NormalTree, closures: Sequence[FrameClosure], at: Indices) -> None:
@@ -527,7 +540,7 @@ class CouplingRow:
 
 
 class BrakeRow(CouplingRow):
-    """The row of a joint's rate that is held, at any position."""
+    """The row of a joint's rate that is held, at any position: a coupling without terms."""
 
     def __init__(self, model: pin.Model, brake: Brake, at: Indices) -> None:
         self.at, self.terms = at, []
