@@ -115,7 +115,7 @@ class Engine:
         self._n = len(mechanism.coordinates)
         self._motors = mechanism.motor_count
         if kernels is not None:
-            self._kernels = kernels
+            self._kernels = kernels  # in place of the cached property
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _unpickled, (self.mechanism, self.make_kernels, self.platform)
@@ -308,10 +308,10 @@ class Engine:
         )
 
     def displacement_rates(self, q: ArrayLike, va: ArrayLike, **options: Unpack[Options]) -> Array:
-        """-S [v, L e_k] in columns k, shape (..., n, n): see `linearize`.
+        """D, shape (..., n, n), for coordinates whose axes turn with their bodies; see `linearize`.
 
-        Along a motion v, a displacement x of coordinates whose axes turn with the body has the
-        rate x_dot = dva + displacement_rates @ x.
+        A displacement x of the coordinates along a motion v has the rate x_dot = dva + D x. Column
+        k is -S [v, L e_k], where S selects the coordinates and [a, b] is the bracket of twists.
         """
         key, of_sample = _key("displacement_rates"), self.reference.displacement_rates
         return self._plain(key, of_sample, (self._n, self._n), q, {"va": va}, **options)
@@ -491,6 +491,7 @@ class Engine:
         if kernel_exists and wrenches is not None:
             # `Kernel.answer` above takes a moment on the platform; wrenches on bodies, into which
             # the moment has been turned now, have a kernel of their own.
+            # A single sample that the first kernel refused would fail the same checks there.
             kernel = self.kernel(key._replace(loaded=True))
         return self._computed(
             of_sample,
@@ -520,7 +521,7 @@ class Engine:
         """Derivatives of one kind, with the sign of Coulomb friction smoothed."""
         key = _key(name, sign_width=positive_number("sign_width", sign_width))
         of_kernel = None
-        if external_wrenches is None and not options:
+        if external_wrenches is None and not options:  # `Kernel.derivatives` takes no options
             kernel = self.kernel(key)
             of_kernel = None if kernel is None else kernel.derivatives
         if of_kernel is not None:
@@ -539,7 +540,7 @@ class Engine:
             **options,
         )
         n = self._n
-        rows = np.asarray(rows)
+        rows = np.asarray(rows)  # the caller's `out`, if there is one: it is corrected in place
         if isinstance(external_wrenches, Mapping):
             policy = options.get("on_error", "raise")
             slope = self._slope_of_arms(external_wrenches, q, policy)  # of forces by q
@@ -624,7 +625,7 @@ def _answer(
     answer = kernel.answer
     if answer is None or len(vectors) > 2 or (out is not None and len(shape) > 1):
         return False, None
-    b, c, *_ = (*vectors.values(), None, None)
+    b, c, *_ = (*vectors.values(), None, None)  # a kernel takes q and at most two vectors
     result = answer(q, b, c, moment, out, threads)
     if result is not None and len(shape) > 1:
         result.shape = (*result.shape[:-1], *shape)

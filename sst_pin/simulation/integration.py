@@ -7,6 +7,8 @@ configurations.
 
 A part of a step is regular if the joints move continuously along it, without a jump to another
 assembly mode, and if the condition number of the dependent joints stays below a limit.
+`CoordinateChange` sets this limit anew for each choice of coordinates, and raises it on the way to
+a singular configuration.
 """
 
 from __future__ import annotations
@@ -146,8 +148,8 @@ class Integration:
         """
         self._crossing.remember(state)
         equations = self._equations_at(state)
-        until = bound
-        repeats = 0  # of irregular steps; each repeat ends just before the irregular part
+        until = bound  # after an irregular step, a time just before its irregular part
+        repeats = 0  # of irregular steps
         solver = self._steps.solver(equations, state, until)
         while solver.status == "running":
             step = self._steps.step(solver, equations)
@@ -160,10 +162,13 @@ class Integration:
             fraction, q = self._coordinate_change.regular_part(state, step)
             regular_until = step.start + fraction * step.length
 
-            if fraction == 1 and self._output.add_step(step, torques_change=ends_at_change):
+            # The output refuses a step if loops cannot be closed at an output time within it.
+            is_regular = fraction == 1
+            if is_regular and self._output.add_step(step, torques_change=ends_at_change):
                 state = MotionState(step.end, state.space, q, step.y)
                 self._crossing.remember(state)
-                if repeats > 0 and solver.status == "finished":  # just before the irregular part
+                just_before_irregular = repeats > 0 and solver.status == "finished"
+                if just_before_irregular:
                     return self._leave_irregular(state)
                 settled = self._improve_coordinates(state)
                 if settled.space is not state.space:
@@ -171,14 +176,14 @@ class Integration:
                 continue
 
             earlier = self._crossing.begin_approach(state, regular_until, q)
-            if fraction == 1:  # loops cannot be closed at an output time within the step: halve it
+            if is_regular:  # but refused by the output
                 fraction = 0.5
             self._steps.shorten(fraction)
             if earlier is not None:
                 self._coordinate_change.allow_nearer()
                 return earlier
             # A part of a step is less exact than a step: integrate again until there.
-            until = state.t + fraction * step.length * (1 - _margin_of_repeat(repeats))
+            until = step.start + fraction * step.length * (1 - _margin_of_repeat(repeats))
             repeats += 1
             if until <= state.t:
                 return self._leave_irregular(state)

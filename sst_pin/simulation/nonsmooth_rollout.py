@@ -214,7 +214,8 @@ class _Motions:
     def _complete(self, i: int) -> None:
         """Make the steps of motion i that compiled code has not made.
 
-        The reference path makes them until the coordinates are good, then compiled code again.
+        The reference path makes them until the coordinates are good, then compiled code again. Both
+        count the valid states of the motion from its start.
         """
         arrays = self._arrays
         steps = arrays.residual.shape[1]
@@ -227,7 +228,7 @@ class _Motions:
             if end.error is not None:
                 self.errors[i] = end.error
             elif self._code is not None and made < steps:
-                rest = arrays.part(slice(i, i + 1), made)
+                rest = arrays.part(slice(i, i + 1), made)  # views, which the code fills
                 made += int(self._code.run(self._rows, rest, 1)[0])
         self.steps_made[i] = made
 

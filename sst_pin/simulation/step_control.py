@@ -147,7 +147,7 @@ class StepControl:
         """
         longest = min(self._settings.max_step or np.inf, self._watch.longest(t))
         for times in self._input_times:
-            # The next time after t has the index k >= 1, because t >= times[0].
+            # The next time after t has the index k >= 1, because times[0] <= t < times[-1].
             k = min(int(times.searchsorted(t, "right")), len(times) - 1)
             until_the_second_next = times[min(k + 1, len(times) - 1)] - t
             longest = min(longest, times[k] - times[k - 1], until_the_second_next)
