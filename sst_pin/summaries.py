@@ -9,9 +9,9 @@ Rows = Sequence[tuple[str, str]]
 
 
 def as_text(title: str, rows: Rows) -> str:
-    """A title and a line for each row, the words in a column."""
-    width = max((len(word) for word, _ in rows), default=0)
-    return "\n".join([title, *(f"  {word:{width}}  {value}" for word, value in rows)])
+    """A title and a line for each row, the labels in a column."""
+    width = max((len(label) for label, _ in rows), default=0)
+    return "\n".join([title, *(f"  {label:{width}}  {value}" for label, value in rows)])
 
 
 def as_html(title: str, rows: Rows) -> str:

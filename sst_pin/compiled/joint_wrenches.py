@@ -61,18 +61,19 @@ def reactions(e: Equations, checks: Checks) -> tuple[dict[str, SX], SX, list[Any
         needed = add(needed, e.motor_forces(-tau))
 
     # Rows of lines follow those of closures; their multipliers are known.
-    units = on_links([*e.rows, *_rows_of_lines(e)], e.v)
+    wrenches_of_rows = on_links([*e.rows, *_rows_of_lines(e)], e.v)
     Lambda = e.multipliers(needed) | _pushes(e, tau)
-    values, ground = _wrenches(e, units, Lambda, e.tree.wrenches(e.v, e.dv))
+    values, ground = _wrenches(e, wrenches_of_rows, Lambda, e.tree.wrenches(e.v, e.dv))
 
-    # A component is not unique if an inner stress changes it; moments are divided by a length.
-    stresses = [_wrenches(e, units, stress)[0] for stress in _stresses(e)]
-    moment_units = np.repeat([mechanism.length, 1.0], 3)
+    # A component is not unique if an inner stress changes it. In a stress of unit size, moments are
+    # of the order 1, and forces of the order 1 / length.
+    stresses = [_wrenches(e, wrenches_of_rows, stress)[0] for stress in _stresses(e)]
+    sizes = np.repeat([mechanism.length, 1.0], 3)
     codes = [SX(0)] * (values.numel() // 6)
     for k in range(values.numel()):
         squares = [stress[k] ** 2 for stress in stresses if not stress[k].is_zero()]
         if squares:
-            unique = total(squares) <= float((UNIQUE / moment_units[k % 6]) ** 2)
+            unique = total(squares) <= float((UNIQUE / sizes[k % 6]) ** 2)
             codes[k // 6] += float(BITS[k % 6]) * (1 - unique)
     result = ca.vertcat(values, ground, tau, *codes)
     inputs["external_wrenches"] = e.loads
@@ -80,7 +81,10 @@ def reactions(e: Equations, checks: Checks) -> tuple[dict[str, SX], SX, list[Any
 
 
 def _rows_of_lines(e: Equations) -> Iterator[Row]:
-    """A row for each force along a line: the length of the line times its rate."""
+    """A row for each force along a line: d . d_dot = length * rate, which needs no root.
+
+    So the multiplier of such a row is a force divided by the length.
+    """
     for x in e.mechanism.lines.forces:
         rod = Distance(x.frame_a, x.frame_b, 1.0)
         yield from closure_rows(e.kinematics, e.mechanism.model, rod)
@@ -103,7 +107,7 @@ def _pushes(e: Equations, tau: SX) -> Sparse:
 def _stresses(e: Equations) -> Iterator[Sparse]:
     """States of inner stress, free of units: multipliers of rows that give no force in all.
 
-    There is one for each row without a pivot.
+    There is one for each row without a pivot; all rows of an `Orthogonal` part are among them.
     """
     pivots = {i for part in e.factors.parts if isinstance(part, Factors) for i in part.rows}
     for i in sorted(set(range(len(e.rows))) - pivots):
@@ -113,7 +117,10 @@ def _stresses(e: Equations) -> Iterator[Sparse]:
 
 
 def _wrenches(
-    e: Equations, units: list[dict[int, SX]], Lambda: Sparse, needed: Sequence[SX] | None = None
+    e: Equations,
+    wrenches_of_rows: list[dict[int, SX]],
+    Lambda: Sparse,
+    needed: Sequence[SX] | None = None,
 ) -> tuple[SX, SX]:
     """[force; moment] of joints, then closures, and of the ground, from multipliers of the rows.
 
@@ -126,8 +133,8 @@ def _wrenches(
     # Joints give to a link and all links behind it what rows do not give.
     supplied = [SX(6, 1) for _ in tree.links]
     for i, x in Lambda.items():
-        for link, unit in units[i].items():
-            supplied[link] += x * unit
+        for link, wrench in wrenches_of_rows[i].items():
+            supplied[link] += x * wrench
     remaining = [-wrench for wrench in supplied]
     if needed is not None:
         remaining = [x + y for x, y in zip(needed, remaining, strict=True)]
@@ -135,10 +142,10 @@ def _wrenches(
     wrenches = [carried[tree.link_of[j]] for j in range(1, model.njoints)]
 
     # A closure gives to the link of its frame B the sum of its rows, here about that frame.
-    starts = 0
+    first_row = 0
     for closure in mechanism.closures:
-        rows = range(starts, starts + len(closure.rows))
-        starts = rows.stop
+        rows = range(first_row, first_row + len(closure.rows))
+        first_row = rows.stop
         if isinstance(closure, (Coupling, Brake)):
             force = Lambda.get(rows[0], SX(1, 1))
             wrenches.append(column({acts_along(mechanism, closure): force}, range(6)))
@@ -147,8 +154,8 @@ def _wrenches(
         on_b = SX(6, 1)
         link = tree.link_of[frame.parentJoint]
         for i in rows:
-            if i in Lambda and link in units[i]:
-                on_b += Lambda[i] * units[i][link]
+            if i in Lambda and link in wrenches_of_rows[i]:
+                on_b += Lambda[i] * wrenches_of_rows[i][link]
         R = sx(frame.placement.rotation)
         p = sx(frame.placement.translation)
         force = on_b[:3]

@@ -43,7 +43,8 @@ from .symbols import Sparse, add, column, is_zero
 CLOSED = 0.5 * CLOSURE_TOLERANCE
 #: Largest residual of a solution, in roundings of the matrix times the solution.
 _ROUNDINGS = 30
-#: Largest missing part of a force, in roundings; it counts in single precision.
+#: Largest missing part of a force, in roundings: in single precision it exceeds UNSUPPLIED and
+#: takes its place.
 _LEFT = 1e4
 #: Rounding of the sum of all forces, free of units.
 _BALANCED = 1e-14
@@ -81,6 +82,7 @@ class Checks:
         open_loops = total(gaps) / self._closed**2
         parts = zip(e.factors.parts, e.pivots.sizes, strict=True)
         small_pivots = total(part.small(sizes) for part, sizes in parts)
+        # Twice the bound of the reference path, which then decides near it.
         least = 2 * LEAST_LENGTH * e.mechanism.length
         short_lines = [least / line.length for line in e.tree.lines]
         return [open_loops, small_pivots, *self._redundant_in_rates, *short_lines]
@@ -97,7 +99,7 @@ class Checks:
     @property
     def _slack(self) -> float:
         """Largest violation of redundant rows, free of units."""
-        return 2 * INCONSISTENT * self._closed
+        return 2 * INCONSISTENT * self._closed  # `closed` is half of the reference path's tolerance
 
     @property
     def _redundant_in_rates(self) -> list[Any]:
@@ -128,17 +130,17 @@ class Checks:
         if not self._redundant:
             return []
         scale = self._rate_scale
-        at_rest: Sparse = {}
+        no_accelerations: Sparse = {}
         violations = []
         for i in self._redundant:
             row = e.rows[i]
             of_x = total(entry * x[j] for j, entry in row.Phi.items() if j in x)
-            violations.append(self._row_scale[i] * (row.acceleration(e.v, at_rest) + of_x))
+            violations.append(self._row_scale[i] * (row.acceleration(e.v, no_accelerations) + of_x))
         r_squared = total(violation**2 for violation in violations)
         v_squared = total((rate / float(scale[j])) ** 2 for j, rate in e.v.items())
         x_squared = total((rate / float(scale[j])) ** 2 for j, rate in x.items())
         excess = r_squared / self._slack**2 - v_squared**2 - x_squared
-        return [excess / _NOTHING**2]
+        return [excess / _NOTHING**2]  # at most 1 also where all three are zero, up to rounding
 
     # --- solutions of a quantity --------------------------------------------------------------
 
@@ -169,7 +171,10 @@ class Checks:
 
     @property
     def of_accelerations(self) -> list[Any]:
-        """Checks of all linear solutions in direct dynamics but that with the mass matrix."""
+        """Checks of all linear solutions in direct dynamics but that with the mass matrix.
+
+        `at_rest` are the accelerations of the joints where those of the coordinates are zero.
+        """
         e = self._equations
         return self.of_rates + self.solved(e.at_rest) + self.of_complement
 
@@ -258,8 +263,8 @@ class Checks:
     def _exceeds(self, unit: float, terms: list[Any], solution: list[Any]) -> list[Any]:
         """More than 1 where a residual is too large for its solution.
 
-        The check is |s . r| <= bound |x|, squared and without a division, because x may be zero.
-        `terms` are those of s . r, in a `unit`.
+        The check is |s . r|^2 / bound^2 <= |x|^2 + _NOTHING^2, without a division by x, which may
+        be zero. The result is at most 1 where it holds. `terms` are those of s . r, in a `unit`.
         """
         if not terms:
             return []

@@ -178,9 +178,9 @@ def reach_map(
     limits = finite_limits(torques, len(chain.motor_names), "torques")
     load = single_array("wrench", np.zeros(6) if wrench is None else wrench, (6,))
     guess = start_of(chain.engine) if start is None else start
-    home = chain.assemble(single_array("start", guess, (mechanism.model.nq,)))
+    q_start = chain.assemble(single_array("start", guess, (mechanism.model.nq,)))
     zero_rates = np.zeros(chain.degrees_of_freedom)
-    chain.compute_torques(home, zero_rates, zero_rates)  # refuses motors that hold less than all
+    chain.compute_torques(q_start, zero_rates, zero_rates)  # refuses motors that hold less than all
 
     # The position or the orientation is prescribed as a whole: components of the twist that count.
     with_position = not prescribed.keys().isdisjoint(_AXES[:3])
@@ -188,18 +188,19 @@ def reach_map(
     is_prescribed = np.repeat([with_position, with_orientation], 3)
     names = np.array(_AXES)[is_prescribed]
     guide = _motor_guide(chain, frame, with_position, with_orientation)
-    start_pose = guide.pose(home)
+    start_pose = guide.pose(q_start)
     zero = start_pose.rotation if rotation is None else single_array("rotation", rotation, (3, 3))
 
-    # A maps rates of the motors to prescribed components, free of units. Where the torques G hold a
-    # wrench w, the power of both is the same, so A is the transpose of G.
+    # A maps rates of the motors to prescribed components, free of units. G w are the torques with
+    # the same effect as a wrench w on the frame: their power is the same, so A is the transpose of
+    # G. Motors that hold w give -G w.
     units = np.repeat([mechanism.length, 1.0], 3)[:, None]
     ratio = (mechanism.motor_scale / units)[is_prescribed]
-    A_start = torques_of_wrenches(chain, home, frame).mT[is_prescribed] * ratio
+    A_start = torques_of_wrenches(chain, q_start, frame).mT[is_prescribed] * ratio
     _require_motion(A_start, names, axes)
 
     poses, start_place = _poses(start_pose, zero, prescribed, axes)
-    why, q = _flood(chain, guide, home, poses, start_place)
+    why, q = _flood(chain, guide, q_start, poses, start_place)
     reached = why == _REACHED
     G_T = torques_of_wrenches(chain, q[reached], frame).mT
     A = G_T[:, is_prescribed] * ratio
@@ -394,14 +395,15 @@ def _flood(
         if why[i, j] == _REACHED:
             continue
         end = guide.follow(before, pin.SE3(poses[i, j]), _SHORTEST)
-        if end.singular:
+        if not end.missed and not joints_beyond_limits(end.q):
+            reason = _REACHED
+        elif end.singular:
             reason = _SINGULAR
         elif end.missed:
             reason = _OUT
         else:
             reason = _LIMITS
-        if not end.missed and not joints_beyond_limits(end.q):
-            reason = _REACHED
+        if reason == _REACHED:
             q[i, j] = end.q
             for a, b in ((i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)):
                 if 0 <= a < shape[0] and 0 <= b < shape[1]:
@@ -412,7 +414,11 @@ def _flood(
 
 
 def _conditions(A: Array) -> Array:
-    """Condition numbers of matrices, shape (N, k, motors); very large where one loses rank."""
+    """Condition numbers of matrices, shape (N, k, motors); very large where one loses rank.
+
+    The usual rank is the largest one. It is below k if no pose lets the frame move in all
+    prescribed components; singular values beyond it do not count.
+    """
     s = np.linalg.svd(A, compute_uv=False)
     rank = (s > RANK_TOLERANCE * s[:, :1]).sum(axis=1).max(initial=1)
     with np.errstate(divide="ignore"):

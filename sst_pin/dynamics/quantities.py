@@ -31,11 +31,13 @@ Name = Literal[
 class Properties(NamedTuple):
     """Properties of a quantity."""
 
-    #: Whether a kernel can compute it direction by direction: one result for each coordinate.
+    #: Whether a kernel can compute it along one direction at a time: a column of the result for a
+    #: unit rate of a coordinate, or for a parameter. The directions of one sample then fill the
+    #: lanes of a register that otherwise hold samples; see `Quantity.along`.
     by_directions: bool = False
     #: Whether external wrenches may act.
     loadable: bool = False
-    #: Whether Coulomb friction is smooth, within the `sign_width` of the key.
+    #: Whether Coulomb friction is smooth, within `Quantity.sign_width`: derivatives need that.
     smooth: bool = False
     #: Whether it is a quantity of a frame.
     of_frame: bool = False
@@ -58,13 +60,13 @@ QUANTITIES: Mapping[Name, Properties] = {
     "frame_jacobian_rate": Properties(by_directions=True, of_frame=True),
     "frame_velocity_derivatives": Properties(by_directions=True, of_frame=True),
     "frame_drift": Properties(of_frame=True),
-    "closing": Properties(),  # a closed q, a determinant and a sum of squares
+    "closing": Properties(),  # the closed q, the determinant of the pivots, the squared residual
     "rollout": Properties(loadable=True),  # states with a fixed step
 }
 
 
 class Quantity(NamedTuple):
-    """A quantity that an engine computes.
+    """A quantity that an engine computes, and the key of its kernel.
 
     Attributes:
         name: Its name in the table of quantities.
@@ -87,7 +89,7 @@ class Quantity(NamedTuple):
 
     @property
     def entry(self) -> str:
-        """The name of its functions in C."""
+        """The name of its functions in C, of which each library has those of one quantity."""
         parts = [str(self.name)]
         if self.along:
             parts.append("along")

@@ -201,12 +201,13 @@ def reactions(
     values = columns[..., 0]
     stresses = columns[..., 1:]
 
-    # A component is unique if no inner stress changes it; moments are divided by a length.
-    units = np.repeat([mechanism.length, 1.0], 3)
-    not_unique = np.linalg.norm(stresses, axis=-1) * units > UNIQUE
+    # A component is unique if no inner stress changes it. In a stress of unit size, moments are of
+    # the order 1, and forces of the order 1 / length.
+    sizes = np.repeat([mechanism.length, 1.0], 3)
+    not_unique = np.linalg.norm(stresses, axis=-1) * sizes > UNIQUE
     if compliances is not None:
         values, rigid_stresses = _relaxed(values, stresses, compliances)
-        undetermined = np.linalg.norm(rigid_stresses, axis=-1) * units > UNIQUE
+        undetermined = np.linalg.norm(rigid_stresses, axis=-1) * sizes > UNIQUE
         values[undetermined] = np.nan
     codes = not_unique @ BITS
     return np.concatenate([values.ravel(), ground, tau, codes])

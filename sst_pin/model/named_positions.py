@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Positions of joints by their names."""
+"""Positions of joints by their names.
+
+`JointSpace.places` has the indices in q of each joint that turns about or slides along one axis:
+one index, or two for the cosine and the sine of an angle.
+"""
 
 from collections.abc import Mapping, Sequence
 
@@ -42,6 +46,7 @@ def taken(space: JointSpace, q: Array, names: Sequence[str]) -> Array:
 
 
 def _place(space: JointSpace, name: str) -> list[int]:
+    """Indices of a joint in q; joints of several axes and unknown names are refused."""
     if name not in space.places and name in (*space.joint_names, *space.rate_names):
         problem = "this joint neither turns about one axis nor slides along one"
         raise InputError(name, f"{problem}; joints that do are {listed(list(space.places), 12)}")

@@ -27,8 +27,9 @@ from .style import Axes, StyledFigure, style
 
 #: Subjects of a page about a motion.
 SUBJECTS = ("path", *CURVES)
-#: Units of loads, and the largest load of the smaller unit.
+#: Units of loads.
 _LOADS = {"force": "N", "moment": "N m"}
+#: From the first number on, loads are shown in the unit of the second one, with its prefix.
 _UNITS = ((1e7, 1e6, "M"), (1e4, 1e3, "k"))
 #: Loads that are smaller than this part of the largest are rounding.
 _NO_LOAD = 1e-9
@@ -181,8 +182,13 @@ def _bars(ax: Axes, rows: list[Load], zero: float, unit: float) -> None:
     """Bars for one kind of loads, in units of `unit`; those up to `zero` count as zero."""
     labelled = set()
     for y, row in enumerate(rows):
-        text = "0" if row.peak <= zero else "not unique"
-        if row.peak > zero:
+        if np.isnan(row.peak):
+            text = "not unique"
+        elif row.peak <= zero:
+            text = "0"
+        else:
+            # A load that is not determined, but of which all components are known, got them from
+            # stiffnesses.
             soft = not row.determined and len(row.components) == 3
             what = "peak, from stiffnesses" if soft else "peak"
             hatch = "/////" if soft else ""

@@ -244,7 +244,7 @@ def joint_numbers(root: ET.Element) -> JointNumbers:
 
 
 def motors_of(root: ET.Element) -> tuple[str, ...]:
-    """Joints that `<transmission>` or `<ros2_control>` drive: those with a command interface."""
+    """Joints of `<transmission>`, and those of `<ros2_control>` with a command interface."""
     driven = [joint.get("name", "") for joint in root.findall("transmission/joint")]
     for joint in root.findall("ros2_control/joint"):
         if joint.find("command_interface") is not None:

@@ -16,12 +16,14 @@ def put_efforts(compiled: Compiled, tree: MjcfTree) -> dict[str, float]:
     both directions, and a note says so.
     """
     mj = compiled.mj
-    # Limits of joints apply without actuators too.
+    # Limits of joints apply without actuators too. Actuators with a narrower range overwrite them
+    # below.
     limited = getattr(mj, "jnt_actfrclimited", np.zeros(0))  # not every MuJoCo has them
     for joint in map(int, np.flatnonzero(limited)):
         _put_joint_effort(compiled, tree, joint, mj.jnt_actfrcrange[joint])
     efforts_of_lines = dict[str, float]()
     for (kind, target), force in _ranges(compiled).items():
+        # Sites and bodies, the other kinds of targets, drive no single rate.
         if kind == "joint":
             _put_joint_effort(compiled, tree, target, force)
         elif kind == "tendon":

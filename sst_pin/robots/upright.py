@@ -42,6 +42,9 @@ def scissor_lift(
         InputError: For no cells.
     """
     cells = whole_number("cells", cells, 1)
+    # Arms a rise to the right, arms b to the left. The chain from the hinge is a_1, b_2, a_3, ...,
+    # that from the slider b_1, a_2, b_3, ... The last arm b ends at the upper left and carries the
+    # platform.
     tree = Tree("scissor_lift")
     foot = box(slider_mass, (6 * radius, 4 * radius, 4 * radius))
     tip = shift((arm, 0))
@@ -73,6 +76,7 @@ def scissor_lift(
 
 
 def _lift_joints(cells: int, arm: float, pose: pin.SE3) -> Joints:
+    """Positions of the joints: `rise` is the angle of an arm, `fold` that between two arms."""
     rise = np.arcsin(UPRIGHT.actInv(pose).translation[1] / (cells * arm))
     fold = np.pi - 2 * rise
     joints = {"slider": arm * np.cos(rise), "platform_slider": arm * np.cos(rise)}
