@@ -14,7 +14,7 @@ from numpy.polynomial.polynomial import polyder
 from ..model.closures import Brake, Constraint, Coupling, Distance, Rolling
 from ..model.joint_space import JointSpace
 from ..model.tree import frame_named, joint_id
-from .link_kinematics import Kinematics, LinkMotion
+from .link_kinematics import Kinematics
 from .symbols import Sparse, add, is_zero, sx
 
 #: Linear and angular velocity of a link relative to an ancestor, by their indices, link's axes.
@@ -32,6 +32,15 @@ class End(NamedTuple):
     rate: Callable[[SX, SX], SX]
 
 
+class FrameMotion(NamedTuple):
+    """Motion of a frame relative to the base of its row, in the axes of the base."""
+
+    omega: SX
+    #: Angular acceleration, and acceleration of the origin.
+    alpha: SX
+    a: SX
+
+
 @dataclass(frozen=True)
 class Row:
     """One equation of a constraint."""
@@ -44,7 +53,8 @@ class Row:
     acceleration: Callable[[Sparse, Sparse], SX]
     #: Zero when the loop is closed; None for a row that constrains rates only.
     residual: SX | None
-    #: The term of the row in the squared residual.
+    #: The term of the row in the squared residual. Rows that share one have it in the first of
+    #: them, and zero in the others.
     gap: SX
     #: The frames by whose velocities Phi v is known; empty if it is known by the rates only.
     ends: tuple[End, ...] = ()
@@ -67,7 +77,11 @@ def closure_rows(kinematics: Kinematics, model: pin.Model, closure: Constraint) 
 
 
 def by_twists(rows: Sequence[Row], v: Sparse) -> tuple[list[SX], dict[int, SX]]:
-    """Phi v row by row, and symbols for the twists of links: gradients by them are wrenches."""
+    """Phi v row by row, and symbols for the twists of links: gradients by them are wrenches.
+
+    A row does not change if all links move as one body. So twists relative to the world serve as
+    well as those relative to the base of a row, and the base gets its wrench in the same way.
+    """
     twists: dict[int, SX] = {}
 
     def twist(_: int, link: int) -> tuple[SX, SX]:
@@ -99,16 +113,15 @@ class _Pair:
         self.a, self.b = (kinematics.point(self._base, frame) for frame in self._frames)
         self.d = self.b.p - self.a.p
 
-    def _ends(self, v: Sparse, dv: Sparse) -> tuple[LinkMotion, LinkMotion]:
+    def _motions(self, v: Sparse, dv: Sparse) -> tuple[FrameMotion, FrameMotion]:
         """Motion of A and of B."""
-        ends = []
+        motions = []
         for link, frame in zip(self._links, self._frames, strict=True):
             R, _ = self._kinematics.pose(self._base, link)
             x = self._kinematics.relative_motion(self._base, link, v, dv)
             a = R @ (x.a + x.U @ sx(frame.placement.translation))
-            omega = R @ x.omega
-            ends.append(LinkMotion(omega, omega, R @ x.alpha, a))
-        return ends[0], ends[1]
+            motions.append(FrameMotion(R @ x.omega, R @ x.alpha, a))
+        return motions[0], motions[1]
 
     def _velocity(self, v: Sparse) -> SX:
         """Velocity of the origin of B less that of A."""
@@ -142,7 +155,11 @@ class _Pair:
         return {k: entry for k, entry in row.items() if not entry.is_zero()}, velocity, (a, b)
 
     def rows_along(self, directions: tuple[bool, ...]) -> Iterator[Row]:
-        """Rows for the held motions of B, in the axes of A."""
+        """Rows for the held motions of B, in the axes of A.
+
+        If all translations, or all rotations, are held, any axes do: the rows have those in which
+        their expressions are short.
+        """
         if all(directions[:3]):
             yield from map(self._coincide, range(3))
         else:
@@ -166,7 +183,7 @@ class _Pair:
         Phi, velocity, ends = self._row(lambda u, _: u[k])
 
         def acceleration(v: Sparse, dv: Sparse) -> SX:
-            a, b = self._ends(v, dv)
+            a, b = self._motions(v, dv)
             return b.a[k] - a.a[k]
 
         return Row(Phi, velocity, acceleration, self.d[k], self.d[k] ** 2, ends)
@@ -180,7 +197,7 @@ class _Pair:
         )
 
         def acceleration(v: Sparse, dv: Sparse) -> SX:
-            a, b = self._ends(v, dv)
+            a, b = self._motions(v, dv)
             apart = ca.cross(a.omega, ca.cross(a.omega, d)) - ca.cross(a.alpha, d)
             return ca.dot(n, b.a - a.a + apart - 2 * ca.cross(a.omega, self._velocity(v)))
 
@@ -189,7 +206,9 @@ class _Pair:
     def _turned_alike(self) -> Iterator[Row]:
         """B does not turn relative to A."""
         # Link C carries the last joint of B's branch. In its axes, the axes of the last two joints
-        # are constant. The path from A's link to C goes through B.
+        # are constant, so that Phi has few terms. In a closed loop both frames have the same axes.
+        # Phi and the acceleration use this: they know the axes of A's link in C through B. The
+        # residual and the gap compare them with those through A's own branch.
         kinematics = self._kinematics
         links = self._kinematics.tree.links
         (link_a, link_b), (frame_a, frame_b) = self._links, self._frames
@@ -199,10 +218,11 @@ class _Pair:
         R_b, _ = kinematics.pose(C, link_b)
         R_a = R_b @ sx(frame_b.placement.rotation @ frame_a.placement.rotation.T)
         turns = self._turns(C, R_a)
-        by_a = kinematics.pose(self._base, link_a)[0] @ R_a.T
-        by_b, _ = kinematics.pose(self._base, C)
-        gap = ca.sumsqr(by_b[:, 0] - by_a[:, 0]) + ca.sumsqr(by_b[:, 2] - by_a[:, 2])
-        apart = by_a.T @ by_b
+        C_through_A = kinematics.pose(self._base, link_a)[0] @ R_a.T
+        C_through_B, _ = kinematics.pose(self._base, C)
+        difference = C_through_B - C_through_A
+        gap = ca.sumsqr(difference[:, 0]) + ca.sumsqr(difference[:, 2])
+        R = C_through_A.T @ C_through_B
 
         def velocity(v: Sparse, twists: Twists, row: int) -> SX:
             (_, turn_a), (_, turn_b) = (twists(self._base, link) for link in self._links)
@@ -220,7 +240,7 @@ class _Pair:
 
         for row in range(3):
             i, j = (row + 1) % 3, (row + 2) % 3
-            residual = (apart[j, i] - apart[i, j]) / 2
+            residual = (R[j, i] - R[i, j]) / 2
             Phi = {k: turn[row] for k, turn in turns.items() if not is_zero(turn[row])}
             changes = partial(velocity, row=row), partial(acceleration, row=row)
             yield Row(Phi, *changes, residual, gap if row == 0 else SX(0))
@@ -250,7 +270,7 @@ class _Pair:
         Phi, velocity, ends = self._row(lambda _, turn: ca.dot(across, turn))
 
         def acceleration(v: Sparse, dv: Sparse) -> SX:
-            a, b = self._ends(v, dv)
+            a, b = self._motions(v, dv)
             n_dot, m_dot = ca.cross(a.omega, n), ca.cross(b.omega, m)
             n_ddot = ca.cross(a.alpha, n) + ca.cross(a.omega, n_dot)
             m_ddot = ca.cross(b.alpha, m) + ca.cross(b.omega, m_dot)
@@ -264,7 +284,7 @@ class _Pair:
         Phi, velocity, ends = self._row(lambda u, _: ca.dot(unit, u))
 
         def acceleration(v: Sparse, dv: Sparse) -> SX:
-            a, b = self._ends(v, dv)
+            a, b = self._motions(v, dv)
             return ca.dot(unit, b.a - a.a) + ca.sumsqr(self._velocity(v)) / length
 
         residual = (ca.dot(unit, self.d) - length) / 2
@@ -282,7 +302,7 @@ class _Pair:
         Phi, velocity, ends = self._row(lambda u, _: ca.dot(unit, u))
 
         def acceleration(v: Sparse, dv: Sparse) -> SX:
-            a, b = self._ends(v, dv)
+            a, b = self._motions(v, dv)
             u = self._velocity(v)
             along = ca.dot(unit, u)
             return ca.dot(unit, b.a - a.a) + (ca.sumsqr(u) - along**2) / length
@@ -301,7 +321,7 @@ class _Pair:
 
         def slip_rate(v: Sparse, dv: Sparse) -> SX:
             # The slip velocity is zero, so that its rate alone counts, whatever the axes do.
-            a, b = self._ends(v, dv)
+            a, b = self._motions(v, dv)
             up_dot = normal_dot = ca.cross(a.omega, normal)
             if not closure.ball:
                 axle_dot = ca.cross(b.omega, axle)
