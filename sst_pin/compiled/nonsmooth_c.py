@@ -18,74 +18,84 @@ from .nonsmooth_motions import DETERMINANT_CHANGE, LEAST_DETERMINANT
 
 def library(entry: str, equations: Equations, rows: NonsmoothRows, lanes: int) -> list[str]:
     """Source of a library with `run_<entry>`, which makes steps, for `lanes` samples at once."""
-    # A step calls three generated kernels: one evaluates the terms of the impulses, one moves q,
-    # and one closes the loops.
+    # A step calls three generated kernels: `close` closes the loops, `terms` evaluates the terms of
+    # the impulses, and `move` moves q.
     checks = Checks(equations)
-    terms = NonsmoothTerms(equations, rows)
-    kernel = terms.kernel(checks)
+    symbols = NonsmoothTerms(equations, rows)
     close = kernels.make(equations, "closing", checks)
-    generated = close, kernel, advance(equations)
+    terms = symbols.kernel(checks)
+    move = advance(equations)
     parts = [f"#define LANES {lanes}"]
     parts += [part(name) for name in ("real.h", "driver.h", "nonsmooth.h")]
-    size = None
+    size = None  # of p: the kernels share one array of parameters, to which each adds its constants
     room = 0  # the largest number of intermediate results of a kernel
-    for each in generated:
-        source = body(each, size, in_memory=True)
+    for kernel in (close, terms, move):
+        source = body(kernel, size, in_memory=True)
         size = source.size
         room = max(room, source.room)
         parts.append(source.text)
 
-    # Numbers that the solver in entries/nonsmooth.c takes from this robot.
+    # Numbers of this robot for the templates entries/prepare.c, sizes.c and nonsmooth.c.
     mechanism = rows.mechanism
-    layout = terms.layout
-    inputs = [symbols.numel() for symbols in kernel.inputs.values()]  # q, va, then the rest
     contacts = mechanism.contacts
-    motors = mechanism.motor_count
+    layout = symbols.layout
+    inputs = [x.numel() for x in terms.inputs.values()]  # q, va, then the rest
+    outputs = terms.output.numel()
     counts = (  # the first members of `rows_of_robot` in nonsmooth.h, in their order
         layout.n,
-        inputs[0],
-        sum(inputs[2:]),
-        motors,
-        len(rows.kinds),
-        len(contacts.points),
-        len(contacts.ropes),
-        len(rows.cables),
-        len(rows.stops),
-        len(rows.dry),
-        len(layout.implicit_row),
+        inputs[0],  # q
+        sum(inputs[2:]),  # load
+        mechanism.motor_count,  # motors
+        len(rows.kinds),  # m
+        len(contacts.points),  # contacts
+        len(contacts.ropes),  # ropes
+        len(rows.cables),  # cables
+        len(rows.stops),  # stops
+        len(rows.dry),  # dry
+        len(layout.implicit_row),  # implicit
     )
     determinants = np.abs(equations.at_samples(equations.pivots.determinant))
-    numbers: dict[str, object] = {
+    of_library: dict[str, object] = {
         "entry": entry,
-        "calls": "\n    ".join(f"{each.name}_constants(p);" for each in generated),
-        "size": size,
         "word": "run",
-        "results": kernel.output.numel(),
+        "calls": "\n    ".join(f"{kernel.name}_constants(p);" for kernel in (close, terms, move)),
+        "size": size,
         "sizes": _listed(inputs),
+        "results": outputs,
+    }
+    # `places` are the further members of `rows_of_robot`.
+    of_rows: dict[str, object] = {
+        "counts": _listed(counts),
+        "places": _listed(list(layout.places.values())),
+        "outputs": outputs,
+        "checks": terms.checks.numel(),
         "row_start": _listed(layout.row_start),
         "row_column": _listed(layout.row_column),
         "impulse_row": _listed(layout.impulse_row),
         "impulse_sign": _listed(layout.impulse_sign),
         "implicit_row": _listed(layout.implicit_row),
         "stop_position": _listed([stop.position for stop in rows.stops]),
-        "units": ", ".join(map(repr, close.units)),
-        "counts": _listed(counts),
-        "places": _listed(list(layout.places.values())),
-        "terms": kernel.name,
-        "outputs": kernel.output.numel(),
-        "checks": kernel.checks.numel(),
+    }
+    # The other members of `nonsmooth_stepper`: when a step is refused.
+    of_stepper: dict[str, object] = {
+        "terms": terms.name,
         "close_checks": close.checks.numel(),
+        "units": ", ".join(map(repr, close.units)),
         "bend": LARGEST_BEND,
         "tolerance": CLOSURE_TOLERANCE,
         "travel": TRAVEL,
         "change": DETERMINANT_CHANGE,
         "least": LEAST_DETERMINANT * float(determinants.max()),
+    }
+    # Sizes of arrays.
+    of_workspace: dict[str, object] = {
         "n": layout.n,
         "m": len(rows.kinds),
         "q": inputs[0],
         "inputs": sum(inputs),
         "room": room,
     }
+    numbers = of_library | of_rows | of_stepper | of_workspace
     names = ("prepare", "sizes", "nonsmooth")
     parts += [filled(f"entries/{name}.c", numbers) for name in names]
     return ["\n".join(parts)]
