@@ -205,7 +205,7 @@ def test_wrenches_at_frames_turn_their_arms_in_rollouts_as_in_simulate(fast):
 
 
 @pytest.mark.parametrize("nonsmooth", [False, True])
-@pytest.mark.parametrize("which", ["robot", "compiled_robot"])
+@pytest.mark.parametrize("which", ["robot", pytest.param("compiled_robot", marks=pytest.mark.slow)])
 def test_a_wrench_at_a_frame_adds_to_a_moment_and_is_held(which, nonsmooth, request):
     """Torques of statics hold the robot, to the rounding of 20 steps."""
     robot = request.getfixturevalue(which)

@@ -28,6 +28,7 @@ def test_example_2_returns_to_the_circle(compiled_robot):
     assert 1e-6 < rounded.path_error < 5e-5
 
 
+@pytest.mark.slow
 def test_a_hundred_seconds_of_swinging_keep_energy_and_closures():
     """Home tilted by 0.3 rad about the hanging pose and let go, without friction."""
     robot = sst_pin.SST(sst_pin.Parameters(gravity=9.81 * np.ones(3) / np.sqrt(3)))

@@ -121,6 +121,7 @@ def test_a_contact_is_drawn_only_while_it_acts_and_rest_is_seen_beside_an_impact
     assert placed[-1]["robot/contact_0"][:3, 3] == pytest.approx([0, 0, 0], abs=1e-12)
 
 
+@pytest.mark.slow
 def test_forces_of_contacts_are_means_between_the_samples_of_the_page():
     """The impulse of an impact between two samples is kept."""
     chain, q0 = block_on_slope(0.0, 0.0)  # without friction all forces are along one direction
