@@ -421,7 +421,8 @@ class Engine:
     # A quantity is computed in this order, until there is a result:
     # 1. `Kernel.answer`, with unchecked arguments, because checks take longer than the kernel.
     # 2. The arguments are checked. What is wrong with them is an error.
-    # 3. `Kernel.many`, for a batch.
+    # 3. `Kernel.many`, for a batch. A single sample that was refused in 1 skips this: it would fail
+    #    the same checks.
     # 4. The reference path, for each sample that the kernel leaves. It raises the errors.
 
     def _plain(

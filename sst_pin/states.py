@@ -64,6 +64,9 @@ class RolloutEnd(NamedTuple):
 class StateSpace:
     """The state space (q, va) of one mechanism, by the reference path.
 
+    The state space of compiled code derives from it, and calls `_fill` for the steps that compiled
+    code does not make.
+
     States are y = (q, va), shape (nq + n,) or (N, nq + n). Their loops are nearly closed, and their
     quaternions have almost length one.
 
@@ -136,7 +139,7 @@ class StateSpace:
         Q = np.transpose([space.coordinate_rates(q, e) for e in np.eye(len(v))])
         q_by_x = Q.dot(L)
         # dv/dx_k is L_dot va, where L_dot belongs to the motion with the rates L e_k.
-        L_dot = self._reference.context.complement.L_dot
+        L_dot = self._reference.context.complement.L_dot  # evaluated at q by `L(q)`
         v_by_x = np.transpose([L_dot(loops.Phi_dot(L_k)).dot(va) for L_k in L.T])
         q_dot_by_x = Q.dot(v_by_x)
         if not space.euclidean:
@@ -195,6 +198,7 @@ class StateSpace:
             return self, condition
         best = _best_coordinates(Phi, len(self.coordinates))
         parts = self._reference.context.loops.parts
+        # The condition numbers of both choices, by the same formula.
         best_condition = condition_number(self._mechanism, Phi, parts(best))
         present_condition = condition_number(self._mechanism, Phi, parts(self.coordinates))
         if best_condition * MARGIN >= present_condition:
@@ -343,6 +347,8 @@ class StateSpace:
             if not isfinite(stage.dot(stage)):
                 raise StepError("a number is not finite; a shorter step may help")
             q = space.normalised(stage[:nq])
+            # Loops at a stage are open by the error of the method. Only the end is closed, because
+            # closing takes long; so no tolerance is asked here.
             return self._rate(q, stage[nq:], tau[when], wrenches(q), np.inf)
 
         end = runge_kutta_step(rate, np.concatenate([q, va]), h)

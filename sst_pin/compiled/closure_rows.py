@@ -55,7 +55,7 @@ class Row:
     residual: SX | None
     #: The term of the row in the squared residual. Rows that share one have it in the first of
     #: them, and zero in the others.
-    gap: SX
+    squared_gap: SX
     #: The frames by whose velocities Phi v is known; empty if it is known by the rates only.
     ends: tuple[End, ...] = ()
 
@@ -101,7 +101,11 @@ def line(kinematics: Kinematics, model: pin.Model, a: str, b: str) -> tuple[SX, 
 
 
 class _Pair:
-    """Rows between two frames; vectors in the axes of the last link that both hang on."""
+    """Rows between two frames; vectors in the axes of the last link that both hang on, the base.
+
+    `kinematics.pose(i, j)` are R and p of link j in link i: R takes vectors from the axes of j to
+    those of i.
+    """
 
     def __init__(self, kinematics: Kinematics, model: pin.Model, a: str, b: str) -> None:
         self._kinematics = kinematics
@@ -171,6 +175,8 @@ class _Pair:
             (k,) = set(range(3)) - set(turns)
             i, j = (k + 1) % 3, (k + 2) % 3
             apart = ca.sumsqr(self.a.R[:, k] - self.b.R[:, k])  # the squared angle of the axes
+            # For each turn an axis of A, an axis of B and a sign, as in `loops.rows._RightAngles`:
+            # each row is the turn of B about the positive axis of A.
             of_turn = {i: (j, k, -1.0), j: (i, k, 1.0)}
             for t in turns:
                 yield self._angle(*of_turn[t], apart if t == turns[0] else SX(0))
@@ -206,9 +212,9 @@ class _Pair:
     def _turned_alike(self) -> Iterator[Row]:
         """B does not turn relative to A."""
         # Link C carries the last joint of B's branch. In its axes, the axes of the last two joints
-        # are constant, so that Phi has few terms. In a closed loop both frames have the same axes.
-        # Phi and the acceleration use this: they know the axes of A's link in C through B. The
-        # residual and the gap compare them with those through A's own branch.
+        # are constant, so that Phi has few terms. R_a are the axes of A's link in C if the loop is
+        # closed, where both frames have the same axes: through B, not through A's own branch. Phi
+        # and the acceleration use R_a; the residual and the gap measure how wrong it is.
         kinematics = self._kinematics
         links = self._kinematics.tree.links
         (link_a, link_b), (frame_a, frame_b) = self._links, self._frames
@@ -221,6 +227,7 @@ class _Pair:
         C_through_A = kinematics.pose(self._base, link_a)[0] @ R_a.T
         C_through_B, _ = kinematics.pose(self._base, C)
         difference = C_through_B - C_through_A
+        # Two columns of a rotation determine the third.
         gap = ca.sumsqr(difference[:, 0]) + ca.sumsqr(difference[:, 2])
         R = C_through_A.T @ C_through_B
 
@@ -229,6 +236,8 @@ class _Pair:
             return (R_b @ turn_b - R_a @ turn_a)[row]
 
         def acceleration(v: Sparse, dv: Sparse, row: int) -> SX:
+            # The angular velocity of B relative to A is zero, so that the turning of the axes of C,
+            # in which it is written, does not count.
             of_a = kinematics.relative_motion(self._base, link_a, v, dv)
             of_b = kinematics.relative_motion(self._base, C, v, dv)
             alpha = of_b.alpha - R_a @ of_a.alpha
@@ -279,7 +288,10 @@ class _Pair:
         return Row(Phi, velocity, acceleration, sign * ca.dot(n, m), gap, ends)
 
     def distance(self, length: float) -> Row:
-        """The origins stay at a distance: (d.d - l^2) / 2 l."""
+        """The origins stay at a distance: (d.d - l^2) / 2 l.
+
+        It needs no root. It equals |d| - l to first order, and Phi is the same in a closed loop.
+        """
         unit = self.d / length
         Phi, velocity, ends = self._row(lambda u, _: ca.dot(unit, u))
 

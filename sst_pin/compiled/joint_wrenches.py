@@ -51,10 +51,11 @@ def reactions(e: Equations, checks: Checks) -> tuple[dict[str, SX], SX, list[Any
     mechanism = e.mechanism
     inputs = {"q": e.q, "va": e.va, "aa": e.aa}
 
-    # The forces that closures must give to the tree: Phi^T lambda = needed.
+    # The forces that closures must give to the tree along the dependent rates:
+    # Phi_u^T lambda = needed.
     needed = e.tree_forces
     if mechanism.driven_one_to_one:
-        tau = e.generalized_forces
+        tau = e.generalized_forces  # these motors act on coordinates only
     else:
         tau = e.tau
         inputs["tau"] = tau
@@ -113,6 +114,7 @@ def _stresses(e: Equations) -> Iterator[Sparse]:
     for i in sorted(set(range(len(e.rows))) - pivots):
         balance = e.multipliers({j: -x for j, x in e.rows[i].Phi.items()})
         scale = float(e.mechanism.row_scale[i])
+        # A unit of row i is a force or a moment; times its scale it has the size of unit stress.
         yield {k: scale * x for k, x in add(balance, {i: SX(1)}).items()}
 
 
@@ -138,7 +140,7 @@ def _wrenches(
     remaining = [-wrench for wrench in supplied]
     if needed is not None:
         remaining = [x + y for x, y in zip(needed, remaining, strict=True)]
-    carried = e.kinematics.carried(remaining)
+    carried = e.kinematics.carried(remaining)  # sums over each link and all links behind it
     wrenches = [carried[tree.link_of[j]] for j in range(1, model.njoints)]
 
     # A closure gives to the link of its frame B the sum of its rows, here about that frame.

@@ -43,9 +43,9 @@ from .symbols import Sparse, add, column, is_zero
 CLOSED = 0.5 * CLOSURE_TOLERANCE
 #: Largest residual of a solution, in roundings of the matrix times the solution.
 _ROUNDINGS = 30
-#: Largest missing part of a force, in roundings: in single precision it exceeds UNSUPPLIED and
-#: takes its place.
-_LEFT = 1e4
+#: The largest part of a force that may be missing is UNSUPPLIED, or this many roundings if that is
+#: more, as in single precision.
+_MISSING = 1e4
 #: Rounding of the sum of all forces, free of units.
 _BALANCED = 1e-14
 #: Rounding of double precision, for which the thresholds are chosen.
@@ -77,7 +77,7 @@ class Checks:
         e = self._equations
         # The sum of squares of the scaled residuals: at most the square of the bound only if each
         # residual is at most the bound. A largest element would need a branch for each.
-        gaps = [s**2 * x.gap for s, x in zip(self._row_scale, e.rows, strict=True)]
+        gaps = [s**2 * x.squared_gap for s, x in zip(self._row_scale, e.rows, strict=True)]
         gaps += [gap**2 for gap in e.kinematics.unit_gaps]
         open_loops = total(gaps) / self._closed**2
         parts = zip(e.factors.parts, e.pivots.sizes, strict=True)
@@ -189,7 +189,11 @@ class Checks:
 
     @property
     def massless(self) -> list[Any]:
-        """More than 1 where a pivot of the mass matrix is too small."""
+        """More than 1 where a pivot of the mass matrix is negative or too small.
+
+        It is too small below rounding of its diagonal entry plus a part of the inertia of the whole
+        robot. The sum over all pivots is stricter than each by itself.
+        """
         e = self._equations
         factors = e.inertia_factors
         scale = self._rate_scale
@@ -200,7 +204,7 @@ class Checks:
             fastest = total((x / float(scale[j])) ** 2 for j, x in L.items())
             small.append(inverse * (precision * ROUNDING * entry + least * fastest))
         negative = total(ca.fabs(x) - x for x in factors.inverses)  # zero if all are positive
-        return [1e30 * negative, total(small)]
+        return [1e30 * negative, total(small)]  # any negative pivot fails
 
     def unsolved(self, x: Sparse, right: Sparse) -> list[Any]:
         """More than 1 where the rates x do not solve Phi x = right because a pivot was small.
@@ -236,7 +240,7 @@ class Checks:
         sizes = units * (ca.fabs(A) @ ca.fabs(column(tau, range(A.shape[1]))))
         left = units * ca.fabs(A @ column(tau, range(A.shape[1])) - f)
         floor = _BALANCED * precision * ca.sum1(sizes)
-        most = max(UNSUPPLIED, _LEFT * self._rounding)
+        most = max(UNSUPPLIED, _MISSING * self._rounding)
         return ca.vertsplit(2 - 2 * (left <= most * sizes + floor))
 
     @cached_property
@@ -264,7 +268,8 @@ class Checks:
         """More than 1 where a residual is too large for its solution.
 
         The check is |s . r|^2 / bound^2 <= |x|^2 + _NOTHING^2, without a division by x, which may
-        be zero. The result is at most 1 where it holds. `terms` are those of s . r, in a `unit`.
+        be zero. The result is at most 1 where it holds. `terms` are those of s . r; as s is divided
+        by `unit`, so is the bound.
         """
         if not terms:
             return []
@@ -276,7 +281,7 @@ class Checks:
 def _signs(places: Sequence[int], scale: Array) -> tuple[float, dict[int, float]]:
     """A unit, and the vector s: random signs, always the same, times the scales in this unit.
 
-    With the first scale as unit, robots whose scales are all equal need no products.
+    The unit is the first scale. If all are equal, s is 1 or -1 and its products cost nothing.
     """
     unit = float(scale[places[0]]) if places else 1.0
     signs = np.random.default_rng(0).choice([-1.0, 1.0], size=len(places))

@@ -76,7 +76,7 @@ def library(entry: str, equations: Equations, rows: NonsmoothRows, lanes: int) -
         "implicit_row": _listed(layout.implicit_row),
         "stop_position": _listed([stop.position for stop in rows.stops]),
     }
-    # The other members of `nonsmooth_stepper`: when a step is refused.
+    # Members of `nonsmooth_stepper` in nonsmooth.h, which say when a step is refused.
     of_stepper: dict[str, object] = {
         "terms": terms.name,
         "close_checks": close.checks.numel(),

@@ -37,6 +37,8 @@ _STRIDE = 0.5
 _HALVINGS = 20
 #: Relative rounding of a position.
 _ROUNDING = float(np.finfo(float).eps)
+#: Newton's method goes on down to this error, although loops count as closed before.
+_POLISHED = 1e-4 * _ASSEMBLED
 #: Singular values below this part of the largest, or of one, count as zero.
 _NO_RANK = 1e-10
 #: Loops that stay open by less are tried again with the tolerance of rounded placements.
@@ -48,7 +50,7 @@ _ASIDE = 0.2
 class Assembly:
     """Newton's method on the closures of one mechanism; one object per thread.
 
-    If not `slipping`, each Newton step also satisfies the rolling constraints.
+    Without `slipping`, rows that hold rates only, those of rolling and brakes, also bind the steps.
     """
 
     def __init__(self, mechanism: Mechanism, loops: Loops, *, slipping: bool = True) -> None:
@@ -198,13 +200,14 @@ class Assembly:
             ]
             if not worse:
                 return trial, f_trial
+            # The last pass tries the steps of the groups that are left.
             rounding = np.maximum(_ASSEMBLED, self._rounding(q, Phi))
             for group in worse:
                 step[group.rates] /= 2
                 is_rounding = (np.abs(f[group.rows]) < rounding[group.rows]).all()
                 if is_rounding or halvings >= _HALVINGS - 1:
                     step[group.rates] = 0.0
-        return q, self._error(q)
+        return q, self._error(q)  # no group is left that moves
 
     def _error(self, q: Array) -> Array:
         """f at q, shape (rows,); the loops are evaluated at q."""
@@ -225,6 +228,7 @@ class Assembly:
 
         It grows with turns of the joints and with the distance of the loops from the origin.
         """
+        # Joints whose coordinate is one number, which may contain many turns.
         entries, rates = self.mechanism.space.plain
         turns = np.abs(Phi[:, rates]) @ np.abs(q[entries] / self.mechanism.rate_scale[rates])
         distances = self.loops.largest_coordinates * self.mechanism.row_scale
@@ -251,13 +255,13 @@ class Assembly:
     # --- groups -----------------------------------------------------------------------------
 
     def _groups(self, free: Indices) -> list[_Group]:
-        """The groups of loops that share no free joint; `least` is for the evaluated loops."""
+        """The groups of loops that share no free joint; call it after `_error`."""
         key = free.tobytes()
         if key not in self._groups_of_free:
             self._groups_of_free[key] = self._rows_and_rates(free)
         rounding = _ROUNDING * self.loops.largest_coordinates * self.mechanism.row_scale
         return [
-            _Group(rows, rates, max(1e-4 * _ASSEMBLED, float(rounding[rows].max(initial=0.0))))
+            _Group(rows, rates, max(_POLISHED, float(rounding[rows].max(initial=0.0))))
             for rows, rates in self._groups_of_free[key]
         ]
 

@@ -3,7 +3,7 @@
 
 Phi_a and Phi_b are the columns of a block for the dependent rates, at configurations a and b. If b
 is near a in the same mode, Phi_b is near Phi_a. If a and b lie in different modes at the same
-coordinates, the mean of Phi over the path between them maps their difference to
+coordinates, the mean of Phi over the line between them maps their difference to
 f(b) - f(a) = 0, so that it is singular. With (Phi_a + Phi_b) / 2 as the mean there is an x with
 Phi_a^+ (Phi_b - Phi_a) x = -2 x. Where |Phi_a^+ (Phi_b - Phi_a)| < 1, all matrices between Phi_a
 and Phi_b are regular. A step is continuous below 1/2, which leaves a margin; a longer one is

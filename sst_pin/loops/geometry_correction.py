@@ -96,8 +96,12 @@ def correct_geometry(mechanism: Mechanism) -> Mechanism:
         DescriptionWarning: If placements were displaced, because they are rounded.
 
     Raises:
-        ClosureError: For an overconstrained loop that is open by more in its best pose.
+        ClosureError: For an overconstrained loop that is open by more than `ROUNDED_PLACEMENTS` in
+            its best pose.
     """
+    # A part stays as it is if its rows are independent, if it closes in `_LOOKS` poses or in most
+    # poses, if its rank is not clear, if no small displacement makes it close, or if rounding does
+    # not explain the displacement and the part moves as it is.
     with announced(f"model {mechanism.model.name}: checking its closures"):
         original = _Robot(mechanism)
         start, rates = original.start(), np.arange(mechanism.model.nv)
@@ -236,7 +240,10 @@ class _Robot:
         return self._assembly.closer(q, rates, ROUNDED_PLACEMENTS)
 
     def moves(self, q: Array, part: _Part) -> bool:
-        """Whether a part closes, to rounding, along a motion from near q."""
+        """Whether a part closes, to rounding, along a motion from near q.
+
+        All rows count as they are here, the contradictions of rounded placements included.
+        """
         rates = part.rates
         model, scale = self.mechanism.model, self.mechanism.rate_scale[rates]
         q = self._assembly.closer(q, rates)
@@ -338,7 +345,7 @@ class _Robot:
         self, q: Array, part: _Part, rank: int, places: Mapping[str, int], unit: Array
     ) -> "_Equations":
         """What displacements, in units of their own, have to fulfil at a pose."""
-        U, s, Vt = np.linalg.svd(self._Phi(q, part))
+        U, s, Vt = np.linalg.svd(self._Phi(q, part))  # evaluates the loops at q
         scale = self.mechanism.row_scale[part.rows]
         f = self.loops.f[part.rows] * scale
         F = by_displacements(self.loops, places)[part.rows] * scale[:, None] * unit
@@ -420,7 +427,8 @@ def by_displacements(loops: Loops, places: Mapping[str, int]) -> Array:
     for k, (place, frame) in enumerate(places.items()):
         body, placement = place_of(model, place)
         carrier = data.oMi[bodies[body]]
-        # Linear along the axes of the body with the place, angular about those of the place.
+        # Twists in the world of unit displacements: linear along the axes of the body that carries
+        # the place, angular about the axes of the place.
         twists = (carrier * placement).action
         twists[:3, :3] = carrier.rotation
         for closures in loops.of_frames:

@@ -2,8 +2,9 @@
 """The rows of the closures: error f, Jacobian Phi and the rate of Phi, by vector formulas.
 
 A closure connects a frame B to a frame A. Each row of Phi is a wrench W_B on B and the opposite of
-a wrench W_A on A, [force; moment] at the world's origin: Phi = W_B J_B - W_A J_A, with Pinocchio's
-frame Jacobians J in world axes. There are two sorts of rows:
+a wrench W_A on A, [force; moment] at the world's origin: Phi = W_B J_B - W_A J_A, with the
+Jacobians J of frames that Pinocchio calls `WORLD`: they give the velocity of the point at the
+world's origin. There are two sorts of rows:
 
 - a unit force along u at a point p of each frame: [u; p x u]; the row is the velocity along u of
   the point of B relative to that of A;
@@ -251,6 +252,7 @@ class _RightAngles:
         cosines = np.vecdot(a.axes, _one_row(self._of_b(b)))
         f: Array = -cosines.dot(self._signed.T)
         if self._two:
+            # Where y of B is tilted from y of A by more than 90 degrees:
             for closure in np.flatnonzero(cosines[:, self._y] < 0):
                 f[closure] = _continued(f[closure])
         return f
@@ -407,8 +409,8 @@ class JointMotion(NamedTuple):
 class FrameRows:
     """The rows of k closures of one kind at the configuration of the last `evaluate`.
 
-    `rates` are those of the normal tree, S v for the rates v of the model, with S of shape
-    (rates, nv).
+    The normal tree is the model's tree with ordinary joints in place of those that Pinocchio treats
+    specially, such as mimic joints. Its `rates` are S v for the rates v of the model.
 
     Attributes:
         at: Where the rows are in Phi, shape (k, rows).
@@ -427,8 +429,11 @@ class FrameRows:
         self.frames = np.array([[frame_id(model, name) for name in pair] for pair in names])
         self._indices: list[int] = self.frames.ravel().tolist()  # Pinocchio takes Python's integers
         self.bodies = np.array([frame.parentJoint for frame in model.frames])[self.frames]
+        # W_dot needs the whole twist of each frame, by all rates that carry it. Phi needs only the
+        # rates that move one of the frames: others move both in the same way, which changes
+        # nothing. Closures have different numbers of these, so that lists of them are filled up to
+        # the largest number; what fills up is multiplied by zero.
         carries = tree.supports[self.bodies]
-        # Rates that move both frames in the same way do not change the closure.
         moves = carries & ~carries[:, ::-1]
         self._carries = carries.reshape(len(names) * 2, -1).astype(float)
         moving = moves.any(axis=1)
@@ -540,7 +545,10 @@ class CouplingRow:
 
 
 class BrakeRow(CouplingRow):
-    """The row of a joint's rate that is held, at any position: a coupling without terms."""
+    """The row of a joint's rate that is held, at any position.
+
+    It is a coupling without terms, whose `Phi_dot` and `drift` are therefore zero.
+    """
 
     def __init__(self, model: pin.Model, brake: Brake, at: Indices) -> None:
         self.at, self.terms = at, []

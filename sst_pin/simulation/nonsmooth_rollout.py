@@ -130,7 +130,7 @@ def nonsmooth_rollout(
         va=np.full((count, steps + 1, len(mechanism.coordinates)), np.nan),
         forces=np.full((count, steps, impulses), np.nan),
         residual=np.full((count, steps), np.nan),
-        impulses=np.zeros((count, impulses)),
+        impulses=np.zeros((count, impulses)),  # of the last step: where the solver starts
     )
     arrays.q[:, 0] = samples.q0
     arrays.va[:, 0] = samples.va0
