@@ -197,7 +197,10 @@ def _mujoco(element: ET.Element) -> Iterator[Problem]:
     for part in element:
         for key in _OF_MUJOCO.get(part.tag, ()):
             value = part.get(key)
-            if value is not None and value not in ("false", "auto") and not stands_for(value, 0):
+            if value is None or value in ("false", "auto"):
+                continue
+            # Zero changes nothing, unless it is a gravity.
+            if key == "gravity" or not stands_for(value, 0):
                 yield warning("<mujoco>", f"<{part.tag} {key}={value!r}> is not read")
     for tag in ("equality", "tendon", "actuator", "contact"):
         if element.find(tag) is not None:

@@ -69,6 +69,10 @@ def read(folder, *elements, cuts="name_mot: [hinge]\n"):
             "<mujoco>: <option gravity='0 0 -1.6'> is not read",
         ),
         (
+            '<mujoco><option gravity="0 0 0" wind="0 0 0"/></mujoco>',
+            "<mujoco>: <option gravity='0 0 0'> is not read",
+        ),
+        (
             '<frame name="A" link="base"/><frame name="C" link="arm"/>'
             '<drake:linear_bushing_rpy><drake:bushing_frameA name="A"/>'
             '<drake:bushing_frameC name="C"/></drake:linear_bushing_rpy>',
