@@ -45,7 +45,9 @@ def identify(arguments: argparse.Namespace) -> int:
     t, x, tau, start = read_log(robot.engine, common.source_of(arguments.log))
     cutoff = arguments.cutoff
     every = arguments.decimate
-    if every is None:  # at most the samples of a period of the cut-off frequency
+    # By default at most the samples of a period of the cut-off frequency: the filter before has
+    # removed what is faster.
+    if every is None:
         in_period = (len(t) - 1) / (t[-1] - t[0]) / cutoff if cutoff > 0 else 1
         every = max(1, min(_EVERY, int(in_period)))
     motion = identification.measured_motion(
@@ -55,7 +57,7 @@ def identify(arguments: argparse.Namespace) -> int:
     first = motion[:cut]
     unseen = motion[cut:]
 
-    # The parameters.
+    # The parameters. Each combination has the column of one parameter, after which it is named.
     base = identification.base_parameters(robot, _parameters(robot, arguments.which, masses))
     estimate = identification.estimate(
         robot,
@@ -65,7 +67,7 @@ def identify(arguments: argparse.Namespace) -> int:
         first.aa,
         first.tau,
         robust=arguments.robust,
-        decimate=every,
+        decimate=every,  # as above, so that torques and regressor pass the same filter
     )
     theta = identification.consistent_parameters(robot, estimate)
 

@@ -208,6 +208,7 @@ def reach_map(
     _warn_of_thin_map(A, directions, axes, names)
 
     # Torques that hold the poses, with the preload that keeps them within the limits.
+    # The rows of load @ G_T are G w.
     tau = chain.compute_torques(q[reached], zero_rates, zero_rates) - load @ G_T
     preloads = chain.preload_directions(q[reached])
     holding = np.empty(tau.shape)
@@ -416,10 +417,10 @@ def _flood(
 def _conditions(A: Array) -> Array:
     """Condition numbers of matrices, shape (N, k, motors); very large where one loses rank.
 
-    The usual rank is the largest one. It is below k if no pose lets the frame move in all
-    prescribed components; singular values beyond it do not count.
+    Components in which the frame can move in no pose do not count: the last singular value is that
+    of the largest rank of all poses. A pose with a smaller rank has a very large number.
     """
     s = np.linalg.svd(A, compute_uv=False)
-    rank = (s > RANK_TOLERANCE * s[:, :1]).sum(axis=1).max(initial=1)
+    largest_rank = (s > RANK_TOLERANCE * s[:, :1]).sum(axis=1).max(initial=1)
     with np.errstate(divide="ignore"):
-        return np.asarray(s[:, 0] / s[:, rank - 1])
+        return np.asarray(s[:, 0] / s[:, largest_rank - 1])

@@ -14,8 +14,8 @@ from .mjcf_compiled import BALL, FREE, Compiled
 from .mjcf_loops import actuators
 from .mjcf_tree import MjcfTree
 
-#: Fields of MuJoCo's model that cause forces or inertias and are not read, in words. Not every
-#: MuJoCo has every field.
+#: Fields of MuJoCo's model that cause forces or inertias and of which at least some numbers are not
+#: read, in words; `_unread_numbers` leaves out those that are. Not every MuJoCo has every field.
 _NOT_READ = {
     "jnt_stiffnesspoly": "the polynomial of a spring",
     "jnt_springyield": "the yield of a spring",
@@ -186,13 +186,13 @@ class _Forces:
         return self._forces(self._mj)
 
     def depend_on(self, field: str) -> bool:
-        """Whether the forces depend on the numbers of a field that are not read."""
+        """Whether the forces depend on the unread numbers of a field."""
         values = self._unread_numbers(field)
         if not np.any(values):
             return False
         if field in _IN_SOME_STATES:
             return self._is_on_moving_joint(field, np.atleast_1d(values))
-        without = copy(self._mj)
+        without = copy(self._mj)  # of an MjModel, a copy has arrays of its own
         array = getattr(without, field)
         array[:] = array - values
         return not np.array_equal(self._forces(without), self._forces_of_file)
@@ -205,7 +205,11 @@ class _Forces:
         return not np.array_equal(self._forces(without), self._forces_of_file)
 
     def joints_with_other_forces(self) -> list[int]:
-        """Joints on which passive forces act that are not read."""
+        """Joints on which passive forces act that are not read.
+
+        It has a meaning only if `depend_on` is false for all fields: the passive forces that are
+        set to zero here are then those that are read.
+        """
         without = copy(self._mj)
         without.jnt_stiffness[:] = 0
         without.dof_damping[:] = 0

@@ -91,16 +91,16 @@ _Point = tuple[float, float]
 
 
 class _Cylinder(NamedTuple):
-    """A hydraulic cylinder between two bodies, named after what it moves."""
+    """A hydraulic cylinder between two bodies, named after the body that it moves in the end."""
 
     name: str
     #: Body that carries the barrel, and its foot there.
     carrier: str
     foot: _Point
-    #: Body that the rod is pinned to, and its eye there.
+    #: Body with the lug to which the eye of the rod is pinned, and the place of the lug.
     driven: str
-    eye: _Point
-    #: Length from foot to eye at no stroke, [m].
+    lug: _Point
+    #: Length from foot to lug at no stroke, [m].
     retracted: float
 
     def add(self, tree: Tree, mass: float) -> None:
@@ -170,14 +170,16 @@ def excavator(
         ("rocker", "arm", shift(pivot), link_mass, rocker, 0.03),
         ("link", "rocker", shift((rocker, 0)), link_mass, link, 0.03),
     ):
-        if parent != carrier:  # depth first: the cylinders of a body before the bodies it carries
+        # Pinocchio numbers joints depth first: the cylinders of a body, then the bodies it carries.
+        # Bodies of one parent stand together.
+        if parent != carrier:
             carrier = parent
             for cylinder in cylinders:
                 if cylinder.carrier == carrier:
                     cylinder.add(tree, cylinder_mass)
         tree.hinge(name, bar(mass, length, radius), parent, at)
     for c in cylinders:
-        tree.frame(f"{c.name}_lug", c.driven, c.eye)
+        tree.frame(f"{c.name}_lug", c.driven, c.lug)
     tree.platform("bucket", (bucket, 0))
     tree.frame("end_of_link", "link", (link, 0))
     tree.frame("pin_of_bucket", "bucket", bucket_pin)
@@ -219,7 +221,7 @@ def _excavator_joints(
         "rocker": planar(pivot[0], pivot[1], rocker),
     }
     for c in cylinders:
-        reach = placements[c.driven].act(np.array([*c.eye, 0])) - (*c.foot, 0)
+        reach = placements[c.driven].act(np.array([*c.lug, 0])) - (*c.foot, 0)
         joints[f"{c.name}_barrel"] = direction(reach)
         joints[f"{c.name}_stroke"] = float(np.linalg.norm(reach)) - c.retracted
     return joints

@@ -14,10 +14,10 @@ Algebra, SIAM 2004):
    of degree four. The coefficients of these 30 equations are the Macaulay matrix. Its null space
    has dimension eight: the monomials of degree four at the eight solutions span it. Degree four is
    the smallest degree for which this holds.
-2. If z has the monomials at one solution, then the monomials of degree three times a linear form
-   a . p are entries of z. So, for a second form b . p, multiplication by the ratio
-   (a . p) / (b . p) maps the null space onto itself: an 8 x 8 matrix. Its eigenvectors are the
-   solutions, in coordinates of the null space, because the ratio differs between them.
+2. Let the columns of N span the null space, z = N c. The 20 monomials of degree three times a
+   linear form a . p are linear in z, so that they are S_a c; times b . p they are S_b c. In a
+   solution S_a c = r S_b c with the ratio r = (a . p) / (b . p). So the eight c are eigenvectors of
+   the 8 x 8 matrix pinv(S_b) S_a, because r differs between the solutions.
 3. In a solution z, the products of a monomial of degree three with x, y, z, w are proportional to
    p. Newton's method removes the rounding of the eigenvectors.
 """
@@ -38,8 +38,8 @@ _IMAGINARY = 1e-4
 _POLISHED = 1e-13
 #: Quaternions closer than this are one solution.
 _APART = 1e-6
-#: The quadrics meet in a curve, not in points, if the Macaulay matrix has a ninth singular value
-#: below this part of the largest.
+#: The quadrics meet in a curve, not in points, if the ninth smallest singular value of the Macaulay
+#: matrix is below this part of the largest.
 _CURVE = 1e-10
 
 #: A monomial in the four components of a quaternion, as their sorted indices: (0, 0, 3) is x^2 w.
@@ -137,17 +137,17 @@ def _intersections(A: Array) -> NDArray[np.complex128]:
 
     # 2. Multiplication by (a . p) / (b . p) in the null space, and its eigenvectors.
     products = null[_CUBIC_TIMES_P]  # (cubic monomial, component of p, column)
-    times_a = np.einsum("mjs,j->ms", products, _FORM_A)
-    times_b = np.einsum("mjs,j->ms", products, _FORM_B)
-    multiplication = np.linalg.lstsq(times_b, times_a, rcond=None)[0]
+    S_a = np.einsum("mjs,j->ms", products, _FORM_A)
+    S_b = np.einsum("mjs,j->ms", products, _FORM_B)
+    multiplication = np.linalg.lstsq(S_b, S_a, rcond=None)[0]
     _, eigenvectors = np.linalg.eig(multiplication)
     monomials = null @ eigenvectors  # of degree four, a column for each solution
 
     # 3. The products of a cubic monomial with x, y, z, w are proportional to p. The largest
     # products have the least relative rounding.
-    products = monomials[_CUBIC_TIMES_P]
-    best = np.abs(products).sum(axis=1).argmax(axis=0)
-    p = products[best, :, np.arange(_N_SOLUTIONS)]
+    at_solutions = monomials[_CUBIC_TIMES_P]  # (cubic monomial, component of p, solution)
+    best = np.abs(at_solutions).sum(axis=1).argmax(axis=0)
+    p = at_solutions[best, :, np.arange(_N_SOLUTIONS)]
     return np.asarray(p / np.linalg.norm(p, axis=1)[:, None])
 
 
