@@ -110,6 +110,7 @@ def test_a_moment_on_the_platform_alone_is_that_of_the_wrenches_of_all_bodies(fi
             assert np.array_equal(alone, f(q, va, aa, platform_moment=moments)[-1])
 
 
+@pytest.mark.slow
 def test_wrenches_are_no_moment_on_the_platform(four_bar, five_bar):
     """Of a robot without a platform, and with one."""
     for robot in (four_bar, five_bar):

@@ -37,6 +37,7 @@ def held(chain, q, steps=9):
     return chain.trajectory(np.arange(steps) / 100, np.tile(q, (steps, 1)), rest, rest)
 
 
+@pytest.mark.slow
 def test_errors_of_computed_torque_obey_their_linear_equation(five_bar, sway):
     """e'' + kd e' + kp e = 0, critically damped: e = (1 + 20 t) exp(-20 t) e0, for each motor."""
     control = sst_pin.ComputedTorque(five_bar, sway, kp=400, kd=40)

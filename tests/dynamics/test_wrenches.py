@@ -49,7 +49,7 @@ def close(actual, expected):
     assert np.abs(actual - expected).max() < ROUNDING * (1 + np.abs(expected).max())
 
 
-@pytest.mark.parametrize("path", ["robot", "compiled"])
+@pytest.mark.parametrize("path", ["robot", pytest.param("compiled", marks=pytest.mark.slow)])
 def test_both_paths_add_the_work_of_a_wrench(path, request, case):
     chain, (q, va, aa, wrenches, work) = request.getfixturevalue(path), case
     load = {"external_wrenches": wrenches}

@@ -179,6 +179,7 @@ def test_too_few_samples_for_the_noise_of_a_motor_are_refused():
         estimate(chain, base, *motion, tau)
 
 
+@pytest.mark.slow
 def test_intervals_of_many_samples_are_those_of_the_normal_distribution():
     chain, base, motion, tau = case("five_bar", 400)
     noise = 0.01 * np.random.default_rng(0).normal(size=tau.shape)

@@ -2,6 +2,7 @@
 """`sst-pin plot`, as one types it."""
 
 import numpy as np
+import pytest
 from matplotlib import image
 
 from tests.support.command_line import run
@@ -10,6 +11,7 @@ from tests.support.files import ROOT
 SAMPLE = ROOT / "examples" / "figure_eight.csv"
 
 
+@pytest.mark.slow
 def test_a_page_of_a_motion(here, capsys):
     """Ink of several colours, nothing cut off at the border."""
     code, out, _ = run(capsys, "plot", SAMPLE, "-o", "page.png")

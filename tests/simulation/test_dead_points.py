@@ -59,6 +59,7 @@ def test_idle_linkages_swing_through_their_dead_points(chain, va):
     assert np.ptp(chain.kinetic_energy(motion.q[sound], motion.va[sound])) < 1e-8
 
 
+@pytest.mark.slow
 def test_results_and_torques_are_in_the_coordinates_of_the_robot():
     """Hinge 2 of Bricard's linkage turns round; a damper there is the same by hinge 1."""
     chain, t, seen = robots.bricard(), np.linspace(0, 2, 41), []

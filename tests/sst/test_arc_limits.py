@@ -80,6 +80,7 @@ def test_whole_turns_leave_no_arc_but_joint_limits(robot):
     assert list(result[0].times) == [T[1], T[2]]
 
 
+@pytest.mark.slow
 def test_both_kinds_of_singularity_are_found_where_they_are_near(robot):
     """|sin mu_k| and the condition number are those of `singularities`."""
     angles = np.random.default_rng(5).uniform(-np.pi, np.pi, (3, 4000))

@@ -65,7 +65,7 @@ def test_the_home_of_andrews_is_the_published_start():
     ("name", "end"),
     [
         pytest.param("n_four_bar_2", 1.0, marks=pytest.mark.slow),
-        ("slider_crank", 0.5),
+        pytest.param("slider_crank", 0.5, marks=pytest.mark.slow),
         ("modelica_four_bar", 1.0),
         pytest.param("governor", 0.5, marks=pytest.mark.slow),
     ],
