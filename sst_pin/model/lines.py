@@ -10,8 +10,8 @@ import numpy as np
 from ..arrays import Array, Flags, single_array
 from ..errors import InputError
 
-#: Numbers of a line.
-_NUMBERS = (
+#: Numbers of a line; a YAML has the same keys.
+NUMBERS_OF_LINE = (
     "stiffness",
     "rest_length",
     "damping",
@@ -91,7 +91,7 @@ class LineForce:
             raise InputError("lines", f"{self}: a line needs two different frames")
         if not isinstance(self.pulls_only, bool):
             raise InputError(f"pulls_only of line {self}", f"{self.pulls_only!r} is not a boolean")
-        for attribute in _NUMBERS:
+        for attribute in NUMBERS_OF_LINE:
             name = f"{attribute} of line {self}"
             value = getattr(self, attribute)
             if attribute in _LIMITS and value == inf:

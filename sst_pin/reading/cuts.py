@@ -12,7 +12,7 @@ from ..arrays import Array
 from ..model.checks import Motor
 from ..model.closures import Closure, Constraint, Coupling, Distance, Rolling
 from ..model.contacts import Contact, Rope
-from ..model.lines import LineForce
+from ..model.lines import NUMBERS_OF_LINE, LineForce
 from .cut_joints import CutJoint, cut_joint
 from .joint_numbers import LIMITS, JointNumbers
 from .problems import collecting_problems, numbers, vector
@@ -51,19 +51,8 @@ _KEYS = (
 _SW2ROBOT_KEYS = ("closures", "dependent", "independent")
 #: Keys of a hinge in a `loop_closures.yaml`.
 _HINGE_KEYS = ("link_a", "link_b", "point", "axis")
-#: Numbers of an entry of `line_force`, and all its keys.
-_LINE_NUMBERS = (
-    "stiffness",
-    "rest_length",
-    "damping",
-    "preload",
-    "mass",
-    "lower",
-    "upper",
-    "effort",
-    "velocity",
-)
-_LINE_KEYS = ("name", "frames", *_LINE_NUMBERS, "pulls_only")
+#: Keys of an entry of `line_force`.
+_LINE_KEYS = ("name", "frames", *NUMBERS_OF_LINE, "pulls_only")
 #: Numbers of a contact, and all its keys.
 _CONTACT_NUMBERS = ("radius", "friction", "restitution")
 _CONTACT_KEYS = ("frame", "name", "ground", *_CONTACT_NUMBERS)
@@ -223,7 +212,7 @@ def _line(value: Any) -> LineForce:
     if "frames" not in fields:
         raise ValueError(f"{shown(value)} has no pair of frames")
     frame_a, frame_b = pair_in(fields["frames"])
-    values = {key: number_in(fields[key], key) for key in _LINE_NUMBERS if key in fields}
+    values = {key: number_in(fields[key], key) for key in NUMBERS_OF_LINE if key in fields}
     pulls_only = str(fields.get("pulls_only", "false")).lower()
     if pulls_only not in ("true", "false"):
         raise ValueError(f"pulls_only {shown(fields['pulls_only'])} is neither true nor false")
