@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array, as_array, finite_array, for_each_sample, of_samples, single_array
 from ..errors import ActuationError, InputError, SingularConfigurationError
+from ..loops.ranks import rank_of
 from ..model.mechanism import Mechanism
-from ..model.thresholds import RANK_TOLERANCE
 
 #: Torques may exceed limits by this part of the largest: the rounding of torques that have been
 #: clipped to them before.
@@ -57,14 +57,10 @@ def null_space(mechanism: Mechanism, A: Array) -> Array:
 
 
 def _rank(mechanism: Mechanism, A: Array) -> tuple[int, Array]:
-    """The rank of A, free of units, and its right singular vectors in rows.
-
-    The rank counts the singular values above `RANK_TOLERANCE` times the largest one, or times 1 if
-    that is larger.
-    """
+    """The rank of A, free of units, and its right singular vectors in rows."""
     units = mechanism.rate_scale[mechanism.coordinates]
     _, s, Vt = np.linalg.svd(units[:, None] * A / mechanism.motor_scale)
-    return int(np.count_nonzero(s > RANK_TOLERANCE * s.max(initial=1.0))), Vt
+    return rank_of(s), Vt
 
 
 def preload_directions(
@@ -129,15 +125,15 @@ def shared_torques(
     bounds = None
     if limits is not None:
         bounds = limits_of(limits, motors)
-    checked_weights = None
+    weights_array = None
     if weights is not None:
-        checked_weights = weights_of(mechanism, weights)
+        weights_array = np.asarray(weights, dtype=float)  # checked with the smallest torques
 
     def share(smallest: Array, basis: Array, along_basis: Array) -> Array:
         tau = smallest + basis @ along_basis
         if bounds is None or not np.isfinite(tau).all():
             return tau
-        tau = within_limits(tau, basis, bounds, checked_weights)
+        tau = within_limits(tau, basis, bounds, weights_array)
         _require_within(mechanism, tau, bounds)
         return tau
 
