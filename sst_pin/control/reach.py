@@ -269,13 +269,22 @@ def _require_motion(A: Array, names: NDArray[np.str_], axes: Sequence[str]) -> N
 
     A maps rates of the motors to the prescribed components, whose names are given.
     """
-    residual = np.eye(len(A)) - A @ np.linalg.pinv(A, rcond=RANK_TOLERANCE)
     for axis in axes:
-        if np.abs(residual[:, names == axis]).max() > np.sqrt(RANK_TOLERANCE):
+        if _is_stuck(A, np.eye(len(A))[:, names == axis]):
             others = ", ".join(names[names != axis])
             problem = f"at the start the motors cannot move the frame along it with {others} fixed"
             cause = "the robot has fewer freedoms or motors, or the start is singular"
             raise InputError(axis, f"{problem}: {cause}")
+
+
+def _is_stuck(A: Array, directions: Array) -> Flags:
+    """Whether no rates of the motors give one of the directions, which are in columns, shape (...).
+
+    A has shape (..., c, motors), directions have (..., c, k). Each direction is only linear or only
+    angular, so that its unit does not matter.
+    """
+    residual = directions - A @ (np.linalg.pinv(A, rcond=RANK_TOLERANCE) @ directions)
+    return np.asarray(np.abs(residual).max(axis=(-2, -1)) > np.sqrt(RANK_TOLERANCE))
 
 
 def _directions(prescribed: Mapping[str, Array], axes: tuple[str, str]) -> Array:
@@ -321,8 +330,7 @@ def _warn_of_thin_map(
     A maps rates of the motors to the prescribed components of these names, free of units, shape
     (k, c, motors); directions have shape (k, c, 2).
     """
-    residual = directions - A @ (np.linalg.pinv(A, rcond=RANK_TOLERANCE) @ directions)
-    is_stuck = np.abs(residual).max(axis=(1, 2)) > np.sqrt(RANK_TOLERANCE)
+    is_stuck = _is_stuck(A, directions)
     if is_stuck.sum() > len(is_stuck) / 2:
         warn_caller(
             f"at {is_stuck.sum()} of {len(is_stuck)} poses that are reached the frame cannot move "
