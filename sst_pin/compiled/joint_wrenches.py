@@ -54,12 +54,14 @@ def reactions(e: Equations, checks: Checks) -> tuple[dict[str, SX], SX, list[Any
     # The forces that closures must give to the tree along the dependent rates:
     # Phi_u^T lambda = needed.
     needed = e.tree_forces
+    more_checks = list[Any]()
     if mechanism.driven_one_to_one:
         tau = e.generalized_forces  # these motors act on coordinates only
     else:
         tau = e.tau
         inputs["tau"] = tau
         needed = add(needed, e.motor_forces(-tau))
+        more_checks = checks.unbalanced(needed)  # `of_forces` balances the tree without motors
 
     # Rows of lines follow those of closures; their multipliers are known.
     wrenches_of_rows = on_links([*e.rows, *_rows_of_lines(e)], e.v)
@@ -78,7 +80,7 @@ def reactions(e: Equations, checks: Checks) -> tuple[dict[str, SX], SX, list[Any
             codes[k // 6] += float(BITS[k % 6]) * (1 - unique)
     result = ca.vertcat(values, ground, tau, *codes)
     inputs["external_wrenches"] = e.loads
-    return inputs, result, checks.of_forces + checks.unbalanced(needed)
+    return inputs, result, checks.of_forces + more_checks
 
 
 def _rows_of_lines(e: Equations) -> Iterator[Row]:
