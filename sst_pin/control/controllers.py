@@ -13,7 +13,7 @@ from ..closed_chain import ClosedChain
 from ..dynamics.torque_sharing import finite_limits, within_limits
 from ..errors import ActuationError, InputError
 from ..loops.mobility import rotating_freely
-from ..model.named_positions import taken
+from ..model.named_positions import positions_of
 from ..simulation.coordinate_motions import positions_along
 from ..simulation.samples import spline
 from ..simulation.trajectories import Trajectory, require_motion
@@ -86,7 +86,9 @@ class Controller(ABC):
     def _errors(self, t: float, q: Array, va: Array) -> tuple[Array, Array, Array]:
         """Errors of positions, without full turns, and of rates; desired accelerations."""
         inside = self._inside(t)
-        error = self._path(inside) - taken(self.chain.mechanism.space, q, self.chain.coordinates)
+        error = self._path(inside) - positions_of(
+            self.chain.mechanism.space, q, self.chain.coordinates
+        )
         error[self._turns] = in_one_turn(error[self._turns])
         if t == inside:
             return error, self._rates(inside) - va, self._accelerations(inside)

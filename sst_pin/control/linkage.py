@@ -15,7 +15,7 @@ from ..errors import ActuationError, InputError, WorkspaceError
 from ..loops.coordinate_choice import choose_coordinates
 from ..loops.ranks import scaled_Phi
 from ..loops.start import start_of
-from ..model.named_positions import taken
+from ..model.named_positions import positions_of
 from ..model.thresholds import RANK_TOLERANCE
 
 #: The path to motor positions is divided into pieces of this size, [rad] or robot lengths.
@@ -32,7 +32,7 @@ class Linkage:
     def __init__(self, chain: ClosedChain, joints: Sequence[str]) -> None:
         self.joints = tuple(names("joints", joints))
         space = chain.mechanism.space
-        taken(space, chain.generic_configuration(), self.joints)  # each turns or slides
+        positions_of(space, chain.generic_configuration(), self.joints)  # each turns or slides
         rates = space.rates_of(self.joints)
         self.chain = chain.with_coordinates([*self.joints, *_others(chain, rates)])
         coordinates = self.chain.mechanism.coordinates
@@ -160,7 +160,7 @@ class Linkage:
 
     def joint_positions(self, q: ArrayLike) -> Array:
         """Positions of the joints, shape (..., joints)."""
-        return taken(self.chain.mechanism.space, self._configurations(q), self.joints)
+        return positions_of(self.chain.mechanism.space, self._configurations(q), self.joints)
 
     def motor_positions(self, q: ArrayLike) -> Array:
         """Positions of the motors, shape (..., motors); for a motor on a line its length."""
@@ -168,7 +168,9 @@ class Linkage:
         array = self._configurations(q)
         B = mechanism.actuation[:, self._rows]
         driven = np.flatnonzero(B.any(axis=1))
-        at_joints = taken(mechanism.space, array, [mechanism.space.rate_names[k] for k in driven])
+        at_joints = positions_of(
+            mechanism.space, array, [mechanism.space.rate_names[k] for k in driven]
+        )
         on_lines = self.chain.line_lengths(array) @ mechanism.lines.actuation[:, self._rows]
         return np.asarray(at_joints @ B[driven] + on_lines)
 

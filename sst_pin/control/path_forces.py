@@ -15,7 +15,7 @@ from ..arrays import Array, Indices, finite_array
 from ..closed_chain import ClosedChain
 from ..dynamics.torque_sharing import finite_limits
 from ..errors import ActuationError, InputError
-from ..model.named_positions import put, taken
+from ..model.named_positions import positions_of, with_positions
 from ..simulation.coordinate_motions import coordinate_positions
 from ..simulation.samples import spline
 from ..summaries import listed
@@ -69,7 +69,7 @@ class SmoothPath:
         `x` are continuous positions of the coordinates, those in q lie within one turn. They differ
         by another number of turns where a joint passes the end of its turn.
         """
-        turns = x - taken(self._space, q, self._chain.coordinates)
+        turns = x - positions_of(self._space, q, self._chain.coordinates)
         passes_end = np.abs(np.diff(turns, axis=0)) > 1
         is_large = np.abs(np.diff(x, axis=0)) > np.pi / 2
         passes_twice = passes_end[1:] & passes_end[:-1]
@@ -80,7 +80,9 @@ class SmoothPath:
         """Configurations, and derivatives of the coordinates by s, shapes (N, nq), (N, n)."""
         chain = self._chain
         x = self._curve(s)
-        guess = put(self._space, self._joints(s), dict(zip(chain.coordinates, x.T, strict=True)))
+        guess = with_positions(
+            self._space, self._joints(s), dict(zip(chain.coordinates, x.T, strict=True))
+        )
         q = guess
         if chain.closures:
             resting_states = np.hstack([guess, np.zeros_like(x)])

@@ -31,7 +31,7 @@ from ..errors import (
 from ..files import as_path, text_writer, write_files
 from ..loops.start import placed
 from ..model import geometry
-from ..model.named_positions import put
+from ..model.named_positions import with_positions
 from ..model.thresholds import RANK_TOLERANCE
 from ..model.tree import frame_id
 from ..progress import counted
@@ -444,7 +444,7 @@ class _Fit:
     def _with_errors(self, q: Array, names: Sequence[str], values: Array) -> Array:
         """Closed configurations with these errors, near q."""
         errors = {name: np.full(len(q), x) for name, x in zip(names, values, strict=True)}
-        return self._large.assemble(put(self._large.mechanism.space, q, errors))
+        return self._large.assemble(with_positions(self._large.mechanism.space, q, errors))
 
 
 def _updated_noise(

@@ -13,7 +13,7 @@ from ..arrays import Array, one_or_each, positive_number, whole_number
 from ..closed_chain import ClosedChain
 from ..errors import InputError, SSTError, warn_caller
 from ..loops.start import placed
-from ..model.named_positions import taken
+from ..model.named_positions import positions_of
 from ..progress import counted
 from ..simulation.coordinate_motions import coordinate_motion
 from ..simulation.trajectories import Trajectory, require_motion
@@ -188,7 +188,7 @@ class _Series:
         #: Number of coefficients of each coordinate.
         self.size = self._at_rest.shape[1]
         self._units = mechanism.rate_scale[mechanism.coordinates]
-        self._start = taken(mechanism.space, first, chain.coordinates)
+        self._start = positions_of(mechanism.space, first, chain.coordinates)
         self._fastest = _limits("rates", rates, model.velocityLimit[mechanism.coordinates])
         largest = np.minimum(model.effortLimit, np.finfo(float).max / 10)
         self._strongest = _limits("torques", torques, np.abs(mechanism.actuation).T @ largest)

@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from ..arrays import Array, Indices, in_one_turn
 from ..errors import InputError
-from ..model.named_positions import put
+from ..model.named_positions import with_positions
 from ..model.thresholds import CLOSURE_TOLERANCE, RESTS
 from ..model.tree import frame_id
 from ..summaries import Summary, listed
@@ -115,7 +115,7 @@ class _Search:
         self._parts = [(rows, free[k]) for rows, k in connected(self._touched[:, free])]
         home = home_of(mechanism)
         start = pin.neutral(self._model) if home is None else home
-        self._start = put(self._space, start, positions)
+        self._start = with_positions(self._space, start, positions)
         if mechanism.example is not None:
             motions = free_motions(scaled_Phi(mechanism, self._loops, mechanism.example)[:, free])
             if k := motions.shape[1]:
@@ -198,7 +198,7 @@ class _Search:
     def in_one_turn(self, q: Array) -> Array:
         """q with its angles in [-pi, pi), unless that opens a loop, as with geared joints."""
         turned = np.where(np.array(self._space.position_units) == "rad", in_one_turn(q), q)
-        turned = put(self._space, turned, self._positions)
+        turned = with_positions(self._space, turned, self._positions)
         return q if self._assembly.gap(turned, self._rows) else turned
 
     def key(self, q: Array) -> Array:

@@ -22,7 +22,7 @@ from ..arrays import (
 )
 from ..errors import ClosureError, DescriptionWarning, warn_caller
 from ..model.mechanism import Mechanism
-from ..model.named_positions import angles_and_lengths, put, taken
+from ..model.named_positions import positions_of, units_by_joint, with_positions
 from ..summaries import listed
 from .closed_loops import ClosedLoops
 from .guesses import home_of
@@ -103,7 +103,7 @@ def assemble(
             return placed(closer, q)
         if fixed is None and not by_coordinates:
             fixed = list(q)
-        guess = put(space, _pose(closer), q)
+        guess = with_positions(space, _pose(closer), q)
     else:
         guess = as_array("q", q, ())
     free = mechanism.dependent if fixed is None else _others(mechanism, names("fixed", fixed))
@@ -137,14 +137,14 @@ def placed(closer: Closer, positions: Mapping[str, float], guess: ArrayLike | No
     """
     mechanism, space = closer.loops.mechanism, closer.loops.mechanism.space
     if guess is None:
-        all_are_named = angles_and_lengths(space).keys() <= positions.keys()
+        all_are_named = units_by_joint(space).keys() <= positions.keys()
         start = start_of(closer, chosen=all_are_named)
     else:
         start = finite_array("start", guess, (mechanism.model.nq,))
     not_moved: ClosureError | None = None
     if set(positions) <= set(mechanism.coordinate_rate_names) and closer.loops.are_closed(start):
         try:
-            return closer.closed(put(space, _moved(closer, start, positions), positions))
+            return closer.closed(with_positions(space, _moved(closer, start, positions), positions))
         except ClosureError as error:
             not_moved = error
     if guess is None:
@@ -193,7 +193,7 @@ def _others(mechanism: Mechanism, fixed: Iterable[str]) -> Indices:
 
 def _assembled(closer: Closer, start: Array, positions: Mapping[str, float]) -> Array:
     """The assembly nearest to the start in which joints are at positions, or near these."""
-    guess = put(closer.loops.mechanism.space, start, positions)
+    guess = with_positions(closer.loops.mechanism.space, start, positions)
     others = _others(closer.loops.mechanism, positions)
     return closer.closed(closer.loops.assembly.closer(guess, others))
 
@@ -201,8 +201,8 @@ def _assembled(closer: Closer, start: Array, positions: Mapping[str, float]) -> 
 def _far(mechanism: Mechanism, q: Array, positions: Mapping[str, float]) -> list[str]:
     """Joints that are far from their positions, with both positions, in words."""
     space, far = mechanism.space, list[str]()
-    units = angles_and_lengths(space)
-    reached = taken(space, q, list(positions))
+    units = units_by_joint(space)
+    reached = positions_of(space, q, list(positions))
     for (name, wanted), x in zip(positions.items(), reached, strict=True):
         turns = units[name] == "rad"
         off = math.remainder(x - wanted, 2 * math.pi) if turns else x - wanted
@@ -215,7 +215,7 @@ def _moved(closer: Closer, start: Array, positions: Mapping[str, float]) -> Arra
     """The configuration, in the assembly mode of the start, where coordinates are at positions."""
     mechanism, coordinates = closer.loops.mechanism, list(positions)
     step = np.zeros(len(mechanism.coordinates))
-    before = taken(mechanism.space, start, coordinates)
+    before = positions_of(mechanism.space, start, coordinates)
     moves = np.array([positions[name] for name in coordinates]) - before
     for name, move in zip(coordinates, moves, strict=True):
         endless = name not in mechanism.space.position_names

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Positions of joints by their names.
+"""Positions of joints by name: the angle of a revolute joint, or the length of a prismatic one.
 
-`JointSpace.places` has the indices in q of each joint that turns about or slides along one axis:
-one index, or two for the cosine and the sine of an angle.
+The functions here convert between such positions and q. A bounded joint has one entry in q, its
+position. A continuous joint has two, the cosine and the sine of its angle. `JointSpace.places` has
+the indices of these entries by the name of the joint; joints of several axes are not in it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,40 +17,52 @@ from ..summaries import listed
 from .joint_space import JointSpace
 
 
-def angles_and_lengths(space: JointSpace) -> dict[str, str]:
-    """Names of joints with one coordinate, and "rad" or "m" for each."""
-    return {name: space.position_units[k[0]] or "rad" for name, k in space.places.items()}
+def units_by_joint(space: JointSpace) -> dict[str, str]:
+    """The unit "rad" or "m" of the position of each joint of one axis, by the joint's name."""
+    units: dict[str, str] = {}
+    for name, indices in space.places.items():
+        # A cosine has no unit in `position_units`; the position of its joint is an angle.
+        units[name] = space.position_units[indices[0]] or "rad"
+    return units
 
 
-def put(space: JointSpace, q: Array, positions: Mapping[str, ArrayLike]) -> Array:
-    """Configurations, shape (..., nq), with the named joints at these positions, [rad] or [m].
+def with_positions(space: JointSpace, q: Array, positions: Mapping[str, ArrayLike]) -> Array:
+    """A copy of q, shape (..., nq), in which the named joints have these positions.
 
-    The joints must turn about or slide along one axis. Each position has the shape (...).
+    Each position is an angle [rad] or a length [m], of the shape (...) of the batch.
     """
     q = np.array(q)
     for name, position in positions.items():
-        place = _place(space, name)
+        indices = _indices_in_q(space, name)
         value = single_array(name, position, q.shape[:-1])
-        entries = [value] if len(place) == 1 else [np.cos(value), np.sin(value)]
-        for k, entry in zip(place, entries, strict=True):
-            q[..., k] = entry
+        if len(indices) == 1:
+            q[..., indices[0]] = value
+        else:
+            q[..., indices[0]] = np.cos(value)
+            q[..., indices[1]] = np.sin(value)
     return q
 
 
-def taken(space: JointSpace, q: Array, names: Sequence[str]) -> Array:
-    """Positions of named joints, which turn or slide, shape (..., names), [rad] or [m]."""
-    columns = []
-    for name in names:
-        entry, *sine = [q[..., k] for k in _place(space, name)]
-        columns.append(np.arctan2(sine[0], entry) if sine else entry)
-    return np.stack(columns, axis=-1) if columns else np.zeros((*q.shape[:-1], 0))
+def positions_of(space: JointSpace, q: Array, names: Sequence[str]) -> Array:
+    """Positions of the named joints at q, shape (..., names), [rad] or [m].
+
+    Angles of continuous joints are in (-pi, pi].
+    """
+    positions = np.empty((*q.shape[:-1], len(names)))
+    for k, name in enumerate(names):
+        indices = _indices_in_q(space, name)
+        if len(indices) == 1:
+            positions[..., k] = q[..., indices[0]]
+        else:
+            positions[..., k] = np.arctan2(q[..., indices[1]], q[..., indices[0]])
+    return positions
 
 
-def _place(space: JointSpace, name: str) -> list[int]:
-    """Indices of a joint in q; joints of several axes and unknown names are refused."""
-    if name not in space.places and name in (*space.joint_names, *space.rate_names):
+def _indices_in_q(space: JointSpace, name: str) -> list[int]:
+    """Indices in q of a joint of one axis; other names raise an error that says why."""
+    if name in space.places:
+        return space.places[name]
+    if name in space.joint_names or name in space.rate_names:
         problem = "this joint neither turns about one axis nor slides along one"
         raise InputError(name, f"{problem}; joints that do are {listed(list(space.places), 12)}")
-    if name not in space.places:
-        raise UnknownNameError("revolute or prismatic joint", name, space.places)
-    return space.places[name]
+    raise UnknownNameError("revolute or prismatic joint", name, space.places)

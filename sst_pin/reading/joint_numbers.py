@@ -9,7 +9,7 @@ import pinocchio as pin
 from ..arrays import Array
 from ..errors import InputError
 from ..model.joint_space import JointSpace
-from ..model.named_positions import put
+from ..model.named_positions import with_positions
 from ..model.tree import joint_id
 
 #: Numbers of joints, or of single rates, by name, for each of these kinds: "stiffness" and
@@ -57,7 +57,7 @@ def springs_of(model: pin.Model, numbers: JointNumbers) -> tuple[Array, Array]:
     reference = pin.neutral(model)
     positions = {name: x for name, x in numbers.get("reference", {}).items() if x}
     if positions:
-        reference = put(JointSpace(model), reference, positions)
+        reference = with_positions(JointSpace(model), reference, positions)
     return stiffness, reference
 
 

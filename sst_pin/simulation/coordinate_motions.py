@@ -11,7 +11,7 @@ from ..engine import Engine, Robot
 from ..errors import ClosureError, DescriptionWarning, InputError, warn_caller
 from ..loops.start import placed
 from ..model.mechanism import Mechanism
-from ..model.named_positions import taken
+from ..model.named_positions import positions_of
 from ..progress import counted
 from ..summaries import listed
 from .samples import sample_times, spline
@@ -94,13 +94,13 @@ def _warn_of_full_turns(mechanism: Mechanism, x: Array) -> None:
 
 def coordinate_positions(mechanism: Mechanism, q: Array) -> Array:
     """Positions of the coordinates, shape (N, n), without jumps, for a motion q, shape (N, nq)."""
-    x = taken(mechanism.space, mechanism.space.without_jumps(q), mechanism.coordinate_names)
+    x = positions_of(mechanism.space, mechanism.space.without_jumps(q), mechanism.coordinate_names)
     return without_full_turns(mechanism, x)
 
 
 def positions_along(mechanism: Mechanism, motion: Trajectory) -> Array:
     """Positions of the coordinates along a motion, (N, n), unwrapped to agree with its rates."""
-    x = taken(mechanism.space, motion.q, mechanism.coordinate_names)
+    x = positions_of(mechanism.space, motion.q, mechanism.coordinate_names)
     # Full turns between two samples are what the rates (trapezoidal rule) say more than the angles.
     steps_of_rates = np.diff(motion.t)[:, None] * (motion.va[1:] + motion.va[:-1]) / 2
     turns = np.round((steps_of_rates - np.diff(x, axis=0)) / (2 * np.pi))

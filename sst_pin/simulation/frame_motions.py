@@ -14,7 +14,7 @@ from ..engine import Robot
 from ..errors import InputError, SSTError
 from ..loops.frame_guide import FrameGuide, pose_of, rotations
 from ..loops.start import assemble, start_of
-from ..model.named_positions import taken
+from ..model.named_positions import positions_of
 from ..progress import counted
 from .coordinate_motions import motion_along, without_full_turns
 from .samples import sample_times
@@ -78,7 +78,7 @@ def frame_motion(
             raise
         q[i] = present
     # Newton's method makes no full turns, so that only unbounded joints have to be unwrapped.
-    x = taken(mechanism.space, q, mechanism.coordinate_names)
+    x = positions_of(mechanism.space, q, mechanism.coordinate_names)
     return motion_along(engine, times, q, without_full_turns(mechanism, x))
 
 

@@ -13,7 +13,7 @@ from ..errors import ClosureError, FileFormatError, InputError
 from ..files import Table, read_table
 from ..loops.start import assemble, placed
 from ..model.mechanism import Mechanism
-from ..model.named_positions import angles_and_lengths
+from ..model.named_positions import units_by_joint
 from .coordinate_motions import coordinate_trajectory
 from .motion_columns import columns_in, columns_of
 from .trajectories import Trajectory, require_motion, trajectory_of
@@ -215,7 +215,7 @@ def _coordinates(engine: Engine, table: Table) -> tuple[Array, Array]:
 
 def _expected(mechanism: Mechanism, table: Table) -> str:
     """The columns of a motion, and those of the table."""
-    known = angles_and_lengths(mechanism.space)
+    known = units_by_joint(mechanism.space)
     names = mechanism.coordinate_names
     columns = f"this file has {', '.join(table.columns)}"
     if not set(names) <= known.keys():
@@ -237,7 +237,7 @@ def _joints(mechanism: Mechanism, table: Table) -> dict[str, Array]:
     """Positions of the joints that have a column, in SI."""
     joints = dict[str, Array]()
     columns = set(table.columns)
-    for name, unit in angles_and_lengths(mechanism.space).items():
+    for name, unit in units_by_joint(mechanism.space).items():
         if unit == "rad":
             moves = "turns"
             wrong_endings = _ENDINGS["m"]

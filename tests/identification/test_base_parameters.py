@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 import sst_pin
 from sst_pin import ClosedChain, InputError, identification, robots
 from sst_pin.identification import base_parameters, estimate, random_states
-from sst_pin.model.named_positions import taken
+from sst_pin.model.named_positions import positions_of
 from tests.gallery.cylinder_boom import cylinder_boom
 from tests.support import any_chain
 
@@ -236,7 +236,7 @@ def test_intervals_of_five_robots_cover_the_truth(name, decimate, monkeypatch):
     t, n = np.arange(0, 8, 0.0025), chain.degrees_of_freedom
     rates = np.random.default_rng(5).uniform(2, 5, n)
     phase = np.outer(t, rates) + np.sin(np.outer(t, rates / 2))
-    x = taken(plain.mechanism.space, plain.home, plain.coordinates) + 0.1 * np.sin(phase)
+    x = positions_of(plain.mechanism.space, plain.home, plain.coordinates) + 0.1 * np.sin(phase)
     motion = sst_pin.coordinate_motion(chain, t, x, plain.home)
     tau = scipy.signal.decimate(motion.tau, 4, ftype="fir", axis=0)
     state = [np.array(each[::4]) for each in (motion.q, motion.va, motion.aa)]
