@@ -4,9 +4,10 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -29,14 +30,14 @@ from .pose_abilities import torques_of_wrenches
 #: Words for the codes of `ReachMap.why`.
 REASONS = ("reached", "joint limits", "singular", "out of reach", "cut off")
 _REACHED = 0
-_LIMITS = 1
+_JOINT_LIMITS = 1
 _SINGULAR = 2
-_OUT = 3
+_OUT_OF_REACH = 3
 _CUT_OFF = 4
 #: Components of a pose, in the order of a twist [linear; angular].
 _AXES = ("x", "y", "z", "roll", "pitch", "yaw")
-#: Number of grid points that are tried from the start.
-_FIRST = 4
+#: Number of grid points that are tried from the start: the corners of the cell around it.
+_FROM_START = 4
 #: The shortest step to a pose, as a part of the path to it.
 _SHORTEST = 2**-6
 
@@ -165,60 +166,58 @@ def reach_map(
         >>> poses.condition[:, 1].round(2)
         array([3.03, 3.03])
     """
-    prescribed = dict[str, Array]()  # a number or a grid for each component that is given
+    # The grid, and the numbers that do not change along it.
+    prescribed = dict[str, Array]()
     components = {"x": x, "y": y, "z": z, "roll": roll, "pitch": pitch, "yaw": yaw}
     for name, value in components.items():
         if value is not None:
             prescribed[name] = finite_array(name, value, ())
-    axes = _grid_axes(prescribed)
+    grid = _Grid(prescribed, _grid_axes(prescribed))
+    limits = finite_limits(torques, len(chain.motor_names), "torques")
+    load = single_array("wrench", np.zeros(6) if wrench is None else wrench, (6,))
+
+    # The start.
     if not np.isin(chain.mechanism.coordinates, chain.mechanism.driven).all():
         # coordinates without motors may have dead points where the motors have none
         chain = chain.with_coordinates(None)
-    mechanism = chain.mechanism
-    limits = finite_limits(torques, len(chain.motor_names), "torques")
-    load = single_array("wrench", np.zeros(6) if wrench is None else wrench, (6,))
     guess = start_of(chain.engine) if start is None else start
-    q_start = chain.assemble(single_array("start", guess, (mechanism.model.nq,)))
+    q_start = chain.assemble(single_array("start", guess, (chain.mechanism.model.nq,)))
     zero_rates = np.zeros(chain.degrees_of_freedom)
-    chain.compute_torques(q_start, zero_rates, zero_rates)  # refuses motors that hold less than all
+    # This call raises an ActuationError if the motors do not hold all coordinates.
+    chain.compute_torques(q_start, zero_rates, zero_rates)
+    A_start = _motion_by_motors(chain, q_start, frame, grid)
+    _require_motion(A_start, grid)
 
-    # The position or the orientation is prescribed as a whole: components of the twist that count.
-    with_position = not prescribed.keys().isdisjoint(_AXES[:3])
-    with_orientation = not prescribed.keys().isdisjoint(_AXES[3:])
-    is_prescribed = np.repeat([with_position, with_orientation], 3)
-    names = np.array(_AXES)[is_prescribed]
-    guide = _motor_guide(chain, frame, with_position, with_orientation)
+    # The poses that are reached.
+    guide = _motor_guide(chain, frame, grid)
     start_pose = guide.pose(q_start)
-    zero = start_pose.rotation if rotation is None else single_array("rotation", rotation, (3, 3))
-
-    # A maps rates of the motors to prescribed components, free of units. G w are the torques with
-    # the same effect as a wrench w on the frame: their power is the same, so A is the transpose of
-    # G. Motors that hold w give -G w.
-    units = np.repeat([mechanism.length, 1.0], 3)[:, None]
-    ratio = (mechanism.motor_scale / units)[is_prescribed]
-    A_start = torques_of_wrenches(chain, q_start, frame).mT[is_prescribed] * ratio
-    _require_motion(A_start, names, axes)
-
-    poses, start_place = _poses(start_pose, zero, prescribed, axes)
-    why, q = _flood(chain, guide, q_start, poses, start_place)
+    if rotation is None:
+        orientation_at_zero = start_pose.rotation
+    else:
+        orientation_at_zero = single_array("rotation", rotation, (3, 3))
+    poses = grid.poses(start_pose.translation, orientation_at_zero)
+    start_point = grid.point_of(start_pose, orientation_at_zero)
+    why, q = _reached_from(q_start, start_point, poses, chain, guide)
     reached = why == _REACHED
-    G_T = torques_of_wrenches(chain, q[reached], frame).mT
-    A = G_T[:, is_prescribed] * ratio
-    directions = _directions(prescribed, axes)[reached][:, is_prescribed]
-    _warn_of_thin_map(A, directions, axes, names)
+    q_reached = q[reached]
 
-    # Torques that hold the poses, with the preload that keeps them within the limits.
-    # The rows of load @ G_T are G w.
-    tau = chain.compute_torques(q[reached], zero_rates, zero_rates) - load @ G_T
-    preloads = chain.preload_directions(q[reached])
+    # Conditioning there.
+    A = _motion_by_motors(chain, q_reached, frame, grid)
+    _warn_of_thin_map(A, grid.tangents()[reached], grid)
+
+    # Torques that hold these poses: the rows of load @ G_T are G w, which the wrench w replaces.
+    G_T = torques_of_wrenches(chain, q_reached, frame).mT
+    tau = chain.compute_torques(q_reached, zero_rates, zero_rates) - load @ G_T
+    preloads = chain.preload_directions(q_reached)
     holding = np.empty(tau.shape)
     for k in range(len(tau)):
         holding[k] = within_limits(tau[k], preloads[k], limits)
+
     motors = columns_of("tau", chain.motor_names, chain.motor_units)
     joints = columns_of("q", chain.position_names, chain.position_units)
     return ReachMap(
-        axes=axes,
-        values=(prescribed[axes[0]], prescribed[axes[1]]),
+        axes=grid.axes,
+        values=grid.values,
         poses=poses,
         why=why,
         q=q,
@@ -230,14 +229,17 @@ def reach_map(
 
 
 def _on_grid(reached: Flags, values: Array) -> Array:
-    """Values of the poses that are reached on the grid, NaN elsewhere."""
-    grid = np.full((*reached.shape, *values.shape[1:]), np.nan)
-    grid[reached] = values
-    return grid
+    """Values of the poses that are reached, on the grid; NaN elsewhere."""
+    on_grid = np.full((*reached.shape, *values.shape[1:]), np.nan)
+    on_grid[reached] = values
+    return on_grid
+
+
+# --- the grid -----------------------------------------------------------------------------------
 
 
 def _grid_axes(prescribed: Mapping[str, Array]) -> tuple[str, str]:
-    """The two components that are grids."""
+    """Names of the two components that are grids; anything else is refused."""
     axes = [name for name, values in prescribed.items() if values.ndim > 0]
     if len(axes) != 2 or any(prescribed[axis].ndim != 1 for axis in axes):
         raise InputError(", ".join(_AXES), "exactly two of them must be arrays, of shape (N,)")
@@ -247,10 +249,127 @@ def _grid_axes(prescribed: Mapping[str, Array]) -> tuple[str, str]:
     return axes[0], axes[1]
 
 
-def _motor_guide(
-    chain: ClosedChain, frame: str, with_position: bool, with_orientation: bool
-) -> FrameGuide:
-    """A guide that moves the frame's position or orientation by the motors."""
+@dataclass(frozen=True)
+class _Grid:
+    """The wanted poses, on N x M points.
+
+    The position of the frame is prescribed as a whole if x, y or z is given, its orientation if an
+    angle is given. The other one of the two is ignored.
+    """
+
+    #: A number or the values of a grid for each component that is given.
+    prescribed: Mapping[str, Array]
+    #: The two components that are grids.
+    axes: tuple[str, str]
+
+    @property
+    def values(self) -> tuple[Array, Array]:
+        """Values of both axes, shapes (N,) and (M,)."""
+        return self.prescribed[self.axes[0]], self.prescribed[self.axes[1]]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """N and M."""
+        first, second = self.values
+        return len(first), len(second)
+
+    @property
+    def with_position(self) -> bool:
+        """Whether the position is prescribed."""
+        return not self.prescribed.keys().isdisjoint(_AXES[:3])
+
+    @property
+    def with_orientation(self) -> bool:
+        """Whether the orientation is prescribed."""
+        return not self.prescribed.keys().isdisjoint(_AXES[3:])
+
+    @property
+    def is_prescribed(self) -> Flags:
+        """Which components of a twist [linear; angular] are prescribed, c of them, shape (6,)."""
+        return np.repeat([self.with_position, self.with_orientation], 3)
+
+    @property
+    def names(self) -> NDArray[np.str_]:
+        """Names of the prescribed components, shape (c,)."""
+        return np.array(_AXES)[self.is_prescribed]
+
+    def component(self, name: str, default: float) -> Array:
+        """The value of a component at each point, shape (N, M)."""
+        first, second = np.meshgrid(*self.values, indexing="ij")
+        if name == self.axes[0]:
+            return first
+        if name == self.axes[1]:
+            return second
+        return np.full(self.shape, self.prescribed.get(name, default))
+
+    def poses(self, default_position: Array, orientation_at_zero: Array) -> Array:
+        """Homogeneous matrices, shape (N, M, 4, 4).
+
+        Args:
+            default_position: x, y and z where they are not given, shape (3,).
+            orientation_at_zero: The orientation where the angles are 0, shape (3, 3).
+        """
+        defaults = [*default_position, 0.0, 0.0, 0.0]
+        components = [self.component(*pair) for pair in zip(_AXES, defaults, strict=True)]
+        at_points = np.stack(components, axis=-1)
+        poses = np.empty((*self.shape, 4, 4))
+        for point in np.ndindex(self.shape):
+            position = at_points[point][:3]
+            turn = pin.rpy.rpyToMatrix(at_points[point][3:])
+            poses[point] = pin.SE3(turn @ orientation_at_zero, position).homogeneous
+        return poses
+
+    def point_of(self, pose: pin.SE3, orientation_at_zero: Array) -> Array:
+        """Where a pose is on the grid, in steps of the grid along both axes, shape (2,)."""
+        angles = pin.rpy.matrixToRpy(pose.rotation @ orientation_at_zero.T)
+        components = dict(zip(_AXES, [*pose.translation, *angles], strict=True))
+        point = np.empty(2)
+        for k, (axis, values) in enumerate(zip(self.axes, self.values, strict=True)):
+            point[k] = np.interp(components[axis], values, np.arange(len(values)))
+        return point
+
+    def tangents(self) -> Array:
+        """Derivatives of the poses by both axes, shape (N, M, c, 2), as twists in base axes.
+
+        Only prescribed components of the twists [linear; angular] are returned.
+        """
+        pitch = self.component("pitch", 0.0)
+        yaw = self.component("yaw", 0.0)
+        zero = np.zeros(self.shape)
+        one = np.ones(self.shape)
+        # The orientation is R_z(yaw) R_y(pitch) R_x(roll): the axis of each angle in base axes.
+        rotation_axes = {
+            "roll": [np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)],
+            "pitch": [-np.sin(yaw), np.cos(yaw), zero],
+            "yaw": [zero, zero, one],
+        }
+        twists = np.zeros((*self.shape, 6, 2))
+        for k, axis in enumerate(self.axes):
+            if axis in rotation_axes:
+                twists[..., 3:, k] = np.stack(rotation_axes[axis], axis=-1)
+            else:
+                twists[..., _AXES.index(axis), k] = 1.0
+        return twists[..., self.is_prescribed, :]
+
+
+# --- the frame's motion by the motors -------------------------------------------------------------
+
+
+def _motion_by_motors(chain: ClosedChain, q: Array, frame: str, grid: _Grid) -> Array:
+    """A: the frame's prescribed twist is A times the rates of the motors, shape (..., c, motors).
+
+    Both are free of units: lengths are divided by the robot's length, rates of motors by
+    `motor_scale`. A is the transpose of G, with the motors' torques G w for a wrench w on the
+    frame, because both have the same power.
+    """
+    mechanism = chain.mechanism
+    units = np.repeat([mechanism.length, 1.0], 3)[:, None]
+    A = torques_of_wrenches(chain, q, frame).mT * mechanism.motor_scale / units
+    return A[..., grid.is_prescribed, :]
+
+
+def _motor_guide(chain: ClosedChain, frame: str, grid: _Grid) -> FrameGuide:
+    """A guide that moves the frame along prescribed components by the motors."""
     mechanism = chain.mechanism
     unit_rates = np.eye(mechanism.model.nv)
 
@@ -260,16 +379,20 @@ def _motor_guide(
         per_unit = mechanism.rate_scale / mechanism.motor_scale[:, None]
         return np.asarray((mechanism.actuation + on_lines).T * per_unit)
 
-    generic = chain.generic_configuration()
-    return FrameGuide(mechanism, generic, frame, with_position, with_orientation, motor_rates)
+    return FrameGuide(
+        mechanism,
+        chain.generic_configuration(),
+        frame,
+        grid.with_position,
+        grid.with_orientation,
+        drives=motor_rates,
+    )
 
 
-def _require_motion(A: Array, names: NDArray[np.str_], axes: Sequence[str]) -> None:
-    """Refuse a frame that cannot move along the grid from the start.
-
-    A maps rates of the motors to the prescribed components, whose names are given.
-    """
-    for axis in axes:
+def _require_motion(A: Array, grid: _Grid) -> None:
+    """Refuse a frame that cannot move along both axes of the grid from the start, by A there."""
+    names = grid.names
+    for axis in grid.axes:
         if _is_stuck(A, np.eye(len(A))[:, names == axis]):
             others = ", ".join(names[names != axis])
             problem = f"at the start the motors cannot move the frame along it with {others} fixed"
@@ -278,157 +401,116 @@ def _require_motion(A: Array, names: NDArray[np.str_], axes: Sequence[str]) -> N
 
 
 def _is_stuck(A: Array, directions: Array) -> Flags:
-    """Whether no rates of the motors give one of the directions, which are in columns, shape (...).
+    """Whether the motors cannot move the frame along all of some directions, shape (...).
 
-    A has shape (..., c, motors), directions have (..., c, k). Each direction is only linear or only
-    angular, so that its unit does not matter.
+    A has shape (..., c, motors). The k directions are columns, shape (..., c, k). A direction d is
+    a motion of the motors if it is in the range of A: d = A A^+ d. Each direction is only linear or
+    only angular, so that its unit does not matter.
     """
     residual = directions - A @ (np.linalg.pinv(A, rcond=RANK_TOLERANCE) @ directions)
     return np.asarray(np.abs(residual).max(axis=(-2, -1)) > np.sqrt(RANK_TOLERANCE))
 
 
-def _directions(prescribed: Mapping[str, Array], axes: tuple[str, str]) -> Array:
-    """Twists [linear; angular] along both axes of the grid at its poses, shape (N, M, 6, 2)."""
-    grid = _meshes(prescribed, axes)
-    shape = grid[axes[0]].shape
-    angles = {"pitch": np.zeros(shape), "yaw": np.zeros(shape)}
-    for name in angles:
-        if name in grid:
-            angles[name] = grid[name]
-        elif name in prescribed:
-            angles[name] = np.full(shape, prescribed[name])
-    pitch = angles["pitch"]
-    yaw = angles["yaw"]
-    zero = np.zeros(shape)
-    one = np.ones(shape)
-    # The orientation is R_z(yaw) R_y(pitch) R_x(roll).
-    rotation_axes = {
-        "roll": [np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)],
-        "pitch": [-np.sin(yaw), np.cos(yaw), zero],
-        "yaw": [zero, zero, one],
-    }
-    twists = np.zeros((*shape, 6, 2))
-    for k, axis in enumerate(axes):
-        if axis in rotation_axes:
-            twists[..., 3:, k] = np.stack(rotation_axes[axis], axis=-1)
-        else:
-            twists[..., _AXES.index(axis), k] = 1.0
-    return twists
-
-
-def _meshes(prescribed: Mapping[str, Array], axes: tuple[str, str]) -> dict[str, Array]:
-    """The values of both axes on the grid, each of shape (N, M)."""
-    first, second = np.meshgrid(prescribed[axes[0]], prescribed[axes[1]], indexing="ij")
-    return {axes[0]: first, axes[1]: second}
-
-
-def _warn_of_thin_map(
-    A: Array, directions: Array, axes: tuple[str, str], names: NDArray[np.str_]
-) -> None:
+def _warn_of_thin_map(A: Array, tangents: Array, grid: _Grid) -> None:
     """Warn if at most poses that are reached the frame cannot move along both axes of the grid.
 
-    A maps rates of the motors to the prescribed components of these names, free of units, shape
-    (k, c, motors); directions have shape (k, c, 2).
+    Args:
+        A: `_motion_by_motors` at the poses that are reached, shape (k, c, motors).
+        tangents: Directions along both axes there, shape (k, c, 2).
+        grid: The grid.
     """
-    is_stuck = _is_stuck(A, directions)
+    is_stuck = _is_stuck(A, tangents)
     if is_stuck.sum() > len(is_stuck) / 2:
         warn_caller(
             f"at {is_stuck.sum()} of {len(is_stuck)} poses that are reached the frame cannot move "
-            f"along both {axes[0]} and {axes[1]} with {', '.join(names)} prescribed, so the map "
+            f"along both {grid.axes[0]} and {grid.axes[1]} with {', '.join(grid.names)} "
+            "prescribed, so the map "
             "holds only some lines of the grid; take the joints as the grid: assemble(...) for a "
             "batch of coordinates, then frame_placement",
             RuntimeWarning,
         )
 
 
-def _poses(
-    start: pin.SE3, zero: Array, prescribed: Mapping[str, Array], axes: tuple[str, str]
-) -> tuple[Array, Array]:
-    """Poses of the grid, shape (N, M, 4, 4), and the place of the start on it, in grid steps.
-
-    `zero` is the orientation where the angles are 0.
-    """
-    # Components that are not prescribed: the position of the start, and angles of zero.
-    values: dict[str, ArrayLike] = {"x": start.translation[0], "y": start.translation[1]}
-    values |= {"z": start.translation[2], "roll": 0.0, "pitch": 0.0, "yaw": 0.0}
-    values |= prescribed
-    values |= _meshes(prescribed, axes)
-    shape = (len(prescribed[axes[0]]), len(prescribed[axes[1]]))
-    numbers = np.stack([np.broadcast_to(values[axis], shape) for axis in _AXES], axis=-1)
-    poses = np.empty((*shape, 4, 4))
-    for point in np.ndindex(shape):
-        position, angles = np.split(numbers[point], 2)
-        poses[point] = pin.SE3(pin.rpy.rpyToMatrix(angles) @ zero, position).homogeneous
-
-    angles_of_start = pin.rpy.matrixToRpy(start.rotation @ zero.T)
-    components = dict(zip(_AXES, [*start.translation, *angles_of_start], strict=True))
-    place = []
-    for axis in axes:
-        grid = prescribed[axis]
-        place.append(np.interp(components[axis], grid, np.arange(len(grid))))
-    return poses, np.array(place)
-
-
-def _flood(
-    chain: ClosedChain, guide: FrameGuide, home: Array, poses: Array, start_place: Array
-) -> tuple[NDArray[np.int8], Array]:
-    """Reasons and configurations of all poses, from neighbour to neighbour.
-
-    The poses next to the start are tried from it. Each pose that is reached adds its neighbours to
-    the queue, with its configuration as their start.
-    """
-    shape = poses.shape[:2]
-
-    def joints_beyond_limits(q: Array) -> list[str]:
-        joints: list[str] = []
-        for finding in chain.check_limits(q):
-            if not finding.singular:
-                joints.extend(finding.joints)
-        return joints
-
-    joints = joints_beyond_limits(home)
-    if joints:
-        raise InputError("start", f"outside the limits of {listed(joints)}")
-    why = np.full(shape, _CUT_OFF, dtype=np.int8)
-    q = np.full((*shape, len(home)), np.nan)
-    distances = np.linalg.norm(np.indices(shape) - start_place[:, None, None], axis=0)
-    queue = deque[tuple[Array, tuple[int, int]]]()
-    for k in np.argsort(distances, axis=None, kind="stable")[:_FIRST]:
-        queue.append((home, divmod(int(k), shape[1])))
-
-    def tries() -> Iterator[tuple[Array, tuple[int, int]]]:
-        while queue:
-            yield queue.popleft()
-
-    for before, (i, j) in counted(tries(), "reach_map, poses tried"):
-        if why[i, j] == _REACHED:
-            continue
-        end = guide.follow(before, pin.SE3(poses[i, j]), _SHORTEST)
-        if not end.missed and not joints_beyond_limits(end.q):
-            reason = _REACHED
-        elif end.singular:
-            reason = _SINGULAR
-        elif end.missed:
-            reason = _OUT
-        else:
-            reason = _LIMITS
-        if reason == _REACHED:
-            q[i, j] = end.q
-            for a, b in ((i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)):
-                if 0 <= a < shape[0] and 0 <= b < shape[1]:
-                    queue.append((end.q, (a, b)))
-        # A pose may be tried from several neighbours: the smallest code is the result.
-        why[i, j] = min(why[i, j], reason)
-    return why, q
-
-
 def _conditions(A: Array) -> Array:
-    """Condition numbers of matrices, shape (N, k, motors); very large where one loses rank.
+    """Condition numbers of matrices, shape (N, c, motors); very large where one loses rank.
 
-    Components in which the frame can move in no pose do not count: the last singular value is that
-    of the largest rank of all poses. A pose with a smaller rank has a very large number.
+    Components in which the frame can move in no pose do not count: if r is the largest rank of all
+    matrices, the result is the first singular value over the r-th one.
     """
     s = np.linalg.svd(A, compute_uv=False)
     largest_rank = (s > RANK_TOLERANCE * s[:, :1]).sum(axis=1).max(initial=1)
     with np.errstate(divide="ignore"):
         return np.asarray(s[:, 0] / s[:, largest_rank - 1])
+
+
+# --- which poses are reached --------------------------------------------------------------------
+
+
+class _Attempt(NamedTuple):
+    """A motion to a point of the grid, from a configuration with closed loops."""
+
+    q: Array
+    point: tuple[int, int]
+
+
+def _reached_from(
+    q_start: Array, start_point: Array, poses: Array, chain: ClosedChain, guide: FrameGuide
+) -> tuple[NDArray[np.int8], Array]:
+    """Codes (see `REASONS`) and configurations of all poses, shapes (N, M) and (N, M, nq).
+
+    The points of the grid next to `start_point` are tried from the start. Each pose that is reached
+    adds its neighbours to a queue, with its configuration as the start of the motion to them.
+    """
+    joints = _joints_beyond_limits(chain, q_start)
+    if joints:
+        raise InputError("start", f"outside the limits of {listed(joints)}")
+    shape = poses.shape[:2]
+    why = np.full(shape, _CUT_OFF, dtype=np.int8)
+    q = np.full((*shape, len(q_start)), np.nan)
+
+    distances = np.linalg.norm(np.indices(shape) - start_point[:, None, None], axis=0)
+    nearest_points = np.argsort(distances, axis=None, kind="stable")[:_FROM_START]
+    queue = deque[_Attempt]()
+    for k in nearest_points:
+        queue.append(_Attempt(q_start, divmod(int(k), shape[1])))
+
+    def attempts() -> Iterator[_Attempt]:
+        while queue:
+            yield queue.popleft()
+
+    for attempt in counted(attempts(), "reach_map, poses tried"):
+        point = attempt.point
+        if why[point] == _REACHED:
+            continue
+        end = guide.follow(attempt.q, pin.SE3(poses[point]), _SHORTEST)
+        if end.singular:
+            reason = _SINGULAR
+        elif end.missed:
+            reason = _OUT_OF_REACH
+        elif _joints_beyond_limits(chain, end.q):
+            reason = _JOINT_LIMITS
+        else:
+            reason = _REACHED
+            q[point] = end.q
+            for neighbour in _neighbours(point, shape):
+                queue.append(_Attempt(end.q, neighbour))
+        # A pose that is not reached may be tried from several neighbours. The smallest code counts.
+        why[point] = min(why[point], reason)
+    return why, q
+
+
+def _joints_beyond_limits(chain: ClosedChain, q: Array) -> list[str]:
+    """Joints that are beyond their limits at q."""
+    joints: list[str] = []
+    for finding in chain.check_limits(q):
+        if not finding.singular:
+            joints.extend(finding.joints)
+    return joints
+
+
+def _neighbours(point: tuple[int, int], shape: tuple[int, ...]) -> Iterator[tuple[int, int]]:
+    """The two, three or four neighbours of a point on a grid."""
+    i, j = point
+    for row, column in ((i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)):
+        if 0 <= row < shape[0] and 0 <= column < shape[1]:
+            yield row, column
