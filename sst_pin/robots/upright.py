@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Upright mechanisms of several loops: scissor lift and an excavator's arm."""
 
+from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -42,26 +42,29 @@ def scissor_lift(
         InputError: For no cells.
     """
     cells = whole_number("cells", cells, 1)
-    # Arms a rise to the right, arms b to the left. The chain from the hinge is a_1, b_2, a_3, ...,
-    # that from the slider b_1, a_2, b_3, ... The last arm b ends at the upper left and carries the
-    # platform.
+    # Arms a rise to the right, arms b to the left; a_k and b_k cross in their middles. The arms are
+    # hinged end to end in two zigzags: a_1, b_2, a_3, ... stands on the fixed hinge, and b_1, a_2,
+    # b_3, ... on the slider.
+    on_hinge = []
+    on_slider = []
+    for k in range(1, cells + 1):
+        if k % 2 == 1:
+            on_hinge.append(f"a_{k}")
+            on_slider.append(f"b_{k}")
+        else:
+            on_hinge.append(f"b_{k}")
+            on_slider.append(f"a_{k}")
     tree = Tree("scissor_lift")
     foot = box(slider_mass, (6 * radius, 4 * radius, 4 * radius))
     tip = shift((arm, 0))
-    for order in ("ab", "ba"):  # the arms that begin at the hinge, and those at the slider
-        parent = "universe"
-        at = UPRIGHT
-        if order == "ba":
-            tree.joint("slider", pin.JointModelPX(), foot, at=UPRIGHT)
-            parent = "slider"
-            at = HERE
-        for k in range(1, cells + 1):
-            name = f"{order[(k - 1) % 2]}_{k}"
+
+    def add_zigzag(names: list[str], parent: str, at: pin.SE3) -> None:
+        for name in names:
             tree.hinge(name, bar(arm_mass, arm, radius), parent, at)
             tree.frame(f"middle_of_{name}", name, (arm / 2, 0))
             parent = name
             at = tip
-        if parent.startswith("b"):
+        if parent.startswith("b"):  # the last arm b ends at the upper left: it has the platform
             plate = box(platform_mass, (arm, 2 * radius, arm / 2), (arm / 2, radius, 0))
             tree.hinge("platform_hinge", plate, parent, tip)
             tree.platform("platform_hinge")
@@ -69,6 +72,10 @@ def scissor_lift(
             tree.frame("corner", "platform_slider", (0, 0))
         else:
             tree.frame("tip", parent, tip)
+
+    add_zigzag(on_hinge, "universe", UPRIGHT)
+    tree.joint("slider", pin.JointModelPX(), foot, at=UPRIGHT)
+    add_zigzag(on_slider, "slider", HERE)
     closures = [Closure(f"middle_of_a_{k}", f"middle_of_b_{k}", "3d") for k in range(1, cells + 1)]
     closures += [Closure("corner", "tip", "3d")]
     home = UPRIGHT * shift((0, cells * arm * np.sin(0.5)))
@@ -76,44 +83,118 @@ def scissor_lift(
 
 
 def _lift_joints(cells: int, arm: float, pose: pin.SE3) -> Joints:
-    """Positions of the joints: `rise` is the angle of an arm, `fold` that between two arms."""
-    rise = np.arcsin(UPRIGHT.actInv(pose).translation[1] / (cells * arm))
-    fold = np.pi - 2 * rise
-    joints = {"slider": arm * np.cos(rise), "platform_slider": arm * np.cos(rise)}
-    joints |= {"a_1": rise, "b_1": np.pi - rise, "platform_hinge": rise - np.pi}
+    """Inverse kinematics: the platform is at the height cells * arm * sin(rise)."""
+    rise = np.arcsin(UPRIGHT.actInv(pose).translation[1] / (cells * arm))  # angle of arms a
+    fold = np.pi - 2 * rise  # angle between an arm and the next one in its zigzag
+    joints: Joints = {
+        "slider": arm * np.cos(rise),
+        "platform_slider": arm * np.cos(rise),
+        "a_1": rise,
+        "b_1": np.pi - rise,
+        "platform_hinge": rise - np.pi,
+    }
     for k in range(2, cells + 1):
-        joints |= {f"a_{k}": -fold, f"b_{k}": fold}
+        joints[f"a_{k}"] = -fold
+        joints[f"b_{k}"] = fold
     return joints
 
 
-#: In a plane, [m].
+#: A point in the plane of the arm, in the frame of a body, [m].
 _Point = tuple[float, float]
 
 
-class _Cylinder(NamedTuple):
-    """A hydraulic cylinder between two bodies, named after the body that it moves in the end."""
+@dataclass(frozen=True)
+class _Cylinder:
+    """A hydraulic cylinder between two bodies; its rod slides in its barrel."""
 
+    #: First part of the names of its joints and frames.
     name: str
-    #: Body that carries the barrel, and its foot there.
+    #: The body on which the barrel turns, and the pin of the barrel there.
     carrier: str
     foot: _Point
-    #: Body with the lug to which the eye of the rod is pinned, and the place of the lug.
+    #: The body that the rod drives, and the pin of the rod there.
     driven: str
     lug: _Point
-    #: Length from foot to lug at no stroke, [m].
+    #: Distance of both pins at no stroke, [m].
     retracted: float
 
     def add(self, tree: Tree, mass: float) -> None:
-        """The barrel on its carrier, and the rod in it."""
-        upright = UPRIGHT if self.carrier == "swing" else HERE
+        """Add the barrel on its carrier, and in it the rod, which weighs half as much."""
         barrel = bar(mass, 0.9 * self.retracted, 0.045)
         piston = rods(mass / 2, [(-0.9 * self.retracted, 0, 0), (0, 0, 0)], 0.025)
         barrel_joint = f"{self.name}_barrel"
         stroke = f"{self.name}_stroke"
-        at = shift((self.retracted, 0))
-        tree.hinge(barrel_joint, barrel, self.carrier, upright * shift(self.foot))
-        tree.joint(stroke, pin.JointModelPX(), piston, barrel_joint, at)
+        if self.carrier == "swing":  # its z axis is up, that of all others is normal to the plane
+            at = UPRIGHT * shift(self.foot)
+        else:
+            at = shift(self.foot)
+        tree.hinge(barrel_joint, barrel, self.carrier, at)
+        tree.joint(stroke, pin.JointModelPX(), piston, barrel_joint, shift((self.retracted, 0)))
         tree.frame(f"{self.name}_eye", stroke, (0, 0))
+
+    def closure(self, tree: Tree) -> Closure:
+        """Add the lug on the driven body, and pin the end of the rod to it."""
+        tree.frame(f"{self.name}_lug", self.driven, self.lug)
+        return Closure(f"{self.name}_lug", f"{self.name}_eye", "3d")
+
+    def joints(self, driven_in_carrier: pin.SE3) -> Joints:
+        """Angle of the barrel and stroke, for a placement of the driven body in the carrier."""
+        from_foot_to_lug = driven_in_carrier.act(np.array([*self.lug, 0])) - (*self.foot, 0)
+        return {
+            f"{self.name}_barrel": direction(from_foot_to_lug),
+            f"{self.name}_stroke": float(np.linalg.norm(from_foot_to_lug)) - self.retracted,
+        }
+
+
+@dataclass(frozen=True)
+class _ExcavatorArm:
+    """The arm of an excavator: boom, arm and bucket in series; rocker and link turn the bucket.
+
+    The x axis of each of these bodies runs along its length from its first pin, which is its
+    origin.
+    """
+
+    #: Lengths, [m].
+    boom: float
+    arm: float
+    bucket: float
+    rocker: float
+    link: float
+    #: The pin of the boom on the swing, of the rocker on the arm, of the link on the bucket.
+    boom_pin: _Point
+    rocker_pin: _Point
+    link_pin: _Point
+    #: Cylinders that drive boom, arm and rocker.
+    boom_cylinder: _Cylinder
+    arm_cylinder: _Cylinder
+    bucket_cylinder: _Cylinder
+
+    def joints(self, pose: pin.SE3) -> Joints:
+        """Inverse kinematics in closed form: all joints for a pose of the bucket's tip."""
+        # The swing turns the plane of the arm to the tip; then all is planar.
+        swing = direction(pose.translation)
+        tip = (planar(0, 0, swing) * UPRIGHT * shift(self.boom_pin)).actInv(pose)
+        # Boom and arm are a two-link arm to the pin of the bucket; the bucket has the rest.
+        bucket_pin = tip.act(np.array([-self.bucket, 0, 0]))
+        boom, arm = two_link(bucket_pin, self.boom, self.arm, -1)
+        bucket = float(in_one_turn(angle_about_z(tip.rotation) - boom - arm))
+        # Rocker and link are a two-link arm on the arm, to the link's pin on the bucket.
+        bucket_in_arm = planar(self.arm, 0, bucket)
+        link_pin = bucket_in_arm.act(np.array([*self.link_pin, 0]))
+        rocker, link = two_link(link_pin - (*self.rocker_pin, 0), self.rocker, self.link, -1)
+        joints: Joints = {
+            "swing": swing,
+            "boom": boom,
+            "arm": arm,
+            "bucket": bucket,
+            "rocker": rocker,
+            "link": link,
+        }
+        # Each cylinder closes a triangle with its carrier and its driven body.
+        joints |= self.boom_cylinder.joints(planar(*self.boom_pin, boom))
+        joints |= self.arm_cylinder.joints(planar(self.boom, 0, arm))
+        joints |= self.bucket_cylinder.joints(planar(*self.rocker_pin, rocker))
+        return joints
 
 
 @of_dimensions
@@ -152,76 +233,41 @@ def excavator(
         link_mass: Mass of link and rocker each, [kg].
         cylinder_mass: Mass of each barrel; a rod weighs half as much, [kg].
     """
-    foot = (0.3, 0.5)
-    pivot = (arm - 0.3, 0.0)
-    bucket_pin = (0.08, 0.25)
-    cylinders = (
-        _Cylinder("boom", "swing", (0.6, 0.3), "boom", (1.1, 0.2), 0.8),
-        _Cylinder("arm", "boom", (1.2, 0.45), "arm", (-0.3, 0.2), 1.0),
-        _Cylinder("bucket", "arm", (0.05, 0.3), "rocker", (rocker, 0), 0.85),
+    geometry = _ExcavatorArm(
+        boom=boom,
+        arm=arm,
+        bucket=bucket,
+        rocker=rocker,
+        link=link,
+        boom_pin=(0.3, 0.5),
+        rocker_pin=(arm - 0.3, 0.0),
+        link_pin=(0.08, 0.25),
+        boom_cylinder=_Cylinder("boom", "swing", (0.6, 0.3), "boom", (1.1, 0.2), 0.8),
+        arm_cylinder=_Cylinder("arm", "boom", (1.2, 0.45), "arm", (-0.3, 0.2), 1.0),
+        bucket_cylinder=_Cylinder("bucket", "arm", (0.05, 0.3), "rocker", (rocker, 0), 0.85),
     )
+    cylinders = (geometry.boom_cylinder, geometry.arm_cylinder, geometry.bucket_cylinder)
+
+    # Joints in the order in which Pinocchio numbers them: depth first.
+    boom_placement = UPRIGHT * shift(geometry.boom_pin)
     tree = Tree("excavator")
     tree.hinge("swing", box(swing_mass, (1.2, 1.0, 0.6), (-0.2, 0, 0.3)))
-    carrier = "universe"
-    for name, parent, at, mass, length, radius in (
-        ("boom", "swing", UPRIGHT * shift(foot), boom_mass, boom, 0.1),
-        ("arm", "boom", shift((boom, 0)), arm_mass, arm, 0.08),
-        ("bucket", "arm", shift((arm, 0)), bucket_mass, bucket, 0.08),
-        ("rocker", "arm", shift(pivot), link_mass, rocker, 0.03),
-        ("link", "rocker", shift((rocker, 0)), link_mass, link, 0.03),
-    ):
-        # Pinocchio numbers joints depth first: the cylinders of a body, then the bodies it carries.
-        # Bodies of one parent stand together.
-        if parent != carrier:
-            carrier = parent
-            for cylinder in cylinders:
-                if cylinder.carrier == carrier:
-                    cylinder.add(tree, cylinder_mass)
-        tree.hinge(name, bar(mass, length, radius), parent, at)
-    for c in cylinders:
-        tree.frame(f"{c.name}_lug", c.driven, c.lug)
+    geometry.boom_cylinder.add(tree, cylinder_mass)
+    tree.hinge("boom", bar(boom_mass, boom, 0.1), "swing", boom_placement)
+    geometry.arm_cylinder.add(tree, cylinder_mass)
+    tree.hinge("arm", bar(arm_mass, arm, 0.08), "boom", shift((boom, 0)))
+    geometry.bucket_cylinder.add(tree, cylinder_mass)
+    tree.hinge("bucket", bar(bucket_mass, bucket, 0.08), "arm", shift((arm, 0)))
+    tree.hinge("rocker", bar(link_mass, rocker, 0.03), "arm", shift(geometry.rocker_pin))
+    tree.hinge("link", bar(link_mass, link, 0.03), "rocker", shift((rocker, 0)))
+    closures = [cylinder.closure(tree) for cylinder in cylinders]
     tree.platform("bucket", (bucket, 0))
     tree.frame("end_of_link", "link", (link, 0))
-    tree.frame("pin_of_bucket", "bucket", bucket_pin)
-    closures = [Closure(f"{c.name}_lug", f"{c.name}_eye", "3d") for c in cylinders]
-    closures += [Closure("pin_of_bucket", "end_of_link", "3d")]
-    home = UPRIGHT * shift(foot)
-    for angle, length in zip((0.5, -1.7, -1.0), (boom, arm, bucket), strict=True):
+    tree.frame("pin_of_bucket", "bucket", geometry.link_pin)
+    closures.append(Closure("pin_of_bucket", "end_of_link", "3d"))
+
+    home = boom_placement
+    for angle, length in ((0.5, boom), (-1.7, arm), (-1.0, bucket)):
         home = home * planar(0, 0, angle) * shift((length, 0))
-    lengths = (boom, arm, bucket)
-    bars = (rocker, link)
-    joints = partial(_excavator_joints, foot, lengths, pivot, bucket_pin, bars, cylinders)
-    motors = ["swing", *(f"{c.name}_stroke" for c in cylinders)]
-    return GalleryRobot(tree, closures, motors, joints, home)
-
-
-def _excavator_joints(
-    foot: _Point,
-    lengths: tuple[float, float, float],
-    pivot: _Point,
-    bucket_pin: _Point,
-    bars: tuple[float, float],
-    cylinders: tuple[_Cylinder, ...],
-    pose: pin.SE3,
-) -> Joints:
-    swing = direction(pose.translation)
-    local = (planar(0, 0, swing) * UPRIGHT * shift(foot)).actInv(pose)
-    boom, arm, bucket = lengths
-    wrist = local.act(np.array([-bucket, 0, 0]))
-    raised, bent = two_link(wrist, boom, arm, -1)
-    curled = float(in_one_turn(angle_about_z(local.rotation) - raised - bent))
-    on_arm = planar(arm, 0, curled).act(np.array([*bucket_pin, 0]))
-    rocker, link = two_link(on_arm - (*pivot, 0), bars[0], bars[1], -1)
-    joints: Joints = {"swing": swing, "boom": raised, "arm": bent, "bucket": curled}
-    joints |= {"rocker": rocker, "link": link}
-    # Placements of the driven bodies on the bodies that carry their cylinders.
-    placements = {
-        "boom": planar(foot[0], foot[1], raised),
-        "arm": planar(boom, 0, bent),
-        "rocker": planar(pivot[0], pivot[1], rocker),
-    }
-    for c in cylinders:
-        reach = placements[c.driven].act(np.array([*c.lug, 0])) - (*c.foot, 0)
-        joints[f"{c.name}_barrel"] = direction(reach)
-        joints[f"{c.name}_stroke"] = float(np.linalg.norm(reach)) - c.retracted
-    return joints
+    motors = ["swing", *(f"{cylinder.name}_stroke" for cylinder in cylinders)]
+    return GalleryRobot(tree, closures, motors, geometry.joints, home)
