@@ -39,8 +39,14 @@ def agile_eye(
         platform_mass: Without the camera, [kg].
         camera_mass: [kg].
     """
-    masses = proximal_mass, distal_mass, platform_mass
-    return _spherical_3rrr("agile_eye", radius, masses, box(camera_mass, (0.03, 0.03, 0.05)))
+    return _spherical_3rrr(
+        "agile_eye",
+        radius=radius,
+        proximal_mass=proximal_mass,
+        distal_mass=distal_mass,
+        platform_mass=platform_mass,
+        payload=box(camera_mass, (0.03, 0.03, 0.05)),
+    )
 
 
 @of_dimensions
@@ -66,68 +72,96 @@ def agile_wrist(
         tool_mass: [kg].
         tool: Length of the tool, along the platform's z axis, [m].
     """
-    masses = proximal_mass, distal_mass, platform_mass
-    return _spherical_3rrr("agile_wrist", radius, masses, rod(tool_mass, (0, 0, tool), 0.015))
+    return _spherical_3rrr(
+        "agile_wrist",
+        radius=radius,
+        proximal_mass=proximal_mass,
+        distal_mass=distal_mass,
+        platform_mass=platform_mass,
+        payload=rod(tool_mass, (0, 0, tool), 0.015),
+    )
 
 
 def _spherical_3rrr(
-    name: str, radius: float, masses: tuple[float, float, float], payload: Solids
+    name: str,
+    *,
+    radius: float,
+    proximal_mass: float,
+    distal_mass: float,
+    platform_mass: float,
+    payload: Solids,
 ) -> GalleryRobot:
-    """Legs of two quarter-circle links; leg 1 carries the platform, hinges close legs 2 and 3."""
+    """A spherical 3-RRR whose links are quarter circles; all axes pass through the origin.
+
+    Each leg has the hinges motor, elbow and wrist. In the tree, leg 1 carries the platform; hinge
+    closures connect it with the wrists of legs 2 and 3. The payload is fixed to the platform.
+    """
     tree = Tree(name)
-    quarter = turned_x(np.pi / 2)
+    quarter = turned_x(np.pi / 2)  # from one hinge of a leg to the next
     thickness = 0.06 * radius
+    # The body of the platform in the tree has the frame of wrist 1.
+    platform = _wrist_on_platform(1).inverse()
     for k in _LEGS:
-        upper = arc(masses[0], np.pi / 2, radius, thickness)
-        lower = arc(masses[1], np.pi / 2, 0.85 * radius, thickness)
-        tree.hinge(f"motor_{k}", upper, at=_motor_frame(k))
+        upper = arc(proximal_mass, np.pi / 2, radius, thickness)
+        lower = arc(distal_mass, np.pi / 2, 0.85 * radius, thickness)
+        tree.hinge(f"motor_{k}", upper, at=_motor_on_base(k))
         tree.hinge(f"elbow_{k}", lower, f"motor_{k}", quarter)
         if k == 1:
-            platform = _platform_frame(1).inverse()
             plate = []
             for j in _LEGS:
-                spoke = 0.7 * radius * (platform * _platform_frame(j)).rotation[:, 2]
-                plate += rod(masses[2] / 3, spoke, thickness)
+                spoke = 0.7 * radius * (platform * _wrist_on_platform(j)).rotation[:, 2]
+                plate += rod(platform_mass / 3, spoke, thickness)
             plate += [solid._replace(at=platform * solid.at) for solid in payload]
             tree.hinge("wrist_1", plate, "elbow_1", quarter)
             tree.platform("wrist_1", platform)
         else:
             tree.frame(f"end_{k}", f"elbow_{k}", quarter)
-            tree.frame(f"axis_{k}", "wrist_1", platform * _platform_frame(k))
+            tree.frame(f"axis_{k}", "wrist_1", platform * _wrist_on_platform(k))
     closures = [Closure(f"axis_{k}", f"end_{k}", "hinge") for k in _LEGS[1:]]
     motors = [f"motor_{k}" for k in _LEGS]
     return GalleryRobot(tree, closures, motors, _spherical_joints, HERE)
 
 
 def _spherical_joints(pose: pin.SE3) -> Joints:
+    """Inverse kinematics in closed form, one leg after the other.
+
+    The platform's pose gives the axis w of the wrist. The elbow's axis is Rot_z(motor) Rot_x(pi/2)
+    z = (sin motor, -cos motor, 0) in the frame of the motor, and must be normal to w = (x, y, z)
+    there: tan motor = y / x. In the frame of the elbow in the same way w = (sin elbow, -cos elbow,
+    0).
+    """
     joints: Joints = {}
     quarter = turned_x(np.pi / 2).rotation
     for k in _LEGS:
-        R = _motor_frame(k).rotation
-        axis = pose.rotation @ _platform_frame(k).rotation
-        x, y, _ = R.T @ axis[:, 2]
+        wrist = pose.rotation @ _wrist_on_platform(k).rotation
+        R = _motor_on_base(k).rotation
+        x, y, _ = R.T @ wrist[:, 2]
         motor = np.arctan2(y, x)
-        R = R @ rpyToMatrix(0.0, 0.0, motor) @ quarter
-        x, y, _ = R.T @ axis[:, 2]
+        joints[f"motor_{k}"] = motor
+
+        R = R @ rpyToMatrix(0.0, 0.0, motor) @ quarter  # the frame of the elbow
+        x, y, _ = R.T @ wrist[:, 2]
         elbow = np.arctan2(x, -y)
-        joints |= {f"motor_{k}": motor, f"elbow_{k}": elbow}
-        if k == 1:
+        joints[f"elbow_{k}"] = elbow
+
+        if k == 1:  # the other wrists are closures
             R = R @ rpyToMatrix(0.0, 0.0, elbow) @ quarter
-            joints["wrist_1"] = angle_about_z(R.T @ axis)
+            joints["wrist_1"] = angle_about_z(R.T @ wrist)
     return joints
 
 
-def _motor_frame(k: int) -> pin.SE3:
-    """A frame in the base whose z axis is that of motor k: three at right angles, below."""
+def _motor_on_base(k: int) -> pin.SE3:
+    """The frame of motor k in the base. Its z axis is the motor's; the three axes point down."""
     return _along_cube(2 * np.pi / 3 * k, np.pi - _CUBE)
 
 
-def _platform_frame(k: int) -> pin.SE3:
-    """A frame on the platform whose z axis is that of leg k: three at right angles, above."""
+def _wrist_on_platform(k: int) -> pin.SE3:
+    """The frame of wrist k on the platform. Its z axis is the wrist's; the three axes point up."""
     return _along_cube(2 * np.pi / 3 * (k + 1) + np.pi, _CUBE)
 
 
 def _along_cube(azimuth: float, tilt: float) -> pin.SE3:
+    """A frame whose z axis is tilted from that of the robot: three such axes are a cube's edges."""
     return pin.SE3(rpyToMatrix(0.0, 0.0, azimuth) @ rpyToMatrix(0.0, tilt, 0.0), np.zeros(3))
 
 
@@ -155,6 +189,7 @@ def bennett(
         radius: Radius of the bars, [m].
     """
     coupler = crank * np.sin(coupler_twist) / np.sin(twist)
+    # From the first pin of a bar to its second.
     over_crank = shift((crank, 0)) * turned_x(twist)
     over_coupler = shift((coupler, 0)) * turned_x(coupler_twist)
     crank_bar = bar(linear_density * crank, crank, radius)
@@ -166,18 +201,22 @@ def bennett(
     tree.frame("ground_pin", "universe", over_coupler.inverse())
     tree.frame("follower_pin", "follower", over_crank)
     tree.platform("coupler", (coupler / 2, 0))
+    closures = [Closure("ground_pin", "follower_pin", "hinge")]
+
     ratio = np.sin((coupler_twist + twist) / 2) / np.sin((coupler_twist - twist) / 2)
     joints = partial(_bennett_joints, coupler / 2, ratio)
-    home = planar(0, 0, 1.2) * over_crank * planar(0, 0, _partner(1.2, ratio))
-    closures = [Closure("ground_pin", "follower_pin", "hinge")]
-    return GalleryRobot(tree, closures, ["crank"], joints, home * shift((coupler / 2, 0)))
+    crank_angle = 1.2
+    coupler_pin = planar(0, 0, crank_angle) * over_crank
+    home = coupler_pin * planar(0, 0, _coupler_angle(crank_angle, ratio)) * shift((coupler / 2, 0))
+    return GalleryRobot(tree, closures, ["crank"], joints, home)
 
 
 def _bennett_joints(half_coupler: float, ratio: float, pose: pin.SE3) -> Joints:
+    """Inverse kinematics: the pin of the crank is half a coupler behind the platform."""
     crank = direction(pose.act(np.array([-half_coupler, 0, 0])))
-    return {"crank": crank, "coupler": _partner(crank, ratio), "follower": -crank}
+    return {"crank": crank, "coupler": _coupler_angle(crank, ratio), "follower": -crank}
 
 
-def _partner(angle: float, ratio: float) -> float:
-    """The second angle of the linkage: tan(first / 2) tan(second / 2) is constant."""
-    return float(2 * np.arctan2(ratio * np.cos(angle / 2), np.sin(angle / 2)))
+def _coupler_angle(crank: float, ratio: float) -> float:
+    """The angle of the coupler: Bennett's tan(crank / 2) tan(coupler / 2) = ratio."""
+    return float(2 * np.arctan2(ratio * np.cos(crank / 2), np.sin(crank / 2)))

@@ -242,9 +242,30 @@ def excavator(
         boom_pin=(0.3, 0.5),
         rocker_pin=(arm - 0.3, 0.0),
         link_pin=(0.08, 0.25),
-        boom_cylinder=_Cylinder("boom", "swing", (0.6, 0.3), "boom", (1.1, 0.2), 0.8),
-        arm_cylinder=_Cylinder("arm", "boom", (1.2, 0.45), "arm", (-0.3, 0.2), 1.0),
-        bucket_cylinder=_Cylinder("bucket", "arm", (0.05, 0.3), "rocker", (rocker, 0), 0.85),
+        boom_cylinder=_Cylinder(
+            name="boom",
+            carrier="swing",
+            foot=(0.6, 0.3),
+            driven="boom",
+            lug=(1.1, 0.2),
+            retracted=0.8,
+        ),
+        arm_cylinder=_Cylinder(
+            name="arm",
+            carrier="boom",
+            foot=(1.2, 0.45),
+            driven="arm",
+            lug=(-0.3, 0.2),
+            retracted=1.0,
+        ),
+        bucket_cylinder=_Cylinder(
+            name="bucket",
+            carrier="arm",
+            foot=(0.05, 0.3),
+            driven="rocker",
+            lug=(rocker, 0),
+            retracted=0.85,
+        ),
     )
     cylinders = (geometry.boom_cylinder, geometry.arm_cylinder, geometry.bucket_cylinder)
 
