@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Joints of legged robots that motors drive by rods: ankle, knee, and a leg with both."""
+"""Joints of legged robots that motors drive by rods: ankle, knee, and a leg with both.
 
+Each drive is a four-bar: a motor turns a crank, a rod connects the crank with a lever of the link.
+In all frames x points forward, y to the left, z up.
+"""
+
+from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -17,10 +21,12 @@ from .placements import HERE, shift, two_link, universal
 _RY = pin.JointModelRY
 
 
-class _Drive(NamedTuple):
-    """A motor with a crank that moves a link by a rod; x forward, y to the left, z up.
+@dataclass(frozen=True)
+class _Drive:
+    """A motor with a crank that moves a link by a rod.
 
-    The crank points backward at 0, and so does the link's lever where the joint is at 0.
+    The crank points backward where the motor is at 0, and so does the link's lever where the joint
+    is at 0.
     """
 
     #: Suffix of the names of motor, rod and frames.
@@ -35,15 +41,15 @@ class _Drive(NamedTuple):
     eye: Array
     #: Length of the rod, [m].
     length: float
+    #: Whether the rod stays in the plane of the crank, so that it needs only a hinge there.
+    is_planar: bool
 
     def add(self, tree: Tree, parent: str, at: pin.SE3, rod_mass: float, crank_mass: float) -> None:
         """Add crank and rod; `at` is the placement of the link's joint on the parent."""
-        knee = self.link == "knee"
         motor = f"motor_{self.name}"
-        link = f"rod_{self.name}"
         crank = rod(crank_mass, (-self.crank, 0, 0), 0.008)
         tree.joint(motor, _RY(), crank, parent, at * shift(self.motor))
-        if knee:
+        if self.is_planar:
             kind = _RY()
             radius = 0.006
         else:
@@ -51,23 +57,33 @@ class _Drive(NamedTuple):
             kind = pin.JointModelUniversal(x, y)
             radius = 0.005
         bars = rod(rod_mass, (0, 0, -self.length), radius)
-        tree.joint(link, kind, bars, motor, shift((-self.crank, 0)))
-        tree.frame(f"end_{self.name}", link, (0, 0, -self.length))
+        tree.joint(f"rod_{self.name}", kind, bars, motor, shift((-self.crank, 0)))
+        tree.frame(f"end_{self.name}", f"rod_{self.name}", (0, 0, -self.length))
 
     def closure(self, tree: Tree) -> Closure:
         """Add the ball between the rod and the link."""
         tree.frame(f"lever_{self.name}", self.link, self.eye)
         return Closure(f"lever_{self.name}", f"end_{self.name}", "3d")
 
-    def joints(self, turn: Array) -> Joints:
-        """Angles of motor and rod for an orientation of the link; NaN out of reach."""
-        x, y, z = turn @ self.eye - self.motor
+    def joints(self, R: Array) -> Joints:
+        """Angles of motor and rod for an orientation R of the link; NaN out of reach.
+
+        The tip of the crank is c(phi) = crank (-cos(phi), 0, sin(phi)), seen from the motor. The
+        rod has its length if |r - c(phi)| = length for the eye at r = (x, y, z), thus
+
+            -x cos(phi) + z sin(phi) = (r . r + crank^2 - length^2) / (2 crank).
+        """
+        x, y, z = R @ self.eye - self.motor
         square = x * x + y * y + z * z
-        middle = (square + self.crank**2 - self.length**2) / (2 * self.crank)
-        motor = np.arctan2(z, -x) + np.arccos(middle / np.hypot(x, z))
-        up = -(_pitch_roll(motor).T @ (x, y, z)) - (self.crank, 0.0, 0.0)
-        bar = np.arctan2(up[0], up[2]) if self.link == "knee" else universal(up)
-        return {f"motor_{self.name}": motor, f"rod_{self.name}": bar}
+        right_side = (square + self.crank**2 - self.length**2) / (2 * self.crank)
+        motor = np.arctan2(z, -x) + np.arccos(right_side / np.hypot(x, z))
+        # From the eye to the tip of the crank, in the frame of the crank: the rod's z axis.
+        z_axis = -(_pitch_roll(motor).T @ (x, y, z)) - (self.crank, 0.0, 0.0)
+        if self.is_planar:
+            rod_angles = np.arctan2(z_axis[0], z_axis[2])
+        else:
+            rod_angles = universal(z_axis)
+        return {f"motor_{self.name}": motor, f"rod_{self.name}": rod_angles}
 
 
 @of_dimensions
@@ -98,7 +114,15 @@ def ankle(
     """
     tree = Tree("ankle")
     drives = _ankle_drives(width, lever, (upper, lower))
-    closures = _add_ankle(tree, "universe", HERE, drives, (rod_mass, crank_mass, foot_mass))
+    closures = _add_ankle(
+        tree,
+        "universe",
+        HERE,
+        drives,
+        rod_mass=rod_mass,
+        crank_mass=crank_mass,
+        foot_mass=foot_mass,
+    )
     joints = partial(_ankle_joints, drives)
     home = pin.SE3(_pitch_roll(0.1, 0.05), np.zeros(3))
     return GalleryRobot(tree, closures, ["motor_left", "motor_right"], joints, home)
@@ -132,7 +156,9 @@ def knee(
     tree = Tree("knee")
     drive = _knee_drive(height, crank, lever)
     at = shift((0, 0, -thigh))
-    closures = _add_knee(tree, "universe", at, drive, (rod_mass, link_mass), shank)
+    closures = _add_knee(
+        tree, "universe", at, drive, rod_mass=rod_mass, shank_mass=link_mass, shank=shank
+    )
     tree.platform("knee")
     home = at * pin.SE3(_pitch_roll(0.8), np.zeros(3))
     return GalleryRobot(tree, closures, ["motor_knee"], partial(_knee_joints, drive), home)
@@ -170,10 +196,24 @@ def leg(
     knee_drive = _knee_drive(0.6 * thigh, lever, 0.8 * lever)
     ankle_drives = _ankle_drives(width, lever, (0.65 * shank, 0.45 * shank))
     tree.joint("hip", _RY(), rod(thigh_mass, (0, 0, -thigh), 0.04))
-    masses = 2 * rod_mass, shank_mass
-    closures = _add_knee(tree, "hip", shift((0, 0, -thigh)), knee_drive, masses, shank)
-    at = shift((0, 0, -shank))
-    closures += _add_ankle(tree, "knee", at, ankle_drives, (rod_mass, rod_mass, foot_mass))
+    closures = _add_knee(
+        tree,
+        "hip",
+        shift((0, 0, -thigh)),
+        knee_drive,
+        rod_mass=2 * rod_mass,
+        shank_mass=shank_mass,
+        shank=shank,
+    )
+    closures += _add_ankle(
+        tree,
+        "knee",
+        shift((0, 0, -shank)),
+        ankle_drives,
+        rod_mass=rod_mass,
+        crank_mass=rod_mass,
+        foot_mass=foot_mass,
+    )
     joints = partial(_leg_joints, (thigh, shank), knee_drive, ankle_drives)
     place = np.array([0.025 * (thigh + shank), 0.0, -0.9 * (thigh + shank)])
     motors = ["hip", "motor_knee", "motor_left", "motor_right"]
@@ -186,7 +226,16 @@ def _ankle_drives(width: float, lever: float, heights: tuple[float, float]) -> l
     for name, y, height in zip(("left", "right"), (width, -width), heights, strict=True):
         motor = np.array([0, y, height])
         eye = np.array([-lever, y, 0])
-        drives.append(_Drive(name, "ankle_roll", motor, lever, eye, height))
+        drive = _Drive(
+            name=name,
+            link="ankle_roll",
+            motor=motor,
+            crank=lever,
+            eye=eye,
+            length=height,
+            is_planar=False,
+        )
+        drives.append(drive)
     return drives
 
 
@@ -194,22 +243,51 @@ def _knee_drive(height: float, crank: float, lever: float) -> _Drive:
     """The drive of the knee; where the knee is bent by 1 rad, lever and crank are horizontal."""
     eye = _pitch_roll(-1.0) @ (-lever, 0.0, 0.0)
     length = float(np.hypot(height, crank - lever))
-    return _Drive("knee", "knee", np.array([0.0, 0.0, height]), crank, eye, length)
+    return _Drive(
+        name="knee",
+        link="knee",
+        motor=np.array([0.0, 0.0, height]),
+        crank=crank,
+        eye=eye,
+        length=length,
+        is_planar=True,
+    )
 
 
 def _add_knee(
-    tree: Tree, parent: str, at: pin.SE3, drive: _Drive, masses: tuple[float, float], shank: float
+    tree: Tree,
+    parent: str,
+    at: pin.SE3,
+    drive: _Drive,
+    *,
+    rod_mass: float,
+    shank_mass: float,
+    shank: float,
 ) -> list[Closure]:
-    rod_mass, link_mass = masses
+    """Add crank, rod and shank, with the knee at a placement on its parent; returns the closure.
+
+    The crank has the mass of the rod. `shank` is the length from knee to ankle.
+    """
     drive.add(tree, parent, at, rod_mass, rod_mass)
-    tree.joint("knee", _RY(), rod(link_mass, (0, 0, -shank), 0.03), parent, at)
+    tree.joint("knee", _RY(), rod(shank_mass, (0, 0, -shank), 0.03), parent, at)
     return [drive.closure(tree)]
 
 
 def _add_ankle(
-    tree: Tree, parent: str, at: pin.SE3, drives: list[_Drive], masses: tuple[float, float, float]
+    tree: Tree,
+    parent: str,
+    at: pin.SE3,
+    drives: list[_Drive],
+    *,
+    rod_mass: float,
+    crank_mass: float,
+    foot_mass: float,
 ) -> list[Closure]:
-    rod_mass, crank_mass, foot_mass = masses
+    """Add cranks, rods and the foot, with the ankle at a placement on its parent.
+
+    The ankle has two joints, pitch and then roll, with a small disc between them. The foot is the
+    platform.
+    """
     for drive in drives:
         drive.add(tree, parent, at, rod_mass, crank_mass)
     size = drives[0].crank  # also the length of the levers: the foot is drawn by it
@@ -228,11 +306,13 @@ def _pitch_roll(pitch: float, roll: float = 0.0) -> Array:
 
 
 def _knee_joints(drive: _Drive, pose: pin.SE3) -> Joints:
+    """Inverse kinematics of the knee: the shank's pose is a turn about y."""
     bend = float(np.arctan2(-pose.rotation[2, 0], pose.rotation[0, 0]))
     return {"knee": bend} | drive.joints(_pitch_roll(bend))
 
 
 def _ankle_joints(drives: list[_Drive], pose: pin.SE3) -> Joints:
+    """Inverse kinematics of the ankle: the foot's pose is a turn about y, then about x."""
     R = pose.rotation
     pitch = float(np.arctan2(-R[2, 0], R[0, 0]))
     roll = float(np.arctan2(-R[1, 2], R[1, 1]))
@@ -245,8 +325,15 @@ def _ankle_joints(drives: list[_Drive], pose: pin.SE3) -> Joints:
 def _leg_joints(
     lengths: tuple[float, float], knee_drive: _Drive, ankle_drives: list[_Drive], pose: pin.SE3
 ) -> Joints:
+    """Inverse kinematics of the leg, with the lengths of thigh and shank.
+
+    Hip and knee are a two-link arm to the ankle, where z downward is the first axis of its plane
+    and x backward the second. The ankle has what they leave of the foot's orientation.
+    """
+    thigh, shank = lengths
     x, _, z = pose.translation
-    hip, bend = two_link((-z, -x), lengths[0], lengths[1], 1)
-    above = {"hip": hip, "knee": bend} | knee_drive.joints(_pitch_roll(bend))
-    turned = pin.SE3(_pitch_roll(-hip - bend) @ pose.rotation, np.zeros(3))
-    return above | _ankle_joints(ankle_drives, turned)
+    hip, bend = two_link((-z, -x), thigh, shank, 1)
+    joints: Joints = {"hip": hip, "knee": bend}
+    joints |= knee_drive.joints(_pitch_roll(bend))
+    foot_on_shank = pin.SE3(_pitch_roll(-hip - bend) @ pose.rotation, np.zeros(3))
+    return joints | _ankle_joints(ankle_drives, foot_on_shank)
