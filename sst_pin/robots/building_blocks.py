@@ -155,6 +155,7 @@ def joint_shapes(
     tree: Tree, closures: Sequence[Constraint], motors: Sequence[str]
 ) -> list[pin.GeometryObject]:
     """Pins, balls and sleeves for the joints and closures, and feet on the ground, without mass."""
+    # Sizes are multiples of r, the thickness of the links at a joint.
     model = tree.model
     links = tree.visual_model
     shapes: list[pin.GeometryObject] = []
@@ -166,6 +167,7 @@ def joint_shapes(
         part.meshColor = colour
         shapes.append(part)
 
+    # Joints of the tree.
     for number in range(1, model.njoints):
         joint = model.joints[number]
         name = model.names[number]
@@ -175,7 +177,7 @@ def joint_shapes(
         r = thicknesses[number]
         data = joint.createData()
         joint.calc(data, home)
-        S = np.reshape(data.S, (6, joint.nv))
+        S = np.reshape(data.S, (6, joint.nv))  # twists [linear; angular] of the joint's rates
         only_rotates = bool((np.linalg.norm(S[3:], axis=0) > 0).all()) and joint.nv < 6
         origin = HERE
         if joint.nv == 1 and only_rotates:  # a pin, where the links are
@@ -196,6 +198,7 @@ def joint_shapes(
             foot = coal.Box(4 * r, 4 * r, 4 * r)
             add("ground", 0, placement * data.M * origin, foot, _GROUND)
 
+    # Closures; a distance has no shape.
     for closure in closures:
         if not isinstance(closure, Closure):
             continue
@@ -237,4 +240,5 @@ def _nearest_on_axis(axis: Array, shapes: pin.GeometryModel, joint: int) -> Arra
 
 
 def _z_along(axis: Array) -> Array:
+    """A rotation that brings z to an axis, shape (3, 3)."""
     return pin.Quaternion.FromTwoVectors(np.array([0.0, 0, 1]), axis).matrix()

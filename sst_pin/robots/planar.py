@@ -58,6 +58,7 @@ def four_bar(
     tree.frame("coupler_pin", "coupler", (coupler, 0))
     tree.frame("rocker_pin", "rocker", (rocker, 0))
     tree.platform("coupler", (point, 0))
+    # At home the crank stands at 60 degrees, and its pin at (x, y).
     x = crank * np.cos(np.pi / 3)
     y = crank * np.sin(np.pi / 3)
     angle, _ = two_link((ground - x, -y), coupler, rocker, -1)
@@ -67,6 +68,7 @@ def four_bar(
 
 
 def _four_bar_joints(coupler: float, ground: float, point: float, pose: pin.SE3) -> Joints:
+    """Inverse kinematics: the coupler's pose gives both of its pins, these give the other bars."""
     pose = UPRIGHT.actInv(pose)
     crank_pin = pose.act(np.array([-point, 0, 0]))
     rocker_pin = pose.act(np.array([coupler - point, 0, 0]))
@@ -113,11 +115,13 @@ def five_bar(
 
 
 def _five_bar_joints(span: float, lengths: _Lengths, pose: pin.SE3) -> Joints:
+    """Inverse kinematics: each arm is a two-link arm to the platform; elbows point outwards."""
     joints: Joints = {}
     for k, side in ((1, -1), (2, 1)):
         target = pose.translation - (side * span / 2, 0, 0)
         shoulder, elbow = two_link(target, lengths[0], lengths[1], side)
-        joints |= {f"shoulder_{k}": shoulder, f"elbow_{k}": elbow}
+        joints[f"shoulder_{k}"] = shoulder
+        joints[f"elbow_{k}"] = elbow
     return joints
 
 
@@ -147,12 +151,13 @@ def planar_3rrr(
         linear_density: Mass of a link per length, [kg/m].
         radius: Radius of the links, [m].
     """
-    angles = np.pi / 2 + 2 * np.pi / 3 * np.arange(3)
     return _planar_platform(
         "planar_3rrr",
-        base=circle(base_radius, angles),
-        vertices=circle(platform_radius, angles),
-        lengths=(proximal, distal),
+        angles=np.pi / 2 + 2 * np.pi / 3 * np.arange(3),
+        base_radius=base_radius,
+        platform_radius=platform_radius,
+        proximal=proximal,
+        distal=distal,
         platform_mass=platform_mass,
         linear_density=linear_density,
         radius=radius,
@@ -176,12 +181,13 @@ def planar_4rrr(
     Internal preload control of redundantly actuated parallel manipulators, IEEE Trans. Robotics 21
     (2005)). Arguments as `planar_3rrr`.
     """
-    angles = np.pi / 4 + np.pi / 2 * np.arange(4)
     return _planar_platform(
         "planar_4rrr",
-        base=circle(base_radius, angles),
-        vertices=circle(platform_radius, angles),
-        lengths=(proximal, distal),
+        angles=np.pi / 4 + np.pi / 2 * np.arange(4),
+        base_radius=base_radius,
+        platform_radius=platform_radius,
+        proximal=proximal,
+        distal=distal,
         platform_mass=platform_mass,
         linear_density=linear_density,
         radius=radius,
@@ -191,27 +197,32 @@ def planar_4rrr(
 def _planar_platform(
     name: str,
     *,
-    base: Array,
-    vertices: Array,
-    lengths: _Lengths,
+    angles: ArrayLike,
+    base_radius: float,
+    platform_radius: float,
+    proximal: float,
+    distal: float,
     platform_mass: float,
     linear_density: float,
     radius: float,
 ) -> GalleryRobot:
-    """A platform in the horizontal plane; leg 1 carries it, the other legs are pinned to it.
+    """A platform in the horizontal plane on legs at some angles about z, shape (legs,), [rad].
 
-    `base` are the places of the motors, `vertices` the joints of the platform, shape (legs, 3).
+    In the tree, leg 1 carries the platform; the other legs are pinned to it.
     """
+    base = circle(base_radius, angles)  # the motors
+    vertices = circle(platform_radius, angles)  # the joints of the platform
+    lengths = (proximal, distal)
     plate = star(platform_mass, vertices - vertices[0], radius)
     tree = Tree(name)
     legs = range(1, len(base) + 1)
     for k in legs:
         _add_arm(tree, k, base[k - 1], lengths, linear_density, radius)
         if k == 1:
-            tree.hinge("wrist_1", plate, "elbow_1", shift((lengths[1], 0)))
+            tree.hinge("wrist_1", plate, "elbow_1", shift((distal, 0)))
             tree.platform("wrist_1", -vertices[0])
         else:
-            tree.frame(f"tip_{k}", f"elbow_{k}", (lengths[1], 0))
+            tree.frame(f"tip_{k}", f"elbow_{k}", (distal, 0))
             tree.frame(f"vertex_{k}", "wrist_1", vertices[k - 1] - vertices[0])
     closures = [Closure(f"vertex_{k}", f"tip_{k}", "3d") for k in legs[1:]]
     joints = partial(_planar_joints, base, vertices, lengths)
@@ -220,18 +231,21 @@ def _planar_platform(
 
 
 def _planar_joints(base: Array, vertices: Array, lengths: _Lengths, pose: pin.SE3) -> Joints:
+    """Inverse kinematics: each leg is a two-link arm to its vertex; base, vertices (legs, 3)."""
     joints: Joints = {}
     for k, (foot, vertex) in enumerate(zip(base, vertices, strict=True), 1):
         shoulder, elbow = two_link(pose.act(vertex) - foot, lengths[0], lengths[1], 1)
-        joints |= {f"shoulder_{k}": shoulder, f"elbow_{k}": elbow}
+        joints[f"shoulder_{k}"] = shoulder
+        joints[f"elbow_{k}"] = elbow
     turn = angle_about_z(pose.rotation) - joints["shoulder_1"] - joints["elbow_1"]
-    return joints | {"wrist_1": float(in_one_turn(turn))}
+    joints["wrist_1"] = float(in_one_turn(turn))
+    return joints
 
 
 def _add_arm(
     tree: Tree, k: int, foot: ArrayLike, lengths: _Lengths, linear_density: float, radius: float
 ) -> None:
-    """Two links in a row on the base."""
+    """Add two links in series: hinge shoulder_k at a foot on the base, then hinge elbow_k."""
     proximal, distal = lengths
     upper = bar(linear_density * proximal, proximal, radius)
     lower = bar(linear_density * distal, distal, radius)

@@ -17,8 +17,6 @@ from .gallery_robot import GalleryRobot, Joints, of_dimensions
 from .placements import circle, of_two_turns, planar, shift, two_link, universal
 
 _X, _Y, _ = np.eye(3)
-#: Where the carriages of the hexaglide run, before the platform's joints or behind them.
-_SIDES = (-1, 1, -1, 1, -1, 1)
 
 
 @of_dimensions
@@ -54,13 +52,16 @@ def stewart(
     vertices = circle(platform_radius, _pairs(platform_spread))
     tree.joint("platform", pin.JointModelFreeFlyer(), disc(platform_mass, platform_radius, 0.03))
     tree.platform("platform")
-    closures, motors = _add_struts(tree, base, vertices, retracted, (barrel_mass, rod_mass))
+    closures, motors = _add_struts(
+        tree, base, vertices, retracted, barrel_mass=barrel_mass, rod_mass=rod_mass
+    )
     joints = partial(_stewart_joints, base, vertices, retracted)
     home = shift((0, 0, _height(base[0], vertices[0], 1.3 * retracted)))
     return GalleryRobot(tree, closures, motors, joints, home)
 
 
 def _stewart_joints(base: Array, vertices: Array, retracted: float, pose: pin.SE3) -> Joints:
+    """Inverse kinematics: the platform is a free-flyer in the tree."""
     return {"platform": pin.SE3ToXYZQUAT(pose)} | _strut_joints(base, vertices, retracted, pose)
 
 
@@ -100,7 +101,9 @@ def ups_pu(
     plate = disc(platform_mass, platform_radius, 0.03)
     tree.joint("platform", pin.JointModelUniversal(_X, _Y), plate, "post", shift((0, 0, post)))
     tree.platform("platform")
-    closures, motors = _add_struts(tree, base, vertices, retracted, (barrel_mass, rod_mass))
+    closures, motors = _add_struts(
+        tree, base, vertices, retracted, barrel_mass=barrel_mass, rod_mass=rod_mass
+    )
     joints = partial(_ups_pu_joints, post, base, vertices, retracted)
     home = shift((0, 0, _height(base[0], vertices[0], 1.4 * retracted)))
     return GalleryRobot(tree, closures, motors, joints, home)
@@ -109,6 +112,7 @@ def ups_pu(
 def _ups_pu_joints(
     post: float, base: Array, vertices: Array, retracted: float, pose: pin.SE3
 ) -> Joints:
+    """Inverse kinematics: the universal joint turns about x and then y."""
     post_joints = {"post": pose.translation[2] - post, "platform": universal(pose.rotation[:, 2])}
     return post_joints | _strut_joints(base, vertices, retracted, pose)
 
@@ -157,10 +161,16 @@ def hexaglide(
     return GalleryRobot(tree, closures, motors, joints, shift((0, 0, 2 / 3 * strut)))
 
 
+#: Whether a carriage of the hexaglide stands behind its ball along x, -1, or before it, 1.
+_SIDES = (-1, 1, -1, 1, -1, 1)
+
+
 def _hexaglide_joints(rails: Array, vertices: Array, strut: float, pose: pin.SE3) -> Joints:
+    """Inverse kinematics: a strut of known length ends at its ball, and begins on its rail."""
     joints = {"platform": pin.SE3ToXYZQUAT(pose)}
     for k, (y, vertex, side) in enumerate(zip(rails, vertices, _SIDES, strict=True), 1):
-        # From the rail to the ball; the strut closes the rest along the rail.
+        # The ball from the rail's point at x = 0. The strut has the components (-along_rail, dy,
+        # dz), so the carriage is at dx + along_rail.
         dx, dy, dz = pose.act(vertex) - (0, y, 0)
         along_rail = side * np.sqrt(strut**2 - dy**2 - dz**2)
         joints[f"carriage_{k}"] = dx + along_rail
@@ -181,14 +191,24 @@ def _pairs(spread: float) -> Array:
 
 
 def _add_struts(
-    tree: Tree, base: Array, vertices: Array, retracted: float, masses: tuple[float, float]
+    tree: Tree,
+    base: Array,
+    vertices: Array,
+    retracted: float,
+    *,
+    barrel_mass: float,
+    rod_mass: float,
 ) -> tuple[list[Closure], list[str]]:
-    """Struts that turn about a universal joint on the base, slide, and end at the platform."""
+    """Add struts that turn about a universal joint on the base, slide, and end at the platform.
+
+    `base` and `vertices` are the joints on base and platform, shape (struts, 3), [m]. Returns the
+    closures, a ball for each strut, and the names of the motors.
+    """
     closures = []
     motors = []
     for k, (foot, vertex) in enumerate(zip(base, vertices, strict=True), 1):
-        barrel = rod(masses[0], (0, 0, 0.8 * retracted), 0.025)
-        piston = rods(masses[1], [(0, 0, -0.6 * retracted), (0, 0, 0)], 0.015)
+        barrel = rod(barrel_mass, (0, 0, 0.8 * retracted), 0.025)
+        piston = rods(rod_mass, [(0, 0, -0.6 * retracted), (0, 0, 0)], 0.015)
         tree.joint(f"universal_{k}", pin.JointModelUniversal(_X, _Y), barrel, at=shift(foot))
         at = shift((0, 0, retracted))
         tree.joint(f"stroke_{k}", pin.JointModelPZ(), piston, f"universal_{k}", at)
@@ -202,6 +222,7 @@ def _add_struts(
 
 
 def _strut_joints(base: Array, vertices: Array, retracted: float, pose: pin.SE3) -> Joints:
+    """Inverse kinematics: the platform's pose gives both ends of each strut."""
     joints: Joints = {}
     for k, (foot, vertex) in enumerate(zip(base, vertices, strict=True), 1):
         reach = pose.act(vertex) - foot
@@ -240,7 +261,7 @@ def delta(
     """
     tree = Tree("delta")
     closures = []
-    first = np.array([platform_radius, spacing / 2, 0])
+    first = np.array([platform_radius, spacing / 2, 0])  # the ball of rod_1a on the platform
     end = (0, 0, -forearm)
     for k in (1, 2, 3):
         leg = planar(0, 0, 2 * np.pi / 3 * (k - 1))
@@ -263,24 +284,34 @@ def delta(
                 closures.append(Closure(f"ball_{name}", f"end_{name}", "3d"))
     joints = partial(_delta_joints, (base_radius, platform_radius), arm, forearm)
     motors = [f"motor_{k}" for k in (1, 2, 3)]
-    level = base_radius + arm - platform_radius  # of the arms, at home
+    level = base_radius + arm - platform_radius  # horizontal part of a rod at level arms, at home
     with np.errstate(invalid="ignore"):
         home = shift((0, 0, -np.sqrt(forearm**2 - level**2)))
     return GalleryRobot(tree, closures, motors, joints, home)
 
 
 def _delta_joints(radii: tuple[float, float], arm: float, forearm: float, pose: pin.SE3) -> Joints:
+    """Inverse kinematics, with the radii of base and platform.
+
+    In the frame of a leg, x radial and z up, the arm turns about y. A rod of length forearm leaves
+    the plane of the arm by y, so arm and rod are a two-link arm with the lengths arm and
+    sqrt(forearm^2 - y^2) in this plane.
+    """
     base_radius, platform_radius = radii
     joints: Joints = {}
     for k in (1, 2, 3):
         leg = planar(0, 0, 2 * np.pi / 3 * (k - 1))
         x, y, z = leg.actInv(pose.translation) - (base_radius - platform_radius, 0, 0)
         motor, _ = two_link((x, -z), arm, np.sqrt(forearm**2 - y**2), 1)
-        turn = rpyToMatrix(0.0, motor, 0.0)
-        dx, dy, dz = turn.T @ (x, y, z) - (arm, 0, 0)
-        rods = np.arctan2(dy, -dz), np.arctan2(-dx, np.hypot(dy, dz))
-        joints |= {f"motor_{k}": motor, f"rod_{k}a": rods, f"rod_{k}b": rods}
-        if k == 1:
-            R = turn @ of_two_turns(rods[0], rods[1])  # of the rod
-            joints["ball"] = pin.Quaternion(R.T).coeffs()
+        R_arm = rpyToMatrix(0.0, motor, 0.0)
+        # The rod in the frame of the arm; turns about x and then y bring -z to it.
+        dx, dy, dz = R_arm.T @ (x, y, z) - (arm, 0, 0)
+        about_x = np.arctan2(dy, -dz)
+        about_y = np.arctan2(-dx, np.hypot(dy, dz))
+        joints[f"motor_{k}"] = motor
+        joints[f"rod_{k}a"] = (about_x, about_y)
+        joints[f"rod_{k}b"] = (about_x, about_y)
+        if k == 1:  # the ball at the end of rod_1a turns the platform back
+            R_rod = R_arm @ of_two_turns(about_x, about_y)
+            joints["ball"] = pin.Quaternion(R_rod.T).coeffs()
     return joints

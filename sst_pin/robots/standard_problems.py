@@ -45,6 +45,7 @@ def bricard(*, length: float = 1.0, mass: float = 1.0, thickness: float = 0.1) -
         tree.joint(f"hinge_{k}", kind(), box(mass, size, edge / 2), parent, at)
         parent = f"hinge_{k}"
         at = shift(edge)
+    # The last hinge turns about x; hinge closures turn about z of their frames.
     z_to_x = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
     tree.frame("ground_pin", "universe", pin.SE3(z_to_x, np.array([0, 0, length])))
     tree.frame("end_pin", parent, pin.SE3(z_to_x, edges[-1]))
@@ -55,16 +56,22 @@ def bricard(*, length: float = 1.0, mass: float = 1.0, thickness: float = 0.1) -
 
 
 def _bricard_joints(length: float, pose: pin.SE3) -> Joints:
+    """Inverse kinematics, from both ends of the open chain to the platform's hinge.
+
+    The frame of the platform is at the third hinge: rods 1 and 2 are a chain of two turns to it
+    from the first hinge. The chain from the last pin, at (0, 0, length) in the base, is seen from
+    the platform.
+    """
     x, y, z = pose.translation / length
     first = np.arctan2(-z, x)
     second = np.arctan2(np.hypot(x, z) - 1, -y)
-    turned = rpyToMatrix(0.0, first, 0.0) @ rpyToMatrix(0.0, 0.0, second)
-    rolled = turned.T @ pose.rotation
+    R_2 = rpyToMatrix(0.0, first, 0.0) @ rpyToMatrix(0.0, 0.0, second)  # of the second rod
+    R_3 = R_2.T @ pose.rotation  # of the platform on it: a turn about x
     x, y, z = pose.actInv(np.array([0, 0, length])) / length - (0, 0, 1)
     return {
         "hinge_1": first,
         "hinge_2": second,
-        "hinge_3": np.arctan2(rolled[2, 1], rolled[1, 1]),
+        "hinge_3": np.arctan2(R_3[2, 1], R_3[1, 1]),
         "hinge_4": np.arctan2(z, -x),
         "hinge_5": np.arctan2(np.hypot(x, z) - 1, y),
     }
@@ -100,11 +107,13 @@ def slider_crank() -> GalleryRobot:
 
 
 def _rod_turns(ball: Array, slider: float) -> tuple[float, float]:
+    """Turns about x and then y of the rod from the slider, [m], to the ball, shape (3,)."""
     x, y, z = ball - (slider, 0, 0)
     return float(np.arctan2(-y, z)), float(np.arctan2(np.hypot(y, z), -x))
 
 
 def _slider_crank_joints(pose: pin.SE3) -> Joints:
+    """Inverse kinematics: the rod's pose gives the slider at one end, the ball at the other."""
     ball = pose.translation
     slider = float(pose.act(np.array([0.3, 0, 0]))[0])
     _, y, z = ball - _CRANK
