@@ -8,6 +8,9 @@ function engine(functions, d) {
   const TOLERANCE = 1e-7, SHORTEST = 1e-7; // of a step, relative; [s]
   const STIFF = 12, PUSH = 0.1; // of "hold" [1/s]; how long a push lasts [s]
   const SPRING = 20, BUFFER = 0.005; // of a stop: its frequency in those of a fall; where it begins before the limit, in parts of the range's unit
+  const LONGEST = 5e-3, BEND = 0.25; // of a step with impulses: in times of a fall; its correction that closes the loops, relative
+  const RISE = 0.1; // speed that lifts what starts below its ground, in those of a fall
+  const WEIGHTS = 20, SETTLING = 0.3; // of "hold" with impulses: stiffness of motors, in weights at the robot's length per rad; damping, in times of a fall
   const SMOOTH = 0.01; // [rad/s] of Coulomb friction without a width, whose jumps stop an integrator
   const zeros = (n) => new Array(n).fill(0), turned = (x) => x - 2 * Math.PI * Math.round(x / (2 * Math.PI));
   const nq = d.q.length, n = d.coordinates.length, motors = d.motors.names.length, rest = zeros(6 * d.bodies.length - 6);
@@ -26,11 +29,14 @@ function engine(functions, d) {
     };
   }
   const all = (kernels) => Object.fromEntries(Object.entries(kernels).map(([name, kernel]) => [name, bind(kernel, name === "state_rate" && SMOOTH)]));
-  const F = all(functions.common), sets = functions.sets.map(({ coordinates, parts, kernels }) => ({ coordinates, parts, ...all(kernels), checked: kernels.closing.output }));
+  const F = all(functions.common), sets = functions.sets.map(({ coordinates, parts, layout, kernels }) => (
+    { coordinates, parts, layout, ...all(kernels), checked: kernels.closing.output, size: kernels.terms?.output }));
   const own = sets[0];
+  const fall = Math.sqrt(d.size / d.fall); // time of a fall by the robot's length [s]
+  const impulsive = functions.nonsmooth && nonsmooth(functions.nonsmooth, RISE * d.size / fall);
 
   // The state, and what acts: how the motors are driven, their efforts, a hand.
-  const r = { q: d.q.slice(), va: d.va.slice(), time: 0, way: "none", efforts: zeros(motors), grip: null };
+  const r = { q: d.q.slice(), va: d.va.slice(), time: 0, way: "none", efforts: zeros(motors), grip: null, contactForces: [] };
   let now, rate_, moved, goal, step; // of a simulation: its set of coordinates, their rates, what the own ones have moved
   const scale = d.coordinates.map((each) => each.scale), largest = (change) => Math.max(0, ...change.map((x, k) => Math.abs(x) / scale[k]));
   const rates = (set, q, va) => set.rates(q, va); // of q, then of all joints
@@ -134,6 +140,7 @@ function engine(functions, d) {
       if (limits[k] !== null && Math.abs(x) > limits[k]) words.push(`${owners[k]} is beyond its effort limit of ${Number(limits[k].toPrecision(3))} ${units[k]}`);
     });
     if (!(is <= d.condition)) words.push(near(is));
+    if (r.unsolved) words.push("forces of contacts are not solved to 1e-9");
     if (r.holds && !r.torques(r.q, zeros(n), zeros(n)).every(Number.isFinite)) words.push("the motors do not hold this pose");
     if (!(own.closing(r.q)[own.checked] <= 1)) words.unshift("the loops are open");
     return words;
@@ -155,7 +162,7 @@ function engine(functions, d) {
   function loads(q, q_dot) {
     const W = rest.slice();
     byHand(W, q, q_dot);
-    for (const stop of d.stops) {
+    for (const stop of impulsive ? [] : d.stops) {
       const size = pushOf(stop, q, q_dot);
       if (size) press(W, F.places(q).slice(), stop, size);
     }
@@ -192,7 +199,7 @@ function engine(functions, d) {
 
   // --- stops -----------------------------------------------------------------------------------
 
-  const stiffness = (SPRING ** 2 * d.fall) / d.size; // per inertia
+  const stopStiffness = (SPRING ** 2 * d.fall) / d.size; // per inertia
   let felt = new Map(); // inertia that a force along a joint feels, of the stops that act
 
   // Force of a stop on its joint: a spring with critical damping that begins a little before the limit, and only pushes.
@@ -202,7 +209,7 @@ function engine(functions, d) {
     if (below <= 0 && above <= 0) return 0;
     const [depth, sense] = below > 0 ? [below, 1] : [above, -1];
     if (!felt.has(stop)) felt.set(stop, inertiaAlong(stop, q));
-    return sense * felt.get(stop) * Math.max(0, stiffness * depth - 2 * Math.sqrt(stiffness) * sense * q_dot[i]);
+    return sense * felt.get(stop) * Math.max(0, stopStiffness * depth - 2 * Math.sqrt(stopStiffness) * sense * q_dot[i]);
   }
 
   function inertiaAlong(stop, q) { // of the whole robot, at rest
@@ -234,7 +241,10 @@ function engine(functions, d) {
   }
 
   function start() {
-    [now, rate_, moved, goal, step] = [own, r.va.slice(), zeros(n), zeros(n), 1e-3];
+    [now, rate_, moved, goal, step] = [own, r.va.slice(), zeros(n), zeros(n), impulsive ? LONGEST * fall : 1e-3];
+    r.contactForces = [];
+    r.unsolved = false;
+    if (impulsive) startImpulses();
   }
 
   // Coordinates and pivots that suit the pose: the own ones, or others whose pivots are much larger.
@@ -248,6 +258,7 @@ function engine(functions, d) {
 
   // Go on by dt, or as far as `until` allows; what is left, or words where the motion ends.
   function advance(dt, until = Infinity) {
+    if (impulsive) return advanceByImpulses(dt, until);
     let left = dt;
     felt = new Map();
     while (left > 1e-12 && performance.now() < until) {
@@ -268,12 +279,13 @@ function engine(functions, d) {
 
   // For "hold": where a coordinate is to go, or all stay.
   function goTo(k, ahead) {
+    if (impulsive) { moveGoals(k, ahead); return; }
     if (k === undefined) goal = moved?.slice();
     else goal[k] = moved[k] + ahead;
   }
 
   function measure(running) { // torques that act, or hold the pose
-    const found = running ? efforts(r.q, r.va, moved) : F.torques ? r.torques(r.q, zeros(n), zeros(n)) : zeros(motors);
+    const found = running ? (impulsive ? acting : efforts(r.q, r.va, moved)) : F.torques ? r.torques(r.q, zeros(n), zeros(n)) : zeros(motors);
     return found.map((x) => Number.isFinite(x) ? x : 0);
   }
 
@@ -281,6 +293,89 @@ function engine(functions, d) {
   function rests() {
     const aa = own.state_rate(r.q, zeros(n), r.way === "sliders" ? r.efforts : zeros(motors), rest).slice(nq, nq + n);
     return r.way !== "hold" && aa.every((x, k) => Math.abs(x) < 1e-9 * d.fall / d.size * scale[k]);
+  }
+
+  // --- contacts and ropes --------------------------------------------------------------------
+  // A robot with them makes the steps of `nonsmooth`, which also contain stops, cables and dry friction.
+
+  // Of the last step: impulses, and what the motors gave. Limits of the stops. What the motors have moved, and shall have; goals of the coordinates.
+  let impulses, acting, limits, motorsMoved, motorGoals, goals;
+
+  // "hold" keeps motors in place by stiffness and damping; winches of cables have none.
+  const stiffness = zeros(motors).map((_, k) => {
+    if (functions.nonsmooth?.cables.some(({ shares }) => shares[k])) return 0;
+    return WEIGHTS * d.weight * (d.motors.units[k] === "N m" ? d.size : 1 / d.size);
+  });
+
+  function startImpulses() { // a start beyond a limit moves the limit there
+    const { stops } = functions.nonsmooth;
+    impulses = impulsive.none();
+    limits = stops.map(({ position, side, limit }) => side > 0 ? Math.min(limit, r.q[position]) : Math.max(limit, r.q[position]));
+    [acting, motorsMoved] = [zeros(motors), zeros(motors)];
+    moveGoals();
+  }
+
+  // Matrices of a step, or null where a check fails; the first check is that loops are closed, as above.
+  function termsOf(set, rates, W) {
+    const y = set.terms(r.q, rates, W);
+    return y.subarray(set.size + 1).every((check) => check <= 1) ? impulsive.read(set.layout, y) : null;
+  }
+
+  const motorRows = ({ implicit }) => implicit.slice(implicit.length - motors); // their rates for those of the coordinates
+
+  // Where a coordinate is to go, or all motors stay.
+  function moveGoals(k, ahead) {
+    const values = d.coordinates.map((_, j) => value(j));
+    if (k === undefined) {
+      [motorGoals, goals] = [motorsMoved.slice(), values];
+      return;
+    }
+    const wanted = values[k] + ahead, change = d.coordinates[k].kind === "angle" ? turned(wanted - goals[k]) : wanted - goals[k];
+    const terms = termsOf(own, r.va, rest);
+    if (!terms) return;
+    motorRows(terms).forEach((row, i) => { motorGoals[i] += row[k] * change; });
+    goals[k] = wanted;
+  }
+
+  // Rates after a step of length h, impulses and their residual; null where there is no solution.
+  function stepped(terms, h) {
+    if (!terms) return null;
+    const hold = r.way === "hold", gains = { stiffness: hold ? stiffness : zeros(motors) };
+    gains.damping = gains.stiffness.map((x) => SETTLING * fall * x);
+    let given = r.way === "sliders" ? r.efforts : zeros(motors);
+    if (hold && r.holds) given = torques(r.q, zeros(n), zeros(n)).map((x) => Number.isFinite(x) ? x : 0); // at rest, without contacts
+    given = given.map((x, k) => x + gains.stiffness[k] * (motorGoals[k] - motorsMoved[k]));
+    const end = impulsive.step(terms, { q: r.q, va: rate_, efforts: given, gains, limits, h, start: impulses });
+    if (!end) return null;
+    const motorRates = motorRows(terms).map((row) => row.reduce((sum, x, i) => sum + x * end.rates[i], 0));
+    const gives = given.map((x, k) => x - (gains.damping[k] + h * gains.stiffness[k]) * motorRates[k]);
+    return { ...end, motorRates, gives };
+  }
+
+  // As `advance`, by steps of one length, which are shorter near singularities.
+  function advanceByImpulses(dt, until) {
+    let left = dt;
+    while (left > 1e-12 && performance.now() < until) {
+      if (sets.length > 1) settle();
+      const h = left / Math.ceil(left / step), det = now.closing(r.q)[nq], q_dot = rates(now, r.q, rate_).slice(0, nq);
+      const terms = termsOf(now, rate_, loads(r.q, q_dot));
+      const end = stepped(terms, h), ahead = end && Array.from(rates(now, r.q, end.rates).subarray(0, nq), (x, i) => r.q[i] + h * x);
+      const next = ahead?.every(Number.isFinite) ? closed(ahead, now) : null;
+      const way = (a, b) => Math.max(...a.map((x, i) => Math.abs(x - b[i]) / d.scales[i]));
+      const y = next && now.closing(next), ratio = y ? y[nq] / det : 0;
+      if (ratio > 1 / CHANGE && ratio < CHANGE && way(next, ahead) <= BEND * way(next, r.q) + 1e-9) {
+        if (!(y[now.checked + 1] <= 1)) return "the simulation stopped close to a singularity";
+        [r.q, rate_, impulses, acting] = [next, Array.from(end.rates), end.x, end.gives];
+        motorsMoved = motorsMoved.map((x, k) => x + h * end.motorRates[k]);
+        r.contactForces = functions.nonsmooth.contacts.map((_, k) => Array.from(end.x.slice(3 * k, 3 * k + 3), (x) => x / h));
+        r.unsolved = !(end.residual <= impulsive.SOLVED);
+        const v = rates(now, next, rate_).subarray(nq);
+        [r.va, r.time, left] = [own.coordinates.map((j) => v[j]), r.time + h, left - h];
+        step = Math.min(2 * step, LONGEST * fall);
+      } else step = 0.3 * h;
+      if (!(step > SHORTEST)) return "the simulation stopped close to a singularity, where its steps became too short";
+    }
+    return left;
   }
 
   // --- the hand ------------------------------------------------------------------------------
@@ -307,6 +402,7 @@ function engine(functions, d) {
   return Object.assign(r, {
     reset, move, value, condition, measure, follow, start, advance, goTo, gripped, push, rests, wrong,
     holds: Boolean(F.torques),
+    keepsMotors: Boolean(F.torques || (impulsive && motors)),
     torques,
     accelerations: (q, va, tau) => judged(own.state_rate(q, va, tau, rest), nq + n, nq),
     energies: () => Array.from(F.energies(r.q, rates(own, r.q, r.va).subarray(nq))),

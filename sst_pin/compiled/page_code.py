@@ -7,7 +7,7 @@
 import json
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import casadi as ca
@@ -16,6 +16,7 @@ import pinocchio as pin
 from casadi import SX
 
 from ..arrays import Array
+from ..dynamics.nonsmooth_rows import MotorGains, NonsmoothRows
 from ..dynamics.reference import Reference
 from ..errors import ClosureError, DescriptionError
 from ..loops.loops import Loops
@@ -30,6 +31,8 @@ from .equations import Equations
 from .generator_inputs import sample_configurations
 from .kernel_checks import Checks
 from .kernels import SymbolicKernel
+from .nonsmooth_kernel import NonsmoothTerms
+from .nonsmooth_motions import implicit_rates, other_lines
 from .symbolic_parameters import SymbolicParameters
 from .symbols import column
 
@@ -117,7 +120,8 @@ def page_code(equations: Sequence[Equations]) -> str:
 
     A function has the sizes of its arrays, `constants(p)`, which completes the symbolic parameters,
     and `parts`, functions of x, p, y, w that run one after the other. `sets` have the dynamics by
-    each of the choices. Without motors that act on all coordinates there are no torques.
+    each of the choices. Without motors that act on all coordinates there are no torques. With
+    contacts or ropes, `nonsmooth` has the numbers of `nonsmooth.js`, and each set its terms.
     """
     first = equations[0]
     if problem := impossible(first.mechanism, "accelerations"):
@@ -125,25 +129,73 @@ def page_code(equations: Sequence[Equations]) -> str:
     common = list(_common(first))
     if first.driven:
         common.append(replace(kernels.make(first, "torques"), name="torques"))
+    has_contacts = not first.mechanism.contacts.none
     sets = [common]
+    layouts = []
     texts = []
     listed = []
     for e in equations:
         dynamics = [replace(kernels.make(e, x), name=x) for x in ("state_rate", "closing")]
         results = e.kinematics.q_rates(e.v), column(e.v, range(e.mechanism.model.nv))
-        sets.append([*dynamics, _kernel(e, "rates", {"q": e.q, "va": e.va}, *results)])
+        dynamics.append(_kernel(e, "rates", {"q": e.q, "va": e.va}, *results))
+        layout = "null"
+        if has_contacts:
+            terms = NonsmoothTerms(e, _rows(e.mechanism))
+            dynamics.append(replace(terms.kernel(Checks(e)), name="terms"))
+            layout = json.dumps(asdict(terms.layout))
+        sets.append(dynamics)
+        layouts.append(layout)
     for i, own_kernels in enumerate(sets):
         written = [_function(kernel, f"f{i}_{kernel.name}") for kernel in own_kernels]
         texts += [text for text, _ in written]
         listed.append("{" + ", ".join(described for _, described in written) + "}")
     rows = [
         f"{{coordinates: {e.mechanism.coordinates.tolist()}, parts: {_parts(e.mechanism)}, "
-        f"kernels: {described}}}"
-        for e, described in zip(equations, listed[1:], strict=True)
+        f"layout: {layout}, kernels: {described}}}"
+        for e, layout, described in zip(equations, layouts, listed[1:], strict=True)
     ]
-    functions = f"{{common: {listed[0]}, sets: [{', '.join(rows)}]}}"
+    elements = json.dumps(_elements(first)) if has_contacts else "null"
+    functions = f"{{common: {listed[0]}, sets: [{', '.join(rows)}], nonsmooth: {elements}}}"
     code = f"{_HELPERS}{''.join(texts)}return {functions};"
     return f"const sst_functions = (() => {{\n{code}\n}})();\n"
+
+
+def _rows(mechanism: Mechanism) -> NonsmoothRows:
+    """The rows of a step; the page has its own gains of the motors."""
+    no_gains = np.zeros(len(mechanism.motor_names))
+    return NonsmoothRows(mechanism, MotorGains(no_gains, no_gains))
+
+
+def _elements(e: Equations) -> dict[str, Any]:
+    """Numbers of contacts, ropes, cables, stops, dry joints, and of what a step damps."""
+    mechanism = e.mechanism
+    rows = _rows(mechanism)
+    rates = implicit_rates(e.parameters)
+    others = other_lines(rows)
+    lines = mechanism.lines
+    damping = [*mechanism.friction.viscous[rates], *lines.damping[others]]
+    stiffness = [*mechanism.springs.stiffness[rates], *lines.stiffness[others]]
+    return {
+        "contacts": [
+            {"friction": x.friction, "restitution": x.restitution, "radius": x.radius}
+            for x in mechanism.contacts.points
+        ],
+        "ropes": [rope.length for rope in mechanism.contacts.ropes],
+        "cables": [
+            {
+                "stiffness": float(lines.stiffness[k]),
+                "rest": float(lines.rest_lengths[k]),
+                "damping": float(lines.damping[k]),
+                "preload": float(lines.preload[k]),
+                "shares": lines.actuation[k].tolist(),
+            }
+            for k in rows.cables
+        ],
+        "stops": [{"position": x.position, "side": x.side, "limit": x.limit} for x in rows.stops],
+        "dry": mechanism.friction.coulomb[rows.dry].tolist(),
+        "damping": list(map(float, damping)),
+        "stiffness": list(map(float, stiffness)),
+    }
 
 
 def _parts(mechanism: Mechanism) -> str:

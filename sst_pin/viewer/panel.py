@@ -15,7 +15,7 @@ from ..simulation.check import LARGEST_CONDITION, over_limits, samples_of
 from ..simulation.energy import motor_powers
 from ..simulation.trajectories import Trajectory
 from .robot_scene import Scene
-from .scene_parts import Arrow
+from .scene_parts import Arrow, Pull
 
 _WORDS = {
     "N m": "torques",
@@ -155,12 +155,14 @@ def live_data(robot: ClosedChain, scene: Scene, q: Array, va: Array) -> dict[str
     efforts = np.abs(mechanism.actuation).T @ np.minimum(model.effortLimit, 10 * _FAR)
     motors["limits"] = [x if 0 < x < _FAR else None for x in efforts.tolist()]
     # The largest torque of a slider: the weight of the robot at half of its length.
+    first_contact = len(robot.motor_names) + 3 * scene.reactions
     largest = [weight * (scene.size / 2 if u == "N m" else 1) for u in motors["units"]]
     return {
         "q": q.tolist(),
         "va": va.tolist(),
         "size": scene.size,
         "fall": gravity,
+        "weight": weight,
         "motors": motors,
         "largest": largest,
         "coordinates": list(_coordinates(robot, q, scene.size)),
@@ -186,6 +188,27 @@ def live_data(robot: ClosedChain, scene: Scene, q: Array, va: Array) -> dict[str
             }
             for arrow in scene.arrows
             if isinstance(arrow, Arrow)
+        ],
+        "touches": [
+            {
+                "node": touch.node,
+                "body": touch.frame.parentJoint,
+                "at": touch.frame.placement.translation.tolist(),
+                "ground": touch.ground.parentJoint,
+                "axes": touch.ground.placement.homogeneous.T.ravel().tolist(),
+                "radius": touch.radius,
+            }
+            for touch in scene.touches
+        ],
+        "forces": [
+            {
+                "node": arrow.shape.node.split("/"),
+                "at": arrow.shape.at.T.ravel().tolist(),
+                "touch": (arrow.first - first_contact) // 3,
+                "start": arrow.start if isinstance(arrow, Pull) else None,
+            }
+            for arrow in scene.arrows
+            if not isinstance(arrow, Arrow) and arrow.first >= first_contact
         ],
     }
 

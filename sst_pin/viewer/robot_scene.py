@@ -104,6 +104,8 @@ class Scene:
             present.add("trail")
         #: Where the camera stands to see a planar robot face-on, seen from the robot; or None.
         self.face = self._face(rate_axes)
+        #: Height of the plane of all contacts in the world, if it is one level plane, or None.
+        self.ground = self._ground()
         # Others are shown at first.
         shown = {
             "skeleton": has_no_shapes,
@@ -193,6 +195,16 @@ class Scene:
         if np.hypot(x, y) < _PARALLEL:
             y = -1e-4  # a view from above needs a direction that is up
         return [float(x), float(y), float(z)]
+
+    def _ground(self) -> float | None:
+        """The height of the one level plane that contacts touch in the world."""
+        heights = set[float]()
+        for touch in self.touches:
+            plane = touch.ground.placement
+            is_level = plane.rotation[2, 2] > 1 - _PARALLEL**2
+            if touch.ground.parentJoint == 0 and is_level:
+                heights.add(float(plane.translation[2]))
+        return heights.pop() if len(heights) == 1 else None
 
     def _joints(self, q: Array) -> Array:
         """Placements of the joints, homogeneous, shape (joints, 4, 4)."""

@@ -386,8 +386,12 @@ class Viewer:
         code, numbers = functions_of(self._robot.engine.reference, q)
         if not np.isfinite(numbers).all():
             raise DescriptionError("parameters of the robot", ["a number is not finite"])
-        engine = (files("sst_pin.compiled") / "engine.js").read_text(encoding="utf-8")
-        return f"{code}sst_functions.numbers = {numbers.tolist()};\n{engine}"
+        scripts = ["engine.js"]
+        if not self._robot.mechanism.contacts.none:
+            scripts.append("nonsmooth.js")
+        folder = files("sst_pin.compiled")
+        texts = [(folder / name).read_text(encoding="utf-8") for name in scripts]
+        return f"{code}sst_functions.numbers = {numbers.tolist()};\n{''.join(texts)}"
 
     def _torque_shares(self, tau: Array) -> Array:
         """Torques as shares of the largest torque, forces as shares of the largest force."""
@@ -507,6 +511,7 @@ class Viewer:
             "live": live_data(robot, scene, q, va) if self._live else None,
             "reach": reach.tolist(),
             "face": scene.face,
+            "ground": scene.ground,
             "trail": 6 * TRAIL_SIDES,  # indices of its triangles for each sample passed
             "credit": f"sst_pin {__version__}, Meshcat {version('meshcat')}",
         } | panel

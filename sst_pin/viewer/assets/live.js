@@ -34,7 +34,7 @@ const live = (() => {
 
   function load(data) {
     [d, r, most] = [data, engine(sst_functions, data), {}];
-    const ways = { none: "off", ...(r.holds && { hold: "hold" }), ...(r.efforts.length && { sliders: "by sliders" }) };
+    const ways = { none: "off", ...(r.keepsMotors && { hold: "hold" }), ...(r.efforts.length && { sliders: "by sliders" }) };
     at("control").innerHTML = Object.entries(ways).map(([way, text]) => `<option value="${way}">${text}</option>`).join("");
     at("sliders").replaceChildren(...d.coordinates.map(({ name, low, high }, k) => slider(name, low, high, (wanted) => set(k, wanted))));
     numbers("sliders").forEach((input, k) => {
@@ -82,10 +82,27 @@ const live = (() => {
       const size = share * tau[motor] / most[d.motors.units[motor]], sense = new THREE.Vector3(...(size < 0 ? mirror : [1, 1, 1]));
       stage.place(node, new THREE.Matrix4().fromArray(base).scale(sense.multiplyScalar(Math.max(Math.sqrt(Math.abs(size)), 1e-3))));
     }
+    drawContacts(M);
     line.visible = Boolean(r.grip);
     if (!r.grip) return;
     const p = r.point(r.grip), end = r.grip.target || p.map((x, i) => x - 0.4 * d.size * r.grip.force[i] / Math.hypot(...r.grip.force));
     line.geometry.setAttribute("position", new THREE.Float32BufferAttribute([...p, ...end], 3));
+  }
+
+  // Points that touch a ground, and the forces on them; the longest arrow is the robot's weight. M(j) places a body.
+  function drawContacts(M) {
+    d.touches.forEach(({ node, body, at: centre, ground, axes, radius }) => {
+      const place = M(ground).multiply(new THREE.Matrix4().fromArray(axes)), normal = new THREE.Vector3().setFromMatrixColumn(place, 2);
+      stage.place([node], place.setPosition(new THREE.Vector3(...centre).applyMatrix4(M(body)).addScaledVector(normal, -radius)));
+    });
+    for (const { node, at: base, touch, start } of d.forces) {
+      const force = new THREE.Vector3(...(r.contactForces[touch] || [0, 0, 0])), share = Math.min(1, force.length() / d.weight), away = new THREE.Vector3();
+      let length = share > 1e-6 ? Math.max(Math.sqrt(share), 1e-3) : 1e-3;
+      const turn = new THREE.Quaternion().setFromUnitVectors(new THREE.Vector3(0, 0, 1), share > 1e-6 ? force.normalize() : new THREE.Vector3(0, 0, 1));
+      if (start === null) length = share > 1e-6 ? 1 : 1e-3; // the mark of a point
+      else away.set(0, 0, -start * length).applyQuaternion(turn);
+      stage.place(node, new THREE.Matrix4().fromArray(base).multiply(new THREE.Matrix4().compose(away, turn, new THREE.Vector3(length, length, length))));
+    }
   }
 
   function shown(x, unit) { const [factor, text] = SHOWN[unit]; return `${chart.readable(factor * x, 1)} ${text}`; }

@@ -26,7 +26,7 @@ const stage = (() => {
   const VIEWS = { front: [0, -1, 0], side: [1, 0, 0], top: [0, -1e-4, 1], iso: [1, 0.7, 0.6] };
   const up = ([x, y, z]) => new THREE.Vector3(x, z, -y); // three.js has y up
   const MARGIN = 0.9; // of the picture, that the robot fills
-  let reach = [], face = null, size = 1, view = null, labels = [];
+  let reach = [], face = null, ground = null, size = 1, view = null, labels = [];
 
   // --- light and floor, in base axes ---------------------------------------------------------
 
@@ -53,7 +53,7 @@ const stage = (() => {
     key.shadow.normalBias = 0.004 * size;
     const power = 10 ** Math.floor(Math.log10(size / 4));
     const cell = [1, 2, 5, 10].map((m) => m * power).find((s) => s >= size / 6);
-    floor.position.set(Math.round(middle.x / cell) * cell, Math.round(middle.y / cell) * cell, box.min.z - 0.01 * size);
+    floor.position.set(Math.round(middle.x / cell) * cell, Math.round(middle.y / cell) * cell, ground === null ? box.min.z - 0.01 * size : ground - 1e-3 * size);
     grid.scale.set(12 * cell, 1, 12 * cell);
     shadow.scale.setScalar(6 * cell);
     shadow.position.z = -1e-3 * size;
@@ -184,6 +184,7 @@ const stage = (() => {
   function load(data) {
     reach = data.reach;
     face = data.face;
+    ground = data.ground;
     illuminate();
     at("labels").replaceChildren();
     labels = data.labels.map((label) => {
