@@ -2,6 +2,7 @@
 """The C of nonsmooth steps: generated kernels of the terms, and a solver written by hand."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,36 +13,33 @@ from . import kernels
 from .c_code import body, filled, part
 from .equations import Equations
 from .kernel_checks import Checks
+from .kernels import SymbolicKernel
 from .nonsmooth_kernel import NonsmoothTerms, advance
 from .nonsmooth_motions import DETERMINANT_CHANGE, LEAST_DETERMINANT
 
 
-def library(entry: str, equations: Equations, rows: NonsmoothRows, lanes: int) -> list[str]:
-    """Source of a library with `run_<entry>`, which makes steps, for `lanes` samples at once."""
-    # A step calls three generated kernels: `close` closes the loops, `terms` evaluates the terms of
-    # the impulses, and `move` moves q.
-    checks = Checks(equations)
+class StepSource(NamedTuple):
+    """What the code of a step is made from, in C and for Warp."""
+
+    #: `closing` closes the loops, `nonsmooth_terms` evaluates the terms of the impulses, and
+    #: `advance` gives rates of q.
+    kernels: tuple[SymbolicKernel, SymbolicKernel, SymbolicKernel]
+    #: Texts and numbers of this robot for the blanks of the templates.
+    blanks: dict[str, object]
+
+
+def step_source(
+    equations: Equations, rows: NonsmoothRows, checks: Checks, tolerance: float = CLOSURE_TOLERANCE
+) -> StepSource:
+    """The kernels and numbers of a step; loops are closed up to `tolerance`."""
     symbols = NonsmoothTerms(equations, rows)
     close = kernels.make(equations, "closing", checks)
     terms = symbols.kernel(checks)
-    move = advance(equations)
-    parts = [f"#define LANES {lanes}"]
-    parts += [part(name) for name in ("real.h", "driver.h", "nonsmooth.h")]
-    size = None  # of p: the kernels share one array of parameters, to which each adds its constants
-    room = 0  # the largest number of intermediate results of a kernel
-    for kernel in (close, terms, move):
-        source = body(kernel, size, in_memory=True)
-        size = source.size
-        room = max(room, source.room)
-        parts.append(source.text)
-
-    # Numbers of this robot for the templates entries/prepare.c, sizes.c and nonsmooth.c.
     mechanism = rows.mechanism
     contacts = mechanism.contacts
     layout = symbols.layout
     inputs = [x.numel() for x in terms.inputs.values()]  # q, va, then the rest
-    outputs = terms.output.numel()
-    counts = (  # the first members of `rows_of_robot` in nonsmooth.h, in their order
+    counts = (  # the first members of `rows_of_robot` in nonsmooth_solver.h, in their order
         layout.n,
         inputs[0],  # q
         sum(inputs[2:]),  # load
@@ -55,19 +53,11 @@ def library(entry: str, equations: Equations, rows: NonsmoothRows, lanes: int) -
         len(layout.implicit_row),  # implicit
     )
     determinants = np.abs(equations.at_samples(equations.pivots.determinant))
-    of_library: dict[str, object] = {
-        "entry": entry,
-        "word": "run",
-        "calls": "\n    ".join(f"{kernel.name}_constants(p);" for kernel in (close, terms, move)),
-        "size": size,
-        "sizes": _listed(inputs),
-        "results": outputs,
-    }
     # `places` are the further members of `rows_of_robot`.
     of_rows: dict[str, object] = {
         "counts": _listed(counts),
         "places": _listed(list(layout.places.values())),
-        "outputs": outputs,
+        "outputs": terms.output.numel(),
         "checks": terms.checks.numel(),
         "row_start": _listed(layout.row_start),
         "row_column": _listed(layout.row_column),
@@ -76,26 +66,52 @@ def library(entry: str, equations: Equations, rows: NonsmoothRows, lanes: int) -
         "implicit_row": _listed(layout.implicit_row),
         "stop_position": _listed([stop.position for stop in rows.stops]),
     }
-    # Members of `nonsmooth_stepper` in nonsmooth.h, which say when a step is refused.
-    of_stepper: dict[str, object] = {
-        "terms": terms.name,
-        "close_checks": close.checks.numel(),
+    # Members of `bounds_of_step` in nonsmooth_move.h.
+    of_bounds: dict[str, object] = {
         "units": ", ".join(map(repr, close.units)),
         "bend": LARGEST_BEND,
-        "tolerance": CLOSURE_TOLERANCE,
+        "tolerance": tolerance,
         "travel": TRAVEL,
         "change": DETERMINANT_CHANGE,
         "least": LEAST_DETERMINANT * float(determinants.max()),
     }
     # Sizes of arrays.
-    of_workspace: dict[str, object] = {
+    sizes: dict[str, object] = {
         "n": layout.n,
         "m": len(rows.kinds),
+        "motors": mechanism.motor_count,
         "q": inputs[0],
         "inputs": sum(inputs),
-        "room": room,
     }
-    numbers = of_library | of_rows | of_stepper | of_workspace
+    blanks = of_rows | of_bounds | sizes
+    blanks["tables"] = filled("entries/nonsmooth_tables.h", blanks).rstrip()
+    return StepSource((close, terms, advance(equations)), blanks)
+
+
+def library(entry: str, equations: Equations, rows: NonsmoothRows, lanes: int) -> list[str]:
+    """Source of a library with `run_<entry>`, which makes steps, for `lanes` samples at once."""
+    source = step_source(equations, rows, Checks(equations))
+    parts = [f"#define LANES {lanes}"]
+    parts += [part(name) for name in ("real.h", "driver.h", "nonsmooth_solver.h")]
+    size = None  # of p: the kernels share one array of parameters, to which each adds its constants
+    room = 0  # the largest number of intermediate results of a kernel
+    for kernel in source.kernels:
+        code = body(kernel, size, in_memory=True)
+        size = code.size
+        room = max(room, code.room)
+        parts.append(code.text)
+    parts += [part(name) for name in ("nonsmooth_move.h", "nonsmooth.h")]
+    _, terms, _ = source.kernels
+    of_library: dict[str, object] = {
+        "entry": entry,
+        "word": "run",
+        "calls": "\n    ".join(f"{kernel.name}_constants(p);" for kernel in source.kernels),
+        "size": size,
+        "room": room,
+        "sizes": _listed([x.numel() for x in terms.inputs.values()]),
+        "results": terms.output.numel(),
+    }
+    numbers = of_library | source.blanks
     names = ("prepare", "sizes", "nonsmooth")
     parts += [filled(f"entries/{name}.c", numbers) for name in names]
     return ["\n".join(parts)]

@@ -205,7 +205,7 @@ typedef struct {
 } courses;
 
 /* Newton's method ends with a step up to this length: the square of it is what is left. */
-#define LARGEST_LAST_STEP N(1e-8)
+#define LAST_STEP N(1e-8)
 
 /* The classical Runge-Kutta method on q and va, and Newton's method onto the closures after each
  * step. `rate` takes (q, va, tau, load) and gives the rates of q and va; `close` takes q
@@ -325,7 +325,7 @@ INLINE int roll(const stepper *f, real *x, real *y, real *start, real *sum, cons
                     squares += (y[j] - x[j]) * (y[j] - x[j]);
                     x[j] = choose(open, y[j], x[j]);
                 }
-                open &= squares > LARGEST_LAST_STEP * LARGEST_LAST_STEP;
+                open &= squares > LAST_STEP * LAST_STEP;
             }
             const real way = longest_way(f, start, x);
             holds &= longest_way(f, sum, x) <= f->bend * way + f->tolerance;
