@@ -14,11 +14,12 @@ from ..errors import DescriptionError, UnknownNameError
 from ..files import as_path
 from ..model.checks import Motor
 from .mjcf_compiled import Compiled
-from .mjcf_contacts import contacts_of
+from .mjcf_contacts import contact_note, contacts_of, ropes_of
 from .mjcf_limits import put_efforts
 from .mjcf_loops import closures_of, lines_of, motors_of, named_motors
+from .mjcf_numbers import impossible_numbers
 from .mjcf_tree import MjcfTree
-from .mjcf_unread import contact_note, impossible, unread
+from .mjcf_unread import unread
 from .problems import note, warning
 from .robot_file import RobotFile, naming, warned
 from .shapes import mjcf_shapes
@@ -49,7 +50,7 @@ def robot_file_of(
     """
     compiled = Compiled(as_path(path), names("locked", locked))
     problems = compiled.problems  # the readers below add to them
-    problems += [*impossible(compiled), *_switched_off(compiled, actuated)]
+    problems += [*impossible_numbers(compiled), *_switched_off(compiled, actuated)]
     if not problems:
         problems += _names(compiled)
     _raise(compiled, problems)
@@ -64,10 +65,12 @@ def robot_file_of(
     tree.add_body_frames()
 
     # Numbers of joints, lines and contacts.
-    stiffness = tree.add_numbers()
+    springs = tree.add_numbers()
     efforts_of_lines = put_efforts(compiled, tree)
-    lines = tuple(lines_of(compiled, motors, efforts_of_lines))
-    points_and_ropes = tuple(contacts_of(compiled, tree)) if contacts else ()
+    ropes = tuple(ropes_of(compiled)) if contacts else ()
+    names_of_ropes = {rope.name for rope in ropes}
+    lines = tuple(lines_of(compiled, motors, efforts_of_lines, names_of_ropes))
+    points = tuple(contacts_of(compiled, tree)) if contacts else ()
     problems += unread(compiled, tree)
     moving = tree.model.njoints - 1
     if moving > MOST_JOINTS:
@@ -86,10 +89,10 @@ def robot_file_of(
         closures=closures,
         actuated=motors,
         shapes=partial(mjcf_shapes, compiled.mj, tree.bodies),
-        stiffness=stiffness,
-        spring_reference=tree.spring_reference,
+        stiffness=springs.stiffness,
+        spring_reference=springs.reference,
         lines=lines,
-        contacts=points_and_ropes,
+        contacts=(*points, *ropes),
         notes=tuple(notes),
     )
 

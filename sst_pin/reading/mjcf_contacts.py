@@ -20,14 +20,11 @@ _POINT = 1e-8
 _SAME = 1e-9
 
 
-def contacts_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Contact | Rope]:
-    """Contacts and ropes; a note names the pairs of shapes that are left out."""
-    yield from _points(compiled, tree)
-    yield from _ropes(compiled)
+def contacts_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Contact]:
+    """Contacts of spheres and of the corners of boxes with planes.
 
-
-def _points(compiled: Compiled, tree: MjcfTree) -> Iterator[Contact]:
-    """Contacts of spheres and of the corners of boxes with planes."""
+    Their frames are added to the tree. A note names the pairs of shapes that are left out.
+    """
     mj = compiled.mj
     geoms = compiled.mujoco.mjtGeom
     plane = int(geoms.mjGEOM_PLANE)
@@ -68,11 +65,8 @@ def _geom_kind(compiled: Compiled, geom: int) -> str:
     return str(kind.name.removeprefix("mjGEOM_").lower())
 
 
-def _ropes(compiled: Compiled) -> Iterator[Rope]:
-    """Ropes: spatial tendons between two sites with a largest length, without other forces.
-
-    `lines_of` has noted that the limits of such tendons are ignored; this note goes.
-    """
+def ropes_of(compiled: Compiled) -> Iterator[Rope]:
+    """Ropes: spatial tendons between two sites with a largest length, without other forces."""
     mj = compiled.mj
     for tendon in range(mj.ntendon):
         sites = [mj.wrap_objid[k] for k in compiled.wraps(tendon)]
@@ -84,13 +78,31 @@ def _ropes(compiled: Compiled) -> Iterator[Rope]:
             and len(sites) == 2
             and compiled.is_spatial(tendon)
         )
-        if not is_rope:
-            continue
-        name = compiled.name("tendon", tendon)
-        compiled.notes = [x for x in compiled.notes if not x.startswith(f"tendon {name}: its")]
-        frame_a = compiled.name("site", sites[0])
-        frame_b = compiled.name("site", sites[1])
-        yield Rope(frame_a, frame_b, float(mj.tendon_range[tendon, 1]), name=name)
+        if is_rope:
+            frame_a = compiled.name("site", sites[0])
+            frame_b = compiled.name("site", sites[1])
+            length = float(mj.tendon_range[tendon, 1])
+            yield Rope(frame_a, frame_b, length, name=compiled.name("tendon", tendon))
+
+
+def contact_note(compiled: Compiled, tree: MjcfTree) -> str:
+    """Where contacts are not read: a note if shapes of the robot can touch something, else ""."""
+    mj = compiled.mj
+    if compiled.disabled("contact"):
+        return ""
+    moving = np.array([tree.bodies[body][0] > 0 for body in mj.geom_bodyid], dtype=bool)
+    can_touch = (mj.geom_contype | mj.geom_conaffinity)[moving].any()
+    special = list[str]()
+    # Not every MuJoCo has these fields.
+    if np.any(getattr(mj, "geom_adhesion", 0)) or np.any(getattr(mj, "pair_adhesion", 0)):
+        special.append("adhesion")
+    if np.any(getattr(mj, "geom_surfacevel", 0)):
+        special.append("surfacevel")
+    if special:
+        return f"contacts are not computed, nor {listed(special)}"
+    if can_touch or mj.npair:
+        return "contacts are not computed"
+    return ""
 
 
 class _Pair(NamedTuple):

@@ -6,7 +6,7 @@ are spatial tendons of constant length. Actuators become motors. Spatial tendons
 lines.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -262,11 +262,18 @@ def _is_within_one_body(compiled: Compiled, tree: MjcfTree, tendon: int) -> bool
 
 
 def lines_of(
-    compiled: Compiled, motors: Sequence[Motor], efforts: Mapping[str, float]
+    compiled: Compiled,
+    motors: Sequence[Motor],
+    efforts: Mapping[str, float],
+    ropes: Collection[str],
 ) -> Iterator[LineForce]:
     """Spatial tendons with a spring, a damper or inertia, and those that are motors.
 
-    `efforts` are the largest forces of motors on tendons, by name.
+    Args:
+        compiled: The model. It gets a note for each tendon whose limits are ignored.
+        motors: Motors of the robot.
+        efforts: The largest forces of motors on tendons, by name.
+        ropes: Names of the tendons that are read as ropes, so that their limits are not ignored.
     """
     mj = compiled.mj
     driven = set[str]()  # names of joints and lines that motors act on
@@ -285,7 +292,7 @@ def lines_of(
         mass = getattr(mj, "tendon_armature", np.zeros(mj.ntendon))[tendon]
         exerts_force = stiffness or damping or mass or name in driven
         if not compiled.is_spatial(tendon) or not exerts_force:
-            if has_limits:
+            if has_limits and name not in ropes:
                 compiled.notes.append(f"tendon {name}: its limits are ignored")
             continue
         shortest, longest = mj.tendon_lengthspring[tendon]

@@ -35,19 +35,26 @@ class _Coordinates(NamedTuple):
     series: Series
 
 
+class JointSprings(NamedTuple):
+    """Springs of the joints."""
+
+    stiffness: Array  #: Shape (nv,).
+    reference: Array  #: The configuration in which they are relaxed, shape (nq,).
+
+
 class MjcfTree:
     """The tree, with frames at sites and bodies.
 
-    `bodies` has a pair for each body: the joint that moves it, and its placement relative to this
-    joint. `dofs` has the degree of freedom in MuJoCo of each rate. `spring_reference` is the
-    configuration in which the springs of the joints are relaxed; `add_numbers` sets it.
+    Attributes:
+        model: The Pinocchio model.
+        bodies: For each body of MuJoCo the joint that moves it, and its placement on this joint.
+        dofs: For each rate of the model, its degree of freedom in MuJoCo.
     """
 
     def __init__(self, compiled: Compiled) -> None:
         mj = compiled.mj
         self._compiled = compiled
         self.model = pin.Model()
-        self.spring_reference = np.empty(0)
         self.dofs = list[int]()
         self.model.name = mj.names.split(b"\0")[0].decode()
         if compiled.disabled("gravity"):
@@ -65,14 +72,16 @@ class MjcfTree:
             self.add_frame(compiled.name("site", site), mj.site_bodyid[site], place)
 
     def _add_body(self, body: int) -> None:
+        """Add a body with its joints in series, behind its parent."""
         mj = self._compiled.mj
         parent, placement = self.bodies[mj.body_parentid[body]]
         placement = placement * pose_of(mj.body_pos[body], mj.body_quat[body])
         first = mj.body_jntadr[body]
-        for joint in range(first, first + mj.body_jntnum[body]):  # in series
+        for joint in range(first, first + mj.body_jntnum[body]):
             if not self._compiled.is_locked(joint):
                 parent, placement = self._add_joint(joint, parent, placement)
         self.bodies.append((parent, placement))
+        # MuJoCo has principal moments in axes at the mass centre.
         center = mj.body_ipos[body]
         R = pose_of(center, mj.body_iquat[body]).rotation
         inertia = pin.Inertia(mj.body_mass[body], center, R * mj.body_inertia[body] @ R.T)
@@ -85,6 +94,7 @@ class MjcfTree:
         """
         compiled = self._compiled
         mj = compiled.mj
+        # A Pinocchio joint of the same kind, and the indices of its coordinates in `qpos`.
         kind = mj.jnt_type[joint]
         axis = mj.jnt_axis[joint]
         address = mj.jnt_qposadr[joint]
@@ -114,6 +124,8 @@ class MjcfTree:
             series: Series = PartlyLocked(model, dict.fromkeys(locked, 0.0))
         else:
             series = Series.whole(model)
+        # The joint turns about its anchor on the body. Its parts follow each other; the body stands
+        # behind the last one.
         dof = mj.jnt_dofadr[joint]
         part_placement = placement * anchor * to_zero
         for part in series.parts:
@@ -146,12 +158,8 @@ class MjcfTree:
             if name and name not in self._frame_names:
                 self.model.addFrame(pin.Frame(name, parent, placement, pin.FrameType.BODY))
 
-    def add_numbers(self) -> Array:
-        """Put limits, friction, rotors and keyframes into the model.
-
-        Returns:
-            Stiffness of the joints' springs, shape (nv,).
-        """
+    def add_numbers(self) -> JointSprings:
+        """Put limits, friction, rotors and keyframes into the model; returns the springs."""
         compiled = self._compiled
         mj = compiled.mj
         model = self.model
@@ -169,8 +177,7 @@ class MjcfTree:
             stiffness = np.asarray(mj.jnt_stiffness[joints])
         for name, qpos in self._keyframes():
             model.referenceConfigurations[name] = pin.normalize(model, self._configuration(qpos))
-        self.spring_reference = self._configuration(mj.qpos_spring)
-        return stiffness
+        return JointSprings(stiffness, self._configuration(mj.qpos_spring))
 
     def _tendon_armature(self) -> Array:
         """Inertia of fixed tendons with one joint, m c^2 for the coefficient c, shape (nv,)."""

@@ -1,5 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Content of an MJCF that the dynamics cannot account for; MuJoCo itself tells which forces act."""
+"""Forces and inertias in an MJCF that are not read: the dynamics would be wrong without them.
+
+MuJoCo's model has many fields that can cause forces, such as `jnt_springyield`. Whether the numbers
+of such a field matter is not derived from MuJoCo's rules; MuJoCo itself tells. It computes all
+forces on the joints at a few random states, once with the numbers and once with zeros in their
+place. If both results agree bit for bit, the numbers do not act on a joint that moves.
+"""
 
 from collections.abc import Iterator
 from copy import copy
@@ -9,13 +15,12 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array
-from ..summaries import listed
 from .mjcf_compiled import BALL, FREE, Compiled
 from .mjcf_loops import actuators
 from .mjcf_tree import MjcfTree
 
-#: Fields of MuJoCo's model that cause forces or inertias and of which at least some numbers are not
-#: read, in words; `_unread_numbers` leaves out those that are. Not every MuJoCo has every field.
+#: Fields of MuJoCo's model of which some numbers or all are not read, and what they are in words.
+#: `_Forces.unread_numbers` says which numbers are read. Not every MuJoCo has every field.
 _NOT_READ = {
     "jnt_stiffnesspoly": "the polynomial of a spring",
     "jnt_springyield": "the yield of a spring",
@@ -37,69 +42,16 @@ _NOT_READ = {
     "actuator_damping": "the damping of an actuator",
     "actuator_armature": "the armature of an actuator",
 }
-#: Fields whose forces appear only in some states, so that random states may miss them. They are
-#: refused wherever they are not zero.
-_IN_SOME_STATES = ("jnt_springyield", "tendon_springyield", "tendon_frictionloss")
-#: Forces and inertias of spatial tendons that are read as lines.
-_OF_LINES = ("tendon_stiffness", "tendon_damping", "tendon_armature")
-#: Standard deviation of the random displacements from `qpos0`, [rad] or [m]: large enough that
-#: springs act, small enough that joints stay within a turn.
-_STEP = 0.3
-#: Number of random states.
-_STATES = 3
-#: Fields that are read, by kind of element.
-_NUMBERS = {
-    "body": ("pos", "quat", "ipos", "iquat", "mass", "inertia"),
-    "jnt": ("pos", "axis", "range", "stiffness"),
-    "dof": ("armature", "damping", "frictionloss"),
-    "site": ("pos", "quat"),
-    "eq": ("data",),
-    "key": ("qpos",),
-}
-#: Names in an MJCF of kinds that MuJoCo's model abbreviates.
-_WORDS = {"eq": "equality"}
-
-
-def impossible(compiled: Compiled) -> Iterator[str]:
-    """Impossible numbers that MuJoCo accepts."""
-    mj = compiled.mj
-    for kind, fields in _NUMBERS.items():
-        for field in fields:
-            array = getattr(mj, f"{kind}_{field}")
-            if field == "range":  # can be infinite
-                not_finite = np.isnan(array)
-            else:
-                not_finite = ~np.isfinite(array)
-            negative = np.zeros_like(not_finite)
-            if kind == "dof":
-                negative = array < 0
-            for i in map(int, np.unique(np.nonzero(not_finite | negative)[0])):
-                text = f"{array[i]:g} is negative" if negative[i].any() else "is not finite"
-                yield f"{_description(compiled, kind, i)}: {field} {text}"
-    if not np.isfinite(mj.opt.gravity).all():
-        yield "gravity is not finite"
-    if not np.isfinite(mj.qpos0).all():
-        yield "a joint's ref is not finite"
-
-
-def _description(compiled: Compiled, kind: str, i: int) -> str:
-    """Kind and name of an element, such as "joint knee"."""
-    word = _WORDS.get(kind, kind)
-    if kind == "dof":
-        return f"joint {compiled.joint(compiled.mj.dof_jntid[i])}"
-    if kind == "jnt":
-        return f"joint {compiled.joint(i)}"
-    return f"{word} {compiled.name(word, i)}"
 
 
 def unread(compiled: Compiled, tree: MjcfTree) -> list[str]:
-    """Forces and inertias that act on moving joints and are not supported."""
+    """Problems of forces and inertias that act on moving joints and are not supported."""
     mj = compiled.mj
     forces = _Forces(compiled, tree)
     problems = list(_joint_problems(compiled))
-    for field, what in _NOT_READ.items():
+    for field, description in _NOT_READ.items():
         if forces.depend_on(field):
-            problems.append(f"{what} is not supported")
+            problems.append(f"{description} is not supported")
     if forces.depend_on_medium():
         problems.append("a medium (density, viscosity, wind) is not supported")
     for body in map(int, np.flatnonzero(getattr(mj, "body_plugin", np.empty(0)) >= 0)):
@@ -111,31 +63,13 @@ def unread(compiled: Compiled, tree: MjcfTree) -> list[str]:
         if not actuator.controls:
             text = "it acts without a control, which is not supported"
             problems.append(f"{actuator.name}: {text}")
-    if not problems:  # else these forces have a name already
+    if not problems:
+        # Other passive forces, which no field above causes. If there is a problem already, these
+        # forces may be the same.
         for joint in forces.joints_with_other_forces():
             text = "a passive force of MuJoCo on it is not supported"
             problems.append(f"joint {compiled.joint(joint)}: {text}")
     return problems
-
-
-def contact_note(compiled: Compiled, tree: MjcfTree) -> str:
-    """A note if shapes of the robot can touch something, as contacts are not computed."""
-    mj = compiled.mj
-    if compiled.disabled("contact"):
-        return ""
-    moving = np.array([tree.bodies[body][0] > 0 for body in mj.geom_bodyid], dtype=bool)
-    can_touch = (mj.geom_contype | mj.geom_conaffinity)[moving].any()
-    special = list[str]()
-    # Not every MuJoCo has these fields.
-    if np.any(getattr(mj, "geom_adhesion", 0)) or np.any(getattr(mj, "pair_adhesion", 0)):
-        special.append("adhesion")
-    if np.any(getattr(mj, "geom_surfacevel", 0)):
-        special.append("surfacevel")
-    if special:
-        return f"contacts are not computed, nor {listed(special)}"
-    if can_touch or mj.npair:
-        return "contacts are not computed"
-    return ""
 
 
 def _joint_problems(compiled: Compiled) -> Iterator[str]:
@@ -165,11 +99,23 @@ def _joint_problems(compiled: Compiled) -> Iterator[str]:
                 compiled.notes.append(f"joint {name}: {text}")
 
 
-class _Forces:
-    """Forces that MuJoCo computes on the joints that move, at a few random states.
+#: Fields whose forces appear in some states only, so that random states may miss them. They count
+#: wherever they are not zero.
+_IN_SOME_STATES = ("jnt_springyield", "tendon_springyield", "tendon_frictionloss")
+#: Forces and inertias of spatial tendons that are read as lines.
+_OF_LINES = ("tendon_stiffness", "tendon_damping", "tendon_armature")
+#: Number of random states.
+_STATES = 3
+#: Standard deviation of the random displacements from `qpos0`, [rad] or [m]: large enough that
+#: springs act, small enough that joints stay within a turn.
+_DISPLACEMENT = 0.3
 
-    Whether numbers of the model matter is tested, not derived: without them the forces are the
-    same bit for bit, or not. Joints that do not move stay at `qpos0` with zero rate.
+
+class _Forces:
+    """Forces that MuJoCo computes on the moving joints at a few random states.
+
+    A state is a displacement from `qpos0` along the rates, rates, and accelerations. Joints that do
+    not move in the tree have zeros in all three.
     """
 
     def __init__(self, compiled: Compiled, tree: MjcfTree) -> None:
@@ -177,38 +123,39 @@ class _Forces:
         self._mujoco = compiled.mujoco
         self._mj = compiled.mj
         self._moves = np.isin(np.arange(self._mj.nv), tree.dofs)
-        # Each state has a step from qpos0, rates and accelerations.
-        random = np.random.default_rng(0).normal(size=(_STATES, 3, self._mj.nv))
-        self._states = random * self._moves
+        random = np.random.default_rng(0)
+        self._displacements = _DISPLACEMENT * self._random_rows(random)
+        self._rates = self._random_rows(random)
+        self._accelerations = self._random_rows(random)
 
-    @cached_property
-    def _forces_of_file(self) -> Array:
-        return self._forces(self._mj)
+    def _random_rows(self, random: np.random.Generator) -> Array:
+        """Random numbers for the rates that move, shape (states, nv)."""
+        return np.asarray(random.normal(size=(_STATES, self._mj.nv)) * self._moves)
 
     def depend_on(self, field: str) -> bool:
         """Whether the forces depend on the unread numbers of a field."""
-        values = self._unread_numbers(field)
+        values = self.unread_numbers(field)
         if not np.any(values):
             return False
         if field in _IN_SOME_STATES:
-            return self._is_on_moving_joint(field, np.atleast_1d(values))
-        without = copy(self._mj)  # of an MjModel, a copy has arrays of its own
+            return self._has_moving_element(field, np.atleast_1d(values))
+        without = copy(self._mj)  # a copy of an MjModel has arrays of its own
         array = getattr(without, field)
         array[:] = array - values
-        return not np.array_equal(self._forces(without), self._forces_of_file)
+        return not np.array_equal(self._all_forces(without), self._forces_of_file)
 
     def depend_on_medium(self) -> bool:
         """Whether the forces depend on the density and the viscosity of a medium."""
         without = copy(self._mj)
         without.opt.density = 0
         without.opt.viscosity = 0
-        return not np.array_equal(self._forces(without), self._forces_of_file)
+        return not np.array_equal(self._all_forces(without), self._forces_of_file)
 
     def joints_with_other_forces(self) -> list[int]:
         """Joints on which passive forces act that are not read.
 
-        It has a meaning only if `depend_on` is false for all fields: the passive forces that are
-        set to zero here are then those that are read.
+        This holds only if `depend_on` is false for all fields: then the springs, dampers and
+        compensated weights that are set to zero here are those that are read.
         """
         without = copy(self._mj)
         without.jnt_stiffness[:] = 0
@@ -221,8 +168,8 @@ class _Forces:
         has_force = self._moves & (passive != 0).any(axis=0)
         return list(dict.fromkeys(map(int, self._mj.dof_jntid[has_force])))
 
-    def _unread_numbers(self, field: str) -> Array:
-        """The numbers of a field, with zeros in place of numbers that are read."""
+    def unread_numbers(self, field: str) -> Array:
+        """The numbers of a field, with zeros in place of those that are read."""
         values = np.array(getattr(self._mj, field, 0.0), dtype=float)
         if field in _OF_LINES:
             spatial = [self._compiled.is_spatial(i) for i in range(self._mj.ntendon)]
@@ -235,8 +182,8 @@ class _Forces:
             values[:] = 0
         return values
 
-    def _is_on_moving_joint(self, field: str, values: Array) -> bool:
-        """Whether a joint or tendon that moves has a number, and no flag disables its force."""
+    def _has_moving_element(self, field: str, values: Array) -> bool:
+        """Whether a joint or tendon that moves has a value, and no flag disables its force."""
         flag = "frictionloss" if field.endswith("frictionloss") else "spring"
         if self._compiled.disabled(flag):
             return False
@@ -249,7 +196,12 @@ class _Forces:
                 return True
         return False
 
-    def _forces(self, mj: Any) -> Array:
+    @cached_property
+    def _forces_of_file(self) -> Array:
+        """`_all_forces` of the model as it is in the file."""
+        return self._all_forces(self._mj)
+
+    def _all_forces(self, mj: Any) -> Array:
         """All forces on the moving joints, one row for each state and part."""
         return np.concatenate([part[:, self._moves] for part in self._force_parts(mj)])
 
@@ -265,14 +217,14 @@ class _Forces:
         passive = np.zeros((_STATES, mj.nv))
         actuator = np.zeros((_STATES, mj.nv))
         inertial = np.zeros((_STATES, mj.nv))
-        for k, (step, rates, accelerations) in enumerate(self._states):
+        for k in range(_STATES):
             data.qpos = mj.qpos0
-            data.qvel = rates
-            mujoco.mj_integratePos(mj, data.qpos, _STEP * step, 1)
+            data.qvel = self._rates[k]
+            mujoco.mj_integratePos(mj, data.qpos, self._displacements[k], 1)  # one second
             mujoco.mj_fwdPosition(mj, data)
             mujoco.mj_fwdVelocity(mj, data)
             mujoco.mj_fwdActuation(mj, data)
             passive[k] = data.qfrc_passive
             actuator[k] = data.qfrc_actuator
-            mujoco.mj_mulM(mj, data, inertial[k], accelerations)
+            mujoco.mj_mulM(mj, data, inertial[k], self._accelerations[k])
         return passive, actuator, inertial
