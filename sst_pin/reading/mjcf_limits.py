@@ -16,8 +16,8 @@ def put_efforts(compiled: Compiled, tree: MjcfTree) -> dict[str, float]:
     both directions, and a note says so.
     """
     mj = compiled.mj
-    # Limits of joints apply without actuators too. Actuators with a narrower range overwrite them
-    # below.
+    # Limits of joints apply without actuators too. Below, the range of a joint's actuators, which
+    # lies within the joint's, overwrites it.
     limited = getattr(mj, "jnt_actfrclimited", np.zeros(0))  # not every MuJoCo has them
     for joint in map(int, np.flatnonzero(limited)):
         _put_joint_effort(compiled, tree, joint, mj.jnt_actfrcrange[joint])
@@ -83,7 +83,8 @@ def _range_of(compiled: Compiled, i: int) -> Array:
     )
     # Newer versions of MuJoCo can have several controls of one actuator.
     control = getattr(mj, "actuator_ctrladr", np.arange(mj.nu))[i]
-    lower, upper = -np.inf, np.inf
+    lower = -np.inf
+    upper = np.inf
     if is_force and mj.actuator_ctrllimited[control]:
         lower, upper = np.sort(mj.actuator_gainprm[i, 0] * mj.actuator_ctrlrange[control])
     if mj.actuator_forcelimited[i]:
@@ -92,7 +93,7 @@ def _range_of(compiled: Compiled, i: int) -> Array:
 
 
 def _effort(compiled: Compiled, where: str, force: Array) -> float:
-    """The larger side of a range of forces."""
+    """The larger side of a range of forces; a note says if the sides differ."""
     low, high = force
     effort = float(max(abs(low), abs(high)))
     if np.isfinite(effort) and low != -high:

@@ -4,6 +4,9 @@
 Equalities become closures: points, welds, couplings of joints and fixed tendons, and rods, which
 are spatial tendons of constant length. Actuators become motors. Spatial tendons become forces along
 lines.
+
+`Compiled` is the file as MuJoCo compiles it; a function here that cannot read an element adds a
+text to `compiled.problems`.
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -41,6 +44,7 @@ def closures_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Constraint]:
         if kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
             yield _closure(compiled, tree, i, name)
         elif kind == kinds.mjEQ_TENDON and second < 0 and compiled.is_spatial(first):
+            # Without a second tendon, the equality keeps the length of the first one constant.
             yield from _rod(compiled, name, first, float(data[0]))
         elif kind == kinds.mjEQ_TENDON:
             first_length = _tendon_length(compiled, first)
@@ -90,8 +94,13 @@ def _rod(compiled: Compiled, name: str, tendon: int, extension: float) -> Iterat
         yield Distance(compiled.name("site", site_a), compiled.name("site", site_b), length)
 
 
-#: Factors of a sum of joint positions by name, and the sum at the reference `qpos0`.
-_Length = tuple[dict[str, float], float]
+class _Length(NamedTuple):
+    """A side of an equality: the sum of factor times position over some joints."""
+
+    #: Factors by the names of the joints; empty for a constant.
+    factors: dict[str, float]
+    #: The sum at MuJoCo's reference configuration `qpos0`.
+    reference: float
 
 
 def _tendon_length(compiled: Compiled, tendon: int) -> _Length:
@@ -113,41 +122,56 @@ def _joint_length(compiled: Compiled, joint: int) -> _Length:
 
 
 def _length(compiled: Compiled, factors: dict[int, float]) -> _Length:
+    """A side of an equality, from factors by the indices of joints."""
     mj = compiled.mj
-    reference = sum(factor * mj.qpos0[mj.jnt_qposadr[j]] for j, factor in factors.items())
-    return {compiled.joint(j): factor for j, factor in factors.items()}, float(reference)
+    reference = 0.0
+    factors_by_name = dict[str, float]()
+    for joint, factor in factors.items():
+        reference += factor * mj.qpos0[mj.jnt_qposadr[joint]]
+        factors_by_name[compiled.joint(joint)] = factor
+    return _Length(factors_by_name, float(reference))
 
 
 def _coupling(
     compiled: Compiled, name: str, first: _Length, second: _Length, coefficients: Array
 ) -> Iterator[Coupling]:
-    """The coupling first - first_reference = P(second - second_reference), with a polynomial P.
+    """The coupling first - first.reference = P(second - second.reference), with a polynomial P.
 
-    As a row: offset + sum of polynomials of the joints = 0. The row is solved for a joint in which
-    it is linear.
+    As one equation: offset + sum over the joints of p_j(position of joint j) = 0, with polynomials
+    p_j without a constant. It is solved for a joint whose polynomial is linear, the follower:
+
+        follower = (offset + sum of the other p_j) / -slope, with p_follower(x) = slope x.
+
+    Args:
+        compiled: The model.
+        name: Name of the equality.
+        first: The side without a polynomial.
+        second: The side of which the polynomial is.
+        coefficients: Of P, the constant first.
     """
-    first_factors, first_reference = first
-    second_factors, second_reference = second
     polynomial = np.polynomial.Polynomial(coefficients)
+    # p_j by joint, as coefficients; the constant term of each is 0.
     row = dict[str, Array]()
-    for joint, factor in first_factors.items():
+    for joint, factor in first.factors.items():
         row[joint] = np.zeros(_COEFFICIENTS)
         row[joint][1] = -factor
-    for joint, factor in second_factors.items():
-        # P in powers of this joint's position; exact for a linear P or for a single joint.
-        composed = polynomial(np.polynomial.Polynomial([-second_reference, factor])).coef
-        powers = np.asarray(composed, dtype=float)
+    for joint, factor in second.factors.items():
+        # P(factor x - reference) in powers of the position x of this joint alone. The parts of
+        # several joints add up only if P is linear; other sums are refused below.
+        in_powers_of_x = polynomial(np.polynomial.Polynomial([-second.reference, factor])).coef
+        powers = np.asarray(in_powers_of_x, dtype=float)
         row.setdefault(joint, np.zeros(_COEFFICIENTS))[1 : len(powers)] += powers[1:]
-    offset = first_reference + polynomial(-second_reference)
+    offset = first.reference + polynomial(-second.reference)
     row = {joint: np.trim_zeros(powers, "b") for joint, powers in row.items() if powers.any()}
     if not row and not offset:
         return  # all joints that it couples are locked
+
+    # The follower: a joint of the first side if there is one. Among several, the largest slope
+    # divides with the smallest rounding.
     slopes = {joint: abs(powers[1]) for joint, powers in row.items() if len(powers) == 2}
-    # It is solved for a joint of the first side if there is one; the largest slope divides with
-    # the smallest rounding.
-    candidates = first_factors or slopes
+    candidates = first.factors or slopes
     follower = max(candidates, key=lambda joint: slopes.get(joint, 0.0), default="")
-    is_curved_sum = coefficients[2:].any() and len(second_factors) > 1
+    is_curved_sum = coefficients[2:].any() and len(second.factors) > 1
     if follower not in slopes or is_curved_sum:
         text = f"{name}: this equality cannot be solved for a joint: "
         text += "lock both sides or none, and use polynomials of one joint only"
@@ -159,13 +183,17 @@ def _coupling(
 
 
 class Actuator(NamedTuple):
-    """An actuator, and the kind and index of its target, such as a joint or a tendon."""
+    """An actuator that is not switched off."""
 
+    #: Its index in MuJoCo, and its name.
     number: int
     name: str
+    #: What it acts on: the kind, such as "joint" or "tendon", and the index of this element.
     kind: str
     target: int
+    #: Number of its controls.
     controls: int
+    #: The force on the target is gear times the force of the actuator.
     gear: float
 
 
@@ -190,13 +218,21 @@ def actuators(compiled: Compiled) -> Iterator[Actuator]:
             continue
         name = compiled.name("actuator", i)
         gear = mj.actuator_gear[outputs[i], 0]
-        yield Actuator(i, name, kind, target, int(control_counts[i]), gear)
+        yield Actuator(
+            number=i,
+            name=name,
+            kind=kind,
+            target=target,
+            controls=int(control_counts[i]),
+            gear=gear,
+        )
 
 
 def _fixed_tendon(compiled: Compiled, tendon: int) -> Motor:
     """A fixed tendon as a motor: its name with the factors of its joints."""
     shares = compiled.shares(tendon)
-    return {compiled.name("tendon", tendon): {compiled.joint(j): x for j, x in shares.items()}}
+    factors = {compiled.joint(joint): share for joint, share in shares.items()}
+    return {compiled.name("tendon", tendon): factors}
 
 
 def named_motors(compiled: Compiled, motors: Sequence[Motor]) -> tuple[Motor, ...]:
@@ -210,7 +246,13 @@ def named_motors(compiled: Compiled, motors: Sequence[Motor]) -> tuple[Motor, ..
         name = compiled.name("tendon", i)
         if not compiled.is_spatial(i) and name not in joints:
             tendons[name] = _fixed_tendon(compiled, i)
-    return tuple(tendons.get(m, m) if isinstance(m, str) else m for m in motors)
+    with_joints = list[Motor]()
+    for motor in motors:
+        if isinstance(motor, str):
+            with_joints.append(tendons.get(motor, motor))
+        else:
+            with_joints.append(motor)
+    return tuple(with_joints)
 
 
 def motors_of(compiled: Compiled, tree: MjcfTree) -> Iterator[Motor]:
@@ -282,8 +324,10 @@ def lines_of(
         driven.update(shares)
     for tendon in range(mj.ntendon):
         name = compiled.name("tendon", tendon)
+        # The forces of the tendon.
         has_limits = mj.tendon_limited[tendon] and not compiled.disabled("limit")
-        stiffness = damping = 0.0
+        stiffness = 0.0
+        damping = 0.0
         if not compiled.disabled("spring"):
             stiffness = mj.tendon_stiffness[tendon]
         if not compiled.disabled("damper"):
@@ -295,6 +339,8 @@ def lines_of(
             if has_limits and name not in ropes:
                 compiled.notes.append(f"tendon {name}: its limits are ignored")
             continue
+
+        # What a line cannot have.
         shortest, longest = mj.tendon_lengthspring[tendon]
         problem = _line_problem(compiled, tendon)
         if not problem and stiffness and shortest != longest:
@@ -302,6 +348,8 @@ def lines_of(
         if problem:
             compiled.problems.append(f"tendon {name}: {problem}")
             continue
+
+        # The line.
         lower = 0.0
         upper = np.inf
         if has_limits:
