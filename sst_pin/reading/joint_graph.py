@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Writes bodies and joints as the tree of a URDF; joints beyond the tree close loops.
+"""Writes links and joints as the tree of a URDF; joints beyond the tree close loops.
 
-An SDF is a graph of bodies, not a tree. The tree is grown from the world, body by body. A joint is
-reversed if its child is in the tree before its parent. A body without a joint floats. In a URDF the
+An SDF is a graph of links, not a tree. The tree is grown from the world, link by link. A joint is
+reversed if its child is in the tree before its parent. A link without a joint floats. In a URDF the
 frame of a link is at its joint. If the file has them at different poses, the joint moves a helper
 link without mass, and the link is fixed to the helper. So each link keeps its frame from the file.
 """
 
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ import pinocchio as pin
 from ..arrays import Array
 from .acting_elements import SPRINGS
 
+#: Name of the base, as in an SDF.
 WORLD = "world"
 #: Limits beyond this position are ignored, [rad] or [m]: SDF files have 1e16 for "no limit".
 _WIDE = 1e9
@@ -26,35 +28,41 @@ _ROUNDING = 1e-13
 _ORTHOGONAL = 1e-9
 
 
-class Axis(NamedTuple):
-    """Direction of an axis in the joint's frame, and attributes of URDF elements.
+@dataclass(frozen=True)
+class Axis:
+    """Direction of an axis in the joint's frame, and attributes of elements of a URDF.
 
     An effort or a velocity of 0 means that there is no limit.
     """
 
-    direction: Array = np.eye(3)[2]
-    limit: Mapping[str, float] = {"lower": -np.inf, "upper": np.inf}
-    dynamics: Mapping[str, float] = {}
-    mimic: Mapping[str, str] = {}
+    direction: Array = field(default_factory=lambda: np.eye(3)[2])
+    #: Of `<limit>`: lower, upper, effort, velocity.
+    limit: Mapping[str, float] = field(default_factory=lambda: {"lower": -np.inf, "upper": np.inf})
+    #: Of `<dynamics>`: damping, friction; and spring_stiffness, spring_reference.
+    dynamics: Mapping[str, float] = field(default_factory=dict)
+    #: Of `<mimic>`: joint, multiplier, offset; empty if the joint follows no other.
+    mimic: Mapping[str, str] = field(default_factory=dict)
 
 
-class GraphJoint(NamedTuple):
-    """A joint between two links, parent and child, and its frame on both.
-
-    `kind` is the type of a URDF, "ball", "universal", which has two axes, or "screw", whose body
-    also slides along the axis by `lead` metres in a turn.
-    """
+@dataclass(frozen=True)
+class GraphJoint:
+    """A joint between two links."""
 
     name: str
+    #: The type of a URDF, or "ball", "universal" (two axes), or "screw".
     kind: str
-    links: tuple[str, str]
-    places: tuple[pin.SE3, pin.SE3]
+    parent: str
+    child: str
+    #: The pose of the joint's frame on the parent and on the child, at position zero.
+    on_parent: pin.SE3
+    on_child: pin.SE3
     axes: tuple[Axis, ...] = (Axis(),)
+    #: How far the body of a screw slides along the axis in one turn, [m].
     lead: float = 0.0
 
 
 class _Step(NamedTuple):
-    """A joint of a URDF. A `GraphJoint` of two axes becomes two of these in series."""
+    """A joint of a URDF, with one axis at most."""
 
     name: str
     kind: str
@@ -62,30 +70,33 @@ class _Step(NamedTuple):
 
 
 class JointGraph:
-    """A URDF of bodies and joints; `add_link` adds the bodies, `add_frame` other frames.
+    """A URDF of links and joints, without the links: `add_link` adds them, `add_frame` frames.
 
-    `balls` are the names of the ball joints, which URDF does not have. `helpers` are the names of
-    links without mass that are not in the file: between two axes of a joint, between a joint and
-    its link, and for frames.
+    Attributes:
+        urdf: The root of the URDF.
+        balls: Names of the ball joints. URDF has none, so they are written as revolute.
+        helpers: Names of links without mass that are not in the file: between two axes of a joint,
+            between a joint and its link, and for frames.
+        problems: What joints that close loops cannot have.
     """
 
     def __init__(
         self, name: str, joints: Sequence[GraphJoint], poses: Mapping[str, pin.SE3]
     ) -> None:
-        """`poses` has the pose of each body in the world at zero, for bodies that float."""
+        """`poses` has the pose of each link in the world at zero, for links that float."""
         self.urdf = ET.Element("robot", name=name)
         self.balls = list[str]()
         self.helpers = list[str]()
         self.problems = list[str]()
-        self._bodies = [WORLD]  # those in the tree
+        self._in_tree = [WORLD]  # links, in the order in which the tree grows
         self._names = {WORLD, *poses, *(joint.name for joint in joints)}
         ET.SubElement(self.urdf, "link", name=WORLD)
         remaining = list(joints)
-        for body in poses:
-            while body not in self._bodies:
+        for link in poses:
+            while link not in self._in_tree:
                 joint = self._next_joint(remaining)
                 if joint is None:
-                    joint = self._floating_joint(body, poses[body])
+                    joint = self._floating_joint(link, poses[link])
                 else:
                     remaining.remove(joint)
                 self._add_to_tree(joint)
@@ -93,36 +104,49 @@ class JointGraph:
             self._add_constraint(joint)
 
     def _next_joint(self, joints: list[GraphJoint]) -> GraphJoint | None:
-        """The first joint that adds a body to the tree, in the order of its bodies."""
-        for body in self._bodies:
+        """The first joint that adds a link to the tree, in the order of its links."""
+        for link in self._in_tree:
             for joint in joints:
-                a, b = joint.links
-                if body in (a, b) and (a in self._bodies) != (b in self._bodies):
+                is_on_link = link in (joint.parent, joint.child)
+                one_is_new = (joint.parent in self._in_tree) != (joint.child in self._in_tree)
+                if is_on_link and one_is_new:
                     return joint
         return None
 
-    def _floating_joint(self, body: str, pose: pin.SE3) -> GraphJoint:
-        """A joint for a body that no joint connects with the tree."""
-        name = "floating_base" if len(self._bodies) == 1 else f"{body}_floats"
-        return GraphJoint(name, "floating", (WORLD, body), (pose, pin.SE3.Identity()))
+    def _floating_joint(self, link: str, pose: pin.SE3) -> GraphJoint:
+        """A joint for a link that no joint connects with the tree."""
+        name = "floating_base" if len(self._in_tree) == 1 else f"{link}_floats"
+        return GraphJoint(name, "floating", WORLD, link, pose, pin.SE3.Identity())
 
     def _add_to_tree(self, joint: GraphJoint) -> None:
-        """Add a joint and its body; a reversed joint has the same positions."""
-        parent, child = joint.links
-        parent_pose, child_pose = joint.places
+        """Add a joint of the tree.
+
+        If the child is in the tree before the parent, the joint is reversed: parent and child
+        change places, axes change their order and sign. So the positions stay the same.
+        """
         steps = _steps(joint)
-        sign = 1
-        if child in self._bodies:
-            child, parent = joint.links
-            child_pose, parent_pose = joint.places
+        if joint.child in self._in_tree:
+            parent = joint.child
+            child = joint.parent
+            on_parent = joint.on_child
+            on_child = joint.on_parent
             steps = steps[::-1]
             sign = -1
-        self._bodies.append(child)
+        else:
+            parent = joint.parent
+            child = joint.child
+            on_parent = joint.on_parent
+            on_child = joint.on_child
+            sign = 1
+        self._in_tree.append(child)
         if joint.kind == "ball":
             self.balls.append(joint.name)
-        needs_helper = not child_pose.isIdentity(_ROUNDING)
+
+        # In a URDF the frame of a link is at its joint. If it is elsewhere in the file, the last
+        # step moves a helper, to which the link is fixed.
+        needs_helper = not on_child.isIdentity(_ROUNDING)
         step_parent = parent
-        pose = parent_pose
+        pose = on_parent
         for step in steps:
             if step is not steps[-1]:
                 step_child = self._helper(f"{joint.name}_cross")
@@ -134,15 +158,16 @@ class JointGraph:
             if step.kind != "floating":
                 ET.SubElement(element, "axis", xyz=text_of(sign * step.axis.direction))
             if step.kind not in ("fixed", "floating"):
-                _detail(element, step.axis, joint.kind != "ball")
+                _add_numbers(element, step.axis, may_be_continuous=joint.kind != "ball")
             self._add_spring(step)
             step_parent = step_child
             pose = pin.SE3.Identity()  # all steps have the frame of the joint
         if needs_helper:
             name = self._new_name(f"{child}_fixed")
-            self._joint(name, "fixed", (step_parent, child), child_pose.inverse())
+            self._joint(name, "fixed", (step_parent, child), on_child.inverse())
 
     def _joint(self, name: str, kind: str, links: tuple[str, str], place: pin.SE3) -> ET.Element:
+        """Add a joint between parent and child, with its frame at a place on the parent."""
         if kind == "ball":  # `balls` says which these are
             kind = "revolute"
         element = ET.SubElement(self.urdf, "joint", name=name, type=kind)
@@ -175,15 +200,20 @@ class JointGraph:
         return name
 
     def _add_constraint(self, joint: GraphJoint) -> None:
-        """Add a joint that closes a loop, and problems of what such a joint cannot have."""
-        element = ET.SubElement(self.urdf, "constraint", name=joint.name, type=joint.kind)
+        """Add a joint that closes a loop, and problems of what such a joint cannot have.
+
+        It becomes a `<constraint>`, which `cut_joints` reads, with a link, an origin and an axis on
+        both sides. A universal joint has its first axis on the parent, its second on the child.
+        """
         first_axis = joint.axes[0]
         last_axis = joint.axes[-1]
-        axes = (first_axis, last_axis)
-        for k, side in enumerate(("parent", "child")):
-            ET.SubElement(element, side, link=joint.links[k])
-            ET.SubElement(element, f"{side}_origin", origin_of(joint.places[k]))
-            ET.SubElement(element, f"{side}_axis", xyz=text_of(axes[k].direction))
+        element = ET.SubElement(self.urdf, "constraint", name=joint.name, type=joint.kind)
+        ET.SubElement(element, "parent", link=joint.parent)
+        ET.SubElement(element, "parent_origin", origin_of(joint.on_parent))
+        ET.SubElement(element, "parent_axis", xyz=text_of(first_axis.direction))
+        ET.SubElement(element, "child", link=joint.child)
+        ET.SubElement(element, "child_origin", origin_of(joint.on_child))
+        ET.SubElement(element, "child_axis", xyz=text_of(last_axis.direction))
         texts = []
         if joint.kind == "screw":
             texts.append("is a screw, which no closure is")
@@ -217,7 +247,10 @@ class JointGraph:
 
 
 def _steps(joint: GraphJoint) -> list[_Step]:
-    """The joints of one axis that replace a joint, in series."""
+    """The joints of a URDF that replace a joint, in series from parent to child.
+
+    A universal joint becomes two hinges, a screw a hinge and a slide that follows it.
+    """
     if joint.kind == "universal":
         name_1, name_2 = axis_names(joint.name, 2)
         axis_1, axis_2 = joint.axes
@@ -233,14 +266,17 @@ def _steps(joint: GraphJoint) -> list[_Step]:
 
 
 def axis_names(joint: str, count: int) -> list[str]:
-    """Names of the joints of one axis for a joint of several axes."""
+    """Names of the joints of one axis that replace a joint with `count` axes."""
     if count < 2:
         return [joint]
     return [f"{joint}_{k}" for k in range(1, count + 1)]
 
 
-def _detail(element: ET.Element, axis: Axis, may_be_continuous: bool) -> None:
-    """Add the limits, friction and mimic of an axis to a joint."""
+def _add_numbers(element: ET.Element, axis: Axis, *, may_be_continuous: bool) -> None:
+    """Add the limits, friction and mimic of an axis to the element of a joint.
+
+    A hinge without limits becomes a continuous joint if it may.
+    """
     lower = axis.limit["lower"]
     upper = axis.limit["upper"]
     is_unlimited = lower <= -_WIDE and upper >= _WIDE

@@ -5,6 +5,7 @@ import re
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -299,15 +300,16 @@ class Sdf:
             self._refuse(joint, f"it connects {parent} with itself")
             return None
         place = self._place(name)
-        places = self._place(parent).actInv(place), self._place(child).actInv(place)
-        axes = self._axes(joint, name, kind)
-        graph_kind = "universal" if kind == "revolute2" else kind
-        graph_joint = GraphJoint(name, graph_kind, (parent, child), places)
-        if axes:
-            graph_joint = graph_joint._replace(axes=axes)
-        if kind == "screw":
-            graph_joint = graph_joint._replace(lead=self._lead(joint))
-        return graph_joint
+        return GraphJoint(
+            name=name,
+            kind="universal" if kind == "revolute2" else kind,
+            parent=parent,
+            child=child,
+            on_parent=self._place(parent).actInv(place),
+            on_child=self._place(child).actInv(place),
+            axes=self._axes(joint, name, kind) or (Axis(),),  # a ball and a weld have no axis
+            lead=self._lead(joint) if kind == "screw" else 0.0,
+        )
 
     def _axes(self, joint: ET.Element, name: str, kind: str) -> tuple[Axis, ...]:
         """The axes of a joint; forces about axes that the joint does not have are problems."""
@@ -412,7 +414,7 @@ class Sdf:
         if axis.mimic:
             self._refuse(gear, f"joint {joints[follower].name} mimics another joint already")
         mimic = {"joint": joints[leader].name, "multiplier": repr(factor), "offset": "0.0"}
-        coupled = joints[follower]._replace(axes=(axis._replace(mimic=mimic),))
+        coupled = replace(joints[follower], axes=(replace(axis, mimic=mimic),))
         return [*joints[:follower], coupled, *joints[follower + 1 :]]
 
     def _hinge(
@@ -425,13 +427,16 @@ class Sdf:
         """
         gear_axis = self._place(gear.get("name", "")).rotation @ self._direction(gear, tag)
         for index, joint in enumerate(joints):
-            if joint.kind not in ("revolute", "continuous") or {*joint.links} != {body, link}:
+            if joint.kind not in ("revolute", "continuous") or {joint.parent, joint.child} != {
+                body,
+                link,
+            }:
                 continue
             axis = self._place(joint.name).rotation @ joint.axes[0].direction
             cosine = float(axis @ gear_axis)
             if abs(abs(cosine) - 1) < _PARALLEL:
                 sign = float(np.sign(cosine))
-                if joint.links[0] != body:  # the hinge moves the body on the link
+                if joint.parent != body:  # the hinge moves the body on the link
                     sign = -sign
                 return index, sign
         return None
