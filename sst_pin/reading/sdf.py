@@ -15,7 +15,8 @@ from ..errors import DescriptionError
 from ..summaries import listed
 from .acting_elements import acting_plugins
 from .joint_graph import WORLD, Axis, GraphJoint, JointGraph, axis_names, origin_of
-from .problems import Problem, is_true, numbers, placement, warning
+from .problems import Problem, is_true, numbers, warning
+from .sdf_frames import MODEL, SdfFrames
 from .sdf_nesting import without_nested_models
 
 #: Number of axes for each type of joint.
@@ -32,8 +33,6 @@ _KINDS = (*_AXES, "ball", "fixed", "gearbox")
 _ACTING = ("damping", "friction", "spring_stiffness")
 #: Default entries of an inertia, from the specification [kg m^2].
 _UNIT_INERTIA = {"ixx": 1.0, "ixy": 0.0, "ixz": 0.0, "iyy": 1.0, "iyz": 0.0, "izz": 1.0}
-#: Name of the model's own frame.
-_MODEL = "__model__"
 #: Before this minor version axes are in the frame of the model by default, from it on of the joint.
 _AXES_IN_JOINT = 5
 #: A shorter axis counts as zero; below 1e-154 the square of its length underflows.
@@ -45,8 +44,9 @@ _PARALLEL = 1e-9
 class Sdf:
     """The model of an SDF; its base is the world of the SDF.
 
-    `gravity` is the gravity of the world. `notes` are warnings of content that is not read, or that
-    is missing and has a default.
+    Attributes:
+        gravity: Of the world, shape (3,), [m/s^2].
+        notes: Warnings of content that is not read, or that is missing and has a default.
     """
 
     def __init__(self, root: ET.Element, source: str, model: str | None = None) -> None:
@@ -55,25 +55,22 @@ class Sdf:
         worlds = root.findall("world")
         if len(worlds) > 1:
             raise DescriptionError(source, [f"{len(worlds)} worlds; one is needed"])
-        self._model = self._chosen_model(root, model)
-        self._in_world = self._model not in root.findall("model")
-        self._model, self._problems = without_nested_models(self._model)
+        chosen_model = self._chosen_model(root, model)
+        is_in_world = chosen_model not in root.findall("model")
+        # The checks and readers below add to the problems and the notes.
+        self._model, self._problems = without_nested_models(chosen_model)
         self.notes = list[Problem]()
-        self._links = {e.get("name", ""): e for e in self._model.findall("link")}
-        self._frames = {e.get("name", ""): e for e in self._elements_with_frames()}
+        self._links = {link.get("name", ""): link for link in self._model.findall("link")}
+        self._frames = SdfFrames(self._model, is_in_world, self._problems)
         self._require_distinct_names()
         self._require_no_other_parts()
         for world in worlds:
             self._note_rest_of_world(world)
         self._note_unread([*worlds, self._model])
         self.gravity = self._gravity(root)
-        #: Poses in the frame of the model. None marks a pose that is being computed.
-        self._poses: dict[str, pin.SE3 | None] = {_MODEL: pin.SE3.Identity()}
-        placement_frame = self._place(self._model.get("placement_frame") or _MODEL)
-        model_in_world = self._fixed_pose(self._model, self._model)  # of the placement frame
-        self._poses[WORLD] = placement_frame * model_in_world.inverse()
 
     def _minor_version(self, root: ET.Element) -> int:
+        """The minor number of the SDF's version 1.x."""
         version = root.get("version", "1.7").strip()
         match = re.fullmatch(r"1\.(\d+)(\.\d+)?", version)
         if match is None:
@@ -82,6 +79,7 @@ class Sdf:
         return int(match[1])
 
     def _gravity(self, root: ET.Element) -> Array:
+        """The gravity of the world, shape (3,), [m/s^2]."""
         text = root.findtext("world/gravity")
         if text is None:
             text = root.findtext("world/physics/gravity")  # until version 1.4
@@ -94,7 +92,8 @@ class Sdf:
         return gravity
 
     def graph(self) -> JointGraph:
-        """The robot as joints between bodies; all problems in one DescriptionError."""
+        """The robot as joints between links; all problems in one DescriptionError."""
+        # Joints; gear boxes couple two of them.
         gears = list[ET.Element]()
         joints = list[GraphJoint]()
         for element in self._model.findall("joint"):
@@ -104,17 +103,19 @@ class Sdf:
             joint = self._joint(element)
             if joint is not None:
                 joints.append(joint)
-        for gear in gears:  # each needs the joints
+        for gear in gears:
             joints = self._couple(gear, joints)
-        world = self._place(WORLD)
-        poses = {name: world.actInv(self._place(name)) for name in self._links}
+
+        # The tree of these joints, then links and frames.
+        world = self._frames.pose_in_model(WORLD)
+        poses = {name: world.actInv(self._frames.pose_in_model(name)) for name in self._links}
         graph = JointGraph(self._model.get("name", ""), joints, poses)
         self._add_links(graph)
         for element in self._model.findall("frame"):
             name = element.get("name", "")
-            link = self._link_of(name)
+            link = self._frames.link_of(name)
             if link:
-                graph.add_frame(name, link, self._place(link).actInv(self._place(name)))
+                graph.add_frame(name, link, self._frames.relative_pose(link, name))
             else:
                 self._refuse(element, "it is not attached to a link of this model")
         problems = dict.fromkeys([*self._problems, *graph.problems])  # each once
@@ -143,12 +144,6 @@ class Sdf:
         else:
             text = "no model that moves; one is needed"
         raise DescriptionError(self._source, [text])
-
-    def _elements_with_frames(self) -> list[ET.Element]:
-        elements = []
-        for tag in ("link", "frame", "joint"):
-            elements += self._model.findall(tag)
-        return elements
 
     def _require_distinct_names(self) -> None:
         """Links, joints and frames of one kind need different names."""
@@ -210,77 +205,12 @@ class Sdf:
                 text = "its pose is relative to the world, which other tools refuse"
                 self.notes.append(warning(where, text))
 
-    # --- poses ------------------------------------------------------------------------------
-
-    def _pose(self, element: ET.Element) -> pin.SE3:
-        """The pose of an element, relative to the frame that it names."""
-        pose = element.find("pose")
-        text = "" if pose is None else pose.text or ""
-        has_quaternion = len(text.split()) == 7
-        values = numbers(text or "0 0 0 0 0 0", 7 if has_quaternion else 6)
-        if values is None:
-            self._refuse(element, f"its pose {text!r} is not six or seven numbers")
-            return pin.SE3.Identity()
-        if has_quaternion:  # x y z w, as in Pinocchio
-            return pin.SE3(pin.Quaternion(values[3:]).normalized().matrix(), values[:3])
-        if pose is not None and is_true(pose.get("degrees")):
-            values[3:] = np.deg2rad(values[3:])
-        return placement(values[:3], values[3:])
-
-    def _fixed_pose(self, element: ET.Element, owner: ET.Element) -> pin.SE3:
-        """The pose of the model or of an inertia, which can be relative to one frame only."""
-        frame = _reference_frame(element)
-        is_model_in_world = owner is self._model and self._in_world and frame == WORLD
-        if frame and not is_model_in_world:
-            self._refuse(owner, f"its <pose> of {element.tag} relative to {frame} is not supported")
-        return self._pose(element)
-
-    def _place(self, name: str) -> pin.SE3:
-        """The pose of a frame in the frame of the model."""
-        if name not in self._poses:
-            self._poses[name] = None
-            element = self._frames.get(name)
-            if element is None:
-                self._problems.append(f"frame {name} is not in this model")
-                return pin.SE3.Identity()
-            reference = _reference_frame(element)
-            if not reference and element.tag == "joint":
-                reference = element.findtext("child", "").strip()
-            elif not reference:
-                reference = element.get("attached_to") or _MODEL
-            self._poses[name] = self._place(reference) * self._pose(element)
-        pose = self._poses[name]
-        if pose is None:
-            self._problems.append(f"frame {name}: its pose is relative to itself")
-            return pin.SE3.Identity()
-        return pose
-
-    def _link_of(self, name: str) -> str:
-        """The link, or the world, that a link, a joint or a frame is attached to; "" if none is.
-
-        A joint is attached to its child.
-        """
-        # A frame may be attached to a frame. Longer chains go around in a circle.
-        for _ in range(len(self._frames) + 2):
-            if name == _MODEL:
-                name = self._model.get("canonical_link") or next(iter(self._links), "")
-            element = self._frames.get(name)
-            if name == WORLD or name in self._links:
-                return name
-            if element is None:
-                return ""
-            if element.tag == "joint":
-                name = element.findtext("child", "").strip()
-            else:
-                name = element.get("attached_to") or _MODEL
-        return ""
-
     # --- joints -----------------------------------------------------------------------------
 
     def _end(self, joint: ET.Element, side: str) -> str:
         """The link, or the world, that a joint connects; "" if it is missing."""
         name = joint.findtext(side, "").strip()
-        link = self._link_of(name)
+        link = self._frames.link_of(name)
         if not link:
             self._refuse(joint, f"its {side} {name!r} is not a link of this model")
         return link
@@ -299,14 +229,13 @@ class Sdf:
         if parent == child:
             self._refuse(joint, f"it connects {parent} with itself")
             return None
-        place = self._place(name)
         return GraphJoint(
             name=name,
             kind="universal" if kind == "revolute2" else kind,
             parent=parent,
             child=child,
-            on_parent=self._place(parent).actInv(place),
-            on_child=self._place(child).actInv(place),
+            on_parent=self._frames.relative_pose(parent, name),
+            on_child=self._frames.relative_pose(child, name),
             axes=self._axes(joint, name, kind) or (Axis(),),  # a ball and a weld have no axis
             lead=self._lead(joint) if kind == "screw" else 0.0,
         )
@@ -339,7 +268,7 @@ class Sdf:
         return self._number(joint, joint, "screw_thread_pitch", 1.0)
 
     def _direction(self, joint: ET.Element, tag: str) -> Array:
-        """The direction of an axis, in the joint's frame."""
+        """The direction of an axis, in the joint's frame; z if the file has no axis."""
         axis = joint.find(tag)
         axis = ET.Element(tag) if axis is None else axis
         xyz = axis.find("xyz")
@@ -347,13 +276,15 @@ class Sdf:
         if direction is None or not np.linalg.norm(direction) > _SHORTEST_AXIS:
             self._refuse(joint, f"its <{tag}> is not a direction")
             direction = np.array([0.0, 0.0, 1.0])
+        # The frame in which the file has it: the joint's own, unless it names another one.
         frame = "" if xyz is None else xyz.get("expressed_in", "")
         in_model = str(self._minor < _AXES_IN_JOINT)
         if not frame and is_true(axis.findtext("use_parent_model_frame", in_model)):
-            frame = _MODEL
+            frame = MODEL
         if frame:
-            place = self._place(joint.get("name", ""))
-            direction = place.rotation.T @ (self._place(frame).rotation @ direction)
+            direction = (
+                self._frames.relative_pose(joint.get("name", ""), frame).rotation @ direction
+            )
         return np.asarray(direction / np.linalg.norm(direction))
 
     def _axis(self, joint: ET.Element, tag: str) -> Axis:
@@ -388,7 +319,7 @@ class Sdf:
 
     def _axis_name(self, joint: str, axis: str) -> str:
         """Name of the joint of one axis that stands for an axis of a joint."""
-        element = self._frames.get(joint)
+        element = self._frames.elements.get(joint)
         count = 1 if element is None else _AXES.get(element.get("type", ""), 1)
         names = axis_names(joint, count)
         return names[1] if axis == "axis2" and count == 2 else names[0]
@@ -397,12 +328,18 @@ class Sdf:
         """The joints, one of them with the coupling of a gear box.
 
         The gear box couples two angles of links on its reference body: angle 2, of its child about
-        axis 2, is -ratio times angle 1, of its parent about axis 1. Both must be angles of hinges.
+        axis 2, is -ratio times angle 1, of its parent about axis 1. Both must be angles of hinges:
+        angle k = sign_k times the position of hinge k. So hinge 2 mimics hinge 1 with the factor
+        -ratio sign_1 sign_2.
         """
         body = gear.findtext("gearbox_reference_body", "").strip()
         ratio = self._number(gear, gear, "gearbox_ratio", 1.0)
-        first = self._hinge(gear, joints, self._link_of(body), self._end(gear, "parent"), "axis")
-        second = self._hinge(gear, joints, self._link_of(body), self._end(gear, "child"), "axis2")
+        first = self._hinge(
+            gear, joints, self._frames.link_of(body), self._end(gear, "parent"), "axis"
+        )
+        second = self._hinge(
+            gear, joints, self._frames.link_of(body), self._end(gear, "child"), "axis2"
+        )
         if first is None or second is None:
             text = f"its links have no hinges about its axes on the body {body!r}"
             self._refuse(gear, f"{text}, between which the gear box acts")
@@ -425,16 +362,17 @@ class Sdf:
         The sign is 1 if a positive position turns the link on the body about the gear's axis, -1
         if it turns it the other way.
         """
-        gear_axis = self._place(gear.get("name", "")).rotation @ self._direction(gear, tag)
+        gear_frame = self._frames.pose_in_model(gear.get("name", ""))
+        gear_axis = gear_frame.rotation @ self._direction(gear, tag)
         for index, joint in enumerate(joints):
             if joint.kind not in ("revolute", "continuous") or {joint.parent, joint.child} != {
                 body,
                 link,
             }:
                 continue
-            axis = self._place(joint.name).rotation @ joint.axes[0].direction
+            axis = self._frames.pose_in_model(joint.name).rotation @ joint.axes[0].direction
             cosine = float(axis @ gear_axis)
-            if abs(abs(cosine) - 1) < _PARALLEL:
+            if abs(abs(cosine) - 1) < _PARALLEL:  # parallel or antiparallel
                 sign = float(np.sign(cosine))
                 if joint.parent != body:  # the hinge moves the body on the link
                     sign = -sign
@@ -459,27 +397,20 @@ class Sdf:
                 for key, default in _UNIT_INERTIA.items()
             }
             mass = self._number(link, inertial, "mass", 1.0)
-            element = graph.add_link(name, self._fixed_pose(inertial, link), mass, inertia)
+            element = graph.add_link(name, self._frames.inertia_pose(inertial, link), mass, inertia)
             if not is_true(link.findtext("gravity", "true")):
                 gazebo = ET.SubElement(graph.urdf, "gazebo", reference=name)
                 ET.SubElement(gazebo, "gravity").text = "false"
             for tag in ("visual", "collision"):
                 for shape in link.findall(tag):
-                    place = self._shape_pose(name, shape)
+                    place = self._frames.shape_pose(name, shape)
                     element.extend(_shape(tag, shape, place, f"{name}_{len(element)}"))
         for missing, names in missing_entries.items():
             text = f"no {missing}: 1 kg and the unit inertia by the specification"
             self.notes.append(warning(f"links {listed(names)}", text))
 
-    def _shape_pose(self, link: str, shape: ET.Element) -> pin.SE3:
-        """The pose of a shape on its link."""
-        frame = _reference_frame(shape)
-        if not frame:
-            return self._pose(shape)
-        return self._place(link).actInv(self._place(frame)) * self._pose(shape)
-
     def _number(self, owner: ET.Element, inside: ET.Element, path: str, default: float) -> float:
-        """The number at a path in an element; a problem of `owner` if it is not a number."""
+        """The number at a path in the element `inside`; a problem of `owner` if it is none."""
         text = inside.findtext(path, "").strip() or repr(default)
         if text.lstrip("+-").lower() in ("inf", "infinity"):
             return float(text)
@@ -491,14 +422,6 @@ class Sdf:
 
     def _refuse(self, element: ET.Element, text: str) -> None:
         self._problems.append(f"{element.tag} {element.get('name')}: {text}")
-
-
-def _reference_frame(element: ET.Element) -> str:
-    """Name of the frame to which the pose of an element is relative; empty if it names none."""
-    pose = element.find("pose")
-    if pose is None:
-        return ""
-    return pose.get("relative_to", "") or pose.get("frame", "")  # `frame` until version 1.6
 
 
 #: Shapes that are drawn: the names of their sizes in an SDF and in a URDF.
