@@ -7,7 +7,7 @@ pull request 264).
 """
 
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from typing import NamedTuple
 
@@ -55,54 +55,61 @@ _KINDS = {
 }
 _X, _Y, _Z = np.eye(3)
 _BALL = "drake:ball_constraint"
-#: Limits beyond this position are ignored, [rad] or [m]: tools write them for "no limit".
-_FAR = 1e9
-#: Elements of a ball constraint of Drake: for each the attribute that is read, and the element and
-#: the attribute of a `<constraint>` that get its value.
-_DRAKE_BALL = {
-    "body_A": ("name", "parent", "link"),
-    "p_AP": ("value", "parent_origin", "xyz"),
-    "body_B": ("name", "child", "link"),
-    "p_BQ": ("value", "child_origin", "xyz"),
-}
+
+
+class Side(NamedTuple):
+    """One of the two sides of a joint, as a file describes it.
+
+    A placement or axis is in the neutral configuration. The link "universe" is the base.
+    """
+
+    #: The link that the joint connects.
+    link: str
+    #: The pose of the joint's frame relative to the link `relative_to`.
+    placement: pin.SE3
+    #: The axis of the joint in this frame, shape (3,); welds and balls do not use it.
+    axis: Array
+    relative_to: str
 
 
 class CutJoint(NamedTuple):
-    """A joint that closes a loop, by a kind of `Closure`; its frames are `name_A` and `name_B`.
+    """A joint that closes a loop.
 
-    `places[k]` is the pose, relative to link `seen_from[k]`, of its frame on link `links[k]`, in
-    the neutral configuration. The link "universe" is the base.
+    The axes of its sides' frames are those of a `Closure` of this kind; see `cut_joint`.
     """
 
     name: str
+    #: A kind of `Closure`.
     kind: str
-    links: tuple[str, str]
-    places: tuple[pin.SE3, pin.SE3]
-    seen_from: tuple[str, str]
+    side_a: Side
+    side_b: Side
 
     def closure(self, model: pin.Model) -> Closure:
-        """The closure of this joint, whose frames are added to the tree."""
-        names = (f"{self.name}_A", f"{self.name}_B")
+        """The closure of this joint; its frames `name_A` and `name_B` are added to the tree."""
         data = model.createData()
         pin.framesForwardKinematics(model, data, pin.neutral(model))
-        for k, name in enumerate(names):
-            if model.existFrame(name):
-                raise DescriptionError(self.name, [f"a frame {name} exists; rename this joint"])
-            link_id = self._link_id(model, self.links[k])
-            reference_id = self._link_id(model, self.seen_from[k])
-            on_link = self.places[k]
-            if reference_id != link_id:
-                on_link = data.oMf[link_id].actInv(data.oMf[reference_id]) * on_link
-            link_frame = model.frames[link_id]
-            frame = pin.Frame(
-                name,
-                link_frame.parentJoint,
-                link_id,
-                link_frame.placement * on_link,
-                pin.FrameType.OP_FRAME,
-            )
-            model.addFrame(frame)
-        return Closure(names[0], names[1], self.kind)
+        self._add_frame(model, data, f"{self.name}_A", self.side_a)
+        self._add_frame(model, data, f"{self.name}_B", self.side_b)
+        return Closure(f"{self.name}_A", f"{self.name}_B", self.kind)
+
+    def _add_frame(self, model: pin.Model, data: pin.Data, name: str, side: Side) -> None:
+        """Add the frame of a side; `data` has the placements in the neutral configuration."""
+        if model.existFrame(name):
+            raise DescriptionError(self.name, [f"a frame {name} exists; rename this joint"])
+        link_id = self._link_id(model, side.link)
+        reference_id = self._link_id(model, side.relative_to)
+        on_link = side.placement
+        if reference_id != link_id:
+            on_link = data.oMf[link_id].actInv(data.oMf[reference_id]) * on_link
+        link_frame = model.frames[link_id]
+        frame = pin.Frame(
+            name,
+            link_frame.parentJoint,
+            link_id,
+            link_frame.placement * on_link,
+            pin.FrameType.OP_FRAME,
+        )
+        model.addFrame(frame)
 
     def _link_id(self, model: pin.Model, link: str) -> int:
         """Index of the frame of a link; the base has index 0."""
@@ -114,15 +121,8 @@ class CutJoint(NamedTuple):
         return int(link_id)
 
 
-def cut_joint(
-    name: str,
-    kind: str,
-    links: tuple[str, str],
-    places: Sequence[pin.SE3],
-    axes: Sequence[Array],
-    seen_from: tuple[str, str],
-) -> CutJoint:
-    """The joint of a URDF type `kind`, with its axis in each of its two frames.
+def cut_joint(name: str, kind: str, side_a: Side, side_b: Side) -> CutJoint:
+    """The joint of a type of a URDF, `kind`, with frames as a `Closure` needs them.
 
     A closure has fixed axes in its frames: z, or x and y for a universal joint. So each frame is
     rotated until this axis is the axis of the joint.
@@ -132,27 +132,34 @@ def cut_joint(
     """
     if kind not in _KINDS:
         raise ValueError(f"type {kind!r} unknown; known: {', '.join(_KINDS)}")
-    if links[0] == links[1]:
-        raise ValueError(f"connects {links[0]} with itself")
-    if kind == "prismatic" and not np.allclose(axes[0], axes[1]):
+    if side_a.link == side_b.link:
+        raise ValueError(f"connects {side_a.link} with itself")
+    if kind == "prismatic" and not np.allclose(side_a.axis, side_b.axis):
         raise ValueError("the axes of a prismatic joint must be the same on both sides")
-    place_a, place_b = places
-    if _KINDS[kind] not in ("6d", "3d"):  # welds and balls have no axis
-        frame_axes = (_X, _Y) if kind == "universal" else (_Z, _Z)
-        place_a = _rotate_axis(place_a, frame_axes[0], axes[0])
-        place_b = _rotate_axis(place_b, frame_axes[1], axes[1])
-    return CutJoint(name, _KINDS[kind], links, (place_a, place_b), seen_from)
+    if kind == "universal":
+        side_a = _with_axis(side_a, _X)
+        side_b = _with_axis(side_b, _Y)
+    elif _KINDS[kind] not in ("6d", "3d"):  # welds and balls have no axis
+        side_a = _with_axis(side_a, _Z)
+        side_b = _with_axis(side_b, _Z)
+    return CutJoint(name, _KINDS[kind], side_a, side_b)
 
 
-def _rotate_axis(place: pin.SE3, start: Array, end: Array) -> pin.SE3:
-    """The frame after the rotation that takes axis `start` to `end`, both in its own axes."""
-    return place * pin.SE3(pin.Quaternion.FromTwoVectors(start, end).matrix(), np.zeros(3))
+def _with_axis(side: Side, axis: Array) -> Side:
+    """A side whose frame is rotated, so that the axis of the joint is this one in the frame."""
+    rotation = pin.Quaternion.FromTwoVectors(axis, side.axis).matrix()
+    placement = side.placement * pin.SE3(rotation, np.zeros(3))
+    return side._replace(placement=placement, axis=axis)
 
 
 class Marks:
     """The joints of a URDF that close loops, and its gears.
 
-    `independent` are names of the joints that have the motors, in a URDF+.
+    Attributes:
+        joints: Joints that close loops.
+        gears: Gears of a URDF+.
+        independent: Names of the joints that have the motors, in a URDF+.
+        problems: Faults of these elements, and warnings.
     """
 
     def __init__(self, root: ET.Element) -> None:
@@ -160,23 +167,30 @@ class Marks:
         self.gears: list[Coupling] = []
         self.problems: list[Problem] = []
         self.independent = tuple(_independent(root))
+        #: The joint above each link, by the link's name.
         self._parent_joints = {
             attribute(joint, "child/link"): joint for joint in root.findall("joint")
         }
         self._links = {attribute(link, "name") for link in root.findall("link")}
+
+        # Joints of URDF+, Isaac Sim and urdfdom.
         for tag, sides in _SIDES.items():
             for element in root.findall(tag):
                 self._read(self._joint, element, _faults(element, sides))
             if set(root.iterfind(f".//{tag}[{sides[0]}]")).difference(root):
                 self.problems.append(error(tag, "it must be a direct child of <robot>"))
+        # Joints of Gazebo.
         for element in root.findall("gazebo/joint[parent]"):
             self._read(self._gazebo_joint, element, _faults_of_gazebo(element))
+        # Balls of Drake.
         for index, ball in enumerate(root.iter(_BALL), 1):
             element = _constraint_of(ball, index)
             self._read(self._joint, element, _faults(element, _SIDES["constraint"]))
+        # Gears of URDF+.
         for element in root.findall("coupling"):
             tags = ("predecessor", "successor", "ratio")
             self._read(self._gear, element, unknown_parts(element, tags, ("name", "type")))
+        # Welds by plugins of Gazebo.
         robot = root.get("name", "")
         for index, plugin in enumerate(root.findall("gazebo/plugin"), 1):
             if is_detachable(plugin):
@@ -193,39 +207,29 @@ class Marks:
         self.problems += [error(where, text) for text in texts]
 
     def _joint(self, element: ET.Element) -> None:
-        """Read a joint; each link has the joint's frame in its own axes."""
-        side_a, side_b = _SIDES[element.tag]
-        link_a, place_a, axis_a = _side(element, side_a)
-        link_b, place_b, axis_b = _side(element, side_b)
-        self._require_link(side_a, link_a)
-        self._require_link(side_b, link_b)
+        """Read a joint; each side has the joint's frame in the axes of its link."""
+        name_a, name_b = _SIDES[element.tag]
+        side_a = _side(element, name_a)
+        side_b = _side(element, name_b)
+        self._require_link(name_a, side_a.link)
+        self._require_link(name_b, side_b.link)
         kind = attribute(element, "type")
         if kind == "universal" and element.find("parent_axis") is None:
             raise ValueError("a universal joint needs parent_axis and child_axis in a <constraint>")
-        links = (link_a, link_b)
-        self._add(element, kind, links, (place_a, place_b), (axis_a, axis_b), seen_from=links)
+        self._add(element, kind, side_a, side_b)
 
     def _gazebo_joint(self, element: ET.Element) -> None:
-        """Read a joint of Gazebo; its frame is relative to the child for both links."""
-        parent, place_a, axis_a = _side_of_gazebo(element, "parent")
-        child, place_b, axis_b = _side_of_gazebo(element, "child")
-        self._require_link("parent", parent)
-        self._require_link("child", child)
-        kind = attribute(element, "type")
-        places = (place_a, place_b)
-        self._add(element, kind, (parent, child), places, (axis_a, axis_b), (child, child))
+        """Read a joint of Gazebo; both sides have its frame relative to the child."""
+        parent = _side_of_gazebo(element, "parent")
+        child = _side_of_gazebo(element, "child")
+        self._require_link("parent", parent.link)
+        self._require_link("child", child.link)
+        self._add(element, attribute(element, "type"), parent, child)
 
-    def _add(
-        self,
-        element: ET.Element,
-        kind: str,
-        links: tuple[str, str],
-        places: tuple[pin.SE3, pin.SE3],
-        axes: tuple[Array, Array],
-        seen_from: tuple[str, str],
-    ) -> None:
-        name = attribute(element, "name") or f"{links[0]}_{links[1]}"
-        self.joints.append(cut_joint(name, kind, links, places, axes, seen_from))
+    def _add(self, element: ET.Element, kind: str, side_a: Side, side_b: Side) -> None:
+        """Add a joint, named in the file or after its links; a warning says if limits are lost."""
+        name = attribute(element, "name") or f"{side_a.link}_{side_b.link}"
+        self.joints.append(cut_joint(name, kind, side_a, side_b))
         if _has_limits(element):
             where = f"{element.tag} {name}"
             self.problems.append(warning(where, "limits of a joint that closes a loop are ignored"))
@@ -239,18 +243,18 @@ class Marks:
         child = plugin.findtext("child_link", "").strip()
         self._require_link("parent_link", parent)
         self._require_link("child_link", child)
-        places = (pin.SE3.Identity(), pin.SE3.Identity())
-        axes = (_Z, _Z)  # a weld does not use them
-        weld = cut_joint(
-            f"detachable_{index}", "fixed", (parent, child), places, axes, (child, child)
-        )
-        self.joints.append(weld)
+        # Both frames are at the frame of the child; a weld uses no axis.
+        at_child = pin.SE3.Identity()
+        side_a = Side(parent, at_child, _Z, relative_to=child)
+        side_b = Side(child, at_child, _Z, relative_to=child)
+        self.joints.append(cut_joint(f"detachable_{index}", "fixed", side_a, side_b))
 
     def _gear(self, element: ET.Element) -> None:
         """Read a gear of a URDF+: the angle of the successor is `ratio` times the predecessor's.
 
-        Both angles are sums over the joints from the nearest common link to the link. The gear is
-        solved for the first joint that is not independent.
+        Both angles are sums over the joints from the nearest common link to the link. With factors
+        c_j that are ratio for joints of the predecessor and -1 for joints of the successor, the sum
+        of c_j q_j is zero. It is solved for the first joint that is not independent.
         """
         paths = []
         for side in ("predecessor", "successor"):
@@ -261,7 +265,7 @@ class Marks:
         ratio = number(element.find("ratio"), "value")
         if ratio is None:
             raise ValueError("its ratio is not a number")
-        # ratio * (angle of the predecessor) - (angle of the successor) = 0
+        # Joints on both paths are above the nearest common link.
         factors = dict[str, float]()
         for joint in successor:
             if joint not in predecessor and joint.get("type") != "fixed":
@@ -339,6 +343,10 @@ def _acting_dynamics(numbers_by_name: Mapping[str, str]) -> Iterator[str]:
             yield f"<dynamics> with {key} {text.strip()!r} is not supported"
 
 
+#: Limits beyond this position are ignored, [rad] or [m]: tools write them for "no limit".
+_FAR = 1e9
+
+
 def _has_limits(element: ET.Element) -> bool:
     """Whether a joint has limits of its position."""
     texts = []
@@ -350,6 +358,16 @@ def _has_limits(element: ET.Element) -> bool:
         if position is not None and 0 < abs(position[0]) < _FAR:
             return True
     return False
+
+
+#: Elements of a ball constraint of Drake: for each the attribute that is read, and the element and
+#: the attribute of a `<constraint>` that get its value.
+_DRAKE_BALL = {
+    "body_A": ("name", "parent", "link"),
+    "p_AP": ("value", "parent_origin", "xyz"),
+    "body_B": ("name", "child", "link"),
+    "p_BQ": ("value", "child_origin", "xyz"),
+}
 
 
 def _constraint_of(ball: ET.Element, index: int) -> ET.Element:
@@ -364,12 +382,8 @@ def _constraint_of(ball: ET.Element, index: int) -> ET.Element:
     return constraint
 
 
-#: A link, the place of the joint's frame on it, and the axis there.
-_Side = tuple[str, pin.SE3, Array]
-
-
-def _side(element: ET.Element, side: str) -> _Side:
-    """One side of a joint, where tools write the origin in three places."""
+def _side(element: ET.Element, side: str) -> Side:
+    """One side of a joint, by its name; tools write the origin in three places."""
     link = element.find(side)
     origin = element.find(f"{side}_origin")
     if origin is None and link is not None:
@@ -385,17 +399,21 @@ def _side(element: ET.Element, side: str) -> _Side:
         vectors.append(vector)
     tag = "axis" if element.find(f"{side}_axis") is None else f"{side}_axis"
     axis = direction(attribute(element, f"{tag}/xyz") or "1 0 0")
-    return attribute(element, f"{side}/link"), placement(*vectors), axis
+    name = attribute(element, f"{side}/link")
+    return Side(name, placement(*vectors), axis, relative_to=name)
 
 
-def _side_of_gazebo(element: ET.Element, side: str) -> _Side:
+def _side_of_gazebo(element: ET.Element, side: str) -> Side:
     """One side of a joint of Gazebo; a universal joint has its second axis on the child."""
     pose = numbers(element.findtext("pose", "0 0 0 0 0 0"), 6)
     if pose is None:
         raise ValueError("its pose is not six numbers")
-    second = side == "child" and element.get("type") == "universal"
-    axis = direction(element.findtext("axis2/xyz" if second else "axis/xyz", "0 0 1"))
-    return element.findtext(side, "").strip(), placement(pose[:3], pose[3:]), axis
+    has_second_axis = side == "child" and element.get("type") == "universal"
+    path = "axis2/xyz" if has_second_axis else "axis/xyz"
+    axis = direction(element.findtext(path, "0 0 1"))
+    link = element.findtext(side, "").strip()
+    child = element.findtext("child", "").strip()
+    return Side(link, placement(pose[:3], pose[3:]), axis, relative_to=child)
 
 
 def _independent(root: ET.Element) -> Iterator[str]:

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Reads a YAML file of closures, motors, springs and joints of several axes."""
+"""Reads the YAML file beside a URDF: where loops are cut, motors, springs, kinds of joints.
+
+A URDF is a tree. So each loop of the robot is cut in the URDF, and the YAML has the closures that
+the cuts replace. It also has what a URDF cannot say, such as joints of several axes.
+"""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -13,7 +17,7 @@ from ..model.checks import Motor
 from ..model.closures import Closure, Constraint, Coupling, Distance, Rolling
 from ..model.contacts import Contact, Rope
 from ..model.lines import NUMBERS_OF_LINE, LineForce
-from .cut_joints import CutJoint, cut_joint
+from .cut_joints import CutJoint, Side, cut_joint
 from .joint_numbers import LIMITS, JointNumbers
 from .problems import collecting_problems, numbers, vector
 from .urdf import KINDS
@@ -27,38 +31,6 @@ from .yaml_content import (
     repeated,
     shown,
 )
-
-#: Keys of a file in the LAAS schema: lists, then mappings from joints, then gravity.
-_KEYS = (
-    "closed_loop",
-    "contacts",
-    "type",
-    "name_mot",
-    "line_force",
-    "joint_name",
-    "joint_type",
-    "locked",
-    "brakes",
-    "joint_spring",
-    "joint_limit",
-    "viscous_friction",
-    "coulomb_friction",
-    "armature",
-    "coupling",
-    "gravity",
-)
-#: Keys of a `loop_closures.yaml`.
-_SW2ROBOT_KEYS = ("closures", "dependent", "independent")
-#: Keys of a hinge in a `loop_closures.yaml`.
-_HINGE_KEYS = ("link_a", "link_b", "point", "axis")
-#: Keys of an entry of `line_force`.
-_LINE_KEYS = ("name", "frames", *NUMBERS_OF_LINE, "pulls_only")
-#: Numbers of a contact, and all its keys.
-_CONTACT_NUMBERS = ("radius", "friction", "restitution")
-_CONTACT_KEYS = ("frame", "name", "ground", *_CONTACT_NUMBERS)
-_ROPE_KEYS = ("name", "rope", "length")
-#: Closures whose type has a length after the word, such as "distance 0.3" [m].
-_CLOSURES_WITH_LENGTH = {"distance": Distance, "rolling": Rolling}
 
 
 class Cuts(NamedTuple):
@@ -98,6 +70,27 @@ def parse_cuts(text: str, source: str) -> Cuts:
         cuts = _laas_cuts(content)
     content.raise_problems()
     return cuts._replace(source=source)
+
+
+#: Keys of a file in the LAAS schema.
+_KEYS = (
+    "closed_loop",
+    "contacts",
+    "type",
+    "name_mot",
+    "line_force",
+    "joint_name",
+    "joint_type",
+    "locked",
+    "brakes",
+    "joint_spring",
+    "joint_limit",
+    "viscous_friction",
+    "coulomb_friction",
+    "armature",
+    "coupling",
+    "gravity",
+)
 
 
 def _laas_cuts(content: YamlContent) -> Cuts:
@@ -145,6 +138,7 @@ def _split_joint_types(content: YamlContent) -> None:
 
 
 def _gravity(content: YamlContent) -> Array | None:
+    """The gravity of the file, shape (3,); None if it has none."""
     if "gravity" not in content:
         return None
     gravity = vector(content["gravity"])
@@ -163,7 +157,10 @@ def _joint_numbers(content: YamlContent) -> JointNumbers:
     }
     limits = content.table("joint_limit", _limit)
     for key in LIMITS:
-        numbers[key] = {joint: limit[key] for joint, limit in limits.items() if key in limit}
+        numbers[key] = {}
+        for joint, limit in limits.items():
+            if key in limit:
+                numbers[key][joint] = limit[key]
     springs = content.table("joint_spring", _spring)
     numbers["stiffness"] = {joint: spring.stiffness for joint, spring in springs.items()}
     numbers["reference"] = {joint: spring.reference for joint, spring in springs.items()}
@@ -174,8 +171,13 @@ def _motor(value: Any) -> Motor:
     """The name of a joint or a line, or a named tendon: `split: {left: 1, right: 1}`."""
     if isinstance(value, dict) and len(value) == 1:
         ((tendon, shares),) = value.items()
-        return {tendon: {joint: number_in(share) for joint, share in mapping_in(shares).items()}}
+        factors = {joint: number_in(share) for joint, share in mapping_in(shares).items()}
+        return {tendon: factors}
     return name_in(value)
+
+
+#: Closures whose type has a length after the word, such as "distance 0.3" [m].
+_CLOSURES_WITH_LENGTH = {"distance": Distance, "rolling": Rolling}
 
 
 def _closure(pair: tuple[str, str], kind: str) -> Constraint:
@@ -206,13 +208,20 @@ def _coupling(joint: str, value: Any) -> Coupling:
     return Coupling(joint, polynomials)
 
 
+#: Keys of an entry of `line_force`.
+_LINE_KEYS = ("name", "frames", *NUMBERS_OF_LINE, "pulls_only")
+
+
 def _line(value: Any) -> LineForce:
     """A force along the line between two frames."""
     fields = mapping_in(value, _LINE_KEYS)
     if "frames" not in fields:
         raise ValueError(f"{shown(value)} has no pair of frames")
     frame_a, frame_b = pair_in(fields["frames"])
-    values = {key: number_in(fields[key], key) for key in NUMBERS_OF_LINE if key in fields}
+    values = dict[str, float]()
+    for key in NUMBERS_OF_LINE:
+        if key in fields:
+            values[key] = number_in(fields[key], key)
     pulls_only = str(fields.get("pulls_only", "false")).lower()
     if pulls_only not in ("true", "false"):
         raise ValueError(f"pulls_only {shown(fields['pulls_only'])} is neither true nor false")
@@ -220,10 +229,14 @@ def _line(value: Any) -> LineForce:
     return LineForce(frame_a, frame_b, name=name, pulls_only=pulls_only == "true", **values)
 
 
+#: Numbers of a contact, and all its keys.
+_CONTACT_NUMBERS = ("radius", "friction", "restitution")
+_CONTACT_KEYS = ("frame", "name", "ground", *_CONTACT_NUMBERS)
+
+
 def _contact(value: Any) -> Contact | Rope:
     """A contact `{frame: sole, friction: 0.8}` or a rope `{rope: [a, b], length: 1.2}`."""
-    fields = mapping_in(value)
-    if "rope" in fields:
+    if "rope" in mapping_in(value):
         return _rope(value)
     fields = mapping_in(value, _CONTACT_KEYS)
     if "frame" not in fields:
@@ -238,7 +251,12 @@ def _contact(value: Any) -> Contact | Rope:
     return Contact(name_in(fields["frame"]), **values)
 
 
+#: Keys of a rope.
+_ROPE_KEYS = ("name", "rope", "length")
+
+
 def _rope(value: Any) -> Rope:
+    """A rope, with the keys `_ROPE_KEYS`."""
     fields = mapping_in(value, _ROPE_KEYS)
     if "length" not in fields:
         raise ValueError(f"{shown(value)} has no length")
@@ -288,10 +306,15 @@ def _friction(joint: str, value: Any) -> float:
 
 
 def _kind(value: Any) -> str:
+    """The true kind of a joint, one of `KINDS`."""
     kind = name_in(value).upper()
     if kind not in KINDS:
         raise ValueError(f"{value!r} unknown; known: {', '.join(KINDS)}")
     return kind
+
+
+#: Keys of a `loop_closures.yaml`.
+_SW2ROBOT_KEYS = ("closures", "dependent", "independent")
 
 
 def _sw2robot_cuts(content: YamlContent) -> Cuts:
@@ -300,8 +323,8 @@ def _sw2robot_cuts(content: YamlContent) -> Cuts:
     hinges = content.entries("closures", _hinge)
     if not content["closures"]:
         content.problems.append("closures: a list of hinges is needed")
-    for key in ("dependent", "independent"):  # a missing list is a problem
-        content.setdefault(key, None)
+    for key in ("dependent", "independent"):
+        content.setdefault(key, None)  # so that a missing key is a problem
     dependent = content.entries("dependent", name_in)
     independent = content.entries("independent", name_in)
     for name in repeated(dependent + independent):
@@ -312,19 +335,25 @@ def _sw2robot_cuts(content: YamlContent) -> Cuts:
     return Cuts(actuated=tuple(independent), hinges=tuple(named_hinges), dependent=tuple(dependent))
 
 
+#: Keys of a hinge in a `loop_closures.yaml`.
+_HINGE_KEYS = ("link_a", "link_b", "point", "axis")
+
+
 def _hinge(value: Any) -> CutJoint:
+    """A hinge of a `loop_closures.yaml`, still without a name."""
     fields = mapping_in(value, _HINGE_KEYS)
     if len(fields) < len(_HINGE_KEYS):
         raise ValueError(f"{shown(value)} needs {', '.join(_HINGE_KEYS)}")
     # Point and axis are relative to the base for both links.
-    place = pin.SE3(np.eye(3), _vector(fields, "point"))
+    placement = pin.SE3(np.eye(3), _vector(fields, "point"))
     axis = _vector(fields, "axis")
-    links = name_in(fields["link_a"]), name_in(fields["link_b"])
-    base = ("universe", "universe")
-    return cut_joint("", "revolute", links, (place, place), (axis, axis), base)
+    side_a = Side(name_in(fields["link_a"]), placement, axis, relative_to="universe")
+    side_b = Side(name_in(fields["link_b"]), placement, axis, relative_to="universe")
+    return cut_joint("", "revolute", side_a, side_b)
 
 
 def _vector(fields: Mapping[str, Any], key: str) -> Array:
+    """Three numbers of a hinge; an axis must not be zero."""
     value = vector(fields.get(key))
     if value is None or (key == "axis" and not value.any()):
         raise ValueError(f"{key} {shown(fields.get(key))} is not three numbers")

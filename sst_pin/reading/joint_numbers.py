@@ -12,15 +12,15 @@ from ..model.joint_space import JointSpace
 from ..model.named_positions import with_positions
 from ..model.tree import joint_id
 
-#: Numbers of joints, or of single rates, by name, for each of these kinds: "stiffness" and
-#: "reference" of springs, "viscous_friction", "coulomb_friction", "armature"; `LIMITS`.
+#: Numbers by kind, then by the name of a joint or of a single rate. Kinds are "stiffness" and
+#: "reference" of springs, "viscous_friction", "coulomb_friction", "armature", and `LIMITS`.
 JointNumbers = Mapping[str, Mapping[str, float]]
 #: Limits of joints with one position: of the position, of the motor's force, of the rate.
 LIMITS = ("lower", "upper", "effort", "velocity")
 
 
 def updated(numbers: JointNumbers, others: JointNumbers, without: Collection[str]) -> JointNumbers:
-    """Numbers updated by others, without some joints."""
+    """Both numbers, where the second ones replace the first, without some joints."""
     result: dict[str, dict[str, float]] = {}
     for kind in (*numbers, *others):
         result[kind] = {**numbers.get(kind, {}), **others.get(kind, {})}
@@ -62,5 +62,6 @@ def springs_of(model: pin.Model, numbers: JointNumbers) -> tuple[Array, Array]:
 
 
 def _fill(array: Array, model: pin.Model, values: Mapping[str, float]) -> None:
+    """Write values by the names of joints or rates into an array, shape (nv,)."""
     for name, value in values.items():
         array[JointSpace(model).rates_of([name])] = value

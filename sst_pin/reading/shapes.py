@@ -13,17 +13,7 @@ from ..errors import DescriptionError
 from .mjcf_compiled import pose_of
 from .text import bare
 
-#: Groups of geoms that MuJoCo's viewer shows; collision shapes usually are in others.
-_SHOWN_GROUPS = 3
-#: Shapes of geoms by `mjtGeom`, and the factors from MuJoCo's sizes to theirs.
-_SHAPES = {
-    2: (coal.Sphere, (1,)),
-    3: (coal.Capsule, (1, 2)),
-    4: (coal.Ellipsoid, (1, 1, 1)),
-    5: (coal.Cylinder, (1, 2)),
-    6: (coal.Box, (2, 2, 2)),
-}
-_MESH = 7
+#: What to do about shapes that cannot be loaded.
 _CURE = "an empty pinocchio.GeometryModel() as visual_model (show --skeleton) does without"
 
 
@@ -38,12 +28,13 @@ def urdf_shapes(
     Mesh files are relative to the folder of the URDF, `package://` to those above too.
     """
     folders = [str(each) for each in (folder, *folder.resolve().parents)]
+    # Elements that shapes need, with their parts.
     tags = {
         "material": ("color", "texture"),
         "link": ("visual", "collision"),
         "joint": ("parent", "child"),
     }
-    root = bare(root, tags)
+    root = bare(root, tags)  # a copy
     for joint in root.findall("joint"):  # the model has the joints and masses
         joint.set("type", "fixed")
     for link in root.findall("link"):  # urdfdom would leave out the link, and print a complaint
@@ -54,6 +45,20 @@ def urdf_shapes(
     except (ValueError, RuntimeError) as error:
         problem = f"its shapes cannot be loaded: {error}; {_CURE}"
         raise DescriptionError(str(folder), [problem]) from None
+
+
+#: Groups of geoms that MuJoCo's viewer shows; collision shapes usually are in others.
+_SHOWN_GROUPS = 3
+#: Shapes of geoms by `mjtGeom`, and the factors from MuJoCo's sizes to theirs.
+_SHAPES = {
+    2: (coal.Sphere, (1,)),
+    3: (coal.Capsule, (1, 2)),
+    4: (coal.Ellipsoid, (1, 1, 1)),
+    5: (coal.Cylinder, (1, 2)),
+    6: (coal.Box, (2, 2, 2)),
+}
+#: A mesh by `mjtGeom`.
+_MESH = 7
 
 
 def mjcf_shapes(mj: Any, bodies: Sequence[tuple[int, pin.SE3]], _: pin.Model) -> pin.GeometryModel:
@@ -81,16 +86,20 @@ def _geometry(mj: Any, i: int) -> coal.CollisionGeometry | None:
     mesh = mj.geom_dataid[i]
     if kind in _SHAPES:
         shape, factors = _SHAPES[kind]
-        return shape(*(f * x for f, x in zip(factors, mj.geom_size[i].tolist(), strict=False)))
+        sizes = mj.geom_size[i].tolist()  # always three; some shapes need fewer
+        return shape(*(factor * size for factor, size in zip(factors, sizes, strict=False)))
     if kind != _MESH:
         return None
-    vertices, faces = (
-        getattr(mj, f"mesh_{what}")[start : start + getattr(mj, f"mesh_{what}num")[mesh]]
-        for what, start in (("vert", mj.mesh_vertadr[mesh]), ("face", mj.mesh_faceadr[mesh]))
-    )
+    vertices = _part_of_mesh(mj.mesh_vert, mj.mesh_vertadr[mesh], mj.mesh_vertnum[mesh])
+    faces = _part_of_mesh(mj.mesh_face, mj.mesh_faceadr[mesh], mj.mesh_facenum[mesh])
     surface = coal.BVHModelOBBRSS()
     surface.beginModel(len(faces), len(vertices))
     surface.addVertices(vertices.astype(float))
     surface.addTriangles(faces.astype(int))
     surface.endModel()
     return surface
+
+
+def _part_of_mesh(array: Any, start: int, count: int) -> Any:
+    """The rows of one mesh in an array that MuJoCo has for all meshes."""
+    return array[start : start + count]

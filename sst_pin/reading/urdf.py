@@ -26,7 +26,8 @@ from .urdf_defaults import WIDE, add_defaults
 
 #: Revolute joints about the axes of their frame.
 _TURNS = {"X": pin.JointModelRX(), "Y": pin.JointModelRY(), "Z": pin.JointModelRZ()}
-#: Kinds of joints that a URDF lacks, also as LAAS writes them: their parts by suffix of the name.
+#: Kinds of joints that a URDF lacks, also as LAAS writes them. For each the joints in series that
+#: replace a joint of this kind, by the suffix of their names; none for a joint that is fixed.
 KINDS: dict[str, dict[str, Any]] = {
     "FIXED": {},
     "BALL": {"": pin.JointModelSpherical()},
@@ -46,10 +47,15 @@ MOST_JOINTS = 400
 class Urdf:
     """A URDF, or an SDF in the form of a URDF, read and parsed once.
 
-    `source` is its path, or another name for messages; `root` its elements, not to be changed;
-    `marks` the joints that close loops, and gears; `numbers` springs and rotors of its joints;
-    `notices` warnings of content that is read otherwise or not at all; `problems` these, errors
-    and other warnings; `helpers` links without mass that the file does not have.
+    Attributes:
+        source: Its path, or another name for messages.
+        root: Its elements; they must not be changed.
+        gravity: In base axes, shape (3,), [m/s^2].
+        numbers: Springs and rotors of its joints.
+        marks: Joints that close loops, and gears.
+        helpers: Links without mass that the file does not have.
+        notices: Warnings of content that is read otherwise or not at all.
+        problems: These warnings, others, and errors.
     """
 
     def __init__(self, text: str, source: str, model: str | None = None) -> None:
@@ -96,6 +102,8 @@ class Urdf:
         joint for each axis, `name_X` and `name_Y`.
         """
         joints = {**dict.fromkeys(self._balls, "BALL"), **(joints or {})}
+
+        # Errors of the file, and of the kinds of joints.
         names = self.joint_names
         problems = []
         for problem in self.problems:
@@ -114,6 +122,8 @@ class Urdf:
             if KINDS[kind]:
                 text = f"joint {name}: {kind}, but fixed in the URDF; make it revolute"
                 problems.append(text)
+
+        # The tree with a joint of one axis for each joint.
         root = _dynamics(self.root, joints)
         moving = sum(joint.get("type") != "fixed" for joint in root.findall("joint"))
         if moving > MOST_JOINTS:
@@ -124,10 +134,12 @@ class Urdf:
             model = pin.buildModelFromXML(ET.tostring(root, encoding="unicode"))
         except (ValueError, RuntimeError) as error:
             raise DescriptionError(self.source, [f"not {self._what}: {error}"]) from None
+
+        # Joints of several axes replace some of them. Then frames of Drake.
         parts = {name: KINDS[kind] for name, kind in joints.items() if KINDS[kind]}
         if parts:
             model = self._split(model, parts)
-        for frame in self.root.findall("frame"):  # of Drake
+        for frame in self.root.findall("frame"):
             link = model.frames[model.getFrameId(frame.get("link", ""), pin.FrameType.BODY)]
             placement_on_joint = link.placement * _pose(frame)
             name = frame.get("name", "")
@@ -157,13 +169,13 @@ class Urdf:
                 rates = slice(part.idx_v, part.idx_v + part.nv)
                 split.damping[rates] = model.damping[old_rate]
                 split.friction[rates] = model.friction[old_rate]
-                sense = self._along(joint_name, suffix)
+                sense = self._sense_of_part(joint_name, suffix)
                 if sense:
                     _put_limits(split, part, model, old_joint, sense)
         return split
 
-    def _along(self, joint: str, suffix: str) -> int:
-        """1 or -1 if a part of a joint turns along or against its axis in the URDF, else 0."""
+    def _sense_of_part(self, joint: str, suffix: str) -> int:
+        """1 or -1 if a part turns about the axis of the joint in the URDF or against it, else 0."""
         axis = self.root.find(f"joint[@name='{joint}']/axis")
         direction = numbers("1 0 0" if axis is None else axis.get("xyz", ""), 3)
         if direction is None or suffix[1:] not in _TURNS:
@@ -182,7 +194,7 @@ class Urdf:
             if limit is None or not suffixes:
                 continue
             names = [name + suffix for suffix in suffixes]
-            has_axis = any(self._along(name, suffix) for suffix in suffixes)
+            has_axis = any(self._sense_of_part(name, suffix) for suffix in suffixes)
             if has_axis or not limited.isdisjoint(names):
                 continue
             lower = number(limit, "lower") or 0.0
