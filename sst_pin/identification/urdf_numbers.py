@@ -16,9 +16,9 @@ from ..dynamics.regressor import OF_BODY
 from ..errors import DescriptionError, DescriptionWarning, warn_caller
 from ..files import as_path, text_writer, write_files
 from ..reading import RobotFile, Urdf, read_urdf
+from ..reading.inertia_checks import ENTRIES
 from ..reading.joint_graph import origin_of
 from ..reading.problems import placement
-from ..reading.urdf_checks import ENTRIES
 from ..summaries import listed
 
 #: Smaller differences of placements are rounding.

@@ -15,6 +15,7 @@ from ..summaries import listed
 from .acting_elements import motors_of
 from .cut_joints import Marks
 from .cuts import Cuts, parse_cuts
+from .inertia_checks import inertia_notes
 from .joint_numbers import LIMITS, put_numbers, springs_of, updated
 from .problems import Problem, warning
 from .robot_file import RobotFile, naming, warned
@@ -22,7 +23,6 @@ from .shapes import urdf_shapes
 from .srdf import Srdf
 from .text import read_text
 from .urdf import Urdf, closing_frames, is_closing
-from .urdf_checks import inertia_notes
 
 
 def read_urdf(

@@ -1,16 +1,13 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Checks of a URDF: names, tree, numbers that would be lost, inertias, meshes, other tools."""
+"""Checks of a URDF: names, tree, and numbers that would be lost."""
 
-import math
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from os.path import isfile
-from pathlib import Path
 
 import numpy as np
 
-from ..arrays import Array
+from .inertia_checks import ENTRIES
 from .problems import (
     Problem,
     attribute,
@@ -22,54 +19,9 @@ from .problems import (
     warning,
 )
 
-ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+#: Types of joints with one axis, and all types.
 _ONE_AXIS = ("revolute", "prismatic", "continuous")
 _KINDS = (*_ONE_AXIS, "fixed", "floating", "planar")
-#: Known attributes of elements that change the motion.
-_ATTRIBUTES = {
-    "origin": ["xyz", "rpy"],
-    "mass": ["value"],
-    "inertia": list(ENTRIES),
-    "axis": ["xyz"],
-    "limit": ["lower", "upper", "effort", "velocity"],
-    "dynamics": ["damping", "friction"],
-    "mimic": ["joint", "multiplier", "offset"],
-}
-_FRAME_ATTRIBUTES = ["name", "link", "xyz", "rpy"]
-#: The count of numbers in attributes.
-_COUNTS = {
-    "origin": {"xyz": 3, "rpy": 3},
-    "axis": {"xyz": 3},
-    "limit": {"lower": 1, "upper": 1, "effort": 1, "velocity": 1},
-    "dynamics": {"damping": 1, "friction": 1},
-    "mimic": {"multiplier": 1, "offset": 1},
-    "box": {"size": 3},
-    "sphere": {"radius": 1},
-    "cylinder": {"radius": 1, "length": 1},
-    "mesh": {"scale": 3},
-}
-#: Rounding of the moments of a rod or disc, as a share of the largest moment.
-_ROUNDING = 1e-9
-#: Largest number of links that a warning names.
-_MAX_NAMES = 5
-#: Largest ratio of the masses of moving links; beyond it, half of the digits are lost.
-_MAX_MASS_RATIO = 1e8
-#: Largest ratio of a link's size to its radius of gyration, which is 3.5 for a rod, and of this
-#: radius to the largest size. Lengths or moments in millimetres make one of the ratios a thousand
-#: times larger.
-_MAX_SIZE_RATIO = 100
-#: Range of the largest entry of an axis. The squares of others underflow or overflow in its norm.
-_MIN_AXIS = 1e-100
-_MAX_AXIS = 1e100
-#: Largest deviation of an axis from unit length that is rounding of its written digits.
-_AXIS_ROUNDING = 1e-6
-#: Tools that refuse a kind of file.
-_REFUSED = {
-    ".stl": "Drake",
-    ".dae": "MuJoCo and Drake",
-    ".glb": "MuJoCo and PyBullet",
-    ".gltf": "MuJoCo and PyBullet",
-}
 
 
 def check(root: ET.Element) -> Iterator[Problem]:
@@ -107,6 +59,10 @@ def _repeated_names(tag: str, elements: Sequence[ET.Element]) -> Iterator[Proble
             yield error(tag, f"{count} without a name")
         elif count > 1:
             yield error(f"{tag} {name}", f"{count} have this name")
+
+
+#: Attributes of a frame of Drake.
+_FRAME_ATTRIBUTES = ["name", "link", "xyz", "rpy"]
 
 
 def _drake_frame(frame: ET.Element, links: Collection[str | None]) -> Iterator[Problem]:
@@ -158,6 +114,18 @@ def _connections(links: Sequence[str], joints: Sequence[ET.Element]) -> Iterator
         queue += children.get(link, [])
     if unreachable:
         yield error("tree", f"links that are not connected to the base: {', '.join(unreachable)}")
+
+
+#: Known attributes of elements that change the motion.
+_ATTRIBUTES = {
+    "origin": ["xyz", "rpy"],
+    "mass": ["value"],
+    "inertia": list(ENTRIES),
+    "axis": ["xyz"],
+    "limit": ["lower", "upper", "effort", "velocity"],
+    "dynamics": ["damping", "friction"],
+    "mimic": ["joint", "multiplier", "offset"],
+}
 
 
 def _parts(element: ET.Element) -> Iterator[str]:
@@ -241,6 +209,22 @@ def _mimic(
         yield error(where, "mimics itself")
 
 
+#: The count of numbers in attributes.
+_COUNTS = {
+    "origin": {"xyz": 3, "rpy": 3},
+    "axis": {"xyz": 3},
+    "limit": {"lower": 1, "upper": 1, "effort": 1, "velocity": 1},
+    "dynamics": {"damping": 1, "friction": 1},
+    "mimic": {"multiplier": 1, "offset": 1},
+    "box": {"size": 3},
+    "sphere": {"radius": 1},
+    "cylinder": {"radius": 1, "length": 1},
+    "mesh": {"scale": 3},
+}
+#: Largest deviation of an axis from unit length that is rounding of its written digits.
+_AXIS_ROUNDING = 1e-6
+
+
 def no_numbers(parent: ET.Element, where: str) -> Iterator[Problem]:
     """Attributes of the children of an element that are not the right count of numbers."""
     for element in parent:
@@ -249,6 +233,11 @@ def no_numbers(parent: ET.Element, where: str) -> Iterator[Problem]:
             if text is not None and numbers(text, count) is None:
                 need = "a number" if count == 1 else "three numbers"
                 yield error(where, f"{element.tag} {key}={text!r} is not {need}")
+
+
+#: Range of the largest entry of an axis. The squares of others underflow or overflow in its norm.
+_MIN_AXIS = 1e-100
+_MAX_AXIS = 1e100
 
 
 def _axis(joint: ET.Element, where: str, kind: str) -> Iterator[Problem]:
@@ -298,169 +287,3 @@ def _limits(joint: ET.Element, where: str, kind: str) -> Iterator[Problem]:
     elif lower == upper:
         text = f"limits [{lower[0]:g}, {upper[0]:g}]: tools that enforce limits lock the joint"
         yield note(where, text)
-
-
-def bodies_of(root: ET.Element) -> dict[str, tuple[float, Array]]:
-    """Mass [kg] and moments of inertia [kg m^2], shape (3, 3), of the links that have both."""
-    bodies = dict[str, tuple[float, Array]]()
-    for link in root.findall("link[inertial]"):
-        mass = number(link.find("inertial/mass"), "value")
-        entries = [number(link.find("inertial/inertia"), key) for key in ENTRIES]
-        if mass is not None and None not in entries:
-            xx, xy, xz, yy, yz, zz = entries
-            inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=float)
-            bodies[link.get("name", "")] = mass, inertia
-    return bodies
-
-
-def principal_moments(inertia: Array) -> Array:
-    """Principal moments of inertia, ascending, shape (3,), [kg m^2]."""
-    scale = np.abs(inertia).max() or 1.0  # without it, the eigenvalues of 1e300 overflow
-    return np.linalg.eigvalsh(inertia / scale) * scale
-
-
-def impossible(mass: float, inertia: Array) -> str:
-    """The reason why no body has this mass and these moments; empty if one can have them.
-
-    A point or a rod without thickness counts as a body.
-    """
-    A, B, C = principal_moments(inertia)
-    if not inertia.any():
-        return ""
-    if mass == 0:
-        return "inertia without mass"
-    shown = f"principal moments {A:.4g}, {B:.4g}, {C:.4g} kg m^2"
-    if A < -_ROUNDING * C:
-        return f"inertia not positive definite: {shown}"
-    if A + B < C * (1 - _ROUNDING):
-        return f"impossible inertia, the two smaller moments must reach the third: {shown}"
-    return ""
-
-
-def inertia_notes(root: ET.Element) -> Iterator[str]:
-    """Notes on links of a URDF with impossible inertias, which are used unchanged."""
-    problems = list[str]()
-    for name, (mass, inertia) in bodies_of(root).items():
-        reason = impossible(mass, inertia)
-        if reason:
-            problems.append(f"link {name}: {reason}")
-    if not problems:
-        return
-    text = "; ".join(problems[:_MAX_NAMES])
-    if len(problems) > _MAX_NAMES:
-        text += f" and {len(problems) - _MAX_NAMES} more"
-    yield f"{text}. The dynamics are computed with these numbers"
-
-
-def check_inertias(root: ET.Element, helpers: Collection[str] = ()) -> Iterator[Problem]:
-    """Problems of a URDF's inertials; the links in `helpers` need none."""
-    bodies = bodies_of(root)
-    moves = {
-        attribute(joint, "child/link"): joint.get("type") != "fixed"
-        for joint in root.findall("joint")
-    }
-    for link in root.findall("link"):
-        name = link.get("name", "")
-        where = f"link {name}"
-        if name in bodies:
-            yield from _body(*bodies[name], where, moves.get(name, False))
-        elif link.find("inertial") is not None or name in helpers:
-            continue  # `_link` reports missing numbers
-        elif moves.get(name):
-            yield note(where, "moves without <inertial>: 1 kg in PyBullet, refused by MuJoCo")
-        elif name in moves:
-            text = "1 kg in PyBullet; add an <inertial> of zeros"
-            yield note(where, f"fixed link without <inertial>: {text}")
-    masses = {name: mass for name, (mass, _) in bodies.items() if moves.get(name) and mass > 0}
-    yield from _mass_ratio(masses)
-    yield from _sizes(root, bodies)
-
-
-def _mass_ratio(masses: Mapping[str, float]) -> Iterator[Problem]:
-    """A warning of very different masses of moving links."""
-    if not masses:
-        return
-    heavy = max(masses, key=lambda name: masses[name])
-    light = min(masses, key=lambda name: masses[name])
-    if masses[heavy] > _MAX_MASS_RATIO * masses[light]:
-        text = f"very different masses, {masses[heavy]:.3g} kg and {masses[light]:.3g} kg"
-        yield warning(f"links {heavy} and {light}", text)
-
-
-def _sizes(root: ET.Element, bodies: Mapping[str, tuple[float, Array]]) -> Iterator[Problem]:
-    """Links whose lengths and inertias are in different units."""
-    sizes = dict[str, float]()  # largest distance of a joint from the link's frame
-    for joint in root.findall("joint"):
-        for parent, origin in zip(joint.findall("parent"), joint.findall("origin"), strict=False):
-            place = numbers(origin.get("xyz", "0 0 0"), 3)
-            if place is not None:
-                name = parent.get("link", "")
-                sizes[name] = max(sizes.get(name, 0.0), float(np.linalg.norm(place)))
-    largest_size = max(sizes.values(), default=0.0)
-    for name, (mass, inertia) in bodies.items():
-        size = sizes.get(name, 0.0)
-        moment = principal_moments(inertia)[2]
-        if mass <= 0 or moment <= 0:
-            continue
-        radius = math.sqrt(moment / mass)  # of gyration
-        if not radius:
-            continue  # it underflows
-        is_too_small = size > _MAX_SIZE_RATIO * radius
-        is_too_large = radius > _MAX_SIZE_RATIO * largest_size > 0
-        if is_too_small or is_too_large:
-            text = f"joints {size:.3g} m apart, but a radius of gyration of {radius:.3g} m; URDF "
-            yield warning(f"link {name}", text + "needs m, kg and kg m^2")
-
-
-def _body(mass: float, inertia: Array, where: str, moves: bool) -> Iterator[Problem]:
-    """A problem of the mass and the inertia of a link, also for other tools."""
-    if mass < 0:
-        return  # `_link` reports it
-    reason = impossible(mass, inertia)
-    if reason:
-        yield warning(where, reason)
-    elif moves and mass == 0:
-        yield note(where, "moves without mass: refused by MuJoCo")
-    elif moves and not inertia.any():
-        yield note(where, "moves, has mass but no inertia: refused by MuJoCo")
-    elif mass and not inertia.any():
-        yield note(where, "has mass but no inertia")
-    elif moves and principal_moments(inertia)[0] <= 0:
-        yield note(where, "moves, a principal moment of its inertia is 0: refused by MuJoCo")
-
-
-def check_shapes(root: ET.Element, folder: Path) -> Iterator[Problem]:
-    """Problems of the shapes of a URDF in a folder."""
-    meshes: dict[str, str] = {}
-    for link in root.findall("link"):
-        where = f"link {link.get('name')}"
-        for shape in (*link.findall("visual"), *link.findall("collision")):
-            for part in (shape, *shape.findall("geometry")):  # Pinocchio drops such a shape
-                yield from no_numbers(part, where)
-        for shape in link.iterfind(".//geometry/*"):
-            if shape.tag == "capsule":
-                yield note(where, "<capsule>: not drawn by Pinocchio")
-            if shape.tag == "mesh":
-                meshes.setdefault(shape.get("filename", ""), where)
-    for name, where in meshes.items():  # once for each file
-        yield from _mesh(name, where, folder)
-
-
-def _mesh(name: str, where: str, folder: Path) -> Iterator[Problem]:
-    """Problems of the file of a mesh, also for other tools."""
-    if name.startswith("package://"):
-        yield note(where, "meshes by package://: not resolved by MuJoCo; use relative paths")
-        package, _, path_in_package = name.removeprefix("package://").partition("/")
-        folders = (folder, *folder.resolve().parents)
-        paths = [base / package / path_in_package for base in folders]
-    else:
-        path = name.removeprefix("file://")
-        paths = [folder / path]
-        if Path(path).is_absolute():
-            yield warning(where, f"mesh {name}: an absolute path is valid on one machine only")
-    if not any(map(isfile, paths)):  # unlike Path.is_file, it takes names of any length
-        text = f"mesh {name or '(no name)'}: not found; the shape is not drawn"
-        yield warning(where, text)
-    kind = Path(name).suffix.lower()
-    if kind in _REFUSED:
-        yield note(where, f"meshes {kind}: not read by {_REFUSED[kind]}")

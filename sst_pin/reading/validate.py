@@ -28,9 +28,10 @@ from ..model.closures import Constraint, frames_of
 from ..model.tree import frame_id
 from ..simulation.check import findings
 from ..summaries import listed
+from .inertia_checks import check_inertias
 from .problems import SEVERITIES, Problem, error, merged, note, warning
 from .robot_file import RobotFile
-from .urdf_checks import check_inertias, check_shapes
+from .shape_checks import check_shapes
 
 __all__ = ["Problem", "examine", "summary_of", "validate"]
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import sst_pin
-from sst_pin.reading.urdf_checks import impossible
+from sst_pin.reading.inertia_checks import impossible
 
 TEXT = Path(sst_pin.URDF_PATH).read_text(encoding="utf-8")
 _INERTIA = r'(<link name="link_2">.*?<mass value=")[^"]*(" />\s*<inertia )[^/]*/>'
