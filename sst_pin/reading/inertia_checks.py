@@ -4,6 +4,7 @@
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Collection, Iterator, Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,20 +15,27 @@ from .problems import Problem, attribute, note, number, numbers, warning
 ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
-def bodies_of(root: ET.Element) -> dict[str, tuple[float, Array]]:
-    """Mass [kg] and moments of inertia [kg m^2], shape (3, 3), of the links that have both."""
-    bodies = dict[str, tuple[float, Array]]()
+class _Body(NamedTuple):
+    """Numbers of a link."""
+
+    mass: float  #: [kg]
+    inertia: Array  #: Moments about the mass centre, shape (3, 3), [kg m^2].
+
+
+def _bodies_of(root: ET.Element) -> dict[str, _Body]:
+    """The links that have a mass and moments of inertia, by name."""
+    bodies = dict[str, _Body]()
     for link in root.findall("link[inertial]"):
         mass = number(link.find("inertial/mass"), "value")
         entries = [number(link.find("inertial/inertia"), key) for key in ENTRIES]
         if mass is not None and None not in entries:
             xx, xy, xz, yy, yz, zz = entries
             inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=float)
-            bodies[link.get("name", "")] = mass, inertia
+            bodies[link.get("name", "")] = _Body(mass, inertia)
     return bodies
 
 
-def principal_moments(inertia: Array) -> Array:
+def _principal_moments(inertia: Array) -> Array:
     """Principal moments of inertia, ascending, shape (3,), [kg m^2]."""
     scale = np.abs(inertia).max() or 1.0  # without it, the eigenvalues of 1e300 overflow
     return np.linalg.eigvalsh(inertia / scale) * scale
@@ -40,9 +48,10 @@ _ROUNDING = 1e-9
 def impossible(mass: float, inertia: Array) -> str:
     """The reason why no body has this mass and these moments; empty if one can have them.
 
-    A point or a rod without thickness counts as a body.
+    The moments are integrals over the mass: with principal moments A <= B <= C, A must not be
+    negative and A + B not less than C. A point or a rod without thickness counts as a body.
     """
-    A, B, C = principal_moments(inertia)
+    A, B, C = _principal_moments(inertia)
     if not inertia.any():
         return ""
     if mass == 0:
@@ -62,8 +71,8 @@ _MAX_NAMES = 5
 def inertia_notes(root: ET.Element) -> Iterator[str]:
     """Notes on links of a URDF with impossible inertias, which are used unchanged."""
     problems = list[str]()
-    for name, (mass, inertia) in bodies_of(root).items():
-        reason = impossible(mass, inertia)
+    for name, body in _bodies_of(root).items():
+        reason = impossible(body.mass, body.inertia)
         if reason:
             problems.append(f"link {name}: {reason}")
     if not problems:
@@ -76,7 +85,7 @@ def inertia_notes(root: ET.Element) -> Iterator[str]:
 
 def check_inertias(root: ET.Element, helpers: Collection[str] = ()) -> Iterator[Problem]:
     """Problems of a URDF's inertials; the links in `helpers` need none."""
-    bodies = bodies_of(root)
+    bodies = _bodies_of(root)
     moves = {
         attribute(joint, "child/link"): joint.get("type") != "fixed"
         for joint in root.findall("joint")
@@ -85,16 +94,19 @@ def check_inertias(root: ET.Element, helpers: Collection[str] = ()) -> Iterator[
         name = link.get("name", "")
         where = f"link {name}"
         if name in bodies:
-            yield from _body(*bodies[name], where, moves.get(name, False))
+            yield from _body_problem(bodies[name], where, moves.get(name, False))
         elif link.find("inertial") is not None or name in helpers:
-            continue  # `_link` reports missing numbers
+            continue  # `urdf_checks` reports missing numbers
         elif moves.get(name):
             yield note(where, "moves without <inertial>: 1 kg in PyBullet, refused by MuJoCo")
         elif name in moves:
             text = "1 kg in PyBullet; add an <inertial> of zeros"
             yield note(where, f"fixed link without <inertial>: {text}")
-    masses = {name: mass for name, (mass, _) in bodies.items() if moves.get(name) and mass > 0}
-    yield from _mass_ratio(masses)
+    moving_masses = dict[str, float]()
+    for name, body in bodies.items():
+        if moves.get(name) and body.mass > 0:
+            moving_masses[name] = body.mass
+    yield from _mass_ratio(moving_masses)
     yield from _sizes(root, bodies)
 
 
@@ -119,8 +131,11 @@ def _mass_ratio(masses: Mapping[str, float]) -> Iterator[Problem]:
 _MAX_SIZE_RATIO = 100
 
 
-def _sizes(root: ET.Element, bodies: Mapping[str, tuple[float, Array]]) -> Iterator[Problem]:
-    """Links whose lengths and inertias are in different units."""
+def _sizes(root: ET.Element, bodies: Mapping[str, _Body]) -> Iterator[Problem]:
+    """Warnings of links whose lengths and inertias are in different units.
+
+    The size of a link is compared with its radius of gyration, sqrt(largest moment / mass).
+    """
     sizes = dict[str, float]()  # largest distance of a joint from the link's frame
     for joint in root.findall("joint"):
         for parent, origin in zip(joint.findall("parent"), joint.findall("origin"), strict=False):
@@ -129,12 +144,12 @@ def _sizes(root: ET.Element, bodies: Mapping[str, tuple[float, Array]]) -> Itera
                 name = parent.get("link", "")
                 sizes[name] = max(sizes.get(name, 0.0), float(np.linalg.norm(place)))
     largest_size = max(sizes.values(), default=0.0)
-    for name, (mass, inertia) in bodies.items():
+    for name, body in bodies.items():
         size = sizes.get(name, 0.0)
-        moment = principal_moments(inertia)[2]
-        if mass <= 0 or moment <= 0:
+        moment = _principal_moments(body.inertia)[2]
+        if body.mass <= 0 or moment <= 0:
             continue
-        radius = math.sqrt(moment / mass)  # of gyration
+        radius = math.sqrt(moment / body.mass)
         if not radius:
             continue  # it underflows
         is_too_small = size > _MAX_SIZE_RATIO * radius
@@ -144,18 +159,18 @@ def _sizes(root: ET.Element, bodies: Mapping[str, tuple[float, Array]]) -> Itera
             yield warning(f"link {name}", text + "needs m, kg and kg m^2")
 
 
-def _body(mass: float, inertia: Array, where: str, moves: bool) -> Iterator[Problem]:
-    """A problem of the mass and the inertia of a link, also for other tools."""
-    if mass < 0:
-        return  # `_link` reports it
-    reason = impossible(mass, inertia)
+def _body_problem(body: _Body, where: str, moves: bool) -> Iterator[Problem]:
+    """At most one problem of the mass and the inertia of a link, also for other tools."""
+    if body.mass < 0:
+        return  # `urdf_checks` reports it
+    reason = impossible(body.mass, body.inertia)
     if reason:
         yield warning(where, reason)
-    elif moves and mass == 0:
+    elif moves and body.mass == 0:
         yield note(where, "moves without mass: refused by MuJoCo")
-    elif moves and not inertia.any():
+    elif moves and not body.inertia.any():
         yield note(where, "moves, has mass but no inertia: refused by MuJoCo")
-    elif mass and not inertia.any():
+    elif body.mass and not body.inertia.any():
         yield note(where, "has mass but no inertia")
-    elif moves and principal_moments(inertia)[0] <= 0:
+    elif moves and _principal_moments(body.inertia)[0] <= 0:
         yield note(where, "moves, a principal moment of its inertia is 0: refused by MuJoCo")

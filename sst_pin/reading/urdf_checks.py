@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Checks of a URDF: names, tree, and numbers that would be lost."""
+"""Checks of a URDF: names, tree, and numbers that would be lost.
+
+Each function here yields the problems of a part of the file. `where` names the element in them,
+such as "joint knee".
+"""
 
 import xml.etree.ElementTree as ET
 from collections import Counter
@@ -54,6 +58,7 @@ def check(root: ET.Element) -> Iterator[Problem]:
 
 
 def _repeated_names(tag: str, elements: Sequence[ET.Element]) -> Iterator[Problem]:
+    """Errors of elements of one tag without a name, or with the same name."""
     for name, count in Counter(element.get("name") for element in elements).items():
         if not name:
             yield error(tag, f"{count} without a name")
@@ -66,6 +71,7 @@ _FRAME_ATTRIBUTES = ["name", "link", "xyz", "rpy"]
 
 
 def _drake_frame(frame: ET.Element, links: Collection[str | None]) -> Iterator[Problem]:
+    """Errors of a frame of Drake, which is fixed to one of the links."""
     where = f"frame {frame.get('name')}"
     for text in unknown_parts(frame, [], _FRAME_ATTRIBUTES):
         yield error(where, text)
@@ -79,7 +85,7 @@ def _drake_frame(frame: ET.Element, links: Collection[str | None]) -> Iterator[P
 
 
 def _connections(links: Sequence[str], joints: Sequence[ET.Element]) -> Iterator[Problem]:
-    """Errors of links and joints that form no tree."""
+    """Errors of links, by their names, and joints that form no tree."""
     known = set(links)
     parent_joints = dict[str, str]()  # by child
     children = dict[str, list[str]]()  # by parent
@@ -102,6 +108,8 @@ def _connections(links: Sequence[str], joints: Sequence[ET.Element]) -> Iterator
         else:
             parent_joints[child] = name
             children.setdefault(parent, []).append(child)
+
+    # Links that no joint moves: the base, and others that are not connected to it.
     roots = [link for link in dict.fromkeys(links) if link not in parent_joints]
     if len(roots) > 1:
         text = f"{len(roots)} links without a parent: {', '.join(roots)}"
@@ -159,6 +167,7 @@ def _content(part: ET.Element) -> Iterator[str]:
 
 
 def _link(link: ET.Element, where: str) -> Iterator[Problem]:
+    """Errors of the parts of a link, of its mass and its inertia."""
     for text in _parts(link):
         yield error(where, text)
     for inertial in link.findall("inertial"):
@@ -175,6 +184,7 @@ def _link(link: ET.Element, where: str) -> Iterator[Problem]:
 
 
 def _joint(joint: ET.Element, where: str, kinds: Mapping[str | None, str]) -> Iterator[Problem]:
+    """Problems of a joint; `kinds` are the types of all joints by name."""
     kind = joint.get("type", "")
     for text in _parts(joint):
         yield error(where, text)

@@ -5,6 +5,7 @@ import re
 import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -66,24 +67,29 @@ def validate(
         >>> sst_pin.validate(sst_pin.URDF_PATH)
         []
     """
-    return examine(path, cuts, model)[0]
+    return examine(path, cuts, model).problems
 
 
-def examine(
-    path: str | Path, cuts: str | Path | None = None, model: str | None = None
-) -> tuple[list[Problem], str]:
-    """The problems of a file, and mobility and moving mass of a robot without errors."""
+class Report(NamedTuple):
+    """What `validate` finds out about a robot's files."""
+
+    problems: list[Problem]
+    #: Mobility and moving mass, for people; empty if there are errors.
+    summary: str
+
+
+def examine(path: str | Path, cuts: str | Path | None = None, model: str | None = None) -> Report:
+    """The problems of a file, errors first, and the summary of the robot."""
     if isinstance(path, (str, Path)) and reading.is_mjcf(Path(path)):
         if cuts is not None:
             raise InputError("cuts", "an MJCF contains its closures and motors")
-        problems, summary = _mjcf(as_path(path))
+        report = _mjcf(as_path(path))
     else:
         cuts_path = None if cuts is None else as_path(cuts)
-        problems, summary = _urdf(path, cuts_path, model)
-    problems = sorted(merged(problems), key=lambda problem: SEVERITIES.index(problem.severity))
-    if _have_error(problems):
-        summary = ""
-    return problems, summary
+        report = _urdf(path, cuts_path, model)
+    merged_problems = merged(report.problems)
+    problems = sorted(merged_problems, key=lambda problem: SEVERITIES.index(problem.severity))
+    return Report(problems, "" if _have_error(problems) else report.summary)
 
 
 def _have_error(problems: Sequence[Problem]) -> bool:
@@ -96,24 +102,25 @@ def summary_of(model: pin.Model, mobility: object) -> str:
     return f"{mobility}\nmoving mass         {mass:.6g} kg"
 
 
-def _urdf(path: str | Path, cuts: Path | None, model: str | None) -> tuple[list[Problem], str]:
-    """Problems of a URDF or an SDF, and the robot's summary."""
+def _urdf(path: str | Path, cuts: Path | None, model: str | None) -> Report:
+    """The report on a URDF or an SDF."""
     try:
         urdf = reading.Urdf.read(path, model)
     except DescriptionError as caught:
-        return _errors_of(caught, "file"), ""
+        return Report(_errors_of(caught, "file"), "")
     problems = list(urdf.problems)
     summary = ""
     if not _have_error(problems):  # Pinocchio needs a tree
-        robot_problems, summary = _with_files(urdf, cuts)
-        problems += robot_problems
+        robot = _with_files_beside(urdf, cuts)
+        problems += robot.problems
+        summary = robot.summary
     problems += check_inertias(urdf.root, urdf.helpers)
     problems += check_shapes(urdf.root, Path(path).parent)
-    return problems, summary
+    return Report(problems, summary)
 
 
-def _with_files(urdf: reading.Urdf, cuts: Path | None) -> tuple[list[Problem], str]:
-    """Problems of the robot as a whole, of its YAML and its SRDF; its summary."""
+def _with_files_beside(urdf: reading.Urdf, cuts: Path | None) -> Report:
+    """The report on the robot of a URDF, its YAML and its SRDF."""
     srdf = str(Path(urdf.source).with_suffix(".srdf"))
     where = "cuts"
     try:
@@ -121,17 +128,18 @@ def _with_files(urdf: reading.Urdf, cuts: Path | None) -> tuple[list[Problem], s
         where = "file"
         robot = reading.closed(urdf, content)
     except SSTError as caught:
-        if str(caught).startswith(srdf):
+        if str(caught).startswith(srdf):  # errors begin with the file
             where = "srdf"
-        return _errors_of(caught, where), ""
-    problems, summary = _mechanism(robot)
+        return Report(_errors_of(caught, where), "")
+    report = _robot(robot)
+    summary = report.summary
     if robot.open_tree:
         summary = f"open tree           {robot.open_tree}\n{summary}"
-    return [*robot.notes, *problems], summary
+    return Report([*robot.notes, *report.problems], summary)
 
 
-def _mjcf(path: Path) -> tuple[list[Problem], str]:
-    """Problems of an MJCF, including those that MuJoCo reports, and the robot's summary."""
+def _mjcf(path: Path) -> Report:
+    """The report on an MJCF, with what MuJoCo reports."""
     from .mjcf import robot_file_of
 
     try:
@@ -139,9 +147,9 @@ def _mjcf(path: Path) -> tuple[list[Problem], str]:
     except MissingExtraError:
         raise
     except SSTError as caught:
-        return _errors_of(caught, "file"), ""
-    problems, summary = _mechanism(robot)
-    return [*problems, *robot.notes], summary
+        return Report(_errors_of(caught, "file"), "")
+    report = _robot(robot)
+    return Report([*report.problems, *robot.notes], report.summary)
 
 
 def _errors_of(caught: SSTError, where: str) -> list[Problem]:
@@ -150,14 +158,17 @@ def _errors_of(caught: SSTError, where: str) -> list[Problem]:
     return [error(where, re.sub("^not (a URDF|an SDF|an MJCF): ", "", text)) for text in texts]
 
 
-def _mechanism(robot: RobotFile) -> tuple[list[Problem], str]:
-    """Problems of closures, motors and home, and the robot's summary."""
+def _robot(robot: RobotFile) -> Report:
+    """The report on closures, motors and home of a robot that could be read."""
     try:
-        problems = list(_unknown(robot))
-        if not problems:  # the closures need their frames
-            problems = list(_open(robot))
+        # What would prevent a mechanism: names first, since the closures need their frames.
+        problems = list(_unknown_names(robot))
+        if not problems:
+            problems = list(_closures_that_stay_open(robot))
         if problems:
-            return problems, ""
+            return Report(problems, "")
+
+        # The mechanism; its warnings become notes.
         with warnings.catch_warnings(record=True) as caught_warnings:
             warnings.simplefilter("always", DescriptionWarning)
             engine = Engine(robot.mechanism())
@@ -167,15 +178,17 @@ def _mechanism(robot: RobotFile) -> tuple[list[Problem], str]:
             mobility = engine.loops.mobility()
         except ClosureError as caught:
             text = "only the start q = 0 leads to closed loops, so mobility is not computed"
-            return [warning("closures", text), *problems], summary_of(robot.model, caught)
-        return [*_actuation(engine, mobility), *problems], summary_of(robot.model, mobility)
+            problems = [warning("closures", text), *problems]
+            return Report(problems, summary_of(robot.model, caught))
+        problems = [*_actuation(engine, mobility), *problems]
+        return Report(problems, summary_of(robot.model, mobility))
     except SSTError as caught:
         where = "actuation" if isinstance(caught, ActuationError) else "robot"
-        return _errors_of(caught, where), ""
+        return Report(_errors_of(caught, where), "")
 
 
-def _unknown(robot: RobotFile) -> Iterator[Problem]:
-    """Closures, lines and motors whose frames or joints do not exist."""
+def _unknown_names(robot: RobotFile) -> Iterator[Problem]:
+    """Errors of closures, lines and motors whose frames or joints do not exist."""
     model = robot.model
     if not model.nv:
         yield error("tree", "all joints are fixed")
@@ -197,8 +210,8 @@ def _unknown(robot: RobotFile) -> Iterator[Problem]:
                 yield error(f"motor {name}", "no moving joint of this name in the model")
 
 
-def _open(robot: RobotFile) -> Iterator[Problem]:
-    """Closures that Newton's method cannot close from any of its starts."""
+def _closures_that_stay_open(robot: RobotFile) -> Iterator[Problem]:
+    """Errors of closures that Newton's method cannot close from any of its starts."""
     # A closure that cannot be closed alone names the fault; all together do not.
     gaps = {closure: _gap(robot, [closure]) for closure in robot.closures}
     for closure, gap in gaps.items():
@@ -213,15 +226,18 @@ def _open(robot: RobotFile) -> Iterator[Problem]:
 
 
 def _gap(robot: RobotFile, closures: Sequence[Constraint]) -> float:
-    """Smallest residual of the closures; 0 if the loops can be closed."""
+    """Smallest residual of these closures, [m] or [rad]; 0 if Newton's method closes them.
+
+    It starts from several random configurations, and from q = 0.
+    """
     without_forces = robot._replace(closures=tuple(closures), actuated=(), lines=())
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DescriptionWarning)  # `_mechanism` reports them
+        warnings.simplefilter("ignore", DescriptionWarning)  # `_robot` reports them
         engine = Engine(without_forces.mechanism())
     try:
         engine.loops.example()
     except ClosureError as caught:
-        # Examples start from displaced joints; some robots close only from q = 0 itself.
+        # `example` starts from displaced joints; some robots close only from q = 0 itself.
         model = engine.mechanism.model
         try:
             assembly = engine.reference.context.assembly
