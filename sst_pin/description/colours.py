@@ -14,11 +14,15 @@ COLOURS = {
     "motor": "0.25 0.25 0.27 1.0",
 }
 
-#: Colours of legs 1, 2, 3 for figures and pages, as "#RRGGBB".
-LEG_COLOURS = tuple(
-    "#" + "".join(f"{round(255 * float(x)):02X}" for x in COLOURS[f"leg_{k}"].split()[:3])
-    for k in (1, 2, 3)
-)
+
+def _hexadecimal(colour: str) -> str:
+    """A colour as "#RRGGBB", from red, green, blue and opacity between 0 and 1."""
+    parts = [round(255 * float(number)) for number in colour.split()[:3]]
+    return "#" + "".join(f"{part:02X}" for part in parts)
+
+
+#: Colours of legs 1, 2, 3 for figures and pages.
+LEG_COLOURS = tuple(_hexadecimal(COLOURS[f"leg_{k}"]) for k in (1, 2, 3))
 
 #: These and three more colours of Okabe and Ito, for motors and curves.
 HUES = (*LEG_COLOURS, "#CC79A7", "#E69F00", "#56B4E9")

@@ -34,7 +34,8 @@ def star_arcs(parameters: Parameters) -> tuple[RigidBody, ...]:
     """The star's three arcs in {31}, {32}, {33}, each with a third of its mass and inertia."""
     star = parameters.star
     # Turned into {3k} here: MuJoCo before 3.14 ignores the rpy of an inertial without a warning.
-    return tuple(
-        RigidBody(star.mass / 3, R @ star.center_of_mass, R @ star.inertia @ R.T / 3)
-        for R in star_orientations(parameters)
-    )
+    arcs = []
+    for R in star_orientations(parameters):
+        arc = RigidBody(star.mass / 3, R @ star.center_of_mass, R @ star.inertia @ R.T / 3)
+        arcs.append(arc)
+    return tuple(arcs)

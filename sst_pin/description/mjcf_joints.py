@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Joints and principal axes of a tree in MuJoCo's conventions."""
+"""Joints and principal axes of a tree in MuJoCo's conventions.
+
+A body of MuJoCo has joints of four kinds: hinge, slide, ball, free. A joint of the robot becomes
+one of these, or several in series.
+"""
 
 from typing import NamedTuple
 
@@ -18,23 +22,23 @@ _ROUNDING = 1e-15
 
 
 class MjcfJoint(NamedTuple):
-    """A joint of MuJoCo: "hinge", "slide", "ball" or "free".
-
-    A hinge rotates about `axis` through `point`, a slide translates along `axis`, both in axes of
-    its body. The pose of a free joint is relative to the placement `at`. The coordinates are
-    factor * q[entries] + offset and the rates are factor * v[rates], with q and v of the chain. A
-    joint that `mimics` another joint has the entries and rates of this joint.
-    """
+    """A joint of MuJoCo, with q and v of the robot."""
 
     name: str
+    #: "hinge", "slide", "ball" or "free".
     kind: str
+    #: A hinge rotates about `axis` through `point`, a slide translates along `axis`, both in the
+    #: frame of its body.
     axis: Array
     point: Array
+    #: Placement to which the pose of a free joint is relative.
     at: pin.SE3
+    #: MuJoCo's coordinates are factor * q[entries] + offset, its rates factor * v[rates].
     entries: Indices
     rates: Indices
     factor: float
     offset: float
+    #: Whether the joint mimics another joint, whose entries and rates it has.
     mimics: bool
 
     def seen_from(self, at: pin.SE3) -> "MjcfJoint":
@@ -63,32 +67,48 @@ def joints_of(original: pin.Model, tree: NormalTree, index: int) -> list[MjcfJoi
     model = tree.model
     joint = model.joints[index]
     name = model.names[index]
-    at = model.jointPlacements[index]
     type_name = joint.shortname()
     entries = tree.entries[joint.idx_q : joint.idx_q + joint.nq]
     # Each rate of the normal tree is a factor times one rate of the chain.
     rows = tree.S[joint.idx_v : joint.idx_v + joint.nv]
     rates = np.abs(rows).argmax(axis=1)
-    factor = float(rows[0, rates[0]])
-    offset = float(tree.offsets[joint.idx_q])
+    rate_names = JointSpace(original).rate_names
     # A mimic joint has no rates in the original tree.
     mimics = index in tree.bodies and not original.joints[tree.bodies.index(index)].nv
-    scale = (factor, offset, mimics)
-    origin = np.zeros(3)
+    # The joint as a hinge about z; other kinds replace some of these entries.
+    hinge = MjcfJoint(
+        name=name,
+        kind="hinge",
+        axis=np.eye(3)[2],
+        point=np.zeros(3),
+        at=model.jointPlacements[index],
+        entries=entries,
+        rates=rates,
+        factor=float(rows[0, rates[0]]),
+        offset=float(tree.offsets[joint.idx_q]),
+        mimics=mimics,
+    )
+
+    # Joints of several rates.
     kind = _KINDS_OF_SEVERAL_RATES.get(type_name)
     # MuJoCo's free joints are relative to the world only.
     is_free_on_body = kind == "free" and model.parents[index]
     if kind and not is_free_on_body:
-        return [MjcfJoint(name, kind, np.eye(3)[2], origin, at, entries, rates, *scale)]
-    rate_names = JointSpace(original).rate_names
+        return [hinge._replace(kind=kind)]
     if type_name == "JointModelTranslation":
-        joints = []
-        for direction, entry, rate in zip(np.eye(3), entries[:, None], rates[:, None], strict=True):
-            slide = rate_names[rate[0]]
-            joints.append(
-                MjcfJoint(slide, "slide", direction, origin, at, entry, rate, *scale),
+        slides = []
+        for k, axis in enumerate(np.eye(3)):
+            slide = hinge._replace(
+                name=rate_names[rates[k]],
+                kind="slide",
+                axis=axis,
+                entries=entries[k : k + 1],
+                rates=rates[k : k + 1],
             )
-        return joints
+            slides.append(slide)
+        return slides
+
+    # Joints of one rate, by their motion subspace S, a twist [linear; angular].
     data = joint.createData()
     joint.calc(data, np.eye(model.nq)[joint.idx_q])  # S is constant; 1 is a cosine
     S = np.reshape(data.S, (6, -1))[:, 0]
@@ -100,19 +120,22 @@ def joints_of(original: pin.Model, tree: NormalTree, index: int) -> list[MjcfJoi
         raise DescriptionError(f"model {original.name}", [problem])
     joint_name = name if mimics else rate_names[rates[0]]
     if S[3:].any():
-        return [MjcfJoint(joint_name, "hinge", S[3:], origin, at, entries, rates, *scale)]
-    return [MjcfJoint(joint_name, "slide", S[:3], origin, at, entries, rates, *scale)]
+        return [hinge._replace(name=joint_name, axis=S[3:])]
+    return [hinge._replace(name=joint_name, kind="slide", axis=S[:3])]
 
 
 def principal_axes(inertia: Array) -> tuple[Array, Array]:
-    """Principal moments and axes, in the order nearest to the given axes; a rotation, (3, 3)."""
+    """Principal moments, shape (3,), and axes in the columns of a rotation R, shape (3, 3).
+
+    inertia = R diag(moments) R^T. Of the 24 such rotations, R is the one nearest to the identity.
+    """
     from scipy.optimize import linear_sum_assignment
 
     moments, R = np.linalg.eigh(inertia)
     off_diagonal = inertia - np.diag(np.diag(inertia))
     if np.abs(off_diagonal).max() <= _ROUNDING * np.abs(moments).max():
         return np.diag(inertia).copy(), np.eye(3)
-    # Of the 24 rotations to principal axes, the one near the identity: order, then signs.
+    # First the order of the axes, then their signs; one of them makes the determinant 1.
     _, order = linear_sum_assignment(-np.abs(R))
     R = R[:, order] * np.sign(np.diag(R[:, order]))
     R[:, np.diag(R).argmin()] *= np.linalg.det(R)

@@ -14,7 +14,7 @@ from ..reading import Urdf, closed, parse_cuts
 from ..reading.shapes import urdf_shapes
 from .colours import COLOURS, PART_COLOURS
 from .frames import MOTOR_NAMES
-from .mjcf_writer import MjcfWriter
+from .mjcf_writer import closed_mjcf
 from .parameters import Parameters
 from .parts import parts_of
 from .urdf_writer import numbers, rounded, urdf_of, yaml_of
@@ -39,9 +39,9 @@ def mjcf_of(p: Parameters, configurations: Mapping[str, Array]) -> str:
     urdf = Urdf(urdf_of(p), "URDF")
     cuts = parse_cuts(yaml_of(p), "cuts")
     sst = closed(urdf, cuts)
-    writer = MjcfWriter(sst.mechanism())
-    writer.add_keyframes(configurations)
-    robot = writer.root
+    document = closed_mjcf(sst.mechanism())
+    document.add_keyframes(configurations)
+    robot = document.root
     asset = ET.Element("asset")
     robot.insert(0, ET.Comment(_HEADER))
     for name, geom in _GEOMS.items():
@@ -67,8 +67,8 @@ def mjcf_of(p: Parameters, configurations: Mapping[str, Array]) -> str:
             places = 14 - np.floor(np.log10(np.abs(values).max())).astype(int)
             element.set(key, numbers(values.round(places)))
     solids = urdf_shapes(urdf.root, Path(), sst.model, pin.GeometryType.COLLISION)
-    writer.add_shapes(solids, **{"class": "collision"})
-    return writer.text()
+    document.add_shapes(solids, **{"class": "collision"})
+    return document.text()
 
 
 def scene_of(p: Parameters) -> str:

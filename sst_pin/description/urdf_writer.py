@@ -27,15 +27,14 @@ _HEADER = """
   closedloop1_A/B and closedloop2_A/B coincide when the loops are closed (sst.yaml).
   Where each number comes from: README.md beside this file.
 """
-#: Bodies of a leg from the base on, and the axes of their joints.
-_BODIES = ("link", "passive", "star")
+#: Axes of the joints of a leg, from the base on.
 _AXES = ("0 0 1", "1 0 0", "0 0 1")
 _O = np.zeros(3)
 _I = np.eye(3)
 
 
 def urdf_of(p: Parameters, *, shapes: bool = True) -> str:
-    """XML of an SST's tree."""
+    """XML of an SST's tree; without shapes it has only what the dynamics need."""
     robot = ET.Element("robot", name="sst")
     robot.append(ET.Comment(_HEADER))
     # MuJoCo reads this block; other tools ignore it.
@@ -48,30 +47,35 @@ def urdf_of(p: Parameters, *, shapes: bool = True) -> str:
     R_0 = base_orientations(p)
     R_E = star_orientations(p)
     _add_shapes(base, parts)
-    joints = zip(JOINT_NAMES, p.viscous_friction, p.coulomb_friction, strict=True)
-    for k, bodies in enumerate(zip(p.links, p.passive_links, star_arcs(p), strict=True)):
+    arcs = star_arcs(p)
+    for k in range(3):
         robot.append(ET.Comment(f" leg {k + 1} "))
         parent = "base"
         R = R_0[k]
-        for kind, axis, body in zip(_BODIES, _AXES, bodies, strict=True):
-            name, damping, dry = next(joints)
-            child = f"{kind}_{k + 1}"
-            joint = SubElement(robot, "joint", name=name, type="revolute")
+        bodies = {"link": p.links[k], "passive": p.passive_links[k], "star": arcs[k]}
+        for i, (body_name, body) in enumerate(bodies.items()):
+            number = 3 * k + i  # of the joint, in the order of q
+            child = f"{body_name}_{k + 1}"
+            joint = SubElement(robot, "joint", name=JOINT_NAMES[number], type="revolute")
             _origin(joint, R=R)
             SubElement(joint, "parent", link=parent)
             SubElement(joint, "child", link=child)
-            SubElement(joint, "axis", xyz=axis)
+            SubElement(joint, "axis", xyz=_AXES[i])
             SubElement(joint, "limit", _TURN, effort="1000.0", velocity="1000.0")
-            SubElement(joint, "dynamics", damping=numbers([damping]), friction=numbers([dry]))
+            friction = {
+                "damping": numbers([p.viscous_friction[number]]),
+                "friction": numbers([p.coulomb_friction[number]]),
+            }
+            SubElement(joint, "dynamics", friction)
             link = SubElement(robot, "link", name=child)
             _inertial(link, body)
             _add_shapes(link, parts)
             parent = child
             R = _I  # in a leg the frames of the links coincide at q = 0
     robot.append(ET.Comment(" frames of the cuts: {E} as each arc of the star sees it "))
-    for loop, k in ((1, 1), (2, 2)):
+    for loop in (1, 2):  # it connects the arcs of legs 1 and loop + 1
         _frame(robot, f"closedloop{loop}_A", "star_1", R=R_E[0])
-        _frame(robot, f"closedloop{loop}_B", f"star_{k + 1}", R=R_E[k])
+        _frame(robot, f"closedloop{loop}_B", f"star_{loop + 1}", R=R_E[loop])
     robot.append(ET.Comment(" points E of the star and P_k of the base "))
     _frame(robot, "E", "star_1", (p.star_radius, 0, 0), R_E[0])
     for k, v in enumerate(p.base_directions, start=1):
@@ -104,7 +108,11 @@ def rounded(values: ArrayLike) -> str:
 
 
 def _rpy(R: Array) -> Array:
-    """Roll, pitch, yaw of URDF; also exact at a pitch of 90 degrees, as for {03} of the paper."""
+    """Roll, pitch and yaw of a URDF: R = R_z(yaw) R_y(pitch) R_x(roll), shape (3,).
+
+    Also exact at a pitch of 90 degrees, as for {03} of the paper: the roll is computed with the yaw
+    that was chosen, not from entries that vanish there.
+    """
     yaw = np.arctan2(R[1, 0], R[0, 0])
     c = np.cos(yaw)
     s = np.sin(yaw)
@@ -115,10 +123,12 @@ def _rpy(R: Array) -> Array:
 
 
 def _origin(parent: ET.Element, xyz: Iterable[float] = _O, R: Array = _I) -> None:
+    """Add an `<origin>` by position and orientation."""
     SubElement(parent, "origin", xyz=numbers(xyz), rpy=numbers(_rpy(R)))
 
 
 def _inertial(link: ET.Element, body: RigidBody) -> None:
+    """Add an `<inertial>` to a link."""
     inertial = SubElement(link, "inertial")
     _origin(inertial, body.center_of_mass)
     SubElement(inertial, "mass", value=numbers([body.mass]))
@@ -129,7 +139,7 @@ def _inertial(link: ET.Element, body: RigidBody) -> None:
 
 
 def _add_shapes(link: ET.Element, parts: Mapping[str, Sequence[Solid]] | None) -> None:
-    """Meshes as visual shapes, and the same solids as primitives for collisions."""
+    """Add meshes of the parts as visual shapes, and their solids as collision shapes."""
     if parts is None:
         return
     colours = PART_COLOURS[link.get("name", "")]
@@ -181,7 +191,10 @@ def _collision(link: ET.Element, primitive: Primitive) -> None:
 def _frame(
     robot: ET.Element, name: str, parent: str, xyz: Iterable[float] = _O, R: Array = _I
 ) -> ET.Element:
-    """A fixed link with an explicit zero inertial, so that no tool adds a default mass."""
+    """Add a link that is fixed to its parent, as a frame.
+
+    Its inertial is explicitly zero, so that no tool adds a default mass.
+    """
     link = SubElement(robot, "link", name=name)
     _inertial(link, RigidBody(0.0, np.zeros(3), np.zeros((3, 3))))
     joint = SubElement(robot, "joint", name=f"{name}_fixed", type="fixed")

@@ -5,8 +5,9 @@ import numpy as np
 import pinocchio as pin
 
 from ..arrays import Array
+from ..description.mjcf_document import MjcfDocument
 from ..description.mjcf_joints import principal_axes
-from ..description.mjcf_writer import MjcfWriter
+from ..description.mjcf_writer import closed_mjcf
 from ..errors import DescriptionError, MissingExtraError
 from ..model.mechanism import Mechanism
 from ..model.tree import frame_id
@@ -36,16 +37,19 @@ class MujocoTree:
         except ImportError:
             raise MissingExtraError("mujoco", "verify") from None
         self._mujoco = mujoco
-        writer = MjcfWriter(mechanism, plain=closed is None)
+        if closed is None:
+            document = MjcfDocument(mechanism, with_numbers=False)
+        else:
+            document = closed_mjcf(mechanism)
         try:
-            self.mj = mj = mujoco.MjModel.from_xml_string(writer.text())
+            self.mj = mj = mujoco.MjModel.from_xml_string(document.text())
         except ValueError as error:
             raise DescriptionError(f"model {model.name}", [f"not for MuJoCo: {error}"]) from None
         if closed is not None:
             mj.eq_solref[:] = -closed, -2 * np.sqrt(closed)  # negative: stiffness and damping
         self.data = mujoco.MjData(mj)
-        self._joints = writer.joints
-        names = (body.get("name") for body in writer.bodies)
+        self._joints = document.joints
+        names = (body.get("name") for body in document.bodies)
         self._bodies = [0 if name is None else mj.body(name).id for name in names]
         for body, inertia in zip(self._bodies[1:], list(model.inertias)[1:], strict=True):
             mj.body_mass[body] = inertia.mass  # also less than MuJoCo compiles

@@ -12,7 +12,7 @@ import pytest
 
 import sst_pin
 from sst_pin import Coupling, LineForce
-from sst_pin.description.mjcf_writer import MjcfWriter
+from sst_pin.description.mjcf_document import MjcfDocument
 from sst_pin.errors import DescriptionWarning
 from tests.gallery.cable_printer import cable_printer
 from tests.support import any_chain
@@ -68,7 +68,7 @@ ROBOTS = {
 def read_back(chain, path):
     """The robot from its file, in the same coordinates, and its q for a q of the first one."""
     sst_pin.write_mjcf(chain, path)
-    joints, rates = MjcfWriter(chain.mechanism).joints, chain.mechanism.coordinate_rate_names
+    joints, rates = MjcfDocument(chain.mechanism).joints, chain.mechanism.coordinate_rate_names
     known = {joint.name for joint in joints}
     coordinates = rates if known.issuperset(rates) else chain.coordinates
 
@@ -136,7 +136,7 @@ def test_mujoco_simulates_the_file(name, tmp_path):
     assert np.abs(data.efc_pos[: data.ne]).max() < 1e-12
     mujoco.mj_step(mj, data, 100)
     ours = chain.simulate(lambda *_: tau, chain.home, rest, [0, 0.05]).q
-    there = MjcfWriter(chain.mechanism).qpos(ours[-1])
+    there = MjcfDocument(chain.mechanism).qpos(ours[-1])
     assert np.abs(ours[-1] - ours[0]).max() > 0.01
     assert np.abs(data.qpos - there).max() < 1e-6
 

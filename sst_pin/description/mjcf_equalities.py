@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Closures of a robot as equalities of an MJCF."""
+
+from collections.abc import Sequence
+from xml.etree.ElementTree import SubElement
+
+import numpy as np
+import pinocchio as pin
+
+from ..arrays import Array
+from ..model.closures import Brake, Closure, Constraint, Coupling, Distance, Rolling
+from ..model.mechanism import Mechanism
+from ..model.tree import frame_id, frame_named
+from .mjcf_document import MjcfDocument, site_name
+from .urdf_writer import numbers
+
+#: Degree of MuJoCo's polynomials of joints.
+_MAX_DEGREE = 4
+#: Components that a weld and a ball hold.
+_FIXED = Closure.KINDS["6d"]
+_BALL = Closure.KINDS["3d"]
+
+
+class MjcfEqualities:
+    """Adds the closures of a robot to an MJCF, and couplings of its mimic joints.
+
+    Brakes hold at the configuration `home`, shape (nq,); without it they are problems.
+    """
+
+    def __init__(self, document: MjcfDocument, mechanism: Mechanism, home: Array | None) -> None:
+        self._document = document
+        self._mechanism = mechanism
+        self._home = home
+
+    def add(self, number: int, closure: Constraint) -> None:
+        """Add a closure, or a problem if MuJoCo has none of its kind; `number` is its index."""
+        if isinstance(closure, Coupling):
+            self._add_coupling(closure)
+        elif isinstance(closure, Rolling):
+            self._refuse(f"closure {closure}: MuJoCo has no rolling without slip")
+        elif isinstance(closure, Brake):
+            self._add_brake(closure)
+        elif isinstance(closure, Distance):
+            self._add_rod(f"rod_{number}", closure)
+        else:
+            self._add_closure(number, closure)
+
+    def add_mimics(self) -> None:
+        """Add an equality for each joint that mimics another one."""
+        leaders = self._document.by_rate()
+        for joint in self._document.joints:
+            if joint.mimics:
+                names = [joint.name, leaders[int(joint.rates[0])]]
+                self._add_polynomial("joint", names, [joint.offset, joint.factor])
+
+    def _refuse(self, problem: str) -> None:
+        self._document.problems.append(problem)
+
+    def _add_polynomial(self, kind: str, names: Sequence[str], powers: Sequence[float]) -> None:
+        """Add: first = P(second), or first = P(0), for joints or tendons.
+
+        MuJoCo counts all positions from its reference configuration, here q = 0. `powers` are the
+        coefficients of P, the constant first.
+        """
+        padded = np.zeros(_MAX_DEGREE + 1)
+        padded[: len(powers)] = powers
+        ends = {f"{kind}{i}": name for i, name in enumerate(names, 1)}
+        equalities = self._document.section("equality")
+        SubElement(equalities, kind, ends, polycoef=numbers(padded))
+
+    def _add_closure(self, number: int, closure: Closure) -> None:
+        """Add a weld, a ball, or a hinge as two points that are connected."""
+        held = closure.held
+        kind = "weld" if held == _FIXED else "connect"
+        self._connect(kind, closure.frame_a, closure.frame_b)
+        holds_all_but_one_rotation = held[:3] == _BALL[:3] and held.count(False) == 1
+        if holds_all_but_one_rotation:
+            axis = held.index(False) - 3
+            site_a = self._add_site_on_axis(number, closure.frame_a, axis)
+            site_b = self._add_site_on_axis(number, closure.frame_b, axis)
+            self._connect("connect", site_a, site_b)
+        elif held not in (_FIXED, _BALL):
+            words = closure.kind if isinstance(closure.kind, str) else "of these directions"
+            self._refuse(f"closure {closure}: MuJoCo has no closure {words}")
+
+    def _connect(self, kind: str, frame_a: str, frame_b: str) -> None:
+        """Add a connection or a weld between two sites."""
+        attributes = {
+            "name": f"{frame_a}-{frame_b}",
+            "site1": site_name(frame_a),
+            "site2": site_name(frame_b),
+        }
+        SubElement(self._document.section("equality"), kind, attributes)
+
+    def _add_site_on_axis(self, number: int, frame_name: str, axis: int) -> str:
+        """Add a site on an axis of a frame of a closure; returns its name.
+
+        It is the robot's length away from the origin, so that both points together hold the axis
+        as well as they hold the origin.
+        """
+        offset = pin.SE3(np.eye(3), self._mechanism.length * np.eye(3)[axis])
+        frame = frame_named(self._document.model, frame_name)
+        site = f"{frame_name}_axis_{number}"
+        self._document.add_site(site, frame.parentJoint, frame.placement * offset)
+        return site
+
+    def _add_rod(self, name: str, rod: Distance) -> None:
+        """Add a tendon of constant length."""
+        self._document.add_line_tendon({"name": name}, rod.frame_a, rod.frame_b)
+        at_zero = self._distance(rod.frame_a, rod.frame_b, pin.neutral(self._mechanism.model))
+        self._add_polynomial("tendon", [name], [rod.distance - at_zero])
+
+    def _add_brake(self, brake: Brake) -> None:
+        """Hold a joint or a line where it is at `home`."""
+        home = self._home
+        if home is None:
+            text = "MuJoCo holds at one position only; name a configuration home"
+            self._refuse(f"{brake}: {text}")
+            return
+        rate = self._mechanism.rate_of(brake)
+        if rate is not None:
+            name = self._document.by_rate().get(rate)
+            if name is None:
+                text = "MuJoCo holds no single rate of a ball or a free joint; use hinges in series"
+                self._refuse(f"{brake}: {text}")
+                return
+            (joint,) = (joint for joint in self._document.joints if joint.name == name)
+            self._add_polynomial("joint", [name], [float(joint.qpos(home)[0])])
+        else:
+            assert brake.frames is not None  # a brake without a rate holds a line
+            at_zero = self._distance(*brake.frames, pin.neutral(self._mechanism.model))
+            change = self._distance(*brake.frames, home) - at_zero
+            self._add_polynomial("tendon", [brake.name], [change])
+        text = "written as an equality, which holds it at home only"
+        self._document.notes.append(f"{brake}: {text}")
+
+    def _distance(self, frame_a: str, frame_b: str, q: Array) -> float:
+        """Distance of the origins of two frames at a configuration, [m]."""
+        model = self._mechanism.model
+        data = model.createData()
+        pin.framesForwardKinematics(model, data, q)
+        a = data.oMf[frame_id(model, frame_a)].translation
+        b = data.oMf[frame_id(model, frame_b)].translation
+        return float(np.linalg.norm(b - a))
+
+    def _add_coupling(self, coupling: Coupling) -> None:
+        """Add the position of a joint as a sum of polynomials of others.
+
+        The follower is offset + sum of p_j(q_j). MuJoCo has a polynomial of one joint only, the
+        argument. So at most one p_j may be nonlinear, and the linear others go to the left side:
+
+            follower - sum of slope_j q_j over the others = polynomial of the argument.
+
+        A left side with several joints is a tendon.
+        """
+        rows = {name: np.trim_zeros(p, "b") for name, p in coupling.polynomials.items()}
+        # The argument: the joint that is not linear, or the first if all are; none if the follower
+        # is constant.
+        arguments = [name for name, powers in rows.items() if len(powers) > 2]
+        if not arguments:
+            arguments = list(rows)[:1]
+        degree = max((len(powers) for powers in rows.values()), default=0) - 1
+        known = {joint.name for joint in self._document.joints}
+        if len(arguments) > 1 or degree > _MAX_DEGREE or not known >= {*rows}:
+            text = "MuJoCo has polynomials of one joint, up to the fourth power"
+            self._refuse(f"coupling {coupling}: {text}")
+            return
+        polynomial = np.zeros(_MAX_DEGREE + 1)
+        polynomial[0] = coupling.offset + sum(powers[0] for powers in rows.values() if len(powers))
+        for name in arguments:
+            polynomial[1 : len(rows[name])] = rows[name][1:]
+        left_side = {coupling.joint: 1.0}
+        for name, powers in rows.items():
+            if name not in arguments and len(powers) > 1:
+                left_side[name] = -powers[1]
+        if len(left_side) == 1:
+            self._add_polynomial("joint", [coupling.joint, *arguments], polynomial.tolist())
+            return
+        count = len(self._document.root.findall("tendon/fixed"))
+        sides = [self._document.add_sum_tendon(f"sum_{count}", left_side)]
+        for name in arguments:
+            sides.append(self._document.add_sum_tendon(f"sum_{count + 1}", {name: 1.0}))
+        self._add_polynomial("tendon", sides, polynomial.tolist())

@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: BSD-2-Clause
+"""Forces along lines, motors and contacts of a robot in an MJCF."""
+
+from xml.etree.ElementTree import SubElement
+
+import numpy as np
+import pinocchio as pin
+
+from ..arrays import Array
+from ..model.lines import LineForce
+from ..model.mechanism import Mechanism
+from ..model.tree import frame_named
+from .mjcf_document import FAR, MjcfDocument, pose_attributes
+from .urdf_writer import numbers
+
+
+def add_lines(document: MjcfDocument, mechanism: Mechanism) -> None:
+    """Add forces along lines as tendons."""
+    for line in mechanism.lines.forces:
+        _add_line(document, line)
+
+
+def _add_line(document: MjcfDocument, line: LineForce) -> None:
+    """Add a force along a line as a tendon."""
+    attributes = {"name": line.name}
+    rest_length = 0.0
+    if line.stiffness:
+        # The preload of a spring shifts its rest length.
+        rest_length = line.rest_length - line.preload / line.stiffness
+        attributes["stiffness"] = numbers([line.stiffness])
+        attributes["springlength"] = numbers([rest_length])
+    if rest_length < 0 or (line.preload and not line.stiffness):
+        text = f"its preload {line.preload:g} N: a tendon of MuJoCo has no constant force"
+        document.problems.append(f"line {line}: {text}")
+    if line.pulls_only:
+        attributes["springlength"] = numbers([0, rest_length])
+        if line.damping or not line.stiffness:
+            text = "of the cables of MuJoCo only the springs are slack; its damper is not"
+            document.problems.append(f"line {line}: {text}")
+    if line.damping:
+        attributes["damping"] = numbers([line.damping])
+    if line.mass:
+        attributes["armature"] = numbers([line.mass])
+    if line.lower or line.upper < FAR:
+        attributes["range"] = numbers([line.lower, min(line.upper, FAR)])
+    if line.velocity < FAR:
+        document.notes.append(f"line {line}: its largest velocity is left out")
+    if line.mass and _joins_branches(document.model, line):
+        text = "its mass: MuJoCo leaves out the inertia of a tendon between two branches"
+        document.problems.append(f"line {line}: {text}")
+    document.add_line_tendon(attributes, line.frame_a, line.frame_b)
+
+
+def _joins_branches(model: pin.Model, line: LineForce) -> bool:
+    """Whether both ends move relative to the last body that carries both."""
+    frame_a = frame_named(model, line.frame_a)
+    frame_b = frame_named(model, line.frame_b)
+    supports_a = set(model.supports[frame_a.parentJoint])
+    supports_b = set(model.supports[frame_b.parentJoint])
+    return not supports_a <= supports_b and not supports_b <= supports_a
+
+
+def add_motors(document: MjcfDocument, mechanism: Mechanism) -> None:
+    """Add motors, each with a control that is its force."""
+    for k, name in enumerate(mechanism.motor_names):
+        on_rates = mechanism.actuation[:, k]
+        on_lines = mechanism.lines.actuation[:, k]
+        _add_motor(document, mechanism, name, on_rates, on_lines)
+
+
+def _add_motor(
+    document: MjcfDocument, mechanism: Mechanism, name: str, on_rates: Array, on_lines: Array
+) -> None:
+    """Add a motor by its factors in the forces on rates, shape (nv,), and on lines."""
+    single = document.by_rate()
+    rates = np.flatnonzero(on_rates)
+    lines = np.flatnonzero(on_lines)
+    motor = {"name": name}
+    if not len(rates) and len(lines) == 1:  # on a line
+        line = mechanism.lines.forces[lines[0]]
+        factor = float(on_lines[lines[0]])
+        motor["tendon"] = line.name
+        if factor != 1:
+            motor["gear"] = numbers([factor])
+            text = "its factor is a gear; from_mjcf reads a motor with the factor 1"
+            document.notes.append(f"motor {name}: {text}")
+        if line.effort < FAR:
+            largest = line.effort / abs(factor)
+            motor["ctrlrange"] = numbers([-largest, largest])
+    elif len(lines) or not single.keys() >= set(rates.tolist()):
+        text = "it acts on more than hinges and slides, or one line"
+        document.problems.append(f"motor {name}: {text}")
+    elif on_rates[rates].tolist() == [1]:  # in a joint
+        motor["joint"] = single[int(rates[0])]
+        effort = float(mechanism.model.upperEffortLimit[rates[0]])
+        if 0 < effort < FAR:
+            motor["ctrlrange"] = numbers([-effort, effort])
+    else:  # on several joints
+        shares = {single[int(rate)]: on_rates[rate] for rate in rates}
+        motor["tendon"] = document.add_sum_tendon(name, shares)
+    SubElement(document.section("actuator"), "motor", motor)
+
+
+#: Radius of the sphere of a point, [m].
+_POINT = 1e-9
+#: Geoms that touch nothing but by their pairs.
+_UNTOUCHED = {"contype": "0", "conaffinity": "0"}
+
+
+def add_contacts(document: MjcfDocument, mechanism: Mechanism) -> None:
+    """Add spheres and planes that touch in pairs, and ropes as tendons of limited length."""
+    contacts = mechanism.contacts
+    planes = dict[str, str]()  # name of the plane at each ground
+    for contact in contacts.points:
+        frame = frame_named(document.model, contact.frame)
+        ground = frame_named(document.model, contact.ground)
+        if ground.parentJoint:
+            text = "planes of MuJoCo stand still, and its ground moves"
+            document.problems.append(f"contact {contact}: {text}")
+            continue
+        if contact.restitution:
+            document.notes.append(f"contact {contact}: its restitution is left out")
+        if contact.ground not in planes:
+            planes[contact.ground] = f"{contact.ground} plane"
+            plane = {"name": planes[contact.ground], "type": "plane", "size": "1 1 1"}
+            pose = pose_attributes(ground.placement)
+            SubElement(document.base, "geom", plane | _UNTOUCHED | pose)
+        sphere = {"name": f"{contact} sphere", "type": "sphere", "mass": "0"}
+        sphere |= {"size": numbers([max(contact.radius, _POINT)])}
+        place = pin.SE3(np.eye(3), frame.placement.translation)
+        document.add_geom(frame.parentJoint, sphere | _UNTOUCHED | pose_attributes(place))
+        pair = {"name": contact.name, "geom1": sphere["name"], "geom2": planes[contact.ground]}
+        sliding = [contact.friction, contact.friction, 0, 0, 0]
+        pair |= {"condim": "3", "friction": numbers(sliding)}
+        SubElement(document.section("contact"), "pair", pair)
+    for rope in contacts.ropes:
+        attributes = {"name": rope.name, "range": numbers([0, rope.length])}
+        document.add_line_tendon(attributes, rope.frame_a, rope.frame_b)
