@@ -308,17 +308,18 @@ def _type(kind: int) -> str:
     return "number" if kind == NUMBER else "real"
 
 
-def library(entry: str, kernels: Sequence[SymbolicKernel], lanes: int) -> list[str]:
+def library(entry: str, kernels: Sequence[SymbolicKernel]) -> list[str]:
     """Sources of the library of a kernel, or of "closing" and "state_rate" for rollouts.
 
     It offers `run_<entry>`, which runs the kernel on rows of samples, `sizes_run_<entry>` (of p, of
     the output, of each input, -1) and `prepare_<entry>`. For rollouts, `run_<entry>` makes steps;
     `rate_<entry>`, with its sizes, runs "state_rate" on samples with q and va in one array.
 
-    The passes of a kernel along directions compute `lanes` of them at once. What is computed once
-    for a sample is in a source of its own, on plain numbers.
+    An option of the compiler defines LANES, the number of samples that are computed at once. Of a
+    kernel along directions it is the number of directions; what is computed once for a sample is
+    in a source of its own, on plain numbers.
     """
-    head = f"#define LANES {lanes}\n{part('real.h')}"
+    head = part("real.h")
     parts = [head, part("driver.h")]
     sources = list[str]()
     size = None
@@ -332,7 +333,7 @@ def library(entry: str, kernels: Sequence[SymbolicKernel], lanes: int) -> list[s
         parts.append(source.text)
         if source.functions:
             once, *passes = source.functions
-            sources.append(f"#define LANES 1\n{part('real.h')}\n{once}")
+            sources.append(f"#undef LANES\n#define LANES 1\n{head}\n{once}")
             sources += [f"{head}\n{text}" for text in passes]
     last = kernels[-1]
     arrays = [symbols.numel() for symbols in last.inputs.values()]

@@ -151,6 +151,8 @@ class CompiledBackend:
         self._kernels: dict[Quantity, kernel_protocols.Kernel | None] = {}
         self._equations: dict[tuple[bool, bool, bool], Equations] = {}
         self._codes: dict[Quantity, KernelCode | None] = {}
+        #: The C of the kernel that was generated last.
+        self._sources: dict[Quantity, list[str]] = {}
         #: Why there is no kernel of a quantity.
         self._why: dict[Quantity, str] = {}
         self._nonsmooth: dict[bool, NonsmoothCode | None] = {}
@@ -443,20 +445,26 @@ class CompiledBackend:
         if key.frame is not None:
             content = fingerprint(self._mechanism, self._parameters, self._near, key.frame)
 
-        def sources() -> list[str]:
-            try:
-                from . import c_code, kernels
-            except ImportError:
-                raise MissingExtraError("casadi", "compile") from None
-            with self._lock:  # equations are made once, and CasADi is not safe for several threads
-                if self._stopped:
-                    raise CompilationError("given up")
-                expressions = kernels.entry(self._equations_of(key), key)
-                return c_code.library(key.entry, expressions, TARGETS[target][0])
-
-        options = LONG if key.properties.smooth else ()
+        options = [f"-DLANES={TARGETS[target][0]}"]
+        if key.properties.smooth:
+            options += LONG
+        sources = partial(self._sources_of, key)
         library = libraries.load(self._robot, str(key), content, target, sources, options)
         return Code(library, key.entry)
+
+    def _sources_of(self, key: Quantity) -> list[str]:
+        """The C of a kernel, which is the same for single samples and for batches."""
+        try:
+            from . import c_code, kernels
+        except ImportError:
+            raise MissingExtraError("casadi", "compile") from None
+        with self._lock:  # equations are made once, and CasADi is not safe for several threads
+            if self._stopped:
+                raise CompilationError("given up")
+            if key not in self._sources:
+                expressions = kernels.entry(self._equations_of(key), key)
+                self._sources = {key: c_code.library(key.entry, expressions)}
+            return self._sources[key]
 
     def _equations_of(self, key: Quantity) -> "Equations":
         """The symbols from which a kernel is made; kernels of one kind share them."""

@@ -15,7 +15,7 @@ import pytest
 
 import sst_pin
 from sst_pin.cli import main
-from sst_pin.compiled import libraries
+from sst_pin.compiled import c_code, libraries
 from sst_pin.compiled.generator_inputs import fingerprint
 from sst_pin.compiled.symbolic_parameters import SymbolicParameters
 from sst_pin.errors import CompilationError
@@ -191,3 +191,17 @@ def test_a_folder_that_others_can_write_to_is_refused(tmp_path, monkeypatch, cap
     (tmp_path / "sst_pin" / "kernels").chmod(0o777)
     assert main(["compile", "--list"]) == 2
     assert "chmod 700" in capsys.readouterr().err
+
+
+def test_single_samples_and_batches_are_compiled_from_the_same_source(folder, monkeypatch):
+    keys = []
+    generate = c_code.library
+
+    def counted(entry, *arguments):
+        keys.append(entry)
+        return generate(entry, *arguments)
+
+    monkeypatch.setattr(c_code, "library", counted)
+    sst_pin.robots.four_bar().compile()
+    assert sorted(keys) == ["accelerations", "torques"]
+    assert len(list(folder.glob("*.so"))) == 2 * len(keys)
