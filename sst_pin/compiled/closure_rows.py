@@ -1,9 +1,18 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Rows of each kind of constraint: Phi v = 0, residuals, accelerations."""
+"""The rows of closures on CasADi's symbols: Phi, Phi v, Phi v_dot + Phi_dot v, and the residual.
+
+`loops.rows` has the same rows in numbers. Most closures connect a frame A to a frame B. Their rows
+depend only on how A and B move relative to the *base*: the last link that carries both frames. All
+vectors of such a row are in the axes of the base, unless another link is named:
+
+- R and p are the axes (in columns) and the origin of a frame, and d = p_B - p_A;
+- u is the velocity of an origin, omega the angular velocity of a frame.
+
+A row is a linear function of these velocities, Phi v = g_B(u_B, omega_B) - g_A(u_A, omega_A).
+"""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import NamedTuple
 
 import casadi as ca
@@ -17,353 +26,518 @@ from ..model.tree import frame_named, joint_id
 from .link_kinematics import Kinematics
 from .symbols import Sparse, add, is_zero, sx
 
-#: Linear and angular velocity of a link relative to an ancestor, by their indices, link's axes.
+#: Linear and angular velocity of a link relative to a base, both by their indices, link's axes.
 Twists = Callable[[int, int], tuple[SX, SX]]
+#: A linear function g(u, omega) of the velocity of a frame's origin and its angular velocity.
+VelocityFunction = Callable[[SX, SX], SX]
+#: Phi v_dot + Phi_dot v as a function of v and v_dot.
+Acceleration = Callable[[Sparse, Sparse], SX]
 
 
 class End(NamedTuple):
-    """One of the two frames that a row connects; vectors in the axes of a link, the base."""
+    """One of the two frames of a row; vectors are in the axes of the base."""
 
+    #: Index of the base.
     base: int
+    #: Index of the link of the frame.
     link: int
     #: The origin of the frame.
     point: SX
-    #: What the velocity of the origin and the angular velocity of the frame add to Phi v.
-    rate: Callable[[SX, SX], SX]
-
-
-class FrameMotion(NamedTuple):
-    """Motion of a frame relative to the base of its row, in the axes of the base."""
-
-    omega: SX
-    #: Angular acceleration, and acceleration of the origin.
-    alpha: SX
-    a: SX
+    #: What the frame adds to Phi v: g_B of frame B, -g_A of frame A.
+    rate: VelocityFunction
 
 
 @dataclass(frozen=True)
 class Row:
-    """One equation of a constraint."""
+    """One equation of a closure."""
 
     #: Coefficients of the rates, by index.
     Phi: Sparse
     #: Phi v, from the rates v and the twists that they give to links.
     velocity: Callable[[Sparse, Twists], SX]
-    #: Phi v_dot + Phi_dot v, from v and v_dot.
-    acceleration: Callable[[Sparse, Sparse], SX]
+    acceleration: Acceleration
     #: Zero when the loop is closed; None for a row that constrains rates only.
     residual: SX | None
-    #: The term of the row in the squared residual. Rows that share one have it in the first of
-    #: them, and zero in the others.
+    #: The term of the row in the sum of squares that is zero when the loops are closed. Rows may
+    #: share one term: then the first of them has it, and the others have zero.
     squared_gap: SX
-    #: The frames by whose velocities Phi v is known; empty if it is known by the rates only.
+    #: Frames A and B; empty for a row that is no function of the velocities of frames.
     ends: tuple[End, ...] = ()
 
 
 def closure_rows(kinematics: Kinematics, model: pin.Model, closure: Constraint) -> Iterable[Row]:
-    """The rows of one constraint."""
+    """The rows of one closure, in the order of `closure.rows`."""
     if isinstance(closure, Coupling):
         return [_coupling(kinematics, model, closure)]
     if isinstance(closure, Rolling):
-        return _Pair(kinematics, model, closure.plane, closure.wheel).rolling(closure)
+        return _FramePair(kinematics, model, closure.plane, closure.wheel).rolling(closure)
     if isinstance(closure, Brake):
         if closure.frames is None:
             return [_brake(model, closure)]
-        return [_Pair(kinematics, model, *closure.frames).held_length()]
-    pair = _Pair(kinematics, model, closure.frame_a, closure.frame_b)
+        return [_FramePair(kinematics, model, *closure.frames).held_length()]
+    pair = _FramePair(kinematics, model, closure.frame_a, closure.frame_b)
     if isinstance(closure, Distance):
         return [pair.distance(closure.distance)]
-    return pair.rows_along(closure.held)
+    return pair.held_motions(closure.held)
+
+
+def line(kinematics: Kinematics, model: pin.Model, a: str, b: str) -> tuple[SX, Row]:
+    """Length |d| of the line between the origins of two frames, and a row for it.
+
+    Phi v of the row is the rate of the length, its acceleration the second derivative.
+    """
+    pair = _FramePair(kinematics, model, a, b)
+    return pair.length, pair.held_length()
 
 
 def by_twists(rows: Sequence[Row], v: Sparse) -> tuple[list[SX], dict[int, SX]]:
-    """Phi v row by row, and symbols for the twists of links: gradients by them are wrenches.
+    """Phi v of each row on symbols for the twists of links, and these symbols by link.
 
-    A row does not change if all links move as one body. So twists relative to the world serve as
-    well as those relative to the base of a row, and the base gets its wrench in the same way.
+    The gradient of Phi v by the twist of a link is the wrench of the row on this link.
+
+    The symbols are twists relative to the world, not to the base of each row. Phi v is the same,
+    because it does not change if all links move as one body. In this way the base gets its wrench
+    too.
     """
     twists: dict[int, SX] = {}
 
     def twist(_: int, link: int) -> tuple[SX, SX]:
-        twist = twists.setdefault(link, SX.sym("twist", 6))
-        return twist[:3], twist[3:]
+        symbols = twists.setdefault(link, SX.sym("twist", 6))
+        return symbols[:3], symbols[3:]
 
     return [SX(row.velocity(v, twist)) for row in rows], twists
 
 
-def line(kinematics: Kinematics, model: pin.Model, a: str, b: str) -> tuple[SX, Row]:
-    """Length of the line between the origins of two frames, and its row.
+# --- rows between two frames ----------------------------------------------------------------------
 
-    The row has the rate of the length, and its second derivative as `acceleration`.
+
+class FrameMotion(NamedTuple):
+    """Motion of a frame relative to the base, in the axes of the base."""
+
+    omega: SX
+    #: Angular acceleration.
+    alpha: SX
+    #: Acceleration of the origin.
+    a: SX
+
+
+@dataclass(frozen=True)
+class _RightAngle:
+    """An axis of A that stays at a right angle to an axis of B, axes by their numbers 0, 1, 2.
+
+    The residual is sign times the cosine of the angle between them. The sign makes the row the
+    turn of B about the positive third axis.
     """
-    pair = _Pair(kinematics, model, a, b)
-    return pair.length, pair.held_length()
+
+    axis_of_a: int
+    axis_of_b: int
+    sign: float
 
 
-class _Pair:
-    """Rows between two frames; vectors in the axes of the last link that both hang on, the base.
-
-    `kinematics.pose(i, j)` are R and p of link j in link i: R takes vectors from the axes of j to
-    those of i.
-    """
+class _FramePair:
+    """Two frames A and B, and the rows that constrain their relative motion."""
 
     def __init__(self, kinematics: Kinematics, model: pin.Model, a: str, b: str) -> None:
-        self._kinematics = kinematics
+        self.kinematics = kinematics
         tree = kinematics.tree
-        self._frames = [frame_named(model, name) for name in (a, b)]
-        self._links = [tree.link_of[frame.parentJoint] for frame in self._frames]
-        paths = [tree.ancestors(link) for link in self._links]
-        self._base = [i for i, j in zip(*paths, strict=False) if i == j][-1]
-        self.a, self.b = (kinematics.point(self._base, frame) for frame in self._frames)
+        self.frame_a = frame_named(model, a)
+        self.frame_b = frame_named(model, b)
+        self.link_a = tree.link_of[self.frame_a.parentJoint]
+        self.link_b = tree.link_of[self.frame_b.parentJoint]
+        paths = zip(tree.ancestors(self.link_a), tree.ancestors(self.link_b), strict=False)
+        self.base = [i for i, j in paths if i == j][-1]
+        self.a = kinematics.point(self.base, self.frame_a)
+        self.b = kinematics.point(self.base, self.frame_b)
         self.d = self.b.p - self.a.p
+
+    @property
+    def length(self) -> SX:
+        """|d|."""
+        return ca.sqrt(ca.sumsqr(self.d))
 
     def _motions(self, v: Sparse, dv: Sparse) -> tuple[FrameMotion, FrameMotion]:
         """Motion of A and of B."""
-        motions = []
-        for link, frame in zip(self._links, self._frames, strict=True):
-            R, _ = self._kinematics.pose(self._base, link)
-            x = self._kinematics.relative_motion(self._base, link, v, dv)
-            a = R @ (x.a + x.U @ sx(frame.placement.translation))
-            motions.append(FrameMotion(R @ x.omega, R @ x.alpha, a))
-        return motions[0], motions[1]
 
-    def _velocity(self, v: Sparse) -> SX:
-        """Velocity of the origin of B less that of A."""
-        velocity = SX(3, 1)
+        def motion(link: int, frame: pin.Frame) -> FrameMotion:
+            R, _ = self.kinematics.pose(self.base, link)
+            x = self.kinematics.relative_motion(self.base, link, v, dv)
+            a = R @ (x.a + x.U @ sx(frame.placement.translation))
+            return FrameMotion(R @ x.omega, R @ x.alpha, a)
+
+        return motion(self.link_a, self.frame_a), motion(self.link_b, self.frame_b)
+
+    def _d_dot(self, v: Sparse) -> SX:
+        """The rate of d: u_B - u_A."""
+        d_dot = SX(3, 1)
         for sign, point in ((-1, self.a), (1, self.b)):
             for k, twist in point.columns.items():
                 if k in v:
-                    velocity += sign * twist[:3] * v[k]
-        return velocity
+                    d_dot += sign * twist[:3] * v[k]
+        return d_dot
 
     def _row(
-        self, of_a: Callable[[SX, SX], SX], of_b: Callable[[SX, SX], SX] | None = None
-    ) -> tuple[Sparse, Callable[[Sparse, Twists], SX], tuple[End, ...]]:
-        """Coefficients, velocity and ends of a row, from functions of the velocities of A and B."""
-        of_b = of_b or of_a
-        row = {k: of_b(twist[:3], twist[3:]) for k, twist in self.b.columns.items()}
-        row = add(row, {k: -of_a(x[:3], x[3:]) for k, x in self.a.columns.items()})
+        self,
+        *,
+        g_a: VelocityFunction,
+        g_b: VelocityFunction,
+        acceleration: Acceleration,
+        residual: SX | None,
+        squared_gap: SX,
+    ) -> Row:
+        """The row with Phi v = g_B(u_B, omega_B) - g_A(u_A, omega_A)."""
+        # Column k of Phi is Phi v for a unit of the rate k.
+        of_b = {k: g_b(twist[:3], twist[3:]) for k, twist in self.b.columns.items()}
+        of_a = {k: -g_a(twist[:3], twist[3:]) for k, twist in self.a.columns.items()}
+        Phi = {k: entry for k, entry in add(of_b, of_a).items() if not entry.is_zero()}
+
+        def of_link(g: VelocityFunction, link: int, frame: pin.Frame, twists: Twists) -> SX:
+            R, _ = self.kinematics.pose(self.base, link)
+            u, omega = twists(self.base, link)
+            u_of_frame = u + ca.cross(omega, sx(frame.placement.translation))
+            return g(R @ u_of_frame, R @ omega)
 
         def velocity(v: Sparse, twists: Twists) -> SX:
-            value = SX(0)
-            ends = zip((-1, 1), (of_a, of_b), self._links, self._frames, strict=True)
-            for sign, of, link, frame in ends:
-                R, _ = self._kinematics.pose(self._base, link)
-                u, turn = twists(self._base, link)
-                at_frame = u + ca.cross(turn, sx(frame.placement.translation))
-                value += sign * of(R @ at_frame, R @ turn)
-            return value
+            of_frame_a = of_link(g_a, self.link_a, self.frame_a, twists)
+            of_frame_b = of_link(g_b, self.link_b, self.frame_b, twists)
+            return of_frame_b - of_frame_a
 
-        a = End(self._base, self._links[0], self.a.p, lambda u, turn: -of_a(u, turn))
-        b = End(self._base, self._links[1], self.b.p, of_b)
-        return {k: entry for k, entry in row.items() if not entry.is_zero()}, velocity, (a, b)
+        end_a = End(self.base, self.link_a, self.a.p, lambda u, omega: -g_a(u, omega))
+        end_b = End(self.base, self.link_b, self.b.p, g_b)
+        return Row(
+            Phi=Phi,
+            velocity=velocity,
+            acceleration=acceleration,
+            residual=residual,
+            squared_gap=squared_gap,
+            ends=(end_a, end_b),
+        )
 
-    def rows_along(self, directions: tuple[bool, ...]) -> Iterator[Row]:
-        """Rows for the held motions of B, in the axes of A.
+    # --- closures by joints -----------------------------------------------------------------------
 
-        If all translations, or all rotations, are held, any axes do: the rows have those in which
-        their expressions are short.
+    def held_motions(self, held: tuple[bool, ...]) -> Iterator[Row]:
+        """Rows for the motions of B along and about x, y, z of A that are held.
+
+        Where all three translations, or all three rotations, are held, any axes do. The rows then
+        have those axes in which their expressions are short.
         """
-        if all(directions[:3]):
-            yield from map(self._coincide, range(3))
+        if all(held[:3]):
+            for axis in range(3):
+                yield self._equal_position(axis)
         else:
-            yield from (self._slide(k) for k in range(3) if directions[k])
-        turns = [k for k in range(3) if directions[3 + k]]
-        if len(turns) == 3:
-            yield from self._turned_alike()
-        elif len(turns) == 2:
-            (k,) = set(range(3)) - set(turns)
-            i, j = (k + 1) % 3, (k + 2) % 3
-            apart = ca.sumsqr(self.a.R[:, k] - self.b.R[:, k])  # the squared angle of the axes
-            # For each turn an axis of A, an axis of B and a sign, as in `loops.rows._RightAngles`:
-            # each row is the turn of B about the positive axis of A.
-            of_turn = {i: (j, k, -1.0), j: (i, k, 1.0)}
-            for t in turns:
-                yield self._angle(*of_turn[t], apart if t == turns[0] else SX(0))
-        elif turns:
-            i, j = (turns[0] + 1) % 3, (turns[0] + 2) % 3
-            yield self._angle(i, j, -1.0, ca.dot(self.a.R[:, i], self.b.R[:, j]) ** 2)
+            for axis in range(3):
+                if held[axis]:
+                    yield self._no_slide(axis)
 
-    def _coincide(self, k: int) -> Row:
-        """The origins have the same coordinate k."""
-        Phi, velocity, ends = self._row(lambda u, _: u[k])
+        held_turns = [axis for axis in range(3) if held[3 + axis]]
+        if len(held_turns) == 3:
+            yield from _EqualOrientation(self).rows()
+        elif len(held_turns) == 2:
+            yield from self._parallel_axes(held_turns)
+        elif len(held_turns) == 1:
+            # B does not turn about x if y of A stays at a right angle to z of B, and so on.
+            axis_of_a = (held_turns[0] + 1) % 3
+            axis_of_b = (held_turns[0] + 2) % 3
+            squared_gap = ca.dot(self.a.R[:, axis_of_a], self.b.R[:, axis_of_b]) ** 2
+            yield self._right_angle(_RightAngle(axis_of_a, axis_of_b, sign=-1.0), squared_gap)
+
+    def _equal_position(self, k: int) -> Row:
+        """The origins have the same coordinate k in the base: d_k = 0, Phi v = u_B,k - u_A,k."""
 
         def acceleration(v: Sparse, dv: Sparse) -> SX:
             a, b = self._motions(v, dv)
             return b.a[k] - a.a[k]
 
-        return Row(Phi, velocity, acceleration, self.d[k], self.d[k] ** 2, ends)
-
-    def _slide(self, k: int) -> Row:
-        """Axis k of A stays at a right angle to the line from A to B."""
-        n = self.a.R[:, k]
-        d = self.d
-        Phi, velocity, ends = self._row(
-            lambda u, turn: ca.dot(n, u + ca.cross(turn, d)), lambda u, _: ca.dot(n, u)
+        return self._row(
+            g_a=lambda u, _: u[k],
+            g_b=lambda u, _: u[k],
+            acceleration=acceleration,
+            residual=self.d[k],
+            squared_gap=self.d[k] ** 2,
         )
 
-        def acceleration(v: Sparse, dv: Sparse) -> SX:
-            a, b = self._motions(v, dv)
-            apart = ca.cross(a.omega, ca.cross(a.omega, d)) - ca.cross(a.alpha, d)
-            return ca.dot(n, b.a - a.a + apart - 2 * ca.cross(a.omega, self._velocity(v)))
+    def _no_slide(self, k: int) -> Row:
+        """Axis k of A, n, stays at a right angle to d: n . d = 0.
 
-        return Row(Phi, velocity, acceleration, ca.dot(n, d), ca.dot(n, d) ** 2, ends)
-
-    def _turned_alike(self) -> Iterator[Row]:
-        """B does not turn relative to A."""
-        # Link C carries the last joint of B's branch. In its axes, the axes of the last two joints
-        # are constant, so that Phi has few terms. R_a are the axes of A's link in C if the loop is
-        # closed, where both frames have the same axes: through B, not through A's own branch. Phi
-        # and the acceleration use R_a; the residual and the gap measure how wrong it is.
-        kinematics = self._kinematics
-        links = self._kinematics.tree.links
-        (link_a, link_b), (frame_a, frame_b) = self._links, self._frames
-        C = link_b
-        if link_b != self._base and links[link_b].kind == "turn":
-            C = links[link_b].parent
-        R_b, _ = kinematics.pose(C, link_b)
-        R_a = R_b @ sx(frame_b.placement.rotation @ frame_a.placement.rotation.T)
-        turns = self._turns(C, R_a)
-        C_through_A = kinematics.pose(self._base, link_a)[0] @ R_a.T
-        C_through_B, _ = kinematics.pose(self._base, C)
-        difference = C_through_B - C_through_A
-        # Two columns of a rotation determine the third.
-        gap = ca.sumsqr(difference[:, 0]) + ca.sumsqr(difference[:, 2])
-        R = C_through_A.T @ C_through_B
-
-        def velocity(v: Sparse, twists: Twists, row: int) -> SX:
-            (_, turn_a), (_, turn_b) = (twists(self._base, link) for link in self._links)
-            return (R_b @ turn_b - R_a @ turn_a)[row]
-
-        def acceleration(v: Sparse, dv: Sparse, row: int) -> SX:
-            # The angular velocity of B relative to A is zero, so that the turning of the axes of C,
-            # in which it is written, does not count.
-            of_a = kinematics.relative_motion(self._base, link_a, v, dv)
-            of_b = kinematics.relative_motion(self._base, C, v, dv)
-            alpha = of_b.alpha - R_a @ of_a.alpha
-            if link_b != C:
-                (k,) = links[link_b].v
-                turn = R_b @ sx(links[link_b].S[3:, 0])
-                alpha += turn * dv.get(k, 0) + ca.cross(of_b.omega, turn * v.get(k, 0))
-            return alpha[row]
-
-        for row in range(3):
-            i, j = (row + 1) % 3, (row + 2) % 3
-            residual = (R[j, i] - R[i, j]) / 2
-            Phi = {k: turn[row] for k, turn in turns.items() if not is_zero(turn[row])}
-            changes = partial(velocity, row=row), partial(acceleration, row=row)
-            yield Row(Phi, *changes, residual, gap if row == 0 else SX(0))
-
-    def _turns(self, C: int, R_a: SX) -> Sparse:
-        """Angular velocity of B relative to A by each rate, axes of C; R_a is A's link in C."""
-        kinematics, turns, (link_a, link_b) = self._kinematics, Sparse(), self._links
-        for link in (link_a, link_b):
-            path = kinematics.tree.ancestors(link)
-            for i in path[path.index(self._base) + 1 :]:
-                if link == link_a:
-                    R = -R_a @ kinematics.pose(i, link_a)[0].T
-                elif i in kinematics.tree.ancestors(C):
-                    R = kinematics.pose(i, C)[0].T
-                else:
-                    R, _ = kinematics.pose(C, i)
-                x = kinematics.tree.links[i]
-                columns = zip(x.v, x.S.T, strict=True)
-                turns = add(turns, {k: R @ sx(S[3:]) for k, S in columns})
-        return turns
-
-    def _angle(self, i: int, j: int, sign: float, gap: SX) -> Row:
-        """Axis i of A stays at a right angle to axis j of B."""
-        n = self.a.R[:, i]
-        m = self.b.R[:, j]
-        across = sign * ca.cross(m, n)
-        Phi, velocity, ends = self._row(lambda _, turn: ca.dot(across, turn))
+        As n turns with A, Phi v = n . (d_dot - omega_A x d), and its rate is
+        n . (d_ddot - alpha_A x d + omega_A x (omega_A x d) - 2 omega_A x d_dot).
+        """
+        n = self.a.R[:, k]
+        d = self.d
 
         def acceleration(v: Sparse, dv: Sparse) -> SX:
             a, b = self._motions(v, dv)
-            n_dot, m_dot = ca.cross(a.omega, n), ca.cross(b.omega, m)
+            of_turn = ca.cross(a.omega, ca.cross(a.omega, d)) - ca.cross(a.alpha, d)
+            return ca.dot(n, b.a - a.a + of_turn - 2 * ca.cross(a.omega, self._d_dot(v)))
+
+        return self._row(
+            g_a=lambda u, omega: ca.dot(n, u + ca.cross(omega, d)),
+            g_b=lambda u, _: ca.dot(n, u),
+            acceleration=acceleration,
+            residual=ca.dot(n, d),
+            squared_gap=ca.dot(n, d) ** 2,
+        )
+
+    def _parallel_axes(self, held_turns: Sequence[int]) -> Iterator[Row]:
+        """Two rows: B may turn about its axis k only, which stays parallel to axis k of A."""
+        (k,) = set(range(3)) - set(held_turns)
+        i = (k + 1) % 3
+        j = (k + 2) % 3
+        # Axis k of B stays at a right angle to the axes i and j of A.
+        right_angles = {i: _RightAngle(j, k, sign=-1.0), j: _RightAngle(i, k, sign=1.0)}
+        # Both residuals are zero also where the axes k are opposite. The difference of the axes is
+        # not; for small angles its square is the squared angle. It is the gap of both rows.
+        squared_gap = ca.sumsqr(self.a.R[:, k] - self.b.R[:, k])
+        first, second = held_turns
+        yield self._right_angle(right_angles[first], squared_gap)
+        yield self._right_angle(right_angles[second], SX(0))
+
+    def _right_angle(self, axes: _RightAngle, squared_gap: SX) -> Row:
+        """sign n . m = 0 for an axis n of A and an axis m of B.
+
+        Phi v = sign (m x n) . (omega_B - omega_A).
+        """
+        n = self.a.R[:, axes.axis_of_a]
+        m = self.b.R[:, axes.axis_of_b]
+        across = axes.sign * ca.cross(m, n)
+
+        def acceleration(v: Sparse, dv: Sparse) -> SX:
+            a, b = self._motions(v, dv)
+            n_dot = ca.cross(a.omega, n)
+            m_dot = ca.cross(b.omega, m)
             n_ddot = ca.cross(a.alpha, n) + ca.cross(a.omega, n_dot)
             m_ddot = ca.cross(b.alpha, m) + ca.cross(b.omega, m_dot)
-            return sign * (ca.dot(n, m_ddot) + ca.dot(m, n_ddot) + 2 * ca.dot(n_dot, m_dot))
+            second = ca.dot(n, m_ddot) + ca.dot(m, n_ddot) + 2 * ca.dot(n_dot, m_dot)
+            return axes.sign * second
 
-        return Row(Phi, velocity, acceleration, sign * ca.dot(n, m), gap, ends)
+        return self._row(
+            g_a=lambda _, omega: ca.dot(across, omega),
+            g_b=lambda _, omega: ca.dot(across, omega),
+            acceleration=acceleration,
+            residual=axes.sign * ca.dot(n, m),
+            squared_gap=squared_gap,
+        )
+
+    # --- rods and brakes of lines -----------------------------------------------------------------
 
     def distance(self, length: float) -> Row:
-        """The origins stay at a distance: (d.d - l^2) / 2 l.
+        """The origins stay at a distance l: (d . d - l^2) / (2 l) = 0.
 
-        It needs no root. It equals |d| - l to first order, and Phi is the same in a closed loop.
+        This residual needs no root. It equals |d| - l to first order, and Phi is the same in a
+        closed loop.
         """
         unit = self.d / length
-        Phi, velocity, ends = self._row(lambda u, _: ca.dot(unit, u))
 
         def acceleration(v: Sparse, dv: Sparse) -> SX:
             a, b = self._motions(v, dv)
-            return ca.dot(unit, b.a - a.a) + ca.sumsqr(self._velocity(v)) / length
+            return ca.dot(unit, b.a - a.a) + ca.sumsqr(self._d_dot(v)) / length
 
         residual = (ca.dot(unit, self.d) - length) / 2
-        return Row(Phi, velocity, acceleration, residual, residual**2, ends)
-
-    @property
-    def length(self) -> SX:
-        """The distance of the origins."""
-        return ca.sqrt(ca.sumsqr(self.d))
+        return self._row(
+            g_a=lambda u, _: ca.dot(unit, u),
+            g_b=lambda u, _: ca.dot(unit, u),
+            acceleration=acceleration,
+            residual=residual,
+            squared_gap=residual**2,
+        )
 
     def held_length(self) -> Row:
-        """The distance of the origins keeps the value that it has."""
+        """The rate of |d| is zero; any length is allowed. Phi v = d . d_dot / |d|."""
         length = self.length
         unit = self.d / length
-        Phi, velocity, ends = self._row(lambda u, _: ca.dot(unit, u))
 
         def acceleration(v: Sparse, dv: Sparse) -> SX:
             a, b = self._motions(v, dv)
-            u = self._velocity(v)
-            along = ca.dot(unit, u)
-            return ca.dot(unit, b.a - a.a) + (ca.sumsqr(u) - along**2) / length
+            d_dot = self._d_dot(v)
+            along = ca.dot(unit, d_dot)
+            return ca.dot(unit, b.a - a.a) + (ca.sumsqr(d_dot) - along**2) / length
 
-        return Row(Phi, velocity, acceleration, None, SX(0), ends)
+        return self._row(
+            g_a=lambda u, _: ca.dot(unit, u),
+            g_b=lambda u, _: ca.dot(unit, u),
+            acceleration=acceleration,
+            residual=None,
+            squared_gap=SX(0),
+        )
+
+    # --- rolling ----------------------------------------------------------------------------------
 
     def rolling(self, closure: Rolling) -> Iterator[Row]:
-        """B touches the x-y plane of A and does not slip; A's axes give the rows."""
+        """A wheel or ball B touches the x-y plane of A and does not slip.
+
+        `up` is the unit vector from the contact to the centre of B. For a ball it is the normal n
+        of the plane. For a disc with the axle z it lies in the disc: g / |g| with
+        g = n - (n . z) z. Phi v is the velocity of B at the contact relative to A, along the axes
+        of A; its rows are "slip x", "slip y" and "height".
+        """
         normal = self.a.R[:, 2]
         axle = self.b.R[:, 2]
         radius = closure.radius
-        across = normal if closure.ball else normal - ca.dot(normal, axle) * axle
-        size = ca.sqrt(ca.sumsqr(across))
-        up = normal if closure.ball else across / size
-        contact = self.d - radius * up  # from the origin of A
+        if closure.ball:
+            up = normal
+        else:
+            g = normal - ca.dot(normal, axle) * axle
+            size = ca.sqrt(ca.sumsqr(g))
+            up = g / size
+        from_a = self.d - radius * up  # from the origin of A to the contact
+
+        def up_rate(a: FrameMotion, b: FrameMotion) -> SX:
+            normal_dot = ca.cross(a.omega, normal)
+            if closure.ball:
+                return normal_dot
+            axle_dot = ca.cross(b.omega, axle)
+            along = ca.dot(normal_dot, axle) + ca.dot(normal, axle_dot)
+            g_dot = normal_dot - along * axle - ca.dot(normal, axle) * axle_dot
+            return (g_dot - up * ca.dot(up, g_dot)) / size
 
         def slip_rate(v: Sparse, dv: Sparse) -> SX:
-            # The slip velocity is zero, so that its rate alone counts, whatever the axes do.
+            """Rate of the slip velocity.
+
+            Along axes that turn it is the same as along fixed ones, because the slip is zero.
+            """
             a, b = self._motions(v, dv)
-            up_dot = normal_dot = ca.cross(a.omega, normal)
-            if not closure.ball:
-                axle_dot = ca.cross(b.omega, axle)
-                along = ca.dot(normal_dot, axle) + ca.dot(normal, axle_dot)
-                g = normal_dot - along * axle - ca.dot(normal, axle) * axle_dot
-                up_dot = (g - up * ca.dot(up, g)) / size
+            up_dot = up_rate(a, b)
             at_b = b.a - ca.cross(b.alpha, radius * up) - ca.cross(b.omega, radius * up_dot)
-            at_a = a.a + ca.cross(a.alpha, contact)
-            return at_b - at_a - ca.cross(a.omega, self._velocity(v) - radius * up_dot)
+            at_a = a.a + ca.cross(a.alpha, from_a)
+            return at_b - at_a - ca.cross(a.omega, self._d_dot(v) - radius * up_dot)
 
-        for k in range(3):
-            n = self.a.R[:, k]
+        def row_along(n: SX, height: SX | None) -> Row:
+            squared_gap = SX(0)
+            if height is not None:
+                squared_gap = height**2
+            return self._row(
+                g_a=lambda u, omega: ca.dot(n, u + ca.cross(omega, from_a)),
+                g_b=lambda u, omega: ca.dot(n, u - ca.cross(omega, radius * up)),
+                acceleration=lambda v, dv: ca.dot(n, slip_rate(v, dv)),
+                residual=height,
+                squared_gap=squared_gap,
+            )
 
-            def of_a(u: SX, turn: SX, n: SX = n) -> SX:
-                return ca.dot(n, u + ca.cross(turn, contact))
+        yield row_along(self.a.R[:, 0], height=None)
+        yield row_along(self.a.R[:, 1], height=None)
+        yield row_along(normal, height=ca.dot(normal, from_a))
 
-            def of_b(u: SX, turn: SX, n: SX = n) -> SX:
-                return ca.dot(n, u - ca.cross(turn, radius * up))
 
-            def acceleration(v: Sparse, dv: Sparse, n: SX = n) -> SX:
-                return ca.dot(n, slip_rate(v, dv))
+class _EqualOrientation:
+    """Three rows: frame B has the orientation of frame A, Phi v = omega_B - omega_A.
 
-            height = ca.dot(n, contact) if k == 2 else None
-            gap = SX(0) if height is None else height**2
-            Phi, velocity, ends = self._row(of_a, of_b)
-            yield Row(Phi, velocity, acceleration, height, gap, ends)
+    R_XY is the rotation that takes vectors from the axes of Y to those of X. The letters A, B and C
+    stand for links here: A and B are the links of the two frames.
+
+    The three components can be along any axes. Those of a link C give short expressions: C is the
+    parent of B if the joint between them is revolute, else B itself. The axis of this joint is
+    constant in C, and so is that of the joint before it.
+
+    R_CA is computed through B. In a closed loop both frames have the same axes, so that
+
+        R_CA = R_CB (axes of the frame on B) (axes of the frame on A)^T,
+
+    where the last two are numbers. So R_CA does not depend on the joints of A's branch. It is right
+    in closed loops only, which suffices for Phi and the acceleration. The residual compares it with
+    the orientation through A's branch.
+    """
+
+    def __init__(self, pair: _FramePair) -> None:
+        self._kinematics = pair.kinematics
+        self._base = pair.base
+        self._link_a = pair.link_a
+        self._link_b = pair.link_b
+        links = self._kinematics.tree.links
+        self._link_c = self._link_b
+        if self._link_b != self._base and links[self._link_b].kind == "turn":
+            self._link_c = links[self._link_b].parent
+        self._R_CB, _ = self._kinematics.pose(self._link_c, self._link_b)
+        R_of_a = pair.frame_a.placement.rotation
+        R_of_b = pair.frame_b.placement.rotation
+        self._R_CA = self._R_CB @ sx(R_of_b @ R_of_a.T)
+
+    def rows(self) -> Iterator[Row]:
+        """The rows, about the axes x, y, z of C."""
+        # The orientation of C in the base, computed through each branch.
+        R_base_A, _ = self._kinematics.pose(self._base, self._link_a)
+        C_through_A = R_base_A @ self._R_CA.T
+        C_through_B, _ = self._kinematics.pose(self._base, self._link_c)
+        # Both are equal if two columns are: two columns of a rotation determine the third.
+        difference = C_through_B - C_through_A
+        squared_gap = ca.sumsqr(difference[:, 0]) + ca.sumsqr(difference[:, 2])
+        # R is the identity in a closed loop. For a small rotation R, the axial vector of its skew
+        # part (R - R^T) / 2 is the rotation vector.
+        R = C_through_A.T @ C_through_B
+        columns = self._columns()
+        for axis in range(3):
+            i = (axis + 1) % 3
+            j = (axis + 2) % 3
+            yield self._row_about(
+                axis,
+                columns,
+                residual=(R[j, i] - R[i, j]) / 2,
+                squared_gap=squared_gap if axis == 0 else SX(0),
+            )
+
+    def _row_about(self, axis: int, columns: Sparse, residual: SX, squared_gap: SX) -> Row:
+        """The row about one axis of C; `columns` as from `_columns`."""
+
+        def velocity(v: Sparse, twists: Twists) -> SX:
+            _, omega_a = twists(self._base, self._link_a)
+            _, omega_b = twists(self._base, self._link_b)
+            return (self._R_CB @ omega_b - self._R_CA @ omega_a)[axis]
+
+        return Row(
+            Phi={k: omega[axis] for k, omega in columns.items() if not is_zero(omega[axis])},
+            velocity=velocity,
+            acceleration=lambda v, dv: self._acceleration(v, dv)[axis],
+            residual=residual,
+            squared_gap=squared_gap,
+        )
+
+    def _columns(self) -> Sparse:
+        """omega_B - omega_A for a unit of each rate, by its index, in the axes of C."""
+        columns = Sparse()
+        for i in self._branch(self._link_a):
+            R_iA, _ = self._kinematics.pose(i, self._link_a)
+            columns = add(columns, self._of_joint(i, -self._R_CA @ R_iA.T))
+        carrying_C = self._kinematics.tree.ancestors(self._link_c)
+        for i in self._branch(self._link_b):
+            if i in carrying_C:
+                R_iC, _ = self._kinematics.pose(i, self._link_c)
+                R_Ci = R_iC.T
+            else:  # i is B
+                R_Ci, _ = self._kinematics.pose(self._link_c, i)
+            columns = add(columns, self._of_joint(i, R_Ci))
+        return columns
+
+    def _branch(self, link: int) -> list[int]:
+        """The links from the base, which is left out, to a link."""
+        path = self._kinematics.tree.ancestors(link)
+        return path[path.index(self._base) + 1 :]
+
+    def _of_joint(self, i: int, R: SX) -> Sparse:
+        """The axes of the rates of link i, by rate, turned by R."""
+        link = self._kinematics.tree.links[i]
+        return {k: R @ sx(S[3:]) for k, S in zip(link.v, link.S.T, strict=True)}
+
+    def _acceleration(self, v: Sparse, dv: Sparse) -> SX:
+        """Rate of omega_B - omega_A, in the axes of C.
+
+        The axes of C turn, but as omega_B - omega_A is zero, the rate of its components is
+        alpha_B - alpha_A.
+        """
+        of_A = self._kinematics.relative_motion(self._base, self._link_a, v, dv)
+        of_C = self._kinematics.relative_motion(self._base, self._link_c, v, dv)
+        difference = of_C.alpha - self._R_CA @ of_A.alpha
+        if self._link_b != self._link_c:
+            # The joint of B, whose axis is fixed in C, is between C and B.
+            joint = self._kinematics.tree.links[self._link_b]
+            (k,) = joint.v
+            axis = self._R_CB @ sx(joint.S[3:, 0])
+            difference += axis * dv.get(k, 0) + ca.cross(of_C.omega, axis * v.get(k, 0))
+        return difference
+
+
+# --- rows of joints -------------------------------------------------------------------------------
 
 
 def _brake(model: pin.Model, closure: Brake) -> Row:
-    """A rate that is held."""
+    """A rate that is held: Phi v = v_k."""
     (rate,) = JointSpace(model).rates_of([closure.name]).tolist()
 
     def velocity(v: Sparse, twists: Twists) -> SX:
@@ -372,30 +546,49 @@ def _brake(model: pin.Model, closure: Brake) -> Row:
     def acceleration(v: Sparse, dv: Sparse) -> SX:
         return SX(dv.get(rate, 0))
 
-    return Row({rate: SX(1)}, velocity, acceleration, None, SX(0))
+    return Row(
+        Phi={rate: SX(1)},
+        velocity=velocity,
+        acceleration=acceleration,
+        residual=None,
+        squared_gap=SX(0),
+    )
 
 
 def _coupling(kinematics: Kinematics, model: pin.Model, closure: Coupling) -> Row:
-    """A joint that follows polynomials of others."""
-    terms: dict[str, tuple[float, ...]] = {closure.joint: (0.0, 1.0)}
-    terms |= {name: tuple(-c for c in p) for name, p in closure.polynomials.items()}
+    """A joint that follows polynomials p_k of others: q - offset - sum p_k(q_k) = 0.
+
+    With P(q) = q for the joint itself and P = -p_k for the others, Phi v is the sum of P' v_k, and
+    its rate the sum of P' v_dot_k + P'' v_k^2.
+    """
+    P: dict[str, tuple[float, ...]] = {closure.joint: (0.0, 1.0)}
+    for name, coefficients in closure.polynomials.items():
+        P[name] = tuple(-c for c in coefficients)
     residual = SX(-closure.offset)
-    Phi: Sparse = {}
-    second: Sparse = {}
-    for name, coefficients in terms.items():
+    slopes: Sparse = {}  # P', by rate
+    curvatures: Sparse = {}  # P'', by rate
+    for name, coefficients in P.items():
         joint = model.joints[joint_id(model, name)]
         q = kinematics.moved_q[joint.idx_q]
-        powers = [polyder(coefficients, k) for k in range(3)]
-        value, slope, curvature = (SX(ca.polyval(ca.DM(p[::-1]), q)) for p in powers)
+        derivatives = [polyder(coefficients, order) for order in range(3)]
+        # CasADi's coefficients begin with the highest power.
+        value, slope, curvature = (SX(ca.polyval(ca.DM(p[::-1]), q)) for p in derivatives)
         residual += value
         if not slope.is_zero():
-            Phi[joint.idx_v], second[joint.idx_v] = slope, curvature
+            slopes[joint.idx_v] = slope
+            curvatures[joint.idx_v] = curvature
 
     def velocity(v: Sparse, twists: Twists) -> SX:
-        return sum((c * v[k] for k, c in Phi.items() if k in v), SX(0))
+        return sum((c * v[k] for k, c in slopes.items() if k in v), SX(0))
 
     def acceleration(v: Sparse, dv: Sparse) -> SX:
-        linear = (c * dv[k] for k, c in Phi.items() if k in dv)
-        return sum(linear, sum((c * v[k] ** 2 for k, c in second.items() if k in v), SX(0)))
+        of_v = sum((c * v[k] ** 2 for k, c in curvatures.items() if k in v), SX(0))
+        return sum((c * dv[k] for k, c in slopes.items() if k in dv), of_v)
 
-    return Row(Phi, velocity, acceleration, residual, residual**2)
+    return Row(
+        Phi=slopes,
+        velocity=velocity,
+        acceleration=acceleration,
+        residual=residual,
+        squared_gap=residual**2,
+    )
