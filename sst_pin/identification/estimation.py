@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..simulation.trajectories import Trajectory, require_motion
 from ..summaries import Summary
 from .base_parameters import BaseParameters
-from .measurements import decimated, noise_correlations
+from .filters import decimated, noise_correlations
 
 #: Residuals up to this number of standard deviations count in full (P. J. Huber).
 _HUBER = 1.345
