@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -165,19 +166,18 @@ def estimate(
     noise = np.ones(motors)
     weights = np.ones(forces.shape)  # of Huber's function
     for _ in range(_ITERATIONS):
-        A, z, torques_by_z = _in_units_of_noise(J, noise, regressor, forces)
-        weighted_A = A * weights[..., None]
-        values, inverse = solved(weighted_A, z * weights)
-        back = torques_by_z / noise[:, None]
-        spread = _Spread(weighted_A, inverse, back, correlations)
-        z = z - A @ values
-        residuals = (torques_by_z @ z[..., None])[..., 0]  # of the torques
+        whitened = _whitened(J, noise, regressor, forces)
+        weighted_A = whitened.A * weights[..., None]
+        values, inverse = solved(weighted_A, whitened.z * weights)
+        spread = _Spread(weighted_A, inverse, whitened.torques / noise[:, None], correlations)
+        residuals = whitened.z - whitened.A @ values
+        torque_errors = (whitened.torques @ residuals[..., None])[..., 0]
         if robust:
-            deviations = np.median(np.abs(residuals), axis=0) / _MEDIAN_OF_NORMAL
-            squares = len(z) * deviations**2
-            weights = np.sqrt(np.minimum(1, _HUBER / np.maximum(np.abs(z), 1e-300)))
+            deviations = np.median(np.abs(torque_errors), axis=0) / _MEDIAN_OF_NORMAL
+            squares = len(residuals) * deviations**2
+            weights = np.sqrt(np.minimum(1, _HUBER / np.maximum(np.abs(residuals), 1e-300)))
         else:
-            squares = np.sum(residuals**2, axis=0)
+            squares = np.sum(torque_errors**2, axis=0)
         freedom = spread.freedom
         if motors > n:  # the motion does not show the shares of single motors
             squares = np.full(motors, squares.sum())
@@ -191,34 +191,75 @@ def estimate(
             break
 
     if robust:  # Huber's covariance is a factor times the covariance of least squares
-        back = torques_by_z / noise[:, None]
-        spread = _Spread(A, solved(A, z)[1], back, correlations)
-        covariance = spread.covariance * _huber_factor(z, len(base))
+        _, inverse = solved(whitened.A, residuals)
+        torques = whitened.torques / noise[:, None]
+        spread = _Spread(whitened.A, inverse, torques, correlations)
+        covariance = spread.covariance * _huber_factor(residuals, len(base))
     else:
         covariance = spread.covariance
     return Estimate(base, values, covariance, noise, fewest, decimate)
 
 
-def _huber_factor(z: Array, b: int) -> float:
+def _huber_factor(residuals: Array, b: int) -> float:
     """The variance of Huber's estimate of b values, in units of that by least squares.
 
-    See P. J. Huber, Robust Statistics, 1981, Eq. (7.6.8) and its correction for many parameters.
+    The residuals are in units of their noise. See P. J. Huber, Robust Statistics, 1981, Eq. (7.6.8)
+    and its correction for many parameters.
     """
-    inside = float((np.abs(z) < _HUBER).mean())
-    correction = 1 + b / z.size * (1 - inside) / inside
-    mean_square = np.sum(np.clip(z, -_HUBER, _HUBER) ** 2) / (z.size - b)
+    inside = float((np.abs(residuals) < _HUBER).mean())
+    correction = 1 + b / residuals.size * (1 - inside) / inside
+    mean_square = np.sum(np.clip(residuals, -_HUBER, _HUBER) ** 2) / (residuals.size - b)
     return float(correction**2 * mean_square / inside**2)
+
+
+class _Whitened(NamedTuple):
+    """The equations A theta = z of all samples, in units of their noise.
+
+    Noise of the torques with the covariance N = diag(noise^2) is noise of the forces J^T tau with
+    J^T N J = C C^T. So both sides of Y theta = J^T tau are multiplied by C^-1; the noise of z then
+    has the covariance 1.
+    """
+
+    #: C^-1 Y, shape (N, n, b).
+    A: Array
+    #: C^-1 J^T tau, shape (N, n).
+    z: Array
+    #: Torque errors for one unit of an error of z, shape (N, motors, n): N J C^-T. Of the torque
+    #: errors that give the same forces, these are the most likely ones.
+    torques: Array
+
+
+def _whitened(J: Array, noise: Array, regressor: Array, forces: Array) -> _Whitened:
+    """The equations regressor theta = forces in units of their noise.
+
+    Args:
+        J: Actuator Jacobians, shape (N, motors, n).
+        noise: Standard deviations of the motors' torques, shape (motors,).
+        regressor: Y, shape (N, n, b).
+        forces: J^T tau, shape (N, n).
+    """
+    try:
+        C_inverse = np.linalg.inv(np.linalg.cholesky((J.mT * noise**2) @ J))
+    except np.linalg.LinAlgError:
+        problem = "the motors do not act on all coordinates in all samples"
+        raise InputError("q", problem) from None
+    z = (C_inverse @ forces[..., None])[..., 0]
+    torques = noise[:, None] ** 2 * (J @ C_inverse.mT)
+    return _Whitened(C_inverse @ regressor, z, torques)
 
 
 class _Spread:
     """How the noise of the motors spreads into the values and the residuals, in units of the noise.
 
+    The values are theta = (A^T A)^-1 A^T z with A = Q R, and the residuals (1 - H) z with the hat
+    matrix H = Q Q^T. Noise of samples that are k apart has the correlation c_k, together C.
+
     Args:
         A: The equations in units of the noise, shape (N, n, b).
-        inverse: R^-1 of A = Q R, shape (b, b).
-        back: Derivatives of the torque errors, in units of the noise, by the errors of the
-            equations, shape (N, motors, n).
-        correlations: Correlations of the noise of samples 1, 2, ... apart.
+        inverse: R^-1, shape (b, b).
+        torques: Torque errors in units of the noise, for one unit of an error of z, shape (N,
+            motors, n).
+        correlations: c_1, c_2, ...
 
     Attributes:
         covariance: Covariance of the values, shape (b, b).
@@ -226,25 +267,25 @@ class _Spread:
         repetition: Number of samples with the same information as one independent sample.
     """
 
-    def __init__(self, A: Array, inverse: Array, back: Array, correlations: Array) -> None:
-        # The values are inverse B^T times the noise, up to the sum over the samples.
-        B = back @ (A @ inverse)
-        motors, b = B.shape[1:]
-        squares = np.empty((motors, b, b))  # B^T B of each motor
-        sums = np.empty((motors, b, b))  # B^T C B of each motor, C has the correlations
+    def __init__(self, A: Array, inverse: Array, torques: Array, correlations: Array) -> None:
+        # Q as torque errors. With it, theta = R^-1 times the sum of Q^T noise over the samples.
+        Q = torques @ (A @ inverse)
+        motors, b = Q.shape[1:]
+        Q_Q = np.empty((motors, b, b))  # Q^T Q of each motor
+        Q_C_Q = np.empty((motors, b, b))  # Q^T C Q of each motor
         for k in range(motors):
-            rows = B[:, k]
-            squares[k] = rows.T @ rows
-            sums[k] = squares[k]
+            rows = Q[:, k]
+            Q_Q[k] = rows.T @ rows
+            Q_C_Q[k] = Q_Q[k]
             for lag, correlation in enumerate(correlations[: len(rows) - 1], 1):
                 pairs = correlation * (rows[:-lag].T @ rows[lag:])
-                sums[k] += pairs + pairs.T
-        total = sums.sum(axis=0)
+                Q_C_Q[k] += pairs + pairs.T
+        total = Q_C_Q.sum(axis=0)
         self.covariance = inverse @ total @ inverse.T
-        # With the hat matrix H and correlations C the residuals have (1 - H) C (1 - H).
-        self.freedom = np.sum(back**2, axis=(0, 2))
-        self.freedom -= 2 * np.trace(sums, axis1=1, axis2=2)
-        self.freedom += np.einsum("kij,ji->k", squares, total)
+        # The trace of (1 - H) C (1 - H) = C - 2 H C + H C H.
+        self.freedom = np.sum(torques**2, axis=(0, 2))
+        self.freedom -= 2 * np.trace(Q_C_Q, axis1=1, axis2=2)
+        self.freedom += np.einsum("kij,ji->k", Q_Q, total)
         self.repetition = 1 + 2 * float(np.sum(correlations**2))
 
 
@@ -277,9 +318,10 @@ def _require_enough(Y: Array, measured: Array, n: int, b: int, decimate: int) ->
 
 
 def _mean_signs(v: Array) -> Array:
-    """The mean sign of rates, (N, nv), half a sample before and after each, over the sign there.
+    """The mean of sign(v) about each sample over sign(v) there, for rates v of shape (N, nv).
 
-    A sign changes between samples; filtered friction shows when.
+    The mean is over half a sample before and half a sample after, along straight lines between the
+    samples. So filtered friction shows when the sign changes between samples.
     """
     means = (v[1:] + v[:-1]) / 2
     halves = []
@@ -289,24 +331,6 @@ def _mean_signs(v: Array) -> Array:
             half = (np.abs(ends) - np.abs(v)) / (ends - v) * np.sign(v)
         halves.append(np.where(np.isfinite(half), half, 1.0))
     return np.mean(halves, axis=0)
-
-
-def _in_units_of_noise(
-    J: Array, noise: Array, regressor: Array, forces: Array
-) -> tuple[Array, Array, Array]:
-    """Both sides of the equations in units of their noise, and torques for one unit of each.
-
-    Noise of the torques with the covariance N = diag(noise^2) is noise of the forces J^T tau with
-    J^T N J = C C^T, so both sides are multiplied by C^-1. Of the torque errors with the same
-    forces, the third result has the most likely ones, N J C^-T.
-    """
-    try:
-        C_inverse = np.linalg.inv(np.linalg.cholesky((J.mT * noise**2) @ J))
-    except np.linalg.LinAlgError:
-        problem = "the motors do not act on all coordinates in all samples"
-        raise InputError("q", problem) from None
-    z = (C_inverse @ forces[..., None])[..., 0]
-    return C_inverse @ regressor, z, noise[:, None] ** 2 * (J @ C_inverse.mT)
 
 
 def predicted_torques(chain: ClosedChain, theta: ArrayLike, motion: Trajectory) -> Array:
@@ -320,8 +344,8 @@ def predicted_torques(chain: ClosedChain, theta: ArrayLike, motion: Trajectory) 
     require_motion(motion, chain.mechanism)
     Y = chain.torque_regressor(motion.q, motion.va, motion.aa)
     forces = Y @ finite_array("theta", theta, (Y.shape[-1],))
-    back = np.linalg.pinv(chain.actuator_jacobian(motion.q).mT)
-    return np.asarray((back @ forces[..., None])[..., 0])
+    torques_of_forces = np.linalg.pinv(chain.actuator_jacobian(motion.q).mT)
+    return np.asarray((torques_of_forces @ forces[..., None])[..., 0])
 
 
 def report(chain: ClosedChain, found: Estimate, theta: ArrayLike, unseen: Trajectory) -> str:
@@ -366,13 +390,15 @@ def report(chain: ClosedChain, found: Estimate, theta: ArrayLike, unseen: Trajec
 
 
 def solved(A: Array, z: Array) -> tuple[Array, Array]:
-    """The least-squares solution of A x = z, and R^-1 of A = Q R: a root of the covariance.
+    """The least-squares solution of A x = z, and R^-1 of A = Q R, shapes (b,) and (b, b).
 
-    Leading axes of A, shape (..., b), and z, shape (...), are rows of one system.
+    R^-1 R^-T is the covariance of x for noise of z with the covariance 1. Leading axes of A, shape
+    (..., b), and z, shape (...), are rows of one system.
     """
     from scipy.linalg import solve_triangular
 
     b = A.shape[-1]
+    # The columns of A and z are triangularised together, in units of their sizes.
     rows = np.concatenate([A, z[..., None]], axis=-1).reshape(-1, b + 1)
     sizes = np.linalg.norm(rows[:, :b], axis=0)
     sizes[sizes == 0] = 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from contextlib import suppress
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -62,6 +63,7 @@ def _sizes(chain: ClosedChain, base: BaseParameters) -> Array:
 
 
 def _condition(chain: ClosedChain, base: BaseParameters, sizes: Array, motion: Trajectory) -> float:
+    """Condition number of the base regressor along a motion, its columns divided by sizes."""
     Y = chain.torque_regressor(motion.q, motion.va, motion.aa)[..., base.columns]
     return float(np.linalg.cond((Y / sizes).reshape(-1, len(base))))
 
@@ -124,28 +126,27 @@ def excitation(
     sizes = _sizes(chain, base)
     coarse = period / (_SAMPLES * count)
     shape = (series.size, len(chain.coordinates))
-    best = np.inf
-    center = np.zeros(shape)
-    result = None
+    best = np.inf  # the smallest condition number
+    center = np.zeros(shape)  # coefficients of the motion that has it
+    result = None  # this motion
     for k in counted(range(tries), "excitation", tries):
         z = np.asarray(random.normal(size=shape) / count)
         if k >= tries * _RANDOM_TRIES and np.isfinite(best):
             # Steps from the best series, which become shorter to the end.
             z *= 0.5 * np.abs(center).max() * count * (1 - k / tries)
             z += center
-        judged = series.possible(z, _FACTORS, coarse)
-        if judged is None:
+        candidate = series.within_limits(z, _FACTORS, coarse)
+        if candidate is None:
             continue
-        coefficients, coarse_motion = judged
-        value = _condition(chain, base, sizes, coarse_motion)
+        value = _condition(chain, base, sizes, candidate.motion)
         if value >= best:
             continue
         # A limit may be exceeded between coarse samples: check the final ones, and scale down.
-        final = series.possible(coefficients, _FINAL_FACTORS, fine)
+        final = series.within_limits(candidate.coefficients, _FINAL_FACTORS, fine)
         if final is not None:
             best = value
-            center = coefficients
-            result = final[1]
+            center = candidate.coefficients
+            result = final.motion
     if result is None:
         raise InputError("start", "no motion about it stays within the limits")
     if best > _POOR:
@@ -155,8 +156,20 @@ def excitation(
     return result
 
 
+class _Candidate(NamedTuple):
+    """A motion within the limits, and the coefficients of its series."""
+
+    coefficients: Array
+    motion: Trajectory
+
+
 class _Series:
-    """Fourier series of the coordinates that begin and end at rest at the first configuration."""
+    """Fourier series of the coordinates that begin and end at rest at the first configuration.
+
+    The position of a coordinate is its start plus the sum of a_k sin(w_k t) + b_k cos(w_k t). The
+    conditions at the ends, where position, rate and acceleration are zero, are linear in a and b.
+    So (a, b) is a matrix, whose columns span their null space, times coefficients z.
+    """
 
     def __init__(
         self,
@@ -193,18 +206,23 @@ class _Series:
         largest = np.minimum(model.effortLimit, np.finfo(float).max / 10)
         self._strongest = _limits("torques", torques, np.abs(mechanism.actuation).T @ largest)
 
-    def possible(
-        self, z: Array, factors: Iterable[float], step: float
-    ) -> tuple[Array, Trajectory] | None:
-        """Coefficients and motion for the first factor that keeps all limits, or None."""
+    def within_limits(self, z: Array, factors: Iterable[float], step: float) -> _Candidate | None:
+        """The series with the first factor that keeps all limits; None if none does.
+
+        Args:
+            z: Coefficients, shape (size, n).
+            factors: Factors of the coefficients, tried in this order.
+            step: Time between samples of the motion, [s].
+        """
         for factor in factors:
-            with suppress(SSTError):
+            with suppress(SSTError):  # it meets a singular configuration
                 motion = self._sampled(factor * z, step)
                 if self._allows(motion):
-                    return factor * z, motion
+                    return _Candidate(factor * z, motion)
         return None
 
     def _sampled(self, z: Array, step: float) -> Trajectory:
+        """The motion of the robot for coefficients z, shape (size, n)."""
         t = np.linspace(0, self._period, max(round(self._period / step), 3) + 1)
         phases = np.outer(t, self._frequencies)
         waves = np.hstack([np.sin(phases), np.cos(phases)])
@@ -212,6 +230,7 @@ class _Series:
         return coordinate_motion(self._chain, t, x, self._first)
 
     def _allows(self, motion: Trajectory) -> bool:
+        """Whether a motion keeps the limits of positions, rates and torques."""
         model = self._chain.mechanism.model
         low = model.lowerPositionLimit
         high = model.upperPositionLimit
@@ -223,7 +242,7 @@ class _Series:
 
 
 def _limits(name: str, values: ArrayLike | None, model: Array) -> Array:
-    """Largest values, one or each; a limit of the model that is 0 is unknown."""
+    """Largest values that the caller gives, one or each; else the model's, where 0 is unknown."""
     if values is None:
         return np.where(model > 0, model, np.inf)
     return one_or_each(name, values, len(model))
