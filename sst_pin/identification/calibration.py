@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Finds the places of joints and closures of a robot from measured poses.
+"""Finds the placements of joints and closures of a robot from measured poses.
 
-Errors of the geometry are joints of an enlarged robot: three slides, three hinges at each place.
-The natural orthogonal complement of this robot has the derivatives of a pose by the errors, with
-closed loops.
+An error of the geometry is a displacement of a joint or of a closure's frame along or about an axis
+from where it is drawn. The enlarged robot has a joint for each error: three slides and three hinges
+at each place. So the Jacobian of a frame of this robot, along motions that keep the loops closed,
+has the derivatives of a pose by the errors. Newton's method finds the errors that fit the poses.
 """
 
 from __future__ import annotations
@@ -264,14 +265,14 @@ def calibrate_with(
             problem = f"{len(A)} equations for {visible.size} errors; give more poses, or which="
             raise InputError("poses", problem)
         try:
-            values, root, noise = fit.values(q, visible)
+            solution = fit.solution(q, visible)
             break
         except InputError:
             if tolerance == _TOLERANCES[-1]:
                 raise
 
     # The robot with these errors.
-    value_of = {names[k]: float(x) for k, x in zip(visible, values, strict=True)}
+    value_of = {names[k]: float(x) for k, x in zip(visible, solution.values, strict=True)}
     hidden = tuple(name for name in names if name not in value_of)
     moves = geometry.displacements(machine.mechanism, value_of)
     placements = _placements(machine, unknown, moves)
@@ -279,9 +280,9 @@ def calibrate_with(
     robot = chain.with_model(geometry.displaced(chain.mechanism.model, moves_of_robot))
     return Calibration(
         names=tuple(value_of),
-        values=values,
-        covariance=root @ root.T,
-        noise=noise,
+        values=solution.values,
+        covariance=solution.root @ solution.root.T,
+        noise=solution.noise,
         hidden=hidden,
         chain=robot,
         placements=placements,
@@ -293,7 +294,7 @@ def _with_systems(
 ) -> tuple[ClosedChain, dict[str, str]]:
     """The robot with a frame for each unknown base and target of a measuring system.
 
-    The second result has the names of these frames, and of the frames that carry them.
+    The second result has the names of these frames, and for each the frame that carries it.
     """
     model = pin.Model(chain.mechanism.model)
     carriers = dict[str, str]()
@@ -350,6 +351,17 @@ class _Kind(NamedTuple):
     stated_noise: float | None
 
 
+class _Solution(NamedTuple):
+    """Errors that fit the measurements."""
+
+    #: Shape (k,), [m] or [rad].
+    values: Array
+    #: A root of their covariance root root^T, shape (k, k).
+    root: Array
+    #: Standard deviation of each kind of measured values, [m] or [rad].
+    noise: Array
+
+
 class _Fit:
     """Measurements as functions of the errors of an enlarged robot.
 
@@ -400,14 +412,11 @@ class _Fit:
         placements = self._large.engine.loops.placements(q, name)
         return placements, self._large.frame_jacobian(q, name)[..., self._columns]
 
-    def values(self, q: Array, visible: Indices) -> tuple[Array, Array, Array]:
-        """The visible errors by Newton's method.
+    def solution(self, q: Array, visible: Indices) -> _Solution:
+        """The errors of these indices by Newton's method, from configurations q without errors.
 
         Each step solves the equations, weighted by the noise of their kind, by least squares; the
         noise that is not stated is estimated from the residuals of the step before.
-
-        Returns:
-            Values, shape (k,); a root of their covariance, shape (k, k); the noise of each kind.
         """
         units = self._units[visible]
         names = [self._names[k] for k in visible]
@@ -421,7 +430,8 @@ class _Fit:
                     stated = [kind.stated_noise for kind in kinds]
                     noise = np.array([1.0 if x is None else x for x in stated])
                 z = np.concatenate([k.z / s for k, s in zip(kinds, noise, strict=True)])
-                A = np.concatenate([k.A / s for k, s in zip(kinds, noise, strict=True)])[:, visible]
+                A = np.concatenate([k.A / s for k, s in zip(kinds, noise, strict=True)])
+                A = A[:, visible]
                 step, root = solved(A, z)
             except (ClosureError, SingularConfigurationError, InputError):
                 raise InputError("poses", _TOO_LARGE) from None
@@ -439,7 +449,11 @@ class _Fit:
                 raise InputError("poses", problem)
         for kind, residual, leverage in zip(kinds, residuals, leverages, strict=True):
             _check_noise(kind, residual, leverage)
-        return values * units, root * units[:, None], noise * [kind.unit for kind in kinds]
+        return _Solution(
+            values=values * units,
+            root=root * units[:, None],
+            noise=noise * [kind.unit for kind in kinds],
+        )
 
     def _with_errors(self, q: Array, names: Sequence[str], values: Array) -> Array:
         """Closed configurations with these errors, near q."""

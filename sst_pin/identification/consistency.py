@@ -2,11 +2,17 @@
 """Dynamic parameters that bodies can have, nearest to the measured ones.
 
 A body can have ten parameters if its pseudo-inertia is positive definite (P. M. Wensing, S. Kim,
-J.-J. E. Slotine, IEEE RA-L 3(1), 2018). The parameters are linear in it, so that the nearest ones
-are the solution of a semi-definite programme.
+J.-J. E. Slotine, IEEE RA-L 3(1), 2018). The pseudo-inertia is linear in them, so that the nearest
+parameters are the solution of a semi-definite programme:
+
+    minimise |R (x - best)|^2    so that    G x - g lies in a product of cones.
+
+x are the unknown parameters in suitable units. The first term is the estimate, with the weights of
+its covariance, and the prior, both as one triangular R with the solution `best` if there were no
+constraints.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -65,67 +71,87 @@ def consistent_parameters(
         True
     """
     try:
-        import clarabel
+        import clarabel  # noqa: F401
     except ModuleNotFoundError:
         raise MissingExtraError("clarabel", "identification") from None
-    from scipy.linalg import block_diag, solve_triangular
+    from scipy.linalg import solve_triangular
 
     found.base.require_for(chain)
-    cad = np.asarray(chain.dynamic_parameters)
-    weight = positive_number("prior", prior)
-    # The unknowns: ten parameters of each body that is considered, then all others considered.
-    end_of_bodies = 10 * (chain.mechanism.model.njoints - 1)
-    masses = cad[:end_of_bodies:10]
-    varied = np.zeros(cad.size, dtype=bool)
-    varied[found.base.considered] = True
-    body_varies = varied[:end_of_bodies].reshape(-1, 10).any(axis=1)
-    varied_bodies = np.flatnonzero(body_varies & (masses > 0))
-    others = np.flatnonzero(varied[end_of_bodies:]) + end_of_bodies
-    parameters_of_bodies = 10 * varied_bodies[:, None] + np.arange(10)
-    columns = np.concatenate([parameters_of_bodies.ravel(), others])
-    # Units: masses of bodies and length of the robot; for other unknowns, their deviations alone.
-    powers_of_length = chain.mechanism.length ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
-    units_of_bodies = np.outer(masses[varied_bodies], powers_of_length).ravel()
-    units, R, best = _least_squares(found, cad, columns, units_of_bodies, float(np.sqrt(weight)))
-
-    # Constraints: rows x - floor lies in a product of cones.
-    names = chain.dynamic_parameters.names
-    positive = [k for k, i in enumerate(others) if names[i].endswith(_POSITIVE)]
-    body_rows = (pseudo_inertias(np.eye(10))[:, _ROWS, _COLUMNS] * _FACTORS).T
-    rows = [block_diag(*[body_rows] * varied_bodies.size, np.eye(others.size)[positive])]
-    least = np.where(_ROWS == _COLUMNS, _LEAST, 0.0)
-    floor = [np.tile(least, varied_bodies.size), np.zeros(len(positive))]
-    cones = [clarabel.PSDTriangleConeT(4)] * varied_bodies.size + [
-        clarabel.NonnegativeConeT(len(positive))
-    ]
-    if total_mass is not None:
-        fixed = np.delete(masses, varied_bodies).sum()
-        mass_of_varied = positive_number("total_mass", total_mass) - fixed
-        if mass_of_varied <= 0 or not varied_bodies.size:
-            raise InputError("total_mass", f"{total_mass:g} kg; fixed masses have {fixed:g} kg")
-        mass_of_bodies = np.kron(masses[varied_bodies], np.eye(10)[0])
-        rows.insert(0, np.append(mass_of_bodies, np.zeros(others.size))[None])
-        floor.insert(0, np.array([mass_of_varied]))
-        cones.insert(0, clarabel.ZeroConeT(1))
-    A = np.vstack(rows)
+    weight = float(np.sqrt(positive_number("prior", prior)))
+    unknowns = _unknowns(chain, found)
+    fit = _least_squares(chain, found, unknowns, weight)
+    constraints = _constraints(chain, unknowns, total_mass)
 
     # With x = best + R^-1 y, the shortest y is the nearest solution.
-    y, status = _nearest(np.linalg.solve(R.T, A.T).T, A @ best - np.concatenate(floor), cones)
-    best += solve_triangular(R, y)
-    _require_bodies(best[: 10 * varied_bodies.size].reshape(-1, 10), status)
-    theta = cad.copy()
-    theta[columns] = best * units
+    reach = np.linalg.solve(fit.R.T, constraints.G.T).T
+    y, status = _shortest(reach, constraints.G @ fit.best - constraints.g, constraints.cones)
+    x = fit.best + solve_triangular(fit.R, y)
+    _require_bodies(x[: 10 * unknowns.bodies.size].reshape(-1, 10), status)
+    theta = np.array(chain.dynamic_parameters)
+    theta[unknowns.columns] = x * fit.units
     # The solver may violate the constraints by its tolerance.
-    theta[others[positive]] = np.maximum(theta[others[positive]], 0)
-    return DynamicParameters(names, theta)
+    theta[unknowns.positive] = np.maximum(theta[unknowns.positive], 0)
+    return DynamicParameters(chain.dynamic_parameters.names, theta)
+
+
+class _Unknowns(NamedTuple):
+    """The parameters that may change: ten of each body that is considered, then others."""
+
+    #: Indices of the bodies.
+    bodies: Indices
+    #: Masses of all bodies of the robot, [kg].
+    masses: Array
+    #: Indices of the other unknowns in the dynamic parameters.
+    others: Indices
+    #: Those of the others that must not be negative.
+    positive: Indices
+    #: Indices of all unknowns in the dynamic parameters.
+    columns: Indices
+
+
+def _unknowns(chain: ClosedChain, found: Estimate) -> _Unknowns:
+    """The unknowns of an estimate; bodies without mass are left out."""
+    parameters = np.asarray(chain.dynamic_parameters)
+    names = chain.dynamic_parameters.names
+    end_of_bodies = 10 * (chain.mechanism.model.njoints - 1)
+    masses = parameters[:end_of_bodies:10]
+    is_considered = np.zeros(parameters.size, dtype=bool)
+    is_considered[found.base.considered] = True
+    body_is_considered = is_considered[:end_of_bodies].reshape(-1, 10).any(axis=1)
+    bodies = np.flatnonzero(body_is_considered & (masses > 0))
+    others = np.flatnonzero(is_considered[end_of_bodies:]) + end_of_bodies
+    positive = [k for k in others if names[k].endswith(_POSITIVE)]
+    parameters_of_bodies = 10 * bodies[:, None] + np.arange(10)
+    return _Unknowns(
+        bodies=bodies,
+        masses=masses,
+        others=others,
+        positive=np.array(positive, dtype=np.intp),
+        columns=np.concatenate([parameters_of_bodies.ravel(), others]),
+    )
+
+
+class _LeastSquares(NamedTuple):
+    """The term |R (x - best)|^2 that is minimised."""
+
+    #: Units of the unknowns x, shape (k,).
+    units: Array
+    #: Upper triangular, shape (k, k).
+    R: Array
+    #: Shape (k,).
+    best: Array
 
 
 def _least_squares(
-    found: Estimate, cad: Array, columns: Indices, units_of_bodies: Array, weight: float
-) -> tuple[Array, Array, Array]:
-    """Units of the unknowns, R of their least squares with the prior, and their solution."""
+    chain: ClosedChain, found: Estimate, unknowns: _Unknowns, weight: float
+) -> _LeastSquares:
+    """The estimate and the prior as one triangular system.
+
+    `weight` is the root of the prior's weight for parameters of bodies.
+    """
     from scipy.linalg import solve_triangular
 
+    # The estimate: rows theta = values, in units of their standard deviations.
     try:
         root = np.linalg.cholesky(found.covariance)
     except np.linalg.LinAlgError:
@@ -134,24 +160,76 @@ def _least_squares(
     rows = solve_triangular(root, found.base.matrix, lower=True)
     # Deviations from the prior keep their digits beside values that are known a million times
     # better.
-    deviations = solve_triangular(root, found.values - found.base.matrix @ cad, lower=True)
-    bodies = units_of_bodies.size
-    sizes = np.linalg.norm(rows[:, columns[bodies:]], axis=0)
+    prior = np.asarray(chain.dynamic_parameters)
+    deviations = solve_triangular(root, found.values - found.base.matrix @ prior, lower=True)
+
+    # Units: masses of bodies and the length of the robot; for others, their deviations alone.
+    powers_of_length = chain.mechanism.length ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
+    units_of_bodies = np.outer(unknowns.masses[unknowns.bodies], powers_of_length).ravel()
+    sizes = np.linalg.norm(rows[:, unknowns.others], axis=0)
     units = np.concatenate([units_of_bodies, 1 / np.maximum(sizes, 1e-9)])
+
+    # The prior: x is the chain's parameters, with the weights of bodies or a weak one.
     weights = np.full(units.size, _WEAK)
-    weights[:bodies] = weight
-    Q, R = np.linalg.qr(np.vstack([rows[:, columns] * units, np.diag(weights)]))
-    best = cad[columns] / units + solve_triangular(R, Q[: deviations.size].T @ deviations)
-    return units, R, best
+    weights[: units_of_bodies.size] = weight
+    Q, R = np.linalg.qr(np.vstack([rows[:, unknowns.columns] * units, np.diag(weights)]))
+    change = solve_triangular(R, Q[: deviations.size].T @ deviations)
+    return _LeastSquares(units, R, prior[unknowns.columns] / units + change)
+
+
+class _Constraints(NamedTuple):
+    """G x - g lies in the product of some cones of the solver."""
+
+    G: Array
+    g: Array
+    cones: list[Any]
+
+
+def _constraints(chain: ClosedChain, unknowns: _Unknowns, total_mass: float | None) -> _Constraints:
+    """Total mass, positive definite pseudo-inertias, and parameters that are not negative."""
+    import clarabel
+    from scipy.linalg import block_diag
+
+    count = unknowns.bodies.size
+    masses = unknowns.masses
+    G = list[Array]()
+    g = list[Array]()
+    cones = list[Any]()
+
+    # The sum of the masses is known.
+    if total_mass is not None:
+        fixed = np.delete(masses, unknowns.bodies).sum()
+        mass_of_bodies = positive_number("total_mass", total_mass) - fixed
+        if mass_of_bodies <= 0 or not count:
+            raise InputError("total_mass", f"{total_mass:g} kg; fixed masses have {fixed:g} kg")
+        # The mass is the first of ten parameters, in units of the body's mass.
+        row = np.kron(masses[unknowns.bodies], np.eye(10)[0])
+        G.append(np.append(row, np.zeros(unknowns.others.size))[None])
+        g.append(np.array([mass_of_bodies]))
+        cones.append(clarabel.ZeroConeT(1))
+
+    # Each pseudo-inertia, minus the least one, is positive semidefinite. The solver expects the
+    # upper triangle.
+    triangle_by_parameters = (pseudo_inertias(np.eye(10))[:, _ROWS, _COLUMNS] * _FACTORS).T
+    least = np.where(_ROWS == _COLUMNS, _LEAST, 0.0)
+    # Parameters of friction, rotors and springs are not negative.
+    is_positive = np.isin(unknowns.others, unknowns.positive)
+    rows_of_positive = np.eye(unknowns.others.size)[is_positive]
+    G.append(block_diag(*[triangle_by_parameters] * count, rows_of_positive))
+    g.append(np.append(np.tile(least, count), np.zeros(unknowns.positive.size)))
+    cones += [clarabel.PSDTriangleConeT(4) for _ in range(count)]
+    cones.append(clarabel.NonnegativeConeT(unknowns.positive.size))
+    return _Constraints(np.vstack(G), np.concatenate(g), cones)
 
 
 def _require_bodies(ten: Array, status: str) -> None:
+    """Check that the solver found bodies, by ten parameters of each, shape (bodies, 10)."""
     least = np.linalg.eigvalsh(pseudo_inertias(ten)).min(initial=1.0)
     if status not in ("Solved", "AlmostSolved") or not least > 0:
         raise InputError("found", f"no bodies were found near it: {status}; a larger prior helps")
 
 
-def _nearest(reach: Array, room: Array, cones: list[Any]) -> tuple[Array, str]:
+def _shortest(reach: Array, room: Array, cones: list[Any]) -> tuple[Array, str]:
     """The shortest y with `reach` y + `room` in the cones, and the status of the solver."""
     import clarabel
     from scipy.sparse import csc_matrix, eye
@@ -173,7 +251,11 @@ def _nearest(reach: Array, room: Array, cones: list[Any]) -> tuple[Array, str]:
 
 
 def pseudo_inertias(ten: Array) -> Array:
-    """Pseudo-inertias [[S, h], [h^T, m]], S = tr(I)/2 - I, of ten parameters, shape (..., 4, 4)."""
+    """Pseudo-inertias [[S, h], [h^T, m]], S = tr(I)/2 - I, shape (..., 4, 4).
+
+    The ten parameters of a body, shape (..., 10), are its mass m, the first moments h, and the
+    moments of inertia I about the origin.
+    """
     m, x, y, z, ixx, ixy, iyy, ixz, iyz, izz = np.moveaxis(ten, -1, 0)
     half = (ixx + iyy + izz) / 2
     rows = [[half - ixx, -ixy, -ixz, x], [-ixy, half - iyy, -iyz, y], [-ixz, -iyz, half - izz, z]]
