@@ -87,7 +87,7 @@ def choices(reference: Reference, q: Array) -> list[Equations]:
         # Rounded, because legs are alike: the last digits must not choose the order.
         samples = sample_configurations(reference, q).round(9)
         equations.append(Equations(reference.mechanism, samples, loaded=True))
-        small = Checks(equations[-1]).of_state[1]
+        small = Checks(equations[-1]).small_pivots
         smallness.append(ca.Function("small", [equations[-1].q, equations[-1].p], [small]))
 
     add(reference, q)
