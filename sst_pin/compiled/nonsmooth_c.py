@@ -65,6 +65,7 @@ def step_source(
         "impulse_sign": _listed(layout.impulse_sign),
         "implicit_row": _listed(layout.implicit_row),
         "stop_position": _listed([stop.position for stop in rows.stops]),
+        "joint_rate": _listed([*(stop.rate for stop in rows.stops), *rows.dry.tolist()]),
     }
     # Members of `bounds_of_step` in nonsmooth_move.h.
     of_bounds: dict[str, object] = {
@@ -81,6 +82,7 @@ def step_source(
         "m": len(rows.kinds),
         "motors": mechanism.motor_count,
         "q": inputs[0],
+        "rates": mechanism.model.nv,
         "inputs": sum(inputs),
     }
     blanks = of_rows | of_bounds | sizes

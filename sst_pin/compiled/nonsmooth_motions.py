@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import ctypes
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -38,7 +39,9 @@ class NonsmoothCode:
 
     def run(self, rows: NonsmoothRows, motions: NonsmoothArrays, threads: int) -> Indices:
         """Fill motions as far as their steps are sound; the numbers of steps, shape (N,)."""
-        numbers = parameter_values(rows, self._parameters)
+        mechanism = rows.mechanism
+        p = self._parameters.pack(mechanism, mechanism.friction)
+        numbers = parameter_values(rows, self._parameters, p[None])
         count = len(motions.q)
         reached = np.zeros(count, dtype=np.intp)
         workers = min(threads, -(-count // self._lanes), 64)
@@ -83,32 +86,55 @@ def other_lines(rows: NonsmoothRows) -> list[int]:
     return [k for k in range(len(rows.mechanism.lines.forces)) if k not in cables]
 
 
-def parameter_values(rows: NonsmoothRows, parameters: SymbolicParameters) -> Array:
-    """The numbers of a step in the order of `c/nonsmooth.h`."""
+def parameter_values(rows: NonsmoothRows, parameters: SymbolicParameters, p: Array) -> Array:
+    """The numbers of a step in the order of `c/nonsmooth_solver.h`, shape (robots, count).
+
+    Args:
+        rows: The rows and gains, the same for all robots.
+        parameters: Order of the symbolic parameters.
+        p: Symbolic parameters of each robot, shape (robots, size).
+    """
     mechanism = rows.mechanism
     gains = rows.gains
-    lines = mechanism.lines
+    contacts = mechanism.contacts
+    robots = len(p)
+    coulomb = parameters.of_joints("coulomb", p.T)
+    viscous = parameters.of_joints("viscous", p.T)
+    stiffness = parameters.of_joints("stiffness", p.T)
+    lines = [_Line(*numbers) for numbers in parameters.of_lines(p.T)]
+    cables = [lines[k] for k in rows.cables]
+    others = [lines[k] for k in other_lines(rows)]
     rates = implicit_rates(parameters)
-    others = other_lines(rows)
-    cables = rows.cables
-    parts = [
-        [x.friction for x in mechanism.contacts.points],
-        rows.restitution,
-        [x.radius for x in mechanism.contacts.points],
-        [-x.length for x in mechanism.contacts.ropes],
-        lines.stiffness[cables],
-        lines.rest_lengths[cables],
-        lines.damping[cables],
-        lines.preload[cables],
-        lines.actuation[cables].ravel(),
-        [x.limit for x in rows.stops],
-        mechanism.friction.coulomb[rows.dry],
-        mechanism.friction.viscous[rates],
-        lines.damping[others],
-        gains.damping,
-        mechanism.springs.stiffness[rates],
-        lines.stiffness[others],
-        gains.stiffness,
-        rows.least_gaps,
+    columns = [  # each a number for all robots, or one for each
+        *(x.friction for x in contacts.points),
+        *rows.restitution,
+        *(x.radius for x in contacts.points),
+        *(-x.length for x in contacts.ropes),
+        *(x.stiffness for x in cables),
+        *(x.rest_length for x in cables),
+        *(x.damping for x in cables),
+        *(x.preload for x in cables),
+        *mechanism.lines.actuation[rows.cables].ravel(),
+        *(x.limit for x in rows.stops),
+        *(coulomb[rate] for rate in rows.dry),
+        *(viscous.get(rate, 0.0) for rate in rates),
+        *(x.damping for x in others),
+        *gains.damping,
+        *(stiffness.get(rate, 0.0) for rate in rates),
+        *(x.stiffness for x in others),
+        *gains.stiffness,
+        *rows.least_gaps,
     ]
-    return np.concatenate([np.asarray(part, dtype=float) for part in parts])
+    values = np.zeros((robots, len(columns)))
+    for k, column in enumerate(columns):
+        values[:, k] = column
+    return values
+
+
+class _Line(NamedTuple):
+    """Numbers of a line, in the order of `SymbolicParameters`; each for all robots."""
+
+    stiffness: Any
+    rest_length: Any
+    damping: Any
+    preload: Any

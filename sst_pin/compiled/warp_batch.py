@@ -1,29 +1,34 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Dynamics of many samples of one robot on a GPU or a CPU, by kernels of NVIDIA Warp."""
 
+import math
 import sys
 from collections.abc import Mapping
 from copy import copy
 from enum import IntEnum
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
 import warp as wp
+from numpy.typing import ArrayLike
 
 from ..arrays import Array, positive_number, whole_number
 from ..dynamics.derivatives import AccelerationDerivatives, TorqueDerivatives
+from ..dynamics.nonsmooth_rows import MotorGains, NonsmoothRows, motor_gains
 from ..dynamics.quantities import Name, Quantity
 from ..dynamics.reference import Reference
 from ..errors import CompilationError, InputError
-from . import kernels, libraries, warp_code
+from . import kernels, libraries, nonsmooth_c, warp_code
 from .c_code import STYLES
 from .compiled_backend import impossible
 from .equations import Equations
 from .generator_inputs import fingerprint, sample_configurations
 from .kernel_checks import Checks
+from .nonsmooth_motions import parameter_values
 from .symbolic_parameters import SymbolicParameters
+from .warp_nonsmooth import CONTINUED, FRESH, ITERATIONS, NonsmoothState
 
 #: Precisions of the C by Warp's types of numbers.
 _PRECISIONS = {style.dtype: style for style in STYLES.values()}
@@ -40,6 +45,8 @@ class Status(IntEnum):
     SINGULAR = 2  #: The configuration is singular, or nearly so.
     NOT_FINITE = 3  #: A number is not finite, or an angle is too large.
     MODE = 4  #: A step may leave the assembly mode: it needs more substeps.
+    UNSOLVED = 5  #: The impulses are not solved: more `iterations`, or a shorter step. Not NaN.
+    VIOLATED = 6  #: The start violates a contact, a rope or a stop.
 
 
 class State(NamedTuple):
@@ -88,6 +95,7 @@ class WarpBatch:
         self._style = _PRECISIONS[dtype]
         self._open = SymbolicParameters(self._mechanism)
         self._modules: dict[Quantity, ModuleType] = {}
+        self._nonsmooth_modules: dict[bool, ModuleType] = {}
         self._equations: dict[tuple[bool, bool], Equations] = {}
         self._set(self._open.pack(self._mechanism, self._mechanism.friction))
 
@@ -126,7 +134,10 @@ class WarpBatch:
             parameters = parameters.reshape((1, -1))
         #: Shape (N, p), or (1, p) where all robots have the same.
         self.parameters = wp.clone(self._array("parameters", parameters, (self._open.size,), None))
-        self._prepared: dict[tuple[Quantity, float], Any] = {}
+        #: Parameters followed by the constants of a module, by module and width of the sign.
+        self._prepared: dict[tuple[ModuleType, float], Any] = {}
+        #: Numbers of nonsmooth steps, by the gains.
+        self._nonsmooth_numbers: dict[tuple[bytes, bytes], Any] = {}
 
     # --- quantities -------------------------------------------------------------------------
 
@@ -192,9 +203,14 @@ class WarpBatch:
         *,
         substeps: int = 1,
         sign_width: float = 1e-3,
-        out: tuple[Any, Any] | None = None,
+        nonsmooth: bool = False,
+        motor_stiffness: ArrayLike | None = None,
+        motor_damping: ArrayLike | None = None,
+        motor_positions: Any = None,
+        iterations: int = ITERATIONS,
+        out: tuple[Any, ...] | None = None,
         **options: Any,
-    ) -> State:
+    ) -> State | NonsmoothState:
         """States after `dt` seconds with constant torques, by the classical Runge-Kutta method.
 
         After each substep the dependent joints are corrected, so that the loops stay closed. A
@@ -207,14 +223,39 @@ class WarpBatch:
             dt: [s]; a negative step goes back in time.
             substeps: Number of Runge-Kutta steps.
             sign_width: Rates within which Coulomb friction is smooth, [rad/s] or [m/s].
-            out: Arrays for q and va; those of `state` may be used.
+            nonsmooth: Whether joints stop at their limits, dry friction sticks, and contacts, ropes
+                and cables act, by the steps of `ClosedChain.rollout(..., nonsmooth=True)`. Give the
+                result as the next `state`: its impulses are where the solver starts.
+            motor_stiffness: Gains of position control in the motors, shape (motors,), as those of
+                `ClosedChain.rollout`, for `nonsmooth`.
+            motor_damping: Gains of the rates, shape (motors,).
+            motor_positions: Positions to hold, shape (N, motors).
+            iterations: The most rounds of Gauss-Seidel sweeps and Newton's steps in a nonsmooth
+                substep. Where they do not solve it, the status is `Status.UNSOLVED`, and the result
+                is the best that they reached.
+            out: Arrays for the fields of the result; those of `state` may be used.
             options: `external_wrenches`, `status`.
         """
         steps = whole_number("substeps", substeps, 1)
         width = positive_number("sign_width", sign_width)
-        key, (q, va) = Quantity("rollout", sign_width=width), state
-        out = out or (None, None)
+        q, va, *_ = state
         h = float(dt) / steps
+        if nonsmooth:
+            positive_number("dt", dt)
+            motors = self._mechanism.motor_count
+            gains = motor_gains(motor_stiffness, motor_damping, motors)
+            if gains.stiffness.any() and motor_positions is None:
+                problem = "needed with motor_stiffness: the positions to hold, shape (N, motors)"
+                raise InputError("motor_positions", problem)
+            series = whole_number("iterations", iterations, 0)
+            start = state.impulses if isinstance(state, NonsmoothState) else None
+            inputs = {"va": va, "tau": tau, "motor_positions": motor_positions, "impulses": start}
+            return self._nonsmooth_step(q, inputs, gains, h, steps, series, out, **options)
+        self._mechanism.contacts.require_none("step")
+        if any(x is not None for x in (motor_stiffness, motor_damping, motor_positions)):
+            raise InputError("motor_stiffness, motor_damping", "only with nonsmooth=True")
+        key = Quantity("rollout", sign_width=width)
+        out = out or (None, None)
         return self._run(key, {"q": q, "va": va, "tau": tau}, out, h=h, steps=steps, **options)
 
     def module(self, key: Quantity) -> ModuleType:
@@ -222,6 +263,12 @@ class WarpBatch:
         if key not in self._modules:
             self._modules[key] = self._module(key)
         return self._modules[key]
+
+    def nonsmooth_module(self, *, loaded: bool = False) -> ModuleType:
+        """As `module`, of nonsmooth steps; `loaded` with external wrenches."""
+        if loaded not in self._nonsmooth_modules:
+            self._nonsmooth_modules[loaded] = self._nonsmooth_module(loaded)
+        return self._nonsmooth_modules[loaded]
 
     # --- inside -----------------------------------------------------------------------------
 
@@ -234,6 +281,7 @@ class WarpBatch:
         model = self._mechanism.model
         n = self._n
         motors = self._mechanism.motor_count
+        points, ropes, cables, _, dry = self._rows.parts
         return {
             "q": (model.nq,),
             "tau": (motors,),
@@ -244,6 +292,12 @@ class WarpBatch:
             "frame_placement": (4, 3),
             "torque_derivatives": (n, 3 * n),
             "acceleration_derivatives": (n, 2 * n + motors),
+            "motor_positions": (motors,),
+            "contact_forces": ((points.stop - points.start) // 3, 3),
+            "tensions": (cables.stop - ropes.start,),
+            "joint_forces": (model.nv,),
+            "residual": (),
+            "impulses": (dry.stop,),
         }.get(name, (n,))
 
     def _run(
@@ -258,19 +312,16 @@ class WarpBatch:
         steps: int = 0,
     ) -> Any:
         """Launch the kernel of a quantity."""
-        if isinstance(external_wrenches, Mapping):
-            problem = "wrenches at frames; give an array of wrenches on bodies at mass centres"
-            raise InputError("external_wrenches", problem)
+        _require_on_bodies(external_wrenches)
         if external_wrenches is not None:
             key = key._replace(loaded=True)
             inputs = inputs | {kernels.WRENCHES: external_wrenches}
-        count = None
+        count: Any = None
         arrays = []
         for name, value in inputs.items():
             arrays.append(self._array(name, value, self._shape(name), count))
             count = arrays[0].shape[0]
-        if self.parameters.shape[0] not in (1, count):
-            raise InputError("q", f"{count} samples of {self.parameters.shape[0]} robots")
+        self._require_samples(count)
         if status is not None:
             status = self._array("status", status, (), count, wp.int32)
         results = []
@@ -286,9 +337,78 @@ class WarpBatch:
         loads = [arrays.pop() if key.loaded else None]
         flat = [x if x.ndim == 2 else x.reshape((count, -1)) for x in results]
         arguments = [*_filled(arrays, 3), *loads, p, *_filled(flat, 2), h, steps, status]
+        self._launch(module, count, arguments)
+        return State(*results) if steps else results[0]
+
+    def _nonsmooth_step(
+        self,
+        q: Any,
+        inputs: dict[str, Any],
+        gains: MotorGains,
+        h: float,
+        steps: int,
+        series: int,
+        out: tuple[Any, ...] | None,
+        *,
+        external_wrenches: Any = None,
+        status: Any = None,
+    ) -> NonsmoothState:
+        """Launch the kernel of nonsmooth steps; inputs and wrenches that are None are zero."""
+        _require_on_bodies(external_wrenches)
+        q = self._array("q", q, self._shape("q"), None)
+        count = q.shape[0]
+        self._require_samples(count)
+        arrays = {"q": q}
+        for name, value in (inputs | {kernels.WRENCHES: external_wrenches}).items():
+            shape = self._shape(name)
+            given = value is not None and shape != (0,)
+            arrays[name] = self._array(name, value, shape, count) if given else None
+        if status is not None:
+            status = self._array("status", status, (), count, wp.int32)
+        fields = NonsmoothState._fields
+        if out is not None and len(out) != len(fields):
+            raise InputError("out", f"{len(out)} arrays, expected {', '.join(fields)}")
+        results = {}
+        flat = []
+        for name, of_user in zip(fields, out or [None] * len(fields), strict=True):
+            shape = self._shape(name)
+            if of_user is None:
+                array = wp.empty((count, *shape), dtype=self.dtype, device=self.device)
+            else:
+                array = self._array("out", of_user, shape, count)
+            size = math.prod(shape)
+            results[name] = array
+            flat.append(array.reshape((count, size)) if size else None)
+        module = self.nonsmooth_module(loaded=external_wrenches is not None)
+        # A step that continues another one may start with the violation which that one leaves.
+        violation = FRESH if inputs["impulses"] is None else CONTINUED
+        arguments = [
+            q,
+            arrays["va"],
+            arrays["tau"],
+            arrays[kernels.WRENCHES],
+            self._prepared_by(module),
+            self._numbers_of(gains),
+            arrays["motor_positions"],
+            arrays["impulses"],
+            *flat,
+            h,
+            steps,
+            series,
+            violation,
+            status,
+        ]
+        self._launch(module, count, arguments)
+        return NonsmoothState(**results)
+
+    def _launch(self, module: ModuleType, count: int, arguments: list[Any]) -> None:
         options = {"device": self.device, "block_dim": _BLOCK, "max_blocks": _BLOCKS}
         wp.launch(module.run, count, arguments, **options)
-        return State(*results) if steps else results[0]
+
+    def _require_samples(self, count: int) -> None:
+        """Refuse samples that are not as many as the robots with parameters of their own."""
+        if self.parameters.shape[0] not in (1, count):
+            raise InputError("q", f"{count} samples of {self.parameters.shape[0]} robots")
 
     def _array(
         self, name: str, value: Any, shape: tuple[int, ...], count: int | None, dtype: Any = None
@@ -305,22 +425,59 @@ class WarpBatch:
         if value.dtype != dtype or value.device != self.device:
             here = f"{value.dtype.__name__} on {value.device}"
             raise InputError(name, f"{here}, expected {dtype.__name__} on {self.device}")
-        if value.ndim == 3 and name == "out" and not value.is_contiguous:
+        flattened = shape == () or len(shape) == 2
+        if flattened and name == "out" and not value.is_contiguous:
             raise InputError(name, "not contiguous")
         return value
 
     def _prepare(self, key: Quantity) -> tuple[ModuleType, Any]:
         """The kernels of a quantity, and the parameters followed by the constants."""
         width = -1.0 if key.sign_width is None else key.sign_width
-        plain = key._replace(sign_width=None)
-        module = self.module(plain)
-        if (plain, width) not in self._prepared:
+        module = self.module(key._replace(sign_width=None))
+        return module, self._prepared_by(module, width)
+
+    def _prepared_by(self, module: ModuleType, width: float = -1.0) -> Any:
+        """The parameters followed by the constants of a module, with a width of the sign."""
+        if (module, width) not in self._prepared:
             robots = self.parameters.shape[0]
             p = wp.empty((module.size, robots), dtype=self.dtype, device=self.device)
             arguments = [self.parameters, width, p]
             wp.launch(module.prepare, robots, arguments, device=self.device, block_dim=_BLOCK)
-            self._prepared[plain, width] = p
-        return module, self._prepared[plain, width]
+            self._prepared[module, width] = p
+        return self._prepared[module, width]
+
+    @cached_property
+    def _rows(self) -> NonsmoothRows:
+        """The rows of nonsmooth steps, without gains of motors."""
+        return NonsmoothRows(self._mechanism, motor_gains(None, None, self._mechanism.motor_count))
+
+    def _numbers_of(self, gains: MotorGains) -> Any:
+        """Numbers of nonsmooth steps, a row for each robot."""
+        key = gains.stiffness.tobytes(), gains.damping.tobytes()
+        if key not in self._nonsmooth_numbers:
+            rows = NonsmoothRows(self._mechanism, gains)
+            p = self.parameters.numpy().astype(float)
+            numbers = parameter_values(rows, self._open, p)
+            self._nonsmooth_numbers.clear()  # a caller may vary the gains
+            self._nonsmooth_numbers[key] = wp.array(numbers, dtype=self.dtype, device=self.device)
+        return self._nonsmooth_numbers[key]
+
+    def _nonsmooth_module(self, loaded: bool) -> ModuleType:
+        """A module of nonsmooth steps from the cache, or generated now."""
+        mechanism = self._mechanism
+        if problem := impossible(mechanism, "accelerations"):
+            raise CompilationError(problem)
+
+        def source() -> str:
+            equations = self._equations_of(loaded, False)
+            checks = Checks(equations, self._style.closed, self._style.rounding)
+            tolerance = 2 * self._style.closed
+            step = nonsmooth_c.step_source(equations, self._rows, checks, tolerance)
+            return warp_code.nonsmooth_module(step, self._style)
+
+        content = fingerprint(mechanism, self._open, self._near, rows=self._rows)
+        label = f"warp nonsmooth{'_loaded' if loaded else ''} {self._style.dtype}"
+        return _imported(libraries.text(mechanism.model.name, label, content, source))
 
     def _module(self, key: Quantity) -> ModuleType:
         """A module from the cache, or generated now."""
@@ -348,6 +505,13 @@ class WarpBatch:
             samples = sample_configurations(self._reference, self._near)
             self._equations[loaded, smooth] = Equations(self._mechanism, samples, loaded, smooth)
         return self._equations[loaded, smooth]
+
+
+def _require_on_bodies(external_wrenches: Any) -> None:
+    """Refuse wrenches at frames."""
+    if isinstance(external_wrenches, Mapping):
+        problem = "wrenches at frames; give an array of wrenches on bodies at mass centres"
+        raise InputError("external_wrenches", problem)
 
 
 def _filled(arrays: list[Any], count: int) -> list[Any]:

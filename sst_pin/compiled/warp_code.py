@@ -5,7 +5,7 @@ A thread computes one sample. The statements are those of the C. They are in a c
 allows no function inside a function.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from ..loops.continuity import TRAVEL
 from ..model.thresholds import BEND
@@ -13,6 +13,7 @@ from . import c_code
 from .c_code import Style
 from .compiled_states import CHANGE, NEARBY
 from .kernels import WRENCHES, SymbolicKernel
+from .nonsmooth_c import StepSource
 from .symbolic_parameters import SIGN_WIDTH
 
 #: The longest first Newton step onto the closures, [rad] or robot lengths, and the largest ratio of
@@ -23,6 +24,16 @@ _PREPARE = {"numbers": "rows", "width": "real", "p": "rows"}
 _RUN = dict.fromkeys(("q", "va", "last"), "rows") | {WRENCHES: "loads"}
 _RUN |= dict.fromkeys(("p", "out", "va_out"), "rows")
 _RUN |= {"h": "real", "steps": "int", "status": "flags"}
+#: Of nonsmooth steps: the state and what acts, numbers of the robots, where the solver starts; then
+#: the results; then `iterations`, and the factor of the violations with which a step may start.
+_STEP = dict.fromkeys(("q", "va", "tau"), "rows") | {WRENCHES: "loads"}
+_STEP |= dict.fromkeys(("p", "numbers", "held", "start"), "rows")
+_STEP |= dict.fromkeys(("q_out", "va_out", "contact_forces", "tensions"), "rows")
+_STEP |= dict.fromkeys(("joint_forces", "residual", "impulses"), "rows")
+_STEP |= {"h": "real", "steps": "int", "series": "int", "violation": "real", "status": "flags"}
+#: Files that stand before the kernels, and those that stand after them.
+_HELPERS = ("real.h", "warp.h")
+_SOLVER = ("nonsmooth_solver.h", "nonsmooth_move.h")
 _HEAD = '''\
 """Kernels of sst_pin for Warp."""
 import sys
@@ -53,6 +64,26 @@ def module(kernels: Sequence[SymbolicKernel], entry: str, style: Style) -> str:
         entry: "run", "along", "close" or "step".
         style: Numbers of its precision.
     """
+    return _module(kernels, style, _RUN, entry, (), _blanks(kernels, style))
+
+
+def nonsmooth_module(source: StepSource, style: Style) -> str:
+    """As `module`, of nonsmooth steps."""
+    closing, terms, _ = source.kernels
+    blanks = _blanks([closing, terms], style) | source.blanks
+    blanks["constants"] = _constants(source.kernels)
+    return _module(source.kernels, style, _STEP, "nonsmooth", _SOLVER, blanks)
+
+
+def _module(
+    kernels: Sequence[SymbolicKernel],
+    style: Style,
+    arguments_of_run: Mapping[str, str],
+    entry: str,
+    files: Sequence[str],
+    blanks: dict[str, object],
+) -> str:
+    """The text of a module; `run` is in the template of `entry`, with `files` before it."""
     size = None
     room = 0
     of_passes = 0
@@ -63,14 +94,20 @@ def module(kernels: Sequence[SymbolicKernel], entry: str, style: Style) -> str:
         room = max(room, source.room)
         of_passes = source.room_of_passes
         texts += [source.text, *source.functions]
-    blanks = _blanks(kernels, style) | {"room": room, "room_of_passes": of_passes}
+    blanks = blanks | {"room": room, "room_of_passes": of_passes}
     parts = [_HEAD.format(dtype=style.dtype, size=size)]
-    for name, arguments, file in (("prepare", _PREPARE, "prepare"), ("run", _RUN, entry)):
+    functions = (
+        ("prepare", _PREPARE, "prepare", ()),
+        ("run", arguments_of_run, entry, files),
+    )
+    for name, arguments, file, needed in functions:
         names = ", ".join(arguments)
         body = [
             f"#undef LANES\n#undef TURNS\n#define restrict __restrict__\n{style.head}",
             f"#define LAST_STEP N({style.last_step})\nstruct kernel {{",
-            *(c_code.part("real.h"), c_code.part("warp.h"), *texts),
+            *map(c_code.part, _HELPERS),
+            *texts,
+            *map(c_code.part, needed),
             c_code.filled(f"entries/warp_{file}.h", blanks),
             f"}};\nkernel::run(i, {names});",
         ]
@@ -78,6 +115,11 @@ def module(kernels: Sequence[SymbolicKernel], entry: str, style: Style) -> str:
         values = {"body": "\n".join(body), "name": name, "arguments": typed, "names": names}
         parts.append(_KERNEL.format(**values))
     return "".join(parts)
+
+
+def _constants(kernels: Sequence[SymbolicKernel]) -> str:
+    """Calls that compute what depends on the parameters alone."""
+    return "\n    ".join(f"{kernel.name}_constants(own);" for kernel in kernels)
 
 
 def _blanks(kernels: Sequence[SymbolicKernel], style: Style) -> dict[str, object]:
@@ -115,5 +157,5 @@ def _blanks(kernels: Sequence[SymbolicKernel], style: Style) -> dict[str, object
         "tolerance": 2 * style.closed,
         "open": last.parameters.numel(),
         "sign_width": SIGN_WIDTH,
-        "constants": "\n    ".join(f"{kernel.name}_constants(own);" for kernel in kernels),
+        "constants": _constants(kernels),
     }

@@ -9,8 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
-from ..arrays import Array, Indices
+from ..arrays import Array, Indices, single_array
 from ..errors import InputError
 from ..model.mechanism import Mechanism
 from .impulses import DRY, NORMAL, SIDE, STOP
@@ -37,6 +38,20 @@ class MotorGains(NamedTuple):
 
     stiffness: Array
     damping: Array
+
+
+def motor_gains(stiffness: ArrayLike | None, damping: ArrayLike | None, motors: int) -> MotorGains:
+    """The gains of a user, checked; None is zero."""
+    return MotorGains(
+        _gains("motor_stiffness", stiffness, motors), _gains("motor_damping", damping, motors)
+    )
+
+
+def _gains(name: str, value: ArrayLike | None, motors: int) -> Array:
+    gains = np.zeros(motors) if value is None else single_array(name, value, (motors,))
+    if (gains < 0).any():
+        raise InputError(name, f"{gains.min():g} is negative")
+    return gains
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from ..arrays import in_order, single_array
 from ..errors import InputError
+from ..summaries import listed
 from .tree import frame_named
 
 
@@ -114,6 +115,14 @@ class Contacts:
     def none(self) -> bool:
         """Whether there are neither contacts nor ropes."""
         return not (self.points or self.ropes)
+
+    def require_none(self, method: str) -> None:
+        """Refuse contacts and ropes, which only the nonsmooth form of a method knows."""
+        if not self.none:
+            names = listed([str(element) for element in self.points + self.ropes])
+            raise InputError(
+                "contacts", f"{names} act in {method}(..., nonsmooth=True) only; call it"
+            )
 
     def check(self, model: pin.Model) -> None:
         """Refuse frames that the tree does not have, and contacts that cannot change."""

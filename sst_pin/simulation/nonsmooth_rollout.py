@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, Indices, as_array, positive_number, single_array, whole_number
+from ..arrays import Array, Indices, as_array, positive_number, whole_number
 from ..dynamics.impulses import SOLVED
-from ..dynamics.nonsmooth_rows import MotorGains, NonsmoothRows
+from ..dynamics.nonsmooth_rows import NonsmoothRows, motor_gains
 from ..dynamics.nonsmooth_step import NonsmoothArrays
 from ..engine import Engine
 from ..errors import InputError, SSTError
@@ -103,9 +103,7 @@ def nonsmooth_rollout(
     if arguments.steps not in (None, steps):
         expected = f"(..., {arguments.steps}, {motors})"
         raise InputError("tau", f"shape {arguments.tau.shape}, expected {expected}")
-    stiffness = _gains("motor_stiffness", motor_stiffness, motors)
-    damping = _gains("motor_damping", motor_damping, motors)
-    rows = NonsmoothRows(mechanism, MotorGains(stiffness, damping))
+    rows = NonsmoothRows(mechanism, motor_gains(motor_stiffness, motor_damping, motors))
     if motor_positions is None:
         positions = _motor_positions(engine, rows, arguments.q0)[..., None, :]
     else:
@@ -147,13 +145,6 @@ def nonsmooth_rollout(
             at_start=first in motions.cannot_start,
         )
     return _results(rows, arrays, samples.batch, motions.steps_made)
-
-
-def _gains(name: str, value: ArrayLike | None, motors: int) -> Array:
-    gains = np.zeros(motors) if value is None else single_array(name, value, (motors,))
-    if (gains < 0).any():
-        raise InputError(name, f"{gains.min():g} is negative")
-    return gains
 
 
 def _motor_positions(engine: Engine, rows: NonsmoothRows, q: Array) -> Array:

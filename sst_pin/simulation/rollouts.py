@@ -15,7 +15,6 @@ from ..engine import Engine
 from ..errors import InputError
 from ..model.mechanism import Mechanism
 from ..progress import announced
-from ..summaries import listed
 from .rollout_arguments import RolloutArguments
 
 #: Steps of all motions together from which a rollout may take seconds.
@@ -41,10 +40,7 @@ class Rollout(NamedTuple):
 
 def require_smooth(mechanism: Mechanism) -> None:
     """Refuse contacts and ropes, which only nonsmooth steps know."""
-    if not mechanism.contacts.none:
-        elements = mechanism.contacts.points + mechanism.contacts.ropes
-        names = listed([str(element) for element in elements])
-        raise InputError("contacts", f"{names} act in rollout(..., nonsmooth=True) only; call it")
+    mechanism.contacts.require_none("rollout")
 
 
 def rollout(engine: Engine, arguments: RolloutArguments, sign_width: float) -> Rollout:

@@ -4,33 +4,39 @@
  * kernels of the CPU, and C++ in a class for kernels of Warp, on numbers of one or two words, see
  * real.h. Matrices are row-major. */
 #ifdef __cplusplus
-#define FAST static
+#define SMALL HELPER
+#define FAST static __attribute__((noinline)) /* once in the code: inline, it compiles for minutes */
 #else
 #include <math.h>
 #include <string.h>
 #define FAST static __attribute__((optimize("O3", "associative-math", "no-signed-zeros"), unused))
+#define SMALL FAST
 #endif
 
+/* What counts as solved, and as exact, relative to the impulses; pivots below LEAST_PIVOT times their
+ * diagonal entries are rounding. In single precision rounding leaves residuals of some 3e-7. */
 #ifdef SINGLE
 #define SIZE(x) fabsf(x)
 #define ROOT(x) sqrtf(x)
+#define SOLVED 1e-5f
+#define ROUNDING 1e-6f
+#define LEAST_PIVOT 1e-7f
 #else
 #define SIZE(x) fabs(x)
 #define ROOT(x) sqrt(x)
+#define SOLVED 1e-9
+#define ROUNDING 1e-11
+#define LEAST_PIVOT 1e-12
 #endif
 #define IS_FINITE(x) ((x) * 0 == 0)
 
 enum { STOP, DRY, SIDE, NORMAL };
-#define SOLVED N(1e-9)
-#define ROUNDING N(1e-11)
 #define SWEEPS 10
 #define STEPS 20
 #define REFINED 3
 #define LARGEST N(1e3)
 /* Steps of Newton's method from the impulses of the step before, without sweeps. */
 #define WARM_STEPS 6
-/* Pivots of the inertia below this part of their diagonal entries are rounding. */
-#define LEAST_PIVOT N(1e-12)
 
 /* Rows of matrices are filled with zeros up to a multiple of WIDE numbers, so that vectors have no
  * rest; what stands left of a diagonal is not read. */
@@ -53,13 +59,13 @@ typedef struct {
     int *inside;
 } problem;
 
-FAST number length_of(number a, number b)
+SMALL number length_of(number a, number b)
 {
     return ROOT(a * a + b * b);
 }
 
 /* y += a x from number `first` of rows of `wide` numbers on, or from a few before it. */
-FAST void add_row(number *restrict y, number a, const number *restrict x, int first, int wide)
+SMALL void add_row(number *restrict y, number a, const number *restrict x, int first, int wide)
 {
     for (int i = first / WIDE * WIDE; i < wide; i += WIDE)
         for (int j = 0; j < WIDE; j++)
@@ -354,7 +360,7 @@ FAST number solve_rows(
 #define FLAGS(m) (4 * (m) + 1)
 
 /* Rate of the row of impulse i for rates v of the coordinates. */
-FAST number rate_of(const rows_of_robot *f, const number *entries, const number *v, int i)
+SMALL number rate_of(const rows_of_robot *f, const number *entries, const number *v, int i)
 {
     const int row = f->impulse_row[i];
     number sum = 0;

@@ -56,8 +56,9 @@ HELPER void tell(const flags &status, int i, int bad)
         *(int *)((char *)status.data + i * (size_t)status.strides[0]) = bad;
 }
 
-/* As in the exported C: 1 open, 2 singular, 3 not finite; and 4, a step that is too long. */
-enum { OPEN = 1, SINGULAR, NOT_FINITE, MODE };
+/* As in the exported C: 1 open, 2 singular, 3 not finite; and 4, a step that is too long. Nonsmooth
+ * steps: 5, the impulses are not solved; 6, the start is violated. */
+enum { OPEN = 1, SINGULAR, NOT_FINITE, MODE, UNSOLVED, VIOLATED };
 
 HELPER int judge_checks(const real *checks, int count)
 {

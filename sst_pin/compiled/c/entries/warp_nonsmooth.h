@@ -1,0 +1,63 @@
+/* Nonsmooth steps of one robot, as nonsmooth.h makes them. What is not solved is told by UNSOLVED; its
+ * results are the best that were reached. Other bad samples are NaN. The arrays are local, because
+ * local memory of a GPU puts the same numbers of neighbouring threads side by side. */
+static void run(int i, const rows &q, const rows &va, const rows &tau, const rows &external_wrenches,
+    const rows &p, const rows &numbers, const rows &held, const rows &start, const rows &q_out,
+    const rows &va_out, const rows &contact_forces, const rows &tensions, const rows &joint_forces,
+    const rows &residual, const rows &impulses, number h, int steps, int series, number violation,
+    const flags &status)
+{
+    ${tables}
+    static const int joint_rate[] = {${joint_rate}};
+    const int nq = ${q}, n = ${n}, m = ${m}, motors = ${motors}, outputs = ${outputs};
+    const int tense = robot.ropes + robot.cables, first_stop = 3 * robot.contacts + tense;
+    const parameters own = column(p, i);
+    const number *of_robot = &at(numbers, numbers.shape[0] > 1 ? i : 0, 0);
+    number x[${inputs}], y[${room}], ends[2 * ${q}], work[WORKSPACE(${n}, ${m}, ${motors})];
+    number torque[${motors} + 1], position[${motors} + 1], impulse[${m} + 1], force[${m} + 1];
+    int marks[FLAGS(${m})];
+    number worst = 0;
+    ${takes}
+    for (int j = 0; j < motors; j++) {
+        torque[j] = at(tau, i, j);
+        position[j] = held.data ? at(held, i, j) : 0;
+    }
+    for (int j = 0; j < m; j++) {
+        impulse[j] = start.data ? at(start, i, j) : 0;
+        force[j] = 0;
+    }
+    closing(x, own, y);
+    number det = y[nq];
+    int bad = 0;
+#pragma unroll 1
+    for (int s = 0; s < steps && !bad; s++) {
+        nonsmooth_terms(x, own, y);
+        bad = judge(x, nq, ${inputs}, y, outputs, ${checks});
+        if (!bad && s == 0 && !starts_free(&robot, y, x, of_robot, violation))
+            bad = VIOLATED;
+        if (bad)
+            break;
+        number error = 0;
+        const int good = nonsmooth_step(&robot, y, x, x + nq, torque, position, h, of_robot, series,
+            impulse, &error, work, marks);
+        worst = error > worst || error != error ? error : worst; /* NaN stays */
+        for (int j = 0; j < m; j++)
+            force[j] += impulse[j] / (h * steps);
+        if (!good)
+            bad = judge_numbers(x + nq, 0, n) ? NOT_FINITE : SINGULAR;
+        else if (!move_and_close(&bounds, own, h, x, y, ends, &det))
+            bad = MODE;
+    }
+    give(x, q_out, i, nq, bad);
+    give(x + nq, va_out, i, n, bad);
+    give(force, contact_forces, i, 3 * robot.contacts, bad);
+    give(force + 3 * robot.contacts, tensions, i, tense, bad);
+    give(&worst, residual, i, 1, bad);
+    for (int j = 0; j < ${rates}; j++)
+        at(joint_forces, i, j) = bad ? (number)NAN : 0;
+    for (int j = first_stop; j < m; j++)
+        at(joint_forces, i, joint_rate[j - first_stop]) += robot.impulse_sign[j] * force[j];
+    for (int j = 0; j < m; j++) /* where the next step starts: zero is good for any */
+        at(impulses, i, j) = bad ? 0 : impulse[j];
+    tell(status, i, bad || worst <= SOLVED ? bad : UNSOLVED);
+}
