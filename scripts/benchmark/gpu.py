@@ -3,6 +3,8 @@
 
     python scripts/benchmark/gpu.py                             # on Warp's preferred device
     python scripts/benchmark/gpu.py --robots ankle --out gpu.json
+    python scripts/benchmark/gpu.py --contacts --out contacts.json          # bipeds that stand up
+    python scripts/benchmark/gpu.py --contacts --device cpu --samples 16    # a try without a GPU
     python scripts/benchmark/gpu.py --resources --arch 90       # no GPU: registers and code size
     python scripts/benchmark/gpu.py --page gpu.json             # write the tables of docs/gpu.md
 
@@ -10,6 +12,10 @@ Motions start from 64 states near home with the torques that hold the robot ther
 those that reach a singularity. The share of the arithmetic limit counts each operation of the
 equations as one; the limit counts a fused multiply-add as two, so that equations without any reach
 half of it.
+
+With --contacts, the biped of tests/gallery/on_feet.py (18 coordinates, 6 loops, 8 points) falls
+10 mm and stands up under gains of its motors, with nonsmooth steps of 0.5 ms. The compiled rollout
+beside it runs on one thread of the CPU. `not solved` counts steps, `ended` robots.
 """  # fmt: skip
 
 import argparse
@@ -40,6 +46,8 @@ KERNELS["steps"] = Quantity("rollout")
 UNITS = {70: (32, 64), 75: (2, 64), 80: (32, 64), 86: (2, 128), 89: (2, 128), 90: (64, 128)}
 #: Step of the simulations, [s], and their number.
 STEP, STEPS = 1e-4, 1000
+#: Step of bipeds with contacts, [s], and their number.
+CONTACT_STEP, CONTACT_STEPS = 5e-4, 600
 _FREE = {ca.OP_NEG, ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT}
 #: Tags of the numbers of registers and of bytes of the stack in a CUDA binary.
 _REGISTERS, _STACK = 0x2F, 0x11
@@ -201,6 +209,71 @@ def measure(name: str, dtype: str, options: argparse.Namespace) -> Row:
     return row | {"seconds": perf_counter() - start}
 
 
+# --- bipeds with contacts ---------------------------------------------------------------------
+
+
+def measure_contacts(dtype: str, options: argparse.Namespace) -> Row:
+    """Nonsmooth steps per second of bipeds while they stand up."""
+    sys.path.insert(0, str(ROOT))
+    from tests.gallery.on_feet import biped
+
+    chain = biped()
+    n, motors = chain.degrees_of_freedom, len(chain.motor_names)
+    gains = {"motor_stiffness": np.full(motors, 150.0), "motor_damping": np.full(motors, 1.0)}
+    batch, count = chain.warp(options.device, dtype), options.samples
+
+    def array(value: np.ndarray) -> Any:
+        return wp.array(value, dtype=batch.dtype, device=batch.device)
+
+    places = [chain.model.joints[chain.model.getJointId(name)].idx_q for name in chain.motor_names]
+    rates = 0.05 * np.random.default_rng(0).normal(size=(count, n))
+    tau = array(np.zeros((count, motors)))
+    hold = array(np.tile(chain.home[places], (count, 1)))
+    status = wp.zeros(count, dtype=wp.int32, device=batch.device)
+    fixed = {"nonsmooth": True, "motor_positions": hold, "status": status} | gains
+    start = array(np.tile(chain.home, (count, 1))), array(rates)
+    state = batch.step(start, tau, CONTACT_STEP, **fixed)  # compiles
+    wp.synchronize()
+    seconds, unsolved = 0.0, 0
+    for _ in range(CONTACT_STEPS):
+        begin = perf_counter()
+        state = batch.step(state, tau, CONTACT_STEP, out=state, **fixed)
+        wp.synchronize()
+        seconds += perf_counter() - begin
+        unsolved += int((status.numpy() == warp_batch.Status.UNSOLVED).sum())
+    end = state.q.numpy().astype(float)
+    closed = end[np.isfinite(end).all(axis=1)]
+
+    chain.compile()
+    few = min(count, 16)
+    torques = np.zeros((few, CONTACT_STEPS, motors))
+    chain.rollout(torques[:, :1], chain.home, rates[:few], CONTACT_STEP, nonsmooth=True, **gains)
+    begin = perf_counter()
+    chain.rollout(torques, chain.home, rates[:few], CONTACT_STEP, nonsmooth=True, **gains)
+    return {
+        "dtype": dtype,
+        "device": batch.device.name,
+        "samples": count,
+        "steps": count * CONTACT_STEPS / seconds,
+        "compiled": few * CONTACT_STEPS / (perf_counter() - begin),
+        "unsolved": unsolved,
+        "ended": count - len(closed),
+        "gap": float(np.abs(chain.residual(closed)).max(initial=0)),
+    }
+
+
+def contacts_table(rows: list[Row]) -> list[tuple[str, ...]]:
+    """Speeds of bipeds, in a form to read."""
+    where = f"{rows[0]['samples']} bipeds"
+    lines = [(where, "steps/s", "compiled rollout", "ratio", "not solved", "ended", "loops open")]
+    for row in rows:
+        speeds = f"{row['steps']:.4g}", f"{row['compiled']:.4g}"
+        ratio = f"{row['steps'] / row['compiled']:.3g}"
+        counts = str(row["unsolved"]), str(row["ended"])
+        lines.append((row["dtype"], *speeds, ratio, *counts, f"{row['gap']:.0e}"))
+    return lines
+
+
 # --- results ----------------------------------------------------------------------------------
 
 
@@ -247,6 +320,7 @@ def main() -> int:
     parser.add_argument("--block", type=int, help="threads of a block")
     parser.add_argument("--blocks", type=int, help="blocks at the same time on each SM")
     parser.add_argument("--resources", action="store_true", help="of machine code; no speeds")
+    parser.add_argument("--contacts", action="store_true", help="bipeds; 4096, on a CPU 16")
     parser.add_argument("--arch", type=int, default=90)
     parser.add_argument("--out", type=Path, help="a JSON file for the results")
     parser.add_argument("--page", type=Path, help="write the table of docs/gpu.md from this file")
@@ -258,7 +332,16 @@ def main() -> int:
         warp_batch._BLOCK = options.block
     if options.blocks:
         warp_batch._BLOCKS = options.blocks * wp.get_device(options.device).sm_count
-    options.samples = options.samples or (256 if wp.get_device(options.device).is_cpu else 2**22)
+    on_cpu = wp.get_device(options.device).is_cpu
+    if options.contacts:
+        options.samples = options.samples or (16 if on_cpu else 4096)
+        rows = [measure_contacts(dtype, options) for dtype in options.dtypes]
+        if options.out:
+            options.out.write_text(json.dumps({"contacts": rows}, indent=1))
+        for line in contacts_table(rows):
+            print(*(f"{x:16}" for x in line))
+        return 0
+    options.samples = options.samples or (256 if on_cpu else 2**22)
     name, rows = "resources" if options.resources else "speeds", []
     for robot in options.robots:
         for dtype in options.dtypes:
