@@ -1,5 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""The state space (q, va) of a mechanism, for integrators."""
+"""The state space of a mechanism, for integrators: states (q, va) and their rates.
+
+The rates va of the coordinates determine the rates v of all joints, unless the configuration is
+singular for this choice of coordinates: a dead point. Near one, an integrator goes on in other
+coordinates. `StateSpace.suited` finds the state space of the same mechanism that has them.
+`StateSpace.rollout` is an integrator with a fixed step.
+"""
 
 from __future__ import annotations
 
@@ -41,8 +47,10 @@ _PART_OF_STEP = 0.05
 _MOST_PARTS = 4
 
 
-#: External wrenches on the bodies, shape (r, 6), for the index of a motion and a configuration.
+#: External wrenches on the bodies, shape (r, 6), as a function of the index of a motion and of q.
 WrenchesAt = Callable[[int, Array], Array]
+#: External wrenches on the bodies in one motion, shape (r, 6), as a function of q; None without.
+Wrenches = Callable[[Array], Array | None]
 
 
 class StepError(SSTError):
@@ -62,13 +70,14 @@ class RolloutEnd(NamedTuple):
 
 
 class StateSpace:
-    """The state space (q, va) of one mechanism, by the reference path.
-
-    The state space of compiled code derives from it, and calls `_fill` for the steps that compiled
-    code does not make.
+    """The state space of one mechanism in one choice of coordinates, by the reference path.
 
     States are y = (q, va), shape (nq + n,) or (N, nq + n). Their loops are nearly closed, and their
     quaternions have almost length one.
+
+    `compiled_states.CompiledStateSpace` derives from it. There, kernels compute what `closed`,
+    `rate`, `_rate_at_closed`, `_acceleration_derivatives` and `rollout` compute here. It calls the
+    methods of this class where kernels fail, and `_fill` for steps that kernels do not make.
 
     Args:
         reference: The mechanism with its equations.
@@ -107,9 +116,9 @@ class StateSpace:
             return np.array([self.rate(*sample) for sample in samples])
         q = self.closed(states)
         va = states[self._nq :]
-        return self._rate(q, va, tau, wrenches, CLOSURE_TOLERANCE)
+        return self._rate_at_closed(q, va, tau, wrenches, CLOSURE_TOLERANCE)
 
-    def _rate(
+    def _rate_at_closed(
         self, q: Array, va: Array, tau: Array, wrenches: Array | None, tolerance: float
     ) -> Array:
         """Rates of one state whose loops are closed up to a tolerance, shape (nq + n,)."""
@@ -121,26 +130,30 @@ class StateSpace:
     def derivatives(self, state: Array, tau: Array, wrenches: Array | None) -> tuple[Array, Array]:
         """Derivatives of `rate` by the state and by tau, shapes (nq + n, nq + n), (nq + n, motors).
 
-        The coordinates x and their rates va determine the state. So derivatives by x are computed,
-        along the motions that keep the loops closed; derivatives by q are those by x times dx/dq,
-        and columns of dependent joints are zero. Where wheels roll, the state has more degrees of
-        freedom, and this does not hold.
+        The rate is (q_dot, aa). The displacements x of the coordinates and their rates va determine
+        the state. So derivatives by x are computed, along the motions that keep the loops closed.
+        Derivatives by q are those by x times dx/dq; columns of dependent joints are zero. Where
+        wheels roll, the state has more degrees of freedom, and this does not hold.
         """
-        space = self._mechanism.space
-        loops = self._reference.context.loops
         q = self.closed(state)
         va = state[self._nq :]
         n = len(va)
+        # aa by x, va and tau
         aa_by = self._acceleration_derivatives(q, va, tau, wrenches)
 
-        # q_dot = Q v with v = L va, Eq. (16), so dq/dx = Q L.
-        L = self._reference.L(q)
+        # q_dot = Q v with v = L va, Eq. (16), so dq/dx = Q L. Q is the identity where q_dot is v.
+        space = self._mechanism.space
+        L = self._reference.L(q)  # from here on, loops and complement are those at q
         v = L.dot(va)
         Q = np.transpose([space.coordinate_rates(q, e) for e in np.eye(len(v))])
         q_by_x = Q.dot(L)
-        # dv/dx_k is L_dot va, where L_dot belongs to the motion with the rates L e_k.
-        L_dot = self._reference.context.complement.L_dot  # evaluated at q by `L(q)`
-        v_by_x = np.transpose([L_dot(loops.Phi_dot(L_k)).dot(va) for L_k in L.T])
+        x_by_q = np.linalg.pinv(Q)[self.coordinates]
+
+        # d(Q v)/dx is Q dv/dx plus the change of Q. For a displacement along coordinate k, dv is
+        # L_dot va, where L_dot belongs to the motion with the rates L e_k.
+        loops = self._reference.context.loops
+        complement = self._reference.context.complement
+        v_by_x = np.transpose([complement.L_dot(loops.Phi_dot(L_k)).dot(va) for L_k in L.T])
         q_dot_by_x = Q.dot(v_by_x)
         if not space.euclidean:
             # Q depends on q too. Q v is quadratic in q, so central differences are exact.
@@ -148,7 +161,6 @@ class StateSpace:
                 ahead = space.coordinate_rates(q + change, v)
                 behind = space.coordinate_rates(q - change, v)
                 q_dot_by_x[:, k] += (ahead - behind) / 2
-        x_by_q = np.linalg.pinv(Q)[self.coordinates]
 
         by_state = np.zeros((self._nq + n, self._nq + n))
         by_state[: self._nq, : self._nq] = q_dot_by_x.dot(x_by_q)
@@ -184,21 +196,21 @@ class StateSpace:
         """Condition number of the dependent part of Phi, infinite if it is singular."""
         return self._continuity.condition_number(q)
 
-    def suited(self, q: Array, sound: float = WELL_CONDITIONED) -> tuple[StateSpace, float]:
+    def suited(self, q: Array, largest: float = WELL_CONDITIONED) -> tuple[StateSpace, float]:
         """A state space with good coordinates at q, and their condition number there.
 
-        It is this one if its condition number is at most `sound`, or if no other coordinates are
+        It is this one if its condition number is at most `largest`, or if no other coordinates are
         better by `MARGIN`; else the one with the rates that describe the motions at q best.
         """
         condition = self.condition_number(q)
-        if condition <= sound:
+        if condition <= largest:
             return self, condition
         Phi = self.Phi(q)
         if not np.isfinite(Phi).all():
             return self, condition
         best = _best_coordinates(Phi, len(self.coordinates))
+        # Compare both choices by the same formula, which is not quite that of `condition`.
         parts = self._reference.context.loops.parts
-        # The condition numbers of both choices, by the same formula.
         best_condition = condition_number(self._mechanism, Phi, parts(best))
         present_condition = condition_number(self._mechanism, Phi, parts(self.coordinates))
         if best_condition * MARGIN >= present_condition:
@@ -217,7 +229,10 @@ class StateSpace:
     def follow(
         self, start: Array, path: Path, limit: float, first: float = 1.0
     ) -> tuple[float, Array]:
-        """The continuous and regular fraction of a step, and its end; as `Continuity.follow`."""
+        """The fraction of a step that is continuous and regular, and the configuration at its end.
+
+        The arguments are those of `Continuity.follow`.
+        """
         return self._continuity.follow(start, path, limit, first)
 
     @property
@@ -247,12 +262,12 @@ class StateSpace:
 
         After each step the dependent joints are moved onto the closures. A motion ends where its
         loops open, at a singularity, or where a number is not finite. `wrenches_at` takes the place
-        of constant loads.
+        of constant loads. `threads` is for kernels.
         """
         valid = np.zeros(len(motions.q), dtype=np.intp)
         for i in counted(range(len(motions.q)), "rollout", len(motions.q)):
-            at = None if wrenches_at is None else partial(wrenches_at, i)
-            valid[i] = self._fill(motions, i, at).valid
+            wrenches = wrenches_of(motions, i, wrenches_at)
+            valid[i] = self._fill(motions, i, wrenches).valid
         return valid
 
     @np.errstate(over="ignore", invalid="ignore")  # a motion that diverges ends
@@ -260,22 +275,17 @@ class StateSpace:
         self,
         motions: RolloutArrays,
         i: int,
-        wrenches_at: Callable[[Array], Array] | None = None,
+        wrenches: Wrenches,
         *,
         until_suited: bool = False,
     ) -> RolloutEnd:
-        """Fill the states of motion i as far as it goes, NaN behind them.
+        """Fill the states of motion i as far as it goes, and the rest with NaN.
 
-        Steps are in the coordinates of this state space, or in better ones where these are poor.
-        With `until_suited` it returns after at least one step where they are good again.
+        With `until_suited` it returns after at least one step where the coordinates of this state
+        space are good again.
         """
         q = motions.q[i]
         va = motions.va[i]
-        constant = None if motions.load is None else motions.load[i].reshape(-1, 6)
-
-        def wrenches(q: Array) -> Array | None:
-            return constant if wrenches_at is None else wrenches_at(q)
-
         q[:] = np.nan
         va[:] = np.nan
         try:
@@ -284,6 +294,9 @@ class StateSpace:
             return RolloutEnd(0, error)
         q[0] = motions.q0[i]
         va[0] = motions.va0[i]
+
+        # A step is in the coordinates of `space`, and `rates` are theirs: this state space, or
+        # another one where its coordinates are poor. v are the rates of all joints.
         space = self
         rates = va[0]
         for s in range(motions.steps):
@@ -306,16 +319,17 @@ class StateSpace:
     def why_ended(
         self, motions: RolloutArrays, i: int, valid: int, wrenches_at: WrenchesAt | None
     ) -> SSTError:
-        """Why motion i ended after some valid states, by one more try from the last one."""
-        at = None if wrenches_at is None else partial(wrenches_at, i)
-        end = self._fill(motions.rest(i, max(valid - 1, 0)), 0, at)
+        """Why motion i ended after some valid states: the error of one more try from the last."""
+        last = max(valid - 1, 0)
+        rest = motions.rest(i, last)  # motion i alone
+        end = self._fill(rest, 0, wrenches_of(motions, i, wrenches_at))
         return end.error or StepError("the kernels and the reference path disagree")
 
     def _suited_for_step(self, q: Array, step: Array) -> StateSpace:
         """This state space if its coordinates are good along a step from q; else a much better one.
 
-        `step` has the shape (nv,). The coordinates are judged ahead of q, because the step gets no
-        shorter near a dead point.
+        `step` are displacements of all joints, shape (nv,). The coordinates are judged ahead of q,
+        because the step gets no shorter near a dead point.
         """
         longest = float(np.abs(step / self._mechanism.rate_scale).max(initial=0))
         parts = min(_MOST_PARTS, 1 + int(longest / _PART_OF_STEP))
@@ -331,10 +345,12 @@ class StateSpace:
         q: Array,
         va: Array,
         tau: Array,
-        wrenches: Callable[[Array], Array | None],
+        wrenches: Wrenches,
         h: float,
     ) -> tuple[Array, Array]:
-        """q and va after a step h; torques act at its start, in its middle and at its end.
+        """q and va after a step h.
+
+        `tau` are the torques at its start, in its middle and at its end, shape (3, motors).
 
         Raises:
             StepError: If the step is too long, diverges, or leaves the assembly mode.
@@ -349,7 +365,7 @@ class StateSpace:
             q = space.normalised(stage[:nq])
             # Loops at a stage are open by the error of the method. Only the end is closed, because
             # closing takes long; so no tolerance is asked here.
-            return self._rate(q, stage[nq:], tau[when], wrenches(q), np.inf)
+            return self._rate_at_closed(q, stage[nq:], tau[when], wrenches(q), np.inf)
 
         end = runge_kutta_step(rate, np.concatenate([q, va]), h)
         if not isfinite(end.dot(end)):
@@ -384,11 +400,20 @@ class StateSpace:
         return fraction == 1
 
 
+def wrenches_of(motions: RolloutArrays, i: int, wrenches_at: WrenchesAt | None) -> Wrenches:
+    """Wrenches on the bodies in motion i, by q: those of `wrenches_at`, or the constant load."""
+    if wrenches_at is not None:
+        return partial(wrenches_at, i)
+    constant = None if motions.load is None else motions.load[i].reshape(-1, 6)
+    return lambda q: constant
+
+
 def _best_coordinates(Phi: Array, n: int) -> Indices:
     """Indices of the n rates that describe the motions with Phi v = 0 best.
 
-    Near a singularity more than n motions are possible; those of the n smallest singular values
-    count. Their most independent columns are those that a QR decomposition with pivoting finds.
+    These motions are the right singular vectors of the n smallest singular values: close to a
+    singularity Phi has more small values than n. A QR decomposition with pivoting finds the n rates
+    whose parts in these motions are most independent.
     """
     from scipy.linalg import qr
 

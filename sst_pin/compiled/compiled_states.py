@@ -21,7 +21,7 @@ from ..dynamics.rollout_arrays import RolloutArrays
 from ..errors import SSTError
 from ..kernel_protocols import Kernel
 from ..model.mechanism import Friction, Mechanism
-from ..states import StateSpace, WrenchesAt
+from ..states import StateSpace, WrenchesAt, wrenches_of
 
 if TYPE_CHECKING:
     from ._binding import Kernel as BoundKernel
@@ -96,13 +96,13 @@ class CompiledStateSpace(StateSpace):
             rates = kernel.answer(states, tau, load, None, None, 1)
         return super().rate(states, tau, wrenches) if rates is None else rates
 
-    def _rate(
+    def _rate_at_closed(
         self, q: Array, va: Array, tau: Array, wrenches: Array | None, tolerance: float
     ) -> Array:
         rates = None
         if self._by_columns is not None:
             rates = self._by_columns.state_rate(q, va, tau, wrenches)
-        return super()._rate(q, va, tau, wrenches, tolerance) if rates is None else rates
+        return super()._rate_at_closed(q, va, tau, wrenches, tolerance) if rates is None else rates
 
     def _acceleration_derivatives(
         self, q: Array, va: Array, tau: Array, wrenches: Array | None
@@ -138,7 +138,8 @@ class CompiledStateSpace(StateSpace):
         """
         while count <= motions.steps:
             last = max(count - 1, 0)  # the last valid state is the next start
-            end = self._fill(motions.rest(i, last), 0, until_suited=True)
+            wrenches = wrenches_of(motions, i, None)
+            end = self._fill(motions.rest(i, last), 0, wrenches, until_suited=True)
             count = last + end.valid
             if count > motions.steps or end.error is not None:
                 return count
