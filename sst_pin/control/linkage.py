@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,38 +19,56 @@ from ..loops.start import start_of
 from ..model.named_positions import positions_of
 from ..model.thresholds import RANK_TOLERANCE
 
-#: The path to motor positions is divided into pieces of this size, [rad] or robot lengths.
+#: The path to positions of motors is divided into pieces of this size, [rad] or robot lengths.
 _PIECE = 0.2
 #: Most steps of Newton's method in a piece; it converges quadratically.
 _STEPS = 20
 #: Size of the last step of Newton's method, [rad] or robot lengths: some thousand roundings.
-_ARRIVED = 1e-12
+_LAST_STEP = 1e-12
 
 
 class Linkage:
-    """Positions of some joints and of their motors, and J: motor rates = J joint rates."""
+    """Positions of some joints and of their motors, and J: motor rates = J joint rates.
+
+    Attributes:
+        chain: The robot with the joints as coordinates, beside others that are independent of them.
+        joints: Their names.
+        motors: Names of the motors that move these joints.
+    """
 
     def __init__(self, chain: ClosedChain, joints: Sequence[str]) -> None:
         self.joints = tuple(names("joints", joints))
         space = chain.mechanism.space
-        positions_of(space, chain.generic_configuration(), self.joints)  # each turns or slides
+        # This call raises an error unless each joint turns about one axis or slides along one.
+        positions_of(space, chain.generic_configuration(), self.joints)
         rates = space.rates_of(self.joints)
         self.chain = chain.with_coordinates([*self.joints, *_others(chain, rates)])
         coordinates = self.chain.mechanism.coordinates
+        #: Which coordinates the joints are.
         self._columns = np.array([int(np.flatnonzero(coordinates == k)[0]) for k in rates])
+
+        # The motors that move with the joints, by J of all motors and coordinates, free of units.
         scale = chain.mechanism.motor_scale
         J = self.chain.actuator_jacobian(self.chain.generic_configuration())
         J = J / scale[:, None] * chain.mechanism.rate_scale[coordinates]
-        self._rows = np.flatnonzero(np.abs(J[:, self._columns]).max(axis=1) > RANK_TOLERANCE)
+        moves_with_joints = np.abs(J[:, self._columns]).max(axis=1) > RANK_TOLERANCE
+        #: Which motors of the robot these are, and their scales.
+        self._rows = np.flatnonzero(moves_with_joints)
         self._units = scale[self._rows]
         self.motors = tuple(self.chain.motor_names[k] for k in self._rows)
         self._require_motors(J)
-        # A motor of a joint without limits is at the same position after a turn of the joint.
-        endless = ~np.isin(space.rate_names, space.position_names)
-        self._turns = 2 * np.pi * np.abs(chain.mechanism.actuation[:, self._rows]).T @ endless
+
+        #: How far each motor moves in a turn of its joint without limits, after which the robot is
+        #: in the same configuration; 0 if it has no such joint.
+        is_endless = ~np.isin(space.rate_names, space.position_names)
+        factors = np.abs(chain.mechanism.actuation[:, self._rows])
+        self._turns = 2 * np.pi * factors.T @ is_endless
 
     def _require_motors(self, J: Array) -> None:
-        """Raise an error unless the motors hold the joints and move no others; J has no units."""
+        """Raise an error unless the motors hold the joints and move no others.
+
+        J has the rates of all motors by the rates of all coordinates, free of units.
+        """
         names = self.chain.mechanism.coordinate_rate_names
         motors = ", ".join(self.motors)
         # Entries of the motors of these joints in the columns of other coordinates.
@@ -90,7 +109,7 @@ class Linkage:
         first = self._start(start)
 
         def one(x: Array) -> Array:
-            return self._moved(first, x - self.joint_positions(first))
+            return self._with_joints_moved(first, x - self.joint_positions(first))
 
         targets = finite_array("positions", positions, (len(self.joints),))
         return for_each_sample(one, [targets], (1,), first.shape)
@@ -107,23 +126,15 @@ class Linkage:
             WorkspaceError: If no positions of the joints give these positions of the motors.
         """
         first = self._start(start)
-        start_positions = self.motor_positions(first)
-        driven = self._driven
+        in_joints = self._motors_in_joints
 
         def one(target: Array) -> Array:
-            gap = self._missing(first, target)
-            if driven is not None:
-                # Moving the motors' own joints also passes dead points of the other joints.
-                chain, motors, ratios = driven
-                step = np.zeros(chain.degrees_of_freedom)
-                step[: len(motors)] = gap[motors] / ratios
-                q = chain.engine.reference.moved(first, step)
+            gap = self._distance_to(first, target)
+            if in_joints is None:
+                q = self._by_joints(first, gap)
             else:
-                q = first
-                pieces = max(1, int(np.ceil(np.abs(gap / self._units).max() / _PIECE)))
-                for part in range(1, pieces + 1):
-                    q = self._newton(q, start_positions + gap * (part / pieces))
-            if np.abs(self._missing(q, target) / self._units).max() > np.sqrt(_ARRIVED):
+                q = in_joints.moved(first, gap)
+            if np.abs(self._distance_to(q, target) / self._units).max() > np.sqrt(_LAST_STEP):
                 raise WorkspaceError(
                     f"no positions of the joints {', '.join(self.joints)} bring the motors "
                     f"{', '.join(self.motors)} to {target.round(6).tolist()}"
@@ -133,18 +144,34 @@ class Linkage:
         targets = finite_array("positions", positions, (len(self.motors),))
         return for_each_sample(one, [targets], (1,), first.shape)
 
+    def _by_joints(self, q: Array, gap: Array) -> Array:
+        """The configuration after motors move by gap, shape (motors,), found by Newton's method.
+
+        The path of the motors is divided into pieces, at the end of which the joints are found.
+        """
+        start = self.motor_positions(q)
+        pieces = max(1, int(np.ceil(np.abs(gap / self._units).max() / _PIECE)))
+        for piece in range(1, pieces + 1):
+            target = start + gap * (piece / pieces)
+            for _ in range(_STEPS):
+                distance = self._distance_to(q, target)
+                step: Array = np.linalg.pinv(self.actuator_jacobian(q)) @ distance
+                q = self._with_joints_moved(q, step)
+                if np.abs(step).max() <= _LAST_STEP * self.chain.mechanism.length:
+                    break
+        return q
+
     @cached_property
-    def _driven(self) -> tuple[ClosedChain, list[int], Array] | None:
-        """A robot whose first coordinates are joints of motors, these motors, and their ratios.
+    def _motors_in_joints(self) -> _MotorsInJoints | None:
+        """The robot with the motors' own joints as coordinates.
 
         None if a motor moves several joints or a line.
         """
         mechanism = self.chain.mechanism
         B = mechanism.actuation[:, self._rows]
-        if (
-            mechanism.lines.actuation[:, self._rows].any()
-            or (np.count_nonzero(B, axis=0) != 1).any()
-        ):
+        is_on_line = mechanism.lines.actuation[:, self._rows].any()
+        is_in_one_joint = np.count_nonzero(B, axis=0) == 1
+        if is_on_line or not is_in_one_joint.all():
             return None
         J = self.actuator_jacobian(self.chain.generic_configuration()) / self._units[:, None]
         # The first motors whose rows are independent; the others follow.
@@ -156,7 +183,7 @@ class Linkage:
         names = [mechanism.space.rate_names[k] for k in rates]
         others = [name for name in self.chain.coordinates if name not in self.joints]
         chain = self.chain.with_coordinates([*names, *others])
-        return chain, motors, B[rates, motors]
+        return _MotorsInJoints(chain, motors, B[rates, motors])
 
     def joint_positions(self, q: ArrayLike) -> Array:
         """Positions of the joints, shape (..., joints)."""
@@ -180,6 +207,7 @@ class Linkage:
         return np.asarray(J[..., self._rows, :][..., self._columns])
 
     def _configurations(self, q: ArrayLike) -> Array:
+        """Configurations as an array, shape (..., nq)."""
         return finite_array("q", q, (self.chain.mechanism.model.nq,))
 
     def _start(self, start: ArrayLike | None) -> Array:
@@ -188,22 +216,14 @@ class Linkage:
         q = start_of(self.chain.engine) if start is None else single_array("start", start, size)
         return self.chain.assemble(q)
 
-    def _moved(self, q: Array, by: Array) -> Array:
+    def _with_joints_moved(self, q: Array, change: Array) -> Array:
+        """The configuration after the joints move from q by a change, shape (joints,)."""
         step = np.zeros(self.chain.degrees_of_freedom)
-        step[self._columns] = by
+        step[self._columns] = change
         return self.chain.engine.moved(q, step)
 
-    def _newton(self, q: Array, target: Array) -> Array:
-        """From q to the configuration nearby where the motors are at their target."""
-        for _ in range(_STEPS):
-            step: Array = np.linalg.pinv(self.actuator_jacobian(q)) @ self._missing(q, target)
-            q = self._moved(q, step)
-            if np.abs(step).max() <= _ARRIVED * self.chain.mechanism.length:
-                break
-        return q
-
-    def _missing(self, q: Array, target: Array) -> Array:
-        """Distances of the motors from their target, without full turns."""
+    def _distance_to(self, q: Array, target: Array) -> Array:
+        """Distances of the motors at q from their target, without full turns, (motors,)."""
         error = target - self.motor_positions(q)
         turns = np.round(error / np.where(self._turns, self._turns, 1))
         return np.asarray(error - self._turns * turns)
@@ -211,6 +231,25 @@ class Linkage:
     def __repr__(self) -> str:
         name = f"{type(self).__name__} of {self.chain.mechanism.model.name}"
         return f"{name}: joints {', '.join(self.joints)}; motors {', '.join(self.motors)}"
+
+
+class _MotorsInJoints(NamedTuple):
+    """A robot some of whose motors are its first coordinates.
+
+    A motion by these coordinates also passes dead points of the other joints.
+    """
+
+    chain: ClosedChain
+    #: Which of the motors of a `Linkage` they are.
+    motors: list[int]
+    #: Rate of each motor by the rate of its joint.
+    ratios: Array
+
+    def moved(self, q: Array, gap: Array) -> Array:
+        """The configuration after all motors of the linkage move by gap, shape (motors,)."""
+        step = np.zeros(self.chain.degrees_of_freedom)
+        step[: len(self.motors)] = gap[self.motors] / self.ratios
+        return self.chain.engine.reference.moved(q, step)
 
 
 def _others(chain: ClosedChain, rates: Indices) -> list[str]:
