@@ -55,7 +55,7 @@ class Controller(ABC):
             raise ActuationError(problem)
         motors = len(chain.motor_names)
         self.limits = None if limits is None else finite_limits(limits, motors, "limits")
-        self._turns = np.array(chain.mechanism.coordinate_rate_units) == "rad"
+        self._is_angle = np.array(chain.mechanism.coordinate_rate_units) == "rad"
         self._path = spline(motion.t, positions_along(chain.mechanism, motion))
         self._rates = self._path.derivative(1)
         self._accelerations = self._path.derivative(2)
@@ -84,26 +84,29 @@ class Controller(ABC):
         """Torques of the motors without limits."""
 
     def _errors(self, t: float, q: Array, va: Array) -> tuple[Array, Array, Array]:
-        """Errors of positions, without full turns, and of rates; desired accelerations."""
-        inside = self._inside(t)
-        error = self._path(inside) - positions_of(
-            self.chain.mechanism.space, q, self.chain.coordinates
-        )
-        error[self._turns] = in_one_turn(error[self._turns])
-        if t == inside:
-            return error, self._rates(inside) - va, self._accelerations(inside)
+        """Errors of positions, without full turns, and of rates, and desired accelerations.
+
+        An error is the desired value minus the actual one.
+        """
+        t_in_motion = self._time_in_motion(t)
+        positions = positions_of(self.chain.mechanism.space, q, self.chain.coordinates)
+        error = self._path(t_in_motion) - positions
+        error[self._is_angle] = in_one_turn(error[self._is_angle])
+        if t == t_in_motion:
+            return error, self._rates(t) - va, self._accelerations(t)
         return error, -va, np.zeros_like(va)  # before or after the motion: hold
 
-    def _inside(self, t: float) -> float:
+    def _time_in_motion(self, t: float) -> float:
         """The time, clipped to the interval of the motion."""
         return float(min(max(t, self.motion.t[0]), self.motion.t[-1]))
 
-    def _motors(self, q: Array, f: Array) -> Array:
+    def _motor_torques(self, q: Array, f: Array) -> Array:
         """The smallest torques that give forces f along the coordinates."""
         J = self.chain.actuator_jacobian(q)
         return np.asarray(np.linalg.lstsq(J.T, f, rcond=None)[0])
 
     def _gains(self, name: str, value: ArrayLike) -> Array:
+        """A gain for each coordinate, from one or from each, shape (n,)."""
         return one_or_each(name, value, self.chain.degrees_of_freedom, or_zero=True)
 
 
@@ -163,7 +166,7 @@ class GravityPD(_Feedback):
         error, rate, _ = self._errors(t, q, va)
         zero = np.zeros_like(va)
         hold = self.chain.compute_torques(q, zero, zero)
-        return hold + self._motors(q, self.kp * error + self.kd * rate)
+        return hold + self._motor_torques(q, self.kp * error + self.kd * rate)
 
 
 class TrackingLQR(Controller):
@@ -211,27 +214,30 @@ class TrackingLQR(Controller):
             P = solve_discrete_are(A[-1], B[-1], cost, effort)
         except LinAlgError:
             raise InputError("Q", "no linear feedback holds the end of the motion") from None
-        # Riccati's equation from the end of the motion to its start.
+        # Riccati's equation from the end of the motion to its start. The gain K is that of the
+        # state x = actual - desired, so the torques change by -K x = K (errors).
         self.gains = np.empty((len(motion), motors, 2 * n))
         for k in reversed(range(len(motion))):
             K = np.linalg.solve(effort + B[k].T @ P @ B[k], B[k].T @ P @ A[k])
             P = cost + A[k].T @ P @ (A[k] - B[k] @ K)
             P = (P + P.T) / 2  # rounding must not grow
             self.gains[k] = K
-        self._between = make_interp_spline(motion.t, self.gains, k=1)
-        self._feed = spline(motion.t, motion.tau)
+        self._gains_at = make_interp_spline(motion.t, self.gains, k=1)
+        self._torques_of_motion = spline(motion.t, motion.tau)
         # Torques that hold the robot at the start and at the end.
         zero = np.zeros((2, n))
         self._holding = chain.compute_torques(motion.q[[0, -1]], zero, zero)
 
     def _torque(self, t: float, q: Array, va: Array) -> Array:
-        inside = self._inside(t)
+        t_in_motion = self._time_in_motion(t)
         error, rate, _ = self._errors(t, q, va)
-        if t == inside:
-            feed = self._feed(t)
+        if t < t_in_motion:  # before the motion
+            tau = self._holding[0]
+        elif t > t_in_motion:  # after it
+            tau = self._holding[1]
         else:
-            feed = self._holding[1] if t > inside else self._holding[0]
-        return feed + self._between(inside) @ np.concatenate([error, rate])
+            tau = self._torques_of_motion(t)
+        return tau + self._gains_at(t_in_motion) @ np.concatenate([error, rate])
 
 
 def _weights(name: str, value: ArrayLike, size: int, least: float) -> Array:

@@ -1,10 +1,15 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Limits of the motors that hold for any preload.
 
-A torque is given as a part of its limits: -1 is the least torque, 1 the largest. With surplus
-motors a preload changes these parts, but not certain weighted sums of them (`combinations`). Each
-sum has one motor more than there are directions of preload. A preload that keeps all motors within
-their limits exists if no sum exceeds the sum of the absolute values of its factors.
+The part of a torque in its limits is p = (2 tau - largest - least) / (largest - least): -1 is the
+least torque, 1 the largest. With surplus motors, tau may have any preload, tau + N x, with the
+directions N and any x. The parts become p + D x, with D = 2 N / (largest - least).
+
+A sum c^T p does not depend on the preload if c^T D = 0. For each choice of k + 1 motors, with k
+directions, there is one such c, whose entries are minors of D. By Farkas' lemma, a preload that
+keeps all |p| <= 1 exists if and only if |c^T p| <= sum of |c_i| for each of these c. So limits of
+torques become limits of these sums, in which the preload does not appear. Here c are called
+factors.
 """
 
 import itertools
@@ -23,36 +28,40 @@ _ZERO = 1e-6
 
 
 def part_of(tau: Array, limits: Array) -> Array:
-    """Torques, shape (..., motors), as parts of their limits: -1 is the least, 1 the largest."""
+    """Parts p of torques, shape (..., motors), in limits, shape (motors, 2)."""
     return (2 * tau - limits.sum(axis=1)) / np.ptp(limits, axis=1)
 
 
 def combinations(directions: Array, limits: Array) -> Array:
-    """Factors of the sums of parts that no preload changes, shape (..., sums, motors).
+    """Factors c of the sums that no preload changes, shape (..., sums, motors).
 
-    They are minors of the directions of preload, so they are continuous where these are. Without
-    surplus motors they are the identity.
+    They are continuous where the directions are. Without surplus motors they are the identity.
+
+    Args:
+        directions: Directions N of preload, shape (..., motors, k).
+        limits: Least and largest torques, shape (motors, 2).
     """
     motors, k = directions.shape[-2:]
-    chosen = list(itertools.combinations(range(motors), k + 1))
-    if len(chosen) > _MOST:
+    groups = list(itertools.combinations(range(motors), k + 1))
+    if len(groups) > _MOST:
         raise InputError("chain", f"{motors} motors, {k} of them surplus, are too many for limits")
-    parts = 2 * directions / np.ptp(limits, axis=1)[:, None]
-    factors = np.zeros((*directions.shape[:-2], len(chosen), motors))
-    for row, group in enumerate(chosen):
+    D = 2 * directions / np.ptp(limits, axis=1)[:, None]
+    factors = np.zeros((*directions.shape[:-2], len(groups), motors))
+    for row, group in enumerate(groups):
         for i, motor in enumerate(group):
-            minor = parts[..., [*group[:i], *group[i + 1 :]], :]
-            factors[..., row, motor] = (-1) ** i * np.linalg.det(minor)
+            # The minor of D without this motor, with alternating signs: then c^T D = 0.
+            others = [*group[:i], *group[i + 1 :]]
+            factors[..., row, motor] = (-1) ** i * np.linalg.det(D[..., others, :])
     return factors
 
 
 def sums_of(factors: Array, parts: Array) -> Array:
-    """Sums of parts, shape (..., motors), divided by the sizes of their factors, (..., sums)."""
-    return of_sizes(np.einsum("...rm,...m->...r", factors, parts), factors)
+    """c^T p / sum of |c_i| for parts of shape (..., motors), shape (..., sums); within -1 and 1."""
+    return normalised(np.einsum("...rm,...m->...r", factors, parts), factors)
 
 
-def of_sizes(sums: Array, factors: Array) -> Array:
-    """Sums, shape (..., sums), divided by the sizes of their factors; 0 where these are 0."""
+def normalised(sums: Array, factors: Array) -> Array:
+    """Sums c^T p, shape (..., sums), divided by the sum of |c_i|; 0 where c is 0."""
     sizes = np.abs(factors).sum(axis=-1)
     zero = sizes <= _ZERO * sizes.max(axis=-1, keepdims=True, initial=0.0)
     return np.where(zero, 0.0, sums / np.where(zero, 1.0, sizes))

@@ -1,9 +1,14 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The part of each motor limit that a motion along a path uses.
 
-On the path x(s) of the coordinates, w and u are the first and second time derivatives of s. The
-motors use the parts a(s) u + b(s) w^2 + c(s) + d(s) w + dry(s) of their limits, due to inertia,
-velocity, gravity, viscous and Coulomb friction. The inverse dynamics gives these functions.
+On the path x(s) of the coordinates, w and u are the first and second time derivatives of s. So the
+rates are x' w and the accelerations x' u + x'' w^2. The motors use the parts
+
+    a(s) u + b(s) w^2 + c(s) + d(s) w + dry(s)
+
+of their limits, due to inertia, velocity, weights and springs, viscous and Coulomb friction. Parts
+and sums of parts that do not depend on a preload are explained in `motor_limits`. The functions of
+s follow from the inverse dynamics for some u and w.
 """
 
 from typing import NamedTuple
@@ -11,15 +16,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, Indices, finite_array
+from ..arrays import Array
 from ..closed_chain import ClosedChain
 from ..dynamics.torque_sharing import finite_limits
 from ..errors import ActuationError, InputError
-from ..model.named_positions import positions_of, with_positions
-from ..simulation.coordinate_motions import coordinate_positions
 from ..simulation.samples import spline
 from ..summaries import listed
-from .motor_limits import combinations, motors_of, of_sizes, part_of, sums_of
+from .motor_limits import combinations, motors_of, normalised, part_of, sums_of
+from .smooth_path import SmoothPath
 
 #: Part of each limit that is not used at grid points, because more may be used between them.
 MARGIN = 1e-4
@@ -29,79 +33,6 @@ _FAST = 1e4
 #: A joint counts as resting if its rate is below this fraction of the largest joint rate. 1e-8 is
 #: the square root of the rounding error: splines of the rates are not exactly zero.
 _STILL = 1e-8
-#: A sample counts as moving if its step is longer than this fraction of the path.
-_SHORTEST_STEP = 1e-9
-#: Largest change of q when the loops are closed between samples, [rad] or robot lengths. A larger
-#: one means that the spline through the samples leaves the assembly mode or that samples jump.
-_OPEN = 0.02
-
-
-class SmoothPath:
-    """A curve q(s), 0 <= s <= 1, with s about proportional to the length of the path."""
-
-    def __init__(self, chain: ClosedChain, path: ArrayLike) -> None:
-        self._chain = chain
-        self._space = chain.mechanism.space
-        q = finite_array("path", path, (chain.mechanism.model.nq,))
-        if q.ndim != 2 or len(q) < 3:
-            raise InputError("path", f"shape {q.shape}, expected (N, {q.shape[-1]}) with N >= 3")
-        x = coordinate_positions(chain.mechanism, q)
-        self._require_small_turns(q, x)
-
-        # Repeated samples are left out: they have no direction.
-        scale = chain.mechanism.rate_scale[chain.mechanism.coordinates]
-        steps = np.linalg.norm(np.diff(x, axis=0) / scale, axis=1)
-        moving = np.append(True, steps > _SHORTEST_STEP * steps.sum())
-        if moving.sum() < 3:
-            raise InputError("path", "the coordinates do not move along it")
-        _require_no_return(x[moving] / scale, np.flatnonzero(moving))
-
-        s = np.cumsum(np.append(0, steps)[moving])
-        s /= s[-1]
-        self._joints = spline(s, self._space.without_jumps(q[moving]))
-        self._curve = spline(s, x[moving])
-        self._first = self._curve.derivative(1)
-        self._second = self._curve.derivative(2)
-
-    def _require_small_turns(self, q: Array, x: Array) -> None:
-        """Refuse samples between which the direction of a turn is not known.
-
-        `x` are continuous positions of the coordinates, those in q lie within one turn. They differ
-        by another number of turns where a joint passes the end of its turn.
-        """
-        turns = x - positions_of(self._space, q, self._chain.coordinates)
-        passes_end = np.abs(np.diff(turns, axis=0)) > 1
-        is_large = np.abs(np.diff(x, axis=0)) > np.pi / 2
-        passes_twice = passes_end[1:] & passes_end[:-1]
-        if (passes_end & is_large).any() or passes_twice.any():
-            raise InputError("path", "a joint turns by half a turn between samples: use more")
-
-    def at(self, s: Array) -> tuple[Array, Array, Array]:
-        """Configurations, and derivatives of the coordinates by s, shapes (N, nq), (N, n)."""
-        chain = self._chain
-        x = self._curve(s)
-        guess = with_positions(
-            self._space, self._joints(s), dict(zip(chain.coordinates, x.T, strict=True))
-        )
-        q = guess
-        if chain.closures:
-            resting_states = np.hstack([guess, np.zeros_like(x)])
-            q = chain.engine.state_space(0.0).closed(resting_states)
-        lengths = np.array(self._space.position_units) == "m"
-        gaps = np.abs(q - guess) / np.where(lengths, chain.mechanism.length, 1.0)
-        if gaps.max() > _OPEN:
-            place = s[gaps.max(axis=1).argmax()]
-            raise InputError("path", f"it jumps, or has too few samples, at {place:.1%} of it")
-        return q, self._first(s), self._second(s)
-
-
-def _require_no_return(x: Array, samples: Indices) -> None:
-    """Refuse a path that turns back; x has no units, `samples` are the numbers of its rows."""
-    steps = np.diff(x, axis=0)
-    returns = np.flatnonzero((steps[1:] * steps[:-1]).sum(axis=1) < 0)
-    if len(returns):
-        sample = samples[returns[0] + 1]
-        raise InputError("path", f"it turns back at sample {sample}: divide it there")
 
 
 class MotorLimits:
@@ -209,23 +140,31 @@ class MotorLimits:
 
 
 class Parts(NamedTuple):
-    """Parts of the limits in both directions at points of a path, shape (N, k); the limits are 1.
+    """Parts of the limits at N points of a path; the motion keeps them if no sum exceeds 1.
 
-    The module docstring explains a to d. `dry` is the largest Coulomb friction in each direction:
-    its sign is unknown where a joint is at rest, so the two directions differ. `most` is the
-    largest w, shape (N,).
+    Each limit has two columns, k together: for the largest and, with the opposite sign, for the
+    least part.
     """
 
+    #: Shapes (N, k); see the module.
     a: Array
     b: Array
     c: Array
     d: Array
+    #: The largest Coulomb friction in the direction of each column, shape (N, k). Its sign is
+    #: unknown where a joint is at rest, so the two directions differ.
     dry: Array
+    #: The largest w by the limits of rates, shape (N,).
     most: Array
 
 
 class PathForces:
-    """All parts along a path, from inverse dynamics at some of its points."""
+    """All parts along a path, as splines through some of its points, the nodes.
+
+    Attributes:
+        unit: The unit of time in which w is about one, in 1/s.
+        viscous: Whether viscous friction matters.
+    """
 
     def __init__(self, limits: MotorLimits, path: SmoothPath, nodes: Array) -> None:
         q, first, second = path.at(nodes)
@@ -233,52 +172,57 @@ class PathForces:
         factors = limits.factors(q)
 
         def sums_at(w: float, u: float = 0.0) -> Array:
+            """Sums of parts for w and u at the nodes, shape (nodes, sums)."""
             parts = limits.parts(q, w * first, w**2 * second + u * first)
             return np.einsum("irk,ik->ir", factors, parts)
 
+        # Coulomb friction, by the rates of the joints.
         rates = limits.chain.joint_rates(q, first) / limits.chain.mechanism.rate_scale
-        self._factors = spline(nodes, factors)
-        self._rates = spline(nodes, rates)
-        self._dry = spline(nodes, factors @ limits.dry_friction(q))
+        dry = factors @ limits.dry_friction(q)
+        least, largest = _coulomb(rates, dry)
 
-        # The sums are a u + b w^2 + c + d w + dry friction. At +w and -w the even part is c + b w^2
-        # and the odd part is d w and the friction, whose sign follows the rate.
+        # The sums at +w and -w: the even part is c + b w^2, the odd part is d w and the friction,
+        # whose sign follows the rate.
         rest = sums_at(0.0)
         forward = sums_at(_FAST)
         backward = sums_at(-_FAST)
-        low, high = self._coulomb(nodes)
         a = sums_at(0.0, 1.0) - rest
         b_w2 = (forward + backward) / 2 - rest
-        d_w = (forward - backward) / 2 - (low + high) / 2
+        d_w = (forward - backward) / 2 - (least + largest) / 2
         speeds = limits.speeds(q, first)
-        smooth = np.stack([a, b_w2 / _FAST**2, rest, d_w / _FAST], axis=1)
-        self._smooth = spline(nodes, smooth)
-        self._speeds = spline(nodes, speeds)
-        # The unit of time in which w is about one.
-        largest = np.abs(of_sizes(a, factors)).max()
-        self.unit = max(float(np.sqrt(largest)), float(speeds.max()), 1e-100)
-        self.viscous = float(np.abs(of_sizes(d_w, factors)).max()) > MARGIN * _FAST * self.unit
 
-    def _coulomb(self, s: Array) -> tuple[Array, Array]:
-        """Least and largest Coulomb friction, shape (N, k)."""
-        rates = self._rates(s)
-        dry = self._dry(s)
-        moves = np.abs(rates) > _STILL * np.abs(rates).max(axis=1, keepdims=True)
-        # The friction of a moving joint follows its rate; of a resting joint it has either sign.
-        moving = np.einsum("ikj,ij->ik", dry, np.sign(rates) * moves)
-        resting = np.einsum("ikj,ij->ik", np.abs(dry), ~moves)
-        return moving - resting, moving + resting
+        self._factors = spline(nodes, factors)
+        self._rates = spline(nodes, rates)
+        self._dry = spline(nodes, dry)
+        self._abcd = spline(nodes, np.stack([a, b_w2 / _FAST**2, rest, d_w / _FAST], axis=1))
+        self._speeds = spline(nodes, speeds)
+        largest_a = np.abs(normalised(a, factors)).max()
+        self.unit = max(float(np.sqrt(largest_a)), float(speeds.max()), 1e-100)
+        self.viscous = float(np.abs(normalised(d_w, factors)).max()) > MARGIN * _FAST * self.unit
 
     def at(self, s: Array) -> Parts:
         """All parts at points of the path."""
         with np.errstate(divide="ignore"):
             most = 1 / np.maximum(self._speeds(s).max(axis=1), 0)
         factors = self._factors(s)
-        low, high = self._coulomb(s)
-        smooth = np.moveaxis(self._smooth(s), 1, 0)
-        # a to d and the friction in one direction, then in the other.
-        upper = np.stack([*smooth, high])
-        lower = np.stack([*-smooth, -low])
-        rows = [of_sizes(parts, factors) for parts in (upper, lower)]
-        a, b, c, d, dry = np.concatenate(rows, axis=-1)
+        least, largest = _coulomb(self._rates(s), self._dry(s))
+        abcd = np.moveaxis(self._abcd(s), 1, 0)
+        upper = normalised(np.stack([*abcd, largest]), factors)
+        lower = normalised(np.stack([*-abcd, -least]), factors)
+        a, b, c, d, dry = np.concatenate([upper, lower], axis=-1)
         return Parts(a, b, c, d, dry, most)
+
+
+def _coulomb(rates: Array, dry: Array) -> tuple[Array, Array]:
+    """Least and largest parts of Coulomb friction at N points of a path, shape (N, k).
+
+    The friction of a moving joint follows its rate; that of a resting joint has either sign.
+
+    Args:
+        rates: Rates of the joints by s, free of units, shape (N, nv).
+        dry: Parts by joint where the joint moves forward, shape (N, k, nv).
+    """
+    moves = np.abs(rates) > _STILL * np.abs(rates).max(axis=1, keepdims=True)
+    moving = np.einsum("ikj,ij->ik", dry, np.sign(rates) * moves)
+    resting = np.einsum("ikj,ij->ik", np.abs(dry), ~moves)
+    return moving - resting, moving + resting

@@ -110,15 +110,16 @@ class SerialView(Linkage):
 
     def damping(self, q: ArrayLike) -> Array:
         """Damping matrix of viscous friction and dampers in `chain.coordinates`, (..., n, n)."""
-        each = self._configurations(q)[..., None, :]
-        v = self.chain.joint_rates(each, np.eye(self.chain.degrees_of_freedom))
-        lines = self.chain.engine.line_rates(each, v)
+        # Rates of joints and lines for a unit rate of each coordinate, in rows.
+        q_for_rates = self._configurations(q)[..., None, :]
+        v = self.chain.joint_rates(q_for_rates, np.eye(self.chain.degrees_of_freedom))
+        lines = self.chain.engine.line_rates(q_for_rates, v)
         if self.chain.mechanism.lines.pull_only.any():
             problem = "not defined with cables that only pull: they damp only where they are taut"
             raise InputError("damping", problem)
-        return (v * self.chain.friction.viscous) @ v.mT + (
-            lines * self.chain.mechanism.lines.damping
-        ) @ lines.mT
+        by_joints = (v * self.chain.friction.viscous) @ v.mT
+        by_lines = (lines * self.chain.mechanism.lines.damping) @ lines.mT
+        return by_joints + by_lines
 
     def torque_polygon(self, q: ArrayLike, limits: ArrayLike | None = None) -> Array:
         """The corners of all torques that the motors can give at the joints.
@@ -195,15 +196,18 @@ class SerialView(Linkage):
         Raises:
             InputError: See `joint_gains`.
         """
-        back = np.linalg.pinv(self.actuator_jacobian(q))
+        J_inverse = np.linalg.pinv(self.actuator_jacobian(q))
         K = _matrix(gains, len(self.joints))
-        return np.asarray(back.mT @ (K if tau is None else K + self._slope(q, tau)) @ back)
+        if tau is not None:
+            K = K + self._slope(q, tau)
+        return np.asarray(J_inverse.mT @ K @ J_inverse)
 
     def _slope(self, q: ArrayLike, tau: ArrayLike) -> Array:
         """Derivatives of J^T tau by the joints' positions, shape (..., joints, joints).
 
-        The motors' accelerations at constant rates x of the joints are a square form in x, whose
-        matrix is the derivative of J; see Eq. (20).
+        At constant rates x of the joints, motor m has the acceleration a_m(x) = x^T J_m' x, see Eq.
+        (20), where J_m' has the derivatives of row m of J and is symmetric. Its entries follow from
+        rates along two joints: 2 J_m'[i, j] = a_m(e_i + e_j) - a_m(e_i) - a_m(e_j).
         """
         mechanism = self.chain.mechanism
         if mechanism.lines.actuation[:, self._rows].any():
@@ -211,27 +215,34 @@ class SerialView(Linkage):
         k = len(self.joints)
         n = self.chain.degrees_of_freedom
         tau = finite_array("tau", tau, (len(self.motors),))
-        sums = np.zeros((k, k, n))
-        sums[..., self._columns] = np.eye(k)[:, None] + np.eye(k)
-        each = self._configurations(q)[..., None, None, :]
-        of_sums = self.chain.joint_accelerations(each, sums, np.zeros(n))
-        square = of_sums @ mechanism.actuation[:, self._rows]
-        single = np.einsum("...iim->...im", square) / 4
-        slope = (square - single[..., :, None, :] - single[..., None, :, :]) / 2
+        rates = np.zeros((k, k, n))  # e_i + e_j
+        rates[..., self._columns] = np.eye(k)[:, None] + np.eye(k)
+        q_for_pairs = self._configurations(q)[..., None, None, :]
+        accelerations = self.chain.joint_accelerations(q_for_pairs, rates, np.zeros(n))
+        a_of_sums = accelerations @ mechanism.actuation[:, self._rows]
+        a_of_single = np.einsum("...iim->...im", a_of_sums) / 4  # of e_i: the diagonal has 2 e_i
+        slope = (a_of_sums - a_of_single[..., :, None, :] - a_of_single[..., None, :, :]) / 2
         return np.einsum("...ijm,...m->...ij", slope, tau)
 
 
 def _without_serial_bodies(chain: ClosedChain) -> pin.Model:
-    """The model without mass and armature of the bodies that only coordinates carry."""
+    """The model without the mass and armature of the bodies that only coordinates carry.
+
+    What is left are the bodies of the linkages: cranks, rods and rotors.
+    """
     mechanism = chain.mechanism
     model = pin.Model(mechanism.model)
     coordinates = set(mechanism.coordinates.tolist())
     armature = model.armature.copy()
     for i in range(1, model.njoints):
         carriers = [model.joints[j] for j in list(model.supports[i])[1:]]
-        if all(set(range(b.idx_v, b.idx_v + b.nv)) <= coordinates for b in carriers):
+        rates_of_carriers = set[int]()
+        for joint in carriers:
+            rates_of_carriers.update(range(joint.idx_v, joint.idx_v + joint.nv))
+        if rates_of_carriers <= coordinates:
+            own_joint = carriers[-1]
             model.inertias[i] = pin.Inertia.Zero()
-            armature[carriers[-1].idx_v : carriers[-1].idx_v + carriers[-1].nv] = 0
+            armature[own_joint.idx_v : own_joint.idx_v + own_joint.nv] = 0
     model.armature = armature
     return model
 

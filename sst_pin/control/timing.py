@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """The fastest motion along a path within limits of the motors.
 
-H. Pham and Q.-C. Pham, A new approach to time-optimal path parameterization based on reachability
-analysis, IEEE Trans. Robotics 34(3), 2018, solve for w^2, where w is the rate along the path.
-Viscous friction d(s) w is linearized about the previous solution.
+The path is a curve x(s) of the coordinates, 0 <= s <= 1; w and u are the first and second time
+derivatives of s. `path_forces` has the parts of the limits that the motion uses by w and u. H. Pham
+and Q.-C. Pham, A new approach to time-optimal path parameterization based on reachability analysis,
+IEEE Trans. Robotics 34(3), 2018, solve for w^2. Viscous friction d(s) w is linearized about the
+previous solution.
 """
 
 from __future__ import annotations
@@ -17,7 +19,8 @@ from ..arrays import Array, positive_number
 from ..closed_chain import ClosedChain
 from ..errors import ActuationError, MissingExtraError
 from ..simulation.trajectories import Trajectory
-from .path_forces import MARGIN, MotorLimits, Parts, PathForces, SmoothPath
+from .path_forces import MARGIN, MotorLimits, Parts, PathForces
+from .smooth_path import SmoothPath
 
 #: Number of intervals at whose ends the dynamics is computed first.
 _INTERVALS = 500
@@ -102,9 +105,14 @@ def time_optimal(
 
 
 class _Profile(NamedTuple):
-    """w^2 at the points s of a grid, shape (N + 1,); u is constant between them."""
+    """How fast the path is followed: u is constant between the points of a grid.
 
+    So w^2 is linear in s between them, with the slope 2 u.
+    """
+
+    #: Points of the grid, shape (N + 1,).
     s: Array
+    #: w^2 there, shape (N + 1,).
     x: Array
 
     @property
@@ -119,7 +127,7 @@ class _Profile(NamedTuple):
         return np.append(0, np.cumsum(2 * np.diff(self.s) / (w[1:] + w[:-1])))
 
     def places(self, t: Array) -> Array:
-        """s at times, shape (N,)."""
+        """The points s of the path at times t."""
         times = self.times
         i = np.clip(np.searchsorted(times, t, "right") - 1, 0, len(times) - 2)
         late = t - times[i]
@@ -135,7 +143,7 @@ class _Profile(NamedTuple):
         return q, np.sqrt(x) * first, x * second + u * first
 
     def used(self, forces: PathForces) -> Array:
-        """The largest part of a limit at each point tested in each interval, shape (tested, N)."""
+        """The largest part of a limit that is used, shape (tested points, N intervals)."""
         s = self.s[:-1] + np.diff(self.s) * _TESTED[:, None]
         x = np.interp(s, self.s, self.x).ravel()
         a, b, c, d, dry, most = forces.at(s.ravel())
@@ -184,11 +192,15 @@ def _start(s: Array, forces: PathForces) -> Array:
         return np.minimum(x, (free / np.abs(parts.d)).min(axis=1) ** 2)
 
 
-def _solved(s: Array, forces: PathForces, x: Array | None) -> Array:
-    """The largest w^2 within the limits, shape (N + 1,); x: a guess, None if not viscous."""
+def _solved(s: Array, forces: PathForces, guess: Array | None) -> Array:
+    """The largest w^2 within the limits at points s, shape (N + 1,).
+
+    Viscous friction needs a guess of w^2; it is None if there is no viscous friction.
+    """
     parts = forces.at(s)
-    if x is None:
+    if guess is None:
         return _linear(s, forces.unit, parts)
+    x = guess
     for _ in range(_PASSES):
         # d w is linear in w^2 about the last solution: d w = d w_0 / 2 + d / (2 w_0) w^2.
         w = np.sqrt(x)[:, None]
@@ -203,7 +215,7 @@ def _solved(s: Array, forces: PathForces, x: Array | None) -> Array:
 
 
 def _linear(s: Array, unit: float, parts: Parts) -> Array:
-    """The largest w^2 within the limits without d, at rest at the ends, by toppra."""
+    """The largest w^2 within the limits without the part d, at rest at the ends, by toppra."""
     try:
         from toppra import SplineInterpolator
         from toppra.algorithm import TOPPRA
