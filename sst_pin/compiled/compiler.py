@@ -6,6 +6,7 @@ import shutil
 import sys
 import threading
 from collections.abc import Sequence
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -27,6 +28,18 @@ SINGLE = {"avx512": "avx2_one", "avx2": "avx2_one", "plain": "plain_one"}
 #: Options for derivatives: with -O2 their long functions compile slower and run no faster.
 LONG = ("-O1", "-fexpensive-optimizations")
 _OPTIONS = ("-std=gnu11", "-O2", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast")
+#: Sources of more characters than this are long.
+_LONG_SOURCE = 200_000
+#: Options for long sources, for compilers that know them (GCC). The time of these passes grows
+#: faster than a function. They look for values that are computed twice and for results that nobody
+#: reads; the generator has removed both. Measured with GCC 12: a long source compiles in 0.6 to 0.7
+#: of the time, and runs as fast.
+_FOR_LONG_SOURCES = (
+    *("--param", "max-cselib-memory-locations=20"),
+    *("-fno-tree-fre", "-fno-tree-pre", "-fno-rerun-cse-after-loop"),
+    *("-fno-tree-dse", "-fno-dse"),
+    *("-fno-ipa-modref", "-fno-ipa-pure-const", "-fno-ipa-reference"),
+)
 
 #: Processes of the compiler that may run at once.
 _PROCESSES = threading.BoundedSemaphore(os.cpu_count() or 1)
@@ -61,13 +74,28 @@ def compile_library(sources: Sequence[str], library: Path, options: Sequence[str
     def compile_one(source: str, target: Path) -> None:
         code = target.with_suffix(".c")
         code.write_text(source, encoding="utf-8")
+        all_options = [*_OPTIONS, *options]
+        if len(source) > _LONG_SOURCE and _accepts(tuple(compiler()), _FOR_LONG_SOURCES):
+            all_options += _FOR_LONG_SOURCES
         with _PROCESSES:
-            _run([*_OPTIONS, *options, "-c", "-fPIC", str(code), "-o", str(target)], target)
+            _run([*all_options, "-c", "-fPIC", str(code), "-o", str(target)], target)
 
     with ThreadPoolExecutor() as pool:
         for _ in pool.map(compile_one, sources, objects):
             pass
     _run(["-shared", *map(str, objects), "-o", str(library), "-lm"], library)
+
+
+@cache
+def _accepts(command: tuple[str, ...], options: tuple[str, ...]) -> bool:
+    """Whether a compiler knows these options."""
+    import subprocess
+
+    arguments = [*command, *options, "-Werror", "-fsyntax-only", "-x", "c", os.devnull]
+    try:
+        return subprocess.run(arguments, capture_output=True, check=False).returncode == 0
+    except OSError:
+        return False  # `_run` says what is wrong with the compiler
 
 
 def _run(arguments: Sequence[str], result: Path) -> None:

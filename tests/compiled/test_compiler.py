@@ -3,7 +3,7 @@
 
 import pytest
 
-from sst_pin.compiled import libraries
+from sst_pin.compiled import compiler, libraries
 from sst_pin.errors import CompilationError
 
 
@@ -53,3 +53,21 @@ def test_a_compiler_that_is_not_there_is_named_and_none_is_the_system_s(folder, 
         answer()
     monkeypatch.setenv("CC", " ")
     assert answer() == 42
+
+
+def test_a_long_source_compiles_without_the_options_that_a_compiler_does_not_know(
+    folder, tmp_path, monkeypatch
+):
+    fake, calls = tmp_path / "cc", tmp_path / "calls"
+    fake.write_text(
+        f'#!/bin/sh\necho "$*" >> {calls}\n'
+        'case "$*" in *-fno-dse*) echo "unknown option" >&2; exit 1;; esac\nexec cc "$@"\n'
+    )
+    fake.chmod(0o755)
+    monkeypatch.setenv("CC", str(fake))
+    monkeypatch.setattr(compiler, "_LONG_SOURCE", 10)
+    assert answer() == 42
+    asked, compiled, linked = calls.read_text().splitlines()
+    assert "-fno-dse" in asked
+    assert "-O2" in compiled
+    assert "-shared" in linked
