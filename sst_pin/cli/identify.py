@@ -5,11 +5,12 @@ import argparse
 from collections.abc import Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from .. import identification
-from ..arrays import positive_number
+from ..arrays import Array, positive_number
 from ..closed_chain import ClosedChain
 from ..errors import InputError
 from ..files import Writer, require_ending, text_writer
@@ -18,61 +19,52 @@ from ..reading import cuts_beside, is_mjcf
 from ..simulation.motion_files import read_log
 from . import common
 
-#: The largest decimation that is chosen by default.
-_EVERY = 10
-
 
 def identify(arguments: argparse.Namespace) -> int:
-    """Dynamic parameters from a log."""
-    # The output and the robot, before the work.
+    """Dynamic parameters from a log: a report with a picture, and perhaps a URDF.
+
+    The first two thirds of the log give the parameters. The last third, which the report calls
+    unseen, validates them.
+    """
+    # Faults of the options, before the work.
     output = arguments.output
-    masses = arguments.masses or {}
-    require_ending(common.output_name(output, ".md"), ".md")
     with_picture = str(output) != "-"
-    if with_picture:
-        common.require_extras(identification="clarabel", plot="matplotlib")
-    else:
-        common.require_extras(identification="clarabel")
-    urdf = None
-    if arguments.urdf:
-        urdf = Path(arguments.robot or "")
-        if not urdf.is_file() or is_mjcf(urdf):
-            raise InputError("--robot", "needed: a URDF, which is written with the numbers found")
-        require_ending(arguments.urdf, ".urdf")
+    _check_output(arguments, with_picture)
+    urdf = _urdf_of_robot(arguments)
+    masses = arguments.masses or {}
     robot = _with_masses(common.robot_of(arguments), masses)
 
-    # The log as a motion; its last third is for validation.
-    t, x, tau, start = read_log(robot.engine, common.source_of(arguments.log))
-    cutoff = arguments.cutoff
-    every = arguments.decimate
-    # By default at most the samples of a period of the cut-off frequency: the filter before has
-    # removed what is faster.
-    if every is None:
-        in_period = (len(t) - 1) / (t[-1] - t[0]) / cutoff if cutoff > 0 else 1
-        every = max(1, min(_EVERY, int(in_period)))
+    # The log as a motion.
+    log = _read(arguments, robot)
     motion = identification.measured_motion(
-        robot, t, x, tau, cutoff=cutoff, decimate=every, start=start
+        robot,
+        log.t,
+        log.x,
+        log.tau,
+        cutoff=arguments.cutoff,
+        decimate=log.decimate,
+        start=log.start,
     )
-    cut = 2 * len(motion) // 3
-    first = motion[:cut]
-    unseen = motion[cut:]
+    end_of_fit = 2 * len(motion) // 3
+    fitted = motion[:end_of_fit]
+    unseen = motion[end_of_fit:]
 
-    # The parameters. Each combination has the column of one parameter, after which it is named.
-    base = identification.base_parameters(robot, _parameters(robot, arguments.which, masses))
+    # The combinations of parameters that motions show, their values, and bodies that have them.
+    base = identification.base_parameters(robot, _considered(robot, arguments.which, masses))
     estimate = identification.estimate(
         robot,
         base,
-        first.q,
-        first.va,
-        first.aa,
-        first.tau,
+        fitted.q,
+        fitted.va,
+        fitted.aa,
+        fitted.tau,
         robust=arguments.robust,
-        decimate=every,  # as above, so that torques and regressor pass the same filter
+        decimate=log.decimate,  # as above, so that torques and regressor pass the same filter
     )
     theta = identification.consistent_parameters(robot, estimate)
 
     # The report, its picture, and the URDF.
-    text = identification.report(robot, estimate, theta, unseen)
+    report = identification.report(robot, estimate, theta, unseen)
     files = dict[Path, Writer]()
     if with_picture:
         from .. import plots
@@ -80,16 +72,66 @@ def identify(arguments: argparse.Namespace) -> int:
         name = output.with_name(f"{output.stem}_torques.png")
         page = plots.torques_page(unseen, identification.predicted_torques(robot, theta, unseen))
         files[name] = plots.figure_writer(page, name)
-        text += f"\n![Measured and predicted torques of the unseen motion](<{name.name}>)\n"
+        report += f"\n![Measured and predicted torques of the unseen motion](<{name.name}>)\n"
     if urdf is not None:
-        new = with_dynamics(robot.with_parameters(theta), urdf, Path(arguments.urdf).parent)
-        files |= _with_closures(new, urdf, arguments.urdf)
-    common.write({output: text_writer(text), **files}, arguments)
+        text = with_dynamics(robot.with_parameters(theta), urdf, Path(arguments.urdf).parent)
+        files |= _urdf_writers(text, urdf, arguments.urdf)
+    common.write({output: text_writer(report), **files}, arguments)
     result = f"{len(base)} combinations, {int(estimate.supported.sum())} supported"
     common.say(f"{len(motion)} samples, {result} -> {output}", arguments)
     if not estimate.supported.all():
         common.say(_advice(robot, estimate), arguments)
     return 0
+
+
+def _check_output(arguments: argparse.Namespace, with_picture: bool) -> None:
+    """Refuse an output of another format, and missing packages."""
+    require_ending(common.output_name(arguments.output, ".md"), ".md")
+    if with_picture:
+        common.require_extras(identification="clarabel", plot="matplotlib")
+    else:
+        common.require_extras(identification="clarabel")
+
+
+def _urdf_of_robot(arguments: argparse.Namespace) -> Path | None:
+    """The URDF of the robot, if a URDF is to be written; else None."""
+    if not arguments.urdf:
+        return None
+    urdf = Path(arguments.robot or "")
+    if not urdf.is_file() or is_mjcf(urdf):
+        raise InputError("--robot", "needed: a URDF, which is written with the numbers found")
+    require_ending(arguments.urdf, ".urdf")
+    return urdf
+
+
+#: The largest decimation that is chosen by default.
+_LARGEST_DECIMATION = 10
+
+
+class _Log(NamedTuple):
+    """A log, and the arguments of `measured_motion` that go with it."""
+
+    t: Array
+    x: Array
+    tau: Array
+    start: Array | None
+    decimate: int
+
+
+def _read(arguments: argparse.Namespace, robot: ClosedChain) -> _Log:
+    """The log that the options name.
+
+    By default the decimation is at most the number of samples in a period of the cut-off frequency:
+    the filter before has removed what is faster.
+    """
+    t, x, tau, start = read_log(robot.engine, common.source_of(arguments.log))
+    decimate = arguments.decimate
+    if decimate is None:
+        in_period = 1.0
+        if arguments.cutoff > 0:
+            in_period = (len(t) - 1) / (t[-1] - t[0]) / arguments.cutoff
+        decimate = max(1, min(_LARGEST_DECIMATION, int(in_period)))
+    return _Log(t, x, tau, start, decimate)
 
 
 def _advice(robot: ClosedChain, estimate: identification.Estimate) -> str:
@@ -115,11 +157,12 @@ def _with_masses(robot: ClosedChain, masses: Mapping[str, float]) -> ClosedChain
     return robot.with_parameters(theta) if masses else robot
 
 
-def _parameters(robot: ClosedChain, which: str | None, masses: Mapping[str, float]) -> list[str]:
-    """Patterns of the parameters considered: bodies, friction and lines by default.
+def _considered(robot: ClosedChain, which: str | None, masses: Mapping[str, float]) -> list[str]:
+    """Names of the parameters that are considered, or patterns of them.
 
-    For a line that is a motor only its damping is considered: its force is the motor's. Known
-    masses are not considered.
+    By default these are masses, first moments and moments of inertia of bodies, friction, and
+    numbers of lines. Of a line that is a motor only the damping is considered: its force is the
+    motor's. Known masses are left out.
     """
     if which:
         patterns = which.split(",")
@@ -140,8 +183,8 @@ def _parameters(robot: ClosedChain, which: str | None, masses: Mapping[str, floa
     return considered
 
 
-def _with_closures(text: str, urdf: Path, output: Path) -> dict[Path, Writer]:
-    """Writers of a URDF and of the YAML and SRDF files that belong to it."""
+def _urdf_writers(text: str, urdf: Path, output: Path) -> dict[Path, Writer]:
+    """Writers of a new URDF, and of copies of the YAML and the SRDF beside the first one."""
     files = {output: text_writer(text)}
     if str(output) != "-":
         for ending, path in ((".yaml", cuts_beside(urdf)), (".srdf", urdf.with_suffix(".srdf"))):

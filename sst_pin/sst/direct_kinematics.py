@@ -1,25 +1,28 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Every real assembly of an SST for given motor angles.
 
-Motor angles fix the passive axes u_k = e_{k+3}. The normal of arc k is perpendicular to u_k:
-u_k . R m_k = 0 with m_k the normal in {E}. In the unit quaternion p of R these are three quadrics
+Motor angles fix the passive axes u_k = e_{k+3} in the base. The normal m_k of arc k, which is fixed
+in {E}, is perpendicular to u_k: u_k . R m_k = 0. With R by the unit quaternion p = (x, y, z, w),
+these are three quadratic equations, or quadrics,
 
-    p^T A_k p = 0,    k = 1, 2, 3,
+    p^T A_k p = 0,    k = 1, 2, 3.
 
-which meet in eight points of projective space (Bezout), complex ones included. Newton's method
-would find some of them. All of them follow from linear algebra (H. J. Stetter, Numerical Polynomial
-Algebra, SIAM 2004):
+Three quadrics meet in eight points of projective space (Bezout's theorem), complex ones included.
+Newton's method would find some of them. Linear algebra finds all (H. J. Stetter, Numerical
+Polynomial Algebra, SIAM 2004):
 
-1. Each quadric times each monomial of degree two is an equation that is linear in the 35 monomials
-   of degree four. The coefficients of these 30 equations are the Macaulay matrix. Its null space
-   has dimension eight: the monomials of degree four at the eight solutions span it. Degree four is
-   the smallest degree for which this holds.
-2. Let the columns of N span the null space, z = N c. The 20 monomials of degree three times a
-   linear form a . p are linear in z, so that they are S_a c; times b . p they are S_b c. In a
-   solution S_a c = r S_b c with the ratio r = (a . p) / (b . p). So the eight c are eigenvectors of
-   the 8 x 8 matrix pinv(S_b) S_a, because r differs between the solutions.
-3. In a solution z, the products of a monomial of degree three with x, y, z, w are proportional to
-   p. Newton's method removes the rounding of the eigenvectors.
+1. Multiply each quadric by each of the 10 monomials of degree two, such as x^2 or x y. The results
+   are 30 equations of degree four, which are linear in the 35 monomials of degree four. Their
+   coefficients are the Macaulay matrix, shape (30, 35). Its null space has dimension eight: the
+   values z of the 35 monomials at each of the eight solutions are in it, and span it. Degree four
+   is the smallest degree for which this holds.
+2. Let the columns of N span the null space, so that each solution has z = N c with eight numbers c.
+   Take two linear forms a . p and b . p with generic a, b. The 20 monomials of degree three times
+   a . p are sums of entries of z, thus S_a c; times b . p they are S_b c. At a solution both are
+   proportional, with the ratio r = (a . p) / (b . p): S_a c = r S_b c. So each c is an eigenvector
+   of the 8 x 8 matrix pinv(S_b) S_a. The eigenvalues r differ, so that the eigenvectors are unique.
+3. From an eigenvector follows z = N c. The products of one monomial of degree three with x, y, z, w
+   are entries of z and proportional to p. Newton's method removes the rounding of the eigenvectors.
 """
 
 import itertools
@@ -30,23 +33,14 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from ..errors import SingularConfigurationError
 
+#: Number of solutions, complex ones included.
 _N_SOLUTIONS = 8
-#: Imaginary part of a unit quaternion above which a solution is complex. Two close solutions are
-#: exact to the square root of rounding only, so Newton's method decides.
-_IMAGINARY = 1e-4
-#: Largest residual of a polished solution.
-_POLISHED = 1e-13
-#: Quaternions closer than this are one solution.
-_APART = 1e-6
-#: The quadrics meet in a curve, not in points, if the ninth smallest singular value of the Macaulay
-#: matrix is below this part of the largest.
-_CURVE = 1e-10
-
 #: A monomial in the four components of a quaternion, as their sorted indices: (0, 0, 3) is x^2 w.
 _Monomial = tuple[int, ...]
 
 
 def _monomials(degree: int) -> list[_Monomial]:
+    """All monomials of a degree."""
     return list(itertools.combinations_with_replacement(range(4), degree))
 
 
@@ -70,6 +64,11 @@ _CUBIC_TIMES_P = _products(_DEGREE_3, _DEGREE_1)
 _QUADRATIC_TIMES_QUADRATIC = _products(_DEGREE_2, _DEGREE_2)
 #: Two generic linear forms a . p and b . p; the same at every call, so results repeat to the bit.
 _FORM_A, _FORM_B = np.random.default_rng(1).normal(size=(2, 4))
+#: Imaginary part of a unit quaternion above which a solution is complex. Two close solutions are
+#: exact to the square root of rounding only, so Newton's method decides.
+_IMAGINARY = 1e-4
+#: Quaternions closer than this are one solution.
+_APART = 1e-6
 
 
 def orientations(u: Array, m: Array) -> Array:
@@ -83,7 +82,8 @@ def orientations(u: Array, m: Array) -> Array:
     A = _quadrics(u, m)
     solutions: list[Array] = []
     for candidate in _intersections(A):
-        # Turn the largest component real: a real solution becomes real as a whole.
+        # A solution is known up to a complex factor. With the phase at which the largest component
+        # is real, a real solution is real as a whole.
         p = candidate * np.exp(-1j * np.angle(candidate[np.argmax(np.abs(candidate))]))
         if np.abs(p.imag).max() > _IMAGINARY:
             continue
@@ -116,8 +116,16 @@ def _is_among(p: Array, solutions: list[Array]) -> bool:
     return False
 
 
+#: The quadrics meet in a curve, not in points, if the ninth smallest singular value of the Macaulay
+#: matrix is below this part of the largest.
+_CURVE = 1e-10
+
+
 def _intersections(A: Array) -> NDArray[np.complex128]:
-    """The eight common points of three quadrics, unit vectors as rows, complex in general."""
+    """The eight common points of three quadrics, unit vectors as rows, complex in general.
+
+    The steps are those of the module's docstring.
+    """
     # 1. The Macaulay matrix, and its null space.
     coefficients = np.empty((3, len(_DEGREE_2)))  # of each quadric, by monomial
     for column, (i, j) in enumerate(_DEGREE_2):
@@ -133,15 +141,15 @@ def _intersections(A: Array) -> NDArray[np.complex128]:
             "the motor angles do not determine the star: it can move while the motors are fixed",
             float(largest / least),
         )
-    null = Vt[-_N_SOLUTIONS:].T  # columns span the monomials of degree four at the solutions
+    N = Vt[-_N_SOLUTIONS:].T  # shape (35, 8)
 
     # 2. Multiplication by (a . p) / (b . p) in the null space, and its eigenvectors.
-    products = null[_CUBIC_TIMES_P]  # (cubic monomial, component of p, column)
+    products = N[_CUBIC_TIMES_P]  # (cubic monomial, component of p, column of N)
     S_a = np.einsum("mjs,j->ms", products, _FORM_A)
     S_b = np.einsum("mjs,j->ms", products, _FORM_B)
     multiplication = np.linalg.lstsq(S_b, S_a, rcond=None)[0]
     _, eigenvectors = np.linalg.eig(multiplication)
-    monomials = null @ eigenvectors  # of degree four, a column for each solution
+    monomials = N @ eigenvectors  # of degree four, a column for each solution
 
     # 3. The products of a cubic monomial with x, y, z, w are proportional to p. The largest
     # products have the least relative rounding.
@@ -151,9 +159,14 @@ def _intersections(A: Array) -> NDArray[np.complex128]:
     return np.asarray(p / np.linalg.norm(p, axis=1)[:, None])
 
 
+#: Largest residual of a solution after Newton's method, and its most steps.
+_POLISHED = 1e-13
+_STEPS = 30
+
+
 def _polish(A: Array, p: Array) -> Array | None:
     """Newton's method on the quadrics and |p| = 1; None where there is no real solution."""
-    for _ in range(30):
+    for _ in range(_STEPS):
         residual = np.append(p @ A @ p, p @ p - 1)
         if np.abs(residual).max() < _POLISHED / 10:
             break

@@ -60,11 +60,18 @@ def png(html: str) -> bytes:
 def gif(
     html: str, frames: int = 36, seconds: float = 4.0, size: tuple[int, int] = (960, 480)
 ) -> bytes:
-    """A GIF that repeats endlessly, of a number of frames; its duration, [s], and size, [px]."""
-    taken = _pictures(html, [i / frames for i in range(frames)], size, 1.0)
+    """A GIF that repeats endlessly.
+
+    Args:
+        html: The page.
+        frames: Number of pictures of the motion.
+        seconds: Duration, [s].
+        size: Width and height, [px].
+    """
+    screenshots = _pictures(html, [i / frames for i in range(frames)], size, 1.0)
     from PIL import Image
 
-    pictures = [Image.open(io.BytesIO(picture)).convert("RGB") for picture in taken]
+    pictures = [Image.open(io.BytesIO(screenshot)).convert("RGB") for screenshot in screenshots]
     # One palette for all: colours that change from frame to frame flicker.
     coverage = Image.Quantize.MAXCOVERAGE  # leaves white white
     palette = pictures[len(pictures) // 3].quantize(128, coverage, dither=Image.Dither.NONE)
@@ -76,6 +83,14 @@ def gif(
 
 
 def _pictures(html: str, shares: list[float], size: tuple[int, int], scale: float) -> list[bytes]:
+    """Pictures of a page as PNG.
+
+    Args:
+        html: The page.
+        shares: When pictures are taken, as shares of the motion from 0 to 1.
+        size: Width and height of the page, [px].
+        scale: Pixels of a picture for each pixel of the page.
+    """
     # In a new thread: Playwright's synchronous interface fails in a thread with an event loop, such
     # as that of a notebook.
     with ThreadPoolExecutor(1) as thread:
@@ -83,6 +98,7 @@ def _pictures(html: str, shares: list[float], size: tuple[int, int], scale: floa
 
 
 def _take(html: str, shares: list[float], size: tuple[int, int], scale: float) -> list[bytes]:
+    """`_pictures`, in the thread that calls it."""
     viewport = {"width": size[0], "height": size[1]}
     pictures = []
     with tempfile.TemporaryDirectory() as folder, browser() as chromium:

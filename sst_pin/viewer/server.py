@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """A server for one page and its updates, on a port of this machine, in a thread.
 
+The server sends the HTML page on request, and updates through a WebSocket that the page opens. Its
+event loop runs in a thread of its own, so that the robot's program continues. Methods that other
+threads call only put work into this loop.
+
 A page of another site can make a browser ask 127.0.0.1 under that site's name (DNS rebinding), and
 open WebSockets to any address. Requests must therefore name this machine, and come from our page.
 """
@@ -21,52 +25,64 @@ from tornado.netutil import bind_sockets
 
 from ..errors import ServerError
 
+#: An update of the page.
 Message = bytes | str
-#: A page that has not read so much yet gets no further messages, [byte].
-_MOST_WAITING = 2**22
 #: Time for clients to close their connections, [s].
-_GOODBYE = 1.0
+_CLOSING_TIME = 1.0
 
 
 class Server:
-    """Serves the result of `page` until `close`; each new page is sent the messages of `state`."""
+    """Serves a page until `close`.
+
+    Attributes:
+        url: Address of the page.
+        visited: Set when a page has connected.
+    """
 
     def __init__(
         self, page: Callable[[], str], state: Callable[[], Iterable[Message]], host: str, port: int
     ) -> None:
+        """`page` returns the HTML, `state` the messages that a new page needs to be up to date."""
         sockets = listen(host, port)
         self.url = url_of(host, sockets[0].getsockname()[1])
-        self.visited = threading.Event()  #: Set when a page has connected.
-        self._pages = dict[tornado.websocket.WebSocketHandler, Reader]()
+        self.visited = threading.Event()
+        #: Connected pages.
+        self._pages = dict[tornado.websocket.WebSocketHandler, PageSender]()
         self._loop = asyncio.new_event_loop()
-        self._done = asyncio.Event()
-
-        async def run() -> None:
-            http = HTTPServer(self._application(page, state, host))
-            http.add_sockets(sockets)
-            await self._done.wait()
-            http.stop()
-            for listener in tuple(self._pages):
-                listener.close()
-            # A client that does not answer would hold the server for seconds.
-            with suppress(asyncio.TimeoutError):
-                await asyncio.wait_for(http.close_all_connections(), _GOODBYE)
-            others = asyncio.all_tasks() - {asyncio.current_task()}
-            for task in others:
-                task.cancel()
-            await asyncio.gather(*others, return_exceptions=True)
-
+        self._must_end = asyncio.Event()
+        serve = self._serve(self._application(page, state, host), sockets)
         self._thread = threading.Thread(
-            target=lambda: self._loop.run_until_complete(run()), name=self.url, daemon=True
+            target=lambda: self._loop.run_until_complete(serve), name=self.url, daemon=True
         )
         self._thread.start()
+
+    async def _serve(
+        self, application: tornado.web.Application, sockets: list[socket.socket]
+    ) -> None:
+        """Answer requests until `close`, then end all connections."""
+        http = HTTPServer(application)
+        http.add_sockets(sockets)
+        await self._must_end.wait()
+        http.stop()
+        for page in tuple(self._pages):
+            page.close()
+        # A client that does not answer would hold the server for seconds.
+        with suppress(asyncio.TimeoutError):
+            await asyncio.wait_for(http.close_all_connections(), _CLOSING_TIME)
+        others = asyncio.all_tasks() - {asyncio.current_task()}
+        for task in others:
+            task.cancel()
+        await asyncio.gather(*others, return_exceptions=True)
 
     def _application(
         self, page: Callable[[], str], state: Callable[[], Iterable[Message]], host: str
     ) -> tornado.web.Application:
+        """The two addresses of the server: `/` is the page, `/socket` its updates."""
         server = self
 
         class Ours(tornado.web.RequestHandler):
+            """Refuses requests that do not name this machine."""
+
             def prepare(self) -> None:
                 if not is_ours(host, self.request.headers.get("Host")):
                     raise tornado.web.HTTPError(403)
@@ -78,9 +94,9 @@ class Server:
 
         class Socket(Ours, tornado.websocket.WebSocketHandler):
             def open(self, *_: str, **__: str) -> None:
-                self.reader = Reader(self, state)
-                server._pages[self] = self.reader
-                self.reader.send_state()
+                sender = PageSender(self, state)
+                server._pages[self] = sender
+                sender.send_state()
                 server.visited.set()
 
             def on_message(self, message: Message) -> None:
@@ -92,27 +108,31 @@ class Server:
         return tornado.web.Application([("/", Page), ("/socket", Socket)])
 
     def send(self, message: Message) -> None:
-        """Send a message to every connected page."""
+        """Send a message to every connected page; any thread may call this."""
 
-        def tell() -> None:
-            for reader in tuple(self._pages.values()):
-                reader.send(message)
+        def send_to_all() -> None:
+            for sender in tuple(self._pages.values()):
+                sender.send(message)
 
-        self._loop.call_soon_threadsafe(tell)
+        self._loop.call_soon_threadsafe(send_to_all)
 
     def close(self) -> None:
         """Stop listening and wait until it has stopped."""
         if not self._loop.is_closed():
-            self._loop.call_soon_threadsafe(self._done.set)
+            self._loop.call_soon_threadsafe(self._must_end.set)
             self._thread.join()
             self._loop.close()
 
 
-class Reader:
+#: A page that has not read so much yet gets no further messages, [byte].
+_MOST_UNREAD = 2**22
+
+
+class PageSender:
     """Sends messages to one page, no more than it reads.
 
-    While the page lags, as in a suspended tab, messages are dropped. When it has read what it was
-    sent, it gets the whole state.
+    While too much is unread, as in a suspended tab, messages are dropped. When the page has read
+    what it was sent, it gets the whole state, so that it is up to date again.
     """
 
     def __init__(
@@ -120,37 +140,38 @@ class Reader:
     ) -> None:
         self._page = page
         self._state = state
-        self._waiting = 0
-        self._lags = False
+        self._unread = 0  # bytes
+        self._has_dropped = False
 
     def send(self, message: Message) -> None:
-        """Send a message, or drop it if the page lags."""
-        if self._waiting > _MOST_WAITING:
-            self._lags = True
+        """Send a message, or drop it if too much is unread."""
+        if self._unread > _MOST_UNREAD:
+            self._has_dropped = True
         else:
             self._write(message)
 
     def send_state(self) -> None:
         """Send all that the page shows."""
-        self._lags = False
+        self._has_dropped = False
         for message in self._state():
             self._write(message)
 
     def _write(self, message: Message) -> None:
+        """Write a message and count it as unread until the page has read it."""
         size = len(message)
         try:
             future = self._page.write_message(message, binary=isinstance(message, bytes))
         except tornado.websocket.WebSocketClosedError:  # the page has closed
             return
-        self._waiting += size
+        self._unread += size
 
-        def read(done: Any) -> None:
-            self._waiting -= size
-            failed = done.cancelled() or done.exception() is not None  # the page has closed
-            if self._lags and not self._waiting and not failed:
+        def when_read(result: Any) -> None:
+            self._unread -= size
+            failed = result.cancelled() or result.exception() is not None  # the page has closed
+            if self._has_dropped and not self._unread and not failed:
                 self.send_state()
 
-        asyncio.ensure_future(future).add_done_callback(read)
+        asyncio.ensure_future(future).add_done_callback(when_read)
 
 
 def listen(host: str, port: int) -> list[socket.socket]:
@@ -173,13 +194,13 @@ def url_of(host: str, port: int) -> str:
     return f"http://[{host}]:{port}/" if ":" in host else f"http://{host}:{port}/"
 
 
-def is_ours(host: str, asked: str | None) -> bool:
-    """Whether a request names this machine or an IP address; `asked` is the header `Host`.
+def is_ours(host: str, header: str | None) -> bool:
+    """Whether the header `Host` of a request names this machine or an IP address.
 
     Tornado itself refuses sockets of pages from elsewhere, by the header `Origin`.
     """
     try:
-        name = urlsplit(f"//{asked or ''}").hostname or ""
+        name = urlsplit(f"//{header or ''}").hostname or ""
         if name in ("localhost", host.lower(), socket.gethostname().lower()):
             return True
         return bool(ip_address(name))
