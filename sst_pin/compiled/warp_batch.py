@@ -46,7 +46,9 @@ class Status(IntEnum):
     NOT_FINITE = 3  #: A number is not finite, or an angle is too large.
     MODE = 4  #: A step may leave the assembly mode: it needs more substeps.
     UNSOLVED = 5  #: The impulses are not solved: more `iterations`, or a shorter step. Not NaN.
-    VIOLATED = 6  #: The start violates a contact, a rope or a stop.
+    #: The start violates a contact, a rope or a stop, as `ClosedChain.rollout` refuses it; in the
+    #: result of a nonsmooth step, ten times as much.
+    VIOLATED = 6
 
 
 class State(NamedTuple):
@@ -247,10 +249,17 @@ class WarpBatch:
             if gains.stiffness.any() and motor_positions is None:
                 problem = "needed with motor_stiffness: the positions to hold, shape (N, motors)"
                 raise InputError("motor_positions", problem)
-            series = whole_number("iterations", iterations, 0)
-            start = state.impulses if isinstance(state, NonsmoothState) else None
-            inputs = {"va": va, "tau": tau, "motor_positions": motor_positions, "impulses": start}
-            return self._nonsmooth_step(q, inputs, gains, h, steps, series, out, **options)
+            return self._nonsmooth_step(
+                inputs={"q": q, "va": va, "tau": tau},
+                held=motor_positions,
+                start=state.impulses if isinstance(state, NonsmoothState) else None,
+                gains=gains,
+                h=h,
+                steps=steps,
+                iterations=whole_number("iterations", iterations, 0),
+                out=out,
+                **options,
+            )
         self._mechanism.contacts.require_none("step")
         if any(x is not None for x in (motor_stiffness, motor_damping, motor_positions)):
             raise InputError("motor_stiffness, motor_damping", "only with nonsmooth=True")
@@ -342,29 +351,45 @@ class WarpBatch:
 
     def _nonsmooth_step(
         self,
-        q: Any,
+        *,
         inputs: dict[str, Any],
+        held: Any,
+        start: Any,
         gains: MotorGains,
         h: float,
         steps: int,
-        series: int,
+        iterations: int,
         out: tuple[Any, ...] | None,
-        *,
         external_wrenches: Any = None,
         status: Any = None,
     ) -> NonsmoothState:
-        """Launch the kernel of nonsmooth steps; inputs and wrenches that are None are zero."""
+        """Launch the kernel of nonsmooth steps of length h.
+
+        `inputs` are q, va and tau; `held` are positions of the motors, and `start` are impulses, or
+        None. The other arguments are those of `step`.
+        """
         _require_on_bodies(external_wrenches)
-        q = self._array("q", q, self._shape("q"), None)
-        count = q.shape[0]
-        self._require_samples(count)
-        arrays = {"q": q}
-        for name, value in (inputs | {kernels.WRENCHES: external_wrenches}).items():
+        inputs = inputs | {
+            kernels.WRENCHES: external_wrenches,
+            "motor_positions": held,
+            "impulses": start,
+        }
+        optional = inputs.keys() - {"q", "va", "tau"}
+        count: Any = None
+        arrays: dict[str, Any] = {}  # None where there is nothing to read
+        for name, value in inputs.items():
             shape = self._shape(name)
-            given = value is not None and shape != (0,)
-            arrays[name] = self._array(name, value, shape, count) if given else None
+            arrays[name] = None
+            if name in optional and value is None:
+                continue
+            array = self._array(name, value, shape, count)
+            count = array.shape[0]
+            if math.prod(shape):
+                arrays[name] = array
+        self._require_samples(count)
         if status is not None:
             status = self._array("status", status, (), count, wp.int32)
+
         fields = NonsmoothState._fields
         if out is not None and len(out) != len(fields):
             raise InputError("out", f"{len(out)} arrays, expected {', '.join(fields)}")
@@ -381,9 +406,9 @@ class WarpBatch:
             flat.append(array.reshape((count, size)) if size else None)
         module = self.nonsmooth_module(loaded=external_wrenches is not None)
         # A step that continues another one may start with the violation which that one leaves.
-        violation = FRESH if inputs["impulses"] is None else CONTINUED
-        arguments = [
-            q,
+        violation = FRESH if start is None else CONTINUED
+        arguments = [  # in the order of `warp_code._STEP`
+            arrays["q"],
             arrays["va"],
             arrays["tau"],
             arrays[kernels.WRENCHES],
@@ -394,7 +419,7 @@ class WarpBatch:
             *flat,
             h,
             steps,
-            series,
+            iterations,
             violation,
             status,
         ]
@@ -458,7 +483,6 @@ class WarpBatch:
             rows = NonsmoothRows(self._mechanism, gains)
             p = self.parameters.numpy().astype(float)
             numbers = parameter_values(rows, self._open, p)
-            self._nonsmooth_numbers.clear()  # a caller may vary the gains
             self._nonsmooth_numbers[key] = wp.array(numbers, dtype=self.dtype, device=self.device)
         return self._nonsmooth_numbers[key]
 

@@ -19,6 +19,16 @@ from sst_pin.compiled.warp_batch import Status  # noqa: E402
 SOLVED = {"float64": 1e-9, "float32": 1e-5}
 
 
+DEVICES = ["cpu", pytest.param("cuda:0", marks=pytest.mark.gpu)]
+
+
+@pytest.fixture(params=DEVICES)
+def device(request):
+    if request.param != "cpu" and not wp.get_cuda_device_count():
+        pytest.skip("no CUDA device")
+    return request.param
+
+
 def arrays(batch, *values):
     return [wp.array(x, dtype=batch.dtype, device=batch.device) for x in values]
 
@@ -102,6 +112,10 @@ def test_arguments_of_nonsmooth_steps_are_checked():
         batch.step(state, tau, 1e-3, nonsmooth=True, motor_damping=[-1.0])
     with pytest.raises(InputError, match=r"^iterations: -1, expected at least 0"):
         batch.step(state, tau, 1e-3, nonsmooth=True, iterations=-1)
+    with pytest.raises(InputError, match=r"^tau: not an array of Warp"):
+        batch.step(state, None, 1e-3, nonsmooth=True)
+    with pytest.raises(InputError, match=r"^motor_positions: shape \(1, 3\), expected \(1, 1\)"):
+        batch.step(state, tau, 1e-3, nonsmooth=True, motor_positions=state[0])
     with pytest.raises(InputError, match=r"^out: 2 arrays, expected q, va, contact_forces"):
         batch.step(state, tau, 1e-3, nonsmooth=True, out=state)
 
@@ -119,12 +133,12 @@ def test_a_robot_without_an_inertia_matrix_is_refused_as_in_rollout():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
-def test_feet_bounce_slide_and_stick_as_on_the_reference_path(tripod, dtype):
+def test_feet_bounce_slide_and_stick_as_on_the_reference_path(tripod, device, dtype):
     """Five starts. In the end the feet stick, and their forces carry the weight."""
     chain, q0 = tripod
     q, va = thrown(q0, 5)
     tau, h = np.zeros((5, 150, 0)), 2e-3
-    batch = chain.warp("cpu", dtype)
+    batch = chain.warp(device, dtype)
     states, codes = steps(batch, q, va, tau, h)
     motion = chain.rollout(tau, q, va, h, nonsmooth=True)
     assert not codes.any()
@@ -139,12 +153,12 @@ def test_feet_bounce_slide_and_stick_as_on_the_reference_path(tripod, dtype):
 
 
 @pytest.mark.slow
-def test_steps_that_are_not_solved_say_so_and_keep_their_result(tripod):
+def test_steps_that_are_not_solved_say_so_and_keep_their_result(tripod, device):
     """Without rounds of the solver, impacts of several feet are not solved."""
     chain, q0 = tripod
     q, va = thrown(q0, 5)
     tau = np.zeros((5, 150, 0))
-    batch = chain.warp("cpu")
+    batch = chain.warp(device)
     states, codes = steps(batch, q, va, tau, 2e-3, iterations=0)
     residual = series(states, "residual")
     assert set(codes.flat) == {Status.GOOD, Status.UNSOLVED}
@@ -155,13 +169,13 @@ def test_steps_that_are_not_solved_say_so_and_keep_their_result(tripod):
 
 
 @pytest.mark.slow
-def test_starts_that_the_reference_path_refuses_are_flagged(tripod):
+def test_starts_that_the_reference_path_refuses_are_flagged(tripod, device):
     """And steps of a kilometre, which the reference path makes where no loops may open."""
     chain, q0 = tripod
     q, va = np.tile(q0, (4, 1)), np.zeros((4, 6))
     q[1, 2] -= 0.01
     va[2, 0], va[3, 0] = np.nan, 1e6
-    (state,), codes = steps(chain.warp("cpu"), q, va, np.zeros((4, 1, 0)), 1e-3)
+    (state,), codes = steps(chain.warp(device), q, va, np.zeros((4, 1, 0)), 1e-3)
     expected = [Status.GOOD, Status.VIOLATED, Status.NOT_FINITE, Status.MODE]
     assert codes[:, 0].tolist() == expected
     for name, array in state._asdict().items():
@@ -173,10 +187,10 @@ def test_starts_that_the_reference_path_refuses_are_flagged(tripod):
 
 
 @pytest.mark.slow
-def test_substeps_are_steps_and_results_go_into_given_arrays(tripod):
+def test_substeps_are_steps_and_results_go_into_given_arrays(tripod, device):
     """Forces are means, the residual is the largest one, and the solver starts where it ended."""
     chain, q0 = tripod
-    batch = chain.warp("cpu")
+    batch = chain.warp(device)
     tau = np.zeros((3, 40, 0))
     states, _ = steps(batch, *thrown(q0, 3), tau, 2e-3)
     many, _ = steps(batch, *thrown(q0, 3), tau[:, :10], 8e-3, substeps=4)
@@ -207,7 +221,7 @@ def test_machine_code_for_a_gpu_is_made_without_one(tripod, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
-def test_each_crank_with_its_own_dry_friction_stops_as_on_the_reference_path(dtype):
+def test_each_crank_with_its_own_dry_friction_stops_as_on_the_reference_path(device, dtype):
     """Six cranks between two stops, pushed by a load; the ones with much friction stick."""
     bar = robots.four_bar()
     model = pin.Model(bar.mechanism.model)
@@ -218,7 +232,7 @@ def test_each_crank_with_its_own_dry_friction_stops_as_on_the_reference_path(dty
         return sst_pin.ClosedChain(model, bar.closures, ["crank"], **friction)
 
     frictions = np.array([0.01, 0.05, 0.1, 0.2, 0.4, 0.8])
-    batch = chain(0.1).warp("cpu", dtype)
+    batch = chain(0.1).warp(device, dtype)
     numbers = np.repeat(batch.parameters.numpy(), 6, axis=0)
     numbers[:, batch.parameter_names.index("crank.coulomb")] = frictions
     tau, h = np.full((6, 150, 1), 0.5), 2e-3
@@ -247,7 +261,7 @@ def test_each_crank_with_its_own_dry_friction_stops_as_on_the_reference_path(dty
 
 
 @pytest.mark.slow
-def test_ropes_cables_and_gains_act_as_on_the_reference_path():
+def test_ropes_cables_and_gains_act_as_on_the_reference_path(device):
     """A bead that swings on a rope and a cable, and a motor that holds a length."""
     model = tree(("x", pin.JointModelPX(), 0.5, 0.0), ("z", pin.JointModelPZ(), 0.5, 0.0))
     frame(model, "bead", "z", (0, 0, 0))
@@ -273,7 +287,7 @@ def test_ropes_cables_and_gains_act_as_on_the_reference_path():
     q, va = np.tile([0.05, -0.05], (6, 1)), random.normal(size=(6, 2))
     tau, h = random.normal(size=(6, 200, 3)), 2e-3
     positions = np.array([0.02, 0.1, 0.5])
-    batch = chain.warp("cpu")
+    batch = chain.warp(device)
     (hold,) = arrays(batch, np.tile(positions, (6, 1)))
     states, codes = steps(batch, q, va, tau, h, motor_positions=hold, **gains)
     motion = chain.rollout(tau, q, va, h, nonsmooth=True, motor_positions=positions, **gains)
@@ -289,7 +303,7 @@ def test_ropes_cables_and_gains_act_as_on_the_reference_path():
 
 
 @pytest.mark.slow
-def test_bipeds_land_on_their_feet_as_on_the_reference_path():
+def test_bipeds_land_on_their_feet_as_on_the_reference_path(device):
     """Eighteen coordinates, six loops, eight points; two states."""
     chain = biped()
     n, motors = chain.degrees_of_freedom, len(chain.motor_names)
@@ -299,7 +313,7 @@ def test_bipeds_land_on_their_feet_as_on_the_reference_path():
     tau, h = np.zeros((2, 60, motors)), 2e-3
     joints = [chain.model.joints[chain.model.getJointId(name)] for name in chain.motor_names]
     positions = chain.home[[joint.idx_q for joint in joints]]
-    batch = chain.warp("cpu")
+    batch = chain.warp(device)
     (hold,) = arrays(batch, np.tile(positions, (2, 1)))
     states, codes = steps(batch, q, va, tau, h, motor_positions=hold, **gains)
     motion = chain.rollout(tau, q, va, h, nonsmooth=True, **gains)

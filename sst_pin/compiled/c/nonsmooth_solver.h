@@ -333,6 +333,7 @@ FAST number solve_rows(
     static const number proximal[] = {N(1e-6), N(1e-8), N(1e-3), N(1e-7), N(1e-5), N(1e-2)};
     const size_t size = p->m * sizeof(number);
     memcpy(swept, x, size);
+    memcpy(best, x, size);
     number least = newton(p, x, best, proximal[0], WARM_STEPS);
     for (int k = 0; k < series; k++) {
         if (least < ROUNDING || (least < SOLVED && k >= REFINED))

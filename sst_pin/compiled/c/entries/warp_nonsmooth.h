@@ -23,7 +23,7 @@ static void run(int i, const rows &q, const rows &va, const rows &tau, const row
         position[j] = held.data ? at(held, i, j) : 0;
     }
     for (int j = 0; j < m; j++) {
-        impulse[j] = start.data ? at(start, i, j) : 0;
+        impulse[j] = start.data && IS_FINITE(at(start, i, j)) ? at(start, i, j) : 0;
         force[j] = 0;
     }
     closing(x, own, y);
