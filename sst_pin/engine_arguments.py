@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Mapping
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -14,6 +16,7 @@ from .dynamics.design_derivatives import FrameWrenches
 from .errors import InputError
 from .loops.closed_loops import ClosedLoops
 from .model.mechanism import Mechanism
+from .model.normal_tree import NormalTree
 from .model.tree import body_of, frame_id
 from .summaries import listed
 
@@ -160,29 +163,39 @@ class EngineArguments:
             )
         return body, wrench
 
+    @cached_property
+    def _tree_of_thread(self) -> _TreeOfThread:
+        return _TreeOfThread(self._mechanism.model)
+
     def arms(self, name: str, q: ArrayLike) -> Array:
-        """The way from the mass centre of a frame's body to the frame, in base axes, (..., 3).
+        """Vectors from the mass centre of a frame's body to the frame, in base axes, (..., 3).
 
         q is not checked here. Open loops and wrong quaternions are found where the quantity itself
         is computed.
         """
         model = self._mechanism.model
-        # The normal tree has ordinary joints in place of mimic joints.
-        tree = self._loops.assembly.loops.tree
+        tree = self._tree_of_thread.tree
+        data = self._tree_of_thread.data
         index = frame_id(model, name)
         frame = model.frames[index]
         # Axes of the body of the normal tree are those of the frame's parent joint.
         from_centre = frame.placement.translation - model.inertias[frame.parentJoint].lever
         body = tree.bodies[frame.parentJoint]
-        data = tree.model.createData()
 
         def arm(q: Array) -> Array:
             pin.forwardKinematics(tree.model, data, q)
             return np.asarray(data.oMi[body].rotation @ from_centre)
 
-        # Positions of the normal tree are linear in those of the model.
-        on_tree = tree.factors * self._loops.configurations(q)[..., tree.entries] + tree.offsets
+        on_tree = tree.configurations(self._loops.configurations(q))
         return for_each_sample(arm, [on_tree], (1,), (3,))
+
+
+class _TreeOfThread(threading.local):
+    """The normal tree of a model, and its data, which Pinocchio changes: one for each thread."""
+
+    def __init__(self, model: pin.Model) -> None:
+        self.tree = NormalTree(model)
+        self.data = self.tree.model.createData()
 
 
 def _finite_loads(name: str, value: ArrayLike, shape: tuple[int, ...], on_error: str) -> Array:

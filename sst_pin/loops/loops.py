@@ -69,7 +69,7 @@ class Loops:
         """Go to a configuration: compute placements and f. Phi is computed at its first use."""
         tree, data = self.tree, self.data
         q = self.at = q.copy()  # the caller may change q before Phi is computed
-        self.q = np.asarray(tree.factors * q[tree.entries] + tree.offsets)
+        self.q = tree.configurations(q)
         pin.computeJointJacobians(tree.model, data, self.q)
         pin.updateFramePlacements(tree.model, data)
         self._J = np.array(data.J).reshape(6, -1)

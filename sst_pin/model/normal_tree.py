@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from ..arrays import Flags
+from ..arrays import Array, Flags
 
 
 class NormalTree:
@@ -22,7 +22,7 @@ class NormalTree:
     Attributes:
         model: The normal tree.
         bodies: For each joint of the original model the joint that carries its body, 0 first.
-        entries, factors, offsets: q of the normal tree is factors * q[entries] + offsets.
+        entries, factors, offsets: Its configuration from that of the model; see `configurations`.
         S: Rates of the normal tree are S v, shape (rates of the normal tree, nv).
     """
 
@@ -58,6 +58,14 @@ class NormalTree:
         rates = rates.astype(np.intp)
         self.S = factors[:, None] * np.eye(original.nv)[rates]
         self.model.armature = original.armature[rates] * rotors_of
+
+    def configurations(self, q: Array) -> Array:
+        """Configurations of the normal tree for those of the model, shapes (..., entries).
+
+        Each entry is linear in one entry of q: factors * q[entries] + offsets. Factors and offsets
+        of mimic joints differ from 1 and 0.
+        """
+        return np.asarray(self.factors * q[..., self.entries] + self.offsets)
 
     @cached_property
     def supports(self) -> Flags:
