@@ -206,7 +206,8 @@ class Engine:
         **options: Unpack[LoadOptions],
     ) -> Array:
         """Forces along the coordinates that a motion needs, shape (..., n); `refused` as above."""
-        key, of_sample = _key("generalized_forces"), self.reference.generalized_forces
+        key = _key("generalized_forces")
+        of_sample = self.reference.generalized_forces
         vectors = {"va": va, "aa": aa}
         return self._loaded(key, of_sample, (self._n,), q, vectors, refused=refused, **options)
 
@@ -220,7 +221,8 @@ class Engine:
         **options: Unpack[LoadOptions],
     ) -> Array:
         """Accelerations of the coordinates for torques, shape (..., n); `refused` as above."""
-        key, of_sample = _key("accelerations"), self.reference.accelerations
+        key = _key("accelerations")
+        of_sample = self.reference.accelerations
         vectors = {"va": va, "tau": tau}
         return self._loaded(key, of_sample, (self._n,), q, vectors, refused=refused, **options)
 
@@ -229,7 +231,8 @@ class Engine:
     ) -> ReducedTerms:
         """Mass matrix, Coriolis matrix, gravity and friction in the coordinates."""
         n = self._n
-        key, of_sample = _key("reduced_terms"), self.reference.reduced_terms
+        key = _key("reduced_terms")
+        of_sample = self.reference.reduced_terms
         rows = self._plain(key, of_sample, (2 * n * (n + 1),), q, {"va": va}, **options)
         return ReducedTerms.of_rows(rows, n)
 
@@ -237,7 +240,8 @@ class Engine:
         self, q: ArrayLike, va: ArrayLike, aa: ArrayLike, **options: Unpack[Options]
     ) -> Array:
         """Y, shape (..., n, p): generalized forces are Y times the dynamic parameters."""
-        key, of_sample = _key("torque_regressor"), self.reference.torque_regressor
+        key = _key("torque_regressor")
+        of_sample = self.reference.torque_regressor
         shape = self._n, regressor.size_of(self.mechanism)
         return self._plain(key, of_sample, shape, q, {"va": va, "aa": aa}, **options)
 
@@ -313,7 +317,8 @@ class Engine:
         A displacement x of the coordinates along a motion v has the rate x_dot = dva + D x. Column
         k is -S [v, L e_k], where S selects the coordinates and [a, b] is the bracket of twists.
         """
-        key, of_sample = _key("displacement_rates"), self.reference.displacement_rates
+        key = _key("displacement_rates")
+        of_sample = self.reference.displacement_rates
         return self._plain(key, of_sample, (self._n, self._n), q, {"va": va}, **options)
 
     # --- kinematics -------------------------------------------------------------------------
@@ -325,13 +330,15 @@ class Engine:
 
     def joint_accelerations(self, q: ArrayLike, va: ArrayLike, aa: ArrayLike) -> Array:
         """Accelerations of all joints, L aa + L_dot va, shape (..., nv)."""
-        key, of_sample = _key("joint_accelerations"), self.reference.joint_accelerations
+        key = _key("joint_accelerations")
+        of_sample = self.reference.joint_accelerations
         shape = (self.mechanism.model.nv,)
         return self._plain(key, of_sample, shape, q, {"va": va, "aa": aa})
 
     def actuator_jacobian(self, q: ArrayLike, **options: Unpack[Options]) -> Array:
         """J, shape (..., motors, n): the motors' rates are J va."""
-        key, of_sample = _key("actuator_jacobian"), self.reference.actuator_jacobian
+        key = _key("actuator_jacobian")
+        of_sample = self.reference.actuator_jacobian
         return self._plain(key, of_sample, (self._motors, self._n), q, {}, **options)
 
     def frame_jacobian(self, q: ArrayLike, frame: str, **options: Unpack[Options]) -> Array:

@@ -513,5 +513,6 @@ def impossible(mechanism: Mechanism, quantity: Name) -> str:
 
 def is_large(mechanism: Mechanism, quantity: Name) -> bool:
     """Whether a quantity is computed direction by direction for batches too."""
-    n, nv = len(mechanism.coordinates), mechanism.model.nv
+    n = len(mechanism.coordinates)
+    nv = mechanism.model.nv
     return QUANTITIES[quantity].by_directions and n * n * nv > _LARGEST
