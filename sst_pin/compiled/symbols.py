@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Small helpers for CasADi's symbols: sparse vectors, symmetric factors, angles up to half a turn.
-
-An arc over its sine depends on its cosine c alone: with the arc halved three times, by cos(x / 2) =
-sqrt((1 + c) / 2), the series of the arcsine converges to rounding within a few terms.
-"""
+"""Small helpers for CasADi's symbols: sparse vectors, symmetric factors, inverse trigonometry."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -16,10 +12,6 @@ from .links import clean
 
 #: Entries by index, zeros left out; each is a scalar symbol or a number.
 Sparse = dict[int, Any]
-#: Coefficients of asin(x) / x by x^2; x is at most sin(pi / 16).
-_SERIES = [1.0]
-for _k in range(1, 11):
-    _SERIES.append(_SERIES[-1] * (2 * _k - 1) ** 2 / (2 * _k * (2 * _k + 1)))
 
 
 def sx(a: Array) -> SX:
@@ -37,15 +29,15 @@ def add(a: Mapping[int, Any], b: Mapping[int, Any]) -> Sparse:
     return dict(a) | {i: a[i] + x if i in a else x for i, x in b.items()}
 
 
-def sparse(places: Iterable[int], column: SX) -> Sparse:
-    """Entries of a column by their places."""
-    values = zip(places, ca.vertsplit(column), strict=True)
+def sparse(indices: Iterable[int], column: SX) -> Sparse:
+    """A sparse vector with the entries of a column at these indices."""
+    values = zip(indices, ca.vertsplit(column), strict=True)
     return {i: x for i, x in values if not is_zero(x)}
 
 
-def column(x: Mapping[int, Any], places: Iterable[int]) -> SX:
-    """Entries at some places in a column."""
-    return ca.vertcat(SX(0, 1), *(x.get(i, SX(1, 1)) for i in places))
+def column(x: Mapping[int, Any], indices: Iterable[int]) -> SX:
+    """The entries of a sparse vector at these indices, in a column."""
+    return ca.vertcat(SX(0, 1), *(x.get(i, SX(1, 1)) for i in indices))
 
 
 def symmetric(upper: Mapping[tuple[int, int], Any], size: int) -> SX:
@@ -57,7 +49,7 @@ def symmetric(upper: Mapping[tuple[int, int], Any], size: int) -> SX:
 
 
 def row_by_row(*matrices: SX) -> SX:
-    """Entries of matrices side by side, in a column."""
+    """The entries of the matrix [A, B, ...] of matrices side by side, row by row, in a column."""
     return ca.vec(ca.horzcat(*matrices).T)
 
 
@@ -65,46 +57,74 @@ class SymmetricFactors:
     """A symmetric matrix A of full rank, factorised: P^T A P = L D L^T."""
 
     def __init__(self, A: SX) -> None:
-        #: The vector D, L^T above its unit diagonal, and the row of A for each row of L.
+        #: The diagonal of D, L^T above its unit diagonal, and the row of A for each row of L.
         self.D, self.LT, self.order = ca.ldl(ca.sparsify(A), True)
-        #: Entries A[k, k], and the reciprocals of the entries of D that belong to them.
+        #: The entries A[k, k].
         self.diagonal = [A[k, k] for k in range(A.shape[0])]
-        pairs = zip(self.order, ca.vertsplit(self.D), strict=True)
-        inverses = {i: 1 / pivot for i, pivot in pairs}
-        self.inverses = [inverses[i] for i in range(A.shape[0])]
+        inverse_of_row = {}
+        for row, pivot in zip(self.order, ca.vertsplit(self.D), strict=True):
+            inverse_of_row[row] = 1 / pivot
+        #: One over the pivot (entry of D) of row k of A.
+        self.inverses = [inverse_of_row[k] for k in range(A.shape[0])]
 
     def solve(self, b: SX) -> SX:
         """x with A x = b."""
         return ca.ldl_solve(b, self.D, self.LT, self.order)
 
 
+# --- inverse trigonometry -----------------------------------------------------------------------
+#
+# Kernels compute several samples in one vector. So these functions have no branches and no calls
+# except the square root, and are exact to rounding everywhere, zero and pi included.
+
+
 def rotation_vector(quaternion: SX) -> SX:
-    """Rotation vector of a unit quaternion (x, y, z, w), at most half a turn long."""
-    vector, w = quaternion[:3], quaternion[3]
-    side = _side(w)
-    return 2 * side * _arc_over_sine(side * w) * vector
+    """Rotation vector of a unit quaternion (x, y, z, w), at most half a turn long.
+
+    The quaternion of the rotation vector 2 a u, u a unit vector, is (sin(a) u, cos(a)). Its
+    opposite is the same rotation; that with w >= 0 has a <= pi / 2.
+    """
+    vector = quaternion[:3]
+    w = quaternion[3]
+    sign = _sign(w)
+    return 2 * sign * _angle_over_sine(sign * w) * vector
 
 
 def angle(cosine: Any, sine: Any) -> Any:
     """The angle with this cosine and sine, from -pi to pi."""
-    side = _side(cosine)
-    beyond = ca.pi / 2 * (1 - side) * _side(sine)  # half a turn beyond a right angle, else 0
-    return beyond + side * _arc_over_sine(side * cosine) * sine
+    sign = _sign(cosine)
+    # If the cosine is negative, the angle is pi or -pi minus the angle with the opposite cosine.
+    half_turn = ca.pi / 2 * (1 - sign) * _sign(sine)
+    return half_turn + sign * _angle_over_sine(sign * cosine) * sine
 
 
-def _side(x: Any) -> Any:
+def _sign(x: Any) -> Any:
     """1, or -1 below 0."""
     return 2 * (x >= 0) - 1
 
 
-def _arc_over_sine(cosine: Any) -> Any:
-    """An arc up to a right angle over its sine."""
-    halved = 1
+#: Coefficients of asin(s) / s as a series of s^2. For s up to sin(pi / 16) they suffice for
+#: rounding.
+_ARCSINE = [1.0]
+for _k in range(1, 11):
+    _ARCSINE.append(_ARCSINE[-1] * (2 * _k - 1) ** 2 / (2 * _k * (2 * _k + 1)))
+
+
+def _angle_over_sine(cosine: Any) -> Any:
+    """x / sin(x) of an angle x from 0 to pi / 2 with this cosine.
+
+    The angle is halved three times. As sin(x) = 2 cos(x / 2) sin(x / 2), and so on,
+
+        x / sin(x) = y / (sin(y) cos(x / 2) cos(x / 4) cos(x / 8)),   y = x / 8 <= pi / 16,
+
+    and y / sin(y) is the series of the arcsine at s = sin(y).
+    """
+    cosines = 1
     for _ in range(3):
-        square = (1 - cosine) / 2
-        cosine = ca.sqrt((1 + cosine) / 2)
-        halved *= cosine
+        sine_squared = (1 - cosine) / 2  # of half the angle
+        cosine = ca.sqrt((1 + cosine) / 2)  # of half the angle
+        cosines *= cosine
     series = 0
-    for coefficient in reversed(_SERIES):
-        series = series * square + coefficient
-    return series / halved
+    for coefficient in reversed(_ARCSINE):
+        series = series * sine_squared + coefficient
+    return series / cosines
