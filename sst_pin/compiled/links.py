@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A Pinocchio tree as single joints whose twists are constant in the frame of their child."""
+"""A Pinocchio tree as links: a link is a joint whose twists are constant in the child's frame.
+
+Joints with moving axes, such as universal joints and composites, become several links in series.
+The body behind such a joint belongs to the last of them.
+"""
 
 from dataclasses import dataclass, field
 
@@ -10,7 +14,9 @@ from ..arrays import Array
 from ..errors import DescriptionError
 from ..model.normal_tree import series_of
 
-#: Kinds by how the joint's placement follows from its coordinates.
+#: The kind of a link tells how its placement follows from its coordinates. "turn" is a revolute
+#: joint, "slide" a prismatic one, "slides" three of these, "unbounded" a revolute joint whose
+#: coordinates are cosine and sine.
 _KINDS = {
     "Planar": "planar",
     "Spherical": "ball",
@@ -21,7 +27,7 @@ _KINDS = {
     **dict.fromkeys(("PX", "PY", "PZ", "PrismaticUnaligned"), "slide"),
     **dict.fromkeys(("HX", "HY", "HZ", "HelicalUnaligned"), "screw"),
 }
-#: Coordinates at rest, unless they are a single zero.
+#: Neutral coordinates of a kind, as in `pin.neutral`; a single zero for other kinds.
 _NEUTRAL = {
     "planar": [0.0, 0.0, 1.0, 0.0],
     "ball": [0.0, 0.0, 0.0, 1.0],
@@ -37,10 +43,11 @@ class Link:
 
     #: Index of the parent in `LinkTree.links`; the base is 0.
     parent: int
-    #: Orientation of the joint's frame at rest in the parent's frame, and its origin, [m].
+    #: Orientation of the joint's frame at neutral coordinates in the parent's frame.
     R: Array
+    #: Its origin in the parent's frame, [m].
     p: Array
-    #: How its placement follows from q: one of the values of `_KINDS`.
+    #: One of the values of `_KINDS`; "fixed" for the base.
     kind: str
     #: Indices of its coordinates and of its rates; of a mimic joint those of the one it follows.
     q: range
@@ -54,15 +61,25 @@ class Link:
 
 @dataclass
 class LinkTree:
-    """All links, parents first, link 0 the base; `link_of` gives that of each Pinocchio joint."""
+    """The links of a model."""
 
+    #: All links, parents first; link 0 is the base.
     links: list[Link] = field(default_factory=list)
+    #: For each joint of Pinocchio the index of the link that carries its body; 0 for the universe.
     link_of: list[int] = field(default_factory=list)
 
     @classmethod
     def of(cls, model: pin.Model) -> "LinkTree":
         """The tree of a Pinocchio model; a joint without compiled equations is refused."""
-        base = Link(0, np.eye(3), np.zeros(3), "fixed", range(0), range(0), np.zeros((6, 0)))
+        base = Link(
+            parent=0,
+            R=np.eye(3),
+            p=np.zeros(3),
+            kind="fixed",
+            q=range(0),
+            v=range(0),
+            S=np.zeros((6, 0)),
+        )
         tree = cls([base], [0])
         for i in range(1, model.njoints):
             parent = tree.link_of[model.parents[i]]
@@ -94,31 +111,38 @@ class LinkTree:
 
 
 def _link(parent: int, placement: pin.SE3, joint: pin.JointModel, q: int, v: int) -> Link | None:
-    """A joint of one axis or of fixed axes; None for one without compiled equations."""
+    """The link of a joint with fixed axes; None if the joint has no compiled equations.
+
+    Its coordinates begin at index q of the model's q, its rates at index v.
+    """
     short = joint.shortname().removeprefix("JointModel")
     kind = _KINDS.get(short, "")
+    # The twists S of the joint, which are constant, by Pinocchio at neutral coordinates. It reads
+    # them from `idx_q` on.
     data = joint.createData()
-    at_rest = _NEUTRAL.get(kind, [0.0])
-    joint.calc(data, np.concatenate([np.zeros(max(joint.idx_q, 0)), at_rest]))
+    neutral = _NEUTRAL.get(kind, [0.0])
+    joint.calc(data, np.concatenate([np.zeros(max(joint.idx_q, 0)), neutral]))
     S = np.asarray(data.S if isinstance(data.S, np.ndarray) else data.S.matrix()).reshape(6, -1)
-    if short == "Mimic":  # its twist is scaled; it rests where the other joint is zero
+    if short == "Mimic":
+        # q = factor times q of the other joint + offset. S has the factor; the placement gets the
+        # offset, so that the link has the other joint's coordinate and rate.
         kind = "turn" if S[3:].any() else "slide"
         placement = placement * data.M
     if not kind:
         return None
     return Link(
-        parent,
-        clean(placement.rotation),
-        clean(placement.translation),
-        kind,
-        range(q, q + (joint.nq or 1)),
-        range(v, v + S.shape[1]),
-        clean(S),
+        parent=parent,
+        R=clean(placement.rotation),
+        p=clean(placement.translation),
+        kind=kind,
+        q=range(q, q + (joint.nq or 1)),
+        v=range(v, v + S.shape[1]),
+        S=clean(S),
     )
 
 
 def clean(a: Array) -> Array:
-    """Round numbers near 0, 1 and -1 to them, so that products need no operation."""
+    """Round numbers near 0, 1 and -1 to these, so that products with them need no operation."""
     a = np.array(a, dtype=float)
     for whole in (-1.0, 0.0, 1.0):
         a[np.abs(a - whole) < 4e-16] = whole
