@@ -85,9 +85,8 @@ class Equations:
         self.mechanism, model = mechanism, mechanism.model
         self.parameters = parameters or SymbolicParameters(mechanism)
         self.p = SX.sym("p", self.parameters.size)
-        self.kinematics = Kinematics(model, displaced)
-        if displaced:
-            self.kinematics.lift = -self.p[GRAVITY]
+        acceleration = -self.p[GRAVITY] if displaced else None  # as if the base were lifted
+        self.kinematics = Kinematics(model, displaced, acceleration)
         self.q = self.kinematics.q
         self._coordinates = [int(i) for i in mechanism.coordinates]
         self._dependent = [int(i) for i in mechanism.dependent]
