@@ -14,8 +14,6 @@ from ..errors import UnknownNameError
 from ..simulation.trajectories import Trajectory
 from ..summaries import Summary
 
-_SUBJECTS = ("position", "orientation", "torques", "clearance")
-
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Tolerances(Summary):
@@ -40,7 +38,8 @@ class Tolerances(Summary):
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         parts = self.pose[:, :3], self.pose[:, 3:], self.torques, self.clearance
-        rows = [("", list(_SUBJECTS)), ("largest deviation", [f"{x.max():.3g}" for x in parts])]
+        rows = [("", list(self.shares))]
+        rows.append(("largest deviation", [f"{part.max():.3g}" for part in parts]))
         for k, name in enumerate(self.names):
             rows.append((name, [f"{100 * share[k]:.1f} %" for share in self.shares.values()]))
         table = [(name, "".join(f"{x:>13}" for x in cells)) for name, cells in rows]
@@ -79,24 +78,47 @@ def tolerances(
         if not names:
             raise UnknownNameError("design parameter", pattern, list(known))
         sizes |= dict.fromkeys(names, positive_number(pattern, value, or_zero=True))
+
+    # Derivatives by the parameters, shape (N, ..., p).
     d = chain.design_derivatives(motion.q, motion.va, motion.aa, list(sizes), frame=frame)
-    L, units = _free_of_units(chain, motion.q)
-    U, size, Vt = np.linalg.svd(L)
-    by_size = np.einsum("tv,tvnp,tn->tp", U[..., 0], d.L / units[..., None], Vt[..., 0, :])
-    by_clearance = by_size / size[:, :1] ** 2
-    slopes = d.pose[:, :3], d.pose[:, 3:], d.torques, by_clearance[:, None]
-    parts = [slope * np.array(list(sizes.values())) for slope in slopes]
-    variances = [(part**2).sum(axis=(0, 1)) for part in parts]
-    shares = [x / (x.sum() or 1.0) for x in variances]
-    position, orientation, torques, clear = (np.linalg.norm(part, axis=-1) for part in parts)
+    slopes = {
+        "position": d.pose[:, :3],
+        "orientation": d.pose[:, 3:],
+        "torques": d.torques,
+        "clearance": _clearance_derivatives(chain, motion.q, d.L)[:, None],
+    }
+
+    # Independent tolerances: variances add up.
+    deviation_of_each = np.array(list(sizes.values()))
+    shares = dict[str, Array]()
+    totals = dict[str, Array]()
+    for subject, slope in slopes.items():
+        contributions = slope * deviation_of_each
+        variances = (contributions**2).sum(axis=(0, 1))
+        shares[subject] = variances / (variances.sum() or 1.0)
+        totals[subject] = np.linalg.norm(contributions, axis=-1)
     return Tolerances(
-        tuple(sizes),
-        motion.t,
-        np.hstack([position, orientation]),
-        torques,
-        clear[:, 0],
-        dict(zip(_SUBJECTS, shares, strict=True)),
+        names=tuple(sizes),
+        t=motion.t,
+        pose=np.hstack([totals["position"], totals["orientation"]]),
+        torques=totals["torques"],
+        clearance=totals["clearance"][:, 0],
+        shares=shares,
     )
+
+
+def _clearance_derivatives(chain: ClosedChain, q: Array, L_derivatives: Array) -> Array:
+    """Derivatives of 1 / s by the parameters, shape (N, p), with the largest singular value s of L.
+
+    With its singular vectors u and v, L v = s u, ds = u^T dL v and d(1 / s) = -ds / s^2. The sign
+    does not matter for variances. `L_derivatives` has the shape (N, nv, n, p).
+    """
+    L, units = _free_of_units(chain, q)
+    U, s, Vt = np.linalg.svd(L)
+    u = U[..., 0]
+    v = Vt[..., 0, :]
+    s_derivatives = np.einsum("tv,tvnp,tn->tp", u, L_derivatives / units[..., None], v)
+    return np.asarray(s_derivatives / s[:, :1] ** 2)
 
 
 def clearance(chain: ClosedChain, q: ArrayLike) -> Array:

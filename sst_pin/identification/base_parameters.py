@@ -31,9 +31,10 @@ _ROWS = 2.5
 _REGULAR = 1e2
 #: A random motion that leaves the limits is halved at most this often.
 _HALVINGS = 6
-#: The start of random motions is searched in at most this number of tries. It suffices when each
-#: joint is farther than a quarter of half its range from its limits.
-_TRIES, _INSIDE = 100, 0.75
+#: The start of random motions is searched in at most this number of tries.
+_TRIES = 100
+#: It suffices when each joint is less than this part of half its range away from the middle.
+_INSIDE = 0.75
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -237,7 +238,7 @@ def _within_limits(chain: ClosedChain, start: Array, random: np.random.Generator
     best = start
 
     def distance(q: Array) -> float:
-        """That from the middle: 1 at a limit."""
+        """The largest distance of a joint from the middle of its range; 1 is at a limit."""
         middle = high / 2 + low / 2
         half = high / 2 - low / 2
         return float((np.abs(q[limited] - middle) / half).max())

@@ -70,15 +70,27 @@ class Curves(NamedTuple):
 
         More than that are divided: gamma_1, mu_1, gamma_2 by their letters, others evenly.
         """
-        for unit in dict.fromkeys(self.units):
-            names = [name for name, u in zip(self.names, self.units, strict=True) if u == unit]
+        names_by_unit: dict[str, list[str]] = {}
+        for name, unit in zip(self.names, self.units, strict=True):
+            names_by_unit.setdefault(unit, []).append(name)
+        for names in names_by_unit.values():
             groups: dict[str, list[str]] = {}
             for name in names:
                 letter = _LETTER.fullmatch(name)
                 group = letter[1] if letter and len(names) > MOST else ""
                 groups.setdefault(group, []).append(name)
             for members in groups.values():
-                yield from map(tuple, np.array_split(members, -(-len(members) // MOST)))
+                panels = int(np.ceil(len(members) / MOST))
+                for part in np.array_split(members, panels):
+                    yield tuple(part)
+
+
+class StyledCurve(NamedTuple):
+    """A curve with a look of its own, such as a sum of others."""
+
+    values: Array  #: Shape (N,).
+    label: str
+    look: Mapping[str, Any]  #: Matplotlib options.
 
 
 def draw(
@@ -86,23 +98,32 @@ def draw(
     t: Array,
     curves: Curves,
     labels: Sequence[str],
-    what: str,
-    *others: tuple[Array, str, Mapping[str, Any]],
+    y_label: str,
+    *,
+    others: Sequence[StyledCurve] = (),
     zero: bool = False,
     columns: int | None = None,
 ) -> Axes:
-    """Draw curves, and `others` with their own labels and styles.
+    """Draw curves over time, with a legend above the axes.
 
-    `what` is the label of the y axis, `zero` adds a line at 0. `columns` are those of the legend:
-    by default three for curves whose labels are a letter and a number, two for others.
+    Args:
+        ax: 2-D axes.
+        t: Times, shape (N,), [s].
+        curves: Curves in colours, dashes and marks that differ.
+        labels: Their names in the legend.
+        y_label: Label of the y axis.
+        others: Curves that are drawn after these.
+        zero: Whether there is a thin line at 0.
+        columns: Columns of the legend; by default three for curves whose labels are a letter and a
+            number, two for others.
     """
     for look, values, label in zip(cycle(_LOOKS), curves.values.T, labels, strict=False):
         ax.plot(t, values, label=label, **look, **_MARKS)
-    for values, label, style in others:
-        ax.plot(t, values, label=label, **style)
+    for other in others:
+        ax.plot(t, other.values, label=other.label, **other.look)
     if zero:
         zero_line(ax)
-    ax.set(xlabel="time (s)", ylabel=what, xlim=(t[0], t[-1]))
+    ax.set(xlabel="time (s)", ylabel=y_label, xlim=(t[0], t[-1]))
     if ax.get_yscale() == "linear":
         _plain_numbers(ax)
     if columns is None:
@@ -145,7 +166,7 @@ def formula(text: str) -> str:
 
 def subscript(digits: str) -> str:
     """Digits as a subscript in TeX."""
-    return digits if len(digits) == 1 else f"{{{digits}}}"
+    return digits if len(digits) == 1 else "{" + digits + "}"
 
 
 def digits_of(name: str) -> str:

@@ -18,10 +18,12 @@ from ..simulation.energy import energy_balance as balance_of
 from ..simulation.energy import motor_powers
 from ..simulation.trajectories import Trajectory, require_motion
 from . import curves
-from .curves import Curves
+from .curves import Curves, StyledCurve
 from .style import Axes
 
+#: Looks of curves that are not of a motor or a joint.
 _ALL: dict[str, Any] = {"color": "black", "linewidth": 1.8}
+_RESIDUAL: dict[str, Any] = {"color": "black", "linewidth": 0.8}
 _FRICTION: dict[str, Any] = {"color": "#CC79A7", "linestyle": (0, (3, 1, 1, 1)), "linewidth": 1.8}
 
 
@@ -59,16 +61,17 @@ def powers(
     ax: Axes, robot: ClosedChain, motion: Trajectory, motors: Sequence[str] | None = None
 ) -> Axes:
     """Power of each motor, of all motors together, and of friction, over time."""
-    every = _powers(robot, motion)
-    shown = every.pick(motors)
+    all_powers = _powers(robot, motion)
+    shown = all_powers.pick(motors)
     labels = []
     for name in shown.names:
         digits = curves.digits_of(name)
         labels.append(f"motor {digits}" if digits else curves.label(name))
-    others = [(every.values.sum(axis=1), "all motors", _ALL)]
+    others = [StyledCurve(all_powers.values.sum(axis=1), "all motors", _ALL)]
     if not robot.friction.none:
-        others.append((robot.friction_power(motion.q, motion.va), "friction", _FRICTION))
-    return curves.draw(ax, motion.t, shown, labels, "power (W)", *others, zero=True)
+        friction = robot.friction_power(motion.q, motion.va)
+        others.append(StyledCurve(friction, "friction", _FRICTION))
+    return curves.draw(ax, motion.t, shown, labels, "power (W)", others=others, zero=True)
 
 
 def energy_balance(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
@@ -76,12 +79,13 @@ def energy_balance(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
     balance = balance_of(robot.engine, motion)
     names = ("kinetic", "potential", "work of motors")
     values = np.stack([balance.kinetic, balance.potential, balance.motors], axis=1)
-    shown = Curves(names, ("J",) * 3, values)
-    residual = rf"residual $\leq$ {upper_bound(np.abs(balance.error).max())} J"
-    others = [(balance.error, residual, {"color": "black", "linewidth": 0.8})]
+    shown = Curves(names, ("J", "J", "J"), values)
+    others = []
     if not robot.friction.none:
-        others.insert(0, (balance.friction, "work of friction", _FRICTION))
-    return curves.draw(ax, motion.t, shown, names, "energy since start (J)", *others)
+        others.append(StyledCurve(balance.friction, "work of friction", _FRICTION))
+    label = rf"residual $\leq$ {upper_bound(np.abs(balance.error).max())} J"
+    others.append(StyledCurve(balance.error, label, _RESIDUAL))
+    return curves.draw(ax, motion.t, shown, names, "energy since start (J)", others=others)
 
 
 def condition_number(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
@@ -103,31 +107,42 @@ def condition_number(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
 
 
 def _torques(motion: Trajectory) -> Curves:
+    """Torques of all motors."""
     return Curves(motion.motor_names, motion.torque_units, motion.tau)
 
 
 def _powers(robot: ClosedChain, motion: Trajectory) -> Curves:
+    """Powers of all motors."""
     require_motion(motion, robot.mechanism)
     units = ("W",) * len(motion.motor_names)
     return Curves(motion.motor_names, units, motor_powers(robot.engine, motion))
 
 
 def _positions(motion: Trajectory) -> Curves:
-    """Positions, angles in degrees; a cosine and a sine become one angle."""
+    """Positions, angles in degrees; the cosine and the sine of a joint become one angle."""
+    names = []
+    units = []
     columns = []
-    entries = iter(zip(motion.joint_names, motion.units, motion.q.T, strict=True))
-    for name, unit, column in entries:
+    k = 0
+    while k < len(motion.joint_names):
+        name = motion.joint_names[k]
+        unit = motion.units[k]
+        column = motion.q[:, k]
         if not unit and name.endswith("_cos"):
-            _, _, sine = next(entries)
-            angle = np.unwrap(np.arctan2(sine, column))
-            columns.append((name.removesuffix("_cos"), "rad", np.degrees(angle)))
-        else:
-            columns.append((name, unit, np.degrees(column) if unit == "rad" else column))
-    names, units, values = zip(*columns, strict=True)
-    return Curves(names, units, np.stack(values, axis=1))
+            sine = motion.q[:, k + 1]
+            name = name.removesuffix("_cos")
+            unit = "rad"
+            column = np.unwrap(np.arctan2(sine, column))
+            k += 1
+        names.append(name)
+        units.append(unit)
+        columns.append(np.degrees(column) if unit == "rad" else column)
+        k += 1
+    return Curves(tuple(names), tuple(units), np.stack(columns, axis=1))
 
 
 def _rates(robot: ClosedChain, motion: Trajectory) -> Curves:
+    """Rates of all joints."""
     require_motion(motion, robot.mechanism)
     space = robot.mechanism.space
     return Curves(space.rate_names, space.rate_units, robot.joint_rates(motion.q, motion.va))
@@ -156,11 +171,16 @@ CURVES: dict[str, tuple[Callable[..., Axes], Callable[..., Curves] | None]] = {
 
 def panels(subject: str, robot: ClosedChain, motion: Trajectory) -> list[Callable[[Axes], Axes]]:
     """Functions that draw a subject, one of `CURVES`, each into one pair of axes."""
-    draw, parts = CURVES[subject]
-    arguments = (motion,) if subject in ("torques", "joints") else (robot, motion)
-    chosen = [()] if parts is None else [(names,) for names in parts(*arguments).panels()]
+    draw, curves_of = CURVES[subject]
+    if subject in ("torques", "joints"):
+        arguments: tuple[Any, ...] = (motion,)
+    else:
+        arguments = (robot, motion)
+    if curves_of is None:
+        return [lambda ax: draw(ax, *arguments)]
 
-    def panel(names: Sequence[Any]) -> Callable[[Axes], Axes]:
-        return lambda ax: draw(ax, *arguments, *names)
+    def panel(names: Sequence[str]) -> Callable[[Axes], Axes]:
+        """A function that draws the curves of some names."""
+        return lambda ax: draw(ax, *arguments, names)
 
-    return [panel(names) for names in chosen]
+    return [panel(names) for names in curves_of(*arguments).panels()]

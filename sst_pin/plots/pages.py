@@ -27,12 +27,6 @@ from .style import Axes, StyledFigure, style
 
 #: Subjects of a page about a motion.
 SUBJECTS = ("path", *CURVES)
-#: Units of loads.
-_LOADS = {"force": "N", "moment": "N m"}
-#: From the first number on, loads are shown in the unit of the second one, with its prefix.
-_UNITS = ((1e7, 1e6, "M"), (1e4, 1e3, "k"))
-#: Loads that are smaller than this part of the largest are rounding.
-_NO_LOAD = 1e-9
 
 
 def motion_page(
@@ -135,6 +129,12 @@ def _letter(ax: Axes, place: int) -> None:
         ax.annotate(f"({letter})", (0, 1), xycoords="axes fraction", ha="right", **at)
 
 
+#: Units of loads.
+_LOADS = {"force": "N", "moment": "N m"}
+#: Loads that are smaller than this part of the largest are rounding.
+_NO_LOAD = 1e-9
+
+
 def loads_page(loads: Loads) -> Figure:
     """Bars of the peak forces and moments of joints and closures along a motion.
 
@@ -163,17 +163,18 @@ def loads_page(loads: Loads) -> Figure:
 
 
 def _unit(rows: list[Load]) -> tuple[float, str]:
-    """The unit of a kind of loads and its prefix: large loads in kN or MN."""
+    """The unit of a kind of loads, in N or N m, and its prefix: large loads in kN or MN."""
     largest = np.nanmax([row.peak for row in rows] + [0.0])
-    for least, unit, prefix in _UNITS:
-        if largest >= least:
-            return unit, prefix
+    if largest >= 1e7:
+        return 1e6, "M"
+    if largest >= 1e4:
+        return 1e3, "k"
     return 1.0, ""
 
 
 def _direction(row: Load) -> str:
     """The direction of the peak, with the letters of its components if not all are unique."""
-    numbers = [f"{round(x, 2) + 0.0:.2f}" for x in row[4:7] if np.isfinite(x)]
+    numbers = [f"{round(x, 2) + 0.0:.2f}" for x in (row.x, row.y, row.z) if np.isfinite(x)]
     letters = "" if len(row.components) == 3 else f"{row.components}: "
     return letters + ", ".join(numbers)
 

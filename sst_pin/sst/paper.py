@@ -62,7 +62,7 @@ def angles_off_path(robot: SST, example: Trajectory, motion: Trajectory) -> Arra
 def compare(robot: SST, example: Trajectory, motion: Trajectory) -> Errors:
     """The errors of example 2."""
     return Errors(
-        float(angles_off_path(robot, example, motion).max()),
-        float(np.abs(robot.residual(motion.q)).max()),
-        float(np.abs(energy_error(robot, motion)).max()),
+        path_error=float(angles_off_path(robot, example, motion).max()),
+        closure=float(np.abs(robot.residual(motion.q)).max()),
+        energy=float(np.abs(energy_error(robot, motion)).max()),
     )

@@ -71,6 +71,14 @@ class Comparison(NamedTuple):
         return "ok" if self.cases else "cannot say"
 
 
+class _Difference(NamedTuple):
+    """The difference in one case: itself, relative to the terms of the case, and its limit."""
+
+    absolute: float
+    relative: float
+    limit: float
+
+
 class Differences:
     """The differences from one referee in one quantity."""
 
@@ -79,7 +87,7 @@ class Differences:
         self._compared = compared
         self._seconds = 0.0
         self._unclear = 0
-        self._differences: list[tuple[float, float, float]] = []  # absolute, relative, limit
+        self._differences: list[_Difference] = []
 
     def add(self, answer: Callable[[], Array], expected: Array, size: float, limit: float) -> None:
         """Compute an answer and compare it with ours.
@@ -89,33 +97,33 @@ class Differences:
         """
         began = time.perf_counter()
         try:
-            off = float(np.abs(answer() - expected).max(initial=0.0))
+            difference = float(np.abs(answer() - expected).max(initial=0.0))
         except (SSTError, np.linalg.LinAlgError):
-            off = np.nan
+            difference = np.nan
         self._seconds += time.perf_counter() - began
-        if np.isfinite(off) and limit <= _UNCLEAR:
-            self._differences.append((off, off / max(size, 1e-300), limit))
+        if np.isfinite(difference) and limit <= _UNCLEAR:
+            relative = difference / max(size, 1e-300)
+            self._differences.append(_Difference(difference, relative, limit))
         else:
             self._unclear += 1
 
     def comparison(self) -> Comparison:
-        """The line of the table."""
-        worst = max((absolute for absolute, *_ in self._differences), default=0.0)
-        _, relative, limit = max(
+        """The line of the table; its case is the one that comes nearest to its limit."""
+        worst = max(
             self._differences,
-            key=lambda case: case[1] / case[2],
-            default=(0.0, 0.0, SAME_EQUATIONS),
+            key=lambda case: case.relative / case.limit,
+            default=_Difference(0.0, 0.0, SAME_EQUATIONS),
         )
         return Comparison(
-            self._referee,
-            self._compared,
-            len(self._differences),
-            self._unclear,
-            worst,
-            relative,
-            limit,
-            self._seconds,
-            passed=bool(relative <= limit),
+            referee=self._referee,
+            compared=self._compared,
+            cases=len(self._differences),
+            unclear=self._unclear,
+            absolute=max((case.absolute for case in self._differences), default=0.0),
+            relative=worst.relative,
+            limit=worst.limit,
+            seconds=self._seconds,
+            passed=bool(worst.relative <= worst.limit),
         )
 
 
