@@ -83,34 +83,40 @@ class MeshcatScene:
         self.place(motion.q[0], effort[0])
         self._animated = True
         animation = Animation(default_framerate=1)  # its frames are seconds
-        placed = [self._placements(q, e) for q, e in zip(motion.q, effort, strict=True)]
-        self._move(animation, motion.t - motion.t[0], placed)
+        matrices_of_samples = []
+        for q, shares in zip(motion.q, effort, strict=True):
+            matrices_of_samples.append(self._placements(q, shares))
+        self._add_keys(animation, motion.t - motion.t[0], matrices_of_samples)
         if ghost is not None:
             for shape in self._scene.moving:
                 mover = f"{_GHOST}/{_GHOST}/{shape.mover}"
                 self._add(shape._replace(mover=mover, opacity=_FAINT * shape.opacity))
             movers = list(dict.fromkeys(shape.mover for shape in self._scene.moving))
-            placed = []
+            matrices_of_samples = []
             for q in ghost.q:
                 poses = self._scene.poses(q)
-                placed.append({f"{_ROOT}/{_GHOST}/{_GHOST}/{m}": poses[m] for m in movers})
-            for node, matrix in placed[0].items():
+                matrices = {f"{_ROOT}/{_GHOST}/{_GHOST}/{m}": poses[m] for m in movers}
+                matrices_of_samples.append(matrices)
+            for node, matrix in matrices_of_samples[0].items():
                 self._root[node].set_transform(matrix)
-            self._move(animation, ghost.t - motion.t[0], placed)
+            self._add_keys(animation, ghost.t - motion.t[0], matrices_of_samples)
         if self._scene.point:
             self._add(self._scene.reference(wanted))
             self._add(self._scene.trail(motion.q))
         self._root.set_animation(animation)
 
-    def _move(self, animation: Animation, times: Array, placed: list[dict[str, Array]]) -> None:
-        """Keys of an animation for homogeneous matrices of nodes over time."""
-        for node in placed[0]:
+    def _add_keys(
+        self, animation: Animation, times: Array, matrices_of_samples: list[dict[str, Array]]
+    ) -> None:
+        """Add keys to an animation, for homogeneous matrices of nodes at some times."""
+        for node in matrices_of_samples[0]:
             key = animation.at_frame(self._root[node], 0.0)
-            for name, kind, values in _tracks([matrices[node] for matrices in placed]):
+            for name, kind, values in _tracks([matrices[node] for matrices in matrices_of_samples]):
                 for key.current_frame, value in zip(times.tolist(), values, strict=True):
                     key.set_property(name, kind, value)
 
     def _add(self, shape: Shape) -> None:
+        """Add a shape as a node of the page."""
         vertices, faces = shape.mesh
         material = MeshPhongMaterial(
             color=int(shape.colour[1:], 16), opacity=shape.opacity, transparent=shape.opacity < 1
@@ -122,13 +128,16 @@ class MeshcatScene:
 
     def _placements(self, q: Array, effort: Array) -> dict[str, Array]:
         """Homogeneous matrices of all nodes that move."""
-        placed = self._scene.poses(q)
-        placed |= {arrow.shape.node: arrow.at(effort) for arrow in self._scene.arrows}
-        return {f"{_ROOT}/{node}": matrix for node, matrix in placed.items()}
+        matrices = self._scene.poses(q)
+        matrices |= {arrow.shape.node: arrow.at(effort) for arrow in self._scene.arrows}
+        return {f"{_ROOT}/{node}": matrix for node, matrix in matrices.items()}
 
 
 def _tracks(matrices: list[Array]) -> Iterator[tuple[str, str, list[list[float]]]]:
-    """Values over time of position, quaternion x, y, z, w, and scale, where they change."""
+    """Name, type and values over time of position, quaternion x, y, z, w, and scale.
+
+    Values that do not change are left out.
+    """
     A = np.array(matrices)[:, :3, :3]
     scale = np.linalg.norm(A, axis=1)
     scale[np.linalg.det(A) < 0, 1] *= -1

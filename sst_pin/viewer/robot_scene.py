@@ -39,9 +39,24 @@ _PARALLEL = 1e-3
 
 
 class Scene:
-    """Shapes of a robot; the arguments are as in `Viewer`.
+    """Shapes of a robot, in the order in which they are drawn; the arguments are as in `Viewer`.
 
-    At first skeleton and masses are visible only if the bodies have no shapes.
+    At first skeleton and masses are visible only if the bodies have no shapes. `scene_parts`
+    explains shapes, arrows and movers.
+
+    Attributes:
+        start: The first configuration, shape (nq,).
+        size: A length of the robot, [m].
+        point: The frame whose path is drawn, or None.
+        shapes: All shapes that do not change with the torques; those of the bodies come first.
+        struts: Shapes that run from one body to another.
+        touches: Places of the contacts, which move as no body does.
+        arrows: Torques of the motors, then forces of reactions, then forces of contacts.
+        reactions: Number of the forces of reactions: one for each joint and closure, or none.
+        labels: Words in the scene.
+        layers: The layers of this scene, and whether each is shown at first.
+        face: Where the camera stands to see a planar robot face-on, seen from the robot; or None.
+        ground: Height of the plane of all contacts in the world, if it is one level plane, or None.
     """
 
     def __init__(
@@ -59,28 +74,27 @@ class Scene:
         model = robot.mechanism.model
         self._model = model
         self._data = model.createData()
+
+        # Shapes of the bodies.
         bodies = robot.visual_model if visual_model is None else visual_model
-        #: All shapes that do not change with the torques; shapes of the bodies come first.
         self.shapes = list[Shape]()
         for body in bodies.geometryObjects:
             self.shapes += body_shapes(body)
         has_no_shapes = not self.shapes
-        #: The first configuration, shape (nq,).
+
+        # The pose in which the robot is measured, and its size.
         self.start = start_of(robot.engine, chosen=True)
-        #: The frame whose path is drawn, or None.
         self.point = robot.appearance.point if frame is None else drawn_frame(model, frame)
         rate_axes = sketch.axes_of(model, self._data, self.start)
-        #: A length of the robot, [m].
         self.size = self._size(robot)
         size = self.size
         B = robot.actuation
-        # A joint has the colour of its first motor.
+
+        # Shapes beside those of the bodies. A joint has the colour of its first motor.
         colours = dict[int, str]()
         for rate, motor in np.argwhere(B):
             colours.setdefault(rate_axes[rate].joint, HUES[motor % len(HUES)])
-        #: Shapes that run from one body to another.
         self.struts = list(sketch.struts(robot, rate_axes, size))
-        #: Places of the contacts, which move as no body does.
         self.touches = sketch.touches_of(robot)
         axes_and_frames, self.labels = sketch.labelled(robot, rate_axes, self.point, size)
         self.shapes += sketch.skeleton(robot, rate_axes, colours, size)
@@ -88,23 +102,23 @@ class Scene:
         self.shapes += [strut.shape for strut in self.struts]
         self.shapes += sketch.contact_shapes(self.touches)
         self.shapes += axes_and_frames
-        #: Torques of the motors, then forces of reactions, then forces of contacts.
+
+        # Arrows, in the order of the effort.
         self.arrows: list[Arrow | Pull | Dot] = list(
             sketch.arrows_of(model, self._data, rate_axes, B, _ARROW * size)
         )
-        #: Number of the forces of reactions: one for each joint and closure, or none.
         self.reactions = model.njoints - 1 + len(robot.closures) if reactions else 0
         if reactions:
             self.arrows += sketch.pulls_of(robot, _ARROW * size)
         first = len(robot.motor_names) + 3 * self.reactions
         self.arrows += sketch.contact_forces_of(self.touches, first, _ARROW * size)
+
+        # Layers, view and floor.
         present = {shape.layer for shape in self.shapes}
         present.update(arrow.shape.layer for arrow in self.arrows)
         if self.point:
             present.add("trail")
-        #: Where the camera stands to see a planar robot face-on, seen from the robot; or None.
         self.face = self._face(rate_axes)
-        #: Height of the plane of all contacts in the world, if it is one level plane, or None.
         self.ground = self._ground()
         # Others are shown at first.
         shown = {
@@ -113,7 +127,6 @@ class Scene:
             "axes": axes,
             "frames": frames,
         }
-        #: The layers of this scene, and whether each is shown at first.
         self.layers = {name: shown.get(name, True) for name in LAYERS if name in present}
 
     @property
@@ -125,9 +138,10 @@ class Scene:
     def poses(self, q: Array) -> dict[str, Array]:
         """Placements of the movers of the shapes: homogeneous matrices, with a scale for struts."""
         joints = self._joints(q)
-        placed = {str(i): matrix for i, matrix in enumerate(joints)}
-        placed |= {touch.node: touch.at(joints) for touch in self.touches}
-        return placed | {strut.shape.mover: strut.at(joints) for strut in self.struts}
+        poses = {str(i): matrix for i, matrix in enumerate(joints)}
+        poses |= {touch.node: touch.at(joints) for touch in self.touches}
+        poses |= {strut.shape.mover: strut.at(joints) for strut in self.struts}
+        return poses
 
     def outermost_points(self, q: Array, effort: Array, wanted: Array | None = None) -> Array:
         """The outermost points in many directions, of everything that is shown in a motion.

@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Parts of a scene: meshes, shapes, arrows, struts and labels."""
+"""Parts of a scene: meshes, shapes, arrows, struts and labels.
+
+A scene is a tree of nodes. A shape is a mesh on a mover, which is a body, a strut or a contact; the
+mover's placement changes with the configuration. Arrows and marks also change with the effort: the
+vector of all torques of motors, then forces of reactions and contacts, as shares of the largest.
+"""
 
 from typing import NamedTuple
 
@@ -10,7 +15,8 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from ..description.solids import axes_along
 
-_SMALLEST = 1e-3  # a scale of zero has no normals
+#: Smallest scale of an arrow; a scale of zero has no normals.
+_SMALLEST = 1e-3
 #: Smaller shares of the largest torque or force are rounding.
 _NOISE = 1e-6
 
@@ -50,7 +56,9 @@ class Arrow(NamedTuple):
     def at(self, effort: Array) -> Array:
         """Placement of the arrow, for motor torques as shares of the largest, shape (motors,)."""
         size = self.share * effort[self.motor]
-        scale = _length(abs(size)) * np.array(self.mirror if size < 0 else (1.0, 1.0, 1.0))
+        scale = np.full(3, _length(abs(size)))
+        if size < 0:
+            scale *= self.mirror
         return np.asarray(self.shape.at @ np.diag([*scale, 1.0]))
 
 

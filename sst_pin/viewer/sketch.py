@@ -88,6 +88,7 @@ def skeleton(
 
     `axes` has the axis of each rate, `colours` the colours of joints by number.
     """
+    # Lines from the joint of a body, or for the base from their middle.
     model = robot.mechanism.model
     for joint, points in enumerate(joined_points(robot)):
         hub = np.mean(points, axis=0) if joint == 0 and points else np.zeros(3)
@@ -95,6 +96,7 @@ def skeleton(
             if np.linalg.norm(point - hub) > 1e-9:
                 line = tube([hub, point], _BONE_RADIUS * size)
                 yield Shape(str(joint), "skeleton", f"bone_{i}", line, _BONE)
+    # Joints: a cylinder about the axis of a hinge, a box along a slide, spheres for others.
     for joint in range(1, model.njoints):
         of_joint = [axis for axis in axes if axis.joint == joint]
         colour = colours.get(joint, _JOINT)
@@ -109,6 +111,7 @@ def skeleton(
             drawn = coal.Cylinder(r, 3 * r) if axis.turns else coal.Box(2 * r, 2 * r, 3 * r)
         name = f"joint_{model.names[joint]}"
         yield Shape(str(carrier), "skeleton", name, solid(drawn), colour, at=at)
+    # Ends of loops, and wheels.
     ball = solid(coal.Sphere(_END_RADIUS * size))
     for end in _ends(robot):
         mover = str(end.parentJoint)
@@ -154,6 +157,7 @@ def masses(model: pin.Model) -> Iterator[Shape]:
 
 def struts(robot: ClosedChain, axes: Sequence[Axis], size: float) -> Iterator[Strut]:
     """Rods of `Distance` closures, ropes, forces along lines, and rails of sliding joints."""
+    # What is drawn between two frames, with its shape.
     line = tube([(0, 0, 0), (0, 0, 1)], _BONE_RADIUS * size)
     rods = [closure for closure in robot.closures if isinstance(closure, Distance)]
     drawn: list[tuple[Distance | LineForce | Rope, Shape]] = list(_lines(robot, size))
@@ -167,6 +171,7 @@ def struts(robot: ClosedChain, axes: Sequence[Axis], size: float) -> Iterator[St
         b = frame_named(robot.mechanism.model, ends.frame_b)
         points = np.stack([a.placement.translation, b.placement.translation])
         yield Strut(shape, (int(a.parentJoint), int(b.parentJoint)), points)
+    # Rails, from the axis of a slide to its body.
     thin = Mesh(line.vertices * (0.6, 0.6, 1), line.faces)
     for axis in axes:
         if not axis.turns and axis.mover != axis.joint:
@@ -226,16 +231,19 @@ def arrows_of(
     torque = arrow(circle([*turn, turn[-1] + 0.6]), 0.055)
     force = arrow(np.outer((0, 0.7, 1), (0, 0, 2.0)), 0.055)
     driven = [axes[i] for i in np.flatnonzero(B.any(axis=1))]
-    places = np.array([data.oMi[axis.mover].act(axis.origin) for axis in driven])
+    places_of_motors = np.array([data.oMi[axis.mover].act(axis.origin) for axis in driven])
     for i, motor in np.argwhere(B):
         axis = axes[i]
         share = B[i, motor] / np.abs(B[:, motor]).max()
         R = along(axis.direction)
         origin = axis.origin
-        apart = np.linalg.norm(places - data.oMi[axis.mover].act(origin), axis=1)
+        place = data.oMi[axis.mover].act(origin)
+        distances = np.linalg.norm(places_of_motors - place, axis=1)
         if not axis.turns:  # beside what slides
             origin = origin + 0.35 * size * R[:, 0]
-        elif np.count_nonzero(apart < 0.1 * size) > 1:  # motors that meet, as of spherical robots
+        elif (
+            np.count_nonzero(distances < 0.1 * size) > 1
+        ):  # motors that meet, as of spherical robots
             origin = origin - 0.93 * size * axis.direction
         matrix = homogeneous(size * R, origin)
         name = f"{motor + 1}_{model.names[axis.joint]}"
@@ -274,15 +282,16 @@ def pulls_of(robot: ClosedChain, size: float) -> Iterator[Pull]:
 def touches_of(robot: ClosedChain) -> list[Touch]:
     """The places of all contacts, in their order."""
     model = robot.mechanism.model
-    return [
-        Touch(
-            f"contact_{k}",
-            frame_named(model, contact.frame),
-            frame_named(model, contact.ground),
-            contact.radius,
+    touches = []
+    for k, contact in enumerate(robot.mechanism.contacts.points):
+        touch = Touch(
+            node=f"contact_{k}",
+            frame=frame_named(model, contact.frame),
+            ground=frame_named(model, contact.ground),
+            radius=contact.radius,
         )
-        for k, contact in enumerate(robot.mechanism.contacts.points)
-    ]
+        touches.append(touch)
+    return touches
 
 
 def contact_shapes(touches: Sequence[Touch]) -> Iterator[Shape]:

@@ -18,8 +18,6 @@ from .scene_parts import Mesh, Shape
 
 #: Angle between faces from which their edge is drawn, [rad].
 _EDGE = np.radians(35.0)
-#: A surface with more colours is shown in their mean.
-_MOST_COLOURS = 32
 
 
 def tube(points: ArrayLike, radii: ArrayLike, sides: int = 14) -> Mesh:
@@ -30,13 +28,16 @@ def tube(points: ArrayLike, radii: ArrayLike, sides: int = 14) -> Mesh:
     """
     points = np.asarray(points, dtype=float)
     radii = np.broadcast_to(np.asarray(radii, dtype=float), len(points))
+    # A normal at each point, which moves along the line without turning about it, so that the tube
+    # is not twisted.
     tangents = _tangents(points)
     normals = np.empty_like(points)
     normal = np.cross(tangents[0], np.eye(3)[np.abs(tangents[0]).argmin()])
-    for i, tangent in enumerate(tangents):  # carried along the line without turning about it
+    for i, tangent in enumerate(tangents):
         normal = normal - (normal @ tangent) * tangent
         normal /= np.linalg.norm(normal)
         normals[i] = normal
+    # Circles about the points, connected by faces.
     angles = np.linspace(0, 2 * np.pi, sides, endpoint=False)[:, None, None]
     ring = np.cos(angles) * normals + np.sin(angles) * np.cross(tangents, normals)
     rings = points[:, None] + radii[:, None, None] * ring.swapaxes(0, 1)
@@ -46,6 +47,7 @@ def tube(points: ArrayLike, radii: ArrayLike, sides: int = 14) -> Mesh:
 
 
 def _tangents(points: Array) -> Array:
+    """Unit tangents of a line at its points, shape (n, 3): the mean of the steps on both sides."""
     steps = np.diff(points, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
     if not lengths.any():
@@ -98,6 +100,7 @@ def ellipsoid(radii: ArrayLike, fineness: int = 3) -> Mesh:
 
 
 def _surface(geometry: coal.CollisionGeometry) -> trimesh.Trimesh:
+    """The triangles of a geometry."""
     if isinstance(geometry, coal.Box):
         return trimesh.creation.box(2 * geometry.halfSide)
     if isinstance(geometry, coal.Cylinder):
@@ -125,46 +128,72 @@ def body_shapes(body: pin.GeometryObject) -> Iterator[Shape]:
     rules.
     """
     whole = solid(body.geometry)
-    plain = _hex(body.meshColor)
-    parts = {} if body.overrideMaterial else _coloured(body, whole, plain)
-    for i, (colour, mesh) in enumerate((parts or {plain: whole}).items()):
+    colour_of_body = _hex(body.meshColor)
+    parts: dict[str, Mesh] = {}
+    if not body.overrideMaterial:
+        parts = _coloured_parts(body, whole, colour_of_body)
+    if not parts:
+        parts = {colour_of_body: whole}
+    for i, (colour, mesh) in enumerate(parts.items()):
         name = f"{body.name}_{i}" if len(parts) > 1 else body.name
         opacity = float(body.meshColor[3])
         at = body.placement.homogeneous
         yield Shape(str(body.parentJoint), "bodies", name, mesh, colour, opacity, at)
 
 
-def _coloured(body: pin.GeometryObject, whole: Mesh, plain: str) -> dict[str, Mesh]:
+#: Largest difference of the size of a mesh as coal and trimesh read it, relative to its largest
+#: edge.
+_SAME_SIZE = 1e-4
+
+
+def _coloured_parts(body: pin.GeometryObject, whole: Mesh, default: str) -> dict[str, Mesh]:
     """Parts of a body by the colours in its mesh file; none where there are no colours.
 
     coal, which has read the file, ignores colours. trimesh reads them. If it cannot read the file,
     or gives another size or place, the body has one colour.
+
+    Args:
+        body: The body.
+        whole: Its surface.
+        default: The colour of parts without one.
     """
     if not Path(body.meshPath).is_file():
         return {}
+    pieces: dict[str, list[Any]] = {}  # by their colours
     try:
         scene: Any = trimesh.load(body.meshPath, force="scene")
-        pieces = [piece for part in scene.dump() for piece in _pieces(part, plain)]
+        for part in scene.dump():
+            for colour, piece in _pieces(part, default):
+                pieces.setdefault(colour, []).append(piece)
     except Exception:  # each format has errors of its own
         return {}
-    if not pieces or {colour for colour, _ in pieces} == {plain}:
+    if not pieces or list(pieces) == [default]:
         return {}
     meshes = {}
-    for colour in dict.fromkeys(colour for colour, _ in pieces):
-        one: Any = trimesh.util.concatenate([mesh for other, mesh in pieces if other == colour])
-        meshes[colour] = _shaded(trimesh.Trimesh(one.vertices * body.meshScale, one.faces))
-    drawn = np.vstack([mesh.vertices for mesh in meshes.values()])
-    off = [end(drawn, axis=0) - end(whole.vertices, axis=0) for end in (np.min, np.max)]
-    return meshes if np.abs(off).max() <= 1e-4 * np.ptp(whole.vertices, axis=0).max() else {}
+    for colour, of_colour in pieces.items():
+        joined: Any = trimesh.util.concatenate(of_colour)
+        meshes[colour] = _shaded(trimesh.Trimesh(joined.vertices * body.meshScale, joined.faces))
+    vertices = np.vstack([mesh.vertices for mesh in meshes.values()])
+    low = vertices.min(axis=0) - whole.vertices.min(axis=0)
+    high = vertices.max(axis=0) - whole.vertices.max(axis=0)
+    largest_edge = np.ptp(whole.vertices, axis=0).max()
+    if max(np.abs(low).max(), np.abs(high).max()) > _SAME_SIZE * largest_edge:
+        return {}
+    return meshes
 
 
-def _pieces(mesh: Any, plain: str) -> Iterator[tuple[str, Any]]:
+#: A surface with more colours is shown in their mean.
+_MOST_COLOURS = 32
+
+
+def _pieces(mesh: Any, default: str) -> Iterator[tuple[str, Any]]:
     """Parts of a mesh with one colour each, and their colours."""
     visual = mesh.visual
     bare: Any = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     if visual.kind == "texture":
-        image = any(getattr(visual.material, k, None) for k in ("image", "baseColorTexture"))
-        colours = visual.to_color().vertex_colors if image else visual.material.main_color
+        material = visual.material
+        image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
+        colours = visual.to_color().vertex_colors if image else material.main_color
         yield _hex(np.divide(colours, 255)), bare
     elif visual.kind in ("face", "vertex"):
         colours, owners = np.unique(visual.face_colors, axis=0, return_inverse=True)
@@ -175,7 +204,7 @@ def _pieces(mesh: Any, plain: str) -> Iterator[tuple[str, Any]]:
             (piece,) = bare.submesh([np.flatnonzero(owners.ravel() == i)], repair=False)
             yield _hex(colour / 255), piece
     else:
-        yield plain, bare
+        yield default, bare
 
 
 def _hex(colours: Any) -> str:
