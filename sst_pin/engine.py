@@ -80,6 +80,15 @@ class Robot(Protocol):
     def engine(self) -> Engine: ...  # noqa: D102
 
 
+def require_robot(name: str, value: object) -> None:
+    """Refuse an argument `name` of a public function that is not a robot."""
+    if isinstance(value, type):
+        raise InputError(name, f"the class {value.__name__} is not a robot; make one first")
+    if not isinstance(getattr(value, "engine", None), Engine):
+        text = "a robot is needed, such as sst_pin.ClosedChain.from_urdf(path)"
+        raise InputError(name, f"a {type(value).__name__} is not a robot; {text}")
+
+
 class Engine:
     """Computes the quantities of one mechanism. An engine never changes.
 
@@ -415,8 +424,10 @@ class Engine:
         """The configuration where the coordinates are a step further, in the same assembly mode."""
         return self.reference.moved(q, step)
 
-    def _frame_key(self, name: str, frame: str) -> Quantity:
+    def _frame_key(self, name: str, frame: str | None) -> Quantity:
         """The key of a quantity of a frame; what is no name, such as a list, is refused."""
+        if frame is None:  # a key without a frame is one of another quantity
+            frame_id(self.mechanism.model, frame)
         try:
             return _key(name, frame)
         except TypeError:  # it has no hash

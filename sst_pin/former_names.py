@@ -5,7 +5,7 @@ from collections.abc import Callable
 from functools import wraps
 from typing import Any, TypeVar
 
-from .errors import warn_caller
+from .errors import InputError, warn_caller
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -37,7 +37,8 @@ def former_arguments(**names: str) -> Callable[[_Function], _Function]:
                 if former not in arguments:
                     continue
                 if name in arguments:
-                    raise TypeError(f"{former}= is the former name of {name}=; use {name}= alone")
+                    problem = f"this is the former name of {name}=; use {name}= alone"
+                    raise InputError(former, problem)
                 warn_caller(f"{former}= is now {name}=", DeprecationWarning)
                 arguments[name] = arguments.pop(former)
             return function(*args, **arguments)

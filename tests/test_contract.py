@@ -117,7 +117,7 @@ def test_former_names_of_arguments_and_results_work_with_a_warning() -> None:
         chain = sst_pin.ClosedChain(bar.model, bar.closures, ["crank"], forces=[spring])
     assert told[0].filename == __file__
     assert chain.lines == (spring,)
-    with pytest.raises(TypeError, match="use lines= alone"):
+    with pytest.raises(sst_pin.errors.InputError, match="use lines= alone"):
         sst_pin.ClosedChain(bar.model, bar.closures, ["crank"], forces=[], lines=[spring])
     with pytest.warns(DeprecationWarning, match="Mobility.actuated is now motor_names"):
         assert chain.mobility().actuated == ("crank",)

@@ -1,12 +1,17 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """`Engine`: which samples a kernel computes, and which the reference path."""
 
+import dataclasses
+import importlib
 import inspect
+from contextlib import suppress
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
-from sst_pin import robots
+import sst_pin
+from sst_pin import control, design, identification, robots
 from sst_pin.arrays import Array
 from sst_pin.dynamics.quantities import QUANTITIES
 from sst_pin.engine import Engine
@@ -106,3 +111,32 @@ def test_out_of_reactions_has_the_wrenches() -> None:
     assert np.shares_memory(w.joints, out)
     assert np.array_equal(out, np.concatenate([w.joints, w.closures], axis=1), equal_nan=True)
     assert np.isnan(out).any()
+
+
+def _functions_of_robots():
+    """Names, functions and classes of the package whose first argument but axes is a robot."""
+    places = [sst_pin, control, identification, design]
+    with suppress(sst_pin.errors.MissingExtraError):  # without Matplotlib
+        places.append(importlib.import_module("sst_pin.plots"))
+    for place in places:
+        for name in place.__all__:
+            function = getattr(place, name)
+            if not callable(function) or name.endswith(("Error", "Warning")):
+                continue
+            parameters = inspect.signature(function).parameters
+            robots = [word for word in parameters if word in ("chain", "robot")]
+            if robots and not dataclasses.is_dataclass(function):
+                yield pytest.param(function, robots[0], id=f"{place.__name__}.{name}")
+
+
+@pytest.mark.parametrize(("function", "robot"), [*_functions_of_robots()])
+@pytest.mark.parametrize("value", [None, "robot.urdf", pin.Model(), sst_pin.ClosedChain])
+def test_what_is_no_robot_is_refused_by_the_name_of_the_argument(function, robot, value):
+    others = {
+        name: None
+        for name, parameter in inspect.signature(function).parameters.items()
+        if parameter.default is parameter.empty and parameter.kind is not parameter.VAR_KEYWORD
+    }
+    with pytest.raises(sst_pin.errors.InputError) as caught:
+        function(**others | {robot: value})
+    assert caught.value.name == robot

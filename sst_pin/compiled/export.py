@@ -9,7 +9,7 @@ import numpy as np
 
 from ..arrays import Array
 from ..dynamics.quantities import Name
-from ..engine import Robot
+from ..engine import Robot, require_robot
 from ..errors import DescriptionError, InputError, MissingExtraError
 from ..files import Writer, as_path, text_writer, write_files
 from ..model.mechanism import Mechanism
@@ -99,6 +99,7 @@ def write_c(
         >>> sorted(path.name for path in Path("controller").iterdir())
         ['main.c', 'robot.c', 'robot.h']
     """
+    require_robot("chain", chain)
     write_files(c_files(chain, folder, precision), force, folder=as_path(folder))
 
 

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array, finite_array, one_or_each
 from ..closed_chain import ClosedChain
+from ..engine import require_robot
 from ..errors import InputError
 from ..summaries import listed
 
@@ -44,6 +45,7 @@ def unstretched_lengths(
         >>> bool(np.allclose(length / l0, 1.01))
         True
     """
+    require_robot("chain", chain)
     mechanism = chain.mechanism
     motors = len(chain.motor_names)
     line_of = mechanism.motor_lines

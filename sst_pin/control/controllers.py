@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Array, finite_array, in_one_turn, one_or_each
 from ..closed_chain import ClosedChain
 from ..dynamics.torque_sharing import finite_limits, within_limits
+from ..engine import require_robot
 from ..errors import ActuationError, InputError
 from ..loops.mobility import rotating_freely
 from ..model.named_positions import positions_of
@@ -40,6 +41,7 @@ class Controller(ABC):
     def __init__(
         self, chain: ClosedChain, motion: Trajectory, *, limits: ArrayLike | None = None
     ) -> None:
+        require_robot("chain", chain)
         self.chain = chain
         self.motion = motion
         require_motion(motion, chain.mechanism)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array, finite_array, names, one_or_each, single_array
 from ..closed_chain import ClosedChain
+from ..engine import require_robot
 from ..errors import InputError
 from ..model.thresholds import RANK_TOLERANCE
 from ..summaries import listed
@@ -43,6 +44,7 @@ class ForceObserver:
     """
 
     def __init__(self, chain: ClosedChain, gain: ArrayLike) -> None:
+        require_robot("chain", chain)
         chain.mechanism.require_freedom()
         self.chain = chain
         self.gain = one_or_each("gain", gain, chain.degrees_of_freedom)

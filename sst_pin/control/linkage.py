@@ -38,6 +38,8 @@ class Linkage:
 
     def __init__(self, chain: ClosedChain, joints: Sequence[str]) -> None:
         self.joints = tuple(names("joints", joints))
+        if not self.joints:
+            raise InputError("joints", "name one or more")
         space = chain.mechanism.space
         # This call raises an error unless each joint turns about one axis or slides along one.
         positions_of(space, chain.generic_configuration(), self.joints)

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 from ..arrays import Array, finite_array, of_samples, single_array
 from ..closed_chain import ClosedChain
 from ..dynamics.torque_sharing import finite_limits
+from ..engine import require_robot
 from ..errors import ActuationError, InputError, SingularConfigurationError
 from ..model.thresholds import RANK_TOLERANCE, UNSUPPLIED
 from ..summaries import listed
@@ -66,6 +67,7 @@ def force_ellipsoid(
         >>> ellipsoid.sizes.round(2), ellipsoid.axes.shape
         (array([  inf, 14.28, 10.2 ]), (3, 3))
     """
+    require_robot("chain", chain)
     G, _ = _torques_of_forces(chain, q, frame, turning, _largest_torques(chain, torques))
     s, axes = _singular_values(G.mT)
     with np.errstate(divide="ignore"):
@@ -97,6 +99,7 @@ def force_polytope(
         >>> sst_pin.force_polytope(lift, lift.home, "platform", 1.0).shape
         (4, 3)
     """
+    require_robot("chain", chain)
     from scipy.spatial import ConvexHull
 
     single = single_array("q", q, (chain.mechanism.model.nq,))
@@ -145,6 +148,7 @@ def acceleration_ellipsoid(
     Returns:
         Accelerations, [m/s^2] or [rad/s^2]; the center is that without torques.
     """
+    require_robot("chain", chain)
     center, A = _accelerations_by_torques(chain, q, va, frame, turning)
     sizes, axes = _singular_values(A * _largest_torques(chain, torques))
     return Ellipsoid(center, sizes, axes)
@@ -167,6 +171,7 @@ def acceleration_polytope(
     Returns:
         Shape (corners, 3), in base axes, [m/s^2] or [rad/s^2]; corners in a plane are in order.
     """
+    require_robot("chain", chain)
     single = single_array("q", q, (chain.mechanism.model.nq,))
     limits = finite_limits(torques, len(chain.motor_names), "torques")
     if len(limits) > 16:

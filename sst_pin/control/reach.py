@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import Array, Flags, finite_array, single_array
 from ..closed_chain import ClosedChain
 from ..dynamics.torque_sharing import finite_limits, within_limits
+from ..engine import require_robot
 from ..errors import InputError, warn_caller
 from ..files import as_path, table_writer, write_files
 from ..loops.frame_guide import FrameGuide
@@ -166,6 +167,7 @@ def reach_map(
         >>> poses.condition[:, 1].round(2)
         array([3.03, 3.03])
     """
+    require_robot("chain", chain)
     # The grid, and the numbers that do not change along it.
     prescribed = dict[str, Array]()
     components = {"x": x, "y": y, "z": z, "roll": roll, "pitch": pitch, "yaw": yaw}

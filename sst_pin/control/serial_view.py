@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import Array, finite_array
 from ..closed_chain import ClosedChain
 from ..dynamics.torque_sharing import limits_of
+from ..engine import require_robot
 from ..errors import InputError, SingularConfigurationError
 from .linkage import Linkage
 from .pose_abilities import hull
@@ -65,6 +66,7 @@ class SerialView(Linkage):
     """
 
     def __init__(self, chain: ClosedChain, joints: Sequence[str]) -> None:
+        require_robot("chain", chain)
         super().__init__(chain, joints)
         self._linkages = self.chain.with_model(_without_serial_bodies(self.chain))
 

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array, positive_number
 from ..closed_chain import ClosedChain
+from ..engine import require_robot
 from ..errors import ActuationError, MissingExtraError
 from ..simulation.trajectories import Trajectory
 from .path_forces import MARGIN, MotorLimits, Parts, PathForces
@@ -83,6 +84,7 @@ def time_optimal(
         >>> print(f"{motion.t[-1]:.1f} s, {np.abs(motion.tau).max():.1f} N m")
         0.5 s, 30.0 N m
     """
+    require_robot("chain", chain)
     limits = MotorLimits(chain, torques, rates, accelerations)
     curve = SmoothPath(chain, path)
     step = positive_number("dt", dt)

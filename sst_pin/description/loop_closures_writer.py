@@ -10,6 +10,7 @@ import yaml
 
 from ..arrays import Array
 from ..closed_chain import ClosedChain
+from ..engine import require_robot
 from ..errors import DescriptionError
 from ..files import as_path, require_ending, text_writer, write_files
 from ..model.closures import Closure, Coupling
@@ -46,6 +47,7 @@ def write_loop_closures(chain: ClosedChain, path: str | Path, force: bool = Fals
         >>> print(Path("loop_closures.yaml").read_text().splitlines()[-1].strip())
         independent: [crank]
     """
+    require_robot("chain", chain)
     require_ending(path, ".yaml", ".yml")
     mechanism = chain.mechanism
     model = mechanism.model

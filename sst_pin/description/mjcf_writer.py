@@ -5,6 +5,7 @@ from pathlib import Path
 
 from ..arrays import Array
 from ..closed_chain import ClosedChain
+from ..engine import require_robot
 from ..errors import DescriptionWarning, warn_caller
 from ..files import require_ending, text_writer, write_files
 from ..model.mechanism import Mechanism
@@ -36,6 +37,7 @@ def write_mjcf(chain: ClosedChain, path: str | Path, force: bool = False) -> Non
         >>> sst_pin.ClosedChain.from_mjcf("five_bar.xml").motor_names
         ('shoulder_1', 'shoulder_2')
     """
+    require_robot("chain", chain)
     require_ending(path, ".xml", ".mjcf")
     known = chain.mechanism.model.referenceConfigurations
     configurations = {item.key(): item.data() for item in known}

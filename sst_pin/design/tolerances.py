@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array, positive_number
 from ..closed_chain import ClosedChain
+from ..engine import require_robot
 from ..errors import UnknownNameError
 from ..simulation.trajectories import Trajectory
 from ..summaries import Summary
@@ -71,6 +72,7 @@ def tolerances(
         >>> result.shares["position"].round(2)
         array([0.33, 0.26, 0.42])
     """
+    require_robot("chain", chain)
     sizes = dict[str, float]()
     known = chain.design_parameters
     for pattern, value in deviations.items():
@@ -126,6 +128,7 @@ def clearance(chain: ClosedChain, q: ArrayLike) -> Array:
 
     It is 1 over the largest singular value of L, free of units: 0 at a singularity, at most 1.
     """
+    require_robot("chain", chain)
     L, _ = _free_of_units(chain, np.asarray(q, dtype=float))
     return np.asarray(1 / np.linalg.norm(L, 2, axis=(-2, -1)))
 

@@ -17,9 +17,10 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from .. import arrays
-from ..arrays import Array, Indices, whole_number
+from ..arrays import Array, Indices, in_order, whole_number
 from ..closed_chain import ClosedChain
 from ..dynamics.regressor import OF_BODY
+from ..engine import require_robot
 from ..errors import ClosureError, InputError, SingularConfigurationError, UnknownNameError
 from ..summaries import Summary, listed
 
@@ -59,16 +60,6 @@ class BaseParameters(Summary):
     unseen: tuple[str, ...]
     parameters: tuple[str, ...]
 
-    def require_for(self, chain: ClosedChain) -> None:
-        """Raise an `InputError` if these are combinations for another robot."""
-        names = chain.dynamic_parameters.names
-        if self.parameters != names:
-            alien = [name for name in self.parameters if name not in names]
-            what = f"it has {listed(alien, 3)}" if alien else "their order differs"
-            robot = chain.mechanism.model.name
-            problem = f"its parameters are not those of {robot}: {what}"
-            raise InputError("base", f"{problem}; give base_parameters of this robot")
-
     def __len__(self) -> int:
         return len(self.names)
 
@@ -76,6 +67,20 @@ class BaseParameters(Summary):
         rows = [(str(k), name) for k, name in enumerate(self.names, 1)]
         rows += [("unseen", listed(self.unseen, 12))] if self.unseen else []
         return f"{len(self)} base parameters of {len(self.considered)} parameters", rows
+
+
+def require_base(chain: ClosedChain, base: object) -> None:
+    """Raise an `InputError` if `base` is not the base parameters of this robot."""
+    if not isinstance(base, BaseParameters):
+        problem = f"a {type(base).__name__}; give base_parameters(chain)"
+        raise InputError("base", problem)
+    names = chain.dynamic_parameters.names
+    if base.parameters != names:
+        alien = [name for name in base.parameters if name not in names]
+        what = f"it has {listed(alien, 3)}" if alien else "their order differs"
+        robot = chain.mechanism.model.name
+        problem = f"its parameters are not those of {robot}: {what}"
+        raise InputError("base", f"{problem}; give base_parameters of this robot")
 
 
 def base_parameters(
@@ -111,13 +116,14 @@ def base_parameters(
         >>> bool(np.allclose(base.matrix[:, base.columns], np.eye(7)))
         True
     """
+    require_robot("chain", chain)
     chain.mechanism.require_freedom()
     theta = chain.dynamic_parameters
     considered = _considered(theta.names, np.asarray(theta), which)
     if motion is None:
         count = int(_ROWS * len(considered) / chain.degrees_of_freedom) + 10
         motion = random_states(chain, count, seed)
-    q, va, aa = motion
+    q, va, aa = _arrays_of(motion)
     Y = chain.torque_regressor(q, va, aa)[..., considered]
     rows = Y.reshape(-1, len(considered))
     lengths = np.linalg.norm(rows, axis=1, keepdims=True)
@@ -146,6 +152,14 @@ def base_parameters(
     )
 
 
+def _arrays_of(motion: tuple[ArrayLike, ArrayLike, ArrayLike]) -> tuple[ArrayLike, ...]:
+    """q, va, aa of a motion."""
+    arrays = in_order("motion", motion, "the arrays q, va, aa")
+    if len(arrays) != 3:
+        raise InputError("motion", f"{len(arrays)} arrays; three are needed: (q, va, aa)")
+    return arrays
+
+
 def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array, Array, Array]:
     """q, va, aa at random assembled configurations of one mode, away from singularities.
 
@@ -163,6 +177,7 @@ def random_states(chain: ClosedChain, count: int, seed: int = 0) -> tuple[Array,
         >>> q.shape, va.shape
         ((5, 3), (5, 1))
     """
+    require_robot("chain", chain)
     random = np.random.default_rng(whole_number("seed", seed, 0))
     mechanism = chain.mechanism
     count = whole_number("count", count, 1)

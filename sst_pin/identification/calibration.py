@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array, Indices, finite_array, for_each_sample, in_order
 from ..closed_chain import ClosedChain
+from ..engine import require_robot
 from ..errors import (
     ClosureError,
     DescriptionWarning,
@@ -185,6 +186,7 @@ def calibrate(
         >>> result.values.round(6)  # of the six rods: where they join the arms
         array([0.001, 0.001, 0.001, 0.001, 0.001, 0.001])
     """
+    require_robot("chain", chain)
     measured = Poses(frame, x, poses=poses, start=start)
     return calibrate_with(chain, [measured], which=which, urdf=urdf)
 
@@ -226,6 +228,7 @@ def calibrate_with(
         >>> len(result.hidden)
         0
     """
+    require_robot("chain", chain)
     systems = list(in_order("measurements", measurements, "measurements"))
     if not systems or not all(isinstance(each, Measurement) for each in systems):
         raise InputError("measurements", "at least one of Poses, Heights, Distances is needed")

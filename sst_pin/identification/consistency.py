@@ -19,8 +19,9 @@ import numpy as np
 from ..arrays import Array, Indices, positive_number
 from ..closed_chain import ClosedChain
 from ..dynamics.regressor import DynamicParameters
+from ..engine import require_robot
 from ..errors import InputError, MissingExtraError
-from .estimation import Estimate
+from .estimation import Estimate, require_estimate
 
 #: Least eigenvalue of a pseudo-inertia in units of the body's mass and the robot's length.
 _LEAST = 1e-5
@@ -70,13 +71,14 @@ def consistent_parameters(
         >>> bool(np.allclose(twice, tau, atol=1e-4))
         True
     """
+    require_robot("chain", chain)
     try:
         import clarabel  # noqa: F401
     except ModuleNotFoundError:
         raise MissingExtraError("clarabel", "identification") from None
     from scipy.linalg import solve_triangular
 
-    found.base.require_for(chain)
+    require_estimate(chain, found)
     weight = float(np.sqrt(positive_number("prior", prior)))
     unknowns = _unknowns(chain, found)
     fit = _least_squares(chain, found, unknowns, weight)

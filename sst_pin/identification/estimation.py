@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array, Flags, finite_array, positive_number, whole_number
 from ..closed_chain import ClosedChain
+from ..engine import require_robot
 from ..errors import InputError
 from ..simulation.trajectories import Trajectory, require_motion
 from ..summaries import Summary
-from .base_parameters import BaseParameters
+from .base_parameters import BaseParameters, require_base
 from .filters import decimated, noise_correlations
 
 #: Residuals up to this number of standard deviations count in full (P. J. Huber).
@@ -137,12 +138,13 @@ def estimate(
         >>> result.noise.round(2), bool((np.abs(off) < 3 * result.deviations).all())
         (array([0.01]), True)
     """
+    require_robot("chain", chain)
     n = chain.degrees_of_freedom
     motors = len(chain.motor_names)
     measured = finite_array("tau", tau, (motors,))
     if np.abs(measured).max(initial=0.0) > _LARGEST:
         raise InputError("tau", f"torques up to {np.abs(measured).max():.2g}: squares overflow")
-    base.require_for(chain)
+    require_base(chain, base)
 
     # The equations Y theta = J^T tau. Parameters that are not considered go to the right side.
     Y = chain.torque_regressor(q, va, aa)
@@ -333,6 +335,13 @@ def _mean_signs(v: Array) -> Array:
     return np.mean(halves, axis=0)
 
 
+def require_estimate(chain: ClosedChain, found: object) -> None:
+    """Raise an `InputError` if `found` is not an estimate for this robot."""
+    if not isinstance(found, Estimate):
+        raise InputError("found", f"a {type(found).__name__}; give the result of estimate")
+    require_base(chain, found.base)
+
+
 def predicted_torques(chain: ClosedChain, theta: ArrayLike, motion: Trajectory) -> Array:
     """Motor torques of a motion by dynamic parameters, the smallest ones, shape (N, motors).
 
@@ -341,6 +350,7 @@ def predicted_torques(chain: ClosedChain, theta: ArrayLike, motion: Trajectory) 
         theta: All dynamic parameters, offsets of motors among them, shape (p,).
         motion: A motion of the robot.
     """
+    require_robot("chain", chain)
     require_motion(motion, chain.mechanism)
     Y = chain.torque_regressor(motion.q, motion.va, motion.aa)
     forces = Y @ finite_array("theta", theta, (Y.shape[-1],))
@@ -357,6 +367,8 @@ def report(chain: ClosedChain, found: Estimate, theta: ArrayLike, unseen: Trajec
         theta: The dynamic parameters that were chosen, such as `consistent_parameters`.
         unseen: A motion with measured torques that the estimate has not seen.
     """
+    require_robot("chain", chain)
+    require_estimate(chain, found)
     errors = decimated(predicted_torques(chain, theta, unseen) - unseen.tau, found.decimate)
     error = np.sqrt(np.mean(errors**2, axis=0))
     size = np.sqrt(np.mean(np.square(decimated(unseen.tau, found.decimate)), axis=0))

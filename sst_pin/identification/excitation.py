@@ -12,13 +12,14 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array, one_or_each, positive_number, whole_number
 from ..closed_chain import ClosedChain
+from ..engine import require_robot
 from ..errors import InputError, SSTError, warn_caller
 from ..loops.start import placed
 from ..model.named_positions import positions_of
 from ..progress import counted
 from ..simulation.coordinate_motions import coordinate_motion
 from ..simulation.trajectories import Trajectory, require_motion
-from .base_parameters import BaseParameters, random_states
+from .base_parameters import BaseParameters, random_states, require_base
 
 #: Samples of a motion that is judged, for each harmonic.
 _SAMPLES = 12
@@ -51,13 +52,14 @@ def condition_number(chain: ClosedChain, base: BaseParameters, motion: Trajector
         >>> sst_pin.identification.condition_number(chain, base, slow) > 100
         True
     """
+    require_robot("chain", chain)
     require_motion(motion, chain.mechanism)
     return _condition(chain, base, _sizes(chain, base), motion)
 
 
 def _sizes(chain: ClosedChain, base: BaseParameters) -> Array:
     """Root mean squares of the columns of the base regressor at random states, shape (b,)."""
-    base.require_for(chain)
+    require_base(chain, base)
     usual = chain.torque_regressor(*random_states(chain, 200, 0))[..., base.columns]
     return np.asarray(np.sqrt(np.mean(usual**2, axis=(0, 1))))
 
@@ -114,6 +116,7 @@ def excitation(
         >>> bool(np.abs(motion.va[[0, -1]]).max() < 1e-3)
         True
     """
+    require_robot("chain", chain)
     period = positive_number("duration", duration)
     fine = positive_number("dt", dt)
     if period > _MOST * fine:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Array, finite_array, positive_number, whole_number
 from ..closed_chain import ClosedChain
+from ..engine import require_robot
 from ..errors import InputError
 from ..simulation.coordinate_motions import configurations_of, without_full_turns
 from ..simulation.samples import sample_times, spline
@@ -94,6 +95,7 @@ def measured_motion(
         >>> bool(np.abs(motion.va[:, 0] - 0.9 * np.cos(3 * motion.t)).max() < 1e-3)
         True
     """
+    require_robot("chain", chain)
     log = _even_log(chain, t, x, tau, cutoff)
     period = 1 / cutoff
     count = whole_number("decimate", decimate, 1)

@@ -13,6 +13,7 @@ import pinocchio as pin
 from ..arrays import Array
 from ..closed_chain import ClosedChain
 from ..dynamics.regressor import OF_BODY
+from ..engine import require_robot
 from ..errors import DescriptionError, DescriptionWarning, warn_caller
 from ..files import as_path, text_writer, write_files
 from ..reading import RobotFile, Urdf, read_urdf
@@ -52,6 +53,7 @@ def write_urdf(chain: ClosedChain, urdf: str | Path, path: str | Path, force: bo
         >>> rubbing = chain.with_parameters({"mu_1.viscous": 0.3})
         >>> sst_pin.identification.write_urdf(rubbing, sst_pin.URDF_PATH, "found.urdf")
     """
+    require_robot("chain", chain)
     folder = as_path(path).parent
     write_files({as_path(path): text_writer(with_dynamics(chain, urdf, folder))}, force)
 

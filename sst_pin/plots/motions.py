@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..closed_chain import ClosedChain
+from ..engine import require_robot
 from ..simulation.energy import energy_balance as balance_of
 from ..simulation.energy import motor_powers
 from ..simulation.trajectories import Trajectory, require_motion
@@ -52,6 +53,7 @@ def joint_rates(
     ax: Axes, robot: ClosedChain, motion: Trajectory, joints: Sequence[str] | None = None
 ) -> Axes:
     """Rates of joints over time."""
+    require_robot("robot", robot)
     shown = _rates(robot, motion).pick(joints)
     labels = [curves.label(name, r"\dot") for name in shown.names]
     return curves.draw(ax, motion.t, shown, labels, curves.RATE[shown.unit()], zero=True)
@@ -61,6 +63,7 @@ def powers(
     ax: Axes, robot: ClosedChain, motion: Trajectory, motors: Sequence[str] | None = None
 ) -> Axes:
     """Power of each motor, of all motors together, and of friction, over time."""
+    require_robot("robot", robot)
     all_powers = _powers(robot, motion)
     shown = all_powers.pick(motors)
     labels = []
@@ -76,6 +79,7 @@ def powers(
 
 def energy_balance(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
     """Change of the energies, work, and their difference (residual) since the start, over time."""
+    require_robot("robot", robot)
     balance = balance_of(robot.engine, motion)
     names = ("kinetic", "potential", "work of motors")
     values = np.stack([balance.kinetic, balance.potential, balance.motors], axis=1)
@@ -95,6 +99,7 @@ def condition_number(ax: Axes, robot: ClosedChain, motion: Trajectory) -> Axes:
     number of the columns of Phi for the dependent joints, without units. For an SST there are two:
     the condition number of A (second kind) and 1 / min |sin(mu_k)| (first kind).
     """
+    require_robot("robot", robot)
     require_motion(motion, robot.mechanism)
     measures = robot.singularity_measures(motion.q)
     names = tuple(measures)

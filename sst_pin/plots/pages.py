@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from ..arrays import finite_array
 from ..closed_chain import ClosedChain
 from ..description.colours import HUES
+from ..engine import require_robot
 from ..errors import InputError
 from ..model.appearance import PLATFORM
 from ..simulation.bearing_loads import Load, Loads
@@ -56,6 +57,7 @@ def motion_page(
         >>> page = plots.motion_page(chain, motion, ["torques", "path"], frame="platform")
         >>> page.savefig("page.pdf")
     """
+    require_robot("robot", robot)
     require_motion(motion, robot.mechanism)
     if len(motion) < 2:
         raise InputError("motion", "has one sample; a curve needs at least two")

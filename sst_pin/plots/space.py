@@ -14,6 +14,7 @@ from scipy.spatial import geometric_slerp
 from ..arrays import Array, single_array
 from ..closed_chain import ClosedChain
 from ..description.colours import LEG_COLOURS
+from ..engine import require_robot
 from ..errors import InputError
 from ..model.appearance import PLATFORM
 from ..model.tree import frame_id
@@ -51,6 +52,7 @@ def frame_path(ax: Axes, robot: ClosedChain, motion: Trajectory, frame: str = PL
         >>> ax.get_xlabel(), ax.get_ylabel()
         ('$x_0$ (m)', '$z_0$ (m)')
     """
+    require_robot("robot", robot)
     points = origins_of(robot, motion, frame)
     shown = [0, 1, 2] if ax.name == "3d" else plane_of(points)
     if shown is None:
@@ -120,6 +122,7 @@ def paths_on_sphere(
         >>> plots.paths_on_sphere(ax, robot, [("circle", motion)]).get_zlabel()
         '$z_0$ (m)'
     """
+    _require_sst(robot)
     for _, motion in motions:
         require_motion(motion, robot.mechanism)
     radius = robot.star_radius if radius is None else radius
@@ -137,6 +140,11 @@ def paths_on_sphere(
     return ax
 
 
+def _require_sst(robot: SST) -> None:
+    if not isinstance(robot, SST):
+        raise InputError("robot", f"a {type(robot).__name__}; this figure is for an SST")
+
+
 def robot_pose(ax: Axes, robot: SST, q: Array, radii: tuple[float, float] | None = None) -> Axes:
     """A line drawing of the robot: base triangle, actuator links, the star's arcs.
 
@@ -152,6 +160,7 @@ def robot_pose(ax: Axes, robot: SST, q: Array, radii: tuple[float, float] | None
         >>> ax = plots.robot_pose(figure.add_subplot(projection="3d"), robot, robot.home)
         >>> figure.savefig("home.png")
     """
+    _require_sst(robot)
     base, star = radii or (7 / 8 * robot.star_radius, robot.star_radius)
     _patch(ax, robot, base, "P")
     legs = legs_of_joints(robot.geometry, single_array("q", q, (9,)))

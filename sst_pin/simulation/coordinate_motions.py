@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, finite_array
-from ..engine import Engine, Robot
+from ..engine import Engine, Robot, require_robot
 from ..errors import ClosureError, DescriptionWarning, InputError, warn_caller
 from ..loops.start import placed
 from ..model.mechanism import Mechanism
@@ -49,6 +49,7 @@ def coordinate_motion(
         >>> motion.q.shape, motion.tau.shape
         ((21, 3), (21, 1))
     """
+    require_robot("chain", chain)
     return coordinate_trajectory(chain.engine, t, x, start)
 
 

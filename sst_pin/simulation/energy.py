@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, finite_array, for_each_sample
-from ..engine import Engine, Robot
+from ..engine import Engine, Robot, require_robot
 from ..errors import InputError
 from .samples import spline
 from .trajectories import Trajectory, require_motion
@@ -114,4 +114,5 @@ def energy_error(chain: Robot, motion: Trajectory) -> Array:
         >>> bool(abs(sst_pin.energy_error(chain, motion)).max() < 1e-8)
         True
     """
+    require_robot("chain", chain)
     return energy_balance(chain.engine, motion).error

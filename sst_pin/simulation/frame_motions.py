@@ -10,7 +10,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, as_array, finite_array, name_samples
-from ..engine import Robot
+from ..engine import Robot, require_robot
 from ..errors import InputError, SSTError
 from ..loops.frame_guide import FrameGuide, pose_of, rotations
 from ..loops.start import assemble, start_of
@@ -57,6 +57,7 @@ def frame_motion(
         >>> delta.platform_pose(motion.q[-1])[:3, 3].round(4)
         array([ 0.027 ,  0.0421, -0.25  ])
     """
+    require_robot("chain", chain)
     engine = chain.engine
     mechanism = engine.mechanism
     times = sample_times(t, 3)

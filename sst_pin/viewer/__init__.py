@@ -7,6 +7,7 @@ from importlib.util import find_spec
 from numpy.typing import ArrayLike
 
 from ..closed_chain import ClosedChain
+from ..engine import require_robot
 from ..errors import InputError, MissingExtraError
 from ..loops.start import start_of
 from ..simulation.nonsmooth_rollout import NonsmoothRollout
@@ -37,6 +38,7 @@ def show(
     ghost: Trajectory | None,
 ) -> None:
     """Show a motion or a configuration; see `ClosedChain.show`, which has the same arguments."""
+    require_robot("robot", robot)
     if isinstance(what, (Trajectory, NonsmoothRollout)):
         viewer.play(what, speed=speed, ghost=ghost)
     elif ghost is not None:

@@ -21,6 +21,7 @@ from ..arrays import Array, Indices, positive_number, single_array
 from ..closed_chain import ClosedChain
 from ..description.colours import HUES
 from ..dynamics.reactions import Reactions
+from ..engine import require_robot
 from ..errors import (
     ActuationError,
     ClosureError,
@@ -110,6 +111,7 @@ class Viewer:
         reactions: bool | Mapping[str, ArrayLike] = False,
         live: bool = False,
     ) -> None:
+        require_robot("robot", robot)
         if not isinstance(reactions, bool | Mapping):
             raise InputError("reactions", f"{reactions!r} is no bool and no dict of stiffnesses")
         self._with_reactions = reactions is not False

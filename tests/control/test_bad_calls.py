@@ -23,6 +23,7 @@ OF_VIEW |= {"q": VIEW.chain.home, "start": VIEW.chain.home, "chain": VIEW.chain,
 NAMES = "ComputedTorque GravityPD TrackingLQR force_ellipsoid force_polytope "
 NAMES += "acceleration_ellipsoid acceleration_polytope reach_map time_optimal"
 CALLS = {name: (getattr(sst_pin, name), GOOD) for name in NAMES.split()}
+CALLS["ForceObserver"] = sst_pin.control.ForceObserver, GOOD | {"gain": 20.0}
 CALLS["SerialView"] = sst_pin.SerialView, OF_VIEW
 CALLS |= {
     name: (method, OF_VIEW)

@@ -19,11 +19,13 @@ def good_arguments():
     good = {"chain": chain, "base": identification.base_parameters(chain), "q": q, "va": va}
     good |= {"aa": aa, "tau": chain.compute_torques(q, va, aa), "motion": motion, "t": t}
     good |= {"x": motion.q[:, :1], "theta": chain.dynamic_parameters, "cutoff": 5.0, "count": 5}
+    good["found"] = identification.estimate(chain, good["base"], q, va, aa, good["tau"])
+    good |= {"unseen": motion, "measurements": []}
     return good | {"duration": 2.0, "frame": "coupler", "poses": np.zeros((60, 3))}
 
 
 NAMES = "base_parameters calibrate condition_number estimate excitation measured_motion "
-NAMES += "predicted_torques random_states"
+NAMES += "predicted_torques random_states consistent_parameters report calibrate_with"
 
 
 @pytest.mark.parametrize("name", NAMES.split())

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from sst_pin import SSTError
+from sst_pin import SST, ClosedChain, SSTError, robots
 
 ENDLESS: list[Any] = []
 ENDLESS.append(ENDLESS)
@@ -21,7 +21,7 @@ NOT_REAL = (
 )  # fmt: skip
 NOT_NUMBERS = (*NOT_REAL, np.nan, [], [1.0, 2.0])
 NOT_COUNTS = (*NOT_REAL, "2", 1.5, np.nan, np.inf, [1], True, -1)
-NOT_NAMES = (5, True, b"raise", np.array("nan"), ["x"], object(), "no such name", "")
+NOT_NAMES = (None, 5, True, b"raise", np.array("nan"), ["x"], object(), "no such name", "")
 NOT_LISTS_OF_NAMES = ("crank", 5, object(), ["no such name"], [None], [0], [["crank"]], [b"crank"])
 NOT_PATHS = (
     None, 5, "", ".", "/dev/null/a.csv", "a\0b.csv", b"a.csv", ["a.csv"],
@@ -40,6 +40,11 @@ BY_TYPE = {
         [None], [object()], [("A", "X")], [("", "")], [("A", "A", "3d")], {"A": "B"},
     ),
     "pin.Model": (None, "model", 5, pin.Model, pin.Model()),
+    "ClosedChain": (None, 5, "robot.urdf", pin.Model(), ClosedChain, [ClosedChain], {}),
+    "Robot": (None, 5, "robot.urdf", pin.Model(), ClosedChain),
+    "SST": (None, 5, "sst", SST, robots.four_bar()),
+    "BaseParameters": (None, 5, "x", [], robots.four_bar()),
+    "Estimate": (None, 5, "x", [], robots.four_bar()),
     "Trajectory": (5, "m", object(), np.zeros((2, 3))),
     "Sequence[LineForce]": (5, "x", [5], [None]),
     "Sequence[Crossing]": (5, "x", [5], [None]),
@@ -72,12 +77,17 @@ def bad_values(annotation: str, good: Any) -> Iterator[Any]:
     yield from (x for x in BY_TYPE.get(plain, ()) if x is not None or plain == annotation)
 
 
+def _words(annotation: Any) -> str:
+    """An annotation as it is written."""
+    return annotation.__name__ if isinstance(annotation, type) else str(annotation)
+
+
 def faults(
     call: Callable[..., Any], good: Mapping[str, Any], free: Collection[str] = ()
 ) -> list[str]:
     """Calls that were not refused by an error of ours, one argument bad, the others good."""
     parameters = inspect.signature(call).parameters
-    types = {name: str(parameter.annotation) for name, parameter in parameters.items()}
+    types = {name: _words(parameter.annotation) for name, parameter in parameters.items()}
     if types.pop("options", ""):  # `Unpack[Options]`
         types |= OPTIONS
     needed = {n: good[n] for n, p in parameters.items() if p.default is p.empty and n in types}
