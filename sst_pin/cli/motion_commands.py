@@ -5,6 +5,7 @@ import argparse
 import threading
 import webbrowser
 from contextlib import suppress
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -86,7 +87,9 @@ def show(arguments: argparse.Namespace) -> int:
     """Animations of a robot: in a browser, as a page, or as pictures."""
     from ..viewer import Viewer  # needs the extra `viz`
 
-    robot, motion, speed, title = _robot_and_motion(arguments)
+    robot, motion, default_speed, title = _scene(arguments)
+
+    # Files to write, and a second motion.
     outputs = []
     for kind in ("html", "png", "gif"):
         path = vars(arguments)[kind]
@@ -100,8 +103,9 @@ def show(arguments: argparse.Namespace) -> int:
         if motion is None:
             raise InputError("--ghost", "only beside a motion")
         ghost = common.motion_of(robot, arguments.ghost)
-    if arguments.speed is not None:
-        speed = arguments.speed
+    speed = default_speed if arguments.speed is None else arguments.speed
+
+    # The page.
     viewer = Viewer(
         robot,
         visual_model=pin.GeometryModel() if arguments.skeleton else None,
@@ -132,15 +136,22 @@ def show(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _robot_and_motion(
-    arguments: argparse.Namespace,
-) -> tuple[ClosedChain, Trajectory | None, float, str]:
-    """The robot, its motion (None: it stands still), the speed by default, and the title."""
+class _Scene(NamedTuple):
+    """What `show` shows."""
+
+    robot: ClosedChain
+    motion: Trajectory | None  #: None: the robot stands still.
+    speed: float  #: By default; 1 is real time.
+    title: str
+
+
+def _scene(arguments: argparse.Namespace) -> _Scene:
+    """The robot and the motion that the options name; without options the paper's example 1."""
     path = arguments.motion
     robot = common.robot_of(arguments)
     if path is not None:
-        return robot, common.motion_of(robot, path), 1.0, path.name
+        return _Scene(robot, common.motion_of(robot, path), 1.0, path.name)
     if arguments.robot is None:
         example = example_1(SST(), np.linspace(0, PERIOD, 201))
-        return robot, example, 0.1, "Example 1: the circle"
-    return robot, None, 1.0, robot.mechanism.model.name
+        return _Scene(robot, example, 0.1, "Example 1: the circle")
+    return _Scene(robot, None, 1.0, robot.mechanism.model.name)

@@ -37,6 +37,8 @@ def paper(arguments: argparse.Namespace) -> int:
     seconds = time.perf_counter() - began
     if common.refuses(robot.check_limits(example), arguments):
         return 1
+
+    # Example 1 and example 2, as lines of a table.
     peaks = np.abs(example.tau).max(axis=0)
     means = np.sqrt((example.tau**2).mean(axis=0))
     lines = [
@@ -57,6 +59,8 @@ def paper(arguments: argparse.Namespace) -> int:
         text = f"{name:8}  {errors.path_error:.1e} rad  {errors.closure:.1e}    "
         text += f"{errors.energy:.1e} J     {seconds:.2f} s{common.remark(motion)}"
         lines.append(text)
+
+    # Motions and figures as files.
     files = dict[Path, Writer]()
     for stem, motion in motions.items():
         for name in (f"{stem}.csv", f"{stem}.npz"):
@@ -75,7 +79,8 @@ def describe(arguments: argparse.Namespace) -> None:
     robot = common.robot_of(arguments)
     output = arguments.output
     if output.suffix.lower() in (".xml", ".mjcf"):
-        if any(value is not None for name, value in vars(arguments).items() if name not in _COMMON):
+        options = {name for name, value in vars(arguments).items() if value is not None}
+        if options - _COMMON:  # those that change an SST
             robot = SST(_changed(common.sst_of(arguments).parameters, arguments))
         write_mjcf(robot, output, arguments.force)
         print(f"{robot.mechanism.model.name or 'robot'} with closed loops -> {output}")

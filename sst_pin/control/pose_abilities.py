@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Forces and accelerations of a frame in a pose that the motor torques allow.
 
-J is the Jacobian of the frame, J_a the Jacobian of the motors. A force w of the frame needs the
-torques G w, the smallest with J_a^T G = J^T. Torques tau add A tau to the acceleration due to
-gravity and rates. T. Yoshikawa, Manipulability of robotic mechanisms, Int. J. Robotics Research
-4(2), 1985; P. Chiacchio et al., Force polytope and force ellipsoid for redundant manipulators, J.
-Robotic Systems 14(8), 1997.
+J is the Jacobian of the frame, J_a the Jacobian of the motors, both by the rates of the
+coordinates. A force w on the frame gives the forces J^T w along the coordinates; torques tau give
+J_a^T tau. So w needs the torques G w, with the smallest G for which J_a^T G = J^T. Torques tau also
+add A tau to the acceleration of the frame due to gravity and rates.
+
+T. Yoshikawa, Manipulability of robotic mechanisms, Int. J. Robotics Research 4(2), 1985; P.
+Chiacchio et al., Force polytope and force ellipsoid for redundant manipulators, J. Robotic Systems
+14(8), 1997.
 """
 
 from __future__ import annotations
@@ -116,8 +119,9 @@ def force_polytope(
     if not len(moving):
         kind = "turn" if turning else "translate"
         raise InputError("frame", f"{frame} cannot {kind}: the structure carries all forces on it")
-    # The forces x along the motions of the frame obey rows x < room in both directions. The corners
-    # of this set are the facets of the dual body, whose points are rows / room.
+    # The forces x along the motions of the frame use the sums rows x of the limits, beside the sums
+    # that holding takes: rows x < room in both directions. The corners of this set are the facets
+    # of the dual body, whose points are rows / room (polarity of convex polytopes).
     parts = 2 / np.ptp(limits, axis=1)[:, None] * G @ moving.T
     rows = sums_of(factors, parts.T).T
     rows = np.vstack([rows, -rows])

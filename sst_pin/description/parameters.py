@@ -41,6 +41,7 @@ def _frozen(value: ArrayLike, name: str) -> Array:
 
 
 def _number(value: float, name: str) -> float:
+    """A number; an array is refused."""
     array = _frozen(value, name)
     if array.shape:
         raise ParametersError([f"{name}: {value!r} is not a number"])
@@ -57,6 +58,7 @@ class _Values(Summary):
         return hash(self._values())
 
     def _values(self) -> tuple[Any, ...]:
+        """The fields, with arrays as their shapes and bytes."""
         values = []
         for field in fields(self):  # type: ignore[arg-type]
             value = getattr(self, field.name)
@@ -67,6 +69,7 @@ class _Values(Summary):
 
 
 def _shape_problems(name: str, array: Array, shape: tuple[int, ...]) -> list[str]:
+    """Why an array does not have finite numbers in this shape."""
     if array.shape != shape:
         return [f"{name}: shape {array.shape}, expected {shape}"]
     if not np.isfinite(array).all():
@@ -142,6 +145,7 @@ class RigidBody(_Values):
 
 
 def _inertia_problems(name: str, inertia: Array) -> Iterator[str]:
+    """Why no body has this inertia, shape (3, 3)."""
     size = np.abs(inertia).max()
     if np.abs(inertia - inertia.T).max() > _SLACK * size:
         yield f"{name}: not symmetric"
@@ -362,6 +366,7 @@ def _masses(bodies: Iterable[RigidBody]) -> str:
 
 
 def _numbers(values: Array) -> str:
+    """Numbers with four digits, in brackets."""
     return f"({', '.join(f'{value:.4g}' for value in values)})"
 
 
@@ -373,6 +378,7 @@ def _range(values: Array) -> str:
 
 
 def _angle_problems(alpha: Array) -> Iterator[str]:
+    """Why no star has these angles between its arcs."""
     if not ((alpha > 0) & (alpha < 2 * np.pi)).all():
         yield f"arc_angles: {alpha} rad, each must lie in (0, 2 pi)"
     total = float(alpha.sum())

@@ -99,13 +99,14 @@ def _base(p: Parameters, scale: float) -> Iterator[Solid]:
     tube = _TUBE * scale
     center = np.zeros(3)
     yield Ball(center, _BALL * scale)
-    for v, after, e in zip(
-        p.base_directions, np.roll(p.base_directions, -1, axis=0), p.actuated_axes, strict=True
-    ):
+    for k in range(3):
+        v = p.base_directions[k]
+        v_next = p.base_directions[(k + 1) % 3]
+        e = p.actuated_axes[k]
         yield rod(center, p.base_radius * v, tube)
         yield Ball(p.base_radius * v, 1.5 * tube)
         axes = np.stack([v, np.cross(e, v), e], axis=-1)
-        side = float(np.arctan2(np.linalg.norm(np.cross(v, after)), v @ after))
+        side = float(np.arctan2(np.linalg.norm(np.cross(v, v_next)), v @ v_next))
         yield Arc(axes, p.base_radius, side, (2 * tube, 2 * tube), round=True)
     # A stand: away from the triangle, where the arcs of the star do not come, until it is outside
     # their sphere; then along the axis of motor 1, which is the paper's vertical.

@@ -111,13 +111,16 @@ class Arc(NamedTuple):
         middle = (inner + outer) / 2
         length = 2 * outer * np.tan(half)
         x, y, z = self.axes.T
+        # Angles of the middles of the bars.
         for angle in half * (2 * np.arange(count) + 1):
-            c, s = np.cos(angle), np.sin(angle)
+            c = np.cos(angle)
+            s = np.sin(angle)
             radial = c * x + s * y
             along = c * y - s * x
             if self.round:
-                center, reach = middle * radial, length / 2 * along
-                yield rod(center - reach, center + reach, (outer - inner) / 2)
+                center = middle * radial
+                half_bar = length / 2 * along
+                yield rod(center - half_bar, center + half_bar, (outer - inner) / 2)
             else:
                 axes = np.stack([radial, along, z], axis=-1)
                 yield Box(middle * radial, axes, np.array((outer - inner, length, width)))
@@ -133,28 +136,35 @@ def rod(start: Array, end: Array, radius: float) -> Cylinder:
 
 
 def bar(start: Array, end: Array, across: Array, width: float, thick: float) -> Box:
-    """A box along a line."""
+    """A box along a line, with its width along the direction `across`."""
     along = (end - start) / np.linalg.norm(end - start)
     axes = np.stack([along, across, np.cross(along, across)], axis=-1)
     return Box((start + end) / 2, axes, np.array((np.linalg.norm(end - start), width, thick)))
 
 
 def lofted(loops: Array) -> tuple[Array, Indices]:
-    """Vertices and faces of a closed surface of triangles through loops; the ends' faces last."""
+    """Vertices, shape (n, 3), and faces, shape (m, 3), of a closed surface through loops.
+
+    Between two loops there are two triangles for each point. A fan of triangles about its middle
+    closes each end; these faces come last.
+    """
     count, points, _ = loops.shape
-    ends = loops[[0, -1]].mean(axis=1)
+    middles = loops[[0, -1]].mean(axis=1)
+    # Indices of the points of the loops, of their neighbours on the loop, and of both middles.
     here = np.arange(count * points).reshape(count, points)
     beside = np.roll(here, -1, axis=1)
-    first = np.full(points, count * points)
-    last = np.full(points, count * points + 1)
-    faces = [
+    first_middle = np.full(points, count * points)
+    last_middle = np.full(points, count * points + 1)
+    corners_of_faces = [
         (here[:-1], beside[:-1], beside[1:]),
         (here[:-1], beside[1:], here[1:]),
-        (first, beside[0], here[0]),
-        (last, here[-1], beside[-1]),
+        (first_middle, beside[0], here[0]),
+        (last_middle, here[-1], beside[-1]),
     ]
-    corners = [np.stack([c.ravel() for c in corner], axis=-1) for corner in faces]
-    return np.concatenate([loops.reshape(-1, 3), ends]), np.concatenate(corners)
+    faces = []
+    for corners in corners_of_faces:
+        faces.append(np.stack([corner.ravel() for corner in corners], axis=-1))
+    return np.concatenate([loops.reshape(-1, 3), middles]), np.concatenate(faces)
 
 
 def axes_along(direction: Array) -> Array:

@@ -38,7 +38,15 @@ def arc_ends(geometry: kinematics.Geometry) -> Array:
 def findings(
     model: pin.Model, geometry: kinematics.Geometry, t: Array, q: Array
 ) -> Iterator[Finding]:
-    """Arcs, joint limits and singularities at closed configurations, shape (N, 9)."""
+    """Findings about arcs, joint limits and singularities along a motion.
+
+    Args:
+        model: The tree of the SST.
+        geometry: Its geometry.
+        t: Times, shape (N,), [s].
+        q: Closed configurations, shape (N, 9).
+    """
+    # Ends of arcs.
     names = tuple(model.names)[1:]
     low, high = arc_ends(geometry)
     units = ["deg"] * len(names)
@@ -46,17 +54,21 @@ def findings(
     turned = middle + in_one_turn(q - middle)  # a whole turn leads to the same place
     beyond = np.maximum(low - turned, turned - high) > _END
     yield from outside("arc", names, units, t, turned, beyond, (low, high))
+
+    # Limits of joints in the URDF.
     low = model.lowerPositionLimit
     high = model.upperPositionLimit
     yield from outside("limits", names, units, t, q, (q < low) | (q > high), (low, high))
+
+    # Singularities: of the first kind leg by leg, then of the second kind.
     legs = kinematics.legs_of_joints(geometry, q)
     for k, sine in enumerate(np.abs(legs.sin_mu).T, 1):
         problem = f"leg {k} is close to the plane of its arc, |sin mu_{k}| < {SMALLEST_SINE}"
-        out = sine < SMALLEST_SINE
+        is_close = sine < SMALLEST_SINE
         limits = (SMALLEST_SINE, np.inf)
-        yield from singular(problem, (names[3 * k - 2],), t, sine, out, limits)
+        yield from singular(problem, (names[3 * k - 2],), t, sine, is_close, limits)
     condition = np.linalg.cond(legs.y_2)
     problem = f"close to a singularity (second kind), condition number > {LARGEST_CONDITION:g}"
-    out = condition > LARGEST_CONDITION
+    is_close = condition > LARGEST_CONDITION
     limits = (-np.inf, LARGEST_CONDITION)
-    yield from singular(problem, names[::3], t, condition, out, limits)
+    yield from singular(problem, names[::3], t, condition, is_close, limits)

@@ -77,24 +77,31 @@ def orientation_motion(
         shapes = ", ".join(str(angle.shape) for angle in angles[::3])
         raise InputError("theta, phi, psi", f"shapes {shapes} do not broadcast") from None
     # Each angle with its first and second derivative.
-    t, t_1, t_2, p, p_1, p_2, s, s_1, s_2 = values
-    zero = np.zeros_like(t)
-    one = np.ones_like(t)
-    # {E} = Rot(z, theta) Rot(x, pi/2) Rot(z, pi/2 - phi) Rot(x, psi): leg 1 with mu_1 = pi/2.
+    theta_0, theta_1, theta_2, phi_0, phi_1, phi_2, psi_0, psi_1, psi_2 = values
+    zero = np.zeros_like(theta_0)
+    one = np.ones_like(theta_0)
+    sin_theta = np.sin(theta_0)
+    cos_theta = np.cos(theta_0)
+    sin_phi = np.sin(phi_0)
+    cos_phi = np.cos(phi_0)
+
+    # {E} = Rot(z, theta) Rot(x, pi/2) Rot(z, pi/2 - phi) Rot(x, psi): leg 1 with mu_1 = pi/2. The
+    # angles turn about z, about the horizontal axis -n, and about s.
     z = np.stack([zero, zero, one], -1)
-    n = np.stack([np.sin(t), -np.cos(t), zero], -1)  # its second axis, a horizontal one
-    s_axis = np.stack([np.sin(p) * np.cos(t), np.sin(p) * np.sin(t), np.cos(p)], -1)
-    y = np.cross(n, s_axis)
-    cos_psi = np.cos(s)[..., None]
-    sin_psi = np.sin(s)[..., None]
-    R = np.stack([s_axis, cos_psi * y + sin_psi * n, cos_psi * n - sin_psi * y], -1)
-    turn_z = t_1[..., None] * z
-    turn_n = -p_1[..., None] * n
-    turn_s = s_1[..., None] * s_axis
-    omega = turn_z + turn_n + turn_s
-    alpha = t_2[..., None] * z - p_2[..., None] * n + s_2[..., None] * s_axis
-    # Each axis turns with those before it.
-    alpha = alpha + np.cross(turn_z, turn_n) + np.cross(turn_z + turn_n, turn_s)
+    n = np.stack([sin_theta, -cos_theta, zero], -1)
+    s = np.stack([sin_phi * cos_theta, sin_phi * sin_theta, cos_phi], -1)
+    y = np.cross(n, s)
+    cos_psi = np.cos(psi_0)[..., None]
+    sin_psi = np.sin(psi_0)[..., None]
+    R = np.stack([s, cos_psi * y + sin_psi * n, cos_psi * n - sin_psi * y], -1)
+
+    # Angular velocities about the three axes. Each axis turns with those before it.
+    about_z = theta_1[..., None] * z
+    about_n = -phi_1[..., None] * n
+    about_s = psi_1[..., None] * s
+    omega = about_z + about_n + about_s
+    alpha = theta_2[..., None] * z - phi_2[..., None] * n + psi_2[..., None] * s
+    alpha = alpha + np.cross(about_z, about_n) + np.cross(about_z + about_n, about_s)
     return PlatformMotion(R, omega, alpha)
 
 
@@ -120,6 +127,8 @@ def paper_circle(t: ArrayLike) -> PlatformMotion:
     s = (a * cos + b * sin + c) / 71
     s_1 = rate * (b * cos - a * sin) / 71
     s_2 = -(rate**2) * (a * cos + b * sin) / 71
+
+    # Longitude and colatitude of s with their derivatives.
     x, y, z = np.moveaxis(s, -1, 0)
     x_1, y_1, z_1 = np.moveaxis(s_1, -1, 0)
     x_2, y_2, z_2 = np.moveaxis(s_2, -1, 0)

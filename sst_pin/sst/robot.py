@@ -61,6 +61,7 @@ _GEOMETRIES: WeakKeyDictionary[Engine, Geometry] = WeakKeyDictionary()
 
 
 def _geometry_of(engine: Engine) -> Geometry:
+    """The geometry of the SST that an engine computes; it is found once for each engine."""
     if engine not in _GEOMETRIES:
         model = engine.mechanism.model
         _GEOMETRIES[engine] = geometry_of(model, f"model {model.name}")
@@ -78,9 +79,11 @@ def _require_sst(description: RobotFile) -> None:
     """Refuse closures and motors that an SST does not have."""
     problems = list[str]()
     closures = description.closures
-    welds = [c for c in closures if isinstance(c, Closure)]
-    ends = {(frozenset((c.frame_a, c.frame_b)), c.held) for c in welds}
-    if len(closures) != len(_WELDS) or ends != _WELDS:
+    welds = set[tuple[frozenset[str], tuple[bool, ...]]]()
+    for closure in closures:
+        if isinstance(closure, Closure):
+            welds.add((frozenset((closure.frame_a, closure.frame_b)), closure.held))
+    if len(closures) != len(_WELDS) or welds != _WELDS:
         names = ", ".join(f"{c} ({getattr(c, 'kind', 'no weld')})" for c in closures)
         wanted = " and ".join(f"{a} - {b}" for a, b in sorted(CUTS))
         names = f"closures or equalities {names or 'are missing'}"
@@ -149,6 +152,7 @@ class SST(ClosedChain):
         return robot
 
     def _load(self, description: RobotFile) -> None:
+        """Make this robot from a description, which must be one of an SST."""
         model = description.model
         geometry = geometry_of(model, description.source)
         _require_sst(description)
@@ -354,6 +358,7 @@ def _joints(
 
 
 def _require_limits(model: pin.Model, q: Array) -> None:
+    """Refuse configurations, shape (..., 9), beyond the limits of the joints."""
     lower = model.lowerPositionLimit
     upper = model.upperPositionLimit
     outside = (q < lower) | (q > upper)

@@ -33,15 +33,30 @@ def shapes_of(parameters: Parameters, model: pin.Model) -> pin.GeometryModel:
 def appearance_of(geometry: Geometry, radius: float) -> Appearance:
     """Axes e_1..9, frames {0k}..{3k} and {E}, the path of E, the arcs; `radius` is OE."""
     # gamma_k, mu_k, beta_k turn about e_k, e_{k+3}, e_{k+6}.
-    axes = tuple((f"e_{i // 3 + 3 * (i % 3) + 1}", LEG_COLOURS[i // 3]) for i in range(9))
+    axes = []
+    for k, colour in enumerate(LEG_COLOURS, start=1):
+        for number in (k, k + 3, k + 6):
+            axes.append((f"e_{number}", colour))
     E = pin.SE3(np.eye(3), radius * geometry.R_E[0][:, 0])
     frames = tuple(_frames(geometry, radius))
     point = DrawnFrame("E", 3, E)
-    return Appearance(axes, frames, point, radius, 1.25, arc_ends(geometry), spherical=True)
+    return Appearance(
+        axes=tuple(axes),
+        frames=frames,
+        point=point,
+        size=radius,
+        axis_length=1.25,
+        arcs=arc_ends(geometry),
+        spherical=True,
+    )
 
 
 def _frames(geometry: Geometry, r: float) -> Iterator[DrawnFrame]:
-    """The frames; their origins are O, but each is drawn on the part that it belongs to."""
+    """The frames; their origins are O, but each is drawn on the part that it belongs to.
+
+    `r` is the radius of the star's arcs, [m].
+    """
+    # Where frames {0k} to {3k} are drawn, in their own axes, in radii.
     apart = ((1, 0, 0), (0.72, 0, 0), (1.16, 0, 0), (1.06 * np.cos(0.7), -1.06 * np.sin(0.7), 0))
     for k in range(3):
         for i, where in enumerate(apart):

@@ -18,7 +18,7 @@ from .kinematics import Geometry
 
 #: Pairs of frames that the closures of the shipped description connect.
 CUTS = {("closedloop1_A", "closedloop1_B"), ("closedloop2_A", "closedloop2_B")}
-#: Frames of the closures, and the arc of the star that each is fixed to.
+#: Frames of the closures, and the number of the arc of the star that each is fixed to.
 _STAR_OF = {"closedloop1_A": 1, "closedloop2_A": 1, "closedloop1_B": 2, "closedloop2_B": 3}
 #: Points whose distances from O are the radii.
 _POINTS = ("E", "P_1", "P_2", "P_3")
@@ -27,7 +27,7 @@ _EXACT = 1e-9
 
 
 def geometry_of(model: pin.Model, source: str) -> Geometry:
-    """{0k} and {E} in {3k} of a tree; the error lists all differences from the tree of an SST."""
+    """The geometry of an SST from its tree; the error lists all differences from such a tree."""
     problems = _joint_problems(model)
     if not problems:  # axes and frames can be checked only if the joints are right
         problems = [*_axis_problems(model), *_cut_problems(model)]
@@ -40,6 +40,7 @@ def geometry_of(model: pin.Model, source: str) -> Geometry:
 
 
 def _joint_problems(model: pin.Model) -> list[str]:
+    """Joints that are missing, superfluous or in another order."""
     names = tuple(model.names)[1:]
     problems = [f"joint {name} is missing" for name in JOINT_NAMES if name not in names]
     problems += [f"joint {x}: an SST has no such joint" for x in names if x not in JOINT_NAMES]
@@ -50,6 +51,7 @@ def _joint_problems(model: pin.Model) -> list[str]:
 
 
 def _axis_problems(model: pin.Model) -> Iterator[str]:
+    """Joints whose type, parent or placement is not that of an SST."""
     for index, name in enumerate(JOINT_NAMES, start=1):
         joint = name.split("_")[0]
         placement = model.jointPlacements[index]
@@ -68,6 +70,7 @@ def _axis_problems(model: pin.Model) -> Iterator[str]:
 
 
 def _cut_problems(model: pin.Model) -> Iterator[str]:
+    """Frames of the closures that are missing, or elsewhere than on the star at O."""
     missing = [name for name in _STAR_OF if not model.existFrame(name)]
     for name in missing:
         yield f"frame {name} of the cuts is missing"
@@ -91,6 +94,7 @@ def parameters_of(model: pin.Model, geometry: Geometry, friction: Friction) -> P
     if problems:
         raise DescriptionError(f"model {model.name} cannot be described by Parameters", problems)
     bodies = [_body(inertia) for inertia in list(model.inertias)[1:]]
+    # The star is the sum of its three arcs, in {E}.
     arcs = [
         pin.SE3(R_E.T, np.zeros(3)).act(model.inertias[model.getJointId(f"beta_{k}")])
         for k, R_E in enumerate(geometry.R_E, start=1)
@@ -114,12 +118,14 @@ def parameters_of(model: pin.Model, geometry: Geometry, friction: Friction) -> P
 
 
 def _radius(model: pin.Model, point: str) -> float:
+    """Distance of a point from O, [m]."""
     return float(_rounded(np.linalg.norm(frame_named(model, point).placement.translation)))
 
 
 def _body(inertia: pin.Inertia) -> RigidBody:
-    mass, center, tensor = map(_rounded, (inertia.mass, inertia.lever, inertia.inertia))
-    return RigidBody(float(mass), center, tensor)
+    """A body by Pinocchio's inertia."""
+    mass = float(_rounded(inertia.mass))
+    return RigidBody(mass, _rounded(inertia.lever), _rounded(inertia.inertia))
 
 
 def _rounded(value: ArrayLike) -> Array:
@@ -130,6 +136,7 @@ def _rounded(value: ArrayLike) -> Array:
 
 
 def _one_or_three(bodies: Sequence[RigidBody]) -> RigidBody | Sequence[RigidBody]:
+    """One body if those of all legs are the same, as `Parameters` takes them."""
     return bodies[0] if all(body == bodies[0] for body in bodies) else bodies
 
 
@@ -152,10 +159,12 @@ def differences(model: pin.Model, written: pin.Model) -> Iterator[str]:
 
 
 def _origin(place: pin.SE3) -> str:
+    """A placement as the attributes of an `<origin>`."""
     xyz = _numbers(place.translation)
     rpy = _numbers(pin.rpy.matrixToRpy(place.rotation))
     return f"xyz {xyz} rpy {rpy}"
 
 
 def _numbers(vector: Array) -> str:
+    """Numbers with nine digits."""
     return " ".join(f"{x:.9g}" for x in vector + 0.0)  # without the sign of -0.0

@@ -88,7 +88,10 @@ def _relative(
 
 
 def _fixed_directions(closure: Closure, R: Array, w: Array) -> tuple[Array, Array]:
-    """G and its rate of a closure that fixes some directions; R: axes of B, w: their turning."""
+    """G and its rate of a closure that fixes some directions.
+
+    R is the orientation of B in A, w its angular velocity in the axes of A.
+    """
     fixed = np.array(closure.held)
     G = np.eye(6)[fixed]
     G_dot = np.zeros((fixed.sum(), 6))

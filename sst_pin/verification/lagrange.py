@@ -46,6 +46,9 @@ class LagrangeMultipliers:
         robot = self._moving(q, va)
         tree = self._tree
         nv = self._mechanism.model.nv
+        # M dv = force + Phi^T multipliers and Phi dv = -drift. The tree's forces without
+        # accelerations are Coriolis forces and weights; with unit accelerations at rest, columns of
+        # M and weights.
         zero = np.zeros(nv)
         force = robot.B @ tau + robot.applied - tree.forces(zero)
         tree.move(q, zero)
@@ -60,6 +63,7 @@ class LagrangeMultipliers:
         return self._mechanism.selection @ dv
 
     def _moving(self, q: Array, va: Array) -> MovingRobot:
+        """The robot in a state; the tree is put there too."""
         return MovingRobot(self._mechanism, self._tree, q, va)
 
     def _needed(self, robot: MovingRobot, aa: Array) -> Array:
