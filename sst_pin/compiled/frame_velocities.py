@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Velocities of frames, [linear; angular], and their changes along motions, on CasADi's symbols.
 
-A column of the Jacobian of a frame is a velocity too: that of the motion L e_k. So all rates and
-derivatives are changes of a velocity along a motion, at constant rates of the coordinates:
+The velocity of a frame is J(q) x, with its Jacobian J in all joints, for the rates x of the tree.
+All quantities here are such a velocity, or its change along a motion of the tree, at constant rates
+of the coordinates. Column k of the Jacobian in the coordinates is the velocity for x = L e_k.
 
-    rate of the Jacobian, column k    that of L e_k, along v
-    derivative by q, column k         that of v, along L e_k
-    drift                             that of v, along v
+    quantity                         velocity of x     changes along
+    rate of the Jacobian, column k   x = L e_k         v
+    derivative by q, column k        x = v             L e_k
+    drift, J_dot va                  x = v             v
+
+As x keeps the loops closed, Phi x = 0, it changes with q too: Phi x_dot = -Phi_dot x.
 """
 
 from typing import Any
@@ -20,38 +24,38 @@ from .kernel_checks import Checks
 from .symbols import Sparse, sx
 
 
-def velocity(e: Equations, frame: str, rates: Sparse) -> SX:
-    """Velocity of a frame at rates of the tree."""
+def velocity(e: Equations, frame: str, x: Sparse) -> SX:
+    """Velocity of a frame for rates x of the tree."""
     point = e.kinematics.point(0, frame_named(e.mechanism.model, frame))
-    twists = (point.columns[i] * x for i, x in rates.items() if i in point.columns)
+    twists = (point.columns[i] * rate for i, rate in x.items() if i in point.columns)
     return sum(twists, SX(6, 1))
 
 
-def rate_of_column(e: Equations, checks: Checks, frame: str, step: Sparse) -> tuple[SX, list[Any]]:
-    """Change of the velocity at rates `step` along v, and a check of it."""
-    change, right = e.held(step, e.Phi_dot)
-    return _change(e, frame, step, e.v, change), checks.unsolved(change, right)
+def rate_of_column(e: Equations, checks: Checks, frame: str, x: Sparse) -> tuple[SX, list[Any]]:
+    """Change of the velocity for rates x along v, and a check of it."""
+    x_dot, right = e.held(x, e.Phi_dot)
+    return _change(e, frame, x=x, along=e.v, x_dot=x_dot), checks.unsolved(x_dot, right)
 
 
 def derivative_along(
     e: Equations, checks: Checks, frame: str, step: Sparse
 ) -> tuple[SX, list[Any]]:
-    """Change of the velocity at rates v along `step`, and a check of it."""
-    change, right = e.held(e.v, e.Phi_change(step))
-    return _change(e, frame, e.v, step, change), checks.unsolved(change, right)
+    """Change of the velocity for rates v along `step`, and a check of it."""
+    v_dot, right = e.held(e.v, e.Phi_change(step))
+    return _change(e, frame, x=e.v, along=step, x_dot=v_dot), checks.unsolved(v_dot, right)
 
 
 def drift(e: Equations, frame: str) -> SX:
-    """Change of the velocity at rates v along v."""
-    return _change(e, frame, e.v, e.v, e.at_rest)
+    """Change of the velocity for rates v along v."""
+    return _change(e, frame, x=e.v, along=e.v, x_dot=e.at_rest)
 
 
-def _change(e: Equations, frame: str, of: Sparse, along: Sparse, change: Sparse) -> SX:
-    """Change of the velocity at rates `of` along other rates; `change` is that of the rates."""
+def _change(e: Equations, frame_name: str, x: Sparse, along: Sparse, x_dot: Sparse) -> SX:
+    """Change of the velocity for rates x along a motion of the tree in which x changes by x_dot."""
     kinematics = e.kinematics
-    place = frame_named(e.mechanism.model, frame)
-    link = kinematics.tree.link_of[place.parentJoint]
+    frame = frame_named(e.mechanism.model, frame_name)
+    link = kinematics.tree.link_of[frame.parentJoint]
     R, _ = kinematics.pose(0, link)
-    x = kinematics.motions(along, change, v_k=of)[link]
-    linear = x.a + x.U @ sx(place.placement.translation)
-    return ca.vertcat(R @ linear, R @ x.alpha)
+    motion = kinematics.motions(along, x_dot, v_k=x)[link]
+    linear = motion.a + motion.U @ sx(frame.placement.translation)
+    return ca.vertcat(R @ linear, R @ motion.alpha)
