@@ -1,10 +1,16 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Quantities whose columns are computed along directions of the coordinates, side by side.
+"""Kernels that compute matrices column by column, for several columns side by side.
 
-The code of one direction grows in proportion to the robot, that of whole matrices faster. What no
-direction changes is computed once for a sample. The coordinates come in groups (`branches`), and
-each group has its own code, a pass, which runs for as many directions at once as a register has
-lanes.
+The results of these quantities are matrices (derivatives, mass matrix, Jacobians) with a column, or
+a row, for each coordinate. What belongs to coordinate k is computed along the *direction* L e_k:
+the motion of the joints for a unit rate of this coordinate. The code for one direction grows in
+proportion to the robot, that for a whole matrix faster.
+
+A kernel has two sorts of code:
+
+- one function for all that does not depend on the direction, which runs *once* for a sample;
+- *passes*: the coordinates are divided into groups (`branches`), and each group has a function for
+  any of its directions. It runs for as many directions at once as a register has lanes.
 
 Derivatives of accelerations are those of the forces at these accelerations, then one solution with
 the inertia matrix, for all columns: docs/derivatives.md, The direct dynamics.
@@ -23,160 +29,209 @@ from .kernel_checks import Checks
 from .symbols import Sparse, SymmetricFactors, add, column
 
 
+class KernelParts(NamedTuple):
+    """What makes a kernel of one quantity."""
+
+    #: Symbols of each input by its name, column vectors.
+    inputs: dict[str, SX]
+    #: All results in a column; of a kernel along directions those that are computed once.
+    output: SX
+    #: Checks beside those of the state.
+    checks: list[Any]
+
+
 class Place(NamedTuple):
-    """Where results along the coordinates are: that of coordinate k is at `first` + k `stride`."""
+    """Indices of one result in the result of a quantity: `first` + k `stride` for coordinate k."""
 
     first: int
     stride: int
 
 
 class Pass(NamedTuple):
-    """Results along some directions of the coordinates."""
+    """The results along the directions of a group of coordinates."""
 
-    #: The part of the direction along each of these coordinates.
+    #: Symbols of a direction: a rate for each coordinate of the group.
     direction: SX
-    #: Indices of the coordinates.
+    #: Indices of the coordinates of the group.
     coordinates: list[int]
     #: Results along the direction, in a column; results that are zero are left out.
     results: SX
-    #: Where they are in the result of the quantity.
+    #: The place of each of these.
     places: list[Place]
     #: Checks, as those of a kernel.
     checks: SX
 
 
 class Solution(NamedTuple):
-    """The result is A^-1 times what was computed, A = P^T L D L^T P of full rank."""
+    """A last step: the result is A^-1 times what was computed, A = P^T L D L^T P of full rank."""
 
     #: Reciprocals of D, then the entries of L below its unit diagonal.
     factors: SX
     #: Row of the result by row of L.
     order: list[int]
-    #: Row and column in L of the entries, column by column.
+    #: Row and column in L of its entries, column by column.
     entries: list[tuple[int, int]]
 
 
 class Directions(NamedTuple):
     """How a kernel computes its result along directions."""
 
-    #: Size of the result, and of its rows.
+    #: Size of the result.
     size: int
+    #: Size of a row of the result.
     width: int
-    #: Where the output of the kernel, which is computed once, is in the result.
+    #: Indices in the result of the output of the kernel, which is computed once.
     places: list[int]
     passes: list[Pass]
     solution: Solution | None = None
 
 
-#: Results by their places in the result of a quantity; what is left out is zero.
-_Placed = dict[Place, SX]
-#: Results and checks along a direction.
-_Along = Callable[[SX], tuple[_Placed, list[Any]]]
+#: Results along a direction, by their places; what is left out is zero.
+_Results = dict[Place, SX]
+#: A function of a direction, a rate for each coordinate: results and checks.
+_Along = Callable[[SX], tuple[_Results, list[Any]]]
 
 
 class _ByDirections(NamedTuple):
-    """What makes a kernel of one quantity by directions."""
+    """The symbols of one quantity by directions."""
 
     #: Symbols of each input by its name, column vectors.
     inputs: dict[str, SX]
-    #: Size of the result, and of its rows.
+    #: Size of the result.
     size: int
+    #: Size of a row of the result.
     width: int
-    #: The results that differ from direction to direction.
+    #: The results along a direction.
     along: _Along
-    #: Results that are computed once, by their places, and checks of these.
+    #: The results that are computed once, by their indices in the result.
     once: dict[int, SX]
+    #: Checks that are computed once.
     checks: list[Any]
     solution: Solution | None = None
 
 
 def make(
     e: Equations, checks: Checks, quantity: str, frame: str | None
-) -> tuple[tuple[dict[str, SX], SX, list[Any]], Directions]:
-    """Parts of a kernel, of what is computed once for a sample; the rest by directions.
-
-    The parts are inputs, a column of results, and checks.
-    """
+) -> tuple[KernelParts, Directions]:
+    """The parts of a kernel that are computed once for a sample, and the rest by directions."""
     if frame is None:
-        made = QUANTITIES[quantity](e, checks)
+        symbols = QUANTITIES[quantity](e, checks)
     else:
-        made = FRAMES[quantity](e, checks, frame)
-    passes = []
-    for group in branches.groups(e):
-        symbols = SX.sym("direction", len(group))
-        direction = SX(len(e.L), 1)
-        for k, symbol in zip(group, ca.vertsplit(symbols), strict=True):
-            direction[k] = symbol
-        placed, more = made.along(direction)
-        placed = {place: x for place, x in placed.items() if not x.is_zero()}
-        results = ca.vertcat(SX(0, 1), *placed.values())
-        of_pass = ca.vertcat(SX(0, 1), *map(SX, more))
-        passes.append(Pass(symbols, group, results, list(placed), of_pass))
-    once = {place: x for place, x in made.once.items() if not x.is_zero()}
-    directions = Directions(made.size, made.width, list(once), passes, made.solution)
-    results_once = ca.vertcat(SX(0, 1), *once.values())
-    return (made.inputs, results_once, made.checks), directions
+        symbols = FRAMES[quantity](e, checks, frame)
+    passes = [_pass(e, symbols.along, group) for group in branches.groups(e)]
+    once = {index: x for index, x in symbols.once.items() if not x.is_zero()}
+    directions = Directions(
+        size=symbols.size,
+        width=symbols.width,
+        places=list(once),
+        passes=passes,
+        solution=symbols.solution,
+    )
+    output = ca.vertcat(SX(0, 1), *once.values())
+    return KernelParts(symbols.inputs, output, symbols.checks), directions
 
 
-def _in_column(x: SX, width: int, first: int) -> _Placed:
-    """Entries of a column of a matrix with rows of this width: column `first` for coordinate 0."""
+def _pass(e: Equations, along: _Along, group: list[int]) -> Pass:
+    """The pass of a group of coordinates."""
+    rates = SX.sym("direction", len(group))
+    direction = SX(len(e.L), 1)  # zero for all other coordinates
+    for k, rate in zip(group, ca.vertsplit(rates), strict=True):
+        direction[k] = rate
+    results, checks = along(direction)
+    results = {place: x for place, x in results.items() if not x.is_zero()}
+    return Pass(
+        direction=rates,
+        coordinates=group,
+        results=ca.vertcat(SX(0, 1), *results.values()),
+        places=list(results),
+        checks=ca.vertcat(SX(0, 1), *map(SX, checks)),
+    )
+
+
+def _in_column(x: SX, width: int, first: int) -> _Results:
+    """Results x that are column `first` + k of a matrix with rows of this width."""
     return {Place(i * width + first, 1): entry for i, entry in enumerate(ca.vertsplit(x))}
 
 
-def _in_row(x: SX, width: int, first: int = 0) -> _Placed:
-    """Entries, from the column `first` on, of a row of a matrix with rows of this width."""
+def _in_row(x: SX, width: int, first: int = 0) -> _Results:
+    """Results x that are row k, from column `first` on, of a matrix with rows of this width."""
     return {Place(first + i, width): entry for i, entry in enumerate(ca.vertsplit(x))}
 
 
+def _joint_rates(e: Equations, direction: SX) -> Sparse:
+    """The rates L `direction` of the tree."""
+    return e.complete(ca.vertsplit(direction), {})
+
+
+# --- dynamics -----------------------------------------------------------------------------------
+
+
 def _torque_derivatives(e: Equations, checks: Checks) -> _ByDirections:
-    """Derivatives of f by q, va and aa side by side, row by row."""
+    """Derivatives of f by q, va and aa side by side, shape (n, 3 n)."""
     n = len(e.L)
+    width = 3 * n
     tree = symbolic_derivatives.OnTree(e, e.aa, SX(*e.tau.shape))
 
-    def along(direction: SX) -> tuple[_Placed, list[Any]]:
+    def along(direction: SX) -> tuple[_Results, list[Any]]:
         by_q, by_va, more = symbolic_derivatives.of_forces_along(e, checks, tree, direction)
         by_aa, of_inertia = symbolic_derivatives.of_inertia_along(e, checks, tree, direction)
-        placed = _in_column(by_q, 3 * n, 0) | _in_column(by_va, 3 * n, n)
-        return placed | _in_column(by_aa, 3 * n, 2 * n), more + of_inertia
+        results = _in_column(by_q, width, 0)
+        results |= _in_column(by_va, width, n)
+        results |= _in_column(by_aa, width, 2 * n)
+        return results, more + of_inertia
 
-    inputs = {"q": e.q, "va": e.va, "aa": e.aa, "external_wrenches": e.loads}
     return _ByDirections(
-        inputs=inputs, size=3 * n * n, width=3 * n, along=along, once={}, checks=checks.of_forces
+        inputs={"q": e.q, "va": e.va, "aa": e.aa, "external_wrenches": e.loads},
+        size=n * width,
+        width=width,
+        along=along,
+        once={},
+        checks=checks.of_forces,
     )
 
 
 def _acceleration_derivatives(e: Equations, checks: Checks) -> _ByDirections:
-    """Derivatives of aa by q, va and tau side by side, row by row."""
+    """Derivatives of aa by q, va and tau side by side, shape (n, 2 n + motors)."""
     n = len(e.L)
     motors = e.tau.numel()
     width = 2 * n + motors
     tree = symbolic_derivatives.OnTree(e, e.accelerations, e.tau)
     factors = e.inertia_factors
 
-    def along(direction: SX) -> tuple[_Placed, list[Any]]:
+    def forces_along(direction: SX) -> tuple[_Results, list[Any]]:
+        """-df by q and va: the last step multiplies all columns by the inverse inertia matrix."""
         by_q, by_va, more = symbolic_derivatives.of_forces_along(e, checks, tree, direction)
-        if isinstance(factors, SymmetricFactors):
-            return _in_column(-by_q, width, 0) | _in_column(-by_va, width, n), more
-        of_all = factors.solve(ca.horzcat(-by_q, -by_va, direction))
-        by_motors = e.motor_matrix.T @ of_all[:, 2]  # a row: the inverse is symmetric
-        placed = _in_column(of_all[:, 0], width, 0) | _in_column(of_all[:, 1], width, n)
-        return placed | _in_row(by_motors, width, 2 * n), more
+        return _in_column(-by_q, width, 0) | _in_column(-by_va, width, n), more
 
-    inputs = {"q": e.q, "va": e.va, "tau": e.tau, "external_wrenches": e.loads}
-    more = checks.of_accelerations + checks.massless
-    if not isinstance(factors, SymmetricFactors):
-        return _ByDirections(
-            inputs=inputs, size=n * width, width=width, along=along, once={}, checks=more
-        )
-    once = {i * width + 2 * n + k: e.motor_matrix[i, k] for i in range(n) for k in range(motors)}
+    def accelerations_along(direction: SX) -> tuple[_Results, list[Any]]:
+        """Derivatives of aa, with a solution by articulated bodies for each direction."""
+        by_q, by_va, more = symbolic_derivatives.of_forces_along(e, checks, tree, direction)
+        solutions = factors.solve(ca.horzcat(-by_q, -by_va, direction))
+        # The third solution is a column of the inverse inertia matrix, which is symmetric. So it is
+        # also a row, and row k of the derivatives by tau is this row times L^T B.
+        by_tau = e.motor_matrix.T @ solutions[:, 2]
+        results = _in_column(solutions[:, 0], width, 0)
+        results |= _in_column(solutions[:, 1], width, n)
+        results |= _in_row(by_tau, width, 2 * n)
+        return results, more
+
+    along = accelerations_along
+    once = dict[int, SX]()
+    solution = None
+    if isinstance(factors, SymmetricFactors):
+        along = forces_along
+        solution = _solution(factors)
+        for i in range(n):
+            for motor in range(motors):
+                once[i * width + 2 * n + motor] = e.motor_matrix[i, motor]
     return _ByDirections(
-        inputs=inputs,
+        inputs={"q": e.q, "va": e.va, "tau": e.tau, "external_wrenches": e.loads},
         size=n * width,
         width=width,
         along=along,
         once=once,
-        checks=more,
-        solution=_solution(factors),
+        checks=checks.of_accelerations + checks.massless,
+        solution=solution,
     )
 
 
@@ -184,57 +239,66 @@ def _solution(factors: SymmetricFactors) -> Solution:
     """The solution with a matrix that is factorised."""
     upper = factors.LT
     entries = [(j, i) for i, j in zip(*upper.sparsity().get_triplet(), strict=True)]
-    places = sorted(range(len(entries)), key=lambda k: entries[k][::-1])
+    by_columns = sorted(range(len(entries)), key=lambda k: entries[k][::-1])
     values = ca.vertsplit(upper.nz[:])
-    column = ca.vertcat(1 / ca.densify(factors.D), SX(0, 1), *(values[k] for k in places))
-    return Solution(column, list(factors.order), [entries[k] for k in places])
+    inverses = 1 / ca.densify(factors.D)
+    return Solution(
+        factors=ca.vertcat(inverses, SX(0, 1), *(values[k] for k in by_columns)),
+        order=list(factors.order),
+        entries=[entries[k] for k in by_columns],
+    )
 
 
 def _displacement_rates(e: Equations, checks: Checks) -> _ByDirections:
+    """D of `Engine.displacement_rates`, shape (n, n)."""
     n = len(e.L)
 
-    def along(direction: SX) -> tuple[_Placed, list[Any]]:
-        moved = symbolic_derivatives.of_displacement(e, _step(e, direction))
-        return _in_column(moved, n, 0), []
+    def along(direction: SX) -> tuple[_Results, list[Any]]:
+        column_of_D = symbolic_derivatives.of_displacement(e, _joint_rates(e, direction))
+        return _in_column(column_of_D, n, 0), []
 
-    more = checks.of_rates + checks.of_steady_motion
     return _ByDirections(
-        inputs={"q": e.q, "va": e.va}, size=n * n, width=n, along=along, once={}, checks=more
+        inputs={"q": e.q, "va": e.va},
+        size=n * n,
+        width=n,
+        along=along,
+        once={},
+        checks=checks.of_rates + checks.of_steady_motion,
     )
 
 
 def _reduced_terms(e: Equations, checks: Checks) -> _ByDirections:
-    """Inertia and Coriolis matrix, forces of gravity and springs, of friction."""
+    """Inertia and Coriolis matrix, (n, n) each, forces of gravity with springs, and of friction."""
     n = len(e.L)
 
-    def along(direction: SX) -> tuple[_Placed, list[Any]]:
-        step = _step(e, direction)
-        change, right = e.held(step, e.Phi_dot)
-        inertial = e.tree.forces({}, step, loads=False, weight=False)
-        coriolis = e.tree.coriolis_forces(e.v, step, change)
-        more = checks.unsolved(step, {}) + checks.unsolved(change, right)
+    def along(direction: SX) -> tuple[_Results, list[Any]]:
+        L = _joint_rates(e, direction)
+        L_dot, right = e.held(L, e.Phi_dot)
+        inertial = e.tree.forces({}, L, loads=False, weight=False)
+        coriolis = e.tree.coriolis_forces(e.v, L, L_dot)
+        more = checks.unsolved(L, {}) + checks.unsolved(L_dot, right)
         more += checks.unbalanced(inertial) + checks.unbalanced(coriolis)
-        of_inertia = _in_column(e.reduced(inertial), n, 0)
-        return of_inertia | _in_column(e.reduced(coriolis), n, n * n), more
+        results = _in_column(e.reduced(inertial), n, 0)
+        results |= _in_column(e.reduced(coriolis), n, n * n)
+        return results, more
 
     gravity = add(e.tree.forces({}, {}, loads=False), e.tree.springs(e.v))
     friction = e.tree.friction(e.v)
     terms = ca.vertcat(-e.reduced(gravity), -e.reduced(friction))
-    once = {2 * n * n + i: x for i, x in enumerate(ca.vertsplit(terms))}
-    more = checks.of_rates + checks.of_steady_motion
-    more += checks.unbalanced(gravity) + checks.unbalanced(friction)
+    once_checks = checks.of_rates + checks.of_steady_motion
+    once_checks += checks.unbalanced(gravity) + checks.unbalanced(friction)
     return _ByDirections(
         inputs={"q": e.q, "va": e.va},
         size=2 * n * (n + 1),
         width=n,
         along=along,
-        once=once,
-        checks=more,
+        once={2 * n * n + i: x for i, x in enumerate(ca.vertsplit(terms))},
+        checks=once_checks,
     )
 
 
 def _torque_regressor(e: Equations, checks: Checks) -> _ByDirections:
-    """Y row by row: row k has the derivatives of the power along L e_k by all parameters."""
+    """Y, shape (n, p): row k has the derivatives of the power along L e_k by all parameters."""
     nv = e.mechanism.model.nv
     blocks = e.parameters.by_parameters()
     sizes = [block.shape[1] for block in blocks]
@@ -242,61 +306,25 @@ def _torque_regressor(e: Equations, checks: Checks) -> _ByDirections:
     width = sum(sizes) + nv + motors
     forces = column(e.tree_forces, range(nv))
 
-    def along(direction: SX) -> tuple[_Placed, list[Any]]:
-        step = _step(e, direction)
-        rates = column(step, range(nv))
-        of_numbers = ca.gradient(ca.dot(rates, forces), e.p).T
-        *first, lines = (of_numbers @ ca.sparsify(ca.DM(block)) for block in blocks)
-        pushed = (total(x * step[i] for i, x in B.items() if i in step) for B in e.motor_columns)
-        row = ca.horzcat(*first, rates.T, lines, *map(SX, pushed))
-        return _in_row(row.T, width), checks.unsolved(step, {})
+    def along(direction: SX) -> tuple[_Results, list[Any]]:
+        L = _joint_rates(e, direction)
+        rates = column(L, range(nv))
+        by_numbers = ca.gradient(ca.dot(rates, forces), e.p).T
+        # Columns: bodies and joints, offsets of joint forces, lines, offsets of motor torques.
+        *bodies_and_joints, lines = (by_numbers @ ca.sparsify(ca.DM(block)) for block in blocks)
+        motor_rates = []
+        for B_k in e.motor_columns:
+            motor_rates.append(SX(total(x * L[i] for i, x in B_k.items() if i in L)))
+        row = ca.horzcat(*bodies_and_joints, rates.T, lines, *motor_rates)
+        return _in_row(row.T, width), checks.unsolved(L, {})
 
-    inputs = {"q": e.q, "va": e.va, "aa": e.aa}
-    more = checks.of_rates + checks.solved(e.dv)
     return _ByDirections(
-        inputs=inputs, size=len(e.L) * width, width=width, along=along, once={}, checks=more
-    )
-
-
-def _frame_jacobian(e: Equations, checks: Checks, frame: str) -> _ByDirections:
-    n = len(e.L)
-
-    def along(direction: SX) -> tuple[_Placed, list[Any]]:
-        step = _step(e, direction)
-        velocity = frame_velocities.velocity(e, frame, step)
-        return _in_column(velocity, n, 0), checks.unsolved(step, {})
-
-    return _ByDirections(inputs={"q": e.q}, size=6 * n, width=n, along=along, once={}, checks=[])
-
-
-def _frame_jacobian_rate(e: Equations, checks: Checks, frame: str) -> _ByDirections:
-    n = len(e.L)
-
-    def along(direction: SX) -> tuple[_Placed, list[Any]]:
-        step = _step(e, direction)
-        rate, more = frame_velocities.rate_of_column(e, checks, frame, step)
-        return _in_column(rate, n, 0), checks.unsolved(step, {}) + more
-
-    more = checks.of_rates + checks.of_steady_motion
-    return _ByDirections(
-        inputs={"q": e.q, "va": e.va}, size=6 * n, width=n, along=along, once={}, checks=more
-    )
-
-
-def _frame_velocity_derivatives(e: Equations, checks: Checks, frame: str) -> _ByDirections:
-    """Derivatives of the velocity by q and va side by side."""
-    n = len(e.L)
-
-    def along(direction: SX) -> tuple[_Placed, list[Any]]:
-        step = _step(e, direction)
-        by_q, more = frame_velocities.derivative_along(e, checks, frame, step)
-        by_va = frame_velocities.velocity(e, frame, step)
-        placed = _in_column(by_q, 2 * n, 0) | _in_column(by_va, 2 * n, n)
-        return placed, checks.unsolved(step, {}) + more
-
-    more = checks.of_rates + checks.of_steady_motion
-    return _ByDirections(
-        inputs={"q": e.q, "va": e.va}, size=12 * n, width=2 * n, along=along, once={}, checks=more
+        inputs={"q": e.q, "va": e.va, "aa": e.aa},
+        size=len(e.L) * width,
+        width=width,
+        along=along,
+        once={},
+        checks=checks.of_rates + checks.solved(e.dv),
     )
 
 
@@ -307,13 +335,66 @@ QUANTITIES: dict[str, Callable[[Equations, Checks], _ByDirections]] = {
     "reduced_terms": _reduced_terms,
     "torque_regressor": _torque_regressor,
 }
+
+
+# --- frames -------------------------------------------------------------------------------------
+
+
+def _frame_jacobian(e: Equations, checks: Checks, frame: str) -> _ByDirections:
+    """J, shape (6, n)."""
+    n = len(e.L)
+
+    def along(direction: SX) -> tuple[_Results, list[Any]]:
+        L = _joint_rates(e, direction)
+        velocity = frame_velocities.velocity(e, frame, L)
+        return _in_column(velocity, n, 0), checks.unsolved(L, {})
+
+    return _ByDirections(inputs={"q": e.q}, size=6 * n, width=n, along=along, once={}, checks=[])
+
+
+def _frame_jacobian_rate(e: Equations, checks: Checks, frame: str) -> _ByDirections:
+    """J_dot, shape (6, n)."""
+    n = len(e.L)
+
+    def along(direction: SX) -> tuple[_Results, list[Any]]:
+        L = _joint_rates(e, direction)
+        rate, more = frame_velocities.rate_of_column(e, checks, frame, L)
+        return _in_column(rate, n, 0), checks.unsolved(L, {}) + more
+
+    return _ByDirections(
+        inputs={"q": e.q, "va": e.va},
+        size=6 * n,
+        width=n,
+        along=along,
+        once={},
+        checks=checks.of_rates + checks.of_steady_motion,
+    )
+
+
+def _frame_velocity_derivatives(e: Equations, checks: Checks, frame: str) -> _ByDirections:
+    """Derivatives of the velocity J va by q and va side by side, shape (6, 2 n)."""
+    n = len(e.L)
+    width = 2 * n
+
+    def along(direction: SX) -> tuple[_Results, list[Any]]:
+        L = _joint_rates(e, direction)
+        by_q, more = frame_velocities.derivative_along(e, checks, frame, L)
+        by_va = frame_velocities.velocity(e, frame, L)
+        results = _in_column(by_q, width, 0) | _in_column(by_va, width, n)
+        return results, checks.unsolved(L, {}) + more
+
+    return _ByDirections(
+        inputs={"q": e.q, "va": e.va},
+        size=6 * width,
+        width=width,
+        along=along,
+        once={},
+        checks=checks.of_rates + checks.of_steady_motion,
+    )
+
+
 FRAMES: dict[str, Callable[[Equations, Checks, str], _ByDirections]] = {
     "frame_jacobian": _frame_jacobian,
     "frame_jacobian_rate": _frame_jacobian_rate,
     "frame_velocity_derivatives": _frame_velocity_derivatives,
 }
-
-
-def _step(e: Equations, direction: SX) -> Sparse:
-    """Rates of the tree along a direction of the coordinates."""
-    return e.complete(ca.vertsplit(direction), {})
